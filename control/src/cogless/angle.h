@@ -1,0 +1,22 @@
+/* Angles: sine and cosine without libm, and positions within a period. */
+#ifndef COGLESS_ANGLE_H
+#define COGLESS_ANGLE_H
+
+#include "real.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Sine and cosine of theta [rad], to 1.5e-7 (float) or 1e-15 (double) for |theta| below CGL_ANGLE_MAX.
+ * Anything else, NaN included, gives sine 0 and cosine 1. */
+void cgl_sincos(cgl_real theta, cgl_real *sine, cgl_real *cosine);
+
+/* Fractional part of x in [0, 1); 0 for what is not a plausible number. */
+cgl_real cgl_fraction(cgl_real x);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,172 @@
+#include "anti_cogging.h"
+
+#include "angle.h"
+
+cgl_error cgl_anti_cogging_init(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real *table,
+                                uint32_t length)
+{
+    if (!(config->cells >= 4U && config->cells <= 65535U && config->speed > CGL_R(0.0)
+          && cgl_is_finite(config->speed) && config->revolutions >= 1U && config->revolutions <= 100U
+          && config->position_gain >= CGL_R(0.0) && cgl_is_finite(config->position_gain))) {
+        return CGL_ERROR_CONFIG;
+    }
+    if (table == 0 || length < config->cells) {
+        return CGL_ERROR_MEMORY;
+    }
+    const cgl_error error = cgl_pi_init(&config->pi, &law->pi);
+    law->table = table;
+    law->stage = CGL_ANTI_COGGING_RUN;
+    law->friction = CGL_R(0.0);
+    for (uint32_t n = 0; n < config->cells; ++n) {
+        table[n] = CGL_R(0.0);
+    }
+    if (error == CGL_OK) {
+        cgl_anti_cogging_reset(config, law);
+    }
+    return error;
+}
+
+void cgl_anti_cogging_reset(const cgl_anti_cogging_config *config, cgl_anti_cogging *law)
+{
+    if (law->stage != CGL_ANTI_COGGING_RUN) { /* half a table is worse than none */
+        for (uint32_t n = 0; n < config->cells; ++n) {
+            law->table[n] = CGL_R(0.0);
+        }
+    }
+    cgl_pi_reset(&law->pi);
+    law->stage = CGL_ANTI_COGGING_RUN;
+    law->looked_up = law->place = law->behind = law->sum = CGL_R(0.0);
+    law->means[0] = law->means[1] = CGL_R(0.0);
+    law->turns = law->cell = law->end_cell = 0;
+    law->samples = 0U;
+    law->started = false;
+}
+
+void cgl_anti_cogging_calibrate(const cgl_anti_cogging_config *config, cgl_anti_cogging *law)
+{
+    law->stage = CGL_ANTI_COGGING_FORWARD; /* so that reset clears the table */
+    cgl_anti_cogging_reset(config, law);
+    law->stage = CGL_ANTI_COGGING_FORWARD;
+}
+
+/* Further than any run goes. */
+#define TURNS_MAX 1000
+
+/* Follows the rotor through the revolutions; a step moves it by less than half of one. */
+static void follow(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real theta_m)
+{
+    const cgl_real cells = (cgl_real)config->cells;
+    const cgl_real place = cgl_fraction(theta_m * (CGL_R(1.0) / CGL_TWO_PI)) * cells;
+    cgl_real moved = law->started ? place - law->place : CGL_R(0.0);
+    if (moved > CGL_R(0.5) * cells) {
+        moved -= cells;
+        law->turns -= law->turns > -TURNS_MAX ? 1 : 0;
+    } else if (moved < CGL_R(-0.5) * cells) {
+        moved += cells;
+        law->turns += law->turns < TURNS_MAX ? 1 : 0;
+    }
+    law->behind -= moved * (CGL_TWO_PI / cells);
+    law->place = place;
+    law->started = true;
+}
+
+static cgl_real direction(const cgl_anti_cogging *law)
+{
+    return law->stage == CGL_ANTI_COGGING_BACKWARD ? CGL_R(-1.0) : CGL_R(1.0);
+}
+
+/* Aims for the first entry after an eighth of a revolution. */
+static void start_direction(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_anti_cogging_stage stage)
+{
+    law->stage = stage;
+    law->turns = 0;
+    law->behind = CGL_R(0.0);
+    law->cell = (int32_t)(direction(law) * law->place) + (int32_t)(config->cells / 8U) + 1;
+    law->end_cell = law->cell + (int32_t)(config->cells * config->revolutions);
+    law->sum = CGL_R(0.0);
+    law->samples = 0U;
+}
+
+/* Ends the calibration: without the mean over the revolution, which is load and not cogging. */
+static void finish(const cgl_anti_cogging_config *config, cgl_anti_cogging *law)
+{
+    cgl_real mean = CGL_R(0.0);
+    for (uint32_t n = 0; n < config->cells; ++n) {
+        mean += law->table[n] / (cgl_real)config->cells;
+    }
+    for (uint32_t n = 0; n < config->cells; ++n) {
+        law->table[n] = cgl_clamp(law->table[n] - mean, config->pi.limit);
+    }
+    law->friction = CGL_R(0.5) * law->means[0] - CGL_R(0.5) * law->means[1];
+    law->stage = CGL_ANTI_COGGING_RUN;
+    cgl_pi_reset(&law->pi);
+}
+
+/* An entry stands for half a cell on either side of its angle. Adds the mean current of the entry just left, and of any
+ * that the rotor jumped over, to the table. Only progress counts: a rotor that rocks back changes nothing twice. */
+static void record(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real i_q)
+{
+    const bool backward = law->stage == CGL_ANTI_COGGING_BACKWARD;
+    const int32_t cells = (int32_t)config->cells;
+    const int32_t nearest = law->turns * cells + (int32_t)(law->place + CGL_R(0.5));
+    const int32_t reached = backward ? -nearest : nearest;
+    if (reached < law->cell) {
+        return;
+    }
+    while (law->cell < law->end_cell && reached > law->cell) {
+        const cgl_real mean = cgl_clamp(law->samples > 0U ? law->sum / (cgl_real)law->samples : i_q, config->pi.limit);
+        const int32_t entry = (backward ? -law->cell : law->cell) % cells;
+        law->table[entry < 0 ? entry + cells : entry] += CGL_R(0.5) * mean / (cgl_real)config->revolutions;
+        law->means[backward ? 1 : 0] += mean / (cgl_real)(config->cells * config->revolutions);
+        law->sum = CGL_R(0.0);
+        law->samples = 0U;
+        ++law->cell;
+    }
+    law->sum += i_q;
+    ++law->samples;
+}
+
+static cgl_real look_up(const cgl_anti_cogging_config *config, const cgl_anti_cogging *law, cgl_real theta_m)
+{
+    const cgl_real x = cgl_fraction(theta_m * (CGL_R(1.0) / CGL_TWO_PI)) * (cgl_real)config->cells;
+    const uint32_t n = (uint32_t)x;
+    const cgl_real here = law->table[n];
+    const cgl_real next = law->table[n + 1U < config->cells ? n + 1U : 0U];
+    return cgl_clamp(here + (x - (cgl_real)n) * (next - here), config->pi.limit);
+}
+
+void cgl_anti_cogging_step(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, const cgl_speed_input *in,
+                           cgl_speed_output *out)
+{
+    const bool recording = law->stage != CGL_ANTI_COGGING_RUN;
+    const bool plausible = cgl_is_finite(in->omega_m) && cgl_is_angle(in->theta_m)
+                           && (!recording || cgl_is_finite(in->i_q));
+    cgl_real error = in->omega_ref - in->omega_m;
+    law->looked_up = CGL_R(0.0);
+
+    if (recording && plausible) {
+        follow(config, law, in->theta_m);
+        if (law->end_cell == law->cell) {
+            start_direction(config, law, CGL_ANTI_COGGING_FORWARD);
+        }
+        law->behind += direction(law) * config->speed * config->pi.ts;
+        record(config, law, in->i_q);
+        error = direction(law) * config->speed + config->position_gain * law->behind - in->omega_m;
+        if (law->cell >= law->end_cell) {
+            if (law->stage == CGL_ANTI_COGGING_FORWARD) {
+                start_direction(config, law, CGL_ANTI_COGGING_BACKWARD);
+            } else {
+                finish(config, law);
+            }
+        }
+    } else if (recording) {
+        error = CGL_R(0.0);
+    } else if (plausible) {
+        law->looked_up = look_up(config, law, in->theta_m);
+    }
+
+    out->i_q_ref = cgl_pi_step(&config->pi, &law->pi, error, law->looked_up);
+    out->status = (law->pi.saturated ? (unsigned)CGL_STATUS_SATURATED : 0U)
+                  | (plausible && cgl_is_finite(error) ? 0U : (unsigned)CGL_STATUS_FAULT)
+                  | (law->stage != CGL_ANTI_COGGING_RUN ? (unsigned)CGL_STATUS_BUSY : 0U);
+}

@@ -1,0 +1,68 @@
+/* PI speed control with an anti-cogging table, the remedy in common use: a slow run in both directions records the
+ * current that holds the motor at each angle, later the table is looked up and added.
+ *
+ * The mean of both directions removes Coulomb friction, the mean over the revolution removes a constant load. Half the
+ * difference of the directions is reported as friction. */
+#ifndef COGLESS_ANTI_COGGING_H
+#define COGLESS_ANTI_COGGING_H
+
+#include <stdint.h>
+
+#include "pi.h"
+#include "speed_law.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    cgl_pi_config pi;       /* kp [A s/rad], ki [A/rad], ts [s], limit of the sum [A] */
+    uint32_t cells;         /* table entries per mechanical revolution; 4 to 65535 */
+    cgl_real speed;         /* of the calibration run, mechanical [rad/s], > 0 */
+    uint32_t revolutions;   /* recorded in each direction, 1 to 100 */
+    cgl_real position_gain; /* holds the run to its path [1/s], >= 0 */
+} cgl_anti_cogging_config;
+
+typedef enum {
+    CGL_ANTI_COGGING_RUN,     /* the table is looked up */
+    CGL_ANTI_COGGING_FORWARD, /* calibration, first direction */
+    CGL_ANTI_COGGING_BACKWARD /* calibration, second direction */
+} cgl_anti_cogging_stage;
+
+typedef struct {
+    cgl_pi pi;
+    cgl_real *table; /* caller's memory: `cells` entries [A], within +-pi.limit, entry n at angle 2 pi n / cells */
+    cgl_anti_cogging_stage stage;
+    cgl_real looked_up;         /* the table's part of the last step [A] */
+    cgl_real friction;          /* found by the last calibration: Coulomb part, and viscous at its speed [A] */
+    cgl_real place;             /* measured angle of the last step [cells], in [0, cells) */
+    int32_t turns;              /* revolutions since the direction began */
+    cgl_real behind;            /* the rotor behind the run's path [rad] */
+    int32_t cell;               /* table entry being recorded, counted in the run's direction */
+    int32_t end_cell;           /* first one that is not recorded any more */
+    cgl_real sum;               /* of the current within the cell [A] */
+    uint32_t samples;           /* within the cell */
+    cgl_real means[2];          /* over all recorded cells, by direction [A] */
+    bool started;               /* place is valid */
+} cgl_anti_cogging;
+
+/* `table`: `cells` entries, which the state keeps using; they are cleared. */
+cgl_error cgl_anti_cogging_init(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real *table,
+                                uint32_t length);
+
+/* Restarts the PI and ends a calibration; a table that is complete stays. */
+void cgl_anti_cogging_reset(const cgl_anti_cogging_config *config, cgl_anti_cogging *law);
+
+/* The following steps ignore omega_ref and make the calibration run: an eighth of a revolution to settle and
+ * `revolutions` to record, forward, then the same backward. CGL_STATUS_BUSY is set until it is done. */
+void cgl_anti_cogging_calibrate(const cgl_anti_cogging_config *config, cgl_anti_cogging *law);
+
+/* PI plus table. In a calibration in->i_q is recorded; it waits while an input is not finite. */
+void cgl_anti_cogging_step(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, const cgl_speed_input *in,
+                           cgl_speed_output *out);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,56 @@
+/* Field-oriented current control: measured phase currents to duty cycles, once per current-loop period. */
+#ifndef COGLESS_FOC_H
+#define COGLESS_FOC_H
+
+#include "real.h"
+#include "status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    cgl_real kp_d, ki_d;    /* d-axis gains [V/A], [V/A/s], >= 0 */
+    cgl_real kp_q, ki_q;    /* q-axis gains [V/A], [V/A/s], >= 0 */
+    cgl_real ts;            /* sampling period [s], > 0 */
+    cgl_real current_limit; /* length of the current reference [A], > 0 */
+    cgl_real advance;       /* the voltage acts this many periods after sampling: 1.5 with one period of computation
+                               delay, 0.5 without [periods], >= 0 */
+    bool decoupling;        /* feed the speed voltages forward, from the three values below; default true */
+    cgl_real L_d, L_q;      /* inductances [H], >= 0 */
+    cgl_real psi_f;         /* magnet flux linkage, peak per phase [V s], >= 0 */
+} cgl_foc_config;
+
+typedef struct {
+    cgl_real integral_d, integral_q; /* [V] */
+} cgl_foc;
+
+typedef struct {
+    cgl_real i_abc[3];         /* measured phase currents [A] */
+    cgl_real theta_e;          /* measured electrical angle [rad], any revolution below CGL_ANGLE_MAX */
+    cgl_real omega_e;          /* electrical speed [rad/s] */
+    cgl_real u_dc;             /* bus voltage [V] */
+    cgl_real i_d_ref, i_q_ref; /* references [A] */
+} cgl_foc_input;
+
+typedef struct {
+    cgl_real duty[3];  /* duty cycles in [0, 1] */
+    cgl_real i_d, i_q; /* measured currents in the rotor's frame [A] */
+    cgl_real u_d, u_q; /* voltage that the duty cycles realise [V] */
+    unsigned status;   /* CGL_STATUS_SATURATED, CGL_STATUS_FAULT */
+} cgl_foc_output;
+
+cgl_error cgl_foc_init(const cgl_foc_config *config, cgl_foc *foc);
+void cgl_foc_reset(cgl_foc *foc);
+
+/* PI control of i_d and i_q with speed voltages fed forward. The voltage vector is limited to u_dc / sqrt(3) at its
+ * angle, and the integrals follow what was realised (back calculation). A current, angle, speed or bus that is not
+ * finite, an angle beyond CGL_ANGLE_MAX (where the voltage acts, too) or a bus that is not positive gives zero voltage,
+ * holds the integrals and sets CGL_STATUS_FAULT. A reference that is not finite counts as zero. */
+void cgl_foc_step(const cgl_foc_config *config, cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,206 @@
+#include "memory.h"
+
+#include "angle.h"
+
+#define CELLS_MAX 65535U
+
+cgl_error cgl_memory_init(const cgl_memory_config *config, cgl_memory *memory, cgl_real *cell, uint32_t length)
+{
+    if (!(config->cells >= 4U && config->cells <= CELLS_MAX && config->periods_per_rev >= 1U
+          && config->periods_per_rev <= CELLS_MAX && config->q_half_width < CELLS_MAX
+          && 2U * config->q_half_width + 1U <= config->cells && config->forgetting > CGL_R(0.0)
+          && config->forgetting <= CGL_R(1.0) && config->limit > CGL_R(0.0) && cgl_is_finite(config->limit)
+          && config->ts > CGL_R(0.0) && cgl_is_finite(config->ts)
+          && (config->kind == CGL_MEMORY_ANGLE || config->kind == CGL_MEMORY_TIME))) {
+        return CGL_ERROR_CONFIG;
+    }
+    if (cell == 0 || length < CGL_MEMORY_LENGTH(config->cells, config->q_half_width)) {
+        return CGL_ERROR_MEMORY;
+    }
+    memory->cell = cell;
+    cgl_memory_reset(config, memory);
+    return CGL_OK;
+}
+
+void cgl_memory_reset(const cgl_memory_config *config, cgl_memory *memory)
+{
+    const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
+    for (uint32_t n = 0; n < length; ++n) {
+        memory->cell[n] = CGL_R(0.0);
+    }
+    memory->position = memory->value = memory->next_position = CGL_R(0.0);
+    memory->newest = memory->known = memory->head = 0U;
+    memory->direction = 0;
+    memory->started = false;
+}
+
+/* ---- by angle: a map, and behind it a ring of the entries overwritten last, which the Q filter still needs ---- */
+
+static uint32_t ring_length(const cgl_memory_config *config)
+{
+    return config->q_half_width + 1U;
+}
+
+static uint32_t wrap_cell(const cgl_memory_config *config, int32_t n)
+{
+    const int32_t cells = (int32_t)config->cells;
+    const int32_t wrapped = n < 0 ? n + cells : (n >= cells ? n - cells : n);
+    return (uint32_t)wrapped;
+}
+
+/* The entry of one period ago at cell n in [-cells, 2 cells). */
+static cgl_real old_entry(const cgl_memory_config *config, const cgl_memory *memory, int32_t n)
+{
+    const uint32_t cell = wrap_cell(config, n);
+    const int32_t ahead = (int32_t)memory->newest - (int32_t)cell;
+    const uint32_t age = wrap_cell(config, memory->direction < 0 ? -ahead : ahead);
+    if (age >= memory->known) {
+        return memory->cell[cell];
+    }
+    const uint32_t length = ring_length(config);
+    return memory->cell[config->cells + (memory->head >= age ? memory->head - age : memory->head + length - age)];
+}
+
+static bool recall_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real *filtered,
+                            cgl_real *held)
+{
+    if (!cgl_is_angle(theta_m)) {
+        memory->started = false;
+        return false;
+    }
+    const cgl_real turns = theta_m * (CGL_R(1.0) / CGL_TWO_PI) * (cgl_real)config->periods_per_rev;
+    const cgl_real x = cgl_fraction(turns) * (cgl_real)config->cells;
+    const int32_t n = (int32_t)x;
+    const int32_t m = (int32_t)config->q_half_width;
+    const cgl_real part = x - (cgl_real)n;
+
+    cgl_real sum = CGL_R(0.0);
+    for (int32_t k = n - m; k <= n + m; ++k) {
+        sum += old_entry(config, memory, k);
+    }
+    /* the window moved on by one cell, for the straight line in between */
+    const cgl_real moved = old_entry(config, memory, n + m + 1) - old_entry(config, memory, n - m);
+    *filtered = config->forgetting * (sum + part * moved) / (cgl_real)(2 * m + 1);
+    const cgl_real here = old_entry(config, memory, n);
+    *held = here + part * (old_entry(config, memory, n + 1) - here);
+    memory->next_position = x;
+    return true;
+}
+
+static void write_cell(const cgl_memory_config *config, cgl_memory *memory, int32_t n, int direction, cgl_real value)
+{
+    const uint32_t cell = wrap_cell(config, n);
+    if (direction != memory->direction || wrap_cell(config, (int32_t)memory->newest + direction) != cell) {
+        memory->known = 0U; /* the ring only speaks of cells in a row */
+        memory->direction = direction;
+    }
+    const uint32_t length = ring_length(config);
+    memory->head = memory->head + 1U < length ? memory->head + 1U : 0U;
+    memory->cell[config->cells + memory->head] = memory->cell[cell];
+    memory->cell[cell] = value;
+    memory->newest = cell;
+    if (memory->known < length) {
+        ++memory->known;
+    }
+}
+
+static void store_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real value)
+{
+    const cgl_real cells = (cgl_real)config->cells;
+    const cgl_real from = memory->position;
+    cgl_real distance = memory->next_position - from;
+    distance += distance > CGL_R(0.5) * cells ? -cells : (distance < CGL_R(-0.5) * cells ? cells : CGL_R(0.0));
+
+    if (memory->started && cgl_abs(distance) <= CGL_R(0.25) * cells) {
+        const cgl_real slope = distance != CGL_R(0.0) ? (value - memory->value) / distance : CGL_R(0.0);
+        const cgl_real to = from + distance;
+        if (distance > CGL_R(0.0)) {
+            for (int32_t n = (int32_t)from + 1; (cgl_real)n <= to; ++n) {
+                write_cell(config, memory, n, 1, memory->value + slope * ((cgl_real)n - from));
+            }
+        } else if (distance < CGL_R(0.0)) {
+            const int32_t first = (int32_t)from;
+            for (int32_t n = (cgl_real)first < from ? first : first - 1; (cgl_real)n >= to; --n) {
+                write_cell(config, memory, n, -1, memory->value + slope * ((cgl_real)n - from));
+            }
+        }
+    }
+    memory->position = memory->next_position;
+    memory->value = value;
+    memory->started = true;
+}
+
+/* ---- by time: a ring of the last values ---- */
+
+/* The value stored `age` samples ago, 1 for the last one. */
+static cgl_real value_ago(const cgl_memory_config *config, const cgl_memory *memory, uint32_t age)
+{
+    const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
+    if (age > memory->known) {
+        return CGL_R(0.0);
+    }
+    const uint32_t back = age - 1U;
+    return memory->cell[memory->newest >= back ? memory->newest - back : memory->newest + length - back];
+}
+
+static bool recall_by_time(const cgl_memory_config *config, const cgl_memory *memory, cgl_real omega_ref,
+                           cgl_real *filtered, cgl_real *held)
+{
+    const cgl_real turns_per_sample = cgl_abs(omega_ref) * config->ts * (CGL_R(1.0) / CGL_TWO_PI);
+    const cgl_real periods = turns_per_sample * (cgl_real)config->periods_per_rev;
+    if (!(periods * (cgl_real)config->cells >= CGL_R(1.0)
+          && periods * (cgl_real)(config->q_half_width + 1U) <= CGL_R(1.0))) {
+        return false;
+    }
+    const cgl_real period = CGL_R(1.0) / periods;
+    uint32_t n = (uint32_t)period;
+    n = n < config->cells ? n : config->cells; /* 1 / periods may round above the longest period */
+    n = n > config->q_half_width ? n : config->q_half_width + 1U;
+    const cgl_real part = cgl_clamp(period - (cgl_real)n, CGL_R(1.0));
+    const uint32_t m = config->q_half_width;
+
+    cgl_real sum = CGL_R(0.0);
+    for (uint32_t age = n - m; age <= n + m; ++age) {
+        sum += value_ago(config, memory, age);
+    }
+    const cgl_real moved = value_ago(config, memory, n + m + 1U) - value_ago(config, memory, n - m);
+    *filtered = config->forgetting * (sum + part * moved) / (cgl_real)(2U * m + 1U);
+    const cgl_real here = value_ago(config, memory, n);
+    *held = here + part * (value_ago(config, memory, n + 1U) - here);
+    return true;
+}
+
+static void store_by_time(const cgl_memory_config *config, cgl_memory *memory, cgl_real value)
+{
+    const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
+    memory->newest = memory->newest + 1U < length ? memory->newest + 1U : 0U;
+    memory->cell[memory->newest] = value;
+    memory->value = value;
+    if (memory->known < length) {
+        ++memory->known;
+    }
+}
+
+bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
+                       cgl_real *filtered, cgl_real *held)
+{
+    *filtered = *held = CGL_R(0.0);
+    const bool known = config->kind == CGL_MEMORY_ANGLE ? recall_by_angle(config, memory, theta_m, filtered, held)
+                                                        : recall_by_time(config, memory, omega_ref, filtered, held);
+    *filtered = cgl_clamp(*filtered, config->limit); /* sums round */
+    *held = cgl_clamp(*held, config->limit);
+    return known;
+}
+
+void cgl_memory_update(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, bool learn)
+{
+    const cgl_real limited = cgl_clamp(value, config->limit);
+    if (config->kind == CGL_MEMORY_TIME) {
+        store_by_time(config, memory, limited);
+    } else if (learn) {
+        store_by_angle(config, memory, limited);
+    } else {
+        memory->started = false; /* the next value has no line back to this one */
+        memory->known = 0U;      /* and when the rotor comes round, what was overwritten is two periods old */
+    }
+}

@@ -1,0 +1,69 @@
+/* The memory of a learning law: what was done one period ago, by angle or by time.
+ *
+ * A law asks for the value of one period ago (recall), corrects it, and puts the new value in its place (update).
+ * By angle, the period is a part of the revolution and the memory a map over it, whose entries are written as the rotor
+ * passes them; any speed, standstill and reversal are allowed. By time, the memory is a delay line whose length follows
+ * the reference speed and may be a fraction of a sample. */
+#ifndef COGLESS_MEMORY_H
+#define COGLESS_MEMORY_H
+
+#include <stdint.h>
+
+#include "real.h"
+#include "status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum { CGL_MEMORY_ANGLE, CGL_MEMORY_TIME } cgl_memory_kind;
+
+typedef struct {
+    cgl_memory_kind kind;
+    uint32_t cells;           /* angle: entries per period; time: longest period [samples]; 4 to 65535 */
+    uint32_t periods_per_rev; /* periods in one mechanical revolution: pole pairs, or 1; 1 to 65535 */
+    uint32_t q_half_width;    /* zero-phase low-pass (Q filter): mean of this many entries on each side; 0: none.
+                                 2 q_half_width + 1 <= cells */
+    cgl_real forgetting;      /* factor on what is recalled, in (0, 1]; 1: none */
+    cgl_real limit;           /* every entry stays within +-limit [unit of the entry], > 0 */
+    cgl_real ts;              /* sampling period [s], > 0 */
+} cgl_memory_config;
+
+typedef struct {
+    cgl_real *cell;         /* caller's memory: CGL_MEMORY_LENGTH entries; by angle the map comes first */
+    cgl_real position;      /* angle: where the value below belongs [cells] */
+    cgl_real value;         /* the last stored value */
+    cgl_real next_position; /* angle: where recall was asked */
+    uint32_t newest;        /* angle: last cell written; time: place of the last value */
+    uint32_t known;         /* angle: overwritten entries still remembered; time: values stored so far */
+    uint32_t head;          /* angle: place in the ring of the entry overwritten last */
+    int direction;          /* angle: of the last cells written: 1, -1, or 0 for none */
+    bool started;           /* angle: position and value are valid */
+} cgl_memory;
+
+/* Entries that the caller provides: the period, and as many as the Q filter looks back on. */
+#define CGL_MEMORY_LENGTH(cells, q_half_width) ((cells) + (q_half_width) + 1U)
+
+/* Takes the caller's memory of `length` entries and clears it. */
+cgl_error cgl_memory_init(const cgl_memory_config *config, cgl_memory *memory, cgl_real *cell, uint32_t length);
+
+/* Forgets everything learned. */
+void cgl_memory_reset(const cgl_memory_config *config, cgl_memory *memory);
+
+/* What was stored one period ago. `filtered` is what a law learns on from (Q filter and forgetting applied), `held` what
+ * it repeats while learning is frozen; both within the limit. Returns false where no such value exists: the angle is not
+ * finite or beyond CGL_ANGLE_MAX, or (by time) the reference is so slow that a period exceeds the memory, or so fast that
+ * the Q filter does; both values are 0 then. theta_m [rad] and omega_ref [rad/s] are mechanical. */
+bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
+                       cgl_real *filtered, cgl_real *held);
+
+/* Puts the value at the place that recall was asked for, within the limit (not finite: 0). By angle, every cell passed
+ * since the last update gets a value on the straight line between the two; a jump of more than a quarter of the period
+ * writes nothing. With learn false a map stays as it is, and a delay line goes on with the value given. */
+void cgl_memory_update(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, bool learn);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,40 @@
+#include "pi.h"
+
+static bool positive(cgl_real x)
+{
+    return x > CGL_R(0.0) && cgl_is_finite(x);
+}
+
+cgl_error cgl_pi_init(const cgl_pi_config *config, cgl_pi *pi)
+{
+    if (!(config->kp >= CGL_R(0.0) && cgl_is_finite(config->kp) && config->ki >= CGL_R(0.0)
+          && cgl_is_finite(config->ki) && positive(config->ts) && positive(config->limit))) {
+        return CGL_ERROR_CONFIG;
+    }
+    cgl_pi_reset(pi);
+    return CGL_OK;
+}
+
+void cgl_pi_reset(cgl_pi *pi)
+{
+    pi->integral = CGL_R(0.0);
+    pi->proportional = CGL_R(0.0);
+    pi->saturated = false;
+}
+
+cgl_real cgl_pi_step(const cgl_pi_config *config, cgl_pi *pi, cgl_real error, cgl_real feedforward)
+{
+    const cgl_real e = cgl_is_finite(error) ? error : CGL_R(0.0);
+    const cgl_real ff = cgl_is_finite(feedforward) ? feedforward : CGL_R(0.0);
+    const cgl_real integral = cgl_clamp(pi->integral + config->ki * config->ts * e, config->limit);
+
+    pi->proportional = cgl_clamp(config->kp * e, CGL_REAL_MAX);
+    const cgl_real wanted = pi->proportional + integral + ff;
+    const cgl_real output = cgl_clamp(wanted, config->limit);
+    pi->saturated = !(wanted > -config->limit && wanted < config->limit);
+    if (!pi->saturated || e * output < CGL_R(0.0)) {
+        pi->integral = integral;
+        return output;
+    }
+    return cgl_clamp(pi->proportional + pi->integral + ff, config->limit);
+}

@@ -1,0 +1,38 @@
+/* Proportional-integral control of a scalar, with a limit and conditional anti-windup. */
+#ifndef COGLESS_PI_H
+#define COGLESS_PI_H
+
+#include "real.h"
+#include "status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    cgl_real kp;    /* proportional gain [output/error], >= 0 */
+    cgl_real ki;    /* integral gain [output/error/s], >= 0 */
+    cgl_real ts;    /* sampling period [s], > 0 */
+    cgl_real limit; /* the output stays within +-limit [output], > 0 */
+} cgl_pi_config;
+
+typedef struct {
+    cgl_real integral;     /* [output] */
+    cgl_real proportional; /* the share of the last step [output] */
+    bool saturated;        /* the last output was at its limit */
+} cgl_pi;
+
+cgl_error cgl_pi_init(const cgl_pi_config *config, cgl_pi *pi);
+
+/* Forgets everything; the next output starts from zero integral. */
+void cgl_pi_reset(cgl_pi *pi);
+
+/* Returns kp error + integral + feedforward within the limit. The integral holds while the output is at its limit and
+ * the error would push it further. An error or feedforward that is not finite counts as zero. */
+cgl_real cgl_pi_step(const cgl_pi_config *config, cgl_pi *pi, cgl_real error, cgl_real feedforward);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

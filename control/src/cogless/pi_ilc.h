@@ -1,0 +1,43 @@
+/* PI speed control with a P-type iterative learning part beside it (Liu 2018, Fig. 1 and eq. (29)):
+ *
+ *   u_{k+1}(t) = Q u_k(t) + gain e_{k+1}(t),    i_q_ref = PI + u_{k+1}
+ *
+ * where k counts periods. The paper prints it with Q = 1, and so it drifts apart in the long run; forgetting or the Q
+ * filter of the memory keep it bounded. */
+#ifndef COGLESS_PI_ILC_H
+#define COGLESS_PI_ILC_H
+
+#include "memory.h"
+#include "pi.h"
+#include "speed_law.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    cgl_pi_config pi;         /* kp [A s/rad], ki [A/rad], ts [s], limit of the sum [A] */
+    cgl_real gain;            /* learning gain [A s/rad], >= 0 */
+    cgl_memory_config memory; /* entries and limit of the learned part in [A] */
+} cgl_pi_ilc_config;
+
+typedef struct {
+    cgl_pi pi;
+    cgl_memory memory;
+    cgl_real learned; /* the learned part of the last step [A] */
+} cgl_pi_ilc;
+
+/* `cell`: CGL_MEMORY_LENGTH(cells, q_half_width) entries, which the state keeps using. */
+cgl_error cgl_pi_ilc_init(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, cgl_real *cell, uint32_t length);
+void cgl_pi_ilc_reset(const cgl_pi_ilc_config *config, cgl_pi_ilc *law);
+
+/* Learning freezes, and the learned part repeats, while in->learn is false, the output was at its limit, an input is not
+ * finite, the angle is beyond CGL_ANGLE_MAX, or the memory has no value of one period ago. */
+void cgl_pi_ilc_step(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, const cgl_speed_input *in,
+                     cgl_speed_output *out);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,87 @@
+#include "robust_ilc.h"
+
+static bool not_negative(cgl_real x)
+{
+    return x >= CGL_R(0.0) && cgl_is_finite(x);
+}
+
+static bool positive(cgl_real x)
+{
+    return x > CGL_R(0.0) && cgl_is_finite(x);
+}
+
+cgl_error cgl_robust_ilc_init(const cgl_robust_ilc_config *config, cgl_robust_ilc *law, cgl_real *cell,
+                              uint32_t length)
+{
+    if (!(positive(config->b) && not_negative(config->c) && not_negative(config->g) && not_negative(config->eta)
+          && not_negative(config->q) && not_negative(config->beta_1) && not_negative(config->beta_2)
+          && not_negative(config->gamma) && cgl_is_finite(config->viscous) && cgl_is_finite(config->coulomb)
+          && positive(config->ts) && positive(config->limit) && positive(config->b * config->limit)
+          && positive(CGL_R(1.0) / config->b))) {
+        return CGL_ERROR_CONFIG;
+    }
+    const cgl_error error = cgl_memory_init(&config->memory, &law->memory, cell, length);
+    if (error == CGL_OK) {
+        cgl_robust_ilc_reset(config, law);
+    }
+    return error;
+}
+
+void cgl_robust_ilc_reset(const cgl_robust_ilc_config *config, cgl_robust_ilc *law)
+{
+    static const cgl_robust_ilc_terms nothing = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};
+    cgl_memory_reset(&config->memory, &law->memory);
+    law->error_integral = law->adapted = law->last_omega_ref = CGL_R(0.0);
+    law->started = law->saturated = false;
+    law->terms = nothing;
+}
+
+void cgl_robust_ilc_step(const cgl_robust_ilc_config *config, cgl_robust_ilc *law, const cgl_speed_input *in,
+                         cgl_speed_output *out)
+{
+    const bool finite = cgl_is_finite(in->omega_ref - in->omega_m);
+    const bool plausible = finite && cgl_is_angle(in->theta_m);
+    const cgl_real omega = finite ? in->omega_m : CGL_R(0.0);
+    const cgl_real error = finite ? in->omega_ref - in->omega_m : CGL_R(0.0);
+    const cgl_real acceleration =
+        finite && law->started ? (in->omega_ref - law->last_omega_ref) / config->ts : CGL_R(0.0);
+    law->last_omega_ref = finite ? in->omega_ref : CGL_R(0.0);
+    law->started = finite; /* a change over a gap is not one over ts */
+
+    /* (11); more than this integral could never be commanded */
+    const cgl_real error_integral = cgl_clamp(law->error_integral + config->ts * error, CGL_R(1.0e9));
+    const cgl_real surface = finite ? error + config->c * error_integral : config->c * law->error_integral;
+    const cgl_real sign = cgl_sign(surface);
+
+    cgl_real filtered, held;
+    const bool known = cgl_memory_recall(&config->memory, &law->memory, in->theta_m, in->omega_ref, &filtered, &held);
+    const bool learn = in->learn && plausible && known && !law->saturated;
+    cgl_real f = held;
+    if (learn) { /* (15) */
+        f = cgl_clamp(filtered - config->q * (config->beta_1 * sign + config->beta_2 * surface),
+                      config->memory.limit);
+    }
+    cgl_memory_update(&config->memory, &law->memory, f, learn);
+
+    /* (16) and (19), term by term */
+    const cgl_real friction = config->viscous * omega + config->coulomb * cgl_sign(omega);
+    const cgl_real per_b = CGL_R(1.0) / config->b;
+    law->terms.surface = (config->c * error + acceleration + friction) * per_b;
+    law->terms.switching = config->g * sign * per_b;
+    law->terms.linear = config->eta * surface * per_b;
+    law->terms.learned = -f * per_b;
+    law->terms.adapted = law->adapted * per_b;
+    const cgl_real wanted = law->terms.surface + law->terms.switching + law->terms.linear + law->terms.learned
+                            + law->terms.adapted;
+    out->i_q_ref = cgl_clamp(wanted, config->limit);
+    law->saturated = !(wanted > -config->limit && wanted < config->limit);
+
+    if (finite && (!law->saturated || error * out->i_q_ref < CGL_R(0.0))) {
+        law->error_integral = error_integral;
+    }
+    if (finite && in->learn && (!law->saturated || surface * out->i_q_ref < CGL_R(0.0))) { /* (20) */
+        law->adapted = cgl_clamp(law->adapted + config->ts * config->gamma * surface, config->b * config->limit);
+    }
+    out->status = (law->saturated ? (unsigned)CGL_STATUS_SATURATED : 0U) | (learn ? 0U : (unsigned)CGL_STATUS_FROZEN)
+                  | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
+}

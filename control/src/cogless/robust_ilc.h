@@ -1,0 +1,69 @@
+/* Robust iterative learning speed control by adaptive sliding mode (Liu 2018, eqs. (11) to (20)).
+ *
+ *   S = e + c integral(e)                                                  (11)
+ *   f_k = f_{k-1} - q (beta_1 sgn S + beta_2 S)                            (15), k counts periods
+ *   v = -g sgn S - eta S                                                   (16)
+ *   i_q_ref = (c e + d omega_ref/dt + B(omega) - f_k - v + r) / b          (19)
+ *   dr/dt = gamma S                                                        (20)
+ *
+ * Every term can be read from the state in amperes. */
+#ifndef COGLESS_ROBUST_ILC_H
+#define COGLESS_ROBUST_ILC_H
+
+#include "memory.h"
+#include "speed_law.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    cgl_real b;               /* acceleration per current, K_t / J [rad/s^2/A], > 0 */
+    cgl_real c;               /* slope of the sliding surface [1/s], >= 0 */
+    cgl_real g;               /* switching gain [rad/s^2], >= 0 */
+    cgl_real eta;             /* linear reaching gain [1/s], >= 0 */
+    cgl_real q;               /* learning rate [-], >= 0; 0: learn nothing */
+    cgl_real beta_1;          /* weight of sgn S in learning [rad/s^2], >= 0 */
+    cgl_real beta_2;          /* weight of S in learning [1/s], >= 0 */
+    cgl_real gamma;           /* adaptation rate [1/s^2], >= 0 */
+    cgl_real viscous;         /* known friction B(omega) = viscous omega + coulomb sgn omega [1/s], default 0 */
+    cgl_real coulomb;         /* [rad/s^2], default 0 */
+    cgl_real ts;              /* sampling period [s], > 0 */
+    cgl_real limit;           /* the output stays within +-limit [A], > 0; b limit finite */
+    cgl_memory_config memory; /* of f: entries and limit in [rad/s^2] */
+} cgl_robust_ilc_config;
+
+typedef struct {
+    cgl_real surface;   /* (c e + d omega_ref/dt + B) / b [A] */
+    cgl_real switching; /* g sgn(S) / b [A] */
+    cgl_real linear;    /* eta S / b [A] */
+    cgl_real learned;   /* -f / b [A] */
+    cgl_real adapted;   /* r / b [A] */
+} cgl_robust_ilc_terms;
+
+typedef struct {
+    cgl_memory memory;          /* f [rad/s^2] */
+    cgl_real error_integral;    /* [rad] */
+    cgl_real adapted;           /* r [rad/s^2] */
+    cgl_real last_omega_ref;    /* [rad/s] */
+    bool started;               /* last_omega_ref is valid */
+    bool saturated;             /* the last output was at its limit */
+    cgl_robust_ilc_terms terms; /* of the last step */
+} cgl_robust_ilc;
+
+/* `cell`: CGL_MEMORY_LENGTH(cells, q_half_width) entries, which the state keeps using. */
+cgl_error cgl_robust_ilc_init(const cgl_robust_ilc_config *config, cgl_robust_ilc *law, cgl_real *cell,
+                              uint32_t length);
+void cgl_robust_ilc_reset(const cgl_robust_ilc_config *config, cgl_robust_ilc *law);
+
+/* While the output is at its limit, the integral holds unless the error leads back, r unless S does, and f holds.
+ * While the speed or its reference is not finite all three hold, with the output of a zero error; f holds too while the
+ * angle is not plausible. */
+void cgl_robust_ilc_step(const cgl_robust_ilc_config *config, cgl_robust_ilc *law, const cgl_speed_input *in,
+                         cgl_speed_output *out);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

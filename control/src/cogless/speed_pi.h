@@ -1,0 +1,19 @@
+/* PI speed control: the baseline that every learning law stands beside. */
+#ifndef COGLESS_SPEED_PI_H
+#define COGLESS_SPEED_PI_H
+
+#include "pi.h"
+#include "speed_law.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Config and state are those of the scalar PI: kp [A s/rad], ki [A/rad], limit [A]. */
+void cgl_speed_pi_step(const cgl_pi_config *config, cgl_pi *pi, const cgl_speed_input *in, cgl_speed_output *out);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,96 @@
+// The Python module. Built twice: the control laws in float (_simulator_f32) and in double (_simulator_f64).
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include "config.hpp"
+#include "rollout.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace cogless {
+
+namespace {
+
+using Array = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
+
+nb::dict memory_of(const Drive& drive, const DriveState& state) {
+    const LearnedMap map = drive.learned(state);
+    nb::dict result;
+    if (map.current.empty()) return result;
+    result["frame"] = map.electrical ? "electrical" : "mechanical";
+    result["current"] = map.current;
+    return result;
+}
+
+void run_many(const std::vector<nb::tuple>& runs, unsigned threads) {
+    std::vector<Rollout> all;
+    for (const nb::tuple& run : runs) {
+        all.push_back({&nb::cast<const Drive&>(run[0]), &nb::cast<DriveState&>(run[1]), &nb::cast<Recorder&>(run[2]),
+                       nb::cast<std::int64_t>(run[3])});
+    }
+    const nb::gil_scoped_release no_gil;
+    rollout(all, threads);
+}
+
+}  // namespace
+
+}  // namespace cogless
+
+NB_MODULE(COGLESS_MODULE, m) {
+    using namespace cogless;
+    m.attr("real_bits") = 8 * sizeof(cgl_real);
+
+    nb::class_<LawInput>(m, "LawInput", "What a speed law sees, once per speed-loop period; SI units.")
+        .def_ro("time", &LawInput::time)
+        .def_ro("omega_ref", &LawInput::omega_ref)
+        .def_ro("omega_m", &LawInput::omega_m)
+        .def_ro("theta_m", &LawInput::theta_m)
+        .def_ro("i_d", &LawInput::i_d)
+        .def_ro("i_q", &LawInput::i_q)
+        .def_ro("learn", &LawInput::learn);
+
+    nb::class_<DriveState>(m, "State", "All that changes while a drive runs; a value.")
+        .def_ro("tick", &DriveState::tick, "current-loop periods since the start")
+        .def("copy", [](const DriveState& s) { return DriveState(s); });
+
+    nb::class_<Recorder>(m, "Recorder", "Rows of signals, one every `decimation` current-loop periods.")
+        .def("__init__",
+             [](Recorder* self, const Drive& drive, std::int64_t decimation) {
+                 if (decimation < 1) throw std::invalid_argument("decimation: expected 1 or more");
+                 new (self) Recorder(drive.signals().size(), decimation);
+             },
+             "drive"_a, "decimation"_a)
+        .def(
+            "array",
+            [](nb::handle_t<Recorder> self) {
+                auto& recorder = nb::cast<Recorder&>(self);
+                return Array(recorder.data(), {recorder.rows(), recorder.columns()}, self);
+            },
+            "The rows so far, (rows, signals) in float64. Shares memory: valid until the next advance.");
+
+    nb::class_<Drive>(m, "Drive", "An immutable description of a drive with its controller.")
+        .def("__init__",
+             [](Drive* self, const nb::dict& config, const nb::object& controller) {
+                 new (self) Drive(read_config(config, controller));
+             },
+             "config"_a, "controller"_a.none() = nb::none())
+        .def_prop_ro("signals",
+                     [](const Drive& drive) {
+                         std::vector<std::pair<std::string, std::string>> all;
+                         for (const Signal& s : drive.signals()) all.emplace_back(s.name, s.unit);
+                         return all;
+                     },
+                     "(name, unit) of each recorded signal")
+        .def("start", &Drive::start, "The state at time zero.")
+        .def("advance", &Drive::advance, "state"_a, "recorder"_a, "ticks"_a, nb::call_guard<nb::gil_scoped_release>(),
+             "Runs so many current-loop periods.")
+        .def("memory", &memory_of, "state"_a, "The learned map: {'frame', 'current'}, or {}.")
+        .def("load_memory", &Drive::teach, "state"_a, "table"_a, "Puts a learned table in.");
+
+    m.def("rollout", &run_many, "runs"_a, "threads"_a,
+          "Advances many (drive, state, recorder, ticks) at once, on threads.");
+}

@@ -1,0 +1,38 @@
+// Opens a user's shared library that holds a speed law (cogless/plugin.h).
+#pragma once
+
+#include <dlfcn.h>
+
+#include <memory>
+#include <stdexcept>
+#include <string>
+
+#include "speed_laws.hpp"
+
+namespace cogless {
+
+inline PluginLaw open_plugin(const std::string& path, std::vector<double> params, double ts, double limit) {
+    void* handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
+    if (handle == nullptr) throw std::invalid_argument(dlerror());
+    PluginLaw law;
+    law.library = std::shared_ptr<void>(handle, [](void* h) { dlclose(h); });
+    const auto find = [&](const char* name, auto& function) {
+        function = reinterpret_cast<std::decay_t<decltype(function)>>(dlsym(handle, name));
+        if (function == nullptr) throw std::invalid_argument("the library does not export " + std::string(name));
+    };
+    decltype(&cogless_plugin_version) version;
+    find("cogless_plugin_version", version);
+    if (version() != COGLESS_PLUGIN_VERSION) {
+        throw std::invalid_argument("the library's plugin version is " + std::to_string(version()) + ", expected " +
+                                    std::to_string(COGLESS_PLUGIN_VERSION));
+    }
+    find("cogless_plugin_state_size", law.state_size);
+    find("cogless_plugin_init", law.init);
+    find("cogless_plugin_step", law.step_function);
+    law.params = std::move(params);
+    law.ts = ts;
+    law.limit = limit;
+    return law;
+}
+
+}  // namespace cogless

@@ -1,0 +1,43 @@
+// Rows of named signals, one every so many current-loop periods.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace cogless {
+
+struct Signal {
+    std::string name, unit;
+};
+
+class Recorder {
+public:
+    Recorder(std::size_t columns, std::int64_t decimation) : columns_(columns), decimation_(decimation) {}
+
+    bool wants(std::int64_t tick) const { return tick % decimation_ == 0; }
+
+    // Makes room before a run of so many periods, so that nothing is allocated within it.
+    void reserve(std::int64_t ticks) {
+        const auto rows = static_cast<std::size_t>(ticks / decimation_ + 2);
+        const std::size_t needed = data_.size() + rows * columns_;
+        if (needed > data_.capacity()) data_.reserve(needed);
+    }
+
+    double* next_row() {
+        data_.resize(data_.size() + columns_);
+        return data_.data() + data_.size() - columns_;
+    }
+
+    std::size_t columns() const { return columns_; }
+    std::size_t rows() const { return data_.size() / columns_; }
+    double* data() { return data_.data(); }
+
+private:
+    std::size_t columns_;
+    std::int64_t decimation_;
+    std::vector<double> data_;
+};
+
+}  // namespace cogless

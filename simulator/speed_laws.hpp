@@ -1,0 +1,235 @@
+// The speed laws of the control library, and the user's own, as values that the engine can run.
+//
+// A law is a constant configuration with start() and step(); its state is a separate value that can be copied. Where it can
+// tell more, it has terms and read_terms(), its parts in A; learned(), its map; teach(), which puts a map in.
+// The learned cells live in the state, and the C state's pointer to them is set anew before each use, since a copy has its
+// own.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "cogless/anti_cogging.h"
+#include "cogless/pi_ilc.h"
+#include "cogless/plugin.h"
+#include "cogless/robust_ilc.h"
+#include "cogless/speed_pi.h"
+
+namespace cogless {
+
+// Currents that a law asks for, A, and its status bits.
+struct Command {
+    double i_d_ref = 0.0, i_q_ref = 0.0;
+    unsigned status = 0;
+};
+
+// What the engine offers a law, in doubles.
+struct LawInput {
+    double time;              // s
+    double omega_ref;         // rad/s
+    double omega_m, theta_m;  // measured: rad/s, rad
+    double i_d, i_q;          // measured, A
+    bool learn;
+};
+
+// What a law has learned: currents over an angle.
+struct LearnedMap {
+    std::vector<double> current;  // A
+    bool electrical = false;      // over an electrical revolution; otherwise a mechanical one
+};
+
+inline cgl_speed_input to_c(const LawInput& in) {
+    return {static_cast<cgl_real>(in.omega_ref), static_cast<cgl_real>(in.omega_m), static_cast<cgl_real>(in.theta_m),
+            static_cast<cgl_real>(in.i_q), in.learn};
+}
+
+inline Command from_c(const cgl_speed_output& out) { return {0.0, static_cast<double>(out.i_q_ref), out.status}; }
+
+inline void require(cgl_error error, const char* law) {
+    if (error == CGL_ERROR_MEMORY) throw std::invalid_argument(std::string(law) + ": memory too small");
+    if (error != CGL_OK) throw std::invalid_argument(std::string(law) + ": a gain is outside its range");
+}
+
+// The map of a memory by angle over one period; nothing by time.
+inline LearnedMap learned_map(const cgl_memory_config& config, const std::vector<cgl_real>& cell, double unit) {
+    LearnedMap map;
+    if (config.kind != CGL_MEMORY_ANGLE) return map;
+    map.electrical = config.periods_per_rev > 1;
+    for (std::uint32_t n = 0; n < config.cells; ++n) map.current.push_back(unit * static_cast<double>(cell[n]));
+    return map;
+}
+
+struct PiLaw {
+    struct State {
+        cgl_pi law;
+    };
+    cgl_pi_config config;
+
+    State start() const {
+        State s;
+        require(cgl_pi_init(&config, &s.law), "pi");
+        return s;
+    }
+    Command step(State& s, const LawInput& in) const {
+        const cgl_speed_input input = to_c(in);
+        cgl_speed_output output;
+        cgl_speed_pi_step(&config, &s.law, &input, &output);
+        return from_c(output);
+    }
+    static constexpr std::array<const char*, 2> terms{"term_proportional", "term_integral"};
+    static void read_terms(const State& s, double* out) {
+        out[0] = static_cast<double>(s.law.proportional);
+        out[1] = static_cast<double>(s.law.integral);
+    }
+};
+
+struct PiIlcLaw {
+    struct State {
+        cgl_pi_ilc law;
+        std::vector<cgl_real> cell;
+    };
+    cgl_pi_ilc_config config;
+
+    State start() const {
+        State s;
+        s.cell.resize(CGL_MEMORY_LENGTH(config.memory.cells, config.memory.q_half_width));
+        require(cgl_pi_ilc_init(&config, &s.law, s.cell.data(), static_cast<std::uint32_t>(s.cell.size())), "pi-ilc");
+        return s;
+    }
+    Command step(State& s, const LawInput& in) const {
+        const cgl_speed_input input = to_c(in);
+        cgl_speed_output output;
+        s.law.memory.cell = s.cell.data();
+        cgl_pi_ilc_step(&config, &s.law, &input, &output);
+        return from_c(output);
+    }
+    static constexpr std::array<const char*, 3> terms{"term_proportional", "term_integral", "term_ilc"};
+    static void read_terms(const State& s, double* out) {
+        out[0] = static_cast<double>(s.law.pi.proportional);
+        out[1] = static_cast<double>(s.law.pi.integral);
+        out[2] = static_cast<double>(s.law.learned);
+    }
+    LearnedMap learned(const State& s) const { return learned_map(config.memory, s.cell, 1.0); }
+};
+
+struct RobustIlcLaw {
+    struct State {
+        cgl_robust_ilc law;
+        std::vector<cgl_real> cell;
+    };
+    cgl_robust_ilc_config config;
+
+    State start() const {
+        State s;
+        s.cell.resize(CGL_MEMORY_LENGTH(config.memory.cells, config.memory.q_half_width));
+        require(cgl_robust_ilc_init(&config, &s.law, s.cell.data(), static_cast<std::uint32_t>(s.cell.size())),
+                "robust-ilc");
+        return s;
+    }
+    Command step(State& s, const LawInput& in) const {
+        const cgl_speed_input input = to_c(in);
+        cgl_speed_output output;
+        s.law.memory.cell = s.cell.data();
+        cgl_robust_ilc_step(&config, &s.law, &input, &output);
+        return from_c(output);
+    }
+    static constexpr std::array<const char*, 5> terms{"term_surface", "term_switching", "term_linear", "term_f_hat", "term_r_hat"};
+    static void read_terms(const State& s, double* out) {
+        const cgl_robust_ilc_terms& t = s.law.terms;
+        out[0] = static_cast<double>(t.surface);
+        out[1] = static_cast<double>(t.switching);
+        out[2] = static_cast<double>(t.linear);
+        out[3] = static_cast<double>(t.learned);
+        out[4] = static_cast<double>(t.adapted);
+    }
+    LearnedMap learned(const State& s) const {
+        return learned_map(config.memory, s.cell, -1.0 / static_cast<double>(config.b));
+    }
+};
+
+struct AntiCoggingLaw {
+    struct State {
+        cgl_anti_cogging law;
+        std::vector<cgl_real> cell;
+    };
+    cgl_anti_cogging_config config;
+    bool calibrate;  // start with the calibration run
+
+    State start() const {
+        State s;
+        s.cell.resize(config.cells);
+        require(cgl_anti_cogging_init(&config, &s.law, s.cell.data(), config.cells), "anti-cogging");
+        if (calibrate) cgl_anti_cogging_calibrate(&config, &s.law);
+        return s;
+    }
+    Command step(State& s, const LawInput& in) const {
+        const cgl_speed_input input = to_c(in);
+        cgl_speed_output output;
+        s.law.table = s.cell.data();
+        cgl_anti_cogging_step(&config, &s.law, &input, &output);
+        return from_c(output);
+    }
+    static constexpr std::array<const char*, 3> terms{"term_proportional", "term_integral", "term_table"};
+    static void read_terms(const State& s, double* out) {
+        out[0] = static_cast<double>(s.law.pi.proportional);
+        out[1] = static_cast<double>(s.law.pi.integral);
+        out[2] = static_cast<double>(s.law.looked_up);
+    }
+    LearnedMap learned(const State& s) const {
+        return {std::vector<double>(s.cell.begin(), s.cell.end()), false};
+    }
+    void teach(State& s, const std::vector<double>& table) const {
+        if (table.size() != s.cell.size()) throw std::invalid_argument("the table has another number of cells");
+        for (std::size_t n = 0; n < table.size(); ++n) s.cell[n] = static_cast<cgl_real>(table[n]);
+    }
+};
+
+// A law from a user's shared library (cogless/plugin.h).
+struct PluginLaw {
+    using State = std::vector<std::max_align_t>;
+
+    std::shared_ptr<void> library;  // keeps it loaded
+    decltype(&cogless_plugin_state_size) state_size;
+    decltype(&cogless_plugin_init) init;
+    decltype(&cogless_plugin_step) step_function;
+    std::vector<double> params;
+    double ts, limit;
+
+    State start() const {
+        const std::size_t size = state_size();
+        if (size > 1048576U) throw std::invalid_argument("the library asks for more than 1 MiB of state");
+        State s(size / sizeof(std::max_align_t) + 1);
+        if (init(s.data(), params.data(), params.size(), ts) != 0) {
+            throw std::invalid_argument("the library's cogless_plugin_init refuses these params");
+        }
+        return s;
+    }
+    Command step(State& s, const LawInput& in) const {
+        const cogless_plugin_input input{in.omega_ref, in.omega_m, in.theta_m, in.i_d, in.i_q, limit, ts};
+        cogless_plugin_output output{0.0, 0.0};
+        step_function(s.data(), &input, &output);
+        return {output.i_d_ref, output.i_q_ref, 0};
+    }
+};
+
+// A law written in Python; its object holds the state, and a copy of the drive's state shares it.
+struct CallbackLaw {
+    struct State {};
+    std::function<Command(const LawInput&)> function;
+
+    State start() const { return {}; }
+    Command step(State&, const LawInput& in) const { return function(in); }
+};
+
+using SpeedLaw = std::variant<PiLaw, PiIlcLaw, RobustIlcLaw, AntiCoggingLaw, PluginLaw, CallbackLaw>;
+using SpeedLawState = std::variant<PiLaw::State, PiIlcLaw::State, RobustIlcLaw::State, AntiCoggingLaw::State,
+                                   PluginLaw::State, CallbackLaw::State>;
+
+}  // namespace cogless
