@@ -1,0 +1,73 @@
+"""Inverter: pulses and their mean, dead time, voltage limit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from engine import RIPPLE, run
+
+
+def test_switched_currents_approach_the_averaged_ones_as_the_carrier_rises() -> None:
+    errors = []
+    for rate in (5000, 10000, 20000, 40000):
+        drive: dict[str, Any] = {"current_rate": rate, "speed_divider": rate // 1000}
+        runs = [
+            run({"motor": RIPPLE, "load": {"torque": 0.3}, "drive": {**drive, "inverter": {"kind": kind}}}, 0.3)
+            for kind in ("averaged", "switched")
+        ]
+        differences = runs[1]["i_q"] - runs[0]["i_q"]
+        errors.append(np.sqrt(np.mean(differences[rate // 10 :] ** 2)))
+    assert all(coarse > 1.7 * fine for coarse, fine in zip(errors, errors[1:], strict=False)), errors
+
+
+@pytest.mark.parametrize("kind", ["averaged", "switched"])
+def test_dead_time_costs_the_known_voltage(kind: str) -> None:
+    """At standstill with a d current, each phase loses u_dc t_d / T against its current's sign."""
+    dead_time, bus, i_d = 2e-6, 100.0, 6.0
+
+    class HoldD:
+        def step(self, _: object) -> tuple[float, float]:
+            return (i_d, 0.0)
+
+    change: dict[str, Any] = {
+        "initial_speed": 0.0,
+        "initial_angle": 0.1,  # phases at different currents, none at zero
+        "mechanics": {"inertia": 1e3},
+        "reference": {"speed": 0.0},
+        "drive": {"inverter": {"kind": kind, "dead_time": dead_time}},
+        "controller": {"law": "python"},
+    }
+    x = run(change, 0.2, controller=HoldD())
+    theta_e = 0.4
+    currents = np.array([x["i_a"][-1], x["i_b"][-1], x["i_c"][-1]])
+    lost = bus * dead_time * 10000 * np.sign(currents)
+    alpha = (2 * lost[0] - lost[1] - lost[2]) / 3
+    beta = (lost[1] - lost[2]) / np.sqrt(3)
+    expected = 0.8 * i_d + np.cos(theta_e) * alpha + np.sin(theta_e) * beta
+    assert x["i_d"][-1] == pytest.approx(i_d, abs=0.02)
+    assert x["u_d"][-1] == pytest.approx(expected, abs=0.01)
+
+
+def test_voltage_stays_within_the_hexagons_circle() -> None:
+    change: dict[str, Any] = {
+        "drive": {"inverter": {"bus_voltage": 12.0}},
+        "reference": {"speed": 200.0},
+        "initial_speed": 0.0,
+        "controller": {"kp": 5.0},
+    }
+    x = run(change, 1.0)
+    u = np.hypot(x["u_d"], x["u_q"])
+    assert u.max() == pytest.approx(12.0 / np.sqrt(3.0), rel=1e-9)
+    assert np.any(x["status"].astype(int) & 1)  # saturated
+
+
+def test_computation_delay_is_one_period() -> None:
+    """The first voltage acts one period later."""
+    first = []
+    for delay in (0, 1):
+        change = {"initial_speed": 0.0, "drive": {"inverter": {"computation_delay": delay}}}
+        x = run(change, 0.01)
+        first.append(int(np.flatnonzero(np.abs(x["i_q"]) > 0)[0]))
+    assert first == [1, 2]

@@ -1,0 +1,178 @@
+"""Sensors against closed forms: encoder, resolver, current sensors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from engine import run
+
+TURN = 2.0 * np.pi
+# so heavy that it turns at constant speed
+STEADY: dict[str, Any] = {"mechanics": {"inertia": 1e6}, "controller": {"kp": 0.0, "ki": 0.0}}
+
+
+def measured(speed: float, sensor: dict[str, Any], seconds: float = 1.0) -> np.ndarray:
+    change = {**STEADY, "initial_speed": speed, "drive": {"position_sensor": sensor}}
+    return run(change, seconds)["omega_measured"]
+
+
+def encoder(method: str, **more: float) -> dict[str, Any]:
+    return {
+        "kind": "encoder",
+        "lines": 500,
+        "speed_method": method,
+        "timer": 0.0,
+        "eccentricity": 0.0,
+        "eccentricity_phase": 0.0,
+        **more,
+    }
+
+
+@pytest.mark.parametrize("speed", [3.7, -3.7, 0.4, 41.0])
+def test_counting_gives_whole_counts_and_the_right_mean(speed: float) -> None:
+    omega = measured(speed, encoder("M"))[10:]
+    count = TURN / 2000 / 1e-3  # one count in a speed-loop period, rad/s
+    assert omega / count == pytest.approx(np.round(omega / count), abs=1e-9)
+    assert np.abs(omega - speed).max() < count
+    assert omega[:9900].mean() == pytest.approx(speed, abs=count / 990)
+
+
+@pytest.mark.parametrize("method", ["T", "MT"])
+@pytest.mark.parametrize("speed", [3.7, -3.7, 0.4, 41.0, -250.0])
+def test_timed_edges_give_the_speed_itself(method: str, speed: float) -> None:
+    omega = measured(speed, encoder(method))[200:]
+    assert omega == pytest.approx(np.full_like(omega, speed), rel=1e-9)
+
+
+def test_timer_quantises_the_period() -> None:
+    speed, timer = 30.0, 1e6
+    period = TURN / 2000 / speed
+    omega = measured(speed, encoder("T", timer=timer))[200:]
+    assert np.abs(period / (TURN / 2000 / omega) - 1.0).max() <= 1.0 / (period * timer) * 1.01
+    assert np.ptp(omega) > 0.0
+
+
+def test_no_edge_for_long_bounds_the_speed() -> None:
+    change = {
+        **STEADY,
+        "mechanics": {"inertia": 1e-3, "coulomb_friction": 0.5, "breakaway_friction": 0.5},
+        "initial_speed": 20.0,
+        "drive": {"position_sensor": encoder("T")},
+    }
+    x = run(change, 1.0)
+    # stands still from 0.04 s on: the estimate falls with the time since the last edge
+    assert x["omega_m"][1000] == 0.0
+    assert abs(x["omega_measured"][-1]) <= TURN / 2000 / 0.9
+
+
+@pytest.mark.parametrize("speed", [12.0, -12.0])
+def test_eccentricity_adds_its_derivative(speed: float) -> None:
+    eccentricity, phase = 5e-3, 0.7
+    sensor = encoder("MT", eccentricity=eccentricity, eccentricity_phase=phase)
+    change = {**STEADY, "initial_speed": speed, "drive": {"position_sensor": sensor}}
+    x = run(change, 1.0)
+    middle = x["theta_m"] - speed * 0.5e-3  # the estimate is the mean over about a millisecond
+    expected = speed * (1.0 + eccentricity * np.cos(middle + phase))
+    assert x["omega_measured"][100::10] == pytest.approx(expected[100::10], abs=speed**2 * eccentricity * 2e-3 * 1.5)
+
+
+def test_resolver_is_a_moving_average_of_a_quantised_angle() -> None:
+    bits, window, speed = 12, 20, 5.0
+    x = run(
+        {**STEADY, "initial_speed": speed, "drive": {"position_sensor": {"kind": "resolver", "bits": bits, "window": window}}},
+        1.0,
+    )
+    step = TURN / 2**bits
+    angle = np.floor(x["theta_m"] / step) * step
+    expected = (angle[window:] - angle[:-window]) / (window * 1e-4)
+    assert x["omega_measured"][window:] == pytest.approx(expected, abs=1e-9)
+
+
+def order(x: dict[str, np.ndarray], signal: str, h: int, pole_pairs: int = 4) -> float:
+    theta = pole_pairs * x["theta_m"]
+    revolutions = int((theta[-1] - theta[0]) / TURN)
+    keep = theta <= theta[0] + revolutions * TURN
+    integral = np.trapezoid(x[signal][keep] * np.exp(-1j * h * theta[keep]), theta[keep])
+    return float(2.0 * np.abs(integral) / (theta[keep][-1] - theta[keep][0]))
+
+
+@pytest.mark.parametrize(
+    ("sensors", "h", "expected"),
+    [
+        # an offset in one phase is 2/3 of it in the stationary frame, and turns once in the rotor's frame
+        ({"offset": [0.3, 0.0, 0.0]}, 1, 0.2),
+        # a gain error of one phase leaves a third of it at twice the frequency
+        ({"gain_error": [0.06, 0.0, 0.0]}, 2, 5.0 * 0.06 / 3.0 / (1.0 + 0.06 * 2.0 / 3.0)),
+        # two sensors: i_c is calculated, so an offset counts in both
+        ({"offset": [0.3, 0.0, 0.0], "sensors": 2}, 1, 0.3 * 2.0 / np.sqrt(3.0)),
+    ],
+)
+def test_current_sensor_errors_become_torque_ripple(sensors: dict[str, Any], h: int, expected: float) -> None:
+    class Constant:
+        def step(self, _: object) -> float:
+            return 5.0
+
+    change: dict[str, Any] = {
+        "motor": {"L_d": 2e-3, "L_q": 2e-3},
+        "mechanics": {"inertia": 1e6},
+        "initial_speed": 6.0,
+        "drive": {"current_sensors": sensors},
+        "controller": {"law": "python"},
+    }
+    x = run(change, 2.0, controller=Constant())
+    late = {name: signal[5000:] for name, signal in x.items()}
+    assert order(late, "i_q", h) == pytest.approx(expected, rel=0.02)
+
+
+def test_converter_rounds_to_its_step_and_ends_at_its_range() -> None:
+    seen: list[float] = []
+
+    class Watch:
+        def step(self, inputs: Any) -> float:
+            seen.append(inputs.i_q)
+            return 5.0
+
+    change: dict[str, Any] = {
+        "mechanics": {"inertia": 1e6},
+        "initial_speed": 0.0,
+        "initial_angle": np.pi / 8 * 3,  # theta_e = 3 pi / 2: i_a = i_q
+        "drive": {"current_sensors": {"bits": 8, "range": 4.0}},
+        "controller": {"law": "python"},
+    }
+    x = run(change, 0.2, controller=Watch())
+    step = 4.0 / 128
+    i = np.array(seen[5:])
+    # phases b and c each round on their own: i_q is a multiple of a third of the step
+    assert i / (step / 3) == pytest.approx(np.round(i / (step / 3)), abs=1e-6)
+    # phase a ends at its range, so the loop raises the others until 2/3 (4 - step) - (i_b + i_c) / 3 is 5
+    assert x["i_q"][-1] == pytest.approx(15.0 - 2.0 * (4.0 - step), abs=step)
+
+
+def test_noise_has_its_deviation_and_depends_on_the_seed() -> None:
+    noises = []
+    for seed in (1, 1, 2):
+        seen: list[float] = []
+
+        class Watch:
+            def __init__(self, into: list[float]) -> None:
+                self.into = into
+
+            def step(self, inputs: Any) -> float:
+                self.into.append(inputs.i_d)
+                return 0.0
+
+        change: dict[str, Any] = {
+            "seed": seed,
+            "mechanics": {"inertia": 1e6},
+            "initial_speed": 0.0,
+            "drive": {"kp_d": 0.0, "ki_d": 0.0, "kp_q": 0.0, "ki_q": 0.0, "current_sensors": {"noise": 0.05}},
+            "controller": {"law": "python"},
+        }
+        run(change, 2.0, controller=Watch(seen))
+        noises.append(np.array(seen))
+    assert np.array_equal(noises[0], noises[1])
+    assert not np.array_equal(noises[0], noises[2])
+    # independent noise on three phases: variance of a Clarke component is 2/3 of one phase's
+    assert noises[0][1:].std() == pytest.approx(0.05 * np.sqrt(2.0 / 3.0), rel=0.05)
