@@ -1,0 +1,58 @@
+# Everything on a fresh clone with Python 3.11 or newer, a C/C++ compiler and make.
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+VENV := .venv
+BIN := $(VENV)/bin
+SOURCES := $(shell find src control/src simulator studies motors -type f -not -name '*.pyc') \
+	CMakeLists.txt pyproject.toml README.md
+
+.PHONY: help build demo test lint control docs bench clean
+
+help: ## what there is to make
+	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
+
+$(VENV)/tools: pyproject.toml
+	@test -n "$(PYTHON)" || { echo "cogless needs Python 3.11 or newer; none found (set PYTHON=...)" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet cmake ninja nanobind scikit-build-core
+	touch $@
+
+$(VENV)/installed: $(VENV)/tools $(SOURCES)
+	$(BIN)/python -m pip install --quiet --no-build-isolation .
+	touch $@
+
+$(VENV)/tested: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --no-build-isolation '.[test]'
+	touch $@
+
+build: $(VENV)/installed ## cogless in .venv
+
+demo: $(VENV)/installed ## the main job: a motor that cogs, under five controllers
+	$(BIN)/cogless run uomodri -o results/uomodri --plots
+
+test: $(VENV)/tested ## the whole test suite
+	$(BIN)/python -m pytest -q
+
+lint: $(VENV)/installed ## ruff and mypy
+	$(BIN)/python -m pip install --quiet '.[lint]' --no-build-isolation
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+control: ## the C library alone, float and double, with sanitizers
+	for real in OFF ON; do \
+	  cmake -S control -B build/control-double-$$real -DCOGLESS_DOUBLE=$$real -DCOGLESS_SANITIZE=ON \
+	    -DCMAKE_BUILD_TYPE=Debug && \
+	  cmake --build build/control-double-$$real && \
+	  ctest --test-dir build/control-double-$$real --output-on-failure || exit 1; \
+	done
+
+docs: $(VENV)/installed ## the guide as HTML in docs/_build
+	$(BIN)/python -m pip install --quiet --no-build-isolation '.[docs]'
+	$(BIN)/python -m sphinx -W -q -b html docs docs/_build
+
+bench: $(VENV)/installed ## speed, beside a hand-written loop and other simulators
+	$(BIN)/python benchmarks/run.py
+
+clean: ## all that was built
+	rm -rf build $(VENV) docs/_build
