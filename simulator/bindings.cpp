@@ -59,11 +59,11 @@ NB_MODULE(COGLESS_MODULE, m) {
 
     nb::class_<Recorder>(m, "Recorder", "Rows of signals, one every `decimation` current-loop periods.")
         .def("__init__",
-             [](Recorder* self, const Drive& drive, std::int64_t decimation) {
+             [](Recorder* self, const Drive& drive, std::int64_t decimation, std::size_t rows) {
                  if (decimation < 1) throw std::invalid_argument("decimation: expected 1 or more");
-                 new (self) Recorder(drive.signals().size(), decimation);
+                 new (self) Recorder(drive.signals().size(), decimation, rows);
              },
-             "drive"_a, "decimation"_a)
+             "drive"_a, "decimation"_a, "rows"_a = 0, "rows: how many are expected; more are taken too.")
         .def(
             "array",
             [](nb::handle_t<Recorder> self) {

@@ -108,8 +108,8 @@ void Drive::control(DriveState& s, const Phases& current) const {
                           t >= config_.learning_start};
         s.command = std::visit([&](const auto& law) { return law.step(state_of(s.law, law), in); }, config_.law);
         if (!std::isfinite(s.command.i_q_ref) || !std::isfinite(s.command.i_d_ref)) {
-            throw std::runtime_error("returned " + std::to_string(s.command.i_q_ref) + " at t = " +
-                                     std::to_string(t) + " s");
+            const double wrong = std::isfinite(s.command.i_q_ref) ? s.command.i_d_ref : s.command.i_q_ref;
+            throw std::runtime_error("returned " + std::to_string(wrong));
         }
     }
     const double pole_pairs = config_.motor.pole_pairs;

@@ -1,6 +1,7 @@
 // Rows of named signals, one every so many current-loop periods.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -14,15 +15,19 @@ struct Signal {
 
 class Recorder {
 public:
-    Recorder(std::size_t columns, std::int64_t decimation) : columns_(columns), decimation_(decimation) {}
+    // rows: how many are expected; more are taken too, but then the memory grows.
+    Recorder(std::size_t columns, std::int64_t decimation, std::size_t rows)
+        : columns_(columns), decimation_(decimation) {
+        data_.reserve(rows * columns);
+    }
 
     bool wants(std::int64_t tick) const { return tick % decimation_ == 0; }
 
     // Makes room before a run of so many periods, so that nothing is allocated within it.
     void reserve(std::int64_t ticks) {
-        const auto rows = static_cast<std::size_t>(ticks / decimation_ + 2);
+        const auto rows = static_cast<std::size_t>(ticks / decimation_ + 1);
         const std::size_t needed = data_.size() + rows * columns_;
-        if (needed > data_.capacity()) data_.reserve(needed);
+        if (needed > data_.capacity()) data_.reserve(std::max(needed, 2 * data_.capacity()));
     }
 
     double* next_row() {

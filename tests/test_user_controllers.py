@@ -95,7 +95,7 @@ def test_a_law_that_returns_no_number_ends_the_run() -> None:
         def step(self, inputs: Any) -> float:
             return float("nan") if inputs.time > 0.1 else 0.0
 
-    with pytest.raises(RuntimeError, match=r"returned nan at t = 0\.101"):
+    with pytest.raises(RuntimeError, match="returned nan"):
         run({"controller": {"law": "python"}}, 0.5, controller=Broken())
 
 

@@ -1,0 +1,48 @@
+"""Controllers that remove torque ripple from permanent-magnet drives: simulated, designed and compared."""
+
+from __future__ import annotations
+
+from importlib import import_module, metadata
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cogless.errors import StudyError
+    from cogless.results import Results, Run
+    from cogless.simulate import run_study, simulate
+    from cogless.study import Study, changed, for_scenario, load
+    from cogless.trace import Trace
+
+# Loaded when first used, so that importing cogless stays quick.
+_HOMES = {
+    "StudyError": "cogless.errors",
+    "Results": "cogless.results",
+    "Run": "cogless.results",
+    "run_study": "cogless.simulate",
+    "simulate": "cogless.simulate",
+    "Study": "cogless.study",
+    "changed": "cogless.study",
+    "for_scenario": "cogless.study",
+    "load": "cogless.study",
+    "Trace": "cogless.trace",
+}
+
+__all__ = [
+    "Results",
+    "Run",
+    "Study",
+    "StudyError",
+    "Trace",
+    "changed",
+    "for_scenario",
+    "load",
+    "run_study",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return metadata.version("cogless")
+    if name in _HOMES:
+        return getattr(import_module(_HOMES[name]), name)
+    raise AttributeError(f"module 'cogless' has no attribute {name!r}")

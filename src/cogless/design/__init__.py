@@ -1,0 +1,1 @@
+"""Gains from a stated rule, with the margins that they have."""

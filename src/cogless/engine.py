@@ -1,0 +1,115 @@
+"""A study in the engine's words: one plain nested dict of SI numbers, for one controller in one scenario."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, Literal
+
+from cogless.design.pi import gains
+from cogless.study import Study, for_scenario
+from cogless.study.controller import AntiCogging, Feedback, Learning, LibraryLaw, PythonLaw
+from cogless.study.drive import Drive, sensor_fields
+from cogless.study.mechanics import Load, Mechanics
+from cogless.study.motor import StarMotor
+from cogless.study.scenario import Reference
+
+Mode = Literal["run", "learn"]
+
+
+def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "run") -> dict[str, Any]:
+    """The engine's description of one run.
+
+    `mode` "learn": the commissioning run of an anti-cogging table, from standstill, with the load that
+    belongs to the mechanics and without the scenario's load and events. A controller's gains are those of
+    the study without overrides: what changes in a scenario, the controller isn't told.
+    """
+    here = for_scenario(study, scenario)
+    experiment = here.scenario[scenario]
+    run = mode == "run"
+    motor = here.motor.star()
+    load = experiment.load if run and experiment.load is not None else here.mechanics.load
+    return {
+        "motor": _motor(motor),
+        "mechanics": _mechanics(here.mechanics),
+        "load": _load(load),
+        "events": [event.model_dump() for event in experiment.events] if run else [],
+        "reference": _reference(experiment.reference if run else Reference.model_validate("0 rpm")),
+        "initial_speed": experiment.initial_speed if run else 0.0,
+        "initial_angle": experiment.initial_angle if run else 0.0,
+        "seed": here.seed,
+        "drive": _drive(here.drive, motor),
+        "controller": _controller(study, controller, mode),
+    }
+
+
+def _motor(motor: StarMotor) -> dict[str, Any]:
+    numbers = {key: getattr(motor, key) for key in ("pole_pairs", "R_s", "L_d", "L_q", "psi_f")}
+    return {
+        **numbers,
+        "flux_harmonics": [harmonic.model_dump() for harmonic in motor.flux_harmonics],
+        "cogging": [harmonic.model_dump(include={"order", "torque", "phase"}) for harmonic in motor.cogging],
+    }
+
+
+def _mechanics(mechanics: Mechanics) -> dict[str, Any]:
+    numbers = mechanics.model_dump(exclude={"load"})
+    if mechanics.breakaway_friction is None:
+        numbers["breakaway_friction"] = mechanics.coulomb_friction
+    return numbers
+
+
+def _load(load: Load) -> dict[str, Any]:
+    return _lists(load.model_dump())
+
+
+def _reference(reference: Reference) -> dict[str, Any]:
+    numbers = reference.model_dump(exclude={"profile"})
+    return {
+        "kind": reference.kind,
+        **numbers,
+        "times": [time for time, _ in reference.profile],
+        "speeds": [speed for _, speed in reference.profile],
+    }
+
+
+def _drive(drive: Drive, motor: StarMotor) -> dict[str, Any]:
+    belief = drive.belief.resolved(motor)
+    return {
+        "current_rate": round(drive.rates.current_loop),
+        "speed_divider": round(drive.rates.current_loop / drive.rates.speed_loop),
+        "integration_steps": drive.rates.integration_steps,
+        **drive.current_loop.gains(belief),
+        "decoupling": drive.current_loop.decoupling,
+        "current_limit": drive.current_loop.current_limit,
+        "belief": dataclasses.asdict(belief),
+        "inverter": drive.inverter.model_dump(),
+        "position_sensor": sensor_fields(drive.position_sensor),
+        "current_sensors": _lists(drive.current_sensors.model_dump()),
+    }
+
+
+def _controller(study: Study, name: str, mode: Mode) -> dict[str, Any]:
+    controller = study.controller[name]
+    if isinstance(controller, PythonLaw):
+        return {"law": controller.law}
+    fields = _lists(controller.model_dump(exclude={"label", "baseline", "tuning"}))
+    if isinstance(controller, LibraryLaw):
+        fields["library"] = str((study.source.path.parent / controller.library).resolve())
+    if isinstance(controller, Feedback):
+        fields["kp"], fields["ki"] = gains(study, name)
+    if isinstance(controller, Learning) and controller.limit is None:
+        fields["limit"] = study.drive.current_loop.current_limit
+    if isinstance(controller, AntiCogging):
+        fields["mode"] = mode
+    return fields
+
+
+def _lists(table: dict[str, Any]) -> dict[str, Any]:
+    """The table with lists for tuples, all the way down."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return _lists(value)
+        return [plain(item) for item in value] if isinstance(value, tuple | list) else value
+
+    return {key: plain(value) for key, value in table.items()}

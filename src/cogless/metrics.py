@@ -1,0 +1,267 @@
+"""Metrics: numbers from a trace, over declared windows. Values are SI; None: a step that never settles.
+
+One small function a kind, in the registry KINDS; `evaluate` finds the window and calls it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.errors import StudyError
+from cogless.study.metric import Metric
+from cogless.trace import Trace
+
+Array = NDArray[np.float64]
+Value = float | None | list[float]
+
+# The signal that a signal should follow; any other should return to its mean from before the event.
+REFERENCES = {"omega_m": "omega_ref", "omega_measured": "omega_ref", "i_d": "i_d_ref", "i_q": "i_q_ref"}
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What a metric needs to know of a run besides its trace."""
+
+    pole_pairs: int
+    R_s: float  # ohm, of the star equivalent
+    speed_period: float  # s, of the speed loop
+    events: tuple[float, ...] = ()  # s, times of the scenario's events
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A metric about to be evaluated: the whole trace, the metric, the conditions and the metric's rows."""
+
+    metric: Metric
+    trace: Trace
+    conditions: Conditions
+    rows: slice
+
+    @property
+    def signal(self) -> str:
+        if self.metric.signal is None:
+            raise self.error("expected a signal")
+        return self.metric.signal
+
+    @property
+    def x(self) -> Array:
+        """The signal in the metric's rows."""
+        return self.trace[self.signal][self.rows]
+
+    @property
+    def event(self) -> float:
+        """Time of the metric's event, s."""
+        if self.metric.event is None:
+            raise self.error("expected an event")
+        return self.metric.event
+
+    def error(self, problem: str) -> StudyError:
+        return StudyError(f"metric {self.metric.name}: {problem}")
+
+
+def evaluate(metric: Metric, trace: Trace, conditions: Conditions) -> Value:
+    """Value of a metric on a trace, SI; a list for kind "order"; None for a step that never settles.
+
+    StudyError: a signal that the trace doesn't have, an empty window, less than one revolution for an order,
+    rows too sparse for chattering.
+    """
+    first, last = _window(metric, trace, conditions)
+    measurement = Measurement(metric, trace, conditions, trace.window(first, last))
+    if metric.signal is not None and metric.signal not in trace:
+        raise measurement.error(f"signal {metric.signal}: expected one of {', '.join(trace.names)}")
+    if measurement.rows.start == measurement.rows.stop:
+        raise measurement.error(f"window {first:g} s to {last:g} s holds no row of the trace")
+    return KINDS[metric.kind](measurement)
+
+
+def _window(metric: Metric, trace: Trace, conditions: Conditions) -> tuple[float, float]:
+    """The metric's window, s: as declared, else from its event to the next one, else the whole trace."""
+    if metric.window is not None:
+        return metric.window
+    end = float(trace.time[-1]) if len(trace) else 0.0
+    if metric.event is None:
+        return 0.0, end
+    # The row of the next event already carries that event.
+    return metric.event, min((t - trace.period for t in conditions.events if t > metric.event), default=end)
+
+
+def peak_to_peak(m: Measurement) -> float:
+    """Largest minus smallest value, in the signal's unit."""
+    return float(np.ptp(m.x))
+
+
+def rms(m: Measurement) -> float:
+    """Root of the mean square, mean included, in the signal's unit."""
+    return math.sqrt(float(np.mean(np.square(m.x))))
+
+
+def ripple_rms(m: Measurement) -> float:
+    """Root of the mean square about the mean, in the signal's unit."""
+    return float(np.std(m.x))
+
+
+def mean(m: Measurement) -> float:
+    """Mean over time, in the signal's unit."""
+    return float(np.mean(m.x))
+
+
+def maximum(m: Measurement) -> float:
+    """Largest magnitude, in the signal's unit."""
+    return float(np.max(np.abs(m.x)))
+
+
+def order(m: Measurement) -> list[float]:
+    """Amplitude (peak) of each order of an electrical or mechanical revolution, in the signal's unit.
+
+    Tracked on angle, so a varying speed doesn't smear it.
+    """
+    orders = list(m.metric.order or ())
+    try:
+        return order_amplitudes(
+            m.trace["theta_m"][m.rows], m.x, orders, m.conditions.pole_pairs, m.metric.frame == "electrical"
+        )
+    except ValueError as error:
+        raise m.error(str(error)) from error
+
+
+def dip(m: Measurement) -> float:
+    """Largest deviation after the event from the mean before it, in the signal's unit."""
+    return float(np.max(np.abs(m.x - _mean_before(m))))
+
+
+def settling(m: Measurement) -> float | None:
+    """Time from the event until the signal stays within the band, s; None when it never does.
+
+    The band lies around the signal's reference, or, without one, around its mean before the event. A signal
+    still outside in the last twentieth of the window hasn't settled: it crosses the band again and again.
+    """
+    if m.metric.band is None:
+        raise m.error("expected a band")
+    if m.signal == "omega_error":
+        target: Array | float = 0.0
+    elif m.signal in REFERENCES and REFERENCES[m.signal] in m.trace:
+        target = m.trace[REFERENCES[m.signal]][m.rows]
+    else:
+        target = _mean_before(m)
+    time = m.trace.time[m.rows]
+    outside = np.flatnonzero(np.abs(m.x - target) > m.metric.band)
+    if len(outside) == 0:
+        return 0.0
+    if outside[-1] >= 0.95 * (len(time) - 1):
+        return None
+    return max(0.0, float(time[outside[-1]]) - m.event)
+
+
+def copper_loss(m: Measurement) -> float:
+    """Mean copper loss 1.5 R_s (i_d^2 + i_q^2), W."""
+    i_d, i_q = m.trace["i_d"][m.rows], m.trace["i_q"][m.rows]
+    return 1.5 * m.conditions.R_s * float(np.mean(i_d * i_d + i_q * i_q))
+
+
+def chattering(m: Measurement) -> float:
+    """Mean |step| of the current reference i_q_ref from one speed-loop sample to the next, A."""
+    time, period = m.trace.time[m.rows], m.conditions.speed_period
+    if m.trace.period > period * (1 + 1e-6):
+        raise m.error(
+            f"needs a row for every speed-loop sample: expected trace.rate of {1 / period:g} Hz or more"
+        )
+    slack = 1e-6 * m.trace.period
+    samples = np.arange(math.ceil((time[0] - slack) / period), math.floor((time[-1] + slack) / period) + 1)
+    i_q_ref = m.trace["i_q_ref"][m.rows][np.searchsorted(time, samples * period - slack)]
+    if len(i_q_ref) < 2:
+        raise m.error("window holds fewer than two speed-loop samples")
+    return float(np.mean(np.abs(np.diff(i_q_ref))))
+
+
+KINDS: dict[str, Callable[[Measurement], Value]] = {
+    "peak-to-peak": peak_to_peak,
+    "rms": rms,
+    "ripple-rms": ripple_rms,
+    "mean": mean,
+    "maximum": maximum,
+    "order": order,
+    "dip": dip,
+    "settling": settling,
+    "copper-loss": copper_loss,
+    "chattering": chattering,
+}
+
+
+def result_name(metric: Metric) -> str:
+    """Name in results.json: the metric's name, ended by its SI unit ("speed_ripple_rad_s", "torque_N_m")."""
+    suffix = "_" + metric.dimension.unit.replace("*", "_").replace("/", "_").replace("^", "")
+    return metric.name if suffix == "_" or metric.name.endswith(suffix) else metric.name + suffix
+
+
+def order_amplitudes(
+    theta_m: Array, x: Array, orders: Sequence[float], pole_pairs: int, electrical: bool
+) -> list[float]:
+    """Amplitudes of x at orders of a revolution, in x's unit.
+
+    Fourier integral over angle, by trapezoid, over the last whole revolutions: mechanical ones where there is
+    one (every order of the motor is whole over it, so none leaks into another), else electrical ones. An
+    order that is not whole takes as many revolutions as make it so. theta_m: unwrapped mechanical angle, rad,
+    in either direction.
+    ValueError: less than one such revolution.
+    """
+    frame = theta_m * pole_pairs if electrical else theta_m
+    whole = math.lcm(*(Fraction(n).limit_denominator(1000).denominator for n in orders))
+    periods = [math.lcm(whole, pole_pairs), whole] if electrical else [whole]
+    turns = abs(float(frame[-1] - frame[0])) / (2 * math.pi) if len(frame) else 0.0
+    # A window that was meant to hold exactly n revolutions may miss the last by a row.
+    row = turns / max(1, len(frame) - 1)
+    for period in periods:
+        count = math.floor((turns + 2 * row) / period)
+        if count:
+            break
+    else:
+        name = "electrical" if electrical else "mechanical"
+        raise ValueError(f"window holds {turns:.3g} {name} revolutions, expected {periods[-1]} or more")
+    angle, x = _last_part(frame, x, min(turns, count * period) * 2 * math.pi)
+    step = np.diff(angle)
+    span = float(angle[-1] - angle[0])
+    # Without the mean, which would leak through the rounding of the ends.
+    x = x - float(np.dot(step, x[1:] + x[:-1])) / (2 * span)
+    amplitudes = []
+    for n in orders:
+        rotated = x * np.exp(-1j * float(n) * angle)
+        integral = np.dot(step, rotated[1:] + rotated[:-1]) / 2
+        amplitudes.append(2 * abs(complex(integral)) / abs(span))
+    return amplitudes
+
+
+def _last_part(angle: Array, x: Array, span: float) -> tuple[Array, Array]:
+    """The last `span` rad of x over angle; its first point is interpolated."""
+    direction = 1.0 if angle[-1] >= angle[0] else -1.0
+    travelled = direction * (angle - angle[0])
+    start = max(0.0, float(travelled[-1]) - span)
+    before = np.flatnonzero(travelled <= start)  # the last passage, should the rotor have turned back
+    first = min(int(before[-1]), len(angle) - 2)
+    share = (start - travelled[first]) / (travelled[first + 1] - travelled[first] or 1.0)
+    x_start = x[first] + share * (x[first + 1] - x[first])
+    return (
+        np.concatenate(([angle[0] + direction * start], angle[first + 1 :])),
+        np.concatenate(([x_start], x[first + 1 :])),
+    )
+
+
+def _mean_before(m: Measurement) -> float:
+    """Mean of the signal before the event, over the last revolution.
+
+    At most over half of the time since the event before, or since the start.
+    """
+    event, trace = m.event, m.trace
+    previous = max((t for t in m.conditions.events if t < event), default=0.0)
+    rows = trace.window((previous + event) / 2, event - trace.period)
+    x = trace[m.signal]
+    if rows.start == rows.stop:
+        return float(x[m.rows][0])
+    theta = trace["theta_m"]
+    turned = np.abs(theta[rows] - theta[rows.stop - 1])
+    return float(np.mean(x[rows][turned <= 2 * math.pi]))

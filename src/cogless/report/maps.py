@@ -1,0 +1,42 @@
+"""The learnt maps for the page: current over angle at the end of a run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cogless.report.packing import plain
+from cogless.report.palette import place
+from cogless.results import Results, Run
+
+MOST = 1440  # points of a map
+
+NOTE = "The current that each controller has learnt over one revolution, as it stands at the end of the run."
+
+
+def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """Learnt current over one revolution, a chart for each frame, on a common grid of angle."""
+    charts = []
+    for frame in ("electrical", "mechanical"):
+        learnt = [run for run in runs if run.memory and run.memory["frame"] == frame]
+        if not learnt:
+            continue
+        cells = min(MOST, max(len(run.memory["current"]) for run in learnt))
+        grid = np.linspace(0, 2 * math.pi, cells + 1)
+        series = [
+            {
+                "controller": place(results, run),
+                "values": plain(
+                    np.interp(grid, run.memory["angle"], run.memory["current"], period=2 * math.pi)
+                ),
+            }
+            for run in learnt
+        ]
+        angle = np.round(np.rad2deg(grid), 3).tolist()
+        charts.append(
+            {"title": "Learnt current", "x": f"{frame} angle (°)", "angle": angle, "series": series}
+        )
+    return charts

@@ -1,0 +1,74 @@
+"""The study as readable tables, with its own texts and units, and its assumptions with their reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from html import escape
+from typing import Any
+
+from cogless.study import Study
+
+SHOWN_ELSEWHERE = ("title", "description", "assumption", "seed")
+
+
+def settings(study: Study) -> str:
+    """One small table for each table of the study, as its file and datasheet have it."""
+    groups = []
+    for name, table in _groups(study.source.tables):
+        rows = "".join(
+            f"<tr><th>{escape(key)}</th><td>{escape(text)}</td></tr>" for key, text in _rows(table)
+        )
+        if rows:
+            groups.append(
+                f'<div class="group"><h3><code>[{escape(name)}]</code></h3>'
+                f'<div class="scroll"><table>{rows}</table></div></div>'
+            )
+    return f'<div class="settings">{"".join(groups)}</div>'
+
+
+def assumptions(study: Study) -> str:
+    """What the author had to suppose, and why."""
+    if not study.assumption:
+        return ""
+    rows = "".join(
+        f"<tr><th><code>{escape(a.about)}</code></th><td>{escape(a.reason)}</td></tr>"
+        for a in study.assumption
+    )
+    head = "<thead><tr><th>Assumption about</th><th>because</th></tr></thead>"
+    return f'<h3>Assumptions</h3><div class="scroll"><table>{head}<tbody>{rows}</tbody></table></div>'
+
+
+def _groups(tables: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Each table with its dotted name; scenarios and controllers one by one, metrics a line each."""
+    for name, table in tables.items():
+        if name in SHOWN_ELSEWHERE:
+            continue
+        if name in ("scenario", "controller"):
+            yield from ((f"{name}.{key}", inner) for key, inner in table.items())
+        elif isinstance(table, list):
+            yield name, {str(row.get("name", i)): _summary(row) for i, row in enumerate(table)}
+        elif isinstance(table, dict):
+            yield name, table
+
+
+def _summary(row: dict[str, Any]) -> str:
+    return "; ".join(f"{key} {_text(value)}" for key, value in row.items() if key != "name")
+
+
+def _rows(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    for key, value in table.items():
+        if isinstance(value, dict) and value:
+            yield from _rows(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", _text(value)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_text(inner)}" for key, inner in value.items())
+    if isinstance(value, list):
+        tables = any(isinstance(item, dict) for item in value)
+        return ("; " if tables else ", ").join(_text(item) for item in value)
+    return str(value)

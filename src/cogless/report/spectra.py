@@ -1,0 +1,127 @@
+"""Order spectra for the page: speed amplitude by electrical and by mechanical order, computed on angle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cogless.report.comparison import pretty
+from cogless.report.overtime import LEARNT, near_reference
+from cogless.report.packing import Array, plain
+from cogless.report.palette import place
+from cogless.results import Results, Run
+from cogless.units import ANGULAR_SPEED, factor
+
+SHOWN_ORDERS = 24
+
+NOTE = (
+    "Amplitude of each order, integrated over angle in the last whole revolutions of the run. The baseline's "
+    "bars are the ripple without learning; the short line above a bar is where that controller itself began."
+)
+
+
+def spectra(results: Results, runs: Sequence[Run], speed_unit: str) -> list[dict[str, Any]]:
+    """Speed by electrical and by mechanical order: late in the run, and where each controller began."""
+    pole_pairs = results.study.motor.pole_pairs
+    scale = factor(speed_unit, ANGULAR_SPEED)
+    highest = min((_highest(results, run) for run in runs), default=0)
+    both = [(place(results, run), *_before_and_after(results, run, highest)) for run in runs]
+    found = [(where, early, after) for where, early, after in both if after is not None]
+    if not found:
+        return []
+    peaks = np.fmax.reduce([after for _, _, after in found])  # NaN only where all are
+    electrical = np.arange(1, min(12, (len(peaks) - 1) // pole_pairs) + 1)
+    strongest = np.argsort(np.nan_to_num(peaks))[::-1][:SHOWN_ORDERS]
+    mechanical = np.sort(strongest[peaks[strongest] > 1e-3 * np.nanmax(peaks)])
+    charts = []
+    for frame, orders, step in (("electrical", electrical, pole_pairs), ("mechanical", mechanical, 1)):
+        if len(orders) == 0 or (frame == "mechanical" and pole_pairs == 1):
+            continue
+        series = []
+        for where, early, after in found:
+            one = {"controller": where, "values": plain(after[orders * step] / scale)}
+            if early is not None:
+                one["early"] = plain(early[orders * step] / scale)
+            series.append(one)
+        title = f"Speed by {frame} order" + (", the strongest" if frame == "mechanical" else "")
+        x = f"order of the {frame} revolution"
+        axis = {"title": title, "x": x, "quantity": "speed amplitude", "unit": pretty(speed_unit)}
+        charts.append({**axis, "orders": orders.tolist(), "series": series})
+    return charts
+
+
+def late(results: Results, run: Run) -> slice:
+    """Rows of the last part of a run, which spectra and shares are of.
+
+    The window of the scenario's last order metric, else the last quarter, but not soon after an event.
+    """
+    time = run.trace.time
+    for metric in reversed(results.study.metrics_in(run.scenario)):
+        if metric.kind == "order" and metric.window is not None and metric.window[0] < time[-1]:
+            return run.trace.window(*metric.window)
+    end = float(time[-1])
+    events = [event.time for event in results.study.scenario[run.scenario].events if event.time < end]
+    return run.trace.window(max([0.75 * end, *(0.5 * (t + end) for t in events)]), end)
+
+
+def _highest(results: Results, run: Run) -> int:
+    """The highest mechanical order that is looked at: 24 electrical ones, if the rows hold them."""
+    rows = late(results, run)
+    theta = run.trace["theta_m"][rows]
+    turned = abs(float(theta[-1] - theta[0])) / (2 * math.pi) if len(theta) > 1 else 0.0
+    most = 24 * results.study.motor.pole_pairs
+    return min(most, int(len(theta) / turned / 2.5)) if turned else most
+
+
+def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array | None, Array | None]:
+    """Amplitudes where a controller that learns began, for a revolution, and late in the run."""
+    trace, rows = run.trace, late(results, run)
+    pole_pairs = results.study.motor.pole_pairs
+    theta, x = trace["theta_m"], trace["omega_m"]
+    if rows.stop - rows.start < 2:
+        return None, None
+    after = order_spectrum(theta[rows], x[rows], highest, pole_pairs)
+    # It began where the speed first came near the reference.
+    near = np.flatnonzero(near_reference(run))
+    if after is None or len(near) == 0:
+        return None, after
+    begun = slice(
+        int(near[0]),
+        int(near[0] + np.searchsorted(np.abs(theta[near[0] :] - theta[near[0]]), 2 * math.pi)) + 1,
+    )
+    learns = any(name in trace for name in LEARNT)
+    if begun.stop > rows.start or not learns:
+        return None, after
+    return order_spectrum(theta[begun], x[begun], highest, pole_pairs), after
+
+
+def order_spectrum(theta_m: Array, x: Array, highest: int, pole_pairs: int) -> Array | None:
+    """Amplitudes of the mechanical orders 0 to `highest` (0: left at zero), in x's unit.
+
+    Over the last whole mechanical revolutions, on an even grid of angle; every pole_pairs-th order is an
+    electrical one. With less than a mechanical revolution, over the last electrical ones: then only
+    electrical orders are there, the others are NaN. None: less than that, or a rotor that turns back.
+    """
+    direction = 1.0 if theta_m[-1] >= theta_m[0] else -1.0
+    travelled = direction * (theta_m - theta_m[0])
+    row = float(travelled[-1]) / max(1, len(x) - 1)
+    turns = (float(travelled[-1]) + 2 * row) / (2 * math.pi)
+    if turns >= 1:
+        span, stride = math.floor(turns) * 2 * math.pi, 1
+    elif turns * pole_pairs >= 1:
+        span, stride = math.floor(turns * pole_pairs) * 2 * math.pi / pole_pairs, pole_pairs
+    else:
+        return None
+    if np.any(np.diff(travelled) < 0):
+        return None
+    cycles = round(span * stride / (2 * math.pi))
+    per_cycle = max(2 * highest // stride + 2, len(x) // cycles)
+    grid = travelled[-1] - span + np.arange(cycles * per_cycle) * (span / (cycles * per_cycle))
+    bins = 2 * np.abs(np.fft.rfft(np.interp(grid, travelled, x))) / len(grid)
+    amplitudes = np.full(highest + 1, np.nan)
+    amplitudes[::stride] = bins[::cycles][: highest // stride + 1]
+    amplitudes[0] = 0.0
+    return amplitudes

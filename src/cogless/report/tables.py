@@ -1,0 +1,91 @@
+"""The report's tables of numbers: metrics by controller, and the share of each term of a law."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from cogless.report.comparison import Line, compare, factor_text, number
+from cogless.report.palette import colours
+from cogless.report.spectra import late
+from cogless.results import Results, Run
+
+
+def metric_tables(results: Results) -> str:
+    """One table a scenario: metrics down, controllers across; best marked, ratio to the baseline."""
+    label, baseline = results.study.label, results.study.baseline
+    tables = []
+    for place, scenario in enumerate(results.scenarios):
+        controllers = [run.controller for run in results.runs if run.scenario == scenario]
+        head = "".join(_head(label(c), c == baseline) for c in controllers)
+        lines = compare(results, scenario)
+        if not lines:
+            tables.append(_scenario(place, f'<p class="note">No metric is taken in {escape(scenario)}.</p>'))
+            continue
+        body = "".join(_row(line, controllers, baseline) for line in lines)
+        table = f"<thead><tr><th>{escape(scenario)}</th>{head}</tr></thead><tbody>{body}</tbody>"
+        tables.append(_scenario(place, f'<div class="scroll"><table class="numbers">{table}</table></div>'))
+    return "".join(tables)
+
+
+def term_tables(results: Results) -> str:
+    """One block a scenario: RMS of each term of each law late in the run, and of its varying part."""
+    blocks = []
+    for place, scenario in enumerate(results.scenarios):
+        runs = [run for run in results.runs if run.scenario == scenario]
+        tables = "".join(_terms(results, run, results.study.label(run.controller)) for run in runs)
+        note = (
+            f'<p class="note">RMS of each term of the current reference late in {escape(scenario)}; the '
+            "varying part is about its mean, so it leaves out what only carries the load.</p>"
+        )
+        blocks.append(_scenario(place, note + tables if tables else ""))
+    return "".join(blocks)
+
+
+def _head(label: str, baseline: bool) -> str:
+    mark = ' <span class="base">(baseline)</span>' if baseline else ""
+    return f"<th>{escape(label)}{mark}</th>"
+
+
+def _row(line: Line, controllers: list[str], baseline: str) -> str:
+    cells = []
+    for controller in controllers:
+        ratio = None if controller == baseline else line.ratio(controller, baseline)
+        factor = factor_text(ratio) if ratio is not None else ""
+        best = ' class="best"' if controller in line.best else ""
+        value = escape(line.text(controller))
+        cells.append(f'<td{best}>{value} <span class="ratio">{factor}</span></td>')
+    return f"<tr><th>{escape(line.title)}</th>{''.join(cells)}</tr>"
+
+
+def _terms(results: Results, run: Run, label: str) -> str:
+    trace = run.trace
+    rows = late(results, run)
+    names = [name for name in trace.names if name.startswith("term_")]
+    figures = [(float(np.sqrt(np.mean(trace[n][rows] ** 2))), float(np.std(trace[n][rows]))) for n in names]
+    top, most = (max(column) or 1.0 for column in zip(*figures, strict=True)) if figures else (1.0, 1.0)
+    body = "".join(
+        f"<tr><th>{escape(name.removeprefix('term_').replace('_', ' '))}</th>"
+        f'<td class="figure">{number(rms)} A</td><td class="wide">{_meter(rms / top)}</td>'
+        f'<td class="figure">{number(varying)} A</td><td class="wide">{_meter(varying / most)}</td></tr>'
+        for name, (rms, varying) in zip(names, figures, strict=True)
+    )
+    if not body:
+        return ""
+    head = '<th>term</th><th class="figure">RMS</th><th></th><th class="figure">varying part</th><th></th>'
+    colour = colours(results)[run.controller]
+    return (
+        f'<h3 class="key" style="--colour:var(--c{colour})">{escape(label)}</h3><div class="scroll">'
+        f'<table class="terms" style="--colour:var(--c{colour})"><thead><tr>{head}</tr></thead>'
+        f"<tbody>{body}</tbody></table></div>"
+    )
+
+
+def _meter(share: float) -> str:
+    return f'<div class="meter" style="width:{100 * share:.1f}%"></div>'
+
+
+def _scenario(place: int, content: str) -> str:
+    hidden = " hidden" if place else ""
+    return f'<div class="scenario" data-scenario="{place}"{hidden}>{content}</div>'

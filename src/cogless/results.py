@@ -1,0 +1,139 @@
+"""Results of a study: its runs with their metrics, and results.json."""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cogless.files import replacing
+from cogless.metrics import Value, result_name
+from cogless.trace import Trace
+
+if TYPE_CHECKING:
+    from cogless.study import Study
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One controller in one scenario.
+
+    `memory` is the learnt map at the end, or empty: {"angle": rad, "current": A, "frame": "electrical" or
+    "mechanical"}. `metrics` are SI, by their name in results.json.
+    """
+
+    scenario: str
+    controller: str
+    trace: Trace
+    memory: Mapping[str, Any] = field(default_factory=dict)
+    metrics: Mapping[str, Value] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """A study and what came out of it; `interrupted`: not all of its runs are here."""
+
+    study: Study
+    runs: Sequence[Run]
+    interrupted: bool = False
+
+    @property
+    def scenarios(self) -> list[str]:
+        """Scenarios that have a run, in the study's order."""
+        return list(dict.fromkeys(run.scenario for run in self.runs))
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of what computes the numbers."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        cogless = version("cogless")
+    except PackageNotFoundError:
+        cogless = "not installed"
+    return {"cogless": cogless, "python": platform.python_version(), "numpy": np.__version__}
+
+
+def to_dict(results: Results) -> dict[str, Any]:
+    """What results.json holds, from plain types only; a number that isn't finite becomes null ("never")."""
+    return {
+        "study": results.study.name,
+        "title": results.study.title,
+        "version": versions()["cogless"],
+        "versions": versions(),
+        "seed": results.study.seed,
+        "interrupted": results.interrupted,
+        "baseline": results.study.baseline,
+        "settings": _as_json(results.study.source.tables),
+        "metrics": _definitions(results),
+        "runs": [
+            {
+                "scenario": run.scenario,
+                "controller": run.controller,
+                "metrics": {name: _plain(value) for name, value in run.metrics.items()},
+                "memory": _memory(run.memory),
+            }
+            for run in results.runs
+        ],
+    }
+
+
+def write(results: Results, path: Path) -> None:
+    """Write results.json, whole or not at all."""
+    text = json.dumps(to_dict(results), indent=2, allow_nan=False, ensure_ascii=False)
+    with replacing(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def _definitions(results: Results) -> dict[str, dict[str, Any]]:
+    """What each name in a run's metrics means: unit, kind, signal; of an order metric orders and frame."""
+    definitions = {}
+    for metric in results.study.metric:
+        meaning: dict[str, Any] = {
+            "kind": metric.kind,
+            "unit": metric.dimension.unit,
+            "signal": metric.signal,
+        }
+        if metric.kind == "order":
+            meaning |= {"order": list(metric.order or ()), "frame": metric.frame}
+        definitions[result_name(metric)] = meaning
+    return definitions
+
+
+def _memory(memory: Mapping[str, Any]) -> dict[str, Any]:
+    """The learnt map in short: enough to see that something was learnt, and how much."""
+    if not memory:
+        return {}
+    current = np.asarray(memory["current"], dtype=float)
+    return {
+        "frame": memory["frame"],
+        "cells": len(current),
+        "peak_A": _plain(float(np.max(np.abs(current), initial=0.0))),
+        "rms_A": _plain(float(np.sqrt(np.mean(np.square(current))))) if len(current) else 0.0,
+    }
+
+
+def _as_json(value: Any) -> Any:
+    """A study's tables; what JSON doesn't have (a date, an infinite parameter) becomes a text."""
+    if isinstance(value, dict):
+        return {key: _as_json(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_as_json(inner) for inner in value]
+    known = isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))
+    return value if known else str(value)
+
+
+def _plain(value: Value) -> Any:
+    if value is None:
+        return None
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,227 @@
+"""Run a study on the native engine: one controller in one scenario, or all of them."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import wait as wait_for
+from fnmatch import fnmatchcase
+from importlib import import_module
+from threading import Event
+from typing import Any
+
+import numpy as np
+
+from cogless.engine import Mode, engine_config
+from cogless.errors import StudyError
+from cogless.laws import describe, law_file, make_law
+from cogless.metrics import Conditions, Value, evaluate, result_name
+from cogless.results import Results, Run
+from cogless.study import Study, for_scenario
+from cogless.study.controller import AntiCogging
+from cogless.trace import Trace
+
+ENGINES = {"single": "cogless._simulator_f32", "double": "cogless._simulator_f64"}
+BUSY = 8  # CGL_STATUS_BUSY: a commissioning run is under way
+PIECE = 0.1  # s of wall time between two looks at progress and Ctrl-C
+SETTLING = 1 / 8  # revolutions that a commissioning run takes before it records, each way
+
+Progress = Callable[[float], None]
+StudyProgress = Callable[[str, str, float], None]
+
+
+class RunError(StudyError):
+    """A run that could not be finished: its controller returned NaN, say. `results` holds the others."""
+
+    def __init__(self, message: str, results: Results) -> None:
+        super().__init__(message)
+        self.results = results
+
+
+class _Stopped(Exception):  # noqa: N818, it isn't an error
+    pass
+
+
+def simulate(study: Study, scenario: str, controller: str, progress: Progress | None = None) -> Run:
+    """Run one controller in one scenario and take its metrics.
+
+    `progress` is called with the finished share, 0 to 1, about ten times a second. An anti-cogging table is
+    learnt first, in a commissioning run of its own. StudyError: an unknown name, a controller that fails.
+    """
+    _known(study, scenario, controller)
+    return _simulate(study, scenario, controller, progress or (lambda share: None), Event())
+
+
+def run_study(
+    study: Study, only: Sequence[str] | None = None, progress: StudyProgress | None = None, jobs: int = 1
+) -> Results:
+    """Run every controller in every scenario, or what `only` names: SCENARIO/CONTROLLER, with * and ?.
+
+    Ctrl-C ends it early: the finished runs are returned, with `interrupted` set. RunError: some run could
+    not be finished; the others are.
+    """
+    chosen = runs_of(study, only)
+    stop = Event()
+
+    def one(scenario: str, controller: str) -> Run:
+        def report(share: float) -> None:
+            if progress is not None:
+                progress(scenario, controller, share)
+
+        return _simulate(study, scenario, controller, report, stop)
+
+    with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
+        futures = [pool.submit(one, scenario, controller) for scenario, controller in chosen]
+        try:
+            wait_for(futures)
+        except KeyboardInterrupt:
+            stop.set()
+            pool.shutdown(wait=True, cancel_futures=True)
+    return _collected(study, futures, stop.is_set())
+
+
+def runs_of(study: Study, only: Sequence[str] | None = None) -> list[tuple[str, str]]:
+    """(scenario, controller) of each run that is asked for, in the study's order."""
+    runs = [(scenario, name) for scenario in study.scenario for name in study.controllers_in(scenario)]
+    if not only:
+        return runs
+    for pattern in only:
+        if not any(fnmatchcase("/".join(run), pattern) for run in runs):
+            known = ", ".join("/".join(run) for run in runs)
+            raise StudyError(
+                f'{study.source.path}: --only: "{pattern}": expected SCENARIO/CONTROLLER of {known}'
+            )
+    return [run for run in runs if any(fnmatchcase("/".join(run), pattern) for pattern in only)]
+
+
+def measure(study: Study, scenario: str, trace: Trace) -> dict[str, Value]:
+    """The scenario's metrics on a trace, SI, by name in results.json; without those whose signal it lacks."""
+    here = for_scenario(study, scenario)
+    motor = here.motor.star()
+    conditions = Conditions(
+        pole_pairs=motor.pole_pairs,
+        R_s=motor.R_s,
+        speed_period=1 / here.drive.rates.speed_loop,
+        events=tuple(event.time for event in here.scenario[scenario].events),
+    )
+    return {
+        result_name(metric): evaluate(metric, trace, conditions)
+        for metric in here.metrics_in(scenario)
+        if metric.signal is None or metric.signal in trace
+    }
+
+
+def _simulate(study: Study, scenario: str, controller: str, progress: Progress, stop: Event) -> Run:
+    engine = import_module(ENGINES[study.drive.precision])
+    here = for_scenario(study, scenario)
+    rates = here.drive.rates
+    decimation = round(rates.current_loop / here.trace_rate)
+    ticks = round(here.scenario[scenario].duration * rates.current_loop)
+    table = None
+    if isinstance(here.controller[controller], AntiCogging):
+        table = _commission(engine, study, scenario, controller, stop)
+    drive = _drive(engine, study, scenario, controller, "run")
+    state = drive.start()
+    if table is not None:
+        drive.load_memory(state, table)
+    recorder = engine.Recorder(drive, decimation, ticks // decimation + 1)
+    try:
+        _advance(drive, state, recorder, ticks, progress, stop)
+    except _Stopped:
+        raise
+    except Exception as error:
+        where = f"controller.{controller}: scenario {scenario} at {state.tick / rates.current_loop:.6g} s"
+        cause = describe(error, law_file(study, controller))
+        raise StudyError(f"{study.source.path}: {where}: {cause}") from error
+    trace = _trace(drive, recorder)
+    return Run(scenario, controller, trace, _memory(drive, state), measure(study, scenario, trace))
+
+
+def _drive(engine: Any, study: Study, scenario: str, controller: str, mode: Mode) -> Any:
+    config, law = engine_config(study, scenario, controller, mode), make_law(study, controller)
+    try:
+        return engine.Drive(config, law)
+    except (ValueError, RuntimeError) as error:
+        raise StudyError(
+            f"{study.source.path}: controller.{controller}: scenario {scenario}: {error}"
+        ) from error
+
+
+def _trace(drive: Any, recorder: Any) -> Trace:
+    names, units = zip(*drive.signals, strict=True)
+    return Trace(names, units, recorder.array())
+
+
+def _memory(drive: Any, state: Any) -> dict[str, Any]:
+    """The learned map over its angle, rad of its frame; empty where the law learns none."""
+    memory = dict(drive.memory(state))
+    if memory:
+        cells = len(memory["current"])
+        memory["angle"] = 2 * math.pi / cells * np.arange(cells)
+        memory["current"] = np.asarray(memory["current"])
+    return memory
+
+
+def _advance(drive: Any, state: Any, recorder: Any, ticks: int, progress: Progress, stop: Event) -> None:
+    """Run the ticks in pieces of about PIECE, looking at progress and stop in between."""
+    done, piece = 0, 1000
+    while done < ticks:
+        if stop.is_set():
+            raise _Stopped
+        begun = time.perf_counter()
+        step = min(piece, ticks - done)
+        drive.advance(state, recorder, step)
+        done += step
+        progress(done / ticks)
+        spent = max(time.perf_counter() - begun, 1e-6)
+        piece = max(1, min(4 * piece, int(step * PIECE / spent)))
+
+
+def _commission(engine: Any, study: Study, scenario: str, controller: str, stop: Event) -> Any:
+    """The table that a slow run in both directions learns, A; StudyError if it takes three times its time."""
+    law = study.controller[controller]
+    assert isinstance(law, AntiCogging)
+    here = for_scenario(study, scenario)
+    drive = _drive(engine, study, scenario, controller, "learn")
+    state = drive.start()
+    calibration = law.calibration
+    expected = 2 * (calibration.revolutions + SETTLING) * 2 * math.pi / calibration.speed
+    divider = round(here.drive.rates.current_loop / here.drive.rates.speed_loop)
+    piece = divider * math.ceil(here.drive.rates.speed_loop)  # 1 s
+    while state.tick < 3 * expected * here.drive.rates.current_loop:
+        recorder = engine.Recorder(drive, divider)
+        _advance(drive, state, recorder, piece, lambda share: None, stop)
+        if not int(_trace(drive, recorder)["status"][-1]) & BUSY:
+            return drive.memory(state)["current"]
+    line = f"{study.source.path}: controller.{controller}.calibration: scenario {scenario}"
+    raise StudyError(f"{line}: not done after {3 * expected:.3g} s: expected kp and ki that hold its speed")
+
+
+def _collected(study: Study, futures: Sequence[Future[Run]], stopped: bool) -> Results:
+    finished, failures = [], []
+    for future in futures:
+        if future.cancelled():
+            continue
+        error = future.exception()
+        if error is None:
+            finished.append(future.result())
+        elif isinstance(error, StudyError):
+            failures.append(error)
+        elif not isinstance(error, _Stopped):
+            raise error
+    results = Results(study, finished, interrupted=stopped or bool(failures))
+    if failures:
+        more = f" (and {len(failures) - 1} more)" if len(failures) > 1 else ""
+        raise RunError(f"{failures[0]}{more}", results)
+    return results
+
+
+def _known(study: Study, scenario: str, controller: str) -> None:
+    for table, name, known in (
+        ("scenario", scenario, study.scenario),
+        ("controller", controller, study.controller),
+    ):
+        if name not in known:
+            raise StudyError(f'{study.source.path}: {table}: "{name}": expected one of {", ".join(known)}')

@@ -1,0 +1,56 @@
+"""What `cogless calibrate` fits: parameters of the study, to target values of its metrics."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field, field_validator
+
+from cogless.study.metric import Metric
+from cogless.study.table import Many, Quantity, Table, problem
+
+
+class Parameter(Table):
+    """A quantity to fit: a dotted key of the study, or of one scenario's overrides.
+
+    Initial value and bounds are texts with a unit, or numbers in the unit that the study has at the key.
+    """
+
+    key: str
+    scenario: str | None = None
+    initial: str | float | None = None  # default: the study's value
+    lower: str | float | None = None
+    upper: str | float | None = None
+
+
+class Target(Table):
+    """The value that a metric should have; a list for kind "order"."""
+
+    scenario: str
+    controller: str
+    metric: str
+    value: Any
+    weight: Annotated[float, Field(gt=0)] = 1.0
+
+    def values(self, metric: Metric) -> tuple[float, ...]:
+        """SI values, as many as the metric has; raises the error that names what was expected."""
+        wanted = self.value if isinstance(self.value, list) else [self.value]
+        count = len(metric.order or ()) if metric.kind == "order" else 1
+        if len(wanted) != count:
+            raise problem(f"expected {count} values", "value")
+        quantity = Quantity(metric.dimension, bare=not metric.dimension.unit)
+        return tuple(quantity.read(value) for value in wanted)
+
+
+class Calibration(Table):
+    """The fit: relative deviations from the targets, least squares."""
+
+    parameters: Many[Parameter]
+    targets: Many[Target]
+
+    @field_validator("parameters", "targets")
+    @classmethod
+    def _some(cls, value: tuple[Any, ...]) -> tuple[Any, ...]:
+        if not value:
+            raise problem("expected one or more")
+        return value

@@ -1,0 +1,144 @@
+"""What must hold between the tables of a study. Each check raises the error that names the key."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+from pydantic_core import PydanticCustomError
+
+from cogless.study.controller import TERMS
+from cogless.study.metric import Metric
+from cogless.study.scenario import Scenario
+from cogless.study.table import problem
+
+if TYPE_CHECKING:
+    from cogless.study.study import Study
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+
+
+def controllers_in(study: Study, scenario: str) -> tuple[str, ...]:
+    """Names of the controllers that run in a scenario."""
+    chosen = study.scenario[scenario].controllers
+    return tuple(study.controller) if chosen is None else chosen
+
+
+def applies(metric: Metric, name: str, scenario: Scenario) -> bool:
+    """Whether a metric is taken in a scenario: where it says so, else wherever its event is."""
+    if metric.scenarios is not None:
+        return name in metric.scenarios
+    return metric.event is None or _has_event(scenario, metric.event)
+
+
+def names(study: Study) -> None:
+    """Names go into files and command lines."""
+    for table, entries in (("scenario", study.scenario), ("controller", study.controller)):
+        for name in entries:
+            if not NAME.fullmatch(name):
+                raise problem("expected a name of letters, digits, _, - and .", table, name)
+
+
+def references(study: Study) -> None:
+    """Scenarios name controllers that exist."""
+    for name, scenario in study.scenario.items():
+        for index, controller in enumerate(scenario.controllers or ()):
+            if controller not in study.controller:
+                raise problem(_one_of(study.controller), "scenario", name, "controllers", index)
+
+
+def baseline(study: Study) -> None:
+    """One baseline at most."""
+    marked = [name for name, controller in study.controller.items() if controller.baseline]
+    if len(marked) > 1:
+        raise problem(f'expected one baseline, already "{marked[0]}"', "controller", marked[1], "baseline")
+
+
+def trace_rate(study: Study) -> None:
+    """Rows fall on current-loop ticks."""
+    rate, ticks = study.trace.rate, study.drive.rates.current_loop
+    if rate is not None and not math.isclose(ticks / rate, round(ticks / rate), rel_tol=1e-12):
+        raise problem(f"expected a rate that divides drive.rates.current_loop, {ticks:g} Hz", "trace", "rate")
+
+
+def metrics(study: Study) -> None:
+    """Metrics have names of their own, scenarios that exist, windows and events in them, recorded signals."""
+    seen: set[str] = set()
+    recorded = {term for controller in study.controller.values() for term in TERMS[controller.law]}
+    for index, metric in enumerate(study.metric):
+        if metric.name in seen:
+            raise problem("expected a name that no other metric has", "metric", index, "name")
+        seen.add(metric.name)
+        if (metric.signal or "").startswith("term_") and metric.signal not in recorded:
+            raise problem("expected a signal that a controller of this study has", "metric", index, "signal")
+        for scenario in metric.scenarios or ():
+            if scenario not in study.scenario:
+                raise problem(_one_of(study.scenario), "metric", index, "scenarios", value=scenario)
+        _in_time(study, index, metric)
+
+
+def _in_time(study: Study, index: int, metric: Metric) -> None:
+    times = [event.time for scenario in study.scenario.values() for event in scenario.events]
+    if metric.event is not None and metric.scenarios is None and metric.event not in times:
+        raise problem("expected the time of an event of a scenario", "metric", index, "event")
+    for name, scenario in study.scenario.items():
+        if not applies(metric, name, scenario):
+            continue
+        if metric.window is not None and metric.window[1] > scenario.duration:
+            expected = f'expected a window within the {scenario.duration:g} s of scenario "{name}"'
+            raise problem(expected, "metric", index, "window")
+        if metric.event is not None and not _has_event(scenario, metric.event):
+            raise problem(f'expected the time of an event of scenario "{name}"', "metric", index, "event")
+
+
+def orders(study: Study) -> None:
+    """Every order lies below half the trace's rate at the scenario's top speed."""
+    half = study.trace_rate / 2
+    for index, metric in enumerate(study.metric):
+        for name, scenario in study.scenario.items():
+            if not metric.order or not applies(metric, name, scenario):
+                continue
+            poles = study.motor.pole_pairs if metric.frame == "electrical" else 1
+            turns = poles * scenario.top_speed / (2 * math.pi)
+            if max(metric.order) * turns >= half:
+                limit = f"expected orders below {half / turns:.4g}, half the trace's {2 * half:g} Hz"
+                raise problem(f'{limit} at the top speed of scenario "{name}"', "metric", index, "order")
+
+
+def calibration(study: Study) -> None:
+    """Targets name runs and metrics that exist, and have values of the metric's kind."""
+    if study.calibration is None:
+        return
+    for index, parameter in enumerate(study.calibration.parameters):
+        if parameter.scenario is not None and parameter.scenario not in study.scenario:
+            raise problem(_one_of(study.scenario), "calibration", "parameters", index, "scenario")
+    declared = {metric.name: metric for metric in study.metric}
+    for index, target in enumerate(study.calibration.targets):
+        key = ("calibration", "targets", index)
+        if target.scenario not in study.scenario:
+            raise problem(_one_of(study.scenario), *key, "scenario")
+        if target.controller not in controllers_in(study, target.scenario):
+            raise problem(_one_of(controllers_in(study, target.scenario)), *key, "controller")
+        scenario = study.scenario[target.scenario]
+        taken = [name for name, metric in declared.items() if applies(metric, target.scenario, scenario)]
+        if target.metric not in taken:
+            raise problem(_one_of(taken), *key, "metric")
+        try:
+            target.values(declared[target.metric])
+        except PydanticCustomError as error:
+            raise problem(error.message(), *key, "value") from None
+
+
+def _has_event(scenario: Scenario, time: float) -> bool:
+    return any(math.isclose(event.time, time, abs_tol=1e-9) for event in scenario.events)
+
+
+def _one_of(names: Iterable[str]) -> str:
+    known = ", ".join(f'"{name}"' for name in names)
+    return f"expected one of {known}"
+
+
+Check = Callable[["Study"], None]
+ALL: tuple[Check, ...] = (names, references, baseline, trace_rate, metrics, orders, calibration)

@@ -1,0 +1,160 @@
+"""The controllers that a study compares: the speed laws, told apart by `law`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from cogless.study.table import (
+    AccelerationGain,
+    AngularSpeed,
+    CurrentBound,
+    CurrentToAcceleration,
+    Many,
+    NumberGain,
+    PhaseMargin,
+    RateGain,
+    RateGainPerTime,
+    SpeedGain,
+    SpeedIntegralGain,
+    StartTime,
+    Table,
+    problem,
+)
+
+
+class Tuning(Table):
+    """A rule that gives kp and ki; see cogless.design.pi for the rule."""
+
+    rule: Literal["phase-margin"]
+    phase_margin: PhaseMargin  # rad
+
+    @model_validator(mode="after")
+    def _range(self) -> Self:
+        if not 0.3 < self.phase_margin < 1.45:
+            raise problem('expected a phase margin from "20 deg" to "80 deg"', "phase_margin")
+        return self
+
+
+class Base(Table):
+    """What every controller has."""
+
+    label: str | None = None  # in tables and report; default: its name
+    baseline: bool = False  # ratios are against it
+
+
+class Feedback(Base):
+    """The speed PI: kp and ki, or the rule that gives them."""
+
+    kp: SpeedGain | None = None  # A*s/rad
+    ki: SpeedIntegralGain | None = None  # A/rad
+    tuning: Tuning | None = None
+
+    @model_validator(mode="after")
+    def _gains_or_rule(self) -> Self:
+        gains = (self.kp is not None, self.ki is not None)
+        if gains not in ((True, True), (False, False)) or all(gains) == (self.tuning is not None):
+            rule = '{ rule = "phase-margin", phase_margin = "60 deg" }'
+            raise problem(f"expected either kp and ki or tuning, such as {rule}")
+        return self
+
+
+class Learning(Base):
+    """The memory of an iterative learning law."""
+
+    memory: Literal["time", "angle"] = "time"
+    period: Literal["electrical", "mechanical"] = "mechanical"
+    cells: Annotated[int, Field(ge=4, le=65535)] = 256  # of the map over angle; capacity in samples over time
+    forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0  # share of the memory that is kept in each period
+    q_half_width: Annotated[int, Field(ge=0)] = 0  # cells on each side of the Q filter's boxcar
+    learning_start: StartTime = 0.0  # s
+    limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
+
+    @model_validator(mode="after")
+    def _filter_fits(self) -> Self:
+        if 2 * self.q_half_width + 1 > self.cells:
+            raise problem(f"expected a filter within the {self.cells} cells of the memory", "q_half_width")
+        return self
+
+
+class Pi(Feedback):
+    """Proportional-integral speed control."""
+
+    law: Literal["pi"]
+
+
+class PiIlc(Feedback, Learning):
+    """PI with P-type iterative learning (Liu 2018, law 29)."""
+
+    law: Literal["pi-ilc"]
+    gain: SpeedGain  # A*s/rad, learning
+
+
+class RobustIlc(Learning):
+    """Robust iterative learning by adaptive sliding mode (Liu 2018, law 19)."""
+
+    law: Literal["robust-ilc"]
+    b: CurrentToAcceleration  # rad/s^2/A, as the controller believes
+    c: RateGain  # 1/s
+    g: AccelerationGain  # rad/s^2, switching
+    eta: RateGain  # 1/s
+    q: NumberGain
+    beta_1: AccelerationGain  # rad/s^2
+    beta_2: RateGain  # 1/s
+    gamma: RateGainPerTime  # 1/s^2
+    viscous: RateGain = 0.0  # 1/s: B(x) = viscous omega + coulomb sgn(omega)
+    coulomb: AccelerationGain = 0.0  # rad/s^2
+
+
+class Commissioning(Table):
+    """The slow run, forwards and backwards, that fills an anti-cogging table."""
+
+    speed: AngularSpeed  # rad/s
+    revolutions: Annotated[int, Field(ge=1, le=100)] = 1  # each way
+    position_gain: RateGain  # 1/s
+
+    @model_validator(mode="after")
+    def _forwards(self) -> Self:
+        if self.speed <= 0:
+            raise problem("expected a speed above zero", "speed")
+        return self
+
+
+class AntiCogging(Feedback):
+    """PI with a current table over the mechanical angle, learnt in a commissioning run."""
+
+    law: Literal["anti-cogging"]
+    cells: Annotated[int, Field(ge=4, le=65535)] = 720  # a revolution
+    calibration: Commissioning
+
+
+class PythonLaw(Base):
+    """A user's class with step(inputs) -> i_q_ref or (i_d_ref, i_q_ref), A."""
+
+    law: Literal["python"]
+    object: Annotated[str, Field(pattern=r"^.+\.py:\w+$")]  # "file.py:Class", relative to the study
+    params: dict[str, Any] = Field(default={})  # keyword arguments of the class
+
+
+class LibraryLaw(Base):
+    """A user's shared library with the documented C interface."""
+
+    law: Literal["library"]
+    library: str  # relative to the study
+    params: Many[float] = ()
+
+
+AnyController = Pi | PiIlc | RobustIlc | AntiCogging | PythonLaw | LibraryLaw
+Controller = Annotated[AnyController, Field(discriminator="law")]
+
+# What each law records besides the drive's own signals, in A.
+_PI_TERMS = ("term_proportional", "term_integral")
+TERMS: dict[str, tuple[str, ...]] = {
+    "pi": _PI_TERMS,
+    "pi-ilc": (*_PI_TERMS, "term_ilc"),
+    "robust-ilc": ("term_surface", "term_switching", "term_linear", "term_f_hat", "term_r_hat"),
+    "anti-cogging": (*_PI_TERMS, "term_table"),
+    "python": (),
+    "library": (),
+}

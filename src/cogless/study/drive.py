@@ -1,0 +1,169 @@
+"""The drive: rates, current loop, inverter, sensors, and what the controller believes of the motor."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from cogless.study.motor import StarMotor
+from cogless.study.table import (
+    Angle,
+    Current,
+    CurrentGain,
+    CurrentIntegralGain,
+    CurrentLimit,
+    CurrentMagnitude,
+    FluxLinkage,
+    Frequency,
+    Inductance,
+    Resistance,
+    Table,
+    Time,
+    Voltage,
+    problem,
+)
+
+
+class Belief(Table):
+    """What the controller thinks the motor is, of one winding as in the motor table; default: the truth."""
+
+    R_s: Resistance | None = None  # ohm
+    L_d: Inductance | None = None  # H
+    L_q: Inductance | None = None  # H
+    psi_f: FluxLinkage | None = None  # Wb
+
+    def resolved(self, motor: StarMotor) -> StarBelief:
+        """The belief about the star equivalent."""
+
+        def believed(value: float | None, factor: float, truth: float) -> float:
+            return truth if value is None else factor * value
+
+        return StarBelief(
+            R_s=believed(self.R_s, motor.impedance_factor, motor.R_s),
+            L_d=believed(self.L_d, motor.impedance_factor, motor.L_d),
+            L_q=believed(self.L_q, motor.impedance_factor, motor.L_q),
+            psi_f=believed(self.psi_f, motor.flux_factor, motor.psi_f),
+        )
+
+
+@dataclass(frozen=True)
+class StarBelief:
+    """What the controller thinks of the motor's star equivalent, all SI."""
+
+    R_s: float  # ohm
+    L_d: float  # H
+    L_q: float  # H
+    psi_f: float  # Wb
+
+
+class Rates(Table):
+    """How often things happen. The speed loop runs at every n-th current-loop period."""
+
+    current_loop: Frequency  # Hz, whole
+    speed_loop: Frequency  # Hz, whole, divides current_loop
+    integration_steps: Annotated[int, Field(ge=1)] = 1  # RK4 steps in a current-loop period
+
+    @model_validator(mode="after")
+    def _divide(self) -> Self:
+        for name in ("current_loop", "speed_loop"):
+            if getattr(self, name) % 1:
+                raise problem('expected a whole number of Hz, such as "1 kHz"', name)
+        if self.current_loop % self.speed_loop:
+            expected = f"expected a rate that divides current_loop, {self.current_loop:g} Hz"
+            raise problem(expected, "speed_loop")
+        return self
+
+
+class CurrentLoop(Table):
+    """The current controllers of both axes: kp and ki, or a bandwidth that they follow from."""
+
+    kp: CurrentGain | None = None  # V/A
+    ki: CurrentIntegralGain | None = None  # V/A/s
+    bandwidth: Frequency | None = None  # Hz: kp = w L, ki = w R_s of the belief, w = 2 pi bandwidth
+    decoupling: bool = True
+    current_limit: CurrentLimit  # A, length of the reference vector
+
+    @model_validator(mode="after")
+    def _gains_or_bandwidth(self) -> Self:
+        gains = (self.kp is not None, self.ki is not None)
+        if gains not in ((True, True), (False, False)) or all(gains) == (self.bandwidth is not None):
+            raise problem('expected either kp and ki or bandwidth, such as "800 Hz"')
+        return self
+
+    def gains(self, belief: StarBelief) -> dict[str, float]:
+        """kp_d, kp_q in V/A; ki_d, ki_q in V/A/s."""
+        if self.bandwidth is None:
+            kp, ki = self.kp or 0.0, self.ki or 0.0
+            return {"kp_d": kp, "ki_d": ki, "kp_q": kp, "ki_q": ki}
+        w = 2 * math.pi * self.bandwidth
+        ki = w * belief.R_s
+        return {"kp_d": w * belief.L_d, "ki_d": ki, "kp_q": w * belief.L_q, "ki_q": ki}
+
+
+class Inverter(Table):
+    """The inverter: averaged over a period, or with centre-aligned edges at the current loop's rate."""
+
+    kind: Literal["averaged", "switched"] = "averaged"
+    bus_voltage: Voltage  # V
+    dead_time: Time = 0.0  # s
+    computation_delay: Literal[0, 1] = 1  # current-loop samples
+
+
+class IdealSensor(Table):
+    """Angle and speed as they are."""
+
+    kind: Literal["ideal"] = "ideal"
+
+
+class Encoder(Table):
+    """Incremental encoder in quadrature: four counts a line."""
+
+    kind: Literal["encoder"]
+    lines: Annotated[int, Field(ge=1)]  # a revolution
+    speed_method: Literal["M", "T", "MT"] = "M"  # counts a period, time a count, both
+    timer: Frequency = 100e6  # Hz, for T and MT
+    eccentricity: Angle = 0.0  # rad, amplitude of the once-a-turn error
+    eccentricity_phase: Angle = 0.0  # rad
+
+
+class Resolver(Table):
+    """Resolver and its converter; speed as a moving average."""
+
+    kind: Literal["resolver"]
+    bits: Annotated[int, Field(ge=1, le=32)] = 14
+    window: Annotated[int, Field(ge=1)] = 16  # current-loop samples
+
+
+PositionSensor = Annotated[IdealSensor | Encoder | Resolver, Field(discriminator="kind")]
+
+
+class CurrentSensors(Table):
+    """Phase current sensors, the errors each phase has, and the converter behind them."""
+
+    offset: tuple[Current, Current, Current] = Field(default=(0.0, 0.0, 0.0), strict=False)  # A
+    gain_error: tuple[float, float, float] = Field(default=(0.0, 0.0, 0.0), strict=False)
+    noise: CurrentMagnitude = 0.0  # A rms
+    bits: Annotated[int, Field(ge=0, le=32)] = 0  # 0: no converter
+    range: CurrentLimit = 10.0  # A: the converter spans +-range
+    sensors: Literal[2, 3] = 3  # 2: i_c = -i_a - i_b
+
+
+class Drive(Table):
+    """Power electronics, sensors and the inner loop."""
+
+    precision: Literal["single", "double"] = "single"
+    belief: Belief = Belief()
+    rates: Rates
+    current_loop: CurrentLoop
+    inverter: Inverter
+    position_sensor: PositionSensor = IdealSensor()
+    current_sensors: CurrentSensors = CurrentSensors()
+
+
+def sensor_fields(sensor: IdealSensor | Encoder | Resolver) -> dict[str, Any]:
+    """The fields of every kind of sensor in one table, as the engine reads them; defaults where unused."""
+    absent = {**Encoder(kind="encoder", lines=1).model_dump(), **Resolver(kind="resolver").model_dump()}
+    return {**absent, **sensor.model_dump()}

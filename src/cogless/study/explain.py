@@ -1,0 +1,120 @@
+"""Pydantic's findings as one line for a person: `FILE: key: VALUE: expected ...`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from cogless.errors import StudyError
+from cogless.study.table import Key
+
+MISSING = object()
+
+# What pydantic's own checks expect, from the error's type and its context.
+EXPECTED = {
+    "int_type": "expected a whole number",
+    "int_from_float": "expected a whole number",
+    "float_type": "expected a number",
+    "finite_number": "expected a finite number",
+    "string_type": "expected a text",
+    "bool_type": "expected true or false",
+    "dict_type": "expected a table",
+    "tuple_type": "expected an array",
+    "missing": "expected more values",
+    "too_long": "expected {max_length} or fewer",
+    "greater_than": "expected a number above {gt:g}",
+    "greater_than_equal": "expected a number of {ge:g} or more",
+    "less_than_equal": "expected a number of {le:g} or less",
+    "too_short": "expected {min_length} or more",
+    "union_tag_invalid": "expected one of {expected_tags}",
+    "union_tag_not_found": "expected one that says which kind it is",
+    "literal_error": "expected {expected}",
+}
+PATTERNS = {
+    r"^.+\.py:\w+$": 'expected a file and a class, such as "my_law.py:MyLaw"',
+    r"^[A-Za-z][A-Za-z0-9_]*$": "expected a name of letters, digits and _",
+}
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One mistake: where, what stands there, and what was expected."""
+
+    key: Key
+    value: str
+    expected: str
+
+    def line(self, file: Path | str, prefix: str = "") -> str:
+        """The line that is printed."""
+        key = prefix + dotted(self.key)
+        return ": ".join(part for part in (str(file), key, self.value, self.expected) if part)
+
+
+def dotted(key: Key) -> str:
+    """A key as one writes it in TOML, list indices as numbers."""
+    return ".".join(f'"{part}"' if "." in str(part) else str(part) for part in key)
+
+
+def shown(value: Any) -> str:
+    """A value as one writes it in TOML, cut when long."""
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def problems(error: ValidationError, tables: Any) -> list[Problem]:
+    """Each of pydantic's findings on these tables."""
+    return [_problem(details, tables) for details in error.errors(include_url=False, include_input=False)]
+
+
+def study_error(found: Sequence[Problem], file: Path | str, prefix: str = "") -> StudyError:
+    """The first problem in one line, and how many more there are."""
+    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+    return StudyError(found[0].line(file, prefix) + more)
+
+
+def _problem(details: Any, tables: Any) -> Problem:
+    context = details.get("ctx", {})
+    key = _existing(details["loc"], tables) + tuple(context.get("key", ()))
+    kind = details["type"]
+    if kind.startswith("union_tag"):
+        key = (*key, context["discriminator"].strip("'"))
+    value = look_up(tables, key)
+    absent = "missing" if kind.startswith("union_tag") else str(context.get("value") or "")
+    told = value is not MISSING and not (kind == "study" and isinstance(value, dict))
+    return Problem(key, shown(value) if told else absent, _expected(kind, context, details["msg"]))
+
+
+def _expected(kind: str, context: dict[str, Any], message: str) -> str:
+    if kind == "study":
+        return str(context["expected"])
+    if kind == "string_pattern_mismatch":
+        return PATTERNS.get(context["pattern"], message)
+    return EXPECTED.get(kind, message).format(**context).replace("'", '"')
+
+
+def _existing(location: Key, tables: Any) -> Key:
+    """The part of pydantic's location that is in the file: it also names tags of unions and made-up keys."""
+    key: list[str | int] = []
+    for part in location:
+        inner = look_up(tables, (part,))
+        if inner is not MISSING:
+            key.append(part)
+            tables = inner
+    return tuple(key)
+
+
+def look_up(tables: Any, key: Key) -> Any:
+    """What stands at a key, or MISSING."""
+    for part in key:
+        inside = isinstance(tables, dict) and part in tables
+        if not inside and isinstance(tables, list) and isinstance(part, int):
+            inside = -len(tables) <= part < len(tables)
+        if not inside:
+            return MISSING
+        tables = tables[part]
+    return tables

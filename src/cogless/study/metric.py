@@ -1,0 +1,116 @@
+"""A metric: which number is taken from which signal, over which time."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from cogless import units
+from cogless.study.controller import TERMS
+from cogless.study.table import Many, Quantity, Table, Time, problem
+from cogless.units import Dimension
+
+# Every signal that a run has, recorded or derived from recorded ones.
+SIGNALS: dict[str, Dimension] = {
+    "theta_m": units.ANGLE,
+    **dict.fromkeys(("omega_m", "omega_ref", "omega_measured", "omega_error"), units.ANGULAR_SPEED),
+    **dict.fromkeys(("i_d", "i_q", "i_d_ref", "i_q_ref", "i_a", "i_b", "i_c", "i_amplitude"), units.CURRENT),
+    **dict.fromkeys(("u_d", "u_q"), units.VOLTAGE),
+    **dict.fromkeys(("tau_e", "tau_cogging", "tau_load", "tau_motor"), units.TORQUE),
+    "status": units.NONE,
+    **{name: units.CURRENT for terms in TERMS.values() for name in terms},
+}
+
+OWN_DIMENSIONS = {"copper-loss": units.POWER, "chattering": units.CURRENT, "settling": units.TIME}
+AT_AN_EVENT = ("dip", "settling")
+
+
+class Metric(Table):
+    """One declared metric. Times in s, band in the signal's SI unit."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+    kind: Literal[
+        "peak-to-peak",
+        "rms",
+        "ripple-rms",
+        "mean",
+        "maximum",
+        "order",
+        "dip",
+        "settling",
+        "copper-loss",
+        "chattering",
+    ]
+    signal: str | None = None  # not for copper-loss and chattering; omega_m for dip and settling
+    # s; default: from the event to the next one, else all
+    window: tuple[Time, Time] | None = Field(default=None, strict=False)
+    scenarios: Many[str] | None = None  # default: all, or those that have the event
+    order: Many[Annotated[float, Field(gt=0)]] | None = None
+    frame: Literal["electrical", "mechanical"] = "mechanical"  # of what the order is a multiple
+    event: Time | None = None  # s
+    band: float | None = None  # half width, SI
+    unit: str | None = None  # in tables and report; default: SI
+    better: Literal["lower", "higher", "none"] = "lower"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _defaults(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        if data.get("kind") in AT_AN_EVENT:
+            data = {"signal": "omega_m", **data}
+        if isinstance(data.get("order"), int | float):
+            data = {**data, "order": [data["order"]]}
+        return data
+
+    @field_validator("signal")
+    @classmethod
+    def _known_signal(cls, signal: str | None) -> str | None:
+        if signal is not None and signal not in SIGNALS:
+            raise problem(f"expected a signal: {', '.join(SIGNALS)}")
+        return signal
+
+    @field_validator("band", mode="before")
+    @classmethod
+    def _band(cls, band: Any, info: ValidationInfo) -> Any:
+        signal = info.data.get("signal")
+        return Quantity(SIGNALS[signal], ">").read(band) if signal else band
+
+    @field_validator("unit")
+    @classmethod
+    def _unit(cls, unit: str | None, info: ValidationInfo) -> str | None:
+        if unit is not None and {"kind", "signal"} <= info.data.keys():
+            dimension = _dimension(info.data["kind"], info.data["signal"])
+            try:
+                units.factor(unit, dimension)
+            except units.UnitError:
+                shown = dimension.example or dimension.unit
+                raise problem(f'expected a unit of {dimension.name}, such as "{shown}"') from None
+        return unit
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        needs = {
+            "signal": self.kind not in ("copper-loss", "chattering"),
+            "order": self.kind == "order",
+            "event": self.kind in AT_AN_EVENT,
+            "band": self.kind == "settling",
+        }
+        for key, needed in needs.items():
+            if needed and getattr(self, key) in (None, ()):
+                raise problem(f'expected one, since kind is "{self.kind}"', key, value="missing")
+            if not needed and key != "event" and getattr(self, key) is not None:
+                raise problem(f'expected none, since kind is "{self.kind}"', key)
+        if self.window is not None and self.window[1] <= self.window[0]:
+            raise problem("expected a window that ends after it begins", "window")
+        return self
+
+    @property
+    def dimension(self) -> Dimension:
+        """What the metric's value is."""
+        return _dimension(self.kind, self.signal)
+
+
+def _dimension(kind: str, signal: str | None) -> Dimension:
+    return OWN_DIMENSIONS.get(kind) or SIGNALS[signal or ""]

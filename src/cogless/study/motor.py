@@ -1,0 +1,118 @@
+"""The motor: a permanent-magnet synchronous machine in dq, with what makes its torque ripple."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from cogless.study.table import (
+    Angle,
+    AngularSpeed,
+    Current,
+    FluxAmplitude,
+    FluxLinkage,
+    Inductance,
+    Many,
+    Resistance,
+    Table,
+    Torque,
+    TorqueConstant,
+    problem,
+)
+
+Order = Annotated[int, Field(ge=1)]
+
+
+class FluxHarmonic(Table):
+    """psi_d += d cos(order theta_e + d_phase); psi_q += q sin(order theta_e + q_phase). Electrical order."""
+
+    order: Order
+    d: FluxAmplitude = 0.0  # Wb
+    q: FluxAmplitude = 0.0  # Wb
+    d_phase: Angle = 0.0  # rad
+    q_phase: Angle = 0.0  # rad
+
+
+class Cogging(Table):
+    """tau_cogging += torque sin(order theta_m + phase). Mechanical order."""
+
+    order: Order
+    torque: Torque | None = None  # N*m
+    current: Current | None = None  # A, as measured by holding: torque = K_t current
+    phase: Angle = 0.0  # rad
+
+    @model_validator(mode="after")
+    def _one_amplitude(self) -> Self:
+        if (self.torque is None) == (self.current is None):
+            raise problem('expected either torque, such as "4 mN*m", or current, such as "0.2 A"')
+        return self
+
+
+class Motor(Table):
+    """A motor as its datasheet has it.
+
+    R_s, L_d, L_q and flux linkages are of one winding; K_t is of the line current's peak; phases are of the
+    star equivalent's angle.
+    """
+
+    datasheet: str | None = None  # already read: its fields are here
+    pole_pairs: Annotated[int, Field(ge=1)]
+    R_s: Resistance  # ohm
+    L_d: Inductance  # H
+    L_q: Inductance  # H
+    psi_f: FluxLinkage | None = None  # Wb, peak
+    K_t: TorqueConstant | None = None  # N*m/A, 1.5 pole_pairs psi_f of the star equivalent
+    winding: Literal["star", "delta"] = "star"
+    rated_torque: Torque | None = None  # N*m, informative
+    rated_speed: AngularSpeed | None = None  # rad/s, informative
+    flux_harmonics: Many[FluxHarmonic] = ()
+    cogging: Many[Cogging] = ()
+
+    @model_validator(mode="after")
+    def _one_flux(self) -> Self:
+        if (self.psi_f is None) == (self.K_t is None):
+            raise problem('expected either psi_f, such as "68 mWb", or K_t, such as "0.4 N*m/A"')
+        return self
+
+    def star(self) -> StarMotor:
+        """The star equivalent: a delta's R/3, L/3, psi/sqrt(3); K_t and cogging currents resolved."""
+        delta = self.winding == "delta"
+        impedance, flux = (1 / 3, 1 / math.sqrt(3)) if delta else (1.0, 1.0)
+        K_t = self.K_t if self.psi_f is None else 1.5 * self.pole_pairs * flux * self.psi_f
+        assert K_t is not None
+        return StarMotor(
+            pole_pairs=self.pole_pairs,
+            R_s=impedance * self.R_s,
+            L_d=impedance * self.L_d,
+            L_q=impedance * self.L_q,
+            psi_f=K_t / (1.5 * self.pole_pairs),
+            K_t=K_t,
+            impedance_factor=impedance,
+            flux_factor=flux,
+            flux_harmonics=tuple(
+                h.model_copy(update={"d": flux * h.d, "q": flux * h.q}) for h in self.flux_harmonics
+            ),
+            cogging=tuple(
+                c if c.current is None else c.model_copy(update={"torque": K_t * c.current, "current": None})
+                for c in self.cogging
+            ),
+        )
+
+
+@dataclass(frozen=True)
+class StarMotor:
+    """A motor's star equivalent, all SI."""
+
+    pole_pairs: int
+    R_s: float  # ohm
+    L_d: float  # H
+    L_q: float  # H
+    psi_f: float  # Wb
+    K_t: float  # N*m/A
+    impedance_factor: float  # of this equivalent to one winding
+    flux_factor: float
+    flux_harmonics: tuple[FluxHarmonic, ...]
+    cogging: tuple[Cogging, ...]

@@ -1,0 +1,135 @@
+"""What a study's tables are built on: frozen models that refuse unknown keys, and quantities with a unit."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, model_validator
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from cogless import units
+from cogless.units import Dimension
+
+Key = tuple[str | int, ...]
+T = TypeVar("T")
+
+# An array of a study file. TOML has lists only, so this one place isn't strict about the type.
+Many = Annotated[tuple[T, ...], Field(strict=False)]
+
+
+def problem(expected: str, *key: str | int, value: Any = None) -> PydanticCustomError:
+    """An error of a validator: what was expected, at which key below the table in hand.
+
+    `value` stands in the message where the file holds nothing at that key.
+    """
+    return PydanticCustomError("study", "{expected}", {"expected": expected, "key": key, "value": value})
+
+
+class Table(BaseModel):
+    """A table of a study file."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keys(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            raise problem(f"expected a table of {', '.join(cls.model_fields)}")
+        for key in data:
+            if key not in cls.model_fields:
+                expected = _suggestion(str(key), list(cls.model_fields))
+                raise problem(expected, key, value="unknown key")
+        for key, field in cls.model_fields.items():
+            if field.is_required() and key not in data:
+                quantity = next((entry for entry in field.metadata if isinstance(entry, Quantity)), None)
+                expected = quantity.expectation if quantity else "expected a value"
+                raise problem(expected, key, value="missing")
+        return data
+
+
+def _suggestion(key: str, known: Sequence[str]) -> str:
+    near = difflib.get_close_matches(key, known, n=1) or [
+        name for name in known if name.lower() == key.lower()
+    ]
+    return f'expected a known key, perhaps "{near[0]}"' if near else f"expected one of {', '.join(known)}"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Pydantic annotation: a text with a unit becomes an SI float.
+
+    `sign` is "", ">" or ">=" (zero). `bare` accepts a plain number too, as SI (gains of controllers).
+    """
+
+    dimension: Dimension
+    sign: str = ""
+    bare: bool = False
+
+    @property
+    def expectation(self) -> str:
+        sort = {"": "", ">": " above zero", ">=": " of zero or more"}[self.sign]
+        return f"expected {self.dimension.name}{sort}, such as {self.dimension.shown(1)}"
+
+    def read(self, value: Any) -> float:
+        """The SI value; raises the error that names what was expected."""
+        if isinstance(value, str):
+            try:
+                number = units.parse(value, self.dimension)
+            except units.UnitError as error:
+                raise problem(str(error)) from None
+        elif isinstance(value, bool) or not isinstance(value, int | float):
+            raise problem(self.expectation)
+        elif not self.bare:
+            raise problem(f"expected a text with a unit, such as {self.dimension.shown(_text(value))}")
+        else:
+            number = float(value)
+        below = number < 0 or (self.sign == ">" and number == 0)
+        if not math.isfinite(number) or (self.sign and below):
+            raise problem(self.expectation)
+        return number
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read)
+
+
+def _text(value: float) -> str:
+    return str(value) if math.isfinite(value) else "1"
+
+
+Angle = Annotated[float, Quantity(units.ANGLE)]
+AngularSpeed = Annotated[float, Quantity(units.ANGULAR_SPEED)]
+AngularAcceleration = Annotated[float, Quantity(units.ANGULAR_ACCELERATION, ">")]
+Time = Annotated[float, Quantity(units.TIME, ">=")]
+Duration = Annotated[float, Quantity(units.TIME, ">")]
+Frequency = Annotated[float, Quantity(units.FREQUENCY, ">")]
+Current = Annotated[float, Quantity(units.CURRENT)]
+CurrentMagnitude = Annotated[float, Quantity(units.CURRENT, ">=")]
+CurrentLimit = Annotated[float, Quantity(units.CURRENT, ">")]
+Voltage = Annotated[float, Quantity(units.VOLTAGE, ">")]
+Torque = Annotated[float, Quantity(units.TORQUE)]
+TorqueMagnitude = Annotated[float, Quantity(units.TORQUE, ">=")]
+Resistance = Annotated[float, Quantity(units.RESISTANCE, ">=")]
+Inductance = Annotated[float, Quantity(units.INDUCTANCE, ">")]
+FluxLinkage = Annotated[float, Quantity(units.FLUX_LINKAGE, ">")]
+FluxAmplitude = Annotated[float, Quantity(units.FLUX_LINKAGE)]
+TorqueConstant = Annotated[float, Quantity(units.TORQUE_CONSTANT, ">")]
+Inertia = Annotated[float, Quantity(units.INERTIA, ">")]
+ViscousFriction = Annotated[float, Quantity(units.VISCOUS_FRICTION, ">=")]
+CurrentGain = Annotated[float, Quantity(units.CURRENT_GAIN, ">=")]
+CurrentIntegralGain = Annotated[float, Quantity(units.CURRENT_INTEGRAL_GAIN, ">=")]
+PhaseMargin = Annotated[float, Quantity(units.ANGLE, ">")]
+
+# Of controllers: a plain number is accepted as SI.
+SpeedGain = Annotated[float, Quantity(units.SPEED_GAIN, ">=", bare=True)]
+SpeedIntegralGain = Annotated[float, Quantity(units.SPEED_INTEGRAL_GAIN, ">=", bare=True)]
+CurrentToAcceleration = Annotated[float, Quantity(units.CURRENT_TO_ACCELERATION, ">", bare=True)]
+RateGain = Annotated[float, Quantity(units.RATE, ">=", bare=True)]
+RateGainPerTime = Annotated[float, Quantity(units.RATE_PER_TIME, ">=", bare=True)]
+AccelerationGain = Annotated[float, Quantity(units.ANGULAR_ACCELERATION, ">=", bare=True)]
+CurrentBound = Annotated[float, Quantity(units.CURRENT, ">", bare=True)]
+StartTime = Annotated[float, Quantity(units.TIME, ">=", bare=True)]
+NumberGain = Annotated[float, Field(ge=0)]

@@ -1,0 +1,164 @@
+"""Text with a unit to an SI number and back: the only place that knows pint.
+
+The registry holds what drives are described with and nothing else, so it is built in a few milliseconds.
+Angle is a dimension of its own here (pint takes rad as a plain number): that is how "60 rpm" and "60 Hz"
+are told apart.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pint
+
+DEFINITIONS = """
+    pico- = 1e-12 = p-
+    nano- = 1e-9 = n-
+    micro- = 1e-6 = u- = µ- = μ-
+    milli- = 1e-3 = m-
+    centi- = 1e-2 = c-
+    kilo- = 1e3 = k-
+    mega- = 1e6 = M-
+    giga- = 1e9 = G-
+    meter = [length] = m
+    second = [time] = s
+    ampere = [current] = A
+    gram = [mass] = g
+    radian = [angle] = rad
+    degree = 3.141592653589793 / 180 * radian = deg = °
+    revolution = 2 * 3.141592653589793 * radian = rev = turn = r
+    minute = 60 * second = min
+    hour = 60 * minute = h
+    rpm = revolution / minute
+    hertz = 1 / second = Hz
+    newton = kilogram * meter / second ** 2 = N
+    newton_meter = newton * meter = Nm
+    joule = newton * meter = J
+    watt = joule / second = W
+    volt = watt / ampere = V
+    ohm = volt / ampere = Ω
+    henry = volt * second / ampere = H
+    weber = volt * second = Wb
+"""
+
+NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+UNIT = re.compile(r"(?:1\s*/)?[A-Za-zµμΩΩ°·*/^()\s]*(?:(?:\^|\*\*)-?\d[A-Za-zµμΩΩ°·*/^()\s]*)*")
+
+
+class UnitError(ValueError):
+    """A text that is not a quantity of the wanted dimension; the message starts with "expected"."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dimension:
+    """A kind of quantity: name, SI unit, the unit shown in errors, other SI units taken as equal."""
+
+    name: str
+    unit: str
+    example: str = ""
+    also: tuple[str, ...] = ()
+
+    def shown(self, number: object) -> str:
+        """An example of a text of this dimension: the number with the usual unit."""
+        return f'"{number} {self.example or self.unit}"'
+
+
+ANGLE = Dimension("an angle", "rad", "deg")
+ANGULAR_SPEED = Dimension("an angular speed", "rad/s", "rpm")
+ANGULAR_ACCELERATION = Dimension("an angular acceleration", "rad/s^2", "rpm/s")
+TIME = Dimension("a time", "s")
+FREQUENCY = Dimension("a frequency", "Hz")
+CURRENT = Dimension("a current", "A")
+VOLTAGE = Dimension("a voltage", "V")
+POWER = Dimension("a power", "W")
+TORQUE = Dimension("a torque", "N*m")
+RESISTANCE = Dimension("a resistance", "ohm")
+INDUCTANCE = Dimension("an inductance", "H", "mH")
+FLUX_LINKAGE = Dimension("a flux linkage", "Wb", "mWb")
+TORQUE_CONSTANT = Dimension("a torque constant", "N*m/A")
+INERTIA = Dimension("an inertia", "kg*m^2")
+VISCOUS_FRICTION = Dimension("a viscous friction", "N*m*s/rad", also=("N*m*s",))
+CURRENT_GAIN = Dimension("a gain of the current loop", "V/A")
+CURRENT_INTEGRAL_GAIN = Dimension("an integral gain of the current loop", "V/A/s")
+SPEED_GAIN = Dimension("a gain of the speed loop", "A*s/rad", "A/rpm")
+SPEED_INTEGRAL_GAIN = Dimension("an integral gain of the speed loop", "A/rad", "A/rpm/s")
+CURRENT_TO_ACCELERATION = Dimension("an acceleration per current", "rad/s^2/A", "rpm/s/A")
+RATE = Dimension("a gain per time", "1/s")
+RATE_PER_TIME = Dimension("a gain per time squared", "1/s^2")
+NONE = Dimension("a plain number", "")
+
+
+def parse(text: str, dimension: Dimension) -> float:
+    """The SI value of a text such as "60 rpm"; UnitError unless it is a finite number with a fitting unit."""
+    found = NUMBER.fullmatch(text)
+    if not found:
+        raise UnitError(f"expected a number and a unit, such as {dimension.shown(1)}")
+    number, unit = found.groups()
+    if not unit:
+        raise UnitError(f"expected a unit too, such as {dimension.shown(number)}")
+    value = float(number) * factor(unit, dimension)
+    if not math.isfinite(value):
+        raise UnitError(f"expected a finite number with a unit, such as {dimension.shown(1)}")
+    return value
+
+
+def unit_of(text: str) -> str:
+    """The unit of a text such as "60 rpm"; empty where there is none or the text is no quantity."""
+    found = NUMBER.fullmatch(text)
+    return found.group(2) if found else ""
+
+
+def convert(value_si: float, unit: str, dimension: Dimension) -> float:
+    """An SI value in another unit of its dimension."""
+    return value_si / factor(unit, dimension)
+
+
+def number_in(text: str, unit: str) -> float:
+    """The number of a text such as "0.1 N*m" in another unit of its dimension; UnitError if it has none."""
+    found = NUMBER.fullmatch(text)
+    here, there = _quantity(unit_of(text)), _quantity(unit)
+    if not found or here is None or there is None or not here.is_compatible_with(there):
+        raise UnitError(f'expected a number with a unit like "{unit}"')
+    return float(found.group(1)) * float((here / there).to("dimensionless").magnitude)
+
+
+def format(value_si: float, unit: str, dimension: Dimension, digits: int = 6) -> str:
+    """An SI value as a text in that unit, such as "60 rpm"."""
+    return f"{convert(value_si, unit, dimension):.{digits}g} {unit}"
+
+
+@cache
+def factor(unit: str, dimension: Dimension) -> float:
+    """How many SI units of the dimension one `unit` is; UnitError for another dimension or unknown unit."""
+    quantity = _quantity(unit)
+    if quantity is None:
+        expected = f"expected {dimension.name}, such as {dimension.shown(1)}"
+        raise UnitError(f'{expected}; the unit "{unit}" is not known')
+    for si in (dimension.unit, *dimension.also):
+        if quantity.is_compatible_with(si):
+            return float(quantity.to(si).magnitude)
+    raise UnitError(f"expected {dimension.name}, such as {dimension.shown(1)}")
+
+
+def _quantity(unit: str) -> Any:
+    # Numbers are refused beyond exponents of one digit: what pint is given here is a unit, not a formula.
+    if not UNIT.fullmatch(unit):
+        return None
+    try:
+        return 1.0 * _registry().parse_expression(unit) * _registry().dimensionless
+    except Exception:  # pint, its tokenizer and Python's own arithmetic each have their own
+        return None
+
+
+@cache
+def _registry() -> pint.UnitRegistry[float]:
+    import pint
+
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry(None)
+    registry.load_definitions([line.strip() for line in DEFINITIONS.strip().splitlines()])
+    return registry

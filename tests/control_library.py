@@ -1,0 +1,95 @@
+"""The C control library, compiled for float and for double and opened from Python, for the tests.
+
+The declarations come out of the headers by the C preprocessor, so that structs here are always those of the
+source.
+"""
+
+import functools
+import re
+import subprocess
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cffi
+import numpy as np
+
+SOURCE = Path(__file__).parents[1] / "control" / "src"
+HEADERS = sorted(h.name for h in (SOURCE / "cogless").glob("*.h") if h.name != "plugin.h")
+FLAGS = ["-std=c99", "-O2", "-ffp-contract=off"]
+# in this unit the inline functions of the headers become ordinary ones, which a library can export
+EXPORTS = '#include <stdbool.h>\n#define static\n#define inline\n#include "cogless/transform.h"\n'
+
+
+@dataclass(frozen=True)
+class ControlLibrary:
+    """One build. `eps` is the rounding of its numbers."""
+
+    ffi: Any
+    lib: Any
+    real: type
+    _kept: list[Any] = field(default_factory=list)
+
+    @property
+    def eps(self) -> float:
+        return float(np.finfo(self.real).eps)
+
+    def new(self, name: str, **fields: Any) -> Any:
+        """A pointer to a new struct; the fields not given are zero."""
+        return self.ffi.new(f"{name} *", fields)
+
+    def array(self, values: Any) -> tuple[Any, Any]:
+        """A NumPy copy in the library's numbers, and a pointer to it that lives as long as the library."""
+        copy = np.array(values, dtype=self.real)
+        self._kept.append(copy)
+        return copy, self.ffi.cast("cgl_real *", copy.ctypes.data)
+
+
+def declarations(flags: list[str], scratch: Path) -> str:
+    """What the headers declare, without system headers and bodies, as cffi reads it."""
+    for name in ("stdbool.h", "stdint.h", "stddef.h"):
+        (scratch / name).touch()
+    text = "\n".join(f'#include "cogless/{name}"' for name in HEADERS)
+    command = [
+        "cc",
+        "-E",
+        "-P",
+        "-nostdinc",
+        f"-I{scratch}",
+        f"-I{SOURCE}",
+        "-Dstatic=",
+        "-Dinline=",
+        *flags,
+        "-",
+    ]
+    plain = subprocess.run(command, input=text, capture_output=True, text=True, check=True).stdout
+    return re.sub(r"\)\s*\{.*?\n\}", ");", plain, flags=re.DOTALL)
+
+
+@functools.cache
+def control_library(precision: str) -> ControlLibrary:
+    """The library computing in "float" or "double", compiled once per test session."""
+    double = ["-DCOGLESS_DOUBLE"] if precision == "double" else []
+    with tempfile.TemporaryDirectory() as folder:
+        scratch = Path(folder)
+        exports, library = scratch / "exports.c", scratch / "library.so"
+        ffi = cffi.FFI()
+        (scratch / "empty").mkdir()
+        ffi.cdef(declarations(double, scratch / "empty"))
+        exports.write_text(EXPORTS)
+        sources = [str(s) for s in sorted((SOURCE / "cogless").glob("*.c"))]
+        command = [
+            "cc",
+            *FLAGS,
+            *double,
+            "-shared",
+            "-fPIC",
+            f"-I{SOURCE}",
+            "-o",
+            str(library),
+            str(exports),
+            *sources,
+        ]
+        subprocess.run(command, check=True)
+        return ControlLibrary(ffi, ffi.dlopen(str(library)), np.float64 if double else np.float32)

@@ -1,0 +1,131 @@
+"""What a learning law remembers: all that it ever stored, so that 'one period ago' can be taken at its
+word."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .limits import clip, finite_or_zero, is_angle
+
+
+@dataclass
+class Recalled:
+    filtered: float = 0.0  # what a law learns on from: Q filter and forgetting
+    held: float = 0.0  # what it repeats while frozen
+    known: bool = False
+
+
+@dataclass
+class AngleMemory:
+    """A map over the period whose cells are written where the rotor passes them.
+
+    `record` is every value ever written, by cell, each with the number of the pass and its place in that
+    pass. A pass is an unbroken row of neighbouring cells in one direction. The cells of the present pass on
+    which the Q filter's window looks back count as not yet written: 'one period ago' is the map before the
+    rotor came by.
+    """
+
+    cells: int
+    periods_per_rev: int
+    q_half_width: int
+    forgetting: float
+    limit: float
+    record: dict[int, list[tuple[int, int, float]]] = field(default_factory=dict)
+    passes: int = 0
+    pass_length: int = 0
+    last: tuple[int, int] | None = None  # unwrapped cell and direction of the last one written
+    stored: tuple[float, float] | None = None  # unwrapped position [cells] and value of the last update
+    asked: float = 0.0
+
+    def position(self, theta_m: float) -> float:
+        return (theta_m / (2 * math.pi) * self.periods_per_rev) % 1.0 * self.cells
+
+    def now(self, n: int) -> float:
+        """What the map holds at cell n."""
+        return self.record.get(n % self.cells, [(0, 0, 0.0)])[-1][2]
+
+    def one_period_ago(self, n: int) -> float:
+        here = math.floor(self.asked)
+        ahead = n > here if self.last is None or self.last[1] > 0 else n <= here
+        if ahead:
+            return self.now(n)
+        window = self.pass_length - (self.q_half_width + 1)
+        for number, place, value in reversed(self.record.get(n % self.cells, [])):
+            if number != self.passes or place < window:
+                return value
+        return 0.0
+
+    def recall(self, theta_m: float, omega_ref: float) -> Recalled:
+        if not is_angle(theta_m):
+            self.stored = None
+            return Recalled()
+        self.asked = self.position(theta_m)
+
+        def line(x: float) -> float:
+            n = math.floor(x)
+            return (1 - (x - n)) * self.one_period_ago(n) + (x - n) * self.one_period_ago(n + 1)
+
+        reach = range(-self.q_half_width, self.q_half_width + 1)
+        mean = float(np.mean([line(self.asked + k) for k in reach]))
+        return Recalled(self.forgetting * mean, line(self.asked), True)
+
+    def write(self, n: int, direction: int, value: float) -> None:
+        if self.last is None or self.last[1] != direction or (self.last[0] + direction - n) % self.cells != 0:
+            self.passes, self.pass_length = self.passes + 1, 0
+        self.record.setdefault(n % self.cells, []).append((self.passes, self.pass_length, value))
+        self.pass_length += 1
+        self.last = (n, direction)
+
+    def update(self, value: float, learn: bool) -> None:
+        value = clip(finite_or_zero(value), self.limit)
+        if not learn:
+            self.stored = None
+            self.passes, self.pass_length, self.last = self.passes + 1, 0, None
+            return
+        if self.stored is not None:
+            start, before = self.stored
+            half = self.cells / 2
+            moved = (self.asked - start + half) % self.cells - half  # the shorter way round
+            if 0 < abs(moved) <= self.cells / 4:
+                end = start + moved
+                passed = (
+                    range(math.floor(start) + 1, math.floor(end) + 1)
+                    if moved > 0
+                    else range(math.ceil(start) - 1, math.ceil(end) - 1, -1)
+                )
+                for n in passed:
+                    share = (n - start) / moved
+                    self.write(n, 1 if moved > 0 else -1, (1 - share) * before + share * value)
+        self.stored = (self.asked, value)
+
+
+@dataclass
+class TimeMemory:
+    """Every value ever stored, in a row; one period of the reference speed ago lies between two of them."""
+
+    cells: int
+    periods_per_rev: int
+    q_half_width: int
+    forgetting: float
+    limit: float
+    ts: float
+    values: list[float] = field(default_factory=list)
+
+    def ago(self, samples: float) -> float:
+        n = math.floor(samples)
+        at = [self.values[-k] if 1 <= k <= len(self.values) else 0.0 for k in (n, n + 1)]
+        return float(np.interp(samples, [n, n + 1], at))
+
+    def recall(self, theta_m: float, omega_ref: float) -> Recalled:
+        if not math.isfinite(omega_ref) or omega_ref == 0:
+            return Recalled()
+        period = 2 * math.pi / (abs(omega_ref) * self.periods_per_rev * self.ts)
+        if not self.q_half_width + 1 <= period <= self.cells:
+            return Recalled()
+        reach = range(-self.q_half_width, self.q_half_width + 1)
+        mean = float(np.mean([self.ago(period + k) for k in reach]))
+        return Recalled(self.forgetting * mean, self.ago(period), True)
+
+    def update(self, value: float, learn: bool) -> None:
+        self.values.append(clip(finite_or_zero(value), self.limit))

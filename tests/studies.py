@@ -1,0 +1,75 @@
+"""A small study as a user writes it, and a way to change it."""
+
+from pathlib import Path
+from typing import Any
+
+from cogless.study import Study, load
+
+BASE = """
+title = "A small drive"
+[motor]
+pole_pairs = 4
+R_s = "15.42 ohm"
+L_d = "30 mH"
+L_q = "30 mH"
+psi_f = "68 mWb"
+cogging = [ {order = 24, torque = "4 mN*m"} ]
+[mechanics]
+inertia = "2.5e-4 kg*m^2"
+[drive.rates]
+current_loop = "15 kHz"
+speed_loop = "1 kHz"
+[drive.current_loop]
+bandwidth = "800 Hz"
+current_limit = "3 A"
+[drive.inverter]
+bus_voltage = "310 V"
+[scenario.low]
+duration = "0.4 s"
+reference = "60 rpm"
+initial_speed = "60 rpm"
+[scenario.step]
+duration = "0.3 s"
+reference = "60 rpm"
+initial_speed = "60 rpm"
+events = [ {time = "0.1 s", load = "0.2 N*m"}, {time = "0.2 s", load = "0 N*m"} ]
+override = { "drive.current_sensors.offset" = ["0.05 A", "0 A", "0 A"] }
+controllers = ["pi", "fair"]
+[controller.pi]
+law = "pi"
+kp = "0.015 A/rpm"
+ki = "0.3 A/rpm/s"
+[controller.fair]
+law = "pi"
+tuning = { rule = "phase-margin", phase_margin = "60 deg" }
+[[metric]]
+name = "speed_ripple"
+kind = "peak-to-peak"
+signal = "omega_m"
+window = ["0.1 s", "0.3 s"]
+unit = "rpm"
+[[metric]]
+name = "speed"
+kind = "order"
+signal = "omega_m"
+order = [1, 2, 6]
+frame = "electrical"
+scenarios = ["low"]
+[[metric]]
+name = "recovery"
+kind = "settling"
+event = "0.1 s"
+band = "2 rpm"
+"""
+
+
+def write(folder: Path, text: str = BASE) -> Path:
+    """The text as folder/study.toml."""
+    path = folder / "study.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def study(folder: Path, changes: dict[str, Any] | None = None, text: str = BASE) -> Study:
+    """The study of the text with changes."""
+    return load(write(folder, text), changes)

@@ -1,0 +1,215 @@
+"""The command line as a user meets it: tables, files, exit codes, one line for a mistake."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import studies
+from cogless import cli
+
+TOUCHES = """
+from pathlib import Path
+
+class Touches:
+    def step(self, inputs):
+        Path(__file__).with_name("begun").touch()
+        return 0.0
+"""
+
+
+def cogless(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr of a command."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["cogless", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+    out, err = capsys.readouterr()
+    return int(end.value.code or 0), out, err
+
+
+# run
+
+
+def test_run_prints_a_table_and_writes_everything(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "out"
+    code, out, err = cogless(capsys, "run", studies.write(tmp_path), "-o", folder)
+    assert (code, err) == (0, "")
+    assert {path.name for path in folder.iterdir()} == {"results.json", "traces.nc", "report.html"}
+    lines = out.splitlines()
+    assert lines[0].strip() == "low"
+    assert lines[1].split() == ["pi", "fair"]
+    ripple = next(line for line in lines if line.startswith("speed ripple [rpm]"))
+    assert "x)" in ripple and ripple.count("*") == 1
+    assert "* best; (x) times the value of pi" in lines
+    assert lines[-1] == f"Report: {folder / 'report.html'}"
+    results = json.loads((folder / "results.json").read_text())
+    assert [(run["scenario"], run["controller"]) for run in results["runs"]] == [
+        ("low", "pi"),
+        ("low", "fair"),
+        ("step", "pi"),
+        ("step", "fair"),
+    ]
+
+
+def test_run_one_with_changes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study = studies.write(tmp_path)
+    arguments = ("--only", "low/pi", "--set", "controller.pi.kp=0.03", "--set", "title=Stiffer", "--plots")
+    code, out, _ = cogless(capsys, "run", study, "-o", tmp_path, *arguments)
+    assert code == 0
+    assert "fair" not in out
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert (results["title"], len(results["runs"])) == ("Stiffer", 1)
+    assert list(tmp_path.glob("low-*.png"))
+
+
+def test_run_goes_into_results_by_default(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = studies.write(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    code, out, _ = cogless(capsys, "run", study, "--only", "low/pi")
+    assert code == 0
+    assert out.splitlines()[-1] == f"Report: {Path('results/study/report.html')}"
+    assert Path("results/study/results.json").exists()
+
+
+def test_a_mistake_is_one_line_and_exit_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study = studies.write(tmp_path, studies.BASE.replace('inertia = "2.5e-4 kg*m^2"', "inertia = 2.5e-4"))
+    code, out, err = cogless(capsys, "run", study, "-o", tmp_path / "out")
+    assert (code, out) == (2, "")
+    assert err == (
+        f'{study}: mechanics.inertia: 0.00025: expected a text with a unit, such as "0.00025 kg*m^2"\n'
+    )
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["run", "nowhere.toml"], "nowhere.toml: no such study: expected a file, or one of the shipped: "),
+        (["run"], "Missing argument 'STUDY'. See cogless --help."),
+        (["fly"], "No such command 'fly'. See cogless --help."),
+        (["run", "STUDY", "--set", "kp"], '--set: "kp": expected KEY=VALUE, such as controller.pi.kp=0.02'),
+        (["run", "STUDY", "--fast"], "No such option: --fast"),
+        (["run", "STUDY", "--only", "a/b"], 'STUDY: --only: "a/b": expected SCENARIO/CONTROLLER of low/pi, '),
+        (["calibrate", "STUDY"], "STUDY: calibration: missing: expected a table of parameters, targets"),
+    ],
+)
+def test_a_wrong_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], line: str
+) -> None:
+    study = str(studies.write(tmp_path))
+    code, out, err = cogless(capsys, *(study if word == "STUDY" else word for word in arguments))
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.replace(study, "STUDY").startswith(line)
+
+
+def test_a_directory_that_cannot_be_written_is_found_before_the_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cogless.simulate.run_study", lambda *_: pytest.fail("ran"))
+    (tmp_path / "file").touch()
+    code, _, err = cogless(capsys, "run", studies.write(tmp_path), "-o", tmp_path / "file" / "out")
+    assert code == 2
+    assert err == f"{tmp_path / 'file' / 'out'}: not a directory: expected a directory that can be written\n"
+
+
+def test_a_controller_that_returns_nan_leaves_the_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    law = 'class Law:\n    def step(self, i):\n        return float("nan") if i.time > 0.1 else 0.0\n'
+    (tmp_path / "law.py").write_text(law, encoding="utf-8")
+    text = studies.BASE + '[controller.mine]\nlaw = "python"\nobject = "law.py:Law"\n'
+    study = studies.write(tmp_path, text)
+    code, out, err = cogless(capsys, "run", study, "-o", tmp_path, "--only", "low/*")
+    assert code == 2
+    assert err.startswith(f"{study}: controller.mine: scenario low at 0.101 s: returned nan")
+    assert "Report:" in out
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert results["interrupted"] is True
+    assert [run["controller"] for run in results["runs"]] == ["pi", "fair"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
+def test_ctrl_c_keeps_finished_runs(tmp_path: Path) -> None:
+    (tmp_path / "law.py").write_text(TOUCHES, encoding="utf-8")
+    text = studies.BASE.replace('duration = "0.3 s"', 'duration = "1 h"')
+    text = text.replace('controllers = ["pi", "fair"]', 'controllers = ["mine", "pi"]')
+    text = text.replace('reference = "60 rpm"\n', 'reference = "60 rpm"\ncontrollers = ["pi", "fair"]\n', 1)
+    text += '[controller.mine]\nlaw = "python"\nobject = "law.py:Touches"\n[trace]\nrate = "1 kHz"\n'
+    study, folder = studies.write(tmp_path, text), tmp_path / "out"
+    command = [
+        sys.executable,
+        "-c",
+        "from cogless.cli import main; main()",
+        "run",
+        study,
+        "-o",
+        folder,
+        "--jobs=1",
+    ]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + 60
+    while not (tmp_path / "begun").exists() and run.poll() is None and time.monotonic() < until:
+        time.sleep(0.02)
+    run.send_signal(signal.SIGINT)
+    _, err = run.communicate(timeout=30)
+    assert run.returncode == 130
+    assert err == f"Interrupted: kept 2 of 4 runs (low/pi, low/fair), written to {folder}.\n"
+    results = json.loads((folder / "results.json").read_text())
+    assert results["interrupted"] is True
+    assert {path.name for path in folder.iterdir()} == {"results.json", "traces.nc", "report.html"}
+
+
+# the others
+
+
+def test_design_shows_gains_and_margins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study = studies.write(tmp_path)
+    code, out, _ = cogless(capsys, "design", study)
+    assert code == 0
+    fair = next(line for line in out.splitlines() if line.startswith("fair"))
+    assert "phase-margin" in fair and "60.0 deg" in fair and "A/rpm" in fair
+    code, out, _ = cogless(
+        capsys, "design", study, "--json", "--set", "controller.fair.tuning.phase_margin=45"
+    )
+    design = json.loads(out)["controllers"]["fair"]
+    assert design["margins"]["phase_margin_rad"] == pytest.approx(0.7853981634)
+    assert design["gains"]["kp"]["unit"] == "A*s/rad"
+
+
+def test_list_names_the_laws(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = cogless(capsys, "list")
+    assert code == 0
+    assert [line for line in out.splitlines() if not line.startswith(" ")] == [
+        "Studies",
+        "Motors",
+        "Control laws",
+    ]
+    assert "  robust-ilc    Robust iterative learning" in out
+
+
+def test_calibrate_prints_lines_for_the_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    calibration = """
+[calibration]
+parameters = [ {key = "motor.cogging.0.torque", lower = "0 mN*m"} ]
+targets = [ {scenario = "low", controller = "pi", metric = "speed_ripple", value = "1 rpm"} ]
+"""
+    code, out, err = cogless(capsys, "calibrate", studies.write(tmp_path, studies.BASE + calibration))
+    assert (code, err) == (0, "")
+    assert any(line.split()[:2] == ["low/pi", "speed_ripple"] for line in out.splitlines())
+    assert 'motor.cogging.0.torque = "' in out
+
+
+def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = cogless(capsys, "--version")
+    assert code == 0 and out.startswith("cogless ")
+    for command in ("run", "design", "list", "calibrate"):
+        code, out, _ = cogless(capsys, command, "--help")
+        assert code == 0 and f"Usage: cogless {command}" in out

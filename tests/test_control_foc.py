@@ -1,0 +1,146 @@
+"""Field-oriented current control of the C library."""
+
+import cmath
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from control_library import control_library
+from reference.foc import Foc
+from reference.motion import rounded
+from reference.transform import clarke, park
+
+STEPS = 3000
+
+
+class CFoc:
+    def __init__(self, library, reference: Foc):
+        self.library = library
+        fields = dataclasses.asdict(reference)
+        fields.pop("integral")
+        self.config = library.new("cgl_foc_config", **fields)
+        self.state = library.new("cgl_foc")
+        self.out = library.new("cgl_foc_output")
+        assert library.lib.cgl_foc_init(self.config, self.state) == library.lib.CGL_OK
+
+    def step(self, i_abc, theta_e, omega_e, u_dc, i_ref: complex):
+        i_abc = [float(i) for i in i_abc]
+        inputs = self.library.new("cgl_foc_input", i_abc=i_abc, theta_e=theta_e, omega_e=omega_e, u_dc=u_dc,
+                                  i_d_ref=i_ref.real, i_q_ref=i_ref.imag)  # fmt: skip
+        self.library.lib.cgl_foc_step(self.config, self.state, inputs, self.out)
+        return self.out
+
+
+def random_foc(rng, real) -> Foc:
+    def draw(*ranges):
+        return rounded([rng.uniform(*r) for r in ranges], real)
+
+    kp_d, kp_q, ki_d, ki_q = draw((1, 30), (1, 30), (10, 3000), (10, 3000))
+    ts, limit, advance, L_d, L_q, psi_f = draw(
+        (5e-5, 1e-4), (1, 5), (0, 2), (1e-3, 3e-2), (1e-3, 3e-2), (0.01, 0.1)
+    )
+    return Foc(kp_d, ki_d, kp_q, ki_q, ts, limit, advance, bool(rng.integers(2)), L_d, L_q, psi_f)
+
+
+def random_inputs(rng, real, u_dc):
+    """Currents that follow a random reference half-way, so that some steps saturate and some do not."""
+    theta = rng.uniform(0, 6)
+    omega, i_ref, i = 100.0, 0j, 0j
+    for n in range(STEPS):
+        if n % 50 == 0:
+            omega, i_ref = rng.uniform(-600, 600), complex(*rng.normal(0, 2, 2))
+        theta = (theta + omega * 7e-5) % (2 * math.pi)
+        i += 0.05 * (i_ref - i) + 0.03 * complex(*rng.normal(0, 1, 2))
+        wave = i * cmath.exp(1j * theta) * np.exp(-2j * np.pi / 3 * np.arange(3))
+        yield (
+            [*rounded(wave.real, real)],
+            *rounded([theta, omega, u_dc], real),
+            complex(*rounded([i_ref.real, i_ref.imag], real)),
+        )
+
+
+@pytest.mark.parametrize("precision", ["double", "float"])
+@pytest.mark.parametrize("seed", range(5))
+def test_equals_the_reference(precision, seed):
+    """In single, the integrals walk at random as in the PI (see there); back calculation pulls the walk
+    back. The voltage is scaled by kp times currents and the speed voltage."""
+    rng = np.random.default_rng(seed)
+    library = control_library(precision)
+    reference = random_foc(rng, library.real)
+    law = CFoc(library, reference)
+    u_dc = rng.uniform(10, 60)
+    scale = u_dc + (reference.kp_d + reference.kp_q + 600 * (reference.L_d + reference.L_q)) * 5
+    saturated = 0
+    for n, inputs in enumerate(random_inputs(rng, library.real, u_dc)):
+        bound = 1e-12 if precision == "double" else library.eps * (8 + 2 * math.sqrt(n))
+        got, expected = law.step(*inputs), reference.step(*inputs)
+        assert abs(complex(got.i_d, got.i_q) - expected.i_dq) <= bound * 10
+        assert abs(complex(got.u_d, got.u_q) - expected.u_dq) <= bound * scale
+        assert max(abs(np.array(list(got.duty)) - expected.duty)) <= bound * scale / u_dc
+        assert abs(complex(law.state.integral_d, law.state.integral_q) - reference.integral) <= bound * scale
+        if precision == "double":
+            assert got.status == (library.lib.CGL_STATUS_SATURATED if expected.saturated else 0)
+        saturated += expected.saturated
+    assert 0 < saturated < STEPS
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize(
+    "field, value",
+    [(f, v) for f in ("i_a", "theta_e", "omega_e", "u_dc") for v in (math.nan, math.inf, -math.inf)]
+    + [("u_dc", 0.0), ("u_dc", -1.0), ("theta_e", 1e5), ("omega_e", 1e30), ("i_a", 3e38)],
+)
+def test_a_bad_measurement_gives_zero_voltage_and_holds_the_integrals(precision, field, value):
+    library = control_library(precision)
+    law = CFoc(library, Foc(10.0, 1000.0, 10.0, 1000.0, 1e-4, 5.0, 1.5, True, 1e-3, 1e-3, 0.01))
+    good = {"i_a": 0.1, "theta_e": 1.0, "omega_e": 100.0, "u_dc": 48.0}
+    for _ in range(10):
+        law.step([0.1, 0.0, -0.1], 1.0, 100.0, 48.0, 1 + 1j)
+    before = law.state.integral_d, law.state.integral_q
+    bad = good | {field: value}
+    out = law.step([bad["i_a"], 0.0, -0.1], bad["theta_e"], bad["omega_e"], bad["u_dc"], 1 + 1j)
+    if (field, value) == ("i_a", 3e38) and precision == "double":
+        assert out.status == library.lib.CGL_STATUS_SATURATED  # finite, and far within a double's range
+        return
+    assert list(out.duty) == [0.5, 0.5, 0.5]
+    assert out.status == library.lib.CGL_STATUS_FAULT
+    assert (law.state.integral_d, law.state.integral_q) == before
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize("i_ref", [3e30 + 4e30j, -1e37 + 0j, complex(3e-3, 4e37), 30 - 40j])
+def test_a_reference_of_any_size_is_shortened_to_the_limit(precision, i_ref):
+    """Read from u = kp (reference - 0), with a bus that never limits."""
+    library = control_library(precision)
+    law = CFoc(library, Foc(2.0, 0.0, 2.0, 0.0, 1e-4, 5.0, 0.0, False, 0.0, 0.0, 0.0))
+    out = law.step([0.0, 0.0, 0.0], 0.0, 0.0, 1000.0, i_ref)
+    assert abs(complex(out.u_d, out.u_q) - 10.0 * i_ref / abs(i_ref)) < 30 * library.eps
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+def test_holds_the_current_of_a_motor_and_recovers_from_a_sagging_bus(precision):
+    """R-L motor at speed, one period of computation delay; the bus is too low for a while, then returns."""
+    library = control_library(precision)
+    R, L, psi, ts, omega = 0.5, 1e-3, 0.02, 1e-4, 500.0
+    bandwidth = 2 * math.pi * 500
+    law = CFoc(
+        library,
+        Foc(bandwidth * L, bandwidth * R, bandwidth * L, bandwidth * R, ts, 20.0, 1.5, True, L, L, psi),
+    )
+    i, theta, u = 0j, 0.0, 0j
+    history = []
+    for n in range(3000):
+        abc = [(i * cmath.exp(1j * (theta - 2 * math.pi / 3 * x))).real for x in range(3)]
+        u_dc = 5.0 if 1000 <= n < 2000 else 48.0
+        out = law.step(abc, theta, omega, u_dc, 0 + 4j)
+        acts, u = u, clarke(np.array(list(out.duty))) * u_dc  # the voltage acts one period later
+        for _ in range(10):
+            theta += omega * ts / 10
+            i += ts / 10 / L * (park(acts, theta - omega * ts / 20) - R * i - 1j * omega * (L * i + psi))
+        theta %= 2 * math.pi
+        history.append(i)
+    assert abs(history[999] - 4j) < 0.02
+    assert abs(history[1999] - 4j) > 1
+    assert max(abs(h) for h in history[2000:]) < 1.3 * max(4, abs(history[1999]))
+    assert abs(history[2100] - 4j) < 0.02

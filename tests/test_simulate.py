@@ -1,0 +1,240 @@
+"""Runs of a study on the engine: what comes out, what fails and how, what is kept."""
+
+import json
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import studies
+from cogless import simulate as room
+from cogless.engine import engine_config
+from cogless.errors import StudyError
+from cogless.simulate import RunError, run_study, runs_of, simulate
+from cogless.study.controller import TERMS
+
+TABLE = {
+    "law": "anti-cogging",
+    "kp": "0.015 A/rpm",
+    "ki": "0.3 A/rpm/s",
+    "cells": 480,
+    "calibration": {"speed": "20 rpm", "position_gain": "20 1/s"},
+}
+LEARNING = {"memory": "angle", "period": "electrical", "forgetting": 0.9}
+ILC = {**LEARNING, "law": "pi-ilc", "kp": "0.015 A/rpm", "ki": "0.3 A/rpm/s", "gain": "0.004 A/rpm"}
+ROBUST = {
+    **LEARNING,
+    "law": "robust-ilc",
+    "b": "3900 rpm/s/A",
+    "c": "5 1/s",
+    "g": "500 rpm/s",
+    "eta": "180 1/s",
+    "q": 0.1,
+    "beta_1": "0.4 rpm/s",
+    "beta_2": "0.3 1/s",
+    "gamma": "3 1/s^2",
+}
+LAWS = """
+class Pi:
+    def __init__(self, kp=0.14, ki=2.9):
+        self.kp, self.ki, self.sum = kp, ki, 0.0
+
+    def step(self, inputs):
+        error = inputs.omega_ref - inputs.omega_m
+        self.sum += self.ki * 1e-3 * error
+        return self.kp * error + self.sum
+
+
+class Breaks:
+    def step(self, inputs):
+        if inputs.time > 0.05:
+            return inputs.nothing
+        return 0.0
+
+
+class Nan:
+    def step(self, inputs):
+        return float("nan") if inputs.time > 0.05 else 0.0
+
+
+class NoStep:
+    pass
+"""
+
+
+def with_law(folder: Path, name: str, params: dict[str, Any] | None = None) -> Any:
+    (folder / "laws.py").write_text(LAWS, encoding="utf-8")
+    law = {"law": "python", "object": f"laws.py:{name}", "params": params or {}}
+    return studies.study(folder, {"controller.mine": law})
+
+
+def line(error: pytest.ExceptionInfo[StudyError], folder: Path) -> str:
+    return str(error.value).replace(str(folder) + "/", "")
+
+
+def test_a_run_has_trace_and_metrics(tmp_path: Path) -> None:
+    study = studies.study(tmp_path, {"trace.rate": "1 kHz"})
+    shares: list[float] = []
+    run = simulate(study, "low", "pi", shares.append)
+    assert len(run.trace) == 400
+    assert run.trace.period == pytest.approx(1e-3)
+    assert set(run.metrics) == {"speed_ripple_rad_s", "speed_rad_s"}
+    assert run.metrics["speed_ripple_rad_s"] > 0
+    assert shares == sorted(shares) and shares[-1] == 1.0
+    assert run.memory == {}
+
+
+def test_all_runs_come_in_the_studys_order_whatever_the_jobs(tmp_path: Path) -> None:
+    study = studies.study(tmp_path)
+    one, two = run_study(study, jobs=1), run_study(study, jobs=4)
+    names = [("low", "pi"), ("low", "fair"), ("step", "pi"), ("step", "fair")]
+    assert [(run.scenario, run.controller) for run in one.runs] == names
+    assert [run.metrics for run in one.runs] == [run.metrics for run in two.runs]
+    assert not one.interrupted
+
+
+def test_only_chooses_runs(tmp_path: Path) -> None:
+    study = studies.study(tmp_path)
+    assert runs_of(study, ["step/pi"]) == [("step", "pi")]
+    assert runs_of(study, ["*/fair", "low/*"]) == [("low", "pi"), ("low", "fair"), ("step", "fair")]
+    with pytest.raises(StudyError) as error:
+        runs_of(study, ["low/robust"])
+    expected = "expected SCENARIO/CONTROLLER of low/pi, low/fair, step/pi, step/fair"
+    assert line(error, tmp_path) == f'study.toml: --only: "low/robust": {expected}'
+
+
+def test_unknown_names(tmp_path: Path) -> None:
+    study = studies.study(tmp_path)
+    with pytest.raises(StudyError) as error:
+        simulate(study, "high", "pi")
+    assert line(error, tmp_path) == 'study.toml: scenario: "high": expected one of low, step'
+
+
+def test_single_and_double_precision_nearly_agree(tmp_path: Path) -> None:
+    single = simulate(studies.study(tmp_path), "low", "pi")
+    double = simulate(studies.study(tmp_path, {"drive.precision": "double"}), "low", "pi")
+    a, b = single.trace["omega_m"], double.trace["omega_m"]
+    assert not np.array_equal(a, b)
+    assert np.max(np.abs(a - b)) < 1e-3 * np.max(np.abs(b))
+
+
+def test_an_anti_cogging_table_is_learnt_before_the_run(tmp_path: Path) -> None:
+    study = studies.study(tmp_path, {"controller.table": TABLE, "motor.cogging.0.torque": 20})
+    run, plain = simulate(study, "low", "table"), simulate(study, "low", "pi")
+    assert run.memory["frame"] == "mechanical"
+    assert len(run.memory["current"]) == len(run.memory["angle"]) == 480
+    # 20 mN*m at K_t = 0.408 N*m/A
+    assert np.max(np.abs(run.memory["current"])) == pytest.approx(0.049, rel=0.2)
+    assert run.metrics["speed_ripple_rad_s"] < 0.5 * plain.metrics["speed_ripple_rad_s"]
+
+
+def test_a_commissioning_run_that_does_not_get_round(tmp_path: Path) -> None:
+    stuck = {**TABLE, "kp": 1e-6, "ki": 0.0}
+    study = studies.study(tmp_path, {"controller.table": stuck, "mechanics.coulomb_friction": "0.1 N*m"})
+    with pytest.raises(StudyError) as error:
+        simulate(study, "low", "table")
+    start = "study.toml: controller.table.calibration: scenario low: not done after 20.3 s: "
+    assert line(error, tmp_path) == start + "expected kp and ki that hold its speed"
+
+
+@pytest.mark.parametrize("law", [ILC, ROBUST], ids=["pi-ilc", "robust-ilc"])
+def test_a_learning_law_keeps_its_limit_and_its_terms(tmp_path: Path, law: dict[str, Any]) -> None:
+    study = studies.study(tmp_path, {"controller.learning": law})
+    config = engine_config(study, "low", "learning")["controller"]
+    assert config["limit"] == study.drive.current_loop.current_limit
+    run = simulate(study, "low", "learning")
+    terms = [name for name in run.trace.names if name.startswith("term_")]
+    assert terms == list(TERMS[law["law"]])
+    assert run.memory["frame"] == "electrical"
+    assert np.any(run.memory["current"])
+
+
+# Laws in Python
+
+
+def test_a_python_law_drives_the_motor(tmp_path: Path) -> None:
+    run = simulate(with_law(tmp_path, "Pi", {"kp": 0.1432394, "ki": 2.864789}), "low", "mine")
+    built_in = simulate(studies.study(tmp_path), "low", "pi")
+    assert np.max(np.abs(run.trace["omega_m"] - built_in.trace["omega_m"])) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("name", "params", "expected"),
+    [
+        ("Missing", {}, "expected laws.py to define Missing"),
+        ("NoStep", {}, "expected a class with a method step(inputs)"),
+    ],
+)
+def test_a_law_that_is_none(tmp_path: Path, name: str, params: dict[str, Any], expected: str) -> None:
+    with pytest.raises(StudyError) as error:
+        simulate(with_law(tmp_path, name, params), "low", "mine")
+    assert line(error, tmp_path) == f'study.toml: controller.mine.object: "laws.py:{name}": {expected}'
+
+
+def test_a_law_whose_params_do_not_fit(tmp_path: Path) -> None:
+    with pytest.raises(
+        StudyError, match=r"TypeError: .*kd.*: expected a class that takes the controller's params"
+    ):
+        simulate(with_law(tmp_path, "Pi", {"kd": 1}), "low", "mine")
+
+
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+    study = studies.study(tmp_path, {"controller.mine": {"law": "python", "object": "x.py:Law"}})
+    with pytest.raises(StudyError, match=r'"x\.py:Law": expected a file at '):
+        simulate(study, "low", "mine")
+
+
+@pytest.mark.parametrize(
+    ("name", "cause"),
+    [("Nan", "returned nan"), ("Breaks", "laws.py line 15: AttributeError: ")],
+)
+def test_a_law_that_fails_names_controller_and_time(tmp_path: Path, name: str, cause: str) -> None:
+    with pytest.raises(StudyError) as error:
+        simulate(with_law(tmp_path, name), "low", "mine")
+    assert line(error, tmp_path).startswith(f"study.toml: controller.mine: scenario low at 0.051 s: {cause}")
+
+
+def test_a_library_that_is_not_there(tmp_path: Path) -> None:
+    study = studies.study(tmp_path, {"controller.mine": {"law": "library", "library": "libnone.so"}})
+    with pytest.raises(StudyError, match=r"study\.toml: controller\.mine: scenario low: .*libnone\.so"):
+        simulate(study, "low", "mine")
+
+
+def test_a_failed_run_leaves_the_others(tmp_path: Path) -> None:
+    study = with_law(tmp_path, "Nan")
+    with pytest.raises(RunError) as error:
+        run_study(study, ["low/*"])
+    assert "controller.mine: scenario low at 0.051 s" in str(error.value)
+    results = error.value.results
+    assert [run.controller for run in results.runs] == ["pi", "fair"]
+    assert results.interrupted
+
+
+# Ctrl-C
+
+
+def test_an_interrupt_keeps_what_is_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    study = studies.study(tmp_path, {"scenario.step.duration": 1000})
+    begun = threading.Event()
+
+    def progress(scenario: str, controller: str, share: float) -> None:
+        if scenario == "step":
+            begun.set()
+
+    def ctrl_c(futures: Any) -> None:
+        assert begun.wait(30)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(room, "wait_for", ctrl_c)
+    results = run_study(study, progress=progress)
+    assert results.interrupted
+    assert [(run.scenario, run.controller) for run in results.runs] == [("low", "pi"), ("low", "fair")]
+
+
+def test_metrics_without_their_signal_are_left_out(tmp_path: Path) -> None:
+    metric = {"name": "learnt", "kind": "rms", "signal": "term_table"}
+    study = studies.study(tmp_path, {"controller.table": TABLE, "metric": [metric]})
+    assert simulate(study, "low", "pi").metrics == {}
+    assert json.dumps(dict(simulate(study, "low", "table").metrics)).startswith('{"learnt_A": ')

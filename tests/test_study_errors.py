@@ -1,0 +1,231 @@
+"""A mistake in a study is one line that names the file, the key, the value and what was expected."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import studies
+from cogless.errors import StudyError
+from cogless.study import load
+
+PI = {"law": "pi", "kp": 1, "ki": 1}
+ILC = {**PI, "law": "pi-ilc", "gain": 0}
+TABLE = {**PI, "law": "anti-cogging", "calibration": {"speed": "2 rpm", "position_gain": "20 1/s"}}
+METRIC = {"name": "m", "kind": "rms", "signal": "i_q"}
+TARGET = {"scenario": "low", "controller": "pi", "metric": "speed_ripple", "value": "5 rpm"}
+PARAMETER = {"key": "motor.cogging.0.torque"}
+
+
+def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BASE) -> str:
+    path = studies.write(folder, text)
+    with pytest.raises(StudyError) as error:
+        load(path, changes)
+    line = str(error.value)
+    assert "\n" not in line
+    return line.replace(str(folder) + "/", "")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "line"),
+    [
+        # keys
+        ("mechanics.inertai", "1 kg*m^2",
+            'mechanics.inertai: "1 kg*m^2": expected a known key, perhaps "inertia"'),
+        ("motor.r_s", "1 ohm", 'motor.r_s: "1 ohm": expected a known key, perhaps "R_s"'),
+        ("trace.zzz", 1, "trace.zzz: 1: expected one of rate"),
+        ("controller.pi.gain", 1,
+            "controller.pi.gain: 1: expected one of label, baseline, kp, ki, tuning, law"),
+        ("drive", {}, "drive.rates: missing: expected a value"),
+        ("mechanics", {}, 'mechanics.inertia: missing: expected an inertia above zero, such as "1 kg*m^2"'),
+        ("mechanics", 3, "mechanics: 3: expected a table of inertia, viscous_friction, coulomb_friction, "
+            "breakaway_friction, load"),
+        # quantities
+        ("mechanics.load", 0.5, 'mechanics.load: 0.5: expected a text with a unit, such as "0.5 N*m"'),
+        ("mechanics.inertia", "2.5e-4",
+            'mechanics.inertia: "2.5e-4": expected a unit too, such as "2.5e-4 kg*m^2"'),
+        ("mechanics.inertia", "1 kg", 'mechanics.inertia: "1 kg": expected an inertia, such as "1 kg*m^2"'),
+        ("mechanics.inertia", -1e-4,
+            'mechanics.inertia: "-0.0001 kg*m^2": expected an inertia above zero, such as "1 kg*m^2"'),
+        ("mechanics.inertia", "0 kg*m^2",
+            'mechanics.inertia: "0 kg*m^2": expected an inertia above zero, such as "1 kg*m^2"'),
+        ("mechanics.inertia", float("nan"),
+            'mechanics.inertia: "nan kg*m^2": expected a number and a unit, such as "1 kg*m^2"'),
+        ("motor.R_s", "-1 ohm",
+            'motor.R_s: "-1 ohm": expected a resistance of zero or more, such as "1 ohm"'),
+        ("scenario.low.reference", "1 Hz",
+            'scenario.low.reference: "1 Hz": expected an angular speed, such as "1 rpm"'),
+        ("controller.pi.kp", "1 A",
+            'controller.pi.kp: "1 A": expected a gain of the speed loop, such as "1 A/rpm"'),
+        ("title", 5, "title: 5: expected a text"),
+        ("seed", -1, "seed: -1: expected a number of 0 or more"),
+        ("motor.pole_pairs", 4.5, "motor.pole_pairs: 4.5: expected a whole number"),
+        ("motor.pole_pairs", True, "motor.pole_pairs: true: expected a whole number"),
+        ("metric", 3, "metric: 3: expected an array"),
+        # motor
+        ("motor.K_t", "0.4 N*m/A",
+            'motor: expected either psi_f, such as "68 mWb", or K_t, such as "0.4 N*m/A"'),
+        ("motor.winding", "wye", 'motor.winding: "wye": expected "star" or "delta"'),
+        ("motor.cogging", [{"order": 24}],
+            'motor.cogging.0: expected either torque, such as "4 mN*m", or current, such as "0.2 A"'),
+        ("motor.cogging.0.order", 0, "motor.cogging.0.order: 0: expected a number of 1 or more"),
+        # drive
+        ("drive.rates.speed_loop", "7 kHz",
+            'drive.rates.speed_loop: "7 kHz": expected a rate that divides current_loop, 15000 Hz'),
+        ("drive.rates.current_loop", "1.5 Hz",
+            'drive.rates.current_loop: "1.5 Hz": expected a whole number of Hz, such as "1 kHz"'),
+        ("trace.rate", "4 kHz",
+            'trace.rate: "4 kHz": expected a rate that divides drive.rates.current_loop, 15000 Hz'),
+        ("drive.current_loop.kp", "1 V/A",
+            'drive.current_loop: expected either kp and ki or bandwidth, such as "800 Hz"'),
+        ("drive.position_sensor", {"kind": "hall"},
+            'drive.position_sensor.kind: "hall": expected one of "ideal", "encoder", "resolver"'),
+        ("drive.position_sensor", {"lines": 3},
+            "drive.position_sensor.kind: missing: expected one that says which kind it is"),
+        ("drive.position_sensor", {"kind": "ideal", "lines": 3},
+            "drive.position_sensor.lines: 3: expected one of kind"),
+        ("drive.position_sensor", {"kind": "encoder", "lines": 0},
+            "drive.position_sensor.lines: 0: expected a number of 1 or more"),
+        ("drive.inverter.computation_delay", 2, "drive.inverter.computation_delay: 2: expected 0 or 1"),
+        ("drive.current_sensors.offset", ["0 A", "0 A"],
+            'drive.current_sensors.offset: ["0 A", "0 A"]: expected more values'),
+        ("mechanics.breakaway_friction", "-1 N*m",
+            'mechanics.breakaway_friction: "-1 N*m": expected a torque of zero or more, such as "1 N*m"'),
+        ("mechanics.load", {"time_table": {"time": ["1 s", "0 s"], "torque": ["1 N*m", "1 N*m"]}},
+            'mechanics.load.time_table.time: ["1 s", "0 s"]: '
+            "expected one or more values, each above the one before"),
+        ("mechanics.load", {"time_table": {"time": ["1 s"], "torque": []}},
+            "mechanics.load.time_table.torque: []: expected as many values as time has, 1"),
+        ("mechanics.load", {"angle_table": {"angle": ["0 deg", "360 deg"], "torque": ["1 N*m", "1 N*m"]}},
+            'mechanics.load.angle_table.angle: ["0 deg", "360 deg"]: '
+            "expected less than one revolution from the first to the last angle"),
+        # scenarios
+        ("scenario", {}, "scenario: {}: expected 1 or more"),
+        ("scenario.low.controllers", ["x"], 'scenario.low.controllers.0: "x": expected one of "pi", "fair"'),
+        ("scenario.step.events.1.time", 0.5,
+            'scenario.step.events.1.time: "0.5 s": expected a time within the scenario\'s 0.3 s'),
+        ("scenario.step.events.1.time", 0.1,
+            'scenario.step.events.1.time: "0.1 s": expected a time after the event before'),
+        ("scenario.low.reference", {"speed": "1 rpm", "offset": "1 rpm"},
+            "scenario.low.reference: expected the keys of one form: speed; ramp, speed; profile; "
+            "amplitude, frequency, offset"),
+        ("scenario.low.reference", {"profile": [["1 s", "0 rpm"], ["0 s", "1 rpm"]]},
+            'scenario.low.reference.profile: [["1 s", "0 rpm"], ["0 s", "1 rpm"]]: '
+            "expected one or more points, each later than the one before"),
+        ("scenario.low.override", {"seed": 2},
+            "scenario.low.override.seed: 2: expected a key of motor, drive or mechanics"),
+        ("scenario.low.override", {"mechanics.inertia": "-1 kg*m^2"},
+            'scenario.low.override: mechanics.inertia: "-1 kg*m^2": '
+            'expected an inertia above zero, such as "1 kg*m^2"'),
+        ('scenario."a/b"', {"duration": "1 s", "reference": "1 rpm"},
+            "scenario.a/b: expected a name of letters, digits, _, - and ."),
+        # controllers
+        ("controller.pi.law", "pid",
+            'controller.pi.law: "pid": expected one of '
+            '"pi", "pi-ilc", "robust-ilc", "anti-cogging", "python", "library"'),
+        ("controller.pi", {"kp": 1}, "controller.pi.law: missing: expected one that says which kind it is"),
+        ("controller.fair.kp", 1,
+            "controller.fair: expected either kp and ki or tuning, such as "
+            '{ rule = "phase-margin", phase_margin = "60 deg" }'),
+        ("controller.fair.tuning.phase_margin", 100,
+            'controller.fair.tuning.phase_margin: "100 deg": '
+            'expected a phase margin from "20 deg" to "80 deg"'),
+        ("controller.ilc", {**ILC, "forgetting": 0},
+            "controller.ilc.forgetting: 0: expected a number above 0"),
+        ("controller.ilc", {**ILC, "cells": 8, "q_half_width": 4},
+            "controller.ilc.q_half_width: 4: expected a filter within the 8 cells of the memory"),
+        ("controller.ilc", {**ILC, "memory": "space"},
+            'controller.ilc.memory: "space": expected "time" or "angle"'),
+        ("controller.t", {**TABLE, "calibration": {"speed": "-2 rpm", "position_gain": 1}},
+            'controller.t.calibration.speed: "-2 rpm": expected a speed above zero'),
+        ("controller.mine", {"law": "python", "object": "law.py"},
+            'controller.mine.object: "law.py": expected a file and a class, such as "my_law.py:MyLaw"'),
+        ("controller", {"pi": {**PI, "baseline": True}, "fair": {**PI, "baseline": True}},
+            'controller.fair.baseline: true: expected one baseline, already "pi"'),
+        # metrics
+        ("metric.0.window", [0.1, 1],
+            'metric.0.window: ["0.1 s", "1 s"]: expected a window within the 0.4 s of scenario "low"'),
+        ("metric.0.window", [0.3, 0.2],
+            'metric.0.window: ["0.3 s", "0.2 s"]: expected a window that ends after it begins'),
+        ("metric", [{**METRIC, "signal": "term_ilc"}],
+            'metric.0.signal: "term_ilc": expected a signal that a controller of this study has'),
+        ("metric.0.unit", "A", 'metric.0.unit: "A": expected a unit of an angular speed, such as "rpm"'),
+        ("metric.0.scenarios", ["x"], 'metric.0.scenarios: ["x"]: expected one of "low", "step"'),
+        ("metric.1.name", "speed_ripple",
+            'metric.1.name: "speed_ripple": expected a name that no other metric has'),
+        ("metric.1.name", "a b", 'metric.1.name: "a b": expected a name of letters, digits and _'),
+        ("metric.1.order", [1, 2000],
+            "metric.1.order: [1, 2000]: expected orders below 1875, half the trace's 15000 Hz "
+            'at the top speed of scenario "low"'),
+        ("metric.1.order", [], 'metric.1.order: []: expected one, since kind is "order"'),
+        ("metric.0.band", "1 rpm", 'metric.0.band: "1 rpm": expected none, since kind is "peak-to-peak"'),
+        ("metric.2.event", 0.15, 'metric.2.event: "0.15 s": expected the time of an event of a scenario'),
+        ("metric.2.scenarios", ["low"],
+            'metric.2.event: "0.1 s": expected the time of an event of scenario "low"'),
+        ("metric.2.band", "1 A", 'metric.2.band: "1 A": expected an angular speed, such as "1 rpm"'),
+        ("metric", [{**METRIC, "kind": "settling"}],
+            'metric.0.event: missing: expected one, since kind is "settling"'),
+        ("metric", [{"name": "m", "kind": "rms"}],
+            'metric.0.signal: missing: expected one, since kind is "rms"'),
+        # calibration
+        ("calibration", {"parameters": [], "targets": [TARGET]},
+            "calibration.parameters: []: expected one or more"),
+        ("calibration", {"parameters": [{**PARAMETER, "scenario": "x"}], "targets": [TARGET]},
+            'calibration.parameters.0.scenario: "x": expected one of "low", "step"'),
+        ("calibration", {"parameters": [PARAMETER], "targets": [{**TARGET, "metric": "recovery"}]},
+            'calibration.targets.0.metric: "recovery": expected one of "speed_ripple", "speed"'),
+        ("calibration", {"parameters": [PARAMETER], "targets": [{**TARGET, "value": "5 A"}]},
+            'calibration.targets.0.value: "5 A": expected an angular speed, such as "1 rpm"'),
+        ("calibration", {"parameters": [PARAMETER], "targets": [{**TARGET, "metric": "speed"}]},
+            'calibration.targets.0.value: "5 rpm": expected 3 values'),
+    ],
+)  # fmt: skip
+def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> None:
+    assert line_of(tmp_path, {key: value}) == f"study.toml: {line}"
+
+
+def test_an_unknown_signal_lists_what_there_is(tmp_path: Path) -> None:
+    line = line_of(tmp_path, {"metric.0.signal": "omega"})
+    assert line.startswith('study.toml: metric.0.signal: "omega": expected a signal: theta_m, omega_m, ')
+
+
+def test_several_mistakes_are_counted(tmp_path: Path) -> None:
+    line = line_of(tmp_path, {"motor.R_s": "1 H", "motor.L_d": "1 ohm", "mechanics.inertia": "1 s"})
+    assert line == 'study.toml: motor.R_s: "1 H": expected a resistance, such as "1 ohm" (and 2 more)'
+
+
+def test_a_slower_trace_holds_fewer_orders(tmp_path: Path) -> None:
+    fast = {"scenario.low.reference": "6000 rpm", "trace.rate": "5 kHz"}
+    assert "expected orders below 6.25" in line_of(tmp_path, {**fast, "metric.1.order": [7]})
+    assert studies.study(tmp_path, {**fast, "metric.1.order": [6]}).metric[1].order == (6.0,)
+
+
+def test_toml_that_cannot_be_read_names_the_line(tmp_path: Path) -> None:
+    line = line_of(tmp_path, None, 'title = "x"\n[motor\n')
+    assert line.startswith("study.toml: not readable as TOML: ")
+    assert "line 2" in line
+
+
+def test_a_mistake_in_the_datasheet_names_the_datasheet(tmp_path: Path) -> None:
+    (tmp_path / "m.toml").write_text('pole_pairs = 4\nR_s = "1 A"\n', encoding="utf-8")
+    text = studies.BASE.replace('R_s = "15.42 ohm"\n', 'datasheet = "m.toml"\n')
+    assert line_of(tmp_path, None, text) == 'm.toml: R_s: "1 A": expected a resistance, such as "1 ohm"'
+
+
+def test_no_such_study(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match=r"x\.toml: no such study: expected a file, or one of the shipped: "):
+        load(tmp_path / "x.toml")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "line"),
+    [
+        ("motor.cogging.5.torque", 1,
+            "motor.cogging.5.torque: 1: expected a key of the study, or an index of its array"),
+        ("scenario.low.reference.speed", 1,
+            "scenario.low.reference.speed: 1: expected a table at scenario.low.reference"),
+        ("", 1, '"": expected a dotted key, such as controller.pi.kp'),
+    ],
+)  # fmt: skip
+def test_a_change_that_has_no_place(tmp_path: Path, key: str, value: object, line: str) -> None:
+    assert line_of(tmp_path, {key: value}) == line
