@@ -92,6 +92,15 @@ def test_recovers_from_saturation_at_once(precision):
 
 
 @pytest.mark.parametrize("precision", ["float", "double"])
+def test_the_integral_alone_never_exceeds_the_limit(precision):
+    """A feedforward that pulls the other way must not let it grow beyond what the output could use."""
+    law = CPi(control_library(precision), Pi(kp=0.5, ki=50.0, ts=1e-3, limit=2.0))
+    for _ in range(1000):
+        law.step(1.0, -3.0)
+    assert law.state.integral == 2.0
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
 def test_reset_forgets(precision):
     library = control_library(precision)
     law = CPi(library, Pi(kp=0.5, ki=50.0, ts=1e-3, limit=2.0))

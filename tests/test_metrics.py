@@ -26,6 +26,7 @@ class Metric:
     frame: str = "electrical"
     event: float | None = None
     band: float | None = None
+    smooth: float | None = None
     dimension: units.Dimension = units.ANGULAR_SPEED
 
 
@@ -135,6 +136,37 @@ def test_event_at_the_start():
     assert value("dip", t, event=0.0, window=(0.0, 4.0)) == pytest.approx(4, rel=1e-6)
 
 
+def test_smoothing_takes_the_ripple_out_of_a_dip():
+    t = trace(
+        omega_m=lambda t: first_order(2.0, 0.2)(t) + 0.5 * np.sin(2 * np.pi * 25.0 * t),
+        omega_ref=10.0,
+    )
+    with_ripple = value("dip", t, signal="omega_m", event=1.0)
+    without = value("dip", t, signal="omega_m", event=1.0, smooth=0.04)
+    assert with_ripple > 2.2
+    # over the 40 ms after the step, the mean of the decay is 0.2 (1 - exp(-0.2)) / 0.04 of its start
+    assert without == pytest.approx(2.0 * 5.0 * (1.0 - math.exp(-0.2)), rel=1e-2)
+
+
+def test_overshoot_is_beyond_the_end():
+    def rise(t):
+        return np.where(t < 1.0, 1.0, 3.0 + np.exp(-(t - 1.0) / 0.1) * 0.7)
+
+    def creep(t):
+        return np.where(t < 1.0, 0.0, 1.0 - np.exp(-(t - 1.0) / 0.1))
+
+    for signal, expected in ((rise, 0.7), (lambda t: -rise(t), 0.7), (creep, 0.0)):
+        found = value("overshoot", trace(i_q=signal, unit="A"), signal="i_q", event=1.0)
+        assert found == pytest.approx(expected, abs=1e-5)
+
+
+def test_exceeds_tells_when_the_error_grows_beyond_the_band():
+    growing = trace(omega_m=lambda t: 10.0 + 0.1 * np.exp(t), omega_ref=10.0)
+    first = value("exceeds", growing, signal="omega_m", band=1.0)
+    assert first == pytest.approx(math.log(10.0), abs=1e-3)
+    assert value("exceeds", growing, signal="omega_m", band=10.0) is None
+
+
 def test_copper_loss():
     t = trace(i_d=1.0, i_q=lambda time: np.sqrt(2) * 3 * np.sin(2 * np.pi * time), unit="A")
     window = (0.0, 4 - 1 / RATE)
@@ -214,5 +246,5 @@ def test_orders_do_not_depend_on_where_the_rotor_starts(amplitude, phase, order,
 
 
 def test_kinds_are_those_of_the_study():
-    assert len(KINDS) == 10
+    assert len(KINDS) == 12
     assert all(function.__doc__ for function in KINDS.values())

@@ -152,7 +152,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("metric.0.unit", "A", 'metric.0.unit: "A": expected a unit of an angular speed, such as "rpm"'),
         ("metric.0.scenarios", ["x"], 'metric.0.scenarios: ["x"]: expected one of "low", "step"'),
         ("metric.1.name", "speed_ripple",
-            'metric.1.name: "speed_ripple": expected a name that no other metric has'),
+            'metric.1.name: "speed_ripple": expected a name that no other metric of scenario "low" has'),
         ("metric.1.name", "a b", 'metric.1.name: "a b": expected a name of letters, digits and _'),
         ("metric.1.order", [1, 2000],
             "metric.1.order: [1, 2000]: expected orders below 1875, half the trace's 15000 Hz "

@@ -22,6 +22,7 @@ from cogless.simulate import run_study
 from cogless.study import Study, changed
 from cogless.study.calibration import Parameter
 from cogless.study.explain import MISSING, look_up, shown
+from cogless.study.metric import Metric
 from cogless.study.reading import split
 
 # Relative steps for derivatives, one fit after the other, each from the best so far: an encoder makes metrics
@@ -177,10 +178,9 @@ def _residuals(study: Study, known: dict[str, dict[str, Value]], jobs: int) -> l
         if results.interrupted:
             raise KeyboardInterrupt
         known |= {names[run.scenario, run.controller]: dict(run.metrics) for run in results.runs}
-    metrics = {metric.name: metric for metric in study.metric}
     found = []
     for target in study.calibration.targets:
-        metric = metrics[target.metric]
+        metric = _metric(study, target.scenario, target.metric)
         value = known[names[target.scenario, target.controller]].get(result_name(metric))
         got = value if isinstance(value, list) else [math.nan if value is None else value]
         orders = metric.order if metric.kind == "order" and metric.order else (None,)
@@ -190,6 +190,10 @@ def _residuals(study: Study, known: dict[str, dict[str, Value]], jobs: int) -> l
                 raise StudyError(f"{study.source.path}: calibration: {target.metric} of {place} has no value")
             found.append(Residual(target.scenario, target.controller, target.metric, order, wanted, number))
     return found
+
+
+def _metric(study: Study, scenario: str, name: str) -> Metric:
+    return next(metric for metric in study.metrics_in(scenario) if metric.name == name)
 
 
 def _relative(study: Study, residuals: list[Residual]) -> list[float]:
@@ -210,10 +214,9 @@ def _relative(study: Study, residuals: list[Residual]) -> list[float]:
 
 def residual_rows(fit: Fit) -> list[tuple[str, str, str, str, str]]:
     """Run, metric, wanted, got and deviation of each target, in display units."""
-    metrics = {metric.name: metric for metric in fit.study.metric}
     rows = []
     for r in fit.residuals:
-        metric = metrics[r.metric]
+        metric = _metric(fit.study, r.scenario, r.metric)
         unit = metric.unit or metric.dimension.unit
         wanted, got = (units.format(value, unit, metric.dimension, digits=4) for value in (r.wanted, r.got))
         share = f"{100 * (r.got / r.wanted - 1):+.1f} %" if r.wanted else ""

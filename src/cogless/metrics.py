@@ -52,7 +52,17 @@ class Measurement:
     @property
     def x(self) -> Array:
         """The signal in the metric's rows."""
-        return self.trace[self.signal][self.rows]
+        x = self.trace[self.signal]
+        return x[self.rows] if self.metric.smooth is None else self._smooth(x, self.metric.smooth)[self.rows]
+
+    def _smooth(self, x: Array, span: float) -> Array:
+        """Centred mean over `span` s, without what comes after the metric's window."""
+        half = round(span / self.trace.period / 2)
+        total = np.concatenate(([0.0], np.cumsum(x)))
+        row = np.arange(len(x))
+        end = np.where(row < self.rows.stop, self.rows.stop, len(x))
+        first, last = np.maximum(row - half, 0), np.minimum(row + half + 1, end)
+        return np.asarray((total[last] - total[first]) / (last - first))
 
     @property
     def event(self) -> float:
@@ -141,21 +151,32 @@ def settling(m: Measurement) -> float | None:
     The band lies around the signal's reference, or, without one, around its mean before the event. A signal
     still outside in the last twentieth of the window hasn't settled: it crosses the band again and again.
     """
-    if m.metric.band is None:
-        raise m.error("expected a band")
-    if m.signal == "omega_error":
-        target: Array | float = 0.0
-    elif m.signal in REFERENCES and REFERENCES[m.signal] in m.trace:
-        target = m.trace[REFERENCES[m.signal]][m.rows]
-    else:
-        target = _mean_before(m)
     time = m.trace.time[m.rows]
-    outside = np.flatnonzero(np.abs(m.x - target) > m.metric.band)
+    outside = _outside(m, lambda: _mean_before(m))
     if len(outside) == 0:
         return 0.0
     if outside[-1] >= 0.95 * (len(time) - 1):
         return None
     return max(0.0, float(time[outside[-1]]) - m.event)
+
+
+def overshoot(m: Measurement) -> float:
+    """How far the signal goes beyond where it ends, in the signal's unit; 0 where it doesn't.
+
+    It ends at its mean over the last quarter of the window, and goes there from its mean before the event.
+    """
+    end = float(np.mean(m.x[-max(1, len(m.x) // 4) :]))
+    direction = math.copysign(1.0, end - _mean_before(m))
+    return max(0.0, float(np.max(direction * (m.x - end))))
+
+
+def exceeds(m: Measurement) -> float | None:
+    """Time at which the signal first leaves the band around its reference, s; None when it never does.
+
+    A signal without a reference is held against its mean over the first tenth of the window.
+    """
+    outside = _outside(m, lambda: float(np.mean(m.x[: max(1, len(m.x) // 10)])))
+    return float(m.trace.time[m.rows][outside[0]]) if len(outside) else None
 
 
 def copper_loss(m: Measurement) -> float:
@@ -188,6 +209,8 @@ KINDS: dict[str, Callable[[Measurement], Value]] = {
     "order": order,
     "dip": dip,
     "settling": settling,
+    "overshoot": overshoot,
+    "exceeds": exceeds,
     "copper-loss": copper_loss,
     "chattering": chattering,
 }
@@ -249,6 +272,20 @@ def _last_part(angle: Array, x: Array, span: float) -> tuple[Array, Array]:
         np.concatenate(([angle[0] + direction * start], angle[first + 1 :])),
         np.concatenate(([x_start], x[first + 1 :])),
     )
+
+
+def _outside(m: Measurement, otherwise: Callable[[], float]) -> NDArray[np.intp]:
+    """Rows outside the band around the signal's reference, or around `otherwise` without one."""
+    if m.metric.band is None:
+        raise m.error("expected a band")
+    target: Array | float
+    if m.signal == "omega_error":
+        target = 0.0
+    elif m.signal in REFERENCES and REFERENCES[m.signal] in m.trace:
+        target = m.trace[REFERENCES[m.signal]][m.rows]
+    else:
+        target = otherwise()
+    return np.flatnonzero(np.abs(m.x - target) > m.metric.band)
 
 
 def _mean_before(m: Measurement) -> float:

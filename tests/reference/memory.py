@@ -1,5 +1,4 @@
-"""What a learning law remembers: all that it ever stored, so that 'one period ago' can be taken at its
-word."""
+"""What a learning law remembers: all that it ever stored, so that 'one period ago' is literal."""
 
 import math
 from dataclasses import dataclass, field

@@ -48,10 +48,13 @@ static uint32_t wrap_cell(const cgl_memory_config *config, int32_t n)
     return (uint32_t)wrapped;
 }
 
-/* The entry of one period ago at cell n in [-cells, 2 cells). */
-static cgl_real old_entry(const cgl_memory_config *config, const cgl_memory *memory, int32_t n)
+/* The entry of one period ago at cell k in [-cells, 2 cells), for a rotor between the cells n and n + 1. */
+static cgl_real old_entry(const cgl_memory_config *config, const cgl_memory *memory, int32_t n, int32_t k)
 {
-    const uint32_t cell = wrap_cell(config, n);
+    const uint32_t cell = wrap_cell(config, k);
+    if (memory->direction < 0 ? k <= n : k > n) {
+        return memory->cell[cell]; /* the rotor has yet to pass it */
+    }
     const int32_t ahead = (int32_t)memory->newest - (int32_t)cell;
     const uint32_t age = wrap_cell(config, memory->direction < 0 ? -ahead : ahead);
     if (age >= memory->known) {
@@ -76,13 +79,13 @@ static bool recall_by_angle(const cgl_memory_config *config, cgl_memory *memory,
 
     cgl_real sum = CGL_R(0.0);
     for (int32_t k = n - m; k <= n + m; ++k) {
-        sum += old_entry(config, memory, k);
+        sum += old_entry(config, memory, n, k);
     }
     /* the window moved on by one cell, for the straight line in between */
-    const cgl_real moved = old_entry(config, memory, n + m + 1) - old_entry(config, memory, n - m);
+    const cgl_real moved = old_entry(config, memory, n, n + m + 1) - old_entry(config, memory, n, n - m);
     *filtered = config->forgetting * (sum + part * moved) / (cgl_real)(2 * m + 1);
-    const cgl_real here = old_entry(config, memory, n);
-    *held = here + part * (old_entry(config, memory, n + 1) - here);
+    const cgl_real here = old_entry(config, memory, n, n);
+    *held = here + part * (old_entry(config, memory, n, n + 1) - here);
     memory->next_position = x;
     return true;
 }
@@ -104,6 +107,14 @@ static void write_cell(const cgl_memory_config *config, cgl_memory *memory, int3
     }
 }
 
+/* The value at cell n on the straight line from the last value to this one, `distance` cells further. */
+static cgl_real on_line(const cgl_memory_config *config, const cgl_memory *memory, int32_t n, cgl_real distance,
+                        cgl_real value)
+{
+    const cgl_real share = ((cgl_real)n - memory->position) / distance;
+    return cgl_clamp(memory->value + share * (value - memory->value), config->limit);
+}
+
 static void store_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real value)
 {
     const cgl_real cells = (cgl_real)config->cells;
@@ -112,16 +123,15 @@ static void store_by_angle(const cgl_memory_config *config, cgl_memory *memory, 
     distance += distance > CGL_R(0.5) * cells ? -cells : (distance < CGL_R(-0.5) * cells ? cells : CGL_R(0.0));
 
     if (memory->started && cgl_abs(distance) <= CGL_R(0.25) * cells) {
-        const cgl_real slope = distance != CGL_R(0.0) ? (value - memory->value) / distance : CGL_R(0.0);
         const cgl_real to = from + distance;
         if (distance > CGL_R(0.0)) {
             for (int32_t n = (int32_t)from + 1; (cgl_real)n <= to; ++n) {
-                write_cell(config, memory, n, 1, memory->value + slope * ((cgl_real)n - from));
+                write_cell(config, memory, n, 1, on_line(config, memory, n, distance, value));
             }
         } else if (distance < CGL_R(0.0)) {
             const int32_t first = (int32_t)from;
             for (int32_t n = (cgl_real)first < from ? first : first - 1; (cgl_real)n >= to; --n) {
-                write_cell(config, memory, n, -1, memory->value + slope * ((cgl_real)n - from));
+                write_cell(config, memory, n, -1, on_line(config, memory, n, distance, value));
             }
         }
     }

@@ -17,7 +17,7 @@ typedef struct {
 } cgl_pi_config;
 
 typedef struct {
-    cgl_real integral;     /* [output] */
+    cgl_real integral;     /* within +-limit [output] */
     cgl_real proportional; /* the share of the last step [output] */
     bool saturated;        /* the last output was at its limit */
 } cgl_pi;

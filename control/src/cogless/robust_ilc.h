@@ -43,7 +43,7 @@ typedef struct {
 
 typedef struct {
     cgl_memory memory;          /* f [rad/s^2] */
-    cgl_real error_integral;    /* [rad] */
+    cgl_real error_integral;    /* within +-1e9 [rad] */
     cgl_real adapted;           /* r [rad/s^2] */
     cgl_real last_omega_ref;    /* [rad/s] */
     bool started;               /* last_omega_ref is valid */

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable
+from itertools import product
 from typing import TYPE_CHECKING
 
 from pydantic_core import PydanticCustomError
@@ -64,13 +65,14 @@ def trace_rate(study: Study) -> None:
 
 
 def metrics(study: Study) -> None:
-    """Metrics have names of their own, scenarios that exist, windows and events in them, recorded signals."""
-    seen: set[str] = set()
+    """Metrics have a name of their own in each scenario, and scenarios, windows, events and signals that exist."""
     recorded = {term for controller in study.controller.values() for term in TERMS[controller.law]}
     for index, metric in enumerate(study.metric):
-        if metric.name in seen:
-            raise problem("expected a name that no other metric has", "metric", index, "name")
-        seen.add(metric.name)
+        for scenario, other in product(study.scenario, study.metric[:index]):
+            both = (applies(m, scenario, study.scenario[scenario]) for m in (metric, other))
+            if metric.name == other.name and all(both):
+                expected = f'expected a name that no other metric of scenario "{scenario}" has'
+                raise problem(expected, "metric", index, "name")
         if (metric.signal or "").startswith("term_") and metric.signal not in recorded:
             raise problem("expected a signal that a controller of this study has", "metric", index, "signal")
         for scenario in metric.scenarios or ():
@@ -114,7 +116,6 @@ def calibration(study: Study) -> None:
     for index, parameter in enumerate(study.calibration.parameters):
         if parameter.scenario is not None and parameter.scenario not in study.scenario:
             raise problem(_one_of(study.scenario), "calibration", "parameters", index, "scenario")
-    declared = {metric.name: metric for metric in study.metric}
     for index, target in enumerate(study.calibration.targets):
         key = ("calibration", "targets", index)
         if target.scenario not in study.scenario:
@@ -122,11 +123,11 @@ def calibration(study: Study) -> None:
         if target.controller not in controllers_in(study, target.scenario):
             raise problem(_one_of(controllers_in(study, target.scenario)), *key, "controller")
         scenario = study.scenario[target.scenario]
-        taken = [name for name, metric in declared.items() if applies(metric, target.scenario, scenario)]
+        taken = {m.name: m for m in study.metric if applies(m, target.scenario, scenario)}
         if target.metric not in taken:
             raise problem(_one_of(taken), *key, "metric")
         try:
-            target.values(declared[target.metric])
+            target.values(taken[target.metric])
         except PydanticCustomError as error:
             raise problem(error.message(), *key, "value") from None
 

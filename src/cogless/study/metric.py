@@ -8,7 +8,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from cogless import units
 from cogless.study.controller import TERMS
-from cogless.study.table import Many, Quantity, Table, Time, problem
+from cogless.study.table import Duration, Many, Quantity, Table, Time, problem
 from cogless.units import Dimension
 
 # Every signal that a run has, recorded or derived from recorded ones.
@@ -22,8 +22,14 @@ SIGNALS: dict[str, Dimension] = {
     **{name: units.CURRENT for terms in TERMS.values() for name in terms},
 }
 
-OWN_DIMENSIONS = {"copper-loss": units.POWER, "chattering": units.CURRENT, "settling": units.TIME}
-AT_AN_EVENT = ("dip", "settling")
+OWN_DIMENSIONS = {
+    "copper-loss": units.POWER,
+    "chattering": units.CURRENT,
+    "settling": units.TIME,
+    "exceeds": units.TIME,
+}
+AT_AN_EVENT = ("dip", "settling", "overshoot")
+WITH_A_BAND = ("settling", "exceeds")
 
 
 class Metric(Table):
@@ -39,10 +45,12 @@ class Metric(Table):
         "order",
         "dip",
         "settling",
+        "overshoot",
+        "exceeds",
         "copper-loss",
         "chattering",
     ]
-    signal: str | None = None  # not for copper-loss and chattering; omega_m for dip and settling
+    signal: str | None = None  # not for copper-loss and chattering; omega_m at an event
     # s; default: from the event to the next one, else all
     window: tuple[Time, Time] | None = Field(default=None, strict=False)
     scenarios: Many[str] | None = None  # default: all, or those that have the event
@@ -50,6 +58,7 @@ class Metric(Table):
     frame: Literal["electrical", "mechanical"] = "mechanical"  # of what the order is a multiple
     event: Time | None = None  # s
     band: float | None = None  # half width, SI
+    smooth: Duration | None = None  # s: averaged over this time first, so that ripple doesn't count
     unit: str | None = None  # in tables and report; default: SI
     better: Literal["lower", "higher", "none"] = "lower"
 
@@ -95,13 +104,15 @@ class Metric(Table):
             "signal": self.kind not in ("copper-loss", "chattering"),
             "order": self.kind == "order",
             "event": self.kind in AT_AN_EVENT,
-            "band": self.kind == "settling",
+            "band": self.kind in WITH_A_BAND,
         }
         for key, needed in needs.items():
             if needed and getattr(self, key) in (None, ()):
                 raise problem(f'expected one, since kind is "{self.kind}"', key, value="missing")
             if not needed and key != "event" and getattr(self, key) is not None:
                 raise problem(f'expected none, since kind is "{self.kind}"', key)
+        if self.smooth is not None and self.kind not in AT_AN_EVENT:
+            raise problem(f'expected none, since kind is "{self.kind}"', "smooth")
         if self.window is not None and self.window[1] <= self.window[0]:
             raise problem("expected a window that ends after it begins", "window")
         return self

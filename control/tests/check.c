@@ -1,0 +1,72 @@
+#include "check.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static int failed;
+static uint64_t seed = 88172645463325252u;
+
+void check(bool holds, const char *condition, const char *file, int line)
+{
+    if (!holds && ++failed <= 20) {
+        printf("%s:%d: %s\n", file, line, condition);
+    }
+}
+
+int failures(void)
+{
+    return failed;
+}
+
+uint32_t random_bits(void)
+{
+    seed ^= seed << 13; /* xorshift64 */
+    seed ^= seed >> 7;
+    seed ^= seed << 17;
+    return (uint32_t)(seed >> 32);
+}
+
+uint32_t random_below(uint32_t n)
+{
+    return random_bits() % n;
+}
+
+static cgl_real any_bits(void)
+{
+    const uint64_t bits = ((uint64_t)random_bits() << 32) | random_bits();
+    cgl_real x;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+static cgl_real corner(void)
+{
+    const cgl_real largest = CGL_REAL_MAX;
+    const cgl_real infinite = largest * CGL_R(2.0);
+    const cgl_real smallest = CGL_R(1.0) / largest / CGL_R(4.0);
+    const cgl_real corners[] = {CGL_R(0.0),  infinite,       infinite - infinite, largest, smallest,
+                                CGL_R(1e-9), CGL_R(9.9999e4), CGL_R(1.0e5),        CGL_R(1.0e9)};
+    const cgl_real x = corners[random_below(sizeof corners / sizeof corners[0])];
+    return random_below(2) ? x : -x;
+}
+
+static cgl_real ordinary(cgl_real usual)
+{
+    return usual * ((cgl_real)(random_bits() >> 8) / CGL_R(8388608.0) - CGL_R(1.0));
+}
+
+cgl_real random_real(cgl_real usual)
+{
+    const uint32_t kind = random_below(3);
+    return kind == 0U ? any_bits() : (kind == 1U ? corner() : ordinary(usual));
+}
+
+cgl_real random_gain(cgl_real usual)
+{
+    for (;;) {
+        const cgl_real x = random_below(8) ? ordinary(usual) : random_real(usual);
+        if (cgl_is_finite(x)) {
+            return cgl_abs(x);
+        }
+    }
+}
