@@ -134,6 +134,7 @@ cgl_memory_config memory(const Section& s, int pole_pairs, double limit, double 
             s.get<std::uint32_t>("cells"),
             electrical ? static_cast<std::uint32_t>(pole_pairs) : 1U,
             s.get<std::uint32_t>("q_half_width"),
+            s.get<std::uint32_t>("lead"),
             s.real("forgetting"),
             static_cast<cgl_real>(limit),
             static_cast<cgl_real>(ts)};

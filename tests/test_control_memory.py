@@ -16,7 +16,7 @@ TS = 1e-3
 def memory_config(library, memory: AngleMemory | TimeMemory) -> dict[str, Any]:
     by_angle = isinstance(memory, AngleMemory)
     kind = library.lib.CGL_MEMORY_ANGLE if by_angle else library.lib.CGL_MEMORY_TIME
-    names = ("cells", "periods_per_rev", "q_half_width", "forgetting", "limit")
+    names = ("cells", "periods_per_rev", "q_half_width", "lead", "forgetting", "limit")
     return {"kind": kind, "ts": TS} | {name: getattr(memory, name) for name in names}
 
 
@@ -37,18 +37,18 @@ class CMemory:
         )
         return Recalled(self.out[0], self.out[1], known)
 
-    def update(self, value: float, learn: bool = True) -> None:
-        self.library.lib.cgl_memory_update(self.config, self.state, value, learn)
+    def update(self, value: float, correction: float = 0.0, learn: bool = True) -> float:
+        return self.library.lib.cgl_memory_update(self.config, self.state, value, correction, learn)
 
 
 def random_memory(rng, kind, real):
     cells = int(rng.choice([4, 5, 16, 63, 128, 500]))
     width = min(40, int(rng.choice([0, 1, (cells - 1) // 4, (cells - 1) // 2])))
     forgetting, limit = rounded([rng.choice([1.0, rng.uniform(0.5, 1)]), rng.uniform(0.5, 3)], real)
-    ppr = int(rng.choice([1, 2, 4]))
+    ppr, lead = int(rng.choice([1, 2, 4])), int(rng.choice([0, min(cells // 4, rng.integers(1, 9))]))
     if kind == "angle":
-        return AngleMemory(cells, ppr, width, forgetting, limit)
-    return TimeMemory(max(cells, 100), ppr, width, forgetting, limit, float(real(TS)))
+        return AngleMemory(cells, ppr, width, forgetting, limit, lead)
+    return TimeMemory(max(cells, 100), ppr, width, forgetting, limit, float(real(TS)), lead)
 
 
 def drive(memory, inputs, gain, real=float):
@@ -56,8 +56,8 @@ def drive(memory, inputs, gain, real=float):
     for omega_ref, theta, error, learn in inputs:
         got = memory.recall(theta, omega_ref)
         frozen = not (got.known and learn)
-        value = got.held if frozen else float(real(real(got.filtered) + real(gain) * real(error)))
-        memory.update(value, not frozen)
+        correction = float(real(gain) * real(error))
+        value = memory.update(got.held if frozen else got.filtered, correction, not frozen)
         yield got.filtered, got.held, value
 
 

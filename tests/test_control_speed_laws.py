@@ -54,9 +54,10 @@ def random_memory(rng, kind, limit, real):
     cells, ppr = int(rng.choice([16, 60, 256])), int(rng.choice([1, 4]))
     width = int(rng.choice([0, 2, 7]))
     forgetting, limit = rounded([rng.choice([1.0, 0.85]), limit], real)
+    lead = int(rng.choice([0, 3]))
     if kind == "angle":
-        return AngleMemory(cells, ppr, width, forgetting, limit)
-    return TimeMemory(int(rng.choice([400, 1500])), ppr, width, forgetting, limit, float(real(TS)))
+        return AngleMemory(cells, ppr, width, forgetting, limit, lead)
+    return TimeMemory(int(rng.choice([400, 1500])), ppr, width, forgetting, limit, float(real(TS)), lead)
 
 
 def random_law(rng, law, kind, real) -> PiIlc | RobustIlc:

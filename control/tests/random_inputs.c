@@ -93,6 +93,7 @@ static cgl_memory_config random_memory(void)
     config.cells = 4U + random_below(CELLS_MAX - 3U);
     config.periods_per_rev = random_below(10) ? 1U + random_below(8) : 1U + random_below(65535);
     config.q_half_width = random_below(2) ? 0U : random_below((config.cells + 1U) / 2U);
+    config.lead = random_below(2) ? 0U : random_below(config.cells / 4U + 1U);
     config.forgetting = random_below(2) ? CGL_R(1.0) : random_gain(CGL_R(1.0));
     config.limit = random_gain(CGL_R(5.0));
     config.ts = random_gain(CGL_R(2.0e-3));
@@ -204,7 +205,9 @@ static void try_memory(void)
         next_input(&in, step);
         cgl_memory_recall(&config, &memory, in.theta_m, in.omega_ref, &filtered, &held);
         CHECK(within(filtered, config.limit) && within(held, config.limit));
-        cgl_memory_update(&config, &memory, random_real(config.limit), in.learn);
+        const cgl_real acting =
+            cgl_memory_update(&config, &memory, random_real(config.limit), random_real(config.limit), in.learn);
+        CHECK(within(acting, config.limit));
         CHECK(memory.newest < length && memory.head < length && memory.known <= length);
         if (random_below(1000) == 0U) {
             cgl_memory_reset(&config, &memory);

@@ -97,8 +97,10 @@ def _controller(study: Study, name: str, mode: Mode) -> dict[str, Any]:
         fields["library"] = str((study.source.path.parent / controller.library).resolve())
     if isinstance(controller, Feedback):
         fields["kp"], fields["ki"] = gains(study, name)
-    if isinstance(controller, Learning) and controller.limit is None:
-        fields["limit"] = study.drive.current_loop.current_limit
+    if isinstance(controller, Learning):
+        fields["lead"] = round(controller.lead * study.drive.rates.speed_loop)
+        if controller.limit is None:
+            fields["limit"] = study.drive.current_loop.current_limit
     if isinstance(controller, AntiCogging):
         fields["mode"] = mode
     return fields

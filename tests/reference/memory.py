@@ -15,6 +15,14 @@ class Recalled:
     known: bool = False
 
 
+def passed_cells(start: float, moved: float) -> list[tuple[int, float]]:
+    """The cells on the way from `start`, each with its share of the way."""
+    end = start + moved
+    forward = range(math.floor(start) + 1, math.floor(end) + 1)
+    backward = range(math.ceil(start) - 1, math.ceil(end) - 1, -1)
+    return [(n, (n - start) / moved) for n in (forward if moved > 0 else backward)]
+
+
 @dataclass
 class AngleMemory:
     """A map over the period whose cells are written where the rotor passes them.
@@ -30,12 +38,14 @@ class AngleMemory:
     q_half_width: int
     forgetting: float
     limit: float
+    lead: int = 0
     record: dict[int, list[tuple[int, int, float]]] = field(default_factory=dict)
     passes: int = 0
     pass_length: int = 0
     last: tuple[int, int] | None = None  # unwrapped cell and direction of the last one written
     stored: tuple[float, float] | None = None  # unwrapped position [cells] and value of the last update
     asked: float = 0.0
+    corrected: tuple[float, float] | None = None  # position and value of the last correction, `lead` behind
 
     def position(self, theta_m: float) -> float:
         return (theta_m / (2 * math.pi) * self.periods_per_rev) % 1.0 * self.cells
@@ -76,27 +86,51 @@ class AngleMemory:
         self.pass_length += 1
         self.last = (n, direction)
 
-    def update(self, value: float, learn: bool) -> None:
-        value = clip(finite_or_zero(value), self.limit)
-        if not learn:
-            self.stored = None
-            self.passes, self.pass_length, self.last = self.passes + 1, 0, None
+    def correct(self, moved: float, correction: float) -> None:
+        """Adds to the cells that the rotor passed `lead` samples ago, had it always moved as it does now."""
+        if abs(self.lead * moved) > self.cells / 4:
+            self.corrected = None
             return
+        place = (self.asked - self.lead * moved) % self.cells
+        if self.corrected is not None:
+            start, before = self.corrected
+            passed = (place - start + self.cells / 2) % self.cells - self.cells / 2
+            if passed * moved <= 0:
+                return
+            if abs(passed) <= self.cells / 4:
+                for n, share in passed_cells(start, passed):
+                    change = clip((1 - share) * before + share * correction, self.limit)
+                    rows = self.record.setdefault(n % self.cells, [(-1, 0, 0.0)])
+                    rows[-1] = (*rows[-1][:2], clip(rows[-1][2] + change, self.limit))
+        self.corrected = (place, correction)
+
+    def update(self, value: float, correction: float = 0.0, learn: bool = True) -> float:
+        change = correction if learn and not math.isnan(correction) else 0.0
+        value = clip(finite_or_zero(value if self.lead else value + change), self.limit)
+        if not learn:
+            self.stored = self.corrected = None
+            self.passes, self.pass_length, self.last = self.passes + 1, 0, None
+            return value
+        followed = False
         if self.stored is not None:
             start, before = self.stored
             half = self.cells / 2
             moved = (self.asked - start + half) % self.cells - half  # the shorter way round
-            if 0 < abs(moved) <= self.cells / 4:
-                end = start + moved
-                passed = (
-                    range(math.floor(start) + 1, math.floor(end) + 1)
-                    if moved > 0
-                    else range(math.ceil(start) - 1, math.ceil(end) - 1, -1)
-                )
-                for n in passed:
-                    share = (n - start) / moved
+            followed = abs(moved) <= self.cells / 4
+            if followed and moved != 0:
+                turned_back = self.last is not None and self.last[1] * moved < 0
+                wrote = False
+                for n, share in passed_cells(start, moved):
                     self.write(n, 1 if moved > 0 else -1, (1 - share) * before + share * value)
+                    wrote = True
+                if turned_back and wrote:
+                    self.corrected = None
+                if self.lead:
+                    self.correct(moved, change)
+        if not followed:
+            self.corrected = None
         self.stored = (self.asked, value)
+        return value
 
 
 @dataclass
@@ -109,6 +143,7 @@ class TimeMemory:
     forgetting: float
     limit: float
     ts: float
+    lead: int = 0
     values: list[float] = field(default_factory=list)
 
     def ago(self, samples: float) -> float:
@@ -126,5 +161,10 @@ class TimeMemory:
         mean = float(np.mean([self.ago(period + k) for k in reach]))
         return Recalled(self.forgetting * mean, self.ago(period), True)
 
-    def update(self, value: float, learn: bool) -> None:
-        self.values.append(clip(finite_or_zero(value), self.limit))
+    def update(self, value: float, correction: float = 0.0, learn: bool = True) -> float:
+        change = correction if learn and not math.isnan(correction) else 0.0
+        acting = clip(finite_or_zero(value if self.lead else value + change), self.limit)
+        self.values.append(acting)
+        if 0 < self.lead < len(self.values):
+            self.values[-1 - self.lead] = clip(self.values[-1 - self.lead] + change, self.limit)
+        return acting

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from .limits import clip, is_angle
+from .limits import is_angle
 from .memory import AngleMemory, TimeMemory
 from .pi import Pi
 
@@ -21,9 +21,6 @@ class PiIlc:
         u_k = self.memory.recall(theta_m, omega_ref)
         plausible = math.isfinite(e) and is_angle(theta_m)
         self.learning = learn and plausible and u_k.known and not self.pi.saturated
-        if self.learning:
-            self.learned = clip(u_k.filtered + self.gain * e, self.memory.limit)  # (29)
-        else:
-            self.learned = u_k.held
-        self.memory.update(self.learned, self.learning)
+        before = u_k.filtered if self.learning else u_k.held
+        self.learned = self.memory.update(before, self.gain * e, self.learning)  # (29)
         return self.pi.step(e, self.learned)

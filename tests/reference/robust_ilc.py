@@ -42,11 +42,9 @@ class RobustIlc:
 
         f_before = self.memory.recall(theta_m, omega_ref)
         self.learning = learn and finite and is_angle(theta_m) and f_before.known and not self.saturated
-        f = f_before.held
-        if self.learning:
-            f_k = f_before.filtered - self.q * (self.beta_1 * sgn(S) + self.beta_2 * S)  # (15)
-            f = clip(f_k, self.memory.limit)
-        self.memory.update(f, self.learning)
+        before = f_before.filtered if self.learning else f_before.held
+        change = -self.q * (self.beta_1 * sgn(S) + self.beta_2 * S)  # (15)
+        f = self.memory.update(before, change, self.learning)
 
         v = -self.g * sgn(S) - self.eta * S  # (16)
         B = self.viscous * omega + self.coulomb * sgn(omega)

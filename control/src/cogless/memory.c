@@ -8,7 +8,8 @@ cgl_error cgl_memory_init(const cgl_memory_config *config, cgl_memory *memory, c
 {
     if (!(config->cells >= 4U && config->cells <= CELLS_MAX && config->periods_per_rev >= 1U
           && config->periods_per_rev <= CELLS_MAX && config->q_half_width < CELLS_MAX
-          && 2U * config->q_half_width + 1U <= config->cells && config->forgetting > CGL_R(0.0)
+          && 2U * config->q_half_width + 1U <= config->cells && config->lead <= config->cells / 4U
+          && config->forgetting > CGL_R(0.0)
           && config->forgetting <= CGL_R(1.0) && config->limit > CGL_R(0.0) && cgl_is_finite(config->limit)
           && config->ts > CGL_R(0.0) && cgl_is_finite(config->ts)
           && (config->kind == CGL_MEMORY_ANGLE || config->kind == CGL_MEMORY_TIME))) {
@@ -29,9 +30,10 @@ void cgl_memory_reset(const cgl_memory_config *config, cgl_memory *memory)
         memory->cell[n] = CGL_R(0.0);
     }
     memory->position = memory->value = memory->next_position = CGL_R(0.0);
+    memory->lag_position = memory->correction = CGL_R(0.0);
     memory->newest = memory->known = memory->head = 0U;
     memory->direction = 0;
-    memory->started = false;
+    memory->started = memory->lagging = false;
 }
 
 /* ---- by angle: a map, and behind it a ring of the entries overwritten last, which the Q filter still needs ---- */
@@ -107,33 +109,79 @@ static void write_cell(const cgl_memory_config *config, cgl_memory *memory, int3
     }
 }
 
-/* The value at cell n on the straight line from the last value to this one, `distance` cells further. */
-static cgl_real on_line(const cgl_memory_config *config, const cgl_memory *memory, int32_t n, cgl_real distance,
-                        cgl_real value)
+static void correct_cell(const cgl_memory_config *config, cgl_memory *memory, int32_t n, int direction, cgl_real value)
 {
-    const cgl_real share = ((cgl_real)n - memory->position) / distance;
-    return cgl_clamp(memory->value + share * (value - memory->value), config->limit);
+    (void)direction;
+    const uint32_t cell = wrap_cell(config, n);
+    memory->cell[cell] = cgl_clamp(memory->cell[cell] + value, config->limit);
 }
 
-static void store_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real value)
+/* A straight line over positions: `before` at `from`, `value` at `distance` further; both in cells. */
+typedef struct {
+    cgl_real from, distance, before, value;
+} stretch;
+
+/* Calls `put` with each cell passed on the way and the line's value there. */
+static void along(const cgl_memory_config *config, cgl_memory *memory, const stretch *way,
+                  void (*put)(const cgl_memory_config *, cgl_memory *, int32_t, int, cgl_real))
+{
+    const cgl_real to = way->from + way->distance;
+    const int direction = way->distance < CGL_R(0.0) ? -1 : 1;
+    const int32_t start = (int32_t)way->from;
+    int32_t n = direction > 0 || (cgl_real)start == way->from ? start + direction : start;
+    for (; direction > 0 ? (cgl_real)n <= to : (cgl_real)n >= to; n += direction) {
+        const cgl_real share = ((cgl_real)n - way->from) / way->distance;
+        put(config, memory, n, direction, cgl_clamp(way->before + share * (way->value - way->before), config->limit));
+    }
+}
+
+/* From one position to another the shorter way round [cells]. */
+static cgl_real between(const cgl_memory_config *config, cgl_real from, cgl_real to)
 {
     const cgl_real cells = (cgl_real)config->cells;
-    const cgl_real from = memory->position;
-    cgl_real distance = memory->next_position - from;
-    distance += distance > CGL_R(0.5) * cells ? -cells : (distance < CGL_R(-0.5) * cells ? cells : CGL_R(0.0));
+    const cgl_real distance = to - from;
+    return distance > CGL_R(0.5) * cells ? distance - cells
+                                         : (distance < CGL_R(-0.5) * cells ? distance + cells : distance);
+}
 
-    if (memory->started && cgl_abs(distance) <= CGL_R(0.25) * cells) {
-        const cgl_real to = from + distance;
-        if (distance > CGL_R(0.0)) {
-            for (int32_t n = (int32_t)from + 1; (cgl_real)n <= to; ++n) {
-                write_cell(config, memory, n, 1, on_line(config, memory, n, distance, value));
-            }
-        } else if (distance < CGL_R(0.0)) {
-            const int32_t first = (int32_t)from;
-            for (int32_t n = (cgl_real)first < from ? first : first - 1; (cgl_real)n >= to; --n) {
-                write_cell(config, memory, n, -1, on_line(config, memory, n, distance, value));
-            }
+/* Adds the corrections where the rotor was `lead` samples ago, at the speed that it has now. */
+static void correct_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real moved, cgl_real correction)
+{
+    const cgl_real cells = (cgl_real)config->cells;
+    const cgl_real behind = (cgl_real)config->lead * moved;
+    if (cgl_abs(behind) > CGL_R(0.25) * cells) {
+        memory->lagging = false;
+        return;
+    }
+    const cgl_real place = memory->next_position - behind;
+    const cgl_real lag = place < CGL_R(0.0) ? place + cells : (place >= cells ? place - cells : place);
+    const cgl_real passed = memory->lagging ? between(config, memory->lag_position, lag) : CGL_R(0.0);
+    if (memory->lagging && passed * moved <= CGL_R(0.0)) {
+        return; /* the rotor gains speed faster than it moves: wait until the place comes by again */
+    }
+    if (memory->lagging && cgl_abs(passed) <= CGL_R(0.25) * cells) {
+        const stretch way = {memory->lag_position, passed, memory->correction, correction};
+        along(config, memory, &way, correct_cell);
+    }
+    memory->lag_position = lag;
+    memory->correction = correction;
+    memory->lagging = true;
+}
+
+static void store_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction)
+{
+    const cgl_real moved = between(config, memory->position, memory->next_position);
+    const bool followed = memory->started && cgl_abs(moved) <= CGL_R(0.25) * (cgl_real)config->cells;
+    if (followed && moved != CGL_R(0.0)) {
+        const int before = memory->direction;
+        const stretch way = {memory->position, moved, memory->value, value};
+        along(config, memory, &way, write_cell);
+        memory->lagging = memory->lagging && memory->direction == before;
+        if (config->lead > 0U) {
+            correct_by_angle(config, memory, moved, correction);
         }
+    } else if (!followed) {
+        memory->lagging = false;
     }
     memory->position = memory->next_position;
     memory->value = value;
@@ -180,14 +228,18 @@ static bool recall_by_time(const cgl_memory_config *config, const cgl_memory *me
     return true;
 }
 
-static void store_by_time(const cgl_memory_config *config, cgl_memory *memory, cgl_real value)
+static void store_by_time(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction)
 {
     const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
     memory->newest = memory->newest + 1U < length ? memory->newest + 1U : 0U;
     memory->cell[memory->newest] = value;
-    memory->value = value;
     if (memory->known < length) {
         ++memory->known;
+    }
+    if (config->lead > 0U && config->lead < memory->known) {
+        const uint32_t lead = config->lead;
+        const uint32_t then = memory->newest >= lead ? memory->newest - lead : memory->newest + length - lead;
+        memory->cell[then] = cgl_clamp(memory->cell[then] + correction, config->limit);
     }
 }
 
@@ -202,15 +254,18 @@ bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_
     return known;
 }
 
-void cgl_memory_update(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, bool learn)
+cgl_real cgl_memory_update(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction,
+                           bool learn)
 {
-    const cgl_real limited = cgl_clamp(value, config->limit);
+    const cgl_real change = learn ? cgl_clamp(correction, CGL_REAL_MAX) : CGL_R(0.0);
+    const cgl_real acting = cgl_clamp(config->lead > 0U ? value : value + change, config->limit);
     if (config->kind == CGL_MEMORY_TIME) {
-        store_by_time(config, memory, limited);
+        store_by_time(config, memory, acting, change);
     } else if (learn) {
-        store_by_angle(config, memory, limited);
+        store_by_angle(config, memory, acting, change);
     } else {
-        memory->started = false; /* the next value has no line back to this one */
-        memory->known = 0U;      /* and when the rotor comes round, what was overwritten is two periods old */
+        memory->started = memory->lagging = false; /* the next value has no line back to this one */
+        memory->known = 0U; /* and when the rotor comes round, what was overwritten is two periods old */
     }
+    return acting;
 }

@@ -24,6 +24,8 @@ typedef struct {
     uint32_t periods_per_rev; /* periods in one mechanical revolution: pole pairs, or 1; 1 to 65535 */
     uint32_t q_half_width;    /* zero-phase low-pass (Q filter): mean of this many entries on each side; 0: none.
                                  2 q_half_width + 1 <= cells */
+    uint32_t lead;            /* a correction goes to what acted this many samples ago [samples], 0 to cells / 4: makes up
+                                 for the time in which the loop answers; 0: to the present, and it acts at once */
     cgl_real forgetting;      /* factor on what is recalled, in (0, 1]; 1: none */
     cgl_real limit;           /* every entry stays within +-limit [unit of the entry], > 0 */
     cgl_real ts;              /* sampling period [s], > 0 */
@@ -34,11 +36,14 @@ typedef struct {
     cgl_real position;      /* angle: where the value below belongs [cells] */
     cgl_real value;         /* the last stored value */
     cgl_real next_position; /* angle: where recall was asked */
+    cgl_real lag_position;  /* angle: where the correction below belongs, `lead` samples behind [cells] */
+    cgl_real correction;    /* angle: the last correction */
     uint32_t newest;        /* angle: last cell written; time: place of the last value */
     uint32_t known;         /* angle: overwritten entries still remembered; time: values stored so far */
     uint32_t head;          /* angle: place in the ring of the entry overwritten last */
     int direction;          /* angle: of the last cells written: 1, -1, or 0 for none */
     bool started;           /* angle: position and value are valid */
+    bool lagging;           /* angle: lag_position and correction are valid */
 } cgl_memory;
 
 /* Entries that the caller provides: the period, and as many as the Q filter looks back on. */
@@ -57,10 +62,13 @@ void cgl_memory_reset(const cgl_memory_config *config, cgl_memory *memory);
 bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
                        cgl_real *filtered, cgl_real *held);
 
-/* Puts the value at the place that recall was asked for, within the limit (not finite: 0). By angle, every cell passed
- * since the last update gets a value on the straight line between the two; a jump of more than a quarter of the period
- * writes nothing. With learn false a map stays as it is, and a delay line goes on with the value given. */
-void cgl_memory_update(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, bool learn);
+/* Puts the value at the place that recall was asked for, and adds the correction there or, with a lead, where the rotor
+ * was `lead` samples ago. Returns what acts now: the value, with the correction if there is no lead. All stays within the
+ * limit (not finite: 0). By angle, every cell passed since the last update gets a value on the straight line between the
+ * two; a jump of more than a quarter of the period writes nothing. With learn false a map stays as it is, a delay line
+ * goes on with the value given, and the correction is ignored. */
+cgl_real cgl_memory_update(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction,
+                           bool learn);
 
 #ifdef __cplusplus
 }

@@ -26,8 +26,8 @@ void cgl_pi_ilc_step(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, const cgl
     const bool known = cgl_memory_recall(&config->memory, &law->memory, in->theta_m, in->omega_ref, &filtered, &held);
     const bool learn = in->learn && plausible && known && !law->pi.saturated;
 
-    law->learned = learn ? cgl_clamp(filtered + config->gain * error, config->memory.limit) : held;
-    cgl_memory_update(&config->memory, &law->memory, law->learned, learn);
+    law->learned =
+        cgl_memory_update(&config->memory, &law->memory, learn ? filtered : held, config->gain * error, learn);
     out->i_q_ref = cgl_pi_step(&config->pi, &law->pi, error, law->learned);
     out->status = (law->pi.saturated ? (unsigned)CGL_STATUS_SATURATED : 0U) | (learn ? 0U : (unsigned)CGL_STATUS_FROZEN)
                   | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);

@@ -56,12 +56,9 @@ void cgl_robust_ilc_step(const cgl_robust_ilc_config *config, cgl_robust_ilc *la
     cgl_real filtered, held;
     const bool known = cgl_memory_recall(&config->memory, &law->memory, in->theta_m, in->omega_ref, &filtered, &held);
     const bool learn = in->learn && plausible && known && !law->saturated;
-    cgl_real f = held;
-    if (learn) { /* (15) */
-        f = cgl_clamp(filtered - config->q * (config->beta_1 * sign + config->beta_2 * surface),
-                      config->memory.limit);
-    }
-    cgl_memory_update(&config->memory, &law->memory, f, learn);
+    const cgl_real correction = -config->q * (config->beta_1 * sign + config->beta_2 * surface); /* (15) */
+    const cgl_real f =
+        cgl_memory_update(&config->memory, &law->memory, learn ? filtered : held, correction, learn);
 
     /* (16) and (19), term by term */
     const cgl_real friction = config->viscous * omega + config->coulomb * cgl_sign(omega);

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pydantic_core import PydanticCustomError
 
-from cogless.study.controller import TERMS
+from cogless.study.controller import TERMS, Learning
 from cogless.study.metric import Metric
 from cogless.study.scenario import Scenario
 from cogless.study.table import problem
@@ -109,6 +109,16 @@ def orders(study: Study) -> None:
                 raise problem(f'{limit} at the top speed of scenario "{name}"', "metric", index, "order")
 
 
+def leads(study: Study) -> None:
+    """A learning law's lead lies within a quarter of its memory."""
+    for name, controller in study.controller.items():
+        if isinstance(controller, Learning):
+            longest = controller.cells // 4 / study.drive.rates.speed_loop
+            if controller.lead > longest * (1 + 1e-9):
+                expected = f"expected at most {longest:.6g} s, a quarter of the memory's cells in samples"
+                raise problem(expected, "controller", name, "lead")
+
+
 def calibration(study: Study) -> None:
     """Targets name runs and metrics that exist, and have values of the metric's kind."""
     if study.calibration is None:
@@ -142,4 +152,4 @@ def _one_of(names: Iterable[str]) -> str:
 
 
 Check = Callable[["Study"], None]
-ALL: tuple[Check, ...] = (names, references, baseline, trace_rate, metrics, orders, calibration)
+ALL: tuple[Check, ...] = (names, references, baseline, trace_rate, metrics, orders, leads, calibration)

@@ -68,6 +68,7 @@ class Learning(Base):
     cells: Annotated[int, Field(ge=4, le=65535)] = 256  # of the map over angle; capacity in samples over time
     forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0  # share of the memory that is kept in each period
     q_half_width: Annotated[int, Field(ge=0)] = 0  # cells on each side of the Q filter's boxcar
+    lead: StartTime = 0.0  # s: what acted so long ago is corrected by the error of now
     learning_start: StartTime = 0.0  # s
     limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
 
