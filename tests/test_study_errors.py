@@ -184,6 +184,12 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
     assert line_of(tmp_path, {key: value}) == f"study.toml: {line}"
 
 
+def test_chattering_needs_the_speed_loops_samples(tmp_path: Path) -> None:
+    change = {"metric": [{"name": "m", "kind": "chattering"}], "trace.rate": "0.5 kHz"}
+    expected = 'metric.0.kind: "chattering": expected another, or a trace.rate of 1000 Hz or more'
+    assert line_of(tmp_path, change) == f"study.toml: {expected}"
+
+
 def test_an_unknown_signal_lists_what_there_is(tmp_path: Path) -> None:
     line = line_of(tmp_path, {"metric.0.signal": "omega"})
     assert line.startswith('study.toml: metric.0.signal: "omega": expected a signal: theta_m, omega_m, ')

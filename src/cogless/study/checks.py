@@ -75,6 +75,9 @@ def metrics(study: Study) -> None:
                 raise problem(expected, "metric", index, "name")
         if (metric.signal or "").startswith("term_") and metric.signal not in recorded:
             raise problem("expected a signal that a controller of this study has", "metric", index, "signal")
+        if metric.kind == "chattering" and study.trace_rate < study.drive.rates.speed_loop * (1 - 1e-9):
+            expected = f"expected another, or a trace.rate of {study.drive.rates.speed_loop:g} Hz or more"
+            raise problem(expected, "metric", index, "kind")
         for scenario in metric.scenarios or ():
             if scenario not in study.scenario:
                 raise problem(_one_of(study.scenario), "metric", index, "scenarios", value=scenario)

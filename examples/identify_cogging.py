@@ -1,0 +1,79 @@
+"""Cogging, friction and inertia of a motor from two records: how motors/uomodri.toml and studies/uomodri.toml got theirs.
+
+    python examples/identify_cogging.py FOLDER
+
+FOLDER holds the measurements of github.com/heitor-andrade/laas_anti_cogging (BSD-3-Clause) as
+static_holding_current.csv (theta_rad, iq_A, dir: the current that holds the rotor, over one revolution in both
+directions) and speed_test1_500Hz.csv.gz (t_s, theta_rad, omega_rad_s, iq_A, comp_on).
+"""
+
+from __future__ import annotations
+
+import gzip
+import sys
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+ORDERS = (72, 18, 12, 144, 24, 36, 54, 90)  # of the mechanical revolution
+Array = NDArray[np.float64]
+
+
+def waves(theta: Array) -> Array:
+    """Sine and cosine of every order, a column each."""
+    return np.column_stack([wave(n * theta) for n in ORDERS for wave in (np.sin, np.cos)])
+
+
+def holding_current(folder: Path) -> tuple[float, dict[int, tuple[float, float]]]:
+    """Coulomb part [A], and amplitude [A] and phase [rad] of i = amplitude sin(order theta + phase) by order.
+
+    Least squares over both directions. Cogging pushes the other way: its phase is half a turn further.
+    """
+    data = np.genfromtxt(folder / "static_holding_current.csv", delimiter=",", names=True)
+    columns = np.column_stack([np.ones(len(data)), data["dir"], waves(data["theta_rad"])])
+    fit = np.linalg.lstsq(columns, data["iq_A"], rcond=None)[0]
+    sines, cosines = fit[2::2], fit[3::2]
+    shape = zip(np.hypot(sines, cosines), np.arctan2(cosines, sines), strict=True)
+    return float(fit[1]), dict(zip(ORDERS, shape, strict=True))
+
+
+def inertia_over_torque_constant(folder: Path, compensated: bool, rows: int) -> float:
+    """J / K_t [A s^2/rad] from i_q = (J / K_t) d omega/dt + (B / K_t) omega + friction + cogging(theta).
+
+    Integrated over windows of so many rows of 2 ms, which needs no derivative of the measured speed; cogging is fitted
+    along, since it differs from the holding current's while the rotor moves.
+    """
+    with gzip.open(folder / "speed_test1_500Hz.csv.gz", "rt") as file:
+        data = np.genfromtxt(file, delimiter=",", names=True)
+    data = data[data["comp_on"] == compensated]
+    t, theta, omega = data["t_s"], data["theta_rad"], data["omega_rad_s"]
+
+    def change(x: Array) -> Array:
+        return (x[rows:] - x[:-rows])[:: max(1, rows // 2)]
+
+    def integral(x: Array) -> Array:
+        return change(np.concatenate(([0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t)))))
+
+    friction = np.tanh(omega / 0.2)  # the sign, without the noise at standstill
+    columns = [change(omega), change(theta), integral(friction), *(integral(w) for w in waves(theta).T)]
+    return float(np.linalg.lstsq(np.column_stack(columns), integral(data["iq_A"]), rcond=None)[0][0])
+
+
+def main() -> None:
+    folder = Path(sys.argv[1])
+    coulomb, shape = holding_current(folder)
+    print(f"Coulomb friction {coulomb:.4f} A")
+    for order, (amplitude, phase) in shape.items():
+        turned = (np.degrees(phase) + 360.0) % 360.0 - 180.0
+        print(f"cogging order {order:4d}: {amplitude:.4f} A, phase {turned:7.1f} deg")
+    found = [
+        inertia_over_torque_constant(folder, compensated, rows)
+        for compensated in (False, True)
+        for rows in (2, 3, 5, 8, 12, 20)
+    ]
+    print(f"J / K_t {np.median(found):.2e} A s^2/rad ({min(found):.2e} to {max(found):.2e})")
+
+
+if __name__ == "__main__":
+    main()
