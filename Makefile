@@ -28,7 +28,7 @@ $(VENV)/tested: $(VENV)/installed
 
 build: $(VENV)/installed ## cogless in .venv
 
-demo: $(VENV)/installed ## the main job: a motor that cogs, under five controllers
+demo: $(VENV)/installed ## the main job: a motor that cogs, under four controllers
 	$(BIN)/cogless run uomodri -o results/uomodri --plots
 
 test: $(VENV)/tested ## the whole test suite

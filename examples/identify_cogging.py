@@ -1,10 +1,10 @@
-"""Cogging, friction and inertia of a motor from two records: how motors/uomodri.toml and studies/uomodri.toml got theirs.
+"""Cogging, friction and inertia of a motor from two records, as motors/uomodri.toml got them.
 
     python examples/identify_cogging.py FOLDER
 
-FOLDER holds the measurements of github.com/heitor-andrade/laas_anti_cogging (BSD-3-Clause) as
-static_holding_current.csv (theta_rad, iq_A, dir: the current that holds the rotor, over one revolution in both
-directions) and speed_test1_500Hz.csv.gz (t_s, theta_rad, omega_rad_s, iq_A, comp_on).
+FOLDER holds the measurements of github.com/heitor-andrade/laas_anti_cogging (BSD-3-Clause) in two files:
+static_holding_current.csv (theta_rad, iq_A, dir: the current that holds the rotor, over one revolution in
+both directions) and speed_test1_500Hz.csv.gz (t_s, theta_rad, omega_rad_s, iq_A, comp_on).
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def holding_current(folder: Path) -> tuple[float, dict[int, tuple[float, float]]
 def inertia_over_torque_constant(folder: Path, compensated: bool, rows: int) -> float:
     """J / K_t [A s^2/rad] from i_q = (J / K_t) d omega/dt + (B / K_t) omega + friction + cogging(theta).
 
-    Integrated over windows of so many rows of 2 ms, which needs no derivative of the measured speed; cogging is fitted
-    along, since it differs from the holding current's while the rotor moves.
+    Integrated over windows of so many rows of 2 ms, which needs no derivative of the measured speed; cogging is
+    fitted along, since it differs from the holding current's while the rotor moves.
     """
     with gzip.open(folder / "speed_test1_500Hz.csv.gz", "rt") as file:
         data = np.genfromtxt(file, delimiter=",", names=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,15 @@ def test_switched_currents_approach_the_averaged_ones_as_the_carrier_rises() -> 
     for rate in (5000, 10000, 20000, 40000):
         drive: dict[str, Any] = {"current_rate": rate, "speed_divider": rate // 1000}
         runs = [
-            run({"motor": RIPPLE, "load": {"torque": 0.3}, "drive": {**drive, "inverter": {"kind": kind}}}, 0.3)
+            run(
+                {"motor": RIPPLE, "load": {"torque": 0.3}, "drive": {**drive, "inverter": {"kind": kind}}},
+                0.3,
+            )
             for kind in ("averaged", "switched")
         ]
         differences = runs[1]["i_q"] - runs[0]["i_q"]
         errors.append(np.sqrt(np.mean(differences[rate // 10 :] ** 2)))
-    assert all(coarse > 1.7 * fine for coarse, fine in zip(errors, errors[1:], strict=False)), errors
+    assert all(coarse > 1.7 * fine for coarse, fine in pairwise(errors)), errors
 
 
 @pytest.mark.parametrize("kind", ["averaged", "switched"])

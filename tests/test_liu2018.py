@@ -1,4 +1,4 @@
-"""The shipped study of Liu 2018 shows what issue and paper say, with ripple calibrated on the PI rows alone."""
+"""The shipped study of Liu 2018 shows what the paper says, with ripple calibrated on the PI rows alone."""
 
 from __future__ import annotations
 

@@ -28,7 +28,8 @@ def residual(x: Signals) -> float:
 def test_energy_balance_closes_with_the_fourth_power_of_the_step() -> None:
     rates = {"current_rate": 1000, "speed_divider": 1, "kp_d": 0.2, "kp_q": 0.3, "ki_d": 20.0, "ki_q": 20.0}
     residuals = [
-        residual(run({**LOADED, "drive": {**rates, "integration_steps": steps}}, 1.0)) for steps in (1, 2, 4, 8)
+        residual(run({**LOADED, "drive": {**rates, "integration_steps": steps}}, 1.0))
+        for steps in (1, 2, 4, 8)
     ]
     orders = np.log2(np.array(residuals[:-1]) / np.array(residuals[1:]))
     assert residuals[-1] < 1e-5
@@ -55,7 +56,9 @@ def test_energy_balance_with_sticking_friction_and_dead_time(kind: str) -> None:
     assert residual(x) < 1e-5 * x["energy_electrical"].max()
 
 
-def slope(motor: dict[str, Any], mechanics: dict[str, Any], y: np.ndarray, u: np.ndarray, load: float) -> list[float]:
+def slope(
+    motor: dict[str, Any], mechanics: dict[str, Any], y: np.ndarray, u: np.ndarray, load: float
+) -> list[float]:
     """The motor's equations in scalar form, transcribed from Liu (1) to (4) with both axes' harmonics."""
     i_d, i_q, omega, theta = y
     p = motor["pole_pairs"]

@@ -75,13 +75,19 @@ def test_eccentricity_adds_its_derivative(speed: float) -> None:
     x = run(change, 1.0)
     middle = x["theta_m"] - speed * 0.5e-3  # the estimate is the mean over about a millisecond
     expected = speed * (1.0 + eccentricity * np.cos(middle + phase))
-    assert x["omega_measured"][100::10] == pytest.approx(expected[100::10], abs=speed**2 * eccentricity * 2e-3 * 1.5)
+    assert x["omega_measured"][100::10] == pytest.approx(
+        expected[100::10], abs=speed**2 * eccentricity * 2e-3 * 1.5
+    )
 
 
 def test_resolver_is_a_moving_average_of_a_quantised_angle() -> None:
     bits, window, speed = 12, 20, 5.0
     x = run(
-        {**STEADY, "initial_speed": speed, "drive": {"position_sensor": {"kind": "resolver", "bits": bits, "window": window}}},
+        {
+            **STEADY,
+            "initial_speed": speed,
+            "drive": {"position_sensor": {"kind": "resolver", "bits": bits, "window": window}},
+        },
         1.0,
     )
     step = TURN / 2**bits

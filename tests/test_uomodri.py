@@ -1,4 +1,4 @@
-"""The shipped study of the real motor: its figures come from the data, and learning beats the same feedback."""
+"""The study of the real motor: its figures come from the data, and learning beats the same feedback."""
 
 from __future__ import annotations
 

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from typing import Any, get_args
 
+from cogless.design.learning import Learning, learning
 from cogless.design.pi import PiDesign, gains, margins, speed_loop
 from cogless.study import Study
 from cogless.study.controller import AnyController, Feedback, RobustIlc
@@ -22,12 +23,13 @@ class Gain:
 
 @dataclasses.dataclass(frozen=True)
 class Design:
-    """One controller: law, the rule its gains come from, the gains, the margins of its linear feedback."""
+    """One controller: law, rule and gains, the margins of its linear feedback, how its learning settles."""
 
     law: str
     rule: str | None
     gains: dict[str, Gain]
     margins: PiDesign | None
+    learning: Learning | None
 
 
 def summary(study: Study) -> dict[str, Design]:
@@ -49,6 +51,8 @@ def to_dict(study: Study) -> dict[str, Any]:
                 "phase_margin_rad": _plain(design.margins.phase_margin),
                 "gain_margin": _plain(design.margins.gain_margin),
             },
+            "learning": design.learning
+            and {"factor_per_period": design.learning.factor, "frequency_Hz": design.learning.frequency},
         }
     return {
         "study": study.title,
@@ -69,7 +73,8 @@ def _design(study: Study, name: str) -> Design:
     elif isinstance(controller, RobustIlc):
         # (c e + eta S) / b with S = e + c integral(e): the part that is a PI.
         pi = (controller.c + controller.eta) / controller.b, controller.c * controller.eta / controller.b
-    return Design(controller.law, rule, numbers, margins(speed_loop(study), *pi) if pi else None)
+    loop = margins(speed_loop(study), *pi) if pi else None
+    return Design(controller.law, rule, numbers, loop, learning(study, name))
 
 
 def _numbers(controller: AnyController) -> dict[str, Gain]:

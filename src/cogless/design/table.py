@@ -28,11 +28,13 @@ def design_table(study: Study) -> Table:
     table = Table(title=study.title, title_justify="left", title_style="bold", box=None, pad_edge=False)
     for heading in ("controller", "law", "rule", "gains"):
         table.add_column(heading, overflow="fold")
-    for heading in ("crossover", "phase margin", "gain margin"):
+    for heading in ("crossover", "phase margin", "gain margin", "worst factor a period"):
         table.add_column(heading, justify="right", no_wrap=True)
     for name, design in summary(study).items():
         gains = ", ".join(f"{key} {_shown(gain)}" for key, gain in design.gains.items())
-        table.add_row(study.label(name), design.law, design.rule or "", gains, *_margins(design))
+        table.add_row(
+            study.label(name), design.law, design.rule or "", gains, *_margins(design), _learning(design)
+        )
     return table
 
 
@@ -41,6 +43,11 @@ def _shown(gain: Gain) -> str:
         dimension, unit = SHOWN[gain.unit]
         return units.format(gain.value, unit, dimension, digits=4)
     return f"{gain.value:.4g} {gain.unit}".rstrip()
+
+
+def _learning(design: Design) -> str:
+    worst = design.learning
+    return "" if worst is None else f"{worst.factor:.3f} at {worst.frequency:.0f} Hz"
 
 
 def _margins(design: Design) -> tuple[str, str, str]:

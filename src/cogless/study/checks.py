@@ -65,7 +65,7 @@ def trace_rate(study: Study) -> None:
 
 
 def metrics(study: Study) -> None:
-    """Metrics have a name of their own in each scenario, and scenarios, windows, events and signals that exist."""
+    """Metrics have their own name in each scenario, and scenarios, windows, events, signals that exist."""
     recorded = {term for controller in study.controller.values() for term in TERMS[controller.law]}
     for index, metric in enumerate(study.metric):
         for scenario, other in product(study.scenario, study.metric[:index]):
