@@ -39,9 +39,9 @@ def holding_current(folder: Path) -> tuple[float, dict[int, tuple[float, float]]
 
 
 def inertia_over_torque_constant(folder: Path, compensated: bool, rows: int) -> float:
-    """J / K_t [A s^2/rad] from i_q = (J / K_t) d omega/dt + (B / K_t) omega + friction + cogging(theta).
+    """J / K_t [A s^2/rad], from i_q = J / K_t d omega/dt + B / K_t omega + friction + cogging(theta).
 
-    Integrated over windows of so many rows of 2 ms, which needs no derivative of the measured speed; cogging is
+    Integrated over windows of so many rows of 2 ms, so no speed need be differentiated; cogging is
     fitted along, since it differs from the holding current's while the rotor moves.
     """
     with gzip.open(folder / "speed_test1_500Hz.csv.gz", "rt") as file:

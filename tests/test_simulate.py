@@ -12,7 +12,8 @@ import studies
 from cogless import simulate as room
 from cogless.engine import engine_config
 from cogless.errors import StudyError
-from cogless.simulate import RunError, run_study, runs_of, simulate
+from cogless.simulate import RunError, rollout, run_study, runs_of, simulate
+from cogless.study import changed
 from cogless.study.controller import TERMS
 
 TABLE = {
@@ -238,3 +239,16 @@ def test_metrics_without_their_signal_are_left_out(tmp_path: Path) -> None:
     study = studies.study(tmp_path, {"controller.table": TABLE, "metric": [metric]})
     assert simulate(study, "low", "pi").metrics == {}
     assert json.dumps(dict(simulate(study, "low", "table").metrics)).startswith('{"learnt_A": ')
+
+
+def test_rollout_runs_many_studies_and_can_let_their_traces_go(tmp_path: Path) -> None:
+    base = studies.study(tmp_path)
+    many = [changed(base, {"controller.pi.kp": kp}) for kp in (0.01, 0.02, 0.03)]
+    kept = rollout(many, ["low/pi"], jobs=2)
+    bare = rollout(many, ["low/pi"], jobs=2, keep_traces=False)
+    alone = [run_study(study, ["low/pi"]) for study in many]
+    for one, other, third in zip(kept, bare, alone, strict=True):
+        assert one.runs[0].metrics == other.runs[0].metrics == third.runs[0].metrics
+        assert np.array_equal(one.runs[0].trace.data, third.runs[0].trace.data)
+        assert len(other.runs[0].trace) == 0
+    assert len({str(results.runs[0].metrics) for results in kept}) == 3

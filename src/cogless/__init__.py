@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from cogless.errors import StudyError
     from cogless.results import Results, Run
-    from cogless.simulate import run_study, simulate
+    from cogless.simulate import rollout, run_study, simulate
     from cogless.study import Study, changed, for_scenario, load
     from cogless.trace import Trace
 
@@ -17,6 +17,7 @@ _HOMES = {
     "StudyError": "cogless.errors",
     "Results": "cogless.results",
     "Run": "cogless.results",
+    "rollout": "cogless.simulate",
     "run_study": "cogless.simulate",
     "simulate": "cogless.simulate",
     "Study": "cogless.study",
@@ -35,6 +36,7 @@ __all__ = [
     "changed",
     "for_scenario",
     "load",
+    "rollout",
     "run_study",
     "simulate",
 ]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+import os
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -62,24 +64,54 @@ def run_study(
     Ctrl-C ends it early: the finished runs are returned, with `interrupted` set. RunError: some run could
     not be finished; the others are.
     """
-    chosen = runs_of(study, only)
+    (results,) = _rollout([study], only, progress, jobs, keep_traces=True)
+    return results
+
+
+def rollout(
+    studies: Sequence[Study],
+    only: Sequence[str] | None = None,
+    jobs: int | None = None,
+    *,
+    keep_traces: bool = True,
+) -> list[Results]:
+    """Run many studies, such as variations of one, side by side on threads; results in their order.
+
+    `jobs`: runs at a time, default one a core. Without `keep_traces` each run's trace is let go, empty, once
+    its metrics are taken, so that thousands fit into memory. Ctrl-C and RunError as in run_study; the error is
+    the first failing study's.
+    """
+    return _rollout(studies, only, None, jobs or os.cpu_count() or 1, keep_traces)
+
+
+def _rollout(
+    studies: Sequence[Study],
+    only: Sequence[str] | None,
+    progress: StudyProgress | None,
+    jobs: int,
+    keep_traces: bool,
+) -> list[Results]:
     stop = Event()
 
-    def one(scenario: str, controller: str) -> Run:
+    def one(study: Study, scenario: str, controller: str) -> Run:
         def report(share: float) -> None:
             if progress is not None:
                 progress(scenario, controller, share)
 
-        return _simulate(study, scenario, controller, report, stop)
+        run = _simulate(study, scenario, controller, report, stop)
+        if keep_traces:
+            return run
+        return dataclasses.replace(run, trace=dataclasses.replace(run.trace, data=run.trace.data[:0].copy()))
 
     with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
-        futures = [pool.submit(one, scenario, controller) for scenario, controller in chosen]
+        futures = [[pool.submit(one, study, *pair) for pair in runs_of(study, only)] for study in studies]
         try:
-            wait_for(futures)
+            wait_for([future for of_study in futures for future in of_study])
         except KeyboardInterrupt:
             stop.set()
             pool.shutdown(wait=True, cancel_futures=True)
-    return _collected(study, futures, stop.is_set())
+    collected = zip(studies, futures, strict=True)
+    return [_collected(study, of_study, stop.is_set()) for study, of_study in collected]
 
 
 def runs_of(study: Study, only: Sequence[str] | None = None) -> list[tuple[str, str]]:
