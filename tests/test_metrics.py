@@ -27,7 +27,11 @@ class Metric:
     event: float | None = None
     band: float | None = None
     smooth: float | None = None
+    last: float | None = None
     dimension: units.Dimension = units.ANGULAR_SPEED
+
+    def span(self, end: float) -> tuple[float, float] | None:
+        return self.window if self.last is None else (end - self.last, end)
 
 
 CONDITIONS = Conditions(pole_pairs=4, R_s=2.0, speed_period=1e-3, events=(1.0, 3.0))
@@ -165,6 +169,12 @@ def test_exceeds_tells_when_the_error_grows_beyond_the_band():
     first = value("exceeds", growing, signal="omega_m", band=1.0)
     assert first == pytest.approx(math.log(10.0), abs=1e-3)
     assert value("exceeds", growing, signal="omega_m", band=10.0) is None
+
+
+def test_the_last_part_of_a_run():
+    t = trace(x=lambda t: np.where(t < 3.0, 5.0, np.sin(2 * np.pi * t)))
+    assert value("peak-to-peak", t, last=1.0) == pytest.approx(2.0, abs=1e-6)
+    assert value("maximum", t, last=1.5) == 5.0
 
 
 def test_copper_loss():

@@ -145,6 +145,9 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         # metrics
         ("metric.0.window", [0.1, 1],
             'metric.0.window: ["0.1 s", "1 s"]: expected a window within the 0.4 s of scenario "low"'),
+        ("metric.0.last", "0.1 s", 'metric.0.last: "0.1 s": expected one of window, last and event'),
+        ("metric", [{"name": "m", "kind": "rms", "signal": "i_q", "last": "1 s"}],
+            'metric.0.last: "1 s": expected at most the 0.4 s of scenario "low"'),
         ("metric.0.window", [0.3, 0.2],
             'metric.0.window: ["0.3 s", "0.2 s"]: expected a window that ends after it begins'),
         ("metric", [{**METRIC, "signal": "term_ilc"}],

@@ -92,9 +92,10 @@ def evaluate(metric: Metric, trace: Trace, conditions: Conditions) -> Value:
 
 def _window(metric: Metric, trace: Trace, conditions: Conditions) -> tuple[float, float]:
     """The metric's window, s: as declared, else from its event to the next one, else the whole trace."""
-    if metric.window is not None:
-        return metric.window
     end = float(trace.time[-1]) if len(trace) else 0.0
+    declared = metric.span(end)
+    if declared is not None:
+        return declared
     if metric.event is None:
         return 0.0, end
     # The row of the next event already carries that event.

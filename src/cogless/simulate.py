@@ -78,8 +78,8 @@ def rollout(
     """Run many studies, such as variations of one, side by side on threads; results in their order.
 
     `jobs`: runs at a time, default one a core. Without `keep_traces` each run's trace is let go, empty, once
-    its metrics are taken, so that thousands fit into memory. Ctrl-C and RunError as in run_study; the error is
-    the first failing study's.
+    its metrics are taken, so that thousands fit into memory. Ctrl-C and RunError as in run_study; the error
+    is the first failing study's.
     """
     return _rollout(studies, only, None, jobs or os.cpu_count() or 1, keep_traces)
 

@@ -58,11 +58,11 @@ def late(results: Results, run: Run) -> slice:
 
     The window of the scenario's last order metric, else the last quarter, but not soon after an event.
     """
-    time = run.trace.time
+    end = float(run.trace.time[-1])
     for metric in reversed(results.study.metrics_in(run.scenario)):
-        if metric.kind == "order" and metric.window is not None and metric.window[0] < time[-1]:
-            return run.trace.window(*metric.window)
-    end = float(time[-1])
+        span = metric.span(end)
+        if metric.kind == "order" and span is not None and span[0] < end:
+            return run.trace.window(*span)
     events = [event.time for event in results.study.scenario[run.scenario].events if event.time < end]
     return run.trace.window(max([0.75 * end, *(0.5 * (t + end) for t in events)]), end)
 

@@ -94,6 +94,9 @@ def _in_time(study: Study, index: int, metric: Metric) -> None:
         if metric.window is not None and metric.window[1] > scenario.duration:
             expected = f'expected a window within the {scenario.duration:g} s of scenario "{name}"'
             raise problem(expected, "metric", index, "window")
+        if metric.last is not None and metric.last > scenario.duration:
+            expected = f'expected at most the {scenario.duration:g} s of scenario "{name}"'
+            raise problem(expected, "metric", index, "last")
         if metric.event is not None and not _has_event(scenario, metric.event):
             raise problem(f'expected the time of an event of scenario "{name}"', "metric", index, "event")
 

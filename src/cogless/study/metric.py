@@ -53,6 +53,7 @@ class Metric(Table):
     signal: str | None = None  # not for copper-loss and chattering; omega_m at an event
     # s; default: from the event to the next one, else all
     window: tuple[Time, Time] | None = Field(default=None, strict=False)
+    last: Duration | None = None  # s: in place of a window, so much of the end of each scenario
     scenarios: Many[str] | None = None  # default: all, or those that have the event
     order: Many[Annotated[float, Field(gt=0)]] | None = None
     frame: Literal["electrical", "mechanical"] = "mechanical"  # of what the order is a multiple
@@ -113,9 +114,15 @@ class Metric(Table):
                 raise problem(f'expected none, since kind is "{self.kind}"', key)
         if self.smooth is not None and self.kind not in AT_AN_EVENT:
             raise problem(f'expected none, since kind is "{self.kind}"', "smooth")
+        if self.last is not None and (self.window, self.event) != (None, None):
+            raise problem("expected one of window, last and event", "last")
         if self.window is not None and self.window[1] <= self.window[0]:
             raise problem("expected a window that ends after it begins", "window")
         return self
+
+    def span(self, end: float) -> tuple[float, float] | None:
+        """The declared window in a run that ends at `end`, s; None where none is declared."""
+        return self.window if self.last is None else (max(0.0, end - self.last), end)
 
     @property
     def dimension(self) -> Dimension:
