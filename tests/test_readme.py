@@ -1,0 +1,33 @@
+"""What the README says is so: its study runs, and the figures under its picture are those of the demo."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from cogless import load, run_study
+
+README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_study_in_the_readme_runs_and_learns(tmp_path: Path) -> None:
+    block = re.search(r"```toml\n(.*?)```", README, re.DOTALL)
+    assert block is not None
+    (tmp_path / "mine.toml").write_text(block[1], encoding="utf-8")
+    pi, learning = run_study(load(tmp_path / "mine.toml"), jobs=2).runs
+    assert learning.metrics["speed_ripple_rad_s"] < 0.2 * pi.metrics["speed_ripple_rad_s"]
+
+
+def test_the_figures_under_the_picture_are_the_demos() -> None:
+    caption = re.search(r"\*A drone motor.*?\*\n", README, re.DOTALL)
+    assert caption is not None
+    figures = [float(x) for x in re.findall(r"(?:leaves|leave|and) (\d+\.\d+)", caption[0])]
+    runs = run_study(load("uomodri"), ["1-rev-s/*"], jobs=2).runs
+    ripple = {run.controller: run.metrics["speed_ripple_rad_s"] * 30.0 / np.pi for run in runs}
+    assert figures == [float(f"{ripple[name]:.2g}") for name in ("pi", "table", "pi-ilc", "robust-ilc")]
+    copper = {run.controller: run.metrics["copper_loss_W"] for run in runs}
+    saved = re.search(r"at (\d+) % less copper loss", caption[0])
+    assert saved is not None
+    assert int(saved[1]) == round(100 * (1 - copper["pi-ilc"] / copper["pi"]))
