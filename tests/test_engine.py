@@ -36,6 +36,7 @@ BUSY: dict[str, Any] = {
         "period": "electrical",
         "cells": 128,
         "q_half_width": 2,
+        "lead": 0,
         "forgetting": 0.99,
         "limit": 5.0,
     },
@@ -144,7 +145,14 @@ def test_learning_by_angle_removes_cogging_that_the_feedback_leaves(law: str) ->
             "limit": 20.0,
         },
     }[law]
-    memory = {"memory": "angle", "period": "electrical", "cells": 256, "q_half_width": 1, "forgetting": 1.0}
+    memory = {
+        "memory": "angle",
+        "period": "electrical",
+        "cells": 256,
+        "q_half_width": 1,
+        "lead": 0,
+        "forgetting": 1.0,
+    }
     change: dict[str, Any] = {
         "motor": {"cogging": [{"order": 24, "torque": 0.05, "phase": 0.0}]},
         "reference": {"speed": 3.0},
