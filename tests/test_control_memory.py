@@ -292,6 +292,28 @@ def test_by_angle_no_angle_is_unknown(precision, theta):
     assert memory.recall(theta) == Recalled(0.0, 0.0, False)
 
 
+@pytest.mark.parametrize("kind", ["angle", "time"])
+@pytest.mark.parametrize("lead", [1, 5])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_correction_acts_one_period_and_its_lead_later(kind, lead, direction):
+    """Of a pulse in the error at sample n of a period, the next period shows the answer at n - lead."""
+    samples, pulse = 50, 20
+    memory = AngleMemory(samples, 1, 0, 1.0, 9.0, lead)
+    if kind == "time":
+        memory = TimeMemory(samples + 1, 1, 0, 1.0, 9.0, TS, lead)
+    memory = CMemory(control_library("double"), memory)
+    recalled = []
+    for n in range(2 * samples + lead + 2):
+        got = memory.recall(2 * math.pi * direction * (n + 0.001) / samples, 2 * math.pi / (samples * TS))
+        recalled.append(got.filtered)
+        acting = memory.update(got.filtered, 1.0 if n == pulse else 0.0)
+        assert acting == pytest.approx(got.filtered)  # with a lead, nothing acts at once
+    peak = samples + pulse - lead
+    assert int(np.argmax(recalled)) == peak
+    assert recalled[peak] == pytest.approx(1.0, abs=0.01)
+    assert sum(recalled[samples:]) == pytest.approx(1.0, abs=0.05)
+
+
 def test_reset_forgets():
     memory = CMemory(control_library("double"), AngleMemory(20, 1, 2, 1.0, 10.0))
     for k in range(100):
