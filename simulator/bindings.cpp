@@ -51,6 +51,8 @@ NB_MODULE(COGLESS_MODULE, m) {
         .def_ro("theta_m", &LawInput::theta_m)
         .def_ro("i_d", &LawInput::i_d)
         .def_ro("i_q", &LawInput::i_q)
+        .def_ro("i_limit", &LawInput::i_limit)
+        .def_ro("ts", &LawInput::ts)
         .def_ro("learn", &LawInput::learn);
 
     nb::class_<DriveState>(m, "State", "All that changes while a drive runs; a value.")

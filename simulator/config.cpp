@@ -180,7 +180,7 @@ SpeedLaw law(const Section& s, const nb::object& controller, int pole_pairs, dou
                               s.get<std::string>("mode") == "learn"};
     }
     if (name == "library") {
-        return open_plugin(s.get<std::string>("library"), s.get<std::vector<double>>("params"), ts, limit);
+        return open_plugin(s.get<std::string>("library"), s.get<std::vector<double>>("params"), ts);
     }
     if (name == "python") return callback(controller);
     throw std::invalid_argument("controller.law: unknown law " + name);

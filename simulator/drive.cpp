@@ -105,6 +105,8 @@ void Drive::control(DriveState& s, const Phases& current) const {
         s.omega_ref = reference(config_.reference, config_.initial_speed, t);
         const LawInput in{t, s.omega_ref, s.measured.omega_m, s.measured.theta_m,
                           static_cast<double>(s.output.i_d), static_cast<double>(s.output.i_q),
+                          static_cast<double>(config_.current_loop.current_limit),
+                          period_ * static_cast<double>(config_.speed_divider),
                           t >= config_.learning_start};
         s.command = std::visit([&](const auto& law) { return law.step(state_of(s.law, law), in); }, config_.law);
         if (!std::isfinite(s.command.i_q_ref) || !std::isfinite(s.command.i_d_ref)) {

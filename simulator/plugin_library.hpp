@@ -11,7 +11,7 @@
 
 namespace cogless {
 
-inline PluginLaw open_plugin(const std::string& path, std::vector<double> params, double ts, double limit) {
+inline PluginLaw open_plugin(const std::string& path, std::vector<double> params, double ts) {
     void* handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
     if (handle == nullptr) throw std::invalid_argument(dlerror());
     PluginLaw law;
@@ -31,7 +31,6 @@ inline PluginLaw open_plugin(const std::string& path, std::vector<double> params
     find("cogless_plugin_step", law.step_function);
     law.params = std::move(params);
     law.ts = ts;
-    law.limit = limit;
     return law;
 }
 

@@ -36,7 +36,9 @@ struct LawInput {
     double omega_ref;         // rad/s
     double omega_m, theta_m;  // measured: rad/s, rad
     double i_d, i_q;          // measured, A
-    bool learn;
+    double i_limit;           // A, of the current reference
+    double ts;                // s, speed-loop period
+    bool learn;               // false: hold what is learned
 };
 
 // What a law has learned: currents over an angle.
@@ -200,7 +202,7 @@ struct PluginLaw {
     decltype(&cogless_plugin_init) init;
     decltype(&cogless_plugin_step) step_function;
     std::vector<double> params;
-    double ts, limit;
+    double ts;
 
     State start() const {
         const std::size_t size = state_size();
@@ -212,7 +214,8 @@ struct PluginLaw {
         return s;
     }
     Command step(State& s, const LawInput& in) const {
-        const cogless_plugin_input input{in.omega_ref, in.omega_m, in.theta_m, in.i_d, in.i_q, limit, ts};
+        const cogless_plugin_input input{in.time, in.omega_ref, in.omega_m, in.theta_m, in.i_d,
+                                         in.i_q,  in.i_limit,   in.ts,      in.learn ? 1 : 0};
         cogless_plugin_output output{0.0, 0.0};
         step_function(s.data(), &input, &output);
         return {output.i_d_ref, output.i_q_ref, 0};

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from cogless.errors import StudyError
     from cogless.results import Results, Run
-    from cogless.simulate import rollout, run_study, simulate
+    from cogless.simulate import rollout, run_study
     from cogless.study import Study, changed, for_scenario, load
     from cogless.trace import Trace
 
@@ -19,7 +19,6 @@ _HOMES = {
     "Run": "cogless.results",
     "rollout": "cogless.simulate",
     "run_study": "cogless.simulate",
-    "simulate": "cogless.simulate",
     "Study": "cogless.study",
     "changed": "cogless.study",
     "for_scenario": "cogless.study",
@@ -38,7 +37,6 @@ __all__ = [
     "load",
     "rollout",
     "run_study",
-    "simulate",
 ]
 
 

@@ -11,12 +11,14 @@
 #define COGLESS_PLUGIN_VERSION 1U
 
 typedef struct {
+    double time;      /* since the start [s] */
     double omega_ref; /* mechanical speed reference [rad/s] */
     double omega_m;   /* measured mechanical speed [rad/s] */
     double theta_m;   /* measured mechanical angle [rad] */
     double i_d, i_q;  /* measured currents in the rotor's frame [A] */
     double i_limit;   /* limit of the current reference [A] */
     double ts;        /* speed-loop period [s] */
+    int learn;        /* 0: hold what is learned */
 } cogless_plugin_input;
 
 typedef struct {

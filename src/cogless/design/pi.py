@@ -5,8 +5,8 @@ The speed loop, from its error to its measured speed, sampled with period T:
     L = (kp + ki T z / (z - 1)) F(jw) b T / (z - 1) (1 + exp(-2 jw T_m)) / 2,    z = exp(jwT)
 
 b = K_t / J (belief over true inertia), T_m the delay of the speed measurement (a mean over 2 T_m),
-F = G / (1 + G) the closed current loop with G = (kp_q + ki_q / s) / (R_s + s L_q). Friction is left out: it
-only adds margin.
+F = G / (1 + G) the closed current loop with G = (kp_q + ki_q / s) / (R_s + s L_q) exp(-s T_c), T_c from sampling
+to the middle of the voltage that answers. Friction is left out: it only adds margin.
 
 With z / (z - 1) = 1 / 2 + 1 / (2j tan(wT / 2)), K = kp + ki T / 2 and w' = tan(wT / 2) / (T / 2) the phase is
 that of a continuous PI before an integrator and a delay:
@@ -51,11 +51,12 @@ class SpeedLoop:
     ki_q: float  # V/A/s
     R_s: float  # ohm
     L_q: float  # H
+    current_delay: float = 0.0  # s, from sampling the current to the voltage
 
     def current_loop(self, w: NDArray[np.float64]) -> NDArray[np.complex128]:
         """F(jw): current over its reference."""
         s = 1j * w
-        G = (self.kp_q + self.ki_q / s) / (self.R_s + s * self.L_q)
+        G = (self.kp_q + self.ki_q / s) / (self.R_s + s * self.L_q) * np.exp(-s * self.current_delay)
         return np.asarray(G / (1 + G))
 
     def response(self, w: NDArray[np.float64], kp: float, ki: float) -> NDArray[np.complex128]:
@@ -96,6 +97,7 @@ def speed_loop(study: Study) -> SpeedLoop:
         ki_q=gains["ki_q"],
         R_s=belief.R_s,
         L_q=belief.L_q,
+        current_delay=(study.drive.inverter.computation_delay + 0.5) / rates.current_loop,
     )
 
 

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from typing import Any, get_args
 
-from cogless.design.learning import Learning, learning
+from cogless.design.learning import Worst, learning
 from cogless.design.pi import PiDesign, gains, margins, speed_loop
 from cogless.study import Study
 from cogless.study.controller import AnyController, Feedback, RobustIlc
@@ -29,7 +29,7 @@ class Design:
     rule: str | None
     gains: dict[str, Gain]
     margins: PiDesign | None
-    learning: Learning | None
+    learning: Worst | None
 
 
 def summary(study: Study) -> dict[str, Design]:

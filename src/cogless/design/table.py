@@ -28,7 +28,7 @@ def design_table(study: Study) -> Table:
     table = Table(title=study.title, title_justify="left", title_style="bold", box=None, pad_edge=False)
     for heading in ("controller", "law", "rule", "gains"):
         table.add_column(heading, overflow="fold")
-    for heading in ("crossover", "phase margin", "gain margin", "worst factor a period"):
+    for heading in ("crossover", "phase margin", "gain margin", "learning"):
         table.add_column(heading, justify="right", no_wrap=True)
     for name, design in summary(study).items():
         gains = ", ".join(f"{key} {_shown(gain)}" for key, gain in design.gains.items())
@@ -47,7 +47,11 @@ def _shown(gain: Gain) -> str:
 
 def _learning(design: Design) -> str:
     worst = design.learning
-    return "" if worst is None else f"{worst.factor:.3f} at {worst.frequency:.0f} Hz"
+    if worst is None:
+        return ""
+    if worst.factor <= 1.0 + 1e-3:
+        return "settles"
+    return f"grows {worst.factor:.3f}x a period at {worst.frequency:.0f} Hz"
 
 
 def _margins(design: Design) -> tuple[str, str, str]:

@@ -75,6 +75,10 @@ def metrics(study: Study) -> None:
                 raise problem(expected, "metric", index, "name")
         if (metric.signal or "").startswith("term_") and metric.signal not in recorded:
             raise problem("expected a signal that a controller of this study has", "metric", index, "signal")
+        for other in study.metric[:index]:
+            if metric.name == other.name and metric.meaning != other.meaning:
+                expected = "expected the kind, signal, order and frame of the other metric of this name"
+                raise problem(expected, "metric", index, "name")
         if metric.kind == "chattering" and study.trace_rate < study.drive.rates.speed_loop * (1 - 1e-9):
             expected = f"expected another, or a trace.rate of {study.drive.rates.speed_loop:g} Hz or more"
             raise problem(expected, "metric", index, "kind")

@@ -125,6 +125,11 @@ class Metric(Table):
         return self.window if self.last is None else (max(0.0, end - self.last), end)
 
     @property
+    def meaning(self) -> tuple[Any, ...]:
+        """What metrics of one name, in different scenarios, have in common."""
+        return self.kind, self.signal, self.order, self.frame
+
+    @property
     def dimension(self) -> Dimension:
         """What the metric's value is."""
         return _dimension(self.kind, self.signal)

@@ -1,0 +1,255 @@
+"""Tables of the docs that are made from the code, so that they cannot go stale.
+
+`study-table`: the keys of one table of a study, from its model. The meaning of each key stands in the
+directive; key, type or unit, and default come from the model. A key without a meaning, a meaning without a
+key and a model without a directive are warnings, which `make docs` takes for errors.
+
+    ```{study-table} drive.Rates
+    :at: drive.rates
+    current_loop: how often the current loop runs
+    ```
+
+`command`: arguments and options of a command. `metric-signals`: every signal with its unit.
+`learning-factor`: what docs/learning_factor.py prints. On the page guide/metrics, each kind of metric must
+have a heading, and no others.
+"""
+
+from __future__ import annotations
+
+import importlib
+import re
+from types import NoneType, UnionType
+from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
+
+from docutils import nodes
+from docutils.parsers.rst import Directive, directives
+from docutils.statemachine import StringList
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+from sphinx.util import logging
+
+from cogless.study.study import Study
+from cogless.study.table import Quantity, Table
+
+log = logging.getLogger(__name__)
+
+
+def models_of(model: type[Table]) -> set[type[Table]]:
+    """A model and every model within it."""
+    found: set[type[Table]] = set()
+
+    def visit(entry: Any) -> None:
+        if isinstance(entry, type) and issubclass(entry, Table):
+            if entry not in found:
+                found.add(entry)
+                for field in entry.model_fields.values():
+                    visit(field.annotation)
+        else:
+            for inner in get_args(entry):
+                visit(inner)
+
+    visit(model)
+    return found
+
+
+def bounds(metadata: list[Any]) -> str:
+    """Such as ", 4 to 65535" or ", above 0"."""
+    limits = {
+        name: getattr(m, name) for m in metadata for name in ("gt", "ge", "lt", "le") if hasattr(m, name)
+    }
+    if "ge" in limits and "le" in limits:
+        return f", {limits['ge']} to {limits['le']}"
+    if "gt" in limits and "le" in limits:
+        return f", above {limits['gt']} to {limits['le']}"
+    words = {"gt": "above", "ge": "from", "lt": "below", "le": "to"}
+    return "".join(f", {words[name]} {value}" for name, value in limits.items())
+
+
+def kind(annotation: Any, metadata: list[Any] = ()) -> str:  # type: ignore[assignment]
+    """What one writes for a value of this type: a quantity's unit, choices, or a plain type."""
+    for entry in metadata:
+        if isinstance(entry, Quantity):
+            unit = entry.dimension.unit.replace("*", "·").replace("^2", "²")
+            sign = {"": "", ">": ", above 0", ">=": ", from 0"}[entry.sign]
+            plain = "; a plain number is SI" if entry.bare else ""
+            return f"text in {unit}{sign}{plain}" if unit else f"number{sign}"
+    origin, inner = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return kind(inner[0], list(inner[1:]))
+    if origin in (Union, UnionType):
+        kinds = [kind(part, metadata) for part in inner if part is not NoneType]
+        return " or ".join(dict.fromkeys(kinds))
+    if origin is Literal:
+        return ", ".join(f'`"{choice}"`' if isinstance(choice, str) else f"`{choice}`" for choice in inner)
+    if origin is tuple:
+        if len(inner) == 2 and inner[1] is Ellipsis:
+            return f"array of: {kind(inner[0])}"
+        first = kind(inner[0])
+        same = all(kind(part) == first for part in inner)
+        return f"array of {len(inner)}: " + (first if same else ", ".join(kind(part) for part in inner))
+    if origin is dict:
+        return f"table of: {kind(inner[1])}" if inner[1] is not Any else "table"
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        return f"[{annotation.__name__}](#{anchor(annotation)})"
+    plain = {str: "text", int: "whole number", float: "number", bool: "`true`, `false`"}.get(
+        annotation, "any"
+    )
+    return plain + bounds(list(metadata))
+
+
+def anchor(model: type[Table]) -> str:
+    return f"study-{model.__name__.lower()}"
+
+
+def default(field: FieldInfo) -> str:
+    """The default as it is written in TOML, SI where it is a quantity."""
+    if field.is_required() or field.default is PydanticUndefined:
+        return "required"
+    value = field.default
+    if isinstance(value, Table):
+        return "its defaults"
+    if value is None or value == {} or value == ():
+        return ""
+    unit = next((m.dimension.unit for m in field.metadata if isinstance(m, Quantity)), "")
+    text = {True: "true", False: "false"}.get(value, value) if isinstance(value, bool) else value
+    if isinstance(value, float):
+        text = f"{value:g}"
+    if isinstance(value, tuple):
+        text = "[" + ", ".join(f"{v:g}" for v in value) + "]"
+    return f'`"{text}"`' if isinstance(value, str) else f"`{text}`" + (f" {unit}" if unit else "")
+
+
+class Parsed(Directive):
+    """A directive that makes Markdown and has it parsed."""
+
+    def parse(self, lines: list[str]) -> list[nodes.Node]:
+        node = nodes.container()
+        self.state.nested_parse(
+            StringList(lines, source=self.state.document.current_source), self.content_offset, node
+        )
+        return node.children
+
+
+class StudyTable(Parsed):
+    required_arguments = 1
+    has_content = True
+    option_spec: ClassVar[dict[str, Any]] = {"at": directives.unchanged}
+
+    def run(self) -> list[nodes.Node]:
+        module, _, name = self.arguments[0].rpartition(".")
+        model = getattr(importlib.import_module(f"cogless.study.{module}"), name)
+        here = f"{self.state.document.settings.env.docname}: {self.arguments[0]}"
+        meanings: dict[str, str] = {}
+        key = ""
+        for line in self.content:
+            if line.startswith((" ", "\t")):
+                meanings[key] += " " + line.strip()
+            elif line.strip():
+                key, _, text = line.partition(":")
+                meanings[key] = text.strip()
+        hidden = {k for k, text in meanings.items() if text == "above"}  # told in a table before
+        for key in meanings.keys() - model.model_fields.keys():
+            log.warning("%s: the model has no key %s", here, key)
+        for key in model.model_fields.keys() - meanings.keys():
+            log.warning("%s: the key %s has no meaning here", here, key)
+        env = self.state.document.settings.env
+        env.cogless_documented = getattr(env, "cogless_documented", set()) | {model.__name__}
+        lines = [f"({anchor(model)})=", ""]
+        if "at" in self.options:
+            lines += [f"In `{self.options['at']}`:", ""]
+        lines += ["| key | value | default | meaning |", "| --- | --- | --- | --- |"]
+        for key, field in model.model_fields.items():
+            if key not in hidden:
+                value = kind(field.annotation, field.metadata)
+                lines.append(f"| `{key}` | {value} | {default(field)} | {meanings.get(key, '')} |")
+        return self.parse(lines)
+
+
+class Command(Parsed):
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        import typer.main
+
+        from cogless.cli import app
+
+        commands = typer.main.get_command(app)
+        command = commands.commands[self.arguments[0]]  # type: ignore[attr-defined]
+        words = [p.metavar or p.name.upper() for p in command.params if p.param_type_name == "argument"]
+        lines = [f"    cogless {' '.join([self.arguments[0], '[OPTIONS]', *words])}", ""]
+        lines += ["| option | meaning | default |", "| --- | --- | --- |"]
+        for p in command.params:
+            if p.param_type_name != "option" or "--help" in p.opts:
+                continue
+            value = "" if getattr(p, "is_flag", False) else f" {p.metavar or p.name.upper()}"
+            names = ", ".join(f"`{name}{value}`" for name in sorted(p.opts, key=len))
+            shown = getattr(p, "show_default", None)
+            lines.append(f"| {names} | {p.help} | {shown if isinstance(shown, str) else ''} |")
+        return self.parse([*lines, ""])
+
+
+class LearningFactor(Parsed):
+    """STUDY CONTROLLER "SPEED" ORDERS, as docs/learning_factor.py takes them."""
+
+    required_arguments = 1
+    final_argument_whitespace = True
+
+    def run(self) -> list[nodes.Node]:
+        import shlex
+
+        import learning_factor
+
+        command = f"python docs/learning_factor.py {self.arguments[0]}"
+        return self.parse(
+            [f"    {command}", "", *learning_factor.from_arguments(shlex.split(self.arguments[0]))]
+        )
+
+
+class MetricSignals(Parsed):
+    def run(self) -> list[nodes.Node]:
+        from cogless.study.controller import TERMS
+        from cogless.study.metric import SIGNALS
+        from cogless.trace import DERIVED
+
+        terms = {name for names in TERMS.values() for name in names}
+        by_unit: dict[str, list[str]] = {}
+        for name, dimension in SIGNALS.items():
+            if name not in terms:
+                mark = f"`{name}`" + ("\\*" if name in DERIVED else "")
+                by_unit.setdefault(dimension.unit or "bits", []).append(mark)
+        lines = ["| unit | signals |", "| --- | --- |"]
+        lines += [f"| {unit.replace('*', '·')} | {', '.join(names)} |" for unit, names in by_unit.items()]
+        lines += ["", "| law | terms, A |", "| --- | --- |"]
+        for law, names in TERMS.items():
+            lines.append(f"| `{law}` | {', '.join(f'`{n}`' for n in names) or 'none'} |")
+        return self.parse(lines)
+
+
+def check(app: Any, env: Any) -> None:
+    """Every model and every kind of metric has its place, and nothing else has."""
+    from cogless.metrics import KINDS
+
+    wanted = {model.__name__ for model in models_of(Study)}
+    for name in sorted(wanted - getattr(env, "cogless_documented", set())):
+        log.warning("guide/study-file: no study-table for the model %s", name)
+    text = (env.srcdir / "guide" / "metrics.md").read_text(encoding="utf-8")
+    headings = set(re.findall(r"^### `([a-z-]+)`$", text, re.MULTILINE))
+    for name in sorted(set(KINDS) ^ headings):
+        log.warning("guide/metrics: %s is %s", name, "not told" if name in KINDS else "no kind of metric")
+
+
+def forget(app: Any, env: Any, added: set[str], changed: set[str], removed: set[str]) -> list[str]:
+    """These pages follow the code, which Sphinx does not watch."""
+    env.cogless_documented = set()
+    pages = ("guide/study-file", "guide/command-line", "guide/metrics", "theory/learning")
+    return [page for page in pages if page in env.found_docs]
+
+
+def setup(app: Any) -> dict[str, Any]:
+    app.add_directive("study-table", StudyTable)
+    app.add_directive("command", Command)
+    app.add_directive("metric-signals", MetricSignals)
+    app.add_directive("learning-factor", LearningFactor)
+    app.connect("env-get-outdated", forget)
+    app.connect("env-check-consistency", check)
+    return {"parallel_read_safe": False, "parallel_write_safe": True}

@@ -1,0 +1,249 @@
+"""Liu's tables beside ours, for docs/studies/liu2018.md.
+
+    cogless run liu2018 -o results/liu2018
+    python docs/liu2018_tables.py --write results/liu2018/results.json
+
+Without --write the tables are printed. The published values are below; everything else comes from
+results.json, but for the theory's ratios, which docs/learning_factor.py computes, and robust ILC without some
+of its terms, which is run here (seconds).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from learning_factor import Learning
+from marked import RPM, Blocks, Metrics, main, metrics_of, number, table
+
+import cogless
+
+LABELS = {"pi": "PI", "pi-fair": "PI, fair", "pi-ilc": "PI-ILC", "robust-ilc": "Robust ILC"}
+
+# Tables II to VII: controller -> amplitudes; speed in r/min, current in A.
+HARMONICS: dict[str, tuple[str, str, dict[str, tuple[float, float, float]]]] = {
+    "II": (
+        "900-rpm",
+        "speed",
+        {"pi": (2.49, 0.20, 0.89), "pi-ilc": (0.35, 0.10, 0.83), "robust-ilc": (0.18, 0.13, 0.60)},
+    ),
+    "III": (
+        "900-rpm",
+        "current",
+        {
+            "pi": (0.0049, 0.0295, 0.0045),
+            "pi-ilc": (0.0032, 0.0286, 0.0049),
+            "robust-ilc": (0.0025, 0.0235, 0.0040),
+        },
+    ),
+    "IV": (
+        "60-rpm",
+        "speed",
+        {"pi": (1.25, 1.38, 4.87), "pi-ilc": (1.14, 0.725, 1.92), "robust-ilc": (0.87, 0.72, 0.46)},
+    ),
+    "V": (
+        "60-rpm",
+        "current",
+        {
+            "pi": (0.0154, 0.0231, 0.0106),
+            "pi-ilc": (0.0090, 0.0066, 0.0064),
+            "robust-ilc": (0.0061, 0.0055, 0.0053),
+        },
+    ),
+    "VI": (
+        "60-rpm-30-load",
+        "speed",
+        {"pi": (1.48, 2.1, 5.15), "pi-ilc": (1.02, 1.31, 2.85), "robust-ilc": (0.72, 1.10, 1.95)},
+    ),
+    "VII": (
+        "60-rpm-78-load",
+        "speed",
+        {"pi": (1.52, 2.89, 6.98), "pi-ilc": (1.27, 2.60, 4.85), "robust-ilc": (0.93, 1.62, 2.49)},
+    ),
+}
+
+# Tables VIII and IX: row -> (PI-ILC, robust ILC). The settling at 60 r/min is from the text.
+STEPS: dict[str, tuple[str, dict[str, tuple[float | None, float | None]]]] = {
+    "VIII": (
+        "900-rpm-step",
+        {
+            "maximum speed fluctuation [r/min]": (38, 20),
+            "speed adjustment time [s]": (0.7, 0.38),
+            "overshoot in i_q [A]": (0.65, 0.18),
+            "i_q adjustment time [s]": (0.65, 0.32),
+        },
+    ),
+    "IX": (
+        "60-rpm-step",
+        {
+            "maximum speed fluctuation [r/min]": (36, 21),
+            "speed adjustment time [s]": (None, 0.45),
+            "overshoot in i_q [A]": (0.77, 0.45),
+            "i_q adjustment time [s]": (0.72, 0.42),
+        },
+    ),
+}
+STEP_METRICS = {
+    "maximum speed fluctuation [r/min]": ("dip_rad_s", RPM),
+    "speed adjustment time [s]": ("settling_s", 1.0),
+    "overshoot in i_q [A]": ("current_overshoot_A", 1.0),
+    "i_q adjustment time [s]": ("current_settling_s", 1.0),
+}
+TERMS = {
+    "surface": "$(c\\,e + \\dot\\omega_{ref} + B)/b$",
+    "switching": "$g\\,\\mathrm{sgn}(S)/b$",
+    "linear": "$\\eta S/b$",
+    "f_hat": "$-\\hat f/b$, learnt",
+    "r_hat": "$\\hat r/b$, adapted",
+}
+
+
+def harmonics(metrics: Metrics, name: str) -> list[str]:
+    """One of Tables II to VII; in brackets the ratio to PI."""
+    scenario, quantity, published = HARMONICS[name]
+    orders = (1, 2, 6) if quantity == "speed" else (3, 5, 7)
+    metric, unit, scale = (
+        ("speed_order_rad_s", "r/min", RPM) if quantity == "speed" else ("current_order_A", "A", 1.0)
+    )
+
+    def ours(controller: str) -> list[float] | None:
+        values = metrics.get((scenario, controller), {}).get(metric)
+        return values and [value / scale for value in values]
+
+    base = ours("pi")
+    rows = []
+    for controller, label in LABELS.items():
+        mine = ours(controller)
+        cells = [label]
+        for k in range(3):
+            paper = published.get(controller)
+            cells.append(_with_ratio(paper and paper[k], published["pi"][k], controller))
+            cells.append(_with_ratio(mine and mine[k], base and base[k], controller))
+        rows.append(cells)
+    head = [f"{unit}", *(text for n in orders for text in (f"{n}: paper", f"{n}: ours"))]
+    return table(head, rows)
+
+
+def _with_ratio(value: float | None, base: float | None, controller: str) -> str:
+    if value is None:
+        return "-"
+    digits = 3 if value >= 0.01 else 2
+    ratio = f" ({value / base:.2f})" if base and controller != "pi" else ""
+    return number(value, digits) + ratio
+
+
+def steps(metrics: Metrics, name: str) -> list[str]:
+    """Table VIII or IX."""
+    scenario, published = STEPS[name]
+    rows = []
+    for title, (ilc, robust) in published.items():
+        metric, scale = STEP_METRICS[title]
+        cells = [title]
+        for controller, paper in (("pi", None), ("pi-fair", None), ("pi-ilc", ilc), ("robust-ilc", robust)):
+            if controller in ("pi-ilc", "robust-ilc"):
+                cells.append(number(paper))
+            values = metrics.get((scenario, controller), {})
+            if metric not in values:
+                cells.append("not taken")
+            elif values[metric] is None:
+                cells.append("never")
+            else:
+                cells.append(number(values[metric] / scale))
+        rows.append(cells)
+    head = [
+        "",
+        "PI: ours",
+        "PI, fair: ours",
+        "PI-ILC: paper",
+        "PI-ILC: ours",
+        "robust: paper",
+        "robust: ours",
+    ]
+    return table(head, rows)
+
+
+def shares(metrics: Metrics) -> list[str]:
+    """RMS of the terms of robust ILC."""
+    scenarios = [s for s in ("60-rpm", "60-rpm-78-load") if ("share" in str(metrics.get((s, "robust-ilc"))))]
+    rows = [
+        [text, *(number(metrics[s, "robust-ilc"].get(f"share_{term}_A"), 2) for s in scenarios)]
+        for term, text in TERMS.items()
+    ]
+    return table(["term, RMS [A]", *scenarios], rows)
+
+
+def divergence(metrics: Metrics) -> list[str]:
+    """Law (29) as printed, and with forgetting."""
+    labels = {**LABELS, "pi-ilc": "PI-ILC with forgetting 0.85", "pi-ilc-printed": "PI-ILC, (29) as printed"}
+    rows = []
+    for controller, label in labels.items():
+        values: dict[str, Any] = metrics.get(("60-rpm-long", controller), {})
+        if values:
+            after = values.get("diverges_after_s")
+            late = values.get("late_ripple_rad_s")
+            rows.append([label, "never" if after is None else number(after), number(late and late / RPM)])
+    return table(
+        ["60 r/min, 70 s", "error above 30 r/min after [s]", "peak to peak in the last second [r/min]"], rows
+    )
+
+
+def prediction(metrics: Metrics) -> list[str]:
+    """What linear theory says that PI-ILC leaves of PI's harmonics, beside the simulation."""
+    study = cogless.load("liu2018")
+    rows = []
+    for scenario in ("60-rpm", "60-rpm-30-load", "60-rpm-78-load", "900-rpm"):
+        pi, ilc = (metrics.get((scenario, c), {}).get("speed_order_rad_s") for c in ("pi", "pi-ilc"))
+        if not (pi and ilc):
+            continue
+        speed = study.scenario[scenario].reference.speed
+        learning = Learning(study, "pi-ilc", speed)
+        theory = learning.residual([n * learning.periods_per_second for n in (1, 2, 6)])
+        cells = [text for k in range(3) for text in (f"{theory[k]:.2f}", f"{ilc[k] / pi[k]:.2f}")]
+        rows.append([scenario, *cells])
+    return table(["PI-ILC over PI", *(t for n in (1, 2, 6) for t in (f"{n}: theory", f"{n}: ours"))], rows)
+
+
+def without(metrics: Metrics) -> list[str]:
+    """Robust ILC with some of its terms switched off."""
+    study = cogless.load("liu2018")
+    off = {
+        "as published": {},
+        "no learning, no adaptation ($q = \\gamma = 0$)": {
+            "controller.robust-ilc.q": 0.0,
+            "controller.robust-ilc.gamma": 0.0,
+        },
+        "no relay ($g = 0$)": {"controller.robust-ilc.g": 0.0},
+    }
+    scenarios = ("60-rpm", "60-rpm-78-load", "60-rpm-step")
+    rows = []
+    for text, changes in off.items():
+        variant = cogless.changed(study, changes)
+        found = cogless.run_study(variant, [f"{scenario}/robust-ilc" for scenario in scenarios], jobs=2)
+        by_scenario = {run.scenario: run.metrics for run in found.runs}
+        cells = [text]
+        for scenario in scenarios[:2]:
+            cells += [number(value / RPM) for value in by_scenario[scenario]["speed_order_rad_s"]]
+        step = by_scenario["60-rpm-step"]
+        rows.append([*cells, number(step["dip_rad_s"] / RPM), number(step["settling_s"])])
+    head = [
+        *(f"{place}: {n}" for place in ("no load", "78 %") for n in (1, 2, 6)),
+        "dip [r/min]",
+        "settling [s]",
+    ]
+    return table(["60 r/min, orders in r/min", *head], rows)
+
+
+def blocks(path: Path) -> Blocks:
+    metrics = metrics_of(path)
+    return {
+        **{f"table-{name}": harmonics(metrics, name) for name in HARMONICS},
+        **{f"table-{name}": steps(metrics, name) for name in STEPS},
+        "shares": shares(metrics),
+        "without": without(metrics),
+        "divergence": divergence(metrics),
+        "prediction": prediction(metrics),
+    }
+
+
+if __name__ == "__main__":
+    main(Path(__file__).parent / "studies" / "liu2018.md", blocks)

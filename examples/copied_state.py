@@ -1,0 +1,24 @@
+"""Below the studies: one run-in, then many load steps from copies of the state that it ends in."""
+
+import cogless
+from cogless import _simulator_f64 as engine
+from cogless.engine import engine_config
+
+LOADS = (0.1, 0.2, 0.3, 0.4)  # N m
+
+config = engine_config(cogless.load("liu2018", {"drive.precision": "double"}), "60-rpm", "pi-ilc")
+rate = config["drive"]["current_rate"]
+
+drive = engine.Drive(config)
+state = drive.start()
+drive.advance(state, engine.Recorder(drive, rate), 5 * rate)  # 5 s to learn
+
+runs = []
+for load in LOADS:  # 10 ms after the copy was made
+    stepped = engine.Drive({**config, "events": [{"time": 5.01, "load": load}]})
+    runs.append((stepped, state.copy(), engine.Recorder(stepped, 15), rate // 2))
+engine.rollout(runs, threads=2)
+
+column = [name for name, unit in drive.signals].index("omega_m")
+for load, (_, _, recorder, _) in zip(LOADS, runs, strict=True):
+    print(f"{load} N m: down to {recorder.array()[:, column].min():.2f} rad/s")

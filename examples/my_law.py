@@ -1,0 +1,20 @@
+"""A speed law of one's own: a PI, and a sinusoid of one mechanical order that learns to cancel ripple."""
+
+from math import cos, sin
+
+
+class CancelOrder:
+    def __init__(self, kp, ki, order, rate, lead):
+        """kp [A s/rad], ki [A/rad], order of the revolution, rate [A/rad], lead [rad]."""
+        self.kp, self.ki, self.order, self.rate, self.lead = kp, ki, order, rate, lead
+        self.integral = self.a = self.b = 0.0  # A
+
+    def step(self, inputs):
+        """Called once per speed-loop period; returns i_q_ref [A], or (i_d_ref, i_q_ref)."""
+        error = inputs.omega_ref - inputs.omega_m
+        angle = self.order * inputs.theta_m
+        self.integral += self.ki * inputs.ts * error
+        if inputs.learn:
+            self.a += self.rate * inputs.ts * error * sin(angle - self.lead)
+            self.b += self.rate * inputs.ts * error * cos(angle - self.lead)
+        return self.kp * error + self.integral + self.a * sin(angle) + self.b * cos(angle)
