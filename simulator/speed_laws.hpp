@@ -195,7 +195,7 @@ struct AntiCoggingLaw {
 
 // A law from a user's shared library (cogless/plugin.h).
 struct PluginLaw {
-    using State = std::vector<std::max_align_t>;
+    using State = std::vector<unsigned char>;  // from operator new: aligned for any type
 
     std::shared_ptr<void> library;  // keeps it loaded
     decltype(&cogless_plugin_state_size) state_size;
@@ -207,7 +207,7 @@ struct PluginLaw {
     State start() const {
         const std::size_t size = state_size();
         if (size > 1048576U) throw std::invalid_argument("the library asks for more than 1 MiB of state");
-        State s(size / sizeof(std::max_align_t) + 1);
+        State s(size + 1, 0);  // never empty
         if (init(s.data(), params.data(), params.size(), ts) != 0) {
             throw std::invalid_argument("the library's cogless_plugin_init refuses these params");
         }

@@ -190,8 +190,8 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
 def test_metrics_of_one_name_mean_the_same(tmp_path: Path) -> None:
     ripple = {"name": "m", "kind": "rms", "signal": "i_q", "scenarios": ["low"]}
     other = {"name": "m", "kind": "mean", "signal": "i_q", "scenarios": ["step"]}
-    expected = 'metric.1.name: "m": expected the kind, signal, order and frame of the other metric of this name'
-    assert line_of(tmp_path, {"metric": [ripple, other]}) == f"study.toml: {expected}"
+    expected = "expected the kind, signal, order and frame of the other metric of this name"
+    assert line_of(tmp_path, {"metric": [ripple, other]}) == f'study.toml: metric.1.name: "m": {expected}'
 
 
 def test_chattering_needs_the_speed_loops_samples(tmp_path: Path) -> None:

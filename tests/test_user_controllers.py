@@ -15,14 +15,17 @@ from cogless import _simulator_f64
 
 PLUGIN = """
 #include "cogless/plugin.h"
-typedef struct { double kp, ki, ts, integral; } pi;
+typedef struct { double kp, ki, ts, integral; char rest[1000]; } pi;
 uint32_t cogless_plugin_version(void) { return COGLESS_PLUGIN_VERSION; }
 size_t cogless_plugin_state_size(void) { return sizeof(pi); }
 int cogless_plugin_init(void *state, const double *params, size_t count, double ts)
 {
     pi *s = state;
+    const char *byte = state;
+    size_t n;
     if (count != 2) return 1;
-    s->kp = params[0]; s->ki = params[1]; s->ts = ts; s->integral = 0.0;
+    for (n = 0; n < sizeof(pi); ++n) if (byte[n] != 0) return 2;
+    s->kp = params[0]; s->ki = params[1]; s->ts = ts;
     return 0;
 }
 void cogless_plugin_step(void *state, const cogless_plugin_input *in, cogless_plugin_output *out)

@@ -5,8 +5,8 @@ The speed loop, from its error to its measured speed, sampled with period T:
     L = (kp + ki T z / (z - 1)) F(jw) b T / (z - 1) (1 + exp(-2 jw T_m)) / 2,    z = exp(jwT)
 
 b = K_t / J (belief over true inertia), T_m the delay of the speed measurement (a mean over 2 T_m),
-F = G / (1 + G) the closed current loop with G = (kp_q + ki_q / s) / (R_s + s L_q) exp(-s T_c), T_c from sampling
-to the middle of the voltage that answers. Friction is left out: it only adds margin.
+F = G / (1 + G) the closed current loop with G = (kp_q + ki_q / s) / (R_s + s L_q) exp(-s T_c), T_c from
+sampling to the middle of the voltage that answers. Friction is left out: it only adds margin.
 
 With z / (z - 1) = 1 / 2 + 1 / (2j tan(wT / 2)), K = kp + ki T / 2 and w' = tan(wT / 2) / (T / 2) the phase is
 that of a continuous PI before an integrator and a delay:
