@@ -241,6 +241,13 @@ def test_metrics_without_their_signal_are_left_out(tmp_path: Path) -> None:
     assert json.dumps(dict(simulate(study, "low", "table").metrics)).startswith('{"learnt_A": ')
 
 
+def test_the_energy_balance_of_a_study_closes(tmp_path: Path) -> None:
+    metric = {"name": "lost", "kind": "maximum", "signal": "energy_residual"}
+    study = studies.study(tmp_path, {"metric": [metric], "trace": {"energy": True}})
+    run = simulate(study, "step", "pi")
+    assert run.metrics["lost_J"] < 1e-6 * run.trace["energy_electrical"][-1]
+
+
 def test_rollout_runs_many_studies_and_can_let_their_traces_go(tmp_path: Path) -> None:
     base = studies.study(tmp_path)
     many = [changed(base, {"controller.pi.kp": kp}) for kp in (0.01, 0.02, 0.03)]

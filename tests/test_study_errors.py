@@ -33,7 +33,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("mechanics.inertai", "1 kg*m^2",
             'mechanics.inertai: "1 kg*m^2": expected a known key, perhaps "inertia"'),
         ("motor.r_s", "1 ohm", 'motor.r_s: "1 ohm": expected a known key, perhaps "R_s"'),
-        ("trace.zzz", 1, "trace.zzz: 1: expected one of rate"),
+        ("trace.zzz", 1, "trace.zzz: 1: expected one of rate, energy"),
         ("controller.pi.gain", 1,
             "controller.pi.gain: 1: expected one of label, baseline, kp, ki, tuning, law"),
         ("drive", {}, "drive.rates: missing: expected a value"),
@@ -185,6 +185,13 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
 )  # fmt: skip
 def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> None:
     assert line_of(tmp_path, {key: value}) == f"study.toml: {line}"
+
+
+def test_energies_are_recorded_on_request(tmp_path: Path) -> None:
+    metric = {"name": "lost", "kind": "maximum", "signal": "energy_residual"}
+    expected = 'metric.0.signal: "energy_residual": expected another, or trace.energy = true'
+    assert line_of(tmp_path, {"metric": [metric]}) == f"study.toml: {expected}"
+    assert studies.study(tmp_path, {"metric": [metric], "trace": {"energy": True}}).trace.energy
 
 
 def test_metrics_of_one_name_mean_the_same(tmp_path: Path) -> None:

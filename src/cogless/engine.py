@@ -37,6 +37,7 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
         "initial_speed": experiment.initial_speed if run else 0.0,
         "initial_angle": experiment.initial_angle if run else 0.0,
         "seed": here.seed,
+        "energy": here.trace.energy,
         "drive": _drive(here.drive, motor),
         "controller": _controller(study, controller, mode),
     }

@@ -33,10 +33,17 @@ def _motor_torque(trace: Trace) -> Array:
     return np.asarray(trace["tau_e"] + trace["tau_cogging"])
 
 
+def _energy_residual(trace: Trace) -> Array:
+    out = trace["energy_copper"] + trace["energy_friction"] + trace["energy_load"]
+    stored = trace["energy_stored"] - trace["energy_stored"][0]
+    return np.asarray(trace["energy_electrical"] - out - stored)
+
+
 # Every signal that is computed and not recorded: name -> (unit, function of the trace).
 DERIVED = {
     "omega_error": ("rad/s", _omega_error),  # reference minus true speed
     "i_amplitude": ("A", _current_amplitude),  # length of the current vector
+    "energy_residual": ("J", _energy_residual),  # what the balance lacks: the integrator's error
     "tau_motor": ("N*m", _motor_torque),  # what the rotor gets from the motor, cogging included
 }
 

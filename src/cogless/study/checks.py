@@ -75,6 +75,8 @@ def metrics(study: Study) -> None:
                 raise problem(expected, "metric", index, "name")
         if (metric.signal or "").startswith("term_") and metric.signal not in recorded:
             raise problem("expected a signal that a controller of this study has", "metric", index, "signal")
+        if (metric.signal or "").startswith("energy_") and not study.trace.energy:
+            raise problem("expected another, or trace.energy = true", "metric", index, "signal")
         for other in study.metric[:index]:
             if metric.name == other.name and metric.meaning != other.meaning:
                 expected = "expected the kind, signal, order and frame of the other metric of this name"

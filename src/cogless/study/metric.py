@@ -11,6 +11,9 @@ from cogless.study.controller import TERMS
 from cogless.study.table import Duration, Many, Quantity, Table, Time, problem
 from cogless.units import Dimension
 
+# With trace.energy: what went in since the start, where it went, what is stored, and what the balance lacks.
+ENERGIES = ("electrical", "copper", "friction", "load", "stored", "residual")
+
 # Every signal that a run has, recorded or derived from recorded ones.
 SIGNALS: dict[str, Dimension] = {
     "theta_m": units.ANGLE,
@@ -19,6 +22,7 @@ SIGNALS: dict[str, Dimension] = {
     **dict.fromkeys(("u_d", "u_q"), units.VOLTAGE),
     **dict.fromkeys(("tau_e", "tau_cogging", "tau_load", "tau_motor"), units.TORQUE),
     "status": units.NONE,
+    **{f"energy_{name}": units.ENERGY for name in ENERGIES},
     **{name: units.CURRENT for terms in TERMS.values() for name in terms},
 }
 

@@ -30,6 +30,7 @@ class TraceSettings(Table):
     """What is recorded."""
 
     rate: Frequency | None = None  # Hz, divides the current-loop rate, the default
+    energy: bool = False  # integrate and record the energies too
 
 
 @dataclass(frozen=True)
