@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "inverter.hpp"
 #include "random.hpp"
@@ -18,18 +19,31 @@ struct CurrentSensorsConfig {
     int sensors = 3;      // 2: the third current is calculated
 };
 
-inline Phases measure(const CurrentSensorsConfig& config, Phases i, Random& random) {
-    for (int x = 0; x < config.sensors; ++x) {
-        const auto n = static_cast<std::size_t>(x);
-        i[n] += config.gain_error[n] * i[n] + config.offset[n];
-        if (config.noise > 0.0) i[n] += config.noise * random.normal();
-        if (config.bits > 0) {
-            const double step = std::ldexp(config.range, 1 - config.bits);
-            i[n] = std::clamp(step * std::round(i[n] / step), -config.range, config.range - step);
+class CurrentSensors {
+public:
+    explicit CurrentSensors(const CurrentSensorsConfig& config)
+        : config_(config), step_(std::ldexp(config.range, 1 - config.bits)), per_step_(1.0 / step_) {}
+
+    Phases measure(Phases i, Random& random) const {
+        for (std::size_t n = 0; n < static_cast<std::size_t>(config_.sensors); ++n) {
+            i[n] += config_.gain_error[n] * i[n] + config_.offset[n];
+            if (config_.noise > 0.0) i[n] += config_.noise * random.normal();
+            if (config_.bits > 0) i[n] = converted(i[n]);
         }
+        if (config_.sensors == 2) i[2] = -i[0] - i[1];
+        return i;
     }
-    if (config.sensors == 2) i[2] = -i[0] - i[1];
-    return i;
-}
+
+private:
+    // To the nearest step, halves away from zero. Within the range an integer holds the steps, which costs a fraction of
+    // std::round. What is not a number becomes the lowest.
+    double converted(double i) const {
+        const double steps = std::max(-config_.range, std::min(i, config_.range - step_)) * per_step_;
+        return step_ * static_cast<double>(static_cast<std::int64_t>(steps + std::copysign(0.5, steps)));
+    }
+
+    CurrentSensorsConfig config_;
+    double step_, per_step_;  // of the converter: A, 1/A
+};
 
 }  // namespace cogless

@@ -52,6 +52,7 @@ Drive::Drive(const DriveConfig& config)
       period_(1.0 / static_cast<double>(config.current_rate)),
       plant_(config.motor, config.mechanics, config.load, period_ / config.integration_steps),
       position_sensor_(config.position_sensor, period_, period_ * static_cast<double>(config.speed_divider)),
+      current_sensors_(config.current_sensors),
       signals_(signals_of(config)) {
     cgl_foc unused;
     require(cgl_foc_init(&config_.current_loop, &unused), "current loop");
@@ -70,26 +71,26 @@ DriveState Drive::start() const {
 
 void Drive::advance(DriveState& s, Recorder& recorder, std::int64_t ticks) const {
     recorder.reserve(ticks);
+    Powers::Values z;
+    plant_.powers().evaluate(s.plant.theta_m, z);
     for (const std::int64_t end = s.tick + ticks; s.tick < end; ++s.tick) {
         while (s.next_load_step < config_.load_steps.size() &&
                config_.load_steps[s.next_load_step].tick <= s.tick) {
             s.plant.load.target = config_.load_steps[s.next_load_step++].torque;
             if (config_.load.lag <= 0.0) s.plant.load.torque = s.plant.load.target;
         }
-        const Complex axis{std::cos(config_.motor.pole_pairs * s.plant.theta_m),
-                           std::sin(config_.motor.pole_pairs * s.plant.theta_m)};
-        const Phases current = phase_currents(s.plant.i, axis);
+        const Phases current = phase_currents(s.plant.i, plant_.motor().axis(z));
         control(s, current);
-        if (recorder.wants(s.tick)) record(s, current, recorder.next_row());
+        if (recorder.wants(s.tick)) record(s, z, current, recorder.next_row());
 
         const Phases computed{static_cast<double>(s.output.duty[0]), static_cast<double>(s.output.duty[1]),
                               static_cast<double>(s.output.duty[2])};
         const Phases acting = config_.inverter.computation_delay ? s.duty : computed;
         s.duty = computed;
         if (config_.energy) {
-            advance_plant<true>(s, acting, current);
+            advance_plant<true>(s, z, acting, current);
         } else {
-            advance_plant<false>(s, acting, current);
+            advance_plant<false>(s, z, acting, current);
         }
     }
 }
@@ -99,7 +100,7 @@ void Drive::control(DriveState& s, const Phases& current) const {
     const double t = time(s.tick);
     const bool speed_due = s.tick % config_.speed_divider == 0;
     s.measured = position_sensor_.sample(s.position, t, s.plant.theta_m, s.plant.omega_m, speed_due);
-    const Phases i = measure(config_.current_sensors, current, s.random);
+    const Phases i = current_sensors_.measure(current, s.random);
 
     if (speed_due) {
         s.omega_ref = reference(config_.reference, config_.initial_speed, t);
@@ -126,12 +127,12 @@ void Drive::control(DriveState& s, const Phases& current) const {
 }
 
 template <bool CountEnergy>
-void Drive::advance_plant(DriveState& s, const Phases& duty, const Phases& current) const {
+void Drive::advance_plant(DriveState& s, Powers::Values& z, const Phases& duty, const Phases& current) const {
     const double start = time(s.tick);
     const double longest = period_ / config_.integration_steps;
     const bool watch = position_sensor_.watches();
     const auto step = [&](Voltage u, double from, double h) {
-        plant_.step<CountEnergy>(s.plant, u, start + from, h);
+        plant_.step<CountEnergy>(s.plant, z, u, start + from, h);
         if (watch) position_sensor_.watch(s.position, start + from, start + from + h, s.plant.theta_m);
     };
     if (config_.inverter.switched) {
@@ -149,9 +150,9 @@ void Drive::advance_plant(DriveState& s, const Phases& duty, const Phases& curre
     }
 }
 
-void Drive::record(const DriveState& s, const Phases& current, double* row) const {
+void Drive::record(const DriveState& s, const Powers::Values& z, const Phases& current, double* row) const {
     const double t = time(s.tick);
-    const Torques torques = plant_.torques(s.plant, t);
+    const Torques torques = plant_.torques(s.plant, z, t);
     const double values[] = {t,
                              s.plant.theta_m,
                              s.plant.omega_m,
@@ -181,7 +182,7 @@ void Drive::record(const DriveState& s, const Phases& current, double* row) cons
         config_.law);
     if (config_.energy) {
         const Energy& e = s.plant.energy;
-        for (const double value : {e.electrical, e.copper, e.friction, e.load, plant_.stored_energy(s.plant)}) {
+        for (const double value : {e.electrical, e.copper, e.friction, e.load, plant_.stored_energy(s.plant, z)}) {
             *row++ = value;
         }
     }

@@ -78,10 +78,13 @@ public:
     void teach(DriveState& state, const std::vector<double>& table) const;
 
 private:
+    // z in all of these: the values of the plant's powers at the rotor's angle
     template <bool CountEnergy>
-    void advance_plant(DriveState& state, const Phases& duty, const Phases& current) const;
+    void advance_plant(DriveState& state, Powers::Values& z, const Phases& duty, const Phases& current) const;
     void control(DriveState& state, const Phases& current) const;
-    void record(const DriveState& state, const Phases& current, double* row) const;
+    // Kept out of advance(), whose loop is 4 % faster without it.
+    [[gnu::noinline]] void record(const DriveState& state, const Powers::Values& z, const Phases& current,
+                                  double* row) const;
 
     double time(std::int64_t tick) const {
         return static_cast<double>(tick) / static_cast<double>(config_.current_rate);
@@ -91,6 +94,7 @@ private:
     double period_;  // s, of the current loop
     Plant plant_;
     PositionSensor position_sensor_;
+    CurrentSensors current_sensors_;
     std::vector<Signal> signals_;
 };
 

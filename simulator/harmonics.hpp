@@ -42,9 +42,17 @@ public:
 
     void evaluate(double theta, Values& z) const {
         const double angle = base_ * theta;
-        z[0] = {std::cos(angle), std::sin(angle)};
-        std::size_t n = 1;
-        for (const Product& p : products_) z[n++] = z[p.a] * z[p.b];
+        Complex last{std::cos(angle), std::sin(angle)};
+        std::size_t n = 0;
+        z[n] = last;
+        for (const Product& p : products_) {
+            // mostly a chain in which each waits for the last, which therefore stays in registers
+            Complex a = last, b = last;
+            if (p.a != n) a = z[p.a];
+            if (p.b != n) b = z[p.b];
+            last = a * b;
+            z[++n] = last;
+        }
     }
 
 private:
@@ -99,13 +107,6 @@ public:
     double value(const Powers::Values& z) const {
         double sum = 0.0;
         for (const Term& t : terms_) sum += t.in_sine * z[t.place].im + t.in_cosine * z[t.place].re;
-        return sum;
-    }
-
-    // d/d theta
-    double slope(const Powers::Values& z) const {
-        double sum = 0.0;
-        for (const Term& t : terms_) sum += t.order * (t.in_sine * z[t.place].re - t.in_cosine * z[t.place].im);
         return sum;
     }
 

@@ -79,9 +79,10 @@ inline Pulses pulses(const InverterConfig& config, const Phases& duty, const Pha
 
 // The mean of the same pulses over the period.
 inline Voltage averaged(const InverterConfig& config, const Phases& duty, const Phases& current, double period) {
+    const double dead_share = config.dead_time / period;
     Phases u;
     for (std::size_t x = 0; x < 3; ++x) {
-        const double lost = duty[x] > 0.0 && duty[x] < 1.0 ? config.dead_time / period : 0.0;
+        const double lost = duty[x] > 0.0 && duty[x] < 1.0 ? dead_share : 0.0;
         u[x] = config.bus_voltage * std::clamp(duty[x] - (current[x] >= 0.0 ? lost : -lost), 0.0, 1.0);
     }
     return stationary(u);

@@ -24,8 +24,10 @@ struct LoadState {
 class Load {
 public:
     Load(const LoadConfig& config, const Powers& powers, double nominal_step)
-        : config_(config), harmonics_(powers, config.harmonics), nominal_step_(nominal_step),
-          nominal_decay_(decay_over(nominal_step)), nominal_half_decay_(decay_over(0.5 * nominal_step)) {}
+        : config_(config), harmonics_(powers, config.harmonics),
+          varies_(!config.harmonics.empty() || !config.angle_table.empty() || !config.time_table.empty()),
+          nominal_step_(nominal_step), nominal_decay_(decay_over(nominal_step)),
+          nominal_half_decay_(decay_over(0.5 * nominal_step)) {}
 
     static std::vector<int> orders(const LoadConfig& config) {
         std::vector<int> all;
@@ -46,6 +48,7 @@ public:
 
     // What depends on angle and time.
     double other_parts(const Powers::Values& z, double theta_m, double time) const {
+        if (!varies_) return 0.0;
         double torque = harmonics_.value(z);
         if (!config_.angle_table.empty()) torque += config_.angle_table.periodic(theta_m);
         if (!config_.time_table.empty()) torque += config_.time_table.held(time);
@@ -59,6 +62,7 @@ private:
 
     LoadConfig config_;
     Series harmonics_;
+    bool varies_;  // with angle or time
     double nominal_step_, nominal_decay_, nominal_half_decay_;
 };
 

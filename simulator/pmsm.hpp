@@ -33,15 +33,16 @@ struct Currents {
 class Pmsm {
 public:
     Pmsm(const PmsmConfig& config, const Powers& powers)
-        : config_(config), electrical_(powers.place(config.pole_pairs)), cogging_(powers, config.cogging) {
-        std::vector<Harmonic> d, q;
+        : config_(config), per_L_d_(1.0 / config.L_d), per_L_q_(1.0 / config.L_q),
+          electrical_(powers.place(config.pole_pairs)), cogging_(powers, config.cogging) {
         for (const FluxHarmonic& h : config.flux_harmonics) {
-            d.push_back({h.order * config.pole_pairs, h.d, h.d_phase + quarter_turn});  // a cosine
-            q.push_back({h.order * config.pole_pairs, h.q, h.q_phase});
+            // e_d += d psi_d / d theta_e - psi_q and e_q += d psi_q / d theta_e + psi_d, by sine and cosine
+            const double in_d = -h.order * h.d, in_q = h.order * h.q;
+            const Complex d{std::cos(h.d_phase), std::sin(h.d_phase)}, q{std::cos(h.q_phase), std::sin(h.q_phase)};
+            flux_.push_back({powers.place(h.order * config.pole_pairs),
+                             in_d * d.re - h.q * q.re, in_d * d.im - h.q * q.im,
+                             -in_q * q.im - h.d * d.im, in_q * q.re + h.d * d.re});
         }
-        psi_d_ = Series(powers, d);
-        psi_q_ = Series(powers, q);
-        has_flux_harmonics_ = !d.empty();
     }
 
     // The mechanical orders that this motor needs of Powers.
@@ -73,10 +74,10 @@ public:
 
     Linkage linkage(const Powers::Values& z, Currents i) const {
         Linkage e{-config_.L_q * i.q, config_.psi_f + config_.L_d * i.d};
-        if (has_flux_harmonics_) {
-            const double per_pole_pair = 1.0 / config_.pole_pairs;  // slope() is per mechanical radian
-            e.d += per_pole_pair * psi_d_.slope(z) - psi_q_.value(z);
-            e.q += per_pole_pair * psi_q_.slope(z) + psi_d_.value(z);
+        for (const FluxTerm& t : flux_) {
+            const Complex w = z[t.place];
+            e.d += t.d_sine * w.im + t.d_cosine * w.re;
+            e.q += t.q_sine * w.im + t.q_cosine * w.re;
         }
         return e;
     }
@@ -85,17 +86,22 @@ public:
 
     Currents derivative(Linkage e, Currents i, double u_d, double u_q, double omega_m) const {
         const double omega_e = config_.pole_pairs * omega_m;
-        return {(u_d - config_.R_s * i.d - omega_e * e.d) / config_.L_d,
-                (u_q - config_.R_s * i.q - omega_e * e.q) / config_.L_q};
+        return {(u_d - config_.R_s * i.d - omega_e * e.d) * per_L_d_,
+                (u_q - config_.R_s * i.q - omega_e * e.q) * per_L_q_};
     }
 
 private:
-    static constexpr double quarter_turn = 1.5707963267948966;
+    // A flux harmonic's part in the speed voltages, V s.
+    struct FluxTerm {
+        std::size_t place;
+        double d_sine, d_cosine, q_sine, q_cosine;
+    };
 
     PmsmConfig config_;
+    double per_L_d_, per_L_q_;  // products cost less than quotients
     std::size_t electrical_;
-    Series psi_d_, psi_q_, cogging_;
-    bool has_flux_harmonics_ = false;
+    std::vector<FluxTerm> flux_;
+    Series cogging_;
 };
 
 }  // namespace cogless

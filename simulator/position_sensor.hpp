@@ -58,9 +58,10 @@ public:
         State s;
         if (config_.kind == PositionSensorKind::ideal) return s;
         s.theta_before = seen(theta_m);
-        s.count = s.count_at_speed = count(s.theta_before);
+        s.count = count(s.theta_before);
         s.omega_m = omega_m;
         // as if it had turned at this speed before
+        s.count_at_speed = count(seen(theta_m - omega_m * speed_period_));
         s.last_direction = s.direction_before = omega_m < 0.0 ? -1 : 1;
         const double edge_period = omega_m != 0.0 ? step_ / std::abs(omega_m) : 1e9;
         const double behind = s.theta_before / step_ - static_cast<double>(s.count);
