@@ -176,7 +176,7 @@ SpeedLaw law(const Section& s, const nb::object& controller, int pole_pairs, dou
     if (name == "anti-cogging") {
         const Section run = s.section("calibration");
         return AntiCoggingLaw{{pi(), s.get<std::uint32_t>("cells"), run.real("speed"),
-                               run.get<std::uint32_t>("revolutions"), run.real("position_gain")},
+                               run.get<std::uint32_t>("revolutions"), run.real("position_gain"), s.real("lead")},
                               s.get<std::string>("mode") == "learn"};
     }
     if (name == "library") {

@@ -99,6 +99,9 @@ void Drive::advance(DriveState& s, Recorder& recorder, std::int64_t ticks) const
 void Drive::control(DriveState& s, const Phases& current) const {
     const double t = time(s.tick);
     const bool speed_due = s.tick % config_.speed_divider == 0;
+    if (!std::isfinite(s.plant.theta_m + s.plant.omega_m + s.plant.i.d + s.plant.i.q)) {
+        throw std::runtime_error("the motor's current or speed grew beyond all numbers: expected smaller gains or steps");
+    }
     s.measured = position_sensor_.sample(s.position, t, s.plant.theta_m, s.plant.omega_m, speed_due);
     const Phases i = current_sensors_.measure(current, s.random);
 

@@ -128,7 +128,10 @@ private:
                    : theta_m;
     }
 
-    std::int64_t count(double theta) const { return static_cast<std::int64_t>(std::floor(theta / step_)); }
+    std::int64_t count(double theta) const {
+        const double counts = std::floor(theta / step_);
+        return std::abs(counts) < 9e18 ? static_cast<std::int64_t>(counts) : 0;  // the run ends at such a place
+    }
 
     double clocked(double time) const {
         return config_.timer > 0.0 ? std::floor(time * config_.timer) / config_.timer : time;

@@ -15,7 +15,8 @@ class CAntiCogging:
         self.library, lib = library, library.lib
         pi = {"kp": r.pi.kp, "ki": r.pi.ki, "ts": r.pi.ts, "limit": r.pi.limit}
         self.config = library.new("cgl_anti_cogging_config", pi=pi, cells=r.cells, speed=r.speed,
-                                  revolutions=r.revolutions, position_gain=r.position_gain)  # fmt: skip
+                                  revolutions=r.revolutions, position_gain=r.position_gain,
+                                  lead=r.lead)  # fmt: skip
         self.state = library.new("cgl_anti_cogging")
         self.table, pointer = library.array(np.ones(r.cells))
         assert lib.cgl_anti_cogging_init(self.config, self.state, pointer, r.cells) == lib.CGL_OK
@@ -69,8 +70,8 @@ class Motor:
 
 
 def law(ts=2e-3, cells=256, speed=0.2, revolutions=1, limit=2.0, real=np.float64) -> AntiCogging:
-    kp, ki, ts, speed, position_gain, limit = rounded([1.0, 8.0, ts, speed, 5.0, limit], real)
-    return AntiCogging(Pi(kp, ki, ts, limit), cells, speed, revolutions, position_gain)
+    kp, ki, ts, speed, position_gain, limit, lead = rounded([1.0, 8.0, ts, speed, 5.0, limit, 3e-3], real)
+    return AntiCogging(Pi(kp, ki, ts, limit), cells, speed, revolutions, position_gain, lead)
 
 
 def calibrated(one, motor, real=np.float64, steps=200_000):

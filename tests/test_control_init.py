@@ -38,12 +38,13 @@ ROBUST = {"b": 400.0, "c": 5.0, "g": 50.0, "eta": 180.0, "q": 0.1, "beta_1": 0.1
           "viscous": 0.0, "coulomb": 0.0, "ts": 1e-3, "limit": 2.0}  # fmt: skip
 BAD_ROBUST = {k: NOT_NEGATIVE for k in ROBUST} | {"b": POSITIVE, "ts": POSITIVE, "limit": POSITIVE}
 BAD_ROBUST |= {"viscous": FINITE, "coulomb": FINITE}
-ANTI_COGGING = {"cells": 64, "speed": 0.2, "revolutions": 1, "position_gain": 5.0}
+ANTI_COGGING = {"cells": 64, "speed": 0.2, "revolutions": 1, "position_gain": 5.0, "lead": 1e-4}
 BAD_ANTI_COGGING = {
     "cells": [0, 3, 65536, 0xFFFFFFFF],
     "speed": POSITIVE,
     "revolutions": [0, 101, 0xFFFFFFFF],
     "position_gain": NOT_NEGATIVE,
+    "lead": NOT_NEGATIVE,
 }
 
 

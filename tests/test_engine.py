@@ -169,6 +169,7 @@ def test_anti_cogging_commissioning_finds_the_table() -> None:
         "kp": 0.3,
         "ki": 6.0,
         "cells": 240,
+        "lead": 0.0,
         "mode": "learn",
         "calibration": {"speed": 1.0, "revolutions": 1, "position_gain": 20.0},
     }

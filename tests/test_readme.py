@@ -23,7 +23,7 @@ def test_the_study_in_the_readme_runs_and_learns(tmp_path: Path) -> None:
 def test_the_figures_under_the_picture_are_the_demos() -> None:
     caption = re.search(r"\*A drone motor.*?\*\n", README, re.DOTALL)
     assert caption is not None
-    figures = [float(x) for x in re.findall(r"(?:leaves|leave|and) (\d+\.\d+)", caption[0])]
+    figures = [float(x) for x in re.findall(r"(?:leaves|and) (\d+(?:\.\d+)?)", caption[0])]
     runs = run_study(load("uomodri"), ["1-rev-s/*"], jobs=2).runs
     ripple = {run.controller: run.metrics["speed_ripple_rad_s"] * 30.0 / np.pi for run in runs}
     assert figures == [float(f"{ripple[name]:.2g}") for name in ("pi", "table", "pi-ilc", "robust-ilc")]

@@ -268,3 +268,14 @@ def test_shipped_studies_and_motors_are_found_by_name(
     with pytest.raises(StudyError) as error:
         load("mine", {"motor.datasheet": "liu"})
     assert str(error.value) == "liu: no such datasheet: expected a file, or one of the shipped: none"
+
+
+def test_three_ways_to_say_the_magnet() -> None:
+    """300 r/min per volt, line to line and peak, is psi_f = 60 / (sqrt(3) 2 pi 300 pole_pairs)."""
+    base = {"pole_pairs": 12, "R_s": "0.53 ohm", "L_d": "210 uH", "L_q": "210 uH"}
+    stars = [
+        Motor.model_validate({**base, **magnet}).star()
+        for magnet in ({"kv": "300 rpm/V"}, {"psi_f": "1.53147 mWb"}, {"K_t": "27.5664 mN*m/A"})
+    ]
+    assert [star.K_t for star in stars] == pytest.approx([0.0275664] * 3, rel=1e-4)
+    assert [star.psi_f for star in stars] == pytest.approx([1.53147e-3] * 3, rel=1e-4)

@@ -64,7 +64,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("metric", 3, "metric: 3: expected an array"),
         # motor
         ("motor.K_t", "0.4 N*m/A",
-            'motor: expected either psi_f, such as "68 mWb", or K_t, such as "0.4 N*m/A"'),
+            'motor: expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"'),
         ("motor.winding", "wye", 'motor.winding: "wye": expected "star" or "delta"'),
         ("motor.cogging", [{"order": 24}],
             'motor.cogging.0: expected either torque, such as "4 mN*m", or current, such as "0.2 A"'),
@@ -187,6 +187,30 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
     assert line_of(tmp_path, {key: value}) == f"study.toml: {line}"
 
 
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"motor.L_d": "1 mH"},
+            "drive.rates.integration_steps: 1: expected 3 or more, since the current (R_s / L) changes "
+            "within 64.9 us"),
+        ({"mechanics.inertia": "1e-12 kg*m^2"},
+            "drive.rates.integration_steps: 1: expected 257 or more, since the speed with the current "
+            "(K_t, inertia, L) changes within 0.52 us"),
+        ({"drive.inverter.dead_time": "1 s"},
+            'drive.inverter.dead_time: "1 s": expected less than half a period of the current loop, '
+            "3.33e-05 s"),
+        ({"scenario.low.duration": "1e9 s"},
+            'scenario.low.duration: "1e9 s": expected at most 1333.33 s with rows at 15000 Hz (trace.rate)'),
+        ({"controller.ilc": {**PI, "law": "pi-ilc", "gain": 0.01, "memory": "time", "cells": 200}},
+            "controller.ilc.cells: 200: expected 1000 or more, the samples of a period"),
+        ({"metric.0.window": ["0.1 s", "0.10001 s"]},
+            'metric.0.window: ["0.1 s", "0.10001 s"]: expected a window of 10 or more rows of the trace'),
+    ],
+)  # fmt: skip
+def test_what_the_simulation_cannot_do(tmp_path: Path, changes: dict[str, object], line: str) -> None:
+    assert line_of(tmp_path, changes) == f"study.toml: {line}"
+
+
 def test_energies_are_recorded_on_request(tmp_path: Path) -> None:
     metric = {"name": "lost", "kind": "maximum", "signal": "energy_residual"}
     expected = 'metric.0.signal: "energy_residual": expected another, or trace.energy = true'
@@ -218,7 +242,7 @@ def test_several_mistakes_are_counted(tmp_path: Path) -> None:
 
 
 def test_a_slower_trace_holds_fewer_orders(tmp_path: Path) -> None:
-    fast = {"scenario.low.reference": "6000 rpm", "trace.rate": "5 kHz"}
+    fast = {"scenario.low.reference": "6000 rpm", "trace.rate": "5 kHz", "drive.rates.integration_steps": 3}
     assert "expected orders below 6.25" in line_of(tmp_path, {**fast, "metric.1.order": [7]})
     assert studies.study(tmp_path, {**fast, "metric.1.order": [6]}).metric[1].order == (6.0,)
 

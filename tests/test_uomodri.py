@@ -51,17 +51,25 @@ def test_learning_leaves_less_ripple_than_the_feedback_and_the_table_at_every_sp
         pi = ripple[scenario, "pi"]
         assert ripple[scenario, "table"] < 0.5 * pi
         assert ripple[scenario, "robust-ilc"] < 0.1 * pi
-        assert ripple[scenario, "robust-ilc"] < ripple[scenario, "table"]
+        assert ripple[scenario, "robust-ilc"] < 0.5 * ripple[scenario, "table"]
 
 
-def test_without_its_lead_learning_grows_at_high_speed() -> None:
+def test_without_its_lead_learning_is_of_no_use_at_high_speed() -> None:
     """At 4 rev/s the cogging of order 72 lies at 288 Hz, beyond the speed loop's crossover."""
-    changes = {"scenario.fast.duration": "20 s"}
-    with_lead = run_study(load("uomodri", changes), ["fast/pi-ilc", "fast/pi"])
-    without = run_study(load("uomodri", {**changes, "controller.pi-ilc.lead": "0 s"}), ["fast/pi-ilc"])
-    pi, led = (
-        next(r.metrics["speed_ripple_rad_s"] for r in with_lead.runs if r.controller == name)
-        for name in ("pi", "pi-ilc")
-    )
-    assert led < 0.1 * pi
-    assert without.runs[0].metrics["speed_ripple_rad_s"] > 5.0 * led
+    with_lead = run_study(load("uomodri"), ["fast/pi-ilc", "fast/pi"]).runs
+    without = run_study(load("uomodri", {"controller.pi-ilc.lead": "0 s"}), ["fast/pi-ilc"]).runs
+    ripple = {run.controller: float(run.metrics["speed_ripple_rad_s"]) for run in with_lead}
+    assert ripple["pi-ilc"] < 0.1 * ripple["pi"]
+    assert float(without[0].metrics["speed_ripple_rad_s"]) > 3.0 * ripple["pi-ilc"]
+
+
+def test_the_tables_lead_makes_up_for_the_current_loop() -> None:
+    ripple = [
+        float(
+            run_study(load("uomodri", {"controller.table.lead": lead}), ["fast/table"])
+            .runs[0]
+            .metrics["speed_ripple_rad_s"]
+        )
+        for lead in ("0 s", "0.6 ms")
+    ]
+    assert ripple[1] < ripple[0]

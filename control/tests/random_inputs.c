@@ -297,6 +297,7 @@ static void try_anti_cogging(void)
         config.speed = random_gain(CGL_R(100.0));
         config.revolutions = 1U + (random_below(2) ? 0U : random_below(100));
         config.position_gain = random_gain(CGL_R(20.0));
+        config.lead = random_below(2) ? CGL_R(0.0) : random_gain(CGL_R(1.0e-3));
     } while (cgl_anti_cogging_init(&config, &law, fence(config.cells), config.cells) != CGL_OK);
     for (int step = 0; step < 4 * STEPS_PER_CONFIG; ++step) {
         if (random_below(400) == 0U) {

@@ -29,6 +29,7 @@ class AntiCogging:
     speed: float
     revolutions: int
     position_gain: float
+    lead: float = 0.0
     table: np.ndarray = field(default_factory=lambda: np.zeros(0))
     friction: float = 0.0
     wrapped: float | None = None  # angle of the last step [rad]
@@ -107,4 +108,5 @@ class AntiCogging:
             waits = not (math.isfinite(omega_m) and is_angle(theta_m) and math.isfinite(i_q))
             return self.pi.step(0.0 if waits else self.calibration_error(omega_m, theta_m, i_q))
         usable = math.isfinite(omega_m) and is_angle(theta_m)
-        return self.pi.step(omega_ref - omega_m, self.looked_up(theta_m) if usable else 0.0)
+        ahead = theta_m + self.lead * omega_m
+        return self.pi.step(omega_ref - omega_m, self.looked_up(ahead) if usable else 0.0)

@@ -7,7 +7,7 @@ cgl_error cgl_anti_cogging_init(const cgl_anti_cogging_config *config, cgl_anti_
 {
     if (!(config->cells >= 4U && config->cells <= 65535U && config->speed > CGL_R(0.0)
           && cgl_is_finite(config->speed) && config->revolutions >= 1U && config->revolutions <= 100U
-          && config->position_gain >= CGL_R(0.0) && cgl_is_finite(config->position_gain))) {
+          && config->lead >= CGL_R(0.0) && cgl_is_finite(config->lead) && config->position_gain >= CGL_R(0.0) && cgl_is_finite(config->position_gain))) {
         return CGL_ERROR_CONFIG;
     }
     if (table == 0 || length < config->cells) {
@@ -162,7 +162,7 @@ void cgl_anti_cogging_step(const cgl_anti_cogging_config *config, cgl_anti_coggi
     } else if (recording) {
         error = CGL_R(0.0);
     } else if (plausible) {
-        law->looked_up = look_up(config, law, in->theta_m);
+        law->looked_up = look_up(config, law, in->theta_m + config->lead * in->omega_m);
     }
 
     out->i_q_ref = cgl_pi_step(&config->pi, &law->pi, error, law->looked_up);

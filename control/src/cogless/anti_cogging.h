@@ -21,6 +21,8 @@ typedef struct {
     cgl_real speed;         /* of the calibration run, mechanical [rad/s], > 0 */
     uint32_t revolutions;   /* recorded in each direction, 1 to 100 */
     cgl_real position_gain; /* holds the run to its path [1/s], >= 0 */
+    cgl_real lead;          /* the table is looked up where the rotor will be after this time, in which the current loop
+                               answers [s], >= 0; default 0 */
 } cgl_anti_cogging_config;
 
 typedef enum {

@@ -16,7 +16,7 @@ typedef struct {
     cgl_real current_limit; /* length of the current reference [A], > 0 */
     cgl_real advance;       /* the voltage acts this many periods after sampling: 1.5 with one period of computation
                                delay, 0.5 without [periods], >= 0 */
-    bool decoupling;        /* feed the speed voltages forward, from the three values below; default true */
+    bool decoupling;        /* feed the speed voltages forward, from the three values below; usually true */
     cgl_real L_d, L_q;      /* inductances [H], >= 0 */
     cgl_real psi_f;         /* magnet flux linkage, peak per phase [V s], >= 0 */
 } cgl_foc_config;

@@ -128,7 +128,7 @@ static void along(const cgl_memory_config *config, cgl_memory *memory, const str
     const cgl_real to = way->from + way->distance;
     const int direction = way->distance < CGL_R(0.0) ? -1 : 1;
     const int32_t start = (int32_t)way->from;
-    int32_t n = direction > 0 || (cgl_real)start == way->from ? start + direction : start;
+    int32_t n = direction > 0 || (cgl_real)start >= way->from ? start + direction : start;
     for (; direction > 0 ? (cgl_real)n <= to : (cgl_real)n >= to; n += direction) {
         const cgl_real share = ((cgl_real)n - way->from) / way->distance;
         put(config, memory, n, direction, cgl_clamp(way->before + share * (way->value - way->before), config->limit));
@@ -172,7 +172,7 @@ static void store_by_angle(const cgl_memory_config *config, cgl_memory *memory, 
 {
     const cgl_real moved = between(config, memory->position, memory->next_position);
     const bool followed = memory->started && cgl_abs(moved) <= CGL_R(0.25) * (cgl_real)config->cells;
-    if (followed && moved != CGL_R(0.0)) {
+    if (followed && cgl_abs(moved) > CGL_R(0.0)) {
         const int before = memory->direction;
         const stretch way = {memory->position, moved, memory->value, value};
         along(config, memory, &way, write_cell);

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from pydantic_core import PydanticCustomError
 
+from cogless.study import numerics
 from cogless.study.controller import TERMS, Learning
 from cogless.study.metric import Metric
 from cogless.study.scenario import Scenario
@@ -18,6 +19,7 @@ from cogless.study.table import problem
 if TYPE_CHECKING:
     from cogless.study.study import Study
 
+FEWEST_ROWS = 10  # in a metric's window
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
@@ -103,6 +105,12 @@ def _in_time(study: Study, index: int, metric: Metric) -> None:
         if metric.last is not None and metric.last > scenario.duration:
             expected = f'expected at most the {scenario.duration:g} s of scenario "{name}"'
             raise problem(expected, "metric", index, "last")
+        if (
+            metric.window is not None
+            and (metric.window[1] - metric.window[0]) * study.trace_rate < FEWEST_ROWS
+        ):
+            expected = f"expected a window of {FEWEST_ROWS} or more rows of the trace"
+            raise problem(expected, "metric", index, "window")
         if metric.event is not None and not _has_event(scenario, metric.event):
             raise problem(f'expected the time of an event of scenario "{name}"', "metric", index, "event")
 
@@ -164,4 +172,17 @@ def _one_of(names: Iterable[str]) -> str:
 
 
 Check = Callable[["Study"], None]
-ALL: tuple[Check, ...] = (names, references, baseline, trace_rate, metrics, orders, leads, calibration)
+ALL: tuple[Check, ...] = (
+    names,
+    references,
+    baseline,
+    trace_rate,
+    numerics.integration,
+    numerics.dead_time,
+    numerics.size,
+    numerics.periods,
+    metrics,
+    orders,
+    leads,
+    calibration,
+)

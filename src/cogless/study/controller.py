@@ -63,9 +63,11 @@ class Feedback(Base):
 class Learning(Base):
     """The memory of an iterative learning law."""
 
-    memory: Literal["time", "angle"] = "time"
+    memory: Literal["time", "angle"] = "angle"
     period: Literal["electrical", "mechanical"] = "mechanical"
-    cells: Annotated[int, Field(ge=4, le=65535)] = 256  # of the map over angle; capacity in samples over time
+    cells: Annotated[int, Field(ge=4, le=65535)] = (
+        1024  # of the map over angle; capacity in samples over time
+    )
     forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0  # share of the memory that is kept in each period
     q_half_width: Annotated[int, Field(ge=0)] = 0  # cells on each side of the Q filter's boxcar
     lead: StartTime = 0.0  # s: what acted so long ago is corrected by the error of now
@@ -127,6 +129,7 @@ class AntiCogging(Feedback):
 
     law: Literal["anti-cogging"]
     cells: Annotated[int, Field(ge=4, le=65535)] = 720  # a revolution
+    lead: StartTime = 0.0  # s: looked up where the rotor will be by then
     calibration: Commissioning
 
 

@@ -17,6 +17,7 @@ from cogless.study.table import (
     Inductance,
     Many,
     Resistance,
+    SpeedConstant,
     Table,
     Torque,
     TorqueConstant,
@@ -65,6 +66,7 @@ class Motor(Table):
     L_q: Inductance  # H
     psi_f: FluxLinkage | None = None  # Wb, peak
     K_t: TorqueConstant | None = None  # N*m/A, 1.5 pole_pairs psi_f of the star equivalent
+    kv: SpeedConstant | None = None  # rad/s/V, no-load speed per peak voltage from line to line
     winding: Literal["star", "delta"] = "star"
     rated_torque: Torque | None = None  # N*m, informative
     rated_speed: AngularSpeed | None = None  # rad/s, informative
@@ -73,16 +75,20 @@ class Motor(Table):
 
     @model_validator(mode="after")
     def _one_flux(self) -> Self:
-        if (self.psi_f is None) == (self.K_t is None):
-            raise problem('expected either psi_f, such as "68 mWb", or K_t, such as "0.4 N*m/A"')
+        if [self.psi_f, self.K_t, self.kv].count(None) != 2:
+            raise problem('expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"')
         return self
 
     def star(self) -> StarMotor:
         """The star equivalent: a delta's R/3, L/3, psi/sqrt(3); K_t and cogging currents resolved."""
         delta = self.winding == "delta"
         impedance, flux = (1 / 3, 1 / math.sqrt(3)) if delta else (1.0, 1.0)
-        K_t = self.K_t if self.psi_f is None else 1.5 * self.pole_pairs * flux * self.psi_f
-        assert K_t is not None
+        if self.psi_f is not None:
+            K_t = 1.5 * self.pole_pairs * flux * self.psi_f
+        elif self.kv is not None:
+            K_t = math.sqrt(3) / 2 / self.kv  # the line voltage sqrt(3) pole_pairs psi_f omega_m
+        else:
+            K_t = self.K_t or 0.0
         return StarMotor(
             pole_pairs=self.pole_pairs,
             R_s=impedance * self.R_s,

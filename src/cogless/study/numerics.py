@@ -1,0 +1,82 @@
+"""What the simulation can do: checks that a study fits the integrator, the inverter and the memory."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from cogless.study.controller import Learning
+from cogless.study.scenario import Scenario
+from cogless.study.table import problem
+
+if TYPE_CHECKING:
+    from cogless.study.study import Study
+
+LARGEST_STEP = 0.5  # of RK4, in time constants: it is unstable at 2.8, and 0.04 % off a step at 0.5
+MOST_ROWS = 20_000_000  # of one run's trace; with 8 bytes for each of some 25 signals, 4 GB
+
+
+def integration(study: Study) -> None:
+    """The integrator's step is short against whatever is fastest in the plant."""
+    rates = study.drive.rates
+    step = 1 / (rates.current_loop * rates.integration_steps)
+    fastest, what = max(_rates(study))
+    if fastest * step > LARGEST_STEP:
+        needed = math.ceil(fastest / (rates.current_loop * LARGEST_STEP))
+        expected = f"expected {needed} or more, since {what} changes within {1e6 / fastest:.3g} us"
+        raise problem(expected, "drive", "rates", "integration_steps", value=rates.integration_steps)
+
+
+def _rates(study: Study) -> list[tuple[float, str]]:
+    """Natural rates of the plant, 1/s, and what has them."""
+    motor, mechanics = study.motor.star(), study.mechanics
+    inductance, inertia = min(motor.L_d, motor.L_q), mechanics.inertia
+    swing = motor.K_t * motor.pole_pairs * motor.psi_f / (inertia * inductance)
+    top = max(scenario.top_speed for scenario in study.scenario.values())
+    flux_orders = [h.order * motor.pole_pairs for h in motor.flux_harmonics]
+    orders = [motor.pole_pairs, *flux_orders, *(h.order for h in motor.cogging)]
+    cogging = sum(abs(h.torque or 0.0) * h.order for h in motor.cogging)
+    return [
+        (motor.R_s / inductance, "the current (R_s / L)"),
+        (math.sqrt(swing), "the speed with the current (K_t, inertia, L)"),
+        (mechanics.viscous_friction / inertia, "the speed (viscous_friction / inertia)"),
+        (math.sqrt(cogging / inertia), "the speed in the cogging torque"),
+        (top * max(orders), "the highest order at top speed"),
+    ]
+
+
+def dead_time(study: Study) -> None:
+    """Dead time leaves time to switch."""
+    half = 0.5 / study.drive.rates.current_loop
+    if study.drive.inverter.dead_time >= half:
+        expected = f"expected less than half a period of the current loop, {half:.3g} s"
+        raise problem(expected, "drive", "inverter", "dead_time")
+
+
+def size(study: Study) -> None:
+    """A run's trace fits into memory."""
+    for name, scenario in study.scenario.items():
+        if scenario.duration * study.trace_rate > MOST_ROWS:
+            longest = MOST_ROWS / study.trace_rate
+            expected = f"expected at most {longest:.6g} s with rows at {study.trace_rate:g} Hz (trace.rate)"
+            raise problem(expected, "scenario", name, "duration")
+
+
+def periods(study: Study) -> None:
+    """A memory by time holds a period at one of its scenarios' speeds at least."""
+    for name, controller in study.controller.items():
+        if not isinstance(controller, Learning) or controller.memory != "time":
+            continue
+        per_turn = study.motor.pole_pairs if controller.period == "electrical" else 1
+        samples = [
+            study.drive.rates.speed_loop * 2 * math.pi / (per_turn * scenario.top_speed)
+            for scenario in _of(study, name)
+            if scenario.top_speed > 0
+        ]
+        if samples and min(samples) > controller.cells:
+            expected = f"expected {math.ceil(min(samples))} or more, the samples of a period"
+            raise problem(expected, "controller", name, "cells", value=controller.cells)
+
+
+def _of(study: Study, controller: str) -> list[Scenario]:
+    return [s for name, s in study.scenario.items() if controller in study.controllers_in(name)]
