@@ -33,13 +33,15 @@ def table(learning: Learning, orders: list[float]) -> list[str]:
     ):
         angle = math.degrees(float(np.angle(value)))
         lines.append(f"| {order:g} | {f:.4g} | {abs(value):.3f} | {angle:.0f} | {factor:.3f} | {left:.3f} |")
+    if learning.frozen is not None:
+        return [*lines, "", f"Frozen: {learning.frozen}."]
     worst = learning.worst()
     kind = "grows" if worst.factor > 1 else "shrinks"
     period = 1e3 / learning.periods_per_second
     return [
         *lines,
         "",
-        f"Worst: {worst.frequency:.0f} Hz {kind} by {worst.factor:.4f} a period of {period:.4g} ms.",
+        f"Worst: {worst.frequency:.4g} Hz {kind} by {worst.factor:.4f} a period of {period:.4g} ms.",
     ]
 
 

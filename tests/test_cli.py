@@ -13,6 +13,11 @@ import pytest
 import studies
 from cogless import cli
 
+ZERO = """
+class Zero:
+    def step(self, inputs):
+        return 0.0
+"""
 TOUCHES = """
 from pathlib import Path
 
@@ -93,6 +98,27 @@ def test_a_mistake_is_one_line_and_exit_2(tmp_path: Path, capsys: pytest.Capture
     ("arguments", "line"),
     [
         (["run", "nowhere.toml"], "nowhere.toml: no such study: expected a file, or one of the shipped: "),
+        (["run", "FOLDER"], "FOLDER: is a directory: expected a study file"),
+        (
+            ["run", "STUDY", "--set", "motor.datasheet=none"],
+            'STUDY: motor.datasheet: "none": no such datasheet: expected a file, or one of the shipped: ',
+        ),
+        (
+            ["run", "STUDY", "--set", "controller.p.kp=1"],
+            "STUDY: controller.p.kp: 1: expected a controller of pi, fair",
+        ),
+        (
+            ["run", "STUDY", "--set", "scenario.lo.duration_=1"],
+            "STUDY: scenario.lo.duration_: 1: expected a scenario of low, step",
+        ),
+        (
+            ["run", "STUDY", "--set", 'metric.0.window=["1 s"]'],
+            'STUDY: metric.0.window: ["1 s"]: expected 2 values',
+        ),
+        (
+            ["run", "STUDY", "--set", 'metric.0.window=["1 s", "2 s", "3 s"]'],
+            'STUDY: metric.0.window: ["1 s", "2 s", "3 s"]: expected 2 values',
+        ),
         (["run"], "Missing argument 'STUDY'. See cogless --help."),
         (["fly"], "No such command 'fly'. See cogless --help."),
         (["run", "STUDY", "--set", "kp"], '--set: "kp": expected KEY=VALUE, such as controller.pi.kp=0.02'),
@@ -105,9 +131,33 @@ def test_a_wrong_command_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], line: str
 ) -> None:
     study = str(studies.write(tmp_path))
-    code, out, err = cogless(capsys, *(study if word == "STUDY" else word for word in arguments))
+    places = {"STUDY": study, "FOLDER": str(tmp_path)}
+    code, out, err = cogless(capsys, *(places.get(word, word) for word in arguments))
     assert (code, out, err.count("\n")) == (2, "", 1)
-    assert err.replace(study, "STUDY").startswith(line)
+    assert err.replace(study, "STUDY").replace(str(tmp_path), "FOLDER").startswith(line)
+
+
+def test_a_whole_controller_may_be_added(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    changes = [f"--set=controller.new.{pair}" for pair in ("kp=0.02", "ki=0.3", "law=pi")]
+    code, out, _ = cogless(capsys, "run", studies.write(tmp_path), "-o", tmp_path, "--only=low/new", *changes)
+    assert code == 0
+    assert out.splitlines()[1].split() == ["new"]
+
+
+def test_a_controller_that_stalls_gets_no_star(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "law.py").write_text(ZERO, encoding="utf-8")
+    text = studies.BASE.replace('initial_speed = "60 rpm"\n', "", 1).replace('kind = "order"', 'kind = "rms"')
+    text = text.replace('order = [1, 2, 6]\nframe = "electrical"\n', "").replace('"4 mN*m"', '"0.4 mN*m"')
+    text += '[controller.mine]\nlaw = "python"\nobject = "law.py:Zero"\n'
+    study = studies.write(tmp_path, text)
+    code, out, _ = cogless(capsys, "run", study, "-o", tmp_path, "--only", "low/*")
+    assert code == 0
+    rows = [line for line in out.splitlines() if line.startswith("speed")]
+    assert len(rows) == 2
+    assert all(row.endswith(" !") and row.count("*") == 1 for row in rows)
+    assert "! mine did not hold the speed: mean 0 of 60 rpm" in out.splitlines()
+    report = (tmp_path / "report.html").read_text()
+    assert "mine did not hold the speed: mean 0 of 60 rpm" in report
 
 
 def test_a_directory_that_cannot_be_written_is_found_before_the_run(

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import io
+import math
 from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from cogless import load, run_study
-from cogless.design.learning import learning
+from cogless.design.learning import Learning, frozen, learning
+from cogless.design.summary import summary, to_dict
+from cogless.design.table import design_table
 
 # without quantisation and forgetting, so that growth and decay can be seen over many periods
 CLEAN: dict[str, Any] = {
@@ -59,3 +64,75 @@ def test_only_learning_laws_have_a_factor() -> None:
     assert learning(study, "pi") is None
     assert learning(study, "table") is None
     assert learning(study, "robust-ilc") is not None
+
+
+# Where a memory refuses to learn
+
+BY_TIME: dict[str, Any] = {"controller.pi-ilc.memory": "time", "controller.pi-ilc.cells": 2000}
+LONG_LEAD: dict[str, Any] = {"controller.pi-ilc.lead": "80 ms"}  # 400 samples
+
+
+def printed(changes: dict[str, Any]) -> str:
+    console = Console(file=io.StringIO(), width=400)
+    console.print(design_table(load("uomodri", changes)))
+    return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
+
+
+@pytest.mark.parametrize(
+    ("changes", "speed", "why"),
+    [
+        (BY_TIME, 1.0, "a period at 60 rpm has 5000 samples, cells 2000"),
+        (BY_TIME, 4.0, None),
+        ({**BY_TIME, "controller.pi-ilc.q_half_width": 900}, 6.0, "833.3 samples, the Q filter needs 901"),
+        ({**BY_TIME, "controller.pi-ilc.q_half_width": 800}, 6.0, None),
+        (LONG_LEAD, 1.0, None),
+        (LONG_LEAD, 4.0, "a period at 240 rpm has 1250 samples, lead 400 is over a quarter"),
+    ],
+)
+def test_what_is_said_to_be_frozen_learns_nothing(
+    changes: dict[str, Any], speed: float, why: str | None
+) -> None:
+    study = load(
+        "uomodri",
+        {
+            **changes,
+            "scenario.slow.reference": "8 rev/s",  # a study in which no scenario learns is refused
+            "scenario.fast.reference": f"{speed} rev/s",
+            "scenario.fast.initial_speed": f"{speed} rev/s",
+            "scenario.fast.duration": "5 s",
+        },
+    )
+    found = Learning(study, "pi-ilc", speed * 2 * math.pi).frozen
+    assert found is None if why is None else (found or "").endswith(why)
+    (run,) = run_study(study, ["fast/pi-ilc"]).runs
+    learnt = np.max(np.abs(run.trace["term_ilc"]))
+    assert learnt == 0.0 if why else learnt > 0.0
+
+
+def test_a_map_needs_four_samples_a_period() -> None:
+    study = load("uomodri")  # 5 kHz
+    assert Learning(study, "pi-ilc", 2 * math.pi * 60 * 20).frozen is not None
+    no_lead = load("uomodri", {"controller.pi-ilc.lead": "0 s"})
+    assert Learning(no_lead, "pi-ilc", 2 * math.pi * 1240).frozen is None
+    assert "at least 4" in (Learning(no_lead, "pi-ilc", 2 * math.pi * 1260).frozen or "")
+
+
+def test_frozen_is_printed_and_in_json() -> None:
+    reasons = frozen(load("uomodri", BY_TIME), "pi-ilc")
+    assert reasons == (
+        "a period at 15 rpm has 20000 samples, cells 2000",
+        "a period at 60 rpm has 5000 samples, cells 2000",
+    )
+    assert f"frozen: {reasons[1]}" in printed(BY_TIME)
+    plain = to_dict(load("uomodri", BY_TIME))["controllers"]
+    assert plain["pi-ilc"]["learning"]["frozen"] == list(reasons)
+    assert plain["robust-ilc"]["learning"]["frozen"] == []
+    assert plain["pi"]["learning"] is None
+    assert "frozen" not in printed({})
+
+
+def test_learning_does_not_settle_where_it_makes_the_feedback_unstable() -> None:
+    too_much = {"controller.pi-ilc.gain": "20 A*s/rad", "controller.pi-ilc.lead": "0 s"}
+    assert summary(load("uomodri", too_much))["pi-ilc"].unstable
+    assert "unstable: gain too large" in printed(too_much)
+    assert not summary(load("uomodri"))["pi-ilc"].unstable

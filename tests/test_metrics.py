@@ -101,6 +101,8 @@ def test_less_than_a_revolution_is_an_error():
         value("order", t, order=(1,))
     with pytest.raises(StudyError, match="holds 0 mechanical revolutions"):
         value("order", trace(x=0.0, theta_m=0.0), order=(1,), frame="mechanical")
+    stalled = trace(x=0.0, theta_m=0.0, omega_ref=6.0)
+    assert np.isnan(value("order", stalled, order=(1, 2), frame="mechanical")).all()
 
 
 def first_order(amplitude, tau, event=1.0):

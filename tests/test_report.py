@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 import synthetic
 
-from cogless.report import Line, compare, render, verdicts, write
-from cogless.report.comparison import factor_text, number
-from cogless.report.packing import pack, thin, unpack
+from cogless.report import Line, compare, overtime, render, verdicts, write
+from cogless.report.comparison import factor_text
+from cogless.report.holding import missed
+from cogless.report.packing import number, pack, thin, unpack
 from cogless.report.plots import write_plots
 from cogless.report.spectra import order_spectrum
 from cogless.results import Results, Run
+from cogless.simulate import measure
+from cogless.trace import Trace
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +40,10 @@ def with_metrics(results, **changes):
         return replace(run, metrics={**run.metrics, **other})
 
     return replace(results, runs=[one(run) for run in results.runs])
+
+
+def short(trace, rows):
+    return replace(trace, data=trace.data[:rows])
 
 
 # --- numbers
@@ -64,13 +71,49 @@ def test_best():
     assert line(a=1.0, b=1.0, c=2.0).best == {"a", "b"}
     assert line(a=None, b=2.0).best == {"b"}
     assert line(a=1.0).best == set()
+    assert line(a=None, b=None).best == set()
+
+
+def test_a_controller_that_did_not_hold_the_speed_is_not_the_best():
+    def with_missed(*missed, **values):
+        return replace(line(**values), missed=dict.fromkeys(missed, "mean 0 of 60 rpm"))
+
+    assert with_missed("a", a=0.0, b=1.0, c=2.0).best == {"b"}
+    assert with_missed("a", a=0.0, b=1.0).best == {"b"}
+    assert with_missed("a", "b", a=0.0, b=1.0).best == set()
+    assert with_missed("a", a=0.0, b=None).best == set()
+    assert with_missed("a", a=0.0, b=1.0).ratio("a", "b") is None
+
+
+def test_never_to_leave_a_band_is_the_best():
+    def exceeds(better, **values):
+        return replace(line(better, **values), kind="exceeds")
+
+    for better in ("higher", "lower"):
+        assert exceeds(better, a=None, b=2.0).best == {"a"}
+    assert exceeds("none", a=None, b=2.0).best == set()
+    assert exceeds("higher", a=1.0, b=2.0).best == {"b"}
+    assert exceeds("higher", a=None).text("a") == "never"
+
+
+def test_later_is_better_for_exceeds_unless_the_metric_says_otherwise(tmp_path):
+    for better, best in (("", "pi"), ('better = "lower"', "fair-pi"), ('better = "none"', None)):
+        metric = f'[[metric]]\nname = "m"\nkind = "exceeds"\nsignal = "omega_m"\nband = "1 rpm"\n{better}\n'
+        study = synthetic.study(tmp_path, synthetic.STUDY + metric)
+        runs = [
+            Run("low-speed", c, short(synthetic.trace(study, "low-speed", c, 1000), 9000))
+            for c in ("pi", "fair-pi")
+        ]
+        runs = [replace(run, metrics={"m_s": v}) for run, v in zip(runs, (5.0, 3.0), strict=True)]
+        assert compare(Results(study, runs), "low-speed")[0].best == ({best} if best else set())
 
 
 def test_ratio_says_nothing_where_there_is_none():
     assert line(a=None, b=2.0).ratio("a", "b") is None
     assert line(a=1.0, b=0.0).ratio("a", "b") is None
     assert line(a=1.0).ratio("a", "b") is None
-    assert line(a=None).text("a") == "never"
+    assert replace(line(a=None), kind="settling").text("a") == "never"
+    assert line(a=None).text("a") == "not finite"
 
 
 @pytest.mark.parametrize(
@@ -100,17 +143,52 @@ def test_factor():
 # --- verdict
 
 
-def test_verdict_names_winner_ratio_and_the_fair_bar(made):
+def test_verdict_leads_with_the_whole_ripple(made):
     low, step = verdicts(made, "rpm")
     assert low.tone == "better"
+    assert low.headline == (
+        "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple, 7.52 times less than PI as published (11.8 rpm)."
+    )
+    details = " ".join(low.details)
+    assert (
+        "Of the strongest order, 6 (electrical): PI-ILC 0.461 rpm, PI re-tuned 1.90 rpm and PI as" in details
+    )
+    assert "3.29 times less than the best without learning, PI re-tuned (5.17 rpm)" in details
+    assert step.tone == "even"  # the winner there doesn't learn
+    assert "PI re-tuned doesn't learn; the best that does is PI-ILC" in " ".join(step.details)
+    assert "In settling, PI as published and PI re-tuned never settled." in step.details
+
+
+def test_verdict_is_of_the_baselines_strongest_order_where_no_ripple_is_taken(made):
+    def without(run):
+        return replace(run, metrics={n: v for n, v in run.metrics.items() if n != "speed_ripple_rad_s"})
+
+    low = verdicts(Results(made.study, [without(run) for run in made.runs]), "rpm")[0]
     assert low.headline == (
         "At 60 rpm, PI-ILC leaves 0.461 rpm of speed order 6 (electrical), "
         "10.4 times less than PI as published (4.80 rpm)."
     )
-    assert "4.12 times less than the best without learning, PI re-tuned (1.90 rpm)" in " ".join(low.details)
-    assert step.tone == "even"  # the winner there doesn't learn
-    assert "PI re-tuned doesn't learn; the best that does is PI-ILC" in " ".join(step.details)
-    assert "In settling, PI as published and PI re-tuned never settled." in step.details
+    assert "Of the strongest order" not in " ".join(low.details)
+
+
+def ripple(value):
+    return {"speed_ripple_rad_s": value}
+
+
+def test_verdict_of_a_tie(made):
+    """Within 5 % nobody wins."""
+    low = verdicts(with_metrics(made, pi=ripple(1.0), fair_pi=ripple(0.104), pi_ilc=ripple(0.1)), "rpm")[0]
+    assert low.tone == "even"  # one of the two doesn't learn
+    assert low.headline == (
+        "At 60 rpm, PI-ILC and PI re-tuned tie: they leave 0.955 rpm and 0.993 rpm of speed ripple, "
+        "about 10.0 times less than PI as published (9.55 rpm)."
+    )
+    assert "less than the best without learning" not in " ".join(low.details)
+    low = verdicts(with_metrics(made, pi=ripple(0.104), fair_pi=ripple(1.0), pi_ilc=ripple(0.1)), "rpm")[0]
+    assert low.tone == "even"
+    assert low.headline.startswith("At 60 rpm, PI-ILC and PI as published tie: they leave")
+    low = verdicts(with_metrics(made, pi=ripple(1.0), fair_pi=ripple(0.106), pi_ilc=ripple(0.1)), "rpm")[0]
+    assert low.tone == "better" and low.headline.startswith("At 60 rpm, PI-ILC leaves 0.955 rpm")
 
 
 def test_verdict_names_the_costs(made):
@@ -124,31 +202,57 @@ def test_verdict_names_the_costs(made):
     assert "None of the" not in details
 
 
+def test_verdict_names_where_the_next_is_clearly_better(made):
+    torque = {"torque_ripple_N_m": 0.02}
+    worse = with_metrics(
+        made, pi={"torque_ripple_N_m": 0.04}, pi_ilc={"torque_ripple_N_m": 0.05}, fair_pi=torque
+    )
+    details = " ".join(verdicts(worse, "rpm")[0].details)
+    expected = "PI-ILC has 2.50 times the torque ripple (50.0 mN·m against 20.0 mN·m)."
+    assert f"Against PI re-tuned, {expected}" in details
+    slightly = with_metrics(made, pi_ilc={"torque_ripple_N_m": 0.025}, fair_pi=torque)
+    assert "Against PI re-tuned" not in " ".join(verdicts(slightly, "rpm")[0].details)
+
+
+@pytest.mark.parametrize(
+    ("kept", "sentence"),
+    [
+        (["speed_ripple_rad_s"], ""),
+        (["speed_ripple_rad_s", "copper_loss_W"], "The other number doesn't get worse."),
+        (["speed_ripple_rad_s", "copper_loss_W", "chattering_A"], "None of the 2 other numbers gets worse."),
+    ],
+)
+def test_verdict_counts_in_good_grammar(made, kept, sentence):
+    def only(run):
+        return replace(run, metrics={name: run.metrics[name] for name in kept if name in run.metrics})
+
+    details = verdicts(Results(made.study, [only(run) for run in made.runs[:3]]), "rpm")[0].details
+    assert [d for d in details if "worse" in d] == ([sentence] if sentence else [])
+
+
 def test_verdict_is_honest_when_learning_loses(made):
-    orders = {"speed_orders_rad_s": [0.1, 0.1, 0.9]}
-    worse = with_metrics(made, pi_ilc=orders, fair_pi={"speed_orders_rad_s": [0.1, 0.1, 0.8]})
+    worse = with_metrics(made, pi=ripple(0.5), pi_ilc=ripple(0.9), fair_pi=ripple(0.8))
     low = verdicts(worse, "rpm")[0]
     assert low.tone == "worse"
-    assert low.headline.startswith("At 60 rpm, no controller beats PI as published: it leaves 4.80 rpm of")
-    assert low.headline.endswith("the next, PI re-tuned, 7.64 rpm (worse: 1.59 times as much).")
-    assert "PI-ILC 8.59 rpm (worse: 1.79 times as much)" in " ".join(low.details)
+    assert low.headline.startswith("At 60 rpm, no controller beats PI as published: it leaves 4.77 rpm of")
+    assert low.headline.endswith("the next, PI re-tuned, 7.64 rpm (worse: 1.60 times as much).")
+    assert "PI-ILC 8.59 rpm (worse: 1.80 times as much)" in " ".join(low.details)
 
 
 def test_verdict_with_zeros(made):
-    none = {"speed_orders_rad_s": [0.0, 0.0, 0.0]}
-    low = verdicts(with_metrics(made, pi_ilc=none), "rpm")[0]
-    assert (
-        low.tone == "better" and "PI-ILC leaves 0 rpm of" in low.headline and "against PI as" in low.headline
-    )
-    low = verdicts(with_metrics(made, pi=none), "rpm")[0]
+    low = verdicts(with_metrics(made, pi_ilc=ripple(0.0)), "rpm")[0]
+    assert low.tone == "better"
+    assert "PI-ILC leaves 0 rpm of" in low.headline and "against PI as" in low.headline
+    low = verdicts(with_metrics(made, pi=ripple(0.0)), "rpm")[0]
     assert low.tone == "worse" and low.headline.endswith("(worse).")
+    none = ripple(0.0)
     low = verdicts(with_metrics(made, pi=none, pi_ilc=none, fair_pi=none), "rpm")[0]
     assert low.tone == "even"
 
 
 def test_verdict_when_nothing_changes(made):
-    same = {"speed_orders_rad_s": made.runs[0].metrics["speed_orders_rad_s"]}
-    low = verdicts(with_metrics(made, pi_ilc=same, fair_pi=same), "rpm")[0]
+    same = ripple(0.5)
+    low = verdicts(with_metrics(made, pi=same, pi_ilc=same, fair_pi=same), "rpm")[0]
     assert low.tone == "even" and "all are alike" in low.headline
 
 
@@ -156,6 +260,88 @@ def test_verdict_without_baseline_or_runs(made):
     alone = Results(made.study, [run for run in made.runs if run.controller == "pi-ilc"], interrupted=True)
     assert "nothing to compare" in " ".join(verdicts(alone, "rpm")[0].details)
     assert verdicts(Results(made.study, []), "rpm") == []
+
+
+# --- a speed that isn't held
+
+
+def with_speed(results, speeds):
+    """The results with other speeds, of the reference, in the runs of some controllers."""
+
+    def one(run):
+        if run.controller not in speeds:
+            return run
+        data = run.trace.data.copy()
+        data[:, run.trace.names.index("omega_m")] = speeds[run.controller] * run.trace["omega_ref"]
+        trace = replace(run.trace, data=data)
+        metrics = run.metrics if np.any(np.isnan(data)) else measure(results.study, run.scenario, trace)
+        return replace(run, trace=trace, metrics=metrics)
+
+    return replace(results, runs=[one(run) for run in results.runs])
+
+
+def test_a_controller_that_stalls_wins_nothing(made):
+    stalled = with_speed(made, {"pi-ilc": 0.0})
+    for line in compare(stalled, "low-speed"):
+        assert line.missed == {"pi-ilc": "mean 0 of 60 rpm"}
+        assert "pi-ilc" not in line.best and line.ratio("pi-ilc", "pi") is None
+    assert compare(stalled, "low-speed")[0].best == {"fair-pi"}
+    low, step = verdicts(stalled, "rpm")
+    assert low.headline.startswith("At 60 rpm, PI re-tuned leaves 5.17 rpm of speed ripple, 2.28 times less")
+    assert "PI-ILC did not hold the speed: mean 0 of 60 rpm." in low.details
+    assert step.headline.startswith("At 60 rpm, PI re-tuned is thrown off by")
+    page = render(stalled)
+    assert page.count("PI-ILC did not hold the speed: mean 0 of 60 rpm") == 4  # verdicts and tables
+    assert 'class="missed">0 rpm</td>' in page
+
+
+@pytest.mark.parametrize(
+    ("speed", "held"), [(0.96, True), (1.04, True), (0.94, False), (1.06, False), (-1, False)]
+)
+def test_how_far_off_a_speed_may_be(made, speed, held):
+    line = compare(with_speed(made, {"pi-ilc": speed}), "low-speed")[0]
+    assert (line.missed == {}) == held
+
+
+def test_verdict_when_the_baseline_or_everybody_stalls(made):
+    low = verdicts(with_speed(made, {"pi": 0.5}), "rpm")[0]
+    assert low.tone == "better"
+    assert low.headline == (
+        "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple; "
+        "PI as published did not hold the speed (mean 30 of 60 rpm)."
+    )
+    low = verdicts(with_speed(made, {"pi-ilc": 0.5, "fair-pi": 0.5}), "rpm")[0]
+    assert (low.tone, "only PI as published holds the speed" in low.headline) == ("worse", True)
+    low = verdicts(with_speed(made, {"pi": 0.5, "fair-pi": 0.0, "pi-ilc": np.nan}), "rpm")[0]
+    assert low.tone == "worse"
+    assert low.headline == (
+        "At 60 rpm, no controller holds the speed: PI as published mean 30 of 60 rpm, "
+        "PI re-tuned mean 0 of 60 rpm, PI-ILC speed not finite."
+    )
+
+
+def missed_of(reference, speed):
+    t = np.arange(len(reference)) / 1000
+    trace = Trace(
+        ("time", "omega_ref", "omega_m"), ("s", "rad/s", "rad/s"), np.column_stack([t, reference, speed])
+    )
+    return missed(Run("s", "c", trace), slice(0, len(t)), "rad/s")
+
+
+def test_a_reference_that_averages_to_zero():
+    sine = np.sin(np.linspace(0, 4 * np.pi, 1000, endpoint=False))
+    late = np.sin(np.linspace(0, 4 * np.pi, 1000, endpoint=False) - 0.3)
+    assert missed_of(sine, late) is None
+    assert missed_of(sine, 0 * sine) == "error 0.707 rad/s rms, reference 0.707 rad/s rms"
+    assert missed_of(0 * sine, 0.01 * sine) is None
+    assert missed_of(0 * sine, 5 + sine) is not None
+
+
+def test_a_start_up_or_a_slow_ripple_in_the_window_is_no_stall():
+    reference = np.full(1000, 6.0)
+    assert missed_of(reference, np.minimum(6.0, np.arange(1000) * 0.02)) is None
+    assert missed_of(reference, 6.0 + 3 * np.sin(np.linspace(0, 2 * np.pi, 1000))) is None
+    assert missed_of(reference, 3.0 + 3 * np.sin(np.linspace(0, 2 * np.pi, 1000))) is not None
 
 
 # --- waveforms
@@ -241,7 +427,7 @@ def test_page_is_one_offline_file(made):
     assert checker.open == [] and checker.loaded == []
     assert "url(" not in page and "@import" not in page
     assert len(page) < 3_000_000
-    assert page.index("10.4 times less") < page.index('class="numbers"') < page.index('id="waveforms"')
+    assert page.index("7.52 times less") < page.index('class="numbers"') < page.index('id="waveforms"')
     for text in (
         "seed 7",
         "numpy",
@@ -258,8 +444,11 @@ def test_page_data(made):
     titles = [panel["title"] for panel in low["waveforms"]["panels"]]
     assert len(titles) == 4 and titles[-1].startswith("Learnt part")
     assert all(panel["unit"] for panel in low["waveforms"]["panels"])
-    assert [zoom["name"] for zoom in low["zooms"]] == ["whole run", "after start-up", "last revolution"]
-    assert [zoom["name"] for zoom in step["zooms"]] == ["whole run", "last revolution", "event at 2 s"]
+    last = ["last two revolutions", "last revolution"]
+    assert [zoom["name"] for zoom in low["zooms"]] == ["whole run", "after start-up", *last]
+    assert [zoom["name"] for zoom in step["zooms"]] == ["whole run", *last, "event at 2 s"]
+    assert [zoom["name"] for zoom in low["zooms"] if "first" in zoom] == ["last two revolutions"]
+    assert not any("first" in zoom for zoom in step["zooms"])
     electrical, mechanical = low["spectra"]
     assert electrical["series"][0]["values"][5] == pytest.approx(4.8, rel=1e-3)
     assert 18 in mechanical["orders"]
@@ -283,6 +472,25 @@ def test_waveforms_lie_in_time(made):
     assert first_above_30 == pytest.approx(0.05 * np.log(2), abs=0.01)
 
 
+def test_the_last_revolutions_have_finer_points(tmp_path, monkeypatch):
+    monkeypatch.setattr(overtime, "MOST", 2000)
+    made = synthetic.results(synthetic.study(tmp_path))
+    low = data_of(render(made))["scenarios"][0]
+    waveforms, zoom = low["waveforms"], next(z for z in low["zooms"] if z["name"] == "last two revolutions")
+    detail = waveforms["detail"]
+    assert detail["start"] == pytest.approx(zoom["from"], abs=2e-3)
+    assert detail["step"] < 0.5 * waveforms["step"]
+    for panel in waveforms["panels"]:
+        for series in panel["series"]:
+            values = unpack(series["detail"])
+            assert detail["start"] + detail["step"] * (len(values) - 1) == pytest.approx(10, abs=2e-3)
+    speed = unpack(waveforms["panels"][0]["series"][-1]["detail"])
+    time = detail["start"] + detail["step"] * np.arange(len(speed))
+    run = next(run for run in made.runs if run.controller == "pi-ilc")
+    expected = np.interp(time, run.trace.time, run.trace["omega_m"]) * 60 / (2 * np.pi)
+    np.testing.assert_allclose(speed, expected, atol=0.2)
+
+
 def test_text_of_the_user_is_escaped(tmp_path):
     nasty = '</script><script>alert(1)</script><!-- & \\" $title'
     text = synthetic.STUDY.replace("Torque ripple at 60 r/min", nasty).replace("PI-ILC", nasty)
@@ -304,12 +512,44 @@ def test_page_of_an_interrupted_study_and_of_none(made):
 
 @pytest.mark.parametrize("rows", [1, 2, 50])
 def test_page_of_short_runs(made, rows):
-    def short(run):
-        trace = replace(run.trace, data=run.trace.data[:rows])
-        return Run(run.scenario, run.controller, trace, run.memory, {})
+    def one(run):
+        return Run(run.scenario, run.controller, short(run.trace, rows), run.memory, {})
 
-    page = render(Results(made.study, [short(run) for run in made.runs]))
+    page = render(Results(made.study, [one(run) for run in made.runs]))
     assert "Nothing to judge by" in page
+
+
+def spoilt(run, value, since):
+    data = run.trace.data.copy()
+    data[since:, 1:] = value
+    memory = {**run.memory, "current": run.memory["current"] * value} if run.memory else {}
+    return replace(run, trace=replace(run.trace, data=data), memory=memory)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300])
+@pytest.mark.parametrize("since", [0, 1, 5000, 49_000])
+def test_page_of_a_diverged_run(made, tmp_path, value, since):
+    """Without a warning too: they are errors here."""
+    runs = [spoilt(run, value, since) if run.controller == "pi-ilc" else run for run in made.runs]
+    metrics = {name: value for name in ("speed_ripple_rad_s", "copper_loss_W")}
+    runs[2] = replace(runs[2], metrics={**runs[2].metrics, **metrics})
+    spoilt_results = Results(made.study, runs)
+    page = render(spoilt_results)
+    assert len(data_of(page)["scenarios"]) == 2
+    assert "PI-ILC did not hold the speed: " in page
+    if since == 5000:
+        assert len(write_plots(spoilt_results, tmp_path)) == 6
+
+
+def test_page_of_runs_without_traces(made):
+    """As rollout leaves them."""
+    bare = Results(made.study, [replace(run, trace=short(run.trace, 0)) for run in made.runs])
+    page = render(bare)
+    assert "7.52 times less" in page
+    assert data_of(page)["scenarios"][0]["waveforms"]["panels"] == []
+    nothing_learnt = {"angle": np.zeros(0), "current": np.zeros(0), "frame": "electrical"}
+    empty = [replace(run, memory=nothing_learnt) for run in made.runs]
+    assert data_of(render(Results(made.study, empty)))["scenarios"][0]["maps"] == []
 
 
 def test_runs_of_different_speeds(made):

@@ -54,6 +54,12 @@ def test_never_is_null(made):
     assert held["runs"][5]["metrics"]["settling_s"] > 0
 
 
+def test_a_wrong_name_tells_the_metrics_there_are(made):
+    with pytest.raises(KeyError, match="no metric 'speed_riple'; there are speed_orders_rad_s, speed_ripple"):
+        made.runs[0].metrics["speed_riple"]
+    assert made.runs[0].metrics.get("speed_riple") is None
+
+
 def test_not_a_number_is_null(made):
     run = made.runs[0]
     broken = type(run)(

@@ -13,7 +13,7 @@ from cogless import simulate as room
 from cogless.engine import engine_config
 from cogless.errors import StudyError
 from cogless.simulate import RunError, rollout, run_study, runs_of, simulate
-from cogless.study import changed
+from cogless.study import changed, load
 from cogless.study.controller import TERMS
 
 TABLE = {
@@ -58,6 +58,31 @@ class Breaks:
 class Nan:
     def step(self, inputs):
         return float("nan") if inputs.time > 0.05 else 0.0
+
+
+class Text:
+    def step(self, inputs):
+        return "1 A"
+
+
+class Nothing:
+    def step(self, inputs):
+        pass
+
+
+class Three:
+    def step(self, inputs):
+        return 0.0, 0.0, 0.0
+
+
+class Exits:
+    def step(self, inputs):
+        raise SystemExit("enough")
+
+
+class Interrupts:
+    def step(self, inputs):
+        raise KeyboardInterrupt
 
 
 class NoStep:
@@ -189,25 +214,90 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "cause"),
-    [("Nan", "returned nan"), ("Breaks", "laws.py line 15: AttributeError: ")],
+    [
+        ("Nan", "0.051 s: returned nan"),
+        (
+            "Breaks",
+            "0.051 s: laws.py line 15: AttributeError: 'LawInput' object has no attribute 'nothing': "
+            "expected one of time, omega_ref, omega_m, theta_m, i_d, i_q, i_limit, ts, learn",
+        ),
+        ("Text", "0 s: laws.py: step() returns i_q_ref or (i_d_ref, i_q_ref)"),
+        ("Nothing", "0 s: laws.py: step() returns i_q_ref or (i_d_ref, i_q_ref)"),
+        ("Three", "0 s: laws.py: step() returns i_q_ref or (i_d_ref, i_q_ref)"),
+        ("Exits", "0 s: laws.py line 41: SystemExit: enough"),
+    ],
 )
 def test_a_law_that_fails_names_controller_and_time(tmp_path: Path, name: str, cause: str) -> None:
     with pytest.raises(StudyError) as error:
         simulate(with_law(tmp_path, name), "low", "mine")
-    assert line(error, tmp_path).startswith(f"study.toml: controller.mine: scenario low at 0.051 s: {cause}")
+    assert line(error, tmp_path).startswith(f"study.toml: controller.mine: scenario low at {cause}")
+
+
+def test_the_line_of_a_law_is_named_whatever_the_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with_law(tmp_path, "Breaks")
+    monkeypatch.chdir(tmp_path)
+    study = load("study.toml", {"controller.mine": {"law": "python", "object": "laws.py:Breaks"}})
+    with pytest.raises(StudyError, match=r"at 0\.051 s: laws\.py line 15: AttributeError"):
+        simulate(study, "low", "mine")
+
+
+def test_a_law_that_exits_on_import(tmp_path: Path) -> None:
+    (tmp_path / "laws.py").write_text("import sys\nsys.exit(3)\n", encoding="utf-8")
+    study = studies.study(tmp_path, {"controller.mine": {"law": "python", "object": "laws.py:Law"}})
+    with pytest.raises(StudyError, match=r'"laws\.py:Law": laws\.py line 2: SystemExit: 3'):
+        simulate(study, "low", "mine")
+
+
+def test_a_metric_that_cannot_be_taken_names_the_run(tmp_path: Path) -> None:
+    (tmp_path / "laws.py").write_text(LAWS, encoding="utf-8")
+    text = studies.BASE.replace('initial_speed = "60 rpm"\n', "", 1).replace('"4 mN*m"', '"0.4 mN*m"')
+    changes = {"controller.mine": {"law": "python", "object": "laws.py:Pi", "params": {"kp": 0, "ki": 0}}}
+    with pytest.raises(StudyError) as error:
+        simulate(studies.study(tmp_path, changes, text), "low", "mine")
+    start = "study.toml: controller.mine: scenario low: metric speed: window holds "
+    assert line(error, tmp_path).startswith(start)
 
 
 def test_a_library_that_is_not_there(tmp_path: Path) -> None:
     study = studies.study(tmp_path, {"controller.mine": {"law": "library", "library": "libnone.so"}})
-    with pytest.raises(StudyError, match=r"study\.toml: controller\.mine: scenario low: .*libnone\.so"):
+    with pytest.raises(StudyError) as error:
         simulate(study, "low", "mine")
+    expected = f"expected a file at {tmp_path / 'libnone.so'}".replace(f"{tmp_path}/", "")
+    assert line(error, tmp_path) == f'study.toml: controller.mine.library: "libnone.so": {expected}'
 
 
-def test_a_failed_run_leaves_the_others(tmp_path: Path) -> None:
-    study = with_law(tmp_path, "Nan")
+@pytest.mark.parametrize(
+    "law",
+    [
+        {"law": "python", "object": "x.py:Law"},
+        {"law": "python", "object": "laws.py:Missing"},
+        {"law": "library", "library": "libnone.so"},
+    ],
+    ids=["file", "class", "library"],
+)
+def test_a_missing_law_is_noticed_before_any_run(
+    tmp_path: Path, law: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "laws.py").write_text(LAWS, encoding="utf-8")
+    monkeypatch.setattr(room, "_simulate", lambda *_: pytest.fail("ran"))
+    with pytest.raises(StudyError, match=r"controller\.mine\.(object|library): ") as error:
+        run_study(studies.study(tmp_path, {"controller.mine": law}))
+    assert not isinstance(error.value, RunError)
+
+
+def test_a_law_that_is_not_asked_for_may_be_missing(tmp_path: Path) -> None:
+    study = studies.study(tmp_path, {"controller.mine": {"law": "python", "object": "x.py:Law"}})
+    assert len(run_study(study, ["low/pi"]).runs) == 1
+
+
+@pytest.mark.parametrize("name", ["Nan", "Exits", "Interrupts"])
+def test_a_failed_run_leaves_the_others(tmp_path: Path, name: str) -> None:
+    study = with_law(tmp_path, name)
     with pytest.raises(RunError) as error:
         run_study(study, ["low/*"])
-    assert "controller.mine: scenario low at 0.051 s" in str(error.value)
+    assert "controller.mine: scenario low at 0" in str(error.value)
     results = error.value.results
     assert [run.controller for run in results.runs] == ["pi", "fair"]
     assert results.interrupted

@@ -17,6 +17,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from cogless.errors import StudyError
 
 if TYPE_CHECKING:
+    from rich.text import Text
+
+    from cogless.report import Line
     from cogless.results import Results
     from cogless.simulate import StudyProgress
     from cogless.study import Study
@@ -224,7 +227,7 @@ def _print_tables(results: Results) -> None:
     from rich.text import Text
 
     from cogless.report import compare
-    from cogless.report.comparison import number
+    from cogless.report.comparison import misses
 
     study, console = results.study, _console()
     for scenario in results.scenarios:
@@ -233,21 +236,32 @@ def _print_tables(results: Results) -> None:
         table.add_column("")
         for name in controllers:
             table.add_column(study.label(name), justify="right")
-        for line in compare(results, scenario):
-            cells = []
-            for name in controllers:
-                value, ratio = line.values.get(name), line.ratio(name, study.baseline)
-                text = "-" if name not in line.values else "never" if value is None else number(value)
-                if ratio is not None and name != study.baseline:
-                    text += f" ({number(ratio)}x)"
-                best = name in line.best
-                cells.append(Text(f"{text} *" if best else f"{text}  ", style="bold" if best else ""))
+        lines = compare(results, scenario)
+        for line in lines:
+            cells = [_cell(line, name, study.baseline) for name in controllers]
             table.add_row(Text(f"{line.title} [{line.unit}]" if line.unit else line.title), *cells)
         console.print(table)
+        for name, speed in misses(lines).items():
+            console.print(
+                f"! {study.label(name)} did not hold the speed: {speed}", highlight=False, markup=False
+            )
         console.print()
     console.print(
         f"* best; (x) times the value of {study.label(study.baseline)}", highlight=False, markup=False
     )
+
+
+def _cell(line: Line, controller: str, baseline: str) -> Text:
+    """A number, its ratio to the baseline, and a mark: * is the best, ! did not hold the speed."""
+    from rich.text import Text
+
+    from cogless.report.packing import number
+
+    text, ratio = line.number(controller) or "-", line.ratio(controller, baseline)
+    if ratio is not None and controller != baseline:
+        text += f" ({number(ratio)}x)"
+    mark = "*" if controller in line.best else "!" if controller in line.missed else " "
+    return Text(f"{text} {mark}", style="bold" if mark == "*" else "")
 
 
 @contextmanager

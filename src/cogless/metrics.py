@@ -130,7 +130,8 @@ def maximum(m: Measurement) -> float:
 def order(m: Measurement) -> list[float]:
     """Amplitude (peak) of each order of an electrical or mechanical revolution, in the signal's unit.
 
-    Tracked on angle, so a varying speed doesn't smear it.
+    Tracked on angle, so a varying speed doesn't smear it. NaN where the rotor turned too little for one,
+    though the reference asked for more: a controller that stalls has no orders.
     """
     orders = list(m.metric.order or ())
     try:
@@ -138,7 +139,18 @@ def order(m: Measurement) -> list[float]:
             m.trace["theta_m"][m.rows], m.x, orders, m.conditions.pole_pairs, m.metric.frame == "electrical"
         )
     except ValueError as error:
+        if _stalled(m):
+            return [math.nan] * len(orders)
         raise m.error(str(error)) from error
+
+
+def _stalled(m: Measurement) -> bool:
+    """Whether the rotor turned by less than half of what the reference asked for."""
+    if "omega_ref" not in m.trace:
+        return False
+    asked = abs(float(np.sum(m.trace["omega_ref"][m.rows]))) * m.trace.period
+    theta = m.trace["theta_m"][m.rows]
+    return abs(float(theta[-1] - theta[0])) < 0.5 * asked
 
 
 def dip(m: Measurement) -> float:

@@ -21,6 +21,13 @@ if TYPE_CHECKING:
     from cogless.study import Study
 
 
+class Metrics(dict[str, Value]):
+    """Metrics by name; a KeyError names those there are."""
+
+    def __missing__(self, name: str) -> Value:
+        raise KeyError(f"no metric {name!r}; there are {', '.join(self) or 'none'}")
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """One controller in one scenario.
@@ -34,6 +41,9 @@ class Run:
     trace: Trace
     memory: Mapping[str, Any] = field(default_factory=dict)
     metrics: Mapping[str, Value] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "metrics", Metrics(self.metrics))
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,11 +18,11 @@ import numpy as np
 
 from cogless.engine import Mode, engine_config
 from cogless.errors import StudyError
-from cogless.laws import describe, law_file, make_law
+from cogless.laws import describe, is_failure, law_file, make_law
 from cogless.metrics import Conditions, Value, evaluate, result_name
 from cogless.results import Results, Run
 from cogless.study import Study, for_scenario
-from cogless.study.controller import AntiCogging
+from cogless.study.controller import AntiCogging, LibraryLaw, PythonLaw
 from cogless.trace import Trace
 
 ENGINES = {"single": "cogless._simulator_f32", "double": "cogless._simulator_f64"}
@@ -103,8 +103,14 @@ def _rollout(
             return run
         return dataclasses.replace(run, trace=dataclasses.replace(run.trace, data=run.trace.data[:0].copy()))
 
+    pairs = [runs_of(study, only) for study in studies]
+    for study, of_study in zip(studies, pairs, strict=True):
+        _try_laws(study, of_study)
     with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
-        futures = [[pool.submit(one, study, *pair) for pair in runs_of(study, only)] for study in studies]
+        futures = [
+            [pool.submit(one, study, *pair) for pair in of_study]
+            for study, of_study in zip(studies, pairs, strict=True)
+        ]
         try:
             wait_for([future for of_study in futures for future in of_study])
         except KeyboardInterrupt:
@@ -112,6 +118,14 @@ def _rollout(
             pool.shutdown(wait=True, cancel_futures=True)
     collected = zip(studies, futures, strict=True)
     return [_collected(study, of_study, stop.is_set()) for study, of_study in collected]
+
+
+def _try_laws(study: Study, runs: Sequence[tuple[str, str]]) -> None:
+    """Make each user's controller once, so that a missing file or class is found before the first run."""
+    engine = import_module(ENGINES[study.drive.precision])
+    for controller, scenario in {controller: scenario for scenario, controller in reversed(runs)}.items():
+        if isinstance(study.controller[controller], PythonLaw | LibraryLaw):
+            _drive(engine, study, scenario, controller, "run")
 
 
 def runs_of(study: Study, only: Sequence[str] | None = None) -> list[tuple[str, str]]:
@@ -161,14 +175,19 @@ def _simulate(study: Study, scenario: str, controller: str, progress: Progress, 
     recorder = engine.Recorder(drive, decimation, ticks // decimation + 1)
     try:
         _advance(drive, state, recorder, ticks, progress, stop)
-    except _Stopped:
-        raise
-    except Exception as error:
+    except BaseException as error:
+        if isinstance(error, _Stopped) or not is_failure(error):
+            raise
         where = f"controller.{controller}: scenario {scenario} at {state.tick / rates.current_loop:.6g} s"
         cause = describe(error, law_file(study, controller))
         raise StudyError(f"{study.source.path}: {where}: {cause}") from error
     trace = _trace(drive, recorder)
-    return Run(scenario, controller, trace, _memory(drive, state), measure(study, scenario, trace))
+    try:
+        metrics = measure(study, scenario, trace)
+    except StudyError as error:
+        where = f"{study.source.path}: controller.{controller}: scenario {scenario}"
+        raise StudyError(f"{where}: {error}") from error
+    return Run(scenario, controller, trace, _memory(drive, state), metrics)
 
 
 def _drive(engine: Any, study: Study, scenario: str, controller: str, mode: Mode) -> Any:

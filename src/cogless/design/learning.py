@@ -8,7 +8,9 @@ forgetting and Q filter, a lead of n samples of period T.
     without lead, u_k = Q u_{k-1} + Gamma e_k:                          factor |Q / (1 + X)|
     with lead, the error of n samples later corrects what acts next:    factor |Q (1 - X exp(jw n T))|
 
-Below one at every frequency, learning settles; what it leaves of the feedback's error is `residual`.
+Below one at every frequency, learning settles, given that the feedback is stable (without a lead: with Gamma
+added to it); what it leaves of the feedback's error is `residual`. Where the memory refuses to learn at a
+speed (control/src/cogless/memory.c), `frozen` says why.
 Friction and the switching terms of robust ILC are left out.
 """
 
@@ -20,7 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cogless.design.pi import SpeedLoop, gains, speed_loop
+from cogless import units
+from cogless.design.pi import gains, margins, speed_loop
 from cogless.study import Study
 from cogless.study.controller import PiIlc, RobustIlc
 
@@ -64,24 +67,59 @@ class Learning:
         """Samples."""
         return round(self.law.lead * self.study.drive.rates.speed_loop)
 
+    @property
+    def feedback(self) -> tuple[float, float]:
+        """kp and ki of C."""
+        if isinstance(self.law, PiIlc):
+            return gains(self.study, self.controller)
+        return linear_part(self.law)
+
+    @property
+    def gamma(self) -> tuple[float, float]:
+        """The learning gain as a PI's kp and ki: f of robust ILC learns on S = e + c integral(e)."""
+        if isinstance(self.law, PiIlc):
+            return self.law.gain, 0.0
+        gain = self.law.q * self.law.beta_2 / self.law.b
+        return gain, gain * self.law.c
+
+    @property
+    def stable(self) -> bool:
+        """Whether the feedback is, with what learning adds to it at once."""
+        kp, ki = self.feedback
+        at_once = (0.0, 0.0) if self.lead else self.gamma
+        return margins(speed_loop(self.study), kp + at_once[0], ki + at_once[1]).stable
+
+    @property
+    def frozen(self) -> str | None:
+        """Why nothing is learnt at this speed; None where it is."""
+        samples = self.study.drive.rates.speed_loop / self.periods_per_second  # in a period
+        cells, wide = self.law.cells, self.law.q_half_width
+        found = f"a period at {_rpm(self.omega_m)} has {round(samples, 1):.10g} samples, "
+        if self.law.memory == "time":
+            if samples > cells:
+                return f"{found}cells {cells}"
+            return f"{found}the Q filter needs {wide + 1}" if samples < wide + 1 else None
+        if samples < 4:
+            return f"{found}at least 4 are needed"
+        return f"{found}lead {self.lead} is over a quarter" if self.lead > samples / 4 else None
+
     def x(self, f: ArrayLike) -> Complex:
         """X, with the lead, at frequencies f in Hz."""
         w = 2 * math.pi * np.asarray(f, dtype=float)
         loop = speed_loop(self.study)
-        if isinstance(self.law, PiIlc):
-            kp, ki = gains(self.study, self.controller)
-            gamma: float | Complex = self.law.gain
-        else:  # f learns on S = e + c integral(e)
-            kp = (self.law.c + self.law.eta) / self.law.b
-            ki = self.law.c * self.law.eta / self.law.b
-            gamma = self.law.q * self.law.beta_2 / self.law.b * (1 + self.law.c * _integral(loop, w))
-        answer = loop.response(w, 1.0, 0.0) / (1 + loop.response(w, kp, ki))
-        return np.asarray(gamma * answer * np.exp(1j * w * self.lead * loop.period))
+        P = loop.plant(w)
+
+        def pi(kp: float, ki: float) -> Complex:
+            z = np.exp(1j * w * loop.period)
+            return np.asarray(kp + ki * loop.period * z / (z - 1))
+
+        return np.asarray(
+            pi(*self.gamma) * P / (1 + pi(*self.feedback) * P) * np.exp(1j * w * self.lead * loop.period)
+        )
 
     def q(self, f: ArrayLike) -> Real:
         """Forgetting and Q filter."""
-        rate = self.study.drive.rates.speed_loop
-        cells = self.law.cells * self.periods_per_second if self.law.memory == "angle" else rate  # a second
+        cells = self._rates[1]
         n = 2 * self.law.q_half_width + 1
         half = np.pi * np.asarray(f, dtype=float) / cells
         return np.asarray(self.law.forgetting * np.sin(n * half) / (n * np.sin(half)))
@@ -89,9 +127,8 @@ class Learning:
     def interpolation(self, f: ArrayLike) -> Real:
         """What the straight lines in the memory filter; by angle the mean over places between cells."""
         f = np.asarray(f, dtype=float)
-        rate = self.study.drive.rates.speed_loop
+        rate, cells = self._rates
         if self.law.memory == "angle":
-            cells = self.law.cells * self.periods_per_second
             return np.asarray((np.sinc(f / rate) * np.sinc(f / cells)) ** 2)
         part = rate / self.periods_per_second % 1
         return np.abs(1 - part + part * np.exp(-2j * np.pi * f / rate))
@@ -106,28 +143,49 @@ class Learning:
         x, q = self.x(f), self.q(f) * self.interpolation(f)
         return np.abs((1 - q) / (1 - q + (q * x if self.lead else x)))
 
+    @property
+    def _rates(self) -> tuple[float, float]:
+        """Of samples and of cells, a second."""
+        rate = self.study.drive.rates.speed_loop
+        return rate, self.law.cells * self.periods_per_second if self.law.memory == "angle" else rate
+
     def worst(self) -> Worst:
-        """The largest factor between the period's own frequency and half the speed loop's rate."""
-        f = np.linspace(self.periods_per_second, 0.499 * self.study.drive.rates.speed_loop, POINTS)
+        """The largest factor from the period's own frequency up to what samples and cells hold."""
+        f = np.linspace(self.periods_per_second, 0.499 * min(self._rates), POINTS)
         factors = self.factor(f)
         k = int(np.argmax(factors))
         return Worst(float(factors[k]), float(f[k]))
 
 
 def learning(study: Study, name: str) -> Worst | None:
-    """The worst factor of a controller over the speeds of its scenarios; None where it doesn't learn."""
+    """The worst factor of a controller over its scenarios' speeds; None where it learns at none of them."""
+    worst = (at.worst() for at in _at_speeds(study, name) if at.frozen is None)
+    return max(worst, key=lambda w: w.factor, default=None)
+
+
+def frozen(study: Study, name: str) -> tuple[str, ...]:
+    """Why a controller doesn't learn, at each of its scenarios' speeds where it doesn't."""
+    return tuple(at.frozen for at in _at_speeds(study, name) if at.frozen is not None)
+
+
+def stable(study: Study, name: str) -> bool:
+    """Whether a learning controller's feedback is stable, with what learning adds to it at once."""
+    return Learning(study, name, 0.0).stable
+
+
+def linear_part(law: RobustIlc) -> tuple[float, float]:
+    """kp and ki of robust ILC: (c e + eta S) / b with S = e + c integral(e)."""
+    return (law.c + law.eta) / law.b, law.c * law.eta / law.b
+
+
+def _at_speeds(study: Study, name: str) -> list[Learning]:
+    """A controller at the top speeds of its scenarios; nowhere if it doesn't learn."""
     if not isinstance(study.controller[name], PiIlc | RobustIlc):
-        return None
-    speeds = {
-        scenario.top_speed
-        for key, scenario in study.scenario.items()
-        if name in study.controllers_in(key) and scenario.top_speed > 0
-    }
-    return max(
-        (Learning(study, name, speed).worst() for speed in speeds), key=lambda w: w.factor, default=None
-    )
+        return []
+    scenarios = [s for key, s in study.scenario.items() if name in study.controllers_in(key)]
+    tops = {scenario.top_speed for scenario in scenarios if scenario.top_speed > 0}
+    return [Learning(study, name, speed) for speed in sorted(tops)]
 
 
-def _integral(loop: SpeedLoop, w: Real) -> Complex:
-    z = np.exp(1j * w * loop.period)
-    return np.asarray(loop.period * z / (z - 1))
+def _rpm(omega_m: float) -> str:
+    return units.format(abs(omega_m), "rpm", units.ANGULAR_SPEED, digits=4)

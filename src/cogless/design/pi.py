@@ -2,25 +2,36 @@
 
 The speed loop, from its error to its measured speed, sampled with period T:
 
-    L = (kp + ki T z / (z - 1)) F(jw) b T / (z - 1) (1 + exp(-2 jw T_m)) / 2,    z = exp(jwT)
+    L = (kp + ki T z / (z - 1)) P(jw),    z = exp(jwT)
 
-b = K_t / J (belief over true inertia), T_m the delay of the speed measurement (a mean over 2 T_m),
-F = G / (1 + G) the closed current loop with G = (kp_q + ki_q / s) / (R_s + s L_q) exp(-s T_c), T_c from
-sampling to the middle of the voltage that answers. Friction is left out: it only adds margin.
+P, from current reference to measured speed, is exact for small signals without friction and with the
+back-EMF decoupled. Between two speed samples the reference is constant, and the sampled current loop
+(current_loop.py), the inertia (omega' = b i, b = K_t / J, belief over true inertia) and the angle (theta' =
+omega) take N = T / T_c steps of a current-loop period T_c, each x' = A x + B i_ref, exactly. n steps make
+x_n = A^n x + B_n i_ref, and from sample to sample X(z) = (z - A^N)^-1 B_N. The measured speed is that of the
+sensor:
 
-With z / (z - 1) = 1 / 2 + 1 / (2j tan(wT / 2)), K = kp + ki T / 2 and w' = tan(wT / 2) / (T / 2) the phase is
-that of a continuous PI before an integrator and a delay:
+    ideal       omega
+    otherwise   (theta now - theta W steps ago) / (W T_c)
 
-    arg L(w) = -180 deg + atan(w' T_i) - w T_e,  T_e = T / 2 + T_m - arg F(jw) / w,  T_i = K / ki
+which is the mean of omega over the last W current-loop periods. W = m N - r steps ago (0 <= r < N) theta was
+z^-m (A^r X + B_r). A resolver's W is its window. An encoder's is N: by M exactly, by MT nearly (its mean
+ends at the last edge). By T the mean is over one edge and ends at the last, on average one edge period late:
+at most the T / 2 taken here while two edges come in a period.
+
+The rule. With z / (z - 1) = 1 / 2 + 1 / (2j tan(wT / 2)), K = kp + ki T / 2 and w' = tan(wT / 2) / (T / 2)
+the phase is that of a continuous PI before an integrator and a delay:
+
+    arg L(w) = -180 deg + atan(w' T_i) - w T_e,  T_e = -arg(jw P(jw)) / w,  T_i = K / ki
 
 The symmetrical optimum puts the crossover w_c where the phase is largest: d/dw = 0 gives
-T_e = T_i / (1 + x^2) with x = w' T_i (for w' = w, which it nearly is). The phase margin there is
+T_e = T_i / (1 + x^2) with x = w' T_i (for w' = w, which it nearly is, and for a constant T_e). There
 
     PM = atan x - x / (1 + x^2)
 
 which grows with x from 0 to 90 deg: the wanted margin gives x, then w_c = x / ((1 + x^2) T_e), then
-T_i = x / w_c', and |L(w_c)| = 1 gives the gain. T_e depends on w_c through F, weakly: a few rounds of
-substitution settle it.
+T_i = x / w_c', and |L(w_c)| = 1 gives the gain. T_e depends on w_c weakly: a few rounds of substitution
+settle it.
 
 Source: C. Kessler, "Das symmetrische Optimum", Regelungstechnik 6 (1958), here for a delay in place of a lag.
 """
@@ -28,16 +39,19 @@ Source: C. Kessler, "Das symmetrische Optimum", Regelungstechnik 6 (1958), here 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cogless.design.current_loop import CurrentLoop, current_loops, require_damped
+from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.errors import StudyError
 from cogless.study import Study
 from cogless.study.controller import Feedback, Tuning
-from cogless.study.drive import Encoder, Resolver
+from cogless.study.drive import IdealSensor, Resolver
+
+CURRENT, INTEGRAL, WAITING, OMEGA, THETA, REFERENCE = range(6)  # the state x, and behind it i_ref
 
 
 @dataclass(frozen=True)
@@ -45,26 +59,51 @@ class SpeedLoop:
     """What the speed controller acts on."""
 
     b: float  # rad/s^2/A, acceleration per current
-    period: float  # s, of the speed loop
-    measurement_delay: float  # s
-    kp_q: float  # V/A, current loop
-    ki_q: float  # V/A/s
-    R_s: float  # ohm
-    L_q: float  # H
-    current_delay: float = 0.0  # s, from sampling the current to the voltage
+    steps: int  # current-loop periods in one of the speed loop
+    window: int  # current-loop periods that the measured speed is a mean over; 0: the speed at the sample
+    current: CurrentLoop  # of the q axis
 
-    def current_loop(self, w: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """F(jw): current over its reference."""
-        s = 1j * w
-        G = (self.kp_q + self.ki_q / s) / (self.R_s + s * self.L_q) * np.exp(-s * self.current_delay)
-        return np.asarray(G / (1 + G))
+    @property
+    def period(self) -> float:
+        """Of the speed loop, s."""
+        return self.steps * self.current.period
 
-    def response(self, w: NDArray[np.float64], kp: float, ki: float) -> NDArray[np.complex128]:
+    def plant(self, w: Real) -> Complex:
+        """P(jw), see above."""
+        z = np.exp(1j * w * self.period)
+        whole = np.linalg.matrix_power(self._step, self.steps)
+        A, B = whole[:REFERENCE, :REFERENCE], whole[:REFERENCE, REFERENCE:]
+        x = np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)[:, :, 0]
+        if self.window == 0:
+            return np.asarray(x[:, OMEGA])
+        samples = -(-self.window // self.steps)
+        then = np.linalg.matrix_power(self._step, samples * self.steps - self.window)[THETA]
+        theta_then = (x @ then[:REFERENCE] + then[REFERENCE]) / z**samples
+        return np.asarray((x[:, THETA] - theta_then) / (self.window * self.current.period))
+
+    def response(self, w: Real, kp: float, ki: float) -> Complex:
         """L(jw), see above."""
         z = np.exp(1j * w * self.period)
-        pi = kp + ki * self.period * z / (z - 1)
-        measured = (1 + np.exp(-2j * w * self.measurement_delay)) / 2
-        return np.asarray(pi * self.current_loop(w) * self.b * self.period / (z - 1) * measured)
+        return np.asarray((kp + ki * self.period * z / (z - 1)) * self.plant(w))
+
+    @cached_property
+    def _step(self) -> Real:
+        """x and i_ref one current-loop period later."""
+        loop = self.current
+        rates = np.zeros((4, 4))  # of i, omega, theta under a constant voltage
+        rates[0, 0], rates[0, 3] = -loop.R / loop.L, 1 / loop.L
+        rates[1, 0], rates[2, 1] = self.b, 1.0
+        motor = _exponential(rates * loop.period)
+        voltage = np.zeros(6)  # of the controller, kp (i_ref - i) + integral
+        voltage[[CURRENT, INTEGRAL, REFERENCE]] = -loop.kp, 1.0, loop.kp
+        step = np.eye(6)
+        step[INTEGRAL, [CURRENT, REFERENCE]] = -loop.ki * loop.period, loop.ki * loop.period
+        step[WAITING] = voltage
+        moving = [CURRENT, OMEGA, THETA]
+        step[np.ix_(moving, moving)] = motor[:3, :3]
+        acting = np.eye(6)[WAITING] if loop.delay else voltage
+        step[moving] += np.outer(motor[:3, 3], acting)
+        return step
 
 
 @dataclass(frozen=True)
@@ -73,31 +112,23 @@ class PiDesign:
 
     kp: float  # A*s/rad
     ki: float  # A/rad
-    crossover: float  # rad/s
-    phase_margin: float  # rad
-    gain_margin: float  # a factor
+    margins: Margins
 
 
 def speed_loop(study: Study) -> SpeedLoop:
     """The speed loop of a study, as its controller knows it."""
-    rates, belief = study.drive.rates, study.belief
-    gains = study.drive.current_loop.gains(belief)
-    period = 1 / rates.speed_loop
-    sensor = study.drive.position_sensor
-    delay = 0.0
-    if isinstance(sensor, Encoder):
-        delay = period / 2  # a difference over one period is the speed at its middle
+    rates, sensor = study.drive.rates, study.drive.position_sensor
+    steps = round(rates.current_loop / rates.speed_loop)
+    window = steps
+    if isinstance(sensor, IdealSensor):
+        window = 0
     elif isinstance(sensor, Resolver):
-        delay = sensor.window / rates.current_loop / 2
+        window = sensor.window
     return SpeedLoop(
-        b=1.5 * study.motor.pole_pairs * belief.psi_f / study.mechanics.inertia,
-        period=period,
-        measurement_delay=delay,
-        kp_q=gains["kp_q"],
-        ki_q=gains["ki_q"],
-        R_s=belief.R_s,
-        L_q=belief.L_q,
-        current_delay=(study.drive.inverter.computation_delay + 0.5) / rates.current_loop,
+        b=1.5 * study.motor.pole_pairs * study.belief.psi_f / study.mechanics.inertia,
+        steps=steps,
+        window=window,
+        current=current_loops(study)["q"],
     )
 
 
@@ -107,6 +138,7 @@ def gains(study: Study, name: str) -> tuple[float, float]:
     assert isinstance(controller, Feedback)
     if controller.tuning is None:
         return controller.kp or 0.0, controller.ki or 0.0
+    require_damped(study, name)
     try:
         design = phase_margin_pi(speed_loop(study), controller.tuning)
     except ValueError as error:
@@ -116,60 +148,43 @@ def gains(study: Study, name: str) -> tuple[float, float]:
 
 def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
     """Gains for a phase margin; ValueError where this loop has none such below half the sampling rate."""
-    x = _root(lambda x: math.atan(x) - x / (1 + x * x) - tuning.phase_margin, 1e-3, 1e3)
-    w = x / ((1 + x * x) * (loop.period / 2 + loop.measurement_delay + loop.L_q / max(loop.kp_q, 1e-12)))
+    x = root(lambda x: math.atan(x) - x / (1 + x * x) - tuning.phase_margin, 1e-3, 1e3)
+    half = loop.period / 2
+    w = 1e-3 * math.pi / loop.period
     for _ in range(100):
-        lag = -float(np.angle(loop.current_loop(np.array([w]))[0])) / w
-        before, w = w, x / ((1 + x * x) * (loop.period / 2 + loop.measurement_delay + lag))
-        if not 0 < w < math.pi / loop.period:
+        before, w = w, x / ((1 + x * x) * max(_delay(loop, w), 1e-300))
+        if w >= math.pi / loop.period:
             break
         if math.isclose(w, before, rel_tol=1e-12):
-            half = loop.period / 2
             ki = math.tan(w * half) / (half * x)  # for K = 1
             K = 1 / float(abs(loop.response(np.array([w]), 1 - ki * half, ki)[0]))
-            design = margins(loop, K * (1 - ki * half), K * ki)
+            design = PiDesign(K * (1 - ki * half), K * ki, margins(loop, K * (1 - ki * half), K * ki))
             # A current loop with a resonance crosses once more, further up.
-            wanted = math.isclose(design.phase_margin, tuning.phase_margin, rel_tol=1e-6)
-            if wanted and design.gain_margin > 1:
+            if math.isclose(design.margins.phase_margin, tuning.phase_margin, rel_tol=1e-6):
                 return design
             break
     raise ValueError("expected a faster and better damped current loop for this margin")
 
 
-def margins(loop: SpeedLoop, kp: float, ki: float) -> PiDesign:
-    """Crossover, phase margin and gain margin of given gains; NaN where the loop has no such crossing.
-
-    The crossover is the last one below half the sampling rate, the gain margin is against too much gain.
-    """
-    w = np.geomspace(1e-4, 1, 4001) * math.pi / loop.period * (1 - 1e-9)
-
-    def gain(w: float) -> float:
-        return math.log(max(float(abs(loop.response(np.array([w]), kp, ki)[0])), 1e-300))
-
-    def phase(w: float) -> float:
-        # Turned by half a circle, so that the crossing lies at zero and not at the cut.
-        return float(np.angle(-loop.response(np.array([w]), kp, ki)[0]))
-
-    L = loop.response(w, kp, ki)
-    with np.errstate(divide="ignore"):
-        below = np.flatnonzero((np.abs(L[:-1]) >= 1) & (np.abs(L[1:]) < 1))
-    turned = np.angle(-L)
-    falling = np.flatnonzero((turned[:-1] > 0) & (turned[1:] <= 0) & (turned[:-1] - turned[1:] < math.pi))
-    crossover = _root(gain, *w[below[-1] : below[-1] + 2]) if len(below) else math.nan
-    phase_margin = phase(crossover) if len(below) else math.nan
-    gain_margin = math.nan
-    if len(falling):
-        gain_margin = math.exp(-gain(_root(phase, *w[falling[-1] : falling[-1] + 2])))
-    return PiDesign(kp, ki, crossover, phase_margin, gain_margin)
+def margins(loop: SpeedLoop, kp: float, ki: float) -> Margins:
+    """Margins of given gains around a loop; unstable where its current loop is."""
+    if not loop.current.margins().stable:
+        return UNSTABLE
+    integrators = 1 + (ki > 0) if kp or ki else 0
+    return margins_of(lambda w: loop.response(w, kp, ki), loop.period, integrators)
 
 
-def _root(f: Callable[[float], float], a: float, b: float) -> float:
-    """Where f changes sign, by halving: importing scipy.optimize takes longer than a run does."""
-    rising = f(b) > f(a)
-    for _ in range(60):
-        middle = (a + b) / 2
-        if (f(middle) > 0) == rising:
-            b = middle
-        else:
-            a = middle
-    return float((a + b) / 2)
+def _delay(loop: SpeedLoop, w: float) -> float:
+    """T_e at a frequency: what P lags more than an integrator, as a time."""
+    return -float(np.angle(1j * loop.plant(np.array([w]))[0])) / w
+
+
+def _exponential(M: Real) -> Real:
+    """Of a matrix, by its series; importing scipy.linalg takes longer than a run does."""
+    halvings = max(0, math.ceil(math.log2(max(float(np.abs(M).max()), 1e-300))) + 3)
+    small = M / 2.0**halvings
+    sum_, term = np.eye(len(M)), np.eye(len(M))
+    for n in range(1, 16):
+        term = term @ small / n
+        sum_ = sum_ + term
+    return np.asarray(np.linalg.matrix_power(sum_, 2**halvings))

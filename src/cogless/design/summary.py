@@ -6,10 +6,12 @@ import dataclasses
 import math
 from typing import Any, get_args
 
-from cogless.design.learning import Worst, learning
-from cogless.design.pi import PiDesign, gains, margins, speed_loop
+from cogless.design.current_loop import current_loops, weakness
+from cogless.design.learning import Worst, frozen, learning, linear_part, stable
+from cogless.design.margins import Margins
+from cogless.design.pi import gains, margins, speed_loop
 from cogless.study import Study
-from cogless.study.controller import AnyController, Feedback, RobustIlc
+from cogless.study.controller import AnyController, Feedback, Learning, RobustIlc
 from cogless.study.table import Quantity
 
 
@@ -28,13 +30,34 @@ class Design:
     law: str
     rule: str | None
     gains: dict[str, Gain]
-    margins: PiDesign | None
-    learning: Worst | None
+    margins: Margins | None
+    learning: Worst | None  # where it learns
+    frozen: tuple[str, ...]  # why it doesn't learn, at the speeds where it doesn't
+    unstable: bool  # its feedback, with what learning adds to it at once
+
+
+@dataclasses.dataclass(frozen=True)
+class CurrentLoopDesign:
+    """The current loop of an axis: gains and margins, and what is wrong with them."""
+
+    gains: dict[str, Gain]
+    margins: Margins
+    weakness: str | None
 
 
 def summary(study: Study) -> dict[str, Design]:
     """Every controller of a study by name."""
     return {name: _design(study, name) for name in study.controller}
+
+
+def current_loop_summary(study: Study) -> dict[str, CurrentLoopDesign]:
+    """The current loop by axis."""
+    designs = {}
+    for axis, loop in current_loops(study).items():
+        margins = loop.margins()
+        numbers = {"kp": Gain(loop.kp, "V/A"), "ki": Gain(loop.ki, "V/A/s")}
+        designs[axis] = CurrentLoopDesign(numbers, margins, weakness(margins))
+    return designs
 
 
 def to_dict(study: Study) -> dict[str, Any]:
@@ -44,20 +67,42 @@ def to_dict(study: Study) -> dict[str, Any]:
         controllers[name] = {
             "law": design.law,
             "rule": design.rule,
-            "gains": {key: {"value": gain.value, "unit": gain.unit} for key, gain in design.gains.items()},
-            "margins": design.margins
-            and {
-                "crossover_rad_s": _plain(design.margins.crossover),
-                "phase_margin_rad": _plain(design.margins.phase_margin),
-                "gain_margin": _plain(design.margins.gain_margin),
-            },
-            "learning": design.learning
-            and {"factor_per_period": design.learning.factor, "frequency_Hz": design.learning.frequency},
+            "gains": _gains(design.gains),
+            "margins": design.margins and _margins(design.margins),
+            "learning": _learning(design) if design.learning or design.frozen else None,
         }
     return {
         "study": study.title,
-        "speed_loop": dataclasses.asdict(speed_loop(study)),
+        "current_loop": {
+            axis: {"gains": _gains(loop.gains), "margins": _margins(loop.margins), "weakness": loop.weakness}
+            for axis, loop in current_loop_summary(study).items()
+        },
+        "speed_loop": {"period": speed_loop(study).period, **dataclasses.asdict(speed_loop(study))},
         "controllers": controllers,
+    }
+
+
+def _gains(gains: dict[str, Gain]) -> dict[str, Any]:
+    return {key: dataclasses.asdict(gain) for key, gain in gains.items()}
+
+
+def _margins(margins: Margins) -> dict[str, Any]:
+    return {
+        "stable": margins.stable,
+        "crossover_rad_s": _plain(margins.crossover),
+        "phase_margin_rad": _plain(margins.phase_margin),
+        "gain_margin": _plain(margins.gain_margin),
+        "phase_crossover_rad_s": _plain(margins.phase_crossover),
+    }
+
+
+def _learning(design: Design) -> dict[str, Any]:
+    worst = design.learning
+    return {
+        "factor_per_period": worst and worst.factor,
+        "frequency_Hz": worst and worst.frequency,
+        "frozen": list(design.frozen),
+        "unstable": design.unstable,
     }
 
 
@@ -71,10 +116,18 @@ def _design(study: Study, name: str) -> Design:
         pi = gains(study, name)
         numbers = {"kp": Gain(pi[0], "A*s/rad"), "ki": Gain(pi[1], "A/rad"), **numbers}
     elif isinstance(controller, RobustIlc):
-        # (c e + eta S) / b with S = e + c integral(e): the part that is a PI.
-        pi = (controller.c + controller.eta) / controller.b, controller.c * controller.eta / controller.b
+        pi = linear_part(controller)
     loop = margins(speed_loop(study), *pi) if pi else None
-    return Design(controller.law, rule, numbers, loop, learning(study, name))
+    learns = isinstance(controller, Learning)
+    return Design(
+        controller.law,
+        rule,
+        numbers,
+        loop,
+        learning=learning(study, name),
+        frozen=frozen(study, name),
+        unstable=learns and not stable(study, name),
+    )
 
 
 def _numbers(controller: AnyController) -> dict[str, Gain]:

@@ -6,11 +6,12 @@ import math
 from typing import TYPE_CHECKING
 
 from cogless import units
-from cogless.design.summary import Design, Gain, summary
+from cogless.design.margins import UNSTABLE, Margins
+from cogless.design.summary import CurrentLoopDesign, Design, Gain, current_loop_summary, summary
 from cogless.study import Study
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.console import Group
 
 # The paper's and the trade's units, where they aren't SI.
 SHOWN = {
@@ -21,21 +22,46 @@ SHOWN = {
 }
 
 
-def design_table(study: Study) -> Table:
-    """One row a controller: its gains in display units and the margins of its speed loop."""
+def design_table(study: Study) -> Group:
+    """The current loop and one row a controller: gains in display units, margins, learning; notes below."""
+    from rich.console import Group
     from rich.table import Table
+    from rich.text import Text
 
     table = Table(title=study.title, title_justify="left", title_style="bold", box=None, pad_edge=False)
     for heading in ("controller", "law", "rule", "gains"):
         table.add_column(heading, overflow="fold")
-    for heading in ("crossover", "phase margin", "gain margin", "learning"):
+    for heading in ("crossover", "phase margin", "gain margin"):
         table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("learning", justify="right")
+    loops = current_loop_summary(study)
+    for name, loop in _told_apart(loops).items():
+        table.add_row(name, "pi", "", _gains(loop.gains), *_margins(loop.margins), "")
     for name, design in summary(study).items():
-        gains = ", ".join(f"{key} {_shown(gain)}" for key, gain in design.gains.items())
-        table.add_row(
-            study.label(name), design.law, design.rule or "", gains, *_margins(design), _learning(design)
-        )
-    return table
+        gains, margins = _gains(design.gains), _margins(design.margins)
+        table.add_row(study.label(name), design.law, design.rule or "", gains, *margins, _learning(design))
+    return Group(table, *(Text(note) for note in _notes(loops)))
+
+
+def _told_apart(loops: dict[str, CurrentLoopDesign]) -> dict[str, CurrentLoopDesign]:
+    """Rows of the current loop: one where both axes are alike."""
+    if loops["d"].margins == loops["q"].margins and loops["d"].gains == loops["q"].gains:
+        return {"current loop": loops["q"]}
+    return {f"current loop, {axis}": loop for axis, loop in loops.items()}
+
+
+def _notes(loops: dict[str, CurrentLoopDesign]) -> list[str]:
+    notes = []
+    for name, loop in _told_apart(loops).items():
+        if not loop.margins.stable:
+            notes.append(f"drive.current_loop: the {name} is unstable, and every speed loop around it.")
+        elif loop.weakness:
+            notes.append(f"drive.current_loop: the {name} is weak, it {loop.weakness} of phase margin.")
+    return notes
+
+
+def _gains(gains: dict[str, Gain]) -> str:
+    return ", ".join(f"{key} {_shown(gain)}" for key, gain in gains.items())
 
 
 def _shown(gain: Gain) -> str:
@@ -47,17 +73,26 @@ def _shown(gain: Gain) -> str:
 
 def _learning(design: Design) -> str:
     worst = design.learning
+    said = [f"frozen: {reason}" for reason in design.frozen]
     if worst is None:
-        return ""
+        return "; ".join(said)
+    if design.unstable:
+        return "feedback unstable" if design.margins is UNSTABLE else "unstable: gain too large"
     if worst.factor <= 1.0 + 1e-3:
-        return "settles"
-    return f"grows {worst.factor:.3f}x a period at {worst.frequency:.0f} Hz"
+        return "; ".join(["settles", *said])
+    return "; ".join([f"grows {worst.factor:.3f}x a period at {worst.frequency:.0f} Hz", *said])
 
 
-def _margins(design: Design) -> tuple[str, str, str]:
-    m = design.margins
+def _margins(m: Margins | None) -> tuple[str, str, str]:
     if m is None:
         return "", "", ""
-    crossover = "none" if math.isnan(m.crossover) else f"{m.crossover / (2 * math.pi):.1f} Hz"
-    phase = "none" if math.isnan(m.phase_margin) else f"{math.degrees(m.phase_margin):.1f} deg"
-    return crossover, phase, "none" if math.isnan(m.gain_margin) else f"{m.gain_margin:.2f}"
+    if not m.stable:
+        return "", "unstable", ""
+    gain = "none" if math.isnan(m.gain_margin) else f"{m.gain_margin:.2f} at {_hertz(m.phase_crossover)}"
+    if math.isnan(m.crossover):
+        return "none", "none", gain
+    return _hertz(m.crossover), f"{math.degrees(m.phase_margin):.1f} deg", gain
+
+
+def _hertz(w: float) -> str:
+    return f"{w / (2 * math.pi):.4g} Hz"

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from cogless.report.maps import maps
 from cogless.report.overtime import events, waveforms, zooms
 from cogless.report.palette import colours, place
 from cogless.report.spectra import spectra
-from cogless.results import Results
-from cogless.units import ANGULAR_SPEED
+from cogless.results import Results, Run
+
+HUGE = 1e30  # far beyond any drive
 
 
 def data(results: Results, speed_unit: str) -> dict[str, Any]:
@@ -21,10 +25,19 @@ def data(results: Results, speed_unit: str) -> dict[str, Any]:
     }
 
 
-def speed_unit(results: Results) -> str:
-    """The unit that the study's metrics show speeds in; rad/s where they don't say."""
-    metrics = results.study.metric
-    return next((m.unit for m in metrics if m.unit and m.dimension == ANGULAR_SPEED), ANGULAR_SPEED.unit)
+def drawable(results: Results) -> Results:
+    """The results with NaN for what isn't finite or is too large to draw."""
+    return replace(results, runs=[_drawable(run) for run in results.runs])
+
+
+def _drawable(run: Run) -> Run:
+    data = run.trace.data
+    # a NaN makes both comparisons false
+    if not data.size or (data.min() > -HUGE and data.max() < HUGE):
+        return run
+    with np.errstate(invalid="ignore"):
+        tamed = np.where(np.abs(data) < HUGE, data, np.nan)
+    return replace(run, trace=replace(run.trace, data=tamed))
 
 
 def _scenario(results: Results, scenario: str, speed_unit: str) -> dict[str, Any]:

@@ -6,12 +6,15 @@ The report's table, the verdict and the terminal's table all come from here.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from cogless.metrics import result_name
-from cogless.results import Results
-from cogless.units import factor
+from cogless.report.holding import missed, rows_of
+from cogless.report.packing import number
+from cogless.results import Results, Run
+from cogless.study.metric import Metric
+from cogless.units import ANGULAR_SPEED, factor
 
 QUANTITIES = {
     "omega_m": "speed",
@@ -33,7 +36,10 @@ QUANTITIES = {
 
 @dataclass(frozen=True)
 class Line:
-    """One number of each controller in a scenario; values in `unit`, None: never (or not finite)."""
+    """One number of each controller in a scenario; values in `unit`, None: never (or not finite).
+
+    `missed`: the controllers that did not hold the speed while it was taken, and what the speed was.
+    """
 
     name: str
     kind: str
@@ -43,6 +49,7 @@ class Line:
     better: str
     unit: str
     values: Mapping[str, float | None]
+    missed: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
@@ -61,27 +68,41 @@ class Line:
     @property
     def best(self) -> set[str]:
         """Controllers with the best value; empty where none is better than another."""
-        if self.better not in ("lower", "higher") or len(self.values) < 2:
+        ranks = {name: self._rank(value) for name, value in self.values.items() if name not in self.missed}
+        top = min(ranks.values(), default=math.inf)
+        if self.better not in ("lower", "higher") or top == math.inf:
             return set()
-        sign = 1 if self.better == "lower" else -1
-        ranks = {name: math.inf if v is None else sign * v for name, v in self.values.items()}
-        top = min(ranks.values())
         best = {name for name, rank in ranks.items() if math.isclose(rank, top, rel_tol=1e-9)}
-        return best if len(best) < len(ranks) else set()
+        return best if len(best) < len(self.values) else set()
+
+    def _rank(self, value: float | None) -> float:
+        """Lower is better. Never to leave a band is the best, never to settle the worst."""
+        if value is None:
+            return -math.inf if self.kind == "exceeds" else math.inf
+        return value if self.better == "lower" else -value
 
     def ratio(self, controller: str, baseline: str) -> float | None:
         """A controller's value over the baseline's; None where that says nothing."""
         value, base = self.values.get(controller), self.values.get(baseline)
+        if controller in self.missed or baseline in self.missed:
+            return None
         if value is None or base is None or base == 0 or self.better == "none" or value / base < 0:
             return None
         return value / base
 
-    def text(self, controller: str) -> str:
-        """A controller's value with its unit, "never", or "" where there is none."""
+    def number(self, controller: str) -> str:
+        """A controller's value without its unit, "never", "not finite", or "" where there is none."""
         if controller not in self.values:
             return ""
         value = self.values[controller]
-        return "never" if value is None else f"{number(value)} {self.unit}".rstrip()
+        if value is None:
+            return "never" if self.kind in ("settling", "exceeds") else "not finite"
+        return number(value)
+
+    def text(self, controller: str) -> str:
+        """A controller's value with its unit, where it has one."""
+        value = self.values.get(controller)
+        return self.number(controller) + (f" {self.unit}".rstrip() if value is not None else "")
 
 
 def compare(results: Results, scenario: str) -> list[Line]:
@@ -89,29 +110,43 @@ def compare(results: Results, scenario: str) -> list[Line]:
     runs = [run for run in results.runs if run.scenario == scenario]
     lines = []
     for metric in results.study.metrics_in(scenario):
-        name = result_name(metric)
-        values = {run.controller: run.metrics[name] for run in runs if name in run.metrics}
-        if not values:
-            continue
-        unit = metric.unit or metric.dimension.unit
-        scale = factor(unit, metric.dimension) if metric.unit else 1.0
-        orders = list(metric.order or ()) if metric.kind == "order" else [None]
-        for place, order in enumerate(orders):
-            column = {c: v[place] if isinstance(v, list) else v for c, v in values.items()}
-            shown = {c: v / scale if v is not None and math.isfinite(v) else None for c, v in column.items()}
-            lines.append(
-                Line(
-                    metric.name,
-                    metric.kind,
-                    metric.signal,
-                    order,
-                    metric.frame,
-                    metric.better,
-                    pretty(unit),
-                    shown,
-                )
-            )
+        taken = [run for run in runs if result_name(metric) in run.metrics]
+        if taken:
+            lines += _lines(metric, taken, _missed(results, metric, taken))
     return lines
+
+
+def misses(lines: Sequence[Line]) -> dict[str, str]:
+    """Each controller that did not hold the speed while some line was taken, and what the speed was."""
+    return {c: text for line in reversed(lines) for c, text in line.missed.items()}
+
+
+def speed_unit(results: Results) -> str:
+    """The unit that the study's metrics show speeds in; rad/s where they don't say."""
+    metrics = results.study.metric
+    return next((m.unit for m in metrics if m.unit and m.dimension == ANGULAR_SPEED), ANGULAR_SPEED.unit)
+
+
+def _lines(metric: Metric, runs: Sequence[Run], missed: Mapping[str, str]) -> list[Line]:
+    unit = metric.unit or metric.dimension.unit
+    scale = factor(unit, metric.dimension) if metric.unit else 1.0
+    # exceeds is the time for which a band was kept; "lower" is only the default of a metric.
+    later = metric.kind == "exceeds" and "better" not in metric.model_fields_set
+    better = "higher" if later else metric.better
+    values = {run.controller: run.metrics[result_name(metric)] for run in runs}
+    lines = []
+    for place, order in enumerate(list(metric.order or ()) if metric.kind == "order" else [None]):
+        column = {c: v[place] if isinstance(v, list) else v for c, v in values.items()}
+        shown = {c: v / scale if v is not None and math.isfinite(v) else None for c, v in column.items()}
+        about = (metric.name, metric.kind, metric.signal, order, metric.frame, better, pretty(unit))
+        lines.append(Line(*about, shown, missed))
+    return lines
+
+
+def _missed(results: Results, metric: Metric, runs: Sequence[Run]) -> dict[str, str]:
+    unit = speed_unit(results)
+    found = {run.controller: missed(run, rows_of(results, metric, run), unit) for run in runs}
+    return {controller: pretty(text) for controller, text in found.items() if text}
 
 
 def factor_text(ratio: float) -> str:
@@ -124,11 +159,3 @@ def factor_text(ratio: float) -> str:
 def pretty(unit: str) -> str:
     """A unit as it is printed: "N·m"."""
     return unit.replace("*", "·").replace("^2", "²").replace("ohm", "Ω")
-
-
-def number(value: float) -> str:
-    """Three significant digits, without an exponent where it stays readable."""
-    if value == 0 or not 1e-4 <= abs(value) < 1e6:
-        return f"{value:.3g}"
-    digits = max(0, 2 - math.floor(math.log10(abs(value)) + 1e-9))
-    return f"{value:.{digits}f}"

@@ -22,6 +22,7 @@ def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     charts = []
     for frame in ("electrical", "mechanical"):
         learnt = [run for run in runs if run.memory and run.memory["frame"] == frame]
+        learnt = [run for run in learnt if len(run.memory["current"])]
         if not learnt:
             continue
         cells = min(MOST, max(len(run.memory["current"]) for run in learnt))

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cogless.report.comparison import pretty
-from cogless.report.packing import pack, thin
+from cogless.report.packing import Array, pack, thin
 from cogless.report.palette import place
 from cogless.results import Results, Run
 from cogless.study.metric import SIGNALS
+from cogless.trace import Trace
 from cogless.units import factor
 
-POINTS = 700_000  # of all waveforms of a page, at 2.7 bytes each
+POINTS = 560_000  # of all waveforms of a page, at 2.7 bytes each
 MOST, FEWEST = 20_000, 1_500  # of one waveform
+POINTS_FINE, MOST_FINE = 200_000, 4_000  # the same, of the last revolutions
+READABLE, MANY = 2, 8  # revolutions that can be read at once; too many
 EVENT_POINTS = 1_200
 EVENT_SPAN = (-0.1, 1.5)  # s about an event
 NEAR = 0.05  # of the reference: the drive is up to speed
@@ -26,39 +30,81 @@ NEAR = 0.05  # of the reference: the drive is up to speed
 LEARNT = ("term_ilc", "term_f_hat", "term_table")
 
 
+@dataclass(frozen=True)
+class View:
+    """A part of the runs, s (None: all), in at most so many points; `key` names it in the page's data."""
+
+    key: str
+    span: tuple[float, float] | None
+    points: int
+
+    def rows(self, trace: Trace) -> slice:
+        return slice(None) if self.span is None else trace.window(*self.span)
+
+    def grid(self, trace: Trace) -> dict[str, float]:
+        """Start and step of its points, s. A thinned value stands for the middle of its rows."""
+        time = trace.time[self.rows(trace)]
+        step = thin(time, self.points)[1] * trace.period
+        return {"start": float(time[0]) + (step - trace.period) / 2, "step": step}
+
+
 def waveforms(results: Results, runs: Sequence[Run], speed_unit: str) -> dict[str, Any]:
-    points = max(FEWEST, min(MOST, POINTS // (5 * len(results.runs))))
+    """Panels over the whole run, with finer points over its last revolutions, where one zooms in first."""
     panels = [
         ("Speed, reference dashed", "omega_m", "speed", speed_unit),
         ("Current reference", "i_q_ref", "i_q_ref", "A"),
         ("Torque of the motor, cogging included", "tau_motor", "torque", "N*m"),
         ("Learnt part of the current reference", "learnt", "current", "A"),
     ]
-    return _times(runs, panels, points, results)
+    share = len(panels) * len(results.runs)
+    views = [View("values", None, max(FEWEST, min(MOST, POINTS // share)))]
+    detail = _detail(runs[0].trace, views[0].points, max(FEWEST, min(MOST_FINE, POINTS_FINE // share)))
+    return _times(results, runs, panels, views + detail)
+
+
+def _detail(trace: Trace, coarse: int, fine: int) -> list[View]:
+    """The last revolutions in `fine` points, unless the `coarse` points of the whole run nearly do."""
+    since, end = _since(trace, READABLE), float(trace.time[-1])
+    if since is None or fine < 2 * coarse * (end - since) / (end - float(trace.time[0])):
+        return []
+    return [View("detail", (since, end), fine)]
 
 
 def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """Buttons above the waveforms: the whole run, after the start-up, the last revolution, each event."""
-    time, theta = runs[0].trace.time, runs[0].trace["theta_m"]
+    """Buttons above the waveforms: the whole run, after the start-up, the last revolutions, each event.
+
+    "first" is the one to begin with, where the whole run holds too much to be read.
+    """
+    time = runs[0].trace.time
     start, end = float(time[0]), float(time[-1])
     changes = [e.time for e in results.study.scenario[runs[0].scenario].events if e.time < end]
-    found = [{"name": "whole run", "from": start, "to": end}]
+    found: list[dict[str, Any]] = [{"name": "whole run", "from": start, "to": end}]
     started = _started(runs, min([end, *changes]))
     if started > start:
         found.append({"name": "after start-up", "from": started, "to": end})
-    inside = np.abs(theta - theta[-1]) <= 2 * math.pi
-    if not inside[0]:
-        since = float(time[len(time) - int(np.argmin(inside[::-1]))])
-        found.append({"name": "last revolution", "from": since, "to": end})
+    for name, count in (("last two revolutions", READABLE), ("last revolution", 1)):
+        since = _since(runs[0].trace, count)
+        if since is not None:
+            found.append({"name": name, "from": since, "to": end})
+    if not changes and _since(runs[0].trace, MANY) is not None:
+        found[-2]["first"] = True
     return found + [
         {"name": f"event at {change:g} s", "from": max(start, change - 0.1), "to": min(end, change + 1.0)}
         for change in changes
     ]
 
 
+def _since(trace: Trace, revolutions: int) -> float | None:
+    """When the last so many revolutions of the reference begin, s; None where there are no more."""
+    turned = np.cumsum(np.abs(np.nan_to_num(trace["omega_ref"]))) * trace.period / (2 * math.pi)
+    left = turned[-1] - turned
+    return float(trace.time[int(np.argmax(left <= revolutions))]) if left[0] > revolutions else None
+
+
 def _started(runs: Sequence[Run], until: float) -> float:
     """When the speed errors of all runs have come down to what they are later, before `until`, s."""
     errors = [np.abs(run.trace["omega_error"][run.trace.window(0.0, until)]) for run in runs]
+    errors = [np.where(np.isfinite(error), error, 0.0) for error in errors]
     calm = 1.2 * max(float(np.max(error[len(error) // 2 :], initial=0.0)) for error in errors)
     last = max(int(np.max(np.flatnonzero(error > calm), initial=0)) for error in errors)
     return float(runs[0].trace.time[last])
@@ -79,7 +125,9 @@ def events(results: Results, runs: Sequence[Run], speed_unit: str) -> list[dict[
         before, after = EVENT_SPAN
         span = (max(0.0, event.time + before), min(event.time + after, end))
         if span[1] - event.time > 10 * runs[0].trace.period:
-            charts.append(_times(runs, panels, EVENT_POINTS, results, span, event.time))
+            chart = _times(results, runs, panels, [View("values", span, EVENT_POINTS)])
+            start = chart["start"] - event.time
+            charts.append({**chart, "start": start, "x": "time since the event (s)"})
     return charts
 
 
@@ -90,41 +138,43 @@ def near_reference(run: Run) -> NDArray[np.bool_]:
 
 
 def _times(
-    runs: Sequence[Run],
-    panels: Sequence[tuple[str, str, str, str]],
-    points: int,
-    results: Results,
-    span: tuple[float, float] | None = None,
-    origin: float = 0.0,
+    results: Results, runs: Sequence[Run], panels: Sequence[tuple[str, str, str, str]], views: Sequence[View]
 ) -> dict[str, Any]:
-    """Panels over time: (title, signal, quantity, unit); within `span`, s; time counted from `origin`, s."""
-    first = runs[0].trace
-    step = first.period
+    """Panels over time: (title, signal, quantity, unit), with points of each view."""
     drawn = []
     for title, signal, quantity, unit in panels:
-        series: list[dict[str, Any]] = []
-        spread: list[float] = []
-        for run in runs:
-            rows = slice(None) if span is None else run.trace.window(*span)
-            names = [name for name in LEARNT if name in run.trace] if signal == "learnt" else [signal]
-            if not names:
-                continue
-            scale = factor(unit, SIGNALS[names[0]])
-            if signal == "omega_m" and not series:
-                reference, _ = thin(run.trace["omega_ref"][rows] / scale, points)
-                series.append({"values": pack(reference), "dash": True})
-                spread.append(math.inf)
-            total = np.sum([run.trace[name][rows] for name in names], axis=0)
-            thinned, taken = thin(total / scale, points)
-            series.append({"controller": place(results, run), "values": pack(thinned)})
-            spread.append(float(np.std(thinned[len(thinned) // 2 :])))
-            step = taken * first.period
+        series = _series(results, runs, signal, unit, views)
         if series:
-            # The widest is drawn first, so that it doesn't hide the others.
-            series = [series[i] for i in np.argsort(spread)[::-1]]
             drawn.append({"title": title, "quantity": quantity, "unit": pretty(unit), "series": series})
-    rows = slice(None) if span is None else first.window(*span)
-    # A thinned value stands for the middle of its rows.
-    start = float(first.time[rows][0]) - origin + (step - first.period) / 2
-    x = "time (s)" if span is None else "time since the event (s)"
-    return {"panels": drawn, "start": start, "step": step, "x": x}
+    first, *others = [(view.key, view.grid(runs[0].trace)) for view in views]
+    return {"panels": drawn, "x": "time (s)", **first[1], **dict(others)}
+
+
+def _series(
+    results: Results, runs: Sequence[Run], signal: str, unit: str, views: Sequence[View]
+) -> list[dict[str, Any]]:
+    """A signal of each run in `unit`, and of the speed the reference."""
+    drawn: list[tuple[float, dict[str, Any]]] = []
+    for run in runs:
+        names = [name for name in LEARNT if name in run.trace] if signal == "learnt" else [signal]
+        if not names:
+            continue
+        scale = factor(unit, SIGNALS[names[0]])
+        if signal == "omega_m" and not drawn:
+            reference = {"dash": True, **_packed(run.trace["omega_ref"] / scale, run.trace, views)}
+            drawn.append((math.inf, reference))
+        x = np.sum([run.trace[name] for name in names], axis=0) / scale
+        series = {"controller": place(results, run), **_packed(x, run.trace, views)}
+        drawn.append((_spread(x[views[0].rows(run.trace)]), series))
+    # The widest is drawn first, so that it doesn't hide the others.
+    return [series for _, series in sorted(drawn, key=lambda pair: -pair[0])]
+
+
+def _packed(x: Array, trace: Trace, views: Sequence[View]) -> dict[str, Any]:
+    return {view.key: pack(thin(x[view.rows(trace)], view.points)[0]) for view in views}
+
+
+def _spread(x: Array) -> float:
+    """How far the second half of x spreads; 0 where it isn't finite."""
+    spread = float(np.std(x[len(x) // 2 :])) if len(x) else 0.0
+    return spread if math.isfinite(spread) else 0.0

@@ -15,7 +15,8 @@ Array = NDArray[np.float64]
 def thin(x: Array, points: int) -> tuple[Array, float]:
     """At most `points` values with the peaks of x, and how many rows of x each stands for.
 
-    Of each bucket the smallest and the largest value, in their order in time, so the result is evenly spaced.
+    Of each bucket the smallest and the largest value, in their order in time, so the result is evenly spaced;
+    NaN where a bucket holds nothing else.
     """
     if len(x) <= points:
         return x, 1.0
@@ -23,7 +24,8 @@ def thin(x: Array, points: int) -> tuple[Array, float]:
     x = np.concatenate((x, np.full(-len(x) % size, x[-1])))
     parts = x.reshape(-1, size)
     rows = np.arange(len(parts))
-    low, high = parts.argmin(axis=1), parts.argmax(axis=1)
+    gaps = np.isnan(parts)
+    low, high = np.where(gaps, np.inf, parts).argmin(axis=1), np.where(gaps, -np.inf, parts).argmax(axis=1)
     pairs = np.column_stack((parts[rows, np.minimum(low, high)], parts[rows, np.maximum(low, high)]))
     return pairs.ravel(), size / 2
 
@@ -54,3 +56,11 @@ def unpack(packed: dict[str, Any]) -> Array:
 def plain(values: Array) -> list[float | None]:
     """Few numbers for JSON: five digits, null where not finite."""
     return [float(f"{v:.5g}") if math.isfinite(v) else None for v in values.tolist()]
+
+
+def number(value: float) -> str:
+    """Three significant digits, without an exponent where it stays readable."""
+    if value == 0 or not 1e-4 <= abs(value) < 1e6:
+        return f"{value:.3g}"
+    digits = max(0, 2 - math.floor(math.log10(abs(value)) + 1e-9))
+    return f"{value:.{digits}f}"

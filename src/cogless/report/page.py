@@ -11,6 +11,7 @@ from string import Template
 
 from cogless.files import replacing
 from cogless.report import charts, maps, spectra
+from cogless.report.comparison import speed_unit
 from cogless.report.palette import colours
 from cogless.report.settings import assumptions, settings
 from cogless.report.tables import metric_tables, term_tables
@@ -26,16 +27,17 @@ def write(results: Results, path: Path) -> None:
 
 def render(results: Results) -> str:
     """The report as HTML. All of the user's text is escaped."""
+    results = charts.drawable(results)
     study = results.study
-    speed_unit = charts.speed_unit(results)
-    data = json.dumps(charts.data(results, speed_unit), separators=(",", ":"), allow_nan=False)
+    unit = speed_unit(results)
+    data = json.dumps(charts.data(results, unit), separators=(",", ":"), allow_nan=False)
     return Template(asset("report.html")).substitute(
         title=escape(study.title),
         description=f'<p class="description">{escape(study.description)}</p>' if study.description else "",
         interrupted='<p class="warning">Interrupted: not all runs are here.</p>'
         if results.interrupted
         else "",
-        verdict=_verdict(verdicts(results, speed_unit), results.scenarios),
+        verdict=_verdict(verdicts(results, unit), results.scenarios),
         tabs="".join(
             f'<button type="button" data-select="{i}">{escape(name)}</button>'
             for i, name in enumerate(results.scenarios)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cogless.files import replacing
 from cogless.report import charts
+from cogless.report.comparison import speed_unit
 from cogless.report.packing import unpack
 from cogless.results import Results
 
@@ -41,7 +42,7 @@ def write_plots(results: Results, directory: Path) -> list[Path]:
 
     written = []
     with matplotlib.rc_context(STYLE):
-        drawn = charts.data(results, charts.speed_unit(results))
+        drawn = charts.data(charts.drawable(results), speed_unit(results))
         for scenario, data in zip(results.scenarios, drawn["scenarios"], strict=True):
             for kind, figure in (("waveforms", _waveforms), ("spectra", _spectra), ("map", _maps)):
                 path = directory / f"{scenario}-{kind}.png"
@@ -77,8 +78,10 @@ def _panel(
     controllers: Sequence[dict[str, Any]],
 ) -> None:
     for series in panel["series"]:
-        y = unpack(series["values"])
-        x = times["start"] + times["step"] * np.arange(len(y))
+        fine = "detail" in times and zoom["from"] >= times["detail"]["start"] - times["step"]
+        grid = times["detail"] if fine else times
+        y = unpack(series["detail" if fine else "values"])
+        x = grid["start"] + grid["step"] * np.arange(len(y))
         inside = (x >= zoom["from"]) & (x <= zoom["to"])
         if series.get("dash"):
             ax.plot(x[inside], y[inside], "--", color="#5c6570", linewidth=0.8, zorder=5)

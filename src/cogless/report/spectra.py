@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cogless.report.comparison import pretty
+from cogless.report.holding import late
 from cogless.report.overtime import LEARNT, near_reference
 from cogless.report.packing import Array, plain
 from cogless.report.palette import place
@@ -53,27 +54,13 @@ def spectra(results: Results, runs: Sequence[Run], speed_unit: str) -> list[dict
     return charts
 
 
-def late(results: Results, run: Run) -> slice:
-    """Rows of the last part of a run, which spectra and shares are of.
-
-    The window of the scenario's last order metric, else the last quarter, but not soon after an event.
-    """
-    end = float(run.trace.time[-1])
-    for metric in reversed(results.study.metrics_in(run.scenario)):
-        span = metric.span(end)
-        if metric.kind == "order" and span is not None and span[0] < end:
-            return run.trace.window(*span)
-    events = [event.time for event in results.study.scenario[run.scenario].events if event.time < end]
-    return run.trace.window(max([0.75 * end, *(0.5 * (t + end) for t in events)]), end)
-
-
 def _highest(results: Results, run: Run) -> int:
     """The highest mechanical order that is looked at: 24 electrical ones, if the rows hold them."""
     rows = late(results, run)
     theta = run.trace["theta_m"][rows]
     turned = abs(float(theta[-1] - theta[0])) / (2 * math.pi) if len(theta) > 1 else 0.0
     most = 24 * results.study.motor.pole_pairs
-    return min(most, int(len(theta) / turned / 2.5)) if turned else most
+    return min(most, int(len(theta) / turned / 2.5)) if turned > 1e-9 else most  # not where it's NaN
 
 
 def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array | None, Array | None]:
@@ -103,8 +90,11 @@ def order_spectrum(theta_m: Array, x: Array, highest: int, pole_pairs: int) -> A
 
     Over the last whole mechanical revolutions, on an even grid of angle; every pole_pairs-th order is an
     electrical one. With less than a mechanical revolution, over the last electrical ones: then only
-    electrical orders are there, the others are NaN. None: less than that, or a rotor that turns back.
+    electrical orders are there, the others are NaN. None: less than that, a rotor that turns back, or
+    numbers that aren't finite.
     """
+    if len(x) < 2 or not np.all(np.isfinite(theta_m) & np.isfinite(x)):
+        return None
     direction = 1.0 if theta_m[-1] >= theta_m[0] else -1.0
     travelled = direction * (theta_m - theta_m[0])
     row = float(travelled[-1]) / max(1, len(x) - 1)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from html import escape
 
 import numpy as np
 
-from cogless.report.comparison import Line, compare, factor_text, number
+from cogless.report.comparison import Line, compare, factor_text, misses
+from cogless.report.holding import late
+from cogless.report.packing import number
 from cogless.report.palette import colours
-from cogless.report.spectra import late
 from cogless.results import Results, Run
 
 
@@ -25,7 +28,9 @@ def metric_tables(results: Results) -> str:
             continue
         body = "".join(_row(line, controllers, baseline) for line in lines)
         table = f"<thead><tr><th>{escape(scenario)}</th>{head}</tr></thead><tbody>{body}</tbody>"
-        tables.append(_scenario(place, f'<div class="scroll"><table class="numbers">{table}</table></div>'))
+        table = f'<div class="scroll"><table class="numbers">{table}</table></div>'
+        notes = [_note(f"{label(c)} did not hold the speed: {why}") for c, why in misses(lines).items()]
+        tables.append(_scenario(place, table + "".join(notes)))
     return "".join(tables)
 
 
@@ -51,20 +56,26 @@ def _head(label: str, baseline: bool) -> str:
 def _row(line: Line, controllers: list[str], baseline: str) -> str:
     cells = []
     for controller in controllers:
-        ratio = None if controller == baseline else line.ratio(controller, baseline)
-        factor = factor_text(ratio) if ratio is not None else ""
-        best = ' class="best"' if controller in line.best else ""
+        ratio = line.ratio(controller, baseline)
+        factor = f' <span class="ratio">{factor_text(ratio) if ratio is not None else ""}</span>'
+        if controller == baseline or controller in line.missed:
+            factor = ""
+        sort = "best" if controller in line.best else "missed" if controller in line.missed else ""
         value = escape(line.text(controller))
-        cells.append(f'<td{best}>{value} <span class="ratio">{factor}</span></td>')
+        cells.append(f'<td class="{sort}">{value}{factor}</td>')
     return f"<tr><th>{escape(line.title)}</th>{''.join(cells)}</tr>"
+
+
+def _note(text: str) -> str:
+    return f'<p class="note missed">{escape(text)}</p>'
 
 
 def _terms(results: Results, run: Run, label: str) -> str:
     trace = run.trace
     rows = late(results, run)
-    names = [name for name in trace.names if name.startswith("term_")]
+    names = [name for name in trace.names if name.startswith("term_")] if rows.stop > rows.start else []
     figures = [(float(np.sqrt(np.mean(trace[n][rows] ** 2))), float(np.std(trace[n][rows]))) for n in names]
-    top, most = (max(column) or 1.0 for column in zip(*figures, strict=True)) if figures else (1.0, 1.0)
+    top, most = (_largest(column) for column in zip(*figures, strict=True)) if figures else (1.0, 1.0)
     body = "".join(
         f"<tr><th>{escape(name.removeprefix('term_').replace('_', ' '))}</th>"
         f'<td class="figure">{number(rms)} A</td><td class="wide">{_meter(rms / top)}</td>'
@@ -82,7 +93,12 @@ def _terms(results: Results, run: Run, label: str) -> str:
     )
 
 
+def _largest(figures: Sequence[float]) -> float:
+    return max(filter(math.isfinite, figures), default=0.0) or 1.0
+
+
 def _meter(share: float) -> str:
+    share = share if math.isfinite(share) else 0.0
     return f'<div class="meter" style="width:{100 * share:.1f}%"></div>'
 
 

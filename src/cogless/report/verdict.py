@@ -5,15 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from cogless.report.comparison import Line, compare, number, pretty
+from cogless.report.comparison import Line, compare, misses, pretty
+from cogless.report.packing import number
 from cogless.results import Results, Run
+from cogless.study import Study
 from cogless.units import ANGULAR_SPEED, convert
 
-SAME = 0.02  # relative difference that isn't called one
+SAME = 0.05  # relative difference that isn't called one
 COST = 0.01  # a metric that gets worse by less isn't called a cost
+CLEARLY = 1.5  # times the next controller's: worth a sentence
+MOST = 3  # metrics in a sentence about another controller
+
+TOTALS = ("ripple-rms", "peak-to-peak")
+SPEEDS = ("omega_m", "omega_measured", "omega_error")
 
 
 @dataclass(frozen=True)
@@ -26,6 +34,46 @@ class Verdict:
     details: Sequence[str]
 
 
+@dataclass(frozen=True)
+class _Case:
+    """A scenario: the metrics that are better when lower, and the one that the verdict is about."""
+
+    study: Study
+    where: str
+    lines: Sequence[Line]
+    line: Line
+
+    @property
+    def baseline(self) -> str:
+        return self.study.baseline
+
+    @cached_property
+    def ranked(self) -> list[str]:
+        """Controllers that held the speed and have a number, the best first."""
+        numbers = {c: v for c, v in self.line.values.items() if v is not None and c not in self.line.missed}
+        return sorted(numbers, key=lambda c: (numbers[c], c))
+
+    @cached_property
+    def winners(self) -> list[str]:
+        """The best controller, and those that tie with it."""
+        return [c for c in self.ranked if self.times(c, self.ranked[0]) <= 1 + SAME]
+
+    def times(self, controller: str, other: str) -> float:
+        """A controller's value over another's; infinite where only the other has nothing."""
+        mine, base = self.line.values[controller] or 0.0, self.line.values[other] or 0.0
+        return mine / base if base else math.inf if mine else 1.0
+
+    def learns(self, controller: str) -> bool:
+        return self.study.controller[controller].law != "pi"
+
+    def label(self, controller: str) -> str:
+        return self.study.label(controller)
+
+    def shown(self, controllers: Sequence[str]) -> str:
+        """Controllers with their values, for a list."""
+        return _listed([f"{self.label(c)} {self.line.text(c)}" for c in controllers])
+
+
 def verdicts(results: Results, speed_unit: str) -> list[Verdict]:
     """One for each scenario that has runs and metrics."""
     return [v for scenario in results.scenarios if (v := _verdict(results, scenario, speed_unit)) is not None]
@@ -33,43 +81,59 @@ def verdicts(results: Results, speed_unit: str) -> list[Verdict]:
 
 def _verdict(results: Results, scenario: str, speed_unit: str) -> Verdict | None:
     lines = [line for line in compare(results, scenario) if line.better == "lower"]
-    runs = [run for run in results.runs if run.scenario == scenario]
-    baseline = results.study.baseline
-    line = _decisive(lines, baseline)
+    line = _decisive(lines, results.study.baseline)
     if line is None:
         return None
-    label = {name: results.study.label(name) for name in results.study.controller}
-    where = _place(runs[0], speed_unit)
-    others = [c for c, v in line.values.items() if c != baseline and v is not None]
-    others.sort(key=lambda c: (line.values[c], c))
-    if line.values.get(baseline) is None or not others:
-        parts = ", ".join(f"{label[c]} {line.text(c)}" for c in line.values)
-        return Verdict(
-            scenario, "even", f"{where}, {line.quantity}: {parts}.", ["There is nothing to compare."]
-        )
-    best = others[0]
-    ratio = _ratio(line, best, baseline)
-    base = f"{label[baseline]} ({line.text(baseline)})"
-    if ratio < 1 - SAME:
-        learns = results.study.controller[best].law != "pi"
-        tone = "better" if learns else "even"
-        headline = f"{where}, {label[best]} {_has(line, best)}, {_less(ratio)} {base}."
-    elif ratio <= 1 + SAME:
-        tone = "even"
-        headline = f"{where}, all are alike: {label[best]} {_has(line, best)}, {base}."
-    else:
-        tone = "worse"
-        headline = (
-            f"{where}, no controller beats {label[baseline]}: it {_has(line, baseline)}; "
-            f"the next, {label[best]}, {line.text(best)} ({_change(ratio)})."
-        )
+    run = next(run for run in results.runs if run.scenario == scenario)
+    case = _Case(results.study, _place(run, speed_unit), lines, line)
+    tone, headline = _headline(case)
+    compared = len(case.ranked) > 1
     details = [
-        _without_learning(results, line, best, label),
-        _costs(lines, line, best, baseline, label),
-        _rest(line, others[1:], baseline, label),
-        *_never(lines, label),
+        _strongest_order(case),
+        _without_learning(case) if compared else "",
+        _against_the_next(case) if compared else "",
+        _costs(case) if compared else "",
+        _rest(case),
+        *_failures(case),
     ]
+    if len(line.values) < 2 or case.baseline not in line.values:
+        details = ["There is nothing to compare.", *_failures(case)]
     return Verdict(scenario, tone, headline, [sentence for sentence in details if sentence])
+
+
+def _headline(case: _Case) -> tuple[str, str]:
+    """Tone and first sentence."""
+    line, base, ranked, label = case.line, case.baseline, case.ranked, case.label
+    if line.missed and not ranked:
+        speeds = ", ".join(f"{label(c)} {speed}" for c, speed in line.missed.items())
+        return "worse", f"{case.where}, no controller holds the speed: {speeds}."
+    if not ranked or len(line.values) < 2 or (base not in ranked and base not in line.missed):
+        return "even", f"{case.where}, {line.quantity}: {case.shown(list(line.values))}."
+    if ranked == [base]:
+        return "worse", f"{case.where}, only {label(base)} holds the speed: it {_has(line, base)}."
+    return _comparison(case)
+
+
+def _comparison(case: _Case) -> tuple[str, str]:
+    """Tone and first sentence where the baseline or others held the speed."""
+    line, base, ranked, winners = case.line, case.baseline, case.ranked, case.winners
+    tone = "better" if all(case.learns(c) for c in winners) else "even"
+    if base not in ranked:
+        end = f"; {case.label(base)} did not hold the speed ({line.missed[base]})."
+        return tone, f"{case.where}, {_have(case)}{end}"
+    if winners == ranked:
+        return "even", f"{case.where}, all are alike: {case.shown(winners)} of {line.quantity}."
+    if winners == [base]:
+        best = ranked[1]
+        return "worse", (
+            f"{case.where}, no controller beats {case.label(base)}: it {_has(line, base)}; "
+            f"the next, {case.label(best)}, {line.text(best)} ({_change(case.times(best, base))})."
+        )
+    if base in winners:
+        return "even", f"{case.where}, {_have(case)}."
+    about = "" if len(winners) == 1 else "about "
+    less = f"{about}{_less(case.times(winners[0], base))} {case.label(base)} ({line.text(base)})"
+    return tone, f"{case.where}, {_have(case)}, {less}."
 
 
 def _has(line: Line, controller: str) -> str:
@@ -79,16 +143,36 @@ def _has(line: Line, controller: str) -> str:
     return f"leaves {line.text(controller)} of {line.quantity}"
 
 
+def _have(case: _Case) -> str:
+    """What the winners do, such as "A and B tie: they leave 0.46 rpm and 0.47 rpm of speed ripple"."""
+    line, winners = case.line, case.winners
+    if len(winners) == 1:
+        return f"{case.label(winners[0])} {_has(line, winners[0])}"
+    names, values = _listed([case.label(c) for c in winners]), _listed([line.text(c) for c in winners])
+    if line.kind == "dip":
+        return f"{names} tie: they are thrown off by {values} ({line.quantity})"
+    return f"{names} tie: they leave {values} of {line.quantity}"
+
+
 def _decisive(lines: Sequence[Line], baseline: str) -> Line | None:
-    """What the verdict is about: the baseline's strongest order, else a dip, a ripple, the first metric."""
+    """What the verdict is about: the ripple of the speed, else the baseline's strongest order, else a dip."""
     lines = [line for line in lines if line.kind != "mean"]  # it may be negative
-    first = next((line.name for line in lines if line.kind == "order"), None)
-    orders = [line for line in lines if line.name == first and line.values.get(baseline) is not None]
-    if orders:
-        return max(orders, key=lambda line: line.values[baseline] or 0.0)
+    totals = [line for line in lines if _is_total(line)]
+    orders = _orders(lines, baseline)
     dips = [line for line in lines if line.kind == "dip"]
-    ripples = [line for line in lines if line.kind in ("ripple-rms", "peak-to-peak")]
-    return next(iter([*dips, *ripples, *lines]), None)
+    ripples = [line for line in lines if line.kind in TOTALS]
+    return next(iter([*totals, *orders, *dips, *ripples, *lines]), None)
+
+
+def _is_total(line: Line) -> bool:
+    return line.kind in TOTALS and line.signal in SPEEDS
+
+
+def _orders(lines: Sequence[Line], controller: str) -> list[Line]:
+    """The orders of the first order metric, the strongest with this controller first."""
+    first = next((line.name for line in lines if line.kind == "order"), None)
+    orders = [line for line in lines if line.name == first and line.values.get(controller) is not None]
+    return sorted(orders, key=lambda line: -(line.values[controller] or 0.0))
 
 
 def _place(run: Run, speed_unit: str) -> str:
@@ -100,72 +184,110 @@ def _place(run: Run, speed_unit: str) -> str:
     return f"At {speed:.4g} {pretty(speed_unit)}"
 
 
-def _without_learning(results: Results, line: Line, best: str, label: dict[str, str]) -> str:
+def _strongest_order(case: _Case) -> str:
+    """After the whole ripple of the speed: what it's made of, with the best and with the baseline."""
+    if not _is_total(case.line) or len(case.ranked) < 2:
+        return ""
+    compared = case.baseline if case.baseline in case.ranked else case.ranked[-1]
+    orders = _orders([line for line in case.lines if line.signal in SPEEDS], compared)
+    if not orders:
+        return ""
+    names = dict.fromkeys([*case.winners, *case.ranked[:2], compared])
+    parts = _listed([f"{case.label(c)} {orders[0].text(c)}" for c in names if c in orders[0].values])
+    return f"Of the strongest order, {orders[0].order:g} ({orders[0].frame}): {parts}."
+
+
+def _without_learning(case: _Case) -> str:
     """The fair bar: the winner beside the best feedback that doesn't learn, unless that's the baseline."""
-    laws = {name: c.law for name, c in results.study.controller.items()}
-    plain = [c for c, v in line.values.items() if laws[c] == "pi" and v is not None]
-    if laws[best] == "pi":
-        learning = [c for c, v in line.values.items() if laws[c] != "pi" and v is not None]
-        if not learning:
-            return ""
-        nearest = min(learning, key=lambda c: line.values[c] or 0.0)
+    best, line = case.winners[0], case.line
+    plain = [c for c in case.ranked if not case.learns(c)]
+    learning = [c for c in case.ranked if case.learns(c)]
+    if best == case.baseline or not plain or not learning or {plain[0], learning[0]} <= set(case.winners):
+        return ""
+    label, rival = case.label, plain[0]
+    if best == rival:
+        nearest = learning[0]
         return (
-            f"{label[best]} doesn't learn; the best that does is {label[nearest]} with {line.text(nearest)}."
+            f"{label(best)} doesn't learn; the best that does is {label(nearest)} with {line.text(nearest)}."
         )
-    rival = min(plain, key=lambda c: line.values[c] or 0.0, default=None)
-    if rival is None or rival == results.study.baseline:
-        return ""
     ratio = line.ratio(rival, best)
-    if ratio is None:
+    if rival == case.baseline or ratio is None:
         return ""
-    if ratio <= 1 + SAME:
-        return f"The best without learning, {label[rival]}, does about as well ({line.text(rival)})."
     return (
-        f"That is {_times(ratio)} less than the best without learning, {label[rival]} ({line.text(rival)})."
+        f"That is {_times(ratio)} less than the best without learning, {label(rival)} ({line.text(rival)})."
     )
 
 
-def _costs(lines: Sequence[Line], decisive: Line, best: str, baseline: str, label: dict[str, str]) -> str:
-    """Which other metrics get worse with the winner, and by how much."""
+def _against_the_next(case: _Case) -> str:
+    """Where the winner is clearly worse than the next one; where they tie, each against the other."""
+    first, second = case.ranked[:2]
+    pairs = [(first, second)] if second not in case.winners else [(first, second), (second, first)]
+    sentences = [_worse(case, *pair) for pair in pairs if pair[1] != case.baseline]
+    return " ".join(sentence for sentence in sentences if sentence)
+
+
+def _worse(case: _Case, controller: str, other: str) -> str:
+    """The other metrics in which a controller is clearly worse than another, the worst first."""
+    part = _is_total(case.line)  # then the orders of the speed are parts of what was judged already
+    others = [line for line in case.lines if line is not case.line]
+    others = [line for line in others if not (part and line.kind == "order" and line.signal in SPEEDS)]
+    ratios = [(line.ratio(controller, other) or 0.0, line) for line in others]
+    worst = sorted((pair for pair in ratios if pair[0] >= CLEARLY), key=lambda pair: -pair[0])
+    parts = [
+        f"{_times(ratio)} the {line.quantity} ({line.text(controller)} against {line.text(other)})"
+        for ratio, line in worst[:MOST]
+    ]
+    return f"Against {case.label(other)}, {case.label(controller)} has {_listed(parts)}." if parts else ""
+
+
+def _costs(case: _Case) -> str:
+    """Which other metrics get worse with the winner than with the baseline, and by how much."""
+    best = next((c for c in case.winners if c != case.baseline), None)
+    if best is None or case.baseline not in case.ranked:
+        return ""
     costs, compared = [], 0
-    for line in lines:
-        ratio = line.ratio(best, baseline)
-        if line is decisive or ratio is None:
+    for line in case.lines:
+        ratio = line.ratio(best, case.baseline)
+        if line is case.line or ratio is None:
             continue
         compared += 1
         if ratio > 1 + COST:
             more = f"+{100 * (ratio - 1):.0f} %" if ratio < 2 else f"{_times(ratio)} the"
             costs.append(f"{more} {line.quantity} ({line.text(best)})")
-    if not compared:
+    if costs:
+        return f"{case.label(best)} costs {_listed(costs)}."
+    if compared < 2:
+        return "The other number doesn't get worse." if compared else ""
+    whose = f" with {case.label(best)}" if len(case.winners) > 1 else ""
+    return f"None of the {compared} other numbers gets worse{whose}."
+
+
+def _rest(case: _Case) -> str:
+    """The controllers that the headline doesn't name, in one sentence."""
+    base = case.baseline
+    named = {base, *case.winners, *(case.ranked[:2] if case.winners == [base] else ())}
+    others = [c for c in case.ranked if c not in named]
+    if not others:
         return ""
-    if not costs:
-        return f"None of the {compared} other numbers gets worse."
-    return f"{label[best]} costs {_listed(costs)}."
+    if base not in case.ranked:
+        return f"The others: {case.shown(others)}."
+    parts = [f"{case.label(c)} {case.line.text(c)} ({_change(case.times(c, base))})" for c in others]
+    return f"The others against {case.label(base)}: {_listed(parts)}."
 
 
-def _rest(line: Line, others: Sequence[str], baseline: str, label: dict[str, str]) -> str:
-    """The other controllers, in one sentence."""
-    parts = []
-    for controller in others:
-        parts.append(
-            f"{label[controller]} {line.text(controller)} ({_change(_ratio(line, controller, baseline))})"
-        )
-    return f"The others against {label[baseline]}: {_listed(parts)}." if parts else ""
-
-
-def _never(lines: Sequence[Line], label: dict[str, str]) -> list[str]:
-    sentences = []
-    for line in lines:
-        unsettled = [label[c] for c, v in line.values.items() if v is None]
+def _failures(case: _Case) -> list[str]:
+    """Who did not hold the speed, as far as the headline doesn't say so, and who never settled."""
+    told = set(case.line.missed) if not case.ranked else {case.baseline} & set(case.line.missed)
+    sentences = [
+        f"{case.label(c)} did not hold the speed: {speed}."
+        for c, speed in misses(case.lines).items()
+        if c not in told
+    ]
+    for line in case.lines:
+        unsettled = [case.label(c) for c, v in line.values.items() if v is None and c not in line.missed]
         if line.kind == "settling" and unsettled:
             sentences.append(f"In {line.quantity}, {_listed(unsettled)} never settled.")
     return sentences
-
-
-def _ratio(line: Line, controller: str, baseline: str) -> float:
-    """A controller's value over the baseline's; infinite where only the baseline has nothing."""
-    mine, base = line.values[controller] or 0.0, line.values[baseline] or 0.0
-    return mine / base if base else math.inf if mine else 1.0
 
 
 def _less(ratio: float) -> str:

@@ -25,8 +25,8 @@ EXPECTED = {
     "bool_type": "expected true or false",
     "dict_type": "expected a table",
     "tuple_type": "expected an array",
-    "missing": "expected more values",
-    "too_long": "expected {max_length} or fewer",
+    "missing": "expected {length} values",
+    "too_long": "expected {max_length} values",
     "greater_than": "expected a number above {gt:g}",
     "greater_than_equal": "expected a number of {ge:g} or more",
     "less_than_equal": "expected a number of {le:g} or less",
@@ -68,7 +68,12 @@ def shown(value: Any) -> str:
 
 def problems(error: ValidationError, tables: Any) -> list[Problem]:
     """Each of pydantic's findings on these tables."""
-    return [_problem(details, tables) for details in error.errors(include_url=False, include_input=False)]
+    found = error.errors(include_url=False, include_input=False)
+    # Of an array that is too short, each missing index is a finding; the last one tells its length.
+    lengths = {d["loc"][:-1]: int(d["loc"][-1]) + 1 for d in found if d["type"] == "missing"}
+    first = {d["loc"][:-1]: d for d in reversed(found) if d["type"] == "missing"}
+    kept = [d for d in found if d["type"] != "missing" or first[d["loc"][:-1]] is d]
+    return [_problem(details, tables, lengths.get(details["loc"][:-1])) for details in kept]
 
 
 def study_error(found: Sequence[Problem], file: Path | str, prefix: str = "") -> StudyError:
@@ -77,8 +82,8 @@ def study_error(found: Sequence[Problem], file: Path | str, prefix: str = "") ->
     return StudyError(found[0].line(file, prefix) + more)
 
 
-def _problem(details: Any, tables: Any) -> Problem:
-    context = details.get("ctx", {})
+def _problem(details: Any, tables: Any, length: int | None) -> Problem:
+    context = {"length": length, **details.get("ctx", {})}
     key = _existing(details["loc"], tables) + tuple(context.get("key", ()))
     kind = details["type"]
     if kind.startswith("union_tag"):

@@ -6,13 +6,13 @@ import math
 from typing import TYPE_CHECKING
 
 from cogless.study.controller import Learning
-from cogless.study.scenario import Scenario
 from cogless.study.table import problem
 
 if TYPE_CHECKING:
     from cogless.study.study import Study
 
 LARGEST_STEP = 0.5  # of RK4, in time constants: it is unstable at 2.8, and 0.04 % off a step at 0.5
+FEWEST_SAMPLES = 4  # of a learning law's period; also, its lead is at most one part in so many
 MOST_ROWS = 20_000_000  # of one run's trace; with 8 bytes for each of some 25 signals, 4 GB
 
 
@@ -63,20 +63,25 @@ def size(study: Study) -> None:
 
 
 def periods(study: Study) -> None:
-    """A memory by time holds a period at one of its scenarios' speeds at least."""
+    """A learning law learns at one of its scenarios' top speeds at least."""
+    rate = study.drive.rates.speed_loop
     for name, controller in study.controller.items():
-        if not isinstance(controller, Learning) or controller.memory != "time":
+        if not isinstance(controller, Learning):
             continue
         per_turn = study.motor.pole_pairs if controller.period == "electrical" else 1
-        samples = [
-            study.drive.rates.speed_loop * 2 * math.pi / (per_turn * scenario.top_speed)
-            for scenario in _of(study, name)
-            if scenario.top_speed > 0
-        ]
-        if samples and min(samples) > controller.cells:
+        speeds = [s.top_speed for key, s in study.scenario.items() if name in study.controllers_in(key)]
+        samples = [rate * 2 * math.pi / (per_turn * speed) for speed in speeds if speed > 0]
+        if not samples:
+            continue
+        longest = max(samples)
+        if controller.memory == "time" and min(samples) > controller.cells:
             expected = f"expected {math.ceil(min(samples))} or more, the samples of a period"
             raise problem(expected, "controller", name, "cells", value=controller.cells)
-
-
-def _of(study: Study, controller: str) -> list[Scenario]:
-    return [s for name, s in study.scenario.items() if controller in study.controllers_in(name)]
+        if longest < FEWEST_SAMPLES:
+            expected = (
+                f"expected a longer one: it has {longest:.3g} samples, at least {FEWEST_SAMPLES} are needed"
+            )
+            raise problem(expected, "controller", name, "period", value=controller.period)
+        if controller.lead * rate > longest / FEWEST_SAMPLES:
+            expected = f"expected at most {longest / FEWEST_SAMPLES / rate:.3g} s, a quarter of a period"
+            raise problem(expected, "controller", name, "lead")

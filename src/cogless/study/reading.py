@@ -32,6 +32,7 @@ def load(study: str | Path, changes: Changes | None = None) -> Study:
     if "motor.datasheet" in changes:
         put(tables, "motor.datasheet", changes.pop("motor.datasheet"))
     source = _with_datasheet(path, tables)
+    _check_names(path, source.tables, changes)
     for key, value in changes.items():
         put(source.tables, key, value)
     return _checked(source)
@@ -73,16 +74,19 @@ def shipped(room: str) -> dict[str, Path]:
     return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
 
 
-def find(name: str | Path, room: str, what: str, beside: Path | None = None) -> Path:
-    """The file of a shipped name or of a path, relative to the folder `beside`."""
+def find(name: str | Path, room: str, what: str, beside: Path | None = None, where: str = "") -> Path:
+    """The file of a shipped name or of a path, relative to the folder `beside`. `where`: who names it."""
     known = shipped(room)
     if str(name) in known:
         return known[str(name)]
     path = (beside or Path()) / name
     if path.is_file():
         return path
+    named = f"{where}{shown(str(name)) if where else name}: "
+    if path.is_dir():
+        raise StudyError(f"{named}is a directory: expected a {what} file")
     expected = f"expected a file, or one of the shipped: {', '.join(known) or 'none'}"
-    raise StudyError(f"{name}: no such {what}: {expected}")
+    raise StudyError(f"{named}no such {what}: {expected}")
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -138,11 +142,25 @@ def with_unit(value: Any, old: Any) -> Any:
     return f"{value!r} {unit}" if bare and unit else value
 
 
+def _check_names(path: Path, tables: dict[str, Any], changes: Changes) -> None:
+    """A change of a value must not make a controller or scenario; only one of all its values may."""
+    for table, needed in (("controller", "law"), ("scenario", "duration")):
+        known = tables.get(table)
+        for key, value in changes.items():
+            parts = split(key)
+            if not isinstance(known, dict) or parts[0] != table or len(parts) < 3 or parts[1] in known:
+                continue
+            if f"{table}.{parts[1]}.{needed}" not in changes:
+                expected = f"expected a {table} of {', '.join(known)}"
+                raise StudyError(f"{path}: {key}: {shown(value)}: {expected}")
+
+
 def _with_datasheet(path: Path, tables: dict[str, Any]) -> Source:
     motor = tables.get("motor")
     if not isinstance(motor, dict) or not isinstance(motor.get("datasheet"), str):
         return Source(path, tables)
-    sheet = find(motor["datasheet"], "motors", "datasheet", beside=path.parent)
+    where = f"{path}: motor.datasheet: "
+    sheet = find(motor["datasheet"], "motors", "datasheet", path.parent, where)
     fields = read(sheet)
     if "psi_f" in motor or "K_t" in motor:
         fields = {key: value for key, value in fields.items() if key not in ("psi_f", "K_t")}

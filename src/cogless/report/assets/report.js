@@ -115,7 +115,7 @@
     ctx.restore();
   }
 
-  const lines = (list) => list.map((s) => ({ ...s, values: unpack(s.values) }));
+  const lines = (list) => list.map((s) => ({ ...s, values: unpack(s.values), detail: s.detail && unpack(s.detail) }));
   const longest = (series) => Math.max(...series.map((s) => s.values.length));
   const padded = (series, length) => {
     for (const s of series) while (s.values.length < length) s.values.push(null);
@@ -125,9 +125,17 @@
   function drawTimes(parent, chart, group, options = {}) {
     const decoded = chart.panels.map((p) => ({ ...p, series: lines(p.series) }));
     const length = Math.max(...decoded.map((p) => longest(p.series)));
-    const xs = Array.from({ length }, (_, i) => chart.start + i * chart.step);
+    const grid = ({ start, step }, count) => Array.from({ length: count }, (_, i) => start + i * step);
+    let xs = grid(chart, length);
+    for (const p of decoded) padded(p.series, length);
+    if (chart.detail) { // the last part has finer points
+      const kept = xs.filter((x) => x < chart.detail.start).length;
+      const fine = Math.max(...decoded.flatMap((p) => p.series.map((s) => s.detail.length)));
+      xs = [...xs.slice(0, kept), ...grid(chart.detail, fine)];
+      for (const p of decoded) for (const s of p.series) s.values = [...s.values.slice(0, kept), ...s.detail];
+    }
     decoded.forEach((p, i) => panel(parent, {
-      title: p.title, x: i === decoded.length - 1 || options.grid ? chart.x : "", y: `${p.quantity} (${p.unit})`, xs, series: padded(p.series, length), group,
+      title: p.title, x: i === decoded.length - 1 || options.grid ? chart.x : "", y: `${p.quantity} (${p.unit})`, xs, series: padded(p.series, xs.length), group,
       readX: (t) => `${t.toFixed(4)} s`, ...options,
     }));
   }
@@ -146,7 +154,8 @@
     zooms.textContent = "";
     const zoom = ({ from, to }) => plots.find((p) => p.group === "time")?.u.setScale("x", { min: from, max: to });
     for (const z of shown.zooms) make("button", zooms, z.name).onclick = () => zoom(z);
-    const first = wanted ?? shown.zooms.find((z) => z.name === "after start-up") ?? shown.zooms[0];
+    const named = (name) => shown.zooms.find((z) => z.name === name);
+    const first = wanted ?? shown.zooms.find((z) => z.first) ?? named("after start-up") ?? shown.zooms[0];
     if (first) zoom(first);
 
     $("#spectra").hidden = !shown.spectra.length;

@@ -1,0 +1,76 @@
+"""The current loop of one axis, sampled with period T_c, as the drive runs it.
+
+The winding R, L under a voltage that is constant within a period and acts `delay` periods after the current
+was sampled, with the controller's integral of control/src/cogless/foc.c (forward Euler):
+
+    G = (kp + ki T_c / (z - 1)) z^-delay (1 - a) / (R (z - a)),    a = exp(-R T_c / L),    z = exp(jw T_c)
+
+Exact for the averaged inverter at standstill; the back-EMF is taken as decoupled.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cogless.design.margins import Complex, Margins, Real, margins_of
+from cogless.errors import StudyError
+from cogless.study import Study
+
+LEAST = math.radians(30)  # phase margin below which a speed loop should not be put around it
+
+
+@dataclass(frozen=True)
+class CurrentLoop:
+    """Winding and current controller of one axis."""
+
+    kp: float  # V/A
+    ki: float  # V/A/s
+    R: float  # ohm
+    L: float  # H
+    period: float  # s
+    delay: int  # periods, from sampling the current to the voltage
+
+    def response(self, w: Real) -> Complex:
+        """G(jw), see above."""
+        z = np.exp(1j * w * self.period)
+        x = self.R * self.period / self.L
+        gain = self.period / self.L * (-math.expm1(-x) / x if x > 0 else 1.0)
+        pi = self.kp + self.ki * self.period / (z - 1)
+        return np.asarray(pi * gain / (z - math.exp(-x)) / z**self.delay)
+
+    def margins(self) -> Margins:
+        """Of the open loop G."""
+        return margins_of(self.response, self.period, (self.ki > 0) + (self.R == 0 and self.kp + self.ki > 0))
+
+
+def current_loops(study: Study) -> dict[str, CurrentLoop]:
+    """Both axes of a study, as the controller knows the motor."""
+    belief, rate = study.belief, study.drive.rates.current_loop
+    gains = study.drive.current_loop.gains(belief)
+    delay = study.drive.inverter.computation_delay
+    return {
+        "q": CurrentLoop(gains["kp_q"], gains["ki_q"], belief.R_s, belief.L_q, 1 / rate, delay),
+        "d": CurrentLoop(gains["kp_d"], gains["ki_d"], belief.R_s, belief.L_d, 1 / rate, delay),
+    }
+
+
+def weakness(margins: Margins) -> str | None:
+    """What is wrong with a current loop, in words; None where nothing is."""
+    if not margins.stable:
+        return "is unstable"
+    if margins.phase_margin < LEAST:
+        return f"has {math.degrees(margins.phase_margin):.1f} deg"
+    return None
+
+
+def require_damped(study: Study, name: str) -> None:
+    """StudyError where no speed loop can be tuned around the current loop."""
+    for axis, loop in current_loops(study).items():
+        wrong = weakness(loop.margins())
+        if wrong:
+            expected = f"expected {math.degrees(LEAST):.0f} deg of phase margin or more"
+            found = f"to tune controller.{name} around it; its {axis} axis {wrong}"
+            raise StudyError(f"{study.source.path}: drive.current_loop: {expected} {found}")

@@ -1,0 +1,100 @@
+"""Stability and margins of a sampled loop from its open-loop frequency response L(jw), up to half its rate.
+
+Stability is Nyquist's criterion by the argument principle: L is strictly proper with m poles at z = 1 and
+the others inside the unit circle. While w goes from 0 to half the rate, each closed-loop pole inside turns 1
++ L by half a turn, and one outside by none, so that arg(1 + L) goes from -m 90 deg to zero less half a turn
+for each unstable pole.
+
+The gain margin of a stable loop is the smallest factor above one on L that makes it unstable: of all
+crossings of the negative real axis between -1 and 0, the one next to -1. The phase margin is the smallest
+angle from -1 of all crossings of the unit circle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+POINTS = 4001
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Of a loop; NaN where it has no such crossing, and where it is unstable."""
+
+    stable: bool
+    crossover: float  # rad/s, where the phase margin is
+    phase_margin: float  # rad
+    gain_margin: float  # a factor above one
+    phase_crossover: float  # rad/s, at which it oscillates with that factor
+
+
+UNSTABLE = Margins(False, math.nan, math.nan, math.nan, math.nan)
+
+
+def margins_of(response: Callable[[Real], Complex], period: float, integrators: int) -> Margins:
+    """Margins of L = response(w), sampled with period and with so many poles at z = 1."""
+    w = np.geomspace(1e-4, 1, POINTS) * math.pi / period
+    L = response(w)
+    if not _stable(L, integrators):
+        return UNSTABLE
+    crossover, on_circle = _crossover(response, w, L)
+    phase_crossover, on_axis = _phase_crossover(response, w, L)
+    return Margins(True, crossover, abs(float(np.angle(-on_circle))), 1 / abs(on_axis), phase_crossover)
+
+
+def _stable(L: Complex, integrators: int) -> bool:
+    begin = -integrators * math.pi / 2
+    turned = np.unwrap(np.concatenate(([begin], np.angle(1 + L))))
+    return abs(float(turned[-1])) < math.pi / 2
+
+
+def _crossover(response: Callable[[Real], Complex], w: Real, L: Complex) -> tuple[float, complex]:
+    """Where |L| = 1 nearest to -1, and L there."""
+    outside = np.abs(L) >= 1
+    found = np.flatnonzero(outside[:-1] != outside[1:])
+    if not len(found):
+        return math.nan, complex(math.nan)
+    k = found[np.argmin(np.abs(np.angle(-L[found])))]
+    at = root(lambda w: abs(_at(response, w)) - 1, w[k], w[k + 1])
+    return at, _at(response, at)
+
+
+def _phase_crossover(response: Callable[[Real], Complex], w: Real, L: Complex) -> tuple[float, complex]:
+    """Where L is real and negative, nearest to -1 within the unit circle, and L there."""
+    a, b = L[:-2], L[1:-1]
+    found = np.flatnonzero((np.sign(a.imag) != np.sign(b.imag)) & (a.real < 0) & (b.real < 0))
+    share = a[found].imag / (a[found].imag - b[found].imag)
+    real = a[found].real + share * (b[found].real - a[found].real)
+    # at half the rate L is always real
+    real, found = np.append(real, L[-1].real), np.append(found, len(L) - 1)
+    inside = (real > -1) & (real < 0)
+    if not np.any(inside):
+        return math.nan, complex(math.nan)
+    k = found[inside][np.argmin(real[inside])]
+    if k == len(L) - 1:
+        return float(w[-1]), complex(L[-1])
+    at = root(lambda w: _at(response, w).imag, w[k], w[k + 1])
+    return at, _at(response, at)
+
+
+def _at(response: Callable[[Real], Complex], w: float) -> complex:
+    return complex(response(np.array([w]))[0])
+
+
+def root(f: Callable[[float], float], a: float, b: float) -> float:
+    """Where f changes sign, by halving: importing scipy.optimize takes longer than a run does."""
+    rising = f(b) > f(a)
+    for _ in range(60):
+        middle = (a + b) / 2
+        if (f(middle) > 0) == rising:
+            b = middle
+        else:
+            a = middle
+    return float((a + b) / 2)
