@@ -251,12 +251,9 @@ def test_a_law_that_exits_on_import(tmp_path: Path) -> None:
 
 
 def test_a_metric_that_cannot_be_taken_names_the_run(tmp_path: Path) -> None:
-    (tmp_path / "laws.py").write_text(LAWS, encoding="utf-8")
-    text = studies.BASE.replace('initial_speed = "60 rpm"\n', "", 1).replace('"4 mN*m"', '"0.4 mN*m"')
-    changes = {"controller.mine": {"law": "python", "object": "laws.py:Pi", "params": {"kp": 0, "ki": 0}}}
     with pytest.raises(StudyError) as error:
-        simulate(studies.study(tmp_path, changes, text), "low", "mine")
-    start = "study.toml: controller.mine: scenario low: metric speed: window holds "
+        simulate(studies.study(tmp_path, {"metric.1.window": ["0.1 s", "0.2 s"]}), "low", "pi")
+    start = "study.toml: controller.pi: scenario low: metric speed: window holds 0.4"
     assert line(error, tmp_path).startswith(start)
 
 
