@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from cogless import load, run_study
-from cogless.design.learning import Learning, frozen, learning
+from cogless.design.learning import SETTLED, Learning, frozen, learning, settling_lead
 from cogless.design.summary import summary, to_dict
 from cogless.design.table import design_table
 
@@ -57,6 +57,21 @@ def test_a_lead_makes_every_frequency_decay() -> None:
     assert without is not None
     assert with_lead.factor < 1.001
     assert without.factor > 1.2
+
+
+def test_the_lead_that_is_advised_settles_and_a_shorter_one_does_not() -> None:
+    for name, controller in (("liu2018", "pi-ilc-printed"), ("uomodri", "pi-ilc")):
+        changes = {f"controller.{controller}.lead": "0 s", f"controller.{controller}.q_half_width": 0}
+        without = load(name, changes)
+        assert learning(without, controller).factor > SETTLED
+        lead = settling_lead(without, controller)
+        assert lead is not None
+        period = 1.0 / without.drive.rates.speed_loop
+        factors = [
+            learning(load(name, {**changes, f"controller.{controller}.lead": f"{s} s"}), controller).factor
+            for s in (lead, lead - period)
+        ]
+        assert factors[0] <= SETTLED < factors[1]
 
 
 def test_only_learning_laws_have_a_factor() -> None:

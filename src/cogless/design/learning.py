@@ -30,6 +30,8 @@ from cogless.study.controller import PiIlc, RobustIlc
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 POINTS = 20000
+SETTLED = 1.0 + 1e-3  # a factor a period that is as good as settling
+LONGEST_LEAD = 30  # samples that are tried
 
 
 @dataclass(frozen=True)
@@ -149,18 +151,39 @@ class Learning:
         rate = self.study.drive.rates.speed_loop
         return rate, self.law.cells * self.periods_per_second if self.law.memory == "angle" else rate
 
+    @property
+    def frequencies(self) -> Real:
+        """From the period's own frequency up to what samples and cells hold, Hz."""
+        return np.linspace(self.periods_per_second, 0.499 * min(self._rates), POINTS)
+
     def worst(self) -> Worst:
-        """The largest factor from the period's own frequency up to what samples and cells hold."""
-        f = np.linspace(self.periods_per_second, 0.499 * min(self._rates), POINTS)
+        """The largest factor."""
+        f = self.frequencies
         factors = self.factor(f)
         k = int(np.argmax(factors))
         return Worst(float(factors[k]), float(f[k]))
+
+    def settling_leads(self) -> set[int]:
+        """The leads, in samples, with which it would settle."""
+        f, rate = self.frequencies, self.study.drive.rates.speed_loop
+        turn = np.exp(2j * np.pi * f / rate)
+        without, q = self.x(f) * turn**-self.lead, self.q(f)
+        longest = int(min(rate / self.periods_per_second, self.law.cells) / 4)
+        leads = range(1, min(longest, LONGEST_LEAD) + 1)
+        return {n for n in leads if np.max(np.abs(q * (1 - without * turn**n))) <= SETTLED}
 
 
 def learning(study: Study, name: str) -> Worst | None:
     """The worst factor of a controller over its scenarios' speeds; None where it learns at none of them."""
     worst = (at.worst() for at in _at_speeds(study, name) if at.frozen is None)
     return max(worst, key=lambda w: w.factor, default=None)
+
+
+def settling_lead(study: Study, name: str) -> float | None:
+    """The shortest lead with which a controller settles at all its scenarios' speeds, s; None for none."""
+    learns = [at for at in _at_speeds(study, name) if at.frozen is None]
+    common = set.intersection(*(at.settling_leads() for at in learns)) if learns else set()
+    return min(common) / study.drive.rates.speed_loop if common else None
 
 
 def frozen(study: Study, name: str) -> tuple[str, ...]:

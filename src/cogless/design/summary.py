@@ -7,7 +7,15 @@ import math
 from typing import Any, get_args
 
 from cogless.design.current_loop import current_loops, weakness
-from cogless.design.learning import Worst, frozen, learning, linear_part, stable
+from cogless.design.learning import (
+    SETTLED,
+    Worst,
+    frozen,
+    learning,
+    linear_part,
+    settling_lead,
+    stable,
+)
 from cogless.design.margins import Margins
 from cogless.design.pi import gains, margins, speed_loop
 from cogless.study import Study
@@ -32,6 +40,7 @@ class Design:
     gains: dict[str, Gain]
     margins: Margins | None
     learning: Worst | None  # where it learns
+    settling_lead: float | None  # s; where it grows: the shortest lead with which it would not
     frozen: tuple[str, ...]  # why it doesn't learn, at the speeds where it doesn't
     unstable: bool  # its feedback, with what learning adds to it at once
 
@@ -101,6 +110,7 @@ def _learning(design: Design) -> dict[str, Any]:
     return {
         "factor_per_period": worst and worst.factor,
         "frequency_Hz": worst and worst.frequency,
+        "settling_lead_s": design.settling_lead,
         "frozen": list(design.frozen),
         "unstable": design.unstable,
     }
@@ -119,12 +129,15 @@ def _design(study: Study, name: str) -> Design:
         pi = linear_part(controller)
     loop = margins(speed_loop(study), *pi) if pi else None
     learns = isinstance(controller, Learning)
+    worst = learning(study, name)
+    grows = worst is not None and worst.factor > SETTLED
     return Design(
         controller.law,
         rule,
         numbers,
         loop,
-        learning=learning(study, name),
+        learning=worst,
+        settling_lead=settling_lead(study, name) if grows else None,
         frozen=frozen(study, name),
         unstable=learns and not stable(study, name),
     )

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from cogless import units
+from cogless.design.learning import SETTLED
 from cogless.design.margins import UNSTABLE, Margins
 from cogless.design.summary import CurrentLoopDesign, Design, Gain, current_loop_summary, summary
 from cogless.study import Study
@@ -78,9 +79,11 @@ def _learning(design: Design) -> str:
         return "; ".join(said)
     if design.unstable:
         return "feedback unstable" if design.margins is UNSTABLE else "unstable: gain too large"
-    if worst.factor <= 1.0 + 1e-3:
+    if worst.factor <= SETTLED:
         return "; ".join(["settles", *said])
-    return "; ".join([f"grows {worst.factor:.3f}x a period at {worst.frequency:.0f} Hz", *said])
+    lead = design.settling_lead
+    remedy = "forgetting or a Q filter" if lead is None else f'lead = "{1e3 * lead:g} ms"'
+    return "; ".join([f"grows {worst.factor:.3f}x a period at {worst.frequency:.0f} Hz, try {remedy}", *said])
 
 
 def _margins(m: Margins | None) -> tuple[str, str, str]:
