@@ -78,3 +78,16 @@ def test_law_29_as_printed_diverges_and_forgetting_cures_it() -> None:
     assert 5.0 < printed["diverges_after_s"] < 60.0
     assert cured["diverges_after_s"] is None
     assert cured["late_ripple_rad_s"] < 0.1 * printed["late_ripple_rad_s"]
+
+
+@pytest.mark.parametrize("scenario", ["60-rpm", "60-rpm-30-load", "60-rpm-78-load", "900-rpm"])
+def test_the_lead_that_design_names_removes_the_ripple_that_the_paper_leaves(scenario: str) -> None:
+    found = runs(f"{scenario}/pi-ilc-lead", f"{scenario}/robust-ilc", f"{scenario}/pi-ilc", f"{scenario}/pi")
+    ripple = {run.controller: float(run.metrics["speed_ripple_rad_s"]) for run in found.values()}
+    assert ripple["pi-ilc-lead"] < 0.5 * min(ripple["pi"], ripple["pi-ilc"], ripple["robust-ilc"])
+
+
+def test_the_lead_holds_in_the_long_run() -> None:
+    (run,) = runs("60-rpm-long/pi-ilc-lead").values()
+    assert run.metrics["diverges_after_s"] is None
+    assert run.metrics["late_ripple_rad_s"] < 4.0 * RPM

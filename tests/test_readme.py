@@ -20,6 +20,19 @@ def test_the_study_in_the_readme_runs_and_learns(tmp_path: Path) -> None:
     assert learning.metrics["speed_ripple_rad_s"] < 0.2 * pi.metrics["speed_ripple_rad_s"]
 
 
+def test_the_figures_of_liu_are_the_studys() -> None:
+    text = re.search(r"On the motor of \[Liu 2018\].*?\n\n", README, re.DOTALL)
+    assert text is not None
+    robust, within, lead = (float(x) for x in re.findall(r"(?:leaves|within)\s+(\d+(?:\.\d+)?)", text[0]))
+    runs = run_study(
+        load("liu2018"), ["60-rpm/robust-ilc", "60-rpm/pi-ilc-lead", "60-rpm-long/*printed"], jobs=2
+    ).runs
+    found = {run.controller: run.metrics for run in runs}
+    ripple = [found[name]["speed_ripple_rad_s"] * 30.0 / np.pi for name in ("robust-ilc", "pi-ilc-lead")]
+    assert [robust, lead] == [float(f"{x:.2g}") for x in ripple]
+    assert within - 1.0 < found["pi-ilc-printed"]["diverges_after_s"] < within
+
+
 def test_the_figures_under_the_picture_are_the_demos() -> None:
     caption = re.search(r"\*A drone motor.*?\*\n", README, re.DOTALL)
     assert caption is not None
