@@ -39,12 +39,12 @@ lint: $(VENV)/installed ## ruff and mypy
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-control: ## the C library alone, float and double, with sanitizers
+control: $(VENV)/tools ## the C library alone, float and double, with sanitizers
 	for real in OFF ON; do \
-	  cmake -S control -B build/control-double-$$real -DCOGLESS_DOUBLE=$$real -DCOGLESS_SANITIZE=ON \
+	  $(BIN)/cmake -S control -B build/control-double-$$real -DCOGLESS_DOUBLE=$$real -DCOGLESS_SANITIZE=ON \
 	    -DCMAKE_BUILD_TYPE=Debug && \
-	  cmake --build build/control-double-$$real && \
-	  ctest --test-dir build/control-double-$$real --output-on-failure || exit 1; \
+	  $(BIN)/cmake --build build/control-double-$$real && \
+	  $(BIN)/ctest --test-dir build/control-double-$$real --output-on-failure || exit 1; \
 	done
 
 docs: $(VENV)/installed ## the guide as HTML in docs/_build

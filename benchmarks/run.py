@@ -126,7 +126,7 @@ def run_cogless(config: dict[str, Any], ticks: int, decimation: int) -> tuple[fl
     start = time.process_time()
     drive.advance(state, recorder, ticks)
     elapsed = time.process_time() - start
-    return elapsed / ticks * 1e9, {name: recorder.array()[:, n] for n, (name, _) in enumerate(drive.signals)}
+    return elapsed / ticks * 1e9, {name: recorder.take()[:, n] for n, (name, _) in enumerate(drive.signals)}
 
 
 def outcome(ns_per_tick: float, trace: dict[str, Signal]) -> Outcome:
@@ -368,6 +368,7 @@ def main() -> None:
     competitors()
     user()
     print("\n" + ("missed: " + ", ".join(missed) if missed else "every bar passed"))
+    sys.exit(1 if missed else 0)
 
 
 if __name__ == "__main__":

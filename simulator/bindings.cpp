@@ -6,7 +6,6 @@
 #include <nanobind/stl/vector.h>
 
 #include "config.hpp"
-#include "rollout.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -24,16 +23,6 @@ nb::dict memory_of(const Drive& drive, const DriveState& state) {
     result["frame"] = map.electrical ? "electrical" : "mechanical";
     result["current"] = map.current;
     return result;
-}
-
-void run_many(const std::vector<nb::tuple>& runs, unsigned threads) {
-    std::vector<Rollout> all;
-    for (const nb::tuple& run : runs) {
-        all.push_back({&nb::cast<const Drive&>(run[0]), &nb::cast<DriveState&>(run[1]), &nb::cast<Recorder&>(run[2]),
-                       nb::cast<std::int64_t>(run[3])});
-    }
-    const nb::gil_scoped_release no_gil;
-    rollout(all, threads);
 }
 
 }  // namespace
@@ -67,12 +56,14 @@ NB_MODULE(COGLESS_MODULE, m) {
              },
              "drive"_a, "decimation"_a, "rows"_a = 0, "rows: how many are expected; more are taken too.")
         .def(
-            "array",
-            [](nb::handle_t<Recorder> self) {
-                auto& recorder = nb::cast<Recorder&>(self);
-                return Array(recorder.data(), {recorder.rows(), recorder.columns()}, self);
+            "take",
+            [](Recorder& recorder) {
+                auto* rows = new std::vector<double>(recorder.take());
+                const nb::capsule owner(rows, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
+                const std::size_t columns = recorder.columns();
+                return Array(rows->data(), {rows->size() / columns, columns}, owner);
             },
-            "The rows so far, (rows, signals) in float64. Shares memory: valid until the next advance.");
+            "Hands over the rows so far, (rows, signals) in float64, and starts anew.");
 
     nb::class_<Drive>(m, "Drive", "An immutable description of a drive with its controller.")
         .def("__init__",
@@ -92,7 +83,4 @@ NB_MODULE(COGLESS_MODULE, m) {
              "Runs so many current-loop periods.")
         .def("memory", &memory_of, "state"_a, "The learned map: {'frame', 'current'}, or {}.")
         .def("load_memory", &Drive::teach, "state"_a, "table"_a, "Puts a learned table in.");
-
-    m.def("rollout", &run_many, "runs"_a, "threads"_a,
-          "Advances many (drive, state, recorder, ticks) at once, on threads.");
 }

@@ -236,7 +236,7 @@ DriveConfig read_config(const nb::dict& config, const nb::object& controller) {
         .initial_angle = top.number("initial_angle"),
         .learning_start = controller_section.has("learning_start") ? controller_section.number("learning_start") : 0.0,
         .seed = top.get<std::uint64_t>("seed"),
-        .energy = top.has("energy") && top.get<bool>("energy"),
+        .energy = top.get<bool>("energy"),
     };
 }
 

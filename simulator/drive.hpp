@@ -65,7 +65,6 @@ public:
     // Throws std::invalid_argument for a configuration that a control law refuses.
     explicit Drive(const DriveConfig& config);
 
-    const DriveConfig& config() const { return config_; }
     const std::vector<Signal>& signals() const { return signals_; }
 
     DriveState start() const;

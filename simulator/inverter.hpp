@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 
 #include "plant.hpp"
 
@@ -82,8 +81,12 @@ inline Voltage averaged(const InverterConfig& config, const Phases& duty, const 
     const double dead_share = config.dead_time / period;
     Phases u;
     for (std::size_t x = 0; x < 3; ++x) {
-        const double lost = duty[x] > 0.0 && duty[x] < 1.0 ? dead_share : 0.0;
-        u[x] = config.bus_voltage * std::clamp(duty[x] - (current[x] >= 0.0 ? lost : -lost), 0.0, 1.0);
+        double share = duty[x];
+        if (duty[x] > 0.0 && duty[x] < 1.0) {
+            // a delayed rise meets the fall at the earliest, a delayed fall the period's end
+            share += current[x] >= 0.0 ? -std::min(dead_share, share) : std::min(dead_share, 0.5 * (1.0 - share));
+        }
+        u[x] = config.bus_voltage * share;
     }
     return stationary(u);
 }

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace cogless {
@@ -36,8 +37,9 @@ public:
     }
 
     std::size_t columns() const { return columns_; }
-    std::size_t rows() const { return data_.size() / columns_; }
-    double* data() { return data_.data(); }
+
+    // Hands over what was recorded, and starts anew.
+    std::vector<double> take() { return std::exchange(data_, {}); }
 
 private:
     std::size_t columns_;

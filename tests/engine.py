@@ -102,5 +102,5 @@ def run(
     state = drive.start()
     recorder = module.Recorder(drive, decimation)
     drive.advance(state, recorder, round(seconds * settings["drive"]["current_rate"]))
-    rows = recorder.array()
+    rows = recorder.take()
     return {name: rows[:, n].copy() for n, (name, _) in enumerate(drive.signals)}

@@ -46,7 +46,7 @@ BUSY: dict[str, Any] = {
 def rows(drive: Any, state: Any, ticks: int) -> np.ndarray:
     recorder = _simulator_f64.Recorder(drive, 1)
     drive.advance(state, recorder, ticks)
-    return recorder.array().copy()
+    return recorder.take()
 
 
 def test_a_run_repeats_bit_for_bit() -> None:
@@ -70,19 +70,6 @@ def test_a_copied_state_goes_on_alike_and_alone() -> None:
     first = rows(drive, state, 2000)
     assert copy.tick == 1500
     assert np.array_equal(first, rows(drive, copy, 2000))
-
-
-def test_rollout_on_threads_equals_one_after_another() -> None:
-    drives, states, recorders = [], [], []
-    for seed in range(6):
-        drives.append(_simulator_f64.Drive(config({**BUSY, "seed": seed})))
-        states.append(drives[-1].start())
-        recorders.append(_simulator_f64.Recorder(drives[-1], 5))
-    _simulator_f64.rollout(list(zip(drives, states, recorders, [3000] * 6, strict=True)), 2)
-    for seed in range(6):
-        alone = run({**BUSY, "seed": seed}, 0.3, decimation=5)
-        names = [name for name, _ in drives[seed].signals]
-        assert np.array_equal(recorders[seed].array(), np.stack([alone[name] for name in names], axis=1))
 
 
 def test_float_stays_close_to_double() -> None:
@@ -184,7 +171,7 @@ def test_anti_cogging_commissioning_finds_the_table() -> None:
     state = drive.start()
     recorder = _simulator_f64.Recorder(drive, 10)
     drive.advance(state, recorder, 160000)
-    status = recorder.array()[:, [name for name, _ in drive.signals].index("status")].astype(int)
+    status = recorder.take()[:, [name for name, _ in drive.signals].index("status")].astype(int)
     assert status[0] & 8
     assert not status[-1] & 8
     table = np.array(drive.memory(state)["current"])

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from engine import RIPPLE, run
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 
 def test_switched_currents_approach_the_averaged_ones_as_the_carrier_rises() -> None:
@@ -75,3 +77,36 @@ def test_computation_delay_is_one_period() -> None:
         x = run(change, 0.01)
         first.append(int(np.flatnonzero(np.abs(x["i_q"]) > 0)[0]))
     assert first == [1, 2]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    i_d=st.floats(0.5, 15.0),
+    angle=st.floats(0.0, 1.5),
+    dead_time=st.floats(0.0, 4e-6),
+    bus=st.floats(14.0, 60.0),
+)
+def test_averaged_voltage_is_the_mean_of_the_pulses(
+    i_d: float, angle: float, dead_time: float, bus: float
+) -> None:
+    """At standstill, with inductance so large that the current hardly ripples, both inverters do the same."""
+
+    class HoldD:
+        def step(self, _: object) -> tuple[float, float]:
+            return (i_d, 0.0)
+
+    change: dict[str, Any] = {
+        "motor": {"L_d": 10.0, "L_q": 10.0},
+        "initial_speed": 0.0,
+        "initial_angle": angle,
+        "mechanics": {"inertia": 1e6},
+        "reference": {"speed": 0.0},
+        "controller": {"law": "python"},
+    }
+    drive = {"kp_d": 1e4, "kp_q": 1e4, "ki_d": 0.0, "ki_q": 0.0, "decoupling": False}  # far into the limit
+    i_d_after = []
+    for kind in ("averaged", "switched"):
+        inverter = {"kind": kind, "dead_time": dead_time, "bus_voltage": bus}
+        x = run({**change, "drive": {**drive, "inverter": inverter}}, 0.02, controller=HoldD())
+        i_d_after.append(x["i_d"][-1])
+    assert i_d_after[1] == pytest.approx(i_d_after[0], rel=1e-4, abs=1e-7)

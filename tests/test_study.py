@@ -282,3 +282,48 @@ def test_three_ways_to_say_the_magnet() -> None:
     ]
     assert [star.K_t for star in stars] == pytest.approx([0.0275664] * 3, rel=1e-4)
     assert [star.psi_f for star in stars] == pytest.approx([1.53147e-3] * 3, rel=1e-4)
+
+
+@pytest.mark.parametrize("key", ["kv", "K_t", "psi_f"])
+@pytest.mark.parametrize("sheet", ["uomodri", "liu2018"])
+def test_one_word_for_the_magnet_replaces_the_datasheets(tmp_path: Path, sheet: str, key: str) -> None:
+    value = {"kv": "300 rpm/V", "K_t": "0.03 N*m/A", "psi_f": "2 mWb"}[key]
+    before, after = studies.BASE.partition("[motor]")[0], studies.BASE.partition("[mechanics]")[2]
+    alone = f'{before}[motor]\ndatasheet = "{sheet}"\n[mechanics]{after}'
+    with_key = alone.replace("[mechanics]", f'{key} = "{value}"\n[mechanics]')
+    in_file = studies.study(tmp_path, {}, with_key)
+    by_change = changed(studies.study(tmp_path, {}, alone), {f"motor.{key}": value})
+    assert in_file.motor.star().K_t == by_change.motor.star().K_t
+    assert getattr(in_file.motor, key) is not None
+
+
+def test_a_scenarios_override_is_not_told_to_the_controller(tmp_path: Path) -> None:
+    hot = {"motor.R_s": "20 ohm", "motor.L_q": "60 mH", "motor.psi_f": "50 mWb"}
+    base = studies.study(tmp_path, {"scenario.low.override": hot})
+    cold = engine_config(studies.study(tmp_path), "low", "pi")
+    warm = engine_config(base, "low", "pi")
+    assert warm["motor"]["L_q"] == 0.06
+    assert {**warm["drive"]} == {**cold["drive"]}
+    told = {**hot, "drive.belief.L_q": "60 mH"}
+    config = engine_config(studies.study(tmp_path, {"scenario.low.override": told}), "low", "pi")
+    assert config["drive"]["belief"]["L_q"] == 0.06
+
+
+def test_a_lead_is_a_time_at_any_rate(tmp_path: Path) -> None:
+    learning = {"law": "pi-ilc", "kp": 0.1, "ki": 1, "gain": 0.01, "lead": "3 ms", "cells": 256}
+    faster = {"scenario.low.override": {"drive.rates.speed_loop": "3 kHz"}, "controller.learning": learning}
+    assert engine_config(studies.study(tmp_path, faster), "low", "learning")["controller"]["lead"] == 9
+
+
+def test_an_override_is_judged_by_its_own_scenario(tmp_path: Path) -> None:
+    slow = {"drive.rates.current_loop": "3 kHz", "trace.rate": "3 kHz"}
+    changes = {
+        "scenario.low.override": {"drive.rates.current_loop": "3 kHz"},
+        "scenario.step.reference": "9000 rpm",
+        "scenario.step.initial_speed": "9000 rpm",
+        "drive.rates.integration_steps": 4,
+        "metric": [],
+    }
+    assert studies.study(tmp_path, changes).scenario["low"].override
+    with pytest.raises(StudyError, match="integration_steps: 4: expected"):
+        studies.study(tmp_path, {**changes, **slow})

@@ -81,7 +81,7 @@ def test_a_library_state_is_copied_with_the_drives(library: str) -> None:
     for s in (state, state.copy()):
         recorder = _simulator_f64.Recorder(drive, 1)
         drive.advance(s, recorder, 2000)
-        results.append(recorder.array().copy())
+        results.append(recorder.take())
     assert np.array_equal(*results)
 
 

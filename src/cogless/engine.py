@@ -8,7 +8,7 @@ from typing import Any, Literal
 from cogless.design.pi import gains
 from cogless.study import Study, for_scenario
 from cogless.study.controller import AntiCogging, Feedback, Learning, LibraryLaw, PythonLaw
-from cogless.study.drive import Drive, sensor_fields
+from cogless.study.drive import Drive, StarBelief, sensor_fields
 from cogless.study.mechanics import Load, Mechanics
 from cogless.study.motor import StarMotor
 from cogless.study.scenario import Reference
@@ -20,8 +20,8 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
     """The engine's description of one run.
 
     `mode` "learn": the commissioning run of an anti-cogging table, from standstill, with the load that
-    belongs to the mechanics and without the scenario's load and events. A controller's gains are those of
-    the study without overrides: what changes in a scenario, the controller isn't told.
+    belongs to the mechanics and without the scenario's load and events. Gains and beliefs, the current loop's
+    too, are those of the study without overrides: what changes in a scenario, the controller isn't told.
     """
     here = for_scenario(study, scenario)
     experiment = here.scenario[scenario]
@@ -38,8 +38,8 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
         "initial_angle": experiment.initial_angle if run else 0.0,
         "seed": here.seed,
         "energy": here.trace.energy,
-        "drive": _drive(here.drive, motor),
-        "controller": _controller(study, controller, mode),
+        "drive": _drive(here.drive, here.drive.belief.resolved(study.motor.star())),
+        "controller": _controller(study, here, controller, mode),
     }
 
 
@@ -73,8 +73,7 @@ def _reference(reference: Reference) -> dict[str, Any]:
     }
 
 
-def _drive(drive: Drive, motor: StarMotor) -> dict[str, Any]:
-    belief = drive.belief.resolved(motor)
+def _drive(drive: Drive, belief: StarBelief) -> dict[str, Any]:
     return {
         "current_rate": round(drive.rates.current_loop),
         "speed_divider": round(drive.rates.current_loop / drive.rates.speed_loop),
@@ -89,7 +88,7 @@ def _drive(drive: Drive, motor: StarMotor) -> dict[str, Any]:
     }
 
 
-def _controller(study: Study, name: str, mode: Mode) -> dict[str, Any]:
+def _controller(study: Study, here: Study, name: str, mode: Mode) -> dict[str, Any]:
     controller = study.controller[name]
     if isinstance(controller, PythonLaw):
         return {"law": controller.law}
@@ -99,7 +98,7 @@ def _controller(study: Study, name: str, mode: Mode) -> dict[str, Any]:
     if isinstance(controller, Feedback):
         fields["kp"], fields["ki"] = gains(study, name)
     if isinstance(controller, Learning):
-        fields["lead"] = round(controller.lead * study.drive.rates.speed_loop)
+        fields["lead"] = round(controller.lead * here.drive.rates.speed_loop)
         if controller.limit is None:
             fields["limit"] = study.drive.current_loop.current_limit
     if isinstance(controller, AntiCogging):

@@ -202,7 +202,7 @@ def _drive(engine: Any, study: Study, scenario: str, controller: str, mode: Mode
 
 def _trace(drive: Any, recorder: Any) -> Trace:
     names, units = zip(*drive.signals, strict=True)
-    return Trace(names, units, recorder.array())
+    return Trace(names, units, recorder.take())
 
 
 def _memory(drive: Any, state: Any) -> dict[str, Any]:

@@ -5,9 +5,9 @@
 cgl_error cgl_anti_cogging_init(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real *table,
                                 uint32_t length)
 {
-    if (!(config->cells >= 4U && config->cells <= 65535U && config->speed > CGL_R(0.0)
-          && cgl_is_finite(config->speed) && config->revolutions >= 1U && config->revolutions <= 100U
-          && config->lead >= CGL_R(0.0) && cgl_is_finite(config->lead) && config->position_gain >= CGL_R(0.0) && cgl_is_finite(config->position_gain))) {
+    if (!(config->cells >= 4U && config->cells <= 65535U && cgl_is_positive(config->speed)
+          && config->revolutions >= 1U && config->revolutions <= 100U && cgl_is_not_negative(config->position_gain)
+          && cgl_is_not_negative(config->lead))) {
         return CGL_ERROR_CONFIG;
     }
     if (table == 0 || length < config->cells) {

@@ -4,11 +4,6 @@
 #include "modulation.h"
 #include "transform.h"
 
-static bool not_negative(cgl_real x)
-{
-    return x >= CGL_R(0.0) && cgl_is_finite(x);
-}
-
 /* Square root of x in [1, 2]: Newton from the best straight line takes the same time for every x. */
 static cgl_real square_root(cgl_real x)
 {
@@ -21,10 +16,10 @@ static cgl_real square_root(cgl_real x)
 
 cgl_error cgl_foc_init(const cgl_foc_config *config, cgl_foc *foc)
 {
-    if (!(not_negative(config->kp_d) && not_negative(config->ki_d) && not_negative(config->kp_q)
-          && not_negative(config->ki_q) && not_negative(config->advance) && not_negative(config->L_d)
-          && not_negative(config->L_q) && not_negative(config->psi_f) && not_negative(config->ts)
-          && config->ts > CGL_R(0.0) && not_negative(config->current_limit)
+    if (!(cgl_is_not_negative(config->kp_d) && cgl_is_not_negative(config->ki_d) && cgl_is_not_negative(config->kp_q)
+          && cgl_is_not_negative(config->ki_q) && cgl_is_not_negative(config->advance) && cgl_is_not_negative(config->L_d)
+          && cgl_is_not_negative(config->L_q) && cgl_is_not_negative(config->psi_f) && cgl_is_not_negative(config->ts)
+          && config->ts > CGL_R(0.0) && cgl_is_not_negative(config->current_limit)
           && config->current_limit > CGL_R(0.0))) {
         return CGL_ERROR_CONFIG;
     }

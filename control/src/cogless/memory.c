@@ -9,9 +9,8 @@ cgl_error cgl_memory_init(const cgl_memory_config *config, cgl_memory *memory, c
     if (!(config->cells >= 4U && config->cells <= CELLS_MAX && config->periods_per_rev >= 1U
           && config->periods_per_rev <= CELLS_MAX && config->q_half_width < CELLS_MAX
           && 2U * config->q_half_width + 1U <= config->cells && config->lead <= config->cells / 4U
-          && config->forgetting > CGL_R(0.0)
-          && config->forgetting <= CGL_R(1.0) && config->limit > CGL_R(0.0) && cgl_is_finite(config->limit)
-          && config->ts > CGL_R(0.0) && cgl_is_finite(config->ts)
+          && config->forgetting > CGL_R(0.0) && config->forgetting <= CGL_R(1.0)
+          && cgl_is_positive(config->limit) && cgl_is_positive(config->ts)
           && (config->kind == CGL_MEMORY_ANGLE || config->kind == CGL_MEMORY_TIME))) {
         return CGL_ERROR_CONFIG;
     }

@@ -1,14 +1,9 @@
 #include "pi.h"
 
-static bool positive(cgl_real x)
-{
-    return x > CGL_R(0.0) && cgl_is_finite(x);
-}
-
 cgl_error cgl_pi_init(const cgl_pi_config *config, cgl_pi *pi)
 {
-    if (!(config->kp >= CGL_R(0.0) && cgl_is_finite(config->kp) && config->ki >= CGL_R(0.0)
-          && cgl_is_finite(config->ki) && positive(config->ts) && positive(config->limit))) {
+    if (!(cgl_is_not_negative(config->kp) && cgl_is_not_negative(config->ki) && cgl_is_positive(config->ts)
+          && cgl_is_positive(config->limit))) {
         return CGL_ERROR_CONFIG;
     }
     cgl_pi_reset(pi);

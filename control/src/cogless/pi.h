@@ -19,7 +19,7 @@ typedef struct {
 typedef struct {
     cgl_real integral;     /* within +-limit [output] */
     cgl_real proportional; /* the share of the last step [output] */
-    bool saturated;        /* the last output was at its limit */
+    bool saturated;        /* the last output was at its limit, or would have been */
 } cgl_pi;
 
 cgl_error cgl_pi_init(const cgl_pi_config *config, cgl_pi *pi);

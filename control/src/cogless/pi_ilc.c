@@ -2,7 +2,7 @@
 
 cgl_error cgl_pi_ilc_init(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, cgl_real *cell, uint32_t length)
 {
-    if (!(config->gain >= CGL_R(0.0) && cgl_is_finite(config->gain))) {
+    if (!cgl_is_not_negative(config->gain)) {
         return CGL_ERROR_CONFIG;
     }
     const cgl_error error = cgl_pi_init(&config->pi, &law->pi);

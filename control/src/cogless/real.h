@@ -37,6 +37,17 @@ static inline bool cgl_is_angle(cgl_real theta)
     return theta > -CGL_ANGLE_MAX && theta < CGL_ANGLE_MAX;
 }
 
+/* Ranges that config fields have. */
+static inline bool cgl_is_positive(cgl_real x)
+{
+    return x > CGL_R(0.0) && cgl_is_finite(x);
+}
+
+static inline bool cgl_is_not_negative(cgl_real x)
+{
+    return x >= CGL_R(0.0) && cgl_is_finite(x);
+}
+
 /* x within [-limit, limit]; 0 for NaN. */
 static inline cgl_real cgl_clamp(cgl_real x, cgl_real limit)
 {

@@ -1,23 +1,13 @@
 #include "robust_ilc.h"
 
-static bool not_negative(cgl_real x)
-{
-    return x >= CGL_R(0.0) && cgl_is_finite(x);
-}
-
-static bool positive(cgl_real x)
-{
-    return x > CGL_R(0.0) && cgl_is_finite(x);
-}
-
 cgl_error cgl_robust_ilc_init(const cgl_robust_ilc_config *config, cgl_robust_ilc *law, cgl_real *cell,
                               uint32_t length)
 {
-    if (!(positive(config->b) && not_negative(config->c) && not_negative(config->g) && not_negative(config->eta)
-          && not_negative(config->q) && not_negative(config->beta_1) && not_negative(config->beta_2)
-          && not_negative(config->gamma) && cgl_is_finite(config->viscous) && cgl_is_finite(config->coulomb)
-          && positive(config->ts) && positive(config->limit) && positive(config->b * config->limit)
-          && positive(CGL_R(1.0) / config->b))) {
+    if (!(cgl_is_positive(config->b) && cgl_is_not_negative(config->c) && cgl_is_not_negative(config->g) && cgl_is_not_negative(config->eta)
+          && cgl_is_not_negative(config->q) && cgl_is_not_negative(config->beta_1) && cgl_is_not_negative(config->beta_2)
+          && cgl_is_not_negative(config->gamma) && cgl_is_finite(config->viscous) && cgl_is_finite(config->coulomb)
+          && cgl_is_positive(config->ts) && cgl_is_positive(config->limit) && cgl_is_positive(config->b * config->limit)
+          && cgl_is_positive(CGL_R(1.0) / config->b))) {
         return CGL_ERROR_CONFIG;
     }
     const cgl_error error = cgl_memory_init(&config->memory, &law->memory, cell, length);

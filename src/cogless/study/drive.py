@@ -64,7 +64,7 @@ class Rates(Table):
 
     current_loop: Frequency  # Hz, whole
     speed_loop: Frequency  # Hz, whole, divides current_loop
-    integration_steps: Annotated[int, Field(ge=1)] = 1  # RK4 steps in a current-loop period
+    integration_steps: Annotated[int, Field(ge=1, le=10_000)] = 1  # RK4 steps in a current-loop period
 
     @model_validator(mode="after")
     def _divide(self) -> Self:
@@ -122,7 +122,7 @@ class Encoder(Table):
     """Incremental encoder in quadrature: four counts a line."""
 
     kind: Literal["encoder"]
-    lines: Annotated[int, Field(ge=1)]  # a revolution
+    lines: Annotated[int, Field(ge=1, le=10_000_000)]  # a revolution
     speed_method: Literal["M", "T", "MT"] = "M"  # counts a period, time a count, both
     timer: Frequency = 100e6  # Hz, for T and MT
     eccentricity: Angle = 0.0  # rad, amplitude of the once-a-turn error
@@ -134,7 +134,7 @@ class Resolver(Table):
 
     kind: Literal["resolver"]
     bits: Annotated[int, Field(ge=1, le=32)] = 14
-    window: Annotated[int, Field(ge=1)] = 16  # current-loop samples
+    window: Annotated[int, Field(ge=1, le=100_000)] = 16  # current-loop samples
 
 
 PositionSensor = Annotated[IdealSensor | Encoder | Resolver, Field(discriminator="kind")]

@@ -25,7 +25,7 @@ from cogless.study.table import (
 class LoadHarmonic(Table):
     """tau_load += torque sin(order theta_m + phase). Order of a mechanical turn."""
 
-    order: Annotated[int, Field(ge=1)]
+    order: Annotated[int, Field(ge=1, le=10_000)]
     torque: Torque  # N*m
     phase: Angle = 0.0  # rad
 

@@ -24,7 +24,7 @@ from cogless.study.table import (
     problem,
 )
 
-Order = Annotated[int, Field(ge=1)]
+Order = Annotated[int, Field(ge=1, le=10_000)]
 
 
 class FluxHarmonic(Table):
@@ -60,7 +60,7 @@ class Motor(Table):
     """
 
     datasheet: str | None = None  # already read: its fields are here
-    pole_pairs: Annotated[int, Field(ge=1)]
+    pole_pairs: Annotated[int, Field(ge=1, le=1000)]
     R_s: Resistance  # ohm
     L_d: Inductance  # H
     L_q: Inductance  # H

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import tomllib
 from collections.abc import Iterable, Mapping
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,13 @@ from pydantic import ValidationError
 import cogless
 from cogless import units
 from cogless.errors import StudyError
+from cogless.study.checks import applies
 from cogless.study.explain import MISSING, Problem, dotted, look_up, problems, shown, study_error
 from cogless.study.study import Source, Study
 from cogless.study.table import Key
 
 Changes = Mapping[str, Any]
+MAGNET = {"psi_f", "K_t", "kv"}  # three ways to say the same: one given replaces the others
 
 
 def load(study: str | Path, changes: Changes | None = None) -> Study:
@@ -33,27 +36,31 @@ def load(study: str | Path, changes: Changes | None = None) -> Study:
         put(tables, "motor.datasheet", changes.pop("motor.datasheet"))
     source = _with_datasheet(path, tables)
     _check_names(path, source.tables, changes)
-    for key, value in changes.items():
-        put(source.tables, key, value)
+    _apply(source.tables, changes)
     return _checked(source)
 
 
 def changed(study: Study, changes: Changes) -> Study:
     """The same study with other values at some dotted keys, as in `load`."""
     tables = copy.deepcopy(study.source.tables)
-    for key, value in changes.items():
-        put(tables, key, value)
+    _apply(tables, changes)
     return _checked(_replaced(study.source, tables))
 
 
 def for_scenario(study: Study, scenario: str) -> Study:
-    """The study as it is within a scenario, with that scenario's overrides applied."""
-    override = study.scenario[scenario].override
-    if not override:
+    """The study as it is within a scenario: with its overrides, and without the other scenarios."""
+    here = study.scenario[scenario]
+    if not here.override:
         return study
     tables = copy.deepcopy(study.source.tables)
-    for key, value in override.items():
-        put(tables, key, value)
+    _apply(tables, here.override)
+    tables["scenario"] = {scenario: tables["scenario"][scenario]}
+    taken = [applies(metric, scenario, here) for metric in study.metric]
+    tables["metric"] = [
+        {key: value for key, value in metric.items() if key != "scenarios"}
+        for metric in compress(tables.get("metric", []), taken)
+    ]
+    tables.pop("calibration", None)
     return _validated(_replaced(study.source, tables), f"scenario.{scenario}.override: ")
 
 
@@ -142,6 +149,15 @@ def with_unit(value: Any, old: Any) -> Any:
     return f"{value!r} {unit}" if bare and unit else value
 
 
+def _apply(tables: dict[str, Any], changes: Changes) -> None:
+    for key, value in changes.items():
+        parts = split(key)
+        if len(parts) == 2 and parts[0] == "motor" and parts[1] in MAGNET and "motor" in tables:
+            for other in MAGNET - {str(parts[1])}:
+                tables["motor"].pop(other, None)
+        put(tables, key, value)
+
+
 def _check_names(path: Path, tables: dict[str, Any], changes: Changes) -> None:
     """A change of a value must not make a controller or scenario; only one of all its values may."""
     for table, needed in (("controller", "law"), ("scenario", "duration")):
@@ -162,8 +178,8 @@ def _with_datasheet(path: Path, tables: dict[str, Any]) -> Source:
     where = f"{path}: motor.datasheet: "
     sheet = find(motor["datasheet"], "motors", "datasheet", path.parent, where)
     fields = read(sheet)
-    if "psi_f" in motor or "K_t" in motor:
-        fields = {key: value for key, value in fields.items() if key not in ("psi_f", "K_t")}
+    if MAGNET & motor.keys():
+        fields = {key: value for key, value in fields.items() if key not in MAGNET}
     return Source(path, {**tables, "motor": {**fields, **motor}}, sheet, frozenset(motor))
 
 

@@ -47,7 +47,7 @@ class Study(Table):
     """A validated study, all SI. Made by `cogless.study.load`."""
 
     title: str
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
     description: str = ""
     assumption: Many[Assumption] = ()
     trace: TraceSettings = TraceSettings()
