@@ -99,3 +99,51 @@ def test_a_metric_without_a_value(tmp_path: Path) -> None:
     study = changed(study, {"metric.2.band": 0.0001})
     with pytest.raises(StudyError, match="calibration: recovery of step/pi has no value"):
         calibrate(study)
+
+
+def test_a_parameter_of_a_python_law_is_fitted(tmp_path: Path) -> None:
+    law = "class Law:\n    def __init__(self, kp):\n        self.kp = kp\n"
+    law += "    def step(self, i):\n        return self.kp * (i.omega_ref - i.omega_m)\n"
+    (tmp_path / "law.py").write_text(law, encoding="utf-8")
+    mine = {"law": "python", "object": "law.py:Law", "params": {"kp": 0.3}}
+    study = studies.study(tmp_path, {"controller.mine": mine})
+    ripple = simulate(study, "low", "mine").metrics["speed_ripple_rad_s"]
+    wanted = {**target("speed_ripple", f"{ripple!r} rad/s"), "controller": "mine"}
+    calibration = {"parameters": [{"key": "controller.mine.params.kp"}], "targets": [wanted]}
+    fit = calibrate(changed(study, {"controller.mine.params.kp": 0.2, "calibration": calibration}))
+    assert float(fit.parameters[0].after) == pytest.approx(0.3, rel=1e-2)
+
+
+def test_a_parameter_of_a_metric_counts(tmp_path: Path) -> None:
+    """A metric's settings decide its value too, though not the run."""
+    study = problem(tmp_path, [{"key": "metric.2.band"}], [target("recovery", "0.05 s", "step")])
+    known: dict[str, Any] = {}
+    (wide,) = room._residuals(changed(study, {"metric.2.band": 12}), known, 1)
+    (narrow,) = room._residuals(changed(study, {"metric.2.band": 8}), known, 1)
+    assert len(known) == 2 and wide.got != narrow.got
+
+
+@pytest.mark.parametrize("finished", [0, 3])
+def test_an_interrupt_gives_the_best_so_far(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, finished: int
+) -> None:
+    made = 0
+
+    def interrupted(study: Study, only: list[str], jobs: int) -> Any:
+        nonlocal made
+        if made == finished:
+            raise KeyboardInterrupt
+        made += 1
+        return run_study(study, only, jobs=jobs)
+
+    monkeypatch.setattr(room, "run_study", interrupted)
+    study = problem(tmp_path, [{"key": "motor.cogging.0.torque"}], [target("speed_ripple", "1 rpm")])
+    if not finished:
+        with pytest.raises(KeyboardInterrupt):
+            calibrate(study)
+        return
+    seen: list[float] = []
+    fit = calibrate(study, lambda evaluations, deviation: seen.append(deviation))
+    assert fit.interrupted and not fit.settled
+    assert fit.deviation == seen[-1] < seen[0]
+    assert abs(fit.residuals[0].got / fit.residuals[0].wanted - 1) == pytest.approx(fit.deviation)

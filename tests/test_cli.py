@@ -186,6 +186,20 @@ def test_a_controller_that_returns_nan_leaves_the_others(
     assert [run["controller"] for run in results["runs"]] == ["pi", "fair"]
 
 
+def test_an_order_that_no_run_yields_keeps_the_runs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    swing = 'scenario.low.reference={offset="0 rpm", amplitude="60 rpm", frequency="10 Hz"}'
+    study = studies.write(tmp_path)
+    code, out, err = cogless(capsys, "run", study, "-o", tmp_path, "--plots", "--only=low/*", "--set", swing)
+    assert (code, err) == (0, "")
+    row = next(line for line in out.splitlines() if line.startswith("speed: order 1 (electrical)"))
+    assert row.count("not finite") == 2 and "*" not in row
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert [run["metrics"]["speed_rad_s"] for run in results["runs"]] == [[None] * 3] * 2
+    assert "not finite" in (tmp_path / "report.html").read_text()
+
+
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
 def test_ctrl_c_keeps_finished_runs(tmp_path: Path) -> None:
     (tmp_path / "law.py").write_text(TOUCHES, encoding="utf-8")
@@ -255,6 +269,42 @@ targets = [ {scenario = "low", controller = "pi", metric = "speed_ripple", value
     assert (code, err) == (0, "")
     assert any(line.split()[:2] == ["low/pi", "speed_ripple"] for line in out.splitlines())
     assert 'motor.cogging.0.torque = "' in out
+
+
+def test_an_interrupted_calibration_prints_the_best_so_far(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from cogless import calibrate as room
+    from cogless.simulate import run_study
+
+    made: list[object] = []
+
+    def interrupted(study: object, only: object, jobs: int) -> object:
+        made.append(only)
+        if len(made) > 3:
+            raise KeyboardInterrupt
+        return run_study(study, only, jobs=jobs)
+
+    monkeypatch.setattr(room, "run_study", interrupted)
+    calibration = """
+[calibration]
+parameters = [ {key = "motor.cogging.0.torque", lower = "0 mN*m"} ]
+targets = [ {scenario = "low", controller = "pi", metric = "speed_ripple", value = "1 rpm"} ]
+"""
+    code, out, err = cogless(capsys, "calibrate", studies.write(tmp_path, studies.BASE + calibration))
+    assert (code, err) == (130, "Interrupted.\n")
+    assert "# interrupted, the best fit so far is off by " in out
+    assert 'motor.cogging.0.torque = "' in out
+
+
+def test_an_interrupt_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(study: object) -> object:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("cogless.design.table.design_table", interrupted)
+    assert cogless(capsys, "design", studies.write(tmp_path)) == (130, "", "Interrupted.\n")
 
 
 def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,7 +1,9 @@
 """Runs of a study on the engine: what comes out, what fails and how, what is kept."""
 
 import json
+import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +14,9 @@ import studies
 from cogless import simulate as room
 from cogless.engine import engine_config
 from cogless.errors import StudyError
+from cogless.results import Results, to_dict
 from cogless.simulate import RunError, rollout, run_study, runs_of, simulate
-from cogless.study import changed, load
+from cogless.study import Study, changed, load
 from cogless.study.controller import TERMS
 
 TABLE = {
@@ -250,11 +253,139 @@ def test_a_law_that_exits_on_import(tmp_path: Path) -> None:
         simulate(study, "low", "mine")
 
 
-def test_a_metric_that_cannot_be_taken_names_the_run(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        (
+            {"metric.1.window": ["0.1 s", "0.2 s"]},
+            'metric.1.window: ["0.1 s", "0.2 s"]: expected 1 or more electrical revolutions at the top speed '
+            'of scenario "low", not 0.4',
+        ),
+        (
+            {"metric.1.last": "0.2 s"},
+            'metric.1.last: "0.2 s": expected 1 or more electrical revolutions at the top speed '
+            'of scenario "low", not 0.8',
+        ),
+        (
+            {"scenario.low.reference": "0 rpm", "scenario.low.initial_speed": "0 rpm"},
+            "metric.1.window: expected 1 or more electrical revolutions at the top speed "
+            'of scenario "low", not 0',
+        ),
+        ({"metric.1.order": [1.5]}, "metric.1.window: expected 2 or more electrical revolutions"),
+        (
+            {"metric.0.window": None, "metric.0.last": "1 us"},
+            'metric.0.last: "1 us": expected a window of 10 or more rows of the trace',
+        ),
+        ({"scenario.low.duration": "0.5 ms"}, 'scenario.low.duration: "0.5 ms": expected 0.000666667 s or '),
+        ({"scenario.step.events.1.time": "0.1001 s"}, "metric.2.event: "),
+    ],
+)
+def test_a_metric_that_cannot_be_taken_is_refused_before_the_run(
+    tmp_path: Path, changes: dict[str, Any], expected: str
+) -> None:
+    text = studies.BASE
+    for key in [key for key, value in changes.items() if value is None]:
+        assert key == "metric.0.window"
+        text = text.replace('window = ["0.1 s", "0.3 s"]\n', "")
     with pytest.raises(StudyError) as error:
-        simulate(studies.study(tmp_path, {"metric.1.window": ["0.1 s", "0.2 s"]}), "low", "pi")
-    start = "study.toml: controller.pi: scenario low: metric speed: window holds 0.4"
-    assert line(error, tmp_path).startswith(start)
+        studies.study(tmp_path, {key: value for key, value in changes.items() if value is not None}, text)
+    assert line(error, tmp_path).startswith(f"study.toml: {expected}")
+
+
+def test_a_metric_that_a_run_does_not_yield_is_null(tmp_path: Path) -> None:
+    """A speed that swings about zero asks for revolutions, and ends where it began."""
+    swing = {"offset": "0 rpm", "amplitude": "60 rpm", "frequency": "10 Hz"}
+    study = studies.study(tmp_path, {"scenario.low.reference": swing})
+    run = simulate(study, "low", "pi")
+    assert np.isnan(run.metrics["speed_rad_s"]).all() and len(run.metrics["speed_rad_s"]) == 3
+    assert np.isfinite(run.metrics["speed_ripple_rad_s"])
+    assert to_dict(Results(study, [run]))["runs"][0]["metrics"]["speed_rad_s"] == [None, None, None]
+
+
+def test_names_that_collide_in_results_json(tmp_path: Path) -> None:
+    metric = [
+        {"name": "a", "kind": "ripple-rms", "signal": "omega_m"},
+        {"name": "a_rad_s", "kind": "peak-to-peak", "signal": "omega_m"},
+    ]
+    with pytest.raises(StudyError) as error:
+        studies.study(tmp_path, {"metric": metric})
+    expected = 'expected a name that no other metric of scenario "low" has in results.json: a_rad_s'
+    assert line(error, tmp_path) == f'study.toml: metric.1.name: "a_rad_s": {expected}'
+    apart = [{**metric[0], "scenarios": ["low"]}, {**metric[1], "scenarios": ["step"]}]
+    with pytest.raises(StudyError, match=r"metric\.1\.name: .*expected the kind, signal"):
+        studies.study(tmp_path, {"metric": apart})
+
+
+def test_an_events_time_may_be_written_in_another_unit(tmp_path: Path) -> None:
+    """A unit may round."""
+    run = simulate(studies.study(tmp_path), "step", "pi")
+    rounded = studies.study(tmp_path, {"metric.2.event": "0.10000000000001 s"})
+    assert simulate(rounded, "step", "pi").metrics["recovery_s"] == pytest.approx(run.metrics["recovery_s"])
+
+
+def test_a_law_may_have_dataclasses_and_a_helper_beside_it(tmp_path: Path) -> None:
+    source = """
+from __future__ import annotations
+from dataclasses import dataclass
+from law_helper import gain
+
+@dataclass
+class Law:
+    kp: float = 0.1
+
+    def step(self, inputs):
+        return gain * self.kp * (inputs.omega_ref - inputs.omega_m)
+"""
+    runs = []
+    for name, gain in (("one", 1.0), ("two", 2.0)):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "law.py").write_text(source, encoding="utf-8")
+        (folder / "law_helper.py").write_text(f"gain = {gain}\n", encoding="utf-8")
+        kp = {"kp": 0.2 / gain}
+        study = studies.study(
+            folder, {"controller.mine": {"law": "python", "object": "law.py:Law", "params": kp}}
+        )
+        runs.append(simulate(study, "low", "mine"))
+    assert runs[0].metrics == runs[1].metrics
+    assert "law_helper" not in sys.modules
+    assert str(tmp_path / "one") not in sys.path
+
+
+def test_a_law_beside_an_environment_leaves_its_packages_loaded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    packages = tmp_path / "venv" / "packages"
+    packages.mkdir(parents=True)
+    (packages / "installed_for_a_law.py").touch()
+    monkeypatch.syspath_prepend(str(packages))
+    law = "import installed_for_a_law\nclass Law:\n    def step(self, i):\n        return 0.0\n"
+    (tmp_path / "law.py").write_text(law, encoding="utf-8")
+    simulate(
+        studies.study(tmp_path, {"controller.mine": {"law": "python", "object": "law.py:Law"}}), "low", "mine"
+    )
+    assert sys.modules.pop("installed_for_a_law", None) is not None
+
+
+def test_laws_load_side_by_side(tmp_path: Path) -> None:
+    (tmp_path / "law_helper.py").write_text("gain = 0.1\n", encoding="utf-8")
+    law = "from law_helper import gain\nclass Law:\n    def step(self, i):\n        return gain\n"
+    (tmp_path / "law.py").write_text(law, encoding="utf-8")
+    mine = {"law": "python", "object": "law.py:Law"}
+    study = studies.study(tmp_path, {f"controller.c{n}": mine for n in range(8)})
+    results = run_study(study, ["low/c*"], jobs=8)
+    assert len(results.runs) == 8
+
+
+def test_a_law_that_does_not_load(tmp_path: Path) -> None:
+    (tmp_path / "laws.py").write_text("import no_such_thing\n", encoding="utf-8")
+    study = studies.study(tmp_path, {"controller.mine": {"law": "python", "object": "laws.py:Law"}})
+    with pytest.raises(StudyError) as error:
+        simulate(study, "low", "mine")
+    assert line(error, tmp_path).endswith(
+        "laws.py line 1: ModuleNotFoundError: No module named 'no_such_thing': "
+        "expected a file that loads; it may import what is installed or beside it"
+    )
 
 
 def test_a_library_that_is_not_there(tmp_path: Path) -> None:
@@ -300,7 +431,61 @@ def test_a_failed_run_leaves_the_others(tmp_path: Path, name: str) -> None:
     assert results.interrupted
 
 
+def test_a_commissioning_run_that_fails_leaves_the_others(tmp_path: Path) -> None:
+    changes = {"controller.table": TABLE, "mechanics.load": {"torque": "1e308 N*m"}}
+    study = studies.study(tmp_path, {**changes, "scenario.low.load": {"torque": "0 N*m"}})
+    with pytest.raises(RunError) as error:
+        run_study(study, ["low/*"])
+    where = "study.toml: controller.table: scenario low, commissioning run, at "
+    assert line(error, tmp_path).startswith(where) and "\n" not in str(error.value)
+    assert [run.controller for run in error.value.results.runs] == ["pi", "fair"]
+
+
+def test_whatever_fails_in_a_run_leaves_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def measured(study: Study, scenario: str, trace: Any) -> dict[str, Any]:
+        if scenario == "step":
+            raise MemoryError("no more")
+        return {}
+
+    monkeypatch.setattr(room, "measure", measured)
+    with pytest.raises(RunError) as error:
+        run_study(studies.study(tmp_path), ["*/pi"])
+    assert line(error, tmp_path) == "study.toml: controller.pi: scenario step: MemoryError: no more"
+    assert [run.scenario for run in error.value.results.runs] == ["low"]
+
+
+def test_a_failed_run_leaves_the_other_studies(tmp_path: Path) -> None:
+    base = with_law(tmp_path, "Pi")
+    bad = changed(base, {"controller.mine.object": "laws.py:Nan"})
+    with pytest.raises(RunError) as error:
+        rollout([base, bad, base, bad], ["low/mine", "low/pi"], jobs=2)
+    assert str(error.value).endswith("(and 1 more)")
+    found = error.value.all_results
+    assert [[run.controller for run in results.runs] for results in found] == [
+        ["pi", "mine"],
+        ["pi"],
+        ["pi", "mine"],
+        ["pi"],
+    ]
+    assert [results.interrupted for results in found] == [False, True, False, True]
+    assert error.value.results is found[1]
+
+
 # Ctrl-C
+
+
+def test_an_interrupt_while_runs_are_submitted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    study = studies.study(tmp_path, {"scenario.low.duration": 1000})
+
+    class Pool(ThreadPoolExecutor):
+        def submit(self, *arguments: Any, **options: Any) -> Any:
+            if arguments[2:] == ("step", "fair"):
+                raise KeyboardInterrupt
+            return super().submit(*arguments, **options)
+
+    monkeypatch.setattr(room, "ThreadPoolExecutor", Pool)
+    results = run_study(study)
+    assert results.interrupted and not results.runs
 
 
 def test_an_interrupt_keeps_what_is_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

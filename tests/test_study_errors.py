@@ -63,8 +63,6 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("motor.pole_pairs", True, "motor.pole_pairs: true: expected a whole number"),
         ("metric", 3, "metric: 3: expected an array"),
         # motor
-        ("motor.K_t", "0.4 N*m/A",
-            'motor: expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"'),
         ("motor.winding", "wye", 'motor.winding: "wye": expected "star" or "delta"'),
         ("motor.cogging", [{"order": 24}],
             'motor.cogging.0: expected either torque, such as "4 mN*m", or current, such as "0.2 A"'),
@@ -217,6 +215,12 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
 )  # fmt: skip
 def test_what_the_simulation_cannot_do(tmp_path: Path, changes: dict[str, object], line: str) -> None:
     assert line_of(tmp_path, changes) == f"study.toml: {line}"
+
+
+def test_one_word_for_the_magnet(tmp_path: Path) -> None:
+    text = studies.BASE.replace('psi_f = "68 mWb"', 'psi_f = "68 mWb"\nK_t = "0.4 N*m/A"')
+    expected = 'motor: expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"'
+    assert line_of(tmp_path, None, text) == f"study.toml: {expected}"
 
 
 def test_energies_are_recorded_on_request(tmp_path: Path) -> None:

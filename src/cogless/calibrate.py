@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from cogless import units
-from cogless.engine import engine_config
 from cogless.errors import StudyError
 from cogless.metrics import Value, result_name
 from cogless.simulate import run_study
@@ -62,13 +61,17 @@ class Residual:
 
 @dataclass(frozen=True)
 class Fit:
-    """The outcome: parameters, targets, rms of the relative deviations, and whether the fit settled."""
+    """The outcome: parameters, targets, rms of the relative deviations, and whether the fit settled.
+
+    `interrupted`: Ctrl-C ended it; this is the best so far.
+    """
 
     parameters: tuple[Fitted, ...]
     residuals: tuple[Residual, ...]
     deviation: float
     settled: bool
     study: Study
+    interrupted: bool = False
 
 
 @dataclass(frozen=True)
@@ -90,8 +93,9 @@ class _Knob:
 def calibrate(study: Study, progress: Progress | None = None, jobs: int = 1) -> Fit:
     """Fit what the study's [calibration] names; only the runs that its targets name are made.
 
-    `progress` gets the number of evaluations and the least deviation so far. StudyError: no calibration, a
-    key that holds no number, a metric without a value.
+    `progress` gets the number of evaluations and the least deviation so far. Ctrl-C ends the fit early: the
+    best so far is returned, with `interrupted` set. StudyError: no calibration, a key that holds no number, a
+    metric without a value.
     """
     if study.calibration is None:
         raise StudyError(
@@ -118,16 +122,32 @@ def calibrate(study: Study, progress: Progress | None = None, jobs: int = 1) -> 
 
     start = best
     bounds = np.array([k.lower / k.scale for k in knobs]), np.array([k.upper / k.scale for k in knobs])
-    settled = False
-    for step in STEPS:
-        steps = np.full(len(knobs), step)
-        fit = least_squares(deviations, best, bounds=bounds, diff_step=steps, xtol=TOLERANCE, max_nfev=ROUNDS)
-        settled = fit.status > 0
+    settled = interrupted = False
+    try:
+        for step in STEPS:
+            steps = np.full(len(knobs), step)
+            fit = least_squares(
+                deviations, best, bounds=bounds, diff_step=steps, xtol=TOLERANCE, max_nfev=ROUNDS
+            )
+            settled = fit.status > 0
+    except KeyboardInterrupt:
+        if not math.isfinite(least):
+            raise  # before the first evaluation: nothing to give
+        settled, interrupted = False, True
     fitted = _with(study, knobs, best)
     parameters = tuple(
         Fitted(k.key, shown(k.text(s)), shown(k.text(x))) for k, s, x in zip(knobs, start, best, strict=True)
     )
-    return Fit(parameters, tuple(_residuals(fitted, known, jobs)), least, settled, fitted)
+    residuals = tuple(_residuals(fitted, known, jobs))
+    return Fit(parameters, residuals, least, settled, fitted, interrupted)
+
+
+def _told(study: Study, scenario: str, controller: str) -> str:
+    """All that decides a run's metrics: the study's tables without other scenarios and controllers."""
+    tables = {key: table for key, table in study.source.tables.items() if key != "calibration"}
+    for table, name in (("scenario", scenario), ("controller", controller)):
+        tables[table] = {name: tables[table][name]}
+    return json.dumps(tables, sort_keys=True, default=str)
 
 
 def _with(study: Study, knobs: list[_Knob], x: NDArray[np.float64]) -> Study:
@@ -168,10 +188,10 @@ def _knob(study: Study, index: int, parameter: Parameter) -> _Knob:
 
 
 def _residuals(study: Study, known: dict[str, dict[str, Value]], jobs: int) -> list[Residual]:
-    """Targets against this study's metrics. A run whose engine description is known isn't made again."""
+    """Targets against this study's metrics. A run that was made with the same tables isn't made again."""
     assert study.calibration is not None
     pairs = dict.fromkeys((target.scenario, target.controller) for target in study.calibration.targets)
-    names = {pair: json.dumps(engine_config(study, *pair), sort_keys=True) + pair[1] for pair in pairs}
+    names = {pair: _told(study, *pair) for pair in pairs}
     missing = ["/".join(pair) for pair, name in names.items() if name not in known]
     if missing:
         results = run_study(study, missing, jobs=jobs)

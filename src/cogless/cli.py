@@ -69,6 +69,8 @@ def main() -> None:
         if line:
             _say(f"{line}. See cogless --help.")
         sys.exit(WRONG)
+    if code == INTERRUPTED:  # what typer makes of Ctrl-C in a command
+        _say("Interrupted.")
     sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -135,7 +137,7 @@ def run(
         kept = ", ".join(f"{run.scenario}/{run.controller}" for run in results.runs)
         where = f" ({kept}), written to {folder}" if kept else ", nothing written"
         _say(f"Interrupted: kept {len(results.runs)} of {wanted} runs{where}.")
-        raise typer.Exit(INTERRUPTED)
+        sys.exit(INTERRUPTED)
 
 
 @app.command()
@@ -175,6 +177,8 @@ def calibrate(study: StudyArgument, changes: SetOption = None, jobs: JobsOption 
     """Fit parameters of a study to target values of its metrics, as its calibration table says.
 
     Prints the fitted values as lines for the study, and each target beside what came out. Changes no file.
+
+    Ctrl-C prints the best fit so far.
     """
     from cogless.calibrate import calibrate as fit_study
     from cogless.calibrate import residual_rows
@@ -193,9 +197,12 @@ def calibrate(study: StudyArgument, changes: SetOption = None, jobs: JobsOption 
         table.add_row(*row)
     console = _console()
     console.print(table)
-    print(f"\n# fitted to {100 * fit.deviation:.2f} % (rms of the deviations)")
+    outcome = "interrupted, the best fit so far is off by" if fit.interrupted else "fitted to"
+    print(f"\n# {outcome} {100 * fit.deviation:.2f} % (rms of the deviations)")
     for parameter in fit.parameters:
         print(f"{parameter.toml}  # was {parameter.before}")
+    if fit.interrupted:
+        raise KeyboardInterrupt
     if not fit.settled:
         raise StudyError(
             f"{loaded.source.path}: calibration: not settled: expected parameters that move the targets"

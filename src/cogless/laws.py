@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 import threading
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from cogless.errors import StudyError
@@ -13,6 +17,7 @@ from cogless.study import Study
 from cogless.study.controller import LibraryLaw, PythonLaw
 
 RETURNS = "step() returns i_q_ref or (i_d_ref, i_q_ref)"
+LOADING = threading.RLock()  # sys.path and sys.modules belong to all threads
 NOT_A_NUMBER = "std::bad_cast"  # what the engine says of a value that it can't use
 
 
@@ -26,23 +31,59 @@ def make_law(study: Study, name: str) -> Any | None:
     file, _, class_name = controller.object.rpartition(":")
     path = _find(study, f"controller.{name}.object", file, controller.object)
     where = f'{study.source.path}: controller.{name}.object: "{controller.object}"'
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-        maker = getattr(module, class_name, None)
-        if maker is None:
-            raise StudyError(f"{where}: expected {path.name} to define {class_name}")
+    with _told(where, path, "expected a file that loads; it may import what is installed or beside it"):
+        module = _module(path.resolve())
+    maker = getattr(module, class_name, None)
+    if maker is None:
+        raise StudyError(f"{where}: expected {path.name} to define {class_name}")
+    with _told(where, path, "expected a class that takes the controller's params"):
         law = maker(**controller.params)
-    except StudyError:
-        raise
-    except (Exception, SystemExit) as error:
-        cause = describe(error, path)
-        raise StudyError(f"{where}: {cause}: expected a class that takes the controller's params") from error
     if not callable(getattr(law, "step", None)):
         raise StudyError(f"{where}: expected a class with a method step(inputs)")
     return law
+
+
+@contextmanager
+def _told(where: str, path: Path, expected: str) -> Iterator[None]:
+    try:
+        yield
+    except BaseException as error:
+        if not is_failure(error):
+            raise
+        raise StudyError(f"{where}: {describe(error, path)}: {expected}") from error
+
+
+def _module(path: Path) -> ModuleType:
+    """The file as a fresh module, and fresh modules of what it imports from its folder."""
+    name = f"cogless_law_{path.stem}_{hash(path):x}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ImportError("not a .py file")
+    module = importlib.util.module_from_spec(spec)
+    folder = str(path.parent)
+    with LOADING:
+        before = set(sys.modules)
+        sys.modules[name] = module  # where a dataclass looks for its annotations' names
+        sys.path.insert(0, folder)
+        try:
+            spec.loader.exec_module(module)
+        finally:
+            with suppress(ValueError):
+                sys.path.remove(folder)
+            # Another study may have a helper of the same name.
+            for other in set(sys.modules) - before - {name}:
+                if _is_beside(sys.modules[other], other, path.parent):
+                    del sys.modules[other]
+    return module
+
+
+def _is_beside(module: ModuleType, name: str, folder: Path) -> bool:
+    """Whether a module came from a folder itself, not from an environment that happens to be within."""
+    places = [getattr(module, "__file__", None), *getattr(module, "__path__", ())]
+    file = next((Path(place).resolve() for place in places if place), None)
+    if file is None or not file.is_relative_to(folder):
+        return False
+    return file.relative_to(folder).parts[0].partition(".")[0] == name.partition(".")[0]
 
 
 def law_file(study: Study, name: str) -> Path | None:

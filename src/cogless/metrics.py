@@ -8,13 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cogless.errors import StudyError
-from cogless.study.metric import Metric
+from cogless.study.metric import Metric, whole_revolutions
+from cogless.study.metric import result_name as result_name
 from cogless.trace import Trace
 
 Array = NDArray[np.float64]
@@ -76,10 +76,11 @@ class Measurement:
 
 
 def evaluate(metric: Metric, trace: Trace, conditions: Conditions) -> Value:
-    """Value of a metric on a trace, SI; a list for kind "order"; None for a step that never settles.
+    """Value of a metric on a trace, SI; None for a step that never settles.
 
-    StudyError: a signal that the trace doesn't have, an empty window, less than one revolution for an order,
-    rows too sparse for chattering.
+    A list for kind "order", of NaN where the rotor turned too little.
+
+    StudyError: a signal that the trace doesn't have, an empty window, rows too sparse for chattering.
     """
     first, last = _window(metric, trace, conditions)
     measurement = Measurement(metric, trace, conditions, trace.window(first, last))
@@ -99,7 +100,8 @@ def _window(metric: Metric, trace: Trace, conditions: Conditions) -> tuple[float
     if metric.event is None:
         return 0.0, end
     # The row of the next event already carries that event.
-    return metric.event, min((t - trace.period for t in conditions.events if t > metric.event), default=end)
+    after = metric.event + trace.period / 2
+    return metric.event, min((t - trace.period for t in conditions.events if t > after), default=end)
 
 
 def peak_to_peak(m: Measurement) -> float:
@@ -130,27 +132,16 @@ def maximum(m: Measurement) -> float:
 def order(m: Measurement) -> list[float]:
     """Amplitude (peak) of each order of an electrical or mechanical revolution, in the signal's unit.
 
-    Tracked on angle, so a varying speed doesn't smear it. NaN where the rotor turned too little for one,
-    though the reference asked for more: a controller that stalls has no orders.
+    Tracked on angle, so a varying speed doesn't smear it. NaN where the rotor turned too little for one: a
+    rotor that stalls has no orders.
     """
     orders = list(m.metric.order or ())
     try:
         return order_amplitudes(
             m.trace["theta_m"][m.rows], m.x, orders, m.conditions.pole_pairs, m.metric.frame == "electrical"
         )
-    except ValueError as error:
-        if _stalled(m):
-            return [math.nan] * len(orders)
-        raise m.error(str(error)) from error
-
-
-def _stalled(m: Measurement) -> bool:
-    """Whether the rotor turned by less than half of what the reference asked for."""
-    if "omega_ref" not in m.trace:
-        return False
-    asked = abs(float(np.sum(m.trace["omega_ref"][m.rows]))) * m.trace.period
-    theta = m.trace["theta_m"][m.rows]
-    return abs(float(theta[-1] - theta[0])) < 0.5 * asked
+    except ValueError:
+        return [math.nan] * len(orders)
 
 
 def dip(m: Measurement) -> float:
@@ -229,12 +220,6 @@ KINDS: dict[str, Callable[[Measurement], Value]] = {
 }
 
 
-def result_name(metric: Metric) -> str:
-    """Name in results.json: the metric's name, ended by its SI unit ("speed_ripple_rad_s", "torque_N_m")."""
-    suffix = "_" + metric.dimension.unit.replace("*", "_").replace("/", "_").replace("^", "")
-    return metric.name if suffix == "_" or metric.name.endswith(suffix) else metric.name + suffix
-
-
 def order_amplitudes(
     theta_m: Array, x: Array, orders: Sequence[float], pole_pairs: int, electrical: bool
 ) -> list[float]:
@@ -247,7 +232,7 @@ def order_amplitudes(
     ValueError: less than one such revolution.
     """
     frame = theta_m * pole_pairs if electrical else theta_m
-    whole = math.lcm(*(Fraction(n).limit_denominator(1000).denominator for n in orders))
+    whole = whole_revolutions(orders)
     periods = [math.lcm(whole, pole_pairs), whole] if electrical else [whole]
     turns = abs(float(frame[-1] - frame[0])) / (2 * math.pi) if len(frame) else 0.0
     # A window that was meant to hold exactly n revolutions may miss the last by a row.
@@ -307,7 +292,7 @@ def _mean_before(m: Measurement) -> float:
     At most over half of the time since the event before, or since the start.
     """
     event, trace = m.event, m.trace
-    previous = max((t for t in m.conditions.events if t < event), default=0.0)
+    previous = max((t for t in m.conditions.events if t < event - trace.period / 2), default=0.0)
     rows = trace.window((previous + event) / 2, event - trace.period)
     x = trace[m.signal]
     if rows.start == rows.stop:

@@ -6,9 +6,10 @@ import dataclasses
 import math
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import wait as wait_for
+from contextlib import contextmanager
 from fnmatch import fnmatchcase
 from importlib import import_module
 from threading import Event
@@ -35,11 +36,16 @@ StudyProgress = Callable[[str, str, float], None]
 
 
 class RunError(StudyError):
-    """A run that could not be finished: its controller returned NaN, say. `results` holds the others."""
+    """A run that could not be finished: its controller returned NaN, say. The others are kept.
 
-    def __init__(self, message: str, results: Results) -> None:
+    `results`: the finished runs of the first study that has such a run. `all_results`: those of every study
+    of a rollout, in its order; those that lack a run have `interrupted` set.
+    """
+
+    def __init__(self, message: str, results: Results, all_results: Sequence[Results]) -> None:
         super().__init__(message)
         self.results = results
+        self.all_results = list(all_results)
 
 
 class _Stopped(Exception):  # noqa: N818, it isn't an error
@@ -78,8 +84,8 @@ def rollout(
     """Run many studies, such as variations of one, side by side on threads; results in their order.
 
     `jobs`: runs at a time, default one a core. Without `keep_traces` each run's trace is let go, empty, once
-    its metrics are taken, so that thousands fit into memory. Ctrl-C and RunError as in run_study; the error
-    is the first failing study's.
+    its metrics are taken, so that thousands fit into memory. Ctrl-C as in run_study. RunError: some run
+    could not be finished; all the others are, and in its `all_results`.
     """
     return _rollout(studies, only, None, jobs or os.cpu_count() or 1, keep_traces)
 
@@ -106,18 +112,17 @@ def _rollout(
     pairs = [runs_of(study, only) for study in studies]
     for study, of_study in zip(studies, pairs, strict=True):
         _try_laws(study, of_study)
+    futures: list[list[Future[Run]]] = [[] for _ in studies]
     with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
-        futures = [
-            [pool.submit(one, study, *pair) for pair in of_study]
-            for study, of_study in zip(studies, pairs, strict=True)
-        ]
         try:
+            for study, of_study, submitted in zip(studies, pairs, futures, strict=True):
+                for pair in of_study:
+                    submitted.append(pool.submit(one, study, *pair))
             wait_for([future for of_study in futures for future in of_study])
         except KeyboardInterrupt:
             stop.set()
             pool.shutdown(wait=True, cancel_futures=True)
-    collected = zip(studies, futures, strict=True)
-    return [_collected(study, of_study, stop.is_set()) for study, of_study in collected]
+    return _collected(studies, futures, stop.is_set())
 
 
 def _try_laws(study: Study, runs: Sequence[tuple[str, str]]) -> None:
@@ -160,6 +165,24 @@ def measure(study: Study, scenario: str, trace: Trace) -> dict[str, Value]:
 
 
 def _simulate(study: Study, scenario: str, controller: str, progress: Progress, stop: Event) -> Run:
+    with _failures(study, scenario, controller):
+        return _run(study, scenario, controller, progress, stop)
+
+
+@contextmanager
+def _failures(study: Study, scenario: str, controller: str, when: Callable[[], str] = str) -> Iterator[None]:
+    """Whatever fails in a run becomes a StudyError of one line. `when`: its time, or ""."""
+    try:
+        yield
+    except BaseException as error:
+        if isinstance(error, StudyError | _Stopped) or not is_failure(error):
+            raise
+        where = f"controller.{controller}: scenario {scenario}{when()}"
+        cause = describe(error, law_file(study, controller))
+        raise StudyError(f"{study.source.path}: {where}: {cause}") from error
+
+
+def _run(study: Study, scenario: str, controller: str, progress: Progress, stop: Event) -> Run:
     engine = import_module(ENGINES[study.drive.precision])
     here = for_scenario(study, scenario)
     rates = here.drive.rates
@@ -173,14 +196,8 @@ def _simulate(study: Study, scenario: str, controller: str, progress: Progress, 
     if table is not None:
         drive.load_memory(state, table)
     recorder = engine.Recorder(drive, decimation, ticks // decimation + 1)
-    try:
+    with _failures(study, scenario, controller, lambda: f" at {state.tick / rates.current_loop:.6g} s"):
         _advance(drive, state, recorder, ticks, progress, stop)
-    except BaseException as error:
-        if isinstance(error, _Stopped) or not is_failure(error):
-            raise
-        where = f"controller.{controller}: scenario {scenario} at {state.tick / rates.current_loop:.6g} s"
-        cause = describe(error, law_file(study, controller))
-        raise StudyError(f"{study.source.path}: {where}: {cause}") from error
     trace = _trace(drive, recorder)
     try:
         metrics = measure(study, scenario, trace)
@@ -239,33 +256,47 @@ def _commission(engine: Any, study: Study, scenario: str, controller: str, stop:
     state = drive.start()
     calibration = law.calibration
     expected = 2 * (calibration.revolutions + SETTLING) * 2 * math.pi / calibration.speed
-    divider = round(here.drive.rates.current_loop / here.drive.rates.speed_loop)
-    piece = divider * math.ceil(here.drive.rates.speed_loop)  # 1 s
-    while state.tick < 3 * expected * here.drive.rates.current_loop:
+    rates = here.drive.rates
+    divider = round(rates.current_loop / rates.speed_loop)
+    piece = divider * math.ceil(rates.speed_loop)  # 1 s
+
+    def when() -> str:
+        return f", commissioning run, at {state.tick / rates.current_loop:.6g} s"
+
+    while state.tick < 3 * expected * rates.current_loop:
         recorder = engine.Recorder(drive, divider)
-        _advance(drive, state, recorder, piece, lambda share: None, stop)
+        with _failures(study, scenario, controller, when):
+            _advance(drive, state, recorder, piece, lambda share: None, stop)
         if not int(_trace(drive, recorder)["status"][-1]) & BUSY:
             return drive.memory(state)["current"]
     line = f"{study.source.path}: controller.{controller}.calibration: scenario {scenario}"
     raise StudyError(f"{line}: not done after {3 * expected:.3g} s: expected kp and ki that hold its speed")
 
 
-def _collected(study: Study, futures: Sequence[Future[Run]], stopped: bool) -> Results:
-    finished, failures = [], []
-    for future in futures:
-        if future.cancelled():
-            continue
-        error = future.exception()
-        if error is None:
-            finished.append(future.result())
-        elif isinstance(error, StudyError):
-            failures.append(error)
-        elif not isinstance(error, _Stopped):
-            raise error
-    results = Results(study, finished, interrupted=stopped or bool(failures))
+def _collected(
+    studies: Sequence[Study], futures: Sequence[Sequence[Future[Run]]], stopped: bool
+) -> list[Results]:
+    results: list[Results] = []
+    failures: list[StudyError] = []
+    failed: list[Results] = []
+    for study, of_study in zip(studies, futures, strict=True):
+        finished, before = [], len(failures)
+        for future in of_study:
+            if future.cancelled():
+                continue
+            error = future.exception()
+            if error is None:
+                finished.append(future.result())
+            elif isinstance(error, StudyError):
+                failures.append(error)
+            elif not isinstance(error, _Stopped):
+                raise error
+        fails = len(failures) > before
+        results.append(Results(study, finished, interrupted=stopped or fails))
+        failed += results[-1:] if fails else []
     if failures:
         more = f" (and {len(failures) - 1} more)" if len(failures) > 1 else ""
-        raise RunError(f"{failures[0]}{more}", results)
+        raise RunError(f"{failures[0]}{more}", failed[0], results)
     return results
 
 

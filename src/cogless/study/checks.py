@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 
 from cogless.study import numerics
 from cogless.study.controller import TERMS, Learning
-from cogless.study.metric import Metric
+from cogless.study.metric import Metric, result_name, whole_revolutions
 from cogless.study.scenario import Scenario
 from cogless.study.table import problem
 
@@ -66,21 +66,31 @@ def trace_rate(study: Study) -> None:
         raise problem(f"expected a rate that divides drive.rates.current_loop, {ticks:g} Hz", "trace", "rate")
 
 
+def durations(study: Study) -> None:
+    """Every scenario has rows enough for a metric."""
+    for name, scenario in study.scenario.items():
+        if scenario.duration * study.trace_rate < FEWEST_ROWS * (1 - 1e-9):
+            least = f"{FEWEST_ROWS / study.trace_rate:g} s"
+            expected = f"expected {least} or more, {FEWEST_ROWS} rows of the trace"
+            raise problem(expected, "scenario", name, "duration")
+
+
 def metrics(study: Study) -> None:
     """Metrics have their own name in each scenario, and scenarios, windows, events, signals that exist."""
     recorded = {term for controller in study.controller.values() for term in TERMS[controller.law]}
     for index, metric in enumerate(study.metric):
         for scenario, other in product(study.scenario, study.metric[:index]):
             both = (applies(m, scenario, study.scenario[scenario]) for m in (metric, other))
-            if metric.name == other.name and all(both):
-                expected = f'expected a name that no other metric of scenario "{scenario}" has'
+            if result_name(metric) == result_name(other) and all(both):
+                has = "has" if metric.name == other.name else f"has in results.json: {result_name(metric)}"
+                expected = f'expected a name that no other metric of scenario "{scenario}" {has}'
                 raise problem(expected, "metric", index, "name")
         if (metric.signal or "").startswith("term_") and metric.signal not in recorded:
             raise problem("expected a signal that a controller of this study has", "metric", index, "signal")
         if (metric.signal or "").startswith("energy_") and not study.trace.energy:
             raise problem("expected another, or trace.energy = true", "metric", index, "signal")
         for other in study.metric[:index]:
-            if metric.name == other.name and metric.meaning != other.meaning:
+            if result_name(metric) == result_name(other) and metric.meaning != other.meaning:
                 expected = "expected the kind, signal, order and frame of the other metric of this name"
                 raise problem(expected, "metric", index, "name")
         if metric.kind == "chattering" and study.trace_rate < study.drive.rates.speed_loop * (1 - 1e-9):
@@ -93,8 +103,8 @@ def metrics(study: Study) -> None:
 
 
 def _in_time(study: Study, index: int, metric: Metric) -> None:
-    times = [event.time for scenario in study.scenario.values() for event in scenario.events]
-    if metric.event is not None and metric.scenarios is None and metric.event not in times:
+    event, known = metric.event, study.scenario.values()
+    if event is not None and metric.scenarios is None and not any(_has_event(s, event) for s in known):
         raise problem("expected the time of an event of a scenario", "metric", index, "event")
     for name, scenario in study.scenario.items():
         if not applies(metric, name, scenario):
@@ -105,18 +115,30 @@ def _in_time(study: Study, index: int, metric: Metric) -> None:
         if metric.last is not None and metric.last > scenario.duration:
             expected = f'expected at most the {scenario.duration:g} s of scenario "{name}"'
             raise problem(expected, "metric", index, "last")
-        if (
-            metric.window is not None
-            and (metric.window[1] - metric.window[0]) * study.trace_rate < FEWEST_ROWS
-        ):
-            expected = f"expected a window of {FEWEST_ROWS} or more rows of the trace"
-            raise problem(expected, "metric", index, "window")
-        if metric.event is not None and not _has_event(scenario, metric.event):
+        if event is not None and not _has_event(scenario, event):
             raise problem(f'expected the time of an event of scenario "{name}"', "metric", index, "event")
+        key, span = _span(metric, scenario)
+        rate, rows = study.trace_rate, "rows of the trace"
+        if metric.kind == "chattering":
+            rate, rows = study.drive.rates.speed_loop, "samples of the speed loop"
+        if span * rate < FEWEST_ROWS * (1 - 1e-9):
+            expected = f"expected a window of {FEWEST_ROWS} or more {rows}"
+            raise problem(expected, "metric", index, key)
+
+
+def _span(metric: Metric, scenario: Scenario) -> tuple[str, float]:
+    """The key that decides a metric's window in a scenario, and the window's length, s."""
+    declared = metric.span(scenario.duration)
+    if declared is not None:
+        return ("window" if metric.last is None else "last"), declared[1] - declared[0]
+    if metric.event is None:
+        return "window", scenario.duration
+    later = [e.time for e in scenario.events if e.time > metric.event and not _same(e.time, metric.event)]
+    return "event", min(later, default=scenario.duration) - metric.event
 
 
 def orders(study: Study) -> None:
-    """Every order lies below half the trace's rate at the scenario's top speed."""
+    """At top speed every order lies below half the trace's rate, and is whole within the window."""
     half = study.trace_rate / 2
     for index, metric in enumerate(study.metric):
         for name, scenario in study.scenario.items():
@@ -124,6 +146,12 @@ def orders(study: Study) -> None:
                 continue
             poles = study.motor.pole_pairs if metric.frame == "electrical" else 1
             turns = poles * scenario.top_speed / (2 * math.pi)
+            key, span = _span(metric, scenario)
+            fewest = whole_revolutions(metric.order)
+            if turns * (span + 2 / study.trace_rate) < fewest:
+                expected = f"expected {fewest} or more {metric.frame} revolutions at the top speed"
+                made = f'of scenario "{name}", not {turns * span:.3g}'
+                raise problem(f"{expected} {made}", "metric", index, key)
             if max(metric.order) * turns >= half:
                 limit = f"expected orders below {half / turns:.4g}, half the trace's {2 * half:g} Hz"
                 raise problem(f'{limit} at the top speed of scenario "{name}"', "metric", index, "order")
@@ -163,7 +191,12 @@ def calibration(study: Study) -> None:
 
 
 def _has_event(scenario: Scenario, time: float) -> bool:
-    return any(math.isclose(event.time, time, abs_tol=1e-9) for event in scenario.events)
+    return any(_same(event.time, time) for event in scenario.events)
+
+
+def _same(one: float, other: float) -> bool:
+    """Whether two times are one, in whatever units they were written."""
+    return math.isclose(one, other, abs_tol=1e-9)
 
 
 def _one_of(names: Iterable[str]) -> str:
@@ -177,12 +210,14 @@ ALL: tuple[Check, ...] = (
     references,
     baseline,
     trace_rate,
+    durations,
     numerics.integration,
     numerics.dead_time,
     numerics.size,
-    numerics.periods,
     metrics,
     orders,
     leads,
     calibration,
 )
+# Of the study as a whole, not of one scenario with its overrides.
+WHOLE: tuple[Check, ...] = (numerics.periods,)

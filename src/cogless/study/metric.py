@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
+from fractions import Fraction
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
@@ -137,6 +140,17 @@ class Metric(Table):
     def dimension(self) -> Dimension:
         """What the metric's value is."""
         return _dimension(self.kind, self.signal)
+
+
+def result_name(metric: Metric) -> str:
+    """Name in results.json: the metric's name, ended by its SI unit ("speed_ripple_rad_s", "torque_N_m")."""
+    suffix = "_" + metric.dimension.unit.replace("*", "_").replace("/", "_").replace("^", "")
+    return metric.name if suffix == "_" or metric.name.endswith(suffix) else metric.name + suffix
+
+
+def whole_revolutions(orders: Iterable[float]) -> int:
+    """The fewest revolutions over which every order is whole."""
+    return math.lcm(*(Fraction(n).limit_denominator(1000).denominator for n in orders))
 
 
 def _dimension(kind: str, signal: str | None) -> Dimension:

@@ -196,7 +196,7 @@ def _checked(source: Source) -> Study:
 
 def _validated(source: Source, prefix: str = "") -> Study:
     try:
-        study = Study.model_validate(source.tables)
+        study = Study.model_validate(source.tables, context={"one_scenario": True} if prefix else None)
     except ValidationError as error:
         raise _error(problems(error, source.tables), source, prefix) from None
     study._source = source
