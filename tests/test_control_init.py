@@ -46,6 +46,35 @@ BAD_ANTI_COGGING = {
     "position_gain": NOT_NEGATIVE,
     "lead": NOT_NEGATIVE,
 }
+FEEDFORWARD = {"numerator": 3, "denominator": 2, "preview": 2, "num": [1.0, -0.5, 0.2], "den": [1.0, -0.5]}
+BAD_FEEDFORWARD = {
+    "numerator": [17, 0x80000000, 0xFFFFFFFF],
+    "denominator": [0, 17, 0xFFFFFFFF],
+    "preview": [65536, 0xFFFFFFFF],
+    "num": [[1.0, x, 0.0] for x in FINITE],
+    "den": [[0.0, 0.5], [2.0, 0.5], [1.0, -1.0], [1.0, 1.0], [1.0, 1.5], *([1.0, x] for x in FINITE)],
+}
+Q_FILTER = {"order": 1, "b": [0.25, 0.25], "a": [1.0, -0.5]}
+BAD_Q_FILTER = {
+    "order": [5, 0xFFFFFFFF],
+    "b": [[0.25, x] for x in FINITE],
+    "a": [[0.0, 0.5], [2.0, 0.5], [1.0, -1.0], [1.0, 1.0], [1.0, -1.5], *([1.0, x] for x in FINITE)],
+}
+TRIAL = {"samples": 20, "states": 2, "k_1": [-1.0, 0.5], "k_2": 0.1, "n": 1.0, "c": [1.0, 0.0],
+         "through_integrator": True, "k_3": 0.5, "shift": 2, "filter_signal": False, "limit": 10.0,
+         "learned_limit": 1.0}  # fmt: skip
+BAD_TRIAL = {
+    "samples": [0, 1, 2, 6, 16777217, 0x80000000, 0xFFFFFFFF],  # 6: as many as the filter's extension
+    "states": [0, 9, 0xFFFFFFFF],
+    "k_1": [[0.0, x] for x in FINITE],
+    "k_2": FINITE,
+    "n": FINITE,
+    "c": [[x, 0.0] for x in FINITE],
+    "k_3": FINITE,
+    "shift": [0, 20, 33, 0xFFFFFFFF],
+    "limit": POSITIVE,
+    "learned_limit": POSITIVE,
+}
 
 
 def cases(good: dict[str, Any], bad: dict[str, list[Any]]):
@@ -72,9 +101,18 @@ CONFIGS = {
         [c | {"pi": PI} for c in cases(ANTI_COGGING, BAD_ANTI_COGGING)]
         + [ANTI_COGGING | {"pi": p} for p in cases(PI, BAD_PI)],
     ),
+    "feedforward": (FEEDFORWARD, cases(FEEDFORWARD, BAD_FEEDFORWARD)),
+    "trial": (
+        TRIAL | {"feedforward": FEEDFORWARD, "q_filter": Q_FILTER},
+        [c | {"feedforward": FEEDFORWARD, "q_filter": Q_FILTER} for c in cases(TRIAL, BAD_TRIAL)]
+        + [TRIAL | {"feedforward": f, "q_filter": Q_FILTER} for f in cases(FEEDFORWARD, BAD_FEEDFORWARD)]
+        + [TRIAL | {"feedforward": FEEDFORWARD, "q_filter": q} for q in cases(Q_FILTER, BAD_Q_FILTER)],
+    ),
 }
+# pointers, which a table of values cannot give
+ELSEWHERE = {"trial": {"learning_matrix"}}
 # entries that the good config needs
-WITH_MEMORY = {"memory": 68, "pi_ilc": 68, "robust_ilc": 68, "anti_cogging": 64}
+WITH_MEMORY = {"memory": 68, "pi_ilc": 68, "robust_ilc": 68, "anti_cogging": 64, "trial": 46}
 
 
 def init(library: ControlLibrary, law: str, config: dict[str, Any], pointer=None, length=100) -> int:
@@ -110,10 +148,26 @@ def test_the_test_knows_every_field(law):
     """A new field in a config must come with its range here."""
     library = control_library("double")
     fields = {name for name, _ in library.ffi.typeof(f"cgl_{law}_config").fields}
-    assert fields == set(CONFIGS[law][0])
+    assert fields == set(CONFIGS[law][0]) | ELSEWHERE.get(law, set())
 
 
 def test_robust_ilc_refuses_an_acceleration_that_overflows():
     library = control_library("float")
     config = CONFIGS["robust_ilc"][0] | {"b": 1e30, "limit": 1e30}
     assert init(library, "robust_ilc", config) == library.lib.CGL_ERROR_CONFIG
+
+
+@pytest.mark.parametrize("bad", FINITE)
+def test_trial_refuses_a_matrix_with_anything_not_finite(bad):
+    library = control_library("float")
+    matrix, pointer = library.array([[0.1] * 20] * 20)
+    config = CONFIGS["trial"][0] | {"learning_matrix": pointer}
+    assert init(library, "trial", config) == library.lib.CGL_OK
+    matrix[19, 19] = bad
+    assert init(library, "trial", config) == library.lib.CGL_ERROR_CONFIG
+
+
+def test_trial_refuses_a_learned_part_that_overflows():
+    library = control_library("float")
+    config = CONFIGS["trial"][0] | {"n": 1e30, "learned_limit": 1e30}
+    assert init(library, "trial", config) == library.lib.CGL_ERROR_CONFIG

@@ -84,7 +84,8 @@ static void long_calibration(void)
                                             16U,
                                             CGL_R(0.4),
                                             12U,
-                                            CGL_R(5.0)};
+                                            CGL_R(5.0),
+                                            CGL_R(0.0)};
     cgl_anti_cogging law;
     CHECK(cgl_anti_cogging_init(&config, &law, table, 16U) == CGL_OK);
     cgl_anti_cogging_calibrate(&config, &law);

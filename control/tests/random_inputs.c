@@ -10,8 +10,10 @@
 #include "cogless/foc.h"
 #include "cogless/modulation.h"
 #include "cogless/pi_ilc.h"
+#include "cogless/polynomial.h"
 #include "cogless/robust_ilc.h"
 #include "cogless/speed_pi.h"
+#include "cogless/trial.h"
 
 #define CELLS_MAX 200U
 #define GUARD 8U
@@ -110,6 +112,13 @@ static void try_angle(void)
         CHECK(within(sine, CGL_R(1.000001)) && within(cosine, CGL_R(1.000001)));
         const cgl_real fraction = cgl_fraction(random_real(CGL_R(1.0e9)));
         CHECK(fraction >= CGL_R(0.0) && fraction < CGL_R(1.0));
+        const cgl_real theta = random_real(CGL_R(7.0)), last = random_real(CGL_R(100.0));
+        const cgl_real unwrapped = cgl_unwrap(theta, last);
+        if (cgl_is_angle(theta) && cgl_is_angle(last)) {
+            CHECK(cgl_abs(unwrapped - last) < CGL_R(3.18)); /* pi, and rounding at 1e5 rad */
+        } else {
+            CHECK(cgl_is_finite(unwrapped) || !cgl_is_finite(last));
+        }
     }
 }
 
@@ -317,6 +326,175 @@ static void try_anti_cogging(void)
     check_fence(config.cells);
 }
 
+/* ---- learning from trial to trial ---- */
+
+#define SAMPLES_MAX 60U
+
+/* Coefficients whose roots lie inside the unit circle: any reflection coefficients below 1, stepped up. */
+static void random_stable(cgl_real *a, uint32_t order)
+{
+    a[0] = CGL_R(1.0);
+    for (uint32_t n = 1; n <= order; ++n) {
+        cgl_real before[CGL_POLYNOMIAL_ORDER + 1];
+        memcpy(before, a, n * sizeof a[0]);
+        const cgl_real k = cgl_clamp(random_gain(CGL_R(1.0)), CGL_R(0.999)) * (random_below(2) ? CGL_R(1.0) : CGL_R(-1.0));
+        for (uint32_t i = 1; i < n; ++i) {
+            a[i] = before[i] + k * before[n - i];
+        }
+        a[n] = k;
+    }
+}
+
+static cgl_zero_phase_config random_filter(void)
+{
+    cgl_zero_phase_config config;
+    config.order = random_below(3) ? random_below(CGL_ZERO_PHASE_ORDER + 1U) : 0U;
+    random_stable(config.a, CGL_ZERO_PHASE_ORDER);
+    random_stable(config.a, config.order);
+    for (uint32_t i = 0; i <= CGL_ZERO_PHASE_ORDER; ++i) {
+        config.b[i] = random_below(20) ? random_gain(CGL_R(1.0)) : random_real(CGL_R(1.0));
+    }
+    return config;
+}
+
+static cgl_feedforward_config random_feedforward(void)
+{
+    cgl_feedforward_config config;
+    config.numerator = random_below(2) ? random_below(CGL_FEEDFORWARD_TAPS + 1U) : 0U;
+    config.denominator = 1U + random_below(4);
+    config.preview = random_below(4) ? random_below(8) : random_bits() >> random_below(32);
+    random_stable(config.den, CGL_FEEDFORWARD_TAPS - 1U);
+    random_stable(config.den, config.denominator - 1U);
+    for (uint32_t i = 0; i < CGL_FEEDFORWARD_TAPS; ++i) {
+        config.num[i] = random_below(20) ? random_gain(CGL_R(1.0)) : random_real(CGL_R(1.0));
+    }
+    return config;
+}
+
+static void try_zero_phase(void)
+{
+    cgl_zero_phase_config config;
+    uint32_t samples;
+    do {
+        config = random_filter();
+        samples = 1U + random_below(SAMPLES_MAX);
+    } while (cgl_zero_phase_init(&config, samples) != CGL_OK);
+    const uint32_t pad = CGL_ZERO_PHASE_PAD(config.order);
+    for (int n = 0; n < 10; ++n) {
+        cgl_real *x = fence(samples + pad);
+        const bool finite = random_below(2) != 0U;
+        for (uint32_t i = 0; i < samples; ++i) {
+            x[i] = finite ? cgl_clamp(random_real(CGL_R(1.0)), CGL_REAL_MAX) : random_real(CGL_R(1.0));
+        }
+        cgl_zero_phase(&config, x, samples, x + samples);
+        if (finite || config.order > 0U) {
+            check_cells(samples, CGL_REAL_MAX);
+        }
+        check_fence(samples + pad);
+    }
+}
+
+static cgl_real gain_of_any_sign(cgl_real usual)
+{
+    return random_below(2) ? random_gain(usual) : -random_gain(usual);
+}
+
+static cgl_trial_config random_trial(cgl_real *matrix)
+{
+    cgl_trial_config config;
+    config.samples = 2U + random_below(SAMPLES_MAX - 1U);
+    config.states = 1U + random_below(CGL_TRIAL_STATES);
+    for (uint32_t i = 0; i < CGL_TRIAL_STATES; ++i) {
+        config.k_1[i] = i < config.states ? gain_of_any_sign(CGL_R(1.0)) : random_real(CGL_R(1.0));
+        config.c[i] = i < config.states ? gain_of_any_sign(CGL_R(1.0)) : random_real(CGL_R(1.0));
+    }
+    config.k_2 = gain_of_any_sign(CGL_R(0.1));
+    config.n = gain_of_any_sign(CGL_R(1.0));
+    config.through_integrator = random_below(2) != 0U;
+    config.k_3 = gain_of_any_sign(CGL_R(1.0));
+    config.shift = 1U + (random_below(4) ? random_below(4) : random_below(32));
+    config.feedforward = random_feedforward();
+    config.q_filter = random_filter();
+    config.filter_signal = random_below(2) != 0U;
+    config.learning_matrix = NULL;
+    if (random_below(4) == 0U) {
+        for (uint32_t i = 0; i < config.samples * config.samples; ++i) {
+            matrix[i] = gain_of_any_sign(CGL_R(0.1));
+        }
+        config.learning_matrix = matrix;
+    }
+    config.limit = random_gain(CGL_R(20.0));
+    config.learned_limit = random_gain(CGL_R(5.0));
+    return config;
+}
+
+/* A step, with what it says checked against what it did. */
+static void check_trial_step(const cgl_trial_config *config, cgl_trial *law, bool calm)
+{
+    cgl_trial_input in;
+    for (uint32_t i = 0; i < CGL_TRIAL_STATES; ++i) {
+        in.x[i] = calm && i < config->states ? gain_of_any_sign(CGL_R(3.0)) : random_real(CGL_R(3.0));
+    }
+    in.learn = calm || random_below(8) != 0U;
+    const cgl_trial before = *law;
+    cgl_real v[SAMPLES_MAX];
+    memcpy(v, law->learned, config->samples * sizeof v[0]);
+    cgl_trial_output out;
+    cgl_trial_step(config, law, &in, &out);
+    CHECK(within(out.u, config->limit));
+    CHECK(cgl_is_finite(law->psi) && within(law->v, config->learned_limit));
+    CHECK(cgl_is_finite(law->terms.feedback) && cgl_is_finite(law->terms.integral));
+    CHECK(cgl_is_finite(law->terms.feedforward) && cgl_is_finite(law->terms.learned));
+    CHECK(memcmp(v, law->learned, config->samples * sizeof v[0]) == 0);
+    if ((out.status & (unsigned)CGL_STATUS_FAULT) != 0U || law->y_ref == NULL) {
+        CHECK(within(out.u, CGL_R(0.0)));
+        CHECK(memcmp(&before.psi, &law->psi, sizeof before.psi) == 0);
+        CHECK((out.status & (unsigned)CGL_STATUS_FROZEN) != 0U);
+        CHECK(law->spoilt || law->y_ref == NULL || before.sample >= config->samples);
+    }
+}
+
+static void check_trial_end(const cgl_trial_config *config, cgl_trial *law, bool whole)
+{
+    cgl_real v[SAMPLES_MAX];
+    memcpy(v, law->learned, config->samples * sizeof v[0]);
+    const bool learned = cgl_trial_end(config, law);
+    CHECK(learned == whole);
+    CHECK(learned || memcmp(v, law->learned, config->samples * sizeof v[0]) == 0);
+    check_cells(config->samples, config->learned_limit);
+    CHECK(!cgl_trial_end(config, law)); /* not twice */
+}
+
+static void try_trial(void)
+{
+    static cgl_real matrix[SAMPLES_MAX * SAMPLES_MAX], y_ref[SAMPLES_MAX];
+    cgl_trial_config config;
+    cgl_trial law;
+    uint32_t length;
+    do {
+        config = random_trial(matrix);
+        length = CGL_TRIAL_LENGTH(config.samples, config.q_filter.order);
+    } while (cgl_trial_init(&config, &law, fence(length), length) != CGL_OK);
+    for (int trial = 0; trial < 8; ++trial) {
+        const bool calm = random_below(4) != 0U;
+        for (uint32_t p = 0; p < config.samples; ++p) {
+            y_ref[p] = calm ? gain_of_any_sign(CGL_R(3.0)) : random_real(CGL_R(3.0));
+        }
+        if (random_below(8) != 0U) {
+            cgl_trial_begin(&config, &law, random_below(16) ? y_ref : NULL);
+        }
+        const uint32_t steps = random_below(4) ? config.samples + random_below(3) * 20U : random_below(config.samples);
+        for (uint32_t p = 0; p < steps; ++p) {
+            check_trial_step(&config, &law, calm);
+        }
+        if (random_below(16) == 0U) {
+            cgl_trial_reset(&config, &law);
+        }
+        check_trial_end(&config, &law, law.y_ref != NULL && law.sample >= config.samples && !law.spoilt);
+        check_fence(length);
+    }
+}
+
 /* Configs of any bits: init may refuse them, and does no more than that. */
 static void try_any_config(void)
 {
@@ -330,10 +508,22 @@ static void try_any_config(void)
     }
     check_fence(length);
     const cgl_anti_cogging_config table = {random_pi(), random_bits() >> random_below(32), random_real(CGL_R(1.0)),
-                                           random_bits() >> random_below(32), random_real(CGL_R(1.0))};
+                                           random_bits() >> random_below(32), random_real(CGL_R(1.0)),
+                                           random_real(CGL_R(1.0))};
     cgl_anti_cogging law;
     if (cgl_anti_cogging_init(&table, &law, fence(length), length) == CGL_OK) {
         CHECK(table.cells <= length);
+    }
+    check_fence(length);
+    static cgl_real matrix[SAMPLES_MAX * SAMPLES_MAX];
+    cgl_trial_config trial = random_trial(matrix);
+    trial.learning_matrix = NULL; /* its length is the caller's word */
+    *(random_below(2) ? &trial.samples : &trial.shift) = random_bits() >> random_below(32);
+    *(random_below(2) ? &trial.feedforward.numerator : &trial.feedforward.denominator) = random_bits();
+    *(random_below(2) ? &trial.states : &trial.q_filter.order) = random_bits() >> random_below(32);
+    cgl_trial trials;
+    if (cgl_trial_init(&trial, &trials, fence(length), length) == CGL_OK) {
+        CHECK(CGL_TRIAL_LENGTH(trial.samples, trial.q_filter.order) <= length);
     }
     check_fence(length);
 }
@@ -349,6 +539,8 @@ void random_inputs(long configs)
         try_pi_ilc();
         try_robust_ilc();
         try_anti_cogging();
+        try_zero_phase();
+        try_trial();
         try_any_config();
     }
 }

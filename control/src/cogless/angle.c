@@ -95,3 +95,12 @@ cgl_real cgl_fraction(cgl_real x)
     const cgl_real fraction = x - (cgl_real)floor_to_int(x);
     return fraction < CGL_R(1.0) ? fraction : CGL_R(0.0); /* a tiny negative x rounds up to 1 */
 }
+
+cgl_real cgl_unwrap(cgl_real theta, cgl_real near)
+{
+    const cgl_real turns = (near - theta) * (CGL_R(1.0) / CGL_TWO_PI);
+    if (!(turns > CGL_R(-1.0e9) && turns < CGL_R(1.0e9))) {
+        return near;
+    }
+    return theta + CGL_TWO_PI * (cgl_real)floor_to_int(turns + CGL_R(0.5));
+}

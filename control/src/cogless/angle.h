@@ -15,6 +15,10 @@ void cgl_sincos(cgl_real theta, cgl_real *sine, cgl_real *cosine);
 /* Fractional part of x in [0, 1); 0 for what is not a plausible number. */
 cgl_real cgl_fraction(cgl_real x);
 
+/* theta [rad] plus the whole turns that bring it nearest to `near`: the angle without its jumps, where `near` is the last
+ * one. `near` itself where either is not finite, or they are more than 1e9 turns apart. */
+cgl_real cgl_unwrap(cgl_real theta, cgl_real near);
+
 #ifdef __cplusplus
 }
 #endif

@@ -1,0 +1,161 @@
+#include "trial.h"
+
+#define SAMPLES_MAX 16777216U
+#define SHIFT_MAX 32U
+
+static const cgl_trial_terms no_terms = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};
+
+static bool all_finite(const cgl_real *x, uint32_t count)
+{
+    for (uint32_t i = 0; i < count; ++i) {
+        if (!cgl_is_finite(x[i])) {
+            return false;
+        }
+    }
+    return true;
+}
+
+static bool is_finite_matrix(const cgl_real *row, uint32_t samples)
+{
+    for (uint32_t p = 0; p < samples; ++p, row += samples) {
+        if (!all_finite(row, samples)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+cgl_error cgl_trial_init(const cgl_trial_config *config, cgl_trial *law, cgl_real *memory, uint32_t length)
+{
+    if (!(config->samples >= 2U && config->samples <= SAMPLES_MAX && config->states >= 1U
+          && config->states <= CGL_TRIAL_STATES && all_finite(config->k_1, config->states)
+          && all_finite(config->c, config->states) && cgl_is_finite(config->k_2) && cgl_is_finite(config->n)
+          && cgl_is_finite(config->k_3) && config->shift >= 1U && config->shift <= SHIFT_MAX
+          && config->shift < config->samples && cgl_is_positive(config->limit)
+          && cgl_is_positive(config->learned_limit) && cgl_is_finite(config->n * config->learned_limit)
+          && cgl_feedforward_init(&config->feedforward, &law->feedforward) == CGL_OK
+          && cgl_zero_phase_init(&config->q_filter, config->samples) == CGL_OK
+          && (config->learning_matrix == 0 || is_finite_matrix(config->learning_matrix, config->samples)))) {
+        return CGL_ERROR_CONFIG;
+    }
+    if (memory == 0 || length < CGL_TRIAL_LENGTH(config->samples, config->q_filter.order)) {
+        return CGL_ERROR_MEMORY;
+    }
+    law->learned = memory;
+    law->error = memory + config->samples;
+    cgl_trial_reset(config, law);
+    return CGL_OK;
+}
+
+void cgl_trial_reset(const cgl_trial_config *config, cgl_trial *law)
+{
+    for (uint32_t p = 0; p < CGL_TRIAL_LENGTH(config->samples, config->q_filter.order); ++p) {
+        law->learned[p] = CGL_R(0.0);
+    }
+    cgl_trial_begin(config, law, 0);
+}
+
+void cgl_trial_begin(const cgl_trial_config *config, cgl_trial *law, const cgl_real *y_ref)
+{
+    law->y_ref = y_ref;
+    law->psi = law->v = CGL_R(0.0);
+    cgl_feedforward_reset(&config->feedforward, &law->feedforward, y_ref != 0 ? y_ref[0] : CGL_R(0.0));
+    law->sample = 0U;
+    law->blocked = 0xFFFFFFFFU;
+    law->spoilt = false;
+    law->terms = no_terms;
+}
+
+void cgl_trial_step(const cgl_trial_config *config, cgl_trial *law, const cgl_trial_input *in, cgl_trial_output *out)
+{
+    out->u = CGL_R(0.0);
+    out->status = (unsigned)CGL_STATUS_FROZEN;
+    if (law->y_ref == 0) {
+        return;
+    }
+    const uint32_t p = law->sample;
+    const bool within = p < config->samples;
+    if (within) {
+        law->v = law->learned[p];
+    }
+    cgl_real feedback = CGL_R(0.0), y = CGL_R(0.0);
+    for (uint32_t i = 0; i < config->states; ++i) {
+        feedback += config->k_1[i] * in->x[i];
+        y += config->c[i] * in->x[i];
+    }
+    const cgl_real e = law->y_ref[within ? p : config->samples - 1U] - y;
+    const cgl_real f = cgl_feedforward_step(&config->feedforward, &law->feedforward, law->y_ref, config->samples, p);
+    law->sample += p < config->samples + CGL_FEEDFORWARD_TAPS ? 1U : 0U;
+
+    const cgl_real integral = config->k_2 * law->psi;
+    const cgl_real learned = config->n * law->v;
+    const cgl_real wanted = feedback + integral + f + learned;                    /* Fig. 1 */
+    const cgl_real psi = law->psi + (config->through_integrator ? e + law->v : e); /* (4) */
+
+    /* an x that is not finite shows in K_1 x, whatever the gains */
+    if (!cgl_is_finite(wanted + psi)) {
+        law->spoilt = law->spoilt || within;
+        law->terms = no_terms;
+        out->status |= (unsigned)CGL_STATUS_FAULT;
+        return;
+    }
+
+    law->terms.feedback = feedback;
+    law->terms.integral = integral;
+    law->terms.feedforward = f;
+    law->terms.learned = learned;
+    out->u = cgl_clamp(wanted, config->limit);
+    const bool saturated = cgl_abs(wanted) >= config->limit;
+    if (!saturated || config->k_2 * (psi - law->psi) * wanted < CGL_R(0.0)) {
+        law->psi = psi;
+    }
+
+    if (within) {
+        law->error[p] = ((law->blocked >> (config->shift - 1U)) & 1U) != 0U ? CGL_R(0.0) : e;
+        law->blocked = (law->blocked << 1) | (saturated ? 1U : 0U);
+        law->spoilt = law->spoilt || !in->learn;
+    }
+    out->status = (saturated ? (unsigned)CGL_STATUS_SATURATED : 0U)
+                  | (!within || law->spoilt || saturated ? (unsigned)CGL_STATUS_FROZEN : 0U);
+}
+
+/* v <- v + K_3 e(p + r), or v + L e; within the limit. */
+static void correct(const cgl_trial_config *config, cgl_trial *law)
+{
+    const uint32_t samples = config->samples;
+    const cgl_real *row = config->learning_matrix;
+    for (uint32_t p = 0; p < samples; ++p) {
+        cgl_real correction = CGL_R(0.0);
+        if (row != 0) {
+            for (uint32_t q = 0; q < samples; ++q) {
+                correction += row[q] * law->error[q];
+            }
+            row += samples;
+        } else {
+            const uint32_t place = p + config->shift;
+            correction = config->k_3 * law->error[place < samples ? place : samples - 1U];
+        }
+        law->learned[p] = cgl_clamp(law->learned[p] + correction, config->learned_limit);
+    }
+}
+
+bool cgl_trial_end(const cgl_trial_config *config, cgl_trial *law)
+{
+    const bool whole = law->y_ref != 0 && law->sample >= config->samples && !law->spoilt;
+    law->spoilt = true; /* a second end learns nothing */
+    if (!whole) {
+        return false;
+    }
+    cgl_real *tail = law->error + config->samples;
+    if (config->learning_matrix == 0 && !config->filter_signal) {
+        cgl_zero_phase(&config->q_filter, law->error, config->samples, tail);
+    }
+    correct(config, law);
+    if (config->filter_signal) {
+        cgl_zero_phase(&config->q_filter, law->learned, config->samples, tail);
+        for (uint32_t p = 0; p < config->samples; ++p) {
+            law->learned[p] = cgl_clamp(law->learned[p], config->learned_limit);
+        }
+    }
+    return true;
+}

@@ -1,0 +1,99 @@
+#include "zero_phase.h"
+
+#include "polynomial.h"
+
+/* The steady state of the direct form II transposed for a constant input of 1; z has order + 1 entries, the last is 0. */
+static bool rest(const cgl_zero_phase_config *config, cgl_real *z)
+{
+    cgl_real sum_b = CGL_R(0.0), sum_a = CGL_R(0.0);
+    for (uint32_t i = 0; i <= config->order; ++i) {
+        sum_b += config->b[i];
+        sum_a += config->a[i];
+    }
+    const cgl_real y = sum_b / sum_a;
+    bool finite = cgl_is_finite(y);
+    z[config->order] = CGL_R(0.0);
+    for (uint32_t i = config->order; i > 0U; --i) {
+        z[i - 1U] = config->b[i] - config->a[i] * y + z[i];
+        finite = finite && cgl_is_finite(z[i - 1U]);
+    }
+    return finite;
+}
+
+/* With input and output within this, all states and sums are finite: a state is a sum of past b x - a y. */
+static cgl_real ceiling(const cgl_zero_phase_config *config)
+{
+    cgl_real sum = CGL_R(1.0);
+    for (uint32_t i = 0; i <= config->order; ++i) {
+        sum += cgl_abs(config->b[i]) + cgl_abs(config->a[i]);
+    }
+    return CGL_R(0.5) * CGL_REAL_MAX / sum;
+}
+
+cgl_error cgl_zero_phase_init(const cgl_zero_phase_config *config, uint32_t samples)
+{
+    if (config->order == 0U) {
+        return CGL_OK;
+    }
+    cgl_real z[CGL_ZERO_PHASE_ORDER + 1];
+    return config->order <= CGL_ZERO_PHASE_ORDER && samples > CGL_ZERO_PHASE_PAD(config->order)
+                   && cgl_is_stable(config->a, config->order) && cgl_is_positive(ceiling(config)) && rest(config, z)
+               ? CGL_OK
+               : CGL_ERROR_CONFIG;
+}
+
+static void start(const cgl_zero_phase_config *config, cgl_real *z, cgl_real x, cgl_real limit)
+{
+    (void)rest(config, z);
+    for (uint32_t i = 0; i < config->order; ++i) {
+        z[i] = cgl_clamp(z[i] * cgl_clamp(x, limit), limit);
+    }
+}
+
+static cgl_real pass(const cgl_zero_phase_config *config, cgl_real *z, cgl_real x, cgl_real limit)
+{
+    const cgl_real in = cgl_clamp(x, limit);
+    const cgl_real out = cgl_clamp(config->b[0] * in + z[0], limit);
+    for (uint32_t i = 1; i <= config->order; ++i) {
+        z[i - 1U] = config->b[i] * in - config->a[i] * out + z[i];
+    }
+    return out;
+}
+
+/* Odd extension: the point mirrored at the end. */
+static cgl_real mirrored(cgl_real end, cgl_real x)
+{
+    return CGL_R(2.0) * end - x;
+}
+
+void cgl_zero_phase(const cgl_zero_phase_config *config, cgl_real *x, uint32_t samples, cgl_real *tail)
+{
+    if (config->order == 0U) {
+        return;
+    }
+    const uint32_t pad = CGL_ZERO_PHASE_PAD(config->order);
+    const cgl_real limit = ceiling(config);
+    cgl_real z[CGL_ZERO_PHASE_ORDER + 1];
+    for (uint32_t i = 0; i < pad; ++i) {
+        tail[i] = mirrored(x[samples - 1U], x[samples - 2U - i]);
+    }
+
+    start(config, z, mirrored(x[0], x[pad]), limit);
+    for (uint32_t i = pad; i > 0U; --i) {
+        (void)pass(config, z, mirrored(x[0], x[i]), limit);
+    }
+    for (uint32_t i = 0; i < samples; ++i) {
+        x[i] = pass(config, z, x[i], limit);
+    }
+    for (uint32_t i = 0; i < pad; ++i) {
+        tail[i] = pass(config, z, tail[i], limit);
+    }
+
+    start(config, z, tail[pad - 1U], limit);
+    for (uint32_t i = pad; i > 0U; --i) {
+        (void)pass(config, z, tail[i - 1U], limit);
+    }
+    for (uint32_t i = samples; i > 0U; --i) {
+        x[i - 1U] = pass(config, z, x[i - 1U], limit);
+    }
+}

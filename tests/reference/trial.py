@@ -1,0 +1,107 @@
+"""Position control that learns from trial to trial: mandra2019 Fig. 1, (4), (5), (16), (17), (41), (42), and
+the rules for saturation and faults of the library."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.signal import filtfilt
+
+from .limits import clip
+
+
+def feedforward(num, den, preview: int, y_ref: np.ndarray, count: int) -> np.ndarray:
+    """(41), f(p) for p = 0 .. count-1. The reference rests before its first and after its last sample."""
+    last = len(y_ref) - 1
+    f = np.zeros(count)
+
+    def at(p: int) -> float:
+        return f[p] if p >= 0 else sum(num) / sum(den) * y_ref[0]
+
+    for p in range(count):
+        f[p] = sum(b * y_ref[min(max(p + preview - i, 0), last)] for i, b in enumerate(num))
+        f[p] -= sum(den[j] * at(p - j) for j in range(1, len(den)))
+    return f
+
+
+@dataclass
+class Trial:
+    samples: int
+    k_1: list[float]
+    k_2: float
+    n: float
+    c: list[float]
+    through_integrator: bool
+    k_3: float
+    shift: int
+    limit: float
+    learned_limit: float
+    num: list[float] = field(default_factory=list)
+    den: list[float] = field(default_factory=lambda: [1.0])
+    preview: int = 0
+    b: list[float] = field(default_factory=lambda: [1.0])
+    a: list[float] = field(default_factory=lambda: [1.0])
+    filter_signal: bool = False
+    learning_matrix: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        self.v = np.zeros(self.samples)
+
+    def begin(self, y_ref: np.ndarray) -> None:
+        self.y_ref = np.asarray(y_ref, dtype=float)
+        self.f = feedforward(self.num, self.den, self.preview, self.y_ref, self.samples + 50)
+        self.psi, self.p, self.spoilt = 0.0, 0, False
+        self.e = np.zeros(self.samples)
+        self.limited = np.zeros(self.samples, dtype=bool)
+        self.saturated = self.fault = False
+
+    def step(self, x: np.ndarray, learn: bool = True) -> float:
+        p, held = self.p, min(self.p, self.samples - 1)
+        self.p += 1
+        self.within = p < self.samples
+        x = np.asarray(x, dtype=float)
+        self.saturated, self.fault = False, not np.isfinite(x).all()
+        if self.fault:
+            self.spoilt |= self.within
+            self.terms = dict.fromkeys(("feedback", "integral", "feedforward", "learned"), 0.0)
+            return 0.0
+        y = float(np.dot(self.c, x))
+        self.terms = {
+            "feedback": float(np.dot(self.k_1, x)),
+            "integral": self.k_2 * self.psi,
+            "feedforward": float(self.f[min(p, len(self.f) - 1)]),
+            "learned": self.n * self.v[held],
+        }
+        self.wanted = math.fsum(self.terms.values())  # Fig. 1
+        u = clip(self.wanted, self.limit)
+        self.saturated = abs(self.wanted) >= self.limit
+        e = self.y_ref[held] - y
+        epsilon = e + self.v[held] * self.through_integrator
+        if not self.saturated or self.k_2 * epsilon * u < 0:
+            self.psi += epsilon  # (4)
+        if self.within:
+            self.e[p], self.limited[p] = e, self.saturated
+            self.spoilt |= not learn
+        return u
+
+    def end(self) -> bool:
+        if self.p < self.samples or self.spoilt:
+            return False
+        self.spoilt = True
+        r, last = self.shift, self.samples - 1
+        e = self.e
+        e[r:][self.limited[:-r]] = 0  # what u(p) could not do shows in e(p + r)
+        e[:r] = 0
+        if self.learning_matrix is not None:
+            correction = self.learning_matrix @ e
+        else:
+            e = e if self.filter_signal else self.filtered(e)
+            correction = self.k_3 * e[np.minimum(np.arange(self.samples) + r, last)]  # (17), (42)
+        v = np.clip(self.v + correction, -self.learned_limit, self.learned_limit)  # (16)
+        if self.filter_signal:
+            v = np.clip(self.filtered(v), -self.learned_limit, self.learned_limit)
+        self.v = v
+        return True
+
+    def filtered(self, x: np.ndarray) -> np.ndarray:
+        return filtfilt(self.b, self.a, x) if len(self.b) > 1 else x
