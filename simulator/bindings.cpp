@@ -6,6 +6,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "config.hpp"
+#include "trial_config.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -16,13 +17,42 @@ namespace {
 
 using Array = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
 
-nb::dict memory_of(const Drive& drive, const DriveState& state) {
-    const LearnedMap map = drive.learned(state);
+// What has been learned, under the names that say over what.
+template <class Engine, class State>
+nb::dict memory_of(const Engine& engine, const State& state) {
+    const Learned learned = engine.learned(state);
     nb::dict result;
-    if (map.current.empty()) return result;
-    result["frame"] = map.electrical ? "electrical" : "mechanical";
-    result["current"] = map.current;
+    if (learned.values.empty()) return result;
+    if (learned.over == Over::trial) {
+        result["learned"] = learned.values;
+    } else {
+        result["frame"] = learned.over == Over::electrical ? "electrical" : "mechanical";
+        result["current"] = learned.values;
+    }
     return result;
+}
+
+// The constructor of a recorder of an engine's signals.
+template <class Engine>
+void make_recorder(Recorder* self, const Engine& engine, std::int64_t decimation, std::size_t rows) {
+    if (decimation < 1) throw std::invalid_argument("decimation: expected 1 or more");
+    new (self) Recorder(engine.signals().size(), decimation, rows);
+}
+
+// What every engine offers.
+template <class Engine, class State>
+void bind_engine(nb::class_<Engine>& c, const char* memory) {
+    c.def_prop_ro("signals",
+                  [](const Engine& engine) {
+                      std::vector<std::pair<std::string, std::string>> all;
+                      for (const Signal& s : engine.signals()) all.emplace_back(s.name, s.unit);
+                      return all;
+                  },
+                  "(name, unit) of each recorded signal")
+        .def("start", &Engine::start, "The state at time zero.")
+        .def("advance", &Engine::advance, "state"_a, "recorder"_a, "ticks"_a, nb::call_guard<nb::gil_scoped_release>(),
+             "Runs so many ticks.")
+        .def("memory", &memory_of<Engine, State>, "state"_a, memory);
 }
 
 }  // namespace
@@ -48,13 +78,14 @@ NB_MODULE(COGLESS_MODULE, m) {
         .def_ro("tick", &DriveState::tick, "current-loop periods since the start")
         .def("copy", [](const DriveState& s) { return DriveState(s); });
 
-    nb::class_<Recorder>(m, "Recorder", "Rows of signals, one every `decimation` current-loop periods.")
-        .def("__init__",
-             [](Recorder* self, const Drive& drive, std::int64_t decimation, std::size_t rows) {
-                 if (decimation < 1) throw std::invalid_argument("decimation: expected 1 or more");
-                 new (self) Recorder(drive.signals().size(), decimation, rows);
-             },
-             "drive"_a, "decimation"_a, "rows"_a = 0, "rows: how many are expected; more are taken too.")
+    nb::class_<LinearTrialsState>(m, "LinearTrialsState", "All that changes in trials of a linear plant; a value.")
+        .def_ro("tick", &LinearTrialsState::tick, "samples since the start")
+        .def("copy", [](const LinearTrialsState& s) { return LinearTrialsState(s); });
+
+    nb::class_<Recorder>(m, "Recorder", "Rows of an engine's signals, one every `decimation` ticks.")
+        .def("__init__", &make_recorder<Drive>, "drive"_a, "decimation"_a, "rows"_a = 0,
+             "rows: how many are expected; more are taken too.")
+        .def("__init__", &make_recorder<LinearTrials>, "trials"_a, "decimation"_a, "rows"_a = 0)
         .def(
             "take",
             [](Recorder& recorder) {
@@ -65,22 +96,19 @@ NB_MODULE(COGLESS_MODULE, m) {
             },
             "Hands over the rows so far, (rows, signals) in float64, and starts anew.");
 
-    nb::class_<Drive>(m, "Drive", "An immutable description of a drive with its controller.")
-        .def("__init__",
-             [](Drive* self, const nb::dict& config, const nb::object& controller) {
-                 new (self) Drive(read_config(config, controller));
-             },
-             "config"_a, "controller"_a.none() = nb::none())
-        .def_prop_ro("signals",
-                     [](const Drive& drive) {
-                         std::vector<std::pair<std::string, std::string>> all;
-                         for (const Signal& s : drive.signals()) all.emplace_back(s.name, s.unit);
-                         return all;
-                     },
-                     "(name, unit) of each recorded signal")
-        .def("start", &Drive::start, "The state at time zero.")
-        .def("advance", &Drive::advance, "state"_a, "recorder"_a, "ticks"_a, nb::call_guard<nb::gil_scoped_release>(),
-             "Runs so many current-loop periods.")
-        .def("memory", &memory_of, "state"_a, "The learned map: {'frame', 'current'}, or {}.")
-        .def("load_memory", &Drive::teach, "state"_a, "table"_a, "Puts a learned table in.");
+    nb::class_<Drive> drive(m, "Drive", "An immutable description of a drive with its controller.");
+    drive.def("__init__",
+              [](Drive* self, const nb::dict& config, const nb::object& controller) {
+                  new (self) Drive(read_config(config, controller));
+              },
+              "config"_a, "controller"_a.none() = nb::none());
+    bind_engine<Drive, DriveState>(
+        drive, "What is learned: {'frame', 'current'} over an angle, {'learned'} over a trial's samples, or {}.");
+    drive.def("load_memory", &Drive::teach, "state"_a, "table"_a, "Puts a learned table in.");
+
+    nb::class_<LinearTrials> linear(m, "LinearTrials", "An immutable description of a linear plant with the trial law.");
+    linear.def("__init__",
+               [](LinearTrials* self, const nb::dict& config) { new (self) LinearTrials(read_linear_trials(config)); },
+               "config"_a);
+    bind_engine<LinearTrials, LinearTrialsState>(linear, "What is learned: {'learned'}, a trial's samples.");
 }

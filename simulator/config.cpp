@@ -1,72 +1,17 @@
 #include "config.hpp"
 
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/vector.h>
-
-#include <map>
-#include <stdexcept>
+#include <cmath>
 #include <string>
 
 #include "plugin_library.hpp"
+#include "section.hpp"
+#include "trial_config.hpp"
 
 namespace cogless {
 
 namespace nb = nanobind;
 
 namespace {
-
-// A table of the configuration, whose errors name the whole key.
-class Section {
-public:
-    Section(nb::dict values, std::string name) : values_(std::move(values)), name_(std::move(name)) {}
-
-    bool has(const char* key) const { return values_.contains(key) && !values_[key].is_none(); }
-
-    template <class T>
-    T get(const char* key) const {
-        if (!values_.contains(key)) throw std::invalid_argument(name_ + key + ": missing");
-        T value;
-        if (!nb::try_cast<T>(values_[key], value)) throw std::invalid_argument(name_ + key + ": wrong type");
-        return value;
-    }
-
-    double number(const char* key) const { return get<double>(key); }
-    int integer(const char* key) const { return get<int>(key); }
-    cgl_real real(const char* key) const { return static_cast<cgl_real>(number(key)); }
-
-    template <class Choice>
-    Choice choice(const char* key, const std::map<std::string, Choice>& choices) const {
-        const auto found = choices.find(get<std::string>(key));
-        if (found == choices.end()) throw std::invalid_argument(name_ + key + ": unknown");
-        return found->second;
-    }
-
-    Section section(const char* key) const { return {get<nb::dict>(key), name_ + key + "."}; }
-
-    std::vector<Section> sections(const char* key) const {
-        std::vector<Section> all;
-        for (const nb::handle item : get<nb::list>(key)) {
-            all.emplace_back(nb::cast<nb::dict>(item), name_ + key + "." + std::to_string(all.size()) + ".");
-        }
-        return all;
-    }
-
-    Table table(const char* key, const char* axis, const char* value) const {
-        if (!has(key)) return {};
-        const Section s = section(key);
-        return {s.get<std::vector<double>>(axis), s.get<std::vector<double>>(value)};
-    }
-
-    Phases phases(const char* key) const {
-        const auto values = get<std::vector<double>>(key);
-        if (values.size() != 3) throw std::invalid_argument(name_ + key + ": expected three values");
-        return {values[0], values[1], values[2]};
-    }
-
-private:
-    nb::dict values_;
-    std::string name_;
-};
 
 std::vector<Harmonic> harmonics(const std::vector<Section>& sections) {
     std::vector<Harmonic> all;
@@ -157,7 +102,8 @@ CallbackLaw callback(const nb::object& controller) {
     }};
 }
 
-SpeedLaw law(const Section& s, const nb::object& controller, int pole_pairs, double ts, double limit) {
+// samples: of a trial, 0 without trials.
+Law law(const Section& s, const nb::object& controller, int pole_pairs, double ts, double limit, std::uint32_t samples) {
     const auto name = s.get<std::string>("law");
     const auto pi = [&] {
         return cgl_pi_config{s.real("kp"), s.real("ki"), static_cast<cgl_real>(ts), static_cast<cgl_real>(limit)};
@@ -183,7 +129,72 @@ SpeedLaw law(const Section& s, const nb::object& controller, int pole_pairs, dou
         return open_plugin(s.get<std::string>("library"), s.get<std::vector<double>>("params"), ts);
     }
     if (name == "python") return callback(controller);
+    if (name == "trial") {
+        if (samples == 0) throw std::invalid_argument("trials: missing");
+        return trial_law(s, 2, samples);
+    }
     throw std::invalid_argument("controller.law: unknown law " + name);
+}
+
+// Motor, mechanics and load, and where they start; the rest differs with and without trials.
+PhaseConfig phase(const Section& s) {
+    const Section mechanics = s.section("mechanics");
+    const Section load = s.section("load");
+    return {
+        .motor = motor(s.section("motor")),
+        .mechanics = {mechanics.number("inertia"), mechanics.number("viscous_friction"),
+                      mechanics.number("coulomb_friction"), mechanics.number("breakaway_friction")},
+        .load = {load.number("torque"), load.number("lag"), harmonics(load.sections("harmonics")),
+                 load.table("angle_table", "angle", "torque"), load.table("time_table", "time", "torque")},
+        .load_steps = {},
+        .initial_speed = s.number("initial_speed"),
+        .initial_angle = s.number("initial_angle"),
+    };
+}
+
+PhaseConfig single_phase(const Section& top, std::int64_t current_rate) {
+    PhaseConfig p = phase(top);
+    for (const Section& event : top.sections("events")) {
+        p.load_steps.push_back({std::llround(event.number("time") * static_cast<double>(current_rate)),
+                                event.number("load")});
+    }
+    return p;
+}
+
+std::vector<PhaseConfig> trial_phases(const Section& s, const Trials& trials, std::int64_t speed_divider) {
+    std::vector<PhaseConfig> all;
+    std::int64_t before = -1;
+    for (const Section& section : s.sections("phases")) {
+        PhaseConfig p = phase(section);
+        p.from = before = first_trial(section, before, trials);
+        p.trajectory = reals(section.numbers("reference", static_cast<std::size_t>(trials.samples)));
+        std::int64_t last = 0;
+        for (const Section& step : section.sections("load_steps")) {
+            const auto sample = step.get<std::int64_t>("sample");
+            if (sample < last || sample >= trials.samples) step.refuse("sample", "expected samples of the trial in order");
+            last = sample;
+            p.load_steps.push_back({sample * speed_divider, step.number("torque")});
+        }
+        all.push_back(std::move(p));
+    }
+    if (all.empty()) s.refuse("phases", "expected one or more");
+    return all;
+}
+
+// What the current loop is made of, which an ideal one does not need.
+void read_current_loop(const Section& drive, DriveConfig& config) {
+    const Section inverter = drive.section("inverter");
+    const Section sensors = drive.section("current_sensors");
+    const Section belief = drive.section("belief");
+    const bool delay = inverter.integer("computation_delay") != 0;
+    config.inverter = {inverter.get<std::string>("kind") == "switched", inverter.number("bus_voltage"),
+                       inverter.number("dead_time"), delay};
+    config.current_sensors = {sensors.phases("offset"), sensors.phases("gain_error"), sensors.number("noise"),
+                              sensors.integer("bits"), sensors.number("range"), sensors.integer("sensors")};
+    config.current_loop = {drive.real("kp_d"), drive.real("ki_d"), drive.real("kp_q"), drive.real("ki_q"),
+                           config.current_loop.ts, config.current_loop.current_limit,
+                           delay ? CGL_R(1.5) : CGL_R(0.5), drive.get<bool>("decoupling"), belief.real("L_d"),
+                           belief.real("L_q"), belief.real("psi_f")};
 }
 
 }  // namespace
@@ -191,53 +202,36 @@ SpeedLaw law(const Section& s, const nb::object& controller, int pole_pairs, dou
 DriveConfig read_config(const nb::dict& config, const nb::object& controller) {
     const Section top(config, "");
     const Section drive = top.section("drive");
-    const Section mechanics = top.section("mechanics");
-    const Section load = top.section("load");
-    const Section inverter = drive.section("inverter");
-    const Section sensors = drive.section("current_sensors");
-    const Section belief = drive.section("belief");
     const Section controller_section = top.section("controller");
-
     const auto current_rate = drive.get<std::int64_t>("current_rate");
     const auto speed_divider = drive.get<std::int64_t>("speed_divider");
     const double period = 1.0 / static_cast<double>(current_rate);
     const double limit = drive.number("current_limit");
-    const bool delay = inverter.integer("computation_delay") != 0;
 
-    std::vector<LoadStep> load_steps;
-    for (const Section& event : top.sections("events")) {
-        load_steps.push_back({std::llround(event.number("time") * static_cast<double>(current_rate)),
-                              event.number("load")});
+    DriveConfig result{};
+    if (top.has("trials")) {
+        const Section trials = top.section("trials");
+        result.trials = read_trials(trials);
+        result.phases = trial_phases(trials, *result.trials, speed_divider);
+    } else {
+        result.phases = {single_phase(top, current_rate)};
+        result.reference = reference(top.section("reference"));
     }
-    PmsmConfig motor_config = motor(top.section("motor"));
-    const int pole_pairs = motor_config.pole_pairs;
-    return {
-        .motor = std::move(motor_config),
-        .mechanics = {mechanics.number("inertia"), mechanics.number("viscous_friction"),
-                      mechanics.number("coulomb_friction"), mechanics.number("breakaway_friction")},
-        .load = {load.number("torque"), load.number("lag"), harmonics(load.sections("harmonics")),
-                 load.table("angle_table", "angle", "torque"), load.table("time_table", "time", "torque")},
-        .load_steps = std::move(load_steps),
-        .inverter = {inverter.get<std::string>("kind") == "switched", inverter.number("bus_voltage"),
-                     inverter.number("dead_time"), delay},
-        .current_sensors = {sensors.phases("offset"), sensors.phases("gain_error"), sensors.number("noise"),
-                            sensors.integer("bits"), sensors.number("range"), sensors.integer("sensors")},
-        .position_sensor = position_sensor(drive.section("position_sensor")),
-        .reference = reference(top.section("reference")),
-        .current_loop = {drive.real("kp_d"), drive.real("ki_d"), drive.real("kp_q"), drive.real("ki_q"),
-                         static_cast<cgl_real>(period), static_cast<cgl_real>(limit),
-                         delay ? CGL_R(1.5) : CGL_R(0.5), drive.get<bool>("decoupling"), belief.real("L_d"),
-                         belief.real("L_q"), belief.real("psi_f")},
-        .law = law(controller_section, controller, pole_pairs, period * static_cast<double>(speed_divider), limit),
-        .current_rate = current_rate,
-        .speed_divider = speed_divider,
-        .integration_steps = drive.integer("integration_steps"),
-        .initial_speed = top.number("initial_speed"),
-        .initial_angle = top.number("initial_angle"),
-        .learning_start = controller_section.has("learning_start") ? controller_section.number("learning_start") : 0.0,
-        .seed = top.get<std::uint64_t>("seed"),
-        .energy = top.get<bool>("energy"),
-    };
+    result.ideal_current = drive.has("ideal_current") && drive.get<bool>("ideal_current");
+    result.current_loop.ts = static_cast<cgl_real>(period);
+    result.current_loop.current_limit = static_cast<cgl_real>(limit);
+    if (!result.ideal_current) read_current_loop(drive, result);
+    result.position_sensor = position_sensor(drive.section("position_sensor"));
+    result.law = law(controller_section, controller, result.phases.front().motor.pole_pairs,
+                     period * static_cast<double>(speed_divider), limit,
+                     result.trials ? static_cast<std::uint32_t>(result.trials->samples) : 0U);
+    result.current_rate = current_rate;
+    result.speed_divider = speed_divider;
+    result.integration_steps = drive.integer("integration_steps");
+    result.learning_start = controller_section.has("learning_start") ? controller_section.number("learning_start") : 0.0;
+    result.seed = top.get<std::uint64_t>("seed");
+    result.energy = top.get<bool>("energy");
+    return result;
 }
 
 }  // namespace cogless

@@ -24,7 +24,7 @@ public:
     explicit CurrentSensors(const CurrentSensorsConfig& config)
         : config_(config), step_(std::ldexp(config.range, 1 - config.bits)), per_step_(1.0 / step_) {}
 
-    Phases measure(Phases i, Random& random) const {
+    [[gnu::always_inline]] Phases measure(Phases i, Random& random) const {
         for (std::size_t n = 0; n < static_cast<std::size_t>(config_.sensors); ++n) {
             i[n] += config_.gain_error[n] * i[n] + config_.offset[n];
             if (config_.noise > 0.0) i[n] += config_.noise * random.normal();

@@ -1,5 +1,6 @@
 #include "drive.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <string>
@@ -9,13 +10,23 @@ namespace cogless {
 namespace {
 
 std::vector<Signal> signals_of(const DriveConfig& config) {
-    std::vector<Signal> all{
-        {"time", "s"},       {"theta_m", "rad"},     {"omega_m", "rad/s"}, {"omega_ref", "rad/s"},
-        {"omega_measured", "rad/s"},                 {"i_d", "A"},         {"i_q", "A"},
-        {"i_d_ref", "A"},    {"i_q_ref", "A"},       {"i_a", "A"},         {"i_b", "A"},
-        {"i_c", "A"},        {"u_d", "V"},           {"u_q", "V"},         {"tau_e", "N*m"},
-        {"tau_cogging", "N*m"},                      {"tau_load", "N*m"},  {"status", ""},
+    const bool trials = config.trials.has_value(), electrical = !config.ideal_current;
+    std::vector<Signal> all;
+    const auto add = [&all](bool wanted, std::initializer_list<Signal> some) {
+        if (wanted) all.insert(all.end(), some);
     };
+    add(true, {{"time", "s"}});
+    add(trials, {{"trial", ""}});
+    add(true, {{"theta_m", "rad"}, {"omega_m", "rad/s"}});
+    add(trials, {{"theta_ref", "rad"}, {"theta_measured", "rad"}});
+    add(!trials, {{"omega_ref", "rad/s"}});
+    add(true, {{"omega_measured", "rad/s"}});
+    add(electrical, {{"i_d", "A"}});
+    add(true, {{"i_q", "A"}});
+    add(electrical && !trials, {{"i_d_ref", "A"}});
+    add(true, {{"i_q_ref", "A"}});
+    add(electrical, {{"i_a", "A"}, {"i_b", "A"}, {"i_c", "A"}, {"u_d", "V"}, {"u_q", "V"}});
+    add(true, {{"tau_e", "N*m"}, {"tau_cogging", "N*m"}, {"tau_load", "N*m"}, {"status", ""}});
     std::visit(
         [&all](const auto& law) {
             if constexpr (requires { law.terms; }) {
@@ -23,6 +34,7 @@ std::vector<Signal> signals_of(const DriveConfig& config) {
             }
         },
         config.law);
+    add(trials, {{"learned", "rad"}});
     if (config.energy) {
         for (const char* name : {"electrical", "copper", "friction", "load", "stored"}) {
             all.push_back({std::string("energy_") + name, "J"});
@@ -31,18 +43,18 @@ std::vector<Signal> signals_of(const DriveConfig& config) {
     return all;
 }
 
-SpeedLawState start_of(const SpeedLaw& law) {
-    return std::visit([](const auto& l) { return SpeedLawState(l.start()); }, law);
+LawState start_of(const Law& law) {
+    return std::visit([](const auto& l) { return LawState(l.start()); }, law);
 }
 
-template <class Law>
-auto& state_of(SpeedLawState& state, const Law&) {
-    return *std::get_if<typename Law::State>(&state);
+template <class One>
+auto& state_of(LawState& state, const One&) {
+    return *std::get_if<typename One::State>(&state);
 }
 
-template <class Law>
-const auto& state_of(const SpeedLawState& state, const Law&) {
-    return *std::get_if<typename Law::State>(&state);
+template <class One>
+const auto& state_of(const LawState& state, const One&) {
+    return *std::get_if<typename One::State>(&state);
 }
 
 }  // namespace
@@ -50,95 +62,180 @@ const auto& state_of(const SpeedLawState& state, const Law&) {
 Drive::Drive(const DriveConfig& config)
     : config_(config),
       period_(1.0 / static_cast<double>(config.current_rate)),
-      plant_(config.motor, config.mechanics, config.load, period_ / config.integration_steps),
       position_sensor_(config.position_sensor, period_, period_ * static_cast<double>(config.speed_divider)),
       current_sensors_(config.current_sensors),
       signals_(signals_of(config)) {
-    cgl_foc unused;
-    require(cgl_foc_init(&config_.current_loop, &unused), "current loop");
+    if (config_.ideal_current) {
+        if (config_.energy) throw std::invalid_argument("energy: not with an ideal current loop, which has no voltage");
+        if (!(config_.current_loop.current_limit > CGL_R(0.0))) {
+            throw std::invalid_argument("drive.current_limit: expected more than 0");
+        }
+    } else {
+        cgl_foc unused;
+        require(cgl_foc_init(&config_.current_loop, &unused), "current loop");
+    }
+    if (config_.trials.has_value() != std::holds_alternative<TrialLaw>(config_.law)) {
+        throw std::invalid_argument("controller.law: expected \"trial\" with trials, and only with them");
+    }
     start_of(config_.law);
+    for (const PhaseConfig& p : config_.phases) {
+        const Plant plant(p.motor, p.mechanics, p.load, period_ / config_.integration_steps);
+        phases_.push_back({p, plant, plant.start(p.initial_angle, p.initial_speed),
+                           position_sensor_.start(p.initial_angle, p.initial_speed)});
+    }
 }
 
 DriveState Drive::start() const {
     DriveState s;
-    s.plant = plant_.start(config_.initial_angle, config_.initial_speed);
-    s.position = position_sensor_.start(config_.initial_angle, config_.initial_speed);
+    restart(s, phases_.front());
     s.random = Random(config_.seed);
     s.law = start_of(config_.law);
-    cgl_foc_reset(&s.current_loop);
     return s;
+}
+
+void Drive::restart(DriveState& s, const Phase& phase) const {
+    s.plant = phase.plant_start;
+    s.position = phase.position_start;
+    cgl_foc_reset(&s.current_loop);
+    s.command = {};
+    s.output = {};
+    s.duty = {0.5, 0.5, 0.5};
+    s.next_load_step = 0;
 }
 
 void Drive::advance(DriveState& s, Recorder& recorder, std::int64_t ticks) const {
     recorder.reserve(ticks);
-    Powers::Values z;
-    plant_.powers().evaluate(s.plant.theta_m, z);
-    for (const std::int64_t end = s.tick + ticks; s.tick < end; ++s.tick) {
-        while (s.next_load_step < config_.load_steps.size() &&
-               config_.load_steps[s.next_load_step].tick <= s.tick) {
-            s.plant.load.target = config_.load_steps[s.next_load_step++].torque;
-            if (config_.load.lag <= 0.0) s.plant.load.torque = s.plant.load.target;
-        }
-        const Phases current = phase_currents(s.plant.i, plant_.motor().axis(z));
-        control(s, current);
-        if (recorder.wants(s.tick)) record(s, z, current, recorder.next_row());
+    if (const auto* law = std::get_if<TrialLaw>(&config_.law)) {
+        advance_trials(s, recorder, *law, s.tick + ticks);
+    } else {
+        advance_within(s, recorder, phases_.front(), 0, s.tick + ticks);
+    }
+}
 
-        const Phases computed{static_cast<double>(s.output.duty[0]), static_cast<double>(s.output.duty[1]),
-                              static_cast<double>(s.output.duty[2])};
-        const Phases acting = config_.inverter.computation_delay ? s.duty : computed;
-        s.duty = computed;
-        if (config_.energy) {
-            advance_plant<true>(s, z, acting, current);
+void Drive::advance_trials(DriveState& s, Recorder& recorder, const TrialLaw& law, std::int64_t end) const {
+    const std::int64_t length = config_.trials->samples * config_.speed_divider;
+    require_trials(*config_.trials, (end + config_.speed_divider - 1) / config_.speed_divider);
+    auto& law_state = state_of(s.law, law);
+    while (s.tick < end) {
+        const std::int64_t trial = s.tick / length, origin = trial * length;
+        const Phase& phase = phases_[phase_of(config_.phases, trial)];
+        if (s.tick == origin) {
+            restart(s, phase);
+            law.begin(law_state, phase.config.trajectory);
+        }
+        try {
+            advance_within(s, recorder, phase, origin, std::min(end, origin + length));
+        } catch (const std::runtime_error& error) {
+            fail_in_trial(trial, error.what());
+        }
+        if (s.tick == origin + length) law.end(law_state);
+    }
+}
+
+void Drive::advance_within(DriveState& s, Recorder& recorder, const Phase& phase, std::int64_t origin,
+                           std::int64_t end) const {
+    if (config_.ideal_current) {
+        run<true>(s, recorder, phase, origin, end);
+    } else {
+        run<false>(s, recorder, phase, origin, end);
+    }
+}
+
+template <bool Ideal>
+void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end) const {
+    const std::vector<LoadStep>& load_steps = phase.config.load_steps;
+    Powers::Values z;
+    phase.plant.evaluate<Ideal ? Detail::mechanics : Detail::currents>(s.plant.theta_m, z);
+    for (; s.tick < end; ++s.tick) {
+        while (s.next_load_step < load_steps.size() && load_steps[s.next_load_step].tick <= s.tick - origin) {
+            s.plant.load.target = load_steps[s.next_load_step++].torque;
+            if (phase.config.load.lag <= 0.0) s.plant.load.torque = s.plant.load.target;
+        }
+        Phases current{};
+        if constexpr (!Ideal) current = phase_currents(s.plant.i, phase.plant.motor().axis(z));
+        control<Ideal>(s, phase, origin, current);
+        if (recorder.wants(s.tick)) record<Ideal>(s, z, phase, origin, current, recorder.next_row());
+
+        if constexpr (Ideal) {
+            advance_plant<Detail::mechanics>(s, z, phase, origin, {}, {});
         } else {
-            advance_plant<false>(s, z, acting, current);
+            const Phases computed{static_cast<double>(s.output.duty[0]), static_cast<double>(s.output.duty[1]),
+                                  static_cast<double>(s.output.duty[2])};
+            const Phases acting = config_.inverter.computation_delay ? s.duty : computed;
+            s.duty = computed;
+            if (config_.energy) {
+                advance_plant<Detail::energies>(s, z, phase, origin, acting, current);
+            } else {
+                advance_plant<Detail::currents>(s, z, phase, origin, acting, current);
+            }
         }
     }
 }
 
-// Samples, and runs the laws that are due.
-void Drive::control(DriveState& s, const Phases& current) const {
-    const double t = time(s.tick);
-    const bool speed_due = s.tick % config_.speed_divider == 0;
+// Samples, and runs the law and the current loop where they are due.
+template <bool Ideal>
+void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, const Phases& current) const {
+    const bool law_due = s.tick % config_.speed_divider == 0;
     if (!std::isfinite(s.plant.theta_m + s.plant.omega_m + s.plant.i.d + s.plant.i.q)) {
         throw std::runtime_error("the motor's current or speed grew beyond all numbers: expected smaller gains or steps");
     }
-    s.measured = position_sensor_.sample(s.position, t, s.plant.theta_m, s.plant.omega_m, speed_due);
-    const Phases i = current_sensors_.measure(current, s.random);
+    s.measured =
+        position_sensor_.sample(s.position, time(s.tick - origin), s.plant.theta_m, s.plant.omega_m, law_due);
+    Phases i{};
+    if constexpr (!Ideal) i = current_sensors_.measure(current, s.random);
+    if (law_due) step_law<Ideal>(s, phase, origin);
 
-    if (speed_due) {
-        s.omega_ref = reference(config_.reference, config_.initial_speed, t);
-        const LawInput in{t, s.omega_ref, s.measured.omega_m, s.measured.theta_m,
-                          static_cast<double>(s.output.i_d), static_cast<double>(s.output.i_q),
-                          static_cast<double>(config_.current_loop.current_limit),
-                          period_ * static_cast<double>(config_.speed_divider),
-                          t >= config_.learning_start};
-        s.command = std::visit([&](const auto& law) { return law.step(state_of(s.law, law), in); }, config_.law);
-        if (!std::isfinite(s.command.i_q_ref) || !std::isfinite(s.command.i_d_ref)) {
-            const double wrong = std::isfinite(s.command.i_q_ref) ? s.command.i_d_ref : s.command.i_q_ref;
-            throw std::runtime_error("returned " + std::to_string(wrong));
+    if constexpr (Ideal) {
+        if (law_due) {
+            const auto limit = static_cast<double>(config_.current_loop.current_limit);
+            s.plant.i.q = std::clamp(s.command.i_q_ref, -limit, limit);
         }
+    } else {
+        const double pole_pairs = phase.config.motor.pole_pairs;
+        const cgl_foc_input in{
+            {static_cast<cgl_real>(i[0]), static_cast<cgl_real>(i[1]), static_cast<cgl_real>(i[2])},
+            static_cast<cgl_real>(pole_pairs * s.measured.theta_m),
+            static_cast<cgl_real>(pole_pairs * s.measured.omega_m),
+            static_cast<cgl_real>(config_.inverter.bus_voltage),
+            static_cast<cgl_real>(s.command.i_d_ref),
+            static_cast<cgl_real>(s.command.i_q_ref)};
+        cgl_foc_step(&config_.current_loop, &s.current_loop, &in, &s.output);
     }
-    const double pole_pairs = config_.motor.pole_pairs;
-    const cgl_foc_input in{
-        {static_cast<cgl_real>(i[0]), static_cast<cgl_real>(i[1]), static_cast<cgl_real>(i[2])},
-        static_cast<cgl_real>(pole_pairs * s.measured.theta_m),
-        static_cast<cgl_real>(pole_pairs * s.measured.omega_m),
-        static_cast<cgl_real>(config_.inverter.bus_voltage),
-        static_cast<cgl_real>(s.command.i_d_ref),
-        static_cast<cgl_real>(s.command.i_q_ref)};
-    cgl_foc_step(&config_.current_loop, &s.current_loop, &in, &s.output);
 }
 
-template <bool CountEnergy>
-void Drive::advance_plant(DriveState& s, Powers::Values& z, const Phases& duty, const Phases& current) const {
-    const double start = time(s.tick);
+template <bool Ideal>
+void Drive::step_law(DriveState& s, const Phase& phase, std::int64_t origin) const {
+    const double t = time(s.tick);
+    s.reference = config_.trials ? static_cast<double>(phase.config.trajectory[static_cast<std::size_t>(
+                                       (s.tick - origin) / config_.speed_divider)])
+                                 : reference(config_.reference, phase.config.initial_speed, t);
+    const LawInput in{t, s.reference, s.measured.omega_m, s.measured.theta_m,
+                      Ideal ? s.plant.i.d : static_cast<double>(s.output.i_d),
+                      Ideal ? s.plant.i.q : static_cast<double>(s.output.i_q),
+                      static_cast<double>(config_.current_loop.current_limit),
+                      period_ * static_cast<double>(config_.speed_divider),
+                      t >= config_.learning_start};
+    s.command = std::visit([&](const auto& law) { return law.step(state_of(s.law, law), in); }, config_.law);
+    if (!std::isfinite(s.command.i_q_ref) || !std::isfinite(s.command.i_d_ref)) {
+        const double wrong = std::isfinite(s.command.i_q_ref) ? s.command.i_d_ref : s.command.i_q_ref;
+        throw std::runtime_error("returned " + std::to_string(wrong));
+    }
+    if (Ideal && s.command.i_d_ref != 0.0) {
+        throw std::runtime_error("asked for i_d_ref: expected only i_q_ref, with an ideal current loop");
+    }
+}
+
+template <Detail detail>
+void Drive::advance_plant(DriveState& s, Powers::Values& z, const Phase& phase, std::int64_t origin, const Phases& duty,
+                          const Phases& current) const {
+    const double start = time(s.tick - origin);
     const double longest = period_ / config_.integration_steps;
     const bool watch = position_sensor_.watches();
     const auto step = [&](Voltage u, double from, double h) {
-        plant_.step<CountEnergy>(s.plant, z, u, start + from, h);
+        phase.plant.step<detail>(s.plant, z, u, start + from, h);
         if (watch) position_sensor_.watch(s.position, start + from, start + from + h, s.plant.theta_m);
     };
-    if (config_.inverter.switched) {
+    if (detail != Detail::mechanics && config_.inverter.switched) {
         const Pulses p = pulses(config_.inverter, duty, current, period_);
         double from = 0.0;
         for (std::size_t n = 0; n < p.count; ++n) {
@@ -148,33 +245,30 @@ void Drive::advance_plant(DriveState& s, Powers::Values& z, const Phases& duty, 
             from = p.stretch[n].until;
         }
     } else {
-        const Voltage u = averaged(config_.inverter, duty, current, period_);
+        Voltage u{0.0, 0.0};
+        if constexpr (detail != Detail::mechanics) u = averaged(config_.inverter, duty, current, period_);
         for (int k = 0; k < config_.integration_steps; ++k) step(u, k * longest, longest);
     }
 }
 
-void Drive::record(const DriveState& s, const Powers::Values& z, const Phases& current, double* row) const {
-    const double t = time(s.tick);
-    const Torques torques = plant_.torques(s.plant, z, t);
-    const double values[] = {t,
-                             s.plant.theta_m,
-                             s.plant.omega_m,
-                             s.omega_ref,
-                             s.measured.omega_m,
-                             s.plant.i.d,
-                             s.plant.i.q,
-                             s.command.i_d_ref,
-                             s.command.i_q_ref,
-                             current[0],
-                             current[1],
-                             current[2],
-                             static_cast<double>(s.output.u_d),
-                             static_cast<double>(s.output.u_q),
-                             torques.electromagnetic,
-                             torques.cogging,
-                             torques.load,
-                             static_cast<double>(s.command.status | s.output.status)};
-    for (const double value : values) *row++ = value;
+template <bool Ideal>
+void Drive::record(const DriveState& s, const Powers::Values& z, const Phase& phase, std::int64_t origin,
+                   const Phases& current, double* row) const {
+    const auto* trial_law = std::get_if<TrialLaw>(&config_.law);
+    const auto put = [&row](auto... values) { ((*row++ = static_cast<double>(values)), ...); };
+    const Torques torques = phase.plant.torques(s.plant, z, time(s.tick - origin));
+
+    put(time(s.tick));
+    if (trial_law) put(s.tick / (config_.trials->samples * config_.speed_divider) + 1);
+    put(s.plant.theta_m, s.plant.omega_m, s.reference);
+    if (trial_law) put(state_of(s.law, *trial_law).input.x[0]);
+    put(s.measured.omega_m);
+    if constexpr (!Ideal) put(s.plant.i.d);
+    put(s.plant.i.q);
+    if (!Ideal && !trial_law) put(s.command.i_d_ref);
+    put(s.command.i_q_ref);
+    if constexpr (!Ideal) put(current[0], current[1], current[2], s.output.u_d, s.output.u_q);
+    put(torques.electromagnetic, torques.cogging, torques.load, s.command.status | s.output.status);
     std::visit(
         [&](const auto& law) {
             if constexpr (requires { law.terms; }) {
@@ -183,21 +277,20 @@ void Drive::record(const DriveState& s, const Powers::Values& z, const Phases& c
             }
         },
         config_.law);
+    if (trial_law) put(state_of(s.law, *trial_law).law.v);
     if (config_.energy) {
         const Energy& e = s.plant.energy;
-        for (const double value : {e.electrical, e.copper, e.friction, e.load, plant_.stored_energy(s.plant, z)}) {
-            *row++ = value;
-        }
+        put(e.electrical, e.copper, e.friction, e.load, phase.plant.stored_energy(s.plant, z));
     }
 }
 
-LearnedMap Drive::learned(const DriveState& state) const {
+Learned Drive::learned(const DriveState& state) const {
     return std::visit(
         [&state](const auto& law) {
             if constexpr (requires { law.learned(state_of(state.law, law)); }) {
                 return law.learned(state_of(state.law, law));
             } else {
-                return LearnedMap{};
+                return Learned{};
             }
         },
         config_.law);

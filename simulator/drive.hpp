@@ -1,45 +1,59 @@
-// A drive: plant, inverter, sensors, current loop and speed law in one multirate loop on an integer tick.
+// A drive: plant, inverter, sensors, current loop and control law in one multirate loop on an integer tick.
 //
-// One tick is one current-loop period. In tick n the drive samples at t = n / current_rate, runs the speed law where
-// n % speed_divider == 0, runs the current loop, records, and lets the plant go on to the next tick.
+// One tick is one current-loop period. In tick n the drive samples at t = n / current_rate, runs the law where
+// n % speed_divider == 0, runs the current loop, records, and lets the plant go on to the next tick. An ideal current loop
+// has no inverter and no electrical states: the current is what the law asks for, from its step on.
+//
+// In trials everything but the law and the noise starts afresh every so many samples of the law; the law learns in between.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "cogless/foc.h"
 #include "current_sensors.hpp"
 #include "inverter.hpp"
+#include "laws.hpp"
 #include "plant.hpp"
 #include "position_sensor.hpp"
 #include "random.hpp"
 #include "recorder.hpp"
 #include "reference.hpp"
-#include "speed_laws.hpp"
+#include "trials.hpp"
 
 namespace cogless {
 
-// At this tick the constant part of the load gets a new target.
+// At this tick, of the trial where there are trials, the constant part of the load gets a new target.
 struct LoadStep {
     std::int64_t tick;
     double torque;  // N m
 };
 
-struct DriveConfig {
+// What the law's current acts on, from a trial on, and how that starts.
+struct PhaseConfig {
     PmsmConfig motor;
     MechanicsConfig mechanics;
     LoadConfig load;
-    std::vector<LoadStep> load_steps;  // by tick
+    std::vector<LoadStep> load_steps;       // by tick
+    double initial_speed, initial_angle;    // mechanical, rad/s, rad
+    std::int64_t from = 0;                  // the first trial of this phase
+    std::vector<cgl_real> trajectory = {};  // rad, the reference at each sample of a trial
+};
+
+struct DriveConfig {
+    std::vector<PhaseConfig> phases;  // one, or with trials as many as there are, by `from`
+    std::optional<Trials> trials;     // with a TrialLaw, and only with it
+    bool ideal_current;               // then inverter, current sensors and all of current_loop but its limit are left out
     InverterConfig inverter;
     CurrentSensorsConfig current_sensors;
     PositionSensorConfig position_sensor;
-    ReferenceConfig reference;
+    ReferenceConfig reference;  // without trials
     cgl_foc_config current_loop;
-    SpeedLaw law;
+    Law law;
     std::int64_t current_rate;   // Hz
-    std::int64_t speed_divider;  // current-loop periods in a speed-loop period
+    std::int64_t speed_divider;  // current-loop periods in a period of the law
     int integration_steps;       // RK4 steps in a current-loop period
-    double initial_speed, initial_angle;  // mechanical, rad/s, rad
     double learning_start;       // s
     std::uint64_t seed;
     bool energy;                 // integrate and record the energies
@@ -51,9 +65,9 @@ struct DriveState {
     PositionSensor::State position;
     Random random{0};
     cgl_foc current_loop;
-    SpeedLawState law;
+    LawState law;
     Measurement measured{0.0, 0.0};
-    double omega_ref = 0.0;
+    double reference = 0.0;  // rad/s; in trials rad
     Command command;
     cgl_foc_output output{};
     Phases duty{0.5, 0.5, 0.5};  // that the inverter realises in this period
@@ -62,28 +76,53 @@ struct DriveState {
 
 class Drive {
 public:
-    // Throws std::invalid_argument for a configuration that a control law refuses.
+    // Throws std::invalid_argument for a configuration that a control law refuses or that contradicts itself.
     explicit Drive(const DriveConfig& config);
 
     const std::vector<Signal>& signals() const { return signals_; }
 
     DriveState start() const;
 
-    // Runs so many current-loop periods. Throws std::runtime_error where a user's law returns no number; the state is then
-    // that of the failing period.
+    // Runs so many current-loop periods. Throws std::runtime_error where a user's law returns no number, or the motor's
+    // states become none; the state is then that of the failing period. Throws std::invalid_argument, and runs none, where
+    // there are not so many trials.
     void advance(DriveState& state, Recorder& recorder, std::int64_t ticks) const;
 
-    LearnedMap learned(const DriveState& state) const;
+    Learned learned(const DriveState& state) const;
     void teach(DriveState& state, const std::vector<double>& table) const;
 
 private:
-    // z in all of these: the values of the plant's powers at the rotor's angle
-    template <bool CountEnergy>
-    void advance_plant(DriveState& state, Powers::Values& z, const Phases& duty, const Phases& current) const;
-    void control(DriveState& state, const Phases& current) const;
-    // Kept out of advance(), whose loop is 4 % faster without it.
-    [[gnu::noinline]] void record(const DriveState& state, const Powers::Values& z, const Phases& current,
-                                  double* row) const;
+    // A phase with all that follows from it.
+    struct Phase {
+        PhaseConfig config;
+        Plant plant;
+        PlantState plant_start;
+        PositionSensor::State position_start;
+    };
+
+    // Puts everything but law and noise at the phase's start.
+    void restart(DriveState& state, const Phase& phase) const;
+    void advance_trials(DriveState& state, Recorder& recorder, const TrialLaw& law, std::int64_t end) const;
+    void advance_within(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin,
+                        std::int64_t end) const;
+
+    // What runs in every tick is inlined by force where it is defined: with two loops gcc would call it, 1 % slower.
+    //
+    // origin in all of these: the tick at which the phase's time is zero.
+    // Ideal: the current loop. z: what the plant's evaluate() gives at the rotor's angle.
+    template <bool Ideal>
+    void run(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end) const;
+    template <bool Ideal>
+    void control(DriveState& state, const Phase& phase, std::int64_t origin, const Phases& current) const;
+    template <bool Ideal>
+    void step_law(DriveState& state, const Phase& phase, std::int64_t origin) const;
+    template <Detail detail>
+    void advance_plant(DriveState& state, Powers::Values& z, const Phase& phase, std::int64_t origin, const Phases& duty,
+                       const Phases& current) const;
+    // Kept out of run(), whose loop is 4 % faster without it.
+    template <bool Ideal>
+    [[gnu::noinline]] void record(const DriveState& state, const Powers::Values& z, const Phase& phase,
+                                  std::int64_t origin, const Phases& current, double* row) const;
 
     double time(std::int64_t tick) const {
         return static_cast<double>(tick) / static_cast<double>(config_.current_rate);
@@ -91,9 +130,9 @@ private:
 
     DriveConfig config_;
     double period_;  // s, of the current loop
-    Plant plant_;
     PositionSensor position_sensor_;
     CurrentSensors current_sensors_;
+    std::vector<Phase> phases_;
     std::vector<Signal> signals_;
 };
 

@@ -40,7 +40,7 @@ public:
                                         multiples_.begin());
     }
 
-    void evaluate(double theta, Values& z) const {
+    [[gnu::always_inline]] void evaluate(double theta, Values& z) const {
         const double angle = base_ * theta;
         Complex last{std::cos(angle), std::sin(angle)};
         std::size_t n = 0;

@@ -25,6 +25,10 @@ struct Voltage {
     double alpha, beta;
 };
 
+// What the plant integrates: speed and angle under currents that are given and held; the motor's currents too; and their
+// energies.
+enum class Detail { mechanics, currents, energies };
+
 // Integrated powers since the start, J.
 struct Energy {
     double electrical = 0.0, copper = 0.0, friction = 0.0, load = 0.0;
@@ -48,10 +52,16 @@ class Plant {
 public:
     Plant(const PmsmConfig& motor, const MechanicsConfig& mechanics, const LoadConfig& load, double nominal_step)
         : powers_(all_orders(motor, load)), motor_(motor, powers_), mechanics_(mechanics),
-          per_inertia_(1.0 / mechanics.inertia), load_(load, powers_, nominal_step) {}
+          per_inertia_(1.0 / mechanics.inertia), load_(load, powers_, nominal_step),
+          ripples_(!motor.flux_harmonics.empty() || !motor.cogging.empty() || !load.harmonics.empty()) {}
 
     const Pmsm& motor() const { return motor_; }
-    const Powers& powers() const { return powers_; }  // at the rotor's angle, for whoever calls step()
+
+    // The powers at an angle, as far as this detail needs them: for whoever calls step().
+    template <Detail detail>
+    void evaluate(double theta_m, Powers::Values& z) const {
+        if (detail != Detail::mechanics || ripples_) powers_.evaluate(theta_m, z);
+    }
 
     PlantState start(double theta_m, double omega_m) const {
         PlantState x;
@@ -63,7 +73,7 @@ public:
         return x;
     }
 
-    // z here and below: the values of powers() at x.theta_m.
+    // z here and below: what evaluate() gives at x.theta_m.
     Torques torques(const PlantState& x, const Powers::Values& z, double time) const {
         return {motor_.torque(motor_.linkage(z, x.i), x.i), motor_.cogging(z),
                 x.load.torque + load_.other_parts(z, x.theta_m, time)};
@@ -74,21 +84,20 @@ public:
                motor_.cogging_energy(z);
     }
 
-    // Advances x and z by h from the given time under a constant voltage. CountEnergy integrates the powers of Energy
-    // with the states.
-    template <bool CountEnergy>
+    // Advances x and z by h from the given time under a constant voltage, which counts where the currents are integrated.
+    template <Detail detail>
     void step(PlantState& x, Powers::Values& z, Voltage u, double time, double h) const {
         constexpr int most_pieces = 16;  // a rotor that stops and breaks away again and again within one step
         for (int piece = 0; sticks() && piece < most_pieces && h > 0.0; ++piece) {
-            const double done = x.stuck ? stuck_piece<CountEnergy>(x, z, u, time, h)
-                                        : sliding_piece<CountEnergy>(x, z, u, time, h);
-            powers_.evaluate(x.theta_m, z);
+            const double done = x.stuck ? stuck_piece<detail>(x, z, u, time, h)
+                                        : sliding_piece<detail>(x, z, u, time, h);
+            evaluate<detail>(x.theta_m, z);
             time += done;
             h -= done;
         }
         if (h > 0.0) {
-            smooth_step<CountEnergy>(x, z, u, time, h);
-            powers_.evaluate(x.theta_m, z);
+            smooth_step<detail>(x, z, u, time, h);
+            evaluate<detail>(x.theta_m, z);
         }
     }
 
@@ -101,20 +110,24 @@ private:
 
     bool sticks() const { return mechanics_.breakaway_friction > 0.0; }
 
-    // i_d, i_q, omega_m, theta_m and, where they are counted, the energies.
-    template <bool CountEnergy>
-    using Vector = std::array<double, CountEnergy ? 8 : 4>;
+    // omega_m, theta_m and, where they are integrated, i_d, i_q, the energies.
+    template <Detail detail>
+    using Vector = std::array<double, detail == Detail::mechanics ? 2 : detail == Detail::currents ? 4 : 8>;
 
     // What x becomes in one RK4 step within which nothing starts or stops.
-    template <bool CountEnergy>
-    Vector<CountEnergy> integrated(const PlantState& x, const Powers::Values& z, Voltage u, double time,
+    template <Detail detail>
+    Vector<detail> integrated(const PlantState& x, const Powers::Values& z, Voltage u, double time,
                                    double h) const {
-        using Vector = Plant::Vector<CountEnergy>;
+        using Vector = Plant::Vector<detail>;
         static constexpr double reach[] = {0.0, 0.5, 0.5, 1.0}, weight[] = {1.0, 2.0, 2.0, 1.0};
         const double load_middle = load_.constant_part(x.load, 0.5 * h);
         const double load[] = {x.load.torque, load_middle, load_middle, load_.constant_part(x.load, h)};
-        Vector start{x.i.d, x.i.q, x.omega_m, x.theta_m};
-        if constexpr (CountEnergy) {
+        Vector start{x.omega_m, x.theta_m};
+        if constexpr (detail != Detail::mechanics) {
+            start[2] = x.i.d;
+            start[3] = x.i.q;
+        }
+        if constexpr (detail == Detail::energies) {
             start[4] = x.energy.electrical;
             start[5] = x.energy.copper;
             start[6] = x.energy.friction;
@@ -130,9 +143,9 @@ private:
             if (stage > 0) {
 #pragma GCC unroll 8
                 for (std::size_t n = 0; n < y.size(); ++n) y[n] += after * slope[n];
-                powers_.evaluate(y[3], there);
+                evaluate<detail>(y[1], there);
             }
-            slope = derivative(y, stage > 0 ? there : z, x, u, load[stage], time + after);
+            slope = derivative<detail>(y, stage > 0 ? there : z, x, u, load[stage], time + after);
 #pragma GCC unroll 8
             for (std::size_t n = 0; n < y.size(); ++n) sum[n] += weight[stage] * slope[n];
         }
@@ -142,44 +155,47 @@ private:
     }
 
     // Goes to y, where integrated() with the same h ended.
-    template <class Vector>
-    void move(PlantState& x, const Vector& y, double h) const {
-        x.i = {y[0], y[1]};
-        x.omega_m = y[2];
-        x.theta_m = y[3];
+    template <Detail detail>
+    void move(PlantState& x, const Vector<detail>& y, double h) const {
+        x.omega_m = y[0];
+        x.theta_m = y[1];
         x.load.torque = load_.constant_part(x.load, h);
-        if constexpr (std::tuple_size_v<Vector> == 8) x.energy = {y[4], y[5], y[6], y[7]};
+        if constexpr (detail != Detail::mechanics) x.i = {y[2], y[3]};
+        if constexpr (detail == Detail::energies) x.energy = {y[4], y[5], y[6], y[7]};
     }
 
-    template <bool CountEnergy>
+    template <Detail detail>
     void smooth_step(PlantState& x, const Powers::Values& z, Voltage u, double time, double h) const {
-        move(x, integrated<CountEnergy>(x, z, u, time, h), h);
+        move<detail>(x, integrated<detail>(x, z, u, time, h), h);
     }
 
-    template <class Vector>
-    Vector derivative(const Vector& y, const Powers::Values& z, const PlantState& mode, Voltage u, double load_constant,
-                      double time) const {
-        const Currents i{y[0], y[1]};
-        const double omega_m = y[2];
-        const Complex axis = motor_.axis(z);
-        const double u_d = axis.re * u.alpha + axis.im * u.beta;
-        const double u_q = axis.re * u.beta - axis.im * u.alpha;
+    template <Detail detail>
+    Vector<detail> derivative(const Vector<detail>& y, const Powers::Values& z, const PlantState& mode, Voltage u,
+                              double load_constant, double time) const {
+        Currents i = mode.i;
+        if constexpr (detail != Detail::mechanics) i = {y[2], y[3]};
+        const double omega_m = y[0];
         const Pmsm::Linkage e = motor_.linkage(z, i);
-        const Currents di = motor_.derivative(e, i, u_d, u_q, omega_m);
-        const double load = load_constant + load_.other_parts(z, y[3], time);
+        const double load = load_constant + load_.other_parts(z, y[1], time);
         const double friction = mechanics_.viscous_friction * omega_m + mechanics_.coulomb_friction * mode.direction;
 
-        Vector slope;
-        slope[0] = di.d;
-        slope[1] = di.q;
-        slope[2] = mode.stuck ? 0.0
+        Vector<detail> slope;
+        slope[0] = mode.stuck ? 0.0
                               : (motor_.torque(e, i) + motor_.cogging(z) - load - friction) * per_inertia_;
-        slope[3] = omega_m;
-        if constexpr (std::tuple_size_v<Vector> == 8) {
-            slope[4] = 1.5 * (u_d * i.d + u_q * i.q);
-            slope[5] = 1.5 * motor_.config().R_s * (i.d * i.d + i.q * i.q);
-            slope[6] = friction * omega_m;
-            slope[7] = load * omega_m;
+        slope[1] = omega_m;
+        if constexpr (detail != Detail::mechanics) {
+            const Complex axis = motor_.axis(z);
+            const double u_d = axis.re * u.alpha + axis.im * u.beta;
+            const double u_q = axis.re * u.beta - axis.im * u.alpha;
+            const Currents di = motor_.derivative(e, i, u_d, u_q, omega_m);
+            slope[2] = di.d;
+            slope[3] = di.q;
+            if constexpr (detail == Detail::energies) {
+                slope[4] = 1.5 * (u_d * i.d + u_q * i.q);
+                slope[5] = 1.5 * motor_.config().R_s * (i.d * i.d + i.q * i.q);
+                slope[6] = friction * omega_m;
+                slope[7] = load * omega_m;
+            }
         }
         return slope;
     }
@@ -192,7 +208,7 @@ private:
 
     // The earliest time in (0, h] at which `excess` of the state reaches zero from below; it's above zero at h.
     // Illinois's regula falsi.
-    template <bool CountEnergy, class Excess>
+    template <Detail detail, class Excess>
     double instant(const PlantState& x, const Powers::Values& z, Voltage u, double time, double h, double at_start,
                    double at_end, const Excess& excess) const {
         double low = 0.0, high = h, below = at_start, above = at_end;
@@ -200,7 +216,7 @@ private:
             const double middle = below < 0.0 ? low + (high - low) * below / (below - above) : 0.5 * (low + high);
             if (!(middle > low && middle < high)) break;
             PlantState then = x;
-            smooth_step<CountEnergy>(then, z, u, time, middle);
+            smooth_step<detail>(then, z, u, time, middle);
             const double value = excess(then, time + middle);
             if (value > 0.0) {
                 if (high - middle < 0.5 * (high - low)) below *= 0.5;
@@ -217,20 +233,20 @@ private:
     }
 
     // Slides for h, or until the rotor stops; returns the time that passed.
-    template <bool CountEnergy>
+    template <Detail detail>
     double sliding_piece(PlantState& x, const Powers::Values& z, Voltage u, double time, double h) const {
-        const auto y = integrated<CountEnergy>(x, z, u, time, h);
-        const double at_end = -x.direction * y[2];
+        const auto y = integrated<detail>(x, z, u, time, h);
+        const double at_end = -x.direction * y[0];
         if (!(at_end > 0.0)) {
-            move(x, y, h);
+            move<detail>(x, y, h);
             return h;
         }
         const auto backwards = [&x](const PlantState& then, double) { return -x.direction * then.omega_m; };
-        const double done = instant<CountEnergy>(x, z, u, time, h, backwards(x, time), at_end, backwards);
-        smooth_step<CountEnergy>(x, z, u, time, done);
+        const double done = instant<detail>(x, z, u, time, h, backwards(x, time), at_end, backwards);
+        smooth_step<detail>(x, z, u, time, done);
         x.omega_m = 0.0;
         Powers::Values there;
-        powers_.evaluate(x.theta_m, there);
+        evaluate<detail>(x.theta_m, there);
         const double torque = driving_torque(x, there, time + done);
         x.stuck = std::abs(torque) <= mechanics_.breakaway_friction;
         x.direction = torque < 0.0 ? -1.0 : 1.0;
@@ -238,21 +254,21 @@ private:
     }
 
     // Rests for h, or until the rotor breaks away; returns the time that passed.
-    template <bool CountEnergy>
+    template <Detail detail>
     double stuck_piece(PlantState& x, const Powers::Values& z, Voltage u, double time, double h) const {
         const PlantState before = x;
         const auto excess = [this, &z](const PlantState& y, double at) {  // the angle stays, and so does z
             return std::abs(driving_torque(y, z, at)) - mechanics_.breakaway_friction;
         };
-        smooth_step<CountEnergy>(x, z, u, time, h);
+        smooth_step<detail>(x, z, u, time, h);
         const double at_end = excess(x, time + h);
         if (!(at_end > 0.0)) return h;
 
         const double at_start = excess(before, time);
         const double done =
-            at_start < 0.0 ? instant<CountEnergy>(before, z, u, time, h, at_start, at_end, excess) : 0.0;
+            at_start < 0.0 ? instant<detail>(before, z, u, time, h, at_start, at_end, excess) : 0.0;
         x = before;
-        if (done > 0.0) smooth_step<CountEnergy>(x, z, u, time, done);
+        if (done > 0.0) smooth_step<detail>(x, z, u, time, done);
         x.stuck = false;
         x.direction = driving_torque(x, z, time + done) < 0.0 ? -1.0 : 1.0;
         return done;
@@ -263,6 +279,7 @@ private:
     MechanicsConfig mechanics_;
     double per_inertia_;  // a product costs less than a quotient
     Load load_;
+    bool ripples_;  // some torque is a sum of harmonics of the angle
 };
 
 }  // namespace cogless

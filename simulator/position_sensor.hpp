@@ -103,7 +103,7 @@ public:
     }
 
     // Once per current-loop period; speed_sample says whether the speed loop runs in it too.
-    Measurement sample(State& s, double time, double theta_m, double omega_m, bool speed_sample) const {
+    [[gnu::always_inline]] Measurement sample(State& s, double time, double theta_m, double omega_m, bool speed_sample) const {
         if (config_.kind == PositionSensorKind::ideal) return {wrapped(theta_m), omega_m};
         if (!watches()) s.count = count(seen(theta_m));
         if (config_.kind == PositionSensorKind::resolver) {

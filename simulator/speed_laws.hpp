@@ -13,7 +13,6 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
-#include <variant>
 #include <vector>
 
 #include "cogless/anti_cogging.h"
@@ -21,31 +20,9 @@
 #include "cogless/plugin.h"
 #include "cogless/robust_ilc.h"
 #include "cogless/speed_pi.h"
+#include "law.hpp"
 
 namespace cogless {
-
-// Currents that a law asks for, A, and its status bits.
-struct Command {
-    double i_d_ref = 0.0, i_q_ref = 0.0;
-    unsigned status = 0;
-};
-
-// What the engine offers a law, in doubles.
-struct LawInput {
-    double time;              // s
-    double omega_ref;         // rad/s
-    double omega_m, theta_m;  // measured: rad/s, rad
-    double i_d, i_q;          // measured, A
-    double i_limit;           // A, of the current reference
-    double ts;                // s, speed-loop period
-    bool learn;               // false: hold what is learned
-};
-
-// What a law has learned: currents over an angle.
-struct LearnedMap {
-    std::vector<double> current;  // A
-    bool electrical = false;      // over an electrical revolution; otherwise a mechanical one
-};
 
 inline cgl_speed_input to_c(const LawInput& in) {
     return {static_cast<cgl_real>(in.omega_ref), static_cast<cgl_real>(in.omega_m), static_cast<cgl_real>(in.theta_m),
@@ -54,17 +31,12 @@ inline cgl_speed_input to_c(const LawInput& in) {
 
 inline Command from_c(const cgl_speed_output& out) { return {0.0, static_cast<double>(out.i_q_ref), out.status}; }
 
-inline void require(cgl_error error, const char* law) {
-    if (error == CGL_ERROR_MEMORY) throw std::invalid_argument(std::string(law) + ": memory too small");
-    if (error != CGL_OK) throw std::invalid_argument(std::string(law) + ": a gain is outside its range");
-}
-
 // The map of a memory by angle over one period; nothing by time.
-inline LearnedMap learned_map(const cgl_memory_config& config, const std::vector<cgl_real>& cell, double unit) {
-    LearnedMap map;
+inline Learned learned_map(const cgl_memory_config& config, const std::vector<cgl_real>& cell, double unit) {
+    Learned map;
     if (config.kind != CGL_MEMORY_ANGLE) return map;
-    map.electrical = config.periods_per_rev > 1;
-    for (std::uint32_t n = 0; n < config.cells; ++n) map.current.push_back(unit * static_cast<double>(cell[n]));
+    if (config.periods_per_rev > 1) map.over = Over::electrical;
+    for (std::uint32_t n = 0; n < config.cells; ++n) map.values.push_back(unit * static_cast<double>(cell[n]));
     return map;
 }
 
@@ -118,7 +90,7 @@ struct PiIlcLaw {
         out[1] = static_cast<double>(s.law.pi.integral);
         out[2] = static_cast<double>(s.law.learned);
     }
-    LearnedMap learned(const State& s) const { return learned_map(config.memory, s.cell, 1.0); }
+    Learned learned(const State& s) const { return learned_map(config.memory, s.cell, 1.0); }
 };
 
 struct RobustIlcLaw {
@@ -151,7 +123,7 @@ struct RobustIlcLaw {
         out[3] = static_cast<double>(t.learned);
         out[4] = static_cast<double>(t.adapted);
     }
-    LearnedMap learned(const State& s) const {
+    Learned learned(const State& s) const {
         return learned_map(config.memory, s.cell, -1.0 / static_cast<double>(config.b));
     }
 };
@@ -184,8 +156,8 @@ struct AntiCoggingLaw {
         out[1] = static_cast<double>(s.law.pi.integral);
         out[2] = static_cast<double>(s.law.looked_up);
     }
-    LearnedMap learned(const State& s) const {
-        return {std::vector<double>(s.cell.begin(), s.cell.end()), false};
+    Learned learned(const State& s) const {
+        return {std::vector<double>(s.cell.begin(), s.cell.end()), Over::mechanical};
     }
     void teach(State& s, const std::vector<double>& table) const {
         if (table.size() != s.cell.size()) throw std::invalid_argument("the table has another number of cells");
@@ -230,9 +202,5 @@ struct CallbackLaw {
     State start() const { return {}; }
     Command step(State&, const LawInput& in) const { return function(in); }
 };
-
-using SpeedLaw = std::variant<PiLaw, PiIlcLaw, RobustIlcLaw, AntiCoggingLaw, PluginLaw, CallbackLaw>;
-using SpeedLawState = std::variant<PiLaw::State, PiIlcLaw::State, RobustIlcLaw::State, AntiCoggingLaw::State,
-                                   PluginLaw::State, CallbackLaw::State>;
 
 }  // namespace cogless

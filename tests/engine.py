@@ -88,6 +88,61 @@ def config(change: dict[str, Any] | None = None) -> dict[str, Any]:
     return merged(BASE, change or {})
 
 
+# mandra2019's feedback gains, A per rad, rad/s, rad; what else it has, a test adds
+TRIAL_LAW: dict[str, Any] = {
+    "law": "trial",
+    "K_1": [-99.4484, -0.9270],
+    "K_2": 1.3916,
+    "N": 99.4484,
+    "C": [1.0, 0.0],
+    "through_integrator": True,
+    "K_3": 0.6942,
+    "shift": 2,
+    "feedforward": {"num": [], "den": [1.0], "preview": 0},
+    "q_filter": {"b": [], "a": []},
+    "learning_matrix": None,
+    "limit": 20.0,
+    "learned_limit": 1.0,
+}
+# its motor's torque constant, and its mechanics
+TRIAL_PHASE: dict[str, Any] = {
+    "from": 0,
+    "motor": {**BASE["motor"], "psi_f": 0.37 / 6},
+    "mechanics": {**BASE["mechanics"], "inertia": 8.25e-4, "viscous_friction": 1.4e-3},
+    "load": BASE["load"],
+    "load_steps": [],
+    "initial_angle": 0.0,
+    "initial_speed": 0.0,
+}
+
+
+def trial_config(
+    count: int, phases: list[dict[str, Any]], controller: dict[str, Any] | None = None, **drive: Any
+) -> dict[str, Any]:
+    """So many trials of the base drive, with an ideal current loop at 8 kHz and a law at 400 Hz. Each phase:
+    its changes, with its reference."""
+    rates = {"current_rate": 8000, "speed_divider": 20, "ideal_current": True}
+    return {
+        "trials": {
+            "samples": len(phases[0]["reference"]),
+            "count": count,
+            "phases": [merged(TRIAL_PHASE, phase) for phase in phases],
+        },
+        "seed": 0,
+        "energy": False,
+        "drive": merged(BASE["drive"], {**rates, **drive}),
+        "controller": merged(TRIAL_LAW, controller or {}),
+    }
+
+
+def signals(engine: Any, module: ModuleType, ticks: int, decimation: int = 1) -> Signals:
+    """What an engine records from its start on, by name."""
+    recorder = module.Recorder(engine, decimation)
+    engine.advance(engine.start(), recorder, ticks)
+    rows = recorder.take()
+    return {name: rows[:, n].copy() for n, (name, _) in enumerate(engine.signals)}
+
+
 def run(
     change: dict[str, Any] | None = None,
     seconds: float = 1.0,
@@ -98,9 +153,5 @@ def run(
 ) -> Signals:
     """Runs the base drive with changes, and returns its signals by name."""
     settings = config(change)
-    drive = module.Drive(settings, controller)
-    state = drive.start()
-    recorder = module.Recorder(drive, decimation)
-    drive.advance(state, recorder, round(seconds * settings["drive"]["current_rate"]))
-    rows = recorder.take()
-    return {name: rows[:, n].copy() for n, (name, _) in enumerate(drive.signals)}
+    ticks = round(seconds * settings["drive"]["current_rate"])
+    return signals(module.Drive(settings, controller), module, ticks, decimation)

@@ -1,0 +1,29 @@
+// The configuration of trials and of the law that learns between them, from Python's dicts.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "linear_trials.hpp"
+#include "section.hpp"
+#include "trial_law.hpp"
+#include "trials.hpp"
+
+namespace cogless {
+
+// In the control laws' numbers.
+std::vector<cgl_real> reals(const std::vector<double>& values);
+
+// How many samples and trials there are.
+Trials read_trials(const Section& s);
+
+// Where a phase starts, which is after the one before; the first, after -1, starts at 0.
+std::int64_t first_trial(const Section& phase, std::int64_t before, const Trials& trials);
+
+// states: of the plant that it controls.
+TrialLaw trial_law(const Section& s, std::uint32_t states, std::uint32_t samples);
+
+// Throws std::invalid_argument naming the key that's missing or of the wrong type, length or order; so do the others.
+LinearTrialsConfig read_linear_trials(const nanobind::dict& config);
+
+}  // namespace cogless

@@ -1,0 +1,85 @@
+// The control library's trial law as a value that an engine can run: begin, a step for each sample, end.
+//
+// Memory and reference live in the state, and the C state's pointers to them are set anew before each use, since a copy has
+// its own.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <vector>
+
+#include "cogless/angle.h"
+#include "cogless/trial.h"
+#include "law.hpp"
+
+namespace cogless {
+
+struct TrialLaw {
+    struct State {
+        cgl_trial law;
+        std::vector<cgl_real> memory, reference;
+        cgl_trial_input input;  // of the last step
+    };
+    cgl_trial_config config;
+    std::shared_ptr<const std::vector<cgl_real>> learning_matrix;  // none, or where config points to
+
+    State start() const {
+        State s{};
+        s.memory.resize(CGL_TRIAL_LENGTH(config.samples, config.q_filter.order));
+        s.reference.resize(config.samples);
+        require(cgl_trial_init(&config, &s.law, s.memory.data(), static_cast<std::uint32_t>(s.memory.size())), "trial");
+        return s;
+    }
+
+    // reference: one number for each sample.
+    void begin(State& s, const std::vector<cgl_real>& reference) const {
+        std::copy(reference.begin(), reference.end(), s.reference.begin());
+        set_pointers(s);
+        cgl_trial_begin(&config, &s.law, s.reference.data());
+        s.input.x[0] = s.reference.front();
+    }
+
+    // A sample of any plant, whose states are in s.input.
+    cgl_trial_output step(State& s) const {
+        cgl_trial_output output;
+        set_pointers(s);
+        cgl_trial_step(&config, &s.law, &s.input, &output);
+        return output;
+    }
+
+    // A sample of a drive, whose states are its angle, without jumps, and its speed.
+    Command step(State& s, const LawInput& in) const {
+        s.input.x[0] = cgl_unwrap(static_cast<cgl_real>(in.theta_m), s.input.x[0]);
+        s.input.x[1] = static_cast<cgl_real>(in.omega_m);
+        s.input.learn = in.learn;
+        const cgl_trial_output out = step(s);
+        return {0.0, static_cast<double>(out.u), out.status};
+    }
+
+    void end(State& s) const {
+        set_pointers(s);
+        cgl_trial_end(&config, &s.law);
+    }
+
+    static constexpr std::array<const char*, 4> terms{"term_feedback", "term_integral", "term_feedforward",
+                                                      "term_learned"};
+    static void read_terms(const State& s, double* out) {
+        out[0] = static_cast<double>(s.law.terms.feedback);
+        out[1] = static_cast<double>(s.law.terms.integral);
+        out[2] = static_cast<double>(s.law.terms.feedforward);
+        out[3] = static_cast<double>(s.law.terms.learned);
+    }
+    Learned learned(const State& s) const {
+        return {std::vector<double>(s.memory.begin(), s.memory.begin() + config.samples), Over::trial};
+    }
+
+private:
+    void set_pointers(State& s) const {
+        s.law.learned = s.memory.data();
+        s.law.error = s.law.learned + config.samples;
+        s.law.y_ref = s.reference.data();
+    }
+};
+
+}  // namespace cogless

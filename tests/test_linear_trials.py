@@ -1,0 +1,187 @@
+"""Trials of any linear plant in discrete time, against a transcription."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from engine import signals
+from reference.trial import Trial
+
+from cogless import _simulator_f32, _simulator_f64
+
+SAMPLES = 150
+TIME = np.arange(SAMPLES) / SAMPLES
+RISE = 1.0 - np.cos(2.0 * np.pi * TIME)
+SHORT = np.minimum(TIME, 0.3)
+LOAD = 0.4 * (TIME > 0.5)
+NO_FILTER: dict[str, Any] = {"b": [], "a": []}
+SMOOTH: dict[str, Any] = {"b": [0.3, 0.3], "a": [1.0, -0.4]}
+
+# one state, relative degree 1; two with a zero at -1.2, outside the unit circle; four, relative degree 2
+FIRST = {"A": [[0.9]], "B": [0.2], "C": [1.0], "K_1": [-2.0], "shift": 1, "q_filter": NO_FILTER}
+ZERO = {
+    "A": [[1.5, -0.56], [1.0, 0.0]],
+    "B": [0.1, 0.0],
+    "C": [1.0, 1.2],
+    "K_1": [-4.0, 2.0],
+    "shift": 1,
+    "q_filter": SMOOTH,
+}
+FOURTH = {
+    "A": [[0.8, 0.2, 0.0, 0.0], [0.0, 0.7, 0.3, 0.0], [-0.1, 0.0, 0.6, 0.1], [0.0, 0.1, 0.0, 0.5]],
+    "B": [0.0, 0.5, 0.1, 0.2],
+    "C": [1.0, 0.0, 0.0, 0.0],
+    "K_1": [-0.2, -0.3, 0.1, 0.0],
+    "shift": 2,
+    "q_filter": SMOOTH,
+}
+
+
+def description(plant: dict[str, Any], **controller: Any) -> dict[str, Any]:
+    """Seven trials with a change of load, of plant and of reference."""
+    A, B = np.array(plant["A"]), np.array(plant["B"])
+    start, other = [0.1] * len(B), [-0.2] * len(B)
+    return {
+        "C": plant["C"],
+        "period": 0.02,
+        "samples": SAMPLES,
+        "count": 7,
+        "phases": [
+            {"from": 0, "reference": RISE, "A": A, "B": B, "load": 0 * LOAD, "initial_state": start},
+            {"from": 3, "reference": RISE, "A": 0.98 * A, "B": 1.1 * B, "load": LOAD, "initial_state": start},
+            {"from": 5, "reference": SHORT, "A": A, "B": B, "load": LOAD, "initial_state": other},
+        ],
+        "controller": {
+            "law": "trial",
+            "K_1": plant["K_1"],
+            "K_2": 0.1,
+            "N": 1.5,
+            "C": plant["C"],
+            "through_integrator": True,
+            "K_3": 0.3,
+            "shift": plant["shift"],
+            "feedforward": {"num": [2.0, -1.0], "den": [1.0, -0.5], "preview": 1},
+            "q_filter": plant["q_filter"],
+            "learning_matrix": None,
+            "limit": 50.0,
+            "learned_limit": 10.0,
+            **controller,
+        },
+    }
+
+
+def expected(settings: dict[str, Any]) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    c = settings["controller"]
+    same = ("through_integrator", "shift", "limit", "learned_limit", "learning_matrix")
+    law = Trial(
+        samples=SAMPLES,
+        k_1=c["K_1"],
+        k_2=c["K_2"],
+        n=c["N"],
+        c=c["C"],
+        k_3=c["K_3"],
+        **c["feedforward"],
+        **(c["q_filter"] if c["q_filter"]["b"] else {}),
+        **{key: c[key] for key in same},
+    )
+    names = ["y_ref", "y", "u", "load", *(f"x_{n + 1}" for n in range(len(c["K_1"]))), "status", "learned"]
+    rows = []
+    for trial in range(settings["count"]):
+        phase = [p for p in settings["phases"] if p["from"] <= trial][-1]
+        x = np.array(phase["initial_state"])
+        law.begin(phase["reference"])
+        for p in range(SAMPLES):
+            v, y, load = law.v[p], np.dot(settings["C"], x), phase["load"][p]
+            u = law.step(x)
+            status = 5 * law.saturated
+            rows.append([phase["reference"][p], y, u, load, *x, status, v])
+            x = phase["A"] @ x + phase["B"] * (u - load)
+        law.end()
+    return dict(zip(names, np.array(rows).T, strict=True)), law.v
+
+
+@pytest.mark.parametrize("plant", [FIRST, ZERO, FOURTH], ids=["order-1", "zero-outside", "order-4"])
+@pytest.mark.parametrize("controller", [{}, {"limit": 2.0}, {"learning_matrix": 0.2 * np.eye(SAMPLES, k=1)}])
+def test_linear_trials_are_the_equations(plant: dict[str, Any], controller: dict[str, Any]) -> None:
+    settings = description(plant, **controller)
+    engine = _simulator_f64.LinearTrials(settings)
+    x = signals(engine, _simulator_f64, 7 * SAMPLES)
+    wanted, learned = expected(settings)
+    for name, signal in wanted.items():
+        assert x[name] == pytest.approx(signal, abs=1e-12 * max(1.0, np.abs(signal).max())), name
+    assert np.array_equal(x["trial"], np.repeat(np.arange(1, 8), SAMPLES))
+    assert x["time"] == pytest.approx(0.02 * np.arange(7 * SAMPLES), abs=1e-12)
+    state = engine.start()
+    engine.advance(state, _simulator_f64.Recorder(engine, 1000), 7 * SAMPLES)
+    assert engine.memory(state)["learned"] == pytest.approx(learned, abs=1e-12)
+    assert np.any(learned)
+
+
+def test_in_single_precision_the_law_rounds_and_the_plant_does_not() -> None:
+    settings = description(FOURTH)
+    single = signals(_simulator_f32.LinearTrials(settings), _simulator_f32, 7 * SAMPLES)
+    wanted, _ = expected(settings)
+    assert single["y"] == pytest.approx(wanted["y"], abs=1e-5)
+    assert not np.array_equal(single["y"], wanted["y"])
+
+
+def test_signals() -> None:
+    engine = _simulator_f64.LinearTrials(description(ZERO))
+    terms = ["term_feedback", "term_integral", "term_feedforward", "term_learned", "learned"]
+    names = ["time", "trial", "y_ref", "y", "u", "load", "x_1", "x_2", "status", *terms]
+    assert engine.signals == [("time", "s"), *((name, "") for name in names[1:])]
+
+
+def test_pieces_and_copies_are_the_same_run() -> None:
+    engine = _simulator_f64.LinearTrials(description(ZERO))
+
+    def rows(state: Any, ticks: int) -> np.ndarray:
+        recorder = _simulator_f64.Recorder(engine, 1)
+        engine.advance(state, recorder, ticks)
+        return recorder.take()
+
+    whole = rows(engine.start(), 7 * SAMPLES)
+    state = engine.start()
+    pieces = [rows(state, n) for n in (1, 149, 77, 0)]
+    copy = state.copy()
+    rest = 7 * SAMPLES - copy.tick
+    assert copy.tick == 227
+    last = rows(state, rest)
+    assert np.array_equal(whole, np.vstack([*pieces, last]))
+    assert np.array_equal(last, rows(copy, rest))
+    with pytest.raises(ValueError, match="only 7 trials"):
+        rows(copy, 1)
+
+
+def test_growth_beyond_all_numbers_names_the_trial() -> None:
+    settings = description(FIRST)
+    settings["phases"][1]["A"] = [[1e3]]
+    engine = _simulator_f64.LinearTrials(settings)
+    with pytest.raises(RuntimeError, match=r"^trial 4: .*beyond all numbers"):
+        signals(engine, _simulator_f64, 7 * SAMPLES)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"C": []}, r"^C: expected 1 to 8 numbers"),
+        ({"C": [1.0, 0.0, 0.0]}, r"controller.K_1: expected 3 numbers"),
+        ({"count": 3}, r"phases.1.from: expected less than the number of trials"),
+        ({"samples": 1}, r"controller.shift: expected less than the samples"),
+        ({"phases": []}, r"^phases: expected one or more"),
+        ({"phases": [{"A": [[1.0]]}]}, r"phases.0.A: expected 2 rows and columns"),
+        ({"phases": [{"A": [[1.0, 0.0], [np.inf, 0.0]]}]}, r"phases.0.A: expected finite numbers"),
+        ({"phases": [{"B": [1.0]}]}, r"phases.0.B: expected 2 numbers"),
+        ({"phases": [{"load": RISE[:-1]}]}, r"phases.0.load: expected 150 numbers"),
+        ({"phases": [{"initial_state": [0.0]}]}, r"phases.0.initial_state: expected 2 numbers"),
+        ({"period": 0.0}, r"^period: expected more than 0"),
+    ],
+)
+def test_a_wrong_description_is_refused(change: dict[str, Any], message: str) -> None:
+    settings = description(ZERO)
+    if change.get("phases"):
+        change = {"phases": [{**settings["phases"][0], **change["phases"][0]}]}
+    with pytest.raises(ValueError, match=message):
+        _simulator_f64.LinearTrials({**settings, **change})
