@@ -46,6 +46,7 @@ import numpy as np
 
 from cogless.design.current_loop import CurrentLoop, current_loops, require_damped
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
+from cogless.design.model import exponential
 from cogless.errors import StudyError
 from cogless.study import Study
 from cogless.study.controller import Feedback, Tuning
@@ -93,7 +94,7 @@ class SpeedLoop:
         rates = np.zeros((4, 4))  # of i, omega, theta under a constant voltage
         rates[0, 0], rates[0, 3] = -loop.R / loop.L, 1 / loop.L
         rates[1, 0], rates[2, 1] = self.b, 1.0
-        motor = _exponential(rates * loop.period)
+        motor = exponential(rates * loop.period)
         voltage = np.zeros(6)  # of the controller, kp (i_ref - i) + integral
         voltage[[CURRENT, INTEGRAL, REFERENCE]] = -loop.kp, 1.0, loop.kp
         step = np.eye(6)
@@ -177,14 +178,3 @@ def margins(loop: SpeedLoop, kp: float, ki: float) -> Margins:
 def _delay(loop: SpeedLoop, w: float) -> float:
     """T_e at a frequency: what P lags more than an integrator, as a time."""
     return -float(np.angle(1j * loop.plant(np.array([w]))[0])) / w
-
-
-def _exponential(M: Real) -> Real:
-    """Of a matrix, by its series; importing scipy.linalg takes longer than a run does."""
-    halvings = max(0, math.ceil(math.log2(max(float(np.abs(M).max()), 1e-300))) + 3)
-    small = M / 2.0**halvings
-    sum_, term = np.eye(len(M)), np.eye(len(M))
-    for n in range(1, 16):
-        term = term @ small / n
-        sum_ = sum_ + term
-    return np.asarray(np.linalg.matrix_power(sum_, 2**halvings))

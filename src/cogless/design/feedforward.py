@@ -1,0 +1,128 @@
+"""Static and dynamic feedforward around the nominal closed loop: (40), (41) of Mandra 2019 and Tomizuka 1987.
+
+From w to y with u = K_1 x + w, without the integrator, with polynomials A, B_a, B_u that begin with one,
+
+    G = b z^-r B_a(z^-1) B_u(z^-1) / A(z^-1)
+
+N = 1 / G(1). Perfect tracking inverts all of G and looks ahead by r. Zeros that can't be cancelled are in
+B_u, of degree s: zero-phase-error tracking puts B_u(z) / B_u(1)^2 there, looking ahead by r + s:
+
+    f(p) = A(z^-1) z^-s B_u(z) / (b B_a(z^-1) B_u(1)^2)  y_ref(p + r + s)
+
+so that from y_ref to y |B_u|^2 / B_u(1)^2 is left, which has no phase and is one at zero frequency.
+A zero is cancelled if it is stable and its ringing dies fast enough: any 0 < z < 1, where the inverse only
+creeps; |z| <= `SWINGING` elsewhere in the right half plane; |z| <= `RINGING` in the left, where it alternates
+(sampling zeros lie there). Uncancelled zeros next to z = 1 leave a feedforward that amplifies by up to
+|B_u|^2 / B_u(1)^2: refused above `LOUD`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from cogless.design.error import DesignError
+from cogless.design.model import Model, Real, markov, relative_degree
+
+CREEPING = 1 - 1e-6
+SWINGING = 0.99
+RINGING = 0.9
+LOUD = 1e3
+
+
+@dataclass(frozen=True)
+class Feedforward:
+    """f(p) = num(z^-1) / den(z^-1) y_ref(p + preview)."""
+
+    num: Real
+    den: Real  # den[0] = 1
+    preview: int  # samples
+    method: Literal["perfect tracking", "zero-phase error tracking"]
+    kept_zeros: tuple[complex, ...]  # those that are not cancelled
+
+
+def loop(model: Model, K_1: Real) -> Model:
+    """A + B K_1."""
+    return Model(model.A + model.B @ K_1.reshape(1, -1), model.B)
+
+
+def static_gain(model: Model, C: Real, K_1: Real) -> float:
+    """N = 1 / DC gain of the nominal closed loop; DesignError where it has none, or no finite one."""
+    closed = loop(model, K_1)
+    to_rest = np.eye(model.order) - closed.A
+    if np.linalg.cond(to_rest) > 1e14:
+        raise DesignError(
+            "static_gain: expected a closed loop without a pole at z = 1 when the integrator is off; "
+            "its gain at zero "
+            "frequency isn't finite",
+            "static_gain",
+        )
+    x = np.linalg.solve(to_rest, closed.B[:, 0])
+    gain = float(C @ x)
+    if abs(gain) <= 1e-9 * float(np.abs(C) @ np.abs(x)):
+        raise DesignError(
+            "static_gain: expected a plant with a gain at zero frequency; its zero at z = 1 leaves none",
+            "static_gain",
+        )
+    return 1 / gain
+
+
+def polynomials(model: Model, C: Real) -> tuple[Real, Real]:
+    """a and b of C (zI - A)^-1 B = b(z^-1) / a(z^-1), each (n + 1,); b begins with r zeros."""
+    a = np.real(np.poly(model.A))
+    response = np.append(0.0, markov(model.A, model.B, C, model.order))
+    b = np.convolve(a, response)[: model.order + 1]
+    b[: relative_degree(model, C)] = 0.0
+    return a, b
+
+
+def zeros(model: Model, C: Real) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
+    """Of the transfer function; without those at infinity."""
+    b = polynomials(model, C)[1][relative_degree(model, C) :]
+    # a last coefficient that is only rounding is a zero at z = 0, which a delay takes care of
+    b = np.where(np.abs(b) > 1e-13 * np.abs(b).max(), b, 0.0)
+    return np.asarray(np.roots(b), dtype=complex)
+
+
+def cancellable(zero: complex) -> bool:
+    """By the rule above."""
+    if zero.real < 0:
+        return abs(zero) <= RINGING
+    return abs(zero) <= (CREEPING if abs(zero.imag) < 1e-9 else SWINGING)
+
+
+def dynamic(model: Model, C: Real, K_1: Real) -> Feedforward:
+    """Perfect tracking on the nominal closed loop, zero-phase-error tracking where zeros forbid it."""
+    closed = loop(model, K_1)
+    r = relative_degree(closed, C)
+    a, b = polynomials(closed, C)
+    found = zeros(closed, C)
+    kept = [zero for zero in found if not cancellable(zero)]
+    if not kept:
+        # straight from the polynomials: going through the roots would only add rounding
+        return Feedforward(_trim(a / b[r]), _trim(b[r:] / b[r]), r, "perfect tracking", ())
+    cancelled = np.atleast_1d(np.real(np.poly([zero for zero in found if cancellable(zero)])))
+    uncancelled = np.real(np.poly(kept))
+    at_rest = float(uncancelled.sum())
+    if abs(at_rest) < 1e-9 * float(np.abs(uncancelled).sum()):
+        raise DesignError("feedforward: expected a plant without a zero at z = 1", "feedforward")
+    loudest = float(np.abs(uncancelled).sum()) ** 2 / at_rest**2
+    if loudest > LOUD:
+        worst = min(kept, key=lambda zero: abs(zero - 1))
+        where = worst if worst.imag else worst.real
+        raise DesignError(
+            f"feedforward: expected false: the zero at z = {where:.4g} can't be cancelled, and without that "
+            f"the feedforward amplifies up to {loudest:.3g} times",
+            "feedforward",
+        )
+    num = np.convolve(a, uncancelled[::-1]) / (b[r] * at_rest**2)
+    method: Literal["zero-phase error tracking"] = "zero-phase error tracking"
+    return Feedforward(_trim(num), _trim(cancelled), r + len(kept), method, tuple(complex(z) for z in kept))
+
+
+def _trim(polynomial: Real) -> Real:
+    """Without zeros at its end."""
+    size = np.abs(polynomial).max()
+    return np.asarray(polynomial[: 1 + int(np.flatnonzero(np.abs(polynomial) > 1e-14 * size)[-1])])

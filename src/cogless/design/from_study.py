@@ -1,0 +1,178 @@
+"""The designs that a study of trials asks for: its uncertain plant, its weights, each controller's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+from cogless.design.error import DesignError
+from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
+from cogless.design.trial import TrialDesign, TrialGains, TrialSettings, design_gains, design_trial
+from cogless.errors import StudyError
+from cogless.study import TrialStudy
+from cogless.study.plant import LinearPlant
+from cogless.study.trial_controller import UNCERTAIN, NormOptimalIlc, StateIlc, TrialIlc
+
+ROUNDING = 1e-9
+Designs = dict[tuple[str, str], TrialDesign]
+
+# Where in a study the settings of a design stand; others at "plant" or "design".
+OF_CONTROLLER = {
+    "K_s": "K_s",
+    "N": "N",
+    "K_3": "K_3",
+    "shift": "shift",
+    "change_weight": "change_weight",
+    "q_filter": "q_filter",
+    "static_gain": "N",
+    "feedforward": "feedforward",
+}
+# What a linear plant's are called.
+OF_PLANT = {"range": "parameter", "nominal": "parameter", "output": "C", "period": "period"}
+
+
+def design_study(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
+    """A design for each (scenario, controller). Controllers with the same gains share their design.
+
+    StudyError names the file and the key.
+    """
+    with _told(study):
+        plant = uncertain_plant(study)
+    designs: Designs = {}
+    known: list[tuple[TrialSettings, TrialGains]] = []
+    outside = {scenario: _outside(study, scenario) for scenario, _ in runs}
+    wanted = {run: settings_of(study, *run) for run in runs}
+    # those that learn by K_3 first: the others need less of the same gains
+    for (scenario, name), settings in sorted(wanted.items(), key=lambda item: not _needs_K_3(item[1])):
+        with _told(study, scenario, name):
+            gains = next((g for other, g in known if _alike(settings, other)), None)
+            if gains is None:
+                gains = design_gains(plant, settings)
+                known.append((settings, gains))
+            design = design_trial(plant, settings, gains)
+        beyond = outside[scenario]
+        designs[scenario, name] = replace(design, notes=(*design.notes, *beyond), beyond=beyond)
+    return designs
+
+
+def _outside(study: TrialStudy, scenario: str) -> tuple[str, ...]:
+    """What is simulated beyond the ranges that the design holds for."""
+    found = []
+    for index, (first, here) in enumerate(study.scenario[scenario].phases):
+        if study.plant is not None:
+            known = study.plant.parameter
+            values: dict[str, float] = {k: v for k, v in (here.override or {}).items() if k in known}
+            ranges = {k: known[k].range or (known[k].nominal, known[k].nominal) for k in values}
+        else:
+            hardware = study.hardware(scenario)[index]
+            mechanics, K_t = hardware.mechanics, hardware.motor.star().K_t
+            everything = (mechanics.inertia, mechanics.viscous_friction, K_t)
+            values = dict(zip(UNCERTAIN, everything, strict=True))
+            ranges = dict(study.design.range)
+        for key, (low, high) in ranges.items():
+            if not low * (1 - ROUNDING) <= values[key] <= high * (1 + ROUNDING):
+                where = f"scenario {scenario}, from trial {first}: {key} is {values[key]:.4g}"
+                found.append(f"{where}, outside the design's {low:.4g} to {high:.4g}")
+    return tuple(found)
+
+
+def uncertain_plant(study: TrialStudy) -> UncertainPlant:
+    """The plant with its ranges or vertices; of a drive (37), over inertia, friction and K_t."""
+    if study.plant is not None:
+        return _linear(study.plant, study)
+    assert study.motor is not None and study.mechanics is not None
+    mechanics, discretisation = study.mechanics, study.design.discretisation
+    values = {
+        "mechanics.inertia": mechanics.inertia,
+        "mechanics.viscous_friction": mechanics.viscous_friction,
+        "motor.K_t": study.motor.star().K_t,
+    }
+
+    def model(ranged: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
+        J, B, K_t = (ranged.get(key, value) for key, value in values.items())
+        return [[0.0, 1.0], [0.0, -B / J]], [0.0, K_t / J]
+
+    return from_parameters(model, study.design.range, [1.0, 0.0], study.period, discretisation)
+
+
+def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
+    """What the design of a controller needs besides the plant."""
+    controller, design = study.controller[name], study.design
+    own: dict[str, Any] = {}
+    if isinstance(controller, StateIlc):
+        own = {"kind": "state", "structure": "input", "integral": False, "feedforward": False}
+        own |= {"K_s": controller.K_stab, "K_3": controller.K_ilc}
+    else:
+        own = {"structure": controller.acts_on, "integral": controller.integral}
+        own |= {"feedforward": controller.feedforward, "K_s": controller.K_s, "N": controller.N}
+    if isinstance(controller, TrialIlc):
+        own |= {"learning": controller.learning, "K_3": controller.K_3, "shift": controller.shift}
+    q = None
+    if isinstance(controller, NormOptimalIlc):
+        own |= {"kind": "norm-optimal", "change_weight": controller.change_weight}
+    else:
+        assert isinstance(controller, TrialIlc | StateIlc)
+        q = controller.q_filter
+    if q is not None:
+        own |= {"cutoff": q.cutoff, "filter_order": q.order, "filtered": q.acts_on}
+    return TrialSettings(
+        samples=study.samples(scenario),
+        Q=design.Q,
+        R=design.input_weight,
+        gamma=design.initial_state,
+        f=design.initial_change or design.initial_state,
+        g=design.initial_error,
+        **own,
+    )
+
+
+def _linear(plant: LinearPlant, study: TrialStudy) -> UncertainPlant:
+    if plant.vertex:
+        vertices = [(vertex.A, vertex.B) for vertex in plant.vertex]
+        continuous = plant.model == "continuous"
+        return from_vertices(vertices, plant.C, plant.period, continuous, study.design.discretisation)
+    ranges = {name: p.range for name, p in plant.parameter.items() if p.range is not None}
+    nominal = {name: plant.parameter[name].nominal for name in ranges}
+    how = study.design.discretisation if plant.model == "continuous" else None
+    return from_parameters(plant.at, ranges, plant.C, plant.period, how, nominal)
+
+
+def _needs_K_3(settings: TrialSettings) -> bool:
+    return settings.learning and settings.kind != "norm-optimal"
+
+
+def _alike(settings: TrialSettings, other: TrialSettings) -> bool:
+    """Whether gains that were designed for the other settings are those of these."""
+
+    def feedback(s: TrialSettings) -> tuple[Any, ...]:
+        return s.kind == "state", s.K_s, s.N, s.feedforward
+
+    def learning(s: TrialSettings) -> tuple[Any, ...]:
+        return s.K_3, s.shift, (s.cutoff, s.filter_order) if s.filtered == "signal" else None
+
+    same = feedback(settings) == feedback(other)
+    return same and (
+        not _needs_K_3(settings) or (_needs_K_3(other) and learning(settings) == learning(other))
+    )
+
+
+@contextmanager
+def _told(study: TrialStudy, scenario: str = "", controller: str = "") -> Iterator[None]:
+    """A DesignError becomes a StudyError that names the file and the study's own key."""
+    try:
+        yield
+    except DesignError as error:
+        text = str(error).removeprefix(f"{error.key}: ")
+        if error.key == "samples":
+            key = f"scenario.{scenario}.duration"
+        elif error.key in OF_CONTROLLER and controller:
+            key = f"controller.{controller}.{OF_CONTROLLER[error.key]}"
+        elif study.plant is not None and error.key.startswith("vertex"):
+            key = "plant.vertex" if study.plant.vertex else "plant"
+        elif study.plant is not None and error.key in OF_PLANT:
+            key = f"plant.{OF_PLANT[error.key]}"
+        else:
+            key = f"design.{error.key}".rstrip(".")
+        raise StudyError(f"{study.source.path}: {key}: {text}") from error

@@ -1,0 +1,294 @@
+"""The learning gain K_3 by the linear matrix inequality of Mandra 2019, (21) to (35).
+
+With eta the change of the state from one trial to the next and e shifted by r samples, learning is the
+repetitive process
+
+    eta(p+1) = A eta + B K_3 e_k,   e_{k+1} = -Gamma eta + (1 - Upsilon K_3) e_k
+    Gamma = C A^r,  Upsilon = C A^(r-1) B
+
+stable along the trial where Phi^T P Phi - P < 0. The gain with the smallest bound beta_1 + beta_2 has
+Lyapunov matrices diag(Y_1j, Y_2j)^-1 that differ by vertex, and W = K_3 G_2 with scalars W, G_2. Read in the
+paper: the second Gamma-hat in (24) and T-hat in (32) are Upsilon-hat.
+
+What is bounded: each trial that starts with eta(0) = f adds at most beta_1 to the sum of all later errors'
+squares, each sample of the first trial with e_0 = g at most beta_2. One of each, then, at most their sum.
+
+Gamma and Upsilon are affine in the polytope for r = 1, and for more where the powers of A allow it; that is
+tested at mixtures of the vertices. Where they are not, the polytope is widened until it holds the mixtures.
+
+Scaling. The block e_{k+1} of (28) with U is a bounded-real condition with the supply p |e_k|^2 - (1 + p)
+|e_{k+1}|^2, which needs max |F|^2 <= p / (1 + p). So a frequency sweep for the K_3 with the smallest max |F|
+says how large p and, by the bounded-real Riccati equation of the nominal loop, P_1 will be; it also says when
+there is no solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cogless.design.error import DesignError
+from cogless.design.feedforward import zeros
+from cogless.design.hull import enclose
+from cogless.design.lmi import TOLERANCE, Check, minimise
+from cogless.design.model import Model, Real
+from cogless.design.response import Bundle, Complex, Loop, best_gain, direction
+
+MIXTURES = 100
+FEWEST, MOST = 1024, 8192  # frequencies of a cost
+
+
+@dataclass(frozen=True)
+class Vertex:
+    """Of the mapped set (23)."""
+
+    A: Real
+    B: Real  # (n, 1)
+    Gamma: Real  # (1, n)
+    Upsilon: float
+
+    @classmethod
+    def of(cls, loop: Loop, r: int) -> Vertex:
+        """(22)."""
+        power = np.linalg.matrix_power(loop.A, r - 1)
+        ahead = loop.C[None, :] @ power
+        return cls(loop.A, loop.B, ahead @ loop.A, float((ahead @ loop.B)[0, 0]))
+
+    @property
+    def entries(self) -> Real:
+        """All of it in one row."""
+        return np.concatenate([self.A.ravel(), self.B.ravel(), self.Gamma.ravel(), [self.Upsilon]])
+
+    @classmethod
+    def from_entries(cls, row: Real, n: int) -> Vertex:
+        """The inverse of `entries`."""
+        A, B, Gamma = row[: n * n].reshape(n, n), row[n * n : n * n + n], row[n * n + n : -1]
+        return cls(A, B.reshape(n, 1), Gamma.reshape(1, n), float(row[-1]))
+
+    def phi(self, K_3: float) -> Real:
+        """(27)."""
+        return np.block([[self.A, self.B * K_3], [-self.Gamma, np.array([[1 - self.Upsilon * K_3]])]])
+
+
+@dataclass(frozen=True)
+class LearningGain:
+    """v(p) <- v(p) + K_3 e(p + r)."""
+
+    K_3: float
+    bounds: tuple[float, float]  # beta_1 and beta_2, in the error's unit squared: see `cost`
+    check: Check
+    status: str
+    affine: bool  # the mapped set is the hull of its vertices
+    vertices: int  # of the mapped set
+    note: str
+
+
+def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
+    """Vertices of a polytope that holds (23), whether it is their hull, and what is to be said of it."""
+    corners = [Vertex.of(loop, r) for loop in loops]
+    if r == 1 or len(loops) == 1:
+        return corners, True, ""
+    shares = np.vstack(
+        [np.random.default_rng(0).dirichlet(np.ones(len(loops)), MIXTURES), _middles(len(loops))]
+    )
+    A, B = np.array([loop.A for loop in loops]), np.array([loop.B for loop in loops])
+    rows = []
+    for share in shares:
+        mixture = Loop(np.tensordot(share, A, 1), np.tensordot(share, B, 1), loops[0].C)
+        rows.append(Vertex.of(mixture, r).entries)
+    hull = enclose(np.array([corner.entries for corner in corners]), np.array(rows))
+    if hull.exact:
+        return [corners[k] for k in hull.kept], True, ""
+    n = len(loops[0].A)
+    widened = [Vertex.from_entries(row, n) for row in hull.vertices]
+    return (
+        widened,
+        False,
+        f"the set (23) bends out of its vertices' hull by {100 * hull.outside:.2g} % of its size: a "
+        "bounding polytope "
+        f"of {len(widened)} vertices is used",
+    )
+
+
+def _middles(count: int) -> Real:
+    unit = np.eye(count)
+    return np.array([(unit[i] + unit[j]) / 2 for i in range(count) for j in range(i)])
+
+
+def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: float) -> LearningGain:
+    """K_3 for closed loops from v to y; DesignError where no gain is stable along the trial."""
+    n = len(nominal.A)
+    if f.shape != (n,) or not np.all(np.isfinite(f)):
+        raise DesignError(f"initial_change: expected {n} finite numbers", "initial_change")
+    if not (np.isfinite(g) and g > 0):
+        raise DesignError(f"initial_error: {g:g}: expected a number above zero", "initial_error")
+    _require_stable(loops)
+    bundle = Bundle([*loops, nominal], r)
+    G = bundle(bundle.grid)
+    start, worst = best_gain(G)
+    if worst >= 1 - 1e-9:
+        raise DesignError(_impossible(direction(G) * G, bundle.grid, nominal), "q_filter")
+    vertices, affine, note = mapped(loops, r)
+    T = _scaling(nominal, r, start, worst)
+    tries = (_solve(vertices, spread * T, f, g, 1 / start) for spread in (1.0, 0.3, 3.0))
+    found = next((solution for solution in tries if solution is not None), None)
+    if found is None:
+        raise DesignError(
+            f"K_3: no certificate by (35), although with a gain of {start:.4g} no vertex and frequency keeps "
+            f"more than {worst:.4g} of its error; expected a smaller range, or K_3 as a number",
+            "K_3",
+        )
+    K_3, bounds, result, status = found
+    return LearningGain(K_3, bounds, result, status, affine, len(vertices), note)
+
+
+def check(
+    vertices: Sequence[Vertex], K_3: float, P: Sequence[Real], T: Real, f: Real, g: float, bound: float
+) -> Check:
+    """(30) with P_j at each vertex, and `cost`, which knows nothing of P_j, against the bound.
+
+    The blocks are measured in eta = T eta~, where P_j are, too: diag((n), 1).
+    """
+    n = len(f)
+    S = np.block([[T, np.zeros((n, 1))], [np.zeros((1, n)), np.eye(1)]])
+    blocks = []
+    for vertex, p in zip(vertices, P, strict=True):
+        phi = np.linalg.solve(S, vertex.phi(K_3) @ S)
+        U = phi[n:]
+        # beside P, not beside the difference, which may be small by right
+        root = np.linalg.cholesky(p)
+        blocks.append(
+            np.eye(n + 1) - np.linalg.solve(root, np.linalg.solve(root, phi.T @ p @ phi + U.T @ U).T)
+        )
+    smallest = float(min(np.linalg.eigvalsh((b + b.T) / 2)[0] for b in blocks))
+    worst = max(cost(vertex, K_3, f, g) for vertex in vertices)
+    return Check(smallest, worst, bound, smallest >= -TOLERANCE and worst <= bound * (1 + 1e-6))
+
+
+def cost(vertex: Vertex, K_3: float, f: Real, g: float) -> float:
+    """The sum of e_k(p)^2 over all trials k >= 1 and samples p, of trials without end.
+
+    From what (30) bounds by beta_1 + beta_2: eta(0) = f in the first trial and zero in later ones, e_0(0) = g
+    and zero at later samples; the worse of both signs. By Parseval, E_1 / (1 - |F|^2) over frequency, evenly.
+    """
+    A, B, n = vertex.A, vertex.B * K_3, len(f)
+    radius = float(np.abs(np.linalg.eigvals(A)).max())
+    if radius >= 1 or np.abs(np.linalg.eigvals(vertex.phi(K_3))).max() >= 1:
+        return np.inf
+    points = int(np.clip(20 / (1 - radius), FEWEST, MOST))
+    z = np.exp(1j * np.linspace(0, np.pi, points + 1))
+    both = np.linalg.solve(z[:, None, None] * np.eye(n) - A, np.column_stack([f, B[:, 0]]))
+    seen = (-vertex.Gamma @ both)[:, 0, :]
+    free, F = z * seen[:, 0], 1 - vertex.Upsilon * K_3 + seen[:, 1]
+    left = 1 - np.abs(F) ** 2
+    if left.min() <= 0:
+        return np.inf
+    sums = [np.abs(F * g + sign * free) ** 2 / left for sign in (-1.0, 1.0)]
+    return max(float(row.sum() - (row[0] + row[-1]) / 2) / points for row in sums)
+
+
+def _require_stable(loops: Sequence[Loop]) -> None:
+    for k, loop in enumerate(loops):
+        if loop.radius >= 1:
+            raise DesignError(
+                f"vertex: expected feedback that is stable at vertex {k + 1}, before it learns", "vertex"
+            )
+
+
+def _impossible(G: Complex, w: Real, nominal: Loop) -> str:
+    """Stability along the trial needs |1 - K G| < 1, so Re G > 0 at every frequency w, and, as the phase then
+    can't turn over, all zeros of G inside the unit circle."""
+    found = zeros(Model(nominal.A, nominal.B), nominal.C)
+    outside = [zero for zero in found if abs(zero) >= 1 - 1e-9]
+    if outside:
+        z = max(outside, key=abs)
+        at = f"{z.real:.4g}" if abs(z.imag) < 1e-9 else f"{z.real:.4g}{z.imag:+.4g}j"
+        reason = f"the plant has a zero at z = {at}, not inside the unit circle, and so"
+    else:
+        reason = "the feedback leaves so much lag that"
+    lowest = G.real.min(axis=0)
+    at_first = float(w[lowest <= 0].min(initial=np.pi)) / np.pi
+    return (
+        f"q_filter: no K_3 is stable along the trial: {reason} the error grows for any gain from "
+        f"{at_first:.3g} of "
+        "half the sampling rate on; expected a zero-phase low-pass filter on the learned signal"
+    )
+
+
+def _scaling(nominal: Loop, r: int, K: float, worst: float) -> Real:
+    """T with eta = T eta~ in which P_1 of the nominal loop is about one; e stays as it is.
+
+    P_1 = X of the bounded-real equation, the storage for the supply p |e_k|^2 - (1 + p) |e_{k+1}|^2. Where
+    that has none, as far as errors of about one drive the state.
+    """
+    import scipy.linalg
+
+    vertex = Vertex.of(nominal, r)
+    A, B, Gamma, D = vertex.A, vertex.B * K, -vertex.Gamma, 1 - vertex.Upsilon * K
+    reached = scipy.linalg.solve_discrete_lyapunov(A, B @ B.T)
+    unit = np.sqrt(np.maximum(np.diag(reached), 1e-24 * max(float(np.trace(reached)), 1e-300)))
+    A, B, Gamma = A * unit / unit[:, None], B / unit[:, None], Gamma * unit
+    level = min(0.5 * (1 + worst**2), 0.9999)
+    p = level / (1 - level)
+    try:
+        X = scipy.linalg.solve_discrete_are(
+            A, B, (1 + p) * Gamma.T @ Gamma, np.array([[(1 + p) * D * D - p]]), s=(1 + p) * Gamma.T * D
+        )
+        T = np.linalg.inv(np.linalg.cholesky((X + X.T) / 2).T)
+    except (np.linalg.LinAlgError, ValueError):
+        return np.diag(unit)
+    return np.asarray(unit[:, None] * T)
+
+
+def _solve(
+    vertices: Sequence[Vertex], T: Real, f: Real, g: float, unit: float
+) -> tuple[float, tuple[float, float], Check, str] | None:
+    """(32) to (35) in eta = T eta~, v in units of its own; None where `check` refuses."""
+    import cvxpy as cp
+
+    n = len(f)
+    inverse = np.linalg.inv(T)
+    start = (inverse @ f) / g
+    G_1, G_2, W = cp.Variable((n, n)), cp.Variable((1, 1)), cp.Variable((1, 1))
+    beta_1, beta_2 = cp.Variable((1, 1)), cp.Variable((1, 1))
+    Y = [(cp.Variable((n, n), symmetric=True), cp.Variable((1, 1))) for _ in vertices]
+    row, column, zero, one = np.zeros((1, n)), np.zeros((n, 1)), np.zeros((1, 1)), np.eye(1)
+    constraints = []
+    for vertex, (Y_1, Y_2) in zip(vertices, Y, strict=True):
+        moved = (inverse @ vertex.A @ T) @ G_1
+        driven = (inverse @ vertex.B / unit) @ W
+        seen = -(vertex.Gamma @ T) @ G_1
+        left = G_2 - vertex.Upsilon / unit * W
+        constraints += [
+            cp.bmat(
+                [
+                    [G_1 + G_1.T - Y_1, column, moved.T, seen.T, seen.T],
+                    [row, 2 * G_2 - Y_2, driven.T, left, left],
+                    [moved, driven, Y_1, column, column],
+                    [seen, left, row, Y_2, zero],
+                    [seen, left, row, zero, one],
+                ]
+            )
+            >> 0,
+            cp.bmat([[beta_1, start[None, :]], [start[:, None], Y_1]]) >> 0,
+            cp.bmat([[beta_2, one], [one, Y_2]]) >> 0,
+        ]
+    status = minimise((beta_1 + beta_2)[0, 0], constraints)
+    if W.value is None or G_2.value is None or any(a.value is None or b.value is None for a, b in Y):
+        return None
+    K_3 = float(W.value[0, 0] / G_2.value[0, 0] / unit)
+    try:
+        P = []
+        for Y_1, Y_2 in Y:
+            both = np.block([[np.asarray(Y_1.value), column], [row, np.asarray(Y_2.value)]])
+            P.append(np.linalg.inv(both))
+        first = g * g * max(float(start @ p[:n, :n] @ start) for p in P)
+        second = g * g * max(float(p[n, n]) for p in P)
+        result = check(vertices, K_3, P, T, f, g, (first + second) * (1 + 1e-9))
+    except np.linalg.LinAlgError:
+        return None
+    if not np.isfinite(K_3) or not result.passed:
+        return None
+    return K_3, (first, second), result, status

@@ -1,0 +1,45 @@
+"""Norm-optimal learning in lifted form, for comparison.
+
+Over a trial of alpha samples the nominal closed loop from v to y is a lower triangular Toeplitz matrix G of
+its impulse response, with r rows of zeros above. The v that minimises w |e_{k+1}|^2 + q |v_{k+1} - v_k|^2 is
+
+    v_{k+1} = v_k + L e_k,   L = (w G^T G + q I)^-1 w G^T
+
+With w, q the weights of error and change; only their ratio q / w matters. Over a long trial that is
+F = 1 - conj(G_0) G / (|G_0|^2 + q / w) in frequency.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cogless.design.model import Real
+from cogless.design.response import Loop
+
+
+def impulse_response(loop: Loop, samples: int) -> Real:
+    """C A^(p-1) B for p = 0 .. samples - 1; zero at p = 0."""
+    out, x = np.zeros(samples), loop.B[:, 0]
+    for p in range(1, samples):
+        out[p] = loop.C @ x
+        x = loop.A @ x
+    return out
+
+
+def lifted(loop: Loop, samples: int) -> Real:
+    """G (samples, samples)."""
+    from scipy.linalg import toeplitz
+
+    return np.asarray(toeplitz(impulse_response(loop, samples), np.zeros(samples)))
+
+
+def norm_optimal(loop: Loop, samples: int, ratio: float) -> Real:
+    """L (samples, samples) for the ratio of the change's weight to the error's."""
+    from scipy.linalg import cho_factor, cho_solve
+
+    G = lifted(loop, samples)
+    normal = G.T @ G
+    normal[np.diag_indices(samples)] += ratio
+    return np.asarray(
+        cho_solve(cho_factor(normal, overwrite_a=True, check_finite=False), G.T, check_finite=False)
+    )

@@ -1,0 +1,121 @@
+"""A linear plant with one input, and its sampling.
+
+continuous  x' = A_c x + B_c u
+euler       A = I + T A_c,  B = T B_c: keeps polytopes, but is not the plant under a held input
+exact       A, B from the exponential of [[A_c, B_c], [0, 0]] T: u held over a sample
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cogless.design.error import DesignError
+
+Real = NDArray[np.float64]
+Discretisation = Literal["euler", "exact"]
+NO_PATH = 1e-9  # a product that is this small beside the sum of its terms' sizes is zero
+
+
+@dataclass(frozen=True)
+class Model:
+    """x(p+1) = A x(p) + B u(p), or x' = A x + B u: A (n, n), B (n, 1)."""
+
+    A: Real
+    B: Real
+
+    @property
+    def order(self) -> int:
+        """n."""
+        return len(self.A)
+
+    @property
+    def entries(self) -> Real:
+        """[A B] row by row."""
+        return np.hstack([self.A, self.B]).ravel()
+
+    @classmethod
+    def of(cls, A: ArrayLike, B: ArrayLike, key: str = "vertex") -> Model:
+        """Checked for shape and for finite numbers; DesignError."""
+        try:
+            a, b = np.asarray(A, dtype=float), np.asarray(B, dtype=float)
+        except (TypeError, ValueError):
+            raise DesignError(f"{key}: expected matrices of numbers", key) from None
+        if a.ndim != 2 or a.shape[0] != a.shape[1] or not len(a):
+            raise DesignError(f"{key}: A is {_shape(a)}, expected as many rows as columns", key)
+        if b.shape not in ((len(a),), (len(a), 1)):
+            raise DesignError(f"{key}: B is {_shape(b)}, expected {len(a)} x 1", key)
+        if not (np.all(np.isfinite(a)) and np.all(np.isfinite(b))):
+            raise DesignError(f"{key}: expected finite numbers in A and B", key)
+        return cls(a, b.reshape(-1, 1))
+
+    @classmethod
+    def from_entries(cls, entries: Real, order: int) -> Model:
+        """The inverse of `entries`."""
+        both = entries.reshape(order, order + 1)
+        return cls(both[:, :order].copy(), both[:, order:].copy())
+
+
+def sampled(continuous: Model, period: float, how: Discretisation) -> Model:
+    """The discrete model of a continuous one."""
+    n = continuous.order
+    if how == "euler":
+        return Model(np.eye(n) + period * continuous.A, period * continuous.B)
+    rates = np.zeros((n + 1, n + 1))
+    rates[:n, :n], rates[:n, n:] = continuous.A, continuous.B
+    step = exponential(rates * period)
+    return Model(step[:n, :n].copy(), step[:n, n:].copy())
+
+
+def exponential(M: Real) -> Real:
+    """Of a matrix, by its series: importing scipy.linalg takes longer than a run does."""
+    halvings = max(0, math.ceil(math.log2(max(float(np.abs(M).max()), 1e-300))) + 3)
+    small = M / 2.0**halvings
+    sum_, term = np.eye(len(M)), np.eye(len(M))
+    for n in range(1, 16):
+        term = term @ small / n
+        sum_ = sum_ + term
+    return np.asarray(np.linalg.matrix_power(sum_, 2**halvings))
+
+
+def markov(A: Real, B: Real, C: Real, count: int) -> Real:
+    """C A^(i-1) B for i = 1 .. count; those that are only rounding are zero."""
+    out, x, size = np.zeros(count), B[:, 0], np.abs(B[:, 0])
+    for i in range(count):
+        value = float(C @ x)
+        out[i] = value if abs(value) > NO_PATH * float(np.abs(C) @ size) else 0.0
+        x, size = A @ x, np.abs(A) @ size
+    return out
+
+
+def relative_degree(model: Model, C: Real) -> int:
+    """The smallest r with C A^(r-1) B != 0; 0 where the output never sees the input."""
+    found = np.flatnonzero(markov(model.A, model.B, C, model.order))
+    return int(found[0]) + 1 if len(found) else 0
+
+
+def uncontrollable_mode(A: Real, B: Real) -> complex | None:
+    """A pole that the input cannot move (Popov, Belevitch, Hautus); None where there is none.
+
+    Independent of the states' units: each row of [zI - A, B] is measured beside its own size, after
+    balancing.
+    """
+    import scipy.linalg
+
+    balanced, (scale, order) = scipy.linalg.matrix_balance(A, separate=True)
+    b = B[order] / scale[:, None]
+    size = max(float(np.abs(b).max()), 1e-300)
+    for pole in np.linalg.eigvals(balanced):
+        pencil = np.hstack([pole * np.eye(len(A)) - balanced, b / size])
+        rows = np.linalg.norm(pencil, axis=1)
+        if rows.min() == 0 or np.linalg.svd(pencil / rows[:, None], compute_uv=False)[-1] < 1e-7:
+            return complex(pole)
+    return None
+
+
+def _shape(matrix: Real) -> str:
+    return " x ".join(str(n) for n in matrix.shape) or "a number"

@@ -1,0 +1,191 @@
+"""The trial-to-trial operator (20) of Mandra 2019 in the frequency domain, for many plants at once.
+
+From the learned v to the output, r samples ahead: G(w) = C z^r (zI - A)^-1 B at z = exp(jw), w in rad per
+sample. With the gain K and a zero-phase filter of gain H >= 0 (a filter run forward and backward: |filter|^2)
+the error obeys
+
+    e_{k+1} = F e_k + ...    no filter        F = 1 - K G
+                             on the error     F = 1 - K G H          v <- v + K H e
+                             on the signal    F = H (1 - K G)        v <- H (v + K e)
+
+Filtering the error alone can't bring |F| below one where Re G < 0, unless H is zero there: v grows there
+without end, though slowly. Filtering the signal does, and leaves the error that H takes out of v.
+
+Without a filter, and where r is the model's relative degree, the operator over a finite trial is a section of
+the infinite one, so its norm, and with it the ratio of two successive errors' RMS, never exceeds max |F|. A
+filter's ends are none, nor is a shift beyond the relative degree, as of a plant that is sampled exactly
+(r = 1) under a shift of 2: finite.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.design.model import Real
+
+Complex = NDArray[np.complex128]
+Filtered = Literal["error", "signal"]
+GRID = 700
+AROUND = np.array([0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0])  # widths 1 - |p| from a pole's angle
+NARROW = 0.05  # poles that are no closer to the unit circle need no points of their own
+REFINEMENTS = 3
+CANDIDATES = 40  # maxima that are looked at closer
+MONOTONE = 1e-9  # a factor that exceeds one by less is rounding, and harmless for a million trials
+
+
+@dataclass(frozen=True)
+class Loop:
+    """From v to y: A, B (n, 1), output C (n,)."""
+
+    A: Real
+    B: Real
+    C: Real
+
+    @property
+    def radius(self) -> float:
+        """The largest pole's magnitude."""
+        return float(np.abs(np.linalg.eigvals(self.A)).max())
+
+
+@dataclass(frozen=True)
+class Filter:
+    """A digital filter b, a that runs forward and backward; its gain is |b/a|^2."""
+
+    b: Real
+    a: Real
+
+    def gain(self, w: Real) -> Real:
+        """At w in rad per sample."""
+        z = np.exp(-1j * w)
+        return np.asarray(np.abs(np.polyval(self.b[::-1], z) / np.polyval(self.a[::-1], z)) ** 2)
+
+
+class Bundle:
+    """Loops of the same order with the same shift."""
+
+    def __init__(self, loops: Sequence[Loop], shift: int) -> None:
+        self.loops, self.shift = list(loops), shift
+        self._A = np.array([loop.A for loop in loops])
+        self._B = np.array([loop.B for loop in loops])
+        self._C = np.array([loop.C for loop in loops])
+        poles, vectors = np.linalg.eig(self._A)
+        self._poles = np.asarray(poles, dtype=complex)
+        # near repeated poles the eigenvectors say nothing; then each frequency is solved for
+        self._modal = bool(np.all(np.linalg.cond(vectors) < 1e9))
+        if self._modal:
+            left = (self._C[:, None, :] @ vectors)[:, 0, :]
+            right = np.linalg.solve(vectors, self._B.astype(complex))[:, :, 0]
+            self._residues = left * right
+
+    @property
+    def grid(self) -> Real:
+        """Frequencies that no resonance of any loop slips through."""
+        return grid(self._poles.ravel())
+
+    def __call__(self, w: Real, which: Sequence[int] | None = None) -> Complex:
+        """G (models, len(w))."""
+        at = slice(None) if which is None else list(which)
+        z = np.exp(1j * w)
+        if self._modal:
+            G = np.zeros((len(self._poles[at]), len(w)), dtype=complex)
+            for pole, residue in zip(self._poles[at].T, self._residues[at].T, strict=True):
+                G += residue[:, None] / (z - pole[:, None])
+        else:
+            n = self._A.shape[1]
+            pencil = z[None, :, None, None] * np.eye(n) - self._A[at][:, None]
+            G = (self._C[at][:, None, None, :] @ np.linalg.solve(pencil, self._B[at][:, None]))[:, :, 0, 0]
+        return np.asarray(G * z**self.shift)
+
+
+def grid(poles: Complex | None = None) -> Real:
+    """0 to pi rad per sample: evenly, closer towards zero frequency, and around poles at the unit circle."""
+    w = np.union1d(np.linspace(0.0, np.pi, GRID), np.geomspace(1e-4, 0.3, GRID // 3))
+    if poles is None:
+        return w
+    width = 1 - np.abs(poles)
+    narrow = (width > 0) & (width < NARROW) & (poles.imag >= 0)
+    width = width[narrow][:, None]
+    near = np.abs(np.angle(poles[narrow])[:, None] + width * np.append(-AROUND, AROUND))
+    # poles that hardly differ share their points
+    step = 2.0 ** np.floor(np.log2(width / 16))
+    return np.union1d(w, np.minimum(np.round(near / step) * step, np.pi))
+
+
+def factor(G: Complex, K: float, H: Real | float = 1.0, filtered: Filtered = "error") -> Real:
+    """|F|."""
+    return np.abs(1 - K * G * H) if filtered == "error" else np.abs(H * (1 - K * G))
+
+
+def direction(G: Complex) -> float:
+    """The sign that K needs: that of G (models, from zero frequency on) at zero frequency, 1 where that is
+    zero."""
+    at_rest = float(G[:, 0].real.sum())
+    return -1.0 if at_rest < -1e-9 * float(np.abs(G).max()) else 1.0
+
+
+def best_gain(G: Complex, H: Real | float = 1.0) -> tuple[float, float]:
+    """K of `direction` with the smallest max |H (1 - K G)|, and that; convex in K, by golden section."""
+    sign = direction(G)
+    top = 2 / max(float(np.abs(G).max()), 1e-300)
+    ratio = (np.sqrt(5) - 1) / 2
+
+    def worst(K: float) -> float:
+        return float(factor(G, sign * K, H, "signal").max())
+
+    a, b = 0.0, 2 * top
+    c, d = b - ratio * (b - a), a + ratio * (b - a)
+    at_c, at_d = worst(c), worst(d)
+    for _ in range(40):
+        if at_c < at_d:
+            b, d, at_d = d, c, at_c
+            c = b - ratio * (b - a)
+            at_c = worst(c)
+        else:
+            a, c, at_c = c, d, at_d
+            d = a + ratio * (b - a)
+            at_d = worst(d)
+    K = (a + b) / 2
+    return float(sign * K), worst(K)
+
+
+def gain_limits(G: Complex, H: Real | float = 1.0, filtered: Filtered = "error") -> Real:
+    """The K at which |F| passes 1 + MONOTONE, of each model and frequency; next to zero where all K > 0 do.
+
+    On the signal |1 - K G|^2 = (1 + MONOTONE)^2 / H^2, on the error with G H for G and without H: quadratic
+    in K.
+    """
+    gain = np.maximum(np.asarray(H), 1e-9)
+    G, level = (G * H, 1.0) if filtered == "error" else (G, 1 / gain)
+    real, square = G.real, np.maximum(np.abs(G) ** 2, 1e-300)
+    spare = (level * (1 + MONOTONE)) ** 2 - 1
+    return np.asarray((real + np.sqrt(real**2 + square * spare)) / square)
+
+
+def peak(f: Callable[[Real, Sequence[int]], Real], w: Real, values: Real) -> tuple[float, float, int]:
+    """The largest of f(w, models), where it is, and of which model: from its values on a grid, then closer
+    around each local maximum that may hide a larger one beside it."""
+    first, k = np.unravel_index(int(np.argmax(values)), values.shape)
+    best = (float(values[first, k]), float(w[k]), int(first))
+    for model, k in _maxima(values):
+        low, high = w[max(k - 1, 0)], w[min(k + 1, len(w) - 1)]
+        for _ in range(REFINEMENTS):
+            near = np.linspace(low, high, 33)
+            row = f(near, [int(model)])[0]
+            top = int(np.argmax(row))
+            best = max(best, (float(row[top]), float(near[top]), int(model)))
+            low, high = near[max(top - 1, 0)], near[min(top + 1, len(near) - 1)]
+    return best
+
+
+def _maxima(values: Real) -> NDArray[np.intp]:
+    """(model, place) of local maxima that, risen by as much as they stand out, exceed all values."""
+    around = np.pad(values, ((0, 0), (1, 1)), constant_values=np.nan)
+    left, right = around[:, :-2], around[:, 2:]
+    risen = 2 * values - np.fmin(left, right)
+    found = np.argwhere(~(left > values) & ~(right > values) & (risen > values.max()))
+    return found[np.argsort(risen[tuple(found.T)])[::-1][:CANDIDATES]]

@@ -1,0 +1,64 @@
+"""Whether one gain stabilises all vertices with one Lyapunov matrix: quadratic stabilisability.
+
+    [Y  *; A_j Y + B_j W  Y] >= t I,   Y <= I,   t as large as possible
+
+Homogeneous in Y and W, so that it always has a solution; t is above zero where there is a gain. Since t
+depends on the coordinates, the gain itself decides: where Y is I, |A_j + B_j K| < 1 at each vertex.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cogless.design.lmi import minimise
+from cogless.design.model import Model, Real
+
+TRIES = 3  # each in the coordinates that the last one's Y makes
+NONE = 1e-9  # Y that is this small beside I is none
+MARGIN = 1e-9  # of |A_j + B_j K|^2 below one
+
+
+@dataclass(frozen=True)
+class Common:
+    """A gain for all vertices: in x = T x~, |x~| shrinks at each."""
+
+    K: Real  # (n,)
+    T: Real  # (n, n)
+
+
+def stabilise(models: Sequence[Model], T: Real) -> Common | None:
+    """None where there is no such gain. T: coordinates in which the states are of a size."""
+    for _ in range(TRIES):
+        found = _solve(models, T)
+        if found is None:
+            return None
+        K, T = found
+        closed = [np.linalg.solve(T, (model.A + model.B @ K[None, :]) @ T) for model in models]
+        if all(np.linalg.norm(matrix, 2) ** 2 < 1 - MARGIN for matrix in closed):
+            return Common(K, T)
+    return None
+
+
+def _solve(models: Sequence[Model], T: Real) -> tuple[Real, Real] | None:
+    """K and the coordinates in which Y is I."""
+    import cvxpy as cp
+
+    n, inverse = len(T), np.linalg.inv(T)
+    driven = [inverse @ model.B for model in models]
+    size = max(float(np.linalg.norm(b)) for b in driven)
+    Y, W, t = cp.Variable((n, n), symmetric=True), cp.Variable((1, n)), cp.Variable()
+    constraints = [Y << np.eye(n)]
+    for model, b in zip(models, driven, strict=True):
+        moved = (inverse @ model.A @ T) @ Y + b / size @ W
+        constraints.append(cp.bmat([[Y, moved.T], [moved, Y]]) >> t * np.eye(2 * n))
+    minimise(-t, constraints)
+    if Y.value is None or W.value is None:
+        return None
+    y = np.asarray(Y.value)
+    if not np.all(np.isfinite(y)) or np.linalg.eigvalsh(y)[0] < NONE:
+        return None
+    K = np.linalg.solve(y, np.asarray(W.value)[0]) / size @ inverse
+    return K, T @ np.linalg.cholesky(y)

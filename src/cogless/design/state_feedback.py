@@ -1,0 +1,260 @@
+"""Guaranteed-cost state feedback, with or without integral action: (9) to (13) of Mandra 2019.
+
+u = K x with one Lyapunov matrix Y^-1 for all vertices, W = K Y, the smallest bound beta on the cost (8) from
+x(0) = gamma:
+
+    [Y  *  *  *; A_j Y + B_j W  Y  *  *; Y  0  Q^-1  *; W  0  0  1/R] >= 0,   [beta  gamma^T; gamma  Y] >= 0
+
+solved in x = T x~, T^-T T^-1 being X, the nominal Riccati solution, and with Q^-1 and 1/R scaled to
+one by congruence. Then Y~ is near I whatever the units. The result counts only if `check` accepts it.
+
+Whether there is a gain at all doesn't depend on Q and R: [Y  *; A_j Y + B_j W  Y] > 0 decides that
+(stabilise.py). Where ranges are so wide that the solver fails at the cost, the gain of that scales it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cogless.design.error import DesignError
+from cogless.design.lmi import TOLERANCE, Check, minimise, smallest_share
+from cogless.design.model import Model, Real, uncontrollable_mode
+from cogless.design.polytope import UncertainPlant
+from cogless.design.stabilise import Common, stabilise
+
+RESCALED = 4  # tries at the cost, each in the coordinates that the last one makes
+PAIRS = 5  # of vertices, tried for a message
+HALVINGS = 6  # of the ranges, for a message
+
+
+@dataclass(frozen=True)
+class StateFeedback:
+    """u(p) = K_s chi(p)."""
+
+    K_s: Real  # (n,) or, with integral action, (n + 1,)
+    bound: float  # beta: on the cost from gamma at any plant in the polytope
+    check: Check
+    status: str  # the solver's own word
+
+
+def augmented(model: Model, C: Real) -> Model:
+    """With the integrator psi(p) = psi(p-1) - y(p) as its last state: (7)."""
+    n = model.order
+    A = np.zeros((n + 1, n + 1))
+    A[:n, :n], A[n, :n], A[n, n] = model.A, -C, 1.0
+    return Model(A, np.vstack([model.B, [[0.0]]]))
+
+
+def with_integrator(plant: UncertainPlant, integral: bool) -> list[Model]:
+    """The vertices that the feedback acts on."""
+    return [augmented(m, plant.C) for m in plant.vertices] if integral else list(plant.vertices)
+
+
+def weights(Q: Real, R: float, gamma: Real, size: int) -> None:
+    """Checks their sizes and signs; DesignError."""
+    if Q.shape != (size, size):
+        shape = " x ".join(map(str, Q.shape))
+        raise DesignError(f"state_weight: {shape}: expected {size} x {size}", "state_weight")
+    if not np.all(np.isfinite(Q)) or not np.allclose(Q, Q.T, rtol=1e-9) or np.linalg.eigvalsh(Q)[0] <= 0:
+        raise DesignError(
+            "state_weight: expected a symmetric matrix that is positive definite", "state_weight"
+        )
+    if not (np.isfinite(R) and R > 0):
+        raise DesignError(f"input_weight: {R:g}: expected a number above zero", "input_weight")
+    if gamma.shape != (size,) or not np.all(np.isfinite(gamma)):
+        raise DesignError(f"initial_state: expected {size} finite numbers", "initial_state")
+    if not np.any(gamma):
+        raise DesignError("initial_state: expected one that isn't zero", "initial_state")
+
+
+def guaranteed_cost(plant: UncertainPlant, Q: Real, R: float, gamma: Real, integral: bool) -> StateFeedback:
+    """The gains with the smallest bound; DesignError where there are none, with what would help."""
+    size = plant.order + integral
+    weights(Q, R, gamma, size)
+    models = with_integrator(plant, integral)
+    for label, model in zip(plant.labels, models, strict=True):
+        mode = uncontrollable_mode(model.A, model.B)
+        if mode is not None:
+            raise DesignError(_uncontrollable(label, mode, integral), "vertex")
+    centre = _centre(plant, integral)
+    T = riccati_scaling(centre, Q, R)
+    rough = np.diag(1 / np.sqrt(np.diag(Q))) if T is None else T
+    common = stabilise(models, rough)
+    if common is None:
+        raise DesignError(_why(plant, models, rough, integral), "range")
+    for scaling in (T, _with_the_cost(models, common, Q, R)):
+        for _ in range(RESCALED):
+            if scaling is None:
+                break
+            found, scaling = _solve(models, scaling, Q, R, gamma)
+            if found is not None:
+                return found
+    raise DesignError(
+        "state_weight: no gain found by the solver, although one gain can control the ranges; expected "
+        "weights that differ less from each other, or smaller ranges",
+        "state_weight",
+    )
+
+
+def check(
+    models: Sequence[Model], Q: Real, R: float, gamma: Real, K: Real, Y: Real, T: Real, bound: float
+) -> Check:
+    """Whether (9), (10) hold at given values, and whether the true cost at each vertex is below the bound.
+
+    The blocks are measured in x = T x~. The true cost is gamma^T P gamma with P from the closed loop's
+    Lyapunov equation; infinite where a vertex is unstable.
+    """
+    import scipy.linalg
+
+    n = len(Q)
+    inverse = np.linalg.inv(T)
+    y, root = inverse @ Y @ inverse.T, np.linalg.cholesky(T.T @ Q @ T).T
+    y = (y + y.T) / 2
+    k = K.reshape(1, n) @ T
+    zero, blocks, cost = np.zeros, [], 0.0
+    for model in models:
+        closed = inverse @ (model.A @ T + model.B @ k) @ y
+        q, w = root @ y, np.sqrt(R) * k @ y
+        blocks.append(
+            np.block(
+                [
+                    [y, closed.T, q.T, w.T],
+                    [closed, y, zero((n, n)), zero((n, 1))],
+                    [q, zero((n, n)), np.eye(n), zero((n, 1))],
+                    [w, zero((1, n)), zero((1, n)), np.eye(1)],
+                ]
+            )
+        )
+        loop = model.A + model.B @ K.reshape(1, n)
+        if np.abs(np.linalg.eigvals(loop)).max() >= 1:
+            cost = np.inf
+            continue
+        scaled = inverse @ loop @ T
+        P = scipy.linalg.solve_discrete_lyapunov(scaled.T, T.T @ Q @ T + R * k.T @ k)
+        start = inverse @ gamma
+        cost = max(cost, float(start @ P @ start))
+    start = (inverse @ gamma) / np.sqrt(bound)
+    blocks.append(np.block([[np.eye(1), start[None, :]], [start[:, None], y]]))
+    smallest = smallest_share(blocks)
+    return Check(smallest, cost, bound, smallest >= -TOLERANCE and cost <= bound * (1 + 1e-5))
+
+
+def riccati_scaling(model: Model, Q: Real, R: float) -> Real | None:
+    """T with T^T X T = I and X of the nominal Riccati equation; None where there is no X."""
+    import scipy.linalg
+
+    try:
+        # scaled by the weights, or the equation itself is ill-conditioned
+        s = 1 / np.sqrt(np.diag(Q))
+        X = scipy.linalg.solve_discrete_are(
+            model.A * s / s[:, None], model.B / s[:, None] / np.sqrt(R), Q * np.outer(s, s), np.eye(1)
+        )
+        X = X / np.outer(s, s)
+        lower = np.linalg.cholesky((X + X.T) / 2)
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    return np.asarray(np.linalg.inv(lower.T))
+
+
+def _centre(plant: UncertainPlant, integral: bool) -> Model:
+    return augmented(plant.nominal, plant.C) if integral else plant.nominal
+
+
+def _with_the_cost(models: Sequence[Model], common: Common, Q: Real, R: float) -> Real:
+    """T in which Y~ = I and the common gain solve (9): Y of the common gain, made smaller."""
+    T, k = common.T, common.K.reshape(1, -1) @ common.T
+    spent = T.T @ Q @ T + R * k.T @ k
+    size = 0.0
+    for model in models:
+        moved = np.linalg.solve(T, (model.A + model.B @ common.K.reshape(1, -1)) @ T)
+        root = np.linalg.inv(np.linalg.cholesky(np.eye(len(T)) - moved.T @ moved))
+        size = max(size, float(np.linalg.eigvalsh(root @ spent @ root.T)[-1]))
+    return np.asarray(T / np.sqrt(size))
+
+
+def _solve(
+    models: Sequence[Model], T: Real, Q: Real, R: float, gamma: Real
+) -> tuple[StateFeedback | None, Real | None]:
+    """In x = T x~: what `check` accepts, and T in which Y~ would have been I, for another try."""
+    import cvxpy as cp
+
+    n, inverse = len(Q), np.linalg.inv(T)
+    root = np.linalg.cholesky(T.T @ Q @ T).T
+    start = inverse @ gamma
+    size = float(np.linalg.norm(start))
+    start = start / size
+    Y, W = cp.Variable((n, n), symmetric=True), cp.Variable((1, n))
+    beta = cp.Variable((1, 1))
+    zero = np.zeros
+    constraints = [cp.bmat([[beta, start[None, :]], [start[:, None], Y]]) >> 0]
+    for model in models:
+        closed = (inverse @ model.A @ T) @ Y + (inverse @ model.B / np.sqrt(R)) @ W
+        block = cp.bmat(
+            [
+                [Y, closed.T, (root @ Y).T, W.T],
+                [closed, Y, zero((n, n)), zero((n, 1))],
+                [root @ Y, zero((n, n)), np.eye(n), zero((n, 1))],
+                [W, zero((1, n)), zero((1, n)), np.eye(1)],
+            ]
+        )
+        constraints.append(block >> 0)
+    status = minimise(beta[0, 0], constraints)
+    if Y.value is None or W.value is None:
+        return None, None
+    y = np.asarray(Y.value)
+    if not np.all(np.isfinite(y)) or np.linalg.eigvalsh(y)[0] <= 0:
+        return None, None
+    K = (np.linalg.solve(y, np.asarray(W.value)[0]) / np.sqrt(R)) @ inverse
+    # the bound that this Y really gives, not the solver's
+    bound = float(start @ np.linalg.solve(y, start)) * size**2 * (1 + 1e-9)
+    result = check(models, Q, R, gamma, K, T @ y @ T.T, T, bound)
+    found = StateFeedback(K, bound, result, status) if result.passed else None
+    return found, T @ np.linalg.cholesky(y)
+
+
+def _uncontrollable(label: str, mode: complex, integral: bool) -> str:
+    at = f"{mode.real:.6g}" if abs(mode.imag) < 1e-9 else f"{mode.real:.6g}{mode.imag:+.6g}j"
+    if integral and abs(mode - 1) < 1e-5:
+        return (
+            f"vertex: expected a plant that integral action can control; at {label} the input can't "
+            "move the mode at "
+            "z = 1 (no gain at zero frequency)"
+        )
+    return f"vertex: expected a controllable plant; at {label} the input can't move the mode at z = {at}"
+
+
+def _why(plant: UncertainPlant, models: Sequence[Model], T: Real, integral: bool) -> str:
+    """Which pair has no common gain, and how far the ranges would have to shrink."""
+    message = "range: expected ranges that one gain and one Lyapunov matrix can control"
+    pair = _hopeless_pair(models, T)
+    if pair is not None:
+        message += f"; none does at both {plant.labels[pair[0]]} and {plant.labels[pair[1]]}"
+    share = _feasible_share(plant, T, integral)
+    return f"{message}; feasible with the ranges shrunk to {100 * share:.0f} %"
+
+
+def _hopeless_pair(models: Sequence[Model], T: Real) -> tuple[int, int] | None:
+    """The two vertices furthest from each other, of those that have no gain together; a few are tried."""
+    rows = np.array([m.entries for m in models])
+    spread = np.where(np.ptp(rows, axis=0) > 0, np.ptp(rows, axis=0), 1.0)
+    apart = np.linalg.norm((rows[:, None] - rows) / spread, axis=2)
+    pairs = [(i, j) for i in range(len(models)) for j in range(i)]
+    for i, j in sorted(pairs, key=lambda pair: -apart[pair])[:PAIRS]:
+        if stabilise([models[j], models[i]], T) is None:
+            return j, i
+    return None
+
+
+def _feasible_share(plant: UncertainPlant, T: Real, integral: bool) -> float:
+    """The largest share of the polytope, about the nominal plant, that one gain controls; to two percent
+    below."""
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        models = with_integrator(plant.shrunk(middle), integral)
+        low, high = (middle, high) if stabilise(models, T) is not None else (low, middle)
+    return math.floor(100 * low) / 100

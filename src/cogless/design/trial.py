@@ -1,0 +1,400 @@
+"""A trial controller from an uncertain plant and weights: gains, and what is certain about them.
+
+The law (psi(-1) = 0; f(p) from the reference; e(p) = y_ref(p) - y(p)):
+
+    psi(p) = psi(p-1) + y_ref(p) + [v(p) where through_integrator] - y(p)
+    u(p)   = K_1 x(p) + K_2 psi(p-1) + f(p) + N v(p)
+    v(p)  <- v(p) + K_3 e(p + shift)      after the trial; or v <- v + L e
+
+`kind`:
+
+    robust         Mandra 2019, Fig. 1: (9) to (13), (32) to (35), (41)
+    state          the older law (3), by the same inequalities: state feedback without integral action, the
+                   learned signal into the input. u_k + K_stab (x_{k+1} - x_k) + K_ILC e_k telescopes into
+                   the law above
+    norm-optimal   the feedback of `robust`, and L that is optimal for the nominal plant, which is sampled
+                   exactly where the continuous one is known
+
+Structures share K_s, N, the feedforward and K_3, as in the paper: design them once with `design_gains` and
+pass them to `design_trial` for each. K_3 is designed for Fig. 1. Without integral action K_2 is switched off,
+if Q weighs the integrator; if Q doesn't, the feedback is designed without.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cogless.design.certificate import ENDS, Certificate, Gains, Structure, Update, certify
+from cogless.design.error import DesignError
+from cogless.design.feedforward import Feedforward, dynamic, static_gain
+from cogless.design.learning_gain import LearningGain, learning_gain
+from cogless.design.lifted import norm_optimal
+from cogless.design.model import Model, Real
+from cogless.design.polytope import UncertainPlant
+from cogless.design.q_filter import PROPOSED, SHIFTS, better_shift, butterworth, workable_cutoff
+from cogless.design.response import MONOTONE, Bundle, Filter, Filtered, Loop, best_gain
+from cogless.design.state_feedback import StateFeedback, guaranteed_cost
+
+Kind = Literal["robust", "state", "norm-optimal"]
+
+
+LARGEST_SHIFT = 32  # of the control law
+LOW_PASS = "expected a zero-phase low-pass filter on the learned signal"
+
+
+@dataclass(frozen=True)
+class TrialSettings:
+    """Of a trial controller. Sizes: n states of the plant, one more with the integrator."""
+
+    samples: int  # alpha, of a trial
+    Q: ArrayLike  # (n + 1, n + 1), or (n, n) for a feedback that is designed without integral action
+    R: float
+    gamma: ArrayLike  # initial state whose cost is bounded, as Q
+    f: ArrayLike  # initial change of the state from trial to trial (31), as Q
+    g: float  # initial error (31)
+    kind: Kind = "robust"
+    structure: Structure = "input-and-integrator"
+    integral: bool = True
+    learning: bool = True
+    feedforward: bool = True  # dynamic
+    cutoff: float | None = None  # of the zero-phase filter, Hz; None: no filter
+    filter_order: int = 2
+    filtered: Filtered = "error"  # what the filter acts on: e, or v + K_3 e
+    K_s: ArrayLike | None = None  # given gains are certified, not designed; as Q
+    N: float | None = None
+    K_3: float | None = None
+    shift: int | None = None  # samples by which e is ahead of v; None: the relative degree
+    change_weight: float = 1e-2  # of norm-optimal learning: of v's change beside the error's 1
+
+
+@dataclass(frozen=True)
+class TrialGains:
+    """What structures share."""
+
+    kind: Kind
+    K_s: Real
+    integral: bool  # K_s has a gain for the integrator
+    N: float
+    feedforward: Feedforward | None
+    K_3: float | None  # None where nothing learns by it
+    feedback: StateFeedback | None  # None where K_s was given
+    learning: LearningGain | None  # None where K_3 was given, or is not by (35)
+    notes: tuple[str, ...]
+    timings: dict[str, float] = field(compare=False)  # s
+
+
+@dataclass(frozen=True)
+class TrialDesign:
+    """All that the law needs, and what is certain about it."""
+
+    kind: Kind
+    K_1: Real  # (n,)
+    K_2: float
+    N: float
+    C: Real  # (n,)
+    through_integrator: bool
+    feedforward: Feedforward | None
+    K_3: float
+    shift: int
+    q_filter: Filter | None
+    filtered: Filtered
+    learning_matrix: Real | None  # (samples, samples), instead of K_3, shift and filter
+    gains: TrialGains
+    certificate: Certificate
+    notes: tuple[str, ...]
+    timings: dict[str, float] = field(compare=False)  # s, of each step, with those of the gains
+    beyond: tuple[str, ...] = ()  # what is simulated outside the ranges that all this holds for
+
+
+def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
+    """Feedback, feedforward and learning gain; DesignError."""
+    clock = _Clock()
+    n = plant.order
+    _check(plant, settings)
+    Q, gamma, f = (np.asarray(value, dtype=float) for value in (settings.Q, settings.gamma, settings.f))
+    integral = _weighs_integrator(Q, n) and settings.kind != "state"
+    size = n + integral
+    if settings.kind == "state":
+        Q, gamma, f = Q[:n, :n], gamma[:n], f[:n]
+    notes = [plant.note] if plant.note else []
+    feedback = None
+    if settings.K_s is None:
+        feedback = guaranteed_cost(plant, Q, settings.R, gamma, integral)
+        K_s = feedback.K_s
+    else:
+        K_s = np.asarray(settings.K_s, dtype=float).ravel()
+        if K_s.shape != (size,) or not np.all(np.isfinite(K_s)):
+            raise DesignError(f"K_s: expected {size} finite numbers", "K_s")
+    clock.lap("state feedback")
+    N = settings.N
+    if N is None:
+        N = 1.0 if settings.kind == "state" else static_gain(plant.nominal, plant.C, K_s[:n])
+    ahead = None
+    if settings.feedforward and settings.kind != "state":
+        ahead = dynamic(plant.nominal, plant.C, K_s[:n])
+    clock.lap("feedforward")
+    K_3, learned = settings.K_3, None
+    if K_3 is None and settings.learning and settings.kind != "norm-optimal":
+        law = _law(K_s, n, N, integral, settings.kind != "state")
+        K_3, learned, note = _learning_gain(plant, law, settings, f)
+        notes += [note] if note else []
+    clock.lap("learning gain")
+    return TrialGains(
+        settings.kind, K_s, integral, N, ahead, K_3, feedback, learned, tuple(notes), clock.laps
+    )
+
+
+def design_trial(
+    plant: UncertainPlant, settings: TrialSettings, gains: TrialGains | None = None
+) -> TrialDesign:
+    """A whole controller; gains: already designed for another structure. DesignError."""
+    _check(plant, settings)
+    gains = gains or design_gains(plant, settings)
+    clock = _Clock()
+    n, shift = plant.order, settings.shift or plant.relative_degree
+    integral = gains.integral and settings.integral
+    through = settings.structure == "input-and-integrator" and integral and settings.learning
+    law = _law(gains.K_s, n, gains.N, integral, through)
+    normal = settings.kind == "norm-optimal" and settings.learning
+    q_filter = None
+    if settings.cutoff is not None and settings.learning and not normal:
+        q_filter = butterworth(settings.cutoff, settings.filter_order, plant.period)
+    K_3 = gains.K_3 or 0.0
+    update, matrix = None, None
+    if normal:
+        # the fair bar: the model that is nearest to the drive
+        nominal = law.closed(plant.exact_nominal or plant.nominal, plant.C)
+        if nominal.radius >= 1:
+            raise DesignError("K_s: expected feedback that is stable at the nominal plant", "K_s")
+        matrix = norm_optimal(nominal, settings.samples, settings.change_weight)
+        update = Update(shift, 0.0, settings.change_weight, nominal)
+        clock.lap("learning matrix")
+    elif settings.learning and K_3:
+        update = Update(shift, K_3)
+    certificate = certify(plant, law, update, q_filter, settings.filtered, settings.samples)
+    clock.lap("certificate")
+    return TrialDesign(
+        kind=settings.kind,
+        K_1=law.K_1,
+        K_2=law.K_2,
+        N=law.N,
+        C=plant.C,
+        through_integrator=through,
+        feedforward=gains.feedforward if settings.feedforward else None,
+        K_3=K_3 if update is not None and not normal else 0.0,
+        shift=shift,
+        q_filter=q_filter,
+        filtered=settings.filtered,
+        learning_matrix=matrix,
+        gains=gains,
+        certificate=certificate,
+        notes=(*gains.notes, *_warnings(plant, law, certificate, update, settings)),
+        timings={**gains.timings, **clock.laps},
+    )
+
+
+def _law(K_s: Real, n: int, N: float, integral: bool, through: bool) -> Gains:
+    return Gains(K_s[:n], float(K_s[n]) if integral else 0.0, N, through, integral)
+
+
+def _learning_gain(
+    plant: UncertainPlant, law: Gains, settings: TrialSettings, f: Real
+) -> tuple[float, LearningGain | None, str]:
+    """K_3 by (35); by frequency with another shift, or where only a filter on the signal makes a solution."""
+    r = plant.relative_degree
+    shift = settings.shift or r
+    loops = [law.closed(m, plant.C) for m in plant.vertices]
+    for label, loop in zip(plant.labels, loops, strict=True):
+        if loop.radius >= 1:
+            raise DesignError(
+                f"K_s: expected feedback that is stable at {label}; its largest pole is {loop.radius:.4g}",
+                "K_s",
+            )
+    try:
+        if shift != r:
+            line = f"shift: {shift}: no gain shrinks the error at every frequency; {LOW_PASS}"
+            raise DesignError(line, "shift")
+        found = learning_gain(loops, law.closed(plant.nominal, plant.C), r, f, settings.g)
+        return found.K_3, found, found.note
+    except DesignError as error:
+        if error.key not in ("q_filter", "shift"):
+            raise
+        _check_sign(plant, law, settings)
+        everywhere = [*loops, *_exact_loops(plant, law)]
+        by_frequency = _by_frequency(everywhere, plant, settings, shift)
+        if by_frequency is not None:
+            K_3, note = by_frequency
+            return K_3, None, note
+        raise DesignError(f"{error}{_low_pass(everywhere, plant, settings, shift)}", error.key) from None
+
+
+def _check_sign(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> None:
+    """N against the loop's gain at zero frequency, where it has one."""
+    if settings.N is None or settings.kind == "state":
+        return
+    try:
+        expected = static_gain(plant.nominal, plant.C, law.K_1)
+    except DesignError:
+        return
+    if expected * settings.N < 0:
+        side = "above" if expected > 0 else "below"
+        raise DesignError(
+            f"N: {settings.N:g}: expected a number {side} zero, as the loop's gain at zero frequency is", "N"
+        )
+
+
+def _low_pass(loops: Sequence[Loop], plant: UncertainPlant, settings: TrialSettings, shift: int) -> str:
+    """The cutoff that would do, with another shift where this one's learning would stay slow."""
+    for tried in range(shift, shift + SHIFTS + 1):
+        cutoff = workable_cutoff(loops, tried, settings.filter_order, plant.period, settings.samples)
+        if cutoff is not None:
+            return f" of {cutoff:.3g} Hz or less" + (f", and shift = {tried}" if tried != shift else "")
+    return "; with this feedback none makes it fast, though"
+
+
+def _by_frequency(
+    loops: Sequence[Loop], plant: UncertainPlant, settings: TrialSettings, shift: int
+) -> tuple[float, str] | None:
+    """K_3 with the smallest factor a trial where (35) has no say, and a note; None where none shrinks all."""
+    bundle = Bundle(loops, shift)
+    w = bundle.grid
+    G = bundle(w)
+    if settings.cutoff is None or settings.filtered != "signal":
+        K_3, worst = best_gain(G)
+        note = f"K_3 by frequency, for the smallest factor a trial, {worst:.4g}"
+        return (K_3, f"{note}: (35) is for a shift of {plant.relative_degree}") if worst <= PROPOSED else None
+    q_filter = butterworth(settings.cutoff, settings.filter_order, plant.period)
+    K_3, worst = best_gain(G, q_filter.gain(w))
+    if worst > PROPOSED:
+        return None
+    note = "K_3 by frequency, for the smallest factor a trial with the filter on the learned signal, "
+    note += f"{worst:.4g}"
+    better = better_shift(loops, plant.relative_degree, q_filter, shift, settings.samples)
+    if better is not None:
+        now, other, then = better
+        note += f", or {now:.2g} with the trial's ends; shift = {other} would make that {then:.2g}"
+    return K_3, note
+
+
+def _warnings(
+    plant: UncertainPlant,
+    law: Gains,
+    certificate: Certificate,
+    update: Update | None,
+    settings: TrialSettings,
+) -> list[str]:
+    """Where the error can grow along the trial or from trial to trial, and what prevents it."""
+    notes = []
+    for kind, models, part in (
+        ("design", plant.vertices, certificate.design),
+        ("exact", plant.exact_vertices or (), certificate.exact),
+    ):
+        if part is not None and not part.stable:
+            notes.append(
+                f"{kind} model: unstable along the trial at {part.worst}, with a pole of {part.radius:.4g}"
+                + (
+                    "; expected a shorter period, or exact discretisation"
+                    if certificate.design.stable
+                    else ""
+                )
+            )
+        learning = part and (part.with_filter or part.without_filter)
+        if update is None or part is None or not learning:
+            continue
+        if update.ratio is not None and kind == "design" and certificate.exact is not None:
+            continue  # L is made for the exact one
+        if learning.monotone:
+            continue
+        note = f"{kind} model: the error can grow by a factor of "
+        if learning.norm > 1 + MONOTONE:
+            note += f"{_factor(learning.norm)} a trial at {learning.frequency:.4g} Hz"
+        elif part.growth is not None and part.growth > 1 + ENDS:
+            note += f"{_factor(part.growth)} a trial, from the ends of the "
+            note += "filter" if part.with_filter else "trial"
+        else:
+            note += f"{_factor(part.phi_radius or 1.0)} a sample, by Phi's largest pole"
+        if update.ratio is None:
+            loops = [law.closed(m, plant.C) for m in models]
+            cutoff = workable_cutoff(
+                loops, update.shift, settings.filter_order, plant.period, settings.samples, update.K_3
+            )
+            if cutoff is not None:
+                note += f"; a zero-phase low-pass filter of {cutoff:.3g} Hz or less on the learned signal "
+                note += "prevents it"
+        else:
+            note += "; a larger change_weight prevents it"
+        notes.append(note)
+    return notes
+
+
+def _factor(value: float) -> str:
+    """Above one; never told as one."""
+    return f"1 + {value - 1:.1e}" if value - 1 < 1e-4 else f"{value:.7g}"
+
+
+def _exact_loops(plant: UncertainPlant, law: Gains) -> list[Loop]:
+    """Those that are stable."""
+    models: tuple[Model, ...] = plant.exact_vertices or ()
+    return [loop for loop in (law.closed(m, plant.C) for m in models) if loop.radius < 1]
+
+
+def _weighs_integrator(Q: Real, n: int) -> bool:
+    return Q.shape == (n + 1, n + 1)
+
+
+def _check(plant: UncertainPlant, settings: TrialSettings) -> None:
+    n, r = plant.order, plant.relative_degree
+    if settings.shift is not None and not r <= settings.shift <= LARGEST_SHIFT:
+        expected = f"expected {r}, the relative degree, to {LARGEST_SHIFT}"
+        raise DesignError(f"shift: {settings.shift}: {expected}", "shift")
+    if settings.shift is not None and settings.samples <= settings.shift:
+        expected = f"expected less than the {settings.samples} samples"
+        raise DesignError(f"shift: {settings.shift}: {expected}", "shift")
+    if settings.samples <= r:
+        raise DesignError(
+            f"samples: {settings.samples}: expected a trial longer than the relative degree, {r}", "samples"
+        )
+    Q = np.asarray(settings.Q, dtype=float)
+    if Q.shape not in ((n, n), (n + 1, n + 1)):
+        shape = " x ".join(map(str, Q.shape))
+        expected = " or ".join(f"{size} x {size}" for size in (n, n + 1))
+        raise DesignError(f"state_weight: {shape}: expected {expected}", "state_weight")
+    if settings.integral and settings.kind != "state" and not _weighs_integrator(Q, n):
+        raise DesignError(
+            f"state_weight: expected {n + 1} x {n + 1}, with a weight for the integrator", "state_weight"
+        )
+    for key, value in (("initial_state", settings.gamma), ("initial_change", settings.f)):
+        if np.shape(value) != (len(Q),):
+            raise DesignError(f"{key}: expected {len(Q)} numbers, as many as the state weight has rows", key)
+    for key, number in (("N", settings.N), ("K_3", settings.K_3)):
+        if number is not None and not np.isfinite(number):
+            raise DesignError(f"{key}: expected a finite number", key)
+    if not (np.isfinite(settings.change_weight) and settings.change_weight > 0):
+        raise DesignError(
+            f"change_weight: {settings.change_weight:g}: expected a number above zero", "change_weight"
+        )
+    if settings.cutoff is not None and settings.samples <= 3 * (settings.filter_order + 1):
+        raise DesignError(
+            f"samples: {settings.samples}: expected more than {3 * (settings.filter_order + 1)} for "
+            "the filter's ends",
+            "samples",
+        )
+
+
+class _Clock:
+    """Seconds between laps."""
+
+    def __init__(self) -> None:
+        self.laps: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        now = time.perf_counter()
+        self.laps[name] = now - self._last
+        self._last = now

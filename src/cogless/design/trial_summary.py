@@ -1,0 +1,233 @@
+"""What `cogless design` tells of a study of trials: the plant, each controller's gains and certificate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from cogless.design.certificate import Certificate, Learning, ModelCertificate
+from cogless.design.from_study import design_study, uncertain_plant
+from cogless.design.lmi import Check
+from cogless.design.model import Model
+from cogless.design.polytope import UncertainPlant
+from cogless.design.trial import TrialDesign
+from cogless.study import TrialStudy
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+
+@dataclass(frozen=True)
+class TrialSummary:
+    """The plant that the study describes, and a design for each of its controllers."""
+
+    plant: UncertainPlant
+    designs: dict[str, TrialDesign]
+
+
+def summary(study: TrialStudy) -> TrialSummary:
+    """Every controller of a study, for the first scenario that it runs in; StudyError."""
+    first: dict[str, str] = {}
+    for scenario in study.scenario:
+        for name in study.controllers_in(scenario):
+            first.setdefault(name, scenario)
+    designs = design_study(study, [(scenario, name) for name, scenario in first.items()])
+    in_order = {name: designs[first[name], name] for name in study.controller if name in first}
+    return TrialSummary(uncertain_plant(study), in_order)
+
+
+def to_dict(study: TrialStudy, found: TrialSummary) -> dict[str, Any]:
+    """All of it as plain types, SI, for JSON. Models are discrete; frequencies end in _Hz."""
+    plant = found.plant
+    return {
+        "study": study.title,
+        "plant": {
+            "order": plant.order,
+            "relative_degree": plant.relative_degree,
+            "period_s": plant.period,
+            "discretisation": plant.discretisation,
+            "C": plant.C.tolist(),
+            "nominal": _model(plant.nominal),
+            "vertices": [
+                {"at": label, **_model(m)} for label, m in zip(plant.labels, plant.vertices, strict=True)
+            ],
+            "hull_of_the_corners": plant.exact_hull,
+            "note": plant.note,
+        },
+        "controllers": {name: design_dict(design) for name, design in found.designs.items()},
+    }
+
+
+def design_dict(design: TrialDesign) -> dict[str, Any]:
+    """A controller's gains, checks and certificate as plain types."""
+    gains, ahead, q = design.gains, design.feedforward, design.q_filter
+    return {
+        "kind": design.kind,
+        "K_s": [*design.K_1.tolist(), design.K_2],
+        "K_1": design.K_1.tolist(),
+        "K_2": design.K_2,
+        "N": design.N,
+        "dc_gain": 1 / design.N if design.N else None,
+        "K_3": design.K_3,
+        "shift": design.shift,
+        "learned_signal_into_the_integrator": design.through_integrator,
+        "learns_by_a_matrix": design.learning_matrix is not None,
+        "feedforward": ahead
+        and {
+            "method": ahead.method,
+            "numerator": ahead.num.tolist(),
+            "denominator": ahead.den.tolist(),
+            "preview": ahead.preview,
+        },
+        "q_filter": q and {"b": q.b.tolist(), "a": q.a.tolist(), "acts_on": design.filtered},
+        "checks": {
+            "state_feedback": gains.feedback and _check(gains.feedback.check, gains.feedback.status),
+            "learning_gain": gains.learning
+            and {
+                **_check(gains.learning.check, gains.learning.status),
+                "bounds": list(gains.learning.bounds),
+                "mapped_set_affine": gains.learning.affine,
+            },
+        },
+        "certificate": _certificate(design.certificate),
+        "notes": list(design.notes),
+    }
+
+
+def _model(model: Model) -> dict[str, Any]:
+    return {"A": model.A.tolist(), "B": model.B[:, 0].tolist()}
+
+
+def _check(check: Check, status: str) -> dict[str, Any]:
+    return {
+        "passed": check.passed,
+        "smallest_eigenvalue_share": _finite(check.smallest),
+        "true_cost": _finite(check.cost),
+        "bound": _finite(check.bound),
+        "solver_says": status,
+    }
+
+
+def _certificate(certificate: Certificate) -> dict[str, Any]:
+    return {
+        "design_model": _models(certificate.design),
+        "exactly_sampled": certificate.exact and _models(certificate.exact),
+        "random_plants": certificate.samples,
+    }
+
+
+def _models(models: ModelCertificate) -> dict[str, Any]:
+    return {
+        "stable_along_the_trial": models.stable,
+        "radius_along_the_trial": models.radius,
+        "radius_at": models.worst,
+        "stable_with_one_more_sample_of_delay": models.delayed_stable,
+        "radius_with_one_more_sample_of_delay": models.delayed_radius,
+        "radius_of_phi": models.phi_radius,
+        "without_filter": models.without_filter and _learning(models.without_filter),
+        "with_filter": models.with_filter and _learning(models.with_filter),
+        "growth_with_the_trial_s_ends": models.growth,
+    }
+
+
+def _learning(learning: Learning) -> dict[str, Any]:
+    return {
+        "norm": _finite(learning.norm),
+        "norm_at_Hz": learning.frequency,
+        "norm_at": learning.worst,
+        "norm_of_the_nominal_plant": _finite(learning.nominal),
+        "monotone": learning.monotone,
+        "contracting": learning.contracting,
+        "largest_K_3": learning.K_3_limit,
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def table(study: TrialStudy, found: TrialSummary) -> Group:
+    """The plant in a line, a table of gains, a table of certificates, notes."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    plant = found.plant
+    sampling = {None: "given as a discrete model", "euler": "Euler", "exact": "exact"}[plant.discretisation]
+    about = (
+        f"Plant: order {plant.order}, relative degree {plant.relative_degree}, sampled every "
+        f"{1e3 * plant.period:g} ms ({sampling}), {len(plant.vertices)} vertices."
+    )
+    gains = Table(title=study.title, title_justify="left", title_style="bold", box=None, pad_edge=False)
+    for heading in ("controller", "K_s", "N", "K_3", "feedforward", "filter", "checked"):
+        gains.add_column(heading, overflow="fold")
+    proof = Table(title="Certificate", title_justify="left", title_style="bold", box=None, pad_edge=False)
+    headings = (
+        "controller",
+        "model",
+        "along the trial",
+        "one more sample",
+        "from trial to trial",
+        "filtered",
+        "with the ends",
+    )
+    for heading in (*headings, "largest K_3"):
+        proof.add_column(heading)
+    for name, design in found.designs.items():
+        gains.add_row(study.label(name), *_gains(design))
+        for row in _proof(design.certificate):
+            proof.add_row(study.label(name), *row)
+    notes = dict.fromkeys(note for design in found.designs.values() for note in design.notes)
+    lines = [Text(f"Note: {note}.") for note in notes]
+    legend = Text(LEGEND, style="dim")
+    return Group(Text(about), Text(), gains, Text(), proof, Text(), legend, *lines)
+
+
+NO_GAIN = 5e-5  # a largest K_3 that the table would print as zero
+
+LEGEND = (
+    "along the trial: the loop's largest pole; one more sample: the same with another sample of delay at the "
+    "input;\nfrom trial to trial: no frequency of the error grows by more than this, over vertices and "
+    "random plants;\nwith the ends: growth of the error in tried trials, with the filter if there is one"
+)
+
+
+def _gains(design: TrialDesign) -> tuple[str, ...]:
+    checks = [c.check for c in (design.gains.feedback, design.gains.learning) if c is not None]
+    learning = "matrix" if design.learning_matrix is not None else f"{design.K_3:.4f}" if design.K_3 else "-"
+    ahead, q = design.feedforward, design.q_filter
+    return (
+        ", ".join(f"{gain:.4f}" for gain in (*design.K_1, design.K_2)),
+        f"{design.N:.4f}",
+        learning,
+        f"{ahead.method}, {ahead.preview} ahead" if ahead else "-",
+        f"order {len(q.b) - 1} on the {design.filtered}" if q else "-",
+        ("given gains" if not checks else "yes" if all(c.passed for c in checks) else "no"),
+    )
+
+
+def _proof(certificate: Certificate) -> Iterator[tuple[str, ...]]:
+    of_design = {"euler": "Euler", "exact": "exact", None: "discrete"}[certificate.discretisation]
+    for model, found in ((of_design, certificate.design), ("exact", certificate.exact)):
+        if found is None or (found is certificate.exact and of_design == "exact"):
+            continue
+        plain, filtered = found.without_filter, found.with_filter
+        limit = plain.K_3_limit if plain else None
+        yield (
+            model,
+            f"{found.radius:.4f}" + ("" if found.stable else " unstable"),
+            f"{found.delayed_radius:.3f}" + ("" if found.delayed_stable else " unstable"),
+            _verdict(plain),
+            _verdict(filtered),
+            "-" if found.growth is None else f"{found.growth:.6g}",
+            "-" if limit is None else f"{limit:.4f}" if abs(limit) > NO_GAIN else "none",
+        )
+
+
+def _verdict(learning: Learning | None) -> str:
+    if learning is None:
+        return "-"
+    word = "contracting" if learning.contracting else "monotone" if learning.monotone else "may grow"
+    return f"{learning.norm:.6g} at {learning.frequency:.4g} Hz, {word}"

@@ -1,0 +1,121 @@
+"""Uncertain plants and plain NumPy simulations for the tests of design/."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.signal import filtfilt
+
+from cogless.design.model import Model, Real
+from cogless.design.polytope import UncertainPlant, from_parameters
+from cogless.design.trial import TrialDesign, TrialSettings
+
+MANDRA_RANGES = {"inertia": (5.9e-4, 10.6e-4), "friction": (1.3e-3, 1.5e-3), "torque_constant": (0.35, 0.39)}
+Q = np.diag([1.8e4, 0.1, 4.0])
+R = 0.9
+START = np.array([0.01, 0.0, 0.0])
+
+
+def motor(p: Mapping[str, float]) -> tuple[list[list[float]], list[list[float]]]:
+    """(37): angle and speed."""
+    J, B, k = p["inertia"], p["friction"], p["torque_constant"]
+    return [[0, 1], [0, -B / J]], [[0], [k / J]]
+
+
+def mandra(discretisation: str = "euler") -> UncertainPlant:
+    """Section 6.1."""
+    return from_parameters(motor, MANDRA_RANGES, [1, 0], 2.5e-3, discretisation)  # type: ignore[arg-type]
+
+
+def mandra_settings(**changes: object) -> TrialSettings:
+    """Section 6.1 and 6.2."""
+    return TrialSettings(**{"samples": 1000, "Q": Q, "R": R, "gamma": START, "f": START, "g": 0.1, **changes})  # type: ignore[arg-type]
+
+
+def speed(p: Mapping[str, float]) -> tuple[list[list[float]], list[list[float]]]:
+    """A drive's speed: relative degree 1."""
+    return [[-p["friction"] / p["inertia"]]], [[p["torque_constant"] / p["inertia"]]]
+
+
+def two_masses(p: Mapping[str, float]) -> tuple[list[list[float]], list[list[float]]]:
+    """Load angle and speed, motor angle and speed, a shaft between them; torque at the motor."""
+    J_M, J_L, k, c, b = 5e-4, p["load_inertia"], p["stiffness"], 0.02, 1e-3
+    A = [
+        [0, 1, 0, 0],
+        [-k / J_L, -(c + b) / J_L, k / J_L, c / J_L],
+        [0, 0, 0, 1],
+        [k / J_M, c / J_M, -k / J_M, -(c + b) / J_M],
+    ]
+    return A, [[0], [0], [0], [0.37 / J_M]]
+
+
+def drive_train(discretisation: str = "exact") -> UncertainPlant:
+    """Load of 7 to 9 kg cm^2 on a shaft of 90 to 110 N m/rad, a resonance near 90 Hz, at 1 kHz."""
+    ranges = {"load_inertia": (7e-4, 9e-4), "stiffness": (90.0, 110.0)}
+    return from_parameters(two_masses, ranges, [1, 0, 0, 0], 1e-3, discretisation)  # type: ignore[arg-type]
+
+
+def simulate(design: TrialDesign, model: Model, y_ref: Real, trials: int, load: float = 0.0) -> Real:
+    """Errors (trials, samples) of the law at the head of design/trial.py, without limits, from y_ref[0] at
+    rest."""
+    samples, n = len(y_ref), model.order
+    v, errors = np.zeros(samples), np.zeros((trials, samples))
+    f = _feedforward(design, y_ref)
+    A, B = model.A, model.B[:, 0]
+    for k in range(trials):
+        x, psi = np.zeros(n), 0.0
+        y = np.zeros(samples)
+        for p in range(samples):
+            y[p] = design.C @ x
+            u = design.K_1 @ x + design.K_2 * psi + f[p] + design.N * v[p]
+            psi += y_ref[p] + (v[p] if design.through_integrator else 0.0) - y[p]
+            x = A @ x + B * (u - load)
+        errors[k] = y_ref - y
+        v = learn(design, v, errors[k])
+    return errors
+
+
+def learn(design: TrialDesign, v: Real, error: Real) -> Real:
+    """v after a trial."""
+    e = error.copy()
+    e[: design.shift] = 0.0
+    if design.learning_matrix is not None:
+        return np.asarray(v + design.learning_matrix @ e)
+
+    def smooth(x: Real) -> Real:
+        return x if design.q_filter is None else np.asarray(filtfilt(design.q_filter.b, design.q_filter.a, x))
+
+    def ahead(x: Real) -> Real:
+        return np.append(x[design.shift :], np.full(design.shift, x[-1]))
+
+    if design.filtered == "error":
+        return np.asarray(v + design.K_3 * ahead(smooth(e)))
+    return smooth(v + design.K_3 * ahead(e))
+
+
+def _feedforward(design: TrialDesign, y_ref: Real) -> Real:
+    """(41); y_ref[0] = 0 before, the last value after."""
+    f = np.zeros(len(y_ref))
+    if design.feedforward is None:
+        return f
+    num, den, preview = design.feedforward.num, design.feedforward.den, design.feedforward.preview
+
+    def ref(q: int) -> float:
+        return float(y_ref[min(q, len(y_ref) - 1)]) if q >= 0 else 0.0
+
+    for p in range(len(y_ref)):
+        f[p] = sum(c * ref(p + preview - i) for i, c in enumerate(num))
+        f[p] -= sum(c * f[p - i] for i, c in enumerate(den) if 0 < i <= p)
+    return f
+
+
+def smooth_step(samples: int, height: float = 1.0) -> Real:
+    """From rest to rest, three times differentiable, within the first half."""
+    s = np.clip(np.arange(samples) / (samples / 2), 0, 1)
+    return np.asarray(height * (35 * s**4 - 84 * s**5 + 70 * s**6 - 20 * s**7))
+
+
+def rms(errors: Real) -> Real:
+    """Of each trial."""
+    return np.asarray(np.sqrt(np.mean(errors**2, axis=-1)))

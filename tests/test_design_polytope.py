@@ -1,0 +1,267 @@
+"""Uncertain plants: Mandra 2019's six vertices, degenerate sets, and sets that bend."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import scipy.linalg
+from design_plants import MANDRA_RANGES, mandra, motor
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+
+from cogless.design.error import DesignError
+from cogless.design.hull import enclose, minimal
+from cogless.design.model import Model, Real, relative_degree, sampled, uncontrollable_mode
+from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
+
+
+def inside(vertices: Real, point: Real, slack: float = 1e-7) -> bool:
+    """Whether a point is a mixture of vertices, with slack in each coordinate."""
+    rows = np.vstack([vertices.T, -vertices.T])
+    limits = np.concatenate([point + slack, slack - point])
+    ones = np.ones((1, len(vertices)))
+    return bool(linprog(np.zeros(len(vertices)), rows, limits, ones, [1.0]).success)
+
+
+def test_mandra() -> None:
+    plant = mandra()
+    assert len(plant.vertices) == 6
+    assert plant.relative_degree == 2
+    assert plant.exact_hull
+    assert plant.note == ""
+    assert np.round(plant.nominal.A, 4).tolist() == [[1, 0.0025], [0, 0.9958]]
+    assert np.round(plant.nominal.B, 4).tolist() == [[0], [1.1212]]
+
+
+def test_mandra_vertices_are_minimal_and_hold_all_corners() -> None:
+    corners = np.array(
+        [[B / J, k / J] for J in (5.9e-4, 10.6e-4) for B in (1.3e-3, 1.5e-3) for k in (0.35, 0.39)]
+    )
+    kept = minimal(corners)
+    assert len(kept) == 6
+    hull = corners[list(kept)] / corners.max(axis=0)
+    assert all(inside(hull, c / corners.max(axis=0)) for c in corners)
+
+
+@pytest.mark.parametrize(
+    ("ranges", "count"),
+    [
+        ({"inertia": (6e-4, 6e-4), "friction": (1e-3, 1e-3), "torque_constant": (0.3, 0.3)}, 1),
+        ({"inertia": (6e-4, 6e-4), "friction": (1e-3, 1e-3), "torque_constant": (0.3, 0.4)}, 2),
+        # along a line: both entries are proportional to 1 / J
+        ({"inertia": (6e-4, 9e-4), "friction": (1e-3, 1e-3), "torque_constant": (0.3, 0.3)}, 2),
+        ({"inertia": (6e-4, 6e-4), "friction": (1e-3, 2e-3), "torque_constant": (0.3, 0.4)}, 4),
+    ],
+)
+def test_degenerate_ranges(ranges: dict[str, tuple[float, float]], count: int) -> None:
+    plant = from_parameters(motor, ranges, [1, 0], 1e-3)
+    assert len(plant.vertices) == count
+    assert plant.exact_hull
+
+
+def test_duplicate_and_inner_vertices_are_dropped() -> None:
+    A = [[0.9]]
+    models = [(A, [[b]]) for b in (1.0, 2.0, 1.0, 1.5, 2.0)]
+    plant = from_vertices(models, [1], 1e-3)
+    assert [float(m.B[0, 0]) for m in plant.vertices] == [1.0, 2.0]
+    assert plant.labels == ("vertex 1", "vertex 2")
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.integers(1, 3),
+    st.integers(1, 12),
+    st.integers(0, 2**32 - 1),
+    st.booleans(),
+)
+def test_minimal_in_a_random_affine_subspace(dimension: int, count: int, seed: int, repeat: bool) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(count, dimension)) @ rng.normal(size=(dimension, 6)) + rng.normal(size=6)
+    points = points * 10.0 ** rng.integers(-4, 4, 6)  # units
+    if repeat:
+        points = np.vstack([points, points, points.mean(axis=0)])
+    kept = list(minimal(points))
+    size = np.abs(points).max(axis=0)
+    hull = points[kept] / size
+    assert all(inside(hull, p / size) for p in points)
+    for k in range(len(kept)):
+        if len(kept) > 1:
+            assert not inside(np.delete(hull, k, axis=0), hull[k], 0.0)
+
+
+def test_more_dimensions_than_qhull_likes() -> None:
+    rng = np.random.default_rng(1)
+    points = rng.normal(size=(40, 9))
+    assert len(minimal(np.vstack([points, points]))) == 40
+    mixtures = rng.dirichlet(np.ones(40), 50) @ points
+    assert enclose(points, mixtures).exact
+    found = enclose(points, 1.05 * points)
+    assert not found.exact
+    assert all(inside(found.vertices, 1.05 * p) for p in points)
+
+
+@pytest.mark.parametrize("dimension", [1, 2, 3])
+def test_bent_sets_are_enclosed(dimension: int) -> None:
+    rng = np.random.default_rng(dimension)
+    ends = np.array(np.meshgrid(*[[0.0, 1.0]] * dimension)).reshape(dimension, -1).T
+
+    def bent(p: Real) -> Real:
+        return np.hstack([p, 0.1 * p**2, np.exp(p[:, :1])])
+
+    found = enclose(bent(ends), bent(rng.random((200, dimension))))
+    assert not found.exact
+    assert found.outside > 0.01
+    assert all(inside(found.vertices, p) for p in bent(rng.random((300, dimension))))
+
+
+def test_exact_sampling_bends_the_polytope() -> None:
+    plant = mandra("exact")
+    assert plant.relative_degree == 1
+    assert not plant.exact_hull
+    assert "bounding polytope of 12 vertices" in plant.note
+    rows = np.array([m.entries for m in plant.vertices])
+    size = np.abs(rows).max(axis=0)
+    size[size == 0] = 1
+    models, exact = plant.sample(np.random.default_rng(7), 100)
+    assert exact is models
+    assert all(inside(rows / size, m.entries / size, 1e-9) for m in models)
+
+
+def test_parameters_that_enter_nonlinearly() -> None:
+    plant = from_parameters(lambda p: ([[-p["a"]]], [[p["a"] ** 2]]), {"a": (1.0, 2.0)}, [1], 1e-2)
+    assert not plant.exact_hull
+    rows = np.array([m.entries for m in plant.vertices])
+    assert all(inside(rows, m.entries, 1e-9) for m in plant.sample(np.random.default_rng(3), 200)[0])
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(1, 4), st.integers(0, 2**32 - 1), st.floats(-3, 2))
+def test_exact_sampling_is_the_exponential(n: int, seed: int, size: float) -> None:
+    rng = np.random.default_rng(seed)
+    A, B = rng.normal(size=(n, n)) * 10**size, rng.normal(size=(n, 1))
+    found = sampled(Model(A, B), 0.1, "exact")
+    expected = scipy.linalg.expm(0.1 * np.block([[A, B], [np.zeros((1, n + 1))]]))
+    np.testing.assert_allclose(found.A, expected[:n, :n], rtol=1e-9, atol=1e-11 * np.abs(expected).max())
+    np.testing.assert_allclose(found.B, expected[:n, n:], rtol=1e-9, atol=1e-11 * np.abs(expected).max())
+
+
+def test_continuous_vertices() -> None:
+    corners = [motor({"inertia": J, "friction": 1e-3, "torque_constant": 0.3}) for J in (6e-4, 8e-4)]
+    euler = from_vertices(corners, [1, 0], 1e-3, continuous=True)
+    exact = from_vertices(corners, [1, 0], 1e-3, continuous=True, discretisation="exact")
+    assert (euler.relative_degree, exact.relative_degree) == (2, 1)
+    assert euler.exact_vertices is not None
+    np.testing.assert_allclose(euler.exact_vertices[0].A, sampled(Model.of(*corners[0]), 1e-3, "exact").A)
+    assert not exact.exact_hull
+
+
+def test_relative_degree_ignores_rounding_and_units() -> None:
+    A = np.array([[1.0, 1e-6], [0.3 - 0.1 * 3, 0.9]])
+    assert relative_degree(Model(A, np.array([[0.0], [1e-9]])), np.array([1.0, 0.0])) == 2
+    assert relative_degree(Model(A, np.array([[0.0], [1e-9]])), np.array([0.0, 1e5])) == 1
+    assert relative_degree(Model(np.diag([0.5, 0.4]), np.array([[1.0], [0.0]])), np.array([0.0, 1.0])) == 0
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_uncontrollable_modes(size: float) -> None:
+    A = np.diag([0.5, 0.5])
+    assert uncontrollable_mode(A, size * np.array([[1.0], [1.0]])) == pytest.approx(0.5)
+    A = np.array([[0.5, 1e-4 * size], [0, 0.5]])
+    assert uncontrollable_mode(A, np.array([[0.0], [1.0]])) is None
+    assert uncontrollable_mode(A, np.array([[1.0], [0.0]])) == pytest.approx(0.5)
+
+
+def of(**changes: object) -> Callable[[], UncertainPlant]:
+    arguments = {"model": motor, "ranges": MANDRA_RANGES, "C": [1, 0], "period": 1e-3, **changes}
+    return lambda: from_parameters(**arguments)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("make", "key", "message"),
+    [
+        (
+            of(ranges={**MANDRA_RANGES, "inertia": (2e-3, 1e-3)}),
+            "range.inertia",
+            "range.inertia: [0.002, 0.001]: expected the smaller end first",
+        ),
+        (
+            of(ranges={**MANDRA_RANGES, "inertia": (1e-3, float("nan"))}),
+            "range.inertia",
+            "range.inertia: [0.001, nan]: expected finite numbers",
+        ),
+        (
+            of(ranges={**MANDRA_RANGES, "inertia": (0.0, 1e-3)}),
+            "range",
+            "range: expected finite numbers at inertia = 0, friction = 0.0013, torque_constant = 0.35",
+        ),
+        (of(period=0.0), "period", "period: 0: expected a time above zero"),
+        (of(C=[1, 0, 0]), "output", "output: expected 2 numbers, one per state, not 3"),
+        (of(C=[0, 0]), "output", "output: expected finite numbers that aren't all zero"),
+        (
+            of(ranges={**MANDRA_RANGES, "torque_constant": (-0.35, 0.39)}),
+            "vertex",
+            "vertex: expected the input to act in one direction at all vertices; at inertia = 0.00059, "
+            "friction = 0.0013, torque_constant = -0.35 it acts in the other",
+        ),
+        (
+            of(nominal={"inertia": 7e-4}),
+            "nominal",
+            "nominal: expected the same parameters as the ranges, not friction",
+        ),
+        (lambda: from_vertices([], [1], 1.0), "vertex", "vertex: expected at least one"),
+        (
+            lambda: from_vertices([([["x"]], [1])], [1], 1.0),
+            "vertex 1",
+            "vertex 1: expected matrices of numbers",
+        ),
+        (
+            lambda: from_vertices([([[0.5]], [1]), ([[float("nan")]], [1])], [1], 1.0),
+            "vertex 2",
+            "vertex 2: expected finite numbers in A and B",
+        ),
+        (
+            lambda: from_vertices([([[0.5, 1]], [1])], [1], 1.0),
+            "vertex 1",
+            "vertex 1: A is 1 x 2, expected as many rows as columns",
+        ),
+        (
+            lambda: from_vertices([([[0.5]], [[1, 2]])], [1], 1.0),
+            "vertex 1",
+            "vertex 1: B is 1 x 2, expected 1 x 1",
+        ),
+        (
+            lambda: from_vertices([([[0, 1], [0, 0]], [[b], [1]]) for b in (0, 1)], [1, 0], 1.0),
+            "vertex",
+            "vertex: expected the same relative degree at all vertices; 1 at the nominal plant, 2 at "
+            "vertex 1",
+        ),
+        (
+            lambda: from_vertices([([[0.5, 0], [0, 0.5]], [[0], [1]])], [1, 0], 1.0),
+            "vertex",
+            "vertex: expected an output that sees the input; at the nominal plant it doesn't",
+        ),
+    ],
+)  # fmt: skip
+def test_errors(make: Callable[[], UncertainPlant], key: str, message: str) -> None:
+    with pytest.raises(DesignError) as error:
+        make()
+    assert str(error.value) == message
+    assert error.value.key == key
+
+
+def test_a_bounding_polytope_may_hold_what_acts_the_other_way() -> None:
+    # B is at least 0.001 at all plants, and bends away from the corners' 1.001: the widened box crosses zero
+    plant = from_parameters(
+        lambda p: ([[p["a"]]], [0.001 + 4 * (p["a"] - 0.5) ** 2]), {"a": (0.0, 1.0)}, [1.0], 1.0, None
+    )
+    assert not plant.exact_hull
+    assert plant.relative_degree == 1
+    assert min(m.B[0, 0] for m in plant.vertices) < 0
+    with pytest.raises(DesignError, match="act in one direction at all vertices; at a plant within"):
+        from_parameters(
+            lambda p: ([[p["a"]]], [4 * (p["a"] - 0.5) ** 2 - 0.1]), {"a": (0.0, 1.0)}, [1.0], 1.0, None,
+            {"a": 0.1},
+        )  # fmt: skip
