@@ -255,7 +255,9 @@ def test_list_names_the_laws(capsys: pytest.CaptureFixture[str]) -> None:
         "Studies",
         "Motors",
         "Control laws",
+        "Control laws of trials",
     ]
+    assert "  trial-ilc     State feedback with integral action" in out
     assert "  robust-ilc    Robust iterative learning" in out
 
 

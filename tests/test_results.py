@@ -6,7 +6,7 @@ import pytest
 from synthetic import STUDY, results, study
 
 from cogless.errors import StudyError
-from cogless.files import check_writable, replacing
+from cogless.files import replacing, writable
 from cogless.results import Results, to_dict, write
 
 
@@ -102,14 +102,26 @@ def test_whole_or_absent(tmp_path):
     assert path.read_text() == "whole" and list(tmp_path.iterdir()) == [path]
 
 
-def test_writable_directory_is_made(tmp_path):
-    check_writable(tmp_path / "a" / "b")
-    assert (tmp_path / "a" / "b").is_dir() and not list((tmp_path / "a" / "b").iterdir())
+def test_writable_directory_is_made_and_goes_again_if_nothing_is_written(tmp_path):
+    with writable(tmp_path / "a" / "b"):
+        assert (tmp_path / "a" / "b").is_dir() and not list((tmp_path / "a" / "b").iterdir())
+    assert not (tmp_path / "a").exists()
+    with writable(tmp_path / "a" / "b"):
+        (tmp_path / "a" / "b" / "file").write_text("")
+    assert (tmp_path / "a" / "b" / "file").exists()
+
+
+def test_a_directory_of_the_user_stays(tmp_path):
+    (tmp_path / "empty").mkdir()
+    with writable(tmp_path / "empty"):
+        pass
+    assert (tmp_path / "empty").is_dir()
 
 
 @pytest.mark.parametrize("inside", ["", "below"])
 def test_unwritable_directory(tmp_path, inside):
     (tmp_path / "file").write_text("")
-    with pytest.raises(StudyError, match="expected a directory that can be written") as caught:
-        check_writable(tmp_path / "file" / inside if inside else tmp_path / "file")
+    folder = writable(tmp_path / "file" / inside if inside else tmp_path / "file")
+    with pytest.raises(StudyError, match="expected a directory that can be written") as caught, folder:
+        pass
     assert "\n" not in str(caught.value) and str(tmp_path) in str(caught.value)

@@ -16,6 +16,7 @@ from cogless.study.drive import Belief
 from cogless.study.metric import SIGNALS
 from cogless.study.motor import Motor
 from cogless.study.reading import parse_change, split, with_unit
+from cogless.study.trial_metric import DRIVE_SIGNALS, linear_signals
 from cogless.trace import DERIVED
 
 MOTOR = """
@@ -246,8 +247,9 @@ def test_an_override_does_not_retune_a_controller(tmp_path: Path) -> None:
 
 
 def test_signals_of_the_study_are_those_of_the_trace() -> None:
-    assert {name: SIGNALS[name].unit for name in DERIVED} == {
-        name: unit for name, (unit, _) in DERIVED.items()
+    known = {**SIGNALS, **DRIVE_SIGNALS, **linear_signals(1)}
+    assert {name: known[name].unit for name in DERIVED} == {
+        name: unit for name, (unit, _, _) in DERIVED.items()
     }
 
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cogless.errors import StudyError
-    from cogless.results import Results, Run
+    from cogless.results import Results, Run, TrialResults
     from cogless.simulate import rollout, run_study
-    from cogless.study import Study, changed, for_scenario, load
+    from cogless.study import Study, TrialStudy, changed, for_scenario, load
     from cogless.trace import Trace
 
 # Loaded when first used, so that importing cogless stays quick.
@@ -20,6 +20,8 @@ _HOMES = {
     "rollout": "cogless.simulate",
     "run_study": "cogless.simulate",
     "Study": "cogless.study",
+    "TrialResults": "cogless.results",
+    "TrialStudy": "cogless.study",
     "changed": "cogless.study",
     "for_scenario": "cogless.study",
     "load": "cogless.study",
@@ -32,6 +34,8 @@ __all__ = [
     "Study",
     "StudyError",
     "Trace",
+    "TrialResults",
+    "TrialStudy",
     "changed",
     "for_scenario",
     "load",

@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,9 +21,12 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from cogless.report import Line
-    from cogless.results import Results
+    from cogless.results import AnyResults
     from cogless.simulate import StudyProgress
-    from cogless.study import Study
+    from cogless.study import AnyStudy
+
+# The designs' matrices are small: BLAS threads would only wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 WIDE = 240  # columns where the output is no terminal, so that files and pipes get whole lines
 WRONG, INTERRUPTED = 2, 130
@@ -114,21 +118,22 @@ def run(
 
     Ctrl-C keeps the runs that are finished.
     """
-    from cogless.files import check_writable
+    from cogless.files import writable
     from cogless.simulate import RunError, run_study, runs_of
 
     loaded = _load(study, changes)
     wanted = len(runs_of(loaded, only))
     folder = output or Path("results") / loaded.name
-    check_writable(folder)
     failure: RunError | None = None
-    with _run_progress(wanted) as progress:
-        try:
-            results = run_study(loaded, only, progress, jobs)
-        except RunError as error:
-            failure, results = error, error.results
+    with writable(folder):
+        with _run_progress(wanted) as progress:
+            try:
+                results: AnyResults = run_study(loaded, only, progress, jobs)
+            except RunError as error:
+                failure, results = error, error.results
+        if results.runs:
+            _write(results, folder, plots)
     if results.runs:
-        _write(results, folder, plots)
         _print_tables(results)
         print(f"Report: {folder / 'report.html'}")
     if failure is not None:
@@ -146,17 +151,29 @@ def design(
     changes: SetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
 ) -> None:
-    """Show every controller's gains, given or by a tuning rule, and the margins of its speed loop."""
-    from cogless.design.summary import to_dict
+    """Show every controller's gains and what is known of them before any run.
+
+    Of a speed study: gains, given or by a tuning rule, the margins of its loop, whether learning settles.
+
+    Of a study of trials: gains, given or by LMIs, and the certificate that they work.
+    """
+    from cogless.study import TrialStudy
 
     loaded = _load(study, changes)
-    if as_json:
-        print(json.dumps(to_dict(loaded), indent=2, ensure_ascii=False))
-        return
-    from cogless.design.table import design_table
+    if isinstance(loaded, TrialStudy):
+        from cogless.design.trial_summary import summary, table, to_dict
 
-    console = _console()
-    console.print(design_table(loaded))
+        designs = summary(loaded)
+        found, shown = partial(to_dict, loaded, designs), partial(table, loaded, designs)
+    else:
+        from cogless.design.summary import to_dict as speed_dict
+        from cogless.design.table import design_table
+
+        found, shown = partial(speed_dict, loaded), partial(design_table, loaded)
+    if as_json:
+        print(json.dumps(found(), indent=2, ensure_ascii=False))
+    else:
+        _console().print(shown())
 
 
 @app.command("list")
@@ -182,8 +199,11 @@ def calibrate(study: StudyArgument, changes: SetOption = None, jobs: JobsOption 
     """
     from cogless.calibrate import calibrate as fit_study
     from cogless.calibrate import residual_rows
+    from cogless.study import TrialStudy
 
     loaded = _load(study, changes)
+    if isinstance(loaded, TrialStudy):
+        raise StudyError(f"{loaded.source.path}: calibration: expected a study of speed, not of trials")
     with _console(stderr=True).status("Fitting") as status:
         fit = fit_study(
             loaded, lambda n, d: status.update(f"Fitting: {n} evaluations, {100 * d:.2f} % off"), jobs
@@ -209,13 +229,13 @@ def calibrate(study: StudyArgument, changes: SetOption = None, jobs: JobsOption 
         )
 
 
-def _load(study: str, changes: list[str] | None) -> Study:
+def _load(study: str, changes: list[str] | None) -> AnyStudy:
     from cogless.study.reading import changes_from, load
 
     return load(study, changes_from(changes or ()))
 
 
-def _write(results: Results, folder: Path, plots: bool) -> None:
+def _write(results: AnyResults, folder: Path, plots: bool) -> None:
     from cogless import report, trace
     from cogless import results as results_room
 
@@ -224,16 +244,14 @@ def _write(results: Results, folder: Path, plots: bool) -> None:
     trace.write_netcdf(folder / "traces.nc", results.runs, about)
     report.write(results, folder / "report.html")
     if plots:
-        from cogless.report.plots import write_plots
-
-        write_plots(results, folder)
+        report.write_plots(results, folder)
 
 
-def _print_tables(results: Results) -> None:
+def _print_tables(results: AnyResults) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from cogless.report import compare
+    from cogless import report
     from cogless.report.comparison import misses
 
     study, console = results.study, _console()
@@ -243,7 +261,7 @@ def _print_tables(results: Results) -> None:
         table.add_column("")
         for name in controllers:
             table.add_column(study.label(name), justify="right")
-        lines = compare(results, scenario)
+        lines = report.lines(results, scenario)
         for line in lines:
             cells = [_cell(line, name, study.baseline) for name in controllers]
             table.add_row(Text(f"{line.title} [{line.unit}]" if line.unit else line.title), *cells)

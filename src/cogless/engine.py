@@ -29,9 +29,9 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
     motor = here.motor.star()
     load = experiment.load if run and experiment.load is not None else here.mechanics.load
     return {
-        "motor": _motor(motor),
-        "mechanics": _mechanics(here.mechanics),
-        "load": _load(load),
+        "motor": motor_config(motor),
+        "mechanics": mechanics_config(here.mechanics),
+        "load": load_config(load),
         "events": [event.model_dump() for event in experiment.events] if run else [],
         "reference": _reference(experiment.reference if run else Reference.model_validate("0 rpm")),
         "initial_speed": experiment.initial_speed if run else 0.0,
@@ -43,7 +43,7 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
     }
 
 
-def _motor(motor: StarMotor) -> dict[str, Any]:
+def motor_config(motor: StarMotor) -> dict[str, Any]:
     numbers = {key: getattr(motor, key) for key in ("pole_pairs", "R_s", "L_d", "L_q", "psi_f")}
     return {
         **numbers,
@@ -52,15 +52,15 @@ def _motor(motor: StarMotor) -> dict[str, Any]:
     }
 
 
-def _mechanics(mechanics: Mechanics) -> dict[str, Any]:
+def mechanics_config(mechanics: Mechanics) -> dict[str, Any]:
     numbers = mechanics.model_dump(exclude={"load"})
     if mechanics.breakaway_friction is None:
         numbers["breakaway_friction"] = mechanics.coulomb_friction
     return numbers
 
 
-def _load(load: Load) -> dict[str, Any]:
-    return _lists(load.model_dump())
+def load_config(load: Load) -> dict[str, Any]:
+    return lists(load.model_dump())
 
 
 def _reference(reference: Reference) -> dict[str, Any]:
@@ -84,7 +84,7 @@ def _drive(drive: Drive, belief: StarBelief) -> dict[str, Any]:
         "belief": dataclasses.asdict(belief),
         "inverter": drive.inverter.model_dump(),
         "position_sensor": sensor_fields(drive.position_sensor),
-        "current_sensors": _lists(drive.current_sensors.model_dump()),
+        "current_sensors": lists(drive.current_sensors.model_dump()),
     }
 
 
@@ -92,7 +92,7 @@ def _controller(study: Study, here: Study, name: str, mode: Mode) -> dict[str, A
     controller = study.controller[name]
     if isinstance(controller, PythonLaw):
         return {"law": controller.law}
-    fields = _lists(controller.model_dump(exclude={"label", "baseline", "tuning"}))
+    fields = lists(controller.model_dump(exclude={"label", "baseline", "tuning"}))
     if isinstance(controller, LibraryLaw):
         fields["library"] = str((study.source.path.parent / controller.library).resolve())
     if isinstance(controller, Feedback):
@@ -106,12 +106,12 @@ def _controller(study: Study, here: Study, name: str, mode: Mode) -> dict[str, A
     return fields
 
 
-def _lists(table: dict[str, Any]) -> dict[str, Any]:
+def lists(table: dict[str, Any]) -> dict[str, Any]:
     """The table with lists for tuples, all the way down."""
 
     def plain(value: Any) -> Any:
         if isinstance(value, dict):
-            return _lists(value)
+            return lists(value)
         return [plain(item) for item in value] if isinstance(value, tuple | list) else value
 
     return {key: plain(value) for key, value in table.items()}

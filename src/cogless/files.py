@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from cogless.errors import StudyError
@@ -22,11 +22,14 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def check_writable(directory: Path) -> None:
+@contextmanager
+def writable(directory: Path) -> Iterator[None]:
     """Create `directory` where it's missing and try to write in it; StudyError if that fails.
 
-    Called before a run, so that no result is computed that could not be kept.
+    Entered before a run, so that no result is computed that could not be kept. What was created and is still
+    empty in the end is removed.
     """
+    missing = [folder for folder in (directory, *directory.parents) if not folder.exists()]
     try:
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=directory):
@@ -34,3 +37,9 @@ def check_writable(directory: Path) -> None:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise StudyError(f"{directory}: {reason}: expected a directory that can be written") from error
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # one that isn't empty stays
+            for folder in missing:
+                folder.rmdir()

@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import Any
 
 from cogless.errors import StudyError
-from cogless.study import Study
+from cogless.study import AnyStudy, Study
 from cogless.study.controller import LibraryLaw, PythonLaw
 
 RETURNS = "step() returns i_q_ref or (i_d_ref, i_q_ref)"
@@ -86,7 +86,7 @@ def _is_beside(module: ModuleType, name: str, folder: Path) -> bool:
     return file.relative_to(folder).parts[0].partition(".")[0] == name.partition(".")[0]
 
 
-def law_file(study: Study, name: str) -> Path | None:
+def law_file(study: AnyStudy, name: str) -> Path | None:
     """The file of a python controller."""
     controller = study.controller[name]
     if not isinstance(controller, PythonLaw):

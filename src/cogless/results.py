@@ -18,7 +18,8 @@ from cogless.metrics import Value, result_name
 from cogless.trace import Trace
 
 if TYPE_CHECKING:
-    from cogless.study import Study
+    from cogless.design.trial import TrialDesign
+    from cogless.study import AnyStudy, Study, TrialStudy
 
 
 class Metrics(dict[str, Value]):
@@ -32,8 +33,9 @@ class Metrics(dict[str, Value]):
 class Run:
     """One controller in one scenario.
 
-    `memory` is the learnt map at the end, or empty: {"angle": rad, "current": A, "frame": "electrical" or
-    "mechanical"}. `metrics` are SI, by their name in results.json.
+    `memory` is what was learnt by the end, or empty: {"angle": rad, "current": A, "frame": "electrical" or
+    "mechanical"}, or of trials {"learned": a number each sample}. `metrics` are SI, by their name in
+    results.json.
     """
 
     scenario: str
@@ -41,16 +43,17 @@ class Run:
     trace: Trace
     memory: Mapping[str, Any] = field(default_factory=dict)
     metrics: Mapping[str, Value] = field(default_factory=dict)
+    design: TrialDesign | None = None  # of a study of trials: gains and certificate
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "metrics", Metrics(self.metrics))
 
 
 @dataclass(frozen=True, eq=False)
-class Results:
-    """A study and what came out of it; `interrupted`: not all of its runs are here."""
+class AnyResults:
+    """A study of whichever kind and what came out of it; `interrupted`: not all of its runs are here."""
 
-    study: Study
+    study: AnyStudy
     runs: Sequence[Run]
     interrupted: bool = False
 
@@ -58,6 +61,20 @@ class Results:
     def scenarios(self) -> list[str]:
         """Scenarios that have a run, in the study's order."""
         return list(dict.fromkeys(run.scenario for run in self.runs))
+
+
+@dataclass(frozen=True, eq=False)
+class Results(AnyResults):
+    """Of a speed study."""
+
+    study: Study
+
+
+@dataclass(frozen=True, eq=False)
+class TrialResults(AnyResults):
+    """Of a study of trials."""
+
+    study: TrialStudy
 
 
 @cache
@@ -72,7 +89,7 @@ def versions() -> dict[str, str]:
     return {"cogless": cogless, "python": platform.python_version(), "numpy": np.__version__}
 
 
-def to_dict(results: Results) -> dict[str, Any]:
+def to_dict(results: AnyResults) -> dict[str, Any]:
     """What results.json holds, from plain types only; a number that isn't finite becomes null ("never")."""
     return {
         "study": results.study.name,
@@ -84,27 +101,29 @@ def to_dict(results: Results) -> dict[str, Any]:
         "baseline": results.study.baseline,
         "settings": _as_json(results.study.source.tables),
         "metrics": _definitions(results),
+        **({"trials": _trials(results)} if isinstance(results, TrialResults) else {}),
         "runs": [
             {
                 "scenario": run.scenario,
                 "controller": run.controller,
                 "metrics": {name: _plain(value) for name, value in run.metrics.items()},
                 "memory": _memory(run.memory),
+                **({"design": _design(run.design)} if run.design is not None else {}),
             }
             for run in results.runs
         ],
     }
 
 
-def write(results: Results, path: Path) -> None:
+def write(results: AnyResults, path: Path) -> None:
     """Write results.json, whole or not at all."""
     text = json.dumps(to_dict(results), indent=2, allow_nan=False, ensure_ascii=False)
     with replacing(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
-def _definitions(results: Results) -> dict[str, dict[str, Any]]:
-    """What each name in a run's metrics means: unit, kind, signal; of an order metric orders and frame."""
+def _definitions(results: AnyResults) -> dict[str, dict[str, Any]]:
+    """What each name in a run's metrics means: unit, kind, signal; orders and frame, or the floor."""
     definitions = {}
     for metric in results.study.metric:
         meaning: dict[str, Any] = {
@@ -114,12 +133,36 @@ def _definitions(results: Results) -> dict[str, dict[str, Any]]:
         }
         if metric.kind == "order":
             meaning |= {"order": list(metric.order or ()), "frame": metric.frame}
+        if metric.kind == "trials-to-floor":
+            meaning["floor"] = metric.threshold
         definitions[result_name(metric)] = meaning
     return definitions
 
 
+def _trials(results: TrialResults) -> dict[str, dict[str, Any]]:
+    """Of each scenario: how many trials of how many samples, and the first trial of each phase."""
+    study = results.study
+    return {
+        name: {
+            "count": study.scenario[name].trials,
+            "samples": study.samples(name),
+            "phases": list(study.scenario[name].starts),
+        }
+        for name in results.scenarios
+    }
+
+
+def _design(design: TrialDesign) -> dict[str, Any]:
+    from cogless.design.trial_summary import design_dict
+
+    return design_dict(design)
+
+
 def _memory(memory: Mapping[str, Any]) -> dict[str, Any]:
-    """The learnt map in short: enough to see that something was learnt, and how much."""
+    """What was learnt in short: enough to see that something was, and how much."""
+    if "learned" in memory:
+        learned = np.asarray(memory["learned"], dtype=float)
+        return {"samples": len(learned), "peak": _plain(float(np.max(np.abs(learned), initial=0.0)))}
     if not memory:
         return {}
     current = np.asarray(memory["current"], dtype=float)

@@ -5,33 +5,31 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import wait as wait_for
-from contextlib import contextmanager
 from fnmatch import fnmatchcase
+from functools import partial
 from importlib import import_module
 from threading import Event
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
+from cogless.advance import ENGINES, Progress, Stopped, advance, failures, trace_of
 from cogless.engine import Mode, engine_config
 from cogless.errors import StudyError
-from cogless.laws import describe, is_failure, law_file, make_law
+from cogless.laws import make_law
 from cogless.metrics import Conditions, Value, evaluate, result_name
-from cogless.results import Results, Run
-from cogless.study import Study, for_scenario
+from cogless.results import AnyResults, Results, Run, TrialResults
+from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.controller import AntiCogging, LibraryLaw, PythonLaw
 from cogless.trace import Trace
 
-ENGINES = {"single": "cogless._simulator_f32", "double": "cogless._simulator_f64"}
 BUSY = 8  # CGL_STATUS_BUSY: a commissioning run is under way
-PIECE = 0.1  # s of wall time between two looks at progress and Ctrl-C
 SETTLING = 1 / 8  # revolutions that a commissioning run takes before it records, each way
 
-Progress = Callable[[float], None]
+Runner = Callable[[str, str, Progress, Event], Run]
 StudyProgress = Callable[[str, str, float], None]
 
 
@@ -42,29 +40,34 @@ class RunError(StudyError):
     of a rollout, in its order; those that lack a run have `interrupted` set.
     """
 
-    def __init__(self, message: str, results: Results, all_results: Sequence[Results]) -> None:
+    def __init__(self, message: str, results: AnyResults, all_results: Sequence[AnyResults]) -> None:
         super().__init__(message)
         self.results = results
         self.all_results = list(all_results)
 
 
-class _Stopped(Exception):  # noqa: N818, it isn't an error
-    pass
-
-
-def simulate(study: Study, scenario: str, controller: str, progress: Progress | None = None) -> Run:
+def simulate(study: AnyStudy, scenario: str, controller: str, progress: Progress | None = None) -> Run:
     """Run one controller in one scenario and take its metrics.
 
     `progress` is called with the finished share, 0 to 1, about ten times a second. An anti-cogging table is
     learnt first, in a commissioning run of its own. StudyError: an unknown name, a controller that fails.
     """
     _known(study, scenario, controller)
-    return _simulate(study, scenario, controller, progress or (lambda share: None), Event())
+    run = _runner(study, [(scenario, controller)])
+    return run(scenario, controller, progress or (lambda share: None), Event())
 
 
+@overload
 def run_study(
-    study: Study, only: Sequence[str] | None = None, progress: StudyProgress | None = None, jobs: int = 1
-) -> Results:
+    study: Study, only: Sequence[str] | None = ..., progress: StudyProgress | None = ..., jobs: int = ...
+) -> Results: ...
+@overload
+def run_study(
+    study: AnyStudy, only: Sequence[str] | None = ..., progress: StudyProgress | None = ..., jobs: int = ...
+) -> AnyResults: ...
+def run_study(
+    study: AnyStudy, only: Sequence[str] | None = None, progress: StudyProgress | None = None, jobs: int = 1
+) -> AnyResults:
     """Run every controller in every scenario, or what `only` names: SCENARIO/CONTROLLER, with * and ?.
 
     Ctrl-C ends it early: the finished runs are returned, with `interrupted` set. RunError: some run could
@@ -75,12 +78,12 @@ def run_study(
 
 
 def rollout(
-    studies: Sequence[Study],
+    studies: Sequence[AnyStudy],
     only: Sequence[str] | None = None,
     jobs: int | None = None,
     *,
     keep_traces: bool = True,
-) -> list[Results]:
+) -> list[AnyResults]:
     """Run many studies, such as variations of one, side by side on threads; results in their order.
 
     `jobs`: runs at a time, default one a core. Without `keep_traces` each run's trace is let go, empty, once
@@ -91,38 +94,47 @@ def rollout(
 
 
 def _rollout(
-    studies: Sequence[Study],
+    studies: Sequence[AnyStudy],
     only: Sequence[str] | None,
     progress: StudyProgress | None,
     jobs: int,
     keep_traces: bool,
-) -> list[Results]:
+) -> list[AnyResults]:
     stop = Event()
 
-    def one(study: Study, scenario: str, controller: str) -> Run:
+    def one(runner: Runner, scenario: str, controller: str) -> Run:
         def report(share: float) -> None:
             if progress is not None:
                 progress(scenario, controller, share)
 
-        run = _simulate(study, scenario, controller, report, stop)
+        run = runner(scenario, controller, report, stop)
         if keep_traces:
             return run
         return dataclasses.replace(run, trace=dataclasses.replace(run.trace, data=run.trace.data[:0].copy()))
 
     pairs = [runs_of(study, only) for study in studies]
-    for study, of_study in zip(studies, pairs, strict=True):
-        _try_laws(study, of_study)
+    runners = [_runner(study, of_study) for study, of_study in zip(studies, pairs, strict=True)]
     futures: list[list[Future[Run]]] = [[] for _ in studies]
     with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
         try:
-            for study, of_study, submitted in zip(studies, pairs, futures, strict=True):
+            for runner, of_study, submitted in zip(runners, pairs, futures, strict=True):
                 for pair in of_study:
-                    submitted.append(pool.submit(one, study, *pair))
+                    submitted.append(pool.submit(one, runner, *pair))
             wait_for([future for of_study in futures for future in of_study])
         except KeyboardInterrupt:
             stop.set()
             pool.shutdown(wait=True, cancel_futures=True)
     return _collected(studies, futures, stop.is_set())
+
+
+def _runner(study: AnyStudy, runs: Sequence[tuple[str, str]]) -> Runner:
+    """What runs a controller of this study in a scenario; what all these runs need is done first."""
+    if isinstance(study, TrialStudy):
+        from cogless.trials import runner
+
+        return runner(study, runs)
+    _try_laws(study, runs)
+    return partial(_simulate, study)
 
 
 def _try_laws(study: Study, runs: Sequence[tuple[str, str]]) -> None:
@@ -133,7 +145,7 @@ def _try_laws(study: Study, runs: Sequence[tuple[str, str]]) -> None:
             _drive(engine, study, scenario, controller, "run")
 
 
-def runs_of(study: Study, only: Sequence[str] | None = None) -> list[tuple[str, str]]:
+def runs_of(study: AnyStudy, only: Sequence[str] | None = None) -> list[tuple[str, str]]:
     """(scenario, controller) of each run that is asked for, in the study's order."""
     runs = [(scenario, name) for scenario in study.scenario for name in study.controllers_in(scenario)]
     if not only:
@@ -165,21 +177,8 @@ def measure(study: Study, scenario: str, trace: Trace) -> dict[str, Value]:
 
 
 def _simulate(study: Study, scenario: str, controller: str, progress: Progress, stop: Event) -> Run:
-    with _failures(study, scenario, controller):
+    with failures(study, scenario, controller):
         return _run(study, scenario, controller, progress, stop)
-
-
-@contextmanager
-def _failures(study: Study, scenario: str, controller: str, when: Callable[[], str] = str) -> Iterator[None]:
-    """Whatever fails in a run becomes a StudyError of one line. `when`: its time, or ""."""
-    try:
-        yield
-    except BaseException as error:
-        if isinstance(error, StudyError | _Stopped) or not is_failure(error):
-            raise
-        where = f"controller.{controller}: scenario {scenario}{when()}"
-        cause = describe(error, law_file(study, controller))
-        raise StudyError(f"{study.source.path}: {where}: {cause}") from error
 
 
 def _run(study: Study, scenario: str, controller: str, progress: Progress, stop: Event) -> Run:
@@ -196,9 +195,9 @@ def _run(study: Study, scenario: str, controller: str, progress: Progress, stop:
     if table is not None:
         drive.load_memory(state, table)
     recorder = engine.Recorder(drive, decimation, ticks // decimation + 1)
-    with _failures(study, scenario, controller, lambda: f" at {state.tick / rates.current_loop:.6g} s"):
-        _advance(drive, state, recorder, ticks, progress, stop)
-    trace = _trace(drive, recorder)
+    with failures(study, scenario, controller, lambda: f" at {state.tick / rates.current_loop:.6g} s"):
+        advance(drive, state, recorder, ticks, progress, stop)
+    trace = trace_of(drive, recorder)
     try:
         metrics = measure(study, scenario, trace)
     except StudyError as error:
@@ -217,11 +216,6 @@ def _drive(engine: Any, study: Study, scenario: str, controller: str, mode: Mode
         ) from error
 
 
-def _trace(drive: Any, recorder: Any) -> Trace:
-    names, units = zip(*drive.signals, strict=True)
-    return Trace(names, units, recorder.take())
-
-
 def _memory(drive: Any, state: Any) -> dict[str, Any]:
     """The learned map over its angle, rad of its frame; empty where the law learns none."""
     memory = dict(drive.memory(state))
@@ -230,21 +224,6 @@ def _memory(drive: Any, state: Any) -> dict[str, Any]:
         memory["angle"] = 2 * math.pi / cells * np.arange(cells)
         memory["current"] = np.asarray(memory["current"])
     return memory
-
-
-def _advance(drive: Any, state: Any, recorder: Any, ticks: int, progress: Progress, stop: Event) -> None:
-    """Run the ticks in pieces of about PIECE, looking at progress and stop in between."""
-    done, piece = 0, 1000
-    while done < ticks:
-        if stop.is_set():
-            raise _Stopped
-        begun = time.perf_counter()
-        step = min(piece, ticks - done)
-        drive.advance(state, recorder, step)
-        done += step
-        progress(done / ticks)
-        spent = max(time.perf_counter() - begun, 1e-6)
-        piece = max(1, min(4 * piece, int(step * PIECE / spent)))
 
 
 def _commission(engine: Any, study: Study, scenario: str, controller: str, stop: Event) -> Any:
@@ -265,20 +244,20 @@ def _commission(engine: Any, study: Study, scenario: str, controller: str, stop:
 
     while state.tick < 3 * expected * rates.current_loop:
         recorder = engine.Recorder(drive, divider)
-        with _failures(study, scenario, controller, when):
-            _advance(drive, state, recorder, piece, lambda share: None, stop)
-        if not int(_trace(drive, recorder)["status"][-1]) & BUSY:
+        with failures(study, scenario, controller, when):
+            advance(drive, state, recorder, piece, lambda share: None, stop)
+        if not int(trace_of(drive, recorder)["status"][-1]) & BUSY:
             return drive.memory(state)["current"]
     line = f"{study.source.path}: controller.{controller}.calibration: scenario {scenario}"
     raise StudyError(f"{line}: not done after {3 * expected:.3g} s: expected kp and ki that hold its speed")
 
 
 def _collected(
-    studies: Sequence[Study], futures: Sequence[Sequence[Future[Run]]], stopped: bool
-) -> list[Results]:
-    results: list[Results] = []
+    studies: Sequence[AnyStudy], futures: Sequence[Sequence[Future[Run]]], stopped: bool
+) -> list[AnyResults]:
+    results: list[AnyResults] = []
     failures: list[StudyError] = []
-    failed: list[Results] = []
+    failed: list[AnyResults] = []
     for study, of_study in zip(studies, futures, strict=True):
         finished, before = [], len(failures)
         for future in of_study:
@@ -289,10 +268,14 @@ def _collected(
                 finished.append(future.result())
             elif isinstance(error, StudyError):
                 failures.append(error)
-            elif not isinstance(error, _Stopped):
+            elif not isinstance(error, Stopped):
                 raise error
         fails = len(failures) > before
-        results.append(Results(study, finished, interrupted=stopped or fails))
+        interrupted = stopped or fails
+        if isinstance(study, TrialStudy):
+            results.append(TrialResults(study, finished, interrupted))
+        else:
+            results.append(Results(study, finished, interrupted))
         failed += results[-1:] if fails else []
     if failures:
         more = f" (and {len(failures) - 1} more)" if len(failures) > 1 else ""
@@ -300,7 +283,7 @@ def _collected(
     return results
 
 
-def _known(study: Study, scenario: str, controller: str) -> None:
+def _known(study: AnyStudy, scenario: str, controller: str) -> None:
     for table, name, known in (
         ("scenario", scenario, study.scenario),
         ("controller", controller, study.controller),

@@ -5,7 +5,7 @@ Units: SI. Angles are mechanical and unwrapped (`theta_m`), speeds mechanical (`
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -21,30 +21,24 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def _omega_error(trace: Trace) -> Array:
-    return np.asarray(trace["omega_ref"] - trace["omega_m"])
+def _energy_residual(electrical: Array, copper: Array, friction: Array, load: Array, stored: Array) -> Array:
+    return np.asarray(electrical - (copper + friction + load) - (stored - stored[0]))
 
 
-def _current_amplitude(trace: Trace) -> Array:
-    return np.hypot(trace["i_d"], trace["i_q"])
+ENERGIES = ("electrical", "copper", "friction", "load", "stored")
 
-
-def _motor_torque(trace: Trace) -> Array:
-    return np.asarray(trace["tau_e"] + trace["tau_cogging"])
-
-
-def _energy_residual(trace: Trace) -> Array:
-    out = trace["energy_copper"] + trace["energy_friction"] + trace["energy_load"]
-    stored = trace["energy_stored"] - trace["energy_stored"][0]
-    return np.asarray(trace["energy_electrical"] - out - stored)
-
-
-# Every signal that is computed and not recorded: name -> (unit, function of the trace).
-DERIVED = {
-    "omega_error": ("rad/s", _omega_error),  # reference minus true speed
-    "i_amplitude": ("A", _current_amplitude),  # length of the current vector
-    "energy_residual": ("J", _energy_residual),  # what the balance lacks: the integrator's error
-    "tau_motor": ("N*m", _motor_torque),  # what the rotor gets from the motor, cogging included
+# Every signal that is computed, not recorded: name -> (unit, the recorded ones that it needs, a function).
+DERIVED: dict[str, tuple[str, tuple[str, ...], Callable[..., Array]]] = {
+    "omega_error": ("rad/s", ("omega_ref", "omega_m"), np.subtract),  # reference minus true speed
+    "i_amplitude": ("A", ("i_d", "i_q"), np.hypot),  # length of the current vector
+    # what the balance lacks: the integrator's error
+    "energy_residual": ("J", tuple(f"energy_{name}" for name in ENERGIES), _energy_residual),
+    # what the rotor gets from the motor, cogging included
+    "tau_motor": ("N*m", ("tau_e", "tau_cogging"), np.add),
+    "theta_error": ("rad", ("theta_ref", "theta_m"), np.subtract),  # reference minus true angle
+    # as the controller sees it
+    "theta_error_measured": ("rad", ("theta_ref", "theta_measured"), np.subtract),
+    "y_error": ("", ("y_ref", "y"), np.subtract),  # of a linear plant
 }
 
 
@@ -69,12 +63,18 @@ class Trace:
         """One signal, recorded (a view) or derived (a new array); KeyError names those there are."""
         if name in self.names:
             return np.asarray(self.data[:, self.names.index(name)])
-        if name in DERIVED:
-            return DERIVED[name][1](self)
-        raise KeyError(f"no signal {name!r}; there are {', '.join((*self.names, *DERIVED))}")
+        if name in self.derived:
+            _, needed, function = DERIVED[name]
+            return np.asarray(function(*(self[signal] for signal in needed)))
+        raise self._unknown(name)
+
+    @property
+    def derived(self) -> tuple[str, ...]:
+        """Signals that are computed from what was recorded."""
+        return tuple(name for name, (_, needed, _) in DERIVED.items() if set(needed) <= set(self.names))
 
     def __contains__(self, name: object) -> bool:
-        return name in self.names or name in DERIVED
+        return name in self.names or name in self.derived
 
     def __len__(self) -> int:
         return int(self.data.shape[0])
@@ -94,9 +94,12 @@ class Trace:
         """SI unit of a signal; KeyError as in `trace[name]`."""
         if name in self.names:
             return self.units[self.names.index(name)]
-        if name in DERIVED:
+        if name in self.derived:
             return DERIVED[name][0]
-        raise KeyError(f"no signal {name!r}; there are {', '.join((*self.names, *DERIVED))}")
+        raise self._unknown(name)
+
+    def _unknown(self, name: str) -> KeyError:
+        return KeyError(f"no signal {name!r}; there are {', '.join((*self.names, *self.derived))}")
 
     def window(self, t0: float, t1: float) -> slice:
         """Rows with t0 <= time <= t1 (s), both ends included up to rounding."""

@@ -7,6 +7,7 @@ from typing import get_args
 
 from cogless.study.controller import AnyController
 from cogless.study.reading import read, shipped
+from cogless.study.trial_controller import AnyTrialController
 
 
 def catalogue() -> dict[str, dict[str, str]]:
@@ -15,6 +16,9 @@ def catalogue() -> dict[str, dict[str, str]]:
         "Studies": {name: str(read(path).get("title", "")) for name, path in shipped("studies").items()},
         "Motors": {name: _first_comment(path) for name, path in shipped("motors").items()},
         "Control laws": {_law(model): _first_line(model.__doc__ or "") for model in get_args(AnyController)},
+        "Control laws of trials": {
+            _law(model): _first_line(model.__doc__ or "") for model in get_args(AnyTrialController)
+        },
     }
 
 

@@ -17,16 +17,11 @@ from cogless.study.scenario import Scenario
 from cogless.study.table import problem
 
 if TYPE_CHECKING:
+    from cogless.study.base import StudyBase
     from cogless.study.study import Study
 
 FEWEST_ROWS = 10  # in a metric's window
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
-
-
-def controllers_in(study: Study, scenario: str) -> tuple[str, ...]:
-    """Names of the controllers that run in a scenario."""
-    chosen = study.scenario[scenario].controllers
-    return tuple(study.controller) if chosen is None else chosen
 
 
 def applies(metric: Metric, name: str, scenario: Scenario) -> bool:
@@ -36,7 +31,7 @@ def applies(metric: Metric, name: str, scenario: Scenario) -> bool:
     return metric.event is None or _has_event(scenario, metric.event)
 
 
-def names(study: Study) -> None:
+def names(study: StudyBase) -> None:
     """Names go into files and command lines."""
     for table, entries in (("scenario", study.scenario), ("controller", study.controller)):
         for name in entries:
@@ -44,15 +39,15 @@ def names(study: Study) -> None:
                 raise problem("expected a name of letters, digits, _, - and .", table, name)
 
 
-def references(study: Study) -> None:
+def references(study: StudyBase) -> None:
     """Scenarios name controllers that exist."""
     for name, scenario in study.scenario.items():
         for index, controller in enumerate(scenario.controllers or ()):
             if controller not in study.controller:
-                raise problem(_one_of(study.controller), "scenario", name, "controllers", index)
+                raise problem(one_of(study.controller), "scenario", name, "controllers", index)
 
 
-def baseline(study: Study) -> None:
+def baseline(study: StudyBase) -> None:
     """One baseline at most."""
     marked = [name for name, controller in study.controller.items() if controller.baseline]
     if len(marked) > 1:
@@ -98,7 +93,7 @@ def metrics(study: Study) -> None:
             raise problem(expected, "metric", index, "kind")
         for scenario in metric.scenarios or ():
             if scenario not in study.scenario:
-                raise problem(_one_of(study.scenario), "metric", index, "scenarios", value=scenario)
+                raise problem(one_of(study.scenario), "metric", index, "scenarios", value=scenario)
         _in_time(study, index, metric)
 
 
@@ -173,17 +168,17 @@ def calibration(study: Study) -> None:
         return
     for index, parameter in enumerate(study.calibration.parameters):
         if parameter.scenario is not None and parameter.scenario not in study.scenario:
-            raise problem(_one_of(study.scenario), "calibration", "parameters", index, "scenario")
+            raise problem(one_of(study.scenario), "calibration", "parameters", index, "scenario")
     for index, target in enumerate(study.calibration.targets):
         key = ("calibration", "targets", index)
         if target.scenario not in study.scenario:
-            raise problem(_one_of(study.scenario), *key, "scenario")
-        if target.controller not in controllers_in(study, target.scenario):
-            raise problem(_one_of(controllers_in(study, target.scenario)), *key, "controller")
+            raise problem(one_of(study.scenario), *key, "scenario")
+        if target.controller not in study.controllers_in(target.scenario):
+            raise problem(one_of(study.controllers_in(target.scenario)), *key, "controller")
         scenario = study.scenario[target.scenario]
         taken = {m.name: m for m in study.metric if applies(m, target.scenario, scenario)}
         if target.metric not in taken:
-            raise problem(_one_of(taken), *key, "metric")
+            raise problem(one_of(taken), *key, "metric")
         try:
             target.values(taken[target.metric])
         except PydanticCustomError as error:
@@ -199,7 +194,7 @@ def _same(one: float, other: float) -> bool:
     return math.isclose(one, other, abs_tol=1e-9)
 
 
-def _one_of(names: Iterable[str]) -> str:
+def one_of(names: Iterable[str]) -> str:
     known = ", ".join(f'"{name}"' for name in names)
     return f"expected one of {known}"
 

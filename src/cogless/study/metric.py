@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from fractions import Fraction
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Protocol, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
@@ -142,7 +142,16 @@ class Metric(Table):
         return _dimension(self.kind, self.signal)
 
 
-def result_name(metric: Metric) -> str:
+class Named(Protocol):
+    """What a metric's name in results.json is made of."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def dimension(self) -> Dimension: ...
+
+
+def result_name(metric: Named) -> str:
     """Name in results.json: the metric's name, ended by its SI unit ("speed_ripple_rad_s", "torque_N_m")."""
     suffix = "_" + metric.dimension.unit.replace("*", "_").replace("/", "_").replace("^", "")
     return metric.name if suffix == "_" or metric.name.endswith(suffix) else metric.name + suffix

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from cogless.study.controller import Learning
 from cogless.study.table import problem
 
 if TYPE_CHECKING:
+    from cogless.study.mechanics import Mechanics
+    from cogless.study.motor import StarMotor
     from cogless.study.study import Study
 
 LARGEST_STEP = 0.5  # of RK4, in time constants: it is unstable at 2.8, and 0.04 % off a step at 0.5
@@ -19,26 +22,35 @@ MOST_ROWS = 20_000_000  # of one run's trace; with 8 bytes for each of some 25 s
 def integration(study: Study) -> None:
     """The integrator's step is short against whatever is fastest in the plant."""
     rates = study.drive.rates
-    step = 1 / (rates.current_loop * rates.integration_steps)
-    fastest, what = max(_rates(study))
+    top = max(scenario.top_speed for scenario in study.scenario.values())
+    found = natural_rates(study.motor.star(), study.mechanics, top)
+    check_step(1 / (rates.current_loop * rates.integration_steps), rates.integration_steps, found)
+
+
+def check_step(step: float, steps: int, found: Sequence[tuple[float, str]]) -> None:
+    """Refuse an RK4 step, s, of so many a current-loop period, that is too long for these natural rates."""
+    fastest, what = max(found)
     if fastest * step > LARGEST_STEP:
-        needed = math.ceil(fastest / (rates.current_loop * LARGEST_STEP))
+        needed = math.ceil(fastest * step * steps / LARGEST_STEP)
         expected = f"expected {needed} or more, since {what} changes within {1e6 / fastest:.3g} us"
-        raise problem(expected, "drive", "rates", "integration_steps", value=rates.integration_steps)
+        raise problem(expected, "drive", "rates", "integration_steps", value=steps)
 
 
-def _rates(study: Study) -> list[tuple[float, str]]:
-    """Natural rates of the plant, 1/s, and what has them."""
-    motor, mechanics = study.motor.star(), study.mechanics
+def natural_rates(
+    motor: StarMotor, mechanics: Mechanics, top: float, *, electrical: bool = True
+) -> list[tuple[float, str]]:
+    """Natural rates of the plant, 1/s, and what has them. `top`: the largest mechanical speed, rad/s."""
     inductance, inertia = min(motor.L_d, motor.L_q), mechanics.inertia
     swing = motor.K_t * motor.pole_pairs * motor.psi_f / (inertia * inductance)
-    top = max(scenario.top_speed for scenario in study.scenario.values())
     flux_orders = [h.order * motor.pole_pairs for h in motor.flux_harmonics]
     orders = [motor.pole_pairs, *flux_orders, *(h.order for h in motor.cogging)]
     cogging = sum(abs(h.torque or 0.0) * h.order for h in motor.cogging)
-    return [
+    of_current = [
         (motor.R_s / inductance, "the current (R_s / L)"),
         (math.sqrt(swing), "the speed with the current (K_t, inertia, L)"),
+    ]
+    return [
+        *(of_current if electrical else ()),
         (mechanics.viscous_friction / inertia, "the speed (viscous_friction / inertia)"),
         (math.sqrt(cogging / inertia), "the speed in the cogging torque"),
         (top * max(orders), "the highest order at top speed"),
@@ -47,9 +59,13 @@ def _rates(study: Study) -> list[tuple[float, str]]:
 
 def dead_time(study: Study) -> None:
     """Dead time leaves time to switch."""
-    half = 0.5 / study.drive.rates.current_loop
-    if study.drive.inverter.dead_time >= half:
-        expected = f"expected less than half a period of the current loop, {half:.3g} s"
+    check_dead_time(study.drive.inverter.dead_time, study.drive.rates.current_loop)
+
+
+def check_dead_time(dead_time: float, rate: float) -> None:
+    """Refuse a dead time, s, of half a period of the current loop's rate, Hz, or more."""
+    if dead_time >= 0.5 / rate:
+        expected = f"expected less than half a period of the current loop, {0.5 / rate:.3g} s"
         raise problem(expected, "drive", "inverter", "dead_time")
 
 

@@ -5,25 +5,33 @@ from __future__ import annotations
 import copy
 import tomllib
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from itertools import compress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
 import cogless
 from cogless import units
 from cogless.errors import StudyError
+from cogless.study.base import Source
 from cogless.study.checks import applies
 from cogless.study.explain import MISSING, Problem, dotted, look_up, problems, shown, study_error
-from cogless.study.study import Source, Study
-from cogless.study.table import Key
+from cogless.study.mechanics import Mechanics
+from cogless.study.motor import Motor
+from cogless.study.study import Study
+from cogless.study.table import Key, Table
+from cogless.study.trial_study import Hardware, TrialStudy, is_trial_study
 
 Changes = Mapping[str, Any]
+AnyStudy = Study | TrialStudy
+AStudy = TypeVar("AStudy", Study, TrialStudy)
+Model = TypeVar("Model", bound=Table)
 MAGNET = {"psi_f", "K_t", "kv"}  # three ways to say the same: one given replaces the others
 
 
-def load(study: str | Path, changes: Changes | None = None) -> Study:
+def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
     """Read a study by path or shipped name; StudyError says what is wrong in one line.
 
     `changes` replace values by dotted key, such as {"controller.pi.kp": 0.02}. A number put where the study
@@ -40,11 +48,13 @@ def load(study: str | Path, changes: Changes | None = None) -> Study:
     return _checked(source)
 
 
-def changed(study: Study, changes: Changes) -> Study:
+def changed(study: AStudy, changes: Changes) -> AStudy:
     """The same study with other values at some dotted keys, as in `load`."""
     tables = copy.deepcopy(study.source.tables)
     _apply(tables, changes)
-    return _checked(_replaced(study.source, tables))
+    of_its_kind = _checked(_replaced(study.source, tables))
+    assert isinstance(of_its_kind, type(study))
+    return of_its_kind
 
 
 def for_scenario(study: Study, scenario: str) -> Study:
@@ -61,7 +71,7 @@ def for_scenario(study: Study, scenario: str) -> Study:
         for metric in compress(tables.get("metric", []), taken)
     ]
     tables.pop("calibration", None)
-    return _validated(_replaced(study.source, tables), f"scenario.{scenario}.override: ")
+    return _validated(Study, _replaced(study.source, tables), f"scenario.{scenario}.override: ")
 
 
 def parse_change(text: str) -> tuple[str, Any]:
@@ -187,16 +197,42 @@ def _replaced(source: Source, tables: dict[str, Any]) -> Source:
     return Source(source.path, tables, source.datasheet, source.own_motor_keys)
 
 
-def _checked(source: Source) -> Study:
-    study = _validated(source)
+def _checked(source: Source) -> AnyStudy:
+    if is_trial_study(source.tables):
+        trials = _validated(TrialStudy, source)
+        trials._hardware = {name: _hardware(trials, name) for name in trials.scenario}
+        return trials
+    study = _validated(Study, source)
     for scenario in study.scenario:
         for_scenario(study, scenario)
     return study
 
 
-def _validated(source: Source, prefix: str = "") -> Study:
+def _hardware(study: TrialStudy, scenario: str) -> tuple[Hardware, ...]:
+    """A drive's motor, mechanics and load in each phase, checked; none of a linear plant."""
+    found: list[Hardware] = []
+    for index, (_, here) in enumerate(study.scenario[scenario].phases if study.plant is None else ()):
+        tables = copy.deepcopy(study.source.tables)
+        _apply(tables, here.override or {})
+        at = f".changes.{index - 1}" if index else ""
+        source, prefix = _replaced(study.source, tables), f"scenario.{scenario}{at}.override: "
+        motor = _part(Motor, "motor", source, prefix)
+        mechanics = _part(Mechanics, "mechanics", source, prefix)
+        found.append(Hardware(motor, mechanics, here.load or mechanics.load))
+    return tuple(found)
+
+
+def _part(model: type[Model], key: str, source: Source, prefix: str) -> Model:
     try:
-        study = Study.model_validate(source.tables, context={"one_scenario": True} if prefix else None)
+        return model.model_validate(source.tables[key])
+    except ValidationError as error:
+        found = [replace(p, key=(key, *p.key)) for p in problems(error, source.tables[key])]
+        raise _error(found, source, prefix) from None
+
+
+def _validated(model: type[AStudy], source: Source, prefix: str = "") -> AStudy:
+    try:
+        study = model.model_validate(source.tables, context={"one_scenario": True} if prefix else None)
     except ValidationError as error:
         raise _error(problems(error, source.tables), source, prefix) from None
     study._source = source

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from cogless.study.mechanics import Load
 from cogless.study.table import (
@@ -18,6 +18,7 @@ from cogless.study.table import (
     Table,
     Time,
     Torque,
+    dotted_keys,
     problem,
 )
 
@@ -91,6 +92,11 @@ class Scenario(Table):
     override: dict[str, Any] = Field(default={})
     controllers: Many[str] | None = None  # default: all
 
+    @field_validator("override")
+    @classmethod
+    def _dotted(cls, override: dict[str, Any]) -> dict[str, Any]:
+        return dotted_keys(override)
+
     @model_validator(mode="after")
     def _events(self) -> Self:
         before = -1.0
@@ -102,7 +108,7 @@ class Scenario(Table):
                 raise problem("expected a time after the event before", "events", index, "time")
             before = event.time
         for key in self.override:
-            if key.split(".")[0] not in ("motor", "drive", "mechanics"):
+            if key.split(".")[0] not in ("motor", "drive", "mechanics") or key == "motor.datasheet":
                 expected = "expected a key of motor, drive or mechanics"
                 raise problem(expected, "override", key)
         return self

@@ -51,6 +51,15 @@ class Table(BaseModel):
         return data
 
 
+def dotted_keys(override: dict[str, Any]) -> dict[str, Any]:
+    """{"mechanics": {"inertia": x}}, which TOML makes of mechanics.inertia, as {"mechanics.inertia": x}."""
+    flat: dict[str, Any] = {}
+    for key, value in override.items():
+        within = "." not in key and isinstance(value, dict)
+        flat |= {f"{key}.{inner}": entry for inner, entry in value.items()} if within else {key: value}
+    return flat
+
+
 def _suggestion(key: str, known: Sequence[str]) -> str:
     near = difflib.get_close_matches(key, known, n=1) or [
         name for name in known if name.lower() == key.lower()
@@ -72,11 +81,13 @@ class Quantity:
     @property
     def expectation(self) -> str:
         sort = {"": "", ">": " above zero", ">=": " of zero or more"}[self.sign]
+        if not self.dimension.unit:
+            return f"expected {self.dimension.name}{sort}"
         return f"expected {self.dimension.name}{sort}, such as {self.dimension.shown(1)}"
 
     def read(self, value: Any) -> float:
         """The SI value; raises the error that names what was expected."""
-        if isinstance(value, str):
+        if isinstance(value, str) and self.dimension.unit:
             try:
                 number = units.parse(value, self.dimension)
             except units.UnitError as error:

@@ -1,0 +1,68 @@
+"""What every kind of study has: title, seed, assumptions, scenarios, controllers, metrics, and its source."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, PrivateAttr
+
+from cogless.study.controller import Base
+from cogless.study.table import Many, Table
+
+
+class Assumption(Table):
+    """Something that the study's author had to suppose."""
+
+    about: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a study came from: its file, its datasheet's, and its tables as read (texts with units)."""
+
+    path: Path
+    tables: dict[str, Any]
+    datasheet: Path | None = None
+    own_motor_keys: frozenset[str] = frozenset()  # keys of [motor] that the study itself sets
+
+
+class StudyBase(Table):
+    """What studies of speed and studies of trials have in common."""
+
+    title: str
+    seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
+    description: str = ""
+    assumption: Many[Assumption] = ()
+    scenario: Mapping[str, Any]
+    controller: Mapping[str, Base]
+    metric: tuple[Any, ...]
+    _source: Source = PrivateAttr()
+
+    @property
+    def source(self) -> Source:
+        """The file and the tables that this study was read from."""
+        return self._source
+
+    @property
+    def name(self) -> str:
+        """The file's name without its ending."""
+        return self._source.path.stem
+
+    @property
+    def baseline(self) -> str:
+        """Name of the controller that ratios are against."""
+        marked = [name for name, controller in self.controller.items() if controller.baseline]
+        return marked[0] if marked else next(iter(self.controller))
+
+    def label(self, controller: str) -> str:
+        """A controller's name in tables and report."""
+        return self.controller[controller].label or controller
+
+    def controllers_in(self, scenario: str) -> tuple[str, ...]:
+        """Names of the controllers that run in a scenario."""
+        chosen = self.scenario[scenario].controllers
+        return tuple(self.controller) if chosen is None else tuple(chosen)

@@ -1,0 +1,143 @@
+"""The plant of a study of trials that has no motor: matrices over uncertain parameters, or their vertices.
+
+x' = A x + B (u - d), y = C x        continuous
+x(p+1) = A x(p) + B (u(p) - d(p))    discrete
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from cogless.study.expression import ExpressionError, evaluate, names
+from cogless.study.table import Duration, Many, Table, problem
+
+MOST_STATES = 8  # of the control law, CGL_TRIAL_STATES
+
+Entry = str | float
+Rows = Many[Many[float]]
+
+
+class Parameter(Table):
+    """A physical parameter of the plant: known, or within a range."""
+
+    value: float | None = None  # default: the middle of the range
+    range: tuple[float, float] | None = Field(default=None, strict=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _number(cls, data: Any) -> Any:
+        if isinstance(data, list):
+            return {"range": data}
+        return data if isinstance(data, dict) else {"value": data}
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if self.range is None and self.value is None:
+            raise problem("expected value, range or both")
+        if self.range is not None and self.range[1] < self.range[0]:
+            raise problem("expected a range from the smallest to the largest value", "range")
+        if self.range is not None and self.value is not None:
+            low, high = self.range
+            if not low <= self.value <= high:
+                raise problem(f"expected a value within the range, {low:g} to {high:g}", "value")
+        return self
+
+    @property
+    def nominal(self) -> float:
+        """The value that the feedforward is designed for, and that trials have unless they say otherwise."""
+        if self.value is not None:
+            return self.value
+        assert self.range is not None
+        return sum(self.range) / 2
+
+
+class PlantVertex(Table):
+    """One corner of the uncertainty, in numbers."""
+
+    A: Rows
+    B: Many[float]
+
+
+class LinearPlant(Table):
+    """A linear plant with one input and one output, sampled with `period`."""
+
+    model: Literal["continuous", "discrete"] = "continuous"
+    period: Duration  # s
+    A: Many[Many[Entry]] | None = None  # numbers, or expressions over the parameters
+    B: Many[Entry] | None = None
+    C: Many[float]
+    parameter: dict[str, Parameter] = Field(default={})
+    vertex: Many[PlantVertex] = ()  # in place of A, B and parameter
+    states: Many[str] | None = None  # their names, default x_1, x_2, ...
+    input_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6  # |u| stays below it
+
+    @model_validator(mode="after")
+    def _shapes(self) -> Self:
+        if (self.A is None) != (self.B is None) or (self.A is None) == (not self.vertex):
+            raise problem(
+                "expected either A and B, or vertex", "A", value="missing" if self.A is None else None
+            )
+        n = len(self.C)
+        if not 1 <= n <= MOST_STATES:
+            raise problem(f"expected 1 to {MOST_STATES} numbers, one a state", "C")
+        if self.A is not None and self.B is not None:
+            self._check_shape(self.A, self.B)
+            self._check_names()
+            self.at({})
+        for index, vertex in enumerate(self.vertex):
+            self._check_shape(vertex.A, vertex.B, "vertex", index)
+        if self.vertex and self.parameter:
+            raise problem("expected none, since vertex gives numbers", "parameter")
+        if self.states is not None and len(self.states) != n:
+            raise problem(f"expected {n} names, one a state", "states")
+        return self
+
+    def _check_shape(self, A: Sequence[Sequence[Any]], B: Sequence[Any], *key: str | int) -> None:
+        n = len(self.C)
+        if len(A) != n or any(len(row) != n for row in A):
+            raise problem(f"expected {n} rows of {n}, as many as C has", *key, "A")
+        if len(B) != n:
+            raise problem(f"expected {n} numbers, as many as C has", *key, "B")
+
+    def _check_names(self) -> None:
+        assert self.A is not None and self.B is not None
+        entries: dict[tuple[str | int, ...], Entry] = {("B", i): entry for i, entry in enumerate(self.B)}
+        entries |= {("A", i, j): entry for i, row in enumerate(self.A) for j, entry in enumerate(row)}
+        for key, entry in entries.items():
+            try:
+                unknown = names(entry) - self.parameter.keys() if isinstance(entry, str) else set()
+            except ExpressionError as error:
+                raise problem(str(error), *key) from None
+            if unknown:
+                known = ", ".join(self.parameter) or "none"
+                expected = f'expected known parameters ({known}), not "{min(unknown)}"'
+                raise problem(expected, *key)
+
+    def at(self, parameters: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
+        """A and B at these parameters, the others nominal; of vertices the mean, or number "vertex"."""
+        if self.vertex:
+            number = parameters.get("vertex")
+            chosen = self.vertex if number is None else (self.vertex[int(number) - 1],)
+            A_, B_ = (np.mean([getattr(v, key) for v in chosen], axis=0) for key in ("A", "B"))
+            return A_.tolist(), B_.tolist()
+        values = {name: p.nominal for name, p in self.parameter.items()} | dict(parameters)
+        A, B = self.A or (), self.B or ()
+        rows = [[_number(e, values, "A", i, j) for j, e in enumerate(row)] for i, row in enumerate(A)]
+        return rows, [_number(entry, values, "B", i) for i, entry in enumerate(B)]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The states' names."""
+        return self.states or tuple(f"x_{i + 1}" for i in range(len(self.C)))
+
+
+def _number(entry: Entry, values: Mapping[str, float], *key: str | int) -> float:
+    try:
+        return evaluate(entry, values) if isinstance(entry, str) else float(entry)
+    except ExpressionError as error:
+        at = ", ".join(f"{name} = {value:g}" for name, value in values.items())
+        raise problem(f"{error} at {at}", *key) from None

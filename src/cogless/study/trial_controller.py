@@ -1,0 +1,141 @@
+"""The controllers of a study of trials, told apart by `law`, and what they are designed for."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+from pydantic_core import PydanticCustomError
+
+from cogless import units
+from cogless.study.controller import Base
+from cogless.study.table import Frequency, Many, Quantity, Table, problem
+
+Weight = Many[float] | Many[Many[float]]
+
+
+class QFilter(Table):
+    """A Butterworth low-pass, run forwards and backwards after each trial: it shifts no phase."""
+
+    cutoff: Frequency  # Hz
+    order: Annotated[int, Field(ge=1, le=4)] = 2
+    acts_on: Literal["error", "signal"] = "error"  # the error before it is learned, or the learned signal
+
+
+class TrialLaw(Base):
+    """What every law of trials has."""
+
+    # of the learned signal, rad or the unit of y
+    learned_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
+
+
+class FilteredLaw(TrialLaw):
+    """What laws that learn by one gain have."""
+
+    q_filter: QFilter | None = None
+
+
+class TrialIlc(FilteredLaw):
+    """State feedback with integral action, feedforward and trial-to-trial learning (Mandra 2019, Fig. 1)."""
+
+    law: Literal["trial-ilc"]
+    acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"  # the learned signal
+    integral: bool = True
+    learning: bool = True
+    feedforward: bool = True
+    K_s: Many[float] | None = None  # of the states and the integrator; default: by the LMIs (9) to (13)
+    N: float | None = None  # static feedforward; default: one over the DC gain
+    K_3: float | None = None  # default: by the LMIs (32) to (35)
+    # samples by which the error is ahead of the learned signal; default: the relative degree
+    shift: Annotated[int, Field(ge=1, le=32)] | None = None
+
+
+class StateIlc(FilteredLaw):
+    """The older law (3) of Mandra 2019: it corrects the last trial's input, and has no feedforward."""
+
+    law: Literal["state-ilc"]
+    K_stab: Many[float] | None = None  # of the states; default: by the LMIs without integral action
+    K_ilc: float | None = None  # default: by the LMIs (32) to (35)
+
+
+class NormOptimalIlc(TrialLaw):
+    """Learning by a whole matrix from the error over a trial, optimal for the nominal plant."""
+
+    law: Literal["norm-optimal"]
+    acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"
+    integral: bool = True
+    feedforward: bool = True
+    K_s: Many[float] | None = None
+    N: float | None = None
+    change_weight: Annotated[float, Field(gt=0)] = 0.01  # of the learned signal's change; the error's is 1
+
+
+AnyTrialController = TrialIlc | StateIlc | NormOptimalIlc
+TrialController = Annotated[AnyTrialController, Field(discriminator="law")]
+
+
+# What a drive's design may vary.
+UNCERTAIN = {
+    "mechanics.inertia": Quantity(units.INERTIA, ">"),
+    "mechanics.viscous_friction": Quantity(units.VISCOUS_FRICTION, ">="),
+    "motor.K_t": Quantity(units.TORQUE_CONSTANT, ">"),
+}
+
+
+class DesignSettings(Table):
+    """Weights and starts of the designs by LMI, and the ranges of a drive's parameters."""
+
+    discretisation: Literal["euler", "exact"] = "euler"
+    state_weight: Weight  # Q of (8): of the states and the integrator; its diagonal, or its rows
+    input_weight: Annotated[float, Field(gt=0)]  # R of (8)
+    initial_state: Many[float]  # gamma of (10): states and integrator from which the cost counts
+    initial_change: Many[float] | None = None  # f of (31); default: initial_state
+    initial_error: Annotated[float, Field(gt=0)] = 0.1  # g of (31)
+    range: dict[str, tuple[float, float]] = Field(default={})  # of a drive's parameters, as in UNCERTAIN
+
+    @field_validator("range", mode="before")
+    @classmethod
+    def _ranges(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        return {key: _range(key, ends) for key, ends in data.items()}
+
+    @property
+    def Q(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """The state weight as a matrix."""
+        weight = np.asarray(self.state_weight, dtype=float)
+        return np.diag(weight) if weight.ndim == 1 else weight
+
+    @model_validator(mode="after")
+    def _sizes(self) -> Self:
+        rows = [row for row in self.state_weight if isinstance(row, tuple)]
+        if rows and (len(rows) != len(self.state_weight) or any(len(r) != len(rows) for r in rows)):
+            raise problem("expected the diagonal, or as many rows as columns", "state_weight")
+        size = len(self.state_weight)
+        for key in ("initial_state", "initial_change"):
+            start = getattr(self, key)
+            if start is not None and len(start) != size:
+                raise problem(f"expected {size} numbers, as many as state_weight has", key)
+            if start is not None and not any(start):
+                raise problem("expected a number that isn't zero", key)
+        Q = self.Q
+        if not np.allclose(Q, Q.T, rtol=1e-9) or np.linalg.eigvalsh(Q)[0] <= 0:
+            raise problem("expected a positive definite weight", "state_weight")
+        return self
+
+
+def _range(key: str, ends: Any) -> tuple[float, ...]:
+    if key not in UNCERTAIN:
+        raise problem(f"expected one of {', '.join(UNCERTAIN)}", key)
+    if not isinstance(ends, list) or len(ends) != 2:
+        raise problem("expected the smallest and the largest value", key)
+    values = []
+    for index, end in enumerate(ends):
+        try:
+            values.append(UNCERTAIN[key].read(end))
+        except PydanticCustomError as error:
+            raise problem(error.message(), key, index) from None
+    if values[1] < values[0]:
+        raise problem("expected a range from the smallest to the largest value", key)
+    return tuple(values)

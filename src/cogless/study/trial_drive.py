@@ -1,0 +1,79 @@
+"""The drive of a study of trials: as in a speed study but for the outer loop; an ideal current loop too."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from cogless.study.drive import (
+    Belief,
+    CurrentLoop,
+    CurrentSensors,
+    IdealSensor,
+    Inverter,
+    PositionSensor,
+)
+from cogless.study.table import CurrentLimit, Frequency, Table, problem
+
+
+class TrialRates(Table):
+    """How often things happen. The position loop runs at every n-th current-loop period."""
+
+    current_loop: Frequency  # Hz, whole
+    position_loop: Frequency  # Hz, whole, divides current_loop
+    integration_steps: Annotated[int, Field(ge=1, le=10_000)] = 1  # RK4 steps in a current-loop period
+
+    @model_validator(mode="after")
+    def _divide(self) -> Self:
+        for name in ("current_loop", "position_loop"):
+            if getattr(self, name) % 1:
+                raise problem('expected a whole number of Hz, such as "1 kHz"', name)
+        if self.current_loop % self.position_loop:
+            expected = f"expected a rate that divides current_loop, {self.current_loop:g} Hz"
+            raise problem(expected, "position_loop")
+        return self
+
+    @property
+    def divider(self) -> int:
+        """Current-loop periods in a position-loop period."""
+        return round(self.current_loop / self.position_loop)
+
+
+class IdealCurrentLoop(Table):
+    """The current is its reference, at once."""
+
+    kind: Literal["ideal"]
+    current_limit: CurrentLimit  # A
+
+
+def _kind(data: Any) -> str:
+    kind = data.get("kind") if isinstance(data, dict) else getattr(data, "kind", None)
+    return "pi" if kind is None else "ideal"
+
+
+class TrialDrive(Table):
+    """Power electronics, sensors and the inner loop."""
+
+    precision: Literal["single", "double"] = "single"
+    belief: Belief = Belief()
+    rates: TrialRates
+    current_loop: Annotated[
+        Annotated[CurrentLoop, Tag("pi")] | Annotated[IdealCurrentLoop, Tag("ideal")], Discriminator(_kind)
+    ]
+    inverter: Inverter | None = None  # not with an ideal current loop
+    position_sensor: PositionSensor = IdealSensor()
+    current_sensors: CurrentSensors = CurrentSensors()
+
+    @model_validator(mode="after")
+    def _inverter(self) -> Self:
+        if self.ideal != (self.inverter is None):
+            if self.ideal:
+                raise problem("expected none, since the current loop is ideal", "inverter")
+            raise problem("expected a table of bus_voltage, ...", "inverter", value="missing")
+        return self
+
+    @property
+    def ideal(self) -> bool:
+        """Whether the current loop is."""
+        return isinstance(self.current_loop, IdealCurrentLoop)

@@ -1,0 +1,153 @@
+"""A scenario of trials: one motion repeated, with changes of reference, load, plant and start between."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, field_validator, model_validator
+
+from cogless import units
+from cogless.study.mechanics import Load
+from cogless.study.table import (
+    Angle,
+    AngularSpeed,
+    Duration,
+    Many,
+    Quantity,
+    Table,
+    Time,
+    dotted_keys,
+    problem,
+)
+
+MOST_TRIALS = 100_000
+
+
+class WithUnit(float):
+    """A number that stands in the study with a unit."""
+
+
+class EitherWay(Quantity):
+    """Of drives a text with a unit; of linear plants a plain number."""
+
+    def read(self, value: Any) -> float:
+        """The SI value, which remembers whether it had a unit."""
+        number = super().read(value)
+        return WithUnit(number) if isinstance(value, str) else number
+
+
+Position = Annotated[float, EitherWay(units.ANGLE, bare=True)]
+LoadTorque = Annotated[float, EitherWay(units.TORQUE, bare=True)]
+
+
+class PositionReference(Table):
+    """Moves from point to point without a jolt: polynomials of the fifth degree, at rest at both ends."""
+
+    points: Many[tuple[Time, Position]]  # s, rad; the ends are held
+
+    @model_validator(mode="before")
+    @classmethod
+    def _pairs(cls, data: Any) -> Any:
+        points = data if isinstance(data, list) else data.get("points") if isinstance(data, dict) else None
+        if isinstance(points, list):
+            return {"points": tuple(tuple(p) if isinstance(p, list) else p for p in points)}
+        return data
+
+    @model_validator(mode="after")
+    def _later(self) -> Self:
+        times = [time for time, _ in self.points]
+        if not times or any(b <= a for a, b in pairwise(times)):
+            raise problem("expected one or more points, each later than the one before", "points")
+        return self
+
+    def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The reference at some times, rad."""
+        value = np.full(time.shape, self.points[0][1])
+        for (begin, from_), (end, to) in pairwise(self.points):
+            s = np.clip((time - begin) / (end - begin), 0.0, 1.0)
+            value += (to - from_) * s**3 * (10 - 15 * s + 6 * s**2)
+        return value
+
+
+class TrialConditions(Table):
+    """What a trial is run under; in a change, what is left out stays as it was."""
+
+    reference: PositionReference | None = None
+    load: Load | None = None  # of a drive; replaces mechanics.load
+    # (sample, torque of a drive in N*m or disturbance in the unit of u): from that sample on
+    load_steps: (
+        Many[Annotated[tuple[Annotated[int, Field(ge=0)], LoadTorque], Field(strict=False)]] | None
+    ) = None
+    initial_angle: Angle | None = None  # rad, mechanical; default: where the reference begins
+    initial_speed: AngularSpeed | None = None  # rad/s, mechanical; default 0
+    initial_state: Many[float] | None = None  # of a linear plant; default 0
+    override: dict[str, Any] | None = None  # of motor and mechanics; of a linear plant, values of parameters
+
+    @field_validator("override")
+    @classmethod
+    def _dotted(cls, override: dict[str, Any] | None) -> dict[str, Any] | None:
+        return None if override is None else dotted_keys(override)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        steps = self.load_steps or ()
+        for index in range(1, len(steps)):
+            if steps[index][0] <= steps[index - 1][0]:
+                raise problem("expected a sample after that of the step before", "load_steps", index)
+        return self
+
+
+class Change(TrialConditions):
+    """From this trial on, something is different."""
+
+    trial: Annotated[int, Field(ge=2)]  # the first is 1
+
+
+class TrialScenario(TrialConditions):
+    """One experiment: so many trials of so long, and what changes between them."""
+
+    duration: Duration  # s, of one trial: a whole number of samples
+    trials: Annotated[int, Field(ge=1, le=MOST_TRIALS)]
+    reference: PositionReference
+    changes: Many[Change] = ()
+    controllers: Many[str] | None = None  # default: all
+
+    @model_validator(mode="after")
+    def _changes(self) -> Self:
+        before = 1
+        for index, change in enumerate(self.changes):
+            if not before < change.trial <= self.trials:
+                expected = f"expected a trial after {before}, at most {self.trials}"
+                raise problem(expected, "changes", index, "trial")
+            before = change.trial
+        return self
+
+    @property
+    def phases(self) -> tuple[tuple[int, TrialConditions], ...]:
+        """(first trial, counted from 1, and its conditions in full) of each stretch without a change."""
+        now = TrialConditions.model_construct(
+            **{key: getattr(self, key) for key in TrialConditions.model_fields}
+        )
+        found = [(1, now)]
+        for change in self.changes:
+            told = {
+                key: getattr(change, key)
+                for key in TrialConditions.model_fields
+                if getattr(change, key) is not None
+            }
+            if "override" in told:
+                told["override"] = {**(now.override or {}), **told["override"]}
+                reloads = any(key.startswith("mechanics.load") for key in change.override or ())
+                if reloads and change.load is None:
+                    told["load"] = None  # the later one counts
+            now = now.model_copy(update=told)
+            found.append((change.trial, now))
+        return tuple(found)
+
+    @property
+    def starts(self) -> tuple[int, ...]:
+        """The first trial, counted from 1, of each phase."""
+        return (1, *(change.trial for change in self.changes))

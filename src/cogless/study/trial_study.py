@@ -1,0 +1,107 @@
+"""A whole study of trials: a drive or a linear plant, controllers that learn from trial to trial, metrics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, PrivateAttr, model_validator
+
+from cogless.study import trial_checks
+from cogless.study.base import StudyBase
+from cogless.study.mechanics import Load, Mechanics
+from cogless.study.motor import Motor
+from cogless.study.plant import LinearPlant
+from cogless.study.table import Frequency, Many, Table
+from cogless.study.trial_controller import DesignSettings, TrialController
+from cogless.study.trial_drive import TrialDrive
+from cogless.study.trial_metric import TrialMetric
+from cogless.study.trial_scenario import TrialConditions, TrialScenario
+
+
+class TrialTrace(Table):
+    """What is recorded."""
+
+    rate: Frequency | None = None  # Hz, divides the current loop's; default: a row each sample of the trial
+
+
+@dataclass(frozen=True)
+class Hardware:
+    """A drive's motor, mechanics and load, as they are in one phase of a scenario."""
+
+    motor: Motor
+    mechanics: Mechanics
+    load: Load
+
+
+class TrialStudy(StudyBase):
+    """A validated study of trials, all SI. Made by `cogless.study.load`."""
+
+    trace: TrialTrace = TrialTrace()
+    plant: LinearPlant | None = None  # in place of motor, mechanics and drive
+    motor: Motor | None = None
+    mechanics: Mechanics | None = None
+    drive: TrialDrive | None = None
+    design: DesignSettings
+    scenario: Annotated[dict[str, TrialScenario], Field(min_length=1)]
+    controller: Annotated[dict[str, TrialController], Field(min_length=1)]
+    metric: Many[TrialMetric] = ()
+    # of each scenario's phases, of a drive
+    _hardware: dict[str, tuple[Hardware, ...]] = PrivateAttr(default={})
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        for check in trial_checks.ALL:
+            check(self)
+        return self
+
+    @property
+    def period(self) -> float:
+        """Time between two samples of a trial, s."""
+        if self.plant is not None:
+            return self.plant.period
+        assert self.drive is not None
+        return 1 / self.drive.rates.position_loop
+
+    @property
+    def states(self) -> int:
+        """How many states the plant has: angle and speed of a drive."""
+        return len(self.plant.C) if self.plant is not None else 2
+
+    def samples(self, scenario: str) -> int:
+        """Samples in a trial."""
+        return round(self.scenario[scenario].duration / self.period)
+
+    def reference(self, scenario: str, conditions: TrialConditions) -> NDArray[np.float64]:
+        """The reference of a phase at each sample, rad or the unit of y."""
+        assert conditions.reference is not None
+        return conditions.reference.at(self.period * np.arange(self.samples(scenario), dtype=np.float64))
+
+    def top_speed(self, scenario: str) -> float:
+        """The largest speed that a drive's references ask for or begin with, rad/s."""
+        found = [0.0]
+        for _, here in self.scenario[scenario].phases:
+            steps = np.abs(np.diff(self.reference(scenario, here))) / self.period
+            found += [abs(here.initial_speed or 0.0), float(np.max(steps))]
+        return max(found)
+
+    def hardware(self, scenario: str) -> tuple[Hardware, ...]:
+        """Motor, mechanics and load of each phase of a drive's scenario."""
+        return self._hardware[scenario]
+
+    def metrics_in(self, scenario: str) -> tuple[TrialMetric, ...]:
+        """The metrics that are taken in a scenario."""
+        return tuple(m for m in self.metric if m.scenarios is None or scenario in m.scenarios)
+
+
+AnyTables = dict[str, Any]
+
+
+def is_trial_study(tables: AnyTables) -> bool:
+    """Whether a study's tables are of trials: they have a plant, a design, or trials."""
+    scenarios = tables.get("scenario")
+    found = scenarios.values() if isinstance(scenarios, dict) else ()
+    told = "plant" in tables or "design" in tables
+    return told or any(isinstance(s, dict) and "trials" in s for s in found)

@@ -1,0 +1,258 @@
+"""A study of trials: what it means, and a mistake in it as one line."""
+
+import itertools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trial_studies
+from hypothesis import given
+from hypothesis import strategies as st
+from trial_studies import DRIVE, LINEAR
+
+from cogless.errors import StudyError
+from cogless.study import Study, load
+from cogless.study.expression import ExpressionError, evaluate
+from cogless.study.trial_scenario import PositionReference
+
+
+def line_of(folder: Path, changes: dict[str, Any], text: str) -> str:
+    path = trial_studies.write(folder, text)
+    with pytest.raises(StudyError) as error:
+        load(path, changes)
+    line = str(error.value)
+    assert "\n" not in line
+    return line.replace(str(folder) + "/", "")
+
+
+def test_phases_keep_what_a_change_does_not_name(tmp_path: Path) -> None:
+    study = trial_studies.loaded(tmp_path)
+    scenario = study.scenario["move"]
+    assert scenario.starts == (1, 5, 9)
+    conditions = [conditions for _, conditions in scenario.phases]
+    assert [c.load_steps for c in conditions] == [None, ((40, 0.5),), ((40, 0.5),)]
+    assert all(c.reference == scenario.reference for c in conditions)
+    assert [h.mechanics.inertia for h in study.hardware("move")] == pytest.approx([5.9e-4, 5.9e-4, 10.6e-4])
+    assert (study.samples("move"), study.period, study.states) == (200, 0.0025, 2)
+
+
+def test_a_change_takes_a_bare_number_in_the_study_s_unit(tmp_path: Path) -> None:
+    study = trial_studies.loaded(tmp_path, {"scenario.move.changes.1.override": {"mechanics.inertia": 8e-4}})
+    assert study.hardware("move")[2].mechanics.inertia == pytest.approx(8e-4)
+
+
+def test_studies_of_speed_stay_what_they_are() -> None:
+    assert isinstance(load("liu2018"), Study)
+
+
+def test_a_plant_s_matrices_follow_its_parameters(tmp_path: Path) -> None:
+    plant = trial_studies.loaded(tmp_path, text=LINEAR).plant
+    assert plant is not None
+    assert plant.at({}) == ([[-0.75, 0.0], [1.0, -1.5]], [2.0, 0.0])
+    assert plant.at({"a": 0.5, "k": 1.8}) == ([[-0.5, 0.0], [1.0, -1.0]], [1.8, 0.0])
+
+
+@given(
+    st.lists(st.floats(-10, 10), min_size=2, max_size=6),
+    st.lists(st.floats(0.01, 3), min_size=6, max_size=6),
+)
+def test_references_stop_at_each_point_and_stay_between(values: list[float], gaps: list[float]) -> None:
+    times = list(itertools.accumulate(gaps[: len(values)]))
+    points = tuple((f"{t!r} s", v) for t, v in zip(times, values, strict=True))
+    reference = PositionReference(points=points)
+    assert reference.at(np.array(times)) == pytest.approx(values, abs=1e-9)
+    for (begin, low), (end, high) in itertools.pairwise(zip(times, values, strict=True)):
+        inside = reference.at(np.linspace(begin, end, 201))
+        assert np.all(inside >= min(low, high) - 1e-9) and np.all(inside <= max(low, high) + 1e-9)
+        # at rest, and without a jolt: the third power of what is left at either end
+        near = 1e-3 * (end - begin)
+        step = reference.at(np.array([begin, begin + near, end - near, end]))
+        assert abs(step[1] - step[0]) <= 1.1e-8 * abs(high - low) + 1e-12
+        assert abs(step[3] - step[2]) <= 1.1e-8 * abs(high - low) + 1e-12
+    assert reference.at(np.array([-1.0, times[-1] + 5])) == pytest.approx([values[0], values[-1]])
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("-B / J", -2.0), ("2*(J+B)**2", 18.0), ("1.5e-3", 0.0015), ("+J", 1.0), ("-2**2", -4.0)],
+)
+def test_expressions(text: str, value: float) -> None:
+    assert evaluate(text, {"B": 2.0, "J": 1.0}) == value
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("B / (J - 1)", "expected a value, not one that fails (float division by zero)"),
+        ("J / x", 'expected known parameters (B, J), not "x"'),
+        ("__import__('os')", 'expected arithmetic of + - * / ** over parameters, such as "-B / J"'),
+        ("J.real", 'expected arithmetic of + - * / ** over parameters, such as "-B / J"'),
+        ("J if B else 1", 'expected arithmetic of + - * / ** over parameters, such as "-B / J"'),
+        ("True", 'expected arithmetic of + - * / ** over parameters, such as "-B / J"'),
+        ("J +", 'expected arithmetic over parameters, such as "-B / J"'),
+        ("(" * 150 + "J" + ")" * 150, 'expected arithmetic over parameters, such as "-B / J"'),
+        ("9**9**9**9", "expected a value, not one that fails (math range error)"),
+        ("(0-1)**0.5", "expected a value, not one that fails (math domain error)"),
+        ("1e999", "expected a finite value"),
+    ],
+)
+def test_expressions_that_have_no_value(text: str, line: str) -> None:
+    with pytest.raises(ExpressionError) as error:
+        evaluate(text, {"B": 2.0, "J": 1.0})
+    assert str(error.value) == line
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "value", "line"),
+    [
+        # the scenario
+        (DRIVE, "scenario.move.duration", "0.501 s",
+            'scenario.move.duration: "0.501 s": expected a whole number of samples of 0.0025 s'),
+        (DRIVE, "scenario.move.duration", "0.005 s",
+            'scenario.move.duration: "0.005 s": expected 4 to 65535 samples, not 2'),
+        (DRIVE, "scenario.move.trials", 0, "scenario.move.trials: 0: expected a number of 1 or more"),
+        (DRIVE, "scenario.move.reference", "1 rad", 'scenario.move.reference: "1 rad": expected a '
+            'table of points'),
+        (DRIVE, "scenario.move.reference", [["1 s", "0 rad"], ["1 s", "1 rad"]],
+            "scenario.move.reference.points: expected one or more points, each later than the one before"),
+        (DRIVE, "scenario.move.changes.0.trial", 1, "scenario.move.changes.0.trial: 1: expected a "
+            "number of 2 or more"),
+        (DRIVE, "scenario.move.changes.1.trial", 5,
+            "scenario.move.changes.1.trial: 5: expected a trial after 5, at most 12"),
+        (DRIVE, "scenario.move.changes.1.trial", 13,
+            "scenario.move.changes.1.trial: 13: expected a trial after 5, at most 12"),
+        (DRIVE, "scenario.move.changes.0.load_steps", [[200, "1 N*m"]],
+            'scenario.move.changes.0.load_steps.0: [200, "1 N*m"]: expected a sample of the trial, '
+                'below 200'),
+        (DRIVE, "scenario.move.changes.0.load_steps", [[50, "1 N*m"], [20, "0 N*m"]],
+            'scenario.move.changes.0.load_steps.1: [20, "0 N*m"]: expected a sample after that of '
+                'the step before'),
+        (DRIVE, "scenario.move.changes.0.initial_state", [0, 0],
+            "scenario.move.changes.0.initial_state: [0, 0]: expected none, of a drive"),
+        (DRIVE, "scenario.move.changes.1.override", {"drive.rates": 1},
+            'scenario.move.changes.1.override."drive.rates": 1: expected a key of motor or mechanics, such '
+            "as mechanics.inertia"),
+        (DRIVE, "scenario.move.changes.1.override", {"mechanics.inertia": "-1 kg*m^2"},
+            'scenario.move.changes.1.override: mechanics.inertia: "-1 kg*m^2": expected an inertia '
+                'above zero, '
+            'such as "1 kg*m^2"'),
+        (DRIVE, "scenario.move.changes.1.override", {"motor.datasheet": "liu2018"},
+            'scenario.move.changes.1.override."motor.datasheet": "liu2018": expected a key of motor or '
+            "mechanics, such as mechanics.inertia"),
+        (DRIVE, "scenario.move.initial_angle", "0.6 rev",
+            'scenario.move.initial_angle: "0.6 rev": expected less than half a turn from where the '
+            "reference begins, 0 rad: the sensor doesn't tell turns"),
+        (DRIVE, "scenario.move.reference", [["0 s", "0 rad"], ["0.6 s", "1 rad"]],
+            'scenario.move.reference.1: ["0.6 s", "1 rad"]: expected a time within the trial, 0.5 s'),
+        (LINEAR, "scenario.cycle.reference", [["0 s", "0 rad"], ["1 s", "1 rad"]],
+            'scenario.cycle.reference.0: ["0 s", "0 rad"]: expected a plain number, such as ["1 s", 1.0]'),
+        (LINEAR, "scenario.cycle.load_steps", [[10, "1 N*m"]],
+            'scenario.cycle.load_steps.0: [10, "1 N*m"]: expected a number in the unit of u, such as '
+            "[100, 1.0]"),
+        # the plant
+        (LINEAR, "plant.A.0.0", "1 / (a - 0.5)",
+            'plant.A.0.0: "1 / (a - 0.5)": expected a value, not one that fails (float division by zero) at '
+            "a = 0.5, k = 1.8"),
+        (DRIVE, "plant", {"period": "1 s", "A": [[0.5]], "B": [1], "C": [1]},
+            "motor: expected none, since there is a plant"),
+        (LINEAR, "plant.period", "0 s", 'plant.period: "0 s": expected a time above zero, such as "1 s"'),
+        (LINEAR, "plant.C", [], "plant.C: []: expected 1 to 8 numbers, one a state"),
+        (LINEAR, "plant.B", [1], "plant.B: [1]: expected 2 numbers, as many as C has"),
+        (LINEAR, "plant.A", [[1, 2]], "plant.A: [[1, 2]]: expected 2 rows of 2, as many as C has"),
+        (LINEAR, "plant.A.0.0", "-b", 'plant.A.0.0: "-b": expected known parameters (a, k), not "b"'),
+        (LINEAR, "plant.A.0.0", "1 / (a - 0.75)",
+            'plant.A.0.0: "1 / (a - 0.75)": expected a value, not one that fails (float division by zero) at '
+            "a = 0.75, k = 2"),
+        (LINEAR, "plant.parameter.a", [1.0, 0.5],
+            "plant.parameter.a.range: expected a range from the smallest to the largest value"),
+        (LINEAR, "plant.parameter.k.value", 3.0,
+            "plant.parameter.k.value: 3.0: expected a value within the range, 1.8 to 2.2"),
+        (LINEAR, "plant.vertex", [{"A": [[1, 0], [0, 1]], "B": [1, 0]}],
+            "plant.A: [[\"-a\", 0.0], [1.0, \"-2 * a\"]]: expected either A and B, or vertex"),
+        (LINEAR, "scenario.cycle.changes.0.override.b", 1,
+            "scenario.cycle.changes.0.override.b: 1: expected a parameter of the plant: a, k"),
+        (LINEAR, "scenario.cycle.changes.0.override.a", "much",
+            'scenario.cycle.changes.0.override.a: "much": expected a number'),
+        (LINEAR, "scenario.cycle.initial_state", [1],
+            "scenario.cycle.initial_state: [1]: expected 2 numbers, one a state"),
+        # the design
+        (DRIVE, "design.state_weight", [1, 1, 0],
+            "design.state_weight: [1, 1, 0]: expected a positive definite weight"),
+        (DRIVE, "design.state_weight", [[1, 2, 0], [0, 1, 0], [0, 0, 1]],
+            "design.state_weight: [[1, 2, 0], [0, 1, 0], [0, 0, 1]]: expected a positive definite weight"),
+        (DRIVE, "design.input_weight", 0, "design.input_weight: 0: expected a number above 0"),
+        (DRIVE, "design.initial_state", [0, 0, 0],
+            "design.initial_state: [0, 0, 0]: expected a number that isn't zero"),
+        (DRIVE, "design.initial_state", [1], "design.initial_state: [1]: expected 3 numbers, as many as "
+            "state_weight has"),
+        (DRIVE, "design.range", {"motor.R_s": ["1 ohm", "2 ohm"]},
+            'design.range."motor.R_s": ["1 ohm", "2 ohm"]: expected one of mechanics.inertia, '
+            "mechanics.viscous_friction, motor.K_t"),
+        (DRIVE, "design.range", {"mechanics.inertia": ["2e-4 kg*m^2", "1e-4 kg*m^2"]},
+            'design.range."mechanics.inertia": ["2e-4 kg*m^2", "1e-4 kg*m^2"]: expected a range '
+                'from the smallest '
+            "to the largest value"),
+        (DRIVE, "design.range", {"mechanics.inertia": ["0 kg*m^2", "1e-4 kg*m^2"]},
+            'design.range."mechanics.inertia".0: "0 kg*m^2": expected an inertia above zero, such '
+                'as "1 kg*m^2"'),
+        # controllers and metrics
+        (DRIVE, "controller.ilc.K_s", [1, 2],
+            "controller.ilc.K_s: [1, 2]: expected 3 numbers: one a state, and the integrator's"),
+        (DRIVE, "controller.ilc.q_filter.cutoff", "200 Hz",
+            'controller.ilc.q_filter.cutoff: "200 Hz": expected less than half the sampling rate, 200 Hz'),
+        (DRIVE, "controller.ilc.law", "pi",
+            'controller.ilc.law: "pi": expected one of "trial-ilc", "state-ilc", "norm-optimal"'),
+        (DRIVE, "drive.current_loop", {"bandwidth": "800 Hz", "current_limit": "3 A"},
+            "drive.inverter: missing: expected a table of bus_voltage, ..."),
+        (DRIVE, "drive.rates.position_loop", "3 kHz",
+            'drive.rates.position_loop: "3 kHz": expected a rate that divides current_loop, 8000 Hz'),
+        (DRIVE, "trace.rate", "200 Hz",
+            'trace.rate: "200 Hz": expected 400 Hz or a multiple of it, rows for each sample of the trial'),
+        (DRIVE, "metric.0.signal", "u_d", None),
+        (DRIVE, "metric.1.floor", "1 A", 'metric.1.floor: "1 A": expected an angle, such as "1 deg"'),
+        (DRIVE, "metric.0.floor", "1 mrad", 'metric.0.floor: "1 mrad": expected none, since kind is "rms"'),
+        (LINEAR, "metric.0.signal", "theta_error",
+            'metric.0.signal: "theta_error": expected a signal: y_ref, y, y_error, u, load, term_feedback, '
+            "term_integral, term_feedforward, term_learned, learned, status, x_1, x_2"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_one_line(tmp_path: Path, text: str, key: str, value: Any, line: str | None) -> None:
+    found = line_of(tmp_path, {key: value}, text)
+    assert found.startswith("study.toml: ")
+    if line is not None:
+        assert found.removeprefix("study.toml: ").split(" (and ")[0] == line
+
+
+def test_a_trace_that_is_too_large(tmp_path: Path) -> None:
+    found = line_of(tmp_path, {"scenario.move.trials": 100_000, "scenario.move.duration": "1 s"}, DRIVE)
+    expected = "expected at most 50000, 4e+07 rows of the trace are too many"
+    assert found == f"study.toml: scenario.move.trials: 100000: {expected}"
+
+
+def test_integral_action_needs_a_weight_of_its_own(tmp_path: Path) -> None:
+    found = line_of(tmp_path, {"design.state_weight": [1, 1], "design.initial_state": [1, 0]}, DRIVE)
+    expected = 'expected 3 numbers: one a state, and the integrator\'s, which "ilc" has'
+    assert found == f"study.toml: design.state_weight: [1, 1]: {expected}"
+
+
+def test_a_plant_without_a_value_in_a_trial_is_refused(tmp_path: Path) -> None:
+    changes = {"plant.A.0.0": "1 / (a - 3)", "scenario.cycle.changes.0.override.a": 3.0}
+    found = line_of(tmp_path, changes, LINEAR)
+    assert found.startswith("study.toml: scenario.cycle.changes.0.override")
+    assert found.endswith("expected a value, not one that fails (float division by zero) at a = 3, k = 2")
+
+
+def test_a_table_of_an_override_changes_its_keys_alone(tmp_path: Path) -> None:
+    nested = {"scenario.move.changes.1.override": {"mechanics": {"inertia": "8e-4 kg*m^2"}}}
+    hardware = trial_studies.loaded(tmp_path, nested).hardware("move")[2]
+    assert (hardware.mechanics.inertia, hardware.mechanics.viscous_friction) == (8e-4, 1.4e-3)
+
+
+def test_of_a_load_and_an_override_of_it_the_later_one_counts(tmp_path: Path) -> None:
+    changes = {
+        "scenario.move.changes.0.load": "1 N*m",
+        "scenario.move.changes.1.override": {"mechanics.load.torque": "0.2 N*m"},
+    }
+    hardware = trial_studies.loaded(tmp_path, changes).hardware("move")
+    assert [phase.load.torque for phase in hardware] == [0.0, 1.0, 0.2]
