@@ -2,12 +2,15 @@
 
 import numpy as np
 
-from cogless.results import Results, Run
+from cogless.design.from_study import design_study
+from cogless.metrics import result_name
+from cogless.results import Results, Run, TrialResults
 from cogless.simulate import measure
 from cogless.study import load
 from cogless.study.controller import TERMS
 from cogless.study.metric import SIGNALS
 from cogless.trace import Trace
+from cogless.trial_metrics import evaluate
 
 STUDY = """
 title = "Torque ripple at 60 r/min"
@@ -165,3 +168,147 @@ def results(the_study, rate=15_000, interrupted=False):
             memory = learnt if controller == "pi-ilc" else {}
             runs.append(Run(scenario, controller, recorded, memory, measure(the_study, scenario, recorded)))
     return Results(the_study, runs, interrupted)
+
+
+TRIALS = """
+title = "A shaft moved from point to point"
+description = "Made by formula, not simulated."
+seed = 11
+[[assumption]]
+about = "scenario.move.reference"
+reason = "The motion is not in the text."
+[motor]
+pole_pairs = 3
+R_s = "1 ohm"
+L_d = "5 mH"
+L_q = "5 mH"
+K_t = "0.37 N*m/A"
+[mechanics]
+inertia = "5.9e-4 kg*m^2"
+viscous_friction = "1.4e-3 N*m*s/rad"
+[drive]
+rates = { current_loop = "8 kHz", position_loop = "400 Hz" }
+current_loop = { kind = "ideal", current_limit = "10 A" }
+[design]
+state_weight = [1.8e4, 0.1, 4]
+input_weight = 0.9
+initial_state = [0.01, 0, 0]
+[design.range]
+"mechanics.inertia" = ["5.9e-4 kg*m^2", "10.6e-4 kg*m^2"]
+[scenario.move]
+duration = "0.25 s"
+trials = 60
+reference = [["0.05 s", "0 rad"], ["0.2 s", "1 rad"]]
+[[scenario.move.changes]]
+trial = 21
+load_steps = [[40, "0.5 N*m"]]
+[[scenario.move.changes]]
+trial = 41
+reference = [["0.05 s", "0 rad"], ["0.2 s", "2 rad"]]
+override = { "mechanics.inertia" = "10.6e-4 kg*m^2" }
+[controller.none]
+law = "trial-ilc"
+label = "no learning"
+baseline = true
+learning = false
+K_s = [-99.4, -0.927, 1.39]
+[controller.ilc]
+law = "trial-ilc"
+label = "ILC, Fig. 1"
+K_s = [-99.4, -0.927, 1.39]
+K_3 = 0.694
+q_filter = { cutoff = "30 Hz" }
+[controller.input]
+law = "trial-ilc"
+label = "ILC into the input"
+acts_on = "input"
+K_s = [-99.4, -0.927, 1.39]
+K_3 = 0.694
+[[metric]]
+name = "error_rms"
+kind = "rms"
+signal = "theta_error"
+unit = "mrad"
+[[metric]]
+name = "to_floor"
+kind = "trials-to-floor"
+signal = "theta_error"
+floor = "1 mrad"
+[[metric]]
+name = "first_error"
+kind = "first-rms"
+signal = "theta_error"
+unit = "mrad"
+[[metric]]
+name = "peak"
+kind = "maximum"
+signal = "theta_error"
+unit = "mrad"
+"""
+
+FLOOR = 0.5e-3  # rad
+# Of each controller: the error's RMS in each phase's first trial, rad, and its factor from trial to trial.
+LEARNING = {
+    "none": ((3e-3, 6e-3, 5e-3), 1.0),
+    "ilc": ((3e-3, 6e-3, 8e-3), 0.3),
+    "input": ((3e-3, 30e-3, 8e-3), 0.8),
+}
+
+
+def rms_of_trials(the_study, controller, scenario="move"):
+    """RMS of the error in each trial, rad."""
+    first, factor = LEARNING[controller]
+    described = the_study.scenario[scenario]
+    bounds = (*described.starts, described.trials + 1)
+    phases = [x * factor ** np.arange(b - a) for x, a, b in zip(first, bounds, bounds[1:], strict=False)]
+    rms = np.concatenate(phases)
+    return rms if factor == 1 else np.hypot(rms, FLOOR)
+
+
+def trial_trace(the_study, rms, scenario="move", learns=True):
+    """A run whose error is a sine of this RMS in each trial."""
+    described, samples = the_study.scenario[scenario], the_study.samples(scenario)
+    p, period = np.arange(samples), the_study.period
+    phases = np.searchsorted(described.starts, np.arange(1, described.trials + 1), side="right") - 1
+    plans = [the_study.reference(scenario, here) for _, here in described.phases]
+    reference = np.concatenate([plans[k] for k in phases])
+    error = np.outer(rms, np.sqrt(2) * np.sin(2 * np.pi * p / samples)).ravel()
+    learned = np.outer(np.arange(described.trials) * learns, np.cos(2 * np.pi * p / samples)).ravel() * 1e-4
+    signals = {
+        "time": (period * np.arange(samples * described.trials), "s"),
+        "trial": (np.repeat(np.arange(1.0, described.trials + 1), samples), ""),
+        "theta_m": (reference - error, "rad"),
+        "theta_ref": (reference, "rad"),
+        "i_q_ref": (20 * error, "A"),
+        "learned": (learned, "rad"),
+    }
+    units = tuple(unit for _, unit in signals.values())
+    return Trace(tuple(signals), units, np.column_stack([x for x, _ in signals.values()]))
+
+
+def trial_run(the_study, controller, rms, design=None, scenario="move"):
+    described = the_study.scenario[scenario]
+    recorded = trial_trace(the_study, rms, scenario, controller != "none")
+    metrics = {
+        result_name(m): evaluate(m, recorded, described.trials, described.starts)
+        for m in the_study.metrics_in(scenario)
+    }
+    return Run(scenario, controller, recorded, {}, metrics, design)
+
+
+def trial_results(the_study, rms=None, designed=True, controllers=None):
+    """Results of a study of trials; `rms`: of some controllers, in each trial, in place of the formula."""
+    names = controllers or list(the_study.controllers_in("move"))
+    designs = design_study(the_study, [("move", name) for name in names]) if designed else {}
+    return TrialResults(
+        the_study,
+        [
+            trial_run(
+                the_study,
+                name,
+                (rms or {}).get(name, rms_of_trials(the_study, name)),
+                designs.get(("move", name)),
+            )
+            for name in names
+        ],
+    )

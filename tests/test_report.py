@@ -133,10 +133,11 @@ def test_number(value, text):
 
 
 def test_factor():
-    assert [factor_text(x) for x in (0.0961, 1.03, 250.3)] == [
+    assert [factor_text(x) for x in (0.0961, 1.03, 250.3, 4e14)] == [
         "\u00d7\u202f0.096",
         "\u00d7\u202f1.03",
         "\u00d7\u202f250",
+        "\u00d7\u202f4.0e+14",
     ]
 
 

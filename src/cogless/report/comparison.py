@@ -16,6 +16,8 @@ from cogless.results import Results, Run
 from cogless.study.metric import Metric
 from cogless.units import ANGULAR_SPEED, factor
 
+NEVER = ("settling", "exceeds", "trials-to-floor")  # kinds that have no value where something never happens
+COUNTS = ("trials-to-floor",)
 QUANTITIES = {
     "omega_m": "speed",
     "omega_error": "speed error",
@@ -96,8 +98,8 @@ class Line:
             return ""
         value = self.values[controller]
         if value is None:
-            return "never" if self.kind in ("settling", "exceeds") else "not finite"
-        return number(value)
+            return "never" if self.kind in NEVER else "not finite"
+        return f"{value:.0f}" if self.kind in COUNTS else number(value)
 
     def text(self, controller: str) -> str:
         """A controller's value with its unit, where it has one."""
@@ -153,6 +155,8 @@ def factor_text(ratio: float) -> str:
     """A ratio for a table, such as 0.096, 1.03 or 250 times, with the sign of multiplication."""
     if ratio < 0.1:
         return f"\u00d7\u202f{ratio:.2g}"
+    if ratio >= 1e5:
+        return f"\u00d7\u202f{ratio:.1e}"
     return f"\u00d7\u202f{ratio:.2f}" if ratio < 100 else f"\u00d7\u202f{ratio:.0f}"
 
 

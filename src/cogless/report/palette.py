@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from cogless.results import Results, Run
+from cogless.results import AnyResults, Run
 
 COLOURS = 8  # --c0 (the baseline's) to --c7 of report.css
 
 
-def colours(results: Results) -> dict[str, int]:
+def colours(results: AnyResults) -> dict[str, int]:
     """The colour of each controller that has a run, in the study's order: 0 for the baseline."""
     ran = {run.controller for run in results.runs}
     names = [name for name in results.study.controller if name in ran]
@@ -15,6 +15,6 @@ def colours(results: Results) -> dict[str, int]:
     return {n: 0 if n == results.study.baseline else 1 + others.index(n) % (COLOURS - 1) for n in names}
 
 
-def place(results: Results, run: Run) -> int:
+def place(results: AnyResults, run: Run) -> int:
     """A run's place in the page's list of controllers."""
     return list(colours(results)).index(run.controller)

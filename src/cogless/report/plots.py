@@ -2,35 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cogless.files import replacing
 from cogless.report import charts
 from cogless.report.comparison import speed_unit
 from cogless.report.packing import unpack
+from cogless.report.still import STYLE, Axes, look, save
 from cogless.results import Results
-
-Axes = NDArray[Any]  # of matplotlib, rows x columns
-
-# As in report.css, where --c0 is the baseline's.
-PALETTE = ("#6a7380", "#0b6bcb", "#d9630c", "#13865a", "#9a3fb5", "#b58a00", "#c2255c", "#0c8599")
-STYLE: dict[Any, Any] = {
-    "font.size": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#e9ecf0",
-    "lines.linewidth": 0.9,
-    "legend.frameon": False,
-    "figure.dpi": 130,
-    "path.simplify": True,
-}
 
 
 def write_plots(results: Results, directory: Path) -> list[Path]:
@@ -67,7 +49,7 @@ def _waveforms(path: Path, title: str, data: dict[str, Any], controllers: Sequen
         for ax, name in zip(axes[-1], names, strict=True):
             ax.set_xlabel(f"{times['x']}, {name}")
 
-    return _save(path, title, (len(times["panels"]), len(names)), 1.7, draw)
+    return save(path, title, (len(times["panels"]), len(names)), 1.7, draw, (2, 1)[: len(names)])
 
 
 def _panel(
@@ -86,7 +68,7 @@ def _panel(
         if series.get("dash"):
             ax.plot(x[inside], y[inside], "--", color="#5c6570", linewidth=0.8, zorder=5)
         else:
-            ax.plot(x[inside], y[inside], **_look(controllers[series["controller"]]))
+            ax.plot(x[inside], y[inside], **look(controllers[series["controller"]]))
     ax.margins(x=0)
 
 
@@ -97,50 +79,23 @@ def _spectra(path: Path, title: str, data: dict[str, Any], controllers: Sequence
             for k, series in enumerate(chart["series"]):
                 left = [i + (k - len(chart["series"]) / 2 + 0.5) * width for i in range(len(chart["orders"]))]
                 heights = [value or 0.0 for value in series["values"]]
-                ax.bar(left, heights, 0.92 * width, **_look(controllers[series["controller"]]))
+                ax.bar(left, heights, 0.92 * width, **look(controllers[series["controller"]]))
             ax.set_xticks(range(len(chart["orders"])), [str(order) for order in chart["orders"]])
             ax.grid(axis="x", visible=False)
             ax.set_title(chart["title"], loc="left", fontsize=9)
             ax.set_xlabel(chart["x"])
             ax.set_ylabel(f"{chart['quantity']} ({chart['unit']})")
 
-    return _save(path, title, (len(data["spectra"]), 1), 2.6, draw)
+    return save(path, title, (len(data["spectra"]), 1), 2.6, draw)
 
 
 def _maps(path: Path, title: str, data: dict[str, Any], controllers: Sequence[dict[str, Any]]) -> bool:
     def draw(axes: Axes) -> None:
         for ax, chart in zip(axes[:, 0], data["maps"], strict=True):
             for series in chart["series"]:
-                ax.plot(chart["angle"], series["values"], **_look(controllers[series["controller"]]))
+                ax.plot(chart["angle"], series["values"], **look(controllers[series["controller"]]))
             ax.set_xlabel(chart["x"])
             ax.set_ylabel("current (A)")
             ax.set_xlim(0, 360)
 
-    return _save(path, title, (len(data["maps"]), 1), 2.6, draw)
-
-
-def _look(controller: dict[str, Any]) -> dict[str, Any]:
-    return {"color": PALETTE[controller["colour"]], "label": controller["label"]}
-
-
-def _save(
-    path: Path, title: str, shape: tuple[int, int], height: float, draw: Callable[[Axes], None]
-) -> bool:
-    """Make a figure of rows and columns of axes, let `draw` fill them, write it. False: nothing to draw."""
-    from matplotlib.figure import Figure
-
-    rows, columns = shape
-    if not rows:
-        return False
-    figure = Figure(figsize=(9 if columns == 1 else 12, 0.9 + height * rows), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, width_ratios=(2, 1)[:columns])
-    draw(axes)
-    figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
-    handles: dict[str, Any] = {}
-    for ax in axes.flat:
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            handles.setdefault(label, handle)
-    figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=len(handles))
-    with replacing(path) as temporary:
-        figure.savefig(temporary, format="png")
-    return True
+    return save(path, title, (len(data["maps"]), 1), 2.6, draw)

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from html import escape
 from typing import Any
 
-from cogless.study import Study
+from cogless.study.base import StudyBase
 
 SHOWN_ELSEWHERE = ("title", "description", "assumption", "seed")
 
 
-def settings(study: Study) -> str:
+def settings(study: StudyBase) -> str:
     """One small table for each table of the study, as its file and datasheet have it."""
     groups = []
     for name, table in _groups(study.source.tables):
@@ -26,7 +26,7 @@ def settings(study: Study) -> str:
     return f'<div class="settings">{"".join(groups)}</div>'
 
 
-def assumptions(study: Study) -> str:
+def assumptions(study: StudyBase) -> str:
     """What the author had to suppose, and why."""
     if not study.assumption:
         return ""

@@ -10,28 +10,33 @@ import numpy as np
 
 from cogless.report.comparison import Line, compare, factor_text, misses
 from cogless.report.holding import late
+from cogless.report.markup import controller_heading, note, scenario_block
 from cogless.report.packing import number
 from cogless.report.palette import colours
-from cogless.results import Results, Run
+from cogless.results import AnyResults, Results, Run
 
 
 def metric_tables(results: Results) -> str:
     """One table a scenario: metrics down, controllers across; best marked, ratio to the baseline."""
-    label, baseline = results.study.label, results.study.baseline
+    label = results.study.label
     tables = []
     for place, scenario in enumerate(results.scenarios):
-        controllers = [run.controller for run in results.runs if run.scenario == scenario]
-        head = "".join(_head(label(c), c == baseline) for c in controllers)
         lines = compare(results, scenario)
-        if not lines:
-            tables.append(_scenario(place, f'<p class="note">No metric is taken in {escape(scenario)}.</p>'))
-            continue
-        body = "".join(_row(line, controllers, baseline) for line in lines)
-        table = f"<thead><tr><th>{escape(scenario)}</th>{head}</tr></thead><tbody>{body}</tbody>"
-        table = f'<div class="scroll"><table class="numbers">{table}</table></div>'
         notes = [_note(f"{label(c)} did not hold the speed: {why}") for c, why in misses(lines).items()]
-        tables.append(_scenario(place, table + "".join(notes)))
+        tables.append(scenario_block(place, line_table(results, scenario, lines) + "".join(notes)))
     return "".join(tables)
+
+
+def line_table(results: AnyResults, scenario: str, lines: Sequence[Line]) -> str:
+    """A scenario's lines down, its controllers across."""
+    if not lines:
+        return note(f"No metric is taken in {scenario}.")
+    label, baseline = results.study.label, results.study.baseline
+    controllers = [run.controller for run in results.runs if run.scenario == scenario]
+    head = "".join(controller_heading(label(c), c == baseline) for c in controllers)
+    body = "".join(_row(line, controllers, baseline) for line in lines)
+    table = f"<thead><tr><th>{escape(scenario)}</th>{head}</tr></thead><tbody>{body}</tbody>"
+    return f'<div class="scroll"><table class="numbers">{table}</table></div>'
 
 
 def term_tables(results: Results) -> str:
@@ -40,17 +45,12 @@ def term_tables(results: Results) -> str:
     for place, scenario in enumerate(results.scenarios):
         runs = [run for run in results.runs if run.scenario == scenario]
         tables = "".join(_terms(results, run, results.study.label(run.controller)) for run in runs)
-        note = (
+        about = (
             f'<p class="note">RMS of each term of the current reference late in {escape(scenario)}; the '
             "varying part is about its mean, so it leaves out what only carries the load.</p>"
         )
-        blocks.append(_scenario(place, note + tables if tables else ""))
+        blocks.append(scenario_block(place, about + tables if tables else ""))
     return "".join(blocks)
-
-
-def _head(label: str, baseline: bool) -> str:
-    mark = ' <span class="base">(baseline)</span>' if baseline else ""
-    return f"<th>{escape(label)}{mark}</th>"
 
 
 def _row(line: Line, controllers: list[str], baseline: str) -> str:
@@ -100,8 +100,3 @@ def _largest(figures: Sequence[float]) -> float:
 def _meter(share: float) -> str:
     share = share if math.isfinite(share) else 0.0
     return f'<div class="meter" style="width:{100 * share:.1f}%"></div>'
-
-
-def _scenario(place: int, content: str) -> str:
-    hidden = " hidden" if place else ""
-    return f'<div class="scenario" data-scenario="{place}"{hidden}>{content}</div>'

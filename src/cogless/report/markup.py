@@ -1,0 +1,98 @@
+"""Parts of a page that the reports share. All of the user's text is escaped here."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from functools import cache
+from html import escape
+from importlib.resources import files
+from string import Template
+from typing import Any
+
+from cogless.report.palette import colours
+from cogless.report.settings import assumptions, settings
+from cogless.report.verdict import Verdict
+from cogless.results import AnyResults, versions
+
+
+@cache
+def asset(name: str) -> str:
+    """A file of assets/ as text."""
+    return (files("cogless.report") / "assets" / name).read_text(encoding="utf-8")
+
+
+def page(
+    template: str, results: AnyResults, found: Sequence[Verdict], data: dict[str, Any], **parts: str
+) -> str:
+    """The whole file: a template of assets/ and its script, filled with what every report has.
+
+    `parts`: what only this template has, as HTML.
+    """
+    study = results.study
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return Template(asset(f"{template}.html")).substitute(
+        parts,
+        title=escape(study.title),
+        description=f'<p class="description">{escape(study.description)}</p>' if study.description else "",
+        interrupted='<p class="warning">Interrupted: not all runs are here.</p>'
+        if results.interrupted
+        else "",
+        verdict=_verdict(found, results.scenarios),
+        tabs="".join(
+            f'<button type="button" data-select="{i}">{escape(name)}</button>'
+            for i, name in enumerate(results.scenarios)
+        ),
+        chips="".join(
+            f'<button type="button" aria-pressed="true" style="--colour:var(--c{colour})">'
+            f"{escape(study.label(name))}</button>"
+            for name, colour in colours(results).items()
+        ),
+        baseline=escape(study.label(study.baseline)),
+        assumptions=assumptions(study),
+        settings=settings(study),
+        footer=_footer(results),
+        version=escape(versions()["cogless"]),
+        data=text.replace("<", "\\u003c"),  # no text of the user's may end the script element
+        css=asset("report.css"),
+        js=asset("plots.js") + asset(f"{template}.js"),
+        uplot_css=asset("uplot.min.css"),
+        uplot_js=asset("uplot.min.js"),
+    )
+
+
+def note(text: str) -> str:
+    """A remark."""
+    return f'<p class="note">{escape(text)}</p>'
+
+
+def scenario_block(place: int, content: str) -> str:
+    """What is shown while the scenario at this place of the results is chosen."""
+    hidden = " hidden" if place else ""
+    return f'<div class="scenario" data-scenario="{place}"{hidden}>{content}</div>'
+
+
+def controller_heading(label: str, baseline: bool) -> str:
+    """A controller at the head of a table's column."""
+    mark = ' <span class="base">(baseline)</span>' if baseline else ""
+    return f"<th>{escape(label)}{mark}</th>"
+
+
+def _verdict(found: Sequence[Verdict], scenarios: list[str]) -> str:
+    if not found:
+        return note("Nothing to judge by: no run has a metric that is better when lower.")
+    items = []
+    for verdict in found:
+        details = escape(" ".join(verdict.details))
+        items.append(
+            f'<li class="{verdict.tone}">'
+            f'<button type="button" class="name" data-select="{scenarios.index(verdict.scenario)}">'
+            f"{escape(verdict.scenario)}</button>"
+            f'<p class="headline">{escape(verdict.headline)}</p><p class="details">{details}</p></li>'
+        )
+    return f'<ul class="verdicts">{"".join(items)}</ul>'
+
+
+def _footer(results: AnyResults) -> str:
+    made = ", ".join(f"{name} {version}" for name, version in versions().items())
+    return f"<p>Made by {escape(made)}; seed {results.study.seed}. Plots: uPlot (MIT).</p>"

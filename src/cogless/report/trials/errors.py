@@ -1,0 +1,93 @@
+"""The error that a study of trials is judged by: which signal, in which unit, and its RMS over each trial."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.metrics import result_name
+from cogless.report.comparison import pretty
+from cogless.report.packing import number
+from cogless.results import Run
+from cogless.study import TrialStudy
+from cogless.study.trial_metric import DRIVE_SIGNALS, TrialMetric
+from cogless.trial_metrics import SETTLED_SHARE
+from cogless.units import factor
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A signal whose RMS over each trial is shown, with the floor that it should reach, in `unit`."""
+
+    signal: str
+    unit: str  # as it is printed; empty: none
+    scale: float  # SI value of a unit
+    floor: float | None
+    metrics: Sequence[TrialMetric]  # those of this signal
+
+    @property
+    def quantity(self) -> str:
+        """Such as "measured error" or "tau_e"."""
+        return NAMES.get(self.signal, self.signal)
+
+    def text(self, value: float) -> str:
+        """A value in `unit`, with it."""
+        return f"{number(value)} {self.unit}".rstrip()
+
+
+NAMES = {
+    "theta_error": "error",
+    "theta_error_measured": "measured error",
+    "y_error": "error",
+}
+
+
+def judged(study: TrialStudy, scenario: str) -> Judged:
+    """The signal of the first metric with a floor, else of the first metric of an RMS, else the error."""
+    metrics = [m for m in study.metrics_in(scenario) if m.better == "lower"]
+    floors = [m for m in metrics if m.kind == "trials-to-floor"]
+    chosen = [*floors, *(m for m in metrics if m.kind != "maximum")]
+    signal = chosen[0].signal if chosen else "theta_error" if study.plant is None else "y_error"
+    unit, scale = display_unit(study, signal)
+    floor = floors[0].threshold / scale if floors else None
+    return Judged(signal, unit, scale, floor, [m for m in metrics if m.signal == signal])
+
+
+def display_unit(study: TrialStudy, signal: str) -> tuple[str, float]:
+    """The unit that the study's metrics show a signal in, and its SI value; SI where they don't say.
+
+    One error is shown as another is.
+    """
+    dimension = DRIVE_SIGNALS.get(signal) if study.plant is None else None
+    if dimension is None:
+        return "", 1.0
+    alike = [m for m in study.metric if m.signal == signal or {m.signal, signal} <= NAMES.keys()]
+    same = [m for m in alike if m.unit and m.kind != "trials-to-floor"]
+    same.sort(key=lambda m: m.signal != signal)
+    unit = same[0].unit if same else None
+    return pretty(unit or dimension.unit), factor(unit, dimension) if unit else 1.0
+
+
+def rms_of_trials(about: Judged, run: Run, trials: int) -> Array | None:
+    """RMS over each trial, in the signal's display unit; None where neither a metric nor the trace has it."""
+    for metric in about.metrics:
+        if metric.kind == "rms" and result_name(metric) in run.metrics:
+            return np.asarray(run.metrics[result_name(metric)], dtype=float) / about.scale
+    rows = len(run.trace)
+    if not rows or rows % trials or about.signal not in run.trace:
+        return None
+    with np.errstate(over="ignore", invalid="ignore"):
+        x = run.trace[about.signal].reshape(trials, -1)
+        return np.asarray(np.sqrt(np.mean(np.square(x), axis=1))) / about.scale
+
+
+def settled(rms: Array) -> float:
+    """RMS over the second half of a phase's trials, as the metric final-rms takes it."""
+    last = rms[-max(1, round(SETTLED_SHARE * len(rms))) :]
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.sqrt(np.mean(np.square(last))))

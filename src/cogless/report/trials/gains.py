@@ -1,0 +1,86 @@
+"""The gains that each controller ran with, and how they were found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.design.lmi import Check
+from cogless.design.trial import TrialDesign
+from cogless.report.markup import controller_heading, scenario_block
+from cogless.report.packing import number
+from cogless.results import TrialResults
+from cogless.study import TrialStudy
+
+NONE = "–"  # noqa: RUF001
+
+
+def gain_tables(results: TrialResults) -> str:
+    """One table a scenario, gains down, controllers across; empty where no run has a design."""
+    study = results.study
+    blocks = []
+    for index, scenario in enumerate(results.scenarios):
+        runs = [run for run in results.runs if run.scenario == scenario]
+        designs = {run.controller: run.design for run in runs if run.design is not None}
+        columns = {name: dict(_gains(study, design)) for name, design in designs.items()}
+        keys = list(dict.fromkeys(key for column in columns.values() for key in column))
+        head = "".join(controller_heading(study.label(name), name == study.baseline) for name in columns)
+        body = "".join(
+            f"<tr><th>{escape(key)}</th>"
+            + "".join(f"<td>{escape(column.get(key, NONE))}</td>" for column in columns.values())
+            + "</tr>"
+            for key in keys
+        )
+        table = f'<table class="gains"><thead><tr><th></th>{head}</tr></thead><tbody>{body}</tbody></table>'
+        notes = dict.fromkeys(note for design in designs.values() for note in design.notes)
+        told = "".join(f'<p class="note">{escape(note)}.</p>' for note in notes)
+        blocks.append(scenario_block(index, f'<div class="scroll">{table}</div>{told}' if body else ""))
+    return "".join(blocks) if any(run.design is not None for run in results.runs) else ""
+
+
+def _gains(study: TrialStudy, design: TrialDesign) -> Iterator[tuple[str, str]]:
+    """Name with unit, and value."""
+    drive = study.plant is None
+    states = ("theta_m", "omega_m") if study.plant is None else study.plant.names
+    units = (" (A/rad)", " (A·s/rad)") if drive else ("",) * len(states)
+    angle = units[0] if drive else ""
+    for state, unit, gain in zip(states, units, design.K_1, strict=True):
+        yield f"K_1, {state}{unit}", _plain(gain)
+    yield f"K_2, integrator{angle}", _plain(design.K_2) if design.K_2 else NONE
+    yield f"N{angle}", _plain(design.N)
+    if design.learning_matrix is not None:
+        yield "learning matrix", " x ".join(str(size) for size in design.learning_matrix.shape)
+    else:
+        yield "K_3", _plain(design.K_3) if design.K_3 else NONE
+    if design.K_3 or design.learning_matrix is not None:
+        yield "learned signal into", "input and integrator" if design.through_integrator else "input"
+        yield "shift r (samples)", str(design.shift)
+    if design.q_filter is not None:
+        yield "Q filter b", _list(design.q_filter.b)
+        yield "Q filter a", _list(design.q_filter.a)
+        yield "Q filter acts on", f"the {'error' if design.filtered == 'error' else 'learned signal'}"
+    ahead = design.feedforward
+    yield "feedforward", f"{ahead.method}, {ahead.preview} samples ahead" if ahead else NONE
+    if ahead is not None:
+        yield f"feedforward num{angle}", _list(ahead.num)
+        yield "feedforward den", _list(ahead.den)
+    feedback, learning = design.gains.feedback, design.gains.learning
+    yield "K_1 and K_2 from", "given" if feedback is None else f"LMIs; {_check(feedback.check)}"
+    if design.K_3:
+        yield "K_3 from", "given, or by frequency" if learning is None else f"LMIs; {_check(learning.check)}"
+
+
+def _check(check: Check) -> str:
+    passed = "checked" if check.passed else "CHECK FAILED"
+    return f"{passed}: cost at the worst vertex {number(check.cost)}, bound {number(check.bound)}"
+
+
+def _list(values: NDArray[np.float64]) -> str:
+    return ", ".join(_plain(value) for value in values.tolist())
+
+
+def _plain(value: float) -> str:
+    return f"{value:.6g}"

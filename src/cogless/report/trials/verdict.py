@@ -1,0 +1,351 @@
+"""The verdict on a scenario of trials: which controller needs the fewest trials after each change.
+
+From the numbers alone, whichever way they fall; without a floor to reach, by the RMS that is left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from cogless.design.certificate import ENDS, Learning, ModelCertificate
+from cogless.design.response import MONOTONE
+from cogless.report.packing import number
+from cogless.report.trials.case import Case, case, listed
+from cogless.report.trials.certificate import close_to_one, models
+from cogless.report.trials.phases import Phase
+from cogless.report.verdict import Verdict
+from cogless.results import TrialResults
+
+SAME = 0.05  # relative difference of an RMS that isn't called one
+CLEARLY = 1.5  # times another's first trial: worth a sentence
+
+
+def verdicts(results: TrialResults) -> list[Verdict]:
+    """One for each scenario that has numbers."""
+    cases = [case(results, scenario) for scenario in results.scenarios]
+    return [_verdict(found) for found in cases if found is not None]
+
+
+def _verdict(c: Case) -> Verdict:
+    ranked = _ranked(c)
+    best = ranked[0]
+    tone, headline = _by_floor(c, ranked) if best in c.counts else _by_rms(c, ranked)
+    if best in c.growing:  # then all do
+        tone = "worse"
+        every = "The error grows over the trials with every controller."
+        headline = f"{_grows(c, best) if len(ranked) == 1 else every} {headline}"
+    others = [name for name in ranked if name != best]
+    details = [
+        "" if others else "There is nothing to compare.",
+        *[_behind(c, name, best) for name in others if name not in c.growing],
+        *[_grows(c, name) for name in ranked if name in c.growing and others],
+        _against_the_baseline(c, best),
+        *[_leaves_floor(c, name) for name in ranked],
+        _at_the_limit(c),
+        *_certificates(c),
+    ]
+    return Verdict(c.scenario, tone, _capital(c, headline), [_capital(c, text) for text in details if text])
+
+
+def _ranked(c: Case) -> list[str]:
+    """The best first: no divergence, the floor in the most phases, the fewest trials, the least RMS."""
+
+    def rank(name: str) -> tuple[float, ...]:
+        counts = c.counts.get(name, [])
+        reached = [n for n in counts if math.isfinite(n)]
+        by_floor = (len(c.never(name)), max(reached, default=math.inf), sum(reached)) if counts else ()
+        return (name in c.growing, *by_floor, c.worst(name))
+
+    return sorted(c.counts or c.rms, key=rank)
+
+
+# --- the first sentence
+
+
+def _by_floor(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
+    """Tone and first sentence where a metric names a floor."""
+    best, base = ranked[0], c.study.baseline
+    floor = f"the floor of {c.about.text(c.about.floor or 0.0)} RMS"
+    if len(c.never(best)) == len(c.phases):
+        none = "No controller reaches" if len(ranked) > 1 else f"{c.label(best)} never reaches"
+        return "worse", f"{none} {floor}.{f' {_left(c, ranked)}' if best in c.rms else ''}"
+    ties = [name for name in ranked if _as_quick(c, name, best)]
+    are_there = f"{'are' if len(ties) > 1 else 'is'} at {floor} {_reach(c, best)}"
+    if len(ranked) == 1:
+        return "even", f"{c.label(best)} {are_there}."
+    if ties == ranked:
+        return "even", f"All controllers are alike: they {are_there}."
+    names = c.listed(ties)
+    if base in ties:
+        second = next(name for name in ranked if name not in ties)
+        after = f"the next, {c.label(second)}, {_reach(c, second, short=True)}"
+        if ties == [base]:
+            return "worse", f"No controller beats {c.label(base)}: it {are_there}; {after}."
+        return "even", f"{names} {are_there}; {after}."
+    against = f"; {c.label(base)} {_reach(c, base, short=True)}" if base in c.counts else ""
+    tone = "better" if all(c.learns(name) for name in ties) and not c.never(best) else "even"
+    return tone, f"{names} {are_there}{against}."
+
+
+def _by_rms(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
+    """Tone and first sentence where no metric names a floor: by the worst phase's final RMS."""
+    best, base = ranked[0], c.study.baseline
+    if not math.isfinite(c.worst(best)):
+        return "worse", "No error stays finite."
+    sentence = _left(c, ranked)
+    if len(ranked) < 2 or base not in c.final:
+        return "even", sentence
+    if c.worst(base) <= (1 + SAME) * c.worst(best):
+        return (
+            ("worse", f"No controller beats {c.label(base)}. {sentence}")
+            if best == base
+            else ("even", sentence)
+        )
+    return "better" if c.learns(best) else "even", sentence
+
+
+def _left(c: Case, ranked: Sequence[str]) -> str:
+    """What the controller with the least RMS in its worst phase leaves, beside the baseline or the next."""
+    base = c.study.baseline
+    by_rms = sorted((n for n in ranked if n in c.final), key=lambda n: (n in c.growing, c.worst(n)))
+    best = by_rms[0]
+    each = "each phase with at most" if len(c.phases) > 1 else "with"
+    sentence = _capital(c, f"{c.label(best)} ends {each} {c.about.text(c.worst(best))} RMS")
+    if best != base and base in c.final:
+        return f"{sentence}, {_beside(c, c.worst(best), c.worst(base), base)}."
+    if len(by_rms) > 1:
+        return f"{sentence}; the next, {c.label(by_rms[1])}, with {c.text(c.worst(by_rms[1]))}."
+    return f"{sentence}."
+
+
+def _beside(c: Case, value: float, other: float, name: str) -> str:
+    """A value beside another controller's: "21.0 times less than PI (8.20 mrad)"."""
+    told = f"{c.label(name)} ({c.text(other)})"
+    if not math.isfinite(other):
+        return f"against {told}"
+    if value > (1 + SAME) * other:
+        return f"{_times(value, other)} more than {told}"
+    return f"{_times(other, value)} less than {told}" if other > (1 + SAME) * value else f"as much as {told}"
+
+
+def _reach(c: Case, name: str, *, short: bool = False) -> str:
+    """When a controller is at the floor: "within 3 trials after every change"; short: beside another's."""
+    counts, never = c.counts[name], c.never(name)
+    if never:
+        if len(never) == len(c.phases):
+            return "never is"
+        if short and never == list(c.phases[1:]):
+            return "never is after a change"
+        return f"in {len(c.phases) - len(never)} of {len(c.phases)} phases, but never {_where(never)}"
+    most = max(counts)
+    if short:
+        return f"takes {'up to ' if len(counts) > 1 else ''}{most:.0f}"
+    if len(counts) == 1:
+        return _within(most)
+    later = max(counts[1:])
+    if counts[0] > later:
+        return f"{_within(counts[0])} of the start and {_within(later)} after every change"
+    return f"{_within(later)} after every change"
+
+
+def _within(count: float) -> str:
+    return "in the first trial" if count == 1 else f"within {count:.0f} trials"
+
+
+def _as_quick(c: Case, name: str, best: str) -> bool:
+    """Whether a controller ties with the best: the floor missed in the same phases, the same most trials."""
+    if name == best:
+        return True
+    most = [max((n for n in c.counts[which] if math.isfinite(n)), default=0) for which in (name, best)]
+    return c.never(name) == c.never(best) and name not in c.growing and most[0] == most[1]
+
+
+# --- the others
+
+
+def _behind(c: Case, name: str, best: str) -> str:
+    """Where another controller is behind the best: its slowest phase, its worst first trial."""
+    told, where = "", None
+    if name in c.counts and best in c.counts and name != c.study.baseline:
+        told, where = _slower(c, name, best)
+    if not c.learns(name):
+        return f"{c.label(name)} {told}." if told else ""
+    ratios = [
+        (c.first(name, phase) / c.first(best, phase), phase)
+        for phase in c.phases[1:]
+        if c.first(best, phase) > 0 and math.isfinite(c.first(name, phase))
+    ]
+    ratio, phase = max(ratios, key=lambda found: found[0], default=(0.0, c.phases[0]))
+    if ratio >= CLEARLY:
+        there = "there" if phase == where else phase.after
+        values = f"{c.about.text(c.first(name, phase))} against {c.about.text(c.first(best, phase))}"
+        worse = f"first trial {there} is {_times(ratio, 1)} worse ({values})"
+        return f"{c.label(name)} {told}; its {worse}." if told else f"With {c.label(name)} the {worse}."
+    return f"{c.label(name)} {told}." if told else ""
+
+
+def _slower(c: Case, name: str, best: str) -> tuple[str, Phase | None]:
+    """Where a controller needs more trials than the best, and the phase with the largest difference."""
+    behind = [
+        (n - m, phase, n, m)
+        for phase, n, m in zip(c.phases, c.counts[name], c.counts[best], strict=True)
+        if n > m
+    ]
+    never = [phase for _, phase, n, _ in behind if not math.isfinite(n)]
+    if len(never) == len(c.phases):
+        return "never reaches the floor", None
+    if never:
+        return f"never reaches it {_where(never)}", never[0]
+    if not behind:
+        return "", None
+    _, phase, n, m = max(behind, key=lambda found: found[0])
+    return f"takes {n:.0f} {phase.after}, against {m:.0f}", phase
+
+
+def _against_the_baseline(c: Case, best: str) -> str:
+    """What the best leaves at the end beside the baseline, and where a change finds it worse off."""
+    base = c.study.baseline
+    if best == base or base not in c.final or best not in c.final or best in c.growing:
+        return ""
+    sentences = []
+    mine, other = c.final[best][-1], c.final[base][-1]
+    if best in c.counts and len(c.never(best)) < len(c.phases) and math.isfinite(mine):
+        end = "In the last phase" if len(c.phases) > 1 else "At the end"
+        sentences.append(
+            f"{end} {c.label(best)} leaves {c.about.text(mine)} RMS, {_beside(c, mine, other, base)}."
+        )
+    worse = [
+        (c.first(best, phase) / c.first(base, phase), phase)
+        for phase in c.phases[1:]
+        if c.first(base, phase) > 0
+    ]
+    ratio, phase = max(worse, key=lambda found: found[0], default=(0.0, c.phases[0]))
+    if ratio >= CLEARLY:
+        values = f"{c.text(c.first(best, phase))} against {c.text(c.first(base, phase))}"
+        sentences.append(
+            f"What it has learned does not fit at first: in the first trial {phase.after} its error is "
+            f"{_times(ratio, 1)} that of {c.label(base)} ({values})."
+        )
+    return " ".join(sentences)
+
+
+def _leaves_floor(c: Case, name: str) -> str:
+    """The floor was reached early in a phase but isn't kept."""
+    if name not in c.counts or name not in c.final or c.about.floor is None or name in c.growing:
+        return ""
+    lost = [
+        (rms, phase.start, phase)
+        for phase, n, rms in zip(c.phases, c.counts[name], c.final[name], strict=True)
+        if rms > (1 + SAME) * c.about.floor and n <= (phase.stop - phase.start) / 2
+    ]
+    if not lost:
+        return ""
+    rms, _, phase = max(lost)
+    later = f"in the second half of the trials {phase.after}"
+    return f"{c.label(name)} does not stay at the floor: {c.about.text(rms)} RMS {later}."
+
+
+def _grows(c: Case, name: str) -> str:
+    """Learning that diverges."""
+    phase, low, high = c.growing[name]
+    verb = "diverges" if c.learns(name) else "grows worse"
+    if not math.isfinite(high):
+        return f"{c.label(name)} {verb} {phase.after}: its error doesn't stay finite."
+    to = f"from {c.about.text(low)} to {c.about.text(high)} by trial {phase.stop - 1}"
+    return f"{c.label(name)} {verb} {phase.after}: its RMS grows {to}."
+
+
+def _at_the_limit(c: Case) -> str:
+    """Whose input was at its limit, and so taught nothing there."""
+    limited = {name: trials for name in c.runs if (trials := c.limited(name))}
+    if not limited:
+        return ""
+    total = c.study.scenario[c.scenario].trials
+    parts = [f"{c.label(name)} in {trials} of {total} trials" for name, trials in limited.items()]
+    return f"The input is at its limit, where nothing is learned: {listed(parts)}."
+
+
+# --- the certificates
+
+
+def _certificates(c: Case) -> list[str]:
+    """What they say of the controllers that learn: of the plant itself where it is known."""
+    sentences: list[str] = []
+    certified: dict[tuple[str, int], list[str]] = {}
+    for name, run in c.runs.items():
+        if run.design is None:
+            continue
+        *_, (model, found) = models(run.design.certificate)
+        learning = found.with_filter or found.without_filter
+        if not found.stable:
+            sentences.append(
+                f"{c.label(name)} is not certified: along the trial its loop is unstable for {found.worst} "
+                f"(largest pole {close_to_one(found.radius)}; {_of(model)})."
+            )
+        elif learning is not None and not learning.monotone:
+            sentences.append(f"{c.label(name)} is not certified: {_growing(found, learning)} ({_of(model)}).")
+        elif learning is not None and run.design.beyond:
+            sentences.append(f"Of {c.label(name)} the certificate doesn't speak: {run.design.beyond[0]}.")
+        elif learning is not None and name in c.growing:
+            sentences.append(
+                f"The certificate of {c.label(name)} says that the error doesn't grow, but it knows no "
+                "current loop, no sensor and no limit: the run counts."
+            )
+        elif learning is not None:
+            certified.setdefault((model, run.design.certificate.samples), []).append(name)
+    for (model, plants), names in certified.items():
+        sentences.append(
+            f"Certified: while nothing changes, no frequency of the error grows from trial to trial with "
+            f"{c.listed(names)} ({_of(model)}, at its corners and at {plants} random plants)."
+        )
+    return [*sentences, _delay(c)]
+
+
+def _growing(found: ModelCertificate, learning: Learning) -> str:
+    """By which of its parts a certificate isn't one."""
+    if learning.norm > 1 + MONOTONE:
+        where, factor = f"at {number(learning.frequency)} Hz its error", learning.norm
+    elif found.growth is not None and found.growth > 1 + ENDS:
+        where, factor = "from the trial's ends its error", found.growth
+    else:
+        return "Φ has a pole outside the unit circle"
+    return f"{where} may grow by the factor {close_to_one(factor)} from one trial to the next"
+
+
+def _delay(c: Case) -> str:
+    """Whose loop a little more delay would make unstable."""
+    designs = {name: run.design for name, run in c.runs.items() if run.design is not None}
+    frail = []
+    for name, design in designs.items():
+        *_, (_, found) = models(design.certificate)
+        if found.stable and not found.delayed_stable:
+            frail.append(name)
+    if not frail:
+        return ""
+    whose = "no loop is" if len(frail) == len(designs) > 1 else f"the loop of {c.listed(frail)} is not"
+    return f"With one more sample of delay at the input {whose} stable at every corner."
+
+
+def _of(model: str) -> str:
+    return {"Euler": "Euler model", "as given": "models as given"}.get(model, "exactly sampled plant")
+
+
+# --- words
+
+
+def _where(found: Sequence[Phase]) -> str:
+    return listed([phase.after for phase in found])
+
+
+def _times(value: float, other: float) -> str:
+    ratio = value / other if other else math.inf
+    if not math.isfinite(ratio):
+        return "infinitely"
+    return f"{number(ratio) if ratio < 100 else f'{ratio:.0f}'} times"
+
+
+def _capital(c: Case, text: str) -> str:
+    """A sentence, unless it begins with a name that is no word, such as "ilc-input"."""
+    first = text.partition(" ")[0]
+    return text if first in map(c.label, c.runs) else text[:1].upper() + text[1:]
