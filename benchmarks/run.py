@@ -22,7 +22,10 @@ from numpy.typing import NDArray
 
 import cogless
 from cogless import _simulator_f32 as native
+from cogless.design.from_study import design_study
 from cogless.engine import engine_config
+from cogless.study import TrialStudy
+from cogless.trial_engine import engine_config as trial_config
 
 HERE = Path(__file__).parent
 BUILD = HERE.parent / "build"
@@ -126,7 +129,8 @@ def run_cogless(config: dict[str, Any], ticks: int, decimation: int) -> tuple[fl
     start = time.process_time()
     drive.advance(state, recorder, ticks)
     elapsed = time.process_time() - start
-    return elapsed / ticks * 1e9, {name: recorder.take()[:, n] for n, (name, _) in enumerate(drive.signals)}
+    rows = recorder.take()
+    return elapsed / ticks * 1e9, {name: rows[:, n] for n, (name, _) in enumerate(drive.signals)}
 
 
 def outcome(ns_per_tick: float, trace: dict[str, Signal]) -> Outcome:
@@ -354,17 +358,43 @@ def user() -> None:
     imported = statistics.median(usage("-c", "import cogless").cpu for _ in range(3)) - bare
     report("import cogless (less Python's own start)", f"{imported:.2f} s", "< 0.5", imported < 0.5)
     with tempfile.TemporaryDirectory() as folder:
-        command = ("-c", "from cogless.cli import main; main()", "run", STUDY, "-o", Path(folder) / "out")
+        cli = ("-c", "from cogless.cli import main; main()")
+        command = (*cli, "run", STUDY, "-o", Path(folder) / "out")
         seconds = statistics.median(usage(*command).cpu for _ in range(3))
         report("10 s study, three controllers, with report", f"{seconds:.2f} s", "< 3", seconds < 3)
         long = ("--set", "scenario.low-speed.duration=600 s", "--only", "low-speed/pi-ilc")
         memory = usage(*command, *long).memory
         report("10 minute run, trace decimated to 1 kHz", f"{memory:.0f} MB", "< 500", memory < 500)
+        seconds = statistics.median(usage(*cli, "design", "mandra2019").cpu for _ in range(3))
+        report("design of trials by LMI, with certificate", f"{seconds:.2f} s", "< 2", seconds < 2)
+        trials = (*cli, "run", "mandra2019", "-o", Path(folder) / "trials")
+        seconds = statistics.median(usage(*trials).cpu for _ in range(3))
+        report("500 trials of four structures, with report", f"{seconds:.2f} s", "< 10", seconds < 10)
+
+
+def trials() -> None:
+    heading("Trials: 500 of 1000 samples, 20 current-loop periods each, ideal current loop, resolver")
+    study = cogless.load("mandra2019")
+    assert isinstance(study, TrialStudy)
+    design = design_study(study, [("table-1", "ilc")])["table-1", "ilc"]
+    drive = native.Drive(trial_config(study, "table-1", "ilc", design))
+    ticks = 500 * 1000 * 20
+
+    def one() -> float:
+        state, recorder = drive.start(), native.Recorder(drive, 20, ticks // 20)
+        begun = time.process_time()
+        drive.advance(state, recorder, ticks)
+        return time.process_time() - begun
+
+    seconds = statistics.median(one() for _ in range(3))
+    report("one structure", f"{seconds:.2f} s", "< 2", seconds < 2)
+    report("    a tick", f"{1e9 * seconds / ticks:.0f} ns")
 
 
 def main() -> None:
     print("CPU time, one process, one core, medians. Lower is better except where a bar says otherwise.")
     engine()
+    trials()
     competitors()
     user()
     print("\n" + ("missed: " + ", ".join(missed) if missed else "every bar passed"))

@@ -2,16 +2,17 @@
 
 `study-table`: the keys of one table of a study, from its model. The meaning of each key stands in the
 directive; key, type or unit, and default come from the model. A key without a meaning, a meaning without a
-key and a model without a directive are warnings, which `make docs` takes for errors.
+key and a model without a directive are warnings, which `make docs` takes for errors. Both kinds of study
+count, those of speed and those of trials; a table of both needs one directive.
 
     ```{study-table} drive.Rates
     :at: drive.rates
     current_loop: how often the current loop runs
     ```
 
-`command`: arguments and options of a command. `metric-signals`: every signal with its unit.
-`learning-factor`: what docs/learning_factor.py prints. On the page guide/metrics, each kind of metric must
-have a heading, and no others.
+`command`: arguments and options of a command. `metric-signals`, `trial-signals`: every signal with its unit.
+`learning-factor`: what docs/learning_factor.py prints. On the pages guide/metrics and guide/trial-studies,
+each kind of metric must have a heading, and no others.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from sphinx.util import logging
 
 from cogless.study.study import Study
 from cogless.study.table import Quantity, Table
+from cogless.study.trial_study import TrialStudy
 
 log = logging.getLogger(__name__)
 
@@ -97,8 +99,13 @@ def kind(annotation: Any, metadata: list[Any] = ()) -> str:  # type: ignore[assi
     return plain + bounds(list(metadata))
 
 
+def full_name(model: type[Table]) -> str:
+    """As a study-table names it; two rooms may each have a table of the same name."""
+    return f"{model.__module__.removeprefix('cogless.study.')}.{model.__name__}"
+
+
 def anchor(model: type[Table]) -> str:
-    return f"study-{model.__name__.lower()}"
+    return f"study-{full_name(model).lower().replace('.', '-').replace('_', '-')}"
 
 
 def default(field: FieldInfo) -> str:
@@ -153,7 +160,7 @@ class StudyTable(Parsed):
         for key in model.model_fields.keys() - meanings.keys():
             log.warning("%s: the key %s has no meaning here", here, key)
         env = self.state.document.settings.env
-        env.cogless_documented = getattr(env, "cogless_documented", set()) | {model.__name__}
+        env.cogless_documented = getattr(env, "cogless_documented", set()) | {full_name(model)}
         lines = [f"({anchor(model)})=", ""]
         if "at" in self.options:
             lines += [f"In `{self.options['at']}`:", ""]
@@ -225,23 +232,48 @@ class MetricSignals(Parsed):
         return self.parse(lines)
 
 
+class TrialSignals(Parsed):
+    def run(self) -> list[nodes.Node]:
+        from cogless.study.trial_metric import DRIVE_SIGNALS, ONLY_REAL, linear_signals
+        from cogless.trace import DERIVED
+
+        by_unit: dict[str, list[str]] = {}
+        for name, dimension in DRIVE_SIGNALS.items():
+            mark = f"`{name}`" + ("\\*" if name in DERIVED else "") + ("†" if name in ONLY_REAL else "")
+            by_unit.setdefault(dimension.unit or "bits", []).append(mark)
+        lines = ["| of a drive, unit | signals |", "| --- | --- |"]
+        lines += [f"| {unit.replace('*', '·')} | {', '.join(names)} |" for unit, names in by_unit.items()]
+        plain = [f"`{name}`" + ("\\*" if name in DERIVED else "") for name in linear_signals(0)]
+        lines += ["", "| of a linear plant |", "| --- |", f"| {', '.join(plain)}, `x_1`, `x_2`, ... |"]
+        return self.parse(lines)
+
+
 def check(app: Any, env: Any) -> None:
     """Every model and every kind of metric has its place, and nothing else has."""
-    from cogless.metrics import KINDS
+    from cogless import metrics, trial_metrics
 
-    wanted = {model.__name__ for model in models_of(Study)}
+    wanted = {full_name(model) for kind in (Study, TrialStudy) for model in models_of(kind)}
     for name in sorted(wanted - getattr(env, "cogless_documented", set())):
-        log.warning("guide/study-file: no study-table for the model %s", name)
-    text = (env.srcdir / "guide" / "metrics.md").read_text(encoding="utf-8")
-    headings = set(re.findall(r"^### `([a-z-]+)`$", text, re.MULTILINE))
-    for name in sorted(set(KINDS) ^ headings):
-        log.warning("guide/metrics: %s is %s", name, "not told" if name in KINDS else "no kind of metric")
+        log.warning("guide: no study-table for the model %s", name)
+    for page, kinds in (("metrics", metrics.KINDS), ("trial-studies", trial_metrics.KINDS)):
+        text = (env.srcdir / "guide" / f"{page}.md").read_text(encoding="utf-8")
+        headings = set(re.findall(r"^### `([a-z-]+)`$", text, re.MULTILINE))
+        for name in sorted(set(kinds) ^ headings):
+            log.warning(
+                "guide/%s: %s is %s", page, name, "not told" if name in kinds else "no kind of metric"
+            )
 
 
 def forget(app: Any, env: Any, added: set[str], changed: set[str], removed: set[str]) -> list[str]:
     """These pages follow the code, which Sphinx does not watch."""
     env.cogless_documented = set()
-    pages = ("guide/study-file", "guide/command-line", "guide/metrics", "theory/learning")
+    pages = (
+        "guide/study-file",
+        "guide/trial-studies",
+        "guide/command-line",
+        "guide/metrics",
+        "theory/learning",
+    )
     return [page for page in pages if page in env.found_docs]
 
 
@@ -249,6 +281,7 @@ def setup(app: Any) -> dict[str, Any]:
     app.add_directive("study-table", StudyTable)
     app.add_directive("command", Command)
     app.add_directive("metric-signals", MetricSignals)
+    app.add_directive("trial-signals", TrialSignals)
     app.add_directive("learning-factor", LearningFactor)
     app.connect("env-get-outdated", forget)
     app.connect("env-check-consistency", check)
