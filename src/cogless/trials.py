@@ -1,0 +1,68 @@
+"""Run a study of trials on the native engine: one controller in one scenario."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from functools import partial
+from importlib import import_module
+from threading import Event
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cogless.advance import ENGINES, Progress, advance, failures, trace_of
+from cogless.design.from_study import design_study
+from cogless.errors import StudyError
+from cogless.metrics import Value, result_name
+from cogless.results import Run
+from cogless.study import TrialStudy
+from cogless.trial_engine import engine_config
+from cogless.trial_metrics import evaluate
+
+if TYPE_CHECKING:
+    from cogless.design.trial import TrialDesign
+    from cogless.simulate import Runner
+
+
+def runner(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Runner:
+    """What runs a controller of this study in a scenario, with all the controllers of these runs designed."""
+    return partial(_run, study, design_study(study, runs))
+
+
+def _run(
+    study: TrialStudy,
+    designs: Mapping[tuple[str, str], TrialDesign],
+    scenario: str,
+    controller: str,
+    progress: Progress,
+    stop: Event,
+) -> Run:
+    engine = import_module(ENGINES["double" if study.drive is None else study.drive.precision])
+    design = designs[scenario, controller]
+    config = engine_config(study, scenario, controller, design)
+    try:
+        drive = engine.LinearTrials(config) if study.plant is not None else engine.Drive(config)
+    except (ValueError, RuntimeError) as error:
+        where = f"controller.{controller}: scenario {scenario}"
+        raise StudyError(f"{study.source.path}: {where}: {error}") from error
+    state = drive.start()
+    samples = study.samples(scenario) * study.scenario[scenario].trials
+    divider = 1 if study.drive is None else study.drive.rates.divider
+    decimation = divider if study.trace.rate is None else round(divider / (study.trace.rate * study.period))
+    recorder = engine.Recorder(drive, decimation, samples * divider // decimation)
+
+    def when() -> str:
+        return f" in trial {state.tick // (divider * study.samples(scenario)) + 1}"
+
+    with failures(study, scenario, controller, when):
+        advance(drive, state, recorder, samples * divider, progress, stop)
+    trace = trace_of(drive, recorder)
+    memory = {key: np.asarray(value) for key, value in dict(drive.memory(state)).items()}
+    here = study.scenario[scenario]
+    # on the samples of the trial, whatever rows there are between
+    sampled = dataclasses.replace(trace, data=trace.data[:: divider // decimation])
+    metrics: dict[str, Value] = {
+        result_name(m): evaluate(m, sampled, here.trials, here.starts) for m in study.metrics_in(scenario)
+    }
+    return Run(scenario, controller, trace, memory, metrics, design)
