@@ -32,7 +32,7 @@ class CFoc:
         return self.out
 
 
-def random_foc(rng, real) -> Foc:
+def random_foc(rng, real, phases: int = 3) -> Foc:
     def draw(*ranges):
         return rounded([rng.uniform(*r) for r in ranges], real)
 
@@ -40,10 +40,10 @@ def random_foc(rng, real) -> Foc:
     ts, limit, advance, L_d, L_q, psi_f = draw(
         (5e-5, 1e-4), (1, 5), (0, 2), (1e-3, 3e-2), (1e-3, 3e-2), (0.01, 0.1)
     )
-    return Foc(kp_d, ki_d, kp_q, ki_q, ts, limit, advance, bool(rng.integers(2)), L_d, L_q, psi_f)
+    return Foc(kp_d, ki_d, kp_q, ki_q, ts, limit, advance, bool(rng.integers(2)), L_d, L_q, psi_f, phases)
 
 
-def random_inputs(rng, real, u_dc):
+def random_inputs(rng, real, u_dc, phases=3):
     """Currents that follow a random reference half-way, so that some steps saturate and some do not."""
     theta = rng.uniform(0, 6)
     omega, i_ref, i = 100.0, 0j, 0j
@@ -52,7 +52,10 @@ def random_inputs(rng, real, u_dc):
             omega, i_ref = rng.uniform(-600, 600), complex(*rng.normal(0, 2, 2))
         theta = (theta + omega * 7e-5) % (2 * math.pi)
         i += 0.05 * (i_ref - i) + 0.03 * complex(*rng.normal(0, 1, 2))
-        wave = i * cmath.exp(1j * theta) * np.exp(-2j * np.pi / 3 * np.arange(3))
+        apart = 2 * np.pi / 3 if phases == 3 else np.pi / 2
+        wave = i * cmath.exp(1j * theta) * np.exp(-1j * apart * np.arange(3))
+        if phases == 2:
+            wave[2] = np.nan  # is not measured
         yield (
             [*rounded(wave.real, real)],
             *rounded([theta, omega, u_dc], real),
@@ -61,18 +64,19 @@ def random_inputs(rng, real, u_dc):
 
 
 @pytest.mark.parametrize("precision", ["double", "float"])
+@pytest.mark.parametrize("phases", [3, 2])
 @pytest.mark.parametrize("seed", range(5))
-def test_equals_the_reference(precision, seed):
+def test_equals_the_reference(precision, phases, seed):
     """In single, the integrals walk at random as in the PI (see there); back calculation pulls the walk
     back. The voltage is scaled by kp times currents and the speed voltage."""
     rng = np.random.default_rng(seed)
     library = control_library(precision)
-    reference = random_foc(rng, library.real)
+    reference = random_foc(rng, library.real, phases)
     law = CFoc(library, reference)
     u_dc = rng.uniform(10, 60)
     scale = u_dc + (reference.kp_d + reference.kp_q + 600 * (reference.L_d + reference.L_q)) * 5
     saturated = 0
-    for n, inputs in enumerate(random_inputs(rng, library.real, u_dc)):
+    for n, inputs in enumerate(random_inputs(rng, library.real, u_dc, phases)):
         bound = 1e-12 if precision == "double" else library.eps * (8 + 2 * math.sqrt(n))
         got, expected = law.step(*inputs), reference.step(*inputs)
         assert abs(complex(got.i_d, got.i_q) - expected.i_dq) <= bound * 10
@@ -116,6 +120,33 @@ def test_a_reference_of_any_size_is_shortened_to_the_limit(precision, i_ref):
     law = CFoc(library, Foc(2.0, 0.0, 2.0, 0.0, 1e-4, 5.0, 0.0, False, 0.0, 0.0, 0.0))
     out = law.step([0.0, 0.0, 0.0], 0.0, 0.0, 1000.0, i_ref)
     assert abs(complex(out.u_d, out.u_q) - 10.0 * i_ref / abs(i_ref)) < 30 * library.eps
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+def test_two_phases_reach_the_whole_bus_in_any_direction(precision):
+    """Each H-bridge gives u_dc (2 duty - 1): a vector as long as the bus, no longer."""
+    library = control_library(precision)
+    law = CFoc(library, Foc(1.0, 0.0, 1.0, 0.0, 1e-4, 1000.0, 0.0, False, 0.0, 0.0, 0.0, phases=2))
+    for theta in np.linspace(0, 6.2, 50).astype(library.real).astype(float):
+        out = law.step([0.0, 0.0, math.nan], float(theta), 0.0, 24.0, 30 + 40j)
+        u = complex(*(24.0 * (2 * out.duty[x] - 1) for x in range(2)))
+        assert abs(u - 24.0 * (0.6 + 0.8j) * cmath.exp(1j * theta)) < 24 * 20 * library.eps
+        assert out.duty[2] == 0.5
+        assert out.status == library.lib.CGL_STATUS_SATURATED
+    assert law.step([0.0, math.nan, 0.0], 0.0, 0.0, 24.0, 1j).status == library.lib.CGL_STATUS_FAULT
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+def test_no_phases_given_means_three(precision):
+    """A config from before there were two."""
+    library = control_library(precision)
+    rng = np.random.default_rng(11)
+    first = random_foc(rng, library.real)
+    a, b = CFoc(library, first), CFoc(library, first)
+    b.config.phases = 0
+    for inputs in random_inputs(rng, library.real, 30.0):
+        one, other = a.step(*inputs), b.step(*inputs)
+        assert list(one.duty) == list(other.duty)
 
 
 @pytest.mark.parametrize("precision", ["float", "double"])

@@ -32,8 +32,9 @@ BAD_MEMORY = {
     "ts": POSITIVE,
 }
 FOC = {"kp_d": 1.0, "ki_d": 1.0, "kp_q": 1.0, "ki_q": 1.0, "ts": 1e-4, "current_limit": 5.0, "advance": 1.5,
-       "decoupling": True, "L_d": 1e-3, "L_q": 1e-3, "psi_f": 0.01}  # fmt: skip
+       "decoupling": True, "L_d": 1e-3, "L_q": 1e-3, "psi_f": 0.01, "phases": 2}  # fmt: skip
 BAD_FOC = {k: NOT_NEGATIVE for k in FOC if k != "decoupling"} | {"ts": POSITIVE, "current_limit": POSITIVE}
+BAD_FOC["phases"] = [1, 4, 0xFFFFFFFF]
 ROBUST = {"b": 400.0, "c": 5.0, "g": 50.0, "eta": 180.0, "q": 0.1, "beta_1": 0.1, "beta_2": 0.1, "gamma": 3.0,
           "viscous": 0.0, "coulomb": 0.0, "ts": 1e-3, "limit": 2.0}  # fmt: skip
 BAD_ROBUST = {k: NOT_NEGATIVE for k in ROBUST} | {"b": POSITIVE, "ts": POSITIVE, "limit": POSITIVE}
@@ -75,6 +76,46 @@ BAD_TRIAL = {
     "limit": POSITIVE,
     "learned_limit": POSITIVE,
 }
+SPACE_MEMORY = {"kind": 1, "channels": 2, "cells": 12, "turns": 2, "parts": 3, "q_half_width": 3,
+                "limit": [1.0, 0.1], "method": 0, "k_pp": 10.0, "ts": 1e-3}  # fmt: skip
+BAD_SPACE_MEMORY = {
+    "kind": [2, 0xFFFFFFFF],
+    "channels": [0, 4, 0xFFFFFFFF],
+    "cells": [0, 3, 6, 65536, 0xFFFFFFFF],
+    "turns": [0, 65536, 0xFFFFFFFF],
+    "parts": [0, 65536, 0xFFFFFFFF],
+    "q_half_width": [6, 32768, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF],
+    "limit": [[x, 0.1] for x in POSITIVE] + [[1.0, x] for x in POSITIVE],
+    "method": [2, 0xFFFFFFFF],
+    "k_pp": [1000.0, *POSITIVE],
+    "ts": POSITIVE,
+}
+SPACE_GAINS = {"k_theta": 5.0, "k_omega": 5.0, "k_v": 0.0, "v_0": 0.0, "v_2": 0.0, "k_i": 50.0,
+               "mu_alpha": 250.0, "mu_beta": 0.1, "mu_h": 0.1, "ramp": 1.0}  # fmt: skip
+SPACE_POSITION = SPACE_GAINS | {
+    "ratio": 50,
+    "hand_over": True,
+    "omega_min": 0.1,
+    "index": 0,
+    "ts": 1e-4,
+    "limit": 15.0,
+}
+BAD_SPACE_POSITION = {k: NOT_NEGATIVE for k in SPACE_GAINS} | {
+    "ratio": [0, 65536, 0xFFFFFFFF],
+    "omega_min": POSITIVE,
+    "index": [2, 0xFFFFFFFF],
+    "ts": POSITIVE,
+    "limit": POSITIVE,
+}
+SPACE_SPEED = {"k": 5.0, "mu_alpha": 1.0, "mu_beta": 1.0, "mu_h": 1.0, "eta_bar": 0.1, "omega_min": 0.1,
+               "limit": 15.0, "ratio": 1}  # fmt: skip
+BAD_SPACE_SPEED = {k: NOT_NEGATIVE for k in SPACE_SPEED}
+BAD_SPACE_SPEED |= {
+    "eta_bar": POSITIVE,
+    "omega_min": POSITIVE,
+    "limit": POSITIVE,
+    "ratio": [0, 65536, 0xFFFFFFFF],
+}
 
 
 def cases(good: dict[str, Any], bad: dict[str, list[Any]]):
@@ -96,6 +137,17 @@ CONFIGS = {
         [c | {"memory": MEMORY} for c in cases(ROBUST, BAD_ROBUST)]
         + [ROBUST | {"memory": m} for m in cases(MEMORY, BAD_MEMORY)],
     ),
+    "space_memory": (SPACE_MEMORY, cases(SPACE_MEMORY, BAD_SPACE_MEMORY)),
+    "space_position": (
+        SPACE_POSITION | {"memory": SPACE_MEMORY},
+        [c | {"memory": SPACE_MEMORY} for c in cases(SPACE_POSITION, BAD_SPACE_POSITION)]
+        + [SPACE_POSITION | {"memory": m} for m in cases(SPACE_MEMORY, BAD_SPACE_MEMORY)],
+    ),
+    "space_speed": (
+        SPACE_SPEED | {"memory": SPACE_MEMORY},
+        [c | {"memory": SPACE_MEMORY} for c in cases(SPACE_SPEED, BAD_SPACE_SPEED)]
+        + [SPACE_SPEED | {"memory": m} for m in cases(SPACE_MEMORY, BAD_SPACE_MEMORY)],
+    ),
     "anti_cogging": (
         ANTI_COGGING | {"pi": PI},
         [c | {"pi": PI} for c in cases(ANTI_COGGING, BAD_ANTI_COGGING)]
@@ -112,7 +164,8 @@ CONFIGS = {
 # pointers, which a table of values cannot give
 ELSEWHERE = {"trial": {"learning_matrix"}}
 # entries that the good config needs
-WITH_MEMORY = {"memory": 68, "pi_ilc": 68, "robust_ilc": 68, "anti_cogging": 64, "trial": 46}
+WITH_MEMORY = {"memory": 68, "pi_ilc": 68, "robust_ilc": 68, "anti_cogging": 64, "trial": 46,
+               "space_memory": 48, "space_position": 48, "space_speed": 48}  # fmt: skip
 
 
 def init(library: ControlLibrary, law: str, config: dict[str, Any], pointer=None, length=100) -> int:
@@ -149,6 +202,22 @@ def test_the_test_knows_every_field(law):
     library = control_library("double")
     fields = {name for name, _ in library.ffi.typeof(f"cgl_{law}_config").fields}
     assert fields == set(CONFIGS[law][0]) | ELSEWHERE.get(law, set())
+
+
+@pytest.mark.parametrize("kind", [0, 1])
+def test_a_map_needs_no_room_for_the_angle_and_no_gain_for_p_t(kind):
+    library = control_library("double")
+    config = SPACE_MEMORY | {"kind": kind, "k_pp": 0.0}
+    expected = library.lib.CGL_OK if kind == 0 else library.lib.CGL_ERROR_CONFIG
+    assert init(library, "space_memory", config, length=32) == expected
+    assert init(library, "space_memory", config | {"k_pp": 1.0}, length=32 + 16 * kind) == library.lib.CGL_OK
+
+
+def test_space_memory_refuses_sums_that_overflow():
+    library = control_library("float")
+    assert (
+        init(library, "space_memory", SPACE_MEMORY | {"limit": [1e38, 0.1]}) == library.lib.CGL_ERROR_CONFIG
+    )
 
 
 def test_robust_ilc_refuses_an_acceleration_that_overflows():

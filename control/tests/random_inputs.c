@@ -12,6 +12,8 @@
 #include "cogless/pi_ilc.h"
 #include "cogless/polynomial.h"
 #include "cogless/robust_ilc.h"
+#include "cogless/space_position.h"
+#include "cogless/space_speed.h"
 #include "cogless/speed_pi.h"
 #include "cogless/trial.h"
 
@@ -20,7 +22,7 @@
 #define CANARY CGL_R(123.456)
 #define STEPS_PER_CONFIG 300
 
-static cgl_real fenced[CGL_MEMORY_LENGTH(CELLS_MAX, CELLS_MAX / 2U) + 2U * GUARD];
+static cgl_real fenced[4U * CGL_MEMORY_LENGTH(CELLS_MAX, CELLS_MAX / 2U) + 2U * GUARD];
 
 /* The caller's memory, between two fences. */
 static cgl_real *fence(uint32_t length)
@@ -156,6 +158,7 @@ static void try_foc(void)
         config.L_d = random_gain(CGL_R(1.0e-2));
         config.L_q = random_gain(CGL_R(1.0e-2));
         config.psi_f = random_gain(CGL_R(0.1));
+        config.phases = random_below(2) ? 3U : 2U * random_below(2);
     } while (cgl_foc_init(&config, &foc) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         const cgl_foc_input in = {{random_real(CGL_R(5.0)), random_real(CGL_R(5.0)), random_real(CGL_R(5.0))},
@@ -176,7 +179,8 @@ static void try_foc(void)
             CHECK(!(foc.integral_q < before.integral_q) && !(foc.integral_q > before.integral_q));
         } else { /* the voltage is one that the bus has */
             const cgl_real u_d = out.u_d / in.u_dc, u_q = out.u_q / in.u_dc;
-            CHECK(u_d * u_d + u_q * u_q <= CGL_R(0.33334) || in.u_dc < CGL_R(1.0e-30));
+            const cgl_real longest = config.phases == 2U ? CGL_R(1.00001) : CGL_R(0.33334);
+            CHECK(u_d * u_d + u_q * u_q <= longest || in.u_dc < CGL_R(1.0e-30));
         }
     }
 }
@@ -324,6 +328,205 @@ static void try_anti_cogging(void)
     }
     check_cells(config.cells, config.pi.limit);
     check_fence(config.cells);
+}
+
+/* ---- learning in space ---- */
+
+static cgl_space_memory_config random_space_memory(void)
+{
+    cgl_space_memory_config config;
+    config.kind = random_below(2) ? CGL_SPACE_MAP : CGL_SPACE_DELAY;
+    config.channels = 1U + random_below(CGL_SPACE_CHANNELS);
+    config.cells = 4U + random_below(CELLS_MAX - 3U);
+    config.turns = 1U + (random_below(4) ? random_below(4) : random_below(65535));
+    config.parts = 1U + (random_below(4) ? random_below(4) : random_below(65535));
+    config.q_half_width = random_below(2) ? 0U : random_below((config.cells + 1U) / 2U);
+    for (uint32_t c = 0; c < CGL_SPACE_CHANNELS; ++c) {
+        config.limit[c] = c < config.channels ? random_gain(CGL_R(5.0)) : random_real(CGL_R(5.0));
+    }
+    config.method = random_below(2) ? CGL_DELAY_ODE : CGL_DELAY_INVERSION;
+    config.k_pp = random_gain(CGL_R(50.0));
+    config.ts = random_gain(CGL_R(1.0e-3));
+    return config;
+}
+
+static uint32_t space_length(const cgl_space_memory_config *config)
+{
+    return CGL_SPACE_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width);
+}
+
+/* Entries may round: a straight line between two of them, a mean of many. */
+static cgl_real rounded_limit(cgl_real limit)
+{
+    return limit * CGL_R(1.0001) + CGL_R(1.0e-37);
+}
+
+/* What the memory holds, against its config and against what a step said of itself. */
+static void check_space_memory(const cgl_space_memory_config *config, const cgl_space_memory *memory)
+{
+    const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
+    const uint32_t rings = config->kind == CGL_SPACE_DELAY ? 1U : 0U;
+    for (uint32_t c = 0; c < config->channels; ++c) {
+        for (uint32_t n = 0; n < length; ++n) {
+            CHECK(within(memory->cell[(c + rings) * length + n], rounded_limit(config->limit[c])));
+        }
+        CHECK(within(memory->value[c], rounded_limit(config->limit[c])));
+    }
+    for (uint32_t n = 0; n < rings * length; ++n) {
+        CHECK(memory->cell[n] >= CGL_R(0.0) && memory->cell[n] < CGL_R(1.0));
+    }
+    CHECK(memory->known <= length && memory->at < length && memory->newest < length);
+    CHECK(memory->p_t >= CGL_R(0.0) && memory->p_t <= (cgl_real)(length + 1U) * config->ts);
+    check_fence(space_length(config));
+}
+
+/* Any, or a rotor that follows a reference which mostly rises. */
+static void next_position_input(cgl_position_input *in, int step)
+{
+    static cgl_real theta, omega;
+    if (step == 0 || random_below(60) == 0U) {
+        omega = random_below(4) ? (cgl_real)random_below(300) : -(cgl_real)random_below(300);
+    }
+    theta += CGL_R(1.0e-3) * omega;
+    theta = theta > CGL_R(1.0e3) || theta < CGL_R(-1.0e3) ? CGL_R(0.0) : theta;
+    const bool any = random_below(8) == 0U;
+    in->theta_ref = any ? random_real(CGL_R(10.0)) : theta;
+    in->omega_ref = any ? random_real(CGL_R(100.0)) : omega;
+    in->alpha_ref = any ? random_real(CGL_R(100.0)) : CGL_R(1.0);
+    in->theta_m = any ? random_real(CGL_R(10.0)) : theta + CGL_R(0.01);
+    in->omega_m = any ? random_real(CGL_R(100.0)) : omega + (cgl_real)random_below(3) - CGL_R(1.0);
+    in->learn = random_below(8) != 0U;
+}
+
+/* A map that is frozen stays: only cells that wait for the filter go in. */
+static void check_frozen_map(const cgl_space_memory_config *config, const cgl_space_memory *before,
+                             const cgl_real *cells_before)
+{
+    if (config->kind == CGL_SPACE_MAP && before->known == 0U) {
+        CHECK(memcmp(cells_before, fenced + GUARD, space_length(config) * sizeof cells_before[0]) == 0);
+    }
+}
+
+static void check_space_status(unsigned status, bool learn)
+{
+    const bool frozen = (status & (unsigned)CGL_STATUS_FROZEN) != 0U;
+    CHECK(learn || frozen);
+    CHECK(frozen || (status & (unsigned)CGL_STATUS_FAULT) == 0U);
+}
+
+static void try_space_memory(void)
+{
+    cgl_space_memory_config config;
+    cgl_space_memory memory;
+    do {
+        config = random_space_memory();
+    } while (cgl_space_memory_init(&config, &memory, fence(space_length(&config)), space_length(&config)) != CGL_OK);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        cgl_position_input in;
+        next_position_input(&in, step);
+        cgl_real value[CGL_SPACE_CHANNELS];
+        for (int times = random_below(8) ? 1 : (int)random_below(4); times > 0; --times) { /* in any order */
+            const bool learns = cgl_space_memory_recall(&config, &memory, in.theta_ref, random_below(8) != 0U, in.learn,
+                                                        value);
+            CHECK(in.learn || !learns);
+            for (uint32_t c = 0; c < config.channels; ++c) {
+                CHECK(within(value[c], rounded_limit(config.limit[c])));
+            }
+        }
+        for (uint32_t c = 0; c < config.channels; ++c) {
+            value[c] = random_real(config.limit[c]);
+        }
+        for (int times = random_below(8) ? 1 : (int)random_below(4); times > 0; --times) {
+            cgl_space_memory_update(&config, &memory, value, in.learn);
+        }
+        if (random_below(1000) == 0U) {
+            cgl_space_memory_reset(&config, &memory);
+        }
+    }
+    check_space_memory(&config, &memory);
+}
+
+static void try_space_position(void)
+{
+    static cgl_real before[4U * CGL_MEMORY_LENGTH(CELLS_MAX, CELLS_MAX / 2U)];
+    cgl_space_position_config config;
+    cgl_space_position law;
+    uint32_t length;
+    do {
+        config.ratio = random_below(8) ? 1U + random_below(50) : 1U + random_below(65535);
+        config.k_theta = random_gain(CGL_R(5.0));
+        config.k_omega = random_gain(CGL_R(5.0));
+        config.k_v = random_gain(CGL_R(1.0));
+        config.v_0 = random_gain(CGL_R(1.0));
+        config.v_2 = random_gain(CGL_R(1.0));
+        config.k_i = random_gain(CGL_R(50.0));
+        config.mu_alpha = random_gain(CGL_R(250.0));
+        config.mu_beta = random_gain(CGL_R(0.1));
+        config.mu_h = random_gain(CGL_R(0.1));
+        config.hand_over = random_below(2) != 0U;
+        config.ramp = random_gain(CGL_R(0.1));
+        config.omega_min = random_gain(CGL_R(1.0));
+        config.index = random_below(2) ? CGL_SPACE_BY_REFERENCE : CGL_SPACE_BY_ROTOR;
+        config.ts = random_gain(CGL_R(1.0e-3));
+        config.limit = random_gain(CGL_R(500.0));
+        config.memory = random_space_memory();
+        length = space_length(&config.memory);
+    } while (cgl_space_position_init(&config, &law, fence(length), length) != CGL_OK);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        cgl_position_input in;
+        cgl_speed_output out;
+        next_position_input(&in, step);
+        memcpy(before, fenced + GUARD, length * sizeof before[0]);
+        const cgl_space_position old = law;
+        cgl_space_position_step(&config, &law, &in, &out);
+        check_space_status(out.status, in.learn);
+        if ((out.status & (unsigned)CGL_STATUS_FROZEN) != 0U) {
+            check_frozen_map(&config.memory, &old.memory, before);
+        }
+        CHECK(within(out.i_q_ref, config.limit));
+        CHECK(within(law.integral, config.limit));
+        if (random_below(1000) == 0U) {
+            cgl_space_position_reset(&config, &law);
+        }
+    }
+    check_space_memory(&config.memory, &law.memory);
+}
+
+static void try_space_speed(void)
+{
+    static cgl_real before[4U * CGL_MEMORY_LENGTH(CELLS_MAX, CELLS_MAX / 2U)];
+    cgl_space_speed_config config;
+    cgl_space_speed law;
+    uint32_t length;
+    do {
+        config.k = random_gain(CGL_R(5.0));
+        config.mu_alpha = random_gain(CGL_R(250.0));
+        config.mu_beta = random_gain(CGL_R(0.1));
+        config.mu_h = random_gain(CGL_R(0.1));
+        config.eta_bar = random_gain(CGL_R(3.0));
+        config.omega_min = random_gain(CGL_R(1.0));
+        config.limit = random_gain(CGL_R(500.0));
+        config.ratio = random_below(8) ? 1U + random_below(50) : 1U + random_below(65535);
+        config.memory = random_space_memory();
+        length = space_length(&config.memory);
+    } while (cgl_space_speed_init(&config, &law, fence(length), length) != CGL_OK);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        cgl_position_input in;
+        cgl_speed_output out;
+        next_position_input(&in, step);
+        memcpy(before, fenced + GUARD, length * sizeof before[0]);
+        const cgl_space_speed old = law;
+        cgl_space_speed_step(&config, &law, &in, &out);
+        check_space_status(out.status, in.learn);
+        if ((out.status & (unsigned)CGL_STATUS_FROZEN) != 0U) {
+            check_frozen_map(&config.memory, &old.memory, before);
+        }
+        CHECK(within(out.i_q_ref, config.limit));
+        if (random_below(1000) == 0U) {
+            cgl_space_speed_reset(&config, &law);
+        }
+    }
+    check_space_memory(&config.memory, &law.memory);
 }
 
 /* ---- learning from trial to trial ---- */
@@ -507,6 +710,14 @@ static void try_any_config(void)
         CHECK(CGL_MEMORY_LENGTH(memory.cells, memory.q_half_width) <= length);
     }
     check_fence(length);
+    cgl_space_memory_config space = random_space_memory();
+    *(random_below(2) ? &space.cells : &space.q_half_width) = random_bits() >> random_below(32);
+    *(random_below(2) ? &space.channels : &space.parts) = random_bits() >> random_below(32);
+    cgl_space_memory in_space;
+    if (cgl_space_memory_init(&space, &in_space, fence(length), length) == CGL_OK) {
+        CHECK(space_length(&space) <= length);
+    }
+    check_fence(length);
     const cgl_anti_cogging_config table = {random_pi(), random_bits() >> random_below(32), random_real(CGL_R(1.0)),
                                            random_bits() >> random_below(32), random_real(CGL_R(1.0)),
                                            random_real(CGL_R(1.0))};
@@ -538,6 +749,9 @@ void random_inputs(long configs)
         try_memory();
         try_pi_ilc();
         try_robust_ilc();
+        try_space_memory();
+        try_space_position();
+        try_space_speed();
         try_anti_cogging();
         try_zero_phase();
         try_trial();

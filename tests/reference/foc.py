@@ -36,23 +36,25 @@ class Foc:
     L_d: float
     L_q: float
     psi_f: float
+    phases: int = 3
     integral: complex = 0j
 
     def step(
         self, i_abc: np.ndarray, theta_e: float, omega_e: float, u_dc: float, i_ref: complex
     ) -> FocOutput:
         acting = theta_e + self.advance * self.ts * omega_e
-        measured = [*i_abc, theta_e, omega_e, u_dc]
+        measured = [*i_abc[: self.phases], theta_e, omega_e, u_dc]
         if not (all(map(math.isfinite, measured)) and is_angle(theta_e) and is_angle(acting) and u_dc > 0):
             return FocOutput(np.full(3, 0.5), fault=True)
-        i = park(clarke(i_abc), theta_e)
+        i_stator = clarke(i_abc) if self.phases == 3 else complex(*i_abc[:2])
+        i = park(i_stator, theta_e)
         error = (
             shortened(complex(finite_or_zero(i_ref.real), finite_or_zero(i_ref.imag)), self.current_limit) - i
         )
         wanted = complex(self.kp_d * error.real, self.kp_q * error.imag) + self.integral
         if self.decoupling:  # the speed voltages of liu2018 (1): j omega_e lambda, lambda = L i + psi_f
             wanted += 1j * omega_e * complex(self.L_d * i.real + self.psi_f, self.L_q * i.imag)
-        u_max = u_dc / math.sqrt(3)
+        u_max = u_dc / math.sqrt(3) if self.phases == 3 else u_dc
         u = shortened(wanted, u_max)
 
         # back calculation: the integral sees the error that the realised voltage would have needed
@@ -63,4 +65,9 @@ class Foc:
             clip(self.integral.real + self.ki_d * self.ts * seen_d, u_max),
             clip(self.integral.imag + self.ki_q * self.ts * seen_q, u_max),
         )
-        return FocOutput(modulate(park_inverse(u, acting), u_dc), i, u, saturated=abs(wanted) > u_max)
+        u_stator = park_inverse(u, acting)
+        if self.phases == 3:
+            duty = modulate(u_stator, u_dc)
+        else:  # two H-bridges: mean voltage u_dc (2 duty - 1)
+            duty = np.array([np.clip((1 + x / u_dc) / 2, 0, 1) for x in (u_stator.real, u_stator.imag, 0.0)])
+        return FocOutput(duty, i, u, saturated=abs(wanted) > u_max)

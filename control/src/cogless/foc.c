@@ -20,7 +20,8 @@ cgl_error cgl_foc_init(const cgl_foc_config *config, cgl_foc *foc)
           && cgl_is_not_negative(config->ki_q) && cgl_is_not_negative(config->advance) && cgl_is_not_negative(config->L_d)
           && cgl_is_not_negative(config->L_q) && cgl_is_not_negative(config->psi_f) && cgl_is_not_negative(config->ts)
           && config->ts > CGL_R(0.0) && cgl_is_not_negative(config->current_limit)
-          && config->current_limit > CGL_R(0.0))) {
+          && config->current_limit > CGL_R(0.0)
+          && (config->phases == 0U || config->phases == 2U || config->phases == 3U))) {
         return CGL_ERROR_CONFIG;
     }
     cgl_foc_reset(foc);
@@ -51,6 +52,14 @@ static bool limit_length(cgl_real *x, cgl_real *y, cgl_real length)
     return true;
 }
 
+/* Duty cycles of two H-bridges; the voltage is within the bus. */
+static void modulate_two_phases(cgl_real u_a, cgl_real u_b, cgl_real u_dc, cgl_real duty[3])
+{
+    duty[0] = CGL_R(0.5) + cgl_clamp(CGL_R(0.5) * u_a / u_dc, CGL_R(0.5));
+    duty[1] = CGL_R(0.5) + cgl_clamp(CGL_R(0.5) * u_b / u_dc, CGL_R(0.5));
+    duty[2] = CGL_R(0.5);
+}
+
 static void safe(cgl_foc_output *out)
 {
     out->duty[0] = out->duty[1] = out->duty[2] = CGL_R(0.5);
@@ -62,7 +71,8 @@ void cgl_foc_step(const cgl_foc_config *config, cgl_foc *foc, const cgl_foc_inpu
 {
     /* the rotor turns on until the voltage acts */
     const cgl_real theta_acting = in->theta_e + config->advance * config->ts * in->omega_e;
-    if (!(cgl_is_finite(in->i_abc[0]) && cgl_is_finite(in->i_abc[1]) && cgl_is_finite(in->i_abc[2])
+    const bool two_phases = config->phases == 2U;
+    if (!(cgl_is_finite(in->i_abc[0]) && cgl_is_finite(in->i_abc[1]) && (two_phases || cgl_is_finite(in->i_abc[2]))
           && cgl_is_angle(in->theta_e) && cgl_is_finite(in->omega_e) && cgl_is_angle(theta_acting)
           && in->u_dc > CGL_R(0.0) && cgl_is_finite(in->u_dc))) {
         safe(out);
@@ -70,7 +80,12 @@ void cgl_foc_step(const cgl_foc_config *config, cgl_foc *foc, const cgl_foc_inpu
     }
     cgl_real sine, cosine, alpha, beta, i_d, i_q;
     cgl_sincos(in->theta_e, &sine, &cosine);
-    cgl_clarke(in->i_abc, &alpha, &beta);
+    if (two_phases) {
+        alpha = in->i_abc[0];
+        beta = in->i_abc[1];
+    } else {
+        cgl_clarke(in->i_abc, &alpha, &beta);
+    }
     cgl_park(alpha, beta, sine, cosine, &i_d, &i_q);
 
     cgl_real i_d_ref = cgl_is_finite(in->i_d_ref) ? in->i_d_ref : CGL_R(0.0);
@@ -89,7 +104,7 @@ void cgl_foc_step(const cgl_foc_config *config, cgl_foc *foc, const cgl_foc_inpu
         safe(out);
         return;
     }
-    const cgl_real u_max = in->u_dc * CGL_R(0.57735026918962576451);
+    const cgl_real u_max = two_phases ? in->u_dc : in->u_dc * CGL_R(0.57735026918962576451);
     const cgl_real wanted_d = u_d, wanted_q = u_q;
     const bool saturated = limit_length(&u_d, &u_q, u_max);
 
@@ -101,7 +116,11 @@ void cgl_foc_step(const cgl_foc_config *config, cgl_foc *foc, const cgl_foc_inpu
 
     cgl_sincos(theta_acting, &sine, &cosine);
     cgl_park_inverse(u_d, u_q, sine, cosine, &alpha, &beta);
-    cgl_modulate(alpha, beta, in->u_dc, out->duty);
+    if (two_phases) {
+        modulate_two_phases(alpha, beta, in->u_dc, out->duty);
+    } else {
+        cgl_modulate(alpha, beta, in->u_dc, out->duty);
+    }
 
     out->i_d = i_d;
     out->i_q = i_q;

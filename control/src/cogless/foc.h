@@ -2,6 +2,8 @@
 #ifndef COGLESS_FOC_H
 #define COGLESS_FOC_H
 
+#include <stdint.h>
+
 #include "real.h"
 #include "status.h"
 
@@ -19,6 +21,7 @@ typedef struct {
     bool decoupling;        /* feed the speed voltages forward, from the three values below; usually true */
     cgl_real L_d, L_q;      /* inductances [H], >= 0 */
     cgl_real psi_f;         /* magnet flux linkage, peak per phase [V s], >= 0 */
+    uint32_t phases;        /* 3 (or 0): star connection and half bridges; 2: two H-bridges; default 3 */
 } cgl_foc_config;
 
 typedef struct {
@@ -26,7 +29,7 @@ typedef struct {
 } cgl_foc;
 
 typedef struct {
-    cgl_real i_abc[3];         /* measured phase currents [A] */
+    cgl_real i_abc[3];         /* measured phase currents [A]; two phases: the first two */
     cgl_real theta_e;          /* measured electrical angle [rad], any revolution below CGL_ANGLE_MAX */
     cgl_real omega_e;          /* electrical speed [rad/s] */
     cgl_real u_dc;             /* bus voltage [V] */
@@ -34,7 +37,7 @@ typedef struct {
 } cgl_foc_input;
 
 typedef struct {
-    cgl_real duty[3];  /* duty cycles in [0, 1] */
+    cgl_real duty[3];  /* duty cycles in [0, 1]; two phases: the first two, mean voltage u_dc (2 duty - 1) */
     cgl_real i_d, i_q; /* measured currents in the rotor's frame [A] */
     cgl_real u_d, u_q; /* voltage that the duty cycles realise [V] */
     unsigned status;   /* CGL_STATUS_SATURATED, CGL_STATUS_FAULT */
@@ -43,10 +46,10 @@ typedef struct {
 cgl_error cgl_foc_init(const cgl_foc_config *config, cgl_foc *foc);
 void cgl_foc_reset(cgl_foc *foc);
 
-/* PI control of i_d and i_q with speed voltages fed forward. The voltage vector is limited to u_dc / sqrt(3) at its
- * angle, and the integrals follow what was realised (back calculation). A current, angle, speed or bus that is not
- * finite, an angle beyond CGL_ANGLE_MAX (where the voltage acts, too) or a bus that is not positive gives zero voltage,
- * holds the integrals and sets CGL_STATUS_FAULT. A reference that is not finite counts as zero. */
+/* PI control of i_d and i_q with speed voltages fed forward. The voltage vector is limited to u_dc / sqrt(3), with two
+ * phases to u_dc, at its angle, and the integrals follow what was realised (back calculation). A current, angle, speed
+ * or bus that is not finite, an angle beyond CGL_ANGLE_MAX (where the voltage acts, too) or a bus that is not positive
+ * gives zero voltage, holds the integrals and sets CGL_STATUS_FAULT. A reference that is not finite counts as zero. */
 void cgl_foc_step(const cgl_foc_config *config, cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out);
 
 #ifdef __cplusplus

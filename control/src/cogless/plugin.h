@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define COGLESS_PLUGIN_VERSION 1U
+#define COGLESS_PLUGIN_VERSION 2U /* 1, which the simulator loads too, ends its input with learn */
 
 typedef struct {
     double time;      /* since the start [s] */
@@ -19,6 +19,8 @@ typedef struct {
     double i_limit;   /* limit of the current reference [A] */
     double ts;        /* speed-loop period [s] */
     int learn;        /* 0: hold what is learned */
+    double theta_ref; /* mechanical angle reference, the integral of omega_ref, in [0, 2 pi) [rad] */
+    double alpha_ref; /* derivative of omega_ref [rad/s^2] */
 } cogless_plugin_input;
 
 typedef struct {

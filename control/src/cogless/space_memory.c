@@ -1,0 +1,336 @@
+#include "space_memory.h"
+
+static uint32_t row_length(const cgl_space_memory_config *config)
+{
+    return CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
+}
+
+static bool is_valid(const cgl_space_memory_config *config)
+{
+    if (!((config->kind == CGL_SPACE_MAP || config->kind == CGL_SPACE_DELAY) && config->channels >= 1U
+          && config->channels <= CGL_SPACE_CHANNELS && config->cells >= 4U && config->cells <= 65535U
+          && config->turns >= 1U && config->turns <= 65535U && config->parts >= 1U && config->parts <= 65535U
+          && config->q_half_width < 32768U && 2U * config->q_half_width + 1U <= config->cells
+          && cgl_is_positive(config->ts))) {
+        return false;
+    }
+    for (uint32_t c = 0; c < config->channels; ++c) {
+        if (!(cgl_is_positive(config->limit[c])
+              && cgl_is_finite((cgl_real)(2U * config->q_half_width + 2U) * config->limit[c]))) {
+            return false;
+        }
+    }
+    return config->kind == CGL_SPACE_MAP || config->method == CGL_DELAY_INVERSION
+           || (config->method == CGL_DELAY_ODE && cgl_is_positive(config->k_pp)
+               && config->k_pp * config->ts < CGL_R(1.0));
+}
+
+cgl_error cgl_space_memory_init(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real *cell,
+                                uint32_t length)
+{
+    if (!is_valid(config)) {
+        return CGL_ERROR_CONFIG;
+    }
+    if (cell == 0
+        || length < CGL_SPACE_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width)) {
+        return CGL_ERROR_MEMORY;
+    }
+    memory->cell = cell;
+    memory->periods_per_rad = (cgl_real)config->parts / ((cgl_real)config->turns * CGL_TWO_PI);
+    cgl_space_memory_reset(config, memory);
+    return CGL_OK;
+}
+
+void cgl_space_memory_reset(const cgl_space_memory_config *config, cgl_space_memory *memory)
+{
+    const uint32_t length =
+        CGL_SPACE_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width);
+    for (uint32_t n = 0; n < length; ++n) {
+        memory->cell[n] = CGL_R(0.0);
+    }
+    for (uint32_t c = 0; c < CGL_SPACE_CHANNELS; ++c) {
+        memory->value[c] = CGL_R(0.0);
+    }
+    memory->x = memory->position = memory->p_t = memory->distance = memory->part = CGL_R(0.0);
+    memory->newest = memory->known = memory->head = memory->at = 0U;
+    memory->direction = 0;
+    memory->placed = memory->started = memory->tracking = false;
+}
+
+/* n in [-length, 2 length) */
+static uint32_t wrap(int32_t n, uint32_t length)
+{
+    return (uint32_t)(n < 0 ? n + (int32_t)length : (n >= (int32_t)length ? n - (int32_t)length : n));
+}
+
+/* Fractional part, for |x| < 2^31. */
+static cgl_real fraction(cgl_real x)
+{
+    const cgl_real rest = x - (cgl_real)(int32_t)x;
+    const cgl_real positive = rest < CGL_R(0.0) ? rest + CGL_R(1.0) : rest;
+    return positive < CGL_R(1.0) ? positive : CGL_R(0.0); /* a tiny negative rest rounds up to 1 */
+}
+
+/* From one place to another in a period of length 1 or cells, the shorter way round. */
+static cgl_real shorter_way(cgl_real distance, cgl_real period)
+{
+    return distance > CGL_R(0.5) * period ? distance - period
+                                          : (distance <= CGL_R(-0.5) * period ? distance + period : distance);
+}
+
+/* The mean over 2 m + 1 entries of each row from `start` on, with `part` of the way to the mean one entry further.
+ * Entries follow each other by `step`, modulo the length. */
+static void read_rows(const cgl_space_memory_config *config, const cgl_real *row, uint32_t length, uint32_t start,
+                      uint32_t step, uint32_t m, cgl_real part, cgl_real *value)
+{
+    const cgl_real per_width = m > 0U ? CGL_R(1.0) / (cgl_real)(2U * m + 1U) : CGL_R(1.0);
+    for (uint32_t c = 0; c < config->channels; ++c, row += row_length(config)) {
+        uint32_t n = start;
+        cgl_real sum = CGL_R(0.0);
+        for (uint32_t count = 0; count < 2U * m + 1U; ++count) {
+            sum += row[n];
+            n += step;
+            n -= n >= length ? length : 0U;
+        }
+        value[c] = (sum + part * (row[n] - row[start])) * per_width;
+    }
+}
+
+/* ---- map. The cells passed last, as many as the Q filter looks back on, wait in a ring behind it, so that it holds
+ * what is one period old wherever the filter looks ---- */
+
+static void write_waiting(const cgl_space_memory_config *config, cgl_space_memory *memory)
+{
+    const uint32_t ring = config->q_half_width + 1U;
+    for (; memory->known > 0U; --memory->known) {
+        cgl_real *row = memory->cell;
+        for (uint32_t c = 0; c < config->channels; ++c, row += row_length(config)) {
+            row[memory->newest] = row[config->cells + memory->head];
+        }
+        memory->newest = wrap((int32_t)memory->newest - memory->direction, config->cells);
+        memory->head = memory->head > 0U ? memory->head - 1U : ring - 1U;
+    }
+    memory->direction = 0;
+}
+
+/* Cell n gets the value at `share` of the way from the last values to these; the cell that has waited longest goes
+ * into the map. */
+static void pass_cell(const cgl_space_memory_config *config, cgl_space_memory *memory, int32_t n, int direction,
+                      const cgl_real *value, cgl_real share)
+{
+    const uint32_t cell = wrap(n, config->cells), ring = config->q_half_width + 1U;
+    if (direction != memory->direction || wrap((int32_t)memory->newest + direction, config->cells) != cell) {
+        write_waiting(config, memory);
+        memory->direction = direction;
+    }
+    memory->head = memory->head + 1U < ring ? memory->head + 1U : 0U;
+    const bool full = memory->known == ring;
+    memory->known += full ? 0U : 1U;
+    memory->newest = cell;
+    const uint32_t length = row_length(config);
+    cgl_real *waiting = memory->cell + config->cells + memory->head;
+    cgl_real *oldest = full ? memory->cell + wrap((int32_t)cell - direction * (int32_t)ring, config->cells) : waiting;
+    for (uint32_t c = 0; c < config->channels; ++c, waiting += length, oldest += length) {
+        *oldest = *waiting;
+        *waiting = memory->value[c] + share * (value[c] - memory->value[c]);
+    }
+}
+
+static void recall_from_map(const cgl_space_memory_config *config, const cgl_space_memory *memory, bool learn,
+                            cgl_real *value)
+{
+    const cgl_real position = memory->x * (cgl_real)config->cells;
+    const uint32_t n = (uint32_t)position < config->cells ? (uint32_t)position : 0U;
+    const uint32_t m = learn ? config->q_half_width : 0U;
+    read_rows(config, memory->cell, config->cells, wrap((int32_t)n - (int32_t)m, config->cells), 1U, m,
+              position - (cgl_real)(uint32_t)position, value);
+}
+
+static void store_in_map(const cgl_space_memory_config *config, cgl_space_memory *memory, const cgl_real *value)
+{
+    const cgl_real cells = (cgl_real)config->cells;
+    const cgl_real position = memory->x * cells;
+    const cgl_real moved = shorter_way(position - memory->position, cells);
+    if (memory->started && cgl_abs(moved) <= CGL_R(0.25) * cells) {
+        const cgl_real from = memory->position, to = from + moved, per_way = CGL_R(1.0) / moved;
+        const int direction = moved < CGL_R(0.0) ? -1 : 1;
+        const int32_t start = (int32_t)from;
+        int32_t n = direction > 0 || (cgl_real)start >= from ? start + direction : start;
+        for (; direction > 0 ? (cgl_real)n <= to : (cgl_real)n >= to; n += direction) {
+            const cgl_real share = ((cgl_real)n - from) * per_way;
+            pass_cell(config, memory, n, direction, value, share < CGL_R(1.0) ? share : CGL_R(1.0));
+        }
+    }
+    memory->position = position;
+    memory->started = true;
+}
+
+/* ---- delay: a ring of x and one of each channel, in which newer samples come later ---- */
+
+static uint32_t newer(const cgl_space_memory_config *config, uint32_t at)
+{
+    return at + 1U < row_length(config) ? at + 1U : 0U;
+}
+
+static uint32_t older(const cgl_space_memory_config *config, uint32_t at)
+{
+    return at > 0U ? at - 1U : row_length(config) - 1U;
+}
+
+static bool is_oldest(const cgl_space_memory_config *config, const cgl_space_memory *memory)
+{
+    return memory->at == (memory->known < row_length(config) ? 0U : newer(config, memory->newest));
+}
+
+/* How far the angle rose to this sample. */
+static cgl_real rise(const cgl_space_memory_config *config, const cgl_space_memory *memory, uint32_t at)
+{
+    return shorter_way(memory->cell[at] - memory->cell[older(config, at)], CGL_R(1.0));
+}
+
+static void go_newer(const cgl_space_memory_config *config, cgl_space_memory *memory)
+{
+    memory->at = newer(config, memory->at);
+    memory->distance -= rise(config, memory, memory->at);
+}
+
+static void go_older(const cgl_space_memory_config *config, cgl_space_memory *memory)
+{
+    memory->distance += rise(config, memory, memory->at);
+    memory->at = older(config, memory->at);
+}
+
+/* To the oldest sample less than a period ago. It moves on with the angle: each sample is passed once a period. */
+static void invert(const cgl_space_memory_config *config, cgl_space_memory *memory)
+{
+    while (memory->at != memory->newest && memory->distance > CGL_R(1.0)) {
+        go_newer(config, memory);
+    }
+    while (!is_oldest(config, memory) && memory->distance + rise(config, memory, memory->at) <= CGL_R(1.0)) {
+        go_older(config, memory);
+    }
+    memory->tracking = !is_oldest(config, memory);
+    memory->part = memory->tracking
+                       ? cgl_clamp((CGL_R(1.0) - memory->distance) / rise(config, memory, memory->at), CGL_R(1.0))
+                       : CGL_R(0.0);
+}
+
+/* A step of the differential equation, counted in samples. */
+static void follow(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real moved)
+{
+    const cgl_real then = rise(config, memory, memory->at);
+    const cgl_real error = memory->distance - moved + memory->part * then - CGL_R(1.0);
+    memory->part -= (moved + config->k_pp * config->ts * error) / then; /* P_t grows by a sample as the samples age */
+    while (memory->part < CGL_R(0.0) && memory->at != memory->newest) {
+        go_newer(config, memory);
+        memory->part += CGL_R(1.0);
+    }
+    while (memory->part >= CGL_R(1.0) && !is_oldest(config, memory)) {
+        go_older(config, memory);
+        memory->part -= CGL_R(1.0);
+    }
+    memory->tracking = !is_oldest(config, memory) && memory->part >= CGL_R(0.0) && memory->part < CGL_R(1.0);
+}
+
+/* Finds P_t for an angle that has risen by `moved` since the last sample; the distance counts to now meanwhile. */
+static void find_period(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real moved)
+{
+    memory->distance += moved;
+    memory->tracking = memory->tracking && !is_oldest(config, memory); /* the period may have outgrown the line */
+    if (memory->tracking && config->method == CGL_DELAY_ODE) {
+        follow(config, memory, moved);
+    }
+    if (!memory->tracking || config->method == CGL_DELAY_INVERSION) {
+        invert(config, memory);
+    }
+    memory->distance -= moved;
+}
+
+static bool recall_from_line(const cgl_space_memory_config *config, cgl_space_memory *memory, bool moving, bool learn,
+                             cgl_real *value)
+{
+    const cgl_real moved =
+        memory->known > 0U ? shorter_way(memory->x - memory->cell[memory->newest], CGL_R(1.0)) : CGL_R(1.0);
+    memory->placed = moving && moved > CGL_R(0.0);
+    if (!memory->placed) {
+        return false;
+    }
+    if (memory->known > 0U) {
+        find_period(config, memory, moved);
+    }
+    const uint32_t length = row_length(config);
+    const uint32_t age = wrap((int32_t)memory->newest - (int32_t)memory->at, length) + 1U;
+    memory->p_t = memory->tracking ? ((cgl_real)age + memory->part) * config->ts : CGL_R(0.0);
+    const bool fits = age > config->q_half_width && age + config->q_half_width < length;
+    if (!memory->tracking || !fits) {
+        for (uint32_t c = 0; c < config->channels; ++c) {
+            value[c] = CGL_R(0.0);
+        }
+        return learn && memory->known < length && !memory->tracking; /* nothing is known yet from there, or any more */
+    }
+    const uint32_t m = learn ? config->q_half_width : 0U;
+    read_rows(config, memory->cell + length, length, wrap((int32_t)memory->at + (int32_t)m, length), length - 1U,
+              m, memory->part, value);
+    return learn;
+}
+
+static void store_in_line(const cgl_space_memory_config *config, cgl_space_memory *memory, const cgl_real *value)
+{
+    const uint32_t length = row_length(config);
+    const uint32_t next = memory->known > 0U ? newer(config, memory->newest) : 0U;
+    if (memory->known == length && next == memory->at) {
+        go_newer(config, memory);
+    }
+    memory->newest = next;
+    memory->cell[next] = memory->x;
+    for (uint32_t c = 0; c < config->channels; ++c) {
+        memory->cell[(c + 1U) * length + next] = value[c];
+    }
+    /* sums of rises drift; the angles themselves do not, and the sum still tells the whole periods */
+    const cgl_real apart = memory->x - memory->cell[memory->at];
+    const cgl_real sum = memory->known > 0U ? memory->distance + rise(config, memory, next) : CGL_R(0.0);
+    memory->distance = apart + (cgl_real)(int32_t)(sum - apart + CGL_R(0.5));
+    memory->known += memory->known < length ? 1U : 0U;
+}
+
+/* ---- both ---- */
+
+bool cgl_space_memory_recall(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta,
+                             bool moving, bool learn, cgl_real *value)
+{
+    for (uint32_t c = 0; c < config->channels; ++c) {
+        value[c] = memory->value[c];
+    }
+    memory->placed = cgl_is_angle(theta);
+    if (!memory->placed) {
+        return false;
+    }
+    memory->x = fraction(theta * memory->periods_per_rad);
+    if (config->kind == CGL_SPACE_MAP) {
+        recall_from_map(config, memory, learn, value);
+        return learn;
+    }
+    return recall_from_line(config, memory, moving, learn, value);
+}
+
+void cgl_space_memory_update(const cgl_space_memory_config *config, cgl_space_memory *memory, const cgl_real *value,
+                             bool learn)
+{
+    cgl_real stored[CGL_SPACE_CHANNELS];
+    for (uint32_t c = 0; c < config->channels; ++c) {
+        stored[c] = cgl_clamp(value[c], config->limit[c]);
+    }
+    if (config->kind == CGL_SPACE_DELAY) {
+        if (memory->placed) {
+            store_in_line(config, memory, stored);
+        }
+    } else if (learn && memory->placed) {
+        store_in_map(config, memory, stored);
+    } else {
+        write_waiting(config, memory);
+        memory->started = false; /* the next value has no line back to this one */
+    }
+    for (uint32_t c = 0; c < config->channels; ++c) {
+        memory->value[c] = stored[c];
+    }
+}

@@ -1,0 +1,106 @@
+#include "space_position.h"
+
+#include "angle.h"
+
+static bool is_valid(const cgl_space_position_config *config)
+{
+    return config->ratio >= 1U && config->ratio <= 65535U && cgl_is_not_negative(config->k_theta)
+           && cgl_is_not_negative(config->k_omega) && cgl_is_not_negative(config->k_v)
+           && cgl_is_not_negative(config->v_0) && cgl_is_not_negative(config->v_2) && cgl_is_not_negative(config->k_i)
+           && cgl_is_not_negative(config->mu_alpha) && cgl_is_not_negative(config->mu_beta)
+           && cgl_is_not_negative(config->mu_h) && cgl_is_not_negative(config->ramp)
+           && cgl_is_positive(config->omega_min)
+           && (config->index == CGL_SPACE_BY_REFERENCE || config->index == CGL_SPACE_BY_ROTOR)
+           && cgl_is_positive(config->ts) && cgl_is_positive(config->limit);
+}
+
+cgl_error cgl_space_position_init(const cgl_space_position_config *config, cgl_space_position *law, cgl_real *cell,
+                                  uint32_t length)
+{
+    if (!is_valid(config)) {
+        return CGL_ERROR_CONFIG;
+    }
+    const cgl_error error = cgl_space_memory_init(&config->memory, &law->memory, cell, length);
+    if (error == CGL_OK) {
+        cgl_space_position_reset(config, law);
+    }
+    return error;
+}
+
+void cgl_space_position_reset(const cgl_space_position_config *config, cgl_space_position *law)
+{
+    static const cgl_space_position_terms nothing = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};
+    cgl_space_memory_reset(&config->memory, &law->memory);
+    law->integral = CGL_R(0.0);
+    law->learning_samples = 0U;
+    law->saturated = false;
+    law->terms = nothing;
+}
+
+/* The ramp of learning, from 0 to 1. */
+static cgl_real share_of_learning(const cgl_space_position_config *config, cgl_space_position *law, bool learn)
+{
+    const cgl_real elapsed = (cgl_real)law->learning_samples * config->ts;
+    const bool counts = law->learning_samples == 0U || (elapsed < config->ramp && law->learning_samples < 0xFFFFFFFFU);
+    law->learning_samples += learn && counts ? 1U : 0U;
+    if (elapsed >= config->ramp) {
+        return law->learning_samples > 0U ? CGL_R(1.0) : CGL_R(0.0);
+    }
+    return elapsed / config->ramp;
+}
+
+void cgl_space_position_step(const cgl_space_position_config *config, cgl_space_position *law,
+                             const cgl_position_input *in, cgl_speed_output *out)
+{
+    const cgl_real ratio = (cgl_real)config->ratio;
+    const cgl_real theta = ratio * in->theta_m, theta_ref = ratio * in->theta_ref;
+    const cgl_real difference = ratio * (in->omega_m - in->omega_ref);
+    /* a sum is not finite if a part of it is not */
+    const bool plausible =
+        cgl_is_finite(difference + ratio * in->alpha_ref) && cgl_is_angle(theta) && cgl_is_angle(theta_ref);
+    const cgl_real omega = plausible ? ratio * in->omega_m : CGL_R(0.0);
+    const cgl_real omega_ref = plausible ? ratio * in->omega_ref : CGL_R(0.0);
+    const cgl_real alpha_ref = plausible ? ratio * in->alpha_ref : CGL_R(0.0);
+
+    /* atan2(sin, cos) of a difference is the difference less its whole turns */
+    const cgl_real theta_tg = plausible ? cgl_unwrap(theta - theta_ref, CGL_R(0.0)) : CGL_R(0.0);
+    const cgl_real omega_t = plausible ? difference + config->k_theta * theta_tg : CGL_R(0.0);
+
+    const bool moving = plausible && cgl_abs(in->omega_ref) >= config->omega_min;
+    cgl_real value[CGL_SPACE_CHANNELS];
+    const bool learn =
+        cgl_space_memory_recall(&config->memory, &law->memory, config->index == CGL_SPACE_BY_ROTOR ? theta : theta_ref,
+                                moving && in->omega_ref > CGL_R(0.0), in->learn && moving && !law->saturated, value);
+    const cgl_real share = share_of_learning(config, law, in->learn);
+    if (learn) {
+        const cgl_real step = share * omega_t / cgl_abs(omega_ref);
+        const cgl_real gain[CGL_SPACE_CHANNELS] = {config->mu_alpha, config->mu_beta * omega_ref,
+                                                   config->mu_h * alpha_ref};
+        for (uint32_t c = 0; c < config->memory.channels; ++c) {
+            value[c] -= gain[c] * step;
+        }
+    }
+    cgl_space_memory_update(&config->memory, &law->memory, value, learn);
+
+    cgl_space_position_terms *terms = &law->terms;
+    terms->proportional =
+        -(config->k_omega + config->v_0 + config->v_2 * omega * omega) * omega_t - config->k_v * theta_tg;
+    terms->alpha = value[0];
+    terms->beta = config->memory.channels > 1U ? value[1] * omega_ref : CGL_R(0.0);
+    terms->h = config->memory.channels > 2U ? value[2] * alpha_ref : CGL_R(0.0);
+    const cgl_real rest = terms->proportional + terms->alpha + terms->beta + terms->h;
+
+    const cgl_real share_i = config->hand_over ? CGL_R(1.0) - share : CGL_R(1.0);
+    const cgl_real integral = cgl_clamp(law->integral + config->k_i * config->ts * omega_t, config->limit);
+    const cgl_real wanted = rest - share_i * integral;
+    out->i_q_ref = cgl_clamp(wanted, config->limit);
+    law->saturated = !(wanted > -config->limit && wanted < config->limit);
+    if (!law->saturated || omega_t * out->i_q_ref > CGL_R(0.0)) {
+        law->integral = integral;
+    } else {
+        out->i_q_ref = cgl_clamp(rest - share_i * law->integral, config->limit);
+    }
+    terms->integral = -share_i * law->integral;
+    out->status = (law->saturated ? (unsigned)CGL_STATUS_SATURATED : 0U) | (learn ? 0U : (unsigned)CGL_STATUS_FROZEN)
+                  | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
+}

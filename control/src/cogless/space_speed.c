@@ -1,0 +1,62 @@
+#include "space_speed.h"
+
+cgl_error cgl_space_speed_init(const cgl_space_speed_config *config, cgl_space_speed *law, cgl_real *cell,
+                               uint32_t length)
+{
+    if (!(cgl_is_not_negative(config->k) && cgl_is_not_negative(config->mu_alpha)
+          && cgl_is_not_negative(config->mu_beta) && cgl_is_not_negative(config->mu_h)
+          && cgl_is_positive(config->eta_bar) && cgl_is_positive(config->omega_min) && cgl_is_positive(config->limit)
+          && config->ratio >= 1U && config->ratio <= 65535U)) {
+        return CGL_ERROR_CONFIG;
+    }
+    const cgl_error error = cgl_space_memory_init(&config->memory, &law->memory, cell, length);
+    if (error == CGL_OK) {
+        cgl_space_speed_reset(config, law);
+    }
+    return error;
+}
+
+void cgl_space_speed_reset(const cgl_space_speed_config *config, cgl_space_speed *law)
+{
+    static const cgl_space_speed_terms nothing = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};
+    cgl_space_memory_reset(&config->memory, &law->memory);
+    law->saturated = false;
+    law->terms = nothing;
+}
+
+void cgl_space_speed_step(const cgl_space_speed_config *config, cgl_space_speed *law, const cgl_position_input *in,
+                          cgl_speed_output *out)
+{
+    const cgl_real difference = in->omega_m - in->omega_ref, theta = (cgl_real)config->ratio * in->theta_m;
+    /* a sum is not finite if a part of it is not */
+    const bool plausible = cgl_is_finite(difference + in->alpha_ref) && cgl_is_angle(theta);
+    const cgl_real omega = plausible ? in->omega_m : CGL_R(0.0);
+    const cgl_real alpha_ref = plausible ? in->alpha_ref : CGL_R(0.0);
+    const cgl_real eta = plausible ? difference : CGL_R(0.0);
+
+    const bool moving = cgl_abs(omega) >= config->omega_min;
+    const bool switched_on = moving && cgl_abs(eta) < config->eta_bar; /* q is not 0 */
+    cgl_real delta[CGL_SPACE_CHANNELS];
+    const bool learn =
+        cgl_space_memory_recall(&config->memory, &law->memory, theta, moving && omega > CGL_R(0.0),
+                                in->learn && switched_on && !law->saturated, delta);
+    if (learn) {
+        const cgl_real step = eta / cgl_abs(omega);
+        const cgl_real gain[CGL_SPACE_CHANNELS] = {config->mu_alpha, config->mu_beta * omega, config->mu_h * alpha_ref};
+        for (uint32_t c = 0; c < config->memory.channels; ++c) {
+            delta[c] -= gain[c] * step;
+        }
+    }
+    cgl_space_memory_update(&config->memory, &law->memory, delta, learn);
+
+    cgl_space_speed_terms *terms = &law->terms;
+    terms->proportional = -config->k * eta;
+    terms->alpha = delta[0];
+    terms->beta = config->memory.channels > 1U ? delta[1] * omega : CGL_R(0.0);
+    terms->h = config->memory.channels > 2U ? delta[2] * alpha_ref : CGL_R(0.0);
+    const cgl_real wanted = terms->proportional + terms->alpha + terms->beta + terms->h;
+    out->i_q_ref = cgl_clamp(wanted, config->limit);
+    law->saturated = !(wanted > -config->limit && wanted < config->limit);
+    out->status = (law->saturated ? (unsigned)CGL_STATUS_SATURATED : 0U) | (learn ? 0U : (unsigned)CGL_STATUS_FROZEN)
+                  | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
+}

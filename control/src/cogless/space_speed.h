@@ -1,0 +1,58 @@
+/* Space-learning speed control (Verrelli 2016, law (4)), all mechanical, with eta = omega - omega_ref:
+ *
+ *   i_q_ref = sat( -k eta - delta^T f ),   f = [-1, -omega, -alpha_ref],   delta = [alpha, beta, h]
+ *   delta_i(theta) = Q sat(delta_i(theta - T)) + mu_i eta f_i q,   q = 1 / |omega| or 0
+ *
+ * q is 0, and so learning frozen, where |eta| >= eta_bar or |omega| < omega_min. The paper has one mu for all, and
+ * omega > 0. */
+#ifndef COGLESS_SPACE_SPEED_H
+#define COGLESS_SPACE_SPEED_H
+
+#include "position_law.h"
+#include "space_memory.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    cgl_real k;         /* speed loop [A s/rad], >= 0 */
+    cgl_real mu_alpha;  /* learning gain [A], >= 0 */
+    cgl_real mu_beta;   /* learning gain [A s^2/rad^2], >= 0; channel 2 of the memory */
+    cgl_real mu_h;      /* learning gain [A s^4/rad^2], >= 0; channel 3 of the memory */
+    cgl_real eta_bar;   /* learning freezes while |eta| is not below [rad/s], > 0 */
+    cgl_real omega_min; /* and while |omega| is below [rad/s], > 0 */
+    cgl_real limit;     /* the output stays within +-limit [A], > 0 */
+    uint32_t ratio;     /* turns and parts of the memory count revolutions of ratio theta; 1 to 65535; default 1 */
+    cgl_space_memory_config memory; /* channels: 1 alpha, 2 and beta, 3 and h; limits [A], [A s/rad], [A s^2/rad] */
+} cgl_space_speed_config;
+
+typedef struct {
+    cgl_real proportional; /* -k eta [A] */
+    cgl_real alpha;        /* [A] */
+    cgl_real beta;         /* beta omega [A] */
+    cgl_real h;            /* h alpha_ref [A] */
+} cgl_space_speed_terms;
+
+typedef struct {
+    cgl_space_memory memory;     /* memory.p_t: P_t [s] */
+    bool saturated;              /* the last output was at its limit */
+    cgl_space_speed_terms terms; /* of the last step */
+} cgl_space_speed;
+
+/* `cell`: CGL_SPACE_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
+cgl_error cgl_space_speed_init(const cgl_space_speed_config *config, cgl_space_speed *law, cgl_real *cell,
+                               uint32_t length);
+void cgl_space_speed_reset(const cgl_space_speed_config *config, cgl_space_speed *law);
+
+/* Ignores theta_ref. Learning freezes, and what was learned acts on, while in->learn is false, q is 0, the output was
+ * at its limit, an input is not plausible, or the memory says so. Where an input is not plausible the output is that
+ * of no error. */
+void cgl_space_speed_step(const cgl_space_speed_config *config, cgl_space_speed *law, const cgl_position_input *in,
+                          cgl_speed_output *out);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,129 @@
+"""Space-learning speed control, verrelli2016 (4), and position control, (6) and Section 5."""
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from .limits import clip, finite_or_zero, is_angle
+from .space_memory import SpaceDelay, SpaceMap
+
+
+class PositionInput(NamedTuple):
+    theta_ref: float
+    omega_ref: float
+    alpha_ref: float
+    theta_m: float
+    omega_m: float
+    learn: bool = True
+
+
+def theta_tg(theta: float, theta_ref: float) -> float:
+    """(6), with the four-quadrant arctangent of sine and cosine of theta_ref - theta"""
+    sine = math.sin(theta_ref) * math.cos(theta) - math.sin(theta) * math.cos(theta_ref)
+    cosine = math.cos(theta_ref) * math.cos(theta) + math.sin(theta_ref) * math.sin(theta)
+    return -math.atan2(sine, cosine)
+
+
+@dataclass
+class SpacePosition:
+    ratio: int
+    k_theta: float
+    k_omega: float
+    k_v: float
+    v_0: float
+    v_2: float
+    k_i: float
+    mu_alpha: float
+    mu_beta: float
+    mu_h: float
+    hand_over: bool
+    ramp: float
+    omega_min: float
+    index: str  # "reference" or "rotor"
+    ts: float
+    limit: float
+    memory: SpaceMap | SpaceDelay
+    integral: float = 0.0  # A
+    permitted: int = 0
+    saturated: bool = False
+    plausible: bool = True
+    learning: bool = False
+    terms: dict[str, float] = field(default_factory=dict)
+
+    def step(self, i: PositionInput) -> float:
+        n = self.ratio
+        self.plausible = (
+            all(map(math.isfinite, i[:5])) and is_angle(n * i.theta_ref) and is_angle(n * i.theta_m)
+        )
+        speeds = (n * i.omega_m, n * i.omega_ref, n * i.alpha_ref)
+        omega, omega_ref, alpha_ref = speeds if self.plausible else (0.0, 0.0, 0.0)
+        error = theta_tg(n * i.theta_m, n * i.theta_ref) if self.plausible else 0.0
+        omega_t = omega + self.k_theta * error - omega_ref
+        moving = self.plausible and abs(i.omega_ref) >= self.omega_min
+
+        share = 1.0 if self.permitted * self.ts >= self.ramp else self.permitted * self.ts / self.ramp
+        share *= i.learn or self.permitted > 0
+        self.permitted += i.learn
+        theta = n * (i.theta_m if self.index == "rotor" else i.theta_ref)
+        may = i.learn and moving and not self.saturated
+        values, self.learning = self.memory.recall(theta, moving and omega_ref > 0, may)
+        f = [1.0, omega_ref, alpha_ref][: len(values)]
+        if self.learning:
+            mu = (self.mu_alpha, self.mu_beta, self.mu_h)
+            values = [
+                v - share * m * f_i / abs(omega_ref) * omega_t
+                for v, m, f_i in zip(values, mu, f, strict=False)
+            ]
+        self.memory.update(values, self.learning)
+
+        i_hat = [v * f_i for v, f_i in zip(values, f, strict=True)]
+        v_omega = self.v_0 + self.v_2 * omega**2
+        feedback = -self.k_omega * omega_t - self.k_v * error - v_omega * omega_t
+        share_i = 1 - share if self.hand_over else 1.0
+        integrated = clip(self.integral + self.ts * self.k_i * omega_t, self.limit)
+        wanted = feedback - share_i * integrated + sum(i_hat)
+        self.saturated = abs(wanted) >= self.limit
+        if not self.saturated or omega_t * wanted > 0:
+            self.integral = integrated
+        self.terms = {"proportional": feedback, "integral": -share_i * self.integral}
+        self.terms |= dict(zip(("alpha", "beta", "h"), [*i_hat, 0.0, 0.0], strict=False))
+        return clip(sum(self.terms.values()), self.limit)
+
+
+@dataclass
+class SpaceSpeed:
+    k: float
+    mu_alpha: float
+    mu_beta: float
+    mu_h: float
+    eta_bar: float
+    omega_min: float
+    limit: float
+    ratio: int
+    memory: SpaceMap | SpaceDelay
+    saturated: bool = False
+    plausible: bool = True
+    learning: bool = False
+    terms: dict[str, float] = field(default_factory=dict)
+
+    def step(self, i: PositionInput) -> float:
+        theta = self.ratio * i.theta_m
+        known = (i.omega_ref, i.alpha_ref, i.omega_m)
+        self.plausible = all(map(math.isfinite, known)) and is_angle(theta)
+        omega_ref, alpha_ref, omega = known if self.plausible else (0.0, 0.0, 0.0)
+        eta = omega - omega_ref
+        moving = abs(omega) >= self.omega_min
+        q = 1 / abs(omega) if abs(eta) < self.eta_bar and moving else 0.0
+        f = np.array([-1.0, -eta - omega_ref, -alpha_ref])[: len(self.memory.limit)]
+        mu = np.array([self.mu_alpha, self.mu_beta, self.mu_h])[: len(f)]
+        may = i.learn and q > 0 and not self.saturated
+        values, self.learning = self.memory.recall(theta, moving and omega > 0, may)
+        delta = np.array(values) + (mu * eta * f * q if self.learning else 0.0)  # (4)
+        self.memory.update(delta.tolist(), self.learning)
+        wanted = -self.k * eta - float(delta @ f)
+        self.saturated = abs(wanted) >= self.limit
+        self.terms = {"proportional": -self.k * eta}
+        self.terms |= dict(zip(("alpha", "beta", "h"), [*(-delta * f).tolist(), 0.0, 0.0], strict=False))
+        return clip(finite_or_zero(wanted), self.limit)
