@@ -28,6 +28,9 @@ nb::dict memory_of(const Engine& engine, const State& state) {
     } else {
         result["frame"] = learned.over == Over::electrical ? "electrical" : "mechanical";
         result["current"] = learned.values;
+        if (learned.period) result["period"] = *learned.period;
+        if (!learned.beta.empty()) result["beta"] = learned.beta;
+        if (!learned.h.empty()) result["h"] = learned.h;
     }
     return result;
 }
@@ -72,7 +75,9 @@ NB_MODULE(COGLESS_MODULE, m) {
         .def_ro("i_q", &LawInput::i_q)
         .def_ro("i_limit", &LawInput::i_limit)
         .def_ro("ts", &LawInput::ts)
-        .def_ro("learn", &LawInput::learn);
+        .def_ro("learn", &LawInput::learn)
+        .def_ro("theta_ref", &LawInput::theta_ref)
+        .def_ro("alpha_ref", &LawInput::alpha_ref);
 
     nb::class_<DriveState>(m, "State", "All that changes while a drive runs; a value.")
         .def_ro("tick", &DriveState::tick, "current-loop periods since the start")
@@ -103,7 +108,8 @@ NB_MODULE(COGLESS_MODULE, m) {
               },
               "config"_a, "controller"_a.none() = nb::none());
     bind_engine<Drive, DriveState>(
-        drive, "What is learned: {'frame', 'current'} over an angle, {'learned'} over a trial's samples, or {}.");
+        drive, "What is learned: {'frame', 'current'} over an angle, with {'period', 'beta', 'h'} by a space law as far as it"
+        " learns them, {'learned'} over a trial's samples, or {}.");
     drive.def("load_memory", &Drive::teach, "state"_a, "table"_a, "Puts a learned table in.");
 
     nb::class_<LinearTrials> linear(m, "LinearTrials", "An immutable description of a linear plant with the trial law.");

@@ -1,6 +1,8 @@
 #include "config.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <string>
 
 #include "plugin_library.hpp"
@@ -21,7 +23,8 @@ std::vector<Harmonic> harmonics(const std::vector<Section>& sections) {
 
 PmsmConfig motor(const Section& s) {
     PmsmConfig m{s.integer("pole_pairs"), s.number("R_s"), s.number("L_d"), s.number("L_q"), s.number("psi_f"), {},
-                 harmonics(s.sections("cogging"))};
+                 harmonics(s.sections("cogging")), s.has("phases") ? s.integer("phases") : 3};
+    if (m.phases != 2 && m.phases != 3) s.refuse("phases", "expected 2 or 3");
     for (const Section& h : s.sections("flux_harmonics")) {
         m.flux_harmonics.push_back({h.integer("order"), h.number("d"), h.number("q"), h.number("d_phase"),
                                     h.number("q_phase")});
@@ -34,7 +37,11 @@ ReferenceConfig reference(const Section& s) {
     r.kind = s.choice<ReferenceKind>("kind", {{"constant", ReferenceKind::constant},
                                               {"ramp", ReferenceKind::ramp},
                                               {"profile", ReferenceKind::profile},
-                                              {"sine", ReferenceKind::sine}});
+                                              {"sine", ReferenceKind::sine},
+                                              {"fm", ReferenceKind::fm},
+                                              {"sines", ReferenceKind::sines},
+                                              {"moves", ReferenceKind::moves}});
+    if (s.has("smoothing")) r.smoothing = s.number("smoothing");
     switch (r.kind) {
         case ReferenceKind::ramp:
             r.ramp = s.number("ramp");
@@ -45,10 +52,27 @@ ReferenceConfig reference(const Section& s) {
         case ReferenceKind::profile:
             r.profile = {s.get<std::vector<double>>("times"), s.get<std::vector<double>>("speeds")};
             break;
+        case ReferenceKind::fm:
+            r.depth = s.number("depth");
+            r.modulation = s.number("modulation");
+            [[fallthrough]];
         case ReferenceKind::sine:
             r.offset = s.number("offset");
             r.amplitude = s.number("amplitude");
             r.frequency = s.number("frequency");
+            break;
+        case ReferenceKind::sines:
+            r.offset = s.number("offset");
+            for (const Section& sine : s.sections("sines")) {
+                r.sines.push_back({sine.number("amplitude"), sine.number("frequency"), sine.number("phase")});
+            }
+            break;
+        case ReferenceKind::moves:
+            r.moves = {s.get<std::vector<double>>("times"), s.get<std::vector<double>>("angles")};
+            if (r.moves.at.empty() || r.moves.at.size() != r.moves.value.size() ||
+                std::adjacent_find(r.moves.at.begin(), r.moves.at.end(), std::greater_equal<>()) != r.moves.at.end()) {
+                s.refuse("times", "expected rising times, one for each angle");
+            }
             break;
     }
     return r;
@@ -83,6 +107,72 @@ cgl_memory_config memory(const Section& s, int pole_pairs, double limit, double 
             s.real("forgetting"),
             static_cast<cgl_real>(limit),
             static_cast<cgl_real>(ts)};
+}
+
+// The memory of a space-learning law: a map or the paper's delay line, one channel for each limit.
+cgl_space_memory_config space_memory(const Section& s, double ts) {
+    const auto limits = reals(s.get<std::vector<double>>("limits"));
+    if (limits.empty() || limits.size() > CGL_SPACE_CHANNELS) s.refuse("limits", "expected one to three");
+    cgl_space_memory_config m{};
+    m.kind = s.choice<cgl_space_kind>("memory", {{"map", CGL_SPACE_MAP}, {"delay", CGL_SPACE_DELAY}});
+    m.channels = static_cast<std::uint32_t>(limits.size());
+    m.cells = s.get<std::uint32_t>("cells");
+    m.turns = s.get<std::uint32_t>("turns");
+    if (m.turns < 1) s.refuse("turns", "expected 1 or more");
+    m.parts = s.get<std::uint32_t>("parts");
+    m.q_half_width = s.get<std::uint32_t>("q_half_width");
+    std::copy(limits.begin(), limits.end(), m.limit);
+    if (m.kind == CGL_SPACE_DELAY) {
+        m.method = s.choice<cgl_delay_method>("method", {{"ode", CGL_DELAY_ODE}, {"inversion", CGL_DELAY_INVERSION}});
+        m.k_pp = s.real("k_pp");
+    }
+    m.ts = static_cast<cgl_real>(ts);
+    return m;
+}
+
+// A measured angle is within one revolution of the rotor.
+template <class SpaceLaw>
+SpaceLaw by_rotor(const Section& s, SpaceLaw law) {
+    if (law.turns() != 1) s.refuse("turns", "expected whole periods in a revolution, to count by the rotor's angle");
+    return law;
+}
+
+SpacePositionLaw space_position(const Section& s, int pole_pairs, double ts, double limit) {
+    cgl_space_position_config c{};
+    c.ratio = s.get<std::uint32_t>("ratio");
+    c.k_theta = s.real("k_theta");
+    c.k_omega = s.real("k_omega");
+    c.k_v = s.real("k_v");
+    c.v_0 = s.real("v_0");
+    c.v_2 = s.real("v_2");
+    c.k_i = s.real("k_i");
+    c.mu_alpha = s.real("mu_alpha");
+    c.mu_beta = s.real("mu_beta");
+    c.mu_h = s.real("mu_h");
+    c.hand_over = s.get<bool>("hand_over");
+    c.ramp = s.real("ramp");
+    c.omega_min = s.real("omega_min");
+    c.index = s.choice<cgl_space_index>("index",
+                                        {{"reference", CGL_SPACE_BY_REFERENCE}, {"rotor", CGL_SPACE_BY_ROTOR}});
+    c.ts = static_cast<cgl_real>(ts);
+    c.limit = static_cast<cgl_real>(limit);
+    c.memory = space_memory(s, ts);
+    const SpacePositionLaw law{c, pole_pairs};
+    return c.index == CGL_SPACE_BY_ROTOR ? by_rotor(s, law) : law;
+}
+
+SpaceSpeedLaw space_speed(const Section& s, int pole_pairs, double ts, double limit) {
+    cgl_space_speed_config c{};
+    c.k = s.real("k");
+    c.mu_alpha = s.real("mu_alpha");
+    c.mu_beta = s.real("mu_beta");
+    c.mu_h = s.real("mu_h");
+    c.eta_bar = s.real("eta_bar");
+    c.omega_min = s.real("omega_min");
+    c.limit = static_cast<cgl_real>(limit);
+    c.ratio = s.get<std::uint32_t>("ratio");
+    c.memory = space_memory(s, ts);
+    return by_rotor(s, SpaceSpeedLaw{c, pole_pairs});
 }
 
 CallbackLaw callback(const nb::object& controller) {
@@ -125,6 +215,8 @@ Law law(const Section& s, const nb::object& controller, int pole_pairs, double t
                                run.get<std::uint32_t>("revolutions"), run.real("position_gain"), s.real("lead")},
                               s.get<std::string>("mode") == "learn"};
     }
+    if (name == "space-position") return space_position(s, pole_pairs, ts, limit);
+    if (name == "space-speed") return space_speed(s, pole_pairs, ts, limit);
     if (name == "library") {
         return open_plugin(s.get<std::string>("library"), s.get<std::vector<double>>("params"), ts);
     }
@@ -190,11 +282,13 @@ void read_current_loop(const Section& drive, DriveConfig& config) {
     config.inverter = {inverter.get<std::string>("kind") == "switched", inverter.number("bus_voltage"),
                        inverter.number("dead_time"), delay};
     config.current_sensors = {sensors.phases("offset"), sensors.phases("gain_error"), sensors.number("noise"),
-                              sensors.integer("bits"), sensors.number("range"), sensors.integer("sensors")};
+                              sensors.integer("bits"), sensors.number("range"),
+                              config.phases.front().motor.phases == 2 ? 2 : sensors.integer("sensors")};
     config.current_loop = {drive.real("kp_d"), drive.real("ki_d"), drive.real("kp_q"), drive.real("ki_q"),
                            config.current_loop.ts, config.current_loop.current_limit,
                            delay ? CGL_R(1.5) : CGL_R(0.5), drive.get<bool>("decoupling"), belief.real("L_d"),
-                           belief.real("L_q"), belief.real("psi_f")};
+                           belief.real("L_q"), belief.real("psi_f"),
+                           static_cast<std::uint32_t>(config.phases.front().motor.phases)};
 }
 
 }  // namespace
@@ -216,6 +310,10 @@ DriveConfig read_config(const nb::dict& config, const nb::object& controller) {
     } else {
         result.phases = {single_phase(top, current_rate)};
         result.reference = reference(top.section("reference"));
+        if (top.has("start_on_reference") && top.get<bool>("start_on_reference")) {
+            PhaseConfig& p = result.phases.front();
+            p.initial_speed = Reference(result.reference, p.initial_angle, p.initial_speed, period).speed_at_start();
+        }
     }
     result.ideal_current = drive.has("ideal_current") && drive.get<bool>("ideal_current");
     result.current_loop.ts = static_cast<cgl_real>(period);

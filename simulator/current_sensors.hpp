@@ -16,7 +16,7 @@ struct CurrentSensorsConfig {
     double noise = 0.0;   // A, standard deviation
     int bits = 0;         // of the converter; 0: none
     double range = 0.0;   // A, the converter spans +-range
-    int sensors = 3;      // 2: the third current is calculated
+    int sensors = 3;      // 2: the third current, if there is one, is calculated
 };
 
 class CurrentSensors {

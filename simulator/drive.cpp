@@ -2,12 +2,23 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <stdexcept>
 #include <string>
 
 namespace cogless {
 
 namespace {
+
+int motor_phases(const DriveConfig& config) { return config.phases.front().motor.phases; }
+
+// A law that follows its reference's angle, and says after how many revolutions that begins anew for it.
+template <class One>
+concept FollowsAngle = requires(const One& law) { law.turns(); };
+
+bool follows_angle(const Law& law) {
+    return std::visit([]<class One>(const One&) { return FollowsAngle<One>; }, law);
+}
 
 std::vector<Signal> signals_of(const DriveConfig& config) {
     const bool trials = config.trials.has_value(), electrical = !config.ideal_current;
@@ -20,17 +31,20 @@ std::vector<Signal> signals_of(const DriveConfig& config) {
     add(true, {{"theta_m", "rad"}, {"omega_m", "rad/s"}});
     add(trials, {{"theta_ref", "rad"}, {"theta_measured", "rad"}});
     add(!trials, {{"omega_ref", "rad/s"}});
+    add(follows_angle(config.law), {{"theta_ref", "rad"}, {"alpha_ref", "rad/s^2"}});
     add(true, {{"omega_measured", "rad/s"}});
     add(electrical, {{"i_d", "A"}});
     add(true, {{"i_q", "A"}});
     add(electrical && !trials, {{"i_d_ref", "A"}});
     add(true, {{"i_q_ref", "A"}});
-    add(electrical, {{"i_a", "A"}, {"i_b", "A"}, {"i_c", "A"}, {"u_d", "V"}, {"u_q", "V"}});
+    add(electrical, {{"i_a", "A"}, {"i_b", "A"}});
+    add(electrical && motor_phases(config) == 3, {{"i_c", "A"}});
+    add(electrical, {{"u_d", "V"}, {"u_q", "V"}});
     add(true, {{"tau_e", "N*m"}, {"tau_cogging", "N*m"}, {"tau_load", "N*m"}, {"status", ""}});
     std::visit(
         [&all](const auto& law) {
             if constexpr (requires { law.terms; }) {
-                for (const char* name : law.terms) all.push_back({name, "A"});
+                for (const Term& term : law.terms) all.push_back({term.name, term.unit});
             }
         },
         config.law);
@@ -41,6 +55,18 @@ std::vector<Signal> signals_of(const DriveConfig& config) {
         }
     }
     return all;
+}
+
+int turns_of(const Law& law) {
+    return std::visit(
+        []<class One>(const One& l) {
+            if constexpr (FollowsAngle<One>) {
+                return l.turns();
+            } else {
+                return 1;
+            }
+        },
+        law);
 }
 
 LawState start_of(const Law& law) {
@@ -62,6 +88,10 @@ const auto& state_of(const LawState& state, const One&) {
 Drive::Drive(const DriveConfig& config)
     : config_(config),
       period_(1.0 / static_cast<double>(config.current_rate)),
+      follows_angle_(follows_angle(config.law)),
+      turns_(2.0 * std::numbers::pi * turns_of(config.law)),
+      reference_(config.reference, config.phases.front().initial_angle, config.phases.front().initial_speed,
+                 period_ * static_cast<double>(config.speed_divider)),
       position_sensor_(config.position_sensor, period_, period_ * static_cast<double>(config.speed_divider)),
       current_sensors_(config.current_sensors),
       signals_(signals_of(config)) {
@@ -79,6 +109,9 @@ Drive::Drive(const DriveConfig& config)
     }
     start_of(config_.law);
     for (const PhaseConfig& p : config_.phases) {
+        if (p.motor.phases != motor_phases(config_)) {
+            throw std::invalid_argument("motor.phases: expected the same in every phase of the trials");
+        }
         const Plant plant(p.motor, p.mechanics, p.load, period_ / config_.integration_steps);
         phases_.push_back({p, plant, plant.start(p.initial_angle, p.initial_speed),
                            position_sensor_.start(p.initial_angle, p.initial_speed)});
@@ -90,6 +123,7 @@ DriveState Drive::start() const {
     restart(s, phases_.front());
     s.random = Random(config_.seed);
     s.law = start_of(config_.law);
+    s.reference_filter = reference_.start();
     return s;
 }
 
@@ -135,45 +169,47 @@ void Drive::advance_trials(DriveState& s, Recorder& recorder, const TrialLaw& la
 void Drive::advance_within(DriveState& s, Recorder& recorder, const Phase& phase, std::int64_t origin,
                            std::int64_t end) const {
     if (config_.ideal_current) {
-        run<true>(s, recorder, phase, origin, end);
+        run<0>(s, recorder, phase, origin, end);
+    } else if (motor_phases(config_) == 2) {
+        run<bridge_legs>(s, recorder, phase, origin, end);
     } else {
-        run<false>(s, recorder, phase, origin, end);
+        run<star_legs>(s, recorder, phase, origin, end);
     }
 }
 
-template <bool Ideal>
+template <std::size_t legs>
 void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end) const {
     const std::vector<LoadStep>& load_steps = phase.config.load_steps;
     Powers::Values z;
-    phase.plant.evaluate<Ideal ? Detail::mechanics : Detail::currents>(s.plant.theta_m, z);
+    phase.plant.evaluate<legs == 0 ? Detail::mechanics : Detail::currents>(s.plant.theta_m, z);
     for (; s.tick < end; ++s.tick) {
         while (s.next_load_step < load_steps.size() && load_steps[s.next_load_step].tick <= s.tick - origin) {
             s.plant.load.target = load_steps[s.next_load_step++].torque;
             if (phase.config.load.lag <= 0.0) s.plant.load.torque = s.plant.load.target;
         }
         Phases current{};
-        if constexpr (!Ideal) current = phase_currents(s.plant.i, phase.plant.motor().axis(z));
-        control<Ideal>(s, phase, origin, current);
-        if (recorder.wants(s.tick)) record<Ideal>(s, z, phase, origin, current, recorder.next_row());
+        if constexpr (legs != 0) current = phase_currents<legs>(s.plant.i, phase.plant.motor().axis(z));
+        control<legs>(s, phase, origin, current);
+        if (recorder.wants(s.tick)) record<legs>(s, z, phase, origin, current, recorder.next_row());
 
-        if constexpr (Ideal) {
-            advance_plant<Detail::mechanics>(s, z, phase, origin, {}, {});
+        if constexpr (legs == 0) {
+            advance_plant<Detail::mechanics, 0>(s, z, phase, origin, {}, {});
         } else {
             const Phases computed{static_cast<double>(s.output.duty[0]), static_cast<double>(s.output.duty[1]),
                                   static_cast<double>(s.output.duty[2])};
             const Phases acting = config_.inverter.computation_delay ? s.duty : computed;
             s.duty = computed;
             if (config_.energy) {
-                advance_plant<Detail::energies>(s, z, phase, origin, acting, current);
+                advance_plant<Detail::energies, legs>(s, z, phase, origin, acting, current);
             } else {
-                advance_plant<Detail::currents>(s, z, phase, origin, acting, current);
+                advance_plant<Detail::currents, legs>(s, z, phase, origin, acting, current);
             }
         }
     }
 }
 
 // Samples, and runs the law and the current loop where they are due.
-template <bool Ideal>
+template <std::size_t legs>
 void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, const Phases& current) const {
     const bool law_due = s.tick % config_.speed_divider == 0;
     if (!std::isfinite(s.plant.theta_m + s.plant.omega_m + s.plant.i.d + s.plant.i.q)) {
@@ -182,10 +218,10 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, cons
     s.measured =
         position_sensor_.sample(s.position, time(s.tick - origin), s.plant.theta_m, s.plant.omega_m, law_due);
     Phases i{};
-    if constexpr (!Ideal) i = current_sensors_.measure(current, s.random);
-    if (law_due) step_law<Ideal>(s, phase, origin);
+    if constexpr (legs != 0) i = current_sensors_.measure(current, s.random);
+    if (law_due) step_law<legs>(s, phase, origin);
 
-    if constexpr (Ideal) {
+    if constexpr (legs == 0) {
         if (law_due) {
             const auto limit = static_cast<double>(config_.current_loop.current_limit);
             s.plant.i.q = std::clamp(s.command.i_q_ref, -limit, limit);
@@ -203,15 +239,20 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, cons
     }
 }
 
-template <bool Ideal>
+template <std::size_t legs>
 void Drive::step_law(DriveState& s, const Phase& phase, std::int64_t origin) const {
     const double t = time(s.tick);
-    s.reference = config_.trials ? static_cast<double>(phase.config.trajectory[static_cast<std::size_t>(
-                                       (s.tick - origin) / config_.speed_divider)])
-                                 : reference(config_.reference, phase.config.initial_speed, t);
-    const LawInput in{t, s.reference, s.measured.omega_m, s.measured.theta_m,
-                      Ideal ? s.plant.i.d : static_cast<double>(s.output.i_d),
-                      Ideal ? s.plant.i.q : static_cast<double>(s.output.i_q),
+    if (config_.trials) {
+        const auto sample = static_cast<std::size_t>((s.tick - origin) / config_.speed_divider);
+        s.reference.theta = static_cast<double>(phase.config.trajectory[sample]);
+    } else {
+        s.reference = reference_.sample(s.reference_filter, t);
+    }
+    const double theta_ref =
+        config_.trials ? s.reference.theta : s.reference.theta - turns_ * std::floor(s.reference.theta / turns_);
+    const LawInput in{t, s.reference.omega, theta_ref, s.reference.alpha, s.measured.omega_m, s.measured.theta_m,
+                      legs == 0 ? s.plant.i.d : static_cast<double>(s.output.i_d),
+                      legs == 0 ? s.plant.i.q : static_cast<double>(s.output.i_q),
                       static_cast<double>(config_.current_loop.current_limit),
                       period_ * static_cast<double>(config_.speed_divider),
                       t >= config_.learning_start};
@@ -220,12 +261,12 @@ void Drive::step_law(DriveState& s, const Phase& phase, std::int64_t origin) con
         const double wrong = std::isfinite(s.command.i_q_ref) ? s.command.i_d_ref : s.command.i_q_ref;
         throw std::runtime_error("returned " + std::to_string(wrong));
     }
-    if (Ideal && s.command.i_d_ref != 0.0) {
+    if (legs == 0 && s.command.i_d_ref != 0.0) {
         throw std::runtime_error("asked for i_d_ref: expected only i_q_ref, with an ideal current loop");
     }
 }
 
-template <Detail detail>
+template <Detail detail, std::size_t legs>
 void Drive::advance_plant(DriveState& s, Powers::Values& z, const Phase& phase, std::int64_t origin, const Phases& duty,
                           const Phases& current) const {
     const double start = time(s.tick - origin);
@@ -235,8 +276,13 @@ void Drive::advance_plant(DriveState& s, Powers::Values& z, const Phase& phase, 
         phase.plant.step<detail>(s.plant, z, u, start + from, h);
         if (watch) position_sensor_.watch(s.position, start + from, start + from + h, s.plant.theta_m);
     };
-    if (detail != Detail::mechanics && config_.inverter.switched) {
-        const Pulses p = pulses(config_.inverter, duty, current, period_);
+    const auto hold = [&](Voltage u) {
+        for (int k = 0; k < config_.integration_steps; ++k) step(u, k * longest, longest);
+    };
+    if constexpr (legs == 0) {
+        hold({0.0, 0.0});
+    } else if (config_.inverter.switched) {
+        const Pulses<legs> p = pulses(config_.inverter, leg_duties<legs>(duty), leg_currents<legs>(current), period_);
         double from = 0.0;
         for (std::size_t n = 0; n < p.count; ++n) {
             const double length = p.stretch[n].until - from;
@@ -245,13 +291,11 @@ void Drive::advance_plant(DriveState& s, Powers::Values& z, const Phase& phase, 
             from = p.stretch[n].until;
         }
     } else {
-        Voltage u{0.0, 0.0};
-        if constexpr (detail != Detail::mechanics) u = averaged(config_.inverter, duty, current, period_);
-        for (int k = 0; k < config_.integration_steps; ++k) step(u, k * longest, longest);
+        hold(averaged(config_.inverter, leg_duties<legs>(duty), leg_currents<legs>(current), period_));
     }
 }
 
-template <bool Ideal>
+template <std::size_t legs>
 void Drive::record(const DriveState& s, const Powers::Values& z, const Phase& phase, std::int64_t origin,
                    const Phases& current, double* row) const {
     const auto* trial_law = std::get_if<TrialLaw>(&config_.law);
@@ -260,14 +304,19 @@ void Drive::record(const DriveState& s, const Powers::Values& z, const Phase& ph
 
     put(time(s.tick));
     if (trial_law) put(s.tick / (config_.trials->samples * config_.speed_divider) + 1);
-    put(s.plant.theta_m, s.plant.omega_m, s.reference);
+    put(s.plant.theta_m, s.plant.omega_m, trial_law ? s.reference.theta : s.reference.omega);
+    if (follows_angle_) put(s.reference.theta, s.reference.alpha);
     if (trial_law) put(state_of(s.law, *trial_law).input.x[0]);
     put(s.measured.omega_m);
-    if constexpr (!Ideal) put(s.plant.i.d);
+    if constexpr (legs != 0) put(s.plant.i.d);
     put(s.plant.i.q);
-    if (!Ideal && !trial_law) put(s.command.i_d_ref);
+    if (legs != 0 && !trial_law) put(s.command.i_d_ref);
     put(s.command.i_q_ref);
-    if constexpr (!Ideal) put(current[0], current[1], current[2], s.output.u_d, s.output.u_q);
+    if constexpr (legs != 0) {
+        put(current[0], current[1]);
+        if constexpr (legs == star_legs) put(current[2]);
+        put(s.output.u_d, s.output.u_q);
+    }
     put(torques.electromagnetic, torques.cogging, torques.load, s.command.status | s.output.status);
     std::visit(
         [&](const auto& law) {

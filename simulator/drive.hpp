@@ -67,7 +67,8 @@ struct DriveState {
     cgl_foc current_loop;
     LawState law;
     Measurement measured{0.0, 0.0};
-    double reference = 0.0;  // rad/s; in trials rad
+    Reference::State reference_filter;
+    Motion reference;  // in trials the angle alone
     Command command;
     cgl_foc_output output{};
     Phases duty{0.5, 0.5, 0.5};  // that the inverter realises in this period
@@ -109,18 +110,18 @@ private:
     // What runs in every tick is inlined by force where it is defined: with two loops gcc would call it, 1 % slower.
     //
     // origin in all of these: the tick at which the phase's time is zero.
-    // Ideal: the current loop. z: what the plant's evaluate() gives at the rotor's angle.
-    template <bool Ideal>
+    // legs: of the inverter; 0 with an ideal current loop. z: what the plant's evaluate() gives at the rotor's angle.
+    template <std::size_t legs>
     void run(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end) const;
-    template <bool Ideal>
+    template <std::size_t legs>
     void control(DriveState& state, const Phase& phase, std::int64_t origin, const Phases& current) const;
-    template <bool Ideal>
+    template <std::size_t legs>
     void step_law(DriveState& state, const Phase& phase, std::int64_t origin) const;
-    template <Detail detail>
+    template <Detail detail, std::size_t legs>
     void advance_plant(DriveState& state, Powers::Values& z, const Phase& phase, std::int64_t origin, const Phases& duty,
                        const Phases& current) const;
     // Kept out of run(), whose loop is 4 % faster without it.
-    template <bool Ideal>
+    template <std::size_t legs>
     [[gnu::noinline]] void record(const DriveState& state, const Powers::Values& z, const Phase& phase,
                                   std::int64_t origin, const Phases& current, double* row) const;
 
@@ -130,6 +131,9 @@ private:
 
     DriveConfig config_;
     double period_;  // s, of the current loop
+    bool follows_angle_;  // the law, its reference's angle
+    double turns_;        // rad, after which the reference's angle begins anew for the law
+    Reference reference_;
     PositionSensor position_sensor_;
     CurrentSensors current_sensors_;
     std::vector<Phase> phases_;

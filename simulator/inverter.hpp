@@ -1,4 +1,5 @@
-// Two-level inverter: averaged over a period, or switched with centre-aligned pulses at their exact edges.
+// Two-level inverter: averaged over a period, or switched with centre-aligned pulses at their exact edges. Three legs for
+// three phases in a star, or an H-bridge of two legs for each of two phases.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +11,14 @@
 
 namespace cogless {
 
+// One number for each phase; two-phase machines leave the third one at zero.
 using Phases = std::array<double, 3>;
+
+// One number for each leg.
+template <std::size_t count>
+using Legs = std::array<double, count>;
+
+constexpr std::size_t star_legs = 3, bridge_legs = 4;
 
 struct InverterConfig {
     bool switched = false;
@@ -19,14 +27,40 @@ struct InverterConfig {
     bool computation_delay = true;  // the duty cycles act one period after they were computed
 };
 
-inline Voltage stationary(const Phases& u) {
+// What legs at these voltages apply to the phases.
+inline Voltage stationary(const Legs<star_legs>& u) {
     return {(2.0 * u[0] - u[1] - u[2]) / 3.0, (u[1] - u[2]) * 0.57735026918962576};
 }
 
-// Line currents of the star equivalent from the rotor's frame.
-inline Phases phase_currents(Currents i, Complex axis) {
+inline Voltage stationary(const Legs<bridge_legs>& u) { return {u[0] - u[1], u[2] - u[3]}; }
+
+// The legs' duty cycles of the phases' ones. Unipolar: the second leg of a bridge does the opposite of the first, on the same
+// carrier, so that a phase gets bus_voltage (2 duty - 1) in two pulses a period.
+template <std::size_t count>
+Legs<count> leg_duties(const Phases& duty) {
+    if constexpr (count == star_legs) {
+        return duty;
+    } else {
+        return {duty[0], 1.0 - duty[0], duty[1], 1.0 - duty[1]};
+    }
+}
+
+// The currents out of the legs.
+template <std::size_t count>
+Legs<count> leg_currents(const Phases& i) {
+    if constexpr (count == star_legs) {
+        return i;
+    } else {
+        return {i[0], -i[0], i[1], -i[1]};
+    }
+}
+
+// Phase currents, with three legs the line currents of the star equivalent, from the rotor's frame.
+template <std::size_t legs>
+Phases phase_currents(Currents i, Complex axis) {
     const double alpha = axis.re * i.d - axis.im * i.q;
     const double beta = axis.im * i.d + axis.re * i.q;
+    if constexpr (legs == bridge_legs) return {alpha, beta, 0.0};
     return {alpha, -0.5 * alpha + 0.86602540378443865 * beta, -0.5 * alpha - 0.86602540378443865 * beta};
 }
 
@@ -37,17 +71,19 @@ struct Stretch {
 };
 
 // The stretches of one period, in order.
+template <std::size_t legs>
 struct Pulses {
-    std::array<Stretch, 7> stretch;
+    std::array<Stretch, 2 * legs + 1> stretch;
     std::size_t count;
 };
 
 // While a leg's two transistors are both off, its current flows through a diode: out of the leg through the lower one, so
 // that a positive current delays the rising edge by the dead time, and a negative current the falling edge. The sign is
 // taken at the start of the period.
-inline Pulses pulses(const InverterConfig& config, const Phases& duty, const Phases& current, double period) {
-    Phases rise, fall;
-    for (std::size_t x = 0; x < 3; ++x) {
+template <std::size_t legs>
+Pulses<legs> pulses(const InverterConfig& config, const Legs<legs>& duty, const Legs<legs>& current, double period) {
+    Legs<legs> rise, fall;
+    for (std::size_t x = 0; x < legs; ++x) {
         if (duty[x] <= 0.0 || duty[x] >= 1.0) {  // no edge, no dead time
             rise[x] = 0.0;
             fall[x] = duty[x] >= 1.0 ? period : 0.0;
@@ -57,17 +93,20 @@ inline Pulses pulses(const InverterConfig& config, const Phases& duty, const Pha
         fall[x] = std::min(0.5 * period * (1.0 + duty[x]) + (current[x] < 0.0 ? config.dead_time : 0.0), period);
         rise[x] = std::min(rise[x], fall[x]);
     }
-    std::array<double, 7> edges{rise[0], rise[1], rise[2], fall[0], fall[1], fall[2], period};
+    std::array<double, 2 * legs + 1> edges;
+    std::copy(rise.begin(), rise.end(), edges.begin());
+    std::copy(fall.begin(), fall.end(), edges.begin() + legs);
+    edges.back() = period;
     std::sort(edges.begin(), edges.end());
 
-    Pulses result;
+    Pulses<legs> result;
     result.count = 0;
     double from = 0.0;
     for (const double edge : edges) {
         if (edge <= from) continue;
         const double middle = 0.5 * (from + edge);
-        Phases u;
-        for (std::size_t x = 0; x < 3; ++x) {
+        Legs<legs> u;
+        for (std::size_t x = 0; x < legs; ++x) {
             u[x] = middle > rise[x] && middle < fall[x] ? config.bus_voltage : 0.0;
         }
         result.stretch[result.count++] = {edge, stationary(u)};
@@ -77,10 +116,11 @@ inline Pulses pulses(const InverterConfig& config, const Phases& duty, const Pha
 }
 
 // The mean of the same pulses over the period.
-inline Voltage averaged(const InverterConfig& config, const Phases& duty, const Phases& current, double period) {
+template <std::size_t legs>
+Voltage averaged(const InverterConfig& config, const Legs<legs>& duty, const Legs<legs>& current, double period) {
     const double dead_share = config.dead_time / period;
-    Phases u;
-    for (std::size_t x = 0; x < 3; ++x) {
+    Legs<legs> u;
+    for (std::size_t x = 0; x < legs; ++x) {
         double share = duty[x];
         if (duty[x] > 0.0 && duty[x] < 1.0) {
             // a delayed rise meets the fall at the earliest, a delayed fall the period's end

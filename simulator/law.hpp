@@ -1,6 +1,7 @@
 // What a law sees, asks for and has learned, whichever it is.
 #pragma once
 
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -18,7 +19,9 @@ struct Command {
 // What the engine offers a law, in doubles.
 struct LawInput {
     double time;              // s
-    double omega_ref;         // rad/s; in trials the angle, rad
+    double omega_ref;         // rad/s; not in trials
+    double theta_ref;         // rad, within the law's turns from zero upwards; in trials as it is
+    double alpha_ref;         // rad/s^2; not in trials
     double omega_m, theta_m;  // measured: rad/s, rad
     double i_d, i_q;          // measured, A
     double i_limit;           // A, of the current reference
@@ -26,12 +29,20 @@ struct LawInput {
     bool learn;               // false: hold what is learned
 };
 
+// A part of what a law does, as a recorded signal.
+struct Term {
+    const char* name;
+    const char* unit = "A";
+};
+
 enum class Over { mechanical, electrical, trial };
 
-// What a law has learned: currents, A, over a revolution, or a signal, rad, over a trial's samples.
+// What a law has learned: currents, A, over an angle, or a signal, rad, over a trial's samples.
 struct Learned {
     std::vector<double> values;
     Over over = Over::mechanical;
+    std::optional<double> period = {};       // rad of that angle; none: a revolution
+    std::vector<double> beta = {}, h = {};   // over the same angle: what speed and acceleration take, A s/rad and A s^2/rad
 };
 
 // Throws std::invalid_argument where a law's init refuses.

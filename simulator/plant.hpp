@@ -191,8 +191,8 @@ private:
             slope[2] = di.d;
             slope[3] = di.q;
             if constexpr (detail == Detail::energies) {
-                slope[4] = 1.5 * (u_d * i.d + u_q * i.q);
-                slope[5] = 1.5 * motor_.config().R_s * (i.d * i.d + i.q * i.q);
+                slope[4] = motor_.power_factor() * (u_d * i.d + u_q * i.q);
+                slope[5] = motor_.power_factor() * motor_.config().R_s * (i.d * i.d + i.q * i.q);
                 slope[6] = friction * omega_m;
                 slope[7] = load * omega_m;
             }

@@ -22,8 +22,8 @@ inline PluginLaw open_plugin(const std::string& path, std::vector<double> params
     };
     decltype(&cogless_plugin_version) version;
     find("cogless_plugin_version", version);
-    if (version() != COGLESS_PLUGIN_VERSION) {
-        throw std::invalid_argument("the library's plugin version is " + std::to_string(version()) + ", expected " +
+    if (version() < 1U || version() > COGLESS_PLUGIN_VERSION) {
+        throw std::invalid_argument("the library's plugin version is " + std::to_string(version()) + ", expected 1 or " +
                                     std::to_string(COGLESS_PLUGIN_VERSION));
     }
     find("cogless_plugin_state_size", law.state_size);

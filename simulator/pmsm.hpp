@@ -1,4 +1,5 @@
 // Permanent-magnet synchronous motor in the rotor's frame, with saliency and flux harmonics (Liu 2018, eqs. (1) to (4)).
+// With two phases instead of three it is the permanent-magnet step motor (Verrelli 2016, Section 5).
 //
 // The harmonics of both axes and the torque follow from one flux linkage, so that electrical power is copper loss, stored
 // energy and torque times speed, to rounding.
@@ -18,12 +19,13 @@ struct FluxHarmonic {
 };
 
 struct PmsmConfig {
-    int pole_pairs;
+    int pole_pairs;   // of a step motor: rotor teeth
     double R_s;       // ohm
     double L_d, L_q;  // H
     double psi_f;     // V s, peak per phase of the star equivalent
     std::vector<FluxHarmonic> flux_harmonics;
     std::vector<Harmonic> cogging;  // N m, mechanical orders
+    int phases = 3;                 // or 2
 };
 
 struct Currents {
@@ -33,7 +35,8 @@ struct Currents {
 class Pmsm {
 public:
     Pmsm(const PmsmConfig& config, const Powers& powers)
-        : config_(config), per_L_d_(1.0 / config.L_d), per_L_q_(1.0 / config.L_q),
+        : config_(config), power_factor_(0.5 * config.phases), torque_factor_(power_factor_ * config.pole_pairs),
+          per_L_d_(1.0 / config.L_d), per_L_q_(1.0 / config.L_q),
           electrical_(powers.place(config.pole_pairs)), cogging_(powers, config.cogging) {
         for (const FluxHarmonic& h : config.flux_harmonics) {
             // e_d += d psi_d / d theta_e - psi_q and e_q += d psi_q / d theta_e + psi_d, by sine and cosine
@@ -55,6 +58,9 @@ public:
 
     const PmsmConfig& config() const { return config_; }
 
+    // Power of all phases over that of the amplitude-invariant frame: 3/2, or 1 with two phases.
+    double power_factor() const { return power_factor_; }
+
     // Unit vector of the d axis in the stationary frame.
     Complex axis(const Powers::Values& z) const { return z[electrical_]; }
 
@@ -64,7 +70,7 @@ public:
     double cogging_energy(const Powers::Values& z) const { return -cogging_.integral(z); }
 
     double magnetic_energy(Currents i) const {
-        return 0.75 * (config_.L_d * i.d * i.d + config_.L_q * i.q * i.q);
+        return 0.5 * power_factor_ * (config_.L_d * i.d * i.d + config_.L_q * i.q * i.q);
     }
 
     // Speed voltages per electrical speed, V s: the torque's linkages too.
@@ -82,7 +88,7 @@ public:
         return e;
     }
 
-    double torque(Linkage e, Currents i) const { return 1.5 * config_.pole_pairs * (e.d * i.d + e.q * i.q); }
+    double torque(Linkage e, Currents i) const { return torque_factor_ * (e.d * i.d + e.q * i.q); }
 
     Currents derivative(Linkage e, Currents i, double u_d, double u_q, double omega_m) const {
         const double omega_e = config_.pole_pairs * omega_m;
@@ -98,6 +104,7 @@ private:
     };
 
     PmsmConfig config_;
+    double power_factor_, torque_factor_;
     double per_L_d_, per_L_q_;  // products cost less than quotients
     std::size_t electrical_;
     std::vector<FluxTerm> flux_;

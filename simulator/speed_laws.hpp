@@ -57,7 +57,7 @@ struct PiLaw {
         cgl_speed_pi_step(&config, &s.law, &input, &output);
         return from_c(output);
     }
-    static constexpr std::array<const char*, 2> terms{"term_proportional", "term_integral"};
+    static constexpr std::array<Term, 2> terms{{{"term_proportional"}, {"term_integral"}}};
     static void read_terms(const State& s, double* out) {
         out[0] = static_cast<double>(s.law.proportional);
         out[1] = static_cast<double>(s.law.integral);
@@ -84,7 +84,7 @@ struct PiIlcLaw {
         cgl_pi_ilc_step(&config, &s.law, &input, &output);
         return from_c(output);
     }
-    static constexpr std::array<const char*, 3> terms{"term_proportional", "term_integral", "term_ilc"};
+    static constexpr std::array<Term, 3> terms{{{"term_proportional"}, {"term_integral"}, {"term_ilc"}}};
     static void read_terms(const State& s, double* out) {
         out[0] = static_cast<double>(s.law.pi.proportional);
         out[1] = static_cast<double>(s.law.pi.integral);
@@ -114,7 +114,7 @@ struct RobustIlcLaw {
         cgl_robust_ilc_step(&config, &s.law, &input, &output);
         return from_c(output);
     }
-    static constexpr std::array<const char*, 5> terms{"term_surface", "term_switching", "term_linear", "term_f_hat", "term_r_hat"};
+    static constexpr std::array<Term, 5> terms{{{"term_surface"}, {"term_switching"}, {"term_linear"}, {"term_f_hat"}, {"term_r_hat"}}};
     static void read_terms(const State& s, double* out) {
         const cgl_robust_ilc_terms& t = s.law.terms;
         out[0] = static_cast<double>(t.surface);
@@ -150,7 +150,7 @@ struct AntiCoggingLaw {
         cgl_anti_cogging_step(&config, &s.law, &input, &output);
         return from_c(output);
     }
-    static constexpr std::array<const char*, 3> terms{"term_proportional", "term_integral", "term_table"};
+    static constexpr std::array<Term, 3> terms{{{"term_proportional"}, {"term_integral"}, {"term_table"}}};
     static void read_terms(const State& s, double* out) {
         out[0] = static_cast<double>(s.law.pi.proportional);
         out[1] = static_cast<double>(s.law.pi.integral);
@@ -186,8 +186,8 @@ struct PluginLaw {
         return s;
     }
     Command step(State& s, const LawInput& in) const {
-        const cogless_plugin_input input{in.time, in.omega_ref, in.omega_m, in.theta_m, in.i_d,
-                                         in.i_q,  in.i_limit,   in.ts,      in.learn ? 1 : 0};
+        const cogless_plugin_input input{in.time,    in.omega_ref, in.omega_m,           in.theta_m,   in.i_d,      in.i_q,
+                                         in.i_limit, in.ts,        in.learn ? 1 : 0, in.theta_ref, in.alpha_ref};
         cogless_plugin_output output{0.0, 0.0};
         step_function(s.data(), &input, &output);
         return {output.i_d_ref, output.i_q_ref, 0};

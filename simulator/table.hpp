@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <numbers>
 #include <vector>
 
@@ -18,6 +19,18 @@ struct Table {
         if (x >= at.back()) return value.back();
         const auto upper = static_cast<std::size_t>(std::upper_bound(at.begin(), at.end(), x) - at.begin());
         return between(upper - 1, upper, x, at[upper] - at[upper - 1]);
+    }
+
+    // The derivative of held(); at a point, that of what follows.
+    double held_slope(double x) const {
+        if (x < at.front() || x >= at.back()) return 0.0;
+        const std::size_t from = place(x);
+        return (value[from + 1] - value[from]) / (at[from + 1] - at[from]);
+    }
+
+    // The last point that is not beyond x, which is not before the first.
+    std::size_t place(double x) const {
+        return static_cast<std::size_t>(std::upper_bound(at.begin(), at.end(), x) - at.begin()) - 1;
     }
 
     double periodic(double theta) const {

@@ -62,8 +62,7 @@ struct TrialLaw {
         cgl_trial_end(&config, &s.law);
     }
 
-    static constexpr std::array<const char*, 4> terms{"term_feedback", "term_integral", "term_feedforward",
-                                                      "term_learned"};
+    static constexpr std::array<Term, 4> terms{{{"term_feedback"}, {"term_integral"}, {"term_feedforward"}, {"term_learned"}}};
     static void read_terms(const State& s, double* out) {
         out[0] = static_cast<double>(s.law.terms.feedback);
         out[1] = static_cast<double>(s.law.terms.integral);
