@@ -7,7 +7,7 @@ from cogless.metrics import result_name
 from cogless.results import Results, Run, TrialResults
 from cogless.simulate import measure
 from cogless.study import load
-from cogless.study.controller import TERMS
+from cogless.study.laws import TERMS
 from cogless.study.metric import SIGNALS
 from cogless.trace import Trace
 from cogless.trial_metrics import evaluate

@@ -258,7 +258,7 @@ def test_list_names_the_laws(capsys: pytest.CaptureFixture[str]) -> None:
         "Control laws of trials",
     ]
     assert "  trial-ilc     State feedback with integral action" in out
-    assert "  robust-ilc    Robust iterative learning" in out
+    assert "  robust-ilc      Robust iterative learning" in out
 
 
 def test_calibrate_prints_lines_for_the_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

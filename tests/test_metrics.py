@@ -49,7 +49,8 @@ def trace(duration=4.0, unit="rad/s", rate=RATE, **signals):
 
 
 def value(kind, t, **fields):
-    return evaluate(Metric(kind, **fields), t, CONDITIONS)
+    frame = "electrical" if kind == "order" else "mechanical"
+    return evaluate(Metric(kind, **{"frame": frame, **fields}), t, CONDITIONS)
 
 
 def test_sine_has_its_closed_forms():

@@ -17,7 +17,7 @@ from cogless.errors import StudyError
 from cogless.results import Results, to_dict
 from cogless.simulate import RunError, rollout, run_study, runs_of, simulate
 from cogless.study import Study, changed, load
-from cogless.study.controller import TERMS
+from cogless.study.laws import TERMS
 
 TABLE = {
     "law": "anti-cogging",

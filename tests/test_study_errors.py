@@ -106,7 +106,8 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'scenario.step.events.1.time: "0.1 s": expected a time after the event before'),
         ("scenario.low.reference", {"speed": "1 rpm", "offset": "1 rpm"},
             "scenario.low.reference: expected the keys of one form: speed; ramp, speed; profile; "
-            "amplitude, frequency, offset"),
+            "amplitude, frequency, offset; amplitude, depth, frequency, modulation, offset; offset, sines; "
+            "moves; file"),
         ("scenario.low.reference", {"profile": [["1 s", "0 rpm"], ["0 s", "1 rpm"]]},
             'scenario.low.reference.profile: [["1 s", "0 rpm"], ["0 s", "1 rpm"]]: '
             "expected one or more points, each later than the one before"),
@@ -120,7 +121,8 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         # controllers
         ("controller.pi.law", "pid",
             'controller.pi.law: "pid": expected one of '
-            '"pi", "pi-ilc", "robust-ilc", "anti-cogging", "python", "library"'),
+            '"pi", "pi-ilc", "robust-ilc", "anti-cogging", "space-position", "space-speed", "python", '
+            '"library"'),
         ("controller.pi", {"kp": 1}, "controller.pi.law: missing: expected one that says which kind it is"),
         ("controller.fair.kp", 1,
             "controller.fair: expected either kp and ki or tuning, such as "
@@ -245,7 +247,7 @@ def test_chattering_needs_the_speed_loops_samples(tmp_path: Path) -> None:
 
 def test_an_unknown_signal_lists_what_there_is(tmp_path: Path) -> None:
     line = line_of(tmp_path, {"metric.0.signal": "omega"})
-    assert line.startswith('study.toml: metric.0.signal: "omega": expected a signal: theta_m, omega_m, ')
+    assert line.startswith('study.toml: metric.0.signal: "omega": expected a signal: theta_m, theta_ref, ')
 
 
 def test_several_mistakes_are_counted(tmp_path: Path) -> None:

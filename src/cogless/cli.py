@@ -135,6 +135,7 @@ def run(
             _write(results, folder, plots)
     if results.runs:
         _print_tables(results)
+        _print_warnings(results)
         print(f"Report: {folder / 'report.html'}")
     if failure is not None:
         raise failure
@@ -274,6 +275,18 @@ def _print_tables(results: AnyResults) -> None:
     console.print(
         f"* best; (x) times the value of {study.label(study.baseline)}", highlight=False, markup=False
     )
+
+
+def _print_warnings(results: AnyResults) -> None:
+    """Controllers of a speed study whose learning is known to grow."""
+    from cogless.design.space_learning import warning
+    from cogless.results import Results
+
+    if isinstance(results, Results):
+        for name in dict.fromkeys(run.controller for run in results.runs):
+            found = warning(results.study, name)
+            if found is not None:
+                _say(f"Warning: controller.{name}: {found}.")
 
 
 def _cell(line: Line, controller: str, baseline: str) -> Text:

@@ -6,13 +6,18 @@ import dataclasses
 from typing import Any, Literal
 
 from cogless.design.pi import gains
+from cogless.design.position import frame_ratio, position_gains
+from cogless.design.space_bounds import learned_limits
 from cogless.study import Study, for_scenario
 from cogless.study.controller import AntiCogging, Feedback, Learning, LibraryLaw, PythonLaw
-from cogless.study.drive import Drive, StarBelief, sensor_fields
+from cogless.study.drive import Drive, IdealCurrentLoop, StarBelief, sensor_fields
 from cogless.study.mechanics import Load, Mechanics
 from cogless.study.motor import StarMotor
-from cogless.study.scenario import Reference
+from cogless.study.reference import Reference
+from cogless.study.space_controller import SpaceLearning, SpacePosition
+from cogless.study.trial_drive import TrialDrive
 
+NEVER = 1e18  # s
 Mode = Literal["run", "learn"]
 
 
@@ -38,7 +43,7 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
         "initial_angle": experiment.initial_angle if run else 0.0,
         "seed": here.seed,
         "energy": here.trace.energy,
-        "drive": _drive(here.drive, here.drive.belief.resolved(study.motor.star())),
+        "drive": drive_config(here.drive, here.drive.belief.resolved(study.motor.star()), here.drive.divider),
         "controller": _controller(study, here, controller, mode),
     }
 
@@ -47,6 +52,7 @@ def motor_config(motor: StarMotor) -> dict[str, Any]:
     numbers = {key: getattr(motor, key) for key in ("pole_pairs", "R_s", "L_d", "L_q", "psi_f")}
     return {
         **numbers,
+        "phases": motor.phases,
         "flux_harmonics": [harmonic.model_dump() for harmonic in motor.flux_harmonics],
         "cogging": [harmonic.model_dump(include={"order", "torque", "phase"}) for harmonic in motor.cogging],
     }
@@ -64,28 +70,33 @@ def load_config(load: Load) -> dict[str, Any]:
 
 
 def _reference(reference: Reference) -> dict[str, Any]:
-    numbers = reference.model_dump(exclude={"profile"})
+    numbers = reference.model_dump(exclude={"profile", "moves", "file"})
+    moves = reference.kind == "moves"
     return {
-        "kind": reference.kind,
-        **numbers,
-        "times": [time for time, _ in reference.profile],
-        "speeds": [speed for _, speed in reference.profile],
+        "kind": "profile" if reference.kind == "file" else reference.kind,
+        **lists(numbers),
+        "times": [time for time, _ in (reference.moves if moves else reference.points)],
+        "speeds": [speed for _, speed in reference.points],
+        "angles": [angle for _, angle in reference.moves],
     }
 
 
-def _drive(drive: Drive, belief: StarBelief) -> dict[str, Any]:
-    return {
+def drive_config(drive: Drive | TrialDrive, belief: StarBelief, divider: int) -> dict[str, Any]:
+    """A drive with the outer loop at every `divider`-th current-loop period."""
+    loop, inverter = drive.current_loop, drive.inverter
+    config = {
         "current_rate": round(drive.rates.current_loop),
-        "speed_divider": round(drive.rates.current_loop / drive.rates.speed_loop),
+        "speed_divider": divider,
         "integration_steps": drive.rates.integration_steps,
-        **drive.current_loop.gains(belief),
-        "decoupling": drive.current_loop.decoupling,
-        "current_limit": drive.current_loop.current_limit,
+        "current_limit": loop.current_limit,
+        "ideal_current": drive.ideal,
         "belief": dataclasses.asdict(belief),
-        "inverter": drive.inverter.model_dump(),
         "position_sensor": sensor_fields(drive.position_sensor),
         "current_sensors": lists(drive.current_sensors.model_dump()),
     }
+    if isinstance(loop, IdealCurrentLoop) or inverter is None:
+        return config
+    return config | {**loop.gains(belief), "decoupling": loop.decoupling, "inverter": inverter.model_dump()}
 
 
 def _controller(study: Study, here: Study, name: str, mode: Mode) -> dict[str, Any]:
@@ -103,7 +114,28 @@ def _controller(study: Study, here: Study, name: str, mode: Mode) -> dict[str, A
             fields["limit"] = study.drive.current_loop.current_limit
     if isinstance(controller, AntiCogging):
         fields["mode"] = mode
+    if isinstance(controller, SpaceLearning):
+        fields |= _space(study, here, controller)
+        if not controller.learning:
+            fields["learning_start"] = NEVER
+    if isinstance(controller, SpacePosition):
+        fields["k_theta"], fields["k_omega"], fields["k_i"] = position_gains(study, name)
     return fields
+
+
+def _space(study: Study, here: Study, controller: SpaceLearning) -> dict[str, Any]:
+    """The memory of a law that learns in angle: its period, and limits where the study gives none."""
+    ratio = frame_ratio(study, controller)
+    revolutions = ratio * controller.period.revolutions(study.motor.pole_pairs)
+    limits = learned_limits(study, controller, [scenario.reference for scenario in here.scenario.values()])
+    return {
+        "ratio": ratio,
+        "turns": revolutions.numerator,
+        "parts": revolutions.denominator,
+        "method": controller.delay_method,
+        "limits": list(limits[: controller.channels]),
+        "limit": study.drive.current_loop.current_limit,
+    }
 
 
 def lists(table: dict[str, Any]) -> dict[str, Any]:

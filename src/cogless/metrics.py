@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless.errors import StudyError
-from cogless.study.metric import Metric, whole_revolutions
+from cogless.study.metric import SIGNALS, Metric, whole_revolutions
 from cogless.study.metric import result_name as result_name
 from cogless.trace import Trace
+from cogless.units import ANGLE, ANGULAR_SPEED
 
 Array = NDArray[np.float64]
 Value = float | None | list[float]
@@ -31,6 +32,7 @@ class Conditions:
     pole_pairs: int
     R_s: float  # ohm, of the star equivalent
     speed_period: float  # s, of the speed loop
+    power_factor: float = 1.5  # of power over u . i in the rotor's frame
     events: tuple[float, ...] = ()  # s, times of the scenario's events
 
 
@@ -52,8 +54,14 @@ class Measurement:
     @property
     def x(self) -> Array:
         """The signal in the metric's rows."""
-        x = self.trace[self.signal]
+        x = self.whole(self.signal)
         return x[self.rows] if self.metric.smooth is None else self._smooth(x, self.metric.smooth)[self.rows]
+
+    def whole(self, signal: str) -> Array:
+        """A signal of the whole trace; angles and speeds in the metric's frame."""
+        x = self.trace[signal]
+        turned = SIGNALS.get(signal) in (ANGLE, ANGULAR_SPEED) and self.metric.kind != "order"
+        return self.conditions.pole_pairs * x if turned and self.metric.frame == "electrical" else x
 
     def _smooth(self, x: Array, span: float) -> Array:
         """Centred mean over `span` s, without what comes after the metric's window."""
@@ -184,9 +192,9 @@ def exceeds(m: Measurement) -> float | None:
 
 
 def copper_loss(m: Measurement) -> float:
-    """Mean copper loss 1.5 R_s (i_d^2 + i_q^2), W."""
+    """Mean copper loss R_s (i_d^2 + i_q^2) times half the number of phases, W."""
     i_d, i_q = m.trace["i_d"][m.rows], m.trace["i_q"][m.rows]
-    return 1.5 * m.conditions.R_s * float(np.mean(i_d * i_d + i_q * i_q))
+    return m.conditions.power_factor * m.conditions.R_s * float(np.mean(i_d * i_d + i_q * i_q))
 
 
 def chattering(m: Measurement) -> float:
@@ -280,7 +288,7 @@ def _outside(m: Measurement, otherwise: Callable[[], float]) -> NDArray[np.intp]
     if m.signal == "omega_error":
         target = 0.0
     elif m.signal in REFERENCES and REFERENCES[m.signal] in m.trace:
-        target = m.trace[REFERENCES[m.signal]][m.rows]
+        target = m.whole(REFERENCES[m.signal])[m.rows]
     else:
         target = otherwise()
     return np.flatnonzero(np.abs(m.x - target) > m.metric.band)
@@ -294,7 +302,7 @@ def _mean_before(m: Measurement) -> float:
     event, trace = m.event, m.trace
     previous = max((t for t in m.conditions.events if t < event - trace.period / 2), default=0.0)
     rows = trace.window((previous + event) / 2, event - trace.period)
-    x = trace[m.signal]
+    x = m.whole(m.signal)
     if rows.start == rows.stop:
         return float(x[m.rows][0])
     theta = trace["theta_m"]

@@ -166,6 +166,7 @@ def measure(study: Study, scenario: str, trace: Trace) -> dict[str, Value]:
     conditions = Conditions(
         pole_pairs=motor.pole_pairs,
         R_s=motor.R_s,
+        power_factor=motor.power_factor,
         speed_period=1 / here.drive.rates.speed_loop,
         events=tuple(event.time for event in here.scenario[scenario].events),
     )
@@ -217,12 +218,17 @@ def _drive(engine: Any, study: Study, scenario: str, controller: str, mode: Mode
 
 
 def _memory(drive: Any, state: Any) -> dict[str, Any]:
-    """The learned map over its angle, rad of its frame; empty where the law learns none."""
+    """The learned maps over their angle, rad of its frame; empty where the law learns none.
+
+    A space-learning law has its "period" too, rad of that angle, and "beta" and "h" as far as it learns them.
+    """
     memory = dict(drive.memory(state))
     if memory:
         cells = len(memory["current"])
-        memory["angle"] = 2 * math.pi / cells * np.arange(cells)
-        memory["current"] = np.asarray(memory["current"])
+        memory["angle"] = memory.get("period", 2 * math.pi) / cells * np.arange(cells)
+        for name in ("current", "beta", "h"):
+            if name in memory:
+                memory[name] = np.asarray(memory[name])
     return memory
 
 

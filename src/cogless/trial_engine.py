@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cogless.design.model import Model, sampled
-from cogless.engine import lists, load_config, mechanics_config, motor_config
-from cogless.study.drive import sensor_fields
-from cogless.study.trial_drive import IdealCurrentLoop
+from cogless.engine import drive_config, load_config, mechanics_config, motor_config
 
 if TYPE_CHECKING:
     from cogless.design.trial import TrialDesign
     from cogless.study import TrialStudy
     from cogless.study.plant import LinearPlant
-    from cogless.study.trial_drive import TrialDrive
     from cogless.study.trial_scenario import TrialConditions
 
 
@@ -38,13 +34,15 @@ def engine_config(study: TrialStudy, scenario: str, controller: str, design: Tri
             "phases": [_linear_phase(study, study.plant, scenario, *phase) for phase in here.phases],
             "controller": law,
         }
-    assert study.drive is not None
+    assert study.drive is not None and study.motor is not None
     phases = [_drive_phase(study, scenario, index, *phase) for index, phase in enumerate(here.phases)]
     return {
         "trials": {"samples": samples, "count": here.trials, "phases": phases},
         "seed": study.seed,
         "energy": False,
-        "drive": _drive(study, study.drive),
+        "drive": drive_config(
+            study.drive, study.drive.belief.resolved(study.motor.star()), study.drive.rates.divider
+        ),
         "controller": law,
     }
 
@@ -110,22 +108,3 @@ def _linear_phase(
         "load": load.tolist(),
         "initial_state": list(here.initial_state or (0.0,) * study.states),
     }
-
-
-def _drive(study: TrialStudy, drive: TrialDrive) -> dict[str, Any]:
-    assert study.motor is not None
-    belief = drive.belief.resolved(study.motor.star())
-    loop, inverter = drive.current_loop, drive.inverter
-    config = {
-        "current_rate": round(drive.rates.current_loop),
-        "speed_divider": drive.rates.divider,
-        "integration_steps": drive.rates.integration_steps,
-        "current_limit": loop.current_limit,
-        "ideal_current": drive.ideal,
-        "belief": dataclasses.asdict(belief),
-        "position_sensor": sensor_fields(drive.position_sensor),
-        "current_sensors": lists(drive.current_sensors.model_dump()),
-    }
-    if isinstance(loop, IdealCurrentLoop) or inverter is None:
-        return config
-    return config | {**loop.gains(belief), "decoupling": loop.decoupling, "inverter": inverter.model_dump()}

@@ -18,6 +18,7 @@ import numpy as np
 from cogless.design.margins import Complex, Margins, Real, margins_of
 from cogless.errors import StudyError
 from cogless.study import Study
+from cogless.study.drive import IdealCurrentLoop
 
 LEAST = math.radians(30)  # phase margin below which a speed loop should not be put around it
 
@@ -46,11 +47,20 @@ class CurrentLoop:
         return margins_of(self.response, self.period, (self.ki > 0) + (self.R == 0 and self.kp + self.ki > 0))
 
 
+@dataclass(frozen=True)
+class IdealLoop:
+    """The current is its reference; only the period of what would be the current loop is left."""
+
+    period: float  # s
+
+
 def current_loops(study: Study) -> dict[str, CurrentLoop]:
-    """Both axes of a study, as the controller knows the motor."""
+    """Both axes of a study, as the controller knows the motor; none where the current loop is ideal."""
     belief, rate = study.belief, study.drive.rates.current_loop
-    gains = study.drive.current_loop.gains(belief)
-    delay = study.drive.inverter.computation_delay
+    loop, inverter = study.drive.current_loop, study.drive.inverter
+    if isinstance(loop, IdealCurrentLoop) or inverter is None:
+        return {}
+    gains, delay = loop.gains(belief), inverter.computation_delay
     return {
         "q": CurrentLoop(gains["kp_q"], gains["ki_q"], belief.R_s, belief.L_q, 1 / rate, delay),
         "d": CurrentLoop(gains["kp_d"], gains["ki_d"], belief.R_s, belief.L_d, 1 / rate, delay),

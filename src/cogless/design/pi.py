@@ -44,7 +44,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cogless.design.current_loop import CurrentLoop, current_loops, require_damped
+from cogless.design.current_loop import CurrentLoop, IdealLoop, current_loops, require_damped
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.design.model import exponential
 from cogless.errors import StudyError
@@ -62,7 +62,7 @@ class SpeedLoop:
     b: float  # rad/s^2/A, acceleration per current
     steps: int  # current-loop periods in one of the speed loop
     window: int  # current-loop periods that the measured speed is a mean over; 0: the speed at the sample
-    current: CurrentLoop  # of the q axis
+    current: CurrentLoop | IdealLoop  # of the q axis
 
     @property
     def period(self) -> float:
@@ -71,16 +71,24 @@ class SpeedLoop:
 
     def plant(self, w: Real) -> Complex:
         """P(jw), see above."""
-        z = np.exp(1j * w * self.period)
-        whole = np.linalg.matrix_power(self._step, self.steps)
-        A, B = whole[:REFERENCE, :REFERENCE], whole[:REFERENCE, REFERENCE:]
-        x = np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)[:, :, 0]
+        z, x = np.exp(1j * w * self.period), self._states(w)
         if self.window == 0:
             return np.asarray(x[:, OMEGA])
         samples = -(-self.window // self.steps)
         then = np.linalg.matrix_power(self._step, samples * self.steps - self.window)[THETA]
         theta_then = (x @ then[:REFERENCE] + then[REFERENCE]) / z**samples
         return np.asarray((x[:, THETA] - theta_then) / (self.window * self.current.period))
+
+    def angle(self, w: Real) -> Complex:
+        """From current reference to the angle at the sample, rad/A."""
+        return np.asarray(self._states(w)[:, THETA])
+
+    def _states(self, w: Real) -> Complex:
+        """X(jw), see above."""
+        z = np.exp(1j * w * self.period)
+        whole = np.linalg.matrix_power(self._step, self.steps)
+        A, B = whole[:REFERENCE, :REFERENCE], whole[:REFERENCE, REFERENCE:]
+        return np.asarray(np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)[:, :, 0])
 
     def response(self, w: Real, kp: float, ki: float) -> Complex:
         """L(jw), see above."""
@@ -90,7 +98,13 @@ class SpeedLoop:
     @cached_property
     def _step(self) -> Real:
         """x and i_ref one current-loop period later."""
-        loop = self.current
+        loop, T = self.current, self.current.period
+        if isinstance(loop, IdealLoop):
+            step = np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+            step[CURRENT, REFERENCE] = 1.0
+            step[OMEGA, REFERENCE] = self.b * T
+            step[THETA, [OMEGA, REFERENCE]] = T, self.b * T**2 / 2
+            return step
         rates = np.zeros((4, 4))  # of i, omega, theta under a constant voltage
         rates[0, 0], rates[0, 3] = -loop.R / loop.L, 1 / loop.L
         rates[1, 0], rates[2, 1] = self.b, 1.0
@@ -119,6 +133,7 @@ class PiDesign:
 def speed_loop(study: Study) -> SpeedLoop:
     """The speed loop of a study, as its controller knows it."""
     rates, sensor = study.drive.rates, study.drive.position_sensor
+    factor = study.motor.star().power_factor
     steps = round(rates.current_loop / rates.speed_loop)
     window = steps
     if isinstance(sensor, IdealSensor):
@@ -126,10 +141,10 @@ def speed_loop(study: Study) -> SpeedLoop:
     elif isinstance(sensor, Resolver):
         window = sensor.window
     return SpeedLoop(
-        b=1.5 * study.motor.pole_pairs * study.belief.psi_f / study.mechanics.inertia,
+        b=factor * study.motor.pole_pairs * study.belief.psi_f / study.mechanics.inertia,
         steps=steps,
         window=window,
-        current=current_loops(study)["q"],
+        current=current_loops(study).get("q") or IdealLoop(1 / rates.current_loop),
     )
 
 
@@ -153,7 +168,7 @@ def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
     half = loop.period / 2
     w = 1e-3 * math.pi / loop.period
     for _ in range(100):
-        before, w = w, x / ((1 + x * x) * max(_delay(loop, w), 1e-300))
+        before, w = w, x / ((1 + x * x) * max(delay_of(loop, w), 1e-300))
         if w >= math.pi / loop.period:
             break
         if math.isclose(w, before, rel_tol=1e-12):
@@ -169,12 +184,12 @@ def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
 
 def margins(loop: SpeedLoop, kp: float, ki: float) -> Margins:
     """Margins of given gains around a loop; unstable where its current loop is."""
-    if not loop.current.margins().stable:
+    if isinstance(loop.current, CurrentLoop) and not loop.current.margins().stable:
         return UNSTABLE
     integrators = 1 + (ki > 0) if kp or ki else 0
     return margins_of(lambda w: loop.response(w, kp, ki), loop.period, integrators)
 
 
-def _delay(loop: SpeedLoop, w: float) -> float:
+def delay_of(loop: SpeedLoop, w: float) -> float:
     """T_e at a frequency: what P lags more than an integrator, as a time."""
     return -float(np.angle(1j * loop.plant(np.array([w]))[0])) / w

@@ -18,8 +18,13 @@ from cogless.design.learning import (
 )
 from cogless.design.margins import Margins
 from cogless.design.pi import gains, margins, speed_loop
+from cogless.design.position import frame_ratio, position_gains, position_margins
+from cogless.design.space_bounds import Theorem, theorem
+from cogless.design.space_learning import repairing_filter, space_learning, space_stable
 from cogless.study import Study
-from cogless.study.controller import AnyController, Feedback, Learning, RobustIlc
+from cogless.study.controller import Feedback, Learning, RobustIlc
+from cogless.study.laws import AnyController
+from cogless.study.space_controller import SpacePosition, SpaceSpeed
 from cogless.study.table import Quantity
 
 
@@ -43,6 +48,8 @@ class Design:
     settling_lead: float | None  # s; where it grows: the shortest lead with which it would not
     frozen: tuple[str, ...]  # why it doesn't learn, at the speeds where it doesn't
     unstable: bool  # its feedback, with what learning adds to it at once
+    settling_filter: int | None = None  # of a law that learns in angle and grows: q_half_width that would do
+    theorem: Theorem | None = None  # of a law that learns in angle: what its proof asks
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,6 +86,7 @@ def to_dict(study: Study) -> dict[str, Any]:
             "gains": _gains(design.gains),
             "margins": design.margins and _margins(design.margins),
             "learning": _learning(design) if design.learning or design.frozen else None,
+            "theorem": design.theorem and _theorem(design.theorem),
         }
     return {
         "study": study.title,
@@ -111,13 +119,55 @@ def _learning(design: Design) -> dict[str, Any]:
         "factor_per_period": worst and worst.factor,
         "frequency_Hz": worst and worst.frequency,
         "settling_lead_s": design.settling_lead,
+        "settling_q_half_width": design.settling_filter,
         "frozen": list(design.frozen),
         "unstable": design.unstable,
     }
 
 
+def _theorem(theorem: Theorem) -> dict[str, Any]:
+    return {
+        "bounds": theorem.bounds and dataclasses.asdict(theorem.bounds),
+        "has": theorem.has,
+        "asks": {condition.name: _plain(condition.asks) for condition in theorem.conditions},
+        "ratio": {condition.name: _plain(condition.ratio(theorem.has)) for condition in theorem.conditions},
+        "holds": theorem.holds,
+        "verdict": theorem.verdict(),
+    }
+
+
+def _space(study: Study, name: str, controller: SpacePosition | SpaceSpeed) -> Design:
+    """Of a law that learns in angle."""
+    rule, numbers, loop = None, _numbers(controller), speed_loop(study)
+    if isinstance(controller, SpacePosition):
+        rule = controller.tuning.rule if controller.tuning else None
+        found = position_gains(study, name)
+        units = ("1/s", "A*s/rad", "A/rad")
+        own = {k: Gain(v, u) for k, v, u in zip(("k_theta", "k_omega", "k_i"), found, units, strict=True)}
+        numbers = own | {key: gain for key, gain in numbers.items() if key not in own}
+        margins_ = position_margins(loop, frame_ratio(study, controller), found)
+    else:
+        margins_ = margins(loop, controller.k, 0.0)
+    worst = space_learning(study, name)
+    grows = worst is not None and worst.factor > SETTLED
+    return Design(
+        controller.law,
+        rule,
+        numbers,
+        margins_,
+        learning=worst,
+        settling_lead=None,
+        frozen=(),
+        unstable=worst is not None and not space_stable(study, name),
+        settling_filter=repairing_filter(study, name) if grows else None,
+        theorem=theorem(study, name),
+    )
+
+
 def _design(study: Study, name: str) -> Design:
     controller = study.controller[name]
+    if isinstance(controller, SpacePosition | SpaceSpeed):
+        return _space(study, name, controller)
     rule: str | None = None
     pi: tuple[float, float] | None = None
     numbers = _numbers(controller)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING
 
 from cogless import units
+from cogless.design.angle_functions import Bounds
 from cogless.design.learning import SETTLED
 from cogless.design.margins import UNSTABLE, Margins
 from cogless.design.summary import CurrentLoopDesign, Design, Gain, current_loop_summary, summary
@@ -38,14 +40,17 @@ def design_table(study: Study) -> Group:
     loops = current_loop_summary(study)
     for name, loop in _told_apart(loops).items():
         table.add_row(name, "pi", "", _gains(loop.gains), *_margins(loop.margins), "")
-    for name, design in summary(study).items():
+    designs = summary(study)
+    for name, design in designs.items():
         gains, margins = _gains(design.gains), _margins(design.margins)
         table.add_row(study.label(name), design.law, design.rule or "", gains, *margins, _learning(design))
-    return Group(table, *(Text(note) for note in _notes(loops)))
+    return Group(table, *(Text(note) for note in (*_notes(loops), *_theorems(study, designs))))
 
 
 def _told_apart(loops: dict[str, CurrentLoopDesign]) -> dict[str, CurrentLoopDesign]:
     """Rows of the current loop: one where both axes are alike."""
+    if not loops:
+        return {}
     if loops["d"].margins == loops["q"].margins and loops["d"].gains == loops["q"].gains:
         return {"current loop": loops["q"]}
     return {f"current loop, {axis}": loop for axis, loop in loops.items()}
@@ -59,6 +64,24 @@ def _notes(loops: dict[str, CurrentLoopDesign]) -> list[str]:
         elif loop.weakness:
             notes.append(f"drive.current_loop: the {name} is weak, it {loop.weakness} of phase margin.")
     return notes
+
+
+def _theorems(study: Study, designs: dict[str, Design]) -> list[str]:
+    """What the proofs of laws that learn in angle ask, and the bounds behind it."""
+    notes: list[str] = []
+    for name, design in designs.items():
+        if design.theorem is not None:
+            bounds = design.theorem.bounds
+            known = "" if bounds is None else f"Known bounds, mechanical: {_bounds(bounds)}."
+            notes += [known] if known and known not in notes else []
+            notes.append(f"{study.label(name)}: {design.theorem.verdict()}.")
+    return notes
+
+
+def _bounds(bounds: Bounds) -> str:
+    h, rest = f"h {bounds.h_m:.3g} to {bounds.h_M:.3g} A*s^2/rad", dataclasses.asdict(bounds)
+    named = ("k_h", "k_alpha1", "k_alpha2", "k_beta1", "k_beta2")
+    return ", ".join([h, *(f"{key} {rest[key]:.3g}" for key in named), f"delta+ {bounds.delta:.3g}"])
 
 
 def _gains(gains: dict[str, Gain]) -> str:
@@ -81,8 +104,10 @@ def _learning(design: Design) -> str:
         return "feedback unstable" if design.margins is UNSTABLE else "unstable: gain too large"
     if worst.factor <= SETTLED:
         return "; ".join(["settles", *said])
-    lead = design.settling_lead
+    lead, wide = design.settling_lead, design.settling_filter
     remedy = "forgetting or a Q filter" if lead is None else f'lead = "{1e3 * lead:g} ms"'
+    if wide is not None:
+        remedy = f"q_half_width = {wide}"
     return "; ".join([f"grows {worst.factor:.3f}x a period at {worst.frequency:.0f} Hz, try {remedy}", *said])
 
 

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from cogless.report.criterion import criterion
 from cogless.report.maps import maps
 from cogless.report.overtime import events, waveforms, zooms
 from cogless.report.palette import colours, place
+from cogless.report.periods import over_angle
 from cogless.report.spectra import spectra
 from cogless.results import Results, Run
 
@@ -44,12 +46,14 @@ def _scenario(results: Results, scenario: str, speed_unit: str) -> dict[str, Any
     runs = [run for run in results.runs if run.scenario == scenario and len(run.trace) > 1]
     if not runs:
         empty: dict[str, Any] = {"controllers": [], "waveforms": {"panels": []}}
-        return {**empty, "zooms": [], "spectra": [], "maps": [], "events": []}
+        return {**empty, "zooms": [], "spectra": [], "maps": [], "angle": [], "criterion": None, "events": []}
     return {
         "controllers": [place(results, run) for run in runs],
         "waveforms": waveforms(results, runs, speed_unit),
         "zooms": zooms(results, runs),
         "spectra": spectra(results, runs, speed_unit),
         "maps": maps(results, runs),
+        "angle": over_angle(results, runs),
+        "criterion": criterion(results, runs),
         "events": events(results, runs, speed_unit),
     }

@@ -57,15 +57,22 @@ class Line:
     def title(self) -> str:
         """Such as "speed ripple" or "speed orders: order 6 (electrical)"."""
         words = self.name.replace("_", " ").replace("-", " ")
-        return words if self.order is None else f"{words}: order {self.order:g} ({self.frame})"
+        return (
+            words + self._in_frame if self.order is None else f"{words}: order {self.order:g} ({self.frame})"
+        )
 
     @property
     def quantity(self) -> str:
         """What is measured, for a sentence: "speed order 6 (electrical)"."""
         if self.order is None:
-            return self.name.replace("_", " ").replace("-", " ")
+            return self.name.replace("_", " ").replace("-", " ") + self._in_frame
         signal = QUANTITIES.get(self.signal or "", self.signal)
         return f"{signal} order {self.order:g} ({self.frame})"
+
+    @property
+    def _in_frame(self) -> str:
+        """Said of angles and speeds that were taken electrically."""
+        return " (electrical)" if self.frame == "electrical" else ""
 
     @property
     def best(self) -> set[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from cogless.report.packing import plain
 from cogless.report.palette import place
+from cogless.report.paths import learns
 from cogless.results import Results, Run
 
 MOST = 1440  # points of a map
@@ -22,16 +22,18 @@ def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     charts = []
     for frame in ("electrical", "mechanical"):
         learnt = [run for run in runs if run.memory and run.memory["frame"] == frame]
-        learnt = [run for run in learnt if len(run.memory["current"])]
+        learnt = [run for run in learnt if learns(results.study, run.controller)]
+        learnt = [run for run in learnt if len(run.memory["current"]) > 1]
         if not learnt:
             continue
         cells = min(MOST, max(len(run.memory["current"]) for run in learnt))
-        grid = np.linspace(0, 2 * math.pi, cells + 1)
+        longest = max(_period(run) for run in learnt)
+        grid = np.linspace(0, longest, cells + 1)
         series = [
             {
                 "controller": place(results, run),
                 "values": plain(
-                    np.interp(grid, run.memory["angle"], run.memory["current"], period=2 * math.pi)
+                    np.interp(grid, run.memory["angle"], run.memory["current"], period=_period(run))
                 ),
             }
             for run in learnt
@@ -41,3 +43,9 @@ def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
             {"title": "Learnt current", "x": f"{frame} angle (°)", "angle": angle, "series": series}
         )
     return charts
+
+
+def _period(run: Run) -> float:
+    """What a map is over, rad: a revolution, or the period that a law in angle learns."""
+    angle = run.memory["angle"]
+    return float(len(angle) * (angle[1] - angle[0]))

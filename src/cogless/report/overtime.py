@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless.report.comparison import pretty
+from cogless.report.needed import needed_current
 from cogless.report.packing import Array, pack, thin
 from cogless.report.palette import place
+from cogless.report.paths import Error, errors, in_angle, learnt_terms
 from cogless.results import Results, Run
 from cogless.study.metric import SIGNALS
 from cogless.trace import Trace
@@ -26,8 +28,16 @@ EVENT_POINTS = 1_200
 EVENT_SPAN = (-0.1, 1.5)  # s about an event
 NEAR = 0.05  # of the reference: the drive is up to speed
 
-# The learnt part of each law's current reference.
-LEARNT = ("term_ilc", "term_f_hat", "term_table")
+
+@dataclass(frozen=True)
+class Panel:
+    """A signal over time, all runs in one plot; of an error, in its own frame."""
+
+    title: str
+    signal: str
+    quantity: str
+    unit: str
+    error: Error | None = None
 
 
 @dataclass(frozen=True)
@@ -51,15 +61,37 @@ class View:
 def waveforms(results: Results, runs: Sequence[Run], speed_unit: str) -> dict[str, Any]:
     """Panels over the whole run, with finer points over its last revolutions, where one zooms in first."""
     panels = [
-        ("Speed, reference dashed", "omega_m", "speed", speed_unit),
-        ("Current reference", "i_q_ref", "i_q_ref", "A"),
-        ("Torque of the motor, cogging included", "tau_motor", "torque", "N*m"),
-        ("Learnt part of the current reference", "learnt", "current", "A"),
+        Panel("Speed, reference dashed", "omega_m", "speed", speed_unit),
+        *(Panel(e.title, e.signal, e.title.split(",")[0].lower(), e.unit, e) for e in errors(results, runs)),
+        Panel("Current reference", "i_q_ref", "i_q_ref", "A"),
+        Panel("Torque of the motor, cogging included", "tau_motor", "torque", "N*m"),
+        _learnt_panel(results, runs),
+        *_panels_in_angle(results, runs),
     ]
     share = len(panels) * len(results.runs)
     views = [View("values", None, max(FEWEST, min(MOST, POINTS // share)))]
     detail = _detail(runs[0].trace, views[0].points, max(FEWEST, min(MOST_FINE, POINTS_FINE // share)))
     return _times(results, runs, panels, views + detail)
+
+
+def _learnt_panel(results: Results, runs: Sequence[Run]) -> Panel:
+    needed = any(_in_angle(results, run) for run in runs) and needed_current(results, runs[0]) is not None
+    about = "; dashed: the current that the motion needs" if needed else ""
+    return Panel(f"Learnt part of the current reference{about}", "learnt", "current", "A")
+
+
+def _panels_in_angle(results: Results, runs: Sequence[Run]) -> list[Panel]:
+    """Currents of both axes and the time that a period takes, where a law learns in angle."""
+    if not any(_in_angle(results, run) for run in runs):
+        return []
+    found = [Panel("q current", "i_q", "i_q", "A"), Panel("d current", "i_d", "i_d", "A")]
+    if any("P_t" in run.trace for run in runs):
+        found.append(Panel("Time of the last period, P_t, by the delay memory", "P_t", "P_t", "s"))
+    return found
+
+
+def _in_angle(results: Results, run: Run) -> bool:
+    return in_angle(results.study, run.controller) is not None
 
 
 def _detail(trace: Trace, coarse: int, fine: int) -> list[View]:
@@ -88,9 +120,20 @@ def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
             found.append({"name": name, "from": since, "to": end})
     if not changes and _since(runs[0].trace, MANY) is not None:
         found[-2]["first"] = True
+    found += _beginnings(results, runs, end)
     return found + [
         {"name": f"event at {change:g} s", "from": max(start, change - 0.1), "to": min(end, change + 1.0)}
         for change in changes
+    ]
+
+
+def _beginnings(results: Results, runs: Sequence[Run], end: float) -> list[dict[str, Any]]:
+    """Where laws that learn in angle begin to, if that's not at the start."""
+    laws = [in_angle(results.study, run.controller) for run in runs]
+    starts = sorted({law.learning_start for law in laws if law is not None and 0 < law.learning_start < end})
+    return [
+        {"name": f"learning begins at {t:g} s", "from": max(0.0, t - 2), "to": min(end, t + 5)}
+        for t in starts
     ]
 
 
@@ -119,8 +162,8 @@ def events(results: Results, runs: Sequence[Run], speed_unit: str) -> list[dict[
     for event, end in zip(changes, ends, strict=False):
         name = f"load to {event.load:.3g} N·m at {event.time:g} s"
         panels = [
-            (f"Speed, {name}", "omega_m", "speed", speed_unit),
-            (f"Current reference, {name}", "i_q_ref", "i_q_ref", "A"),
+            Panel(f"Speed, {name}", "omega_m", "speed", speed_unit),
+            Panel(f"Current reference, {name}", "i_q_ref", "i_q_ref", "A"),
         ]
         before, after = EVENT_SPAN
         span = (max(0.0, event.time + before), min(event.time + after, end))
@@ -138,31 +181,39 @@ def near_reference(run: Run) -> NDArray[np.bool_]:
 
 
 def _times(
-    results: Results, runs: Sequence[Run], panels: Sequence[tuple[str, str, str, str]], views: Sequence[View]
+    results: Results, runs: Sequence[Run], panels: Sequence[Panel], views: Sequence[View]
 ) -> dict[str, Any]:
-    """Panels over time: (title, signal, quantity, unit), with points of each view."""
+    """Panels over time, with points of each view."""
     drawn = []
-    for title, signal, quantity, unit in panels:
-        series = _series(results, runs, signal, unit, views)
+    for panel in panels:
+        series = _series(results, runs, panel, views)
         if series:
-            drawn.append({"title": title, "quantity": quantity, "unit": pretty(unit), "series": series})
+            about = {"title": panel.title, "quantity": panel.quantity, "unit": pretty(panel.unit)}
+            drawn.append({**about, "series": series})
     first, *others = [(view.key, view.grid(runs[0].trace)) for view in views]
     return {"panels": drawn, "x": "time (s)", **first[1], **dict(others)}
 
 
 def _series(
-    results: Results, runs: Sequence[Run], signal: str, unit: str, views: Sequence[View]
+    results: Results, runs: Sequence[Run], panel: Panel, views: Sequence[View]
 ) -> list[dict[str, Any]]:
-    """A signal of each run in `unit`, and of the speed the reference."""
+    """A panel's signal of each run, of the speed the reference, of what is learnt in angle what is needed."""
     drawn: list[tuple[float, dict[str, Any]]] = []
+    signal = panel.signal
     for run in runs:
-        names = [name for name in LEARNT if name in run.trace] if signal == "learnt" else [signal]
-        if not names:
+        names = learnt_terms(results, run) if signal == "learnt" else [signal]
+        if not names or names[0] not in run.trace:
             continue
-        scale = factor(unit, SIGNALS[names[0]])
+        scale = factor(panel.unit, SIGNALS[names[0]]) / (panel.error.ratio if panel.error else 1)
         if signal == "omega_m" and not drawn:
             reference = {"dash": True, **_packed(run.trace["omega_ref"] / scale, run.trace, views)}
             drawn.append((math.inf, reference))
+        if signal == "learnt" and not drawn and _in_angle(results, run):
+            needed = needed_current(results, run)
+            if needed is not None:
+                drawn.append(
+                    (-math.inf, {"dash": True, "label": "needed", **_packed(needed, run.trace, views)})
+                )
         x = np.sum([run.trace[name] for name in names], axis=0) / scale
         series = {"controller": place(results, run), **_packed(x, run.trace, views)}
         drawn.append((_spread(x[views[0].rows(run.trace)]), series))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cogless.files import replacing
-from cogless.report import charts, maps, markup, spectra
+from cogless.report import charts, criterion, maps, markup, periods, spectra
 from cogless.report.comparison import speed_unit
 from cogless.report.tables import metric_tables, term_tables
 from cogless.report.verdict import verdicts
@@ -30,5 +30,7 @@ def render(results: Results) -> str:
         tables=metric_tables(results),
         spectra_note=markup.note(spectra.NOTE),
         map_note=markup.note(maps.NOTE),
+        angle_note=markup.note(periods.NOTE),
+        criterion_note=markup.note(criterion.NOTE),
         terms=term_tables(results),
     )

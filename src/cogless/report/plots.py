@@ -96,6 +96,6 @@ def _maps(path: Path, title: str, data: dict[str, Any], controllers: Sequence[di
                 ax.plot(chart["angle"], series["values"], **look(controllers[series["controller"]]))
             ax.set_xlabel(chart["x"])
             ax.set_ylabel("current (A)")
-            ax.set_xlim(0, 360)
+            ax.set_xlim(0, chart["angle"][-1])
 
     return save(path, title, (len(data["maps"]), 1), 2.6, draw)

@@ -10,9 +10,10 @@ import numpy as np
 
 from cogless.report.comparison import pretty
 from cogless.report.holding import late
-from cogless.report.overtime import LEARNT, near_reference
+from cogless.report.overtime import near_reference
 from cogless.report.packing import Array, plain
 from cogless.report.palette import place
+from cogless.report.paths import learnt_terms, varies
 from cogless.results import Results, Run
 from cogless.units import ANGULAR_SPEED, factor
 
@@ -38,6 +39,7 @@ def spectra(results: Results, runs: Sequence[Run], speed_unit: str) -> list[dict
     strongest = np.argsort(np.nan_to_num(peaks))[::-1][:SHOWN_ORDERS]
     mechanical = np.sort(strongest[peaks[strongest] > 1e-3 * np.nanmax(peaks)])
     charts = []
+    varying = any(_signal(run) == "omega_error" for run in runs)
     for frame, orders, step in (("electrical", electrical, pole_pairs), ("mechanical", mechanical, 1)):
         if len(orders) == 0 or (frame == "mechanical" and pole_pairs == 1):
             continue
@@ -47,11 +49,23 @@ def spectra(results: Results, runs: Sequence[Run], speed_unit: str) -> list[dict
             if early is not None:
                 one["early"] = plain(early[orders * step] / scale)
             series.append(one)
-        title = f"Speed by {frame} order" + (", the strongest" if frame == "mechanical" else "")
+        title = f"{'Speed error' if varying else 'Speed'} by {frame} order" + (
+            ", the strongest" if frame == "mechanical" else ""
+        )
         x = f"order of the {frame} revolution"
-        axis = {"title": title, "x": x, "quantity": "speed amplitude", "unit": pretty(speed_unit)}
+        axis = {
+            "title": title,
+            "x": x,
+            "quantity": f"speed {'error ' if varying else ''}amplitude",
+            "unit": pretty(speed_unit),
+        }
         charts.append({**axis, "orders": orders.tolist(), "series": series})
     return charts
+
+
+def _signal(run: Run) -> str:
+    """The speed, or its error where the reference varies late in the run: else that's what one would see."""
+    return "omega_error" if varies(run.trace["omega_ref"][len(run.trace) // 2 :]) else "omega_m"
 
 
 def _highest(results: Results, run: Run) -> int:
@@ -67,7 +81,7 @@ def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array |
     """Amplitudes where a controller that learns began, for a revolution, and late in the run."""
     trace, rows = run.trace, late(results, run)
     pole_pairs = results.study.motor.pole_pairs
-    theta, x = trace["theta_m"], trace["omega_m"]
+    theta, x = trace["theta_m"], trace[_signal(run)]
     if rows.stop - rows.start < 2:
         return None, None
     after = order_spectrum(theta[rows], x[rows], highest, pole_pairs)
@@ -79,8 +93,7 @@ def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array |
         int(near[0]),
         int(near[0] + np.searchsorted(np.abs(theta[near[0] :] - theta[near[0]]), 2 * math.pi)) + 1,
     )
-    learns = any(name in trace for name in LEARNT)
-    if begun.stop > rows.start or not learns:
+    if begun.stop > rows.start or not learnt_terms(results, run):
         return None, after
     return order_spectrum(theta[begun], x[begun], highest, pole_pairs), after
 

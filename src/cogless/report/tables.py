@@ -13,6 +13,7 @@ from cogless.report.holding import late
 from cogless.report.markup import controller_heading, note, scenario_block
 from cogless.report.packing import number
 from cogless.report.palette import colours
+from cogless.report.paths import LEARNT, learns
 from cogless.results import AnyResults, Results, Run
 
 
@@ -74,6 +75,8 @@ def _terms(results: Results, run: Run, label: str) -> str:
     trace = run.trace
     rows = late(results, run)
     names = [name for name in trace.names if name.startswith("term_")] if rows.stop > rows.start else []
+    if not learns(results.study, run.controller):
+        names = [name for name in names if name not in LEARNT]
     figures = [(float(np.sqrt(np.mean(trace[n][rows] ** 2))), float(np.std(trace[n][rows]))) for n in names]
     top, most = (_largest(column) for column in zip(*figures, strict=True)) if figures else (1.0, 1.0)
     body = "".join(

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
 from cogless.report.comparison import Line, compare, misses, pretty
+from cogless.report.growth import sentences as growing
 from cogless.report.packing import number
+from cogless.report.paths import learns, varies
 from cogless.results import Results, Run
 from cogless.study import Study
 from cogless.units import ANGULAR_SPEED, convert
@@ -64,7 +64,7 @@ class _Case:
         return mine / base if base else math.inf if mine else 1.0
 
     def learns(self, controller: str) -> bool:
-        return self.study.controller[controller].law != "pi"
+        return learns(self.study, controller)
 
     def label(self, controller: str) -> str:
         return self.study.label(controller)
@@ -81,7 +81,7 @@ def verdicts(results: Results, speed_unit: str) -> list[Verdict]:
 
 def _verdict(results: Results, scenario: str, speed_unit: str) -> Verdict | None:
     lines = [line for line in compare(results, scenario) if line.better == "lower"]
-    line = _decisive(lines, results.study.baseline)
+    line = _latest(results, scenario, _decisive(lines, results.study.baseline), lines)
     if line is None:
         return None
     run = next(run for run in results.runs if run.scenario == scenario)
@@ -94,6 +94,7 @@ def _verdict(results: Results, scenario: str, speed_unit: str) -> Verdict | None
         _against_the_next(case) if compared else "",
         _costs(case) if compared else "",
         _rest(case),
+        *growing(results, scenario),
         *_failures(case),
     ]
     if len(line.values) < 2 or case.baseline not in line.values:
@@ -164,6 +165,18 @@ def _decisive(lines: Sequence[Line], baseline: str) -> Line | None:
     return next(iter([*totals, *orders, *dips, *ripples, *lines]), None)
 
 
+def _latest(results: Results, scenario: str, line: Line | None, lines: Sequence[Line]) -> Line | None:
+    """Of the same number in several windows, the last window's: what learning comes to."""
+    if line is None or line.order is not None:
+        return line
+    alike = {other.name for other in lines if (other.kind, other.signal) == (line.kind, line.signal)}
+    windows = [m for m in results.study.metrics_in(scenario) if m.name in alike and m.window is not None]
+    if len(windows) < 2:
+        return line
+    last = max(windows, key=lambda m: m.window[1] if m.window else 0.0)
+    return next(other for other in lines if other.name == last.name)
+
+
 def _is_total(line: Line) -> bool:
     return line.kind in TOTALS and line.signal in SPEEDS
 
@@ -178,7 +191,7 @@ def _orders(lines: Sequence[Line], controller: str) -> list[Line]:
 def _place(run: Run, speed_unit: str) -> str:
     """ "At 60 rpm" where the reference stays constant, else "In the scenario's name"."""
     reference = run.trace["omega_ref"][len(run.trace) // 4 :]
-    if len(reference) == 0 or np.ptp(reference) > 1e-6 * max(1e-9, float(np.max(np.abs(reference)))):
+    if varies(reference):
         return f"In {run.scenario}"
     speed = convert(float(reference[-1]), speed_unit, ANGULAR_SPEED)
     return f"At {speed:.4g} {pretty(speed_unit)}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import get_args
 
-from cogless.study.controller import AnyController
+from cogless.study.laws import AnyController
 from cogless.study.reading import read, shipped
 from cogless.study.trial_controller import AnyTrialController
 

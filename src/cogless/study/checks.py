@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 from pydantic_core import PydanticCustomError
 
-from cogless.study import numerics
-from cogless.study.controller import TERMS, Learning
+from cogless.study import numerics, space_checks
+from cogless.study.controller import Learning
+from cogless.study.laws import TERMS
 from cogless.study.metric import Metric, result_name, whole_revolutions
 from cogless.study.scenario import Scenario
 from cogless.study.table import problem
@@ -212,6 +213,7 @@ ALL: tuple[Check, ...] = (
     metrics,
     orders,
     leads,
+    space_checks.space_laws,
     calibration,
 )
 # Of the study as a whole, not of one scenario with its overrides.

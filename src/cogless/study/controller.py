@@ -147,18 +147,3 @@ class LibraryLaw(Base):
     law: Literal["library"]
     library: str  # relative to the study
     params: Many[float] = ()
-
-
-AnyController = Pi | PiIlc | RobustIlc | AntiCogging | PythonLaw | LibraryLaw
-Controller = Annotated[AnyController, Field(discriminator="law")]
-
-# What each law records besides the drive's own signals, in A.
-_PI_TERMS = ("term_proportional", "term_integral")
-TERMS: dict[str, tuple[str, ...]] = {
-    "pi": _PI_TERMS,
-    "pi-ilc": (*_PI_TERMS, "term_ilc"),
-    "robust-ilc": ("term_surface", "term_switching", "term_linear", "term_f_hat", "term_r_hat"),
-    "anti-cogging": (*_PI_TERMS, "term_table"),
-    "python": (),
-    "library": (),
-}

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from cogless.study.motor import StarMotor
 from cogless.study.table import (
@@ -103,6 +103,32 @@ class CurrentLoop(Table):
         return {"kp_d": w * belief.L_d, "ki_d": ki, "kp_q": w * belief.L_q, "ki_q": ki}
 
 
+class IdealCurrentLoop(Table):
+    """The current is its reference, at once."""
+
+    kind: Literal["ideal"]
+    current_limit: CurrentLimit  # A
+
+
+def _kind(data: Any) -> str:
+    kind = data.get("kind") if isinstance(data, dict) else getattr(data, "kind", None)
+    return "pi" if kind is None else "ideal"
+
+
+AnyCurrentLoop = Annotated[
+    Annotated[CurrentLoop, Tag("pi")] | Annotated[IdealCurrentLoop, Tag("ideal")], Discriminator(_kind)
+]
+
+
+def require_inverter(loop: CurrentLoop | IdealCurrentLoop, inverter: Inverter | None) -> None:
+    """Refuse a real current loop without an inverter, and an ideal one with an inverter."""
+    ideal = isinstance(loop, IdealCurrentLoop)
+    if ideal and inverter is not None:
+        raise problem("expected none, since the current loop is ideal", "inverter")
+    if not ideal and inverter is None:
+        raise problem("expected a table of bus_voltage, ...", "inverter", value="missing")
+
+
 class Inverter(Table):
     """The inverter: averaged over a period, or with centre-aligned edges at the current loop's rate."""
 
@@ -157,10 +183,25 @@ class Drive(Table):
     precision: Literal["single", "double"] = "single"
     belief: Belief = Belief()
     rates: Rates
-    current_loop: CurrentLoop
-    inverter: Inverter
+    current_loop: AnyCurrentLoop
+    inverter: Inverter | None = None  # not with an ideal current loop
     position_sensor: PositionSensor = IdealSensor()
     current_sensors: CurrentSensors = CurrentSensors()
+
+    @model_validator(mode="after")
+    def _inverter(self) -> Self:
+        require_inverter(self.current_loop, self.inverter)
+        return self
+
+    @property
+    def divider(self) -> int:
+        """Current-loop periods in a speed-loop period."""
+        return round(self.rates.current_loop / self.rates.speed_loop)
+
+    @property
+    def ideal(self) -> bool:
+        """Whether the current loop is."""
+        return isinstance(self.current_loop, IdealCurrentLoop)
 
 
 def sensor_fields(sensor: IdealSensor | Encoder | Resolver) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Protocol, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from cogless import units
-from cogless.study.controller import TERMS
+from cogless.study.laws import TERMS
 from cogless.study.table import Duration, Many, Quantity, Table, Time, problem
 from cogless.units import Dimension
 
@@ -19,7 +19,8 @@ ENERGIES = ("electrical", "copper", "friction", "load", "stored", "residual")
 
 # Every signal that a run has, recorded or derived from recorded ones.
 SIGNALS: dict[str, Dimension] = {
-    "theta_m": units.ANGLE,
+    **dict.fromkeys(("theta_m", "theta_ref", "theta_error"), units.ANGLE),
+    "P_t": units.TIME,
     **dict.fromkeys(("omega_m", "omega_ref", "omega_measured", "omega_error"), units.ANGULAR_SPEED),
     **dict.fromkeys(("i_d", "i_q", "i_d_ref", "i_q_ref", "i_a", "i_b", "i_c", "i_amplitude"), units.CURRENT),
     **dict.fromkeys(("u_d", "u_q"), units.VOLTAGE),
@@ -63,7 +64,8 @@ class Metric(Table):
     last: Duration | None = None  # s: in place of a window, so much of the end of each scenario
     scenarios: Many[str] | None = None  # default: all, or those that have the event
     order: Many[Annotated[float, Field(gt=0)]] | None = None
-    frame: Literal["electrical", "mechanical"] = "mechanical"  # of what the order is a multiple
+    # of what the order is a multiple; of other kinds, in which angles and speeds are taken
+    frame: Literal["electrical", "mechanical"] = "mechanical"
     event: Time | None = None  # s
     band: float | None = None  # half width, SI
     smooth: Duration | None = None  # s: averaged over this time first, so that ripple doesn't count

@@ -53,12 +53,13 @@ class Cogging(Table):
 
 
 class Motor(Table):
-    """A motor as its datasheet has it.
+    """A synchronous motor as its datasheet has it.
 
     R_s, L_d, L_q and flux linkages are of one winding; K_t is of the line current's peak; phases are of the
     star equivalent's angle.
     """
 
+    kind: Literal["pmsm"] = "pmsm"
     datasheet: str | None = None  # already read: its fields are here
     pole_pairs: Annotated[int, Field(ge=1, le=1000)]
     R_s: Resistance  # ohm
@@ -122,3 +123,9 @@ class StarMotor:
     flux_factor: float
     flux_harmonics: tuple[FluxHarmonic, ...]
     cogging: tuple[Cogging, ...]
+    phases: int = 3
+
+    @property
+    def power_factor(self) -> float:
+        """Power over u . i in the rotor's frame: 3/2 of three phases, 1 of two."""
+        return 0.5 * self.phases

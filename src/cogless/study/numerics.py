@@ -23,7 +23,7 @@ def integration(study: Study) -> None:
     """The integrator's step is short against whatever is fastest in the plant."""
     rates = study.drive.rates
     top = max(scenario.top_speed for scenario in study.scenario.values())
-    found = natural_rates(study.motor.star(), study.mechanics, top)
+    found = natural_rates(study.motor.star(), study.mechanics, top, electrical=not study.drive.ideal)
     check_step(1 / (rates.current_loop * rates.integration_steps), rates.integration_steps, found)
 
 
@@ -59,7 +59,8 @@ def natural_rates(
 
 def dead_time(study: Study) -> None:
     """Dead time leaves time to switch."""
-    check_dead_time(study.drive.inverter.dead_time, study.drive.rates.current_loop)
+    if study.drive.inverter is not None:
+        check_dead_time(study.drive.inverter.dead_time, study.drive.rates.current_loop)
 
 
 def check_dead_time(dead_time: float, rate: float) -> None:

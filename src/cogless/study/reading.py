@@ -232,7 +232,8 @@ def _part(model: type[Model], key: str, source: Source, prefix: str) -> Model:
 
 def _validated(model: type[AStudy], source: Source, prefix: str = "") -> AStudy:
     try:
-        study = model.model_validate(source.tables, context={"one_scenario": True} if prefix else None)
+        context = {"folder": source.path.parent, "one_scenario": bool(prefix)}
+        study = model.model_validate(source.tables, context=context)
     except ValidationError as error:
         raise _error(problems(error, source.tables), source, prefix) from None
     study._source = source

@@ -7,13 +7,13 @@ from typing import Annotated, Self
 from pydantic import Field, ValidationInfo, model_validator
 
 from cogless.study import checks
+from cogless.study.any_motor import AnyMotor
 from cogless.study.base import StudyBase
 from cogless.study.calibration import Calibration
-from cogless.study.controller import Controller
 from cogless.study.drive import Drive, StarBelief
+from cogless.study.laws import Controller
 from cogless.study.mechanics import Mechanics
 from cogless.study.metric import Metric
-from cogless.study.motor import Motor
 from cogless.study.scenario import Scenario
 from cogless.study.table import Frequency, Many, Table
 
@@ -29,7 +29,7 @@ class Study(StudyBase):
     """A validated study, all SI. Made by `cogless.study.load`."""
 
     trace: TraceSettings = TraceSettings()
-    motor: Motor
+    motor: AnyMotor
     mechanics: Mechanics
     drive: Drive
     scenario: Annotated[dict[str, Scenario], Field(min_length=1)]
@@ -39,7 +39,7 @@ class Study(StudyBase):
 
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> Self:
-        one_scenario = bool(info.context)
+        one_scenario = bool(info.context and info.context["one_scenario"])
         for check in checks.ALL if one_scenario else (*checks.ALL, *checks.WHOLE):
             check(self)
         return self

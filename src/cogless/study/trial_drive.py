@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, model_validator
 
 from cogless.study.drive import (
+    AnyCurrentLoop,
     Belief,
-    CurrentLoop,
     CurrentSensors,
+    IdealCurrentLoop,
     IdealSensor,
     Inverter,
     PositionSensor,
+    require_inverter,
 )
-from cogless.study.table import CurrentLimit, Frequency, Table, problem
+from cogless.study.table import Frequency, Table, problem
 
 
 class TrialRates(Table):
@@ -40,37 +42,20 @@ class TrialRates(Table):
         return round(self.current_loop / self.position_loop)
 
 
-class IdealCurrentLoop(Table):
-    """The current is its reference, at once."""
-
-    kind: Literal["ideal"]
-    current_limit: CurrentLimit  # A
-
-
-def _kind(data: Any) -> str:
-    kind = data.get("kind") if isinstance(data, dict) else getattr(data, "kind", None)
-    return "pi" if kind is None else "ideal"
-
-
 class TrialDrive(Table):
     """Power electronics, sensors and the inner loop."""
 
     precision: Literal["single", "double"] = "single"
     belief: Belief = Belief()
     rates: TrialRates
-    current_loop: Annotated[
-        Annotated[CurrentLoop, Tag("pi")] | Annotated[IdealCurrentLoop, Tag("ideal")], Discriminator(_kind)
-    ]
+    current_loop: AnyCurrentLoop
     inverter: Inverter | None = None  # not with an ideal current loop
     position_sensor: PositionSensor = IdealSensor()
     current_sensors: CurrentSensors = CurrentSensors()
 
     @model_validator(mode="after")
     def _inverter(self) -> Self:
-        if self.ideal != (self.inverter is None):
-            if self.ideal:
-                raise problem("expected none, since the current loop is ideal", "inverter")
-            raise problem("expected a table of bus_voltage, ...", "inverter", value="missing")
+        require_inverter(self.current_loop, self.inverter)
         return self
 
     @property

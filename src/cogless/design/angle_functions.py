@@ -1,0 +1,209 @@
+"""h, alpha and beta of Verrelli 2016, model (1), and the bounds of its assumption A.3, from a motor's values.
+
+With i_d = 0 a motor's torque is K(theta) i_q + cogging(theta), so that model (1) reads, all mechanical,
+
+    h = J / K        alpha = (T_L - cogging) / K        beta = D / K
+
+for any flux harmonics; with those of a step motor it is the paper's. L_0 and L_1 act through i_d alone.
+Without flux harmonics (a PMSM) h and beta are constants. Coulomb friction counts as a load: the paper's
+speeds are above zero.
+
+The bounds hold, and are tight: the extremes on a grid over a revolution, and as margin what a function can
+rise above the grid point next to its extreme, f'' / 2 (grid / 2)^2, f'' bounded by sums of amplitudes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cogless.design.margins import Real
+from cogless.study.mechanics import AngleTable, Load, Mechanics
+from cogless.study.motor import StarMotor
+
+POINTS = 256  # in a period of the highest order
+MOST_POINTS = 2**20
+TURN = 2 * math.pi
+
+Rises = list[float]  # bounds of a function's magnitude, and of its first, second and third derivative's
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Assumption A.3, mechanical; those that its printed list lacks too."""
+
+    h_m: float  # A*s^2/rad, the least of h
+    h_M: float  # A*s^2/rad, the largest
+    k_h: float  # A*s^2/rad^2, of |h'|
+    k_alpha1: float  # A, of |alpha|
+    k_alpha2: float  # A/rad, of |alpha'|
+    k_beta1: float  # A*s/rad, of |beta|
+    k_beta2: float  # A*s/rad^2, of |beta'|
+
+    @property
+    def delta(self) -> float:
+        """delta+, of the norm of [alpha, beta, h], as numbers in SI."""
+        return math.hypot(self.k_alpha1, self.k_beta1, self.h_M)
+
+    @property
+    def g(self) -> tuple[float, float]:
+        """g- and g+, the least and the largest of 1 / h."""
+        return 1 / self.h_M, 1 / self.h_m
+
+    @property
+    def g_d(self) -> float:
+        """Of the derivative of 1 / g, which is h."""
+        return self.k_h
+
+
+@dataclass(frozen=True)
+class Series:
+    """constant + the sum of Re(c e^{j n theta}), n of the mechanical turn, and a table where one is."""
+
+    constant: float
+    orders: tuple[int, ...]
+    c: tuple[complex, ...]
+    table: AngleTable | None = None
+
+    def at(self, theta: Real, derivative: int = 0, above: bool = True) -> Real:
+        """The function, or its derivative; beside a table's point that above or below it."""
+        sum_ = np.full(theta.shape, self.constant if derivative == 0 else 0.0)
+        for n, c in zip(self.orders, self.c, strict=True):
+            sum_ += np.real(c * (1j * n) ** derivative * np.exp(1j * n * theta))
+        if self.table is not None and derivative < 2:
+            sum_ += self._of_table(theta, derivative, above)
+        return sum_
+
+    @property
+    def rises(self) -> Rises:
+        """Bounds from amplitudes."""
+        sums = [sum(abs(c) * n**k for n, c in zip(self.orders, self.c, strict=True)) for k in range(4)]
+        sums[0] += abs(self.constant)
+        if self.table is not None:
+            _, torque, slopes = self._pieces
+            sums[0] += float(np.max(np.abs(torque)))
+            sums[1] += float(np.max(np.abs(slopes)))
+        return sums
+
+    @cached_property
+    def _pieces(self) -> tuple[Real, Real, Real]:
+        """Angles and torques of the table over a revolution from its first point on, and slopes between."""
+        assert self.table is not None
+        angle = np.array([*self.table.angle, self.table.angle[0] + TURN])
+        torque = np.array([*self.table.torque, self.table.torque[0]])
+        return angle, torque, np.diff(torque) / np.diff(angle)
+
+    def _of_table(self, theta: Real, derivative: int, above: bool) -> Real:
+        angle, torque, slopes = self._pieces
+        place = angle[0] + (theta - angle[0]) % TURN
+        if derivative == 0:
+            return np.asarray(np.interp(place, angle, torque))
+        n = np.searchsorted(angle, place, side="right" if above else "left") - 1
+        return np.asarray(slopes[n % len(slopes)])
+
+
+@dataclass(frozen=True)
+class AngleFunctions:
+    """K, the torque that the law has to overcome, inertia and viscous friction."""
+
+    K: Series  # N*m/A
+    torque: Series  # N*m, load and Coulomb friction less cogging
+    J: float  # kg*m^2
+    D: float  # N*m*s/rad
+
+    def h(self, theta: Real) -> Real:
+        """A*s^2/rad."""
+        return np.asarray(self.J / self.K.at(theta))
+
+    def alpha(self, theta: Real) -> Real:
+        """A."""
+        return np.asarray(self.torque.at(theta) / self.K.at(theta))
+
+    def beta(self, theta: Real) -> Real:
+        """A*s/rad."""
+        return np.asarray(self.D / self.K.at(theta))
+
+    @property
+    def orders(self) -> set[int]:
+        """The mechanical orders in them; 1 for a table."""
+        return {*self.K.orders, *self.torque.orders, *([1] if self.torque.table else [])}
+
+    def bounds(self) -> Bounds | None:
+        """Assumption A.3; None where K comes down to zero, which the paper excludes too (a_h > 0)."""
+        theta, margin = self._grid()
+        K, slope = self.K.at(theta), self.K.at(theta, 1)
+        rises = self.K.rises
+        least, most = (float(np.min(K)) - margin * rises[2], float(np.max(K)) + margin * rises[2])
+        if least <= 0:
+            return None
+        u = _reciprocal(rises, least)  # of 1 / K
+        steepest = float(np.max(np.abs(slope / K**2))) + margin * u[3]
+        torque, alpha = self.torque.at(theta), _product(self.torque.rises, u)
+        alpha_slopes = [(self.torque.at(theta, 1, above) - torque * slope / K) / K for above in (True, False)]
+        return Bounds(
+            h_m=self.J / most,
+            h_M=self.J / least,
+            k_h=self.J * steepest,
+            k_alpha1=float(np.max(np.abs(torque / K))) + margin * alpha[2],
+            k_alpha2=float(np.max(np.abs(alpha_slopes))) + margin * alpha[3],
+            k_beta1=self.D / least,
+            k_beta2=self.D * steepest,
+        )
+
+    def _grid(self) -> tuple[Real, float]:
+        """Over a revolution, with a table's points; and (grid / 2)^2 / 2."""
+        points = min(POINTS * max([*self.orders, 4]), MOST_POINTS)
+        theta = np.linspace(0, TURN, points, endpoint=False)
+        if self.torque.table is not None:
+            theta = np.sort(np.concatenate([theta, np.array(self.torque.table.angle) % TURN]))
+        return theta, (TURN / points) ** 2 / 8
+
+
+def angle_functions(
+    motor: StarMotor, mechanics: Mechanics, load: Load, constant: float | None = None
+) -> AngleFunctions:
+    """Of a motor with a load; the load's constant part may be another."""
+    factor = motor.power_factor * motor.pole_pairs
+    flux = [(h.order * motor.pole_pairs, h.order * h.q, h.q_phase) for h in motor.flux_harmonics]
+    flux += [(h.order * motor.pole_pairs, h.d, h.d_phase) for h in motor.flux_harmonics]
+    torques = [(h.order, h.torque, h.phase) for h in load.harmonics]
+    torques += [(c.order, -(c.torque or 0.0), c.phase) for c in motor.cogging]
+    level = load.torque if constant is None else constant
+    return AngleFunctions(
+        K=_series(factor * motor.psi_f, [(n, factor * c, phase) for n, c, phase in flux]),
+        torque=_series(
+            level + mechanics.coulomb_friction,
+            [(n, c, p - math.pi / 2) for n, c, p in torques],
+            load.angle_table,
+        ),
+        J=mechanics.inertia,
+        D=mechanics.viscous_friction,
+    )
+
+
+def _series(
+    constant: float, cosines: Sequence[tuple[int, float, float]], table: AngleTable | None = None
+) -> Series:
+    """Of c cos(n theta + phase), those of one order in one."""
+    sums: dict[int, complex] = {}
+    for n, c, phase in cosines:
+        sums[n] = sums.get(n, 0j) + c * complex(math.cos(phase), math.sin(phase))
+    kept = {n: c for n, c in sums.items() if c}
+    return Series(constant, tuple(kept), tuple(kept.values()), table)
+
+
+def _product(f: Rises, g: Rises) -> Rises:
+    """Leibniz' rule."""
+    return [sum(math.comb(k, i) * f[i] * g[k - i] for i in range(k + 1)) for k in range(4)]
+
+
+def _reciprocal(f: Rises, least: float) -> Rises:
+    """Of u = 1 / f, by Leibniz' rule on f u = 1."""
+    u = [1 / least]
+    for k in range(1, 4):
+        u.append(sum(math.comb(k, i) * f[i] * u[k - i] for i in range(1, k + 1)) / least)
+    return u

@@ -1,0 +1,300 @@
+"""What the theorems of Verrelli 2016 ask of the gains of a law that learns in angle, beside what it has.
+
+All in mechanical quantities; bounds from angle_functions.py, over all scenarios of a controller. The theorems
+speak of continuous time, an ideal current loop and no current limit; space_learning.py of the sampled loop.
+
+Section 3, law (4). With W = eta^2 / 2 and f+^2 = 1 + (eta_bar + omega+)^2 + (top acceleration)^2 the proof
+wants W' < 0 for |eta| >= eta_bar:
+
+    W' = g (-delta~' f eta - k eta^2),   |delta~| <= |sat(delta)| + delta+ + mu |eta| f+ / (omega- - eta_bar)
+
+    as printed   k > g+ / g- (2 delta+ + mu eta_bar / (omega- - eta_bar)) f+ / eta_bar
+    corrected    k > g+ / g- ((1 + sqrt m) delta+ + mu f+ eta_bar / (omega- - eta_bar)) f+ / eta_bar
+
+Step iii of the proof bounds the saturated part by delta+; but each of m components is saturated at delta+, so
+that its norm is up to sqrt m delta+, sqrt 3 for alpha, beta and h. And iii has mu eta f+ |q| where B_W has
+lost f+. f+ / eta falls with eta, so that the condition at eta_bar holds for larger errors too.
+
+Less is enough: g is a common factor of W', and the law saturates each component at its own limit l_i:
+
+    own limits   k eta_bar > sum_i (l_i + bound_i + mu_i f_i eta_bar / (omega- - eta_bar)) f_i
+
+Then V' <= -(k - g_d (eta_bar + omega+) / 2) eta^2 asks for k > g_d (eta_bar + omega+) / 2, as printed.
+
+Section 4, law (6). With |g| <= s_1 |theta~| + g_2 |omega~| (footnote 6)
+
+    V' <= -k_v k_theta theta~^2 - (k_omega + v - |h' omega| / 2) omega~^2 + |g omega~|
+
+Footnote 6, where k and k_omega_bar are free, asks at least for, g_1 being 5 times the sum of s_1's squares,
+
+    k_omega + v(omega) > g_1 / (2 k_theta k_v) + g_2 + k_h |omega| / 2
+
+which needs k_v > 0. The proof gets along with less: with c theta~^2 in V for k_v theta~^2, c > 0 free,
+
+    k_omega + v(omega) > min_c (|c - k_v| + s_1)^2 / (4 c k_theta) + g_2 + k_h |omega| / 2
+
+where the minimum is (s_1 - k_v) / k_theta for 2 k_v < s_1, so without k_v too, and s_1^2 / (4 k_theta k_v)
+above. Both at the reference's top speed, near which a small error stays.
+
+The bounds are "known" only to who knows the motor. So they are told, and are no default: limits that a study
+leaves out stay those of what the current limit can do.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+from cogless.design.angle_functions import AngleFunctions, Bounds, angle_functions
+from cogless.design.position import frame_ratio, position_gains
+from cogless.study import Study
+from cogless.study.reading import for_scenario
+from cogless.study.reference import Reference
+from cogless.study.space_controller import SpaceLearning, SpacePosition, SpaceSpeed
+
+SLOW = 1e-6  # rad/s or rad/s^2: no limit comes from a reference that is slower
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Bounds of a reference."""
+
+    slowest: float  # rad/s, omega-
+    top_speed: float  # rad/s, omega+
+    top_acceleration: float  # rad/s^2
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What a gain has to be above."""
+
+    name: str
+    asks: float  # A*s/rad; infinite where no gain is enough
+    needed: bool = False  # for the proof; the others are what the paper prints, or ask for more
+
+    def ratio(self, has: float) -> float:
+        """How many times that a gain is; above one it is met."""
+        return has / self.asks if self.asks > 0 else math.inf
+
+
+@dataclass(frozen=True)
+class Theorem:
+    """A law's theorem: what it asks of the gain, and what else is in its way."""
+
+    section: str
+    gain: str  # what has to be above the conditions
+    has: float  # A*s/rad, mechanical
+    bounds: Bounds | None  # None: the torque per current comes down to zero
+    conditions: tuple[Condition, ...]
+    obstacles: tuple[str, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether the proof covers this law with these gains."""
+        enough = all(condition.ratio(self.has) > 1 for condition in self.conditions if condition.needed)
+        return self.bounds is not None and enough and not self.obstacles
+
+    def verdict(self) -> str:
+        """In words."""
+        asked = [f"{c.ratio(self.has):.2g} of {c.name} ({c.asks:.3g})" for c in self.conditions]
+        words = (
+            f"{self.section}: {self.gain} = {self.has:.3g} is " + ", ".join(asked) if asked else self.section
+        )
+        reasons = "".join(f"; {reason}" for reason in self.obstacles)
+        return f"{words}: {'the proof holds' if self.holds else 'not covered by the proof'}{reasons}"
+
+
+def theorem(study: Study, name: str) -> Theorem | None:
+    """Of a controller of the study; None where it doesn't learn, or in no scenario."""
+    law = study.controller[name]
+    keys = [key for key in study.scenario if name in study.controllers_in(key)]
+    if not isinstance(law, SpacePosition | SpaceSpeed) or not law.learning or not keys:
+        return None
+    functions = [each for key in keys for each in _in_scenario(study, key)]
+    motion = _motion([study.scenario[key].reference for key in keys])
+    found = worst([each.bounds() for each in functions])
+    obstacles = [*_in_the_way(study, name, law, functions, found, motion), *_changing_loads(study, keys)]
+    if found is None:
+        obstacles.insert(0, "the torque per current comes down to zero")
+    if isinstance(law, SpaceSpeed):
+        limits = learned_limits(study, law, [s.reference for s in study.scenario.values()])
+        conditions = speed_conditions(found, motion, law, limits) if found else ()
+        return Theorem("law (4), section 3", "k", law.k, found, conditions, tuple(obstacles))
+    gains = mechanical_gains(study, name, motion.top_speed)
+    conditions = position_conditions(found, motion, gains) if found else ()
+    return Theorem("law (6), section 4", "k_omega + v", gains.k_omega, found, conditions, tuple(obstacles))
+
+
+def speed_conditions(
+    bounds: Bounds, motion: Motion, law: SpaceSpeed, limits: tuple[float, ...]
+) -> tuple[Condition, ...]:
+    """On k of law (4), see above; limits of all three functions, 0 of those that aren't learned."""
+    eta, least = law.eta_bar, motion.slowest - law.eta_bar
+    mu = (law.mu_alpha, law.mu_beta, law.mu_h)
+    per = eta / least if least > 0 else math.inf
+    f = (1.0, eta + motion.top_speed, motion.top_acceleration)
+    f_plus, (g_minus, g_plus) = math.hypot(*f), bounds.g
+    spread, delta = g_plus / g_minus, bounds.delta
+    printed = spread * (2 * delta + max(mu) * per) * f_plus / eta
+    learned = math.hypot(
+        *(gain * each for gain, each in zip(mu, f, strict=True))
+    )  # mu f+ where all mu are one
+    corrected = spread * ((1 + math.sqrt(law.channels)) * delta + learned * per) * f_plus / eta
+    each = (bounds.k_alpha1, bounds.k_beta1, bounds.h_M)
+    parts = zip(mu, f, limits, each, strict=True)
+    own = sum((gain * x * per + limit + bound) * x for gain, x, limit, bound in parts) / eta
+    drift = bounds.g_d * (eta + motion.top_speed) / 2
+    return (
+        Condition("the printed bound", printed),
+        Condition("the corrected one", corrected),
+        Condition("that with its own limits", own, needed=True),
+        Condition("g_d (eta_bar + omega+) / 2", drift, needed=True),
+    )
+
+
+@dataclass(frozen=True)
+class PositionGains:
+    """Of law (6), mechanical, at a speed."""
+
+    k_theta: float  # 1/s
+    k_omega: float  # A*s/rad, with v at that speed
+    k_v: float  # A/rad
+
+
+def mechanical_gains(study: Study, name: str, omega_m: float) -> PositionGains:
+    """Of a position controller, on mechanical angles whatever its frame."""
+    law = study.controller[name]
+    assert isinstance(law, SpacePosition)
+    ratio, (k_theta, k_omega, _) = frame_ratio(study, law), position_gains(study, name)
+    v = law.v_0 + law.v_2 * (ratio * omega_m) ** 2
+    return PositionGains(k_theta, ratio * (k_omega + v), ratio * law.k_v)
+
+
+def position_conditions(bounds: Bounds, motion: Motion, gains: PositionGains) -> tuple[Condition, ...]:
+    """On k_omega + v of law (6), see above."""
+    if gains.k_theta <= 0:
+        return (Condition("what the proof needs, without k_theta", math.inf, needed=True),)
+    squares, s_1, g_2 = error_terms(bounds, motion, gains.k_theta)
+    drift = bounds.k_h * motion.top_speed / 2
+    printed = 5 * squares / (2 * gains.k_theta * gains.k_v) if gains.k_v > 0 else math.inf
+    if 2 * gains.k_v < s_1:
+        cross = (s_1 - gains.k_v) / gains.k_theta
+    else:
+        cross = s_1**2 / (4 * gains.k_theta * gains.k_v)
+    return (
+        Condition("what footnote 6 asks", printed + g_2 + drift),
+        Condition("what the proof needs", cross + g_2 + drift, needed=True),
+    )
+
+
+def error_terms(bounds: Bounds, motion: Motion, k_theta: float) -> tuple[float, float, float]:
+    """Of footnote 6 at the top speed: the sum of the squares in s_1 (g_1 / 5), s_1 and g_2."""
+    parts = (
+        bounds.h_M * k_theta**2,
+        bounds.k_h * motion.top_acceleration,
+        bounds.k_beta1 * k_theta,
+        bounds.k_beta2 * motion.top_speed,
+        bounds.k_alpha2,
+    )
+    return sum(part**2 for part in parts), sum(parts), bounds.k_beta1 + bounds.h_M * k_theta
+
+
+def learned_limits(study: Study, law: SpaceLearning, references: list[Reference]) -> tuple[float, ...]:
+    """What alpha, beta and h saturate at, in the law's frame: its own, or what the current limit can do."""
+    limit, ratio = study.drive.current_loop.current_limit, frame_ratio(study, law)
+    speed = ratio * max(r.top_speed for r in references)
+    acceleration = ratio * max(r.top_acceleration for r in references)
+    limits = (
+        law.alpha_limit or limit,
+        law.beta_limit or limit / max(speed, SLOW),
+        law.h_limit or limit / max(acceleration, SLOW),
+    )
+    return tuple(limits[n] if n < law.channels else 0.0 for n in range(3))
+
+
+def worst(found: list[Bounds | None]) -> Bounds | None:
+    """Bounds that hold for all of them."""
+    all_ = [dataclasses.asdict(each) for each in found if each is not None]
+    if len(all_) < len(found):
+        return None
+    return Bounds(**{key: (min if key == "h_m" else max)(b[key] for b in all_) for key in all_[0]})
+
+
+def _in_scenario(study: Study, key: str) -> list[AngleFunctions]:
+    """With the least and the largest load that it has."""
+    here = for_scenario(study, key)
+    experiment = here.scenario[key]
+    load = experiment.load or here.mechanics.load
+    levels = [load.torque, *(event.load for event in experiment.events)]
+    by_time = load.time_table.torque if load.time_table else (0.0,)
+    extremes = {min(levels) + min(by_time), max(levels) + max(by_time)}
+    return [angle_functions(here.motor.star(), here.mechanics, load, level) for level in extremes]
+
+
+def _motion(references: list[Reference]) -> Motion:
+    return Motion(
+        min(r.slowest for r in references),
+        max(r.top_speed for r in references),
+        max(r.top_acceleration for r in references),
+    )
+
+
+def _in_the_way(
+    study: Study,
+    name: str,
+    law: SpacePosition | SpaceSpeed,
+    functions: list[AngleFunctions],
+    bounds: Bounds | None,
+    motion: Motion,
+) -> list[str]:
+    """Assumptions that aren't met."""
+    found, revolutions = [], law.period.revolutions(study.motor.pole_pairs)
+    unfit = sorted({n for each in functions for n in each.orders if (n * revolutions).denominator != 1})
+    if unfit:
+        found.append(f"its period, {_share(revolutions)}, isn't one of order {unfit[0]}")
+    if isinstance(law, SpaceSpeed) and motion.slowest <= law.eta_bar:
+        found.append(f"eta_bar isn't below the slowest reference, {motion.slowest:.3g} rad/s")
+    if isinstance(law, SpacePosition) and motion.slowest <= 0:
+        found.append(f"the reference comes down to {motion.slowest:.3g} rad/s, not above zero")
+    if isinstance(law, SpacePosition) and not law.hand_over and position_gains(study, name)[2] > 0:
+        found.append("its integral action stays on")
+    if isinstance(law, SpacePosition) and law.index == "rotor":
+        found.append("it learns over the rotor's angle")
+    if motion.top_acceleration > 0:
+        friction = bounds is not None and bounds.k_beta1 > 0
+        missing = [
+            k for k, gone in (("mu_beta", friction and not law.mu_beta), ("mu_h", not law.mu_h)) if gone
+        ]
+        if missing:
+            found.append(f"the speed varies without {' and '.join(missing)}")
+    if bounds is not None:
+        found += _tight_limits(study, law, bounds)
+    return found
+
+
+def _tight_limits(study: Study, law: SpacePosition | SpaceSpeed, bounds: Bounds) -> list[str]:
+    """Limits below what has to be learned; beta counts the frame's speed."""
+    ratio = frame_ratio(study, law)
+    asked = (bounds.k_alpha1, bounds.k_beta1 / ratio, bounds.h_M / ratio)
+    limits = learned_limits(study, law, [s.reference for s in study.scenario.values()])
+    keys = ("alpha_limit", "beta_limit", "h_limit")
+    return [
+        f"{key} {limit:.3g} is below the bound {least:.3g}"
+        for key, limit, least in list(zip(keys, limits, asked, strict=True))[: law.channels]
+        if limit < least
+    ]
+
+
+def _changing_loads(study: Study, keys: list[str]) -> list[str]:
+    """A load that changes with time is no function of the angle."""
+    for key in keys:
+        scenario = study.scenario[key]
+        if scenario.events or (scenario.load or study.mechanics.load).time_table:
+            return [f"the load changes with time in scenario {key}"]
+    return []
+
+
+def _share(revolutions: Fraction) -> str:
+    return "a revolution" if revolutions == 1 else f"{revolutions} of a revolution"

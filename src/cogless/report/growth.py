@@ -1,0 +1,134 @@
+"""Whether learning grows unstable in a run: at which frequency, and from when on it's worse than without."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cogless.design.learning import SETTLED
+from cogless.design.space_learning import space_learning
+from cogless.errors import StudyError
+from cogless.report.packing import Array, number
+from cogless.report.paths import errors, in_angle
+from cogless.results import Results, Run
+from cogless.study import Study
+
+WINDOW = 2.0  # s, of errors that are compared
+GREW = 5.0  # times the amplitude early in learning
+SHARE = 5e-3  # of i_q's RMS: a line below it isn't seen
+SEGMENT = 2048  # rows of a spectrum
+
+
+@dataclass(frozen=True)
+class Growth:
+    """The line of i_q's spectrum that grew, Hz; `highest`: up to where the trace shows lines, Hz."""
+
+    frequency: float
+    highest: float
+
+
+def growth(results: Results, run: Run) -> Growth | None:
+    """What grew in i_q since learning began, as it first shows: later, limits have a say in it.
+
+    A line grew that is beyond what it was when learning began, and beyond the baseline's, with what is an
+    octave about it. None where none did.
+    """
+    law = in_angle(results.study, run.controller)
+    trace = run.trace
+    if law is None or len(trace) < 64 or not trace.period:
+        return None
+    begun = trace.window(0.0, law.learning_start + float(getattr(law, "ramp", 0.0))).stop
+    rows = min(SEGMENT, (len(trace) - begun) // 4)
+    if rows < 64:
+        return None
+    before = _spectrum(trace["i_q"][begun : begun + rows])
+    floor = SHARE * float(np.sqrt(np.mean(trace["i_q"][:begun] ** 2) + np.sum(before**2) / 2))
+    base = (r for r in results.runs if (r.scenario, r.controller) == (run.scenario, results.study.baseline))
+    plain = [x for r in base if r is not run for x in _parts(r.trace["i_q"], begun, rows)]
+    usual = _about(np.max([before, *map(_spectrum, plain)], axis=0))
+    for x in _parts(trace["i_q"], begun + rows, rows):
+        after = _spectrum(x)
+        grown = (after > GREW * usual) & (after > floor)
+        if np.any(grown):
+            k = int(np.argmax(np.where(grown, after, 0.0)))
+            return Growth(k / (rows * trace.period), 0.5 / trace.period)
+    return None
+
+
+def _parts(x: Array, first: int, rows: int) -> list[Array]:
+    return [x[k : k + rows] for k in range(first, len(x) - rows + 1, rows)]
+
+
+def _about(amplitudes: Array) -> Array:
+    """The largest within an octave each way: a motor's lines move with its speed."""
+    return np.array([np.max(amplitudes[k // 2 : 2 * k + 2]) for k in range(len(amplitudes))])
+
+
+def _spectrum(x: Array) -> Array:
+    """Amplitudes of lines, without the trend from end to end; zero where x isn't finite."""
+    if not np.all(np.isfinite(x)):
+        return np.zeros(len(x) // 2 + 1)
+    window = np.hanning(len(x))
+    straight = np.linspace(x[0], x[-1], len(x))
+    return np.asarray(2 * np.abs(np.fft.rfft((x - straight) * window)) / window.sum())
+
+
+def worse_since(run: Run, other: Run, signal: str) -> float | None:
+    """When a run's error became larger than another's, for good, after it had been smaller, s."""
+    mine, base = _errors(run, signal), _errors(other, signal)
+    count = min(len(mine), len(base))
+    worse = ~(mine[:count] <= base[:count])  # NaN is worse
+    if count < 3 or not worse[-1] or np.all(worse):
+        return None
+    return float((1 + np.flatnonzero(~worse)[-1]) * WINDOW)
+
+
+def _errors(run: Run, signal: str) -> Array:
+    """Peak to peak in windows, without the last one if it isn't whole."""
+    rows = round(WINDOW / run.trace.period) if run.trace.period else 0
+    x = run.trace[signal]
+    whole = len(x) // rows if rows else 0
+    return np.asarray(np.ptp(x[: whole * rows].reshape(whole, -1), axis=1)) if whole else np.zeros(0)
+
+
+def sentences(results: Results, scenario: str) -> list[str]:
+    """Who got worse while learning in angle, beside the baseline, and whether the criterion says so."""
+    runs = {run.controller: run for run in results.runs if run.scenario == scenario and len(run.trace) > 1}
+    study, base = results.study, runs.get(results.study.baseline)
+    found = []
+    for name, run in runs.items():
+        if in_angle(study, name) is None:
+            continue
+        signal = errors(results, [run])[0].signal
+        since = worse_since(run, base, signal) if base is not None else None
+        line = growth(results, run)
+        grows = _expected(study, name)
+        label = f"Worse with time: {study.label(name)}"
+        rising = f"grows at {line.frequency:.0f} Hz" if line is not None else ""
+        if since is not None:
+            than = f"{label} is better than {study.label(study.baseline)} until {since:.0f} s, then worse"
+            cause = f"; its current {rising}" if rising else ""
+            found.append(f"{than}{cause}{_said(grows)}.")
+        elif line is not None and grows:
+            found.append(f"The current of {study.label(name)} {rising}{_said(grows)}.")
+    return found
+
+
+def _expected(study: Study, name: str) -> str | None:
+    """What the criterion says where learning grows: "1.7 times a period at 476 Hz"; "" where it doesn't."""
+    try:
+        worst = space_learning(study, name)
+    except StudyError:
+        return None
+    if worst is None:
+        return None
+    if worst.factor <= SETTLED:
+        return ""
+    return f"{number(worst.factor)} times a period at {worst.frequency:.0f} Hz"
+
+
+def _said(grows: str | None) -> str:
+    if grows is None:
+        return ""
+    return f", as cogless design says ({grows})" if grows else ", which cogless design does not foresee"

@@ -1,0 +1,25 @@
+"""The current that a motion needs, which a law that learns has to find."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cogless.report.packing import Array
+from cogless.results import Results, Run
+from cogless.study import for_scenario
+
+
+def needed_current(results: Results, run: Run) -> Array | None:
+    """i_q with which the torque would carry the reference's motion; None where the trace doesn't say.
+
+    From the run's own current, corrected by what its torque lacks for the reference's speed and acceleration:
+    so it needs no belief in the flux harmonics. With a tracking error it's that of the rotor's angle.
+    """
+    trace = run.trace
+    if "alpha_ref" not in trace or "tau_cogging" not in trace:
+        return None
+    study = for_scenario(results.study, run.scenario)
+    mechanics, speed = study.mechanics, trace["omega_ref"]
+    friction = mechanics.viscous_friction * speed + mechanics.coulomb_friction * np.sign(speed)
+    torque = mechanics.inertia * trace["alpha_ref"] + friction + trace["tau_load"] - trace["tau_cogging"]
+    return np.asarray(trace["i_q"] + (torque - trace["tau_e"]) / study.motor.star().K_t)

@@ -1,0 +1,90 @@
+"""What a study that follows a varying reference asks of its report: which error, and who learns in angle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cogless.report.packing import Array
+from cogless.results import Results, Run
+from cogless.study import Study
+from cogless.study.space_controller import SpaceLearning, SpacePosition
+from cogless.trace import Trace
+
+# The learnt part of each law's current reference.
+IN_ANGLE = ("term_alpha", "term_beta", "term_h")
+LEARNT = ("term_ilc", "term_f_hat", "term_table", *IN_ANGLE)
+
+
+@dataclass(frozen=True)
+class Error:
+    """An error that the page draws: `ratio` times the mechanical one, `title` says in which frame."""
+
+    signal: str
+    ratio: int
+    title: str
+    unit: str
+
+    def of(self, trace: Trace) -> Array:
+        return np.asarray(self.ratio * trace[self.signal])
+
+
+def learns(study: Study, controller: str) -> bool:
+    """Whether a controller's law learns, and may."""
+    law = study.controller[controller]
+    return law.law != "pi" and (not isinstance(law, SpaceLearning) or law.learning)
+
+
+def in_angle(study: Study, controller: str) -> SpaceLearning | None:
+    """A controller that learns in angle, and may."""
+    law = study.controller[controller]
+    return law if isinstance(law, SpaceLearning) and law.learning else None
+
+
+def learnt_terms(results: Results, run: Run) -> list[str]:
+    """The terms of a run that were learnt."""
+    return [n for n in LEARNT if n in run.trace] if learns(results.study, run.controller) else []
+
+
+def varies(reference: Array) -> bool:
+    """Whether a reference doesn't stay constant."""
+    return len(reference) == 0 or bool(np.ptp(reference) > 1e-6 * max(1e-9, np.max(np.abs(reference))))
+
+
+def errors(results: Results, runs: Sequence[Run]) -> list[Error]:
+    """Speed error, and angle error where a law holds the angle; none where a constant speed is asked for."""
+    study = results.study
+    laws = [study.controller[run.controller] for run in runs]
+    if not any(isinstance(law, SpaceLearning) for law in laws) and not varies(runs[0].trace["omega_ref"]):
+        return []
+    ratio = _ratio(results, runs[0].scenario)
+    frame = ", electrical" if ratio > 1 else ""
+    found = [Error("omega_error", ratio, f"Speed error{frame}", "rad/s")]
+    if any(isinstance(law, SpacePosition) for law in laws):
+        found.append(Error("theta_error", ratio, f"Angle error{frame}", "rad"))
+    return found
+
+
+def _ratio(results: Results, scenario: str) -> int:
+    """What mechanical errors are multiplied by: in the frame that the scenario's metrics take them in."""
+    taken = [m for m in results.study.metrics_in(scenario) if m.kind != "order"]
+    electrical = any(
+        m.frame == "electrical" and m.signal in ("omega_error", "theta_error", "omega_m") for m in taken
+    )
+    return results.study.motor.pole_pairs if electrical else 1
+
+
+def periods(results: Results, run: Run) -> tuple[Array, float] | None:
+    """Of a law that learns in angle: whole periods travelled at each row, and one period, mechanical rad."""
+    law = in_angle(results.study, run.controller)
+    if law is None or len(run.trace) < 2:
+        return None
+    period = 2 * math.pi * float(law.period.revolutions(results.study.motor.pole_pairs))
+    rotor = not isinstance(law, SpacePosition) or law.index == "rotor"
+    theta = run.trace["theta_m" if rotor else "theta_ref"]
+    if not np.all(np.isfinite(theta)):
+        return None
+    return np.abs(theta - theta[0]) / period, period

@@ -1,0 +1,88 @@
+"""Plots over the angle for laws that learn in it: the error, and what is learnt, from period to period."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cogless.report.packing import Array, plain
+from cogless.report.palette import place
+from cogless.report.paths import errors, in_angle, learnt_terms, periods
+from cogless.results import Results, Run
+
+CELLS = 360
+SHOWN = 5  # periods of a chart
+
+NOTE = (
+    "Over the angle that the law counts, period by period: faint is early, full is late. What repeats from "
+    "line to line is what learning can remove; the learnt current is all of its learnt parts together."
+)
+
+
+def over_angle(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """For each controller that learns in angle: its errors over the angle, and its learnt current."""
+    return [chart for run in runs for chart in _charts(results, run)]
+
+
+def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
+    travelled = periods(results, run)
+    law = in_angle(results.study, run.controller)
+    if travelled is None or law is None:
+        return []
+    turns, _ = travelled
+    begun = turns[min(run.trace.window(0.0, law.learning_start).stop, len(turns) - 1)]
+    chosen = _chosen(float(begun), float(turns[-1]))
+    if not chosen or np.any(np.diff(turns) < 0):  # it turns back: not a function of the angle
+        return []
+    label = results.study.label(run.controller)
+    about = {
+        "x": f"angle within the period, 360° is {_period(law)} (°)",
+        "angle": np.linspace(0, 360, CELLS + 1).tolist(),
+    }
+    learnt = np.sum([run.trace[name] for name in learnt_terms(results, run)], axis=0)
+    drawn = [
+        (e.title, e.of(run.trace), e.title.split(",")[0].lower(), e.unit) for e in errors(results, [run])
+    ]
+    drawn.append(("Learnt current", learnt, "current", "A"))
+    where = place(results, run)
+    return [
+        {
+            **about,
+            "title": f"{title}: {label}",
+            "quantity": quantity,
+            "unit": unit,
+            "series": [
+                {
+                    "controller": where,
+                    "label": f"period {k + 1}",
+                    "fade": 0.25 + 0.75 * i / max(1, len(chosen) - 1),
+                    "values": plain(_within(turns, x, k)),
+                }
+                for i, k in enumerate(chosen)
+            ],
+        }
+        for title, x, quantity, unit in drawn
+    ]
+
+
+def _chosen(begun: float, end: float) -> list[int]:
+    """The last whole period without learning and some after it, more of them early than late."""
+    first, last = max(0, int(begun) - 1), int(end + 1e-6) - 1
+    if last < first:
+        return []
+    steps = np.geomspace(1, last - first + 1, SHOWN) - 1
+    return sorted({first + round(step) for step in steps})
+
+
+def _within(turns: Array, x: Array, period: int) -> Array:
+    """x over a period, on the grid of angles."""
+    rows = slice(max(0, int(np.searchsorted(turns, period)) - 1), int(np.searchsorted(turns, period + 1)) + 1)
+    return np.asarray(np.interp(period + np.linspace(0, 1, CELLS + 1), turns[rows], x[rows]))
+
+
+def _period(law: Any) -> str:
+    period = law.period
+    share = f"{period.turns}/{period.parts} of " if (period.turns, period.parts) != (1, 1) else ""
+    return f"{share}one {period.of} revolution"

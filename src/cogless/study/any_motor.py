@@ -1,0 +1,20 @@
+"""Either kind of motor, told apart by `kind`; a synchronous motor where it isn't said."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Discriminator, Tag
+
+from cogless.study.motor import Motor
+from cogless.study.step_motor import StepMotor
+
+
+def _kind(data: Any) -> str:
+    kind = data.get("kind", "pmsm") if isinstance(data, dict) else getattr(data, "kind", "pmsm")
+    return "step" if kind == "step" else "pmsm"
+
+
+AnyMotor = Annotated[
+    Annotated[Motor, Tag("pmsm")] | Annotated[StepMotor, Tag("step")], Discriminator(_kind)
+]

@@ -1,0 +1,110 @@
+"""The laws that learn in angle (Verrelli 2016): of position, law (6) and its sampled form; of speed, (4)."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from cogless import units
+from cogless.study.controller import Base, Tuning
+from cogless.study.table import (
+    AngularSpeed,
+    CurrentBound,
+    Quantity,
+    RateGain,
+    SpeedGain,
+    SpeedIntegralGain,
+    StartTime,
+    Table,
+    problem,
+)
+
+Whole = Annotated[int, Field(ge=1, le=65535)]
+LearningGain = Annotated[float, Field(ge=0)]
+Bound = Annotated[float, Field(gt=0)]
+
+
+class Period(Table):
+    """The period of what is learned: turns / parts of a revolution."""
+
+    of: Literal["electrical", "mechanical"] = "electrical"
+    turns: Whole = 1
+    parts: Whole = 1
+
+    def revolutions(self, pole_pairs: int) -> Fraction:
+        """Mechanical revolutions in a period."""
+        return Fraction(self.turns, self.parts * (pole_pairs if self.of == "electrical" else 1))
+
+
+class SpaceLearning(Base):
+    """The memory of a law that learns in angle."""
+
+    learning: bool = True
+    learning_start: StartTime = 0.0  # s
+    period: Period = Period()
+    memory: Literal["map", "delay"] = "map"  # over the angle; or samples over time, delayed by P_t
+    delay_method: Literal["ode", "inversion"] = "ode"  # how P_t is found
+    k_pp: Annotated[float, Quantity(units.RATE, ">", bare=True)] = 10.0  # 1/s, of the equation for P_t
+    cells: Annotated[int, Field(ge=4, le=65535)] = 1024  # of the map; of the delay line, its longest period
+    q_half_width: Annotated[int, Field(ge=0)] = 5  # cells, or samples, on each side of the Q filter; 0: none
+    mu_alpha: LearningGain = 0.0  # A, in the frame's angle
+    mu_beta: LearningGain = 0.0  # A*s^2/rad^2
+    mu_h: LearningGain = 0.0  # A*s^4/rad^2
+    alpha_limit: CurrentBound | None = None  # A; default: the current limit
+    beta_limit: Bound | None = None  # A*s/rad; default: the current limit at the top speed
+    h_limit: Bound | None = None  # A*s^2/rad; default: the current limit at the top acceleration
+    omega_min: AngularSpeed = 0.01  # rad/s, mechanical: below it learning rests, what was learned acts on
+
+    @model_validator(mode="after")
+    def _filter_fits(self) -> Self:
+        if 2 * self.q_half_width + 1 > self.cells:
+            raise problem(f"expected a filter within the {self.cells} cells of the memory", "q_half_width")
+        if self.omega_min <= 0:
+            raise problem("expected a speed above zero", "omega_min")
+        return self
+
+    @property
+    def channels(self) -> int:
+        """How many functions of the angle are learned: alpha; and beta; and h."""
+        return 3 if self.mu_h else 2 if self.mu_beta else 1
+
+
+class SpacePosition(SpaceLearning):
+    """Position control that learns in angle, with hand-over from integral action (Verrelli 2016, law 6)."""
+
+    law: Literal["space-position"]
+    frame: Literal["electrical", "mechanical"] = "electrical"  # of the angles that the gains count
+    k_theta: RateGain | None = None  # 1/s
+    k_omega: SpeedGain | None = None  # A*s/rad
+    k_i: SpeedIntegralGain = 0.0  # A/rad, until learning takes over
+    tuning: Tuning | None = None  # in place of k_theta, k_omega and k_i
+    k_v: SpeedIntegralGain = 0.0  # A/rad
+    v_0: SpeedGain = 0.0  # A*s/rad
+    v_2: LearningGain = 0.0  # A*s^3/rad^3
+    hand_over: bool = True  # integral action fades out as learning fades in
+    ramp: StartTime = 1.0  # s
+    index: Literal["reference", "rotor"] = "reference"  # whose angle the memory counts
+
+    @model_validator(mode="after")
+    def _gains_or_rule(self) -> Self:
+        given = (self.k_theta is not None, self.k_omega is not None)
+        if given not in ((True, True), (False, False)) or all(given) == (self.tuning is not None):
+            rule = '{ rule = "phase-margin", phase_margin = "60 deg" }'
+            raise problem(f"expected either k_theta and k_omega or tuning, such as {rule}")
+        return self
+
+
+class SpaceSpeed(SpaceLearning):
+    """Speed control that learns in angle (Verrelli 2016, law 4); all of its quantities are mechanical."""
+
+    law: Literal["space-speed"]
+    k: SpeedGain  # A*s/rad
+    eta_bar: AngularSpeed  # rad/s: learning rests while the speed's error is larger
+
+
+SPACE_TERMS = {
+    "space-position": ("term_proportional", "term_integral", "term_alpha", "term_beta", "term_h"),
+    "space-speed": ("term_proportional", "term_alpha", "term_beta", "term_h"),
+}

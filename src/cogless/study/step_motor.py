@@ -1,0 +1,82 @@
+"""The permanent-magnet step motor with non-sinusoidal flux (Verrelli 2016, sections 2 and 5).
+
+Two phases. Torque and speed voltages are those of a PMSM with flux harmonics of electrical order j - 1 that
+are alike in both axes, so that the same plant serves both:
+
+    torque = N_r i_f (sum_j j L_mj cos((1 - j) N_r theta) i_q + sum_j j L_mj sin((1 - j) N_r theta) i_d)
+             + 2 N_r L_1 i_d i_q - N_r i_f^2 / 2 sum_j j L_fj sin(j N_r theta)
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from cogless.study.motor import Cogging, FluxHarmonic, StarMotor
+from cogless.study.table import (
+    Inductance,
+    InductanceAmplitude,
+    MagnetCurrent,
+    Many,
+    Resistance,
+    Table,
+    problem,
+)
+
+FIRST_COGGING = 4  # j of the first L_fj
+
+
+class StepMotor(Table):
+    """A step motor as the papers on it have it."""
+
+    kind: Literal["step"]
+    datasheet: str | None = None  # already read: its fields are here
+    teeth: Annotated[int, Field(ge=1, le=1000)]  # N_r, of the rotor
+    R_s: Resistance  # ohm, of a phase
+    L_0: Inductance  # H, self inductance of a phase
+    L_1: InductanceAmplitude = 0.0  # H, of the saliency
+    L_m: Many[InductanceAmplitude]  # H, L_m1, L_m2, ...: flux of the magnet
+    L_f: Many[InductanceAmplitude] = ()  # H, L_f4, L_f5, ...: cogging
+    i_f: MagnetCurrent = 1.0  # A, fictitious, of the magnet
+
+    @model_validator(mode="after")
+    def _magnet(self) -> Self:
+        if not self.L_m or self.L_m[0] <= 0:
+            raise problem("expected L_m1, above zero, and the others after it", "L_m")
+        if abs(self.L_1) >= self.L_0:
+            raise problem("expected less than L_0", "L_1")
+        return self
+
+    @property
+    def pole_pairs(self) -> int:
+        """Electrical revolutions in a mechanical one."""
+        return self.teeth
+
+    def star(self) -> StarMotor:
+        """The motor in the words of the plant: two phases, with flux harmonics of order j - 1."""
+        psi_f = self.i_f * self.L_m[0]
+        harmonics = [
+            FluxHarmonic.model_construct(order=j - 1, d=self.i_f * L, q=self.i_f * L)
+            for j, L in enumerate(self.L_m[1:], start=2)
+            if L
+        ]
+        amplitude = -0.5 * self.teeth * self.i_f**2
+        cogging = [
+            Cogging.model_construct(order=j * self.teeth, torque=amplitude * j * L)
+            for j, L in enumerate(self.L_f, start=FIRST_COGGING)
+            if L
+        ]
+        return StarMotor(
+            pole_pairs=self.teeth,
+            R_s=self.R_s,
+            L_d=self.L_0 + self.L_1,
+            L_q=self.L_0 - self.L_1,
+            psi_f=psi_f,
+            K_t=self.teeth * psi_f,
+            impedance_factor=1.0,
+            flux_factor=1.0,
+            flux_harmonics=tuple(harmonics),
+            cogging=tuple(cogging),
+            phases=2,
+        )
