@@ -38,13 +38,14 @@ const reportPage = (report, draw) => {
   });
 
   // One plot in a card: a title, the values under the cursor, the axes with their units. A series has `values` and a
-  // `controller`, or a `stroke` of its own; `label`: its name beside the value. `adapt` may change uPlot's options.
+  // `controller` (`fade`: 0 to 1, how much of its colour), or a `stroke` of its own; `label`: its name beside the value. `adapt` may change uPlot's options.
   function panel(parent, { title, x, y, xs, series, height = 180, group = null, readX = number, cursor = {}, adapt = () => {} }) {
     const card = make("div", parent, "", "panel");
     const head = make("header", card);
     make("strong", head, title);
     const readout = make("span", head, "", "readout");
-    const stroke = (s) => s.stroke ?? (s.controller == null ? style("--soft") : colour(s.controller));
+    const faded = (s) => colour(s.controller) + (s.fade == null ? "" : Math.round(255 * s.fade).toString(16).padStart(2, "0"));
+    const stroke = (s) => s.stroke ?? (s.controller == null ? style("--soft") : faded(s));
     const show = (u) => {
       readout.textContent = "";
       const i = u.cursor.idx;

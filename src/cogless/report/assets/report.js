@@ -51,7 +51,7 @@
     ctx.restore();
   }
 
-  const lines = (list) => list.map((s) => ({ ...s, label: s.dash && "reference", values: unpack(s.values), detail: s.detail && unpack(s.detail) }));
+  const lines = (list) => list.map((s) => ({ ...s, label: s.dash && (s.label ?? "reference"), values: unpack(s.values), detail: s.detail && unpack(s.detail) }));
   const longest = (series) => Math.max(...series.map((s) => s.values.length));
   const padded = (series, length) => {
     for (const s of series) while (s.values.length < length) s.values.push(null);
@@ -76,6 +76,35 @@
     }));
   }
 
+  // Factors over frequency against one, and upright lines where something grew.
+  function drawCriterion(parent, { frequency, series, marks }) {
+    const one = { values: frequency.map(() => 1), dash: true, label: "limit" };
+    panel(parent, {
+      title: "Factor per period", x: "frequency (Hz)", y: "factor", xs: frequency, series: [one, ...series], height: 260, readX: (f) => `${number(f)} Hz`,
+      adapt: (o) => {
+        o.scales.x.distr = 3;
+        o.axes[0].values = (_, ticks) => ticks.map((f) => (f != null && Math.abs(Math.log10(f) % 1) < 1e-6 ? number(f) : ""));
+        o.hooks.draw.push((u) => {
+          const { ctx, bbox } = u;
+          ctx.save();
+          for (const { controller, at } of marks.filter((m) => !hidden.has(m.controller))) {
+            const x = u.valToPos(at, "x", true);
+            ctx.strokeStyle = ctx.fillStyle = colour(controller);
+            ctx.lineWidth = 1.5 * devicePixelRatio;
+            ctx.beginPath();
+            ctx.moveTo(x, bbox.top);
+            ctx.lineTo(x, bbox.top + bbox.height);
+            ctx.stroke();
+            ctx.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
+            ctx.textAlign = "right";
+            ctx.fillText(`grew: ${number(at)} Hz`, x - 5 * devicePixelRatio, bbox.top + 14 * devicePixelRatio);
+          }
+          ctx.restore();
+        });
+      },
+    });
+  }
+
   function draw(shown) {
     const wanted = zoomed.get("time");
     drawTimes($("#waveforms .panels"), shown.waveforms, "time");
@@ -97,6 +126,15 @@
       panel($("#map .panels"), {
         title: m.title, x: m.x, y: "current (A)", xs: m.angle, series: m.series, height: 230, readX: (a) => `${number(a)}°`,
       });
+
+    $("#angle").hidden = !shown.angle.length;
+    for (const a of shown.angle)
+      panel($("#angle .panels"), {
+        title: a.title, x: a.x, y: page.quantity(a.quantity, a.unit), xs: a.angle, series: a.series, group: "angle", readX: (x) => `${number(x)}°`,
+      });
+
+    $("#criterion").hidden = !shown.criterion;
+    if (shown.criterion) drawCriterion($("#criterion .panels"), shown.criterion);
 
     $("#events").hidden = !shown.events.length;
     shown.events.forEach((e, i) => drawTimes($("#events .panels"), e, "event" + i, { height: 210, grid: true }));

@@ -1,0 +1,90 @@
+"""The report of studies that learn in angle: errors in their frame, growth, the criterion's curve."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cogless import load, simulate
+from cogless.report import charts, render, verdicts
+from cogless.report.comparison import compare
+from cogless.report.growth import growth, worse_since
+from cogless.report.needed import needed_current
+from cogless.report.paths import errors, learns, periods
+from cogless.results import Results
+
+
+@pytest.fixture(scope="module")
+def made():
+    study = load("verrelli2016")
+    names = ("pi", "printed", "filtered")
+    return Results(study, [simulate.simulate(study, "twelve-seconds", name) for name in names])
+
+
+def with_line(run, frequency, amplitude, since):
+    """The run with a line in i_q and a speed error that begin at a time."""
+    data = run.trace.data.copy()
+    time = run.trace.time
+    line = np.where(time > since, amplitude * np.sin(2 * np.pi * frequency * time), 0.0)
+    data[:, run.trace.names.index("i_q")] += line
+    data[:, run.trace.names.index("omega_m")] += line
+    return replace(run, trace=replace(run.trace, data=data))
+
+
+def test_errors_are_in_the_frame_of_the_metrics(made):
+    speed, angle = errors(made, made.runs)
+    assert (speed.signal, speed.ratio, angle.signal) == ("omega_error", 50, "theta_error")
+    assert speed.title == "Speed error, electrical"
+    part = made.runs[0].trace.window(3, 5)
+    drawn = np.ptp(speed.of(made.runs[0].trace)[part])
+    assert drawn == pytest.approx(made.runs[0].metrics["speed_before_rad_s"], rel=0.01)
+    assert compare(made, "twelve-seconds")[0].title == "speed before (electrical)"
+
+
+def test_a_law_that_may_not_learn_does_not(made):
+    assert [learns(made.study, run.controller) for run in made.runs] == [False, True, True]
+    assert periods(made, made.runs[0]) is None
+    turns, period = periods(made, made.runs[2])
+    assert period == pytest.approx(2 * np.pi / 50)
+    assert turns[-1] == pytest.approx(12 * 0.3 / period, rel=0.02)
+
+
+def test_what_was_learnt_comes_to_what_was_needed(made):
+    run = made.runs[2]
+    needed = needed_current(made, run)
+    late = run.trace.window(8, 12)
+    learnt = sum(run.trace[name] for name in ("term_alpha", "term_beta", "term_h"))
+    assert np.std((needed - learnt)[late]) < 0.1 * np.std(needed[late])
+
+
+def test_growth_is_told_from_what_is_learnt(made):
+    pi, _, filtered = made.runs
+    assert growth(made, filtered) is None and growth(made, pi) is None
+    grown = with_line(filtered, 300, 1.0, 9.0)
+    assert growth(made, grown).frequency == pytest.approx(300, abs=2)
+    assert worse_since(grown, pi, "omega_error") == 8.0  # windows of 2 s
+    assert worse_since(filtered, pi, "omega_error") is None
+
+
+def test_the_verdict_calls_what_gets_worse(made):
+    pi, printed, filtered = made.runs
+    text = " ".join(
+        verdicts(replace(made, runs=[pi, with_line(printed, 400, 1.0, 9.0), filtered]), "rad/s")[0].details
+    )
+    assert "printed scheme is better than PI, as published until 8 s, then worse" in text
+    assert "grows at 400 Hz, as cogless design says (1.71 times a period at 476 Hz)" in text
+    fine = verdicts(made, "rad/s")[0]
+    assert "Worse" not in " ".join(fine.details) and "speed after" in fine.headline
+
+
+def test_the_page_has_the_angle_and_the_criterion(made):
+    (drawn,) = charts.data(made, "rad/s")["scenarios"]
+    titles = [panel["title"] for panel in drawn["waveforms"]["panels"]]
+    assert any(title.startswith("Time of the last period") for title in titles)
+    assert {"q current", "d current", "Angle error, electrical"} <= set(titles)
+    assert len(drawn["angle"]) == 2 * 3 and len(drawn["angle"][0]["series"]) >= 3
+    assert [s["controller"] for s in drawn["criterion"]["series"]] == [1, 1, 2, 2]
+    highest = [max(v for v in s["values"] if v is not None) for s in drawn["criterion"]["series"]]
+    assert max(highest[:2]) == pytest.approx(1.71, abs=0.01) and max(highest[2:]) < 1
+    assert len(drawn["maps"][0]["series"]) == 1  # neither of the PI nor of the delay line
+    assert "Does learning settle?" in render(made)
