@@ -214,7 +214,7 @@ class LearningFactor(Parsed):
 
 class MetricSignals(Parsed):
     def run(self) -> list[nodes.Node]:
-        from cogless.study.controller import TERMS
+        from cogless.study.laws import TERMS
         from cogless.study.metric import SIGNALS
         from cogless.trace import DERIVED
 

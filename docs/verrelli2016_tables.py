@@ -1,0 +1,170 @@
+"""Verrelli's figures beside ours, for docs/studies/verrelli2016.md.
+
+    cogless run verrelli2016 -o results/verrelli2016
+    python docs/verrelli2016_tables.py --write results/verrelli2016/results.json
+
+Without --write the tables are printed. Section 5 comes from results.json; sections 3 and 4, other phase
+margins and the hour are run here (a minute).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from marked import Blocks, Metrics, main, metrics_of, number, table
+
+import cogless
+from cogless.design.learning import SETTLED
+from cogless.design.pi import speed_loop
+from cogless.design.position import frame_ratio, position_gains, position_margins
+from cogless.design.space_learning import repairing_filter, space_learning
+from cogless.study.space_controller import SpacePosition
+
+LABELS = {
+    "pi": "PI, as published",
+    "fair": "PI, fair",
+    "printed": "printed scheme",
+    "filtered": "filtered map",
+    "filtered-fair": "filtered map on the fair PI",
+}
+SHORT, LONG = "twelve-seconds", "two-minutes"
+BEFORE_AND_AFTER = ("speed_before_rad_s", "speed_after_rad_s", "angle_before_rad", "angle_after_rad")
+TIMES = (20, 30, 60, 120)
+TURN = 2 * np.pi / 0.3  # s, of the arm
+MARGINS = (30, 35, 40, 45, 50, 60)
+
+
+def section_5(metrics: Metrics) -> list[str]:
+    """Peak to peak, electrical, before and after learning began; the largest current."""
+    rows = [
+        ["paper", "0.72", "0.081", "0.03", "0.006", "-"],
+        ["readings, printed scheme", "0.805", "0.0716", "0.0387", "0.0105", "below 9"],
+    ]
+    for controller, label in LABELS.items():
+        found = metrics[SHORT, controller]
+        rows.append([label, *(number(found[name]) for name in (*BEFORE_AND_AFTER, "current_peak_A"))])
+    head = ["speed, 3 to 5 s", "8 to 10 s", "angle, 3 to 5 s", "8 to 10 s", "largest i_q [A]"]
+    return table(["peak to peak, electrical [rad/s], [rad]", *head], rows)
+
+
+def two_minutes(metrics: Metrics) -> list[str]:
+    """The speed's error, peak to peak in the two seconds before a time."""
+    rows = []
+    for controller, label in LABELS.items():
+        found = metrics[LONG, controller]
+        rows.append([label, *(number(found[f"speed_{t}_s_rad_s"]) for t in TIMES)])
+    return table(["speed, peak to peak, electrical [rad/s]", *(f"{t} s" for t in TIMES)], rows)
+
+
+def criterion() -> list[str]:
+    """The worst factor a period of each controller that learns, and what would repair it."""
+    rows = []
+    for name in ("verrelli2016", "verrelli2016-position", "verrelli2016-speed"):
+        study = cogless.load(name)
+        for controller in study.controller:
+            worst = space_learning(study, controller)
+            if worst is not None:
+                width = "-" if worst.factor <= SETTLED else str(repairing_filter(study, controller))
+                text = [f"{worst.factor:.3f}", f"{worst.frequency:.0f}", width]
+                rows.append([f"`{name}`: {study.label(controller)}", *text])
+    return table(["", "worst factor a period", "at [Hz]", "repaired by `q_half_width`"], rows)
+
+
+def margins() -> list[str]:
+    """The fair PI at other phase margins, without learning."""
+    rows = []
+    for margin in (None, *MARGINS):
+        name, changes = (
+            ("fair", {"controller.fair.tuning.phase_margin": f"{margin} deg"}) if margin else ("pi", {})
+        )
+        study = cogless.load("verrelli2016", changes)
+        law = study.controller[name]
+        assert isinstance(law, SpacePosition)
+        gains = position_gains(study, name)
+        found = position_margins(speed_loop(study), frame_ratio(study, law), gains)
+        (run,) = cogless.run_study(study, [f"{SHORT}/{name}"]).runs
+        label = f"{margin}°" if margin else "as published"
+        speed, angle = (str(number(run.metrics[k])) for k in ("speed_after_rad_s", "angle_after_rad"))
+        texts = [f"{np.degrees(found.phase_margin):.1f}°", f"{found.crossover / (2 * np.pi):.0f}"]
+        learnt = "-"
+        if margin:
+            key = "controller.filtered-fair"
+            more = {f"{key}.tuning.phase_margin": f"{margin} deg", f"{key}.mu_alpha": 50 * gains[1]}
+            learner = cogless.load("verrelli2016", more)
+            (other,) = cogless.run_study(learner, [f"{SHORT}/filtered-fair"]).runs
+            learnt = number(other.metrics["speed_after_rad_s"])
+        rows.append([label, *(number(g) for g in gains), *texts, speed, angle, learnt])
+    head = ["k_theta [1/s]", "k_omega [A s/rad]", "k_i [A/rad]", "margin", "crossover [Hz]"]
+    return table(
+        ["PI", *head, "speed, 8 to 10 s [rad/s]", "angle, 8 to 10 s [rad]", "speed with learning [rad/s]"],
+        rows,
+    )
+
+
+def hour() -> list[str]:
+    """The filtered map for an hour, over whole turns of the arm: two seconds see a part of the load."""
+    changes = {f"scenario.{LONG}.duration": "3600 s", "trace.rate": "200 Hz"}
+    study = cogless.load("verrelli2016", changes)
+    rows = []
+    short = cogless.load("verrelli2016", {"trace.rate": "200 Hz"})
+    for name in ("pi", "fair", "printed"):
+        (run,) = cogless.run_study(short, [f"{LONG}/{name}"]).runs
+        error = 50 * run.trace["omega_error"]
+        cells = [number(float(np.ptp(error[run.trace.window(end - TURN, end)]))) for end in (60, 120)]
+        rows.append([LABELS[name], *cells, "-", "-", "-"])
+    for name in ("filtered", "filtered-fair"):
+        (run,) = cogless.run_study(study, [f"{LONG}/{name}"]).runs
+        cells = [LABELS[name]]
+        for end in (60, 120, 600, 1800, 3600):
+            error = 50 * run.trace["omega_error"][run.trace.window(end - TURN, end)]
+            cells.append(number(float(np.ptp(error))))
+        rows.append(cells)
+    head = ["60 s", "120 s", "10 min", "30 min", "1 h"]
+    return table(["speed, peak to peak over the last turn [rad/s]", *head], rows)
+
+
+def other(name: str, unit: str) -> list[str]:
+    """All numbers of another study, a line a metric."""
+    study = cogless.load(name)
+    results = cogless.run_study(study, jobs=2)
+    found: dict[tuple[str, str], dict[str, Any]] = {
+        (r.scenario, r.controller): dict(r.metrics) for r in results.runs
+    }
+    rows = []
+    for scenario in results.scenarios:
+        names = [c for c in study.controllers_in(scenario)]
+        for metric in found[scenario, names[0]]:
+            cells = [_plain(found[scenario, c][metric]) for c in names]
+            rows.append([f"{scenario}: {_words(metric)}", *cells])
+    return table([unit, *(study.label(c) for c in study.controller)], rows)
+
+
+def _words(metric: str) -> str:
+    for unit in ("_rad_s", "_rad", "_A"):
+        if metric.endswith(unit):
+            shown = unit[1:].replace("_", "/")
+            return f"{metric.removesuffix(unit).replace('_', ' ')} [{shown}]"
+    return metric
+
+
+def _plain(value: float) -> str:
+    return f"{value:.2e}" if abs(value) < 1e-3 else number(value)
+
+
+def blocks(path: Path) -> Blocks:
+    metrics = metrics_of(path)
+    return {
+        "section-5": section_5(metrics),
+        "two-minutes": two_minutes(metrics),
+        "criterion": criterion(),
+        "margins": margins(),
+        "hour": hour(),
+        "section-3": other("verrelli2016-speed", "section 3"),
+        "section-4": other("verrelli2016-position", "section 4, RMS"),
+    }
+
+
+if __name__ == "__main__":
+    main(Path(__file__).parent / "studies" / "verrelli2016.md", blocks)
