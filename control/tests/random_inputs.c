@@ -7,6 +7,7 @@
 #include "check.h"
 #include "cogless/angle.h"
 #include "cogless/anti_cogging.h"
+#include "cogless/drive.h"
 #include "cogless/foc.h"
 #include "cogless/modulation.h"
 #include "cogless/pi_ilc.h"
@@ -64,9 +65,16 @@ static void check_status(unsigned status, const cgl_memory_config *config, const
     }
 }
 
+static void check_off(const cgl_law_input *in, const cgl_law_output *out)
+{
+    const unsigned off = (unsigned)CGL_STATUS_OFF | (unsigned)CGL_STATUS_FROZEN;
+    CHECK(((out->status & (unsigned)CGL_STATUS_OFF) != 0U) == in->off);
+    CHECK(!in->off || (within(out->i_q_ref, CGL_R(0.0)) && (out->status & off) == off));
+}
+
 /* ---- inputs: any, or a rotor that turns so that something is learned ---- */
 
-static void next_input(cgl_speed_input *in, int step)
+static void next_input(cgl_law_input *in, int step)
 {
     static cgl_real theta, omega;
     if (step == 0 || random_below(100) == 0U) {
@@ -80,7 +88,9 @@ static void next_input(cgl_speed_input *in, int step)
     in->omega_m = any ? random_real(CGL_R(100.0)) : omega + (cgl_real)random_below(3) - CGL_R(1.0);
     in->theta_m = any ? random_real(CGL_R(10.0)) : theta;
     in->i_q = any ? random_real(CGL_R(5.0)) : CGL_R(0.1);
+    in->theta_ref = in->alpha_ref = CGL_R(0.0);
     in->learn = random_below(8) != 0U;
+    in->off = random_below(50) == 0U;
 }
 
 static cgl_pi_config random_pi(void)
@@ -142,23 +152,30 @@ static void try_modulation(void)
     }
 }
 
+static cgl_foc_config random_foc(void)
+{
+    cgl_foc_config config;
+    config.kp_d = random_gain(CGL_R(10.0));
+    config.ki_d = random_gain(CGL_R(1000.0));
+    config.kp_q = random_gain(CGL_R(10.0));
+    config.ki_q = random_gain(CGL_R(1000.0));
+    config.ts = random_gain(CGL_R(1.0e-4));
+    config.current_limit = random_gain(CGL_R(5.0));
+    config.advance = random_gain(CGL_R(2.0));
+    config.decoupling = random_below(2) != 0U;
+    config.L_d = random_gain(CGL_R(1.0e-2));
+    config.L_q = random_gain(CGL_R(1.0e-2));
+    config.psi_f = random_gain(CGL_R(0.1));
+    config.phases = random_below(2) ? 3U : 2U * random_below(2);
+    return config;
+}
+
 static void try_foc(void)
 {
     cgl_foc_config config;
     cgl_foc foc;
     do {
-        config.kp_d = random_gain(CGL_R(10.0));
-        config.ki_d = random_gain(CGL_R(1000.0));
-        config.kp_q = random_gain(CGL_R(10.0));
-        config.ki_q = random_gain(CGL_R(1000.0));
-        config.ts = random_gain(CGL_R(1.0e-4));
-        config.current_limit = random_gain(CGL_R(5.0));
-        config.advance = random_gain(CGL_R(2.0));
-        config.decoupling = random_below(2) != 0U;
-        config.L_d = random_gain(CGL_R(1.0e-2));
-        config.L_q = random_gain(CGL_R(1.0e-2));
-        config.psi_f = random_gain(CGL_R(0.1));
-        config.phases = random_below(2) ? 3U : 2U * random_below(2);
+        config = random_foc();
     } while (cgl_foc_init(&config, &foc) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         const cgl_foc_input in = {{random_real(CGL_R(5.0)), random_real(CGL_R(5.0)), random_real(CGL_R(5.0))},
@@ -195,10 +212,11 @@ static void try_pi(void)
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         CHECK(within(cgl_pi_step(&config, &pi, random_real(CGL_R(10.0)), random_real(CGL_R(1.0))), config.limit));
         CHECK(within(pi.integral, config.limit));
-        cgl_speed_input in;
-        cgl_speed_output out;
+        cgl_law_input in;
+        cgl_law_output out;
         next_input(&in, step);
         cgl_speed_pi_step(&config, &pi, &in, &out);
+        check_off(&in, &out);
         CHECK(within(out.i_q_ref, config.limit));
     }
 }
@@ -213,11 +231,11 @@ static void try_memory(void)
         length = CGL_MEMORY_LENGTH(config.cells, config.q_half_width);
     } while (cgl_memory_init(&config, &memory, fence(length), length) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
-        cgl_speed_input in;
-        cgl_real filtered, held;
+        cgl_law_input in;
+        cgl_real value;
         next_input(&in, step);
-        cgl_memory_recall(&config, &memory, in.theta_m, in.omega_ref, &filtered, &held);
-        CHECK(within(filtered, config.limit) && within(held, config.limit));
+        cgl_memory_recall(&config, &memory, in.theta_m, in.omega_ref, random_below(2) != 0U, &value);
+        CHECK(within(value, config.limit));
         const cgl_real acting =
             cgl_memory_update(&config, &memory, random_real(config.limit), random_real(config.limit), in.learn);
         CHECK(within(acting, config.limit));
@@ -242,12 +260,13 @@ static void try_pi_ilc(void)
         length = CGL_MEMORY_LENGTH(config.memory.cells, config.memory.q_half_width);
     } while (cgl_pi_ilc_init(&config, &law, fence(length), length) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
-        cgl_speed_input in;
-        cgl_speed_output out;
+        cgl_law_input in;
+        cgl_law_output out;
         next_input(&in, step);
         cgl_real before[CELLS_MAX];
         memcpy(before, fenced + GUARD, config.memory.cells * sizeof before[0]);
         cgl_pi_ilc_step(&config, &law, &in, &out);
+        check_off(&in, &out);
         check_status(out.status, &config.memory, before);
         CHECK(within(out.i_q_ref, config.pi.limit));
         CHECK(within(law.learned, config.memory.limit));
@@ -274,6 +293,7 @@ static void try_robust_ilc(void)
         config.beta_1 = random_gain(CGL_R(1.0));
         config.beta_2 = random_gain(CGL_R(1.0));
         config.gamma = random_gain(CGL_R(5.0));
+        config.surface_max = random_below(2) ? random_gain(CGL_R(5.0)) : CGL_R(0.0);
         config.viscous = random_real(CGL_R(1.0));
         config.coulomb = random_real(CGL_R(10.0));
         config.ts = random_gain(CGL_R(1.0e-3));
@@ -282,12 +302,13 @@ static void try_robust_ilc(void)
         length = CGL_MEMORY_LENGTH(config.memory.cells, config.memory.q_half_width);
     } while (cgl_robust_ilc_init(&config, &law, fence(length), length) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
-        cgl_speed_input in;
-        cgl_speed_output out;
+        cgl_law_input in;
+        cgl_law_output out;
         next_input(&in, step);
         cgl_real before[CELLS_MAX];
         memcpy(before, fenced + GUARD, config.memory.cells * sizeof before[0]);
         cgl_robust_ilc_step(&config, &law, &in, &out);
+        check_off(&in, &out);
         check_status(out.status, &config.memory, before);
         CHECK(within(out.i_q_ref, config.limit));
         CHECK(within(law.error_integral, CGL_R(1.0e9)));
@@ -318,10 +339,11 @@ static void try_anti_cogging(void)
         } else if (random_below(2000) == 0U) {
             cgl_anti_cogging_reset(&config, &law);
         }
-        cgl_speed_input in;
-        cgl_speed_output out;
+        cgl_law_input in;
+        cgl_law_output out;
         next_input(&in, step);
         cgl_anti_cogging_step(&config, &law, &in, &out);
+        check_off(&in, &out);
         CHECK(within(out.i_q_ref, config.pi.limit));
         CHECK(within(law.looked_up, config.pi.limit));
         CHECK(within(law.friction, config.pi.limit));
@@ -375,13 +397,13 @@ static void check_space_memory(const cgl_space_memory_config *config, const cgl_
     for (uint32_t n = 0; n < rings * length; ++n) {
         CHECK(memory->cell[n] >= CGL_R(0.0) && memory->cell[n] < CGL_R(1.0));
     }
-    CHECK(memory->known <= length && memory->at < length && memory->newest < length);
+    CHECK(memory->known <= length && memory->then < length && memory->newest < length);
     CHECK(memory->p_t >= CGL_R(0.0) && memory->p_t <= (cgl_real)(length + 1U) * config->ts);
     check_fence(space_length(config));
 }
 
 /* Any, or a rotor that follows a reference which mostly rises. */
-static void next_position_input(cgl_position_input *in, int step)
+static void next_position_input(cgl_law_input *in, int step)
 {
     static cgl_real theta, omega;
     if (step == 0 || random_below(60) == 0U) {
@@ -395,7 +417,9 @@ static void next_position_input(cgl_position_input *in, int step)
     in->alpha_ref = any ? random_real(CGL_R(100.0)) : CGL_R(1.0);
     in->theta_m = any ? random_real(CGL_R(10.0)) : theta + CGL_R(0.01);
     in->omega_m = any ? random_real(CGL_R(100.0)) : omega + (cgl_real)random_below(3) - CGL_R(1.0);
+    in->i_q = CGL_R(0.0);
     in->learn = random_below(8) != 0U;
+    in->off = random_below(50) == 0U;
 }
 
 /* A map that is frozen stays: only cells that wait for the filter go in. */
@@ -422,7 +446,7 @@ static void try_space_memory(void)
         config = random_space_memory();
     } while (cgl_space_memory_init(&config, &memory, fence(space_length(&config)), space_length(&config)) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
-        cgl_position_input in;
+        cgl_law_input in;
         next_position_input(&in, step);
         cgl_real value[CGL_SPACE_CHANNELS];
         for (int times = random_below(8) ? 1 : (int)random_below(4); times > 0; --times) { /* in any order */
@@ -473,12 +497,13 @@ static void try_space_position(void)
         length = space_length(&config.memory);
     } while (cgl_space_position_init(&config, &law, fence(length), length) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
-        cgl_position_input in;
-        cgl_speed_output out;
+        cgl_law_input in;
+        cgl_law_output out;
         next_position_input(&in, step);
         memcpy(before, fenced + GUARD, length * sizeof before[0]);
         const cgl_space_position old = law;
         cgl_space_position_step(&config, &law, &in, &out);
+        check_off(&in, &out);
         check_space_status(out.status, in.learn);
         if ((out.status & (unsigned)CGL_STATUS_FROZEN) != 0U) {
             check_frozen_map(&config.memory, &old.memory, before);
@@ -511,12 +536,13 @@ static void try_space_speed(void)
         length = space_length(&config.memory);
     } while (cgl_space_speed_init(&config, &law, fence(length), length) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
-        cgl_position_input in;
-        cgl_speed_output out;
+        cgl_law_input in;
+        cgl_law_output out;
         next_position_input(&in, step);
         memcpy(before, fenced + GUARD, length * sizeof before[0]);
         const cgl_space_speed old = law;
         cgl_space_speed_step(&config, &law, &in, &out);
+        check_off(&in, &out);
         check_space_status(out.status, in.learn);
         if ((out.status & (unsigned)CGL_STATUS_FROZEN) != 0U) {
             check_frozen_map(&config.memory, &old.memory, before);
@@ -657,6 +683,22 @@ static void check_trial_step(const cgl_trial_config *config, cgl_trial *law, boo
     }
 }
 
+static void check_trial_in_a_drive(const cgl_trial_config *config, cgl_trial *law, int step)
+{
+    cgl_law_input in;
+    cgl_law_output out;
+    next_input(&in, step);
+    cgl_real v[SAMPLES_MAX];
+    memcpy(v, law->learned, config->samples * sizeof v[0]);
+    cgl_trial_drive_step(config, law, &in, &out);
+    check_off(&in, &out);
+    CHECK(within(out.i_q_ref, config->limit) && cgl_is_finite(law->psi) && cgl_is_finite(law->theta));
+    CHECK(memcmp(v, law->learned, config->samples * sizeof v[0]) == 0);
+    if (law->y_ref != NULL && (in.off || !in.learn || (out.status & (unsigned)CGL_STATUS_FAULT) != 0U)) {
+        CHECK(law->spoilt || law->sample > config->samples);
+    }
+}
+
 static void check_trial_end(const cgl_trial_config *config, cgl_trial *law, bool whole)
 {
     cgl_real v[SAMPLES_MAX];
@@ -687,14 +729,216 @@ static void try_trial(void)
             cgl_trial_begin(&config, &law, random_below(16) ? y_ref : NULL);
         }
         const uint32_t steps = random_below(4) ? config.samples + random_below(3) * 20U : random_below(config.samples);
+        const bool in_a_drive = config.states == 2U && random_below(2) != 0U;
         for (uint32_t p = 0; p < steps; ++p) {
-            check_trial_step(&config, &law, calm);
+            if (in_a_drive) {
+                check_trial_in_a_drive(&config, &law, (int)p);
+            } else {
+                check_trial_step(&config, &law, calm);
+            }
         }
         if (random_below(16) == 0U) {
             cgl_trial_reset(&config, &law);
         }
         check_trial_end(&config, &law, law.y_ref != NULL && law.sample >= config.samples && !law.spoilt);
         check_fence(length);
+    }
+}
+
+/* ---- the controller around a law ---- */
+
+static cgl_monitor_config random_monitor(cgl_real ts, uint32_t phases)
+{
+    cgl_monitor_config config;
+    config.omega_max = random_below(4) ? random_gain(CGL_R(1000.0)) : CGL_R(0.0);
+    config.angle_step = random_gain(CGL_R(0.01));
+    config.speed_window = random_below(4) ? random_gain(CGL_R(20.0)) * ts : random_gain(CGL_R(0.01));
+    config.stuck_angle = random_below(4) ? random_gain(CGL_R(0.5)) : CGL_R(0.0);
+    config.current_max = random_below(4) ? random_gain(CGL_R(10.0)) : CGL_R(0.0);
+    config.current_sum = random_below(4) ? random_gain(CGL_R(5.0)) : CGL_R(0.0);
+    config.bridge = random_below(4) ? random_gain(CGL_R(20.0)) * ts : CGL_R(0.0);
+    config.hold = random_below(4) ? random_gain(CGL_R(20.0)) * ts : CGL_R(0.0);
+    config.ts = ts;
+    config.phases = phases;
+    return config;
+}
+
+static cgl_quality_config random_quality(cgl_real ts)
+{
+    const cgl_quality_config config = {random_below(4) ? CGL_TWO_PI : random_gain(CGL_R(10.0)),
+                                       random_below(4) ? CGL_R(50.0) * ts : random_gain(CGL_R(60.0)),
+                                       random_below(2) ? random_gain(CGL_R(10.0)) : CGL_R(0.0),
+                                       random_gain(CGL_R(1.0)), ts};
+    return config;
+}
+
+/* Any bits, or a rotor that turns, whose sensors fail now and then. */
+static void next_measurement(cgl_measurement *now, int step)
+{
+    static cgl_real theta, omega, jump;
+    if (step == 0 || random_below(200) == 0U) {
+        omega = random_below(2) ? CGL_R(0.0) : random_gain(CGL_R(500.0));
+        theta = random_gain(CGL_R(6.0));
+        jump = random_below(2) ? CGL_R(0.0) : random_gain(CGL_R(3.0));
+    }
+    theta = CGL_TWO_PI * cgl_fraction((theta + CGL_R(1.0e-4) * omega) / CGL_TWO_PI);
+    for (int x = 0; x < 3; ++x) {
+        now->i_abc[x] = random_below(40) ? CGL_R(0.01) * (cgl_real)x : random_real(CGL_R(5.0));
+    }
+    now->theta_m = random_below(20) ? theta + jump : random_real(CGL_R(6.0));
+    now->omega_m = random_below(40) ? omega : random_real(CGL_R(500.0));
+    now->u_dc = random_below(40) ? CGL_R(24.0) : random_real(CGL_R(300.0));
+}
+
+static void check_monitor(const cgl_monitor_config *config, const cgl_monitor *monitor)
+{
+    const cgl_monitor_limits *limits = &monitor->limits;
+    CHECK(monitor->theta_m >= CGL_R(0.0) && monitor->theta_m < CGL_TWO_PI);
+    CHECK(monitor->raw >= CGL_R(0.0) && monitor->raw < CGL_TWO_PI);
+    CHECK(cgl_is_finite(monitor->omega_m) && within(monitor->shift, CGL_R(3.1416)));
+    CHECK(!(config->omega_max > CGL_R(1.0e-15)) /* whose square is a number */
+          || within(monitor->omega_m, CGL_R(1.000001) * config->omega_max));
+    CHECK(cgl_is_finite(monitor->still));
+    CHECK(monitor->gap <= limits->bridge + 1U && monitor->holding <= limits->hold + 1U);
+    CHECK(monitor->blind <= limits->window + 1U && monitor->lost >= monitor->gap);
+    CHECK(monitor->safe == (monitor->holding > 0U));
+    CHECK(!(monitor->safe && monitor->trusted));
+    CHECK((monitor->status == 0U && monitor->gap == 0U && monitor->blind == 0U) == monitor->trusted);
+    CHECK(monitor->safe == ((monitor->status & (unsigned)CGL_STATUS_FAULT) != 0U));
+}
+
+static void try_monitor(void)
+{
+    cgl_monitor_config config;
+    cgl_monitor monitor, long_way;
+    do {
+        config = random_monitor(random_gain(CGL_R(1.0e-4)), random_below(4));
+    } while (cgl_monitor_init(&config, &monitor) != CGL_OK);
+    for (int step = 0; step < 4 * STEPS_PER_CONFIG; ++step) {
+        cgl_measurement now;
+        next_measurement(&now, step);
+        const cgl_real omega_ref = random_below(8) ? CGL_R(100.0) : random_real(CGL_R(100.0));
+        long_way = monitor;
+        cgl_monitor_step(&config, &monitor, &now, omega_ref);
+        cgl_monitor_look(&config, &long_way, &now, omega_ref);
+        check_monitor(&config, &monitor);
+        check_monitor(&config, &long_way);
+        CHECK(monitor.status == long_way.status && monitor.trusted == long_way.trusted);
+        CHECK(!(monitor.theta_m < long_way.theta_m) && !(monitor.theta_m > long_way.theta_m));
+        CHECK(!(monitor.omega_m < long_way.omega_m) && !(monitor.omega_m > long_way.omega_m));
+        if (random_below(500) == 0U) {
+            cgl_monitor_trust(&monitor);
+        } else if (random_below(1000) == 0U) {
+            cgl_monitor_reset(&monitor);
+        } else if (random_below(500) == 0U) { /* as after years */
+            monitor.lost = monitor.gap > 0U ? UINT32_MAX : 0U;
+            monitor.jumps = UINT32_MAX;
+        }
+    }
+}
+
+static void check_quality(const cgl_quality *quality)
+{
+    CHECK(cgl_is_finite(quality->sum) && cgl_is_finite(quality->sum_of_squares) && cgl_is_finite(quality->turned));
+    CHECK(quality->ripple >= CGL_R(0.0) && cgl_is_finite(quality->ripple));
+    CHECK(quality->before >= CGL_R(0.0) && cgl_is_finite(quality->before));
+    CHECK(quality->usual_square >= CGL_R(0.0) && cgl_is_finite(quality->usual_square));
+    CHECK(within(quality->trend, CGL_R(1.00001)));
+    CHECK(quality->left >= 1U && quality->left <= quality->longest);
+    CHECK(quality->missing <= quality->longest - quality->left);
+    const cgl_quality_report report = cgl_quality_read(quality);
+    CHECK(report.residual >= CGL_R(0.0) && report.residual <= CGL_R(1.1e14));
+    CHECK(cgl_is_finite(report.progress) && report.progress <= CGL_R(1.0));
+    CHECK(!(report.improving && report.worsening));
+}
+
+static void try_quality(void)
+{
+    cgl_quality_config config;
+    cgl_quality quality;
+    do {
+        config = random_quality(random_gain(CGL_R(1.0e-3)));
+    } while (cgl_quality_init(&config, &quality) != CGL_OK);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        const cgl_real error = random_below(10) ? CGL_R(0.1) * (cgl_real)random_below(10) : random_real(CGL_R(10.0));
+        const cgl_real omega_m = random_below(10) ? CGL_R(100.0) : random_real(CGL_R(100.0));
+        const bool outlier = cgl_quality_step(&config, &quality, error, omega_m, random_below(2) != 0U);
+        CHECK(cgl_is_finite(error) || outlier);
+        CHECK(!outlier || config.outlier > CGL_R(0.0) || !(cgl_abs(error) <= CGL_R(1.0e14)));
+        check_quality(&quality);
+        if (random_below(100) == 0U) {
+            quality.windows = UINT32_MAX;
+        }
+    }
+}
+
+static cgl_drive_config random_drive(void)
+{
+    cgl_drive_config config;
+    config.pole_pairs = random_below(10) ? 1U + random_below(10) : random_bits() >> random_below(32);
+    config.divider = random_below(10) ? 1U + random_below(20) : random_bits() >> random_below(32);
+    config.foreign = random_below(3) == 0U;
+    config.learn_saturated = random_below(2) != 0U;
+    config.foc = random_foc();
+    config.monitor = random_monitor(config.foc.ts, random_below(4));
+    config.quality = random_quality((cgl_real)config.divider * config.foc.ts);
+    return config;
+}
+
+static void check_drive(const cgl_drive_config *config, const cgl_drive *drive, const cgl_drive_output *out)
+{
+    check_monitor(&config->monitor, &drive->monitor);
+    check_quality(&drive->quality);
+    CHECK(are_duties(out->duty));
+    CHECK(cgl_is_finite(out->i_d) && cgl_is_finite(out->i_q) && cgl_is_finite(out->u_d) && cgl_is_finite(out->u_q));
+    CHECK(cgl_is_finite(out->i_d_ref) && cgl_is_finite(out->i_q_ref) && cgl_is_finite(drive->i_q));
+    CHECK(cgl_is_finite(drive->foc.integral_d) && cgl_is_finite(drive->foc.integral_q));
+    if (drive->monitor.safe) {
+        CHECK(within(out->u_d, CGL_R(0.0)) && within(out->u_q, CGL_R(0.0)) && within(out->i_q_ref, CGL_R(0.0)));
+        CHECK(within(drive->foc.integral_d, CGL_R(0.0)) && within(drive->foc.integral_q, CGL_R(0.0)));
+        CHECK((out->status & (unsigned)CGL_STATUS_OFF) != 0U && (out->status & (unsigned)CGL_STATUS_FAULT) != 0U);
+    }
+    if (drive->monitor.safe || config->foreign) {
+        for (int x = 0; x < 3; ++x) {
+            CHECK(within(out->duty[x] - CGL_R(0.5), CGL_R(0.0)));
+        }
+    }
+}
+
+static void try_drive(void)
+{
+    cgl_drive_config config;
+    cgl_drive drive;
+    cgl_pi pi;
+    cgl_pi_config law;
+    do {
+        config = random_drive();
+        law = random_pi();
+    } while (cgl_drive_init(&config, &drive) != CGL_OK || cgl_pi_init(&law, &pi) != CGL_OK);
+    uint32_t since = config.divider;
+    for (int step = 0; step < 2 * STEPS_PER_CONFIG; ++step) {
+        cgl_measurement now;
+        next_measurement(&now, step);
+        const cgl_reference reference = {random_real(CGL_R(6.0)), random_below(4) ? CGL_R(50.0) : random_real(CGL_R(100.0)),
+                                         random_real(CGL_R(10.0)), random_real(CGL_R(1.0)), random_below(8) != 0U};
+        const bool spoilt = (drive.saturated && !config.learn_saturated) || drive.off;
+        const bool due = cgl_drive_measure(&config, &drive, &now, &reference);
+        CHECK(due == (since >= config.divider));
+        since = due ? 1U : since + 1U;
+        if (due) {
+            CHECK(!drive.in.learn || (reference.learn && drive.monitor.trusted && !spoilt));
+            CHECK(drive.in.off || !drive.monitor.safe);
+            CHECK(cgl_is_finite(drive.in.theta_m) && cgl_is_finite(drive.in.omega_m) && cgl_is_finite(drive.in.i_q));
+            cgl_speed_pi_step(&law, &pi, &drive.in, &drive.command);
+        }
+        cgl_drive_output out;
+        cgl_drive_actuate(&config, &drive, &out);
+        check_drive(&config, &drive, &out);
+        CHECK(within(out.i_q_ref, law.limit));
+        if (random_below(1000) == 0U) {
+            cgl_drive_reset(&drive);
+            since = config.divider;
+        }
     }
 }
 
@@ -755,6 +999,9 @@ void random_inputs(long configs)
         try_anti_cogging();
         try_zero_phase();
         try_trial();
+        try_monitor();
+        try_quality();
+        try_drive();
         try_any_config();
     }
 }

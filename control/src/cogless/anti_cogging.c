@@ -2,7 +2,7 @@
 
 #include "angle.h"
 
-cgl_error cgl_anti_cogging_init(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real *table,
+CGL_SELDOM cgl_error cgl_anti_cogging_init(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real *table,
                                 uint32_t length)
 {
     if (!(config->cells >= 4U && config->cells <= 65535U && cgl_is_positive(config->speed)
@@ -26,7 +26,7 @@ cgl_error cgl_anti_cogging_init(const cgl_anti_cogging_config *config, cgl_anti_
     return error;
 }
 
-void cgl_anti_cogging_reset(const cgl_anti_cogging_config *config, cgl_anti_cogging *law)
+CGL_SELDOM void cgl_anti_cogging_reset(const cgl_anti_cogging_config *config, cgl_anti_cogging *law)
 {
     if (law->stage != CGL_ANTI_COGGING_RUN) { /* half a table is worse than none */
         for (uint32_t n = 0; n < config->cells; ++n) {
@@ -42,7 +42,7 @@ void cgl_anti_cogging_reset(const cgl_anti_cogging_config *config, cgl_anti_cogg
     law->started = false;
 }
 
-void cgl_anti_cogging_calibrate(const cgl_anti_cogging_config *config, cgl_anti_cogging *law)
+CGL_SELDOM void cgl_anti_cogging_calibrate(const cgl_anti_cogging_config *config, cgl_anti_cogging *law)
 {
     law->stage = CGL_ANTI_COGGING_FORWARD; /* so that reset clears the table */
     cgl_anti_cogging_reset(config, law);
@@ -53,17 +53,21 @@ void cgl_anti_cogging_calibrate(const cgl_anti_cogging_config *config, cgl_anti_
 #define TURNS_MAX 1000
 
 /* Follows the rotor through the revolutions; a step moves it by less than half of one. */
-static void follow(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real theta_m)
+CGL_SELDOM static void follow(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real theta_m)
 {
     const cgl_real cells = (cgl_real)config->cells;
     const cgl_real place = cgl_fraction(theta_m * (CGL_R(1.0) / CGL_TWO_PI)) * cells;
     cgl_real moved = law->started ? place - law->place : CGL_R(0.0);
     if (moved > CGL_R(0.5) * cells) {
         moved -= cells;
-        law->turns -= law->turns > -TURNS_MAX ? 1 : 0;
+        if (law->turns > -TURNS_MAX) {
+            --law->turns;
+        }
     } else if (moved < CGL_R(-0.5) * cells) {
         moved += cells;
-        law->turns += law->turns < TURNS_MAX ? 1 : 0;
+        if (law->turns < TURNS_MAX) {
+            ++law->turns;
+        }
     }
     law->behind -= moved * (CGL_TWO_PI / cells);
     law->place = place;
@@ -76,7 +80,7 @@ static cgl_real direction(const cgl_anti_cogging *law)
 }
 
 /* Aims for the first entry after an eighth of a revolution. */
-static void start_direction(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_anti_cogging_stage stage)
+CGL_SELDOM static void start_direction(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_anti_cogging_stage stage)
 {
     law->stage = stage;
     law->turns = 0;
@@ -88,14 +92,14 @@ static void start_direction(const cgl_anti_cogging_config *config, cgl_anti_cogg
 }
 
 /* Ends the calibration: without the mean over the revolution, which is load and not cogging. */
-static void finish(const cgl_anti_cogging_config *config, cgl_anti_cogging *law)
+CGL_SELDOM static void finish(const cgl_anti_cogging_config *config, cgl_anti_cogging *law)
 {
     cgl_real mean = CGL_R(0.0);
     for (uint32_t n = 0; n < config->cells; ++n) {
         mean += law->table[n] / (cgl_real)config->cells;
     }
     for (uint32_t n = 0; n < config->cells; ++n) {
-        law->table[n] = cgl_clamp(law->table[n] - mean, config->pi.limit);
+        law->table[n] = cgl_clamped(law->table[n] - mean, config->pi.limit);
     }
     law->friction = CGL_R(0.5) * law->means[0] - CGL_R(0.5) * law->means[1];
     law->stage = CGL_ANTI_COGGING_RUN;
@@ -104,7 +108,7 @@ static void finish(const cgl_anti_cogging_config *config, cgl_anti_cogging *law)
 
 /* An entry stands for half a cell on either side of its angle. Adds the mean current of the entry just left, and of any
  * that the rotor jumped over, to the table. Only progress counts: a rotor that rocks back changes nothing twice. */
-static void record(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real i_q)
+CGL_SELDOM static void record(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real i_q)
 {
     const bool backward = law->stage == CGL_ANTI_COGGING_BACKWARD;
     const int32_t cells = (int32_t)config->cells;
@@ -114,7 +118,7 @@ static void record(const cgl_anti_cogging_config *config, cgl_anti_cogging *law,
         return;
     }
     while (law->cell < law->end_cell && reached > law->cell) {
-        const cgl_real mean = cgl_clamp(law->samples > 0U ? law->sum / (cgl_real)law->samples : i_q, config->pi.limit);
+        const cgl_real mean = cgl_clamped(law->samples > 0U ? law->sum / (cgl_real)law->samples : i_q, config->pi.limit);
         const int32_t entry = (backward ? -law->cell : law->cell) % cells;
         law->table[entry < 0 ? entry + cells : entry] += CGL_R(0.5) * mean / (cgl_real)config->revolutions;
         law->means[backward ? 1 : 0] += mean / (cgl_real)(config->cells * config->revolutions);
@@ -135,9 +139,24 @@ static cgl_real look_up(const cgl_anti_cogging_config *config, const cgl_anti_co
     return cgl_clamp(here + (x - (cgl_real)n) * (next - here), config->pi.limit);
 }
 
-void cgl_anti_cogging_step(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, const cgl_speed_input *in,
-                           cgl_speed_output *out)
+CGL_SELDOM static void switch_off(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_law_output *out)
 {
+    if (law->stage != CGL_ANTI_COGGING_RUN && law->started) {
+        cgl_anti_cogging_calibrate(config, law);
+    }
+    cgl_pi_reset(&law->pi);
+    law->looked_up = CGL_R(0.0);
+    cgl_law_off(out);
+    out->status |= law->stage != CGL_ANTI_COGGING_RUN ? (unsigned)CGL_STATUS_BUSY : 0U;
+}
+
+void cgl_anti_cogging_step(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, const cgl_law_input *in,
+                           cgl_law_output *out)
+{
+    if (in->off) {
+        switch_off(config, law, out);
+        return;
+    }
     const bool recording = law->stage != CGL_ANTI_COGGING_RUN;
     const bool plausible = cgl_is_finite(in->omega_m) && cgl_is_angle(in->theta_m)
                            && (!recording || cgl_is_finite(in->i_q));

@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 #include "pi.h"
-#include "speed_law.h"
+#include "law.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -59,9 +59,10 @@ void cgl_anti_cogging_reset(const cgl_anti_cogging_config *config, cgl_anti_cogg
  * `revolutions` to record, forward, then the same backward. CGL_STATUS_BUSY is set until it is done. */
 void cgl_anti_cogging_calibrate(const cgl_anti_cogging_config *config, cgl_anti_cogging *law);
 
-/* PI plus table. In a calibration in->i_q is recorded; it waits while an input is not finite. */
-void cgl_anti_cogging_step(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, const cgl_speed_input *in,
-                           cgl_speed_output *out);
+/* PI plus table. In a calibration in->i_q is recorded; it waits while an input is not finite. While in->off the output and
+ * the PI's integral are 0; a calibration begins anew after it. */
+void cgl_anti_cogging_step(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, const cgl_law_input *in,
+                           cgl_law_output *out);
 
 #ifdef __cplusplus
 }

@@ -5,7 +5,7 @@
 #define PREVIEW_MAX 65535U
 
 /* The steady output for a reference of 1. */
-static cgl_real steady_gain(const cgl_feedforward_config *config)
+CGL_SELDOM static cgl_real steady_gain(const cgl_feedforward_config *config)
 {
     cgl_real num = CGL_R(0.0), den = CGL_R(0.0);
     for (uint32_t i = 0; i < config->numerator; ++i) {
@@ -17,7 +17,7 @@ static cgl_real steady_gain(const cgl_feedforward_config *config)
     return num / den;
 }
 
-cgl_error cgl_feedforward_init(const cgl_feedforward_config *config, cgl_feedforward *feedforward)
+CGL_SELDOM cgl_error cgl_feedforward_init(const cgl_feedforward_config *config, cgl_feedforward *feedforward)
 {
     bool valid = config->numerator <= CGL_FEEDFORWARD_TAPS;
     if (valid && config->numerator > 0U) {
@@ -35,9 +35,9 @@ cgl_error cgl_feedforward_init(const cgl_feedforward_config *config, cgl_feedfor
     return CGL_OK;
 }
 
-void cgl_feedforward_reset(const cgl_feedforward_config *config, cgl_feedforward *feedforward, cgl_real y_ref)
+CGL_SELDOM void cgl_feedforward_reset(const cgl_feedforward_config *config, cgl_feedforward *feedforward, cgl_real y_ref)
 {
-    const cgl_real f = config->numerator > 0U ? cgl_clamp(steady_gain(config) * y_ref, CGL_REAL_MAX) : CGL_R(0.0);
+    const cgl_real f = config->numerator > 0U ? cgl_clamped(steady_gain(config) * y_ref, CGL_REAL_MAX) : CGL_R(0.0);
     for (uint32_t j = 0; j < CGL_FEEDFORWARD_TAPS; ++j) {
         feedforward->past[j] = f;
     }

@@ -1,10 +1,9 @@
 #include "memory.h"
 
-#include "angle.h"
-
 #define CELLS_MAX 65535U
 
-cgl_error cgl_memory_init(const cgl_memory_config *config, cgl_memory *memory, cgl_real *cell, uint32_t length)
+CGL_SELDOM cgl_error cgl_memory_init(const cgl_memory_config *config, cgl_memory *memory, cgl_real *cell,
+                                     uint32_t length)
 {
     if (!(config->cells >= 4U && config->cells <= CELLS_MAX && config->periods_per_rev >= 1U
           && config->periods_per_rev <= CELLS_MAX && config->q_half_width < CELLS_MAX
@@ -18,39 +17,46 @@ cgl_error cgl_memory_init(const cgl_memory_config *config, cgl_memory *memory, c
         return CGL_ERROR_MEMORY;
     }
     memory->cell = cell;
+    memory->per_rad = (cgl_real)config->periods_per_rev / CGL_TWO_PI;
+    memory->gain = config->forgetting / (cgl_real)(2U * config->q_half_width + 1U);
+    memory->length = (cgl_real)config->cells;
+    memory->lead = (cgl_real)config->lead;
+    memory->fastest = CGL_R(0.25) * memory->length / (cgl_real)(config->lead > 0U ? config->lead : 1U);
     cgl_memory_reset(config, memory);
     return CGL_OK;
 }
 
-void cgl_memory_reset(const cgl_memory_config *config, cgl_memory *memory)
+CGL_SELDOM void cgl_memory_reset(const cgl_memory_config *config, cgl_memory *memory)
 {
     const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
     for (uint32_t n = 0; n < length; ++n) {
         memory->cell[n] = CGL_R(0.0);
     }
-    memory->position = memory->value = memory->next_position = CGL_R(0.0);
-    memory->lag_position = memory->correction = CGL_R(0.0);
-    memory->newest = memory->known = memory->head = 0U;
+    memory->position = memory->value = memory->next_position = memory->correction = CGL_R(0.0);
+    memory->lag = memory->lag_position = memory->sum = memory->change = CGL_R(0.0);
+    memory->at = memory->lag_cell = memory->next = memory->newest = memory->known = memory->head = 0U;
     memory->direction = 0;
-    memory->started = memory->lagging = false;
+    memory->started = memory->lagging = memory->steady = false;
 }
 
 /* ---- by angle: a map, and behind it a ring of the entries overwritten last, which the Q filter still needs ---- */
 
-static uint32_t ring_length(const cgl_memory_config *config)
-{
-    return config->q_half_width + 1U;
-}
-
+/* n in [-cells, 2 cells) */
 static uint32_t wrap_cell(const cgl_memory_config *config, int32_t n)
 {
     const int32_t cells = (int32_t)config->cells;
-    const int32_t wrapped = n < 0 ? n + cells : (n >= cells ? n - cells : n);
-    return (uint32_t)wrapped;
+    return (uint32_t)(n < 0 ? n + cells : (n >= cells ? n - cells : n));
+}
+
+/* The entry that was overwritten `age` cells ago, age <= q_half_width. */
+static cgl_real overwritten(const cgl_memory_config *config, const cgl_memory *memory, uint32_t age)
+{
+    const int32_t place = (int32_t)memory->head - (int32_t)age - 1;
+    return memory->cell[config->cells + (uint32_t)(place < 0 ? place + (int32_t)config->q_half_width + 1 : place)];
 }
 
 /* The entry of one period ago at cell k in [-cells, 2 cells), for a rotor between the cells n and n + 1. */
-static cgl_real old_entry(const cgl_memory_config *config, const cgl_memory *memory, int32_t n, int32_t k)
+CGL_SELDOM static cgl_real old_entry(const cgl_memory_config *config, const cgl_memory *memory, int32_t n, int32_t k)
 {
     const uint32_t cell = wrap_cell(config, k);
     if (memory->direction < 0 ? k <= n : k > n) {
@@ -58,133 +64,331 @@ static cgl_real old_entry(const cgl_memory_config *config, const cgl_memory *mem
     }
     const int32_t ahead = (int32_t)memory->newest - (int32_t)cell;
     const uint32_t age = wrap_cell(config, memory->direction < 0 ? -ahead : ahead);
-    if (age >= memory->known) {
-        return memory->cell[cell];
-    }
-    const uint32_t length = ring_length(config);
-    return memory->cell[config->cells + (memory->head >= age ? memory->head - age : memory->head + length - age)];
+    return age < memory->known ? overwritten(config, memory, age) : memory->cell[cell];
 }
 
-static bool recall_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real *filtered,
-                            cgl_real *held)
+/* The sum of the Q filter's entries, from n - m to n + m; *change: to that around the next cell. */
+CGL_SELDOM static cgl_real sum_anywhere(const cgl_memory_config *config, const cgl_memory *memory, int32_t n, int32_t m,
+                                        cgl_real *change)
 {
-    if (!cgl_is_angle(theta_m)) {
-        memory->started = false;
-        return false;
-    }
-    const cgl_real turns = theta_m * (CGL_R(1.0) / CGL_TWO_PI) * (cgl_real)config->periods_per_rev;
-    const cgl_real x = cgl_fraction(turns) * (cgl_real)config->cells;
-    const int32_t n = (int32_t)x;
-    const int32_t m = (int32_t)config->q_half_width;
-    const cgl_real part = x - (cgl_real)n;
-
     cgl_real sum = CGL_R(0.0);
     for (int32_t k = n - m; k <= n + m; ++k) {
         sum += old_entry(config, memory, n, k);
     }
-    /* the window moved on by one cell, for the straight line in between */
-    const cgl_real moved = old_entry(config, memory, n, n + m + 1) - old_entry(config, memory, n, n - m);
-    *filtered = config->forgetting * (sum + part * moved) / (cgl_real)(2 * m + 1);
-    const cgl_real here = old_entry(config, memory, n, n);
-    *held = here + part * (old_entry(config, memory, n, n + 1) - here);
-    memory->next_position = x;
+    *change = old_entry(config, memory, n, n + m + 1) - old_entry(config, memory, n, n - m);
+    return sum;
+}
+
+/* How far the angle is in its period, in [0, 1). */
+static inline cgl_real find_place(const cgl_memory *memory, cgl_real theta_m)
+{
+    const cgl_real periods = theta_m * memory->per_rad;
+    const cgl_real fraction = cgl_rest(periods);
+    if (!(fraction < CGL_R(0.0))) {
+        return fraction;
+    }
+    const cgl_real positive = fraction + CGL_R(1.0);
+    return positive < CGL_R(1.0) ? positive : CGL_R(0.0); /* a tiny negative one rounds up to 1 */
+}
+
+CGL_SELDOM static bool recall_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, bool learn,
+                                       cgl_real *value)
+{
+    memory->newest = memory->steady ? memory->at : memory->newest;
+    if (!cgl_is_angle(theta_m)) {
+        memory->started = memory->steady = false;
+        return false;
+    }
+    const cgl_real position = find_place(memory, theta_m) * memory->length;
+    const uint32_t n = (uint32_t)(int32_t)position;
+    memory->next_position = position;
+    memory->next = n < config->cells ? n : 0U;
+    cgl_real change;
+    const cgl_real sum = sum_anywhere(config, memory, (int32_t)memory->next,
+                                      learn ? (int32_t)config->q_half_width : 0, &change);
+    *value = sum + (position - (cgl_real)(int32_t)position) * change;
+    *value *= learn ? memory->gain : CGL_R(1.0);
     return true;
 }
 
-static void write_cell(const cgl_memory_config *config, cgl_memory *memory, int32_t n, int direction, cgl_real value)
+/* `count` cells back from n, against the direction, get values of a line of this slope that ends `rest` cells after n
+ * with `value`; or, to correct them, they get it added. */
+CGL_SELDOM static void write_line(const cgl_memory_config *config, const cgl_memory *memory, uint32_t n, uint32_t count,
+                                  int direction, cgl_real value, cgl_real rest, cgl_real slope, bool add)
 {
-    const uint32_t cell = wrap_cell(config, n);
-    if (direction != memory->direction || wrap_cell(config, (int32_t)memory->newest + direction) != cell) {
-        memory->known = 0U; /* the ring only speaks of cells in a row */
-        memory->direction = direction;
-    }
-    const uint32_t length = ring_length(config);
-    memory->head = memory->head + 1U < length ? memory->head + 1U : 0U;
-    memory->cell[config->cells + memory->head] = memory->cell[cell];
-    memory->cell[cell] = value;
-    memory->newest = cell;
-    if (memory->known < length) {
-        ++memory->known;
+    for (;;) {
+        cgl_real *const entry = memory->cell + n;
+        const cgl_real on_line = cgl_clamped(value - rest * slope, config->limit);
+        *entry = add ? cgl_clamped(*entry + on_line, config->limit) : on_line;
+        if (--count == 0U) {
+            break;
+        }
+        rest += CGL_R(1.0);
+        n = wrap_cell(config, (int32_t)n - direction);
     }
 }
 
-static void correct_cell(const cgl_memory_config *config, cgl_memory *memory, int32_t n, int direction, cgl_real value)
+/* The entries of `count` cells from n on, in the direction, go into the ring. */
+CGL_SELDOM static void remember(const cgl_memory_config *config, cgl_memory *memory, uint32_t n, uint32_t count,
+                                int direction)
 {
-    (void)direction;
-    const uint32_t cell = wrap_cell(config, n);
-    memory->cell[cell] = cgl_clamp(memory->cell[cell] + value, config->limit);
+    const uint32_t last = config->q_half_width;
+    for (;;) {
+        memory->cell[config->cells + memory->head] = memory->cell[n];
+        memory->head = memory->head < last ? memory->head + 1U : 0U;
+        if (--count == 0U) {
+            break;
+        }
+        n = wrap_cell(config, (int32_t)n + direction);
+    }
+    memory->newest = n;
 }
 
-/* A straight line over positions: `before` at `from`, `value` at `distance` further; both in cells. */
+/* The cells passed on the way between two positions, of which `from` and `to` are the cells at or before them. Forward a
+ * position on a cell has passed it, backward too. */
 typedef struct {
-    cgl_real from, distance, before, value;
-} stretch;
+    uint32_t first, last, count;
+    cgl_real rest; /* from the last to the end of the way [cells] */
+} passage;
 
-/* Calls `put` with each cell passed on the way and the line's value there. */
-static void along(const cgl_memory_config *config, cgl_memory *memory, const stretch *way,
-                  void (*put)(const cgl_memory_config *, cgl_memory *, int32_t, int, cgl_real))
+CGL_SELDOM static passage passage_of(const cgl_memory_config *config, uint32_t from, cgl_real start, uint32_t to,
+                                 cgl_real end, bool backward)
 {
-    const cgl_real to = way->from + way->distance;
-    const int direction = way->distance < CGL_R(0.0) ? -1 : 1;
-    const int32_t start = (int32_t)way->from;
-    int32_t n = direction > 0 || (cgl_real)start >= way->from ? start + direction : start;
-    for (; direction > 0 ? (cgl_real)n <= to : (cgl_real)n >= to; n += direction) {
-        const cgl_real share = ((cgl_real)n - way->from) / way->distance;
-        put(config, memory, n, direction, cgl_clamp(way->before + share * (way->value - way->before), config->limit));
+    passage p;
+    if (!backward) {
+        p.first = from + 1U < config->cells ? from + 1U : 0U;
+        p.last = to;
+        p.count = to >= from ? to - from : to + config->cells - from;
+        p.rest = end - (cgl_real)(int32_t)to;
+    } else { /* the cells at or above */
+        const uint32_t above_from = (cgl_real)(int32_t)from < start ? from + 1U : from;
+        const uint32_t above_to = (cgl_real)(int32_t)to < end ? to + 1U : to;
+        p.first = wrap_cell(config, (int32_t)above_from - 1);
+        p.last = wrap_cell(config, (int32_t)above_to);
+        p.count = above_from >= above_to ? above_from - above_to : above_from + config->cells - above_to;
+        p.rest = (cgl_real)(int32_t)above_to - end;
     }
-}
-
-/* From one position to another the shorter way round [cells]. */
-static cgl_real between(const cgl_memory_config *config, cgl_real from, cgl_real to)
-{
-    const cgl_real cells = (cgl_real)config->cells;
-    const cgl_real distance = to - from;
-    return distance > CGL_R(0.5) * cells ? distance - cells
-                                         : (distance < CGL_R(-0.5) * cells ? distance + cells : distance);
+    return p;
 }
 
 /* Adds the corrections where the rotor was `lead` samples ago, at the speed that it has now. */
-static void correct_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real moved, cgl_real correction)
+CGL_SELDOM static void correct_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real moved,
+                                    cgl_real correction, cgl_real quarter)
 {
-    const cgl_real cells = (cgl_real)config->cells;
-    const cgl_real behind = (cgl_real)config->lead * moved;
-    if (cgl_abs(behind) > CGL_R(0.25) * cells) {
+    const cgl_real behind = memory->lead * moved;
+    if (!cgl_is_within(behind, quarter)) {
         memory->lagging = false;
         return;
     }
-    const cgl_real place = memory->next_position - behind;
-    const cgl_real lag = place < CGL_R(0.0) ? place + cells : (place >= cells ? place - cells : place);
-    const cgl_real passed = memory->lagging ? between(config, memory->lag_position, lag) : CGL_R(0.0);
+    const cgl_real before = memory->lag + moved, passed = before - behind;
     if (memory->lagging && passed * moved <= CGL_R(0.0)) {
+        memory->lag = before;
         return; /* the rotor gains speed faster than it moves: wait until the place comes by again */
     }
-    if (memory->lagging && cgl_abs(passed) <= CGL_R(0.25) * cells) {
-        const stretch way = {memory->lag_position, passed, memory->correction, correction};
-        along(config, memory, &way, correct_cell);
+    const cgl_real cells = memory->length;
+    cgl_real place = memory->next_position - behind;
+    place = place < CGL_R(0.0) ? place + cells : place;
+    place = place >= cells ? place - cells : place;
+    const uint32_t cell = (uint32_t)(int32_t)place;
+    if (memory->lagging && cgl_is_within(passed, quarter)) {
+        const bool backward = moved < CGL_R(0.0);
+        const passage p = passage_of(config, memory->lag_cell, memory->lag_position, cell, place, backward);
+        if (p.count > 0U && p.count <= config->cells / 2U) {
+            write_line(config, memory, p.last, p.count, backward ? -1 : 1, correction, p.rest,
+                       (correction - memory->correction) / cgl_abs(passed), true);
+        }
     }
-    memory->lag_position = lag;
+    memory->lag = behind;
+    memory->lag_position = place;
+    memory->lag_cell = cell;
     memory->correction = correction;
     memory->lagging = true;
 }
 
-static void store_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction)
+CGL_SELDOM static void store_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction)
 {
-    const cgl_real moved = between(config, memory->position, memory->next_position);
-    const bool followed = memory->started && cgl_abs(moved) <= CGL_R(0.25) * (cgl_real)config->cells;
-    if (followed && cgl_abs(moved) > CGL_R(0.0)) {
-        const int before = memory->direction;
-        const stretch way = {memory->position, moved, memory->value, value};
-        along(config, memory, &way, write_cell);
-        memory->lagging = memory->lagging && memory->direction == before;
-        if (config->lead > 0U) {
-            correct_by_angle(config, memory, moved, correction);
-        }
-    } else if (!followed) {
-        memory->lagging = false;
+    const cgl_real cells = memory->length, quarter = CGL_R(0.25) * cells;
+    const cgl_real position = memory->next_position;
+    cgl_real moved = position - memory->position;
+    if (!cgl_is_within(moved, CGL_R(0.5) * cells)) { /* the shorter way round */
+        moved += moved < CGL_R(0.0) ? cells : -cells;
     }
-    memory->position = memory->next_position;
+    if (!(memory->started && cgl_is_within(moved, quarter))) {
+        memory->lagging = false;
+    } else if (moved < CGL_R(0.0) || moved > CGL_R(0.0)) {
+        const bool backward = moved < CGL_R(0.0);
+        const int direction = backward ? -1 : 1;
+        const passage p = passage_of(config, memory->at, memory->position, memory->next, position, backward);
+        if (p.count > 0U && p.count <= config->cells / 2U) {
+            const uint32_t ring = config->q_half_width + 1U;
+            memory->lagging = memory->lagging && memory->direction == direction;
+            if (direction != memory->direction
+                || wrap_cell(config, (int32_t)memory->newest + direction) != p.first) {
+                memory->known = 0U; /* the ring only speaks of cells in a row */
+                memory->direction = direction;
+            }
+            memory->known = memory->known + p.count < ring ? memory->known + p.count : ring;
+            remember(config, memory, p.first, p.count, direction);
+            write_line(config, memory, p.last, p.count, direction, value, p.rest,
+                       (value - memory->value) / cgl_abs(moved), false);
+        }
+        if (config->lead > 0U) {
+            correct_by_angle(config, memory, moved, correction, quarter);
+        }
+    }
+    memory->position = position;
+    memory->at = memory->next;
     memory->value = value;
     memory->started = true;
+    memory->steady = memory->direction > 0 && memory->known > config->q_half_width && memory->newest == memory->at
+                     && (config->lead == 0U || (memory->lagging && cgl_is_within(memory->correction, config->limit)));
+    if (memory->steady) {
+        memory->sum = sum_anywhere(config, memory, (int32_t)memory->at, (int32_t)config->q_half_width, &memory->change);
+    }
+}
+
+/* ---- the same, short, for a rotor that goes on forward ---- */
+
+/* The sum of the Q filter's entries around cell 0, when the rotor comes there: summed anew, as changes to it round. The
+ * entry at `head` has left the window. */
+CGL_SELDOM static cgl_real sum_at_start(const cgl_memory_config *config, const cgl_memory *memory, uint32_t head)
+{
+    cgl_real sum = CGL_R(0.0);
+    for (uint32_t n = 0; n <= config->q_half_width; ++n) {
+        sum += memory->cell[n];
+        sum += n != head ? memory->cell[config->cells + n] : CGL_R(0.0);
+    }
+    return sum;
+}
+
+/* The rotor comes to cell n, whose old entry goes into the ring. */
+static inline void pass_cell(const cgl_memory_config *config, cgl_memory *memory, uint32_t n)
+{
+    const uint32_t cells = config->cells, last = config->q_half_width;
+    cgl_real *const entry = memory->cell, *const ring = entry + cells;
+    uint32_t head = memory->head;
+    memory->sum = CGL_OFTEN(n > 0U) ? memory->sum + memory->change : sum_at_start(config, memory, head);
+    ring[head] = entry[n];
+    head = head < last ? head + 1U : 0U;
+    const uint32_t ahead = n + last + 1U;
+    memory->change = entry[ahead < cells ? ahead : ahead - cells] - ring[head];
+    memory->head = head;
+}
+
+/* And to those before. */
+CGL_SELDOM static void pass_more(const cgl_memory_config *config, cgl_memory *memory, uint32_t count)
+{
+    for (uint32_t n = memory->at; count > 1U; --count) {
+        n = n + 1U < config->cells ? n + 1U : 0U;
+        pass_cell(config, memory, n);
+    }
+}
+
+/* x, a number, within the limit */
+static inline cgl_real limited(cgl_real x, cgl_real limit)
+{
+    if (CGL_OFTEN(cgl_is_within(x, limit))) {
+        return x;
+    }
+    return x > CGL_R(0.0) ? limit : -limit;
+}
+
+/* Adds the corrections where the rotor was `lead` samples ago. */
+static inline void correct_on(const cgl_memory_config *config, cgl_memory *memory, cgl_real position, cgl_real moved,
+                              cgl_real correction)
+{
+    const uint32_t cells = config->cells;
+    const cgl_real behind = memory->lead * moved, limit = config->limit;
+    cgl_real place = position - behind, passed = place - memory->lag_position;
+    if (place < CGL_R(0.0)) {
+        place += memory->length;
+        passed += memory->length;
+    }
+    const uint32_t cell = (uint32_t)(int32_t)place;
+    uint32_t count = cell - memory->lag_cell;
+    if (cell < memory->lag_cell) {
+        count += cells;
+        passed += memory->length;
+    }
+    if (!(passed > CGL_R(0.0) && count < cells / 4U && cell < cells)) {
+        memory->next_position = position;
+        memory->newest = memory->at;
+        correct_by_angle(config, memory, moved, correction, CGL_R(0.25) * memory->length);
+        memory->steady = memory->lagging;
+        return;
+    }
+    if (count > 0U) {
+        const cgl_real slope = (correction - memory->correction) / passed;
+        cgl_real change = correction - (place - (cgl_real)(int32_t)cell) * slope, *entry = memory->cell + cell;
+        *entry = limited(*entry + change, limit);
+        while (--count > 0U) {
+            change -= slope;
+            entry = (entry > memory->cell ? entry : memory->cell + cells) - 1;
+            *entry = limited(*entry + change, limit);
+        }
+    }
+    memory->lag = behind;
+    memory->lag_position = place;
+    memory->lag_cell = cell;
+    memory->correction = correction;
+}
+
+/* Recalls and updates, if this is such a step; else changes nothing. What acts is the new value. */
+static inline bool step_on(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real correction)
+{
+    const cgl_real limit = config->limit;
+    if (!(cgl_is_angle(theta_m) && cgl_is_within(correction, limit))) {
+        return false;
+    }
+    const cgl_real position = find_place(memory, theta_m) * memory->length;
+    const uint32_t n = (uint32_t)(int32_t)position, cells = config->cells;
+    uint32_t count = n - memory->at; /* cells passed */
+    cgl_real moved = position - memory->position;
+    if (n < memory->at) {
+        count += cells;
+        moved += memory->length;
+    }
+    if (!(moved < memory->fastest && n < cells)) { /* back by some cells is too far on, too */
+        return false;
+    }
+    cgl_real *entry = memory->cell + n;
+    if (count > 0U) {
+        if (config->q_half_width == 0U) {
+            memory->cell[cells] = memory->sum = *entry;
+            memory->change = memory->cell[n + 1U < cells ? n + 1U : 0U] - memory->sum;
+        } else {
+            if (count > 1U) {
+                pass_more(config, memory, count);
+            }
+            pass_cell(config, memory, n);
+        }
+    }
+    const cgl_real part = position - (cgl_real)(int32_t)n;
+    const cgl_real recalled = memory->gain * (memory->sum + part * memory->change);
+    const cgl_real value = cgl_clamp(config->lead > 0U ? recalled : recalled + correction, limit);
+    if (count > 0U) {
+        const cgl_real slope = (value - memory->value) / moved;
+        cgl_real on_line = value - part * slope;
+        *entry = limited(on_line, limit);
+        while (--count > 0U) {
+            on_line -= slope;
+            entry = (entry > memory->cell ? entry : memory->cell + cells) - 1;
+            *entry = limited(on_line, limit);
+        }
+        memory->at = n;
+    } else if (!(moved > CGL_R(0.0))) {
+        if (moved < CGL_R(0.0)) {
+            return false;
+        }
+        memory->value = value; /* it stands still, or a coarse encoder says so */
+        return true;
+    }
+    memory->position = position;
+    memory->value = value;
+    if (config->lead > 0U) {
+        correct_on(config, memory, position, moved, correction);
+    }
+    return true;
 }
 
 /* ---- by time: a ring of the last values ---- */
@@ -200,11 +404,10 @@ static cgl_real value_ago(const cgl_memory_config *config, const cgl_memory *mem
     return memory->cell[memory->newest >= back ? memory->newest - back : memory->newest + length - back];
 }
 
-static bool recall_by_time(const cgl_memory_config *config, const cgl_memory *memory, cgl_real omega_ref,
-                           cgl_real *filtered, cgl_real *held)
+CGL_SELDOM static bool recall_by_time(const cgl_memory_config *config, const cgl_memory *memory, cgl_real omega_ref, bool learn,
+                           cgl_real *value)
 {
-    const cgl_real turns_per_sample = cgl_abs(omega_ref) * config->ts * (CGL_R(1.0) / CGL_TWO_PI);
-    const cgl_real periods = turns_per_sample * (cgl_real)config->periods_per_rev;
+    const cgl_real periods = cgl_abs(omega_ref) * config->ts * memory->per_rad; /* in a sample */
     if (!(periods * (cgl_real)config->cells >= CGL_R(1.0)
           && periods * (cgl_real)(config->q_half_width + 1U) <= CGL_R(1.0))) {
         return false;
@@ -213,21 +416,20 @@ static bool recall_by_time(const cgl_memory_config *config, const cgl_memory *me
     uint32_t n = (uint32_t)period;
     n = n < config->cells ? n : config->cells; /* 1 / periods may round above the longest period */
     n = n > config->q_half_width ? n : config->q_half_width + 1U;
-    const cgl_real part = cgl_clamp(period - (cgl_real)n, CGL_R(1.0));
-    const uint32_t m = config->q_half_width;
+    const cgl_real part = cgl_clamped(period - (cgl_real)n, CGL_R(1.0));
+    const uint32_t m = learn ? config->q_half_width : 0U;
 
-    cgl_real sum = CGL_R(0.0);
-    for (uint32_t age = n - m; age <= n + m; ++age) {
-        sum += value_ago(config, memory, age);
+    cgl_real sum = CGL_R(0.0), first = CGL_R(0.0);
+    for (uint32_t age = n + m; age >= n - m; --age) {
+        first = value_ago(config, memory, age);
+        sum += first;
     }
-    const cgl_real moved = value_ago(config, memory, n + m + 1U) - value_ago(config, memory, n - m);
-    *filtered = config->forgetting * (sum + part * moved) / (cgl_real)(2U * m + 1U);
-    const cgl_real here = value_ago(config, memory, n);
-    *held = here + part * (value_ago(config, memory, n + 1U) - here);
+    sum += part * (value_ago(config, memory, n + m + 1U) - first);
+    *value = learn ? memory->gain * sum : sum;
     return true;
 }
 
-static void store_by_time(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction)
+CGL_SELDOM static void store_by_time(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction)
 {
     const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
     memory->newest = memory->newest + 1U < length ? memory->newest + 1U : 0U;
@@ -238,33 +440,57 @@ static void store_by_time(const cgl_memory_config *config, cgl_memory *memory, c
     if (config->lead > 0U && config->lead < memory->known) {
         const uint32_t lead = config->lead;
         const uint32_t then = memory->newest >= lead ? memory->newest - lead : memory->newest + length - lead;
-        memory->cell[then] = cgl_clamp(memory->cell[then] + correction, config->limit);
+        memory->cell[then] = cgl_clamped(memory->cell[then] + correction, config->limit);
     }
 }
 
-bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
-                       cgl_real *filtered, cgl_real *held)
+CGL_SELDOM static bool recall(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref, bool learn,
+                   cgl_real *value)
 {
-    *filtered = *held = CGL_R(0.0);
-    const bool known = config->kind == CGL_MEMORY_ANGLE ? recall_by_angle(config, memory, theta_m, filtered, held)
-                                                        : recall_by_time(config, memory, omega_ref, filtered, held);
-    *filtered = cgl_clamp(*filtered, config->limit); /* sums round */
-    *held = cgl_clamp(*held, config->limit);
+    if (config->kind == CGL_MEMORY_TIME) {
+        return recall_by_time(config, memory, omega_ref, learn, value);
+    }
+    return recall_by_angle(config, memory, theta_m, learn, value);
+}
+
+CGL_SELDOM bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
+                       bool learn, cgl_real *value)
+{
+    const bool known = recall(config, memory, theta_m, omega_ref, learn, value);
+    *value = known ? cgl_clamped(*value, config->limit) : CGL_R(0.0); /* sums round */
     return known;
 }
 
-cgl_real cgl_memory_update(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction,
+CGL_SELDOM cgl_real cgl_memory_update(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction,
                            bool learn)
 {
-    const cgl_real change = learn ? cgl_clamp(correction, CGL_REAL_MAX) : CGL_R(0.0);
-    const cgl_real acting = cgl_clamp(config->lead > 0U ? value : value + change, config->limit);
+    const cgl_real change = learn ? cgl_clamped(correction, CGL_REAL_MAX) : CGL_R(0.0);
+    const cgl_real acting = cgl_clamped(config->lead > 0U ? value : value + change, config->limit);
     if (config->kind == CGL_MEMORY_TIME) {
         store_by_time(config, memory, acting, change);
     } else if (learn) {
         store_by_angle(config, memory, acting, change);
     } else {
-        memory->started = memory->lagging = false; /* the next value has no line back to this one */
+        memory->started = memory->lagging = memory->steady = false; /* the next value has no line back to this one */
         memory->known = 0U; /* and when the rotor comes round, what was overwritten is two periods old */
     }
     return acting;
+}
+
+CGL_SELDOM static cgl_real step_anywhere(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m,
+                                         cgl_real omega_ref, cgl_real correction, bool *learn)
+{
+    cgl_real value;
+    *learn = *learn && cgl_is_finite(correction) && cgl_is_angle(theta_m);
+    *learn = cgl_memory_recall(config, memory, theta_m, omega_ref, *learn, &value) && *learn;
+    return cgl_memory_update(config, memory, value, correction, *learn);
+}
+
+cgl_real cgl_memory_step(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
+                         cgl_real correction, bool *learn)
+{
+    if (*learn && memory->steady && step_on(config, memory, theta_m, correction)) {
+        return memory->value;
+    }
+    return step_anywhere(config, memory, theta_m, omega_ref, correction, learn);
 }

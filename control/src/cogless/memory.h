@@ -32,17 +32,29 @@ typedef struct {
 } cgl_memory_config;
 
 typedef struct {
+    cgl_real per_rad;       /* periods per angle [1/rad] */
+    cgl_real gain;          /* forgetting, over the entries of the Q filter */
+    cgl_real length;        /* cells of the config, as a number */
+    cgl_real lead;          /* and its lead */
+    cgl_real fastest;       /* angle: at which the short way of a step goes, a lead stays within a quarter [cells] */
     cgl_real *cell;         /* caller's memory: CGL_MEMORY_LENGTH entries; by angle the map comes first */
     cgl_real position;      /* angle: where the value below belongs [cells] */
+    uint32_t at;            /* angle: the cell at or before it */
     cgl_real value;         /* the last stored value */
-    cgl_real next_position; /* angle: where recall was asked */
+    cgl_real next_position; /* angle: where recall was asked [cells] */
+    uint32_t next;          /* angle: the cell at or before it */
     cgl_real lag_position;  /* angle: where the correction below belongs, `lead` samples behind [cells] */
+    cgl_real lag;           /* angle: how far behind `position` that is [cells] */
+    uint32_t lag_cell;      /* angle: the cell at or before it */
     cgl_real correction;    /* angle: the last correction */
-    uint32_t newest;        /* angle: last cell written; time: place of the last value */
+    uint32_t newest;        /* angle: last cell written, while not steady; time: place of the last value */
     uint32_t known;         /* angle: overwritten entries still remembered; time: values stored so far */
-    uint32_t head;          /* angle: place in the ring of the entry overwritten last */
+    uint32_t head;          /* angle: place in the ring of the entry overwritten next */
     int direction;          /* angle: of the last cells written: 1, -1, or 0 for none */
     bool started;           /* angle: position and value are valid */
+    bool steady;            /* angle: goes on forward, the ring is full, all of this is valid, and so are: */
+    cgl_real sum;           /* the entries of one period ago that the Q filter adds up around `at` */
+    cgl_real change;        /* by which that sum changes one cell further */
     bool lagging;           /* angle: lag_position and correction are valid */
 } cgl_memory;
 
@@ -55,12 +67,12 @@ cgl_error cgl_memory_init(const cgl_memory_config *config, cgl_memory *memory, c
 /* Forgets everything learned. */
 void cgl_memory_reset(const cgl_memory_config *config, cgl_memory *memory);
 
-/* What was stored one period ago. `filtered` is what a law learns on from (Q filter and forgetting applied), `held` what
- * it repeats while learning is frozen; both within the limit. Returns false where no such value exists: the angle is not
- * finite or beyond CGL_ANGLE_MAX, or (by time) the reference is so slow that a period exceeds the memory, or so fast that
- * the Q filter does; both values are 0 then. theta_m [rad] and omega_ref [rad/s] are mechanical. */
+/* What was stored one period ago, within the limit: with learn, what a law learns on from (Q filter and forgetting
+ * applied); without, what it repeats while learning is frozen. Returns false, and the value 0, where no such value exists:
+ * the angle is not finite or beyond CGL_ANGLE_MAX, or (by time) the reference is so slow that a period exceeds the memory,
+ * or so fast that the Q filter does. theta_m [rad] and omega_ref [rad/s] are mechanical. */
 bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
-                       cgl_real *filtered, cgl_real *held);
+                       bool learn, cgl_real *value);
 
 /* Puts the value at the place that recall was asked for, and adds the correction there or, with a lead, where the rotor
  * was `lead` samples ago. Returns what acts now: the value, with the correction if there is no lead. All stays within the
@@ -69,6 +81,11 @@ bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_
  * goes on with the value given, and the correction is ignored. */
 cgl_real cgl_memory_update(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction,
                            bool learn);
+
+/* Both in one step: recalls, adds the correction, and returns what acts now. *learn, whether to learn, becomes false where
+ * no value of one period ago exists, or angle or correction are not plausible. */
+cgl_real cgl_memory_step(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
+                         cgl_real correction, bool *learn);
 
 #ifdef __cplusplus
 }

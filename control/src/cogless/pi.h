@@ -27,9 +27,35 @@ cgl_error cgl_pi_init(const cgl_pi_config *config, cgl_pi *pi);
 /* Forgets everything; the next output starts from zero integral. */
 void cgl_pi_reset(cgl_pi *pi);
 
+/* The step where something is at its limit or not finite; called by cgl_pi_step. */
+cgl_real cgl_pi_step_limited(const cgl_pi_config *config, cgl_pi *pi, cgl_real error, cgl_real feedforward);
+
+/* The step where nothing is at its limit and all is finite; else false, and nothing has changed. */
+static inline bool cgl_pi_step_free(const cgl_pi_config *config, cgl_pi *pi, cgl_real error, cgl_real feedforward,
+                                    cgl_real *output)
+{
+    const cgl_real proportional = config->kp * error;
+    const cgl_real integral = pi->integral + config->ki * config->ts * error;
+    const cgl_real wanted = proportional + integral + feedforward;
+    if (!(cgl_is_within(integral, config->limit) && cgl_is_below(wanted, config->limit))) {
+        return false;
+    }
+    pi->proportional = proportional;
+    pi->integral = integral;
+    pi->saturated = false;
+    *output = wanted;
+    return true;
+}
+
 /* Returns kp error + integral + feedforward within the limit. The integral holds while the output is at its limit and
  * the error would push it further. An error or feedforward that is not finite counts as zero. */
-cgl_real cgl_pi_step(const cgl_pi_config *config, cgl_pi *pi, cgl_real error, cgl_real feedforward);
+static inline cgl_real cgl_pi_step(const cgl_pi_config *config, cgl_pi *pi, cgl_real error, cgl_real feedforward)
+{
+    cgl_real output;
+    return cgl_pi_step_free(config, pi, error, feedforward, &output)
+               ? output
+               : cgl_pi_step_limited(config, pi, error, feedforward);
+}
 
 #ifdef __cplusplus
 }

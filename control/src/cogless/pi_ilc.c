@@ -1,6 +1,6 @@
 #include "pi_ilc.h"
 
-cgl_error cgl_pi_ilc_init(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, cgl_real *cell, uint32_t length)
+CGL_SELDOM cgl_error cgl_pi_ilc_init(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, cgl_real *cell, uint32_t length)
 {
     if (!cgl_is_not_negative(config->gain)) {
         return CGL_ERROR_CONFIG;
@@ -10,25 +10,38 @@ cgl_error cgl_pi_ilc_init(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, cgl_
     return error != CGL_OK ? error : cgl_memory_init(&config->memory, &law->memory, cell, length);
 }
 
-void cgl_pi_ilc_reset(const cgl_pi_ilc_config *config, cgl_pi_ilc *law)
+CGL_SELDOM void cgl_pi_ilc_reset(const cgl_pi_ilc_config *config, cgl_pi_ilc *law)
 {
     cgl_pi_reset(&law->pi);
     cgl_memory_reset(&config->memory, &law->memory);
     law->learned = CGL_R(0.0);
 }
 
-void cgl_pi_ilc_step(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, const cgl_speed_input *in,
-                     cgl_speed_output *out)
+/* A step in which something is at its limit, not plausible, or not learning; the memory is done. */
+CGL_SELDOM static void step_otherwise(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, const cgl_law_input *in,
+                                      cgl_real error, bool learn, cgl_law_output *out)
 {
-    const cgl_real error = in->omega_ref - in->omega_m;
+    if (in->off) {
+        cgl_pi_reset(&law->pi);
+        law->learned = CGL_R(0.0);
+        cgl_law_off(out);
+        return;
+    }
     const bool plausible = cgl_is_finite(error) && cgl_is_angle(in->theta_m);
-    cgl_real filtered, held;
-    const bool known = cgl_memory_recall(&config->memory, &law->memory, in->theta_m, in->omega_ref, &filtered, &held);
-    const bool learn = in->learn && plausible && known && !law->pi.saturated;
-
-    law->learned =
-        cgl_memory_update(&config->memory, &law->memory, learn ? filtered : held, config->gain * error, learn);
     out->i_q_ref = cgl_pi_step(&config->pi, &law->pi, error, law->learned);
     out->status = (law->pi.saturated ? (unsigned)CGL_STATUS_SATURATED : 0U) | (learn ? 0U : (unsigned)CGL_STATUS_FROZEN)
                   | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
+}
+
+void cgl_pi_ilc_step(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, const cgl_law_input *in,
+                     cgl_law_output *out)
+{
+    const cgl_real error = in->omega_ref - in->omega_m;
+    bool learn = in->learn && !in->off && !law->pi.saturated; /* and if the memory can: with a finite error and an angle */
+    law->learned = cgl_memory_step(&config->memory, &law->memory, in->theta_m, in->omega_ref, config->gain * error, &learn);
+    if (learn && cgl_pi_step_free(&config->pi, &law->pi, error, law->learned, &out->i_q_ref)) {
+        out->status = 0U;
+    } else {
+        step_otherwise(config, law, in, error, learn, out);
+    }
 }

@@ -9,7 +9,7 @@
 
 #include "memory.h"
 #include "pi.h"
-#include "speed_law.h"
+#include "law.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -32,9 +32,10 @@ cgl_error cgl_pi_ilc_init(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, cgl_
 void cgl_pi_ilc_reset(const cgl_pi_ilc_config *config, cgl_pi_ilc *law);
 
 /* Learning freezes, and the learned part repeats, while in->learn is false, the output was at its limit, an input is not
- * finite, the angle is beyond CGL_ANGLE_MAX, or the memory has no value of one period ago. */
-void cgl_pi_ilc_step(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, const cgl_speed_input *in,
-                     cgl_speed_output *out);
+ * finite, the angle is beyond CGL_ANGLE_MAX, or the memory has no value of one period ago. While in->off it is frozen too,
+ * and the output and the PI's integral are 0. */
+void cgl_pi_ilc_step(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, const cgl_law_input *in,
+                     cgl_law_output *out);
 
 #ifdef __cplusplus
 }

@@ -1,6 +1,6 @@
 #include "polynomial.h"
 
-bool cgl_is_stable(const cgl_real *a, uint32_t order)
+CGL_SELDOM bool cgl_is_stable(const cgl_real *a, uint32_t order)
 {
     cgl_real p[CGL_POLYNOMIAL_ORDER + 1];
     if (order > CGL_POLYNOMIAL_ORDER || a[0] < CGL_R(1.0) || a[0] > CGL_R(1.0)) {

@@ -3,6 +3,7 @@
 #define COGLESS_REAL_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 #if defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__
 #error "compile without -ffast-math and -ffinite-math-only: they remove the tests for NaN and infinity"
@@ -25,39 +26,80 @@ typedef float cgl_real;
  * minutes of running, so wrap the angle to a revolution (mechanical where a map is by mechanical angle). */
 #define CGL_ANGLE_MAX CGL_R(1.0e5)
 
+/* |x|, and whether it is at most `limit`; false for NaN. The builtin is one instruction. */
+#if defined(__GNUC__) && !defined(__FRAMAC__)
+#ifdef COGLESS_DOUBLE
+#define CGL_BUILTIN_ABS __builtin_fabs
+#else
+#define CGL_BUILTIN_ABS __builtin_fabsf
+#endif
+static inline cgl_real cgl_abs(cgl_real x)
+{
+    return CGL_BUILTIN_ABS(x);
+}
+
+static inline bool cgl_is_within(cgl_real x, cgl_real limit)
+{
+    return cgl_abs(x) <= limit;
+}
+#else
+static inline cgl_real cgl_abs(cgl_real x)
+{
+    return x < CGL_R(0.0) ? -x : x;
+}
+
+static inline bool cgl_is_within(cgl_real x, cgl_real limit)
+{
+    return x >= -limit && x <= limit;
+}
+#endif
+
+/* For what is seldom called: keeps it out of the way of what is often. */
+#if defined(__GNUC__)
+#define CGL_SELDOM __attribute__((noinline, cold))
+#define CGL_OFTEN(condition) __builtin_expect((condition), 1)
+#else
+#define CGL_SELDOM
+#define CGL_OFTEN(condition) (condition)
+#endif
+
 /* False for NaN and both infinities. */
 static inline bool cgl_is_finite(cgl_real x)
 {
-    return x >= -CGL_REAL_MAX && x <= CGL_REAL_MAX;
+    return cgl_is_within(x, CGL_REAL_MAX);
+}
+
+/* |x| below the limit; false for NaN. */
+static inline bool cgl_is_below(cgl_real x, cgl_real limit)
+{
+    return cgl_abs(x) < limit;
 }
 
 /* False for what no measured angle can be, NaN included. */
 static inline bool cgl_is_angle(cgl_real theta)
 {
-    return theta > -CGL_ANGLE_MAX && theta < CGL_ANGLE_MAX;
+    return cgl_is_below(theta, CGL_ANGLE_MAX);
 }
 
-/* Ranges that config fields have. */
-static inline bool cgl_is_positive(cgl_real x)
+/* Within the first turn; false for NaN. */
+static inline bool cgl_is_in_turn(cgl_real theta)
 {
-    return x > CGL_R(0.0) && cgl_is_finite(x);
+    return theta >= CGL_R(0.0) && theta < CGL_TWO_PI;
 }
 
-static inline bool cgl_is_not_negative(cgl_real x)
+/* What is behind the point of x, |x| < 2^31: in (-1, 1), exactly, with the sign of x. */
+static inline cgl_real cgl_rest(cgl_real x)
 {
-    return x >= CGL_R(0.0) && cgl_is_finite(x);
+    return x - (cgl_real)(int32_t)x;
 }
 
 /* x within [-limit, limit]; 0 for NaN. */
 static inline cgl_real cgl_clamp(cgl_real x, cgl_real limit)
 {
-    if (x >= limit) {
-        return limit;
+    if (CGL_OFTEN(cgl_is_within(x, limit))) {
+        return x;
     }
-    if (x <= -limit) {
-        return -limit;
-    }
-    return cgl_is_finite(x) ? x : CGL_R(0.0);
+    return x > CGL_R(0.0) ? limit : (x < CGL_R(0.0) ? -limit : CGL_R(0.0));
 }
 
 /* -1, 0 or 1; 0 for NaN. */
@@ -66,9 +108,19 @@ static inline cgl_real cgl_sign(cgl_real x)
     return x > CGL_R(0.0) ? CGL_R(1.0) : (x < CGL_R(0.0) ? CGL_R(-1.0) : CGL_R(0.0));
 }
 
-static inline cgl_real cgl_abs(cgl_real x)
-{
-    return x < CGL_R(0.0) ? -x : x;
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Ranges that config fields have: finite, and more than 0, or not less. */
+bool cgl_is_positive(cgl_real x);
+bool cgl_is_not_negative(cgl_real x);
+
+/* cgl_clamp as a call: where size counts more than time. */
+cgl_real cgl_clamped(cgl_real x, cgl_real limit);
+
+#ifdef __cplusplus
 }
+#endif
 
 #endif

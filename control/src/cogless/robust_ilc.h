@@ -11,7 +11,7 @@
 #define COGLESS_ROBUST_ILC_H
 
 #include "memory.h"
-#include "speed_law.h"
+#include "law.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -30,6 +30,8 @@ typedef struct {
     cgl_real coulomb;         /* [rad/s^2], default 0 */
     cgl_real ts;              /* sampling period [s], > 0 */
     cgl_real limit;           /* the output stays within +-limit [A], > 0; b limit finite */
+    cgl_real surface_max;     /* learning (15) pauses while |S| is beyond, as after a change of the load [rad/s], >= 0;
+                                 0: never; default 0 */
     cgl_memory_config memory; /* of f: entries and limit in [rad/s^2] */
 } cgl_robust_ilc_config;
 
@@ -58,9 +60,9 @@ void cgl_robust_ilc_reset(const cgl_robust_ilc_config *config, cgl_robust_ilc *l
 
 /* While the output is at its limit, the integral holds unless the error leads back, r unless S does, and f holds.
  * While the speed or its reference is not finite all three hold, with the output of a zero error; f holds too while the
- * angle is not plausible. */
-void cgl_robust_ilc_step(const cgl_robust_ilc_config *config, cgl_robust_ilc *law, const cgl_speed_input *in,
-                         cgl_speed_output *out);
+ * angle is not plausible. While in->off the output is 0, the integral and r start anew, and f holds. */
+void cgl_robust_ilc_step(const cgl_robust_ilc_config *config, cgl_robust_ilc *law, const cgl_law_input *in,
+                         cgl_law_output *out);
 
 #ifdef __cplusplus
 }

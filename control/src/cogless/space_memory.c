@@ -1,11 +1,13 @@
 #include "space_memory.h"
 
+#define PERIODS_MAX CGL_R(65536.0) /* in a delay line, which moves on by less than one a sample */
+
 static uint32_t row_length(const cgl_space_memory_config *config)
 {
     return CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
 }
 
-static bool is_valid(const cgl_space_memory_config *config)
+CGL_SELDOM static bool is_valid(const cgl_space_memory_config *config)
 {
     if (!((config->kind == CGL_SPACE_MAP || config->kind == CGL_SPACE_DELAY) && config->channels >= 1U
           && config->channels <= CGL_SPACE_CHANNELS && config->cells >= 4U && config->cells <= 65535U
@@ -25,7 +27,7 @@ static bool is_valid(const cgl_space_memory_config *config)
                && config->k_pp * config->ts < CGL_R(1.0));
 }
 
-cgl_error cgl_space_memory_init(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real *cell,
+CGL_SELDOM cgl_error cgl_space_memory_init(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real *cell,
                                 uint32_t length)
 {
     if (!is_valid(config)) {
@@ -37,11 +39,13 @@ cgl_error cgl_space_memory_init(const cgl_space_memory_config *config, cgl_space
     }
     memory->cell = cell;
     memory->periods_per_rad = (cgl_real)config->parts / ((cgl_real)config->turns * CGL_TWO_PI);
+    memory->length = (cgl_real)config->cells;
+    memory->per_width = CGL_R(1.0) / (cgl_real)(2U * config->q_half_width + 1U);
     cgl_space_memory_reset(config, memory);
     return CGL_OK;
 }
 
-void cgl_space_memory_reset(const cgl_space_memory_config *config, cgl_space_memory *memory)
+CGL_SELDOM void cgl_space_memory_reset(const cgl_space_memory_config *config, cgl_space_memory *memory)
 {
     const uint32_t length =
         CGL_SPACE_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width);
@@ -49,12 +53,12 @@ void cgl_space_memory_reset(const cgl_space_memory_config *config, cgl_space_mem
         memory->cell[n] = CGL_R(0.0);
     }
     for (uint32_t c = 0; c < CGL_SPACE_CHANNELS; ++c) {
-        memory->value[c] = CGL_R(0.0);
+        memory->value[c] = memory->sum[c] = memory->change[c] = CGL_R(0.0);
     }
-    memory->x = memory->position = memory->p_t = memory->distance = memory->part = CGL_R(0.0);
-    memory->newest = memory->known = memory->head = memory->at = 0U;
+    memory->x = memory->position = memory->next_position = memory->p_t = memory->distance = memory->part = CGL_R(0.0);
+    memory->newest = memory->known = memory->head = memory->at = memory->next = memory->then = 0U;
     memory->direction = 0;
-    memory->placed = memory->started = memory->tracking = false;
+    memory->placed = memory->started = memory->steady = memory->tracking = false;
 }
 
 /* n in [-length, 2 length) */
@@ -66,9 +70,12 @@ static uint32_t wrap(int32_t n, uint32_t length)
 /* Fractional part, for |x| < 2^31. */
 static cgl_real fraction(cgl_real x)
 {
-    const cgl_real rest = x - (cgl_real)(int32_t)x;
-    const cgl_real positive = rest < CGL_R(0.0) ? rest + CGL_R(1.0) : rest;
-    return positive < CGL_R(1.0) ? positive : CGL_R(0.0); /* a tiny negative rest rounds up to 1 */
+    const cgl_real rest = cgl_rest(x);
+    if (rest < CGL_R(0.0)) {
+        const cgl_real positive = rest + CGL_R(1.0);
+        return positive < CGL_R(1.0) ? positive : CGL_R(0.0); /* a tiny negative rest rounds up to 1 */
+    }
+    return rest;
 }
 
 /* From one place to another in a period of length 1 or cells, the shorter way round. */
@@ -80,8 +87,8 @@ static cgl_real shorter_way(cgl_real distance, cgl_real period)
 
 /* The mean over 2 m + 1 entries of each row from `start` on, with `part` of the way to the mean one entry further.
  * Entries follow each other by `step`, modulo the length. */
-static void read_rows(const cgl_space_memory_config *config, const cgl_real *row, uint32_t length, uint32_t start,
-                      uint32_t step, uint32_t m, cgl_real part, cgl_real *value)
+CGL_SELDOM static void read_rows(const cgl_space_memory_config *config, const cgl_real *row, uint32_t length,
+                                 uint32_t start, uint32_t step, uint32_t m, cgl_real part, cgl_real *value)
 {
     const cgl_real per_width = m > 0U ? CGL_R(1.0) / (cgl_real)(2U * m + 1U) : CGL_R(1.0);
     for (uint32_t c = 0; c < config->channels; ++c, row += row_length(config)) {
@@ -90,7 +97,9 @@ static void read_rows(const cgl_space_memory_config *config, const cgl_real *row
         for (uint32_t count = 0; count < 2U * m + 1U; ++count) {
             sum += row[n];
             n += step;
-            n -= n >= length ? length : 0U;
+            if (n >= length) {
+                n -= length;
+            }
         }
         value[c] = (sum + part * (row[n] - row[start])) * per_width;
     }
@@ -99,7 +108,7 @@ static void read_rows(const cgl_space_memory_config *config, const cgl_real *row
 /* ---- map. The cells passed last, as many as the Q filter looks back on, wait in a ring behind it, so that it holds
  * what is one period old wherever the filter looks ---- */
 
-static void write_waiting(const cgl_space_memory_config *config, cgl_space_memory *memory)
+CGL_SELDOM static void write_waiting(const cgl_space_memory_config *config, cgl_space_memory *memory)
 {
     const uint32_t ring = config->q_half_width + 1U;
     for (; memory->known > 0U; --memory->known) {
@@ -115,7 +124,7 @@ static void write_waiting(const cgl_space_memory_config *config, cgl_space_memor
 
 /* Cell n gets the value at `share` of the way from the last values to these; the cell that has waited longest goes
  * into the map. */
-static void pass_cell(const cgl_space_memory_config *config, cgl_space_memory *memory, int32_t n, int direction,
+CGL_SELDOM static void pass_cell(const cgl_space_memory_config *config, cgl_space_memory *memory, int32_t n, int direction,
                       const cgl_real *value, cgl_real share)
 {
     const uint32_t cell = wrap(n, config->cells), ring = config->q_half_width + 1U;
@@ -136,33 +145,143 @@ static void pass_cell(const cgl_space_memory_config *config, cgl_space_memory *m
     }
 }
 
-static void recall_from_map(const cgl_space_memory_config *config, const cgl_space_memory *memory, bool learn,
-                            cgl_real *value)
+CGL_SELDOM static void recall_from_map(const cgl_space_memory_config *config, cgl_space_memory *memory, bool learn,
+                                       cgl_real *value)
 {
-    const cgl_real position = memory->x * (cgl_real)config->cells;
-    const uint32_t n = (uint32_t)position < config->cells ? (uint32_t)position : 0U;
+    const uint32_t cells = config->cells;
+    const cgl_real position = memory->x * memory->length;
+    const uint32_t n = (uint32_t)(int32_t)position;
+    memory->next_position = position;
+    memory->next = n < cells ? n : 0U;
     const uint32_t m = learn ? config->q_half_width : 0U;
-    read_rows(config, memory->cell, config->cells, wrap((int32_t)n - (int32_t)m, config->cells), 1U, m,
-              position - (cgl_real)(uint32_t)position, value);
+    read_rows(config, memory->cell, cells, wrap((int32_t)memory->next - (int32_t)m, cells), 1U, m,
+              position - (cgl_real)(int32_t)n, value);
 }
 
-static void store_in_map(const cgl_space_memory_config *config, cgl_space_memory *memory, const cgl_real *value)
+/* The sums around cell n, anew. What waits is not among these cells. */
+CGL_SELDOM static void sum_rows(const cgl_space_memory_config *config, cgl_space_memory *memory, uint32_t n)
 {
-    const cgl_real cells = (cgl_real)config->cells;
-    const cgl_real position = memory->x * cells;
-    const cgl_real moved = shorter_way(position - memory->position, cells);
-    if (memory->started && cgl_abs(moved) <= CGL_R(0.25) * cells) {
-        const cgl_real from = memory->position, to = from + moved, per_way = CGL_R(1.0) / moved;
-        const int direction = moved < CGL_R(0.0) ? -1 : 1;
-        const int32_t start = (int32_t)from;
-        int32_t n = direction > 0 || (cgl_real)start >= from ? start + direction : start;
-        for (; direction > 0 ? (cgl_real)n <= to : (cgl_real)n >= to; n += direction) {
-            const cgl_real share = ((cgl_real)n - from) * per_way;
-            pass_cell(config, memory, n, direction, value, share < CGL_R(1.0) ? share : CGL_R(1.0));
+    const uint32_t m = config->q_half_width, cells = config->cells;
+    const cgl_real *row = memory->cell;
+    for (uint32_t c = 0; c < config->channels; ++c, row += row_length(config)) {
+        uint32_t k = wrap((int32_t)n - (int32_t)m, cells);
+        const cgl_real first = row[k];
+        cgl_real sum = CGL_R(0.0);
+        for (uint32_t count = 0; count < 2U * m + 1U; ++count) {
+            sum += row[k];
+            k = k + 1U < cells ? k + 1U : 0U;
+        }
+        memory->sum[c] = sum;
+        memory->change[c] = row[k] - first;
+    }
+}
+
+/* Passes the cells on the way from the last position, `moved` further. */
+CGL_SELDOM static void pass_cells(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real moved,
+                       const cgl_real *value)
+{
+    const cgl_real from = memory->position, to = from + moved, per_way = CGL_R(1.0) / moved;
+    const int direction = moved < CGL_R(0.0) ? -1 : 1;
+    const int32_t start = (int32_t)from;
+    int32_t n = direction > 0 || (cgl_real)start >= from ? start + direction : start;
+    for (; direction > 0 ? (cgl_real)n <= to : (cgl_real)n >= to; n += direction) {
+        const cgl_real share = ((cgl_real)n - from) * per_way;
+        pass_cell(config, memory, n, direction, value, share < CGL_R(1.0) ? share : CGL_R(1.0));
+    }
+}
+
+CGL_SELDOM static void store_in_map(const cgl_space_memory_config *config, cgl_space_memory *memory,
+                                    const cgl_real *value)
+{
+    const cgl_real moved = shorter_way(memory->next_position - memory->position, memory->length);
+    if (memory->started && cgl_is_within(moved, CGL_R(0.25) * memory->length)) {
+        pass_cells(config, memory, moved, value);
+    }
+    memory->position = memory->next_position;
+    memory->at = memory->next;
+    memory->started = true;
+    memory->steady = memory->direction > 0 && memory->known > config->q_half_width && memory->newest == memory->at;
+    if (memory->steady) {
+        sum_rows(config, memory, memory->at);
+    }
+}
+
+/* The sums around cell n, `count` cells further than those known. */
+static inline void sum_on(const cgl_space_memory_config *config, cgl_space_memory *memory, uint32_t n, uint32_t count)
+{
+    const uint32_t m = config->q_half_width, cells = config->cells, length = row_length(config);
+    if (CGL_OFTEN(count == 1U && n > 0U)) { /* at the start anew, as changes round */
+        const uint32_t next = n + m + 1U;
+        const cgl_real *first = memory->cell + (n >= m ? n - m : n + cells - m);
+        const cgl_real *ahead = memory->cell + (next < cells ? next : next - cells);
+        for (uint32_t c = 0; c < config->channels; ++c, first += length, ahead += length) {
+            memory->sum[c] = m > 0U ? memory->sum[c] + memory->change[c] : *first;
+            memory->change[c] = *ahead - *first;
+        }
+    } else {
+        sum_rows(config, memory, n);
+    }
+}
+
+/* Stores the values of the cells passed, and what waited for longest. */
+static inline void pass_on(const cgl_space_memory_config *config, cgl_space_memory *memory, uint32_t count,
+                           cgl_real moved, const cgl_real *stored)
+{
+    const uint32_t m = config->q_half_width, cells = config->cells, length = row_length(config);
+    const cgl_real per_way = CGL_R(1.0) / moved;
+    cgl_real way = (cgl_real)(int32_t)memory->at - memory->position;
+    uint32_t at = memory->at, head = memory->head;
+    do {
+        way += CGL_R(1.0);
+        at = at + 1U < cells ? at + 1U : 0U;
+        head = head < m ? head + 1U : 0U;
+        const cgl_real share = way * per_way < CGL_R(1.0) ? way * per_way : CGL_R(1.0);
+        cgl_real *waiting = memory->cell + cells + head;
+        cgl_real *oldest = memory->cell + (at > m ? at - m - 1U : at + cells - m - 1U);
+        for (uint32_t c = 0; c < config->channels; ++c, waiting += length, oldest += length) {
+            *oldest = *waiting;
+            *waiting = memory->value[c] + share * (stored[c] - memory->value[c]);
+        }
+    } while (--count > 0U);
+    memory->head = head;
+    memory->at = memory->newest = at;
+}
+
+/* Recalls, corrects and stores where a rotor goes on forward by less than a quarter; else changes nothing. */
+static inline bool step_on(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta,
+                           const cgl_real *gain, cgl_real step, cgl_real *value)
+{
+    if (!cgl_is_angle(theta)) {
+        return false;
+    }
+    const cgl_real position = fraction(theta * memory->periods_per_rad) * memory->length;
+    const uint32_t n = (uint32_t)(int32_t)position, cells = config->cells, channels = config->channels;
+    uint32_t count = n - memory->at;
+    cgl_real moved = position - memory->position;
+    if (n < memory->at) {
+        count += cells;
+        moved += memory->length;
+    }
+    if (!(moved >= CGL_R(0.0) && moved < CGL_R(0.25) * memory->length && n < cells)) {
+        return false;
+    }
+    if (count > 0U) {
+        sum_on(config, memory, n, count);
+    }
+    const cgl_real part = position - (cgl_real)(int32_t)n, per_width = memory->per_width;
+    cgl_real stored[CGL_SPACE_CHANNELS], *const last = count > 0U ? stored : memory->value;
+    for (uint32_t c = 0; c < channels; ++c) {
+        value[c] = (memory->sum[c] + part * memory->change[c]) * per_width - gain[c] * step;
+        last[c] = cgl_clamp(value[c], config->limit[c]);
+    }
+    if (count > 0U) {
+        pass_on(config, memory, count, moved, stored);
+        for (uint32_t c = 0; c < channels; ++c) {
+            memory->value[c] = stored[c];
         }
     }
     memory->position = position;
-    memory->started = true;
+    return true;
 }
 
 /* ---- delay: a ring of x and one of each channel, in which newer samples come later ---- */
@@ -179,7 +298,7 @@ static uint32_t older(const cgl_space_memory_config *config, uint32_t at)
 
 static bool is_oldest(const cgl_space_memory_config *config, const cgl_space_memory *memory)
 {
-    return memory->at == (memory->known < row_length(config) ? 0U : newer(config, memory->newest));
+    return memory->then == (memory->known < row_length(config) ? 0U : newer(config, memory->newest));
 }
 
 /* How far the angle rose to this sample. */
@@ -190,38 +309,38 @@ static cgl_real rise(const cgl_space_memory_config *config, const cgl_space_memo
 
 static void go_newer(const cgl_space_memory_config *config, cgl_space_memory *memory)
 {
-    memory->at = newer(config, memory->at);
-    memory->distance -= rise(config, memory, memory->at);
+    memory->then = newer(config, memory->then);
+    memory->distance -= rise(config, memory, memory->then);
 }
 
 static void go_older(const cgl_space_memory_config *config, cgl_space_memory *memory)
 {
-    memory->distance += rise(config, memory, memory->at);
-    memory->at = older(config, memory->at);
+    memory->distance += rise(config, memory, memory->then);
+    memory->then = older(config, memory->then);
 }
 
 /* To the oldest sample less than a period ago. It moves on with the angle: each sample is passed once a period. */
 static void invert(const cgl_space_memory_config *config, cgl_space_memory *memory)
 {
-    while (memory->at != memory->newest && memory->distance > CGL_R(1.0)) {
+    while (memory->then != memory->newest && memory->distance > CGL_R(1.0)) {
         go_newer(config, memory);
     }
-    while (!is_oldest(config, memory) && memory->distance + rise(config, memory, memory->at) <= CGL_R(1.0)) {
+    while (!is_oldest(config, memory) && memory->distance + rise(config, memory, memory->then) <= CGL_R(1.0)) {
         go_older(config, memory);
     }
     memory->tracking = !is_oldest(config, memory);
     memory->part = memory->tracking
-                       ? cgl_clamp((CGL_R(1.0) - memory->distance) / rise(config, memory, memory->at), CGL_R(1.0))
+                       ? cgl_clamp((CGL_R(1.0) - memory->distance) / rise(config, memory, memory->then), CGL_R(1.0))
                        : CGL_R(0.0);
 }
 
 /* A step of the differential equation, counted in samples. */
 static void follow(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real moved)
 {
-    const cgl_real then = rise(config, memory, memory->at);
-    const cgl_real error = memory->distance - moved + memory->part * then - CGL_R(1.0);
-    memory->part -= (moved + config->k_pp * config->ts * error) / then; /* P_t grows by a sample as the samples age */
-    while (memory->part < CGL_R(0.0) && memory->at != memory->newest) {
+    const cgl_real slope = rise(config, memory, memory->then);
+    const cgl_real error = memory->distance - moved + memory->part * slope - CGL_R(1.0);
+    memory->part -= (moved + config->k_pp * config->ts * error) / slope; /* P_t grows by a sample as the samples age */
+    while (memory->part < CGL_R(0.0) && memory->then != memory->newest) {
         go_newer(config, memory);
         memory->part += CGL_R(1.0);
     }
@@ -246,7 +365,7 @@ static void find_period(const cgl_space_memory_config *config, cgl_space_memory 
     memory->distance -= moved;
 }
 
-static bool recall_from_line(const cgl_space_memory_config *config, cgl_space_memory *memory, bool moving, bool learn,
+CGL_SELDOM static bool recall_from_line(const cgl_space_memory_config *config, cgl_space_memory *memory, bool moving, bool learn,
                              cgl_real *value)
 {
     const cgl_real moved =
@@ -259,7 +378,7 @@ static bool recall_from_line(const cgl_space_memory_config *config, cgl_space_me
         find_period(config, memory, moved);
     }
     const uint32_t length = row_length(config);
-    const uint32_t age = wrap((int32_t)memory->newest - (int32_t)memory->at, length) + 1U;
+    const uint32_t age = wrap((int32_t)memory->newest - (int32_t)memory->then, length) + 1U;
     memory->p_t = memory->tracking ? ((cgl_real)age + memory->part) * config->ts : CGL_R(0.0);
     const bool fits = age > config->q_half_width && age + config->q_half_width < length;
     if (!memory->tracking || !fits) {
@@ -269,16 +388,16 @@ static bool recall_from_line(const cgl_space_memory_config *config, cgl_space_me
         return learn && memory->known < length && !memory->tracking; /* nothing is known yet from there, or any more */
     }
     const uint32_t m = learn ? config->q_half_width : 0U;
-    read_rows(config, memory->cell + length, length, wrap((int32_t)memory->at + (int32_t)m, length), length - 1U,
+    read_rows(config, memory->cell + length, length, wrap((int32_t)memory->then + (int32_t)m, length), length - 1U,
               m, memory->part, value);
     return learn;
 }
 
-static void store_in_line(const cgl_space_memory_config *config, cgl_space_memory *memory, const cgl_real *value)
+CGL_SELDOM static void store_in_line(const cgl_space_memory_config *config, cgl_space_memory *memory, const cgl_real *value)
 {
     const uint32_t length = row_length(config);
     const uint32_t next = memory->known > 0U ? newer(config, memory->newest) : 0U;
-    if (memory->known == length && next == memory->at) {
+    if (memory->known == length && next == memory->then) {
         go_newer(config, memory);
     }
     memory->newest = next;
@@ -287,38 +406,38 @@ static void store_in_line(const cgl_space_memory_config *config, cgl_space_memor
         memory->cell[(c + 1U) * length + next] = value[c];
     }
     /* sums of rises drift; the angles themselves do not, and the sum still tells the whole periods */
-    const cgl_real apart = memory->x - memory->cell[memory->at];
+    const cgl_real apart = memory->x - memory->cell[memory->then];
     const cgl_real sum = memory->known > 0U ? memory->distance + rise(config, memory, next) : CGL_R(0.0);
-    memory->distance = apart + (cgl_real)(int32_t)(sum - apart + CGL_R(0.5));
+    memory->distance = apart + (cgl_real)(int32_t)cgl_clamp(sum - apart + CGL_R(0.5), PERIODS_MAX);
     memory->known += memory->known < length ? 1U : 0U;
 }
 
 /* ---- both ---- */
 
-bool cgl_space_memory_recall(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta,
+CGL_SELDOM bool cgl_space_memory_recall(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta,
                              bool moving, bool learn, cgl_real *value)
 {
+    memory->placed = cgl_is_angle(theta);
+    if (memory->placed) {
+        memory->x = fraction(theta * memory->periods_per_rad);
+        if (config->kind == CGL_SPACE_MAP) {
+            recall_from_map(config, memory, learn, value);
+            return learn;
+        }
+    }
     for (uint32_t c = 0; c < config->channels; ++c) {
         value[c] = memory->value[c];
     }
-    memory->placed = cgl_is_angle(theta);
-    if (!memory->placed) {
-        return false;
-    }
-    memory->x = fraction(theta * memory->periods_per_rad);
-    if (config->kind == CGL_SPACE_MAP) {
-        recall_from_map(config, memory, learn, value);
-        return learn;
-    }
-    return recall_from_line(config, memory, moving, learn, value);
+    return memory->placed && recall_from_line(config, memory, moving, learn, value);
 }
 
-void cgl_space_memory_update(const cgl_space_memory_config *config, cgl_space_memory *memory, const cgl_real *value,
+CGL_SELDOM void cgl_space_memory_update(const cgl_space_memory_config *config, cgl_space_memory *memory, const cgl_real *value,
                              bool learn)
 {
-    cgl_real stored[CGL_SPACE_CHANNELS];
-    for (uint32_t c = 0; c < config->channels; ++c) {
-        stored[c] = cgl_clamp(value[c], config->limit[c]);
+    const uint32_t channels = config->channels;
+    cgl_real stored[CGL_SPACE_CHANNELS] = {CGL_R(0.0)}; /* gcc does not know that there is a channel */
+    for (uint32_t c = 0; c < channels; ++c) {
+        stored[c] = cgl_clamped(value[c], config->limit[c]);
     }
     if (config->kind == CGL_SPACE_DELAY) {
         if (memory->placed) {
@@ -327,10 +446,32 @@ void cgl_space_memory_update(const cgl_space_memory_config *config, cgl_space_me
     } else if (learn && memory->placed) {
         store_in_map(config, memory, stored);
     } else {
-        write_waiting(config, memory);
-        memory->started = false; /* the next value has no line back to this one */
+        if (memory->known > 0U) {
+            write_waiting(config, memory);
+        }
+        memory->started = memory->steady = false; /* the next value has no line back to this one */
     }
-    for (uint32_t c = 0; c < config->channels; ++c) {
+    for (uint32_t c = 0; c < channels; ++c) {
         memory->value[c] = stored[c];
     }
+}
+
+CGL_SELDOM static bool step_anywhere(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta,
+                                     bool moving, bool learn, const cgl_real *gain, cgl_real step, cgl_real *value)
+{
+    learn = cgl_space_memory_recall(config, memory, theta, moving, learn, value);
+    for (uint32_t c = 0; learn && c < config->channels; ++c) {
+        value[c] -= gain[c] * step;
+    }
+    cgl_space_memory_update(config, memory, value, learn);
+    return learn;
+}
+
+bool cgl_space_memory_step(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta, bool moving,
+                           bool learn, const cgl_real *gain, cgl_real step, cgl_real *value)
+{
+    if (learn && memory->steady && step_on(config, memory, theta, gain, step, value)) {
+        return true;
+    }
+    return step_anywhere(config, memory, theta, moving, learn, gain, step, value);
 }

@@ -46,22 +46,28 @@ typedef struct {
                                            entries. Map: a row for each channel, its cells and then a ring. Delay: a
                                            ring of x, and one for each channel */
     cgl_real periods_per_rad;           /* [1/rad] */
+    cgl_real length;                    /* cells of the config, as a number */
+    cgl_real per_width;                 /* 1 / entries of the Q filter */
     cgl_real x;                         /* the angle, in [0, 1) of a period */
     cgl_real value[CGL_SPACE_CHANNELS]; /* the last stored; map: where the angle was `position` */
     uint32_t newest;                    /* map: last cell passed; delay: place of the last sample */
     uint32_t known;                     /* map: cells waiting in the ring; delay: samples stored so far */
     bool placed;                        /* x is that of a plausible angle; delay: that rises */
     /* map */
-    cgl_real position;                  /* [cells] */
+    cgl_real position, next_position;   /* of the last update and recall [cells] */
     uint32_t head;                      /* place in the ring of the cell passed last */
     int direction;                      /* of the cells waiting: 1, -1, or 0 for none */
+    uint32_t at, next;                  /* the cells at or before them */
     bool started;                       /* position and value are valid */
+    bool steady;                        /* goes on forward, the ring is full, and these are valid: */
+    cgl_real sum[CGL_SPACE_CHANNELS];   /* over the Q filter's cells around `at` */
+    cgl_real change[CGL_SPACE_CHANNELS]; /* by which that sum changes one cell further */
     /* delay */
     cgl_real p_t;                       /* P_t [s]; 0 where it is not known */
-    cgl_real distance;                  /* from the sample `at` to the last one [periods] */
-    cgl_real part;                      /* of the way from the sample `at` to the one before, for P_t */
-    uint32_t at;
-    bool tracking;                      /* `at` and `part` are those of P_t */
+    cgl_real distance;                  /* from the sample `then` to the last one [periods] */
+    cgl_real part;                      /* of the way from the sample `then` to the one before, for P_t */
+    uint32_t then;                      /* place of that sample */
+    bool tracking;                      /* `then` and `part` are those of P_t */
 } cgl_space_memory;
 
 /* Entries that the caller provides. */
@@ -90,6 +96,11 @@ bool cgl_space_memory_recall(const cgl_space_memory_config *config, cgl_space_me
  * waits. */
 void cgl_space_memory_update(const cgl_space_memory_config *config, cgl_space_memory *memory, const cgl_real *value,
                              bool learn);
+
+/* Both in one step: recalls, subtracts gain step from each channel's value if learn is true, stores, and returns whether it
+ * learned. The values are those before the limit. */
+bool cgl_space_memory_step(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta, bool moving,
+                           bool learn, const cgl_real *gain, cgl_real step, cgl_real *value);
 
 #ifdef __cplusplus
 }

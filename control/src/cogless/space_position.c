@@ -2,7 +2,7 @@
 
 #include "angle.h"
 
-static bool is_valid(const cgl_space_position_config *config)
+CGL_SELDOM static bool is_valid(const cgl_space_position_config *config)
 {
     return config->ratio >= 1U && config->ratio <= 65535U && cgl_is_not_negative(config->k_theta)
            && cgl_is_not_negative(config->k_omega) && cgl_is_not_negative(config->k_v)
@@ -14,7 +14,7 @@ static bool is_valid(const cgl_space_position_config *config)
            && cgl_is_positive(config->ts) && cgl_is_positive(config->limit);
 }
 
-cgl_error cgl_space_position_init(const cgl_space_position_config *config, cgl_space_position *law, cgl_real *cell,
+CGL_SELDOM cgl_error cgl_space_position_init(const cgl_space_position_config *config, cgl_space_position *law, cgl_real *cell,
                                   uint32_t length)
 {
     if (!is_valid(config)) {
@@ -27,30 +27,31 @@ cgl_error cgl_space_position_init(const cgl_space_position_config *config, cgl_s
     return error;
 }
 
-void cgl_space_position_reset(const cgl_space_position_config *config, cgl_space_position *law)
+/* All but what is learned. */
+CGL_SELDOM static void start_anew(cgl_space_position *law)
 {
     static const cgl_space_position_terms nothing = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};
-    cgl_space_memory_reset(&config->memory, &law->memory);
     law->integral = CGL_R(0.0);
-    law->learning_samples = 0U;
     law->saturated = false;
     law->terms = nothing;
 }
 
-/* The ramp of learning, from 0 to 1. */
-static cgl_real share_of_learning(const cgl_space_position_config *config, cgl_space_position *law, bool learn)
+CGL_SELDOM void cgl_space_position_reset(const cgl_space_position_config *config, cgl_space_position *law)
+{
+    cgl_space_memory_reset(&config->memory, &law->memory);
+    law->learning_samples = 0U;
+    start_anew(law);
+}
+
+/* The ramp of learning, from 0 to 1, for a sample that learns. */
+static inline cgl_real share_of_learning(const cgl_space_position_config *config, const cgl_space_position *law)
 {
     const cgl_real elapsed = (cgl_real)law->learning_samples * config->ts;
-    const bool counts = law->learning_samples == 0U || (elapsed < config->ramp && law->learning_samples < 0xFFFFFFFFU);
-    law->learning_samples += learn && counts ? 1U : 0U;
-    if (elapsed >= config->ramp) {
-        return law->learning_samples > 0U ? CGL_R(1.0) : CGL_R(0.0);
-    }
-    return elapsed / config->ramp;
+    return elapsed >= config->ramp ? CGL_R(1.0) : elapsed / config->ramp;
 }
 
 void cgl_space_position_step(const cgl_space_position_config *config, cgl_space_position *law,
-                             const cgl_position_input *in, cgl_speed_output *out)
+                             const cgl_law_input *in, cgl_law_output *out)
 {
     const cgl_real ratio = (cgl_real)config->ratio;
     const cgl_real theta = ratio * in->theta_m, theta_ref = ratio * in->theta_ref;
@@ -63,25 +64,32 @@ void cgl_space_position_step(const cgl_space_position_config *config, cgl_space_
     const cgl_real alpha_ref = plausible ? ratio * in->alpha_ref : CGL_R(0.0);
 
     /* atan2(sin, cos) of a difference is the difference less its whole turns */
-    const cgl_real theta_tg = plausible ? cgl_unwrap(theta - theta_ref, CGL_R(0.0)) : CGL_R(0.0);
+    cgl_real theta_tg = plausible ? theta - theta_ref : CGL_R(0.0);
+    if (!cgl_is_within(theta_tg, CGL_R(3.0))) {
+        theta_tg = cgl_unwrap(theta_tg, CGL_R(0.0));
+    }
     const cgl_real omega_t = plausible ? difference + config->k_theta * theta_tg : CGL_R(0.0);
 
+    const bool learning = in->learn && !in->off;
     const bool moving = plausible && cgl_abs(in->omega_ref) >= config->omega_min;
     cgl_real value[CGL_SPACE_CHANNELS];
-    const bool learn =
-        cgl_space_memory_recall(&config->memory, &law->memory, config->index == CGL_SPACE_BY_ROTOR ? theta : theta_ref,
-                                moving && in->omega_ref > CGL_R(0.0), in->learn && moving && !law->saturated, value);
-    const cgl_real share = share_of_learning(config, law, in->learn);
-    if (learn) {
-        const cgl_real step = share * omega_t / cgl_abs(omega_ref);
-        const cgl_real gain[CGL_SPACE_CHANNELS] = {config->mu_alpha, config->mu_beta * omega_ref,
-                                                   config->mu_h * alpha_ref};
-        for (uint32_t c = 0; c < config->memory.channels; ++c) {
-            value[c] -= gain[c] * step;
-        }
+    cgl_real share = share_of_learning(config, law);
+    const cgl_real gain[CGL_SPACE_CHANNELS] = {config->mu_alpha, config->mu_beta * omega_ref, config->mu_h * alpha_ref};
+    const bool learn = cgl_space_memory_step(
+        &config->memory, &law->memory, config->index == CGL_SPACE_BY_ROTOR ? theta : theta_ref,
+        moving && in->omega_ref > CGL_R(0.0), learning && moving && !law->saturated, gain,
+        moving ? share * omega_t / cgl_abs(omega_ref) : CGL_R(0.0), value);
+    if (learn && (law->learning_samples == 0U || (share < CGL_R(1.0) && law->learning_samples < 0xFFFFFFFFU))) {
+        ++law->learning_samples;
+    } else if (law->learning_samples == 0U) {
+        share = CGL_R(0.0);
     }
-    cgl_space_memory_update(&config->memory, &law->memory, value, learn);
 
+    if (in->off) {
+        start_anew(law);
+        cgl_law_off(out);
+        return;
+    }
     cgl_space_position_terms *terms = &law->terms;
     terms->proportional =
         -(config->k_omega + config->v_0 + config->v_2 * omega * omega) * omega_t - config->k_v * theta_tg;
@@ -93,8 +101,16 @@ void cgl_space_position_step(const cgl_space_position_config *config, cgl_space_
     const cgl_real share_i = config->hand_over ? CGL_R(1.0) - share : CGL_R(1.0);
     const cgl_real integral = cgl_clamp(law->integral + config->k_i * config->ts * omega_t, config->limit);
     const cgl_real wanted = rest - share_i * integral;
+    if (learn && cgl_is_below(wanted, config->limit)) {
+        law->saturated = false;
+        law->integral = integral;
+        terms->integral = -share_i * integral;
+        out->i_q_ref = wanted;
+        out->status = 0U;
+        return;
+    }
+    law->saturated = !cgl_is_below(wanted, config->limit);
     out->i_q_ref = cgl_clamp(wanted, config->limit);
-    law->saturated = !(wanted > -config->limit && wanted < config->limit);
     if (!law->saturated || omega_t * out->i_q_ref > CGL_R(0.0)) {
         law->integral = integral;
     } else {

@@ -11,11 +11,11 @@
  *   h    (theta_ref) = Q sat(h    (theta_ref - T)) - share mu_h alpha_ref / |omega_ref| omega_t
  *
  * |omega_ref| in place of the paper's omega_ref > 0 lets a map learn in both directions. share rises from 0 to 1
- * within `ramp` of learning; share_i = 1 - share with hand_over, else 1. */
+ * within `ramp` of learning, and waits while it is frozen; share_i = 1 - share with hand_over, else 1. */
 #ifndef COGLESS_SPACE_POSITION_H
 #define COGLESS_SPACE_POSITION_H
 
-#include "position_law.h"
+#include "law.h"
 #include "space_memory.h"
 
 #ifdef __cplusplus
@@ -38,7 +38,7 @@ typedef struct {
     cgl_real mu_beta;      /* learning gain [A s^2/rad^2], >= 0; channel 2 of the memory */
     cgl_real mu_h;         /* learning gain [A s^4/rad^2], >= 0; channel 3 of the memory */
     bool hand_over;        /* integral action fades out as learning fades in; default true, as in Section 5 */
-    cgl_real ramp;         /* of learning, from its first permission on [s], >= 0 */
+    cgl_real ramp;         /* of learning, over the time that it learns [s], >= 0 */
     cgl_real omega_min;    /* learning freezes while the mechanical |omega_ref| is below [rad/s], > 0 */
     cgl_space_index index; /* default CGL_SPACE_BY_REFERENCE, as in the paper */
     cgl_real ts;           /* sampling period [s], > 0 */
@@ -58,7 +58,7 @@ typedef struct {
 typedef struct {
     cgl_space_memory memory;        /* memory.p_t: P_t [s] */
     cgl_real integral;              /* k_i integral(omega_t), within +-limit [A] */
-    uint32_t learning_samples;      /* permitted so far; counts no further than the ramp */
+    uint32_t learning_samples;      /* in which it learned; counts no further than the ramp */
     bool saturated;                 /* the last output was at its limit */
     cgl_space_position_terms terms; /* of the last step */
 } cgl_space_position;
@@ -70,9 +70,10 @@ void cgl_space_position_reset(const cgl_space_position_config *config, cgl_space
 
 /* Learning freezes, and what was learned acts on, while in->learn is false, |omega_ref| is below omega_min, the output
  * was at its limit, an input is not plausible, or the memory says so. The integral holds while the output is at its
- * limit and the error would push it further. Where an input is not plausible the output is that of no error. */
+ * limit and the error would push it further. Where an input is not plausible the output is that of no error.
+ * While in->off learning is frozen too, its ramp as well, and the output and the integral are 0. */
 void cgl_space_position_step(const cgl_space_position_config *config, cgl_space_position *law,
-                             const cgl_position_input *in, cgl_speed_output *out);
+                             const cgl_law_input *in, cgl_law_output *out);
 
 #ifdef __cplusplus
 }

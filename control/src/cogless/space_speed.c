@@ -1,6 +1,6 @@
 #include "space_speed.h"
 
-cgl_error cgl_space_speed_init(const cgl_space_speed_config *config, cgl_space_speed *law, cgl_real *cell,
+CGL_SELDOM cgl_error cgl_space_speed_init(const cgl_space_speed_config *config, cgl_space_speed *law, cgl_real *cell,
                                uint32_t length)
 {
     if (!(cgl_is_not_negative(config->k) && cgl_is_not_negative(config->mu_alpha)
@@ -16,16 +16,22 @@ cgl_error cgl_space_speed_init(const cgl_space_speed_config *config, cgl_space_s
     return error;
 }
 
-void cgl_space_speed_reset(const cgl_space_speed_config *config, cgl_space_speed *law)
+/* All but what is learned. */
+CGL_SELDOM static void start_anew(cgl_space_speed *law)
 {
     static const cgl_space_speed_terms nothing = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};
-    cgl_space_memory_reset(&config->memory, &law->memory);
     law->saturated = false;
     law->terms = nothing;
 }
 
-void cgl_space_speed_step(const cgl_space_speed_config *config, cgl_space_speed *law, const cgl_position_input *in,
-                          cgl_speed_output *out)
+CGL_SELDOM void cgl_space_speed_reset(const cgl_space_speed_config *config, cgl_space_speed *law)
+{
+    cgl_space_memory_reset(&config->memory, &law->memory);
+    start_anew(law);
+}
+
+void cgl_space_speed_step(const cgl_space_speed_config *config, cgl_space_speed *law, const cgl_law_input *in,
+                          cgl_law_output *out)
 {
     const cgl_real difference = in->omega_m - in->omega_ref, theta = (cgl_real)config->ratio * in->theta_m;
     /* a sum is not finite if a part of it is not */
@@ -37,26 +43,30 @@ void cgl_space_speed_step(const cgl_space_speed_config *config, cgl_space_speed 
     const bool moving = cgl_abs(omega) >= config->omega_min;
     const bool switched_on = moving && cgl_abs(eta) < config->eta_bar; /* q is not 0 */
     cgl_real delta[CGL_SPACE_CHANNELS];
-    const bool learn =
-        cgl_space_memory_recall(&config->memory, &law->memory, theta, moving && omega > CGL_R(0.0),
-                                in->learn && switched_on && !law->saturated, delta);
-    if (learn) {
-        const cgl_real step = eta / cgl_abs(omega);
-        const cgl_real gain[CGL_SPACE_CHANNELS] = {config->mu_alpha, config->mu_beta * omega, config->mu_h * alpha_ref};
-        for (uint32_t c = 0; c < config->memory.channels; ++c) {
-            delta[c] -= gain[c] * step;
-        }
-    }
-    cgl_space_memory_update(&config->memory, &law->memory, delta, learn);
+    const cgl_real gain[CGL_SPACE_CHANNELS] = {config->mu_alpha, config->mu_beta * omega, config->mu_h * alpha_ref};
+    const bool learn = cgl_space_memory_step(&config->memory, &law->memory, theta, moving && omega > CGL_R(0.0),
+                                             in->learn && !in->off && switched_on && !law->saturated, gain,
+                                             switched_on ? eta / cgl_abs(omega) : CGL_R(0.0), delta);
 
+    if (in->off) {
+        start_anew(law);
+        cgl_law_off(out);
+        return;
+    }
     cgl_space_speed_terms *terms = &law->terms;
     terms->proportional = -config->k * eta;
     terms->alpha = delta[0];
     terms->beta = config->memory.channels > 1U ? delta[1] * omega : CGL_R(0.0);
     terms->h = config->memory.channels > 2U ? delta[2] * alpha_ref : CGL_R(0.0);
     const cgl_real wanted = terms->proportional + terms->alpha + terms->beta + terms->h;
+    if (learn && cgl_is_below(wanted, config->limit)) {
+        law->saturated = false;
+        out->i_q_ref = wanted;
+        out->status = 0U;
+        return;
+    }
+    law->saturated = !cgl_is_below(wanted, config->limit);
     out->i_q_ref = cgl_clamp(wanted, config->limit);
-    law->saturated = !(wanted > -config->limit && wanted < config->limit);
     out->status = (law->saturated ? (unsigned)CGL_STATUS_SATURATED : 0U) | (learn ? 0U : (unsigned)CGL_STATUS_FROZEN)
                   | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
 }

@@ -8,7 +8,7 @@
 #ifndef COGLESS_SPACE_SPEED_H
 #define COGLESS_SPACE_SPEED_H
 
-#include "position_law.h"
+#include "law.h"
 #include "space_memory.h"
 
 #ifdef __cplusplus
@@ -47,9 +47,9 @@ void cgl_space_speed_reset(const cgl_space_speed_config *config, cgl_space_speed
 
 /* Ignores theta_ref. Learning freezes, and what was learned acts on, while in->learn is false, q is 0, the output was
  * at its limit, an input is not plausible, or the memory says so. Where an input is not plausible the output is that
- * of no error. */
-void cgl_space_speed_step(const cgl_space_speed_config *config, cgl_space_speed *law, const cgl_position_input *in,
-                          cgl_speed_output *out);
+ * of no error. While in->off learning is frozen too, and the output is 0. */
+void cgl_space_speed_step(const cgl_space_speed_config *config, cgl_space_speed *law, const cgl_law_input *in,
+                          cgl_law_output *out);
 
 #ifdef __cplusplus
 }

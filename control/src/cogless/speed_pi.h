@@ -3,14 +3,14 @@
 #define COGLESS_SPEED_PI_H
 
 #include "pi.h"
-#include "speed_law.h"
+#include "law.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-/* Config and state are those of the scalar PI: kp [A s/rad], ki [A/rad], limit [A]. */
-void cgl_speed_pi_step(const cgl_pi_config *config, cgl_pi *pi, const cgl_speed_input *in, cgl_speed_output *out);
+/* Config and state are those of the scalar PI: kp [A s/rad], ki [A/rad], limit [A]. While in->off the output is 0 and the integral too. */
+void cgl_speed_pi_step(const cgl_pi_config *config, cgl_pi *pi, const cgl_law_input *in, cgl_law_output *out);
 
 #ifdef __cplusplus
 }

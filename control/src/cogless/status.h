@@ -11,10 +11,17 @@ typedef enum {
 
 /* Bits of a step's status. */
 enum {
-    CGL_STATUS_SATURATED = 1, /* the output is at its limit */
-    CGL_STATUS_FAULT = 2,     /* an input was not finite or not plausible; a safe output is held */
-    CGL_STATUS_FROZEN = 4,    /* the learned memory was not changed in this step */
-    CGL_STATUS_BUSY = 8       /* a calibration run is under way: the reference is ignored */
+    CGL_STATUS_SATURATED = 1,      /* the output is at its limit */
+    CGL_STATUS_FAULT = 2,          /* an input was not finite or not plausible; a safe output is held */
+    CGL_STATUS_FROZEN = 4,         /* the learned memory was not changed in this step */
+    CGL_STATUS_BUSY = 8,           /* a calibration run is under way: the reference is ignored */
+    CGL_STATUS_ANGLE_LOST = 16,    /* angle or speed is not finite, or can't be: the last plausible one goes on */
+    CGL_STATUS_ANGLE_SHIFTED = 32, /* the angle jumped; the jump is taken out, and learning waits until it comes back */
+    CGL_STATUS_ANGLE_STUCK = 64,   /* the angle stands still while the reference turns */
+    CGL_STATUS_CURRENT = 128,      /* a current is not finite, too large, or the three do not add up to zero */
+    CGL_STATUS_BUS = 256,          /* the bus voltage is not finite or not positive */
+    CGL_STATUS_OUTLIER = 512,      /* the error is far beyond the usual: nothing is learned from it */
+    CGL_STATUS_OFF = 1024          /* the output is held at zero */
 };
 
 #endif

@@ -1,11 +1,13 @@
 #include "trial.h"
 
+#include "angle.h"
+
 #define SAMPLES_MAX 16777216U
 #define SHIFT_MAX 32U
 
 static const cgl_trial_terms no_terms = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};
 
-static bool all_finite(const cgl_real *x, uint32_t count)
+CGL_SELDOM static bool all_finite(const cgl_real *x, uint32_t count)
 {
     for (uint32_t i = 0; i < count; ++i) {
         if (!cgl_is_finite(x[i])) {
@@ -15,7 +17,7 @@ static bool all_finite(const cgl_real *x, uint32_t count)
     return true;
 }
 
-static bool is_finite_matrix(const cgl_real *row, uint32_t samples)
+CGL_SELDOM static bool is_finite_matrix(const cgl_real *row, uint32_t samples)
 {
     for (uint32_t p = 0; p < samples; ++p, row += samples) {
         if (!all_finite(row, samples)) {
@@ -25,7 +27,7 @@ static bool is_finite_matrix(const cgl_real *row, uint32_t samples)
     return true;
 }
 
-cgl_error cgl_trial_init(const cgl_trial_config *config, cgl_trial *law, cgl_real *memory, uint32_t length)
+CGL_SELDOM cgl_error cgl_trial_init(const cgl_trial_config *config, cgl_trial *law, cgl_real *memory, uint32_t length)
 {
     if (!(config->samples >= 2U && config->samples <= SAMPLES_MAX && config->states >= 1U
           && config->states <= CGL_TRIAL_STATES && all_finite(config->k_1, config->states)
@@ -47,7 +49,7 @@ cgl_error cgl_trial_init(const cgl_trial_config *config, cgl_trial *law, cgl_rea
     return CGL_OK;
 }
 
-void cgl_trial_reset(const cgl_trial_config *config, cgl_trial *law)
+CGL_SELDOM void cgl_trial_reset(const cgl_trial_config *config, cgl_trial *law)
 {
     for (uint32_t p = 0; p < CGL_TRIAL_LENGTH(config->samples, config->q_filter.order); ++p) {
         law->learned[p] = CGL_R(0.0);
@@ -55,10 +57,11 @@ void cgl_trial_reset(const cgl_trial_config *config, cgl_trial *law)
     cgl_trial_begin(config, law, 0);
 }
 
-void cgl_trial_begin(const cgl_trial_config *config, cgl_trial *law, const cgl_real *y_ref)
+CGL_SELDOM void cgl_trial_begin(const cgl_trial_config *config, cgl_trial *law, const cgl_real *y_ref)
 {
     law->y_ref = y_ref;
     law->psi = law->v = CGL_R(0.0);
+    law->theta = y_ref != 0 ? cgl_clamped(y_ref[0], CGL_REAL_MAX) : CGL_R(0.0);
     cgl_feedforward_reset(&config->feedforward, &law->feedforward, y_ref != 0 ? y_ref[0] : CGL_R(0.0));
     law->sample = 0U;
     law->blocked = 0xFFFFFFFFU;
@@ -66,26 +69,28 @@ void cgl_trial_begin(const cgl_trial_config *config, cgl_trial *law, const cgl_r
     law->terms = no_terms;
 }
 
-void cgl_trial_step(const cgl_trial_config *config, cgl_trial *law, const cgl_trial_input *in, cgl_trial_output *out)
+/* u = 0, and nothing is learned from this trial. */
+CGL_SELDOM static void give_up(const cgl_trial_config *config, cgl_trial *law, uint32_t p, unsigned status,
+                               cgl_law_output *out)
 {
-    out->u = CGL_R(0.0);
-    out->status = (unsigned)CGL_STATUS_FROZEN;
-    if (law->y_ref == 0) {
-        return;
-    }
+    out->i_q_ref = CGL_R(0.0);
+    out->status = status | (unsigned)CGL_STATUS_FROZEN;
+    law->spoilt = law->spoilt || p < config->samples;
+    law->terms = no_terms;
+}
+
+/* One sample, from K_1 x and y = C x, if x is plausible. */
+static void step(const cgl_trial_config *config, cgl_trial *law, cgl_real feedback, cgl_real y, bool plausible, bool learn,
+                 cgl_law_output *out)
+{
     const uint32_t p = law->sample;
     const bool within = p < config->samples;
     if (within) {
         law->v = law->learned[p];
     }
-    cgl_real feedback = CGL_R(0.0), y = CGL_R(0.0);
-    for (uint32_t i = 0; i < config->states; ++i) {
-        feedback += config->k_1[i] * in->x[i];
-        y += config->c[i] * in->x[i];
-    }
     const cgl_real e = law->y_ref[within ? p : config->samples - 1U] - y;
     const cgl_real f = cgl_feedforward_step(&config->feedforward, &law->feedforward, law->y_ref, config->samples, p);
-    law->sample += p < config->samples + CGL_FEEDFORWARD_TAPS ? 1U : 0U;
+    law->sample = p + (p < config->samples + CGL_FEEDFORWARD_TAPS ? 1U : 0U);
 
     const cgl_real integral = config->k_2 * law->psi;
     const cgl_real learned = config->n * law->v;
@@ -93,34 +98,63 @@ void cgl_trial_step(const cgl_trial_config *config, cgl_trial *law, const cgl_tr
     const cgl_real psi = law->psi + (config->through_integrator ? e + law->v : e); /* (4) */
 
     /* an x that is not finite shows in K_1 x, whatever the gains */
-    if (!cgl_is_finite(wanted + psi)) {
-        law->spoilt = law->spoilt || within;
-        law->terms = no_terms;
-        out->status |= (unsigned)CGL_STATUS_FAULT;
+    if (!(plausible && cgl_is_finite(wanted + psi))) {
+        give_up(config, law, p, (unsigned)CGL_STATUS_FAULT, out);
         return;
     }
-
     law->terms.feedback = feedback;
     law->terms.integral = integral;
     law->terms.feedforward = f;
     law->terms.learned = learned;
-    out->u = cgl_clamp(wanted, config->limit);
-    const bool saturated = cgl_abs(wanted) >= config->limit;
+    const bool saturated = !cgl_is_below(wanted, config->limit);
+    out->i_q_ref = saturated ? cgl_clamp(wanted, config->limit) : wanted;
+    out->status = saturated ? (unsigned)CGL_STATUS_SATURATED | (unsigned)CGL_STATUS_FROZEN : 0U;
     if (!saturated || config->k_2 * (psi - law->psi) * wanted < CGL_R(0.0)) {
         law->psi = psi;
     }
-
     if (within) {
         law->error[p] = ((law->blocked >> (config->shift - 1U)) & 1U) != 0U ? CGL_R(0.0) : e;
         law->blocked = (law->blocked << 1) | (saturated ? 1U : 0U);
-        law->spoilt = law->spoilt || !in->learn;
+        law->spoilt = law->spoilt || !learn;
     }
-    out->status = (saturated ? (unsigned)CGL_STATUS_SATURATED : 0U)
-                  | (!within || law->spoilt || saturated ? (unsigned)CGL_STATUS_FROZEN : 0U);
+    out->status |= !within || law->spoilt ? (unsigned)CGL_STATUS_FROZEN : 0U;
+}
+
+void cgl_trial_step(const cgl_trial_config *config, cgl_trial *law, const cgl_trial_input *in, cgl_trial_output *out)
+{
+    cgl_law_output result = {CGL_R(0.0), (unsigned)CGL_STATUS_FROZEN};
+    if (law->y_ref != 0) {
+        cgl_real feedback = CGL_R(0.0), y = CGL_R(0.0);
+        for (uint32_t i = 0; i < config->states; ++i) {
+            feedback += config->k_1[i] * in->x[i];
+            y += config->c[i] * in->x[i];
+        }
+        step(config, law, feedback, y, true, in->learn, &result);
+    }
+    out->u = result.i_q_ref;
+    out->status = result.status;
+}
+
+void cgl_trial_drive_step(const cgl_trial_config *config, cgl_trial *law, const cgl_law_input *in, cgl_law_output *out)
+{
+    if (law->y_ref == 0) {
+        out->i_q_ref = CGL_R(0.0);
+        out->status = (unsigned)CGL_STATUS_FROZEN | (in->off ? (unsigned)CGL_STATUS_OFF : 0U);
+        return;
+    }
+    law->theta = cgl_unwrap(in->theta_m, law->theta);
+    step(config, law, config->k_1[0] * law->theta + config->k_1[1] * in->omega_m,
+         config->c[0] * law->theta + config->c[1] * in->omega_m, cgl_is_angle(in->theta_m),
+         in->learn && !in->off, out);
+    if (in->off) {
+        law->psi = CGL_R(0.0);
+        law->terms = no_terms;
+        cgl_law_off(out);
+    }
 }
 
 /* v <- v + K_3 e(p + r), or v + L e; within the limit. */
-static void correct(const cgl_trial_config *config, cgl_trial *law)
+CGL_SELDOM static void correct(const cgl_trial_config *config, cgl_trial *law)
 {
     const uint32_t samples = config->samples;
     const cgl_real *row = config->learning_matrix;
@@ -135,11 +169,11 @@ static void correct(const cgl_trial_config *config, cgl_trial *law)
             const uint32_t place = p + config->shift;
             correction = config->k_3 * law->error[place < samples ? place : samples - 1U];
         }
-        law->learned[p] = cgl_clamp(law->learned[p] + correction, config->learned_limit);
+        law->learned[p] = cgl_clamped(law->learned[p] + correction, config->learned_limit);
     }
 }
 
-bool cgl_trial_end(const cgl_trial_config *config, cgl_trial *law)
+CGL_SELDOM bool cgl_trial_end(const cgl_trial_config *config, cgl_trial *law)
 {
     const bool whole = law->y_ref != 0 && law->sample >= config->samples && !law->spoilt;
     law->spoilt = true; /* a second end learns nothing */
@@ -154,7 +188,7 @@ bool cgl_trial_end(const cgl_trial_config *config, cgl_trial *law)
     if (config->filter_signal) {
         cgl_zero_phase(&config->q_filter, law->learned, config->samples, tail);
         for (uint32_t p = 0; p < config->samples; ++p) {
-            law->learned[p] = cgl_clamp(law->learned[p], config->learned_limit);
+            law->learned[p] = cgl_clamped(law->learned[p], config->learned_limit);
         }
     }
     return true;

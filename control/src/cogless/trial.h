@@ -23,7 +23,8 @@
  *   static cgl_real memory[CGL_TRIAL_LENGTH(SAMPLES, ORDER)];
  *   cgl_trial_init(&config, &law, memory, sizeof memory / sizeof memory[0]);   once; must return CGL_OK
  *   cgl_trial_begin(&config, &law, y_ref);                                     before each trial
- *   cgl_trial_step(&config, &law, &in, &out);                                  SAMPLES times, in the interrupt
+ *   cgl_trial_step(&config, &law, &in, &out);                                  SAMPLES times, in the interrupt;
+ *                                                                              in a drive cgl_trial_drive_step
  *   cgl_trial_end(&config, &law);                                              after each trial, in the background
  */
 #ifndef COGLESS_TRIAL_H
@@ -32,6 +33,7 @@
 #include <stdint.h>
 
 #include "feedforward.h"
+#include "law.h"
 #include "real.h"
 #include "status.h"
 #include "zero_phase.h"
@@ -85,6 +87,7 @@ typedef struct {
     const cgl_real *y_ref;       /* of this trial; NULL before the first one */
     cgl_real psi;                /* psi(p - 1) */
     cgl_real v;                  /* of the last step */
+    cgl_real theta;              /* drive: the angle without its jumps [rad] */
     cgl_feedforward feedforward;
     uint32_t sample;             /* p of the next step; goes on a little beyond the end */
     uint32_t blocked;            /* bit i: u of i + 1 samples ago was saturated, or before the trial */
@@ -111,6 +114,12 @@ void cgl_trial_begin(const cgl_trial_config *config, cgl_trial *law, const cgl_r
  * the law holds the last reference and v, learns nothing and leaves the caller's memory alone, so that end may run
  * meanwhile. Before begin u = 0. */
 void cgl_trial_step(const cgl_trial_config *config, cgl_trial *law, const cgl_trial_input *in, cgl_trial_output *out);
+
+/* The same for a drive, where x is the mechanical angle [rad] and speed [rad/s], `states` is 2 and u a current [A]. The
+ * angle may jump by whole turns: a trial starts at the turn that is nearest to its reference. An angle that is not
+ * plausible is a fault. While in->off the output and psi are 0, and nothing is learned from the trial. */
+void cgl_trial_drive_step(const cgl_trial_config *config, cgl_trial *law, const cgl_law_input *in,
+                          cgl_law_output *out);
 
 /* Ends the trial and learns from it. Returns false, and leaves v as it is, if the trial was cut short, had a fault or a
  * sample with learning off, or has ended before. Takes a time that grows with the samples (with a matrix, with their

@@ -3,7 +3,7 @@
 #include "polynomial.h"
 
 /* The steady state of the direct form II transposed for a constant input of 1; z has order + 1 entries, the last is 0. */
-static bool rest(const cgl_zero_phase_config *config, cgl_real *z)
+CGL_SELDOM static bool rest(const cgl_zero_phase_config *config, cgl_real *z)
 {
     cgl_real sum_b = CGL_R(0.0), sum_a = CGL_R(0.0);
     for (uint32_t i = 0; i <= config->order; ++i) {
@@ -30,7 +30,7 @@ static cgl_real ceiling(const cgl_zero_phase_config *config)
     return CGL_R(0.5) * CGL_REAL_MAX / sum;
 }
 
-cgl_error cgl_zero_phase_init(const cgl_zero_phase_config *config, uint32_t samples)
+CGL_SELDOM cgl_error cgl_zero_phase_init(const cgl_zero_phase_config *config, uint32_t samples)
 {
     if (config->order == 0U) {
         return CGL_OK;
@@ -42,18 +42,18 @@ cgl_error cgl_zero_phase_init(const cgl_zero_phase_config *config, uint32_t samp
                : CGL_ERROR_CONFIG;
 }
 
-static void start(const cgl_zero_phase_config *config, cgl_real *z, cgl_real x, cgl_real limit)
+CGL_SELDOM static void start(const cgl_zero_phase_config *config, cgl_real *z, cgl_real x, cgl_real limit)
 {
     (void)rest(config, z);
     for (uint32_t i = 0; i < config->order; ++i) {
-        z[i] = cgl_clamp(z[i] * cgl_clamp(x, limit), limit);
+        z[i] = cgl_clamped(z[i] * cgl_clamped(x, limit), limit);
     }
 }
 
-static cgl_real pass(const cgl_zero_phase_config *config, cgl_real *z, cgl_real x, cgl_real limit)
+CGL_SELDOM static cgl_real pass(const cgl_zero_phase_config *config, cgl_real *z, cgl_real x, cgl_real limit)
 {
-    const cgl_real in = cgl_clamp(x, limit);
-    const cgl_real out = cgl_clamp(config->b[0] * in + z[0], limit);
+    const cgl_real in = cgl_clamped(x, limit);
+    const cgl_real out = cgl_clamped(config->b[0] * in + z[0], limit);
     for (uint32_t i = 1; i <= config->order; ++i) {
         z[i - 1U] = config->b[i] * in - config->a[i] * out + z[i];
     }
@@ -66,7 +66,7 @@ static cgl_real mirrored(cgl_real end, cgl_real x)
     return CGL_R(2.0) * end - x;
 }
 
-void cgl_zero_phase(const cgl_zero_phase_config *config, cgl_real *x, uint32_t samples, cgl_real *tail)
+CGL_SELDOM void cgl_zero_phase(const cgl_zero_phase_config *config, cgl_real *x, uint32_t samples, cgl_real *tail)
 {
     if (config->order == 0U) {
         return;

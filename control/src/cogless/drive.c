@@ -1,0 +1,132 @@
+#include "drive.h"
+
+#define POLE_PAIRS_MAX 10000U /* an electrical angle of so many turns is still below CGL_ANGLE_MAX */
+#define DIVIDER_MAX 65535U
+
+CGL_SELDOM cgl_error cgl_drive_init(const cgl_drive_config *config, cgl_drive *drive)
+{
+    if (!(config->pole_pairs >= 1U && config->pole_pairs <= POLE_PAIRS_MAX && config->divider >= 1U
+          && config->divider <= DIVIDER_MAX)) {
+        return CGL_ERROR_CONFIG;
+    }
+    cgl_error error = config->foreign ? CGL_OK : cgl_foc_init(&config->foc, &drive->foc);
+    if (error == CGL_OK) {
+        error = cgl_monitor_init(&config->monitor, &drive->monitor);
+    }
+    if (error == CGL_OK) {
+        error = cgl_quality_init(&config->quality, &drive->quality);
+    }
+    if (error == CGL_OK) {
+        cgl_drive_reset(drive);
+    }
+    return error;
+}
+
+CGL_SELDOM void cgl_drive_reset(cgl_drive *drive)
+{
+    static const cgl_law_input no_input = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0),
+                                           false,      false};
+    static const cgl_foc_input no_currents = {{CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)}, CGL_R(0.0), CGL_R(0.0), CGL_R(0.0),
+                                              CGL_R(0.0), CGL_R(0.0)};
+    drive->in = no_input;
+    drive->command.i_q_ref = CGL_R(0.0);
+    drive->command.status = 0U;
+    cgl_monitor_reset(&drive->monitor);
+    cgl_quality_reset(&drive->quality);
+    cgl_foc_reset(&drive->foc);
+    drive->currents = no_currents;
+    drive->i_q = CGL_R(0.0);
+    drive->countdown = 0U;
+    drive->saturated = drive->off = false;
+    drive->status = 0U;
+}
+
+/* The law's input; the law has seen what was saturated or safe. */
+static void prepare_law(const cgl_drive_config *config, cgl_drive *drive, const cgl_reference *reference)
+{
+    const cgl_monitor *monitor = &drive->monitor;
+    const cgl_real error = reference->omega_ref - monitor->omega_m;
+    const bool learn = reference->learn && monitor->trusted && !drive->off
+                       && (!drive->saturated || config->learn_saturated);
+    const bool taught = learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
+    const bool outlier = cgl_quality_step(&config->quality, &drive->quality, error, monitor->omega_m, taught);
+    drive->currents.i_d_ref = cgl_is_finite(reference->i_d_ref) ? reference->i_d_ref : CGL_R(0.0);
+    drive->in.theta_ref = reference->theta_ref;
+    drive->in.omega_ref = reference->omega_ref;
+    drive->in.alpha_ref = reference->alpha_ref;
+    drive->in.theta_m = monitor->theta_m;
+    drive->in.omega_m = monitor->omega_m;
+    drive->in.i_q = drive->i_q;
+    drive->in.learn = learn && !outlier;
+    drive->in.off = drive->off;
+    drive->status |= outlier ? (unsigned)CGL_STATUS_OUTLIER : 0U;
+    drive->saturated = drive->off = false;
+    drive->countdown = config->divider;
+}
+
+bool cgl_drive_measure(const cgl_drive_config *config, cgl_drive *drive, const cgl_measurement *now,
+                       const cgl_reference *reference)
+{
+    cgl_monitor *monitor = &drive->monitor;
+    cgl_monitor_step(&config->monitor, monitor, now, reference->omega_ref);
+    drive->status = monitor->status;
+    drive->off = drive->off || monitor->safe;
+    if (!config->foreign) {
+        const cgl_real pole_pairs = (cgl_real)config->pole_pairs;
+        drive->currents.i_abc[0] = now->i_abc[0];
+        drive->currents.i_abc[1] = now->i_abc[1];
+        drive->currents.i_abc[2] = now->i_abc[2];
+        drive->currents.theta_e = pole_pairs * monitor->theta_m;
+        drive->currents.omega_e = pole_pairs * monitor->omega_m;
+        drive->currents.u_dc = now->u_dc;
+    }
+    const bool due = drive->countdown == 0U;
+    if (due) {
+        prepare_law(config, drive, reference);
+    }
+    --drive->countdown;
+    return due;
+}
+
+/* No voltage, no current reference. */
+CGL_SELDOM static void rest(cgl_drive *drive, cgl_drive_output *out)
+{
+    out->duty[0] = out->duty[1] = out->duty[2] = CGL_R(0.5);
+    out->i_d = out->i_q = out->u_d = out->u_q = out->i_d_ref = out->i_q_ref = CGL_R(0.0);
+    drive->i_q = CGL_R(0.0);
+}
+
+void cgl_drive_actuate(const cgl_drive_config *config, cgl_drive *drive, cgl_drive_output *out)
+{
+    drive->status |= drive->command.status;
+    if (drive->monitor.safe) {
+        drive->command.i_q_ref = CGL_R(0.0);
+        cgl_foc_reset(&drive->foc);
+        rest(drive, out);
+        out->status = drive->status | (unsigned)CGL_STATUS_OFF;
+        return;
+    }
+    if (config->foreign) {
+        rest(drive, out);
+        out->i_d_ref = drive->currents.i_d_ref;
+        out->i_q_ref = drive->i_q = drive->command.i_q_ref;
+        out->status = drive->status;
+        return;
+    }
+    cgl_foc_output foc;
+    drive->currents.i_q_ref = drive->command.i_q_ref;
+    cgl_foc_step(&config->foc, &drive->foc, &drive->currents, &foc);
+    drive->saturated =
+        drive->saturated || (foc.status & ((unsigned)CGL_STATUS_SATURATED | (unsigned)CGL_STATUS_FAULT)) != 0U;
+    drive->i_q = foc.i_q;
+    out->duty[0] = foc.duty[0];
+    out->duty[1] = foc.duty[1];
+    out->duty[2] = foc.duty[2];
+    out->i_d = foc.i_d;
+    out->i_q = foc.i_q;
+    out->u_d = foc.u_d;
+    out->u_q = foc.u_q;
+    out->i_d_ref = drive->currents.i_d_ref;
+    out->i_q_ref = drive->command.i_q_ref;
+    out->status = drive->status | foc.status;
+}

@@ -1,0 +1,84 @@
+/* The whole controller of a drive, once per current-loop period: plausible measurements, the law where it is due, the
+ * current loop. The law is stepped by the caller in between, so that a firmware holds only its own:
+ *
+ *   if (cgl_drive_measure(&config, &drive, &now, &reference)) {
+ *       cgl_pi_ilc_step(&law_config, &law, &drive.in, &drive.command);
+ *   }
+ *   cgl_drive_actuate(&config, &drive, &out);
+ *
+ * The law learns only where measurements are trusted, the current loop had voltage enough since its last step, and the
+ * error is no outlier. Where the output is safe, voltages are zero, the current loop starts anew, and the law is off. */
+#ifndef COGLESS_DRIVE_H
+#define COGLESS_DRIVE_H
+
+#include <stdint.h>
+
+#include "foc.h"
+#include "law.h"
+#include "monitor.h"
+#include "quality.h"
+#include "real.h"
+#include "status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    uint32_t pole_pairs;   /* 1 to 10000 */
+    uint32_t divider;      /* current-loop periods in a period of the law, 1 to 65535 */
+    bool foreign;          /* somebody else controls the currents: foc is not used, actuate gives the law's reference */
+    bool learn_saturated;  /* learn although the current loop lacks voltage: for a law that learns from whole trials, of
+                              which one such period would spoil all; default false */
+    cgl_foc_config foc;
+    cgl_monitor_config monitor; /* with foc.ts and foc.phases, or phases 0 if the current loop is foreign */
+    cgl_quality_config quality; /* of the speed error [rad/s]; ts = divider monitor.ts */
+} cgl_drive_config;
+
+typedef struct {
+    cgl_real theta_ref; /* mechanical angle reference [rad] */
+    cgl_real omega_ref; /* mechanical speed reference [rad/s] */
+    cgl_real alpha_ref; /* its derivative [rad/s^2] */
+    cgl_real i_d_ref;   /* d-axis current reference [A], usually 0; taken, as all of these but omega_ref, where the law is due */
+    bool learn;         /* false freezes what is learned */
+} cgl_reference;
+
+typedef struct {
+    cgl_real duty[3];          /* as cgl_foc_output */
+    cgl_real i_d, i_q;         /* measured currents in the rotor's frame [A] */
+    cgl_real u_d, u_q;         /* [V] */
+    cgl_real i_d_ref, i_q_ref; /* that the current loop was given [A] */
+    unsigned status;           /* CGL_STATUS_ bits of all parts */
+} cgl_drive_output;
+
+typedef struct {
+    cgl_law_input in;       /* for the law that is due */
+    cgl_law_output command; /* of the law's last step; finite, as every law's is */
+    cgl_monitor monitor;
+    cgl_quality quality;
+    cgl_foc foc;
+    cgl_foc_input currents; /* of this period, for foc */
+    cgl_real i_q;           /* measured in the last period [A] */
+    uint32_t countdown;     /* periods until the law is due */
+    bool saturated;         /* the current loop lacked voltage since the law's last step */
+    bool off;               /* the output was safe since then */
+    unsigned status;        /* of this period so far */
+} cgl_drive;
+
+cgl_error cgl_drive_init(const cgl_drive_config *config, cgl_drive *drive);
+
+/* Everything but the law starts anew; the law is due at once. */
+void cgl_drive_reset(cgl_drive *drive);
+
+/* Takes the measurements of this period. True where the law is due: step it then, from drive->in to drive->command. */
+bool cgl_drive_measure(const cgl_drive_config *config, cgl_drive *drive, const cgl_measurement *now,
+                       const cgl_reference *reference);
+
+/* The current loop's part of the period, with the law's command. */
+void cgl_drive_actuate(const cgl_drive_config *config, cgl_drive *drive, cgl_drive_output *out);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,31 @@
+/* What every law gets and gives, once per period of the law. */
+#ifndef COGLESS_LAW_H
+#define COGLESS_LAW_H
+
+#include "real.h"
+#include "status.h"
+
+typedef struct {
+    cgl_real theta_ref; /* mechanical angle reference [rad], any revolution below CGL_ANGLE_MAX; laws of position read it */
+    cgl_real omega_ref; /* its derivative: mechanical speed reference [rad/s] */
+    cgl_real alpha_ref; /* the derivative of that [rad/s^2]; the space-learning laws read it */
+    cgl_real theta_m;   /* measured mechanical angle [rad], any revolution below CGL_ANGLE_MAX */
+    cgl_real omega_m;   /* measured mechanical speed [rad/s] */
+    cgl_real i_q;       /* measured q-axis current [A]; only a calibration run reads it */
+    bool learn;         /* false freezes what is learned */
+    bool off;           /* true: the output is 0 and integrals start anew; what is learned stays, frozen */
+} cgl_law_input;
+
+typedef struct {
+    cgl_real i_q_ref; /* reference for the current loop [A], within the law's limit */
+    unsigned status;  /* CGL_STATUS_ bits */
+} cgl_law_output;
+
+/* What a law gives that is off. */
+static inline void cgl_law_off(cgl_law_output *out)
+{
+    out->i_q_ref = CGL_R(0.0);
+    out->status = (unsigned)CGL_STATUS_OFF | (unsigned)CGL_STATUS_FROZEN;
+}
+
+#endif

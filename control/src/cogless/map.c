@@ -1,0 +1,106 @@
+#include "map.h"
+
+#define FLOAT_MAX CGL_R(3.402823466e38)
+
+CGL_SELDOM bool cgl_map_is_valid(const cgl_map *map)
+{
+    if (!(map->entry != 0 && map->cells >= 1U && map->cells <= CGL_MAP_CELLS_MAX && map->stride >= map->cells
+          && map->channels >= 1U && map->channels <= CGL_MAP_CHANNELS && map->ratio >= 1U && map->ratio <= 65535U
+          && (map->turns == 0U) == (map->parts == 0U) && map->law <= 255U)) {
+        return false;
+    }
+    for (uint32_t c = 0; c < map->channels; ++c) {
+        /* the first comparison keeps the conversion within what float holds */
+        if (!(map->limit[c] <= FLOAT_MAX && map->limit[c] > CGL_R(0.0) && (float)map->limit[c] > 0.0f
+              && map->unit[c] <= 255U)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* One channel, unless more is filled in. */
+CGL_SELDOM static void fill(cgl_map *map, uint32_t law, cgl_real *entry, uint32_t cells, uint32_t unit, cgl_real limit)
+{
+    map->entry = entry;
+    map->stride = map->cells = cells;
+    map->channels = 1U;
+    map->turns = map->parts = 1U;
+    map->ratio = 1U;
+    map->law = law;
+    for (uint32_t c = 0; c < CGL_MAP_CHANNELS; ++c) {
+        map->unit[c] = c == 0U ? unit : (uint32_t)CGL_MAP_UNIT_NONE;
+        map->limit[c] = c == 0U ? limit : CGL_R(0.0);
+    }
+    map->learning = 0;
+}
+
+static cgl_map_result checked(const cgl_map *map)
+{
+    return cgl_map_is_valid(map) ? CGL_MAP_OK : CGL_MAP_INVALID;
+}
+
+CGL_SELDOM static cgl_map_result of_memory(const cgl_memory_config *config, const cgl_memory *memory, uint32_t law, uint32_t unit,
+                                cgl_map *map)
+{
+    fill(map, law, memory->cell, config->cells, unit, config->limit);
+    map->parts = config->periods_per_rev;
+    map->learning = &memory->started;
+    return config->kind == CGL_MEMORY_ANGLE ? checked(map) : CGL_MAP_BY_TIME;
+}
+
+CGL_SELDOM cgl_map_result cgl_map_of_pi_ilc(const cgl_pi_ilc_config *config, const cgl_pi_ilc *law, cgl_map *map)
+{
+    return of_memory(&config->memory, &law->memory, CGL_MAP_LAW_PI_ILC, CGL_MAP_UNIT_CURRENT, map);
+}
+
+CGL_SELDOM cgl_map_result cgl_map_of_robust_ilc(const cgl_robust_ilc_config *config, const cgl_robust_ilc *law, cgl_map *map)
+{
+    return of_memory(&config->memory, &law->memory, CGL_MAP_LAW_ROBUST_ILC, CGL_MAP_UNIT_ACCELERATION, map);
+}
+
+CGL_SELDOM cgl_map_result cgl_map_of_anti_cogging(const cgl_anti_cogging_config *config, const cgl_anti_cogging *law,
+                                       cgl_map *map)
+{
+    fill(map, CGL_MAP_LAW_ANTI_COGGING, law->table, config->cells, CGL_MAP_UNIT_CURRENT, config->pi.limit);
+    return checked(map);
+}
+
+/* ratio: of the angle that the memory counts; units_ratio: of the one in which the gains are. */
+CGL_SELDOM static cgl_map_result of_space_memory(const cgl_space_memory_config *config, const cgl_space_memory *memory,
+                                      uint32_t law, uint32_t ratio, uint32_t units_ratio, cgl_map *map)
+{
+    static const uint32_t unit[CGL_MAP_CHANNELS] = {CGL_MAP_UNIT_CURRENT, CGL_MAP_UNIT_CURRENT_PER_SPEED,
+                                                        CGL_MAP_UNIT_CURRENT_PER_ACCELERATION};
+    fill(map, law, memory->cell, config->cells, CGL_MAP_UNIT_CURRENT, config->limit[0]);
+    map->stride = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
+    map->channels = config->channels;
+    map->turns = config->turns;
+    map->parts = ratio * config->parts; /* both within 65535 */
+    map->ratio = units_ratio;
+    for (uint32_t c = 1; c < CGL_MAP_CHANNELS && c < config->channels; ++c) {
+        map->unit[c] = unit[c];
+        map->limit[c] = config->limit[c];
+    }
+    map->learning = &memory->started;
+    return config->kind == CGL_SPACE_MAP ? checked(map) : CGL_MAP_BY_TIME;
+}
+
+CGL_SELDOM cgl_map_result cgl_map_of_space_position(const cgl_space_position_config *config, const cgl_space_position *law,
+                                         cgl_map *map)
+{
+    return of_space_memory(&config->memory, &law->memory, CGL_MAP_LAW_SPACE_POSITION, config->ratio, config->ratio,
+                           map);
+}
+
+CGL_SELDOM cgl_map_result cgl_map_of_space_speed(const cgl_space_speed_config *config, const cgl_space_speed *law, cgl_map *map)
+{
+    return of_space_memory(&config->memory, &law->memory, CGL_MAP_LAW_SPACE_SPEED, config->ratio, 1U, map);
+}
+
+CGL_SELDOM cgl_map_result cgl_map_of_trial(const cgl_trial_config *config, const cgl_trial *law, cgl_map *map)
+{
+    fill(map, CGL_MAP_LAW_TRIAL, law->learned, config->samples, CGL_MAP_UNIT_OF_THE_TRIAL, config->learned_limit);
+    map->turns = map->parts = 0U;
+    return checked(map);
+}

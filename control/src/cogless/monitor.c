@@ -1,0 +1,255 @@
+#include "monitor.h"
+
+#include "angle.h"
+
+/* A rotor that is stuck gets current again when the reference has turned so many times stuck_angle: often enough for a
+ * sensor that is well again, seldom enough for a winding that heats. */
+#define TRY_AGAIN CGL_R(11.0)
+#define PERIODS_MAX CGL_R(1.0e9)
+
+/* The square of a bound, or the largest number where it is not watched. Never infinite: infinity is not plausible. */
+static cgl_real square(cgl_real bound)
+{
+    return bound > CGL_R(0.0) ? cgl_clamp(bound * bound, CGL_REAL_MAX) : CGL_REAL_MAX;
+}
+
+CGL_SELDOM static bool is_time(cgl_real time, cgl_real ts)
+{
+    return cgl_is_not_negative(time) && time / ts <= PERIODS_MAX;
+}
+
+/* Whole periods that are no shorter. */
+CGL_SELDOM static uint32_t periods(cgl_real time, cgl_real ts)
+{
+    const cgl_real exact = cgl_clamp(time / ts, PERIODS_MAX);
+    const uint32_t whole = (uint32_t)exact;
+    /* a thousandth less is rounding */
+    return (cgl_real)whole < exact * CGL_R(0.999) ? whole + 1U : whole;
+}
+
+CGL_SELDOM cgl_error cgl_monitor_init(const cgl_monitor_config *config, cgl_monitor *monitor)
+{
+    if (!(cgl_is_not_negative(config->omega_max) && cgl_is_not_negative(config->angle_step)
+          && cgl_is_not_negative(config->stuck_angle) && cgl_is_not_negative(config->current_max)
+          && cgl_is_not_negative(config->current_sum) && cgl_is_positive(config->ts)
+          && is_time(config->speed_window, config->ts) && is_time(config->bridge, config->ts)
+          && is_time(config->hold, config->ts)
+          && (config->phases == 0U || config->phases == 2U || config->phases == 3U))) {
+        return CGL_ERROR_CONFIG;
+    }
+    cgl_monitor_limits *limits = &monitor->limits;
+    /* two angles are at most half a revolution apart */
+    limits->reach = config->omega_max > CGL_R(0.0)
+                        ? cgl_clamp(config->omega_max * config->ts + config->angle_step, CGL_TWO_PI)
+                        : CGL_TWO_PI;
+    limits->reach_square = limits->reach * limits->reach;
+    limits->speed_square = square(config->omega_max);
+    limits->stuck_square = square(config->stuck_angle);
+    /* three phases: the vector's length is sqrt(2/3) of the root of the squares' sum */
+    limits->current_square = square(config->current_max);
+    if (config->phases == 3U) {
+        limits->current_square = cgl_clamp(CGL_R(1.5) * limits->current_square, CGL_REAL_MAX);
+    }
+    limits->sum_square = square(config->current_sum);
+    limits->window = periods(config->speed_window, config->ts);
+    limits->bridge = periods(config->bridge, config->ts);
+    limits->hold = periods(config->hold, config->ts);
+    cgl_monitor_reset(monitor);
+    return CGL_OK;
+}
+
+CGL_SELDOM void cgl_monitor_reset(cgl_monitor *monitor)
+{
+    monitor->theta_m = monitor->omega_m = monitor->shift = monitor->raw = monitor->still = CGL_R(0.0);
+    monitor->gap = monitor->lost = monitor->blind = monitor->holding = monitor->jumps = 0U;
+    monitor->status = 0U;
+    monitor->started = monitor->known = monitor->trusted = monitor->was_stuck = false;
+    monitor->safe = true;
+}
+
+CGL_SELDOM void cgl_monitor_trust(cgl_monitor *monitor)
+{
+    if (monitor->known) {
+        monitor->shift = CGL_R(0.0);
+        monitor->theta_m = monitor->raw;
+        monitor->gap = monitor->lost = 0U;
+    }
+}
+
+static cgl_real in_turn(cgl_real theta)
+{
+    if (cgl_is_in_turn(theta)) {
+        return theta;
+    }
+    return CGL_TWO_PI * cgl_fraction(theta * (CGL_R(1.0) / CGL_TWO_PI));
+}
+
+/* The short way between two angles within a turn. */
+static cgl_real difference(cgl_real to, cgl_real from)
+{
+    const cgl_real d = to - from;
+    return d > CGL_PI ? d - CGL_TWO_PI : (d < -CGL_PI ? d + CGL_TWO_PI : d);
+}
+
+/* Sum of the squares of the currents that are looked at. */
+static inline cgl_real squares_of(const cgl_monitor_config *config, const cgl_real i[3])
+{
+    const cgl_real two = i[0] * i[0] + i[1] * i[1];
+    return config->phases == 3U ? two + i[2] * i[2] : two;
+}
+
+/* Three phases in a star add up to zero. */
+static inline bool is_sum(const cgl_monitor_config *config, const cgl_monitor_limits *limits, const cgl_real i[3])
+{
+    const cgl_real sum = i[0] + i[1] + i[2];
+    return config->phases != 3U || sum * sum <= limits->sum_square;
+}
+
+/* An ordinary period, in few instructions: nothing was amiss, and nothing is. */
+static inline bool is_ordinary(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
+                               cgl_real omega_ref)
+{
+    const cgl_monitor_limits *limits = &monitor->limits;
+    const cgl_real theta = now->theta_m, omega = now->omega_m;
+    const cgl_real d = theta - monitor->raw;
+    if (!(monitor->trusted && d * d <= limits->reach_square && omega * omega <= limits->speed_square
+          && cgl_is_in_turn(theta))) {
+        return false;
+    }
+    if (config->phases != 0U) {
+        const cgl_real nothing = now->u_dc - now->u_dc; /* or NaN */
+        if (!(now->u_dc > CGL_R(0.0) && is_sum(config, limits, now->i_abc)
+              && squares_of(config, now->i_abc) + nothing <= limits->current_square)) {
+            return false;
+        }
+    }
+    cgl_real still = CGL_R(0.0);
+    if (d == CGL_R(0.0)) {
+        still = monitor->still + omega_ref * config->ts;
+        if (!(still * still <= limits->stuck_square)) {
+            return false;
+        }
+    }
+    monitor->still = still;
+    monitor->theta_m = monitor->raw = theta;
+    monitor->omega_m = omega;
+    return true;
+}
+
+void cgl_monitor_step(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
+                      cgl_real omega_ref)
+{
+    if (!is_ordinary(config, monitor, now, omega_ref)) {
+        cgl_monitor_look(config, monitor, now, omega_ref);
+    }
+}
+
+/* The angles of two periods agree, and the rotor has turned by d between them: where is it, after those that were missing? */
+CGL_SELDOM static void settle(cgl_monitor *monitor, cgl_real theta, cgl_real d)
+{
+    const cgl_real shift = difference(theta, in_turn(monitor->theta_m + d));
+    const cgl_real reach = monitor->limits.reach * (cgl_real)monitor->lost;
+    monitor->shift = cgl_abs(shift) <= reach ? CGL_R(0.0) : shift;
+}
+
+/* How far the reference has turned while the angle stood still; true where that is too far. Who asks for rest starts anew,
+ * and who goes on asking gets another try. */
+CGL_SELDOM static bool is_stuck(const cgl_monitor_config *config, cgl_monitor *monitor, cgl_real d, cgl_real omega_ref)
+{
+    const cgl_real turned = omega_ref * config->ts;
+    if (d < CGL_R(0.0) || d > CGL_R(0.0)) {
+        monitor->still = CGL_R(0.0);
+    } else if (cgl_is_finite(turned)) {
+        monitor->still = cgl_clamp(monitor->still + turned, cgl_clamp(TRY_AGAIN * config->stuck_angle, CGL_REAL_MAX));
+    }
+    if (monitor->still * monitor->still <= monitor->limits.stuck_square) {
+        return false;
+    }
+    const bool again = cgl_abs(monitor->still) >= cgl_clamp(TRY_AGAIN * config->stuck_angle, CGL_REAL_MAX);
+    if (!again && (omega_ref > CGL_R(0.0) || omega_ref < CGL_R(0.0))) {
+        return true;
+    }
+    monitor->holding = again ? 0U : monitor->holding; /* the try must not wait: it is short */
+    monitor->still = CGL_R(0.0);
+    return false;
+}
+
+/* Whether the rotor can have turned by d since the angle changed: by what a period allows, and where the angle stood still
+ * while the reference turned, by about as much, since the sensor may have been what stood. */
+CGL_SELDOM static bool can_be(const cgl_monitor_config *config, const cgl_monitor *monitor, cgl_real d)
+{
+    const cgl_real unseen = config->stuck_angle > CGL_R(0.0) ? CGL_R(2.0) * cgl_abs(monitor->still) : CGL_R(0.0);
+    return monitor->was_stuck || cgl_abs(d) <= monitor->limits.reach + unseen;
+}
+
+/* Angle and speed; returns what to say of them. */
+CGL_SELDOM static unsigned look_at_rotor(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
+                              cgl_real omega_ref)
+{
+    const cgl_monitor_limits *limits = &monitor->limits;
+    const bool is_angle = cgl_is_angle(now->theta_m), is_speed = now->omega_m * now->omega_m <= limits->speed_square;
+    const cgl_real theta = is_angle ? in_turn(now->theta_m) : monitor->raw;
+    const cgl_real d = difference(theta, monitor->raw);
+    const bool two = is_angle && monitor->known, agree = two && can_be(config, monitor, d);
+    bool missing = !is_angle, stuck = false;
+    monitor->raw = theta;
+    monitor->known = is_angle;
+
+    if (!monitor->started) {
+        monitor->started = is_angle;
+        monitor->theta_m = theta;
+    } else if (!agree) {
+        missing = true;
+        monitor->theta_m = in_turn(monitor->theta_m + monitor->omega_m * config->ts); /* the rotor turns on */
+        monitor->blind = limits->window + 1U;
+        monitor->jumps += two && monitor->jumps < UINT32_MAX ? 1U : 0U;
+    } else {
+        if (monitor->gap > 0U) {
+            settle(monitor, theta, d);
+        }
+        monitor->theta_m = in_turn(theta - monitor->shift);
+        if (d * d <= limits->reach_square) {
+            monitor->blind -= monitor->blind > 0U ? 1U : 0U;
+        } else {
+            monitor->blind = limits->window + 1U;
+        }
+        stuck = is_stuck(config, monitor, d, omega_ref);
+        monitor->was_stuck = stuck || (monitor->was_stuck && d * d <= CGL_R(0.0));
+    }
+    if (monitor->blind == 0U) {
+        missing = missing || !is_speed;
+        monitor->omega_m = is_speed ? now->omega_m : monitor->omega_m;
+    }
+    if (missing) {
+        monitor->gap += monitor->gap <= limits->bridge ? 1U : 0U;
+        monitor->lost += monitor->lost < UINT32_MAX ? 1U : 0U;
+    } else if (monitor->gap > 0U) {
+        --monitor->gap;
+        monitor->lost = monitor->gap > 0U ? monitor->lost : 0U;
+    }
+    return (missing ? (unsigned)CGL_STATUS_ANGLE_LOST : 0U) | (stuck ? (unsigned)CGL_STATUS_ANGLE_STUCK : 0U)
+           | (monitor->shift < CGL_R(0.0) || monitor->shift > CGL_R(0.0) ? (unsigned)CGL_STATUS_ANGLE_SHIFTED : 0U);
+}
+
+CGL_SELDOM void cgl_monitor_look(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
+                      cgl_real omega_ref)
+{
+    const cgl_monitor_limits *limits = &monitor->limits;
+    unsigned status = look_at_rotor(config, monitor, now, omega_ref);
+    bool safe = !monitor->started || monitor->gap > limits->bridge || (status & (unsigned)CGL_STATUS_ANGLE_STUCK) != 0U;
+    if (config->phases != 0U) {
+        const bool are_currents =
+            squares_of(config, now->i_abc) <= limits->current_square && is_sum(config, limits, now->i_abc);
+        const bool is_bus = now->u_dc > CGL_R(0.0) && now->u_dc <= CGL_REAL_MAX;
+        status |= (are_currents ? 0U : (unsigned)CGL_STATUS_CURRENT) | (is_bus ? 0U : (unsigned)CGL_STATUS_BUS);
+        safe = safe || !are_currents || !is_bus;
+    }
+    if (safe) {
+        monitor->holding = limits->hold + 1U;
+    } else {
+        monitor->holding -= monitor->holding > 0U ? 1U : 0U;
+    }
+    monitor->safe = monitor->holding > 0U;
+    monitor->status = status | (monitor->safe ? (unsigned)CGL_STATUS_FAULT : 0U);
+    monitor->trusted = monitor->status == 0U && monitor->gap == 0U && monitor->blind == 0U;
+}

@@ -1,0 +1,96 @@
+/* Plausibility of a drive's measurements, looked at once per current-loop period before anything uses them.
+ *
+ * A rotor cannot jump: a step of the angle beyond omega_max ts + angle_step is the sensor's. It is taken out, so that
+ * torque and commutation go on, and learning waits, since a map belongs to its angle, until the angle has jumped back or
+ * cgl_monitor_trust() says that the new one is right. An angle that is missing (not finite, or jumping all the time) is
+ * bridged by the last speed; where more of them than last `bridge` are missing, the output is safe: zero. The first two
+ * angles that agree end a gap, and are right as they are measured if the rotor can have got there since. An angle that
+ * stands still while the reference turns on is stuck: safe output until it moves, the reference stands still too, or it has
+ * turned ten times as far, for another try. An implausible current or bus voltage gives a safe output. A safe output is
+ * held for `hold` after its cause. */
+#ifndef COGLESS_MONITOR_H
+#define COGLESS_MONITOR_H
+
+#include <stdint.h>
+
+#include "real.h"
+#include "status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* A bound of 0 is not watched. What is not finite is never plausible. No time is longer than 1e9 ts. */
+typedef struct {
+    cgl_real omega_max;    /* the rotor never turns faster, mechanical [rad/s], >= 0; default 0 */
+    cgl_real angle_step;   /* resolution of the angle sensor, mechanical [rad], >= 0; default 0 */
+    cgl_real speed_window; /* a measured speed looks back so far, and is not believed so long after a jump [s], >= 0 */
+    cgl_real stuck_angle;  /* the reference has turned so far while the angle stood still: stuck [rad], >= 0; default 0 */
+    cgl_real current_max;  /* the current vector is never longer [A], >= 0; default 0 */
+    cgl_real current_sum;  /* three measured phases: |i_a + i_b + i_c| is not larger [A], >= 0; default 0 */
+    cgl_real bridge;       /* a missing angle is bridged so long [s], >= 0; default 0 */
+    cgl_real hold;         /* a safe output is held so long after its cause [s], >= 0; default 0 */
+    cgl_real ts;           /* period of the calls [s], > 0 */
+    uint32_t phases;       /* measured currents that are looked at: 3, 2, or 0; default 0 */
+} cgl_monitor_config;
+
+typedef struct {
+    cgl_real i_abc[3]; /* measured phase currents [A]; those beyond config.phases are not looked at */
+    cgl_real theta_m;  /* measured mechanical angle [rad], any revolution below CGL_ANGLE_MAX; fastest in [0, 2 pi) */
+    cgl_real omega_m;  /* measured mechanical speed [rad/s] */
+    cgl_real u_dc;     /* bus voltage [V]; not looked at if config.phases is 0 */
+} cgl_measurement;
+
+/* What init makes of a config, so that a step neither divides nor multiplies constants. */
+typedef struct {
+    cgl_real reach;          /* of the rotor in a period [rad] */
+    cgl_real reach_square;   /* [rad^2] */
+    cgl_real speed_square;   /* [rad^2/s^2] */
+    cgl_real stuck_square;   /* [rad^2] */
+    cgl_real current_square; /* of all measured phases together [A^2] */
+    cgl_real sum_square;     /* [A^2] */
+    uint32_t window, bridge, hold; /* periods */
+} cgl_monitor_limits;
+
+typedef struct {
+    cgl_monitor_limits limits;
+    cgl_real theta_m;    /* to be used: plausible, without the jumps, in [0, 2 pi) [rad] */
+    cgl_real omega_m;    /* to be used [rad/s] */
+    cgl_real shift;      /* of the sensor by its jumps, in [-pi, pi] [rad] */
+    cgl_real raw;        /* the last measured angle, in [0, 2 pi) [rad] */
+    cgl_real still;      /* the reference has turned so far since the angle moved [rad] */
+    uint32_t gap;        /* angles that are missing: one more with each, one less with each that agrees with the last */
+    uint32_t lost;       /* periods without an angle since there was no gap */
+    uint32_t blind;      /* periods for which the measured speed is not believed yet */
+    uint32_t holding;    /* periods for which the output still is safe */
+    uint32_t jumps;      /* since init or reset, there, back and for one period only; stays at its largest value */
+    unsigned status;     /* CGL_STATUS_ bits of the last step */
+    bool was_stuck;      /* said so since the angle moved: it comes back anywhere */
+    bool started;        /* theta_m is valid */
+    bool known;          /* raw is of the last period */
+    bool safe;           /* the output must be zero: no torque is possible that one could trust */
+    bool trusted;        /* nothing stands against learning */
+} cgl_monitor;
+
+cgl_error cgl_monitor_init(const cgl_monitor_config *config, cgl_monitor *monitor);
+
+/* Forgets the past: the next angle is right, and the output safe until there is one. */
+void cgl_monitor_reset(cgl_monitor *monitor);
+
+/* Looks at the measurements of this period; omega_ref [rad/s] is what the rotor is asked for. Fills theta_m, omega_m,
+ * safe, trusted and status, whatever comes in. */
+void cgl_monitor_step(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
+                      cgl_real omega_ref);
+
+/* The same by the long way: step takes a short one where nothing was, and nothing is, amiss. */
+void cgl_monitor_look(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
+                      cgl_real omega_ref);
+
+/* The measured angle is right as it is now, after a homing run say: jumps are forgotten. */
+void cgl_monitor_trust(cgl_monitor *monitor);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

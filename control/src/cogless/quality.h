@@ -1,0 +1,66 @@
+/* How good learning is, read at run time: the residual ripple over a turn of the rotor, how far it has come down, whether
+ * it still comes down; and which errors are so far from the usual that nothing should be learned from them.
+ *
+ * A window ends when the rotor has turned by `span`, either way, or after `longest`. An outlier counts in its window, so
+ * that what stays is usual after a window. */
+#ifndef COGLESS_QUALITY_H
+#define COGLESS_QUALITY_H
+
+#include <stdint.h>
+
+#include "real.h"
+#include "status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    cgl_real span;    /* of a window, mechanical [rad], > 0; default 2 pi */
+    cgl_real longest; /* a window ends after this time in any case [s], ts to 1e9 ts; default 60 */
+    cgl_real outlier; /* an error beyond so many times the usual, root mean square, is an outlier [-], >= 1; 0: none;
+                         default 0 */
+    cgl_real floor;   /* but for errors below this [unit of the error], >= 0; default 0 */
+    cgl_real ts;      /* period of the calls [s], > 0 */
+} cgl_quality_config;
+
+typedef struct {
+    cgl_real sum, sum_of_squares; /* of the errors in this window */
+    cgl_real turned;              /* sum of the speeds in this window [rad/s] */
+    cgl_real turned_square;       /* that ends a window [rad^2/s^2] */
+    cgl_real usual_square;        /* an error whose square is larger is an outlier [unit^2] */
+    cgl_real ripple;              /* of the last whole window: variance of the error [unit^2] */
+    cgl_real before;              /* ripple of the last whole window before something was learned, or of the first [unit^2] */
+    cgl_real trend;               /* relative change of the ripple from window to window, smoothed over some, -1 to 1 */
+    uint32_t longest;             /* samples in a window at most */
+    uint32_t left;                /* samples until this window ends in any case */
+    uint32_t missing;             /* samples of this window that were not finite */
+    uint32_t windows;             /* whole ones; stays at its largest value */
+    bool learned;                 /* something, in this window */
+    bool began;                   /* learning, in a whole window */
+} cgl_quality;
+
+typedef struct {
+    cgl_real residual; /* standard deviation of the error over the last window [unit of the error]; 0 before the first */
+    cgl_real progress; /* 1 - residual / the one at the start of learning: 0 nothing yet, 1 all gone, < 0 worse [-] */
+    bool known;        /* there is a whole window */
+    bool improving;    /* the residual still comes down, by more than 2 % a window on average */
+    bool worsening;    /* it goes up, by more than 2 % a window on average */
+} cgl_quality_report;
+
+cgl_error cgl_quality_init(const cgl_quality_config *config, cgl_quality *quality);
+void cgl_quality_reset(cgl_quality *quality);
+
+/* One sample: the error, the mechanical speed [rad/s], and whether it teaches something. What is not finite, or above
+ * 1e14, counts for nothing. Returns true where the error is an outlier. */
+bool cgl_quality_step(const cgl_quality_config *config, cgl_quality *quality, cgl_real error, cgl_real omega_m,
+                      bool learning);
+
+/* For a background task: takes two square roots. */
+cgl_quality_report cgl_quality_read(const cgl_quality *quality);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,520 @@
+#include "stored_maps.h"
+
+#include <string.h>
+
+#include "check.h"
+#include "cogless/crc32.h"
+#include "flash.h"
+
+#define ENTRIES 1024U
+#define UNTOUCHED CGL_R(0.375)
+#define MOTOR 0x1234ABCDU
+
+/* A map over a third of a revolution, in the caller's memory with a row longer than the cells. */
+typedef struct {
+    cgl_real memory[ENTRIES + 16U];
+    cgl_map map;
+} owner;
+
+static void make(owner *o, uint32_t channels, uint32_t cells)
+{
+    const cgl_map map = {o->memory, cells + 3U, cells, channels, 1U, 3U, 1U, CGL_MAP_LAW_SPACE_SPEED,
+                         {CGL_MAP_UNIT_CURRENT, CGL_MAP_UNIT_CURRENT_PER_SPEED, CGL_MAP_UNIT_CURRENT_PER_ACCELERATION},
+                         {CGL_R(1.0), CGL_R(2.0), CGL_R(4.0)}, NULL};
+    o->map = map;
+    for (uint32_t n = 0; n < ENTRIES + 16U; ++n) {
+        o->memory[n] = UNTOUCHED;
+    }
+}
+
+/* Entries that tell of which map they are: multiples of 2^-20, so the same in float and double. */
+static cgl_real entry_of(uint32_t which, uint32_t n)
+{
+    return (cgl_real)((which * 7919U + n * 104729U) % 2000001U) / CGL_R(1048576.0) * CGL_R(0.5) - CGL_R(0.25);
+}
+
+static cgl_real *at(const owner *o, uint32_t n)
+{
+    return o->map.entry + n / o->map.cells * o->map.stride + n % o->map.cells;
+}
+
+static void learn(owner *o, uint32_t which)
+{
+    for (uint32_t n = 0; n < o->map.channels * o->map.cells; ++n) {
+        *at(o, n) = entry_of(which, n);
+    }
+}
+
+static bool knows(const owner *o, uint32_t which)
+{
+    bool all = true;
+    for (uint32_t n = 0; n < o->map.channels * o->map.cells; ++n) {
+        const cgl_real wanted = entry_of(which, n);
+        all = all && *at(o, n) >= wanted && *at(o, n) <= wanted;
+    }
+    return all;
+}
+
+static bool is_untouched(const owner *o)
+{
+    bool all = true;
+    for (uint32_t n = 0; n < ENTRIES + 16U; ++n) {
+        all = all && o->memory[n] >= UNTOUCHED && o->memory[n] <= UNTOUCHED;
+    }
+    return all;
+}
+
+static uint8_t buffer[256];
+
+static cgl_map_store started(const cgl_map_store_config *config)
+{
+    cgl_map_store store;
+    const uint32_t least = config->write_size > CGL_MAP_BUFFER_MIN ? config->write_size : CGL_MAP_BUFFER_MIN;
+    CHECK(cgl_map_store_init(config, &store, buffer, least - 1U) == CGL_ERROR_MEMORY);
+    CHECK(cgl_map_store_init(config, &store, buffer, sizeof buffer) == CGL_OK);
+    return store;
+}
+
+static cgl_map_result save(const cgl_map_store_config *config, cgl_map_store *store, const owner *o)
+{
+    cgl_map_result result = cgl_map_store_begin(config, store, &o->map);
+    while (result == CGL_MAP_OK && (result = cgl_map_store_step(config, store)) == CGL_MAP_BUSY) {
+        result = CGL_MAP_OK;
+    }
+    CHECK(cgl_map_store_step(config, store) == result);
+    return result;
+}
+
+/* What a processor that starts anew finds: into a fresh owner of the same shape. */
+static cgl_map_result load(const cgl_map_store_config *config, const owner *like, owner *found)
+{
+    cgl_map_store store = started(config);
+    make(found, like->map.channels, like->map.cells);
+    return cgl_map_store_load(config, &store, &found->map);
+}
+
+static cgl_map_result load_alike(const cgl_map_store_config *config, const cgl_map *map, owner *found)
+{
+    cgl_map_store store = started(config);
+    make(found, map->channels, map->cells);
+    found->map = *map;
+    found->map.entry = found->memory;
+    return cgl_map_store_load(config, &store, &found->map);
+}
+
+static void save_and_expect(const cgl_map_store_config *config, owner *o, uint32_t which)
+{
+    owner found;
+    cgl_map_store store = started(config);
+    learn(o, which);
+    CHECK(save(config, &store, o) == CGL_MAP_OK);
+    CHECK(load(config, o, &found) == CGL_MAP_OK && knows(&found, which));
+}
+
+/* ---- power lost at every byte ---- */
+
+static void lose_power(uint32_t channels, uint32_t cells, uint32_t write_size, erase_manner manner, uint32_t before)
+{
+    static flash all, start;
+    owner o, found;
+    make(&o, channels, cells);
+    flash_clear(&start, write_size);
+    start.manner = manner;
+    const uint32_t stored = CGL_MAP_STORED_LENGTH(channels, cells, write_size);
+    start.size = stored + 16U;
+    if (manner == ERASE_NOISE || manner == ERASE_NOTHING) { /* new from the shop: anything */
+        for (uint32_t n = 0; n < FLASH_SLOT; ++n) {
+            start.byte[0][n] = (uint8_t)random_bits();
+            start.byte[1][n] = (uint8_t)random_bits();
+        }
+    }
+    for (uint32_t which = 1; which <= before; ++which) {
+        const cgl_map_store_config config = flash_config(&start, MOTOR);
+        save_and_expect(&config, &o, which);
+    }
+    all = start;
+    const cgl_map_store_config config = flash_config(&all, MOTOR);
+    const uint32_t mark = CGL_MAP_ROUND_UP(CGL_MAP_MARK, write_size);
+    const uint32_t whole = stored + (manner == ERASE_NOTHING ? 0U : start.size);
+    uint32_t old = 0U;
+    for (uint32_t power = 0; power <= whole; ++power) {
+        all = start;
+        all.power = power;
+        cgl_map_store store = started(&config);
+        learn(&o, before + 1U);
+        const cgl_map_result result = save(&config, &store, &o);
+        all.power = 0xFFFFFFFFU;
+        const cgl_map_result loaded = load(&config, &o, &found);
+        if (loaded == CGL_MAP_OK && knows(&found, before + 1U)) {
+            CHECK(power > whole - mark); /* its last bytes may have been there before */
+        } else {
+            ++old;
+            CHECK(power < whole && result != CGL_MAP_OK);
+            CHECK(before > 0U ? loaded == CGL_MAP_OK && knows(&found, before)
+                              : (loaded == CGL_MAP_NONE || loaded == CGL_MAP_DAMAGED) && is_untouched(&found));
+        }
+        save_and_expect(&config, &o, before + 2U); /* and life goes on */
+    }
+    CHECK(old > whole - mark);
+}
+
+static void lose_power_anywhere(void)
+{
+    static const uint32_t sizes[][2] = {{1, 4}, {1, 5}, {3, 4}, {2, 33}, {3, 100}};
+    for (uint32_t n = 0; n < sizeof sizes / sizeof sizes[0]; ++n) {
+        for (uint32_t before = 0; before < 3U; ++before) { /* maps in none of the slots, in one, in both */
+            lose_power(sizes[n][0], sizes[n][1], 1U << random_below(6), (erase_manner)random_below(4), before);
+        }
+    }
+    for (uint32_t write_size = 1; write_size <= 256U; write_size *= 2U) {
+        lose_power(1U, 30U, write_size, (erase_manner)(write_size % 3U), 2U);
+        lose_power(2U, 9U, write_size, ERASE_NOTHING, 1U + write_size % 2U);
+    }
+    lose_power(1U, 1024U, 16U, ERASE_NOISE, 2U);
+}
+
+/* ---- a stored map in which anything has changed ---- */
+
+static void flip_every_bit(uint32_t channels, uint32_t cells, uint32_t write_size)
+{
+    static flash all;
+    owner o, found;
+    flash_clear(&all, write_size);
+    const cgl_map_store_config config = flash_config(&all, MOTOR);
+    make(&o, channels, cells);
+    save_and_expect(&config, &o, 1U);
+    for (uint32_t bit = 0; bit < 8U * CGL_MAP_STORED_LENGTH(channels, cells, write_size); ++bit) {
+        uint8_t *byte = &all.byte[0][bit / 8U];
+        *byte = (uint8_t)(*byte ^ 1U << bit % 8U);
+        const cgl_map_result result = load(&config, &o, &found);
+        CHECK(result == (bit < 32U ? CGL_MAP_NONE : CGL_MAP_DAMAGED) && is_untouched(&found));
+        *byte = (uint8_t)(*byte ^ 1U << bit % 8U);
+    }
+    CHECK(load(&config, &o, &found) == CGL_MAP_OK && knows(&found, 1U));
+}
+
+/* A damaged newer map gives way to the older one. */
+static void fall_back(void)
+{
+    static flash all;
+    owner o, found;
+    flash_clear(&all, 8U);
+    const cgl_map_store_config config = flash_config(&all, MOTOR);
+    make(&o, 1U, 50U);
+    save_and_expect(&config, &o, 1U);
+    save_and_expect(&config, &o, 2U);
+    all.byte[1][100] ^= 4U;
+    CHECK(load(&config, &o, &found) == CGL_MAP_OK && knows(&found, 1U));
+    save_and_expect(&config, &o, 3U);
+    CHECK(all.byte[0][8] == 1U && all.byte[1][8] == 2U); /* in the place of the damaged one */
+}
+
+/* ---- reasons ---- */
+
+static void set_header(flash *all, uint32_t slot, uint32_t place, uint32_t count, uint32_t value)
+{
+    uint8_t *header = all->byte[slot];
+    const uint32_t end = FLASH_SLOT; /* the mark follows the header's CRC: found by its second half */
+    for (uint32_t n = 0; n < count; ++n) {
+        header[place + n] = (uint8_t)(value >> 8U * n);
+    }
+    const uint32_t crc = cgl_crc32(0U, header, CGL_MAP_HEADER - 4U);
+    uint32_t mark = CGL_MAP_HEADER;
+    while (mark + 8U < end && memcmp(header + mark + 4U, "DONE", 4U) != 0) {
+        ++mark;
+    }
+    for (uint32_t n = 0; n < 4U; ++n) {
+        header[60U + n] = (uint8_t)(crc >> 8U * n);
+        header[mark + n] = (uint8_t)(~crc >> 8U * n);
+    }
+}
+
+static void refuse_with_reason(void)
+{
+    static flash all, good;
+    owner o, found;
+    flash_clear(&all, 4U);
+    cgl_map_store_config config = flash_config(&all, MOTOR);
+    make(&o, 2U, 20U);
+    CHECK(load(&config, &o, &found) == CGL_MAP_NONE);
+    save_and_expect(&config, &o, 1U);
+    good = all;
+
+    config.motor = MOTOR + 1U;
+    CHECK(load(&config, &o, &found) == CGL_MAP_OTHER_MOTOR && is_untouched(&found));
+    config.motor = MOTOR;
+    config.motion = 1U;
+    CHECK(load(&config, &o, &found) == CGL_MAP_OTHER_MOTION && is_untouched(&found));
+    config.motion = 0U;
+    set_header(&all, 0U, 4U, 2U, 2U);
+    CHECK(load(&config, &o, &found) == CGL_MAP_OTHER_VERSION && is_untouched(&found));
+    all = good;
+    all.broken = true;
+    CHECK(load(&config, &o, &found) == CGL_MAP_FLASH_FAILED && is_untouched(&found));
+    all = good;
+
+    cgl_map other = o.map;
+    other.cells = 19U;
+    CHECK(load_alike(&config, &other, &found) == CGL_MAP_OTHER_LAYOUT && is_untouched(&found));
+    other = o.map;
+    other.channels = 1U;
+    CHECK(load_alike(&config, &other, &found) == CGL_MAP_OTHER_LAYOUT && is_untouched(&found));
+    other = o.map;
+    other.parts = 4U;
+    CHECK(load_alike(&config, &other, &found) == CGL_MAP_OTHER_LAYOUT && is_untouched(&found));
+    other = o.map;
+    other.turns = other.parts = 0U;
+    CHECK(load_alike(&config, &other, &found) == CGL_MAP_OTHER_LAYOUT && is_untouched(&found));
+    other = o.map;
+    other.ratio = 2U;
+    CHECK(load_alike(&config, &other, &found) == CGL_MAP_OTHER_LAYOUT && is_untouched(&found));
+    other = o.map;
+    other.unit[1] = CGL_MAP_UNIT_ACCELERATION;
+    CHECK(load_alike(&config, &other, &found) == CGL_MAP_OTHER_LAYOUT && is_untouched(&found));
+    other = o.map;
+    other.limit[0] = CGL_R(0.1);
+    CHECK(load_alike(&config, &other, &found) == CGL_MAP_BAD_VALUE && is_untouched(&found));
+    other = o.map;
+    other.turns = 2U; /* the same period, in other words */
+    other.parts = 6U;
+    other.law = CGL_MAP_LAW_PI_ILC; /* and who learned it is of no matter */
+    CHECK(load_alike(&config, &other, &found) == CGL_MAP_OK && knows(&found, 1U));
+    other.limit[1] = CGL_R(0.0);
+    CHECK(load_alike(&config, &other, &found) == CGL_MAP_INVALID && is_untouched(&found));
+
+    const bool learning = true;
+    other = o.map;
+    other.learning = &learning;
+    CHECK(load_alike(&config, &other, &found) == CGL_MAP_LEARNING && is_untouched(&found));
+    cgl_map_store store = started(&config);
+    CHECK(cgl_map_store_begin(&config, &store, &other) == CGL_MAP_LEARNING);
+    CHECK(cgl_map_store_step(&config, &store) == CGL_MAP_LEARNING);
+    config.slot_size = CGL_MAP_STORED_LENGTH(2U, 20U, 4U);
+    CHECK(cgl_map_store_begin(&config, &store, &o.map) == CGL_MAP_OK);
+    config.slot_size -= 4U;
+    CHECK(cgl_map_store_begin(&config, &store, &o.map) == CGL_MAP_NO_ROOM);
+    CHECK(load(&config, &o, &found) == CGL_MAP_DAMAGED); /* cut short */
+}
+
+static void refuse_numbers(void)
+{
+    static const uint32_t bad[] = {0x7F800000U, 0xFF800000U, 0x7FC00000U, 0xFFFFFFFFU, 0x7F800001U, 0x3F800001U, 0xBF800001U};
+    static flash all;
+    owner o, found;
+    flash_clear(&all, 4U);
+    const cgl_map_store_config config = flash_config(&all, MOTOR);
+    make(&o, 1U, 10U);
+    save_and_expect(&config, &o, 1U);
+    for (uint32_t n = 0; n < sizeof bad / sizeof bad[0]; ++n) {
+        for (uint32_t byte = 0; byte < 4U; ++byte) {
+            all.byte[0][CGL_MAP_HEADER + 36U + byte] = (uint8_t)(bad[n] >> 8U * byte);
+        }
+        CHECK(load(&config, &o, &found) == CGL_MAP_DAMAGED);
+        set_header(&all, 0U, 56U, 4U, cgl_crc32(0U, all.byte[0] + CGL_MAP_HEADER, 40U));
+        CHECK(load(&config, &o, &found) == CGL_MAP_BAD_VALUE && is_untouched(&found));
+    }
+}
+
+static void refuse_configs(void)
+{
+    static flash all;
+    flash_clear(&all, 4U);
+    const cgl_map_store_config good = flash_config(&all, MOTOR);
+    cgl_map_store store;
+    CHECK(cgl_map_store_init(&good, &store, NULL, 64U) == CGL_ERROR_MEMORY);
+    for (uint32_t field = 0; field < 7U; ++field) {
+        cgl_map_store_config config = good;
+        config.erase = field == 0U ? NULL : config.erase;
+        config.write = field == 1U ? NULL : config.write;
+        config.read = field == 2U ? NULL : config.read;
+        config.write_size = field == 3U ? 0U : (field == 4U ? 24U : (field == 5U ? 512U : config.write_size));
+        config.slot_size = field == 6U ? CGL_MAP_HEADER : config.slot_size;
+        CHECK(cgl_map_store_init(&config, &store, buffer, sizeof buffer) == CGL_ERROR_CONFIG);
+    }
+}
+
+/* ---- saving ---- */
+
+/* Number n in the slots, then the next: the newer one is found, over the end of the numbers too. */
+static void number_saves(void)
+{
+    static const uint32_t numbers[] = {1U, 0x7FFFFFFEU, 0x7FFFFFFFU, 0x80000000U, 0xFFFFFFFEU, 0xFFFFFFFFU};
+    static flash all;
+    owner o, found;
+    for (uint32_t n = 0; n < sizeof numbers / sizeof numbers[0]; ++n) {
+        flash_clear(&all, 8U);
+        const cgl_map_store_config config = flash_config(&all, MOTOR);
+        make(&o, 1U, 12U);
+        save_and_expect(&config, &o, 1U);
+        set_header(&all, 0U, 8U, 4U, numbers[n]);
+        for (uint32_t which = 2; which < 6U; ++which) {
+            save_and_expect(&config, &o, which);
+        }
+        CHECK(load(&config, &o, &found) == CGL_MAP_OK && knows(&found, 5U));
+        set_header(&all, 0U, 8U, 4U, numbers[n]); /* map 5 */
+        for (uint32_t other = 0; other < sizeof numbers / sizeof numbers[0]; ++other) {
+            set_header(&all, 1U, 8U, 4U, numbers[other]); /* map 4 */
+            const uint32_t newer = (int32_t)(numbers[other] - numbers[n]) > 0 ? 4U : 5U;
+            CHECK(load(&config, &o, &found) == CGL_MAP_OK && knows(&found, newer));
+        }
+    }
+}
+
+/* A map of another motor is written over before the last one of this. */
+static void spare_the_own(void)
+{
+    static flash all;
+    owner o, found;
+    flash_clear(&all, 8U);
+    const cgl_map_store_config own = flash_config(&all, MOTOR), other = flash_config(&all, 99U);
+    make(&o, 1U, 12U);
+    save_and_expect(&own, &o, 1U);
+    save_and_expect(&own, &o, 2U);
+    save_and_expect(&other, &o, 3U); /* into slot 0: neither fits */
+    CHECK(load(&own, &o, &found) == CGL_MAP_OK && knows(&found, 2U));
+    all.power = 100U;
+    cgl_map_store store = started(&own);
+    learn(&o, 4U);
+    CHECK(save(&own, &store, &o) == CGL_MAP_FLASH_FAILED);
+    all.power = 0xFFFFFFFFU;
+    CHECK(load(&own, &o, &found) == CGL_MAP_OK && knows(&found, 2U));
+}
+
+/* The same entries are not written again; flash that waits is waited for; a failure is told. */
+static void spare_the_flash(void)
+{
+    static flash all, before;
+    owner o, found;
+    flash_clear(&all, 8U);
+    all.slow = true;
+    const cgl_map_store_config config = flash_config(&all, MOTOR);
+    make(&o, 3U, 40U);
+    save_and_expect(&config, &o, 1U);
+    save_and_expect(&config, &o, 2U);
+    CHECK(all.erases == 2U);
+    before = all;
+    save_and_expect(&config, &o, 2U);
+    CHECK(memcmp(&before.byte, &all.byte, sizeof all.byte) == 0 && all.erases == 2U && all.writes == before.writes);
+
+    all.broken = true;
+    cgl_map_store store = started(&config);
+    learn(&o, 3U);
+    CHECK(save(&config, &store, &o) == CGL_MAP_FLASH_FAILED);
+    CHECK(all.erases == 2U); /* nothing is written where nothing can be seen */
+    all.broken = false;
+    CHECK(load(&config, &o, &found) == CGL_MAP_OK && knows(&found, 2U));
+}
+
+/* Flash that is locked has a whole map in the slot already, perhaps with the very entries: still it is not the new one. */
+static void notice_locked_flash(void)
+{
+    static flash all;
+    owner o, found;
+    flash_clear(&all, 8U);
+    const cgl_map_store_config config = flash_config(&all, MOTOR);
+    make(&o, 1U, 12U);
+    save_and_expect(&config, &o, 1U);
+    save_and_expect(&config, &o, 2U);
+    all.locked = true;
+    for (uint32_t which = 1; which < 4U; which += 2U) {
+        cgl_map_store store = started(&config);
+        learn(&o, which);
+        CHECK(save(&config, &store, &o) == CGL_MAP_FLASH_FAILED);
+        CHECK(load(&config, &o, &found) == CGL_MAP_OK && knows(&found, 2U));
+    }
+}
+
+/* A law that learns while its map is saved: the old map stays, whenever the entry changed. */
+static void change_meanwhile(void)
+{
+    static flash all, start;
+    owner o, found;
+    flash_clear(&start, 8U);
+    make(&o, 2U, 15U);
+    cgl_map_store_config config = flash_config(&start, MOTOR);
+    save_and_expect(&config, &o, 1U);
+    config.context = &all;
+    bool ended = false;
+    for (uint32_t change = 0; !ended; ++change) {
+        all = start;
+        cgl_map_store store;
+        CHECK(cgl_map_store_init(&config, &store, buffer, 8U) == CGL_OK);
+        learn(&o, 2U);
+        CHECK(cgl_map_store_begin(&config, &store, &o.map) == CGL_MAP_OK);
+        cgl_map_result result = CGL_MAP_BUSY;
+        ended = true;
+        for (uint32_t step = 0; result == CGL_MAP_BUSY; ++step) {
+            if (step == change) {
+                learn(&o, 3U);
+                ended = false;
+            }
+            result = cgl_map_store_step(&config, &store);
+        }
+        CHECK(result == CGL_MAP_OK || result == CGL_MAP_CHANGED);
+        CHECK(load(&config, &o, &found) == CGL_MAP_OK);
+        CHECK(result == CGL_MAP_CHANGED ? knows(&found, 1U) : knows(&found, 2U) || knows(&found, 3U));
+    }
+}
+
+/* ---- anything at all ---- */
+
+static void random_slot(flash *all, uint32_t slot)
+{
+    for (uint32_t n = 0; n < 400U; ++n) {
+        all->byte[slot][n] = (uint8_t)random_bits();
+    }
+    if (random_below(4) != 0U) { /* what a reader looks at next */
+        memcpy(all->byte[slot], "CGLM\1\0\100\0", 8U);
+        set_header(all, slot, 8U, 0U, 0U);
+    }
+}
+
+void random_flash(long tries)
+{
+    static flash all;
+    owner o, found;
+    for (long n = 0; n < tries; ++n) {
+        flash_clear(&all, 1U << random_below(9));
+        const cgl_map_store_config config = flash_config(&all, MOTOR);
+        make(&o, 1U + random_below(3), 1U + random_below(40));
+        o.map.turns = random_below(2) ? random_bits() : 1U;
+        o.map.parts = o.map.turns != 0U ? 1U + random_below(7) : 0U;
+        cgl_map_store store = started(&config);
+        learn(&o, (uint32_t)n);
+        CHECK(save(&config, &store, &o) == CGL_MAP_OK);
+        CHECK(load_alike(&config, &o.map, &found) == CGL_MAP_OK && knows(&found, (uint32_t)n));
+        if (random_below(2) != 0U) {
+            random_slot(&all, random_below(2));
+        }
+        for (uint32_t count = random_below(4); count > 0U; --count) { /* fields of any kind under a CRC that is right */
+            set_header(&all, random_below(2), 4U + random_below(53), 1U + random_below(4), random_bits() >> random_below(32));
+        }
+        for (uint32_t count = random_below(3); count > 0U; --count) {
+            all.byte[0][64U + random_below(160)] = (uint8_t)random_bits();
+        }
+        const cgl_map_result result = load_alike(&config, &o.map, &found);
+        CHECK(result == CGL_MAP_OK ? knows(&found, (uint32_t)n) : is_untouched(&found));
+        learn(&o, (uint32_t)n + 1U);
+        CHECK(save(&config, &store, &o) == CGL_MAP_OK); /* whatever was there before */
+        CHECK(load_alike(&config, &o.map, &found) == CGL_MAP_OK && knows(&found, (uint32_t)n + 1U));
+    }
+}
+
+void stored_maps(void)
+{
+    CHECK(cgl_crc32(0U, (const uint8_t *)"123456789", 9U) == 0xCBF43926U);
+    refuse_configs();
+    refuse_with_reason();
+    refuse_numbers();
+    number_saves();
+    spare_the_own();
+    spare_the_flash();
+    notice_locked_flash();
+    change_meanwhile();
+    fall_back();
+    flip_every_bit(1U, 4U, 1U);
+    flip_every_bit(3U, 25U, 16U);
+    flip_every_bit(2U, 7U, 256U);
+    flip_every_bit(1U, 300U, 8U);
+    lose_power_anywhere();
+}
