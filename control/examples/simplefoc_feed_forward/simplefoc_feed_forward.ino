@@ -1,0 +1,104 @@
+// Learns the torque ripple of a motor that SimpleFOC controls, as a feed-forward current beside its own speed control.
+//
+// SimpleFOC's loop stays as it is. What remains of the speed error at each angle of the rotor is learned and added to
+// the current that its velocity PID asks for: motor.feed_forward_current.q. Needs SimpleFOC 2.4 or newer, torque control
+// by currents (foc_current, dc_current or estimated_current).
+#include <SimpleFOC.h>
+#include <cogless.h>
+
+enum { CELLS = 512, Q_HALF_WIDTH = 1, LEARN_RATE = 1000 };  // Hz
+
+// your motor, driver and sensor
+BLDCMotor motor(7);
+BLDCDriver3PWM driver(9, 5, 6, 8);
+MagneticSensorI2C sensor(AS5600_I2C);
+
+static cgl_drive_config drive_config;
+static cgl_pi_ilc_config law_config;
+static cgl_real map_of_ripple[CGL_MEMORY_LENGTH(CELLS, Q_HALF_WIDTH)];
+static cgl_pi_ilc law;
+static cgl_drive drive;
+static bool learns;
+
+// Whether cogless takes the configs; where it does not, the motor runs as without it.
+static bool start_learning()
+{
+    const float ts = 1.0f / LEARN_RATE;
+    drive_config.pole_pairs = motor.pole_pairs;
+    drive_config.divider = 1;
+    drive_config.foreign = true;                   // SimpleFOC controls the currents
+    drive_config.monitor.ts = ts;
+    drive_config.monitor.omega_max = 300.0f;       // rad/s; faster is a jump of the sensor
+    drive_config.monitor.angle_step = 0.0015f;     // rad; 12 bits
+    drive_config.monitor.speed_window = 0.01f;     // s; twice the time constant of SimpleFOC's speed filter
+    drive_config.monitor.stuck_angle = 0.5f;       // rad
+    drive_config.monitor.bridge = 0.005f;          // s
+    drive_config.monitor.hold = 0.01f;             // s
+    drive_config.quality.span = CGL_TWO_PI;        // rad; a turn
+    drive_config.quality.longest = 60.0f;          // s
+    drive_config.quality.outlier = 4.0f;           // a knock teaches nothing
+    drive_config.quality.floor = 0.5f;             // rad/s
+    drive_config.quality.ts = ts;
+
+    law_config.pi.kp = 0.0f;                       // the speed PID is SimpleFOC's
+    law_config.pi.ki = 0.0f;
+    law_config.pi.ts = ts;
+    law_config.pi.limit = 0.3f * motor.current_limit;
+    law_config.gain = 0.3f * motor.PID_velocity.P; // A s/rad
+    law_config.memory.kind = CGL_MEMORY_ANGLE;
+    law_config.memory.cells = CELLS;
+    law_config.memory.periods_per_rev = 1;
+    law_config.memory.q_half_width = Q_HALF_WIDTH;
+    law_config.memory.lead = 3;                    // ms until the speed filter has seen a current's effect
+    law_config.memory.forgetting = 1.0f;
+    law_config.memory.limit = 0.3f * motor.current_limit;
+    law_config.memory.ts = ts;
+    return cgl_drive_init(&drive_config, &drive) == CGL_OK
+           && cgl_pi_ilc_init(&law_config, &law, map_of_ripple, sizeof map_of_ripple / sizeof map_of_ripple[0]) == CGL_OK;
+}
+
+// Once per LEARN_RATE: the current to add, A.
+static float learned_current()
+{
+    cgl_measurement now = {};
+    cgl_reference reference = {};
+    cgl_drive_output out;
+    now.theta_m = sensor.getMechanicalAngle();
+    now.omega_m = motor.shaft_velocity;
+    reference.omega_ref = motor.target;
+    reference.learn = motor.enabled != 0;
+    if (cgl_drive_measure(&drive_config, &drive, &now, &reference)) {
+        cgl_pi_ilc_step(&law_config, &law, &drive.in, &drive.command);
+    }
+    cgl_drive_actuate(&drive_config, &drive, &out);
+    return out.i_q_ref;
+}
+
+void setup()
+{
+    sensor.init();
+    motor.linkSensor(&sensor);
+    driver.voltage_power_supply = 12;
+    driver.init();
+    motor.linkDriver(&driver);
+    motor.torque_controller = TorqueControlType::estimated_current;
+    motor.controller = MotionControlType::velocity;
+    motor.current_limit = 2.0f;
+    motor.init();
+    motor.initFOC();
+    motor.target = 6.28f;  // rad/s
+    learns = start_learning();
+}
+
+void loop()
+{
+    static unsigned long next = 0;
+    motor.loopFOC();
+    if ((long)(micros() - next) >= 0) {
+        next += 1000000UL / LEARN_RATE;
+        if (learns) {
+            motor.feed_forward_current.q = learned_current();
+        }
+    }
+    motor.move();
+}

@@ -1,0 +1,42 @@
+#include "cogless/space_speed.h"
+#include "memories.h"
+
+static cgl_space_speed_config config;
+static cgl_space_speed law;
+static cgl_real *cell;
+static bool good;
+
+bool law_begin(feed *from)
+{
+    config.k = feed_gain(from, CGL_R(5.0));
+    config.mu_alpha = feed_gain(from, CGL_R(250.0));
+    config.mu_beta = feed_gain(from, CGL_R(0.1));
+    config.mu_h = feed_gain(from, CGL_R(0.1));
+    config.eta_bar = feed_gain(from, CGL_R(30.0));
+    config.omega_min = feed_gain(from, CGL_R(1.0));
+    config.limit = feed_gain(from, CGL_R(5.0));
+    config.ratio = 1U + (feed_bool(from) ? 0U : feed_below(from, 65535U));
+    config.memory = feed_space_memory(from);
+    cell = borrow(space_length(&config.memory));
+    good = cgl_space_speed_init(&config, &law, cell, space_length(&config.memory)) == CGL_OK;
+    return good;
+}
+
+void law_step(const cgl_law_input *in, cgl_law_output *out) { cgl_space_speed_step(&config, &law, in, out); }
+void law_reset(void) { cgl_space_speed_reset(&config, &law); }
+void law_other(feed *from) { (void)from; }
+cgl_real law_limit(void) { return config.limit; }
+
+void law_end(void)
+{
+    if (good) {
+        check_space_entries(&config.memory, cell);
+    }
+    free(cell);
+}
+
+const cgl_real *law_learned(uint32_t *entries)
+{
+    *entries = space_frozen_length(&config.memory, &law.memory);
+    return cell;
+}

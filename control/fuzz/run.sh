@@ -1,0 +1,50 @@
+#!/bin/sh
+# Fuzzes the map loader and every controller: control/fuzz/run.sh [RUNS] [JOBS]. RUNS executions of each, a few thousand
+# by default; JOBS targets at a time. Findings and corpora stay in build/fuzz.
+set -eu
+cd "$(dirname "$0")/../.."
+runs=${1:-100000}
+jobs=${2:-2}
+clang=$(command -v clang || command -v clang-14 || true)
+here=control/fuzz
+out=build/fuzz
+if [ -z "$clang" ] || ! echo 'int LLVMFuzzerTestOneInput(const char *d, long n) { return d[n - 1]; }' \
+    | "$clang" -fsanitize=fuzzer -x c -o /dev/null - 2>/dev/null; then
+  echo "make fuzz needs clang with libFuzzer (Debian: clang libclang-rt-14-dev)" >&2
+  exit 2
+fi
+mkdir -p "$out"
+
+build() { # name, sources
+  name=$1
+  shift
+  "$clang" -g -O2 -std=c99 -ffp-contract=off -fsanitize=fuzzer,address,undefined,float-cast-overflow \
+    -fno-sanitize-recover=all -Wall -Wextra -Wconversion -Icontrol/src "$@" control/src/cogless/*.c -o "$out/$name"
+}
+
+fuzz() { # name
+  mkdir -p "$out/$1.corpus"
+  begin=$(date +%s)
+  if ! "$out/$1" -runs="$runs" -max_len=512 -len_control=0 -timeout=10 -artifact_prefix="$out/$1-" \
+      "$out/$1.corpus" >"$out/$1.log" 2>&1; then
+    printf '%-24s FAILED\n' "$1"
+    grep -E -m3 'HOLDS|control/|ERROR|runtime error' "$out/$1.log" || tail -n 5 "$out/$1.log"
+    return 1
+  fi
+  done=$(sed -n 's/^Done \([0-9]*\) runs.*/\1/p' "$out/$1.log")
+  printf '%-24s %12s executions %6s s, no finding\n' "$1" "$done" $(($(date +%s) - begin))
+}
+
+if [ "${3:-}" ]; then # one target, for xargs below
+  fuzz "$3"
+  exit
+fi
+build map_store "$here/map_store.c"
+build map_store-double -DCOGLESS_DOUBLE "$here/map_store.c"
+names="map_store map_store-double"
+for law in "$here"/law_*.c; do
+  name=$(basename "$law" .c)
+  build "${name#law_}" "$here/controller.c" "$law"
+  names="$names ${name#law_}"
+done
+for name in $names; do echo "$name"; done | xargs -P "$jobs" -I{} "$0" "$runs" "$jobs" {}

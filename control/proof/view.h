@@ -1,0 +1,51 @@
+/* What the prover sees in place of some functions of cogless/real.h; included before every file. Eva 25 does not conclude
+ * from `x < limit` that x is a number; from `x == x` it does. Nor does it know how x and its whole part belong together.
+ * view_check.c proves that nothing else is different. */
+#ifndef VIEW_H
+#define VIEW_H
+
+#define cgl_is_within cgl_is_within_as_written
+#define cgl_is_finite cgl_is_finite_as_written
+#define cgl_is_angle cgl_is_angle_as_written
+#define cgl_clamp cgl_clamp_as_written
+#define cgl_is_below cgl_is_below_as_written
+#define cgl_rest cgl_rest_as_written
+#define cgl_is_in_turn cgl_is_in_turn_as_written
+#define cgl_clamped cgl_clamped_as_written
+#define cgl_is_positive cgl_is_positive_as_written
+#define cgl_is_not_negative cgl_is_not_negative_as_written
+#include "cogless/real.h"
+#undef cgl_is_within
+#undef cgl_is_finite
+#undef cgl_is_angle
+#undef cgl_clamp
+#undef cgl_is_below
+#undef cgl_rest
+#undef cgl_is_in_turn
+#undef cgl_clamped
+#undef cgl_is_positive
+#undef cgl_is_not_negative
+
+static inline bool cgl_is_within(cgl_real x, cgl_real limit) { return x == x && x >= -limit && x <= limit; }
+static inline bool cgl_is_below(cgl_real x, cgl_real limit) { return x == x && x > -limit && x < limit; }
+static inline bool cgl_is_finite(cgl_real x) { return x == x && x >= -CGL_REAL_MAX && x <= CGL_REAL_MAX; }
+static inline bool cgl_is_angle(cgl_real x) { return x == x && x > -CGL_ANGLE_MAX && x < CGL_ANGLE_MAX; }
+static inline bool cgl_is_positive(cgl_real x) { return x == x && x > CGL_R(0.0) && x <= CGL_REAL_MAX; }
+static inline bool cgl_is_not_negative(cgl_real x) { return x == x && x >= CGL_R(0.0) && x <= CGL_REAL_MAX; }
+
+static inline bool cgl_is_in_turn(cgl_real x) { return x == x && x >= CGL_R(0.0) && x < CGL_TWO_PI; }
+
+static inline cgl_real cgl_clamp(cgl_real x, cgl_real limit)
+{
+    return x == x ? (x >= limit ? limit : (x <= -limit ? -limit : x)) : CGL_R(0.0);
+}
+
+static inline cgl_real cgl_clamped(cgl_real x, cgl_real limit) { return cgl_clamp(x, limit); }
+
+static inline cgl_real cgl_rest(cgl_real x)
+{
+    const cgl_real rest = cgl_rest_as_written(x);
+    return rest > CGL_R(-1.0) && rest < CGL_R(1.0) ? rest : CGL_R(0.0);
+}
+
+#endif
