@@ -5,7 +5,11 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
+#include <cstring>
+
 #include "config.hpp"
+#include "python_value.hpp"
 #include "trial_config.hpp"
 
 namespace nb = nanobind;
@@ -16,6 +20,128 @@ namespace cogless {
 namespace {
 
 using Array = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
+using Reals = nb::ndarray<nb::numpy, cgl_real, nb::ndim<1>>;
+
+// Numbers as an array of their own.
+Reals array_of(std::vector<cgl_real> values) {
+    auto* kept = new std::vector<cgl_real>(std::move(values));
+    const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<cgl_real>*>(p); });
+    return Reals(kept->data(), {kept->size()}, owner);
+}
+
+// A Python object that stands in for the drive's controller, in C structs as bytes:
+// step(measurement, reference) -> output, and in trials begin(trajectory), end().
+class PythonController : public Controller {
+public:
+    explicit PythonController(const nb::object& object) : object_(object), step_(object.attr("step")) {}
+
+    cgl_drive_output step(const cgl_measurement& now, const cgl_reference& reference) override {
+        const nb::gil_scoped_acquire gil;
+        const nb::object result = step_(nb::bytes(&now, sizeof now), nb::bytes(&reference, sizeof reference));
+        nb::bytes bytes;
+        cgl_drive_output out;
+        if (!nb::try_cast(result, bytes) || bytes.size() != sizeof out) {
+            const std::string what = nb::isinstance<nb::bytes>(result)
+                                         ? std::to_string(nb::len(result)) + " bytes"
+                                         : nb::cast<std::string>(nb::str(result.type().attr("__name__")));
+            const std::string expected = "expected " + std::to_string(sizeof out) + " bytes of a cgl_drive_output";
+            throw nb::value_error(("controller.step() returned " + what + ": " + expected).c_str());
+        }
+        std::memcpy(&out, bytes.c_str(), sizeof out);
+        return out;
+    }
+    void begin(const std::vector<cgl_real>& trajectory) override {
+        const nb::gil_scoped_acquire gil;
+        object_.attr("begin")(nb::bytes(trajectory.data(), trajectory.size() * sizeof(cgl_real)));
+    }
+    void end() override {
+        const nb::gil_scoped_acquire gil;
+        object_.attr("end")();
+    }
+
+private:
+    nb::object object_, step_;
+};
+
+void advance_drive(const Drive& drive, DriveState& state, Recorder& recorder, std::int64_t ticks,
+                   const nb::object& controller) {
+    if (controller.is_none()) {
+        const nb::gil_scoped_release release;
+        drive.advance(state, recorder, ticks);
+    } else {
+        PythonController other(controller);
+        const nb::gil_scoped_release release;
+        drive.advance(state, recorder, ticks, &other);
+    }
+}
+
+// A C struct from its bytes. Throws std::invalid_argument for another size.
+template <class Struct>
+Struct struct_of(const nb::bytes& bytes, const char* name) {
+    if (bytes.size() != sizeof(Struct)) {
+        throw std::invalid_argument(std::string(name) + ": expected " + std::to_string(sizeof(Struct)) + " bytes");
+    }
+    Struct value;
+    std::memcpy(&value, bytes.c_str(), sizeof value);
+    return value;
+}
+
+nb::bytes step_controller(const Drive& drive, DriveState& state, const nb::bytes& measurement, const nb::bytes& reference) {
+    const cgl_drive_output out = drive.step_controller(state, struct_of<cgl_measurement>(measurement, "measurement"),
+                                                       struct_of<cgl_reference>(reference, "reference"));
+    return nb::bytes(&out, sizeof out);
+}
+
+void begin_trial(const Drive& drive, DriveState& state, const nb::bytes& trajectory) {
+    std::vector<cgl_real> samples(trajectory.size() / sizeof(cgl_real));
+    std::memcpy(samples.data(), trajectory.c_str(), samples.size() * sizeof(cgl_real));
+    drive.begin_trial(state, samples);
+}
+
+// All that the drive's controller is made of.
+nb::dict controller_config(const Drive& drive) {
+    const DriveConfig& config = drive.config();
+    const LawConfig law = std::visit([](const auto& l) { return l.describe(); }, config.law);
+    nb::dict result;
+    result["law"] = law.law;
+    result["drive"] = nb::bytes(&config.control, sizeof config.control);
+    result["law_config"] = law.bytes != nullptr ? nb::bytes(law.bytes, law.size) : nb::bytes("", 0);
+    result["memory_length"] = law.memory_length;
+    result["learning_matrix"] = nb::none();
+    if (const auto* trial = std::get_if<TrialLaw>(&config.law)) {
+        if (trial->learning_matrix) result["learning_matrix"] = array_of(*trial->learning_matrix);
+    }
+    const auto* table = std::get_if<AntiCoggingLaw>(&config.law);
+    result["calibrate"] = table != nullptr && table->calibrate;
+    return result;
+}
+
+Reals law_memory(const Drive& drive, DriveState& state) {
+    const std::vector<cgl_real>* cells = drive.cells(state);
+    return array_of(cells != nullptr ? *cells : std::vector<cgl_real>());
+}
+
+// Throws std::invalid_argument for a law that has none, or another length.
+void load_memory(const Drive& drive, DriveState& state, const std::vector<double>& values) {
+    std::vector<cgl_real>* cells = drive.cells(state);
+    if (cells == nullptr) throw std::invalid_argument("this law has no memory");
+    if (values.size() != cells->size()) {
+        throw std::invalid_argument("the memory has " + std::to_string(cells->size()) + " entries, not " +
+                                    std::to_string(values.size()));
+    }
+    std::transform(values.begin(), values.end(), cells->begin(), [](double x) { return static_cast<cgl_real>(x); });
+}
+
+nb::dict quality_of(const Drive&, const DriveState& state) {
+    const cgl_quality_report report = cgl_quality_read(&state.control.quality);
+    nb::dict result;
+    result["known"] = report.known;
+    result["residual"] = report.residual;
+    result["progress"] = report.progress;
+    result["improving"] = report.improving;
+    result["worsening"] = report.worsening;
+    return result;
+}
 
 // What has been learned, under the names that say over what.
 template <class Engine, class State>
@@ -42,6 +168,25 @@ void make_recorder(Recorder* self, const Engine& engine, std::int64_t decimation
     new (self) Recorder(engine.signals().size(), decimation, rows);
 }
 
+// The user's law, an object with step(input); without one an empty law.
+CallbackLaw callback(const nb::object& controller) {
+    if (controller.is_none()) return {};
+    return {[step = nb::object(controller.attr("step"))](const LawInput& in) {
+        const nb::gil_scoped_acquire gil;
+        const nb::object result = step(in);
+        Command command;
+        if (nb::isinstance<nb::tuple>(result)) {
+            const auto both = nb::cast<nb::tuple>(result);
+            if (both.size() != 2) throw nb::type_error("step() returns i_q_ref or (i_d_ref, i_q_ref)");
+            command.i_d_ref = nb::cast<double>(both[0]);
+            command.i_q_ref = nb::cast<double>(both[1]);
+        } else {
+            command.i_q_ref = nb::cast<double>(result);
+        }
+        return command;
+    }};
+}
+
 // What every engine offers.
 template <class Engine, class State>
 void bind_engine(nb::class_<Engine>& c, const char* memory) {
@@ -53,8 +198,6 @@ void bind_engine(nb::class_<Engine>& c, const char* memory) {
                   },
                   "(name, unit) of each recorded signal")
         .def("start", &Engine::start, "The state at time zero.")
-        .def("advance", &Engine::advance, "state"_a, "recorder"_a, "ticks"_a, nb::call_guard<nb::gil_scoped_release>(),
-             "Runs so many ticks.")
         .def("memory", &memory_of<Engine, State>, "state"_a, memory);
 }
 
@@ -76,6 +219,7 @@ NB_MODULE(COGLESS_MODULE, m) {
         .def_ro("i_limit", &LawInput::i_limit)
         .def_ro("ts", &LawInput::ts)
         .def_ro("learn", &LawInput::learn)
+        .def_ro("off", &LawInput::off)
         .def_ro("theta_ref", &LawInput::theta_ref)
         .def_ro("alpha_ref", &LawInput::alpha_ref);
 
@@ -104,17 +248,36 @@ NB_MODULE(COGLESS_MODULE, m) {
     nb::class_<Drive> drive(m, "Drive", "An immutable description of a drive with its controller.");
     drive.def("__init__",
               [](Drive* self, const nb::dict& config, const nb::object& controller) {
-                  new (self) Drive(read_config(config, controller));
+                  new (self) Drive(read_config(value_of(config), callback(controller)));
               },
               "config"_a, "controller"_a.none() = nb::none());
     bind_engine<Drive, DriveState>(
         drive, "What is learned: {'frame', 'current'} over an angle, with {'period', 'beta', 'h'} by a space law as far as it"
         " learns them, {'learned'} over a trial's samples, or {}.");
-    drive.def("load_memory", &Drive::teach, "state"_a, "table"_a, "Puts a learned table in.");
+    drive.def("advance", &advance_drive, "state"_a, "recorder"_a, "ticks"_a, "controller"_a.none() = nb::none(),
+              "Runs so many ticks. `controller` stands in for the drive's own: step(measurement, reference) -> output, with"
+              " the C structs cgl_measurement, cgl_reference and cgl_drive_output as bytes; in trials begin(trajectory)"
+              " and end(), too.");
+    drive.def("step_controller", &step_controller, "state"_a, "measurement"_a, "reference"_a,
+              "A period of the drive's own controller alone, of a law of the control library: what a `controller` stands in"
+              " for. The plant stays as it is.")
+        .def("begin_trial", &begin_trial, "state"_a, "trajectory"_a)
+        .def("end_trial", &Drive::end_trial, "state"_a);
+    drive.def("controller_config", &controller_config,
+              "What the controller is made of: 'law', its name; 'drive' and 'law_config', the C structs as bytes, the latter"
+              " empty for a user's law; 'memory_length', entries of the caller's memory; 'learning_matrix' or None;"
+              " 'calibrate': the law starts with its calibration run.");
+    drive.def("law_memory", &law_memory, "state"_a, "A copy of all of the law's memory, which in C is the caller's.");
+    drive.def("load_memory", &load_memory, "state"_a, "values"_a,
+              "Puts all of the law's memory in, such as an anti-cogging table.");
+    drive.def("quality", &quality_of, "state"_a,
+              "How good learning is: 'residual' rad/s, 'progress', 'improving', 'worsening'; all of it if 'known'.");
 
     nb::class_<LinearTrials> linear(m, "LinearTrials", "An immutable description of a linear plant with the trial law.");
     linear.def("__init__",
-               [](LinearTrials* self, const nb::dict& config) { new (self) LinearTrials(read_linear_trials(config)); },
+               [](LinearTrials* self, const nb::dict& config) { new (self) LinearTrials(read_linear_trials(value_of(config))); },
                "config"_a);
+    linear.def("advance", &LinearTrials::advance, "state"_a, "recorder"_a, "ticks"_a,
+               nb::call_guard<nb::gil_scoped_release>(), "Runs so many ticks.");
     bind_engine<LinearTrials, LinearTrialsState>(linear, "What is learned: {'learned'}, a trial's samples.");
 }

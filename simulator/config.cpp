@@ -11,9 +11,10 @@
 
 namespace cogless {
 
-namespace nb = nanobind;
-
 namespace {
+
+// A number that may be left out.
+cgl_real real_or(const Section& s, const char* key, cgl_real otherwise) { return s.has(key) ? s.real(key) : otherwise; }
 
 std::vector<Harmonic> harmonics(const std::vector<Section>& sections) {
     std::vector<Harmonic> all;
@@ -175,25 +176,8 @@ SpaceSpeedLaw space_speed(const Section& s, int pole_pairs, double ts, double li
     return by_rotor(s, SpaceSpeedLaw{c, pole_pairs});
 }
 
-CallbackLaw callback(const nb::object& controller) {
-    return {[step = nb::object(controller.attr("step"))](const LawInput& in) {
-        const nb::gil_scoped_acquire gil;
-        const nb::object result = step(in);
-        Command command;
-        if (nb::isinstance<nb::tuple>(result)) {
-            const auto both = nb::cast<nb::tuple>(result);
-            if (both.size() != 2) throw nb::type_error("step() returns i_q_ref or (i_d_ref, i_q_ref)");
-            command.i_d_ref = nb::cast<double>(both[0]);
-            command.i_q_ref = nb::cast<double>(both[1]);
-        } else {
-            command.i_q_ref = nb::cast<double>(result);
-        }
-        return command;
-    }};
-}
-
 // samples: of a trial, 0 without trials.
-Law law(const Section& s, const nb::object& controller, int pole_pairs, double ts, double limit, std::uint32_t samples) {
+Law law(const Section& s, const CallbackLaw& own, int pole_pairs, double ts, double limit, std::uint32_t samples) {
     const auto name = s.get<std::string>("law");
     const auto pi = [&] {
         return cgl_pi_config{s.real("kp"), s.real("ki"), static_cast<cgl_real>(ts), static_cast<cgl_real>(limit)};
@@ -206,7 +190,7 @@ Law law(const Section& s, const nb::object& controller, int pole_pairs, double t
         const double b = s.number("b");
         return RobustIlcLaw{{s.real("b"), s.real("c"), s.real("g"), s.real("eta"), s.real("q"), s.real("beta_1"),
                              s.real("beta_2"), s.real("gamma"), s.real("viscous"), s.real("coulomb"),
-                             static_cast<cgl_real>(ts), static_cast<cgl_real>(limit),
+                             static_cast<cgl_real>(ts), static_cast<cgl_real>(limit), real_or(s, "surface_max", CGL_R(0.0)),
                              memory(s, pole_pairs, b * s.number("limit"), ts)}};
     }
     if (name == "anti-cogging") {
@@ -220,7 +204,10 @@ Law law(const Section& s, const nb::object& controller, int pole_pairs, double t
     if (name == "library") {
         return open_plugin(s.get<std::string>("library"), s.get<std::vector<double>>("params"), ts);
     }
-    if (name == "python") return callback(controller);
+    if (name == "python") {
+        if (!own.function) s.refuse("law", "expected an object with step(), for \"python\"");
+        return own;
+    }
     if (name == "trial") {
         if (samples == 0) throw std::invalid_argument("trials: missing");
         return trial_law(s, 2, samples);
@@ -273,6 +260,27 @@ std::vector<PhaseConfig> trial_phases(const Section& s, const Trials& trials, st
     return all;
 }
 
+std::vector<Fault> faults(const Section& top, std::int64_t current_rate) {
+    std::vector<Fault> all;
+    const auto tick = [&](double time) { return std::llround(time * static_cast<double>(current_rate)); };
+    for (const Section& s : top.sections("faults")) {
+        Fault f{s.choice<FaultKind>("kind", {{"angle-missing", FaultKind::angle_missing},
+                                             {"angle-jump", FaultKind::angle_jump},
+                                             {"angle-stuck", FaultKind::angle_stuck},
+                                             {"current-missing", FaultKind::current_missing},
+                                             {"current-zero", FaultKind::current_zero},
+                                             {"bus-voltage", FaultKind::bus_voltage}}),
+                tick(s.number("time")), tick(s.number("time") + s.number("duration")), 0.0, 0};
+        if (f.kind == FaultKind::angle_jump) f.size = s.number("angle");
+        if (f.kind == FaultKind::bus_voltage) f.size = s.number("voltage");
+        if (f.kind == FaultKind::current_missing || f.kind == FaultKind::current_zero) {
+            f.phase = s.choice<std::size_t>("phase", {{"a", 0}, {"b", 1}, {"c", 2}});
+        }
+        all.push_back(f);
+    }
+    return all;
+}
+
 // What the current loop is made of, which an ideal one does not need.
 void read_current_loop(const Section& drive, DriveConfig& config) {
     const Section inverter = drive.section("inverter");
@@ -284,17 +292,44 @@ void read_current_loop(const Section& drive, DriveConfig& config) {
     config.current_sensors = {sensors.phases("offset"), sensors.phases("gain_error"), sensors.number("noise"),
                               sensors.integer("bits"), sensors.number("range"),
                               config.phases.front().motor.phases == 2 ? 2 : sensors.integer("sensors")};
-    config.current_loop = {drive.real("kp_d"), drive.real("ki_d"), drive.real("kp_q"), drive.real("ki_q"),
-                           config.current_loop.ts, config.current_loop.current_limit,
-                           delay ? CGL_R(1.5) : CGL_R(0.5), drive.get<bool>("decoupling"), belief.real("L_d"),
-                           belief.real("L_q"), belief.real("psi_f"),
-                           static_cast<std::uint32_t>(config.phases.front().motor.phases)};
+    config.control.foc = {drive.real("kp_d"), drive.real("ki_d"), drive.real("kp_q"), drive.real("ki_q"),
+                          config.control.foc.ts, config.control.foc.current_limit,
+                          delay ? CGL_R(1.5) : CGL_R(0.5), drive.get<bool>("decoupling"), belief.real("L_d"),
+                          belief.real("L_q"), belief.real("psi_f"),
+                          static_cast<std::uint32_t>(config.phases.front().motor.phases)};
+}
+
+// What watches the measurements, and how well it goes; each value may be left out.
+void read_guards(const Section& drive, DriveConfig& config, double law_period) {
+    cgl_monitor_config& m = config.control.monitor;
+    m.ts = config.control.foc.ts;
+    m.phases = config.ideal_current ? 0U : config.control.foc.phases;
+    if (drive.has("monitor")) {
+        const Section s = drive.section("monitor");
+        m.omega_max = real_or(s, "omega_max", m.omega_max);
+        m.angle_step = real_or(s, "angle_step", m.angle_step);
+        m.speed_window = real_or(s, "speed_window", m.speed_window);
+        m.stuck_angle = real_or(s, "stuck_angle", m.stuck_angle);
+        m.current_max = real_or(s, "current_max", m.current_max);
+        m.current_sum = real_or(s, "current_sum", m.current_sum);
+        m.bridge = real_or(s, "bridge", m.bridge);
+        m.hold = real_or(s, "hold", m.hold);
+    }
+    cgl_quality_config& q = config.control.quality;
+    q = {CGL_TWO_PI, CGL_R(60.0), CGL_R(0.0), CGL_R(0.0), static_cast<cgl_real>(law_period)};
+    if (drive.has("quality")) {
+        const Section s = drive.section("quality");
+        q.span = real_or(s, "span", q.span);
+        q.longest = real_or(s, "longest", q.longest);
+        q.outlier = real_or(s, "outlier", q.outlier);
+        q.floor = real_or(s, "floor", q.floor);
+    }
 }
 
 }  // namespace
 
-DriveConfig read_config(const nb::dict& config, const nb::object& controller) {
-    const Section top(config, "");
+DriveConfig read_config(const Value& description, const CallbackLaw& own) {
+    const Section top(description, "");
     const Section drive = top.section("drive");
     const Section controller_section = top.section("controller");
     const auto current_rate = drive.get<std::int64_t>("current_rate");
@@ -310,17 +345,19 @@ DriveConfig read_config(const nb::dict& config, const nb::object& controller) {
     } else {
         result.phases = {single_phase(top, current_rate)};
         result.reference = reference(top.section("reference"));
-        if (top.has("start_on_reference") && top.get<bool>("start_on_reference")) {
-            PhaseConfig& p = result.phases.front();
-            p.initial_speed = Reference(result.reference, p.initial_angle, p.initial_speed, period).speed_at_start();
-        }
+        if (top.has("faults")) result.faults = faults(top, current_rate);
     }
     result.ideal_current = drive.has("ideal_current") && drive.get<bool>("ideal_current");
-    result.current_loop.ts = static_cast<cgl_real>(period);
-    result.current_loop.current_limit = static_cast<cgl_real>(limit);
+    result.control.pole_pairs = static_cast<std::uint32_t>(result.phases.front().motor.pole_pairs);
+    result.control.divider = static_cast<std::uint32_t>(speed_divider);
+    result.control.foreign = result.ideal_current;
+    result.control.learn_saturated = result.trials.has_value();
+    result.control.foc.ts = static_cast<cgl_real>(period);
+    result.control.foc.current_limit = static_cast<cgl_real>(limit);
     if (!result.ideal_current) read_current_loop(drive, result);
+    read_guards(drive, result, period * static_cast<double>(speed_divider));
     result.position_sensor = position_sensor(drive.section("position_sensor"));
-    result.law = law(controller_section, controller, result.phases.front().motor.pole_pairs,
+    result.law = law(controller_section, own, result.phases.front().motor.pole_pairs,
                      period * static_cast<double>(speed_divider), limit,
                      result.trials ? static_cast<std::uint32_t>(result.trials->samples) : 0U);
     result.current_rate = current_rate;

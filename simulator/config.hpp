@@ -1,14 +1,13 @@
-// A drive's configuration from the plain nested dict that Python makes of a study; SI units throughout.
+// A drive's configuration from the plain tree of values that is made of a study; SI units throughout.
 #pragma once
 
-#include <nanobind/nanobind.h>
-
 #include "drive.hpp"
+#include "value.hpp"
 
 namespace cogless {
 
-// `controller`: the user's object with step(input), or None. Throws std::invalid_argument naming the key that's missing or
-// of the wrong type.
-DriveConfig read_config(const nanobind::dict& config, const nanobind::object& controller);
+// `own`: the user's law where the description says "python", else empty. Throws std::invalid_argument naming the key that's
+// missing or of the wrong type.
+DriveConfig read_config(const Value& description, const CallbackLaw& own = {});
 
 }  // namespace cogless

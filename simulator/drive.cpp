@@ -97,12 +97,16 @@ Drive::Drive(const DriveConfig& config)
       signals_(signals_of(config)) {
     if (config_.ideal_current) {
         if (config_.energy) throw std::invalid_argument("energy: not with an ideal current loop, which has no voltage");
-        if (!(config_.current_loop.current_limit > CGL_R(0.0))) {
+        if (!(config_.control.foc.current_limit > CGL_R(0.0))) {
             throw std::invalid_argument("drive.current_limit: expected more than 0");
         }
     } else {
         cgl_foc unused;
-        require(cgl_foc_init(&config_.current_loop, &unused), "current loop");
+        require(cgl_foc_init(&config_.control.foc, &unused), "current loop");
+    }
+    cgl_drive unused;
+    if (cgl_drive_init(&config_.control, &unused) != CGL_OK) {
+        throw std::invalid_argument("drive.monitor, drive.quality: a value is outside its range");
     }
     if (config_.trials.has_value() != std::holds_alternative<TrialLaw>(config_.law)) {
         throw std::invalid_argument("controller.law: expected \"trial\" with trials, and only with them");
@@ -120,6 +124,7 @@ Drive::Drive(const DriveConfig& config)
 
 DriveState Drive::start() const {
     DriveState s;
+    cgl_drive_init(&config_.control, &s.control);
     restart(s, phases_.front());
     s.random = Random(config_.seed);
     s.law = start_of(config_.law);
@@ -129,24 +134,35 @@ DriveState Drive::start() const {
 
 void Drive::restart(DriveState& s, const Phase& phase) const {
     s.plant = phase.plant_start;
+    s.plant.load.torque += s.added_load;
+    s.plant.load.target += s.added_load;
     s.position = phase.position_start;
-    cgl_foc_reset(&s.current_loop);
-    s.command = {};
+    cgl_drive_reset(&s.control);
+    s.asked = {};
     s.output = {};
     s.duty = {0.5, 0.5, 0.5};
     s.next_load_step = 0;
 }
 
-void Drive::advance(DriveState& s, Recorder& recorder, std::int64_t ticks) const {
+void Drive::add_load(DriveState& s, double torque) const {
+    const double more = torque - s.added_load;
+    if (more == 0.0) return;
+    s.plant.load.torque += more;
+    s.plant.load.target += more;
+    s.added_load = torque;
+}
+
+void Drive::advance(DriveState& s, Recorder& recorder, std::int64_t ticks, Controller* other) const {
     recorder.reserve(ticks);
     if (const auto* law = std::get_if<TrialLaw>(&config_.law)) {
-        advance_trials(s, recorder, *law, s.tick + ticks);
+        advance_trials(s, recorder, *law, s.tick + ticks, other);
     } else {
-        advance_within(s, recorder, phases_.front(), 0, s.tick + ticks);
+        advance_within(s, recorder, phases_.front(), 0, s.tick + ticks, other);
     }
 }
 
-void Drive::advance_trials(DriveState& s, Recorder& recorder, const TrialLaw& law, std::int64_t end) const {
+void Drive::advance_trials(DriveState& s, Recorder& recorder, const TrialLaw& law, std::int64_t end,
+                           Controller* other) const {
     const std::int64_t length = config_.trials->samples * config_.speed_divider;
     require_trials(*config_.trials, (end + config_.speed_divider - 1) / config_.speed_divider);
     auto& law_state = state_of(s.law, law);
@@ -156,133 +172,184 @@ void Drive::advance_trials(DriveState& s, Recorder& recorder, const TrialLaw& la
         if (s.tick == origin) {
             restart(s, phase);
             law.begin(law_state, phase.config.trajectory);
+            if (other != nullptr) other->begin(phase.config.trajectory);
         }
         try {
-            advance_within(s, recorder, phase, origin, std::min(end, origin + length));
+            advance_within(s, recorder, phase, origin, std::min(end, origin + length), other);
         } catch (const std::runtime_error& error) {
             fail_in_trial(trial, error.what());
         }
-        if (s.tick == origin + length) law.end(law_state);
+        if (s.tick == origin + length) {
+            law.end(law_state);  // learns nothing where another controller took the trial's steps
+            if (other != nullptr) other->end();
+        }
     }
 }
 
-void Drive::advance_within(DriveState& s, Recorder& recorder, const Phase& phase, std::int64_t origin,
-                           std::int64_t end) const {
+cgl_drive_output Drive::step_controller(DriveState& s, const cgl_measurement& now, const cgl_reference& reference) const {
+    s.asked = reference;
+    if (cgl_drive_measure(&config_.control, &s.control, &now, &s.asked)) step_law<star_legs>(s);
+    cgl_drive_actuate(&config_.control, &s.control, &s.output);
+    return s.output;
+}
+
+void Drive::begin_trial(DriveState& s, const std::vector<cgl_real>& trajectory) const {
+    const auto& law = std::get<TrialLaw>(config_.law);
+    if (trajectory.size() != law.config.samples) throw std::invalid_argument("trajectory: expected a number for each sample");
+    cgl_drive_reset(&s.control);
+    law.begin(state_of(s.law, law), trajectory);
+}
+
+void Drive::end_trial(DriveState& s) const {
+    const auto& law = std::get<TrialLaw>(config_.law);
+    law.end(state_of(s.law, law));
+}
+
+void Drive::advance_within(DriveState& s, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
+                           Controller* other) const {
     if (config_.ideal_current) {
-        run<0>(s, recorder, phase, origin, end);
+        run<0>(s, recorder, phase, origin, end, other);
     } else if (motor_phases(config_) == 2) {
-        run<bridge_legs>(s, recorder, phase, origin, end);
+        run<bridge_legs>(s, recorder, phase, origin, end, other);
     } else {
-        run<star_legs>(s, recorder, phase, origin, end);
+        run<star_legs>(s, recorder, phase, origin, end, other);
     }
 }
 
 template <std::size_t legs>
-void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end) const {
+void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
+                Controller* other) const {
     const std::vector<LoadStep>& load_steps = phase.config.load_steps;
     Powers::Values z;
     phase.plant.evaluate<legs == 0 ? Detail::mechanics : Detail::currents>(s.plant.theta_m, z);
     for (; s.tick < end; ++s.tick) {
         while (s.next_load_step < load_steps.size() && load_steps[s.next_load_step].tick <= s.tick - origin) {
-            s.plant.load.target = load_steps[s.next_load_step++].torque;
+            s.plant.load.target = load_steps[s.next_load_step++].torque + s.added_load;
             if (phase.config.load.lag <= 0.0) s.plant.load.torque = s.plant.load.target;
         }
         Phases current{};
         if constexpr (legs != 0) current = phase_currents<legs>(s.plant.i, phase.plant.motor().axis(z));
-        control<legs>(s, phase, origin, current);
+        const Faults faults(config_.faults, s.tick, config_.inverter.bus_voltage);
+        control<legs>(s, phase, origin, current, faults, other);
         if (recorder.wants(s.tick)) record<legs>(s, z, phase, origin, current, recorder.next_row());
 
         if constexpr (legs == 0) {
-            advance_plant<Detail::mechanics, 0>(s, z, phase, origin, {}, {});
+            advance_plant<Detail::mechanics, 0>(s, z, phase, origin, {}, {}, faults);
         } else {
             const Phases computed{static_cast<double>(s.output.duty[0]), static_cast<double>(s.output.duty[1]),
                                   static_cast<double>(s.output.duty[2])};
             const Phases acting = config_.inverter.computation_delay ? s.duty : computed;
             s.duty = computed;
             if (config_.energy) {
-                advance_plant<Detail::energies, legs>(s, z, phase, origin, acting, current);
+                advance_plant<Detail::energies, legs>(s, z, phase, origin, acting, current, faults);
             } else {
-                advance_plant<Detail::currents, legs>(s, z, phase, origin, acting, current);
+                advance_plant<Detail::currents, legs>(s, z, phase, origin, acting, current, faults);
             }
         }
     }
 }
 
-// Samples, and runs the law and the current loop where they are due.
+// Samples, and runs the controller.
 template <std::size_t legs>
-void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, const Phases& current) const {
+void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, const Phases& current, const Faults& faults,
+                    Controller* other) const {
     const bool law_due = s.tick % config_.speed_divider == 0;
     if (!std::isfinite(s.plant.theta_m + s.plant.omega_m + s.plant.i.d + s.plant.i.q)) {
         throw std::runtime_error("the motor's current or speed grew beyond all numbers: expected smaller gains or steps");
     }
-    s.measured =
-        position_sensor_.sample(s.position, time(s.tick - origin), s.plant.theta_m, s.plant.omega_m, law_due);
+    if (!faults.stuck) s.seen = s.plant.theta_m + faults.jump;
+    s.measured = faults.spoilt(position_sensor_.sample(s.position, time(s.tick - origin), s.seen,
+                                                       faults.stuck ? 0.0 : s.plant.omega_m, law_due));
     Phases i{};
-    if constexpr (legs != 0) i = current_sensors_.measure(current, s.random);
-    if (law_due) step_law<legs>(s, phase, origin);
+    if constexpr (legs != 0) {
+        i = faults.spoilt(current_sensors_.measure(current, s.random), config_.current_sensors.sensors,
+                          legs == star_legs);
+    }
+    if (law_due) sample_reference(s, phase, origin);
 
-    if constexpr (legs == 0) {
-        if (law_due) {
-            const auto limit = static_cast<double>(config_.current_loop.current_limit);
-            s.plant.i.q = std::clamp(s.command.i_q_ref, -limit, limit);
-        }
+    s.sampled = {{static_cast<cgl_real>(i[0]), static_cast<cgl_real>(i[1]), static_cast<cgl_real>(i[2])},
+                 static_cast<cgl_real>(s.measured.theta_m),
+                 static_cast<cgl_real>(s.measured.omega_m),
+                 static_cast<cgl_real>(faults.bus_voltage)};
+    if (other != nullptr) {
+        s.output = other->step(s.sampled, s.asked);
     } else {
-        const double pole_pairs = phase.config.motor.pole_pairs;
-        const cgl_foc_input in{
-            {static_cast<cgl_real>(i[0]), static_cast<cgl_real>(i[1]), static_cast<cgl_real>(i[2])},
-            static_cast<cgl_real>(pole_pairs * s.measured.theta_m),
-            static_cast<cgl_real>(pole_pairs * s.measured.omega_m),
-            static_cast<cgl_real>(config_.inverter.bus_voltage),
-            static_cast<cgl_real>(s.command.i_d_ref),
-            static_cast<cgl_real>(s.command.i_q_ref)};
-        cgl_foc_step(&config_.current_loop, &s.current_loop, &in, &s.output);
+        if (cgl_drive_measure(&config_.control, &s.control, &s.sampled, &s.asked)) step_law<legs>(s);
+        cgl_drive_actuate(&config_.control, &s.control, &s.output);
+    }
+    if constexpr (legs == 0) {
+        const auto limit = static_cast<double>(config_.control.foc.current_limit);
+        s.plant.i.q = std::clamp(static_cast<double>(s.output.i_q_ref), -limit, limit);
     }
 }
 
-template <std::size_t legs>
-void Drive::step_law(DriveState& s, const Phase& phase, std::int64_t origin) const {
+void Drive::sample_reference(DriveState& s, const Phase& phase, std::int64_t origin) const {
     const double t = time(s.tick);
+    double theta_ref;
     if (config_.trials) {
+        const std::vector<cgl_real>& all = phase.config.trajectory;
         const auto sample = static_cast<std::size_t>((s.tick - origin) / config_.speed_divider);
-        s.reference.theta = static_cast<double>(phase.config.trajectory[sample]);
+        const auto before = sample > 0 ? all[sample - 1] : all[sample];
+        theta_ref = s.reference.theta = static_cast<double>(all[sample]);
+        s.reference.omega = static_cast<double>(all[sample] - before) / law_period();
     } else {
-        s.reference = reference_.sample(s.reference_filter, t);
+        s.reference = s.given_reference ? *s.given_reference : reference_.sample(s.reference_filter, t);
+        theta_ref = s.reference.theta - turns_ * std::floor(s.reference.theta / turns_);
     }
-    const double theta_ref =
-        config_.trials ? s.reference.theta : s.reference.theta - turns_ * std::floor(s.reference.theta / turns_);
-    const LawInput in{t, s.reference.omega, theta_ref, s.reference.alpha, s.measured.omega_m, s.measured.theta_m,
+    s.asked = {static_cast<cgl_real>(theta_ref), static_cast<cgl_real>(s.reference.omega),
+               static_cast<cgl_real>(s.reference.alpha), s.asked.i_d_ref, t >= config_.learning_start};
+}
+
+template <std::size_t legs>
+void Drive::step_law(DriveState& s) const {
+    const cgl_law_input& c = s.control.in;
+    const LawInput in{c,
+                      time(s.tick),
+                      s.reference.omega,
+                      config_.trials ? s.reference.theta : s.reference.theta - turns_ * std::floor(s.reference.theta / turns_),
+                      s.reference.alpha,
+                      static_cast<double>(c.omega_m),
+                      static_cast<double>(c.theta_m),
                       legs == 0 ? s.plant.i.d : static_cast<double>(s.output.i_d),
                       legs == 0 ? s.plant.i.q : static_cast<double>(s.output.i_q),
-                      static_cast<double>(config_.current_loop.current_limit),
-                      period_ * static_cast<double>(config_.speed_divider),
-                      t >= config_.learning_start};
-    s.command = std::visit([&](const auto& law) { return law.step(state_of(s.law, law), in); }, config_.law);
-    if (!std::isfinite(s.command.i_q_ref) || !std::isfinite(s.command.i_d_ref)) {
-        const double wrong = std::isfinite(s.command.i_q_ref) ? s.command.i_d_ref : s.command.i_q_ref;
+                      static_cast<double>(config_.control.foc.current_limit),
+                      law_period(),
+                      c.learn,
+                      c.off};
+    const Command command = std::visit([&](const auto& law) { return law.step(state_of(s.law, law), in); }, config_.law);
+    if (!std::isfinite(command.i_q_ref) || !std::isfinite(command.i_d_ref)) {
+        const double wrong = std::isfinite(command.i_q_ref) ? command.i_d_ref : command.i_q_ref;
         throw std::runtime_error("returned " + std::to_string(wrong));
     }
-    if (legs == 0 && s.command.i_d_ref != 0.0) {
+    if (legs == 0 && command.i_d_ref != 0.0) {
         throw std::runtime_error("asked for i_d_ref: expected only i_q_ref, with an ideal current loop");
     }
+    s.control.command = {static_cast<cgl_real>(command.i_q_ref), command.status};
+    s.control.currents.i_d_ref = s.asked.i_d_ref = static_cast<cgl_real>(command.i_d_ref);
 }
 
 template <Detail detail, std::size_t legs>
 void Drive::advance_plant(DriveState& s, Powers::Values& z, const Phase& phase, std::int64_t origin, const Phases& duty,
-                          const Phases& current) const {
+                          const Phases& current, const Faults& faults) const {
     const double start = time(s.tick - origin);
     const double longest = period_ / config_.integration_steps;
     const bool watch = position_sensor_.watches();
     const auto step = [&](Voltage u, double from, double h) {
         phase.plant.step<detail>(s.plant, z, u, start + from, h);
-        if (watch) position_sensor_.watch(s.position, start + from, start + from + h, s.plant.theta_m);
+        if (watch) {
+            position_sensor_.watch(s.position, start + from, start + from + h,
+                                   faults.stuck ? s.seen : s.plant.theta_m + faults.jump);
+        }
     };
     const auto hold = [&](Voltage u) {
         for (int k = 0; k < config_.integration_steps; ++k) step(u, k * longest, longest);
     };
+    InverterConfig inverter = config_.inverter;
+    inverter.bus_voltage = faults.bus_voltage;
     if constexpr (legs == 0) {
         hold({0.0, 0.0});
-    } else if (config_.inverter.switched) {
-        const Pulses<legs> p = pulses(config_.inverter, leg_duties<legs>(duty), leg_currents<legs>(current), period_);
+    } else if (inverter.switched) {
+        const Pulses<legs> p = pulses(inverter, leg_duties<legs>(duty), leg_currents<legs>(current), period_);
         double from = 0.0;
         for (std::size_t n = 0; n < p.count; ++n) {
             const double length = p.stretch[n].until - from;
@@ -291,7 +358,7 @@ void Drive::advance_plant(DriveState& s, Powers::Values& z, const Phase& phase, 
             from = p.stretch[n].until;
         }
     } else {
-        hold(averaged(config_.inverter, leg_duties<legs>(duty), leg_currents<legs>(current), period_));
+        hold(averaged(inverter, leg_duties<legs>(duty), leg_currents<legs>(current), period_));
     }
 }
 
@@ -301,23 +368,27 @@ void Drive::record(const DriveState& s, const Powers::Values& z, const Phase& ph
     const auto* trial_law = std::get_if<TrialLaw>(&config_.law);
     const auto put = [&row](auto... values) { ((*row++ = static_cast<double>(values)), ...); };
     const Torques torques = phase.plant.torques(s.plant, z, time(s.tick - origin));
+    // The law sees the reference of its own sample until the next one; an error is told from where the reference is now.
+    const std::int64_t since = s.tick % config_.speed_divider;
+    const bool held = since == 0 || trial_law != nullptr;
+    const Motion reference = held ? s.reference : reference_.after(s.reference, time(s.tick - since), time(since));
 
     put(time(s.tick));
     if (trial_law) put(s.tick / (config_.trials->samples * config_.speed_divider) + 1);
-    put(s.plant.theta_m, s.plant.omega_m, trial_law ? s.reference.theta : s.reference.omega);
-    if (follows_angle_) put(s.reference.theta, s.reference.alpha);
-    if (trial_law) put(state_of(s.law, *trial_law).input.x[0]);
+    put(s.plant.theta_m, s.plant.omega_m, trial_law ? reference.theta : reference.omega);
+    if (follows_angle_) put(reference.theta, reference.alpha);
+    if (trial_law) put(state_of(s.law, *trial_law).law.theta);
     put(s.measured.omega_m);
     if constexpr (legs != 0) put(s.plant.i.d);
     put(s.plant.i.q);
-    if (legs != 0 && !trial_law) put(s.command.i_d_ref);
-    put(s.command.i_q_ref);
+    if (legs != 0 && !trial_law) put(s.output.i_d_ref);
+    put(s.output.i_q_ref);
     if constexpr (legs != 0) {
         put(current[0], current[1]);
         if constexpr (legs == star_legs) put(current[2]);
         put(s.output.u_d, s.output.u_q);
     }
-    put(torques.electromagnetic, torques.cogging, torques.load, s.command.status | s.output.status);
+    put(torques.electromagnetic, torques.cogging, torques.load, s.output.status);
     std::visit(
         [&](const auto& law) {
             if constexpr (requires { law.terms; }) {
@@ -345,13 +416,13 @@ Learned Drive::learned(const DriveState& state) const {
         config_.law);
 }
 
-void Drive::teach(DriveState& state, const std::vector<double>& table) const {
-    std::visit(
-        [&](const auto& law) {
-            if constexpr (requires { law.teach(state_of(state.law, law), table); }) {
-                law.teach(state_of(state.law, law), table);
+std::vector<cgl_real>* Drive::cells(DriveState& state) const {
+    return std::visit(
+        [&state](const auto& law) -> std::vector<cgl_real>* {
+            if constexpr (requires { law.cells(state_of(state.law, law)); }) {
+                return &law.cells(state_of(state.law, law));
             } else {
-                throw std::invalid_argument("this law has no table");
+                return nullptr;
             }
         },
         config_.law);

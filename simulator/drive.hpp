@@ -1,8 +1,9 @@
 // A drive: plant, inverter, sensors, current loop and control law in one multirate loop on an integer tick.
 //
-// One tick is one current-loop period. In tick n the drive samples at t = n / current_rate, runs the law where
-// n % speed_divider == 0, runs the current loop, records, and lets the plant go on to the next tick. An ideal current loop
-// has no inverter and no electrical states: the current is what the law asks for, from its step on.
+// One tick is one current-loop period. In tick n the drive samples at t = n / current_rate, runs its controller, which is
+// the control library's cgl_drive with a law at every speed_divider-th tick, records, and lets the plant go on to the next
+// tick. An ideal current loop has no inverter and no electrical states: the current is what the law asks for, from its step
+// on. In the controller's place anything may stand that takes the same measurements and references.
 //
 // In trials everything but the law and the noise starts afresh every so many samples of the law; the law learns in between.
 #pragma once
@@ -11,8 +12,9 @@
 #include <optional>
 #include <vector>
 
-#include "cogless/foc.h"
+#include "cogless/drive.h"
 #include "current_sensors.hpp"
+#include "fault.hpp"
 #include "inverter.hpp"
 #include "laws.hpp"
 #include "plant.hpp"
@@ -44,12 +46,13 @@ struct PhaseConfig {
 struct DriveConfig {
     std::vector<PhaseConfig> phases;  // one, or with trials as many as there are, by `from`
     std::optional<Trials> trials;     // with a TrialLaw, and only with it
-    bool ideal_current;               // then inverter, current sensors and all of current_loop but its limit are left out
+    bool ideal_current;               // then inverter, current sensors and all of control.foc but its limit are left out
     InverterConfig inverter;
     CurrentSensorsConfig current_sensors;
     PositionSensorConfig position_sensor;
     ReferenceConfig reference;  // without trials
-    cgl_foc_config current_loop;
+    cgl_drive_config control;
+    std::vector<Fault> faults;  // without trials
     Law law;
     std::int64_t current_rate;   // Hz
     std::int64_t speed_divider;  // current-loop periods in a period of the law
@@ -64,15 +67,28 @@ struct DriveState {
     PlantState plant;
     PositionSensor::State position;
     Random random{0};
-    cgl_foc current_loop;
+    cgl_drive control;
     LawState law;
+    double seen = 0.0;  // rad, by the position sensor
     Measurement measured{0.0, 0.0};
     Reference::State reference_filter;
-    Motion reference;  // in trials the angle alone
-    Command command;
-    cgl_foc_output output{};
+    Motion reference;  // in trials angle and speed
+    cgl_measurement sampled{};  // what the controller got of it and of the currents
+    cgl_reference asked{};
+    cgl_drive_output output{};
     Phases duty{0.5, 0.5, 0.5};  // that the inverter realises in this period
     std::size_t next_load_step = 0;
+    double added_load = 0.0;                     // N m, by add_load()
+    std::optional<Motion> given_reference = {};  // in place of the described one; not in trials
+};
+
+// What runs in place of the drive's own controller: the same code elsewhere.
+class Controller {
+public:
+    virtual ~Controller() = default;
+    virtual cgl_drive_output step(const cgl_measurement& now, const cgl_reference& reference) = 0;  // every tick
+    virtual void begin(const std::vector<cgl_real>& trajectory) = 0;                                // of a trial, rad
+    virtual void end() = 0;
 };
 
 class Drive {
@@ -84,13 +100,24 @@ public:
 
     DriveState start() const;
 
-    // Runs so many current-loop periods. Throws std::runtime_error where a user's law returns no number, or the motor's
-    // states become none; the state is then that of the failing period. Throws std::invalid_argument, and runs none, where
-    // there are not so many trials.
-    void advance(DriveState& state, Recorder& recorder, std::int64_t ticks) const;
+    // Runs so many current-loop periods, with another controller if there is one; the state of the drive's own then stays
+    // as it is. Throws std::runtime_error where a user's law returns no number, or the motor's states become none; the state
+    // is then that of the failing period. Throws std::invalid_argument, and runs none, where there are not so many trials.
+    void advance(DriveState& state, Recorder& recorder, std::int64_t ticks, Controller* other = nullptr) const;
 
+    // From now on so much torque, N m, acts besides the described load.
+    void add_load(DriveState& state, double torque) const;
+
+    // The drive's own controller alone, which the control library's laws allow: what advance() runs where no other takes its
+    // place. Plant and tick stay as they are.
+    cgl_drive_output step_controller(DriveState& state, const cgl_measurement& now, const cgl_reference& reference) const;
+    void begin_trial(DriveState& state, const std::vector<cgl_real>& trajectory) const;
+    void end_trial(DriveState& state) const;
+
+    const DriveConfig& config() const { return config_; }
     Learned learned(const DriveState& state) const;
-    void teach(DriveState& state, const std::vector<double>& table) const;
+    // All of the law's memory, which is the caller's in C; none where it has none.
+    std::vector<cgl_real>* cells(DriveState& state) const;
 
 private:
     // A phase with all that follows from it.
@@ -103,23 +130,27 @@ private:
 
     // Puts everything but law and noise at the phase's start.
     void restart(DriveState& state, const Phase& phase) const;
-    void advance_trials(DriveState& state, Recorder& recorder, const TrialLaw& law, std::int64_t end) const;
-    void advance_within(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin,
-                        std::int64_t end) const;
+    void advance_trials(DriveState& state, Recorder& recorder, const TrialLaw& law, std::int64_t end,
+                        Controller* other) const;
+    void advance_within(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
+                        Controller* other) const;
 
     // What runs in every tick is inlined by force where it is defined: with two loops gcc would call it, 1 % slower.
     //
     // origin in all of these: the tick at which the phase's time is zero.
     // legs: of the inverter; 0 with an ideal current loop. z: what the plant's evaluate() gives at the rotor's angle.
     template <std::size_t legs>
-    void run(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end) const;
+    void run(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
+             Controller* other) const;
     template <std::size_t legs>
-    void control(DriveState& state, const Phase& phase, std::int64_t origin, const Phases& current) const;
+    void control(DriveState& state, const Phase& phase, std::int64_t origin, const Phases& current, const Faults& faults,
+                 Controller* other) const;
+    void sample_reference(DriveState& state, const Phase& phase, std::int64_t origin) const;
     template <std::size_t legs>
-    void step_law(DriveState& state, const Phase& phase, std::int64_t origin) const;
+    void step_law(DriveState& state) const;
     template <Detail detail, std::size_t legs>
     void advance_plant(DriveState& state, Powers::Values& z, const Phase& phase, std::int64_t origin, const Phases& duty,
-                       const Phases& current) const;
+                       const Phases& current, const Faults& faults) const;
     // Kept out of run(), whose loop is 4 % faster without it.
     template <std::size_t legs>
     [[gnu::noinline]] void record(const DriveState& state, const Powers::Values& z, const Phase& phase,
@@ -128,6 +159,8 @@ private:
     double time(std::int64_t tick) const {
         return static_cast<double>(tick) / static_cast<double>(config_.current_rate);
     }
+
+    double law_period() const { return period_ * static_cast<double>(config_.speed_divider); }
 
     DriveConfig config_;
     double period_;  // s, of the current loop

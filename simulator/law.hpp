@@ -1,12 +1,13 @@
 // What a law sees, asks for and has learned, whichever it is.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
-#include "cogless/status.h"
+#include "cogless/law.h"
 
 namespace cogless {
 
@@ -16,17 +17,29 @@ struct Command {
     unsigned status = 0;
 };
 
-// What the engine offers a law, in doubles.
+// What the engine offers a law: the same in the control library's words, and in doubles with some more for a user's own.
 struct LawInput {
+    cgl_law_input c;
     double time;              // s
-    double omega_ref;         // rad/s; not in trials
+    double omega_ref;         // rad/s
     double theta_ref;         // rad, within the law's turns from zero upwards; in trials as it is
     double alpha_ref;         // rad/s^2; not in trials
-    double omega_m, theta_m;  // measured: rad/s, rad
+    double omega_m, theta_m;  // as the drive's monitor lets them through: rad/s, rad
     double i_d, i_q;          // measured, A
     double i_limit;           // A, of the current reference
     double ts;                // s, speed-loop period
     bool learn;               // false: hold what is learned
+    bool off;                 // true: what it asks for has no effect
+};
+
+inline Command from_c(const cgl_law_output& out) { return {0.0, static_cast<double>(out.i_q_ref), out.status}; }
+
+// A law's configuration in C, byte by byte; empty for a user's own law. Pointers in it mean nothing elsewhere.
+struct LawConfig {
+    const char* law;
+    const void* bytes = nullptr;
+    std::size_t size = 0;
+    std::size_t memory_length = 0;  // entries of the caller's memory
 };
 
 // A part of what a law does, as a recorded signal.

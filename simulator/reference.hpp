@@ -142,8 +142,16 @@ public:
         return m;
     }
 
-    // The speed at time zero, before the filter.
-    double speed_at_start() const { return at(0.0).omega; }
+    // So much time after a sample at this one, and before the next; smoothed: by the sample's own derivatives.
+    Motion after(const Motion& sampled, double time, double dt) const {
+        if (config_.smoothing != 0.0) {
+            return {sampled.theta + dt * (sampled.omega + 0.5 * dt * sampled.alpha), sampled.omega + dt * sampled.alpha,
+                    sampled.alpha};
+        }
+        Motion m = at(time + dt);
+        m.theta += initial_angle_;
+        return m;
+    }
 
 private:
     // Without filter and initial angle.

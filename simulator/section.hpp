@@ -1,9 +1,5 @@
-// A table of the configuration, read from a Python dict; errors name the whole key.
+// A table of the configuration; errors name the whole key.
 #pragma once
-
-#include <nanobind/nanobind.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/vector.h>
 
 #include <cmath>
 #include <map>
@@ -15,20 +11,27 @@
 #include "cogless/real.h"
 #include "inverter.hpp"
 #include "table.hpp"
+#include "value.hpp"
 
 namespace cogless {
 
+// Looks into a description, which must outlive it.
 class Section {
 public:
-    Section(nanobind::dict values, std::string name) : values_(std::move(values)), name_(std::move(name)) {}
+    Section(const Value& description, std::string name)
+        : values_(description.as<Value::Table>()), name_(std::move(name)) {
+        if (values_ == nullptr) throw std::invalid_argument(name_ + ": wrong type");
+    }
 
-    bool has(const char* key) const { return values_.contains(key) && !values_[key].is_none(); }
+    bool has(const char* key) const {
+        const Value* value = find(key);
+        return value != nullptr && !value->is_none();
+    }
 
     template <class T>
     T get(const char* key) const {
-        if (!values_.contains(key)) refuse(key, "missing");
         T value;
-        if (!nanobind::try_cast<T>(values_[key], value)) refuse(key, "wrong type");
+        if (!at(key).read(value)) refuse(key, "wrong type");
         return value;
     }
 
@@ -57,12 +60,20 @@ public:
         return found->second;
     }
 
-    Section section(const char* key) const { return {get<nanobind::dict>(key), name_ + key + "."}; }
+    Section section(const char* key) const {
+        const auto* table = at(key).as<Value::Table>();
+        if (table == nullptr) refuse(key, "wrong type");
+        return {*table, name_ + key + "."};
+    }
 
     std::vector<Section> sections(const char* key) const {
+        const auto* list = at(key).as<Value::List>();
+        if (list == nullptr) refuse(key, "wrong type");
         std::vector<Section> all;
-        for (const nanobind::handle item : get<nanobind::list>(key)) {
-            all.emplace_back(nanobind::cast<nanobind::dict>(item), name_ + key + "." + std::to_string(all.size()) + ".");
+        for (const Value& item : *list) {
+            const auto* table = item.as<Value::Table>();
+            if (table == nullptr) refuse(key, "wrong type");
+            all.push_back({*table, name_ + key + "." + std::to_string(all.size()) + "."});
         }
         return all;
     }
@@ -80,7 +91,20 @@ public:
     }
 
 private:
-    nanobind::dict values_;
+    Section(const Value::Table& values, std::string name) : values_(&values), name_(std::move(name)) {}
+
+    const Value* find(const char* key) const {
+        const auto found = values_->find(key);
+        return found == values_->end() ? nullptr : &found->second;
+    }
+
+    const Value& at(const char* key) const {
+        const Value* value = find(key);
+        if (value == nullptr) refuse(key, "missing");
+        return *value;
+    }
+
+    const Value::Table* values_;
     std::string name_;
 };
 

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <numbers>
 #include <numeric>
+#include <type_traits>
 #include <vector>
 
 #include "cogless/space_position.h"
@@ -12,11 +13,6 @@
 #include "law.hpp"
 
 namespace cogless {
-
-inline cgl_position_input to_position_c(const LawInput& in) {
-    return {static_cast<cgl_real>(in.theta_ref), static_cast<cgl_real>(in.omega_ref), static_cast<cgl_real>(in.alpha_ref),
-            static_cast<cgl_real>(in.theta_m),   static_cast<cgl_real>(in.omega_m),   in.learn};
-}
 
 // A space-learning law: its C config, state, init and step, with the maps of the memory in the engine's state.
 template <class Config, class CState, auto init, auto step_function>
@@ -37,12 +33,19 @@ struct SpaceLaw {
         return s;
     }
     Command step(State& s, const LawInput& in) const {
-        const cgl_position_input input = to_position_c(in);
-        cgl_speed_output output;
+        cgl_law_output output;
         s.law.memory.cell = s.cell.data();
-        step_function(&config, &s.law, &input, &output);
+        step_function(&config, &s.law, &in.c, &output);
         return {0.0, static_cast<double>(output.i_q_ref), output.status};
     }
+
+    LawConfig describe() const {
+        const cgl_space_memory_config& m = config.memory;
+        const bool position = std::is_same_v<Config, cgl_space_position_config>;
+        return {position ? "space-position" : "space-speed", &config, sizeof config,
+                CGL_SPACE_MEMORY_LENGTH(m.kind, m.channels, m.cells, m.q_half_width)};
+    }
+    static std::vector<cgl_real>& cells(State& s) { return s.cell; }
 
     // Revolutions of the rotor that are a whole number of the memory's periods.
     int turns() const {

@@ -24,13 +24,6 @@
 
 namespace cogless {
 
-inline cgl_speed_input to_c(const LawInput& in) {
-    return {static_cast<cgl_real>(in.omega_ref), static_cast<cgl_real>(in.omega_m), static_cast<cgl_real>(in.theta_m),
-            static_cast<cgl_real>(in.i_q), in.learn};
-}
-
-inline Command from_c(const cgl_speed_output& out) { return {0.0, static_cast<double>(out.i_q_ref), out.status}; }
-
 // The map of a memory by angle over one period; nothing by time.
 inline Learned learned_map(const cgl_memory_config& config, const std::vector<cgl_real>& cell, double unit) {
     Learned map;
@@ -52,11 +45,11 @@ struct PiLaw {
         return s;
     }
     Command step(State& s, const LawInput& in) const {
-        const cgl_speed_input input = to_c(in);
-        cgl_speed_output output;
-        cgl_speed_pi_step(&config, &s.law, &input, &output);
+        cgl_law_output output;
+        cgl_speed_pi_step(&config, &s.law, &in.c, &output);
         return from_c(output);
     }
+    LawConfig describe() const { return {"pi", &config, sizeof config}; }
     static constexpr std::array<Term, 2> terms{{{"term_proportional"}, {"term_integral"}}};
     static void read_terms(const State& s, double* out) {
         out[0] = static_cast<double>(s.law.proportional);
@@ -78,12 +71,15 @@ struct PiIlcLaw {
         return s;
     }
     Command step(State& s, const LawInput& in) const {
-        const cgl_speed_input input = to_c(in);
-        cgl_speed_output output;
+        cgl_law_output output;
         s.law.memory.cell = s.cell.data();
-        cgl_pi_ilc_step(&config, &s.law, &input, &output);
+        cgl_pi_ilc_step(&config, &s.law, &in.c, &output);
         return from_c(output);
     }
+    LawConfig describe() const {
+        return {"pi-ilc", &config, sizeof config, CGL_MEMORY_LENGTH(config.memory.cells, config.memory.q_half_width)};
+    }
+    static std::vector<cgl_real>& cells(State& s) { return s.cell; }
     static constexpr std::array<Term, 3> terms{{{"term_proportional"}, {"term_integral"}, {"term_ilc"}}};
     static void read_terms(const State& s, double* out) {
         out[0] = static_cast<double>(s.law.pi.proportional);
@@ -108,12 +104,15 @@ struct RobustIlcLaw {
         return s;
     }
     Command step(State& s, const LawInput& in) const {
-        const cgl_speed_input input = to_c(in);
-        cgl_speed_output output;
+        cgl_law_output output;
         s.law.memory.cell = s.cell.data();
-        cgl_robust_ilc_step(&config, &s.law, &input, &output);
+        cgl_robust_ilc_step(&config, &s.law, &in.c, &output);
         return from_c(output);
     }
+    LawConfig describe() const {
+        return {"robust-ilc", &config, sizeof config, CGL_MEMORY_LENGTH(config.memory.cells, config.memory.q_half_width)};
+    }
+    static std::vector<cgl_real>& cells(State& s) { return s.cell; }
     static constexpr std::array<Term, 5> terms{{{"term_surface"}, {"term_switching"}, {"term_linear"}, {"term_f_hat"}, {"term_r_hat"}}};
     static void read_terms(const State& s, double* out) {
         const cgl_robust_ilc_terms& t = s.law.terms;
@@ -144,12 +143,13 @@ struct AntiCoggingLaw {
         return s;
     }
     Command step(State& s, const LawInput& in) const {
-        const cgl_speed_input input = to_c(in);
-        cgl_speed_output output;
+        cgl_law_output output;
         s.law.table = s.cell.data();
-        cgl_anti_cogging_step(&config, &s.law, &input, &output);
+        cgl_anti_cogging_step(&config, &s.law, &in.c, &output);
         return from_c(output);
     }
+    LawConfig describe() const { return {"anti-cogging", &config, sizeof config, config.cells}; }
+    static std::vector<cgl_real>& cells(State& s) { return s.cell; }
     static constexpr std::array<Term, 3> terms{{{"term_proportional"}, {"term_integral"}, {"term_table"}}};
     static void read_terms(const State& s, double* out) {
         out[0] = static_cast<double>(s.law.pi.proportional);
@@ -158,10 +158,6 @@ struct AntiCoggingLaw {
     }
     Learned learned(const State& s) const {
         return {std::vector<double>(s.cell.begin(), s.cell.end()), Over::mechanical};
-    }
-    void teach(State& s, const std::vector<double>& table) const {
-        if (table.size() != s.cell.size()) throw std::invalid_argument("the table has another number of cells");
-        for (std::size_t n = 0; n < table.size(); ++n) s.cell[n] = static_cast<cgl_real>(table[n]);
     }
 };
 
@@ -192,6 +188,7 @@ struct PluginLaw {
         step_function(s.data(), &input, &output);
         return {output.i_d_ref, output.i_q_ref, 0};
     }
+    LawConfig describe() const { return {"library"}; }
 };
 
 // A law written in Python; its object holds the state, and a copy of the drive's state shares it.
@@ -201,6 +198,7 @@ struct CallbackLaw {
 
     State start() const { return {}; }
     Command step(State&, const LawInput& in) const { return function(in); }
+    LawConfig describe() const { return {"python"}; }
 };
 
 }  // namespace cogless

@@ -1,14 +1,10 @@
 #include "trial_config.hpp"
 
-#include <nanobind/ndarray.h>
-
 #include <algorithm>
 #include <cmath>
 #include <string>
 
 namespace cogless {
-
-namespace nb = nanobind;
 
 namespace {
 
@@ -47,12 +43,11 @@ cgl_zero_phase_config q_filter(const Section& s, std::uint32_t samples) {
 
 std::shared_ptr<const std::vector<cgl_real>> learning_matrix(const Section& s, std::uint32_t samples) {
     if (!s.has("learning_matrix")) return nullptr;
-    using Matrix = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-    const auto matrix = s.get<Matrix>("learning_matrix");
-    if (matrix.shape(0) != samples || matrix.shape(1) != samples) {
+    const auto matrix = s.get<Value::Matrix>("learning_matrix");
+    if (matrix.rows != samples || matrix.columns != samples) {
         s.refuse("learning_matrix", "expected " + std::to_string(samples) + " rows and columns");
     }
-    return std::make_shared<const std::vector<cgl_real>>(matrix.data(), matrix.data() + matrix.size());
+    return std::make_shared<const std::vector<cgl_real>>(matrix.data.begin(), matrix.data.end());
 }
 
 // A square matrix, row by row, of finite numbers.
@@ -113,8 +108,8 @@ TrialLaw trial_law(const Section& s, std::uint32_t states, std::uint32_t samples
     return law;
 }
 
-LinearTrialsConfig read_linear_trials(const nb::dict& config) {
-    const Section top(config, "");
+LinearTrialsConfig read_linear_trials(const Value& description) {
+    const Section top(description, "");
     const Trials trials = read_trials(top);
     const auto samples = static_cast<std::size_t>(trials.samples);
     const std::size_t states = top.get<std::vector<double>>("C").size();

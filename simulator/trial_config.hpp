@@ -1,4 +1,4 @@
-// The configuration of trials and of the law that learns between them, from Python's dicts.
+// The configuration of trials and of the law that learns between them.
 #pragma once
 
 #include <cstdint>
@@ -24,6 +24,6 @@ std::int64_t first_trial(const Section& phase, std::int64_t before, const Trials
 TrialLaw trial_law(const Section& s, std::uint32_t states, std::uint32_t samples);
 
 // Throws std::invalid_argument naming the key that's missing or of the wrong type, length or order; so do the others.
-LinearTrialsConfig read_linear_trials(const nanobind::dict& config);
+LinearTrialsConfig read_linear_trials(const Value& description);
 
 }  // namespace cogless

@@ -9,7 +9,6 @@
 #include <memory>
 #include <vector>
 
-#include "cogless/angle.h"
 #include "cogless/trial.h"
 #include "law.hpp"
 
@@ -19,7 +18,7 @@ struct TrialLaw {
     struct State {
         cgl_trial law;
         std::vector<cgl_real> memory, reference;
-        cgl_trial_input input;  // of the last step
+        cgl_trial_input input;  // of the last step, where the plant is not a drive
     };
     cgl_trial_config config;
     std::shared_ptr<const std::vector<cgl_real>> learning_matrix;  // none, or where config points to
@@ -37,7 +36,6 @@ struct TrialLaw {
         std::copy(reference.begin(), reference.end(), s.reference.begin());
         set_pointers(s);
         cgl_trial_begin(&config, &s.law, s.reference.data());
-        s.input.x[0] = s.reference.front();
     }
 
     // A sample of any plant, whose states are in s.input.
@@ -48,13 +46,12 @@ struct TrialLaw {
         return output;
     }
 
-    // A sample of a drive, whose states are its angle, without jumps, and its speed.
+    // A sample of a drive.
     Command step(State& s, const LawInput& in) const {
-        s.input.x[0] = cgl_unwrap(static_cast<cgl_real>(in.theta_m), s.input.x[0]);
-        s.input.x[1] = static_cast<cgl_real>(in.omega_m);
-        s.input.learn = in.learn;
-        const cgl_trial_output out = step(s);
-        return {0.0, static_cast<double>(out.u), out.status};
+        cgl_law_output output;
+        set_pointers(s);
+        cgl_trial_drive_step(&config, &s.law, &in.c, &output);
+        return from_c(output);
     }
 
     void end(State& s) const {
@@ -62,6 +59,10 @@ struct TrialLaw {
         cgl_trial_end(&config, &s.law);
     }
 
+    LawConfig describe() const {
+        return {"trial", &config, sizeof config, CGL_TRIAL_LENGTH(config.samples, config.q_filter.order)};
+    }
+    static std::vector<cgl_real>& cells(State& s) { return s.memory; }
     static constexpr std::array<Term, 4> terms{{{"term_feedback"}, {"term_integral"}, {"term_feedforward"}, {"term_learned"}}};
     static void read_terms(const State& s, double* out) {
         out[0] = static_cast<double>(s.law.terms.feedback);

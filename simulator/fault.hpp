@@ -1,0 +1,66 @@
+// Faults of sensors and supply: what a drive must live through.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "inverter.hpp"
+#include "position_sensor.hpp"
+
+namespace cogless {
+
+enum class FaultKind {
+    angle_missing,    // angle and speed are no numbers
+    angle_jump,       // the sensor sees another angle, by `size` rad
+    angle_stuck,      // the sensor goes on seeing the angle that it saw last
+    current_missing,  // the current of `phase` is no number
+    current_zero,     // the current of `phase` reads zero
+    bus_voltage,      // the bus has `size` V
+};
+
+// From a tick until another, which it no longer has.
+struct Fault {
+    FaultKind kind;
+    std::int64_t from, until;
+    double size;
+    std::size_t phase;
+};
+
+// What the faults of a tick do, all at once.
+struct Faults {
+    bool missing = false, stuck = false;
+    double jump = 0.0;  // rad
+    double bus_voltage;
+    Phases factor{1.0, 1.0, 1.0};  // of the measured currents: 0, or no number
+
+    Faults(const std::vector<Fault>& all, std::int64_t tick, double nominal_voltage) : bus_voltage(nominal_voltage) {
+        for (const Fault& f : all) {
+            if (tick < f.from || tick >= f.until) continue;
+            switch (f.kind) {
+                case FaultKind::angle_missing: missing = true; break;
+                case FaultKind::angle_jump: jump += f.size; break;
+                case FaultKind::angle_stuck: stuck = true; break;
+                case FaultKind::current_missing: factor[f.phase] = std::numeric_limits<double>::quiet_NaN(); break;
+                case FaultKind::current_zero: factor[f.phase] = 0.0; break;
+                case FaultKind::bus_voltage: bus_voltage = f.size; break;
+            }
+        }
+    }
+
+    Measurement spoilt(Measurement m) const {
+        constexpr double none = std::numeric_limits<double>::quiet_NaN();
+        return missing ? Measurement{none, none} : m;
+    }
+
+    // sensors: measured phases; with two, the third of three is calculated of them.
+    Phases spoilt(Phases i, int sensors, bool star) const {
+        for (std::size_t n = 0; n < static_cast<std::size_t>(sensors); ++n) i[n] *= factor[n];
+        if (star && sensors == 2) i[2] = -i[0] - i[1];
+        return i;
+    }
+};
+
+}  // namespace cogless
