@@ -8,9 +8,10 @@ from typing import Any, Literal
 from cogless.design.pi import gains
 from cogless.design.position import frame_ratio, position_gains
 from cogless.design.space_bounds import learned_limits
+from cogless.guards import monitor_config, quality_config
 from cogless.study import Study, for_scenario
 from cogless.study.controller import AntiCogging, Feedback, Learning, LibraryLaw, PythonLaw
-from cogless.study.drive import Drive, IdealCurrentLoop, StarBelief, sensor_fields
+from cogless.study.drive import Drive, IdealCurrentLoop, sensor_fields
 from cogless.study.mechanics import Load, Mechanics
 from cogless.study.motor import StarMotor
 from cogless.study.reference import Reference
@@ -38,12 +39,13 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
         "mechanics": mechanics_config(here.mechanics),
         "load": load_config(load),
         "events": [event.model_dump() for event in experiment.events] if run else [],
+        "faults": [fault.model_dump() for fault in experiment.faults] if run else [],
         "reference": _reference(experiment.reference if run else Reference.model_validate("0 rpm")),
         "initial_speed": experiment.initial_speed if run else 0.0,
         "initial_angle": experiment.initial_angle if run else 0.0,
         "seed": here.seed,
         "energy": here.trace.energy,
-        "drive": drive_config(here.drive, here.drive.belief.resolved(study.motor.star()), here.drive.divider),
+        "drive": drive_config(here.drive, study.motor.star(), here.drive.divider),
         "controller": _controller(study, here, controller, mode),
     }
 
@@ -81,9 +83,13 @@ def _reference(reference: Reference) -> dict[str, Any]:
     }
 
 
-def drive_config(drive: Drive | TrialDrive, belief: StarBelief, divider: int) -> dict[str, Any]:
-    """A drive with the outer loop at every `divider`-th current-loop period."""
+def drive_config(drive: Drive | TrialDrive, motor: StarMotor, divider: int) -> dict[str, Any]:
+    """A drive with the outer loop at every `divider`-th current-loop period.
+
+    `motor`: the study's, which a belief falls back on.
+    """
     loop, inverter = drive.current_loop, drive.inverter
+    belief = drive.belief.resolved(motor)
     config = {
         "current_rate": round(drive.rates.current_loop),
         "speed_divider": divider,
@@ -93,6 +99,8 @@ def drive_config(drive: Drive | TrialDrive, belief: StarBelief, divider: int) ->
         "belief": dataclasses.asdict(belief),
         "position_sensor": sensor_fields(drive.position_sensor),
         "current_sensors": lists(drive.current_sensors.model_dump()),
+        "monitor": monitor_config(drive, motor, belief, divider),
+        "quality": quality_config(drive),
     }
     if isinstance(loop, IdealCurrentLoop) or inverter is None:
         return config
@@ -127,7 +135,7 @@ def _space(study: Study, here: Study, controller: SpaceLearning) -> dict[str, An
     """The memory of a law that learns in angle: its period, and limits where the study gives none."""
     ratio = frame_ratio(study, controller)
     revolutions = ratio * controller.period.revolutions(study.motor.pole_pairs)
-    limits = learned_limits(study, controller, [scenario.reference for scenario in here.scenario.values()])
+    limits = learned_limits(study, controller, here.scenario.values())
     return {
         "ratio": ratio,
         "turns": revolutions.numerator,

@@ -23,7 +23,8 @@ from cogless.laws import make_law
 from cogless.metrics import Conditions, Value, evaluate, result_name
 from cogless.results import AnyResults, Results, Run, TrialResults
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
-from cogless.study.controller import AntiCogging, LibraryLaw, PythonLaw
+from cogless.study.controller import AntiCogging, Learning, LibraryLaw, PythonLaw
+from cogless.study.space_controller import SpaceLearning
 from cogless.trace import Trace
 
 BUSY = 8  # CGL_STATUS_BUSY: a commissioning run is under way
@@ -183,17 +184,12 @@ def _simulate(study: Study, scenario: str, controller: str, progress: Progress, 
 
 
 def _run(study: Study, scenario: str, controller: str, progress: Progress, stop: Event) -> Run:
-    engine = import_module(ENGINES[study.drive.precision])
     here = for_scenario(study, scenario)
     rates = here.drive.rates
     decimation = round(rates.current_loop / here.trace_rate)
-    ticks = round(here.scenario[scenario].duration * rates.current_loop)
-    table = None
-    if isinstance(here.controller[controller], AntiCogging):
-        table = _commission(engine, study, scenario, controller, stop)
-    drive = _drive(engine, study, scenario, controller, "run")
+    engine, drive, ticks, table = drive_of(study, scenario, controller, stop)
     state = drive.start()
-    if table is not None:
+    if len(table):
         drive.load_memory(state, table)
     recorder = engine.Recorder(drive, decimation, ticks // decimation + 1)
     with failures(study, scenario, controller, lambda: f" at {state.tick / rates.current_loop:.6g} s"):
@@ -204,7 +200,25 @@ def _run(study: Study, scenario: str, controller: str, progress: Progress, stop:
     except StudyError as error:
         where = f"{study.source.path}: controller.{controller}: scenario {scenario}"
         raise StudyError(f"{where}: {error}") from error
-    return Run(scenario, controller, trace, _memory(drive, state), metrics)
+    quality = dict(drive.quality(state))
+    law = here.controller[controller]
+    if not (isinstance(law, Learning) or (isinstance(law, SpaceLearning) and law.learning)):
+        quality = {key: quality[key] for key in ("known", "residual")}
+    return Run(scenario, controller, trace, _memory(drive, state), metrics, quality=quality)
+
+
+def drive_of(study: Study, scenario: str, controller: str, stop: Event) -> tuple[Any, Any, int, Any]:
+    """The engine's module, the drive, its ticks, and the table that it starts with, A, or none: [].
+
+    An anti-cogging table is learnt here, in a commissioning run of its own.
+    """
+    engine = import_module(ENGINES[study.drive.precision])
+    here = for_scenario(study, scenario)
+    ticks = round(here.scenario[scenario].duration * here.drive.rates.current_loop)
+    table: Any = []
+    if isinstance(here.controller[controller], AntiCogging):
+        table = _commission(engine, study, scenario, controller, stop)
+    return engine, _drive(engine, study, scenario, controller, "run"), ticks, table
 
 
 def _drive(engine: Any, study: Study, scenario: str, controller: str, mode: Mode) -> Any:

@@ -40,9 +40,7 @@ def engine_config(study: TrialStudy, scenario: str, controller: str, design: Tri
         "trials": {"samples": samples, "count": here.trials, "phases": phases},
         "seed": study.seed,
         "energy": False,
-        "drive": drive_config(
-            study.drive, study.drive.belief.resolved(study.motor.star()), study.drive.rates.divider
-        ),
+        "drive": drive_config(study.drive, study.motor.star(), study.drive.rates.divider),
         "controller": law,
     }
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from threading import Event
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -38,25 +38,18 @@ def _run(
     progress: Progress,
     stop: Event,
 ) -> Run:
-    engine = import_module(ENGINES["double" if study.drive is None else study.drive.precision])
     design = designs[scenario, controller]
-    config = engine_config(study, scenario, controller, design)
-    try:
-        drive = engine.LinearTrials(config) if study.plant is not None else engine.Drive(config)
-    except (ValueError, RuntimeError) as error:
-        where = f"controller.{controller}: scenario {scenario}"
-        raise StudyError(f"{study.source.path}: {where}: {error}") from error
+    engine, drive, ticks = _drive(study, scenario, controller, design)
     state = drive.start()
-    samples = study.samples(scenario) * study.scenario[scenario].trials
     divider = 1 if study.drive is None else study.drive.rates.divider
     decimation = divider if study.trace.rate is None else round(divider / (study.trace.rate * study.period))
-    recorder = engine.Recorder(drive, decimation, samples * divider // decimation)
+    recorder = engine.Recorder(drive, decimation, ticks // decimation)
 
     def when() -> str:
         return f" in trial {state.tick // (divider * study.samples(scenario)) + 1}"
 
     with failures(study, scenario, controller, when):
-        advance(drive, state, recorder, samples * divider, progress, stop)
+        advance(drive, state, recorder, ticks, progress, stop)
     trace = trace_of(drive, recorder)
     memory = {key: np.asarray(value) for key, value in dict(drive.memory(state)).items()}
     here = study.scenario[scenario]
@@ -66,3 +59,22 @@ def _run(
         result_name(m): evaluate(m, sampled, here.trials, here.starts) for m in study.metrics_in(scenario)
     }
     return Run(scenario, controller, trace, memory, metrics, design)
+
+
+def drive_of(study: TrialStudy, scenario: str, controller: str) -> tuple[Any, Any, int]:
+    """The engine's module, the designed controller with its plant, its ticks; StudyError."""
+    designs = design_study(study, [(scenario, controller)])
+    return _drive(study, scenario, controller, designs[scenario, controller])
+
+
+def _drive(study: TrialStudy, scenario: str, controller: str, design: TrialDesign) -> tuple[Any, Any, int]:
+    engine = import_module(ENGINES["double" if study.drive is None else study.drive.precision])
+    config = engine_config(study, scenario, controller, design)
+    divider = 1 if study.drive is None else study.drive.rates.divider
+    ticks = study.samples(scenario) * study.scenario[scenario].trials * divider
+    try:
+        drive = engine.LinearTrials(config) if study.plant is not None else engine.Drive(config)
+    except (ValueError, RuntimeError) as error:
+        where = f"controller.{controller}: scenario {scenario}"
+        raise StudyError(f"{study.source.path}: {where}: {error}") from error
+    return engine, drive, ticks

@@ -87,6 +87,7 @@ INERTIA = Dimension("an inertia", "kg*m^2")
 VISCOUS_FRICTION = Dimension("a viscous friction", "N*m*s/rad", also=("N*m*s",))
 CURRENT_GAIN = Dimension("a gain of the current loop", "V/A")
 CURRENT_INTEGRAL_GAIN = Dimension("an integral gain of the current loop", "V/A/s")
+LAW_SPEED = Dimension("an angular speed", "rad/s")  # of a law, which tables show in rad/s
 SPEED_GAIN = Dimension("a gain of the speed loop", "A*s/rad", "A/rpm")
 SPEED_INTEGRAL_GAIN = Dimension("an integral gain of the speed loop", "A/rad", "A/rpm/s")
 CURRENT_TO_ACCELERATION = Dimension("an acceleration per current", "rad/s^2/A", "rpm/s/A")
@@ -113,6 +114,11 @@ def unit_of(text: str) -> str:
     """The unit of a text such as "60 rpm"; empty where there is none or the text is no quantity."""
     found = NUMBER.fullmatch(text)
     return found.group(2) if found else ""
+
+
+def is_known(unit: str) -> bool:
+    """Whether a word is a unit, of whatever dimension."""
+    return _quantity(unit) is not None
 
 
 def convert(value_si: float, unit: str, dimension: Dimension) -> float:

@@ -75,7 +75,7 @@ class SpeedLoop:
         if self.window == 0:
             return np.asarray(x[:, OMEGA])
         samples = -(-self.window // self.steps)
-        then = np.linalg.matrix_power(self._step, samples * self.steps - self.window)[THETA]
+        then = self.step_of(samples * self.steps - self.window)[THETA]
         theta_then = (x @ then[:REFERENCE] + then[REFERENCE]) / z**samples
         return np.asarray((x[:, THETA] - theta_then) / (self.window * self.current.period))
 
@@ -86,7 +86,7 @@ class SpeedLoop:
     def _states(self, w: Real) -> Complex:
         """X(jw), see above."""
         z = np.exp(1j * w * self.period)
-        whole = np.linalg.matrix_power(self._step, self.steps)
+        whole = self.step_of(self.steps)
         A, B = whole[:REFERENCE, :REFERENCE], whole[:REFERENCE, REFERENCE:]
         return np.asarray(np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)[:, :, 0])
 
@@ -94,6 +94,10 @@ class SpeedLoop:
         """L(jw), see above."""
         z = np.exp(1j * w * self.period)
         return np.asarray((kp + ki * self.period * z / (z - 1)) * self.plant(w))
+
+    def step_of(self, periods: int) -> Real:
+        """x and i_ref so many current-loop periods later."""
+        return np.asarray(np.linalg.matrix_power(self._step, periods))
 
     @cached_property
     def _step(self) -> Real:

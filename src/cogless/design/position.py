@@ -5,7 +5,8 @@ proportional and an integral gain, so that its loop, from current to what it fee
 
     L = (k_omega + k_i T z / (z - 1)) (P_omega + k_theta P_theta),    z = exp(jwT)
 
-with the exact plants P of pi.py. All angles are multiplied by `ratio`, mechanical to the frame of the gains.
+with the exact plants P of pi.py; where it has them, v(omega) counts with k_omega, and k_v adds k_v P_theta.
+All angles are multiplied by `ratio`, mechanical to the frame of the gains.
 
 The rule: the stiffest loop of the wanted phase margin. Both zeros are put at one place, k_i / K = k_theta,
 with K = k_omega + k_i T / 2; the stiffness against a slow load is K k_theta k_i / K. Around the double lag of
@@ -23,9 +24,11 @@ with the first crossover of the margin, would be 4 to 6 times too soft at 45 deg
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
+from cogless.design.closed_loop import Linear
 from cogless.design.current_loop import CurrentLoop, require_damped
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.design.pi import SpeedLoop, speed_loop
@@ -37,6 +40,15 @@ from cogless.study.space_controller import SpaceLearning, SpacePosition
 POINTS = 2000  # frequencies
 PLACES = 200  # of the zeros
 Gains = tuple[float, float, float]  # k_theta, k_omega, k_i, in the law's frame
+
+
+def feedback_at(study: Study, name: str, omega_m: float) -> Linear:
+    """A position law's feedback before it learns, at a speed, with v and k_v."""
+    law = study.controller[name]
+    assert isinstance(law, SpacePosition)
+    ratio, (k_theta, k_omega, k_i) = frame_ratio(study, law), position_gains(study, name)
+    v = law.v_0 + law.v_2 * (ratio * omega_m) ** 2
+    return Linear(ratio, k_omega + v, k_theta, k_i, law.k_v)
 
 
 def frame_ratio(study: Study, controller: SpaceLearning) -> int:
@@ -59,23 +71,29 @@ def position_gains(study: Study, name: str) -> Gains:
         raise StudyError(f"{study.source.path}: controller.{name}.tuning: {error}") from None
 
 
-def open_loop(loop: SpeedLoop, ratio: int, gains: Gains, w: Real) -> Complex:
+def open_loop(loop: SpeedLoop, feedback: Linear, w: Real) -> Complex:
     """L, see above."""
-    k_theta, k_omega, k_i = gains
     z = np.exp(1j * w * loop.period)
-    fed_back = ratio * (loop.plant(w) + k_theta * loop.angle(w))
-    return np.asarray((k_omega + k_i * loop.period * z / (z - 1)) * fed_back)
+    angle = loop.angle(w)
+    C = feedback.k + feedback.k_i * loop.period * z / (z - 1)
+    return np.asarray(
+        feedback.ratio * (C * (loop.plant(w) + feedback.k_theta * angle) + feedback.k_v * angle)
+    )
 
 
-def position_margins(loop: SpeedLoop, ratio: int, gains: Gains) -> Margins:
+def position_margins(loop: SpeedLoop, feedback: Linear) -> Margins:
     """Of L; unstable where its current loop is."""
     if isinstance(loop.current, CurrentLoop) and not loop.current.margins().stable:
         return UNSTABLE
-    k_theta, k_omega, k_i = gains
-    integrators = (1 + (k_theta > 0) + (k_i > 0)) if k_omega or k_i else 0
-    return margins_of(lambda w: open_loop(loop, ratio, gains, w), loop.period, integrators)
+    integrators = 0
+    if feedback.k or feedback.k_i:
+        integrators = 1 + (feedback.k_theta > 0) + (feedback.k_i > 0)
+    if feedback.k_v:
+        integrators = max(integrators, 2)
+    return margins_of(lambda w: open_loop(loop, feedback, w), loop.period, integrators)
 
 
+@lru_cache(maxsize=32)
 def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
     """Gains for a phase margin; ValueError where this loop has none such below half the sampling rate."""
     half = loop.period / 2
@@ -100,16 +118,16 @@ def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
         places = np.geomspace(places[max(k - 1, 0)], places[min(k + 1, PLACES - 1)], PLACES)
     found, last = stiffness(best)
     if found > 0:
-        unit = (best, 1 - best * half, best)
+        unit = Linear(ratio, 1 - best * half, best, best)
         w_c = root(
-            lambda w: tuning.phase_margin - float(np.angle(-open_loop(loop, ratio, unit, np.array([w]))[0])),
+            lambda w: tuning.phase_margin - float(np.angle(-open_loop(loop, unit, np.array([w]))[0])),
             float(w[last]),
             float(w[last + 1]),
         )
-        K = 1 / float(abs(open_loop(loop, ratio, unit, np.array([w_c]))[0]))
-        gains = (unit[0], K * unit[1], K * unit[2])
-        margins = position_margins(loop, ratio, gains)
+        K = 1 / float(abs(open_loop(loop, unit, np.array([w_c]))[0]))
+        feedback = Linear(ratio, K * unit.k, best, K * unit.k_i)
+        margins = position_margins(loop, feedback)
         # A current loop with a resonance crosses once more, further up.
         if margins.stable and math.isclose(margins.phase_margin, tuning.phase_margin, rel_tol=1e-3):
-            return gains
+            return feedback.k_theta, feedback.k, feedback.k_i
     raise ValueError("expected a faster and better damped current loop for this margin")

@@ -44,6 +44,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -51,7 +52,7 @@ from cogless.design.angle_functions import AngleFunctions, Bounds, angle_functio
 from cogless.design.position import frame_ratio, position_gains
 from cogless.study import Study
 from cogless.study.reading import for_scenario
-from cogless.study.reference import Reference
+from cogless.study.scenario import Scenario
 from cogless.study.space_controller import SpaceLearning, SpacePosition, SpaceSpeed
 
 SLOW = 1e-6  # rad/s or rad/s^2: no limit comes from a reference that is slower
@@ -73,6 +74,7 @@ class Condition:
     name: str
     asks: float  # A*s/rad; infinite where no gain is enough
     needed: bool = False  # for the proof; the others are what the paper prints, or ask for more
+    wants: str = ""  # without which no gain is enough
 
     def ratio(self, has: float) -> float:
         """How many times that a gain is; above one it is met."""
@@ -98,10 +100,16 @@ class Theorem:
 
     def verdict(self) -> str:
         """In words."""
-        asked = [f"{c.ratio(self.has):.2g} of {c.name} ({c.asks:.3g})" for c in self.conditions]
-        words = (
-            f"{self.section}: {self.gain} = {self.has:.3g} is " + ", ".join(asked) if asked else self.section
-        )
+        met = [c for c in self.conditions if math.isfinite(c.asks)]
+        never = [
+            c.name + (f", which wants {c.wants}" if c.wants else "")
+            for c in self.conditions
+            if not math.isfinite(c.asks)
+        ]
+        asked = ", ".join(f"{c.ratio(self.has):.2g} of {c.name} ({c.asks:.3g})" for c in met)
+        words = f"{self.section}: {self.gain} = {self.has:.3g}"
+        words += (f" is {asked}" if met else "") + ("," if met and never else "")
+        words += f" no {self.gain} is enough for {_either(never)}" if never else ""
         reasons = "".join(f"; {reason}" for reason in self.obstacles)
         return f"{words}: {'the proof holds' if self.holds else 'not covered by the proof'}{reasons}"
 
@@ -113,13 +121,13 @@ def theorem(study: Study, name: str) -> Theorem | None:
     if not isinstance(law, SpacePosition | SpaceSpeed) or not law.learning or not keys:
         return None
     functions = [each for key in keys for each in _in_scenario(study, key)]
-    motion = _motion([study.scenario[key].reference for key in keys])
+    motion = _motion([study.scenario[key] for key in keys])
     found = worst([each.bounds() for each in functions])
     obstacles = [*_in_the_way(study, name, law, functions, found, motion), *_changing_loads(study, keys)]
     if found is None:
         obstacles.insert(0, "the torque per current comes down to zero")
     if isinstance(law, SpaceSpeed):
-        limits = learned_limits(study, law, [s.reference for s in study.scenario.values()])
+        limits = learned_limits(study, law, study.scenario.values())
         conditions = speed_conditions(found, motion, law, limits) if found else ()
         return Theorem("law (4), section 3", "k", law.k, found, conditions, tuple(obstacles))
     gains = mechanical_gains(study, name, motion.top_speed)
@@ -137,14 +145,14 @@ def speed_conditions(
     f = (1.0, eta + motion.top_speed, motion.top_acceleration)
     f_plus, (g_minus, g_plus) = math.hypot(*f), bounds.g
     spread, delta = g_plus / g_minus, bounds.delta
-    printed = spread * (2 * delta + max(mu) * per) * f_plus / eta
+    printed = spread * (2 * delta + _times(max(mu), per)) * f_plus / eta
     learned = math.hypot(
         *(gain * each for gain, each in zip(mu, f, strict=True))
     )  # mu f+ where all mu are one
-    corrected = spread * ((1 + math.sqrt(law.channels)) * delta + learned * per) * f_plus / eta
+    corrected = spread * ((1 + math.sqrt(law.channels)) * delta + _times(learned, per)) * f_plus / eta
     each = (bounds.k_alpha1, bounds.k_beta1, bounds.h_M)
     parts = zip(mu, f, limits, each, strict=True)
-    own = sum((gain * x * per + limit + bound) * x for gain, x, limit, bound in parts) / eta
+    own = sum((_times(gain * x, per) + limit + bound) * x for gain, x, limit, bound in parts) / eta
     drift = bounds.g_d * (eta + motion.top_speed) / 2
     return (
         Condition("the printed bound", printed),
@@ -152,6 +160,11 @@ def speed_conditions(
         Condition("that with its own limits", own, needed=True),
         Condition("g_d (eta_bar + omega+) / 2", drift, needed=True),
     )
+
+
+def _times(gain: float, per: float) -> float:
+    """What isn't learned has no part in it, however long it takes."""
+    return gain * per if gain else 0.0
 
 
 @dataclass(frozen=True)
@@ -184,7 +197,7 @@ def position_conditions(bounds: Bounds, motion: Motion, gains: PositionGains) ->
     else:
         cross = s_1**2 / (4 * gains.k_theta * gains.k_v)
     return (
-        Condition("what footnote 6 asks", printed + g_2 + drift),
+        Condition("what footnote 6 asks", printed + g_2 + drift, wants="k_v"),
         Condition("what the proof needs", cross + g_2 + drift, needed=True),
     )
 
@@ -201,11 +214,12 @@ def error_terms(bounds: Bounds, motion: Motion, k_theta: float) -> tuple[float, 
     return sum(part**2 for part in parts), sum(parts), bounds.k_beta1 + bounds.h_M * k_theta
 
 
-def learned_limits(study: Study, law: SpaceLearning, references: list[Reference]) -> tuple[float, ...]:
+def learned_limits(study: Study, law: SpaceLearning, scenarios: Iterable[Scenario]) -> tuple[float, ...]:
     """What alpha, beta and h saturate at, in the law's frame: its own, or what the current limit can do."""
     limit, ratio = study.drive.current_loop.current_limit, frame_ratio(study, law)
-    speed = ratio * max(r.top_speed for r in references)
-    acceleration = ratio * max(r.top_acceleration for r in references)
+    scenarios = list(scenarios)
+    speed = ratio * max(s.top_reference for s in scenarios)
+    acceleration = ratio * max(s.top_acceleration for s in scenarios)
     limits = (
         law.alpha_limit or limit,
         law.beta_limit or limit / max(speed, SLOW),
@@ -233,11 +247,11 @@ def _in_scenario(study: Study, key: str) -> list[AngleFunctions]:
     return [angle_functions(here.motor.star(), here.mechanics, load, level) for level in extremes]
 
 
-def _motion(references: list[Reference]) -> Motion:
+def _motion(scenarios: list[Scenario]) -> Motion:
     return Motion(
-        min(r.slowest for r in references),
-        max(r.top_speed for r in references),
-        max(r.top_acceleration for r in references),
+        min(s.slowest for s in scenarios),
+        max(s.top_reference for s in scenarios),
+        max(s.top_acceleration for s in scenarios),
     )
 
 
@@ -250,10 +264,13 @@ def _in_the_way(
     motion: Motion,
 ) -> list[str]:
     """Assumptions that aren't met."""
-    found, revolutions = [], law.period.revolutions(study.motor.pole_pairs)
-    unfit = sorted({n for each in functions for n in each.orders if (n * revolutions).denominator != 1})
-    if unfit:
-        found.append(f"its period, {_share(revolutions)}, isn't one of order {unfit[0]}")
+    found = [reason] if (reason := _unfit(study, law, functions)) else []
+    if not law.mu_alpha:
+        found.append("it learns no alpha")
+    if law.q_half_width:
+        found.append("its Q filter forgets a part of what was learned")
+    if not study.drive.ideal:
+        found.append("the current loop isn't ideal")
     if isinstance(law, SpaceSpeed) and motion.slowest <= law.eta_bar:
         found.append(f"eta_bar isn't below the slowest reference, {motion.slowest:.3g} rad/s")
     if isinstance(law, SpacePosition) and motion.slowest <= 0:
@@ -274,11 +291,26 @@ def _in_the_way(
     return found
 
 
+def unfit(study: Study, name: str) -> str | None:
+    """That a period isn't one of motor or load, in the scenarios of a controller; None where it is."""
+    law = study.controller[name]
+    keys = [key for key in study.scenario if name in study.controllers_in(key)]
+    if not isinstance(law, SpaceLearning) or not law.learning:
+        return None
+    return _unfit(study, law, [each for key in keys for each in _in_scenario(study, key)])
+
+
+def _unfit(study: Study, law: SpaceLearning, functions: list[AngleFunctions]) -> str | None:
+    revolutions = law.period.revolutions(study.motor.pole_pairs)
+    others = sorted({n for each in functions for n in each.orders if (n * revolutions).denominator != 1})
+    return f"its period, {_share(revolutions)}, isn't one of order {others[0]}" if others else None
+
+
 def _tight_limits(study: Study, law: SpacePosition | SpaceSpeed, bounds: Bounds) -> list[str]:
     """Limits below what has to be learned; beta counts the frame's speed."""
     ratio = frame_ratio(study, law)
     asked = (bounds.k_alpha1, bounds.k_beta1 / ratio, bounds.h_M / ratio)
-    limits = learned_limits(study, law, [s.reference for s in study.scenario.values()])
+    limits = learned_limits(study, law, study.scenario.values())
     keys = ("alpha_limit", "beta_limit", "h_limit")
     return [
         f"{key} {limit:.3g} is below the bound {least:.3g}"
@@ -294,6 +326,10 @@ def _changing_loads(study: Study, keys: list[str]) -> list[str]:
         if scenario.events or (scenario.load or study.mechanics.load).time_table:
             return [f"the load changes with time in scenario {key}"]
     return []
+
+
+def _either(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
 
 
 def _share(revolutions: Fraction) -> str:

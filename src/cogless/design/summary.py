@@ -18,13 +18,13 @@ from cogless.design.learning import (
 )
 from cogless.design.margins import Margins
 from cogless.design.pi import gains, margins, speed_loop
-from cogless.design.position import frame_ratio, position_gains, position_margins
+from cogless.design.position import feedback_at, position_gains, position_margins
 from cogless.design.space_bounds import Theorem, theorem
-from cogless.design.space_learning import repairing_filter, space_learning, space_stable
+from cogless.design.space_verdict import Verdict, verdict
 from cogless.study import Study
 from cogless.study.controller import Feedback, Learning, RobustIlc
 from cogless.study.laws import AnyController
-from cogless.study.space_controller import SpacePosition, SpaceSpeed
+from cogless.study.space_controller import SpaceLearning, SpacePosition, SpaceSpeed
 from cogless.study.table import Quantity
 
 
@@ -48,7 +48,7 @@ class Design:
     settling_lead: float | None  # s; where it grows: the shortest lead with which it would not
     frozen: tuple[str, ...]  # why it doesn't learn, at the speeds where it doesn't
     unstable: bool  # its feedback, with what learning adds to it at once
-    settling_filter: int | None = None  # of a law that learns in angle and grows: q_half_width that would do
+    angle: Verdict | None = None  # of a law that learns in angle: whether it settles
     theorem: Theorem | None = None  # of a law that learns in angle: what its proof asks
 
 
@@ -85,7 +85,7 @@ def to_dict(study: Study) -> dict[str, Any]:
             "rule": design.rule,
             "gains": _gains(design.gains),
             "margins": design.margins and _margins(design.margins),
-            "learning": _learning(design) if design.learning or design.frozen else None,
+            "learning": _learning(design) if design.learning or design.frozen or design.angle else None,
             "theorem": design.theorem and _theorem(design.theorem),
         }
     return {
@@ -119,7 +119,8 @@ def _learning(design: Design) -> dict[str, Any]:
         "factor_per_period": worst and worst.factor,
         "frequency_Hz": worst and worst.frequency,
         "settling_lead_s": design.settling_lead,
-        "settling_q_half_width": design.settling_filter,
+        "settling_q_half_width": design.angle and design.angle.filter,
+        "verdict": design.angle and design.angle.words(),
         "frozen": list(design.frozen),
         "unstable": design.unstable,
     }
@@ -145,23 +146,30 @@ def _space(study: Study, name: str, controller: SpacePosition | SpaceSpeed) -> D
         units = ("1/s", "A*s/rad", "A/rad")
         own = {k: Gain(v, u) for k, v, u in zip(("k_theta", "k_omega", "k_i"), found, units, strict=True)}
         numbers = own | {key: gain for key, gain in numbers.items() if key not in own}
-        margins_ = position_margins(loop, frame_ratio(study, controller), found)
+        margins_ = _weakest(study, name)
     else:
         margins_ = margins(loop, controller.k, 0.0)
-    worst = space_learning(study, name)
-    grows = worst is not None and worst.factor > SETTLED
+    known = verdict(study, name)
     return Design(
         controller.law,
         rule,
         numbers,
         margins_,
-        learning=worst,
+        learning=known.worst if known else None,
         settling_lead=None,
         frozen=(),
-        unstable=worst is not None and not space_stable(study, name),
-        settling_filter=repairing_filter(study, name) if grows else None,
+        unstable=known is not None and known.unstable is not None,
+        angle=known,
         theorem=theorem(study, name),
     )
+
+
+def _weakest(study: Study, name: str) -> Margins:
+    """A position law's margins at its slowest or fastest reference, where v differs: the lesser ones."""
+    scenarios = [study.scenario[key] for key in study.scenario if name in study.controllers_in(key)]
+    speeds = {speed for s in scenarios for speed in (s.slowest, s.top_reference)} or {0.0}
+    found = [position_margins(speed_loop(study), feedback_at(study, name, speed)) for speed in speeds]
+    return min(found, key=lambda m: m.phase_margin if m.stable and math.isfinite(m.phase_margin) else -1.0)
 
 
 def _design(study: Study, name: str) -> Design:
@@ -197,11 +205,22 @@ def _numbers(controller: AnyController) -> dict[str, Gain]:
     found = {}
     fields = type(controller).model_fields
     own = type(controller).__annotations__  # what the law alone has comes first
+    idle = _idle(controller)
     for key, field in sorted(fields.items(), key=lambda item: item[0] not in own):
         value = getattr(controller, key)
-        if isinstance(value, int | float) and not isinstance(value, bool) and key not in ("kp", "ki"):
+        told = isinstance(value, int | float) and not isinstance(value, bool)
+        if told and key not in ("kp", "ki", *idle):
             found[key] = Gain(value, _unit([*field.metadata, *get_args(field.annotation)]))
     return found
+
+
+def _idle(controller: AnyController) -> set[str]:
+    """Fields of a law that learns in angle that do nothing with its settings."""
+    if not isinstance(controller, SpaceLearning):
+        return set()
+    if not controller.learning:
+        return {*SpaceLearning.model_fields, "ramp"}
+    return set() if (controller.memory, controller.delay_method) == ("delay", "ode") else {"k_pp"}
 
 
 def _unit(annotations: list[Any]) -> str:

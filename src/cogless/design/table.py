@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING
 from cogless import units
 from cogless.design.angle_functions import Bounds
 from cogless.design.learning import SETTLED
+from cogless.design.map_size import map_warning
 from cogless.design.margins import UNSTABLE, Margins
 from cogless.design.summary import CurrentLoopDesign, Design, Gain, current_loop_summary, summary
 from cogless.study import Study
 
 if TYPE_CHECKING:
     from rich.console import Group
+
+WIDEST = 48  # columns of the gains
 
 # The paper's and the trade's units, where they aren't SI.
 SHOWN = {
@@ -32,11 +35,12 @@ def design_table(study: Study) -> Group:
     from rich.text import Text
 
     table = Table(title=study.title, title_justify="left", title_style="bold", box=None, pad_edge=False)
-    for heading in ("controller", "law", "rule", "gains"):
+    for heading in ("controller", "law", "rule"):
         table.add_column(heading, overflow="fold")
+    table.add_column("gains", overflow="fold", max_width=WIDEST)
     for heading in ("crossover", "phase margin", "gain margin"):
         table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("learning", justify="right")
+    table.add_column("learning", overflow="fold", max_width=WIDEST)
     loops = current_loop_summary(study)
     for name, loop in _told_apart(loops).items():
         table.add_row(name, "pi", "", _gains(loop.gains), *_margins(loop.margins), "")
@@ -44,7 +48,7 @@ def design_table(study: Study) -> Group:
     for name, design in designs.items():
         gains, margins = _gains(design.gains), _margins(design.margins)
         table.add_row(study.label(name), design.law, design.rule or "", gains, *margins, _learning(design))
-    return Group(table, *(Text(note) for note in (*_notes(loops), *_theorems(study, designs))))
+    return Group(table, *(Text(note) for note in (*_notes(loops), *_maps(study), *_theorems(study, designs))))
 
 
 def _told_apart(loops: dict[str, CurrentLoopDesign]) -> dict[str, CurrentLoopDesign]:
@@ -66,6 +70,12 @@ def _notes(loops: dict[str, CurrentLoopDesign]) -> list[str]:
     return notes
 
 
+def _maps(study: Study) -> list[str]:
+    """Maps that are too small for what they shall learn."""
+    found = {name: map_warning(study, name) for name in study.controller}
+    return [f"controller.{name}: {text}." for name, text in found.items() if text is not None]
+
+
 def _theorems(study: Study, designs: dict[str, Design]) -> list[str]:
     """What the proofs of laws that learn in angle ask, and the bounds behind it."""
     notes: list[str] = []
@@ -85,7 +95,8 @@ def _bounds(bounds: Bounds) -> str:
 
 
 def _gains(gains: dict[str, Gain]) -> str:
-    return ", ".join(f"{key} {_shown(gain)}" for key, gain in gains.items())
+    """Those that are zero are left out: what they would do isn't there."""
+    return ", ".join(f"{key} {_shown(gain)}" for key, gain in gains.items() if gain.value)
 
 
 def _shown(gain: Gain) -> str:
@@ -96,6 +107,8 @@ def _shown(gain: Gain) -> str:
 
 
 def _learning(design: Design) -> str:
+    if design.angle is not None:
+        return design.angle.words()
     worst = design.learning
     said = [f"frozen: {reason}" for reason in design.frozen]
     if worst is None:
@@ -104,10 +117,8 @@ def _learning(design: Design) -> str:
         return "feedback unstable" if design.margins is UNSTABLE else "unstable: gain too large"
     if worst.factor <= SETTLED:
         return "; ".join(["settles", *said])
-    lead, wide = design.settling_lead, design.settling_filter
+    lead = design.settling_lead
     remedy = "forgetting or a Q filter" if lead is None else f'lead = "{1e3 * lead:g} ms"'
-    if wide is not None:
-        remedy = f"q_half_width = {wide}"
     return "; ".join([f"grows {worst.factor:.3f}x a period at {worst.frequency:.0f} Hz, try {remedy}", *said])
 
 

@@ -11,8 +11,7 @@ from cogless.study.step_motor import StepMotor
 
 
 def _kind(data: Any) -> str:
-    kind = data.get("kind", "pmsm") if isinstance(data, dict) else getattr(data, "kind", "pmsm")
-    return "step" if kind == "step" else "pmsm"
+    return str(data.get("kind", "pmsm") if isinstance(data, dict) else getattr(data, "kind", "pmsm"))
 
 
 AnyMotor = Annotated[

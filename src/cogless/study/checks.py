@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 
 from pydantic_core import PydanticCustomError
 
-from cogless.study import numerics, space_checks
+from cogless.study import fault_checks, numerics, signals, space_checks
 from cogless.study.controller import Learning
-from cogless.study.laws import TERMS
 from cogless.study.metric import Metric, result_name, whole_revolutions
 from cogless.study.scenario import Scenario
 from cogless.study.table import problem
@@ -71,9 +70,14 @@ def durations(study: Study) -> None:
             raise problem(expected, "scenario", name, "duration")
 
 
+def energy(study: Study) -> None:
+    """Energies are those of voltages."""
+    if study.trace.energy and study.drive.ideal:
+        raise problem("expected false, since the current loop is ideal", "trace", "energy")
+
+
 def metrics(study: Study) -> None:
     """Metrics have their own name in each scenario, and scenarios, windows, events, signals that exist."""
-    recorded = {term for controller in study.controller.values() for term in TERMS[controller.law]}
     for index, metric in enumerate(study.metric):
         for scenario, other in product(study.scenario, study.metric[:index]):
             both = (applies(m, scenario, study.scenario[scenario]) for m in (metric, other))
@@ -81,10 +85,11 @@ def metrics(study: Study) -> None:
                 has = "has" if metric.name == other.name else f"has in results.json: {result_name(metric)}"
                 expected = f'expected a name that no other metric of scenario "{scenario}" {has}'
                 raise problem(expected, "metric", index, "name")
-        if (metric.signal or "").startswith("term_") and metric.signal not in recorded:
-            raise problem("expected a signal that a controller of this study has", "metric", index, "signal")
-        if (metric.signal or "").startswith("energy_") and not study.trace.energy:
-            raise problem("expected another, or trace.energy = true", "metric", index, "signal")
+        absent = signals.missing(study, metric.signal) if metric.signal else None
+        if absent is not None:
+            raise problem(absent, "metric", index, "signal")
+        if metric.kind == "copper-loss" and study.drive.ideal:
+            raise problem("expected another, since the current loop is ideal", "metric", index, "kind")
         for other in study.metric[:index]:
             if result_name(metric) == result_name(other) and metric.meaning != other.meaning:
                 expected = "expected the kind, signal, order and frame of the other metric of this name"
@@ -210,10 +215,12 @@ ALL: tuple[Check, ...] = (
     numerics.integration,
     numerics.dead_time,
     numerics.size,
+    energy,
     metrics,
     orders,
     leads,
     space_checks.space_laws,
+    fault_checks.faults,
     calibration,
 )
 # Of the study as a whole, not of one scenario with its overrides.

@@ -16,10 +16,12 @@ from cogless.study.table import (
     PhaseMargin,
     RateGain,
     RateGainPerTime,
+    SpeedBound,
     SpeedGain,
     SpeedIntegralGain,
     StartTime,
     Table,
+    check_sizes,
     problem,
 )
 
@@ -42,6 +44,11 @@ class Base(Table):
 
     label: str | None = None  # in tables and report; default: its name
     baseline: bool = False  # ratios are against it
+
+    @model_validator(mode="after")
+    def _sizes(self) -> Self:
+        check_sizes(self)
+        return self
 
 
 class Feedback(Base):
@@ -106,6 +113,7 @@ class RobustIlc(Learning):
     beta_1: AccelerationGain  # rad/s^2
     beta_2: RateGain  # 1/s
     gamma: RateGainPerTime  # 1/s^2
+    surface_max: SpeedBound = 0.0  # rad/s: learning pauses while |S| is beyond; 0: never
     viscous: RateGain = 0.0  # 1/s: B(x) = viscous omega + coulomb sgn(omega)
     coulomb: AccelerationGain = 0.0  # rad/s^2
 

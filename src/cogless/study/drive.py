@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from cogless.study.guards import Monitor, Quality
 from cogless.study.motor import StarMotor
 from cogless.study.table import (
     Angle,
@@ -23,8 +24,11 @@ from cogless.study.table import (
     Table,
     Time,
     Voltage,
+    check_sizes,
     problem,
 )
+
+PERIODS_MAX = 5e8  # that the controller can count
 
 
 class Belief(Table):
@@ -87,6 +91,11 @@ class CurrentLoop(Table):
     current_limit: CurrentLimit  # A, length of the reference vector
 
     @model_validator(mode="after")
+    def _sizes(self) -> Self:
+        check_sizes(self)
+        return self
+
+    @model_validator(mode="after")
     def _gains_or_bandwidth(self) -> Self:
         gains = (self.kp is not None, self.ki is not None)
         if gains not in ((True, True), (False, False)) or all(gains) == (self.bandwidth is not None):
@@ -109,6 +118,11 @@ class IdealCurrentLoop(Table):
     kind: Literal["ideal"]
     current_limit: CurrentLimit  # A
 
+    @model_validator(mode="after")
+    def _sizes(self) -> Self:
+        check_sizes(self)
+        return self
+
 
 def _kind(data: Any) -> str:
     kind = data.get("kind") if isinstance(data, dict) else getattr(data, "kind", None)
@@ -127,6 +141,17 @@ def require_inverter(loop: CurrentLoop | IdealCurrentLoop, inverter: Inverter | 
         raise problem("expected none, since the current loop is ideal", "inverter")
     if not ideal and inverter is None:
         raise problem("expected a table of bus_voltage, ...", "inverter", value="missing")
+
+
+def require_countable(monitor: Monitor, quality: Quality, current_rate: float, law_rate: float) -> None:
+    """Refuse times that the controller can't count in its periods."""
+    for name in ("speed_window", "bridge", "hold"):
+        time = getattr(monitor, name)
+        if time is not None and time * current_rate > PERIODS_MAX:
+            raise problem(f"expected {PERIODS_MAX / current_rate:g} s or less", "monitor", name)
+    if not 1 <= quality.longest * law_rate <= PERIODS_MAX:
+        expected = f"expected {1 / law_rate:g} s to {PERIODS_MAX / law_rate:g} s"
+        raise problem(expected, "quality", "longest")
 
 
 class Inverter(Table):
@@ -187,10 +212,13 @@ class Drive(Table):
     inverter: Inverter | None = None  # not with an ideal current loop
     position_sensor: PositionSensor = IdealSensor()
     current_sensors: CurrentSensors = CurrentSensors()
+    monitor: Monitor = Monitor()
+    quality: Quality = Quality()
 
     @model_validator(mode="after")
-    def _inverter(self) -> Self:
+    def _consistent(self) -> Self:
         require_inverter(self.current_loop, self.inverter)
+        require_countable(self.monitor, self.quality, self.rates.current_loop, self.rates.speed_loop)
         return self
 
     @property

@@ -14,6 +14,7 @@ from cogless.errors import StudyError
 from cogless.study.table import Key
 
 MISSING = object()
+MOST_NAMED = 5  # keys of further mistakes
 
 # What pydantic's own checks expect, from the error's type and its context.
 EXPECTED = {
@@ -77,8 +78,10 @@ def problems(error: ValidationError, tables: Any) -> list[Problem]:
 
 
 def study_error(found: Sequence[Problem], file: Path | str, prefix: str = "") -> StudyError:
-    """The first problem in one line, and how many more there are."""
-    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+    """The first problem in one line, and the keys of the others."""
+    others = list(dict.fromkeys(prefix + dotted(problem.key) for problem in found[1:]))
+    named = ", ".join(others[:MOST_NAMED]) + (", ..." if len(others) > MOST_NAMED else "")
+    more = f" (and {len(found) - 1} more: {named})" if others else ""
     return StudyError(found[0].line(file, prefix) + more)
 
 
@@ -87,7 +90,7 @@ def _problem(details: Any, tables: Any, length: int | None) -> Problem:
     key = _existing(details["loc"], tables) + tuple(context.get("key", ()))
     kind = details["type"]
     if kind.startswith("union_tag"):
-        key = (*key, context["discriminator"].strip("'"))
+        key = (*key, context["discriminator"].strip("'_()"))  # "'law'", or a function's name, "_kind()"
     value = look_up(tables, key)
     absent = "missing" if kind.startswith("union_tag") else str(context.get("value") or "")
     told = value is not MISSING and not (kind == "study" and isinstance(value, dict))

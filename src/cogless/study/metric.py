@@ -21,6 +21,7 @@ ENERGIES = ("electrical", "copper", "friction", "load", "stored", "residual")
 SIGNALS: dict[str, Dimension] = {
     **dict.fromkeys(("theta_m", "theta_ref", "theta_error"), units.ANGLE),
     "P_t": units.TIME,
+    "alpha_ref": units.ANGULAR_ACCELERATION,
     **dict.fromkeys(("omega_m", "omega_ref", "omega_measured", "omega_error"), units.ANGULAR_SPEED),
     **dict.fromkeys(("i_d", "i_q", "i_d_ref", "i_q_ref", "i_a", "i_b", "i_c", "i_amplitude"), units.CURRENT),
     **dict.fromkeys(("u_d", "u_q"), units.VOLTAGE),

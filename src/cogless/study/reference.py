@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, Literal, Self
 
 from pydantic import PrivateAttr, ValidationInfo, model_validator
 
+from cogless.study.reference_file import Points, points
 from cogless.study.table import (
     Angle,
     AngularAcceleration,
@@ -32,8 +31,6 @@ FORMS: dict[Kind, set[str]] = {
     "moves": {"moves"},
     "file": {"file"},
 }
-HUGE = 1e9  # s or rad/s: beyond any reference
-Points = tuple[tuple[float, float], ...]
 
 
 class Sine(Table):
@@ -61,7 +58,7 @@ class Reference(Table):
     modulation: Frequency = 0.0  # Hz, of frequency modulation
     sines: Many[Sine] = ()
     moves: Many[tuple[Time, Angle]] = ()  # s, rad; at rest at each, polynomials of the fifth degree between
-    file: str | None = None  # CSV of time [s] and speed [rad/s], relative to the study
+    file: str | None = None  # CSV of time and speed, in s and rad/s or its heading's units; beside the study
     smoothing: Time = 0.0  # s, of a critically damped filter on the speed, so that it is differentiable
     _from_file: Points = PrivateAttr(default=())
 
@@ -91,7 +88,7 @@ class Reference(Table):
     @model_validator(mode="after")
     def _file(self, info: ValidationInfo) -> Self:
         if self.file is not None and info.context:
-            self._from_file = _points(info.context["folder"] / self.file)
+            self._from_file = points(info.context["folder"] / self.file)
         return self
 
     @property
@@ -104,28 +101,24 @@ class Reference(Table):
         """Time, s, and speed, rad/s, of a profile or of a file."""
         return self._from_file or self.profile
 
-    @property
-    def top_speed(self) -> float:
-        """The largest magnitude that the reference can take, rad/s."""
-        along = [abs(speed) for _, speed in self.points]
-        # a polynomial of the fifth degree, at rest at both ends, is 15/8 of its mean speed at most
-        moving = [15 / 8 * abs((b - a) / (end - start)) for (start, a), (end, b) in pairwise(self.moves)]
-        waves = abs(self.offset) + abs(self.amplitude) + sum(abs(sine.amplitude) for sine in self.sines)
-        return max([abs(self.speed), waves, *along, *moving])
-
-    @property
-    def slowest(self) -> float:
-        """The smallest speed that the reference can take, signed, rad/s."""
-        if self.kind == "ramp" or self.kind == "moves":
-            return min(0.0, self.speed) if self.kind == "ramp" else -self.top_speed
+    def speeds(self, initial_speed: float = 0.0) -> tuple[float, float]:
+        """Between which speeds it stays, from an initial speed on, signed, rad/s."""
+        ends = [initial_speed, self.speed] if self.kind == "ramp" else [self.speed]
         if self.points:
-            return min(speed for _, speed in self.points)
+            ends = [speed for _, speed in self.points]
+        elif self.moves:
+            # a polynomial of the fifth degree, at rest at both ends, is 15/8 of its mean speed at most
+            means = [(b - a) / (end - start) for (start, a), (end, b) in pairwise(self.moves)]
+            ends = [0.0, *(15 / 8 * mean for mean in means)]
         waves = abs(self.amplitude) + sum(abs(sine.amplitude) for sine in self.sines)
-        return self.speed + self.offset - waves
+        start = [initial_speed] if self.smoothing else []  # the filter's, whose output stays between
+        return (
+            min([*start, min(ends) + self.offset - waves]),
+            max([*start, max(ends) + self.offset + waves]),
+        )
 
-    @property
-    def top_acceleration(self) -> float:
-        """The largest magnitude that the reference's acceleration can take, rad/s^2."""
+    def top_acceleration(self, initial_speed: float = 0.0) -> float:
+        """The largest magnitude that its acceleration can take, from an initial speed on, rad/s^2."""
         turn = 2 * math.pi
         slopes = [abs((b - a) / (end - start)) for (start, a), (end, b) in pairwise(self.points)]
         # of a polynomial of the fifth degree at rest at both ends: 10 / sqrt(3) of distance over time squared
@@ -136,26 +129,16 @@ class Reference(Table):
         rate = turn * self.frequency + turn * abs(self.depth) * self.modulation
         waves = abs(self.amplitude) * rate
         waves += sum(turn * abs(sine.amplitude) * sine.frequency for sine in self.sines)
-        return max([waves, self.ramp, *slopes, *moving])
+        jump = self._at_start() - initial_speed if self.smoothing and self.kind != "ramp" else 0.0
+        # the answer of the filter, critically damped, to a step is 1 / (e smoothing) at its steepest
+        return max([waves, self.ramp, *slopes, *moving]) + abs(jump) / (math.e * (self.smoothing or 1.0))
 
-
-def _points(path: Path) -> Points:
-    """Time and speed of each line of a CSV file; raises the error that names the line."""
-    try:
-        rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
-    except (OSError, UnicodeDecodeError):
-        raise problem(f"expected a readable file at {path}", "file") from None
-    points: list[tuple[float, float]] = []
-    for number, row in enumerate(rows, start=1):
-        try:
-            time, speed = (float(cell) for cell in row)
-        except ValueError:
-            if number == 1 or not any(row):
-                continue  # a heading, an empty line
-            raise problem(f"line {number}: expected time in s and speed in rad/s", "file") from None
-        if not (abs(time) < HUGE and abs(speed) < HUGE) or (points and time <= points[-1][0]):
-            raise problem(f"line {number}: expected a time after the line before", "file")
-        points.append((time, speed))
-    if not points:
-        raise problem("expected lines of time in s and speed in rad/s", "file")
-    return tuple(points)
+    def _at_start(self) -> float:
+        """Its speed at time zero before the filter, rad/s; not of a ramp."""
+        for (start, a), (end, b) in pairwise(self.points):
+            if start <= 0 < end:
+                return a - (b - a) * start / (end - start)
+        if self.points:
+            return self.points[0 if self.points[0][0] > 0 else -1][1]
+        waves = sum(sine.amplitude * math.sin(sine.phase) for sine in self.sines)
+        return self.speed + self.offset + waves

@@ -6,6 +6,7 @@ from typing import Any, Self
 
 from pydantic import Field, field_validator, model_validator
 
+from cogless.study.fault import Fault
 from cogless.study.mechanics import Load
 from cogless.study.reference import Reference
 from cogless.study.table import (
@@ -37,6 +38,7 @@ class Scenario(Table):
     initial_angle: Angle = 0.0  # rad, mechanical
     load: Load | None = None  # replaces mechanics.load
     events: Many[Event] = ()
+    faults: Many[Fault] = ()  # of sensors and supply
     # changes of motor, drive and mechanics for this scenario only
     override: dict[str, Any] = Field(default={})
     controllers: Many[str] | None = None  # default: all
@@ -62,7 +64,36 @@ class Scenario(Table):
                 raise problem(expected, "override", key)
         return self
 
+    @model_validator(mode="after")
+    def _faults(self) -> Self:
+        for index, fault in enumerate(self.faults):
+            if fault.time >= self.duration:
+                expected = f"expected a time within the scenario's {self.duration:g} s"
+                raise problem(expected, "faults", index, "time")
+        return self
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        """Between which speeds the reference stays, signed, rad/s."""
+        return self.reference.speeds(self.initial_speed)
+
+    @property
+    def slowest(self) -> float:
+        """The smallest magnitude of the reference's speed, rad/s; 0 where it stands or turns back."""
+        low, high = self.speeds
+        return 0.0 if low <= 0 <= high else min(abs(low), abs(high))
+
+    @property
+    def top_reference(self) -> float:
+        """The largest magnitude of the reference's speed, rad/s."""
+        return max(map(abs, self.speeds))
+
+    @property
+    def top_acceleration(self) -> float:
+        """The largest magnitude of the reference's acceleration, rad/s^2."""
+        return self.reference.top_acceleration(self.initial_speed)
+
     @property
     def top_speed(self) -> float:
         """The largest speed that is asked for or begun with, rad/s."""
-        return max(self.reference.top_speed, abs(self.initial_speed))
+        return max(self.top_reference, abs(self.initial_speed))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from cogless.study.space_controller import SpaceLearning, SpacePosition
@@ -12,6 +13,9 @@ if TYPE_CHECKING:
     from cogless.study.study import Study
 
 FEWEST_SAMPLES = 4  # of a period
+ANGLE_MAX = 1e5  # rad, CGL_ANGLE_MAX of control/src/cogless/angle.h
+MOST_PARTS = 65535  # of a revolution of the law's angle
+RANGE = {"single": (3.4e38, 1.2e-38), "double": (1.7e308, 2.3e-308)}
 
 
 def space_laws(study: Study) -> None:
@@ -21,6 +25,8 @@ def space_laws(study: Study) -> None:
         if not isinstance(law, SpaceLearning):
             continue
         revolutions = law.period.revolutions(study.motor.pole_pairs)
+        _numbers(study, name, law)
+        _angles(name, revolutions, _ratio(study, law))
         by_rotor = not isinstance(law, SpacePosition) or law.index == "rotor"
         if by_rotor and (1 / revolutions).denominator != 1:
             expected = "expected a period that fits into a revolution of the rotor, not"
@@ -28,14 +34,46 @@ def space_laws(study: Study) -> None:
         for key, scenario in study.scenario.items():
             if not law.learning or name not in study.controllers_in(key):
                 continue
-            reference, turn = scenario.reference, 2 * math.pi * float(revolutions)
-            if reference.top_speed > 0 and rate * turn / reference.top_speed < FEWEST_SAMPLES:
-                samples = rate * turn / reference.top_speed
+            top, turn = scenario.top_reference, 2 * math.pi * float(revolutions)
+            if top > 0 and rate * turn / top < FEWEST_SAMPLES:
+                samples = rate * turn / top
                 expected = f"expected a longer one: at the top speed of scenario {key} it has {samples:.3g} "
                 needed = f"samples, at least {FEWEST_SAMPLES} are needed"
                 raise problem(expected + needed, "controller", name, "period")
             if law.memory == "delay":
-                _delay_line(name, key, law, reference.slowest, rate * turn)
+                _delay_line(name, key, law, scenario.speeds[0], rate * turn)
+
+
+def _ratio(study: Study, law: SpaceLearning) -> int:
+    """What the law multiplies mechanical angles by."""
+    return study.motor.pole_pairs if isinstance(law, SpacePosition) and law.frame == "electrical" else 1
+
+
+def _numbers(study: Study, name: str, law: SpaceLearning) -> None:
+    """What the controller's arithmetic can hold, and the equation for P_t."""
+    largest, smallest = RANGE[study.drive.precision]
+    for key in type(law).model_fields:
+        value = getattr(law, key)
+        if not isinstance(value, float) or value == 0:
+            continue
+        # the Q filter adds up so many entries
+        most = largest / (2 * law.q_half_width + 2)
+        if not smallest <= abs(value) <= most:
+            expected = f"expected 0, or from {smallest:.1e} to {most:.1e}"
+            raise problem(f"{expected} in {study.drive.precision} precision", "controller", name, key)
+    rate = study.drive.rates.speed_loop
+    if law.memory == "delay" and law.delay_method == "ode" and law.k_pp >= rate:
+        raise problem(f"expected less than drive.rates.speed_loop, {rate:g} Hz", "controller", name, "k_pp")
+
+
+def _angles(name: str, revolutions: Fraction, ratio: int) -> None:
+    """A reference's angle counts up to where revolutions and periods meet again."""
+    longest = int(ANGLE_MAX / (2 * math.pi * ratio))
+    if revolutions.numerator > longest:
+        expected = f"expected at most {longest} revolutions, until whole periods are whole revolutions, not"
+        raise problem(f"{expected} {revolutions.numerator}", "controller", name, "period")
+    if (ratio * revolutions).denominator > MOST_PARTS:
+        raise problem(f"expected at most {MOST_PARTS} parts", "controller", name, "period")
 
 
 def _delay_line(name: str, scenario: str, law: SpaceLearning, slowest: float, reach: float) -> None:

@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 from cogless import units
 from cogless.study.controller import Base, Tuning
 from cogless.study.table import (
-    AngularSpeed,
     CurrentBound,
+    LawSpeed,
     Quantity,
     RateGain,
     SpeedGain,
@@ -55,14 +55,18 @@ class SpaceLearning(Base):
     alpha_limit: CurrentBound | None = None  # A; default: the current limit
     beta_limit: Bound | None = None  # A*s/rad; default: the current limit at the top speed
     h_limit: Bound | None = None  # A*s^2/rad; default: the current limit at the top acceleration
-    omega_min: AngularSpeed = 0.01  # rad/s, mechanical: below it learning rests, what was learned acts on
+    omega_min: LawSpeed = 0.01  # rad/s, mechanical: below it learning rests, what was learned acts on
 
     @model_validator(mode="after")
     def _filter_fits(self) -> Self:
         if 2 * self.q_half_width + 1 > self.cells:
             raise problem(f"expected a filter within the {self.cells} cells of the memory", "q_half_width")
-        if self.omega_min <= 0:
-            raise problem("expected a speed above zero", "omega_min")
+        return self
+
+    @model_validator(mode="after")
+    def _learns_something(self) -> Self:
+        if self.learning and not (self.mu_alpha or self.mu_beta or self.mu_h):
+            raise problem("expected false, or a learning gain: mu_alpha, mu_beta or mu_h", "learning")
         return self
 
     @property
@@ -101,7 +105,7 @@ class SpaceSpeed(SpaceLearning):
 
     law: Literal["space-speed"]
     k: SpeedGain  # A*s/rad
-    eta_bar: AngularSpeed  # rad/s: learning rests while the speed's error is larger
+    eta_bar: LawSpeed  # rad/s: learning rests while the speed's error is larger
 
 
 SPACE_TERMS = {

@@ -51,6 +51,21 @@ class Table(BaseModel):
         return data
 
 
+SMALLEST, LARGEST = 1e-15, 1e15  # SI: single precision holds them, and what laws make of two of them
+
+
+def check_sizes(table: Table, *above: str) -> None:
+    """Refuse numbers that the control laws, in single precision, would take for zero or infinite."""
+    for key in type(table).model_fields:
+        value = getattr(table, key)
+        if isinstance(value, Table):
+            check_sizes(value, *above, key)
+        for number in value if isinstance(value, tuple) else (value,):
+            if isinstance(number, float) and number and not SMALLEST <= abs(number) <= LARGEST:
+                size = f"{SMALLEST:g} to {LARGEST:g} in SI units"
+                raise problem(f"expected a size that single precision holds, {size}", *above, key)
+
+
 def dotted_keys(override: dict[str, Any]) -> dict[str, Any]:
     """{"mechanics": {"inertia": x}}, which TOML makes of mechanics.inertia, as {"mechanics.inertia": x}."""
     flat: dict[str, Any] = {}
@@ -114,6 +129,9 @@ def _text(value: float) -> str:
 Angle = Annotated[float, Quantity(units.ANGLE)]
 AngularSpeed = Annotated[float, Quantity(units.ANGULAR_SPEED)]
 AngularAcceleration = Annotated[float, Quantity(units.ANGULAR_ACCELERATION, ">")]
+AngleMagnitude = Annotated[float, Quantity(units.ANGLE, ">=")]
+Span = Annotated[float, Quantity(units.ANGLE, ">")]
+AngularSpeedMagnitude = Annotated[float, Quantity(units.ANGULAR_SPEED, ">=")]
 Time = Annotated[float, Quantity(units.TIME, ">=")]
 Duration = Annotated[float, Quantity(units.TIME, ">")]
 Frequency = Annotated[float, Quantity(units.FREQUENCY, ">")]
@@ -143,7 +161,9 @@ SpeedIntegralGain = Annotated[float, Quantity(units.SPEED_INTEGRAL_GAIN, ">=", b
 CurrentToAcceleration = Annotated[float, Quantity(units.CURRENT_TO_ACCELERATION, ">", bare=True)]
 RateGain = Annotated[float, Quantity(units.RATE, ">=", bare=True)]
 RateGainPerTime = Annotated[float, Quantity(units.RATE_PER_TIME, ">=", bare=True)]
+SpeedBound = Annotated[float, Quantity(units.ANGULAR_SPEED, ">=", bare=True)]
 AccelerationGain = Annotated[float, Quantity(units.ANGULAR_ACCELERATION, ">=", bare=True)]
+LawSpeed = Annotated[float, Quantity(units.LAW_SPEED, ">")]
 CurrentBound = Annotated[float, Quantity(units.CURRENT, ">", bare=True)]
 StartTime = Annotated[float, Quantity(units.TIME, ">=", bare=True)]
 NumberGain = Annotated[float, Field(ge=0)]

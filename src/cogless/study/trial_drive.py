@@ -14,8 +14,10 @@ from cogless.study.drive import (
     IdealSensor,
     Inverter,
     PositionSensor,
+    require_countable,
     require_inverter,
 )
+from cogless.study.guards import Monitor, Quality
 from cogless.study.table import Frequency, Table, problem
 
 
@@ -52,10 +54,13 @@ class TrialDrive(Table):
     inverter: Inverter | None = None  # not with an ideal current loop
     position_sensor: PositionSensor = IdealSensor()
     current_sensors: CurrentSensors = CurrentSensors()
+    monitor: Monitor = Monitor()
+    quality: Quality = Quality()
 
     @model_validator(mode="after")
-    def _inverter(self) -> Self:
+    def _consistent(self) -> Self:
         require_inverter(self.current_loop, self.inverter)
+        require_countable(self.monitor, self.quality, self.rates.current_loop, self.rates.position_loop)
         return self
 
     @property

@@ -1,0 +1,74 @@
+"""Whether a map over the angle has cells enough for the orders that motor and load are known to have.
+
+A map's value between two cells is on the straight line between them. Of a wave of c cells lines bring out the
+share sinc^2(1 / c), and below 2 cells a wave the cells show another, slower one. The Q filter, a mean over
+2 n + 1 cells, keeps in each period
+
+    Q = sin((2 n + 1) pi / c) / ((2 n + 1) sin(pi / c))
+
+which is 0.83 for a wave three times as wide as the filter, and close to nothing for one as wide.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cogless.design.angle_functions import angle_functions
+from cogless.study import Study, for_scenario
+from cogless.study.controller import Learning
+from cogless.study.space_controller import SpaceLearning
+
+FEWEST, ENOUGH = 2.0, 10.0  # cells in the shortest wave
+FILTERS = 3  # widths of the Q filter in it
+MOST_CELLS = 65_535
+
+
+def map_warning(study: Study, name: str) -> str | None:
+    """What a user should know of a map's size; None where there is no map, or it holds all known orders."""
+    law, orders = study.controller[name], _orders(study, name)
+    revolutions = _revolutions(study, name)
+    if not isinstance(law, SpaceLearning | Learning) or revolutions is None or not orders:
+        return None
+    order, width = max(orders), 2 * law.q_half_width + 1
+    each, enough = law.cells / (order * revolutions), max(ENOUGH, FILTERS * width)
+    if each >= enough:
+        return None
+    needed = f"cells = {min(MOST_CELLS, math.ceil(enough * order * revolutions))} would do"
+    has = f"cells = {law.cells} is {each:.3g} in a wave of order {order} (mechanical)"
+    if each < FEWEST:
+        return f"{has}, which such a map can't hold: {needed}"
+    lost = 100 * (1 - kept(each, law.q_half_width))
+    if law.q_half_width == 0:
+        return f"{has}, of which straight lines between them lose {lost:.2g} %: {needed}"
+    losing = f"straight lines between them and the Q filter over {width} lose {lost:.0f} % in each period"
+    return f"{has}, of which {losing}: {needed}, or a smaller q_half_width"
+
+
+def kept(cells: float, half_width: int) -> float:
+    """The share of a wave of so many cells that a map with a Q filter keeps in a period."""
+    width = 2 * half_width + 1
+    filtered = np.sinc(width / cells) / np.sinc(1 / cells)
+    return float(abs(filtered) * np.sinc(1 / cells) ** 2)
+
+
+def _revolutions(study: Study, name: str) -> float | None:
+    """Mechanical revolutions of a controller's map; None where it learns none."""
+    law, pole_pairs = study.controller[name], study.motor.pole_pairs
+    if isinstance(law, SpaceLearning) and law.learning and law.memory == "map":
+        return float(law.period.revolutions(pole_pairs))
+    if isinstance(law, Learning) and law.memory == "angle":
+        return 1 / pole_pairs if law.period == "electrical" else 1.0
+    return None
+
+
+def _orders(study: Study, name: str) -> set[int]:
+    """Mechanical orders that motor and load have in the scenarios of a controller."""
+    found: set[int] = set()
+    for key in study.scenario:
+        if name in study.controllers_in(key):
+            here = for_scenario(study, key)
+            load = here.scenario[key].load or here.mechanics.load
+            found |= angle_functions(here.motor.star(), here.mechanics, load).orders
+    return found

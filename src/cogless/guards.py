@@ -1,0 +1,63 @@
+"""Plausibility checks of a drive's measurements in numbers: what a study leaves open follows from the drive.
+
+Derived from what the controller believes and the sensors' data alone, never from scenarios: a firmware has to
+set them before it knows what it will be asked for. docs/laws/monitor.md has the reasons.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cogless.study.drive import Drive, Encoder, IdealCurrentLoop, Resolver, StarBelief
+from cogless.study.motor import StarMotor
+from cogless.study.trial_drive import TrialDrive
+
+SPEED_MARGIN = 1.5  # of the no-load speed
+CURRENT_MARGIN = 2.0  # of the current limit
+SUM_SHARE = 0.5  # of the current limit
+STUCK_ANGLE = 0.5  # rad
+BRIDGE = 5e-3  # s
+HOLD = 10e-3  # s
+
+
+def no_load_speed(bus_voltage: float, motor: StarMotor, belief: StarBelief) -> float:
+    """Mechanical speed, rad/s, at which the believed flux induces all the voltage that the bus has."""
+    reach = bus_voltage if motor.phases == 2 else bus_voltage / math.sqrt(3)
+    return reach / (motor.pole_pairs * belief.psi_f)
+
+
+def monitor_config(
+    drive: Drive | TrialDrive, motor: StarMotor, belief: StarBelief, divider: int
+) -> dict[str, float]:
+    """Every bound of the monitor, SI; `motor`: its pole pairs and phases count, the rest is belief."""
+    sensor, loop = drive.position_sensor, drive.current_loop
+    period = 1 / drive.rates.current_loop
+    step, window = 0.0, 0.0
+    if isinstance(sensor, Encoder):
+        # a jump is in the counts of one period of the law, whose speed is used for the next
+        step, window = 2 * math.pi / (4 * sensor.lines), 2 * divider * period
+    elif isinstance(sensor, Resolver):
+        step, window = 2 * math.pi / 2**sensor.bits, sensor.window * period
+    derived = {
+        "omega_max": 0.0,
+        "angle_step": step,
+        "speed_window": window,
+        "stuck_angle": STUCK_ANGLE + 2 * step,
+        "current_max": 0.0,
+        "current_sum": 0.0,
+        "bridge": BRIDGE,
+        "hold": HOLD,
+    }
+    if drive.inverter is not None and not isinstance(loop, IdealCurrentLoop):
+        derived["omega_max"] = SPEED_MARGIN * no_load_speed(drive.inverter.bus_voltage, motor, belief)
+        derived["current_max"] = CURRENT_MARGIN * loop.current_limit
+        if motor.phases == 3 and drive.current_sensors.sensors == 3:
+            derived["current_sum"] = SUM_SHARE * loop.current_limit
+    given = {key: value for key, value in drive.monitor.model_dump().items() if value is not None}
+    return derived | given
+
+
+def quality_config(drive: Drive | TrialDrive) -> dict[str, float]:
+    """What the residual ripple is taken over, SI."""
+    quality = drive.quality
+    return {**quality.model_dump(), "span": 2 * math.pi if quality.span is None else quality.span}

@@ -1,0 +1,51 @@
+"""Faults of sensors and supply that a scenario has, each for some time."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from cogless.study.table import Angle, Duration, Table, Time, Voltage
+
+
+class FaultBase(Table):
+    """What every fault has."""
+
+    time: Time  # s, when it begins
+    duration: Duration  # s
+
+    @property
+    def end(self) -> float:
+        """When it is over, s."""
+        return self.time + self.duration
+
+
+class AngleFault(FaultBase):
+    """The position sensor gives no number, or goes on giving the last angle."""
+
+    kind: Literal["angle-missing", "angle-stuck"]
+
+
+class AngleJump(FaultBase):
+    """The position sensor is off by an angle."""
+
+    kind: Literal["angle-jump"]
+    angle: Angle  # rad, mechanical
+
+
+class CurrentFault(FaultBase):
+    """The current sensor of a phase gives no number, or zero."""
+
+    kind: Literal["current-missing", "current-zero"]
+    phase: Literal["a", "b", "c"]
+
+
+class BusFault(FaultBase):
+    """The bus has another voltage, which is measured."""
+
+    kind: Literal["bus-voltage"]
+    voltage: Voltage  # V
+
+
+Fault = Annotated[AngleFault | AngleJump | CurrentFault | BusFault, Field(discriminator="kind")]

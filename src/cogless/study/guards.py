@@ -1,0 +1,47 @@
+"""What a drive's controller watches its measurements by, and how it judges its learning."""
+
+from __future__ import annotations
+
+from typing import Self
+
+from pydantic import model_validator
+
+from cogless.study.table import (
+    AngleMagnitude,
+    AngularSpeedMagnitude,
+    CurrentMagnitude,
+    Duration,
+    NumberGain,
+    Span,
+    Table,
+    Time,
+    problem,
+)
+
+
+class Monitor(Table):
+    """When a measurement is not plausible. Zero: not watched. Defaults follow from the drive."""
+
+    omega_max: AngularSpeedMagnitude | None = None  # rad/s, mechanical
+    angle_step: AngleMagnitude | None = None  # rad, mechanical
+    speed_window: Time | None = None  # s
+    stuck_angle: AngleMagnitude | None = None  # rad, mechanical
+    current_max: CurrentMagnitude | None = None  # A
+    current_sum: CurrentMagnitude | None = None  # A
+    bridge: Time | None = None  # s
+    hold: Time | None = None  # s
+
+
+class Quality(Table):
+    """Over what the residual ripple is taken, and which errors teach nothing."""
+
+    span: Span | None = None  # rad, mechanical; default: a revolution
+    longest: Duration = 60.0  # s
+    outlier: NumberGain = 0.0  # times the usual error; 0: none
+    floor: AngularSpeedMagnitude = 0.0  # rad/s
+
+    @model_validator(mode="after")
+    def _outlier(self) -> Self:
+        if 0 < self.outlier < 1:
+            raise problem("expected 1 or more, or 0 for none", "outlier")
+        return self

@@ -1,0 +1,38 @@
+"""Which signals a study's runs have, and why one is missing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cogless.study.laws import TERMS
+from cogless.study.space_controller import SpaceLearning
+
+if TYPE_CHECKING:
+    from cogless.study.laws import AnyController
+    from cogless.study.study import Study
+
+OF_THE_CURRENT_LOOP = {"i_d", "i_d_ref", "i_a", "i_b", "i_c", "i_amplitude", "u_d", "u_q"}
+OF_A_PATH = {"theta_ref", "theta_error", "alpha_ref"}
+
+
+def terms(law: AnyController) -> set[str]:
+    """What a law records of its own."""
+    if not isinstance(law, SpaceLearning):
+        return set(TERMS[law.law])
+    unused = ("term_beta", "term_h")[law.channels - 1 :]
+    delay = {"P_t"} if law.memory == "delay" else set()
+    return (set(TERMS[law.law]) - set(unused)) | OF_A_PATH | delay
+
+
+def missing(study: Study, signal: str) -> str | None:
+    """What was expected in place of a signal that no run of the study has; None where one has it."""
+    if signal in OF_THE_CURRENT_LOOP and study.drive.ideal:
+        return "expected another, since the current loop is ideal"
+    if signal == "i_c" and study.motor.star().phases == 2:
+        return "expected another, since the motor has two phases"
+    if signal.startswith("energy_"):
+        return None if study.trace.energy else "expected another, or trace.energy = true"
+    own = signal.startswith("term_") or signal == "P_t" or signal in OF_A_PATH
+    if own and not any(signal in terms(law) for law in study.controller.values()):
+        return "expected a signal that a controller of this study has"
+    return None
