@@ -1,0 +1,1 @@
+"""A controller of a study as it goes into firmware or into another simulator."""

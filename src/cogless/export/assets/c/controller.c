@@ -1,0 +1,40 @@
+/* Controller "${controller}" of the study ${study}; see ${stem}.h. Written by cogless ${version}. */
+#include "${stem}.h"
+${matrix}
+const cgl_drive_config ${name}_drive_config = {
+${drive_config}
+};
+
+const ${law_config} ${name}_law_config = {
+${law_values}
+};
+
+cgl_error ${name}_init(${name}_controller *controller)
+{
+    const cgl_error error = cgl_drive_init(&${name}_drive_config, &controller->drive);
+    if (error != CGL_OK) {
+        return error;
+    }
+    return ${init_call};
+}
+
+void ${name}_reset(${name}_controller *controller)
+{
+    cgl_drive_reset(&controller->drive);
+    ${reset_call};
+}
+
+void ${name}_step(${name}_controller *controller, const cgl_measurement *now, const cgl_reference *reference,
+     ${pad}      cgl_drive_output *out)
+{
+    cgl_drive *drive = &controller->drive;
+    if (cgl_drive_measure(&${name}_drive_config, drive, now, reference)) {
+        ${law_step}(&${name}_law_config, &controller->law, &drive->in, &drive->command);
+    }
+    cgl_drive_actuate(&${name}_drive_config, drive, out);
+}
+${more_definitions}
+/* What `cogless design` finds, for scenario ${scenario}:
+ *
+${figures}
+ */

@@ -1,0 +1,82 @@
+"""The folder that `cogless export --to c` writes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cogless.export import folder, sources
+from cogless.export.c.figures import figures
+from cogless.export.c.laws import LAWS
+from cogless.export.c.names import identifier
+from cogless.export.c.subject import Subject, study_hash
+from cogless.export.c.texts import texts
+from cogless.export.headers import parse
+from cogless.export.layout import Layout
+from cogless.export.prepared import Prepared, Recording, first_scenario, prepare, record
+from cogless.results import versions
+from cogless.study import AnyStudy
+
+# of the self-test: enough for the law to do something, few enough for a microcontroller's flash
+TICKS, LAW_STEPS, MOST_TICKS = 400, 80, 2000
+ENTRY = "drive.h"  # what holds a controller together
+
+
+def export_c(
+    study: AnyStudy, controller: str, target: Path, scenario: str | None = None, command: str = ""
+) -> Subject:
+    """Write the controller as C, whole or not at all; StudyError. Returns what was written.
+
+    `scenario`: where the self-test is recorded, default the first that has the controller. `command`: what to
+    say in the README that made it.
+    """
+    folder.check(target)
+    prepared = prepare(study, first_scenario(study, controller, scenario), controller)
+    subject = subject_of(prepared, command)
+    recording = record(prepared, self_test_ticks(subject, prepared))
+    about = {
+        "study": study.name,
+        "sha256": study_hash(study),
+        "scenario": subject.scenario,
+        "controller": controller,
+        "law": subject.law_name,
+        "version": versions()["cogless"],
+    }
+    folder.write(target, contents(subject, prepared, recording), about)
+    return subject
+
+
+def self_test_ticks(subject: Subject, prepared: Prepared) -> int:
+    """Periods that the self-test repeats."""
+    return min(max(TICKS, LAW_STEPS * subject.divider), MOST_TICKS, prepared.ticks)
+
+
+def subject_of(prepared: Prepared, command: str = "") -> Subject:
+    """All that the texts are made from."""
+    headers = parse(sorted((sources.control() / "cogless").glob("*.h")))
+    layout, config = Layout(headers, prepared.precision), prepared.config
+    law = LAWS[config["law"]]
+    return Subject(
+        study=prepared.study,
+        scenario=prepared.scenario,
+        controller=prepared.controller,
+        name=identifier(prepared.controller),
+        law_name=config["law"],
+        law=law,
+        layout=layout,
+        drive_config=layout.decode("cgl_drive_config", config["drive"]),
+        law_config=layout.decode(law.config, config["law_config"]),
+        rate=prepared.rate,
+        memory_length=config["memory_length"],
+        learning_matrix=config["learning_matrix"],
+        figures=figures(prepared.study, prepared.scenario, prepared.controller),
+        command=command,
+    )
+
+
+def contents(subject: Subject, prepared: Prepared, recording: Recording) -> dict[str, bytes]:
+    """Path in the folder -> what is in the file."""
+    made = {name: text.encode() for name, text in texts(subject, recording, prepared.memory).items()}
+    library = sources.control() / "cogless"
+    names = sources.closure([ENTRY, subject.law.header])
+    copied = {f"cogless/{name}": (library / name).read_bytes() for name in names}
+    return made | copied | {"cogless/LICENSE": sources.licence().read_bytes()}

@@ -1,0 +1,112 @@
+"""What only some laws have: a calibration run, trials."""
+
+from __future__ import annotations
+
+from string import Template
+
+from cogless.export.c.subject import Subject
+
+CALIBRATE = """
+/* With the interrupt shut out: the following steps ignore the reference and make the calibration run, which
+ * fills the table: slowly forward, then backward. CGL_STATUS_BUSY is set until it is done. */
+void ${name}_calibrate(${name}_controller *controller)"""
+CALIBRATE_BODY = """
+{
+    cgl_anti_cogging_calibrate(&${name}_law_config, &controller->law);
+}
+"""
+CALIBRATE_DECLARATIONS = """void board_shut_interrupt(void);
+void board_open_interrupt(void);
+void find_cogging(void);
+"""
+CALIBRATE_EXAMPLE = """
+/* From the main loop, with the motor free to turn. */
+void find_cogging(void)
+{
+    board_shut_interrupt();
+    ${name}_calibrate(&controller);
+    board_open_interrupt();
+}
+"""
+CALIBRATE_ROW = "| calibration | `${name}_calibrate` starts it; until then the table is empty |\n"
+
+BEGIN = """
+/* Before each trial, with the rotor where it starts and the interrupt shut out. y_ref: theta_ref at the
+ * ${samples} samples [rad], to be left alone until the next call. */
+void ${name}_begin_trial(${name}_controller *controller, const cgl_real *y_ref)"""
+BEGIN_BODY = """
+{
+    cgl_drive_reset(&controller->drive);
+    cgl_trial_begin(&${name}_law_config, &controller->law, y_ref);
+}
+"""
+END = """
+/* After each trial, in the background, while steps go on: learns from it. False where it could
+ * not: what was learned stays. */
+bool ${name}_end_trial(${name}_controller *controller)"""
+END_BODY = """
+{
+    return cgl_trial_end(&${name}_law_config, &controller->law);
+}
+"""
+TRIAL_DECLARATIONS = """void board_shut_interrupt(void);
+void board_open_interrupt(void);
+void board_wait_for_trial(void); /* returns after the samples of a trial */
+void repeat_motion(void);
+
+/* The motion: theta_ref at each of the samples [rad]. Its derivative goes into reference.omega_ref meanwhile,
+ * for the checks. */
+static const cgl_real motion[${samples}] = {0};
+"""
+TRIAL_EXAMPLE = """
+/* From the main loop: one trial after the other. */
+void repeat_motion(void)
+{
+    for (;;) {
+        board_shut_interrupt();
+        ${name}_begin_trial(&controller, motion);
+        board_open_interrupt();
+        board_wait_for_trial();
+        (void)${name}_end_trial(&controller);
+    }
+}
+"""
+TRIAL_ROW = (
+    "| a trial | `${name}_begin_trial`, then ${samples} samples, one every ${divider} steps, then "
+    "`${name}_end_trial` from the background |\n"
+)
+
+
+def extras(subject: Subject) -> dict[str, str]:
+    """The templates' places for them; empty for other laws."""
+    found = dict.fromkeys(
+        ("more_declarations", "more_definitions", "more_rows", "example_declarations", "example_definitions"),
+        "",
+    )
+    if subject.law_name == "anti-cogging":
+        found = {
+            "more_declarations": f"{CALIBRATE};\n",
+            "more_definitions": _without_comment(CALIBRATE) + CALIBRATE_BODY,
+            "more_rows": CALIBRATE_ROW,
+            "example_declarations": CALIBRATE_DECLARATIONS,
+            "example_definitions": CALIBRATE_EXAMPLE,
+        }
+    elif subject.law_name == "trial":
+        found = {
+            "more_declarations": f"{BEGIN};\n{END};\n",
+            "more_definitions": _without_comment(BEGIN) + BEGIN_BODY + _without_comment(END) + END_BODY,
+            "more_rows": TRIAL_ROW,
+            "example_declarations": TRIAL_DECLARATIONS,
+            "example_definitions": TRIAL_EXAMPLE,
+        }
+    words = {
+        "name": subject.name,
+        "divider": str(subject.divider),
+        "samples": str(subject.law_config.get("samples", "")),
+    }
+    return {key: Template(text).substitute(words) for key, text in found.items()}
+
+
+def _without_comment(declaration: str) -> str:
+    """As a definition begins, whose comment stands at the declaration."""
+    return "\n" + declaration.partition("*/\n")[2]

@@ -1,0 +1,99 @@
+"""Values of a config as C initialisers: they round to the same bits again."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.export.headers import Field, Headers
+
+WIDTH = 120
+INDENT = 4
+NUMBERS_A_LINE = 8
+
+
+def real(value: float, precision: str) -> str:
+    """The shortest decimal number that is this one in the library's type; `precision`: "f" or "d"."""
+    return f"{np.float32(value)!s}f" if precision == "f" else repr(float(value))
+
+
+def array(values: NDArray[np.floating[Any]], precision: str) -> str:
+    """The lines between the braces of an array's initialiser."""
+    numbers = [real(float(value), precision) for value in values]
+    rows = (numbers[n : n + NUMBERS_A_LINE] for n in range(0, len(numbers), NUMBERS_A_LINE))
+    return "\n".join(f"    {', '.join(row)}," for row in rows)
+
+
+def initialiser(headers: Headers, struct: str, values: dict[str, Any], precision: str) -> str:
+    """The lines between the outer braces, each member with the comment of its header.
+
+    A pointer is left out where its value is None, else written as it stands.
+    """
+    return "\n".join(_lines(headers, struct, values, precision, INDENT))
+
+
+def _lines(headers: Headers, struct: str, values: dict[str, Any], precision: str, indent: int) -> list[str]:
+    lines: list[str] = []
+    by_declaration: dict[int, list[Field]] = {}
+    for field in headers.structs[struct]:
+        by_declaration.setdefault(field.declaration, []).append(field)
+    for fields in by_declaration.values():
+        first = fields[0]
+        if first.type in headers.structs:
+            opening = f"{' ' * indent}.{first.name} = {{"
+            lines += _commented(opening, first.comment)
+            lines += _lines(headers, first.type, values[first.name], precision, indent + INDENT)
+            lines.append(f"{' ' * indent}}},")
+            continue
+        given = [f for f in fields if values[f.name] is not None]
+        if given:
+            assigned = ", ".join(f".{f.name} = {_value(values[f.name], f, precision)}" for f in given)
+            lines += _commented(f"{' ' * indent}{assigned},", first.comment)
+    return lines
+
+
+def _value(value: Any, field: Field, precision: str) -> str:
+    if field.pointer:
+        return str(value)
+    if isinstance(value, list):
+        used = len(value)
+        while used > 1 and not value[used - 1]:  # C fills an array up with zeros
+            used -= 1
+        return "{" + ", ".join(_plain(item, precision) for item in value[:used]) + "}"
+    return _plain(value, precision)
+
+
+def _plain(value: Any, precision: str) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return real(value, precision) if isinstance(value, float) else str(value)
+
+
+def _commented(code: str, comment: str) -> list[str]:
+    """The code and its comment behind it, or below where there is no room."""
+    code_lines = textwrap.wrap(code, WIDTH, subsequent_indent=" " * (_margin(code) + INDENT)) or [code]
+    if _margin(code):
+        code_lines[0] = " " * _margin(code) + code_lines[0].lstrip()
+    if not comment:
+        return code_lines
+    column = len(code_lines[-1]) + 1
+    if column + len(comment) + 6 > WIDTH and column > 48:
+        return [*comment_lines(comment, _margin(code)), *code_lines]
+    behind = comment_lines(comment, column)
+    return [*code_lines[:-1], f"{code_lines[-1]} {behind[0].lstrip()}", *behind[1:]]
+
+
+def comment_lines(text: str, column: int) -> list[str]:
+    """A C comment that begins at the column, wrapped."""
+    words = textwrap.wrap(text, WIDTH - column - 6)
+    inner = [f"{' ' * (column + 3)}{line}" for line in words]
+    inner[0] = f"{' ' * column}/* {words[0]}"
+    inner[-1] += " */"
+    return inner
+
+
+def _margin(code: str) -> int:
+    return len(code) - len(code.lstrip())

@@ -1,0 +1,161 @@
+"""The self-test of an export: what a recording says, as C."""
+
+from __future__ import annotations
+
+import textwrap
+
+import numpy as np
+
+from cogless.export.c.literals import array
+from cogless.export.c.subject import Subject
+from cogless.export.layout import Leaf
+from cogless.export.prepared import Reals, Recording
+
+FNV_START, FNV_PRIME = 2166136261, 16777619
+
+START_MEMORY = """
+/* What had been learned before. */
+static const cgl_real memory_at_start[{length}] = {{
+{numbers}
+}};
+"""
+MOTION = """
+/* The motion of the trial: theta_ref at each sample [rad]. */
+static const cgl_real motion[{length}] = {{
+{numbers}
+}};
+"""
+TAKE_MEMORY = """    for (uint32_t n = 0; n < {NAME}_MEMORY_LENGTH; ++n) {{
+        controller->memory[n] = memory_at_start[n];
+    }}
+"""
+SUM = """
+/* FNV-1a of the learned memory, word by word. */
+static uint32_t memory_sum(const {name}_controller *controller)
+{{
+    uint32_t sum = {start}U;
+    for (uint32_t n = 0; n < {NAME}_MEMORY_LENGTH; ++n) {{
+        const {bits} word_bits = bits_of(controller->memory[n]);
+        sum = (sum ^ {folded}) * {prime}U;
+    }}
+    return sum;
+}}
+"""
+
+
+def self_test_words(subject: Subject, recording: Recording, memory: Reals) -> dict[str, str]:
+    """What the templates self_test.c and self_test_data.h have places for."""
+    measured = subject.layout.leaves("cgl_measurement")
+    asked = subject.layout.leaves("cgl_reference")
+    given = subject.layout.leaves("cgl_drive_output")
+    names = [f"now.{leaf.path}" for leaf in measured] + [f"reference.{leaf.path}" for leaf in asked]
+    pairs = zip(recording.measurements, recording.references, strict=True)
+    taken = _Columns("in", names, [words(measured, m) + words(asked, r) for m, r in pairs])
+    outputs = [words(given, out) for out in recording.outputs]
+    wanted = _Columns("wanted", [leaf.path for leaf in given], outputs)
+    reads = [
+        f"{name} = {_read(leaf, word)};"
+        for name, leaf, word in zip(names, [*measured, *asked], taken.words, strict=True)
+    ]
+    equal = [_equal(leaf, word) for leaf, word in zip(given, wanted.words, strict=True)]
+    return {
+        "bits": "uint64_t" if subject.precision == "d" else "uint32_t",
+        "input_count": str(len(taken.varying)),
+        "output_count": str(len(wanted.varying)),
+        "input_names": taken.header(),
+        "output_names": wanted.header(),
+        "inputs": taken.table(),
+        "outputs": wanted.table(),
+        "read_inputs": "\n".join(f"    {line}" for line in reads),
+        "compare_outputs": "\n           && ".join(equal),
+        **_memory(subject, recording, memory),
+    }
+
+
+class _Columns:
+    """Words by name; those that never change are not in the table. `words`: each as a C expression."""
+
+    def __init__(self, array: str, names: list[str], rows: list[list[int]]) -> None:
+        self._names, self._rows = names, rows
+        first = rows[0] if rows else [0] * len(names)
+        changing = [n for n in range(len(names)) if any(row[n] != first[n] for row in rows)]
+        self.varying = changing or [0]  # C has no empty arrays
+        place = {n: k for k, n in enumerate(self.varying)}
+        self.words = [f"{array}[{place[n]}]" if n in place else _hex(first[n]) for n in range(len(names))]
+
+    def header(self) -> str:
+        """The table's columns, for a comment."""
+        names = ", ".join(self._names[n] for n in self.varying)
+        return textwrap.fill(names, 116, subsequent_indent=" * ")
+
+    def table(self) -> str:
+        """A line for each period."""
+        rows = ([row[n] for n in self.varying] for row in self._rows)
+        return "\n".join("    {" + ", ".join(map(_hex, row)) + "}," for row in rows)
+
+
+def _hex(word: int) -> str:
+    return f"{word:#x}" if word > 9 else str(word)
+
+
+def words(leaves: list[Leaf], data: bytes) -> list[int]:
+    """The bit pattern of each number of a struct."""
+    return [leaf.bits(data) for leaf in leaves]
+
+
+def memory_sum(memory: Reals) -> int:
+    """As the C function of the self-test computes it, of float32 or float64 numbers."""
+    bits = np.ascontiguousarray(memory).view(np.uint32 if memory.dtype == np.float32 else np.uint64)
+    total = FNV_START
+    for word in bits.tolist():
+        total = ((total ^ word ^ (word >> 32)) & 0xFFFFFFFF) * FNV_PRIME & 0xFFFFFFFF
+    return total
+
+
+def _memory(subject: Subject, recording: Recording, memory: Reals) -> dict[str, str]:
+    names = {"name": subject.name, "NAME": subject.name.upper()}
+    data = start = function = end_data = ""
+    end = "0"
+    if memory.any():
+        length = f"{names['NAME']}_MEMORY_LENGTH"
+        data += START_MEMORY.format(length=length, numbers=array(memory, subject.precision))
+        start += TAKE_MEMORY.format(**names)
+    if recording.begun:
+        kind: type[np.floating] = np.float64 if subject.precision == "d" else np.float32
+        motion: Reals = np.frombuffer(recording.begun[0][1], kind)
+        data += MOTION.format(length=len(motion), numbers=array(motion, subject.precision))
+        start += f"    {subject.name}_begin_trial(controller, motion);\n"
+    if subject.memory_length:
+        double = subject.precision == "d"
+        function = SUM.format(
+            **names,
+            start=FNV_START,
+            prime=FNV_PRIME,
+            bits="uint64_t" if double else "uint32_t",
+            folded="(uint32_t)(word_bits ^ (word_bits >> 32))" if double else "word_bits",
+        )
+        total = memory_sum(recording.memory)
+        end_data = (
+            "\n/* Of the learned memory afterwards, see self_test.c. */\n"
+            f"static const uint32_t memory_at_end = {total}U;\n"
+        )
+        end = "memory_sum(controller) == memory_at_end ? 0 : UINT32_MAX - 1"
+    return {
+        "start_data": data,
+        "start": start,
+        "memory_function": function,
+        "end_data": end_data,
+        "end": end,
+    }
+
+
+def _read(leaf: Leaf, word: str) -> str:
+    if leaf.type == "cgl_real":
+        return f"real_of({word})"
+    if leaf.type == "bool":
+        return {"0": "false", "1": "true"}.get(word, f"{word} != 0")
+    return f"({leaf.type}){word}"
+
+
+def _equal(leaf: Leaf, word: str) -> str:
+    return f"bits_of(out.{leaf.path}) == {word}" if leaf.type == "cgl_real" else f"out.{leaf.path} == {word}"

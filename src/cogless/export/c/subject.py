@@ -1,0 +1,62 @@
+"""All that the texts of an export are made from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.export.c.laws import LawInC
+from cogless.export.headers import Headers
+from cogless.export.layout import Layout
+from cogless.results import as_json
+from cogless.study import AnyStudy
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A controller of a study, configured: as the engine runs it in a scenario."""
+
+    study: AnyStudy
+    scenario: str
+    controller: str
+    name: str  # in C
+    law_name: str  # in the engine
+    law: LawInC
+    layout: Layout
+    drive_config: dict[str, Any]  # cgl_drive_config, decoded
+    law_config: dict[str, Any]
+    rate: int  # Hz, of the current loop
+    memory_length: int  # entries of the law's memory
+    learning_matrix: NDArray[np.floating[Any]] | None
+    figures: list[tuple[str, str]]  # what `cogless design` finds
+    command: str  # that made it
+
+    @property
+    def headers(self) -> Headers:
+        return self.layout.headers
+
+    @property
+    def precision(self) -> str:
+        """ "f" for float, "d" for double."""
+        return self.layout.real
+
+    @property
+    def divider(self) -> int:
+        """Current-loop periods in a period of the law."""
+        return int(self.drive_config["divider"])
+
+    @property
+    def foreign(self) -> bool:
+        """The current loop is somebody else's: the controller asks for a current."""
+        return bool(self.drive_config["foreign"])
+
+
+def study_hash(study: AnyStudy) -> str:
+    """SHA-256 of the study's tables with datasheet and changes, as JSON with sorted keys and no spaces."""
+    text = json.dumps(as_json(study.source.tables), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    return hashlib.sha256(text.encode()).hexdigest()

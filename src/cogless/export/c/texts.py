@@ -1,0 +1,149 @@
+"""The files of an export, as texts by name."""
+
+from __future__ import annotations
+
+import textwrap
+from importlib.resources import files
+from string import Template
+
+from cogless.export.c.extras import extras
+from cogless.export.c.literals import array, initialiser, real
+from cogless.export.c.names import stem
+from cogless.export.c.self_test import self_test_words
+from cogless.export.c.subject import Subject, study_hash
+from cogless.export.prepared import Reals, Recording
+from cogless.results import versions
+
+FLAGS = "-std=c99 -O2 -ffp-contract=off"
+
+
+def texts(subject: Subject, recording: Recording, memory: Reals) -> dict[str, str]:
+    """Name of the file -> what is in it: all but the control library's own.
+
+    `memory`: the law's at the start.
+    """
+    words = _words(subject)
+    words |= self_test_words(subject, recording, memory) | {"ticks": str(len(recording.outputs))}
+    names = {f"{stem(subject.name)}.h": "controller.h", f"{stem(subject.name)}.c": "controller.c"}
+    same = ("self_test.c", "self_test_data.h", "example_interrupt.c", "README.md")
+    return {name: _filled(names.get(name, name), words) for name in (*names, *same)}
+
+
+def controller_texts(subject: Subject) -> dict[str, str]:
+    """Header and source of the controller alone, by name."""
+    words = _words(subject)
+    return {f"{stem(subject.name)}{end}": _filled(f"controller{end}", words) for end in (".h", ".c")}
+
+
+def _filled(asset: str, words: dict[str, str]) -> str:
+    template = files("cogless.export").joinpath("assets", "c", asset).read_text(encoding="utf-8")
+    return Template(template).substitute(words)
+
+
+def _words(subject: Subject) -> dict[str, str]:
+    s, name = subject, subject.name
+    double = s.precision == "d"
+    rate = str(s.rate)
+    entries = s.law.entries(s.law_config)
+    state = s.law.functions
+    config = f"&{name}_law_config, " if state != "cgl_pi" else ""
+    length = f"{name.upper()}_MEMORY_LENGTH"
+    memory = f", controller->memory, {length}" if entries else ""
+    own = {"learning_matrix": f"{name}_learning_matrix"} if s.learning_matrix is not None else {}
+    return {
+        "name": name,
+        "stem": stem(name),
+        "NAME": name.upper(),
+        "pad": " " * len(name),
+        "controller": s.controller,
+        "scenario": s.scenario,
+        "study": s.study.name,
+        "title": _safe(s.study.title).rstrip("."),
+        "title_comment": textwrap.fill(
+            _safe(s.study.title), 118, initial_indent=" * ", subsequent_indent=" * "
+        ),
+        "hash": study_hash(s.study),
+        "version": versions()["cogless"],
+        "command": s.command,
+        "law": str(getattr(s.study.controller[s.controller], "law", s.law_name)),
+        "precision": "double: define COGLESS_DOUBLE for every file" if double else "single",
+        "precision_check": _precision_check(double),
+        "double_flag": " and `-DCOGLESS_DOUBLE`" if double else "",
+        "flags": FLAGS + (" -DCOGLESS_DOUBLE" if double else ""),
+        "rate": rate,
+        "law_rate": f"{s.rate / s.divider:g}",
+        "period": real(1 / s.rate, s.precision),
+        "divider": str(s.divider),
+        "law_header": s.law.header,
+        "law_state": s.law.state,
+        "law_config": s.law.config,
+        "law_step": s.law.step,
+        "law_values": initialiser(s.headers, s.law.config, s.law_config | own, s.precision),
+        "drive_config": initialiser(s.headers, "cgl_drive_config", s.drive_config, s.precision),
+        "init_call": f"{state}_init(&{name}_law_config, &controller->law{memory})",
+        "reset_call": f"{state}_reset({config}&controller->law)",
+        "reset_comment": _reset_comment(s),
+        "memory_define": f"#define {length} {entries} /* numbers */\n" if entries else "",
+        "memory_member": f"    cgl_real memory[{length}]; /* what is learned */\n" if entries else "",
+        "memory_text": f"{s.memory_length} numbers, within `{name}_controller`" if entries else "none",
+        "matrix": _matrix(name, s.learning_matrix, s.precision),
+        "figures": _figures(s.figures),
+        **_outside(s),
+        **extras(s),
+    }
+
+
+def _safe(text: str) -> str:
+    """For a comment."""
+    return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *")
+
+
+def _precision_check(double: bool) -> str:
+    condition, expected = ("#ifndef", "with") if double else ("#ifdef", "without")
+    kind = "double" if double else "single"
+    return (
+        f'{condition} COGLESS_DOUBLE\n#error "the study computes in {kind} precision: compile every file '
+        f'{expected} COGLESS_DOUBLE"\n#endif'
+    )
+
+
+def _reset_comment(subject: Subject) -> str:
+    if subject.law_name == "pi":
+        return "As after init."
+    if subject.law_name == "anti-cogging":
+        return "As after init, but the table stays."
+    return "As after init: forgets what was learned, too."
+
+
+def _matrix(name: str, matrix: Reals | None, precision: str) -> str:
+    if matrix is None:
+        return ""
+    numbers = array(matrix.ravel(), precision)
+    return f"\nstatic const cgl_real {name}_learning_matrix[] = {{\n{numbers}\n}};\n"
+
+
+def _figures(figures: list[tuple[str, str]]) -> str:
+    lines = []
+    for name, value in figures:
+        lines += textwrap.wrap(f" * {name} = {_safe(value)}", 118, subsequent_indent=" *     ")
+    return "\n".join(lines)
+
+
+def _outside(subject: Subject) -> dict[str, str]:
+    """What the board takes: duty cycles, or a current."""
+    if subject.foreign:
+        return {
+            "board_act_declaration": "void board_set_current(cgl_real i_d_ref, cgl_real i_q_ref); "
+            "/* [A]; references of your current loop */",
+            "out_words": "current references",
+            "board_act": "board_set_current(out.i_d_ref, out.i_q_ref);",
+            "what_comes_out": "The study has\nan ideal current loop, so currents come out, for a current "
+            "loop of your own: `i_d_ref` and `i_q_ref`.",
+        }
+    return {
+        "board_act_declaration": "void board_set_duty(const cgl_real duty[3]); "
+        "/* in [0, 1], from the next PWM period on */",
+        "out_words": "duty cycles",
+        "board_act": "board_set_duty(out.duty);",
+        "what_comes_out": "Duty\ncycles come out, for the next PWM period.",
+    }

@@ -1,0 +1,174 @@
+"""The controller as an FMU: the very C of `cogless export --to c`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from cogless.export import sources
+from cogless.export.c.command import ENTRY, subject_of
+from cogless.export.c.literals import array
+from cogless.export.c.names import stem
+from cogless.export.c.subject import Subject
+from cogless.export.c.texts import controller_texts
+from cogless.export.fmu.cpp import places
+from cogless.export.fmu.run import Run
+from cogless.export.fmu.unit import Unit, asset, in_precision, texts
+from cogless.export.fmu.variables import TIME, Variable, duties, measurements, real, references, signal
+from cogless.export.prepared import Reals
+
+# What begins names that are not the controller's own.
+TAKEN = ("fmu", "fmi", "controller", "motion")
+# What controller_model.c asks for by its own names.
+INPUTS = {
+    "FMU_I_A": "measured.i_a",
+    "FMU_I_B": "measured.i_b",
+    "FMU_I_C": "measured.i_c",
+    "FMU_THETA_M": "measured.theta_m",
+    "FMU_OMEGA_M": "measured.omega_m",
+    "FMU_U_DC": "measured.u_dc",
+    "FMU_THETA_REF": "reference.theta_ref",
+    "FMU_OMEGA_REF": "reference.omega_ref",
+    "FMU_ALPHA_REF": "reference.alpha_ref",
+    "FMU_I_D_REF": "reference.i_d_ref",
+    "FMU_LEARN": "reference.learn",
+}
+# In the order of cgl_drive_output.
+OUTPUTS = ("duty_a", "duty_b", "duty_c", "i_d", "i_q", "u_d", "u_q", "i_d_ref", "i_q_ref", "status")
+# What of the law's state points into the controller, and where to.
+MEMORY = "controller->memory"
+LINKS = {
+    "pi": {},
+    "pi-ilc": {"memory.cell": MEMORY},
+    "robust-ilc": {"memory.cell": MEMORY},
+    "anti-cogging": {"table": MEMORY},
+    "space-position": {"memory.cell": MEMORY},
+    "space-speed": {"memory.cell": MEMORY},
+    "trial": {
+        "learned": MEMORY,
+        "error": f"{MEMORY} + TRIAL_SAMPLES",
+        "y_ref": "tick == 0 ? NULL : motion_of(tick - 1)",
+    },
+}
+
+
+def controller_unit(run: Run) -> Unit:
+    """The controller of a run, with what it had learned before."""
+    subject = subject_of(run.prepared)
+    if subject.name.lower().startswith(TAKEN):
+        subject = replace(subject, name=f"my_{subject.name}")
+    variables = _variables(run)
+    library = sources.control() / "cogless"
+    closure = sources.closure([ENTRY, subject.law.header])
+    files = texts((library / name for name in closure), "cogless/")
+    files = in_precision(files, run.study.drive.precision) | controller_texts(subject)
+    files["controller_model.c"] = asset("controller_model.c")
+    files["controller_variables.h"] = _variables_h(run, subject, variables)
+    return Unit(
+        name=f"{run.controller}-controller",
+        about=f"{run.study.title}: the controller {run.controller}",
+        language="C",
+        rate=run.rate,
+        stop_time=run.duration,
+        variables=variables,
+        sources=files,
+    )
+
+
+def _variables(run: Run) -> list[Variable]:
+    variables = [TIME, *measurements("input", run.phases, run.bus_voltage), *references("input")]
+    if run.bus_voltage is not None:
+        variables += duties("output", run.phases)
+        variables += [
+            real("output", "i_d", "A", "measured d-axis current"),
+            real("output", "i_q", "A", "measured q-axis current"),
+            signal("u_d", "V"),
+            signal("u_q", "V"),
+            signal("i_d_ref", "A"),
+        ]
+    return [*variables, signal("i_q_ref", "A"), signal("status", "")]
+
+
+def _variables_h(run: Run, subject: Subject, variables: Sequence[Variable]) -> str:
+    """What controller_model.c needs of this controller."""
+    name = subject.name
+    outputs = {f"OUT_{output.upper()}": output for output in OUTPUTS}
+    links = "".join(
+        f"    controller->law.{member} = {target};\n" for member, target in LINKS[subject.law_name].items()
+    )
+    return f"""/* The controller of this FMU; generated. */
+#include <string.h>
+
+#include "{stem(name)}.h"
+
+#define CONTROLLER {name}_controller
+#define CONTROLLER_INIT {name}_init
+#define CONTROLLER_STEP {name}_step
+
+/* Value references; 0 where there is no such variable. */
+{places(variables, INPUTS | outputs)}
+/* In the order of cgl_drive_output. */
+static const uint32_t output_place[] = {{{", ".join(outputs)}}};
+
+{_trials(run, subject)}{_taught(run, subject)}
+/* Sets the pointers into the controller anew. `tick`: that comes next. */
+static void controller_relink(CONTROLLER *controller, uint64_t tick)
+{{
+    (void)controller;
+    (void)tick;
+{links}}}
+"""
+
+
+def _taught(run: Run, subject: Subject) -> str:
+    """What the law had learned before."""
+    memory = run.prepared.memory
+    if not memory.any():
+        body = table = ""
+    else:
+        table = f"static const cgl_real taught[] = {{\n{array(memory, subject.precision)}\n}};\n\n"
+        body = "    memcpy(controller->memory, taught, sizeof taught);\n"
+    return (
+        f"{table}static void controller_teach(CONTROLLER *controller)\n{{\n    (void)controller;\n{body}}}\n"
+    )
+
+
+def _trials(run: Run, subject: Subject) -> str:
+    """Where trials begin and end; without trials, nowhere."""
+    before = after = motions = ""
+    if subject.law_name == "trial":
+        motions = _motions(run.description["trials"], subject)
+        due, name = "    if (tick % TRIAL_TICKS == 0)", subject.name
+        before = f"{due} {name}_begin_trial(controller, motion_of(tick));\n"
+        after = f"{due} (void){name}_end_trial(controller);\n"
+    unused = "    (void)controller;\n    (void)tick;\n"
+    head = "static void controller_{}_step(CONTROLLER *controller, uint64_t tick)\n{{\n"
+    return (
+        f"{motions}/* `tick`: of the step that comes. */\n{head.format('before')}{before or unused}}}\n\n"
+        f"/* `tick`: of the next step. */\n{head.format('after')}{after or unused}}}\n\n"
+    )
+
+
+def _motions(trials: dict[str, Any], subject: Subject) -> str:
+    """The reference of each phase's trials, and which a tick belongs to."""
+    text, choice = "", ""
+    for n, phase in enumerate(trials["phases"]):
+        motion: Reals = np.asarray(phase["reference"], np.float64)
+        text += f"static const cgl_real motion_{n}[] = {{\n{array(motion, subject.precision)}\n}};\n"
+        if phase["from"] > 0:
+            choice = f"    if (trial >= {phase['from']}U) return motion_{n};\n{choice}"
+    samples = trials["samples"]
+    return f"""enum {{ TRIAL_SAMPLES = {samples}, TRIAL_TICKS = {samples * subject.divider} }};
+
+{text}
+static const cgl_real *motion_of(uint64_t tick)
+{{
+    const uint64_t trial = tick / TRIAL_TICKS;
+    (void)trial;
+{choice}    return motion_0;
+}}
+
+"""

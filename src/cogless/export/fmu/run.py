@@ -1,0 +1,67 @@
+"""A controller in a scenario, as both of its FMUs need it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from cogless import engine, trial_engine
+from cogless.design.from_study import design_study
+from cogless.export.prepared import Prepared, first_scenario, prepare
+from cogless.study import AnyStudy, TrialStudy
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """`description`: the engine's of it."""
+
+    prepared: Prepared
+    description: dict[str, Any]
+
+    @property
+    def study(self) -> Any:
+        return self.prepared.study
+
+    @property
+    def scenario(self) -> str:
+        return self.prepared.scenario
+
+    @property
+    def controller(self) -> str:
+        return self.prepared.controller
+
+    @property
+    def rate(self) -> int:
+        """Of the current loop, 1/s."""
+        return self.prepared.rate
+
+    @property
+    def duration(self) -> float:
+        """Of the scenario, s."""
+        return self.prepared.ticks / self.rate
+
+    @property
+    def trials(self) -> bool:
+        return "trials" in self.description
+
+    @property
+    def phases(self) -> int:
+        """Of the motor."""
+        motor = self.description["trials"]["phases"][0] if self.trials else self.description
+        return int(motor["motor"]["phases"])
+
+    @property
+    def bus_voltage(self) -> float | None:
+        """V; None of an ideal current loop."""
+        drive = self.description["drive"]
+        return None if drive["ideal_current"] else float(drive["inverter"]["bus_voltage"])
+
+
+def run_of(study: AnyStudy, controller: str, scenario: str | None) -> Run:
+    """StudyError: a name that is not there, a law without a C form, a plant that is no drive."""
+    chosen = first_scenario(study, controller, scenario)
+    prepared = prepare(study, chosen, controller)
+    if isinstance(study, TrialStudy):
+        design = design_study(study, [(chosen, controller)])[chosen, controller]
+        return Run(prepared, trial_engine.engine_config(study, chosen, controller, design))
+    return Run(prepared, engine.engine_config(study, chosen, controller))

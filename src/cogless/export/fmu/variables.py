@@ -1,0 +1,106 @@
+"""The variables of an FMU: names, kinds, units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["real", "integer", "boolean"]
+Causality = Literal["independent", "parameter", "input", "output"]
+
+# What is counted, not measured.
+INTEGERS = ("status", "trial")
+
+# One line about each recorded signal; parts of a law's output are terms.
+SIGNALS = {
+    "trial": "number of the trial, from 1",
+    "theta_m": "mechanical angle of the rotor, not wrapped",
+    "omega_m": "mechanical speed",
+    "theta_ref": "mechanical angle reference",
+    "theta_measured": "mechanical angle as the law sees it",
+    "omega_ref": "mechanical speed reference",
+    "alpha_ref": "derivative of the speed reference",
+    "omega_measured": "mechanical speed as the law sees it",
+    "i_d": "d-axis current",
+    "i_q": "q-axis current",
+    "i_d_ref": "d-axis current reference",
+    "i_q_ref": "q-axis current reference",
+    "i_a": "phase current",
+    "i_b": "phase current",
+    "i_c": "phase current",
+    "u_d": "d-axis voltage that the current loop asks for",
+    "u_q": "q-axis voltage that the current loop asks for",
+    "tau_e": "electromagnetic torque",
+    "tau_cogging": "cogging torque",
+    "tau_load": "load torque",
+    "status": "bits of the controller's status, CGL_STATUS_ in cogless/status.h",
+    "learned": "what the trial law has learned for this sample",
+}
+TERM = "part of the law's output"
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable; `start` in SI, of outputs unused."""
+
+    name: str
+    kind: Kind
+    causality: Causality
+    about: str
+    unit: str = ""
+    start: float = 0.0
+
+
+TIME = Variable("time", "real", "independent", "time since the start of the simulation", "s")
+
+
+def real(causality: Causality, name: str, unit: str, about: str, start: float = 0.0) -> Variable:
+    return Variable(name, "real", causality, about, unit, start)
+
+
+def signal(name: str, unit: str) -> Variable:
+    """A recorded signal as an output."""
+    kind: Kind = "integer" if name in INTEGERS else "real"
+    about = SIGNALS.get(name, TERM if name.startswith("term_") else "")
+    return Variable(name, kind, "output", about, unit)
+
+
+def measurements(causality: Causality, phases: int, bus_voltage: float | None) -> list[Variable]:
+    """What sensors deliver, once per current-loop period. No bus voltage: the current loop is ideal."""
+    all_of_them = [
+        real(causality, "measured.theta_m", "rad", "measured mechanical angle"),
+        real(causality, "measured.omega_m", "rad/s", "measured mechanical speed"),
+    ]
+    if bus_voltage is None:
+        return all_of_them
+    currents = [
+        real(causality, f"measured.i_{phase}", "A", "measured phase current") for phase in "abc"[:phases]
+    ]
+    voltage = real(causality, "measured.u_dc", "V", "measured bus voltage", bus_voltage)
+    return [*currents, *all_of_them, voltage]
+
+
+def references(causality: Causality) -> list[Variable]:
+    """What a controller is asked for, once per current-loop period."""
+    return [
+        real(causality, "reference.theta_ref", "rad", "mechanical angle reference; laws of position read it"),
+        real(causality, "reference.omega_ref", "rad/s", "mechanical speed reference"),
+        real(causality, "reference.alpha_ref", "rad/s^2", "its derivative; laws that learn in angle read it"),
+        real(causality, "reference.i_d_ref", "A", "d-axis current reference"),
+        Variable("reference.learn", "boolean", causality, "false freezes what is learned", start=1.0),
+    ]
+
+
+def duties(causality: Causality, phases: int) -> list[Variable]:
+    return [real(causality, f"duty_{phase}", "1", "duty cycle, 0 to 1", 0.5) for phase in "abc"[:phases]]
+
+
+def place_of(variables: Sequence[Variable], name: str) -> int:
+    """A variable's value reference; 0, that of the time, where it isn't there."""
+    return next((n for n, variable in enumerate(variables) if variable.name == name), 0)
+
+
+def first(variables: Iterable[Variable], causality: Causality) -> int:
+    """The value reference of the first variable of a causality."""
+    return next(n for n, variable in enumerate(variables) if variable.causality == causality)

@@ -1,0 +1,82 @@
+"""A folder that appears whole or not at all, and replaces only what an export wrote."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from cogless.errors import StudyError
+
+MANIFEST = "export.json"
+
+
+def check(folder: Path) -> None:
+    """StudyError where the folder holds something that an export did not write, or that was changed since."""
+    if folder.exists() and not folder.is_dir():
+        raise StudyError(f"{folder}: is a file: expected a new or empty folder, or an earlier export")
+    if not folder.exists() or not any(folder.iterdir()):
+        return
+    sums = _sums(folder)
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder).as_posix()
+        if path.is_dir() or name == MANIFEST:
+            continue
+        if sums is None or name not in sums:
+            raise StudyError(
+                f"{folder}: not empty: {name}: expected a new or empty folder, or an earlier export as it was"
+            )
+        if sums[name] != _sum(path.read_bytes()):
+            raise StudyError(f"{folder}: {name}: changed since its export: expected a new or empty folder")
+
+
+def write(folder: Path, files: Mapping[str, bytes], about: Mapping[str, Any]) -> None:
+    """Write the files, by path in the folder, and a manifest with `about` and their sums; StudyError."""
+    check(folder)
+    manifest = {**about, "files": {name: _sum(data) for name, data in sorted(files.items())}}
+    text = json.dumps(manifest, indent=2, ensure_ascii=False) + "\n"
+    target = folder.absolute()
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as scratch:
+            made = Path(scratch) / "new"
+            for name, data in {**files, MANIFEST: text.encode()}.items():
+                path = made / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(data)
+            _swap(made, target, Path(scratch) / "old")
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise StudyError(f"{folder}: {reason}: expected a folder that can be written") from error
+
+
+def _swap(made: Path, target: Path, old: Path) -> None:
+    """Put the new folder in place of the old one, which comes back where that fails."""
+    if not target.exists():
+        os.rename(made, target)
+        return
+    os.rename(target, old)
+    try:
+        os.rename(made, target)
+    except BaseException:
+        os.rename(old, target)
+        raise
+    shutil.rmtree(old)
+
+
+def _sums(folder: Path) -> dict[str, str] | None:
+    """Of the files of an earlier export; None where the folder is none."""
+    try:
+        sums = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]
+        return {str(name): str(value) for name, value in sums.items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def _sum(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()

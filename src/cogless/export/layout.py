@@ -1,0 +1,123 @@
+"""Structs of the control library as bytes, in the layout of the machine that this runs on."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from cogless.export.headers import Field, Headers
+
+PLAIN = {"bool": "?", "uint32_t": "I", "int32_t": "i", "unsigned": "I", "int": "i"}
+SAME_BITS = {"f": "I", "d": "Q", "?": "?", "I": "I", "i": "I"}
+POINTER = struct.calcsize("P")
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A number within a struct: its path, such as "pi.kp" or "i_abc[1]", its place in bytes, its format for
+    the struct module."""
+
+    path: str
+    type: str
+    offset: int
+    format: str
+
+    def value(self, data: bytes) -> float:
+        """As a number."""
+        return float(struct.unpack_from(self.format, data, self.offset)[0])
+
+    def bits(self, data: bytes) -> int:
+        """As a bit pattern; a bool is 0 or 1."""
+        return int(struct.unpack_from(SAME_BITS[self.format], data, self.offset)[0])
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The structs of one build of the library. `real`: "f" for float, "d" for double."""
+
+    headers: Headers
+    real: str
+
+    def size(self, name: str) -> int:
+        """Bytes of a type, padding included."""
+        if name not in self.headers.structs:
+            return struct.calcsize(self._format(name))
+        end = 0
+        for field, offset in self._offsets(name):
+            end = offset + self._bytes(field)
+        return _up(end, self._alignment(name))
+
+    def decode(self, name: str, data: bytes) -> dict[str, Any]:
+        """A struct's members by name: numbers, names of enum constants, dicts of structs, lists of arrays.
+
+        A pointer is None: what it points to is not in the bytes. ValueError: another size.
+        """
+        if len(data) != self.size(name):
+            raise ValueError(f"{name}: {len(data)} bytes: expected {self.size(name)}")
+        return self._struct(name, data, 0)
+
+    def leaves(self, name: str) -> list[Leaf]:
+        """Every number of a struct without pointers, in order."""
+        return list(self._leaves(name, "", 0))
+
+    def _leaves(self, name: str, prefix: str, start: int) -> Iterator[Leaf]:
+        for field, offset in self._offsets(name):
+            size = self.size(field.type)
+            for n in range(field.length or 1):
+                path = prefix + field.name + (f"[{n}]" if field.length is not None else "")
+                at = start + offset + n * size
+                if field.type in self.headers.structs:
+                    yield from self._leaves(field.type, f"{path}.", at)
+                else:
+                    yield Leaf(path, field.type, at, self._format(field.type))
+
+    def _struct(self, name: str, data: bytes, start: int) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        for field, offset in self._offsets(name):
+            at, size = start + offset, self.size(field.type)
+            if field.pointer:
+                values[field.name] = None
+            elif field.length is not None:
+                items = range(field.length)
+                values[field.name] = [self._value(field.type, data, at + n * size) for n in items]
+            else:
+                values[field.name] = self._value(field.type, data, at)
+        return values
+
+    def _value(self, name: str, data: bytes, at: int) -> Any:
+        if name in self.headers.structs:
+            return self._struct(name, data, at)
+        (value,) = struct.unpack_from(self._format(name), data, at)
+        if name not in self.headers.enums:
+            return value
+        for constant, number in self.headers.enums[name].items():
+            if number == value:
+                return constant
+        raise ValueError(f"{name}: {value}: no such constant")
+
+    def _offsets(self, name: str) -> Iterator[tuple[Field, int]]:
+        end = 0
+        for field in self.headers.structs[name]:
+            end = _up(end, POINTER if field.pointer else self._alignment(field.type))
+            yield field, end
+            end += self._bytes(field)
+
+    def _bytes(self, field: Field) -> int:
+        return (POINTER if field.pointer else self.size(field.type)) * (field.length or 1)
+
+    def _alignment(self, name: str) -> int:
+        if name not in self.headers.structs:
+            return self.size(name)
+        fields = self.headers.structs[name]
+        return max(POINTER if f.pointer else self._alignment(f.type) for f in fields)
+
+    def _format(self, name: str) -> str:
+        if name == "cgl_real":
+            return self.real
+        return "I" if name in self.headers.enums else PLAIN[name]
+
+
+def _up(offset: int, alignment: int) -> int:
+    return -(-offset // alignment) * alignment

@@ -1,0 +1,168 @@
+"""A controller of a study on the engine, ready to be run, described and recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from threading import Event
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.advance import failures
+from cogless.errors import StudyError
+from cogless.study import AnyStudy, TrialStudy, for_scenario
+from cogless.study.controller import LibraryLaw, PythonLaw
+
+Reals = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """`memory`: the law's, as a run starts with it. `ticks`: current-loop periods of the scenario."""
+
+    study: AnyStudy
+    scenario: str
+    controller: str
+    engine: Any
+    drive: Any
+    memory: Reals
+    config: dict[str, Any]  # Drive.controller_config()
+    ticks: int
+    rate: int  # Hz, of the current loop
+
+    @property
+    def precision(self) -> str:
+        """ "f" for float, "d" for double."""
+        return "d" if self.engine.real_bits == 64 else "f"
+
+    def start(self) -> Any:
+        """The state at time zero, with what was learned before."""
+        state = self.drive.start()
+        if len(self.memory):
+            self.drive.load_memory(state, self.memory.tolist())
+        return state
+
+
+class Steps(Protocol):
+    """What stands in for a drive's controller, in C structs as bytes."""
+
+    def step(self, measurement: bytes, reference: bytes) -> bytes: ...
+    def begin(self, trajectory: bytes) -> None: ...
+    def end(self) -> None: ...
+
+
+@dataclass(eq=False)
+class Recording:
+    """What the controller was given and gave in each tick, as bytes of the C structs; its memory afterwards.
+
+    `begun`: each trial's trajectory, with the tick at which it began. `ended`: ticks before which one ended.
+    """
+
+    measurements: list[bytes] = field(default_factory=list)
+    references: list[bytes] = field(default_factory=list)
+    outputs: list[bytes] = field(default_factory=list)
+    begun: list[tuple[int, bytes]] = field(default_factory=list)
+    ended: list[int] = field(default_factory=list)
+    memory: Reals = field(default_factory=lambda: np.zeros(0, np.float32))
+
+
+class Recorder:
+    """The drive's own controller, which writes down what passes."""
+
+    def __init__(self, prepared: Prepared) -> None:
+        self._drive, self._state = prepared.drive, prepared.start()
+        self.recording = Recording()
+
+    def step(self, measurement: bytes, reference: bytes) -> bytes:
+        output: bytes = self._drive.step_controller(self._state, measurement, reference)
+        recording = self.recording
+        recording.measurements.append(measurement)
+        recording.references.append(reference)
+        recording.outputs.append(output)
+        return output
+
+    def begin(self, trajectory: bytes) -> None:
+        self.recording.begun.append((len(self.recording.outputs), trajectory))
+        self._drive.begin_trial(self._state, trajectory)
+
+    def end(self) -> None:
+        self.recording.ended.append(len(self.recording.outputs))
+        self._drive.end_trial(self._state)
+
+    def finish(self) -> Recording:
+        self.recording.memory = self._drive.law_memory(self._state)
+        return self.recording
+
+
+def prepare(study: AnyStudy, scenario: str, controller: str) -> Prepared:
+    """StudyError: a name that is not there, a controller without a C form, a run that cannot start.
+
+    An anti-cogging table is learned first, in its commissioning run.
+    """
+    _check(study, scenario, controller)
+    with failures(study, scenario, controller):
+        if isinstance(study, TrialStudy):
+            from cogless.trials import drive_of
+
+            engine, drive, ticks = drive_of(study, scenario, controller)
+            table: Any = []
+            assert study.drive is not None
+            rate = study.drive.rates.current_loop
+        else:
+            from cogless.simulate import drive_of as speed_drive_of
+
+            engine, drive, ticks, table = speed_drive_of(study, scenario, controller, Event())
+            rate = for_scenario(study, scenario).drive.rates.current_loop
+    memory = drive.law_memory(drive.start())
+    if len(table):
+        memory = np.asarray(table, memory.dtype)
+    config = drive.controller_config()
+    return Prepared(study, scenario, controller, engine, drive, memory, config, ticks, round(rate))
+
+
+def first_scenario(study: AnyStudy, controller: str, wanted: str | None = None) -> str:
+    """The wanted scenario, or the first in which the controller runs; StudyError."""
+    path = study.source.path
+    if controller not in study.controller:
+        known = ", ".join(study.controller)
+        raise StudyError(f'{path}: controller: "{controller}": expected one of {known}')
+    runs_in = [name for name in study.scenario if controller in study.controllers_in(name)]
+    if wanted is None:
+        if not runs_in:
+            raise StudyError(f"{path}: controller.{controller}: runs in no scenario: expected one with it")
+        return runs_in[0]
+    if wanted not in runs_in:
+        raise StudyError(
+            f'{path}: scenario: "{wanted}": expected one with controller {controller}: {", ".join(runs_in)}'
+        )
+    return wanted
+
+
+def record(prepared: Prepared, ticks: int) -> Recording:
+    """So many periods of the ordinary simulation, as its controller sees them; StudyError."""
+    recorder = Recorder(prepared)
+    run(prepared, recorder, ticks)
+    return recorder.finish()
+
+
+def run(prepared: Prepared, controller: Steps, ticks: int) -> None:
+    """So many periods of the plant with a controller in the place of its own; StudyError."""
+    state = prepared.drive.start()
+    rows = prepared.engine.Recorder(prepared.drive, max(ticks, 1))
+    with failures(prepared.study, prepared.scenario, prepared.controller):
+        prepared.drive.advance(state, rows, ticks, controller)
+
+
+def _check(study: AnyStudy, scenario: str, controller: str) -> None:
+    first_scenario(study, controller, scenario)
+    law = study.controller[controller]
+    where = f"{study.source.path}: controller.{controller}.law"
+    if isinstance(law, PythonLaw):
+        raise StudyError(f'{where}: "{law.law}": has no C form: expected a law of the control library')
+    if isinstance(law, LibraryLaw):
+        raise StudyError(
+            f'{where}: "{law.law}": is C of your own already: expected a law of the control library'
+        )
+    if isinstance(study, TrialStudy) and study.drive is None:
+        raise StudyError(f"{study.source.path}: plant: a linear plant: expected a study with a drive")

@@ -1,0 +1,55 @@
+"""The C sources that come with cogless, and which of them a law needs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+import cogless
+
+DEFINITION = re.compile(r"^\w[\w ]*[ *](cgl_\w+)\(", re.MULTILINE)
+INCLUDE = re.compile(r'^#include "(?:cogless/)?(\w+\.h)"', re.MULTILINE)
+
+
+def control() -> Path:
+    """The folder that holds cogless/*.h and cogless/*.c of the control library, as installed."""
+    for folder in cogless.__path__:
+        found = Path(folder) / "sources" / "control" / "src"
+        if found.is_dir():
+            return found
+    raise FileNotFoundError("cogless/sources/control/src: not installed")
+
+
+def licence() -> Path:
+    """The licence that goes with every copy of them."""
+    return control().parent / "LICENSE"
+
+
+def closure(needed: Iterable[str]) -> list[str]:
+    """Names of the headers, of all that they include, and of the .c files beside them; sorted.
+
+    `needed`: headers, such as "drive.h".
+    """
+    folder = control() / "cogless"
+    found: set[str] = set()
+    waiting = list(needed)
+    while waiting:
+        name = waiting.pop()
+        if name in found:
+            continue
+        found.add(name)
+        text = (folder / name).read_text(encoding="utf-8")
+        waiting += INCLUDE.findall(text)
+        beside = Path(name).with_suffix(".c").name
+        if name.endswith(".h") and (folder / beside).is_file():
+            waiting.append(beside)
+    return sorted(found)
+
+
+def defined_in() -> dict[str, str]:
+    """Function of the control library -> the name of its .c file, without the ending."""
+    files = sorted((control() / "cogless").glob("*.c"))
+    return {
+        name: path.stem for path in files for name in DEFINITION.findall(path.read_text(encoding="utf-8"))
+    }

@@ -1,0 +1,184 @@
+"""The processor against the simulation, bit for bit, and what it costs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cogless.export.c.subject import Subject
+from cogless.export.layout import Layout
+from cogless.export.prepared import Prepared, Recording, prepare, record, run
+from cogless.pil.image import Image
+from cogless.pil.target import Target, build
+from cogless.pil.toolchain import Toolchain
+from cogless.study import AnyStudy
+
+TICKS = 100_000
+PIECE = 1000  # ticks between two looks at progress
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first thing that is not equal: in which tick, from 0, which member or entry, and both values."""
+
+    tick: int
+    field: str
+    simulation: float
+    processor: float
+
+
+@dataclass(frozen=True)
+class Instructions:
+    """Of a tick: fewest, mean, most."""
+
+    least: int
+    mean: float
+    most: int
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Of one controller. Instructions of all ticks, of those in which the law is due, and of the others.
+
+    Their mean by source file goes by where the compiler put them: what it inlined counts for the caller.
+
+    `flash`: code and constants, of which `constants` are the configured ones. `ram`: the controller's struct,
+    of which `memory` is what the law learns into. All in bytes.
+    """
+
+    study: str
+    scenario: str
+    controller: str
+    law: str
+    ticks: int
+    difference: Difference | None
+    all: Instructions
+    with_law: Instructions
+    without_law: Instructions | None
+    end_of_trial: int | None  # instructions, at most
+    by_source_with_law: dict[str, float]
+    by_source_without_law: dict[str, float]
+    stack: int
+    flash: int
+    constants: int
+    ram: int
+    memory: int
+    compiler: str
+    flags: str
+
+
+def compare(
+    study: AnyStudy,
+    controller: str,
+    scenario: str,
+    ticks: int | None,
+    toolchain: Toolchain,
+    progress: Progress = lambda share: None,
+) -> Comparison:
+    """Run the simulation, then the processor in closed loop with the same plant; StudyError.
+
+    `ticks`: default 100,000, and no more than the scenario has.
+    """
+    prepared = prepare(study, scenario, controller)
+    ticks = min(ticks or TICKS, prepared.ticks)
+    subject, image = build(prepared, toolchain)
+    wanted = record(prepared, ticks)
+    target = Target(subject, image, prepared.memory)
+    watched = _Watched(target, subject.layout, wanted, ticks, progress)
+    run(prepared, watched, ticks)
+    difference = watched.difference or _memory_difference(target, wanted, ticks)
+    return _comparison(prepared, subject, image, target, difference, toolchain)
+
+
+class _Watched:
+    """A target, compared tick by tick with what the simulation had."""
+
+    def __init__(
+        self, target: Target, layout: Layout, wanted: Recording, ticks: int, progress: Progress
+    ) -> None:
+        self._target, self._layout, self._wanted = target, layout, wanted
+        self._ticks, self._progress, self._tick = ticks, progress, 0
+        self.difference: Difference | None = None
+
+    def step(self, measurement: bytes, reference: bytes) -> bytes:
+        out = self._target.step(measurement, reference)
+        tick, wanted = self._tick, self._wanted
+        self._tick += 1
+        if out != wanted.outputs[tick] or measurement != wanted.measurements[tick]:
+            self._compare("cgl_drive_output", wanted.outputs[tick], out)
+            self._compare("cgl_measurement", wanted.measurements[tick], measurement)
+        if tick % PIECE == 0:
+            self._progress(tick / self._ticks)
+        return out
+
+    def begin(self, trajectory: bytes) -> None:
+        self._target.begin(trajectory)
+
+    def end(self) -> None:
+        self._target.end()
+
+    def _compare(self, struct: str, wanted: bytes, got: bytes) -> None:
+        """Number by number: padding has no meaning."""
+        for leaf in () if self.difference else self._layout.leaves(struct):
+            a, b = leaf.bits(wanted), leaf.bits(got)
+            if a != b:
+                self.difference = Difference(self._tick - 1, leaf.path, leaf.value(wanted), leaf.value(got))
+                return
+
+
+def _memory_difference(target: Target, wanted: Recording, ticks: int) -> Difference | None:
+    """In what is learned, at the end."""
+    got = target.memory
+    if got.tobytes() == wanted.memory.tobytes():
+        return None
+    kind = np.uint64 if got.dtype == np.float64 else np.uint32
+    n = int(np.argmax(got.view(kind) != wanted.memory.view(kind)))
+    return Difference(ticks, f"memory[{n}]", float(wanted.memory[n]), float(got[n]))
+
+
+def _comparison(
+    prepared: Prepared,
+    subject: Subject,
+    image: Image,
+    target: Target,
+    difference: Difference | None,
+    toolchain: Toolchain,
+) -> Comparison:
+    counts = np.asarray(target.counts)
+    by_source = target.by_source()
+    due = np.arange(len(counts)) % subject.divider == 0
+    configs = (
+        f"{subject.name}_drive_config",
+        f"{subject.name}_law_config",
+        f"{subject.name}_learning_matrix",
+    )
+    return Comparison(
+        study=prepared.study.name,
+        scenario=prepared.scenario,
+        controller=prepared.controller,
+        law=subject.law_name,
+        ticks=len(counts),
+        difference=difference,
+        all=_instructions(counts),
+        with_law=_instructions(counts[due]),
+        without_law=_instructions(counts[~due]) if not due.all() else None,
+        end_of_trial=max(target.ends, default=None),
+        by_source_with_law=by_source[0],
+        by_source_without_law=by_source[1],
+        stack=target.stack,
+        flash=image.flash,
+        constants=sum(image.symbols[name].size for name in configs if name in image.symbols),
+        ram=image.symbols["pil_controller"].size,
+        memory=subject.memory_length * subject.layout.size("cgl_real"),
+        compiler=toolchain.name,
+        flags=" ".join(toolchain.flags),
+    )
+
+
+def _instructions(counts: Any) -> Instructions:
+    return Instructions(int(counts.min()), float(counts.mean()), int(counts.max()))

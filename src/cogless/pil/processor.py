@@ -1,0 +1,131 @@
+"""An emulated Cortex-M4F (PyPI's unicorn) that calls a function of an image and counts instructions."""
+
+from __future__ import annotations
+
+import importlib.util
+from bisect import bisect_right
+from collections import Counter
+from typing import Any
+
+from cogless.errors import StudyError
+from cogless.pil.image import Function, Image
+
+PAGE = 0x1000
+STACK_TOP, STACK_SIZE = 0x20200000, 0x10000
+RETURN = 0x00001000  # where a called function returns to; nothing is there
+PAINT = 0xA5
+FPU_ON = 0x40000000
+COPROCESSORS_ON = 0xF << 20  # CPACR: full access to the FPU
+
+Visits = Counter[tuple[int, int]]  # address and size of a block -> how often it was run
+
+
+def require() -> None:
+    """StudyError where the emulator is not installed."""
+    if not all(importlib.util.find_spec(name) for name in ("unicorn", "elftools")):
+        raise StudyError("pil: no emulator: expected unicorn and pyelftools (pip install 'cogless[pil]')")
+
+
+class Processor:
+    """The image in its flash and RAM; registers and stack begin anew with each call."""
+
+    def __init__(self, image: Image) -> None:
+        import unicorn
+        from unicorn import arm_const as arm
+
+        self._arm: Any = arm
+        self._image = image
+        self._error = unicorn.UcError
+        self._uc: Any = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
+        self._uc.ctl_set_cpu_model(arm.UC_CPU_ARM_CORTEX_M4)
+        self._visits: list[tuple[int, int]] = []
+        self._lengths: dict[tuple[int, int], int] = {}
+        for start, end in _pages(image):
+            self._uc.mem_map(start, end - start)
+        for address, data in image.segments.items():
+            self._uc.mem_write(address, data)
+        self._uc.mem_map(STACK_TOP - STACK_SIZE, STACK_SIZE)
+        self._uc.mem_write(STACK_TOP - STACK_SIZE, bytes([PAINT]) * STACK_SIZE)
+        visit = self._visits.append
+        # a block hook is called for every block that is run: straight code without a jump
+        self._uc.hook_add(unicorn.UC_HOOK_BLOCK, lambda uc, address, size, data: visit((address, size)))
+        self._uc.reg_write(arm.UC_ARM_REG_C1_C0_2, COPROCESSORS_ON)
+        self._uc.reg_write(arm.UC_ARM_REG_FPEXC, FPU_ON)
+
+    def call(self, function: str, *arguments: int) -> int:
+        """Run a function to its end and return its result; StudyError where the processor faults."""
+        registers = (
+            self._arm.UC_ARM_REG_R0,
+            self._arm.UC_ARM_REG_R1,
+            self._arm.UC_ARM_REG_R2,
+            self._arm.UC_ARM_REG_R3,
+        )
+        for register, value in zip(registers, arguments, strict=False):
+            self._uc.reg_write(register, value)
+        self._uc.reg_write(self._arm.UC_ARM_REG_SP, STACK_TOP)
+        self._uc.reg_write(self._arm.UC_ARM_REG_LR, RETURN | 1)
+        try:
+            self._uc.emu_start(self._image.symbols[function].address | 1, RETURN)
+        except self._error as error:
+            at = self._uc.reg_read(self._arm.UC_ARM_REG_PC)
+            raise StudyError(f"pil: {function} at {at:#x}: {error}: expected a call that returns") from error
+        return int(self._uc.reg_read(self._arm.UC_ARM_REG_R0))
+
+    def take_instructions(self, tally: Visits | None = None) -> int:
+        """How many were executed since this was asked last, and the blocks into the tally.
+
+        Those that a condition skips within an IT block count: they are fetched.
+        """
+        lengths, total = self._lengths, 0
+        for visit in self._visits:
+            if visit not in lengths:
+                lengths[visit] = self._count(*visit)
+            total += lengths[visit]
+        if tally is not None:
+            tally.update(self._visits)
+        self._visits.clear()
+        return total
+
+    def by_function(self, tally: Visits) -> dict[Function, int]:
+        """Instructions of a tally by the function that they stand in."""
+        functions = self._image.functions
+        addresses = [function.address for function in functions]
+        found: dict[Function, int] = {}
+        for (address, size), times in tally.items():
+            function = functions[bisect_right(addresses, address) - 1]
+            found[function] = found.get(function, 0) + times * self._count(address, size)
+        return found
+
+    def read(self, address: int, size: int) -> bytes:
+        return bytes(self._uc.mem_read(address, size))
+
+    def write(self, address: int, data: bytes) -> None:
+        self._uc.mem_write(address, data)
+
+    @property
+    def stack(self) -> int:
+        """Bytes of stack that were ever used."""
+        painted = self.read(STACK_TOP - STACK_SIZE, STACK_SIZE)
+        return len(painted.lstrip(bytes([PAINT])))
+
+    def _count(self, address: int, size: int) -> int:
+        """Thumb instructions in a block: 4 bytes where the upper five bits are 11101, 11110 or 11111."""
+        code, count, place = self.read(address, size), 0, 0
+        while place < size:
+            place += 4 if code[place + 1] >> 3 in (0b11101, 0b11110, 0b11111) else 2
+            count += 1
+        return count
+
+
+def _pages(image: Image) -> list[tuple[int, int]]:
+    """What to map, in whole pages that do not overlap: the segments and the writable sections."""
+    ends = [(address, address + len(data)) for address, data in image.segments.items()]
+    ends += [(s.address, s.address + s.size) for s in image.symbols.values() if s.size]
+    pages = sorted({page for start, end in ends for page in range(start // PAGE, -(-end // PAGE))})
+    ranges: list[tuple[int, int]] = []
+    for page in pages:
+        if ranges and ranges[-1][1] == page * PAGE:
+            ranges[-1] = (ranges[-1][0], (page + 1) * PAGE)
+        else:
+            ranges.append((page * PAGE, (page + 1) * PAGE))
+    return ranges

@@ -1,0 +1,159 @@
+"""The exported controller as an image for the Cortex-M4F, and on the processor as a drive's controller."""
+
+from __future__ import annotations
+
+import tempfile
+from collections import Counter
+from contextlib import ExitStack
+from importlib.resources import as_file, files
+from pathlib import Path
+
+import numpy as np
+
+from cogless.errors import StudyError
+from cogless.export.c.command import contents, subject_of
+from cogless.export.c.names import stem
+from cogless.export.c.subject import Subject
+from cogless.export.prepared import Prepared, Reals, Recording
+from cogless.export.sources import defined_in
+from cogless.pil.image import Image, read
+from cogless.pil.processor import Processor, Visits
+from cogless.pil.toolchain import Toolchain
+
+# All that comes and goes by memory, and what the linker must keep.
+EXCHANGE = """#include "{stem}.h"
+
+{name}_controller pil_controller;
+__attribute__((section(".exchange"))) struct {{
+    cgl_measurement now;
+    cgl_reference reference;
+    cgl_drive_output out;
+    cgl_real motion[{motion}];
+}} pil_exchange = {{.reference = {{.learn = true}}}};
+__attribute__((section(".functions"), used))
+const void *const pil_functions[] = {{&pil_controller, {functions}}};
+"""
+
+
+COMPILERS = "compiler's library"
+
+
+class Target:
+    """The controller of a subject on the processor: what `Drive.advance` takes as a controller.
+
+    `counts`, `ends`: instructions of each step, of each end of a trial. A trial begins with the law,
+    and is whole periods of it long.
+    """
+
+    def __init__(self, subject: Subject, image: Image, memory: Reals) -> None:
+        self._subject, self._image = subject, image
+        self._processor = Processor(image)
+        self._dtype = np.dtype(np.float64 if subject.precision == "d" else np.float32)
+        self._controller = image.symbols["pil_controller"].address
+        size = subject.layout.size
+        self._in = image.symbols["pil_exchange"].address
+        self._reference = self._in + size("cgl_measurement")
+        self._out = self._reference + size("cgl_reference")
+        self._out_size = size("cgl_drive_output")
+        self._motion = self._out + self._out_size
+        self.counts: list[int] = []
+        self.ends: list[int] = []
+        self._with_law: Visits = Counter()
+        self._without_law: Visits = Counter()
+        error = self._call("init", self._controller)
+        if error != 0:
+            raise StudyError(f"pil: {subject.name}_init returned {error}: expected CGL_OK, 0")
+        if len(memory):
+            self._processor.write(self._memory, memory.astype(self._dtype).tobytes())
+        self._processor.take_instructions()
+
+    def step(self, measurement: bytes, reference: bytes) -> bytes:
+        self._processor.write(self._in, measurement + reference)
+        self._call("step", self._controller, self._in, self._reference, self._out)
+        due = len(self.counts) % self._subject.divider == 0
+        tally = self._with_law if due else self._without_law
+        self.counts.append(self._processor.take_instructions(tally))
+        return self._processor.read(self._out, self._out_size)
+
+    def begin(self, trajectory: bytes) -> None:
+        self._processor.write(self._motion, trajectory)
+        self._call("begin_trial", self._controller, self._motion)
+        self._processor.take_instructions()
+
+    def end(self) -> None:
+        self._call("end_trial", self._controller)
+        self.ends.append(self._processor.take_instructions())
+
+    def by_source(self) -> tuple[dict[str, float], dict[str, float]]:
+        """Mean instructions by source file, in the ticks in which the law is due, and in the others."""
+        due = -(-len(self.counts) // self._subject.divider)
+        return self._by_source(self._with_law, due), self._by_source(
+            self._without_law, len(self.counts) - due
+        )
+
+    def _by_source(self, tally: Visits, ticks: int) -> dict[str, float]:
+        found: dict[str, float] = {}
+        home = defined_in()
+        for function, count in self._processor.by_function(tally).items():
+            own = function.name.startswith(f"{self._subject.name}_")
+            known = stem(self._subject.name) if own else home.get(function.name, COMPILERS)
+            source = function.file or known
+            found[source] = found.get(source, 0.0) + count / ticks
+        return dict(sorted(found.items(), key=lambda entry: -entry[1]))
+
+    @property
+    def memory(self) -> Reals:
+        """What is learned, as it is in the processor's RAM."""
+        length = self._subject.memory_length
+        if not length:
+            return np.zeros(0, self._dtype)
+        data = self._processor.read(self._memory, length * self._dtype.itemsize)
+        return np.frombuffer(data, self._dtype)
+
+    @property
+    def stack(self) -> int:
+        """Bytes of stack that were ever used."""
+        return self._processor.stack
+
+    @property
+    def _memory(self) -> int:
+        """The controller's last member; nothing is behind it but padding."""
+        symbol = self._image.symbols["pil_controller"]
+        return symbol.address + symbol.size - self._subject.memory_length * self._dtype.itemsize
+
+    def _call(self, function: str, *arguments: int) -> int:
+        return self._processor.call(f"{self._subject.name}_{function}", *arguments)
+
+
+def build(prepared: Prepared, toolchain: Toolchain) -> tuple[Subject, Image]:
+    """The very files of an export, compiled for the processor; StudyError."""
+    subject = subject_of(prepared)
+    defines = ["COGLESS_DOUBLE"] if subject.precision == "d" else []
+    with ExitStack() as stack:
+        assets = stack.enter_context(as_file(files("cogless.pil").joinpath("assets")))
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        for name, data in contents(subject, prepared, Recording()).items():
+            path = folder / name
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(data)
+        (folder / "exchange.c").write_text(_exchange(subject), encoding="utf-8")
+        own = [folder / "exchange.c", folder / f"{stem(subject.name)}.c", assets / "runtime.c"]
+        toolchain.build(
+            [*own, *sorted((folder / "cogless").glob("*.c"))],
+            assets / "image.ld",
+            folder / "image.elf",
+            defines,
+        )
+        return subject, read(folder / "image.elf")
+
+
+def _exchange(subject: Subject) -> str:
+    trials = subject.law_name == "trial"
+    functions = ["init", "reset", "step", *(["begin_trial", "end_trial"] if trials else [])]
+    functions += ["calibrate"] if subject.law_name == "anti-cogging" else []
+    return EXCHANGE.format(
+        stem=stem(subject.name),
+        name=subject.name,
+        motion=subject.law_config["samples"] if trials else 1,
+        functions=", ".join(f"(const void *){subject.name}_{function}" for function in functions),
+    )

@@ -1,0 +1,77 @@
+"""The cross compiler: Debian's gcc for ARM, or else the one within PyPI's ziglang."""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cogless.errors import StudyError
+
+GCC = "arm-none-eabi-gcc"
+COMMON = (
+    "-std=c99",
+    "-O2",
+    "-ffp-contract=off",
+    "-ffreestanding",
+    "-ffunction-sections",
+    "-fdata-sections",
+    "-fno-unwind-tables",
+    "-fno-asynchronous-unwind-tables",
+)
+FOR_GCC = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
+# plain cortex_m4 would silently compute in software
+FOR_ZIG = ("-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m4+vfp4d16sp", "-fno-sanitize=all")
+LINK = ("-Wl,--gc-sections", "-Wl,--entry=pil_functions")
+
+
+@dataclass(frozen=True)
+class Toolchain:
+    """A compiler for the Cortex-M4F: its command, its name and version, and flags."""
+
+    command: tuple[str, ...]
+    name: str
+    flags: tuple[str, ...]
+    libraries: tuple[str, ...]
+
+    def build(self, sources: Sequence[Path], script: Path, image: Path, defines: Sequence[str]) -> None:
+        """Compile and link an image; StudyError with the compiler's first error."""
+        line = [
+            *self.command,
+            *self.flags,
+            *(f"-D{define}" for define in defines),
+            *map(str, sources),
+            *LINK,
+            f"-Wl,-T,{script}",
+            *self.libraries,
+            "-o",
+            str(image),
+        ]
+        done = subprocess.run(line, capture_output=True, text=True, check=False)
+        if done.returncode != 0 or not image.is_file():
+            found = [text for text in done.stderr.splitlines() if "error" in text] or ["no image"]
+            raise StudyError(f"pil: {self.name}: {found[0]}: expected code that compiles for a Cortex-M4F")
+
+
+def find(wanted: str | None = None) -> Toolchain:
+    """The compiler that is there, gcc first, or the `wanted` one of "gcc" and "zig"; StudyError."""
+    if wanted in (None, "gcc") and shutil.which(GCC):
+        return Toolchain(
+            (GCC,), _version((GCC, "--version"), "gcc"), (*FOR_GCC, *COMMON), ("-nostdlib", "-lgcc")
+        )
+    if wanted in (None, "zig") and importlib.util.find_spec("ziglang") is not None:
+        zig = (sys.executable, "-m", "ziglang")
+        return Toolchain((*zig, "cc"), _version((*zig, "version"), "zig"), (*FOR_ZIG, *COMMON), ())
+    raise StudyError(
+        f"pil: no cross compiler: expected {GCC} (Debian: apt-get install gcc-arm-none-eabi) or "
+        "ziglang (pip install 'cogless[pil]')"
+    )
+
+
+def _version(command: Sequence[str], name: str) -> str:
+    said = subprocess.run(command, capture_output=True, text=True, check=False).stdout
+    return f"{name} {(said.splitlines() or [''])[0].split()[-2 if name == 'gcc' else -1]}"
