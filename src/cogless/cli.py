@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
+import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 WIDE = 240  # columns where the output is no terminal, so that files and pipes get whole lines
-WRONG, INTERRUPTED = 2, 130
+DIFFERENT, WRONG, INTERRUPTED = 1, 2, 130
 
 app = typer.Typer(
     add_completion=False,
@@ -52,6 +54,18 @@ SetOption = Annotated[
 ]
 JobsOption = Annotated[
     int, typer.Option("--jobs", "-j", min=1, help="Runs at a time.", show_default="one a core", metavar="N")
+]
+ControllerOption = Annotated[
+    str, typer.Option("--controller", metavar="NAME", help="A controller of the study.", show_default=False)
+]
+ScenarioOption = Annotated[
+    str | None,
+    typer.Option(
+        "--scenario",
+        metavar="NAME",
+        help="Where it runs.",
+        show_default="the first scenario that has the controller",
+    ),
 ]
 CORES = os.cpu_count() or 1
 
@@ -177,6 +191,91 @@ def design(
         _console().print(shown())
 
 
+@app.command()
+def export(
+    study: StudyArgument,
+    controller: ControllerOption,
+    to: Annotated[str, typer.Option("--to", metavar="c|fmu", help="What to write.", show_default=False)],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", metavar="DIR", help="For c a new or empty folder, or an earlier export."
+        ),
+    ],
+    scenario: ScenarioOption = None,
+    changes: SetOption = None,
+) -> None:
+    """Write a controller for firmware (c), or for other simulators (fmu).
+
+    c: its constants, the code, a self-test, an example. The folder appears whole or not at all. What the
+    self-test repeats is the beginning of the scenario.
+
+    fmu: the controller, and the drive in the scenario as its plant, each for FMI 2.0 and 3.0 (co-simulation),
+    built by your C and C++ compilers (CC and CXX).
+    """
+    if to == "fmu":
+        from cogless.export.fmu import write_fmus
+
+        loaded = _load(study, changes)
+        with _console(stderr=True).status("Compiling"):
+            written = write_fmus(loaded, controller, scenario, output)
+        for path in written:
+            print(f"FMU: {path}")
+        return
+    if to != "c":
+        raise StudyError(f'--to: "{to}": expected c or fmu')
+    from cogless.export.c.command import export_c
+
+    command = _command("export", study, changes, ["--controller", controller, "--to", to])
+    export_c(_load(study, changes), controller, output, scenario, command)
+    print(f"Export: {output / 'README.md'}")
+
+
+@app.command()
+def pil(
+    study: StudyArgument,
+    controller: ControllerOption,
+    scenario: ScenarioOption = None,
+    ticks: Annotated[
+        int,
+        typer.Option(
+            "--ticks", min=1, metavar="N", help="Current-loop periods, at most those of the scenario."
+        ),
+    ] = 100_000,
+    compiler: Annotated[
+        str | None,
+        typer.Option("--compiler", metavar="gcc|zig", help="Which one.", show_default="gcc if it is there"),
+    ] = None,
+    changes: SetOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Run the exported controller on an emulated Cortex-M4F, closed with the simulated plant.
+
+    Compares every output of every period, and what was learned, with the simulation, bit for bit; counts
+    instructions, stack, flash and RAM. Exit code 1 where anything differs.
+    """
+    from cogless.export.prepared import first_scenario
+    from cogless.pil import toolchain
+    from cogless.pil.compare import compare
+    from cogless.pil.processor import require
+    from cogless.pil.table import lines
+
+    if compiler not in (None, "gcc", "zig"):
+        raise StudyError(f'--compiler: "{compiler}": expected gcc or zig')
+    loaded, tools = _load(study, changes), toolchain.find(compiler)
+    require()
+    where = first_scenario(loaded, controller, scenario)
+    with _share_progress(f"{where}/{controller}") as progress:
+        found = compare(loaded, controller, where, ticks, tools, progress)
+    if as_json:
+        print(json.dumps(dataclasses.asdict(found), indent=2, ensure_ascii=False))
+    else:
+        for line in lines(found):
+            print(line)
+    if found.difference is not None:
+        sys.exit(DIFFERENT)
+
+
 @app.command("list")
 def list_() -> None:
     """List the shipped studies and motors, and the control laws."""
@@ -230,6 +329,51 @@ def calibrate(study: StudyArgument, changes: SetOption = None, jobs: JobsOption 
         )
 
 
+def _command(name: str, study: str, changes: list[str] | None, options: list[str]) -> str:
+    """As one would type it."""
+    sets = [word for change in changes or () for word in ("--set", change)]
+    return shlex.join(["cogless", name, study, *options, *sets])
+
+
+@app.command("map")
+def map_(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A stored map, or a dump of flash with some in it.")
+    ],
+    csv: Annotated[
+        Path | None,
+        typer.Option("--csv", metavar="FILE", help="Write the newest map's entries, a row each; - prints."),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write the newest map, alone.")
+    ] = None,
+    motor: Annotated[
+        str | None,
+        typer.Option("--motor", metavar="ID", help="What is written is for this motor, such as 0x1F2E3D4C."),
+    ] = None,
+) -> None:
+    """Show learned maps as firmware stores them: whose they are, what is in them, or why they are not valid.
+
+    The newest map is the one that firmware would load. Exit 2 if none is valid.
+    """
+    from cogless import stored_map
+    from cogless.map_table import identity, lines, to_csv
+
+    if motor is not None and output is None:
+        raise StudyError("--motor: expected --output too")
+    found = stored_map.read(file)
+    newest = stored_map.newest(found)
+    if newest is None:
+        raise StudyError(f"{file}: " + "; ".join(f"at byte {place.offset}: {place.map}" for place in found))
+    stored, to_screen = newest.map, str(csv) == "-"
+    if csv is not None and not to_screen:
+        stored_map.write(csv, to_csv(stored).encode())
+    if output is not None:
+        wanted = stored.motor if motor is None else identity(motor)
+        stored_map.write(output, bytes(dataclasses.replace(stored, motor=wanted)))
+    print(to_csv(stored) if to_screen else "\n".join(lines(found, newest)), end="" if to_screen else "\n")
+
+
 def _load(study: str, changes: list[str] | None) -> AnyStudy:
     from cogless.study.reading import changes_from, load
 
@@ -237,13 +381,14 @@ def _load(study: str, changes: list[str] | None) -> AnyStudy:
 
 
 def _write(results: AnyResults, folder: Path, plots: bool) -> None:
-    from cogless import report, trace
+    from cogless import learned_map, report, trace
     from cogless import results as results_room
 
     results_room.write(results, folder / "results.json")
     about = {"title": results.study.title, "seed": results.study.seed}
     trace.write_netcdf(folder / "traces.nc", results.runs, about)
     report.write(results, folder / "report.html")
+    learned_map.write_all(results, folder / "maps")
     if plots:
         report.write_plots(results, folder)
 
@@ -267,10 +412,9 @@ def _print_tables(results: AnyResults) -> None:
             cells = [_cell(line, name, study.baseline) for name in controllers]
             table.add_row(Text(f"{line.title} [{line.unit}]" if line.unit else line.title), *cells)
         console.print(table)
-        for name, speed in misses(lines).items():
-            console.print(
-                f"! {study.label(name)} did not hold the speed: {speed}", highlight=False, markup=False
-            )
+        for name, how in misses(lines).items():
+            missed = f"! {study.label(name)} did not hold the speed in {how}"
+            console.print(missed, highlight=False, markup=False)
         console.print()
     console.print(
         f"* best; (x) times the value of {study.label(study.baseline)}", highlight=False, markup=False
@@ -278,15 +422,16 @@ def _print_tables(results: AnyResults) -> None:
 
 
 def _print_warnings(results: AnyResults) -> None:
-    """Controllers of a speed study whose learning is known to grow."""
-    from cogless.design.space_learning import warning
+    """What is known of a speed study's controllers that learn in angle before they run."""
+    from cogless.design.map_size import map_warning
+    from cogless.design.space_verdict import warnings
     from cogless.results import Results
 
     if isinstance(results, Results):
         for name in dict.fromkeys(run.controller for run in results.runs):
-            found = warning(results.study, name)
-            if found is not None:
-                _say(f"Warning: controller.{name}: {found}.")
+            small = map_warning(results.study, name)
+            for line in (*warnings(results.study, name), *([small] if small is not None else [])):
+                _say(f"Warning: controller.{name}: {line}.")
 
 
 def _cell(line: Line, controller: str, baseline: str) -> Text:
@@ -316,6 +461,16 @@ def _run_progress(runs: int) -> Iterator[StudyProgress]:
             bar.update(task, completed=sum(list(shares.values())), description=f"{scenario}/{controller}")
 
         yield report
+
+
+@contextmanager
+def _share_progress(what: str) -> Iterator[Callable[[float], None]]:
+    """Progress of one thing on a terminal's stderr; nothing elsewhere."""
+    console = _console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
 
 
 def _console(**options: Any) -> Console:

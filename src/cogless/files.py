@@ -36,6 +36,8 @@ def writable(directory: Path) -> Iterator[None]:
             pass
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
+        if isinstance(error, FileNotFoundError):  # of what is to be made, as in /proc
+            reason = "can't be made there"
         raise StudyError(f"{directory}: {reason}: expected a directory that can be written") from error
     try:
         yield

@@ -35,7 +35,8 @@ class Run:
 
     `memory` is what was learnt by the end, or empty: {"angle": rad, "current": A, "frame": "electrical" or
     "mechanical"}, or of trials {"learned": a number each sample}. `metrics` are SI, by their name in
-    results.json.
+    results.json. `quality` is what the controller says of its own learning at the end, not of trials:
+    {"known", "residual": rad/s} and, of a law that learns, {"progress", "improving", "worsening"}.
     """
 
     scenario: str
@@ -44,6 +45,7 @@ class Run:
     memory: Mapping[str, Any] = field(default_factory=dict)
     metrics: Mapping[str, Value] = field(default_factory=dict)
     design: TrialDesign | None = None  # of a study of trials: gains and certificate
+    quality: Mapping[str, Any] = field(default_factory=dict)  # of learning, as the controller sees it
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "metrics", Metrics(self.metrics))
@@ -99,7 +101,7 @@ def to_dict(results: AnyResults) -> dict[str, Any]:
         "seed": results.study.seed,
         "interrupted": results.interrupted,
         "baseline": results.study.baseline,
-        "settings": _as_json(results.study.source.tables),
+        "settings": as_json(results.study.source.tables),
         "metrics": _definitions(results),
         **({"trials": _trials(results)} if isinstance(results, TrialResults) else {}),
         "runs": [
@@ -108,6 +110,7 @@ def to_dict(results: AnyResults) -> dict[str, Any]:
                 "controller": run.controller,
                 "metrics": {name: _plain(value) for name, value in run.metrics.items()},
                 "memory": _memory(run.memory),
+                **({"quality": _quality(run.quality)} if run.quality else {}),
                 **({"design": _design(run.design)} if run.design is not None else {}),
             }
             for run in results.runs
@@ -174,12 +177,19 @@ def _memory(memory: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _as_json(value: Any) -> Any:
+def _quality(quality: Mapping[str, Any]) -> dict[str, Any]:
+    """As the controller sees it; null where it has not yet turned far enough to know."""
+    names = {"residual_rad_per_s": "residual"}
+    names |= {name: name for name in ("progress", "improving", "worsening") if name in quality}
+    return {key: quality[name] if quality["known"] else None for key, name in names.items()}
+
+
+def as_json(value: Any) -> Any:
     """A study's tables; what JSON doesn't have (a date, an infinite parameter) becomes a text."""
     if isinstance(value, dict):
-        return {key: _as_json(inner) for key, inner in value.items()}
+        return {key: as_json(inner) for key, inner in value.items()}
     if isinstance(value, list):
-        return [_as_json(inner) for inner in value]
+        return [as_json(inner) for inner in value]
     known = isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))
     return value if known else str(value)
 

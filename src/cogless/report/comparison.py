@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from cogless.metrics import result_name
-from cogless.report.holding import missed, rows_of
+from cogless.report.holding import missed, rows_of, span_of
 from cogless.report.packing import number
 from cogless.results import Results, Run
 from cogless.study.metric import Metric
@@ -41,6 +41,7 @@ class Line:
     """One number of each controller in a scenario; values in `unit`, None: never (or not finite).
 
     `missed`: the controllers that did not hold the speed while it was taken, and what the speed was.
+    `span`: from when to when it was taken, s; None where no run has a trace.
     """
 
     name: str
@@ -52,22 +53,38 @@ class Line:
     unit: str
     values: Mapping[str, float | None]
     missed: Mapping[str, str] = field(default_factory=dict)
+    span: tuple[float, float] | None = None
 
     @property
     def title(self) -> str:
         """Such as "speed ripple" or "speed orders: order 6 (electrical)"."""
-        words = self.name.replace("_", " ").replace("-", " ")
-        return (
-            words + self._in_frame if self.order is None else f"{words}: order {self.order:g} ({self.frame})"
-        )
+        if self.order is None:
+            return self._words + self._in_frame
+        return f"{self._words}: order {self.order:g} ({self.frame})"
 
     @property
     def quantity(self) -> str:
         """What is measured, for a sentence: "speed order 6 (electrical)"."""
         if self.order is None:
-            return self.name.replace("_", " ").replace("-", " ") + self._in_frame
+            return self._words + self._in_frame
         signal = QUANTITIES.get(self.signal or "", self.signal)
         return f"{signal} order {self.order:g} ({self.frame})"
+
+    @property
+    def window(self) -> str:
+        """From when to when it was taken, such as "8 to 10 s"; "" where that isn't known."""
+        return (
+            " to ".join(f"{t:.3g}" if t < 1000 else f"{t:.0f}" for t in self.span) + " s" if self.span else ""
+        )
+
+    def not_held(self, controller: str) -> str:
+        """Where and how a controller missed the speed: "speed early, 0.5 to 2 s: mean 52 of 56 rpm"."""
+        place = ", ".join(part for part in (self._words, self.window) if part)
+        return f"{place}: {self.missed[controller]}"
+
+    @property
+    def _words(self) -> str:
+        return self.name.replace("_", " ").replace("-", " ")
 
     @property
     def _in_frame(self) -> str:
@@ -121,13 +138,15 @@ def compare(results: Results, scenario: str) -> list[Line]:
     for metric in results.study.metrics_in(scenario):
         taken = [run for run in runs if result_name(metric) in run.metrics]
         if taken:
-            lines += _lines(metric, taken, _missed(results, metric, taken))
+            not_held, span = _missed(results, metric, taken), span_of(results, metric, taken[0])
+            lines += [replace(line, missed=not_held, span=span) for line in _lines(metric, taken)]
     return lines
 
 
 def misses(lines: Sequence[Line]) -> dict[str, str]:
-    """Each controller that did not hold the speed while some line was taken, and what the speed was."""
-    return {c: text for line in reversed(lines) for c, text in line.missed.items()}
+    """Each controller that did not hold the speed while some line was taken: the latest, and how."""
+    by_end = sorted(reversed(lines), key=lambda line: line.span[1] if line.span else 0.0)
+    return {c: line.not_held(c) for line in by_end for c in line.missed}
 
 
 def speed_unit(results: Results) -> str:
@@ -136,7 +155,7 @@ def speed_unit(results: Results) -> str:
     return next((m.unit for m in metrics if m.unit and m.dimension == ANGULAR_SPEED), ANGULAR_SPEED.unit)
 
 
-def _lines(metric: Metric, runs: Sequence[Run], missed: Mapping[str, str]) -> list[Line]:
+def _lines(metric: Metric, runs: Sequence[Run]) -> list[Line]:
     unit = metric.unit or metric.dimension.unit
     scale = factor(unit, metric.dimension) if metric.unit else 1.0
     # exceeds is the time for which a band was kept; "lower" is only the default of a metric.
@@ -148,7 +167,7 @@ def _lines(metric: Metric, runs: Sequence[Run], missed: Mapping[str, str]) -> li
         column = {c: v[place] if isinstance(v, list) else v for c, v in values.items()}
         shown = {c: v / scale if v is not None and math.isfinite(v) else None for c, v in column.items()}
         about = (metric.name, metric.kind, metric.signal, order, metric.frame, better, pretty(unit))
-        lines.append(Line(*about, shown, missed))
+        lines.append(Line(*about, shown))
     return lines
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cogless.design.space_learning import SpaceLoop
+from cogless.design.space_verdict import judged
 from cogless.errors import StudyError
 from cogless.report.growth import growth
 from cogless.report.packing import plain
@@ -19,7 +20,8 @@ POINTS = 600
 
 NOTE = (
     "By which factor what is learnt changes from period to period, at each frequency, by cogless design: "
-    "below one it settles, above one it grows. Full: at the scenario's fastest speed, faint: at its slowest. "
+    "below one it settles, above one it grows. Full: at the scenario's fastest speed, faint: at the slowest "
+    "that is judged, both without acceleration. "
     "An upright line marks what grew in the run: the spectrum of its q current as learning goes on beside "
     "that when it began; a trace shows frequencies up to half its rate."
 )
@@ -27,18 +29,15 @@ NOTE = (
 
 def criterion(results: Results, runs: Sequence[Run]) -> dict[str, Any] | None:
     """Factors over frequency, on a common grid; None where no controller learns in angle."""
-    loops = []
+    loops: list[tuple[Run, SpaceLoop, float]] = []
     for run in runs:
-        law = in_angle(results.study, run.controller)
-        if law is None:
+        if in_angle(results.study, run.controller) is None:
             continue
-        reference = results.study.scenario[run.scenario].reference
-        speeds = sorted({max(reference.slowest, law.omega_min), reference.top_speed})
-        loops += [
-            (run, SpaceLoop(results.study, run.controller, speed), 1.0 if speed == speeds[-1] else 0.4)
-            for speed in speeds
-            if speed >= law.omega_min
-        ]
+        try:
+            ends = judged(results.study, run.scenario, run.controller)
+        except StudyError:
+            continue
+        loops += [(run, loop, 1.0 if loop is ends[-1] else 0.4) for loop in ends]
     if not loops:
         return None
     f = np.geomspace(
@@ -48,10 +47,7 @@ def criterion(results: Results, runs: Sequence[Run]) -> dict[str, Any] | None:
     )
     series: list[dict[str, Any]] = []
     for run, loop, fade in loops:
-        try:
-            factor = np.where(f <= loop.frequencies[-1], loop.factor(f), np.nan)
-        except StudyError:
-            continue
+        factor = np.where(f <= loop.highest, loop.factor(f), np.nan)
         label = f"{60 * loop.omega_m / (2 * np.pi):.3g} rpm"
         series.append(
             {"controller": place(results, run), "label": label, "fade": fade, "values": plain(factor)}

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cogless.design.learning import SETTLED
-from cogless.design.space_learning import space_learning
+from cogless.design.space_verdict import verdict
 from cogless.errors import StudyError
-from cogless.report.packing import Array, number
+from cogless.report.packing import Array
 from cogless.report.paths import errors, in_angle
 from cogless.results import Results, Run
 from cogless.study import Study
@@ -116,16 +115,16 @@ def sentences(results: Results, scenario: str) -> list[str]:
 
 
 def _expected(study: Study, name: str) -> str | None:
-    """What the criterion says where learning grows: "1.7 times a period at 476 Hz"; "" where it doesn't."""
+    """What cogless design says of a law that doesn't settle; "" of one that does."""
     try:
-        worst = space_learning(study, name)
+        found = verdict(study, name)
     except StudyError:
         return None
-    if worst is None:
+    if found is None or found.kind == "rests":
         return None
-    if worst.factor <= SETTLED:
-        return ""
-    return f"{number(worst.factor)} times a period at {worst.frequency:.0f} Hz"
+    if found.kind != "settles":
+        return found.short()
+    return found.passing.words() if found.passing else ""
 
 
 def _said(grows: str | None) -> str:

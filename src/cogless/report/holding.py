@@ -44,6 +44,12 @@ def rows_of(results: Results, metric: Metric, run: Run) -> slice:
     return late(results, run) if span is None else trace.window(*span)
 
 
+def span_of(results: Results, metric: Metric, run: Run) -> tuple[float, float] | None:
+    """From when to when a metric is taken in a run, s; None where the run has no trace."""
+    time = run.trace.time[rows_of(results, metric, run)]
+    return (float(time[0]), float(time[-1])) if len(time) else None
+
+
 def missed(run: Run, rows: slice, unit: str) -> str | None:
     """What the speed was instead of its reference, such as "mean 0 of 60 rpm"; None: it was held.
 

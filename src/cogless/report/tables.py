@@ -23,7 +23,7 @@ def metric_tables(results: Results) -> str:
     tables = []
     for place, scenario in enumerate(results.scenarios):
         lines = compare(results, scenario)
-        notes = [_note(f"{label(c)} did not hold the speed: {why}") for c, why in misses(lines).items()]
+        notes = [_note(f"{label(c)} did not hold the speed in {how}") for c, how in misses(lines).items()]
         tables.append(scenario_block(place, line_table(results, scenario, lines) + "".join(notes)))
     return "".join(tables)
 

@@ -9,8 +9,9 @@ from functools import cached_property
 
 from cogless.report.comparison import Line, compare, misses, pretty
 from cogless.report.growth import sentences as growing
+from cogless.report.growth import worse_since
 from cogless.report.packing import number
-from cogless.report.paths import learns, varies
+from cogless.report.paths import errors, in_angle, learns, varies
 from cogless.results import Results, Run
 from cogless.study import Study
 from cogless.units import ANGULAR_SPEED, convert
@@ -42,6 +43,7 @@ class _Case:
     where: str
     lines: Sequence[Line]
     line: Line
+    worsened: Sequence[str]  # controllers whose error has become larger than the baseline's, for good
 
     @property
     def baseline(self) -> str:
@@ -49,6 +51,11 @@ class _Case:
 
     @cached_property
     def ranked(self) -> list[str]:
+        """Controllers with a number that held the speed and did not get worse in the end, the best first."""
+        return [c for c in self.held if c not in self.worsened]
+
+    @cached_property
+    def held(self) -> list[str]:
         """Controllers that held the speed and have a number, the best first."""
         numbers = {c: v for c, v in self.line.values.items() if v is not None and c not in self.line.missed}
         return sorted(numbers, key=lambda c: (numbers[c], c))
@@ -81,20 +88,24 @@ def verdicts(results: Results, speed_unit: str) -> list[Verdict]:
 
 def _verdict(results: Results, scenario: str, speed_unit: str) -> Verdict | None:
     lines = [line for line in compare(results, scenario) if line.better == "lower"]
-    line = _latest(results, scenario, _decisive(lines, results.study.baseline), lines)
+    run = next((run for run in results.runs if run.scenario == scenario), None)
+    if run is None:
+        return None
+    moves = len(run.trace) > 0 and _moves(run)
+    line = _latest(results, scenario, _decisive(lines, results.study.baseline, moves), lines)
     if line is None:
         return None
-    run = next(run for run in results.runs if run.scenario == scenario)
-    case = _Case(results.study, _place(run, speed_unit), lines, line)
+    worsened = [] if results.study.baseline in line.missed else _worsened(results, scenario)
+    case = _Case(results.study, _place(run, speed_unit), lines, line, worsened)
     tone, headline = _headline(case)
     compared = len(case.ranked) > 1
     details = [
+        *growing(results, scenario),
         _strongest_order(case),
         _without_learning(case) if compared else "",
         _against_the_next(case) if compared else "",
         _costs(case) if compared else "",
         _rest(case),
-        *growing(results, scenario),
         *_failures(case),
     ]
     if len(line.values) < 2 or case.baseline not in line.values:
@@ -107,11 +118,13 @@ def _headline(case: _Case) -> tuple[str, str]:
     line, base, ranked, label = case.line, case.baseline, case.ranked, case.label
     if line.missed and not ranked:
         speeds = ", ".join(f"{label(c)} {speed}" for c, speed in line.missed.items())
-        return "worse", f"{case.where}, no controller holds the speed: {speeds}."
+        return "worse", f"{case.where}, no controller holds the speed from {line.window}: {speeds}."
     if not ranked or len(line.values) < 2 or (base not in ranked and base not in line.missed):
         return "even", f"{case.where}, {line.quantity}: {case.shown(list(line.values))}."
-    if ranked == [base]:
+    if ranked == [base] and case.held == [base]:
         return "worse", f"{case.where}, only {label(base)} holds the speed: it {_has(line, base)}."
+    if ranked == [base]:
+        return "worse", f"{case.where}, no controller stays better than {label(base)}: it {_has(line, base)}."
     return _comparison(case)
 
 
@@ -120,7 +133,7 @@ def _comparison(case: _Case) -> tuple[str, str]:
     line, base, ranked, winners = case.line, case.baseline, case.ranked, case.winners
     tone = "better" if all(case.learns(c) for c in winners) else "even"
     if base not in ranked:
-        end = f"; {case.label(base)} did not hold the speed ({line.missed[base]})."
+        end = f"; {case.label(base)} did not hold the speed ({line.missed[base]}, {line.window})."
         return tone, f"{case.where}, {_have(case)}{end}"
     if winners == ranked:
         return "even", f"{case.where}, all are alike: {case.shown(winners)} of {line.quantity}."
@@ -155,10 +168,15 @@ def _have(case: _Case) -> str:
     return f"{names} tie: they leave {values} of {line.quantity}"
 
 
-def _decisive(lines: Sequence[Line], baseline: str) -> Line | None:
-    """What the verdict is about: the ripple of the speed, else the baseline's strongest order, else a dip."""
+def _decisive(lines: Sequence[Line], baseline: str, moves: bool) -> Line | None:
+    """What the verdict is about: the ripple of the speed, else the baseline's strongest order, else a dip.
+
+    Of what the baseline has, if anything. Where the reference `moves` the ripple is in the speed's error.
+    """
     lines = [line for line in lines if line.kind != "mean"]  # it may be negative
-    totals = [line for line in lines if _is_total(line)]
+    lines = [line for line in lines if baseline in line.values] or lines
+    totals = [line for line in lines if _is_total(line) and (line.signal == "omega_error" or not moves)]
+    totals.sort(key=lambda line: (line.kind == "rms") != moves)
     orders = _orders(lines, baseline)
     dips = [line for line in lines if line.kind == "dip"]
     ripples = [line for line in lines if line.kind in TOTALS]
@@ -170,15 +188,32 @@ def _latest(results: Results, scenario: str, line: Line | None, lines: Sequence[
     if line is None or line.order is not None:
         return line
     alike = {other.name for other in lines if (other.kind, other.signal) == (line.kind, line.signal)}
-    windows = [m for m in results.study.metrics_in(scenario) if m.name in alike and m.window is not None]
-    if len(windows) < 2:
+    duration = results.study.scenario[scenario].duration
+    spans = {m.name: m.span(duration) for m in results.study.metrics_in(scenario) if m.name in alike}
+    ends = {name: span[1] for name, span in spans.items() if span is not None}
+    if len(ends) < 2:
         return line
-    last = max(windows, key=lambda m: m.window[1] if m.window else 0.0)
-    return next(other for other in lines if other.name == last.name)
+    last = max(ends, key=lambda name: ends[name])
+    return next(other for other in lines if other.name == last)
+
+
+def _worsened(results: Results, scenario: str) -> list[str]:
+    """Controllers that learn in angle whose error became larger than the baseline's, for good."""
+    runs = {run.controller: run for run in results.runs if run.scenario == scenario and len(run.trace) > 1}
+    base = runs.get(results.study.baseline)
+    if base is None:
+        return []
+    learning = {name: run for name, run in runs.items() if in_angle(results.study, name) is not None}
+    signals = {name: errors(results, [run])[0].signal for name, run in learning.items()}
+    return [name for name, run in learning.items() if worse_since(run, base, signals[name]) is not None]
 
 
 def _is_total(line: Line) -> bool:
-    return line.kind in TOTALS and line.signal in SPEEDS
+    """Whether a line is the whole ripple, or the whole error, of the speed."""
+    return (line.kind in TOTALS and line.signal in SPEEDS) or (line.kind, line.signal) == (
+        "rms",
+        "omega_error",
+    )
 
 
 def _orders(lines: Sequence[Line], controller: str) -> list[Line]:
@@ -190,11 +225,15 @@ def _orders(lines: Sequence[Line], controller: str) -> list[Line]:
 
 def _place(run: Run, speed_unit: str) -> str:
     """ "At 60 rpm" where the reference stays constant, else "In the scenario's name"."""
-    reference = run.trace["omega_ref"][len(run.trace) // 4 :]
-    if varies(reference):
+    if _moves(run):
         return f"In {run.scenario}"
-    speed = convert(float(reference[-1]), speed_unit, ANGULAR_SPEED)
+    speed = convert(float(run.trace["omega_ref"][-1]), speed_unit, ANGULAR_SPEED)
     return f"At {speed:.4g} {pretty(speed_unit)}"
+
+
+def _moves(run: Run) -> bool:
+    """Whether the reference varies, a start-up aside."""
+    return varies(run.trace["omega_ref"][len(run.trace) // 4 :])
 
 
 def _strongest_order(case: _Case) -> str:
@@ -226,9 +265,8 @@ def _without_learning(case: _Case) -> str:
     ratio = line.ratio(rival, best)
     if rival == case.baseline or ratio is None:
         return ""
-    return (
-        f"That is {_times(ratio)} less than the best without learning, {label(rival)} ({line.text(rival)})."
-    )
+    plainly = f"the best without learning, {label(rival)} ({line.text(rival)})"
+    return f"{label(best)} has {_times(ratio)} less than {plainly}."
 
 
 def _against_the_next(case: _Case) -> str:
@@ -269,17 +307,18 @@ def _costs(case: _Case) -> str:
             costs.append(f"{more} {line.quantity} ({line.text(best)})")
     if costs:
         return f"{case.label(best)} costs {_listed(costs)}."
-    if compared < 2:
-        return "The other number doesn't get worse." if compared else ""
-    whose = f" with {case.label(best)}" if len(case.winners) > 1 else ""
-    return f"None of the {compared} other numbers gets worse{whose}."
+    if not compared:
+        return ""
+    whose = f"with {case.label(best)} than with {case.label(case.baseline)}"
+    other = "The other number isn't" if compared == 1 else f"None of the {compared} other numbers is"
+    return f"{other} worse {whose}."
 
 
 def _rest(case: _Case) -> str:
     """The controllers that the headline doesn't name, in one sentence."""
     base = case.baseline
     named = {base, *case.winners, *(case.ranked[:2] if case.winners == [base] else ())}
-    others = [c for c in case.ranked if c not in named]
+    others = [c for c in case.held if c not in named]
     if not others:
         return ""
     if base not in case.ranked:
@@ -291,10 +330,11 @@ def _rest(case: _Case) -> str:
 def _failures(case: _Case) -> list[str]:
     """Who did not hold the speed, as far as the headline doesn't say so, and who never settled."""
     told = set(case.line.missed) if not case.ranked else {case.baseline} & set(case.line.missed)
+    since = case.line.span[0] if case.line.span else 0.0
+    later = misses([line for line in case.lines if line.span and line.span[1] > since])
+    found = later | {c: case.line.not_held(c) for c in case.line.missed}
     sentences = [
-        f"{case.label(c)} did not hold the speed: {speed}."
-        for c, speed in misses(case.lines).items()
-        if c not in told
+        f"{case.label(c)} did not hold the speed in {how}." for c, how in found.items() if c not in told
     ]
     for line in case.lines:
         unsettled = [case.label(c) for c, v in line.values.items() if v is None and c not in line.missed]

@@ -70,8 +70,8 @@
       xs = [...xs.slice(0, kept), ...grid(chart.detail, fine)];
       for (const p of decoded) for (const s of p.series) s.values = [...s.values.slice(0, kept), ...s.detail];
     }
-    decoded.forEach((p, i) => panel(parent, {
-      title: p.title, x: i === decoded.length - 1 || options.grid ? chart.x : "", y: page.quantity(p.quantity, p.unit), xs, series: padded(p.series, xs.length), group,
+    decoded.forEach((p) => panel(parent, {
+      title: p.title, x: chart.x, y: page.quantity(p.quantity, p.unit), xs, series: padded(p.series, xs.length), group,
       readX: (t) => `${t.toFixed(4)} s`, ...options,
     }));
   }
@@ -137,7 +137,7 @@
     if (shown.criterion) drawCriterion($("#criterion .panels"), shown.criterion);
 
     $("#events").hidden = !shown.events.length;
-    shown.events.forEach((e, i) => drawTimes($("#events .panels"), e, "event" + i, { height: 210, grid: true }));
+    shown.events.forEach((e, i) => drawTimes($("#events .panels"), e, "event" + i, { height: 210 }));
   }
 
   $("#log").onchange = page.redraw;

@@ -1,0 +1,252 @@
+"""Learned maps in the format that firmware keeps in flash: read, checked, written. control/SPEC.md has it."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.errors import StudyError
+from cogless.files import replacing
+
+MAGIC, VERSION, HEADER, MARK = b"CGLM", 1, 64, b"DONE"
+FLOAT32 = 1  # the only number type
+LONGEST_WRITE = 256  # bytes
+
+LAWS = ("other", "pi-ilc", "robust-ilc", "anti-cogging", "space-position", "space-speed", "trial")
+# Code of a channel's unit: what the channel is, its unit, and its column's name.
+UNITS = (
+    ("none", "", "none"),
+    ("current", "A", "current_A"),
+    ("current per speed", "A*s/rad", "current_per_speed_A_s_rad"),
+    ("current per acceleration", "A*s^2/rad", "current_per_acceleration_A_s2_rad"),
+    ("acceleration", "rad/s^2", "acceleration_rad_s2"),
+    ("signal of the trial", "", "signal"),
+)
+
+Array = NDArray[np.float32]
+# Everything but the header's CRC.
+_FIELDS = struct.Struct("<4sHHIIIBBHIIIHB3sH3fI")
+
+
+class MapError(StudyError):
+    """Why some bytes are no valid map, in one line."""
+
+
+@dataclass(frozen=True, eq=False)
+class StoredMap:
+    """What a law has learned, and of which motor.
+
+    Entry [c, n] of `values` is channel c at the mechanical angle 2 pi n turns / (parts cells), rad, or at
+    sample n of a trial, which has turns = parts = 0. The rad in units is that of `ratio` times the mechanical
+    angle. `units`: a code for each channel, an index of UNITS; `limits`: entries are within +-limit.
+    """
+
+    values: Array
+    units: tuple[int, ...]
+    limits: tuple[float, ...]
+    law: int = 0
+    turns: int = 1
+    parts: int = 1
+    ratio: int = 1
+    motor: int = 0  # identity, 32 bits
+    motion: int = 0  # of a trial: identity of its reference
+    sequence: int = 1  # of the saves: the newer map has the higher one
+    write_size: int = 8  # bytes: the mark begins at a multiple of it
+
+    def __post_init__(self) -> None:
+        values = np.atleast_2d(np.asarray(self.values, dtype=np.float32))
+        object.__setattr__(self, "values", values)
+        channels, cells = values.shape
+        if not (1 <= channels == len(self.units) == len(self.limits) <= 3 and 1 <= cells <= 1 << 24):
+            raise ValueError(
+                f"stored map: {values.shape} values, {len(self.units)} units, {len(self.limits)} limits"
+            )
+
+    @property
+    def channels(self) -> int:
+        return int(self.values.shape[0])
+
+    @property
+    def cells(self) -> int:
+        return int(self.values.shape[1])
+
+    @property
+    def law_name(self) -> str:
+        return _name(LAWS, self.law)
+
+    @property
+    def angle(self) -> NDArray[np.float64] | None:
+        """Mechanical angle of each entry, rad; None of a trial."""
+        if self.turns == 0:
+            return None
+        step = 2 * np.pi * self.turns / (self.parts * self.cells)
+        return step * np.arange(self.cells, dtype=np.float64)
+
+    def unit(self, channel: int) -> tuple[str, str, str]:
+        """What a channel is, its unit, and the name of its column."""
+        code = self.units[channel]
+        return UNITS[code] if code < len(UNITS) else (f"unit {code}", "", f"unit_{code}")
+
+    def __bytes__(self) -> bytes:
+        """The bytes as they are in flash, from the slot's first one to the end of the mark."""
+        limits = [*np.asarray(self.limits, dtype=np.float32), 0.0, 0.0][:3]
+        entries = self.values.astype("<f4").tobytes()
+        entries += b"\xff" * (-(HEADER + len(entries)) % self.write_size)
+        header = _FIELDS.pack(
+            MAGIC,
+            VERSION,
+            HEADER,
+            self.sequence,
+            self.motor,
+            self.motion,
+            self.law,
+            FLOAT32,
+            self.write_size,
+            self.cells,
+            self.turns,
+            self.parts,
+            self.ratio,
+            self.channels,
+            bytes([*self.units, 0, 0][:3]),
+            0,
+            *limits,
+            crc32(entries),
+        )
+        crc = crc32(header)
+        return header + struct.pack("<I", crc) + entries + _mark(crc, self.write_size)
+
+
+def decode(data: bytes, offset: int = 0) -> StoredMap:
+    """The map that begins at a byte of `data`; what follows it doesn't matter. MapError: why it is none."""
+    whole = memoryview(data)[offset:]
+    if bytes(whole[:4]) != MAGIC:
+        raise MapError(f'no map: expected "{MAGIC.decode()}" in the beginning')
+    if len(whole) < HEADER:
+        raise MapError(f"cut short: expected {HEADER} bytes of header, got {len(whole)}")
+    (crc,) = struct.unpack_from("<I", whole, HEADER - 4)
+    if crc32(whole[: HEADER - 4]) != crc:
+        raise MapError(f"damaged: the header's CRC is 0x{crc32(whole[: HEADER - 4]):08X}, not 0x{crc:08X}")
+    fields = _FIELDS.unpack_from(whole)
+    _, version, length, sequence, motor, motion, law, number_type, write_size = fields[:9]
+    cells, turns, parts, ratio, channels, units, zero, *limits, entries_crc = fields[9:]
+    if version != VERSION:
+        raise MapError(f"version {version} of the format: expected {VERSION}")
+    known = length == HEADER and number_type == FLOAT32 and zero == 0 and write_size in _write_sizes()
+    known = known and 1 <= channels <= 3 and 1 <= cells <= 1 << 24 and ratio > 0
+    if not (known and (turns == 0) == (parts == 0)):
+        raise MapError("a header that is none of version 1, with a CRC that is right")
+    end = HEADER + 4 * channels * cells
+    end += -end % write_size
+    mark = _mark(crc, write_size)
+    if len(whole) < end + len(mark):
+        raise MapError(f"cut short: expected {end + len(mark)} bytes, got {len(whole)}")
+    if crc32(whole[HEADER:end]) != entries_crc:
+        raise MapError(
+            f"damaged: the entries' CRC is 0x{crc32(whole[HEADER:end]):08X}, not 0x{entries_crc:08X}"
+        )
+    if whole[end : end + len(mark)] != mark:
+        raise MapError("damaged: no mark in the end: its save was not finished")
+    values = np.frombuffer(whole, "<f4", channels * cells, HEADER).reshape(channels, cells)
+    for c, limit in enumerate(limits[:channels]):
+        wrong = np.flatnonzero(~(np.abs(values[c]) <= np.float32(limit)))
+        if len(wrong):
+            entry = f"entry {wrong[0]} of channel {c + 1} is {values[c, wrong[0]]:g}"
+            raise MapError(f"{entry}: expected a number within +-{limit:g}")
+    return StoredMap(
+        values=values.astype(np.float32),
+        units=tuple(units[:channels]),
+        limits=tuple(limits[:channels]),
+        law=law,
+        turns=turns,
+        parts=parts,
+        ratio=ratio,
+        motor=motor,
+        motion=motion,
+        sequence=sequence,
+        write_size=write_size,
+    )
+
+
+class Found(NamedTuple):
+    """A place in a dump of flash that begins like a map: the map, or why it is none."""
+
+    offset: int
+    map: StoredMap | MapError
+
+
+class Valid(NamedTuple):
+    """A place with a map."""
+
+    offset: int
+    map: StoredMap
+
+
+def find(data: bytes) -> list[Found]:
+    """Every map in a dump of flash, whole slots or more."""
+    return list(_find(data))
+
+
+def _find(data: bytes) -> Iterator[Found]:
+    offset = data.find(MAGIC)
+    while offset >= 0:
+        try:
+            stored = decode(data, offset)
+        except MapError as error:
+            yield Found(offset, error)
+            offset = data.find(MAGIC, offset + 1)
+        else:
+            yield Found(offset, stored)
+            offset = data.find(MAGIC, offset + len(bytes(stored)))
+
+
+def newest(found: list[Found]) -> Valid | None:
+    """The valid map of the last save; numbers wrap around at 2^32. A load takes it, if it fits the law."""
+    valid = [Valid(place.offset, place.map) for place in found if isinstance(place.map, StoredMap)]
+    best = valid[0] if valid else None
+    for other in valid[1:]:
+        if best is not None and 0 < (other.map.sequence - best.map.sequence) % 2**32 < 2**31:
+            best = other
+    return best
+
+
+def read(path: Path) -> list[Found]:
+    """Every map in a file; MapError if there is no beginning of one, StudyError if it can't be read."""
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise StudyError(f"{path}: {reason}: expected a stored map") from error
+    found = find(data)
+    if not found:
+        raise MapError(f'{path}: no map: expected "{MAGIC.decode()}" where a slot begins')
+    return found
+
+
+def write(path: Path, content: bytes) -> None:
+    """Write a map's bytes, or its table's, whole or not at all; StudyError if that can't be."""
+    try:
+        with replacing(Path(path)) as temporary:
+            temporary.write_bytes(content)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise StudyError(f"{path}: {reason}: expected a file that can be written") from error
+
+
+def _mark(header_crc: int, write_size: int) -> bytes:
+    mark = struct.pack("<I", ~header_crc & 0xFFFFFFFF) + MARK
+    return mark + b"\xff" * (-len(mark) % write_size)
+
+
+def _write_sizes() -> tuple[int, ...]:
+    return tuple(1 << n for n in range(LONGEST_WRITE.bit_length()))
+
+
+def _name(names: tuple[str, ...], code: int) -> str:
+    return names[code] if code < len(names) else str(code)
