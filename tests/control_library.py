@@ -19,7 +19,12 @@ SOURCE = Path(__file__).parents[1] / "control" / "src"
 HEADERS = sorted(h.name for h in (SOURCE / "cogless").glob("*.h") if h.name != "plugin.h")
 FLAGS = ["-std=c99", "-O2", "-ffp-contract=off"]
 # in this unit the inline functions of the headers become ordinary ones, which a library can export
-EXPORTS = '#include <stdbool.h>\n#define static\n#define inline\n#include "cogless/transform.h"\n'
+EXPORTS = """#include <stdbool.h>
+#define static
+#define inline
+#include "cogless/transform.h"
+#include "cogless/pi.h"
+"""
 
 
 @dataclass(frozen=True)

@@ -155,9 +155,9 @@ def test_a_controller_that_stalls_gets_no_star(tmp_path: Path, capsys: pytest.Ca
     rows = [line for line in out.splitlines() if line.startswith("speed")]
     assert len(rows) == 2
     assert all(row.endswith(" !") and row.count("*") == 1 for row in rows)
-    assert "! mine did not hold the speed: mean 0 of 60 rpm" in out.splitlines()
+    assert "! mine did not hold the speed in speed, 0.3 to 0.4 s: mean 0 of 60 rpm" in out.splitlines()
     report = (tmp_path / "report.html").read_text()
-    assert "mine did not hold the speed: mean 0 of 60 rpm" in report
+    assert "mine did not hold the speed in speed, 0.3 to 0.4 s: mean 0 of 60 rpm" in report
 
 
 def test_a_directory_that_cannot_be_written_is_found_before_the_run(
@@ -168,6 +168,14 @@ def test_a_directory_that_cannot_be_written_is_found_before_the_run(
     code, _, err = cogless(capsys, "run", studies.write(tmp_path), "-o", tmp_path / "file" / "out")
     assert code == 2
     assert err == f"{tmp_path / 'file' / 'out'}: not a directory: expected a directory that can be written\n"
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="no /proc here")
+def test_where_nothing_can_be_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The system says "no such file or directory", of what was to be made."""
+    code, _, err = cogless(capsys, "run", studies.write(tmp_path), "-o", "/proc/cogless-x")
+    assert code == 2
+    assert err == "/proc/cogless-x: can't be made there: expected a directory that can be written\n"
 
 
 def test_a_controller_that_returns_nan_leaves_the_others(

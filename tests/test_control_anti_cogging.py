@@ -20,7 +20,7 @@ class CAntiCogging:
         self.state = library.new("cgl_anti_cogging")
         self.table, pointer = library.array(np.ones(r.cells))
         assert lib.cgl_anti_cogging_init(self.config, self.state, pointer, r.cells) == lib.CGL_OK
-        self.input, self.output = library.new("cgl_speed_input"), library.new("cgl_speed_output")
+        self.input, self.output = library.new("cgl_law_input"), library.new("cgl_law_output")
 
     def calibrate(self):
         self.library.lib.cgl_anti_cogging_calibrate(self.config, self.state)

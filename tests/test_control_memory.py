@@ -27,15 +27,18 @@ class CMemory:
         length = reference.cells + reference.q_half_width + 1
         self.cell, pointer = library.array(np.full(length, 7.0))
         self.state = library.new("cgl_memory")
-        self.out = library.ffi.new("cgl_real[2]")
+        self.out = library.ffi.new("cgl_real *")
         assert library.lib.cgl_memory_init(self.config, self.state, pointer, length) == library.lib.CGL_OK
         assert not self.cell.any()
 
     def recall(self, theta_m: float, omega_ref: float = 0.0) -> Recalled:
-        known = self.library.lib.cgl_memory_recall(
-            self.config, self.state, theta_m, omega_ref, self.out, self.out + 1
-        )
-        return Recalled(self.out[0], self.out[1], known)
+        def recall(learn: bool) -> tuple[float, bool]:
+            known = self.library.lib.cgl_memory_recall(
+                self.config, self.state, theta_m, omega_ref, learn, self.out
+            )
+            return self.out[0], known
+
+        return Recalled(recall(True)[0], *recall(False))
 
     def update(self, value: float, correction: float = 0.0, learn: bool = True) -> float:
         return self.library.lib.cgl_memory_update(self.config, self.state, value, correction, learn)
@@ -322,3 +325,30 @@ def test_reset_forgets():
     memory.library.lib.cgl_memory_reset(memory.config, memory.state)
     assert not memory.cell.any()
     assert dataclasses.astuple(memory.recall(1.0)) == (0.0, 0.0, True)
+
+
+@pytest.mark.parametrize("lead", [0, 1, 3])
+@pytest.mark.parametrize("width", [0, 1, 4])
+@pytest.mark.parametrize("speed", [0.3, 0.9, 2.4])
+def test_a_step_is_a_recall_and_an_update(speed, width, lead):
+    """The short way of a step, forward over the map's ends, past standstill and a coarse encoder, is the long
+    one to rounding; limits and reversals too."""
+    library = control_library("double")
+    reference = AngleMemory(64, 1, width, 0.95, 0.8, lead)
+    stepped, plain = CMemory(library, reference), CMemory(library, reference)
+    rng = np.random.default_rng(5)
+    learns = library.ffi.new("bool *")
+    place = 0.0
+    for n in range(4000):
+        back = n % 700 > 690
+        place += speed * (-1 if back else 1) * rng.uniform(0.6, 1.4) * (n % 50 > 3)
+        theta = (round(place * 8) / 8 if n % 300 > 250 else place) / 64 * 2 * math.pi % (2 * math.pi)
+        correction = float(0.1 * np.sin(3 * theta) + 0.02 * rng.normal() + (0.5 if n % 900 > 895 else 0.0))
+        learn = n % 400 != 0
+        learns[0] = learn
+        acting = library.lib.cgl_memory_step(stepped.config, stepped.state, theta, 0.0, correction, learns)
+        assert learns[0] == learn
+        library.lib.cgl_memory_recall(plain.config, plain.state, theta, 0.0, learn, plain.out)
+        assert abs(acting - plain.update(plain.out[0], correction, learn)) <= 1e-11, n
+    assert abs(stepped.cell[:64] - plain.cell[:64]).max() <= 1e-11
+    assert abs(plain.cell[:64]).max() > 0.1

@@ -115,8 +115,8 @@ def test_reset_forgets(precision):
 def test_speed_pi_is_the_pi_of_the_speed_error(precision, omega_ref, omega_m, fault):
     library = control_library(precision)
     law = CPi(library, Pi(kp=0.5, ki=50.0, ts=1e-3, limit=2.0))
-    out = library.new("cgl_speed_output")
-    inputs = library.new("cgl_speed_input", omega_ref=omega_ref, omega_m=omega_m)
+    out = library.new("cgl_law_output")
+    inputs = library.new("cgl_law_input", omega_ref=omega_ref, omega_m=omega_m)
     library.lib.cgl_speed_pi_step(law.config, law.state, inputs, out)
     assert out.status == fault
     assert out.i_q_ref == CPi(library, Pi(kp=0.5, ki=50.0, ts=1e-3, limit=2.0)).step(omega_ref - omega_m)

@@ -70,7 +70,7 @@ class CLaw:
         self.state, length = library.new(self.name), cells_needed(reference.memory)
         self.cell, pointer = library.array(np.zeros(length))
         assert getattr(lib, f"{self.name}_init")(self.config, self.state, pointer, length) == lib.CGL_OK
-        self.input, self.output = library.new("cgl_position_input"), library.new("cgl_speed_output")
+        self.input, self.output = library.new("cgl_law_input"), library.new("cgl_law_output")
         self.c_step = getattr(lib, f"{self.name}_step")
 
     def step(self, i: PositionInput) -> float:

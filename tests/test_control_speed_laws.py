@@ -31,13 +31,14 @@ class CLaw:
             self.c_step = lib.cgl_pi_ilc_step
         else:
             gains = {f.name: getattr(reference, f.name) for f in dataclasses.fields(reference)[:12]}
+            gains["surface_max"] = reference.surface_max
             self.config = library.new("cgl_robust_ilc_config", memory=memory, **gains)
             self.state, init = library.new("cgl_robust_ilc"), lib.cgl_robust_ilc_init
             self.c_step = lib.cgl_robust_ilc_step
         length = memory["cells"] + memory["q_half_width"] + 1
         self.cell, pointer = library.array(np.zeros(length))
         assert init(self.config, self.state, pointer, length) == lib.CGL_OK
-        self.input, self.output = library.new("cgl_speed_input"), library.new("cgl_speed_output")
+        self.input, self.output = library.new("cgl_law_input"), library.new("cgl_law_output")
 
     def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:
         i = self.input
@@ -69,7 +70,9 @@ def random_law(rng, law, kind, real) -> PiIlc | RobustIlc:
         return PiIlc(Pi(kp, ki, float(real(TS)), limit), gain, random_memory(rng, kind, learned, real))
     gains = draw((200, 600), (1, 10), (0, 60), (50, 300), (0, 0.5), (0, 5), (0, 5), (0, 500), (0, 5), (0, 50))
     limit, learned = draw((1, 4), (50, 300))
-    return RobustIlc(*gains, float(real(TS)), limit, random_memory(rng, kind, learned, real))
+    # by angle with a lead, many short pauses are where the oracle's restart is another than the C's: by time
+    (surface_max,) = draw((0, 30)) if kind == "time" else (0.0,)
+    return RobustIlc(*gains, float(real(TS)), limit, random_memory(rng, kind, learned, real), surface_max)
 
 
 def inputs(rng, real, faults):

@@ -12,6 +12,7 @@ import pytest
 
 import studies
 from cogless import load
+from cogless.design.closed_loop import Linear
 from cogless.design.current_loop import CurrentLoop as SampledLoop
 from cogless.design.pi import SpeedLoop, speed_loop
 from cogless.design.position import (
@@ -33,6 +34,10 @@ def tuning(degrees: float) -> Tuning:
     return Tuning.model_validate({"rule": "phase-margin", "phase_margin": f"{degrees} deg"})
 
 
+def linear(ratio: int, k_theta: float, k_omega: float, k_i: float) -> Linear:
+    return Linear(ratio, k_omega, k_theta, k_i)
+
+
 def loop(changes: dict[str, Any]) -> SpeedLoop:
     return speed_loop(load("verrelli2016", changes))
 
@@ -42,7 +47,8 @@ def loop(changes: dict[str, Any]) -> SpeedLoop:
 def test_the_margin_is_reached(changes: dict[str, Any], degrees: float) -> None:
     around = loop(changes)
     for ratio in (1, 50):
-        found = position_margins(around, ratio, phase_margin_position(around, ratio, tuning(degrees)))
+        gains = phase_margin_position(around, ratio, tuning(degrees))
+        found = position_margins(around, linear(ratio, *gains))
         assert found.stable
         assert math.degrees(found.phase_margin) == pytest.approx(degrees, abs=0.1)
 
@@ -53,7 +59,7 @@ def stiffest(around: SpeedLoop, place: float, degrees: float) -> float:
     The phase rises from -270 deg and falls again: up to where it has fallen to the margin first.
     """
     w = np.geomspace(1e-3, 1, 8000) * math.pi / around.period
-    L = open_loop(around, 1, (place, 1 - place * around.period / 2, place), w)  # K = 1
+    L = open_loop(around, linear(1, place, 1 - place * around.period / 2, place), w)  # K = 1
     enough = np.append(np.degrees(np.unwrap(np.angle(-L))) >= degrees, False)
     if not np.any(enough):
         return 0.0
@@ -91,7 +97,9 @@ def test_the_frame_only_scales_the_gains() -> None:
     assert electrical[0] == pytest.approx(mechanical[0])
     assert [50 * gain for gain in electrical[1:]] == pytest.approx(mechanical[1:])
     w = np.geomspace(1, 1e4, 50)
-    assert open_loop(around, 50, electrical, w) == pytest.approx(open_loop(around, 1, mechanical, w))
+    assert open_loop(around, linear(50, *electrical), w) == pytest.approx(
+        open_loop(around, linear(1, *mechanical), w)
+    )
 
 
 def test_around_a_pure_delay_the_place_is_that_in_closed_form() -> None:
@@ -115,7 +123,7 @@ def test_a_margin_that_this_loop_cannot_have_is_refused() -> None:
     assert isinstance(around, SpeedLoop)
     assert isinstance(around.current, SampledLoop)
     unstable = replace(around, current=replace(around.current, kp=1000.0))
-    assert not position_margins(unstable, 1, (5.0, 5.0, 50.0)).stable
+    assert not position_margins(unstable, linear(1, 5.0, 5.0, 50.0)).stable
     with pytest.raises(ValueError, match="a faster and better damped current loop"):
         phase_margin_position(unstable, 1, tuning(45))
 
@@ -129,4 +137,4 @@ def test_a_study_names_the_current_loop_that_is_in_the_way() -> None:
 
 def test_no_gains_no_loop(tmp_path: Path) -> None:
     around = speed_loop(studies.study(tmp_path))
-    assert position_margins(around, 1, (0.0, 0.0, 0.0)).stable
+    assert position_margins(around, linear(1, 0.0, 0.0, 0.0)).stable

@@ -27,6 +27,7 @@ from cogless.design.space_bounds import (
     theorem,
 )
 from cogless.design.space_learning import SpaceLoop
+from cogless.design.space_verdict import verdict
 from cogless.design.summary import to_dict
 from cogless.design.table import design_table
 from cogless.study.mechanics import Load, Mechanics
@@ -293,7 +294,7 @@ def test_a_study_is_told_what_the_proofs_ask() -> None:
 
 
 def test_gains_that_meet_everything_are_covered() -> None:
-    found = theorem(load("verrelli2016-speed", {"controller.learning.k": 700.0}), "learning")
+    found = theorem(load("verrelli2016-speed"), "proven")
     assert found is not None
     assert found.holds
     assert found.verdict().endswith("the proof holds")
@@ -318,6 +319,19 @@ def test_gains_that_meet_everything_are_covered() -> None:
             {"controller.true-period.h_limit": 0.1},
             "h_limit 0.1 is below",
         ),
+        (
+            "verrelli2016-position",
+            "true-period",
+            {"controller.true-period.k_omega": 60.0, "controller.true-period.q_half_width": 400},
+            "its Q filter forgets a part of what was learned",
+        ),
+        (
+            "verrelli2016-position",
+            "true-period",
+            {"controller.true-period.k_omega": 60.0, "controller.true-period.mu_alpha": 0.0},
+            "it learns no alpha",
+        ),
+        ("verrelli2016", "filtered", {}, "the current loop isn't ideal"),
         ("verrelli2016-position", "true-period", {"controller.true-period.mu_h": 0.0}, "without mu_h"),
         ("verrelli2016", "filtered-fair", {}, "its integral action stays on"),
         (
@@ -347,7 +361,7 @@ def test_limits_that_are_left_out_are_those_of_the_current_limit() -> None:
     study = load("verrelli2016")
     law = study.controller["printed"]
     assert isinstance(law, SpaceLearning)
-    limits = learned_limits(study, law, [s.reference for s in study.scenario.values()])
+    limits = learned_limits(study, law, study.scenario.values())
     assert limits[:2] == pytest.approx((15.0, 15.0 / 20.0))
 
 
@@ -523,9 +537,11 @@ def test_a_map_of_few_cells(cells: int, tmp_path: Path) -> None:
 
 def test_the_filter_that_is_advised_settles_in_the_run(tmp_path: Path) -> None:
     case = Case(1, 5000, mu=600.0)
-    at, factor, _ = worst(case, tmp_path)
+    _, factor, _ = worst(case, tmp_path)
     assert factor > 1.3
-    width = at.repairs()
+    found = verdict(case.study(tmp_path, [1], 4), "law")
+    assert found is not None and found.kind == "grows"
+    width = found.filter
     assert width is not None
     for q, settles in ((width, True), (width - 2, False)):
         changed = Case(1, 5000, mu=600.0, q=q)

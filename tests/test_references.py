@@ -148,15 +148,6 @@ def test_smoothed_angle_is_the_integral_of_the_smoothed_speed(kind: str) -> None
     assert np.abs(np.diff(alpha)).max() < 0.2  # no jump: the speed is differentiable
 
 
-def test_a_drive_may_start_on_its_reference() -> None:
-    sine = {"kind": "sines", "offset": 1.0, "sines": [{"amplitude": 2.0, "frequency": 0.4, "phase": 1.1}]}
-    for smoothing in (0.0, 0.3):
-        change = {"start_on_reference": True, "initial_angle": 0.3}
-        x = follow({**sine, "smoothing": smoothing}, 0.1, **change)
-        assert x["omega_m"][0] == x["omega_ref"][0] == pytest.approx(1.0 + 2.0 * np.sin(1.1))
-        assert x["theta_m"][0] == x["theta_ref"][0] == 0.3
-
-
 def test_laws_of_speed_record_no_angle_but_see_it() -> None:
     seen = []
 
@@ -181,3 +172,21 @@ def test_what_has_no_meaning_is_refused() -> None:
         follow({"kind": "constant", "speed": 1.0, "smoothing": 1e-5}, 0.1)
     with pytest.raises(ValueError, match=r"reference.depth: expected at most 100 rad"):
         follow({**KINDS["fm"][0], "depth": 1e3}, 0.1)
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 0.05])
+def test_a_row_between_samples_of_the_law_has_the_reference_of_its_time(smoothing: float) -> None:
+    """Not the one that the law holds: an error against that would be a sawtooth."""
+    reference, omega = KINDS["paper"]
+    reference = {**reference, "smoothing": smoothing}
+    slow = {"ideal_current": True, "current_rate": 1000, "speed_divider": 10}
+    x, fine = follow(reference, 5.0, drive=slow), follow(reference, 5.0)
+    bound = 1e-9 if smoothing == 0.0 else 2e-5  # straight on from the sample, and smooth
+    assert x["theta_ref"] == pytest.approx(fine["theta_ref"], abs=bound)
+    begun = x["time"] > 0.5  # when the filter follows
+    assert x["omega_ref"][begun] == pytest.approx(
+        fine["omega_ref"][begun], abs=1e-9 if smoothing == 0.0 else 1e-3
+    )
+    if smoothing == 0.0:
+        assert x["omega_ref"] == pytest.approx(omega(x["time"]), abs=1e-12)
+        assert np.abs(np.diff(x["omega_ref"])).min() < np.abs(np.diff(x["omega_ref"])).max() < 2e-3

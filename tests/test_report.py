@@ -11,13 +11,14 @@ import pytest
 import synthetic
 
 from cogless.report import Line, compare, overtime, render, verdicts, write
-from cogless.report.comparison import factor_text
+from cogless.report.comparison import factor_text, misses
 from cogless.report.holding import missed
 from cogless.report.packing import number, pack, thin, unpack
 from cogless.report.plots import write_plots
 from cogless.report.spectra import order_spectrum
 from cogless.results import Results, Run
 from cogless.simulate import measure
+from cogless.study import load
 from cogless.trace import Trace
 
 
@@ -219,8 +220,14 @@ def test_verdict_names_where_the_next_is_clearly_better(made):
     ("kept", "sentence"),
     [
         (["speed_ripple_rad_s"], ""),
-        (["speed_ripple_rad_s", "copper_loss_W"], "The other number doesn't get worse."),
-        (["speed_ripple_rad_s", "copper_loss_W", "chattering_A"], "None of the 2 other numbers gets worse."),
+        (
+            ["speed_ripple_rad_s", "copper_loss_W"],
+            "The other number isn't worse with PI-ILC than with PI as published.",
+        ),
+        (
+            ["speed_ripple_rad_s", "copper_loss_W", "chattering_A"],
+            "None of the 2 other numbers is worse with PI-ILC than with PI as published.",
+        ),
     ],
 )
 def test_verdict_counts_in_good_grammar(made, kept, sentence):
@@ -289,10 +296,10 @@ def test_a_controller_that_stalls_wins_nothing(made):
     assert compare(stalled, "low-speed")[0].best == {"fair-pi"}
     low, step = verdicts(stalled, "rpm")
     assert low.headline.startswith("At 60 rpm, PI re-tuned leaves 5.17 rpm of speed ripple, 2.28 times less")
-    assert "PI-ILC did not hold the speed: mean 0 of 60 rpm." in low.details
+    assert "PI-ILC did not hold the speed in speed ripple, 8 to 10 s: mean 0 of 60 rpm." in low.details
     assert step.headline.startswith("At 60 rpm, PI re-tuned is thrown off by")
     page = render(stalled)
-    assert page.count("PI-ILC did not hold the speed: mean 0 of 60 rpm") == 4  # verdicts and tables
+    assert page.count("PI-ILC did not hold the speed in ") == 4  # verdicts and tables
     assert 'class="missed">0 rpm</td>' in page
 
 
@@ -309,16 +316,90 @@ def test_verdict_when_the_baseline_or_everybody_stalls(made):
     assert low.tone == "better"
     assert low.headline == (
         "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple; "
-        "PI as published did not hold the speed (mean 30 of 60 rpm)."
+        "PI as published did not hold the speed (mean 30 of 60 rpm, 8 to 10 s)."
     )
     low = verdicts(with_speed(made, {"pi-ilc": 0.5, "fair-pi": 0.5}), "rpm")[0]
     assert (low.tone, "only PI as published holds the speed" in low.headline) == ("worse", True)
     low = verdicts(with_speed(made, {"pi": 0.5, "fair-pi": 0.0, "pi-ilc": np.nan}), "rpm")[0]
     assert low.tone == "worse"
     assert low.headline == (
-        "At 60 rpm, no controller holds the speed: PI as published mean 30 of 60 rpm, "
+        "At 60 rpm, no controller holds the speed from 8 to 10 s: PI as published mean 30 of 60 rpm, "
         "PI re-tuned mean 0 of 60 rpm, PI-ILC speed not finite."
     )
+
+
+def ripple_of(results, *metrics):
+    """The results with other metrics of the study, measured anew."""
+    text = synthetic.STUDY[: synthetic.STUDY.index("[[metric]]")] + "".join(
+        f"[[metric]]\n{m}\n" for m in metrics
+    )
+    path = results.study.source.path.parent / "other.toml"
+    path.write_text(text, encoding="utf-8")
+    study = load(path)
+    return Results(study, [replace(r, metrics=measure(study, r.scenario, r.trace)) for r in results.runs])
+
+
+RMS = 'name = "speed_error"\nkind = "rms"\nsignal = "omega_error"\nunit = "rpm"\n'
+
+
+def test_verdict_is_about_what_the_baseline_has(made):
+    """Here angle_error has no value in the baseline, and comes first."""
+    other = ripple_of(
+        made, 'name = "angle_error"\nkind = "peak-to-peak"\nsignal = "theta_m"', RMS + 'last = "2 s"'
+    )
+    runs = [
+        replace(r, metrics={k: v for k, v in r.metrics.items() if k != "angle_error_rad"})
+        if r.controller == "pi"
+        else r
+        for r in other.runs
+    ]
+    low = verdicts(replace(other, runs=runs), "rpm")[0]
+    assert low.tone == "better" and low.headline.endswith(
+        "of speed error, 8.74 times less than PI as published (3.47 rpm)."
+    )
+    assert "nothing to compare" not in " ".join(low.details)
+
+
+def test_the_whole_error_goes_before_an_order(made):
+    order = (
+        'name = "orders"\nkind = "order"\nsignal = "omega_m"\norder = 6\nframe = "electrical"\nlast = "2 s"'
+    )
+    low = verdicts(ripple_of(made, order, RMS + 'last = "2 s"'), "rpm")[0]
+    assert "of speed error" in low.headline
+    assert "Of the strongest order, 6 (electrical): PI-ILC" in " ".join(low.details)
+
+
+def test_of_several_windows_the_last_counts(made):
+    early = RMS.replace("speed_error", "speed_early") + 'window = ["1 s", "2 s"]'
+    low = verdicts(ripple_of(made, early, RMS + 'last = "2 s"'), "rpm")[0]
+    assert "of speed error" in low.headline
+
+
+def test_a_miss_names_its_window_and_one_before_the_verdicts_is_none(made):
+    """In the first two seconds a controller that begins to learn later is slow."""
+    slow = with_speed_until(made, "pi-ilc", 0.5, 2.0)
+    early = RMS.replace("speed_error", "speed_early") + 'window = ["0.5 s", "2 s"]'
+    results = ripple_of(slow, RMS + 'last = "2 s"', early)
+    assert misses(compare(results, "low-speed")) == {"pi-ilc": "speed early, 0.5 to 2 s: mean 30 of 60 rpm"}
+    low = verdicts(results, "rpm")[0]
+    assert low.headline.startswith("At 60 rpm, PI-ILC leaves") and "hold" not in " ".join(low.details)
+    # where that's the window of the verdict, it counts
+    low = verdicts(ripple_of(slow, early), "rpm")[0]
+    assert "PI-ILC did not hold the speed in speed early, 0.5 to 2 s: mean 30 of 60 rpm." in low.details
+
+
+def with_speed_until(results, controller, share, time):
+    """The results with a share of the reference's speed until some time, in the runs of a controller."""
+
+    def one(run):
+        if run.controller != controller:
+            return run
+        data = run.trace.data.copy()
+        early = run.trace.time <= time
+        data[early, run.trace.names.index("omega_m")] = share * run.trace["omega_ref"][early]
+        return replace(run, trace=replace(run.trace, data=data))
+
+    return replace(results, runs=[one(run) for run in results.runs])
 
 
 def missed_of(reference, speed):
@@ -537,7 +618,7 @@ def test_page_of_a_diverged_run(made, tmp_path, value, since):
     spoilt_results = Results(made.study, runs)
     page = render(spoilt_results)
     assert len(data_of(page)["scenarios"]) == 2
-    assert "PI-ILC did not hold the speed: " in page
+    assert "PI-ILC did not hold the speed in " in page
     if since == 5000:
         assert len(write_plots(spoilt_results, tmp_path)) == 6
 

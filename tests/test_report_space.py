@@ -1,14 +1,17 @@
 """The report of studies that learn in angle: errors in their frame, growth, the criterion's curve."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cogless import load, simulate
+from cogless.design.space_verdict import verdict
 from cogless.report import charts, render, verdicts
 from cogless.report.comparison import compare
 from cogless.report.growth import growth, worse_since
+from cogless.report.markup import asset
 from cogless.report.needed import needed_current
 from cogless.report.paths import errors, learns, periods
 from cogless.results import Results
@@ -72,9 +75,48 @@ def test_the_verdict_calls_what_gets_worse(made):
         verdicts(replace(made, runs=[pi, with_line(printed, 400, 1.0, 9.0), filtered]), "rad/s")[0].details
     )
     assert "printed scheme is better than PI, as published until 8 s, then worse" in text
-    assert "grows at 400 Hz, as cogless design says (1.71 times a period at 476 Hz)" in text
+    found = verdict(made.study, "printed")
+    assert f"grows at 400 Hz, as cogless design says ({found.short()})" in text
+    # of what cogless design doesn't see it's said too
+    unforeseen = replace(made, runs=[pi, with_line(filtered, 400, 1.0, 9.0)])
+    text = " ".join(verdicts(unforeseen, "rad/s")[0].details)
+    assert "which cogless design does not foresee" in text
     fine = verdicts(made, "rad/s")[0]
     assert "Worse" not in " ".join(fine.details) and "speed after" in fine.headline
+
+
+def test_what_gets_worse_wins_nothing(made):
+    """By its numbers, which are from before it grew, the printed scheme is the best."""
+    pi, printed, filtered = made.runs
+    best = replace(printed, metrics={k: 0.01 * v for k, v in printed.metrics.items()})
+    assert verdicts(replace(made, runs=[pi, best]), "rad/s")[0].tone == "better"
+    found = verdicts(replace(made, runs=[pi, with_line(best, 400, 1.0, 9.0), filtered]), "rad/s")[0]
+    assert "filtered map leaves" in found.headline and "printed" not in found.headline
+    assert found.details[0].startswith("Worse with time: printed scheme is better than PI")
+    alone = verdicts(replace(made, runs=[pi, with_line(best, 400, 1.0, 9.0)]), "rad/s")[0]
+    assert alone.tone == "worse"
+    assert "no controller stays better than PI, as published: it leaves" in alone.headline
+
+
+def test_at_varying_speed_the_rms_of_the_error_counts(made):
+    """Not what omega_m does, most of which is the reference's own motion."""
+    study = load(
+        "verrelli2016",
+        {"metric": [
+            {"name": "speed", "kind": "ripple-rms", "signal": "omega_m"},
+            {"name": "peak", "kind": "peak-to-peak", "signal": "omega_error", "last": "2 s"},
+            {"name": "error", "kind": "rms", "signal": "omega_error", "last": "2 s"},
+        ]},
+    )  # fmt: skip
+    runs = [replace(r, metrics=simulate.measure(study, "twelve-seconds", r.trace)) for r in made.runs]
+    assert " of error, " in verdicts(Results(study, runs), "rad/s")[0].headline
+
+
+def test_every_plot_over_time_has_its_axis_named():
+    """They are cards of their own, not a stack."""
+    assert re.search(
+        r"decoded\.forEach\(\(p\) => panel\(parent, \{\s*title: p\.title, x: chart\.x,", asset("report.js")
+    )
 
 
 def test_the_page_has_the_angle_and_the_criterion(made):

@@ -140,7 +140,7 @@ def test_the_map_is_the_current_that_the_ripple_needs() -> None:
         "controller": {**MAP, "limits": [15.0], "turns": N_R, "cells": 600, "learning_start": 0.0},
     }
     settings = merged(SECTION_5, change)
-    settings["reference"] = change["reference"]
+    settings["reference"], settings["initial_speed"] = change["reference"], 1.5
     memory = learned(_simulator_f64.Drive(settings), 60.0)
     angle = TURN / 600 * np.arange(600)
     needed = 0.2 * np.sin(3 * angle + 0.4) / (N_R * 5e-3)
@@ -183,6 +183,7 @@ def test_speed_law_learns_on_the_rotors_angle() -> None:
     }
     settings = merged(SECTION_5, {"controller": law, "drive": {"ideal_current": True}})
     settings["reference"] = {"kind": "sine", "offset": 1.0, "amplitude": 0.2, "frequency": 0.3}
+    settings["initial_speed"] = 1.0
     engine = _simulator_f64.Drive(settings)
     x = signals(engine, _simulator_f64, 600000, 10)
     error = x["omega_m"] - x["omega_ref"]
@@ -255,7 +256,8 @@ def compiled(source: str, folder: Path) -> str:
 def test_libraries_of_both_versions_are_loaded(tmp_path: Path) -> None:
     change: dict[str, Any] = {
         "reference": {"kind": "sine", "offset": 3.0, "amplitude": 2.0, "frequency": 5.0},
-        "drive": {"speed_divider": 1},
+        # a bus that is never too low, since then "learn" is false
+            "drive": {"speed_divider": 1, "inverter": {"bus_voltage": 1000.0}},
     }
     found = []
     for n, source in enumerate((FIRST_VERSION, SECOND_VERSION)):
@@ -270,3 +272,20 @@ def test_libraries_of_both_versions_are_loaded(tmp_path: Path) -> None:
     later = compiled(SECOND_VERSION.replace("return COGLESS_PLUGIN_VERSION", "return 3U"), tmp_path)
     with pytest.raises(ValueError, match="plugin version is 3, expected 1 or 2"):
         _simulator_f64.Drive(config({"controller": {"law": "library", "library": later, "params": []}}))
+
+
+def test_integral_action_stays_until_there_is_something_to_hand_over_to() -> None:
+    """A load at standstill is held, although learning is permitted: below omega_min nothing is learned."""
+    change: dict[str, Any] = {
+        "load": {"torque": 1.7, "harmonics": []},
+        "controller": {**MAP, "learning_start": 0.0},
+        "initial_speed": 0.0,
+    }
+    settings = merged(SECTION_5, change)
+    settings["reference"] = {"kind": "profile", "times": [6.0, 7.0], "speeds": [0.0, 0.3]}
+    x = signals(_simulator_f64.Drive(settings), _simulator_f64, 90000, 10)
+    error = N_R * (x["theta_ref"] - x["theta_m"])
+    still = (x["time"] > 5.0) & (x["time"] < 6.0)
+    assert np.abs(error[still]).max() < 1e-6
+    # then it hands over
+    assert np.all(x["term_integral"][x["time"] > 7.5] == 0.0)

@@ -185,7 +185,7 @@ def test_forms_of_a_reference(tmp_path: Path, reference: object, kind: str, top_
     study = studies.study(tmp_path, {"scenario.low.reference": reference})
     scenario = study.scenario["low"]
     assert scenario.reference.kind == kind
-    assert scenario.reference.top_speed == pytest.approx(top_speed)
+    assert scenario.top_reference == pytest.approx(top_speed)
     config = engine_config(study, "low", "pi")["reference"]
     assert config["kind"] == kind
     assert len(config["times"]) == len(config["speeds"]) == (3 if kind == "profile" else 0)

@@ -250,9 +250,10 @@ def test_an_unknown_signal_lists_what_there_is(tmp_path: Path) -> None:
     assert line.startswith('study.toml: metric.0.signal: "omega": expected a signal: theta_m, theta_ref, ')
 
 
-def test_several_mistakes_are_counted(tmp_path: Path) -> None:
+def test_several_mistakes_are_counted_and_named(tmp_path: Path) -> None:
     line = line_of(tmp_path, {"motor.R_s": "1 H", "motor.L_d": "1 ohm", "mechanics.inertia": "1 s"})
-    assert line == 'study.toml: motor.R_s: "1 H": expected a resistance, such as "1 ohm" (and 2 more)'
+    expected = 'study.toml: motor.R_s: "1 H": expected a resistance, such as "1 ohm" '
+    assert line == expected + "(and 2 more: motor.L_d, mechanics.inertia)"
 
 
 def test_a_slower_trace_holds_fewer_orders(tmp_path: Path) -> None:

@@ -43,6 +43,7 @@ class AngleMemory:
     passes: int = 0
     pass_length: int = 0
     last: tuple[int, int] | None = None  # unwrapped cell and direction of the last one written
+    heading: int = 0  # of the last cell written; stays while nothing is learned
     stored: tuple[float, float] | None = None  # unwrapped position [cells] and value of the last update
     asked: float = 0.0
     corrected: tuple[float, float] | None = None  # position and value of the last correction, `lead` behind
@@ -84,7 +85,7 @@ class AngleMemory:
             self.passes, self.pass_length = self.passes + 1, 0
         self.record.setdefault(n % self.cells, []).append((self.passes, self.pass_length, value))
         self.pass_length += 1
-        self.last = (n, direction)
+        self.last, self.heading = (n, direction), direction
 
     def correct(self, moved: float, correction: float) -> None:
         """Adds to the cells that the rotor passed `lead` samples ago, had it always moved as it does now."""
@@ -118,7 +119,7 @@ class AngleMemory:
             moved = (self.asked - start + half) % self.cells - half  # the shorter way round
             followed = abs(moved) <= self.cells / 4
             if followed and moved != 0:
-                turned_back = self.last is not None and self.last[1] * moved < 0
+                turned_back = self.heading * moved < 0
                 wrote = False
                 for n, share in passed_cells(start, moved):
                     self.write(n, 1 if moved > 0 else -1, (1 - share) * before + share * value)

@@ -46,7 +46,7 @@ class SpacePosition:
     limit: float
     memory: SpaceMap | SpaceDelay
     integral: float = 0.0  # A
-    permitted: int = 0
+    learned: int = 0
     saturated: bool = False
     plausible: bool = True
     learning: bool = False
@@ -63,12 +63,12 @@ class SpacePosition:
         omega_t = omega + self.k_theta * error - omega_ref
         moving = self.plausible and abs(i.omega_ref) >= self.omega_min
 
-        share = 1.0 if self.permitted * self.ts >= self.ramp else self.permitted * self.ts / self.ramp
-        share *= i.learn or self.permitted > 0
-        self.permitted += i.learn
         theta = n * (i.theta_m if self.index == "rotor" else i.theta_ref)
         may = i.learn and moving and not self.saturated
         values, self.learning = self.memory.recall(theta, moving and omega_ref > 0, may)
+        share = 1.0 if self.learned * self.ts >= self.ramp else self.learned * self.ts / self.ramp
+        share *= self.learning or self.learned > 0
+        self.learned += self.learning
         f = [1.0, omega_ref, alpha_ref][: len(values)]
         if self.learning:
             mu = (self.mu_alpha, self.mu_beta, self.mu_h)

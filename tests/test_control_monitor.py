@@ -1,0 +1,312 @@
+"""Plausibility of measurements in the C library."""
+
+import math
+
+import numpy as np
+import pytest
+from control_library import control_library
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from reference.monitor import TURN, Monitor, between, in_turn
+
+TS = 1e-4
+BOUNDS = {
+    "omega_max": 200.0, "angle_step": 1e-3, "speed_window": 2e-3, "stuck_angle": 0.5, "current_max": 10.0,
+    "current_sum": 2.0, "bridge": 5e-3, "hold": 1e-2, "ts": TS,
+}  # fmt: skip
+PRECISIONS = pytest.mark.parametrize("precision", ["float", "double"])
+
+
+class CMonitor:
+    def __init__(self, library, **fields):
+        self.library, self.lib = library, library.lib
+        self.config = library.new("cgl_monitor_config", phases=fields.pop("phases", 3), **fields)
+        self.state = library.new("cgl_monitor")
+        assert self.lib.cgl_monitor_init(self.config, self.state) == self.lib.CGL_OK
+
+    def step(self, i, theta, omega, u_dc, omega_ref):
+        now = self.library.new("cgl_measurement", i_abc=i, theta_m=theta, omega_m=omega, u_dc=u_dc)
+        self.lib.cgl_monitor_step(self.config, self.state, now, omega_ref)
+        return self.state
+
+    def said(self) -> set[str]:
+        names = ("FAULT", "ANGLE_LOST", "ANGLE_SHIFTED", "ANGLE_STUCK", "CURRENT", "BUS")
+        return {n for n in names if self.state.status & getattr(self.lib, f"CGL_STATUS_{n}")}
+
+
+class Rotor:
+    """One that turns at a speed, under a monitor."""
+
+    def __init__(self, precision, omega=50.0, **changes):
+        self.monitor = CMonitor(control_library(precision), **{**BOUNDS, **changes})
+        self.omega, self.theta, self.offset = omega, 1.0, 0.0
+
+    def run(self, periods, *, theta=None, speed=None, i=(0.5, -0.25, -0.25), u_dc=24.0, omega_ref=None):
+        """Whether it was safe in each period. theta, speed: what the sensor says instead."""
+        safe = []
+        for _ in range(periods):
+            self.theta = in_turn(self.theta + self.omega * TS)
+            seen = in_turn(self.theta + self.offset) if theta is None else theta
+            told = self.omega if speed is None else speed
+            asked = self.omega if omega_ref is None else omega_ref
+            safe.append(self.monitor.step(list(i), seen, told, u_dc, asked).safe)
+        return safe
+
+    @property
+    def error(self) -> float:
+        return between(self.monitor.state.theta_m, self.theta)
+
+    @property
+    def state(self):
+        return self.monitor.state
+
+
+EVENTS = st.sampled_from(["run", "jump", "back", "nan", "stick", "noise", "fast", "i", "sum", "bus", "rest"])
+
+
+@PRECISIONS
+@settings(max_examples=60, deadline=None)
+@given(
+    events=st.lists(st.tuples(EVENTS, st.integers(1, 120)), min_size=1, max_size=12),
+    omega=st.floats(-150, 150),
+    seed=st.integers(0, 999),
+    phases=st.sampled_from([3, 2, 0]),
+)
+def test_equals_the_reference(precision, events, omega, seed, phases):
+    """Angles on a grid of the sensor, away from every bound, so that float and double decide alike."""
+    library, rng = control_library(precision), np.random.default_rng(seed)
+    c = CMonitor(library, **BOUNDS, phases=phases)
+    reference = Monitor(**BOUNDS, phases=phases)
+    theta, offset = 1.0, 0.0
+    for event, periods in [("run", 3), *events]:
+        offset = {"jump": 1.0, "back": 0.0}.get(event, offset)
+        for _ in range(periods):
+            theta = in_turn(theta + omega * TS) if event != "rest" else theta
+            seen = in_turn(theta + offset)
+            seen = {"nan": math.nan, "stick": 2.0, "noise": rng.uniform(0, TURN)}.get(event, seen)
+            seen = float(library.real(seen))
+            speed = 1e3 if event == "fast" else float(library.real(omega))
+            i = {"i": [9.0, -9.0, 9.0], "sum": [3.0, 0.0, 0.0]}.get(event, [0.5, -0.5, 0.0])
+            u_dc, asked = -1.0 if event == "bus" else 24.0, 0.0 if event == "rest" else 60.0
+            c.step(i, seen, speed, u_dc, asked)
+            said = reference.step(i, seen, speed, u_dc, asked)
+            assert c.said() == said
+            assert (c.state.safe, c.state.trusted) == (reference.safe, reference.trusted)
+            assert (c.state.gap, c.state.blind) == (reference.gap, reference.blind)
+            assert abs(between(c.state.theta_m, reference.theta)) < 300 * library.eps
+            assert abs(c.state.omega_m - reference.omega) < 300 * library.eps
+
+
+@PRECISIONS
+def test_an_ordinary_period_hands_measurements_on_untouched(precision):
+    rotor = Rotor(precision)
+    for _ in range(3000):
+        assert rotor.run(1) == [False]
+        assert rotor.state.trusted
+        assert rotor.state.status == 0
+        assert abs(rotor.error) < 1e-6
+
+
+@PRECISIONS
+@pytest.mark.parametrize("jump", [0.1, 1.0, -2.0, math.pi])
+def test_a_jump_is_taken_out_and_learning_waits_until_it_goes_back(precision, jump):
+    rotor = Rotor(precision)
+    rotor.run(100)
+    rotor.offset = jump
+    safe = rotor.run(500)
+    assert not any(safe)
+    assert abs(rotor.error) < 2e-3
+    assert rotor.monitor.said() == {"ANGLE_SHIFTED"}
+    assert abs(between(rotor.state.shift, jump)) < 2e-3
+    assert not rotor.state.trusted
+    rotor.offset = 0.0
+    rotor.run(25)
+    assert rotor.state.trusted
+    assert rotor.state.shift == 0
+    assert abs(rotor.error) < 1e-6
+    assert rotor.state.jumps == 2
+
+
+@PRECISIONS
+def test_trust_takes_the_angle_as_it_is(precision):
+    rotor = Rotor(precision)
+    rotor.run(10)
+    rotor.offset = 1.0
+    rotor.run(100)
+    rotor.monitor.lib.cgl_monitor_trust(rotor.state)
+    rotor.run(1)
+    assert rotor.state.trusted
+    assert abs(rotor.error - 1.0) < 1e-6
+
+
+@PRECISIONS
+def test_a_jump_spoils_the_speed_for_its_window(precision):
+    rotor = Rotor(precision)
+    rotor.run(50)
+    rotor.offset = 1.0
+    rotor.run(20, speed=150.0)
+    assert rotor.state.omega_m == 50
+    rotor.run(3, speed=60.0)
+    assert rotor.state.omega_m == 60
+
+
+@PRECISIONS
+@pytest.mark.parametrize("theta", [math.nan, math.inf, 1e6])
+def test_a_short_gap_is_bridged_by_the_last_speed(precision, theta):
+    rotor = Rotor(precision)
+    rotor.run(50)
+    # the first angle after it waits for the second, which is the 50th missing one
+    assert not any(rotor.run(49, theta=theta, speed=math.nan))
+    assert abs(rotor.error) < 1e-5
+    assert rotor.monitor.said() == {"ANGLE_LOST"}
+    rotor.run(2)
+    assert rotor.monitor.said() == set()
+    assert abs(rotor.error) < 1e-6
+    rotor.run(50)
+    assert rotor.state.trusted
+
+
+@PRECISIONS
+def test_a_long_gap_gives_a_safe_output_and_then_any_angle_is_right(precision):
+    rotor = Rotor(precision)
+    rotor.run(50)
+    safe = rotor.run(400, theta=math.nan)
+    assert safe == [False] * 50 + [True] * 350
+    rotor.theta = in_turn(rotor.theta + 2.5)  # it was turned by hand
+    safe = rotor.run(300)
+    assert safe.index(False) == 101  # hold, and the period that the first angle waits for the second
+    assert abs(rotor.error) < 1e-6
+    assert rotor.state.trusted
+
+
+@PRECISIONS
+def test_an_angle_that_jumps_all_the_time_is_none(precision):
+    rotor, rng = Rotor(precision), np.random.default_rng(1)
+    rotor.run(50)
+    safe = [rotor.run(1, theta=float(x))[0] for x in rng.uniform(0, TURN, 2000)]
+    assert sum(safe[100:]) == 1900
+    rotor.run(300)
+    assert rotor.state.trusted
+    assert abs(rotor.error) < 1e-6
+
+
+@PRECISIONS
+def test_single_wrong_angles_are_passed_over(precision):
+    rotor, rng = Rotor(precision), np.random.default_rng(2)
+    for _ in range(200):
+        assert not any(rotor.run(9))
+        assert rotor.run(1, theta=float(rng.uniform(0, TURN))) == [False]
+        assert abs(rotor.error) < 1e-4
+    rotor.run(100)
+    assert rotor.state.trusted
+
+
+@PRECISIONS
+def test_a_stuck_angle_gives_a_safe_output_until_it_moves(precision):
+    rotor = Rotor(precision, omega_max=500.0)
+    rotor.run(50)
+    safe = rotor.run(300, theta=2.0, omega_ref=50.0)
+    assert safe.index(True) in (100, 101, 102)  # 0.5 rad at 50 rad/s
+    assert all(safe[102:])
+    assert rotor.monitor.said() >= {"ANGLE_STUCK", "FAULT"}
+    assert not rotor.run(300)[-1]
+
+
+@PRECISIONS
+def test_a_stuck_angle_is_tried_again_a_tenth_of_the_time(precision):
+    rotor = Rotor(precision, omega=0.0)
+    safe = rotor.run(11_000, omega_ref=50.0)
+    assert 0.88 < sum(safe[1000:]) / 10_000 < 0.93
+    assert not all(safe[1000:2200])
+
+
+@PRECISIONS
+@pytest.mark.parametrize("periods", [50, 400])  # before it is said to be stuck, and after
+def test_a_stuck_sensor_that_comes_back_is_right_as_it_measures(precision, periods):
+    rotor = Rotor(precision, omega=50.0, omega_max=500.0)
+    rotor.run(50)
+    rotor.run(periods, theta=rotor.theta, speed=0.0)
+    rotor.run(300)
+    assert rotor.monitor.said() == set()
+    assert abs(rotor.error) < 1e-3
+
+
+@PRECISIONS
+def test_a_blocked_rotor_starts_anew_when_the_reference_has_rested(precision):
+    rotor = Rotor(precision, omega=0.0)
+    assert any(rotor.run(300, omega_ref=50.0))
+    assert not rotor.run(150, omega_ref=0.0)[-1]
+    assert not any(rotor.run(90, omega_ref=50.0))
+
+
+@PRECISIONS
+@pytest.mark.parametrize("asked", [0.0, math.nan, math.inf])
+def test_a_rotor_that_is_not_asked_to_turn_is_not_stuck(precision, asked):
+    rotor = Rotor(precision, omega=0.0)
+    assert not any(rotor.run(5000, omega_ref=asked))
+
+
+@PRECISIONS
+@pytest.mark.parametrize(
+    "bad, bit",
+    [
+        ({"i": (math.nan, 0.0, 0.0)}, "CURRENT"), ({"i": (0.0, 0.0, -math.inf)}, "CURRENT"),
+        ({"i": (12.0, -6.0, -6.0)}, "CURRENT"), ({"i": (2.5, 0.0, 0.0)}, "CURRENT"),
+        ({"u_dc": 0.0}, "BUS"), ({"u_dc": math.nan}, "BUS"), ({"u_dc": math.inf}, "BUS"),
+    ],
+)  # fmt: skip
+def test_a_bad_current_or_bus_gives_a_safe_output_for_a_while(precision, bad, bit):
+    rotor = Rotor(precision)
+    rotor.run(10)
+    assert rotor.run(1, **bad) == [True]
+    assert rotor.monitor.said() == {bit, "FAULT"}
+    assert rotor.run(200) == [True] * 100 + [False] * 100
+    assert rotor.state.trusted
+
+
+@PRECISIONS
+def test_currents_that_are_not_measured_are_not_looked_at(precision):
+    rotor = Rotor(precision, phases=2)
+    assert not any(rotor.run(10, i=(5.0, 5.0, math.nan)))
+    rotor = Rotor(precision, phases=0)
+    assert not any(rotor.run(10, i=(math.nan,) * 3, u_dc=math.nan))
+
+
+@PRECISIONS
+def test_a_speed_that_cannot_be_is_not_believed(precision):
+    rotor = Rotor(precision)
+    rotor.run(10)
+    assert rotor.run(60, speed=1e4) == [False] * 50 + [True] * 10
+    assert rotor.state.omega_m == 50
+    assert abs(rotor.error) < 1e-6
+
+
+@PRECISIONS
+def test_nothing_is_safe_before_the_first_angle(precision):
+    rotor = Rotor(precision, hold=0.0)
+    assert rotor.run(3, theta=math.nan) == [True] * 3
+    assert rotor.run(3)[-1] is False
+    assert abs(rotor.error) < 1e-6
+
+
+@PRECISIONS
+def test_what_is_not_watched_triggers_nothing(precision):
+    zero = {name: 0.0 for name in BOUNDS if name != "ts"}
+    rotor = Rotor(precision, omega=3e3, **zero)
+    for jump in (0.0, 1.0, 3.0):
+        rotor.offset = jump
+        assert not any(rotor.run(50, i=(1e6, 1e6, 1e6)))
+        assert rotor.state.trusted
+
+
+@PRECISIONS
+@pytest.mark.parametrize(
+    "field, value",
+    [(name, v) for name in BOUNDS for v in (-1.0, math.nan, math.inf)]
+    + [("ts", 0.0), ("phases", 1), ("phases", 4), ("hold", 1e6), ("bridge", 1e6), ("speed_window", 1e6)],
+)
+def test_init_refuses(precision, field, value):
+    library = control_library(precision)
+    config = library.new("cgl_monitor_config", **{**BOUNDS, "phases": 3, field: value})
+    refused = library.lib.cgl_monitor_init(config, library.new("cgl_monitor"))
+    assert refused == library.lib.CGL_ERROR_CONFIG

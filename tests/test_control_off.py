@@ -1,0 +1,179 @@
+"""A law that is off: no output, integrals that start anew, and what is learned as it was."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from control_library import ControlLibrary, control_library
+
+TS = 1e-3
+PI = {"kp": 0.1, "ki": 2.0, "ts": TS, "limit": 5.0}
+MEMORY = {"cells": 64, "periods_per_rev": 1, "q_half_width": 1, "forgetting": 1.0, "limit": 2.0, "ts": TS}
+SPACE = {"channels": 1, "cells": 64, "turns": 1, "parts": 1, "q_half_width": 1, "limit": [2.0], "ts": TS}
+ROBUST = {
+    "b": 400.0,
+    "c": 5.0,
+    "g": 0.0,
+    "eta": 50.0,
+    "q": 0.5,
+    "beta_2": 5.0,
+    "gamma": 200.0,
+    "ts": TS,
+    "limit": 5.0,
+}
+POSITION = {"ratio": 1, "k_theta": 5.0, "k_omega": 0.1, "k_i": 2.0, "mu_alpha": 0.5, "omega_min": 0.1,
+            "index": 1, "ts": TS, "limit": 5.0}  # fmt: skip
+SPEED = {"k": 0.1, "mu_alpha": 0.5, "eta_bar": 5.0, "omega_min": 0.1, "limit": 5.0, "ratio": 1}
+LAWS: dict[str, dict[str, Any]] = {
+    "speed_pi": PI,
+    "pi_ilc": {"pi": PI, "gain": 0.05, "memory": MEMORY},
+    "robust_ilc": ROBUST | {"memory": MEMORY | {"limit": 300.0}},
+    "anti_cogging": {"pi": PI, "cells": 64, "speed": 1.0, "revolutions": 1},
+    "space_position": POSITION | {"memory": SPACE},
+    "space_speed": SPEED | {"memory": SPACE},
+}
+
+
+class Law:
+    """A law at 10 rad/s, with an error that repeats each revolution, on a base."""
+
+    def __init__(self, library: ControlLibrary, name: str):
+        self.library, self.name = library, name
+        base = "cgl_pi" if name == "speed_pi" else f"cgl_{name}"
+        self.config = library.new(f"{base}_config", **LAWS[name])
+        self.state = library.new(base)
+        self.cell, pointer = library.array(np.zeros(200))
+        memory = () if name == "speed_pi" else (pointer, 200)
+        assert getattr(library.lib, f"{base}_init")(self.config, self.state, *memory) == library.lib.CGL_OK
+        self.out = library.new("cgl_law_output")
+        self.n = 0
+
+    def step(self, off: bool = False, base: float = 0.3) -> tuple[float, int]:
+        theta = 10 * TS * self.n % (2 * math.pi)
+        self.n += 1
+        omega_m = 10.0 - base - 0.5 * math.sin(theta)
+        inputs = self.library.new("cgl_law_input", omega_ref=10.0, omega_m=omega_m, theta_m=theta,
+                                  theta_ref=theta, learn=True, off=off)  # fmt: skip
+        getattr(self.library.lib, f"cgl_{self.name}_step")(self.config, self.state, inputs, self.out)
+        return self.out.i_q_ref, self.out.status
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize("name", LAWS)
+def test_off_gives_nothing_and_keeps_what_is_learned(precision, name):
+    library = control_library(precision)
+    law = Law(library, name)
+    if name == "anti_cogging":
+        law.cell[:64] = np.sin(np.arange(64))
+    for _ in range(1500):
+        before = law.step()[0]
+    assert before != 0
+    law.step(off=True)
+    learned = law.cell.copy()
+    assert learned.any() == (name != "speed_pi")
+    for _ in range(700):
+        assert law.step(off=True) == (0.0, library.lib.CGL_STATUS_OFF | library.lib.CGL_STATUS_FROZEN)
+    assert np.array_equal(law.cell, learned)
+    status = law.step(base=0.0)[1]
+    assert not status & library.lib.CGL_STATUS_OFF
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize(
+    "name, integral",
+    [
+        ("speed_pi", "integral"),
+        ("robust_ilc", "error_integral"),
+        ("robust_ilc", "adapted"),
+        ("space_position", "integral"),
+    ],
+)
+def test_integrals_start_anew(precision, name, integral):
+    law = Law(control_library(precision), name)
+    for _ in range(100):
+        law.step()
+    wound_up = getattr(law.state, integral)
+    assert wound_up != 0
+    law.step(off=True)
+    assert getattr(law.state, integral) == 0
+    law.step()
+    assert 0 < abs(getattr(law.state, integral)) < 0.1 * abs(wound_up)
+
+
+def test_a_calibration_begins_anew_after_it():
+    library = control_library("double")
+    law = Law(library, "anti_cogging")
+    library.lib.cgl_anti_cogging_calibrate(law.config, law.state)
+    for _ in range(400):
+        law.step()
+    assert law.cell[:64].any() or law.state.cell > 0
+    busy = library.lib.CGL_STATUS_BUSY | library.lib.CGL_STATUS_OFF | library.lib.CGL_STATUS_FROZEN
+    assert law.step(off=True) == (0.0, busy)
+    assert not law.cell.any()
+    assert law.state.stage == library.lib.CGL_ANTI_COGGING_FORWARD and not law.state.started
+    assert law.step()[1] & library.lib.CGL_STATUS_BUSY
+
+
+TRIAL = {"samples": 50, "states": 2, "k_1": [-5.0, -0.5], "k_2": 0.1, "n": 5.0, "c": [1.0, 0.0],
+         "through_integrator": True, "k_3": 0.5, "shift": 1, "limit": 1000.0, "learned_limit": 1.0,
+         "feedforward": {"denominator": 1}}  # fmt: skip
+
+
+class Trial:
+    def __init__(self, library: ControlLibrary, start: float = 0.0):
+        self.library = library
+        self.config, self.state = library.new("cgl_trial_config", **TRIAL), library.new("cgl_trial")
+        self.memory, pointer = library.array(np.zeros(110))
+        assert library.lib.cgl_trial_init(self.config, self.state, pointer, 110) == library.lib.CGL_OK
+        self.y_ref, pointer = library.array(start + np.linspace(0, 9, 50))
+        self.out = library.new("cgl_law_output")
+        library.lib.cgl_trial_begin(self.config, self.state, pointer)
+
+    def step(self, theta: float, omega: float = 0.0, **fields: Any) -> tuple[float, int]:
+        inputs = self.library.new(
+            "cgl_law_input", **({"theta_m": theta, "omega_m": omega, "learn": True} | fields)
+        )
+        self.library.lib.cgl_trial_drive_step(self.config, self.state, inputs, self.out)
+        return self.out.i_q_ref, self.out.status
+
+
+@pytest.mark.parametrize("start", [0.0, 100.0, -37.0])
+def test_a_drive_of_trials_unwraps_its_angle(start):
+    """The same as the general step with the angle as it is, from whichever turn the trial starts."""
+    library = control_library("double")
+    drive, plain = Trial(library, start), Trial(library, start)
+    out = library.new("cgl_trial_output")
+    for p in range(60):
+        theta = start + 0.2 * p
+        got = drive.step(theta % (2 * math.pi), 3.0)
+        inputs = library.new("cgl_trial_input", x=[theta, 3.0], learn=True)
+        library.lib.cgl_trial_step(plain.config, plain.state, inputs, out)
+        assert got[0] == pytest.approx(out.u, abs=1e-10) and got[1] == out.status
+    assert library.lib.cgl_trial_end(drive.config, drive.state)
+    library.lib.cgl_trial_end(plain.config, plain.state)
+    assert drive.memory[:50] == pytest.approx(plain.memory[:50], abs=1e-12)
+    assert drive.memory[:50].any()
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize(
+    "bad", [{"theta_m": math.nan}, {"theta_m": 1e6}, {"omega_m": math.inf}, {"off": True}, {"learn": False}]
+)
+def test_nothing_is_learned_from_a_trial_with_a_bad_sample(precision, bad):
+    library = control_library(precision)
+    trial = Trial(library)
+    for _ in range(10):
+        trial.step(0.1)
+    psi = trial.state.psi
+    u, status = trial.step(0.1, **bad)
+    if "off" in bad:
+        assert (u, trial.state.psi) == (0.0, 0.0)
+        assert status == library.lib.CGL_STATUS_OFF | library.lib.CGL_STATUS_FROZEN
+    elif "learn" not in bad:
+        assert (u, trial.state.psi) == (0.0, psi)
+        assert status == library.lib.CGL_STATUS_FAULT | library.lib.CGL_STATUS_FROZEN
+    for _ in range(40):
+        assert trial.step(0.1)[1] & library.lib.CGL_STATUS_FROZEN
+    assert not library.lib.cgl_trial_end(trial.config, trial.state)
+    assert not trial.memory[:50].any()

@@ -1,0 +1,114 @@
+"""The control library as others take it: CMake, Arduino, PlatformIO and Zephyr, on a bare processor."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+CONTROL = ROOT / "control"
+ARM, QEMU = shutil.which("arm-none-eabi-gcc"), shutil.which("qemu-system-arm")
+
+
+def run(*command: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run([str(part) for part in command], cwd=cwd, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done
+
+
+@pytest.fixture(scope="module")
+def cmake() -> str:
+    found = shutil.which("cmake", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    if found is None:
+        pytest.skip("no cmake")
+    return found
+
+
+def install(cmake: str, build: Path, prefix: Path) -> None:
+    run(cmake, "-S", CONTROL, "-B", build, "-DCOGLESS_CONTROL_TESTS=OFF", "-DCMAKE_BUILD_TYPE=Release")
+    run(cmake, "--build", build, "-j2")
+    run(cmake, "--install", build, "--prefix", prefix)
+
+
+def turns(output: str) -> list[int]:
+    """The ripple that the example prints turn by turn, mrad/s."""
+    return [int(line.split("ripple")[1].split()[0]) for line in output.splitlines() if "ripple" in line]
+
+
+def test_an_installed_library_is_found_and_the_example_learns(cmake: str, tmp_path: Path) -> None:
+    prefix = tmp_path / "prefix"
+    install(cmake, tmp_path / "build", prefix)
+    example = tmp_path / "example"
+    run(cmake, "-S", CONTROL / "examples" / "cmake", "-B", example, f"-DCMAKE_PREFIX_PATH={prefix}")
+    run(cmake, "--build", example)
+    ripple = turns(run(example / "learn").stdout)
+    assert len(ripple) == 10
+    assert 0 < ripple[-1] < 0.1 * ripple[1]
+
+
+def test_another_version_is_not_found(cmake: str, tmp_path: Path) -> None:
+    prefix = tmp_path / "prefix"
+    install(cmake, tmp_path / "build", prefix)
+    project = tmp_path / "project"
+    project.mkdir()
+    (project / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.18)\nproject(p C)\nfind_package(cogless-control 9 REQUIRED)\n"
+    )
+    command = [cmake, "-S", project, "-B", tmp_path / "b", f"-DCMAKE_PREFIX_PATH={prefix}"]
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
+    assert done.returncode != 0 and "cogless-control" in done.stderr
+
+
+def test_manifests_agree_with_the_package() -> None:
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    lines = (CONTROL / "library.properties").read_text().splitlines()
+    arduino = dict(line.split("=", 1) for line in lines)
+    platformio = json.loads((CONTROL / "library.json").read_text())
+    assert arduino["version"] == platformio["version"] == version
+    assert f"VERSION {version} " in (CONTROL / "CMakeLists.txt").read_text()
+    needed = {"name", "version", "author", "maintainer", "sentence", "paragraph", "category", "architectures"}
+    assert needed <= arduino.keys()
+    for header in [arduino["includes"], *platformio["headers"]]:
+        assert (CONTROL / "src" / header).is_file()
+    for part in platformio["export"]["include"]:
+        assert (CONTROL / part).exists(), part
+
+
+def test_the_one_header_includes_all() -> None:
+    text = (CONTROL / "src" / "cogless.h").read_text()
+    inner = {"duties.h", "law.h", "plugin.h", "real.h", "sine.h", "status.h"}
+    missing = {
+        header.name
+        for header in (CONTROL / "src" / "cogless").glob("*.h")
+        if f'"cogless/{header.name}"' not in text and header.name not in inner
+    }
+    assert not missing
+
+
+@pytest.mark.parametrize("double", [[], ["-DCOGLESS_DOUBLE"]])
+def test_the_simplefoc_sketch_compiles(double: list[str], tmp_path: Path) -> None:
+    sketch = CONTROL / "examples" / "simplefoc_feed_forward" / "simplefoc_feed_forward.ino"
+    flags = ["-std=gnu++17", "-Wall", "-Wextra", "-Werror", *double]
+    includes = [f"-I{CONTROL / 'src'}", f"-I{CONTROL / 'tests' / 'stand-ins'}"]
+    run("c++", "-x", "c++", *flags, *includes, "-c", sketch, "-o", tmp_path / "sketch.o")
+
+
+def test_the_zephyr_module_builds(cmake: str, tmp_path: Path) -> None:
+    run(cmake, "-S", CONTROL / "tests" / "stand-ins" / "zephyr", "-B", tmp_path)
+    run(cmake, "--build", tmp_path, "-j2")
+
+
+@pytest.mark.skipif(ARM is None, reason="no arm-none-eabi-gcc")
+def test_the_bare_metal_example_learns_on_a_cortex_m4f(tmp_path: Path) -> None:
+    shutil.copytree(CONTROL, tmp_path / "control", ignore=shutil.ignore_patterns("build"))
+    folder = tmp_path / "control" / "examples" / "bare-metal"
+    run("make", cwd=folder)
+    if QEMU is None:
+        pytest.skip("compiled; not run: no qemu-system-arm")
+    ripple = turns(run("make", "-s", "run", cwd=folder).stdout)
+    assert 0 < ripple[-1] < 0.1 * ripple[1]

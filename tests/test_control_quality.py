@@ -1,0 +1,152 @@
+"""The C library's judgement of learning."""
+
+import math
+
+import numpy as np
+import pytest
+from control_library import control_library
+from reference.quality import Quality
+
+PRECISIONS = pytest.mark.parametrize("precision", ["float", "double"])
+FIELDS = {"span": 2 * math.pi, "longest": 1.0, "outlier": 0.0, "floor": 0.0, "ts": 1e-3}
+
+
+class CQuality:
+    def __init__(self, library, **fields):
+        self.lib = library.lib
+        self.config = library.new("cgl_quality_config", **fields)
+        self.state = library.new("cgl_quality")
+        assert self.lib.cgl_quality_init(self.config, self.state) == self.lib.CGL_OK
+
+    def step(self, error, omega, learning=True) -> bool:
+        return self.lib.cgl_quality_step(self.config, self.state, error, omega, learning)
+
+    def read(self):
+        return self.lib.cgl_quality_read(self.state)
+
+
+def ripple(library, amplitude, turns=1, offset=0.0):
+    """Errors over whole turns of 100 samples, at a speed whose 100 samples are a little more than a turn."""
+    n = np.arange(100 * turns)
+    errors = offset + amplitude * np.sin(2 * np.pi * 6 * n / 100)
+    return [(float(library.real(e)), 63.0) for e in errors]
+
+
+@PRECISIONS
+@pytest.mark.parametrize("seed", range(4))
+def test_equals_the_reference(precision, seed):
+    library, rng = control_library(precision), np.random.default_rng(seed)
+    fields = FIELDS | {"outlier": 3.0, "floor": 0.2, "longest": 0.5}
+    c, reference = CQuality(library, **fields), Quality(**fields)
+    outliers = 0
+    for n in range(6000):
+        scale = math.exp(-n / 3000)
+        error = float(library.real(scale * (rng.normal() + 0.3)))
+        error = [math.nan, math.inf, 20.0, -1e30][rng.integers(4)] if rng.random() < 0.01 else error
+        omega = [5.0, 60.0, -90.0, 40.0][n // 1500] if rng.random() > 0.01 else math.nan
+        learning = n > 400 and bool(rng.integers(2))
+        outlier = c.step(error, omega, learning)
+        assert outlier == reference.step(error, omega, learning)
+        outliers += outlier and abs(error) <= 1e14
+        assert c.state.windows == len(reference.ripples)
+        report, bound = c.read(), 300 * library.eps
+        assert abs(report.residual - reference.residual) <= bound * 10
+        assert abs(report.progress - reference.progress) <= bound * 10
+        assert abs(c.state.trend - reference.trend) <= bound * 10
+    assert outliers > 5
+    assert c.read().progress > 0.3
+
+
+@PRECISIONS
+@pytest.mark.parametrize("amplitude", [1e-9, 0.37, 1e6])
+def test_the_residual_is_the_standard_deviation_over_a_turn(precision, amplitude):
+    library = control_library(precision)
+    c = CQuality(library, **FIELDS)
+    assert not c.read().known
+    for sample in ripple(library, amplitude):
+        c.step(*sample)
+    assert c.read().known
+    assert c.read().residual == pytest.approx(amplitude / math.sqrt(2), rel=100 * library.eps)
+
+
+@PRECISIONS
+def test_a_constant_error_is_no_ripple(precision):
+    library = control_library(precision)
+    c = CQuality(library, **FIELDS)
+    for sample in ripple(library, 0.1, offset=1.0):
+        c.step(*sample)
+    assert c.read().residual == pytest.approx(0.1 / math.sqrt(2), rel=1e-3)
+
+
+@PRECISIONS
+def test_progress_is_since_learning_began_and_ends(precision):
+    library = control_library(precision)
+    c = CQuality(library, **FIELDS)
+    for _ in range(3):
+        for sample in ripple(library, 1.0):
+            c.step(*sample, learning=False)
+    assert (c.read().progress, c.read().improving) == (0, False)
+    for turn in range(12):
+        for sample in ripple(library, 0.9**turn):
+            c.step(*sample)
+    assert c.read().progress == pytest.approx(1 - 0.9**11, rel=1e-3)
+    assert c.read().improving
+    for _ in range(30):
+        for sample in ripple(library, 0.9**11):
+            c.step(*sample)
+    assert not c.read().improving
+    assert not c.read().worsening
+    for turn in range(10):
+        for sample in ripple(library, 1.05**turn):
+            c.step(*sample)
+    assert c.read().worsening
+    assert c.read().progress < 0
+
+
+@PRECISIONS
+@pytest.mark.parametrize("rate, improving", [(0.96, True), (0.99, False)])
+def test_two_per_cent_a_window_is_improving(precision, rate, improving):
+    library = control_library(precision)
+    c = CQuality(library, **FIELDS)
+    for turn in range(60):
+        for sample in ripple(library, rate**turn):
+            c.step(*sample)
+    assert c.read().improving == improving
+
+
+@PRECISIONS
+def test_a_standing_rotor_ends_a_window_after_a_time(precision):
+    library = control_library(precision)
+    c = CQuality(library, **FIELDS)
+    for _ in range(999):
+        c.step(0.1, 0.0)
+    assert not c.read().known
+    c.step(0.1, 0.0)
+    assert c.read().known
+
+
+@PRECISIONS
+def test_an_outlier_teaches_nothing_until_it_is_usual(precision):
+    library = control_library(precision)
+    c = CQuality(library, **FIELDS | {"outlier": 5.0, "floor": 0.5})
+    assert not c.step(100.0, 63.0)  # nothing is known yet
+    for sample in ripple(library, 0.01, turns=3):
+        c.step(*sample)
+    assert not c.step(0.4, 63.0)  # below the floor
+    assert c.step(0.6, 63.0)
+    answers = [c.step(2.0, 63.0) for _ in range(300)]
+    assert answers[0]
+    assert not answers[-1]
+
+
+@PRECISIONS
+@pytest.mark.parametrize(
+    "field, value",
+    [(name, v) for name in FIELDS for v in (-1.0, math.nan, math.inf)]
+    + [("span", 0.0), ("ts", 0.0), ("longest", 1e-4), ("longest", 1e9), ("outlier", 0.5)],
+)
+def test_init_refuses(precision, field, value):
+    library = control_library(precision)
+    config = library.new("cgl_quality_config", **{**FIELDS, field: value})
+    refused = library.lib.cgl_quality_init(config, library.new("cgl_quality"))
+    assert refused == library.lib.CGL_ERROR_CONFIG

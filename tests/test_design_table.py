@@ -1,0 +1,49 @@
+"""What `cogless design` prints: only what acts, in words, and no wider than a screen."""
+
+from __future__ import annotations
+
+import io
+import re
+from typing import Any
+
+from rich.console import Console
+
+from cogless import load
+from cogless.design.space_bounds import theorem
+from cogless.design.summary import to_dict
+from cogless.design.table import design_table
+
+
+def printed(study: Any, width: int = 500) -> str:
+    file = io.StringIO()
+    Console(file=file, width=width).print(design_table(study))
+    return file.getvalue()
+
+
+def test_a_bound_that_does_not_exist_is_said_in_words() -> None:
+    slow = load("verrelli2016-speed", {"controller.learning.eta_bar": "2.5 rad/s"})
+    found = theorem(slow, "learning")
+    assert found is not None and not found.holds
+    assert ", no k is enough for the printed bound, the corrected one or that with its own limits: not" in (
+        found.verdict()
+    )
+    without = load("verrelli2016-position", {"controller.true-period.k_v": 0.0})
+    found = theorem(without, "true-period")
+    assert found is not None
+    assert ", no k_omega + v is enough for what footnote 6 asks, which wants k_v: " in found.verdict()
+    # what isn't learned takes no gain, however slow the reference
+    text = printed(load("verrelli2016-speed", {"controller.learning.eta_bar": "2.5 rad/s",
+                                               "controller.learning.mu_beta": 0.0}))  # fmt: skip
+    assert not re.search(r"\b(inf|nan)\b", text)
+
+
+def test_the_table_shows_what_acts() -> None:
+    """Neither learning keys of a law that may not learn nor gains of zero."""
+    text, plain = printed(load("verrelli2016")), to_dict(load("verrelli2016"))["controllers"]
+    rows = {line.split("  ")[0]: line for line in text.splitlines()}
+    assert not re.search("mu_|cells|q_half|ramp|omega_min|learning_start", rows["PI, as published"])
+    assert "mu_alpha" in text and "k_v 0" not in text
+    assert "mu_alpha" not in plain["pi"]["gains"] and "k_v" in plain["filtered"]["gains"]
+    assert "k_pp" in plain["printed"]["gains"] and "k_pp" not in plain["filtered"]["gains"]
+    table = printed(load("verrelli2016"), width=240).split("Known bounds")[0]
+    assert max(len(line.rstrip()) for line in table.splitlines()) < 210

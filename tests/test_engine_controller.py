@@ -1,0 +1,198 @@
+"""The drive's controller from outside: what it is made of, and another one in its place."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+from control_library import control_library
+from engine import RIPPLE, config, trial_config
+
+from cogless import _simulator_f32, _simulator_f64
+
+CHANGE: dict[str, Any] = {
+    "motor": RIPPLE,
+    "load": {"torque": 0.1},
+    "drive": {
+        "current_sensors": {"noise": 0.01},
+        "monitor": {"omega_max": 500.0, "stuck_angle": 0.5, "current_max": 40.0, "bridge": 5e-3},
+        "quality": {"outlier": 8.0, "floor": 0.1},
+    },
+    "controller": {
+        "law": "pi-ilc", "kp": 0.1, "ki": 1.0, "gain": 0.03, "memory": "angle", "period": "electrical",
+        "cells": 128, "q_half_width": 2, "lead": 0, "forgetting": 0.99, "limit": 5.0,
+    },
+}  # fmt: skip
+MODULES = {"float": _simulator_f32, "double": _simulator_f64}
+
+
+class Outside:
+    """The control library, compiled apart, on the engine's measurements: what a microcontroller would do."""
+
+    def __init__(self, drive: Any, precision: str) -> None:
+        self.library = control_library(precision)
+        parts = drive.controller_config()
+        assert parts["law"] == "pi-ilc"
+        self.config = self._struct("cgl_drive_config", parts["drive"])
+        self.law_config = self._struct("cgl_pi_ilc_config", parts["law_config"])
+        self.drive, self.law = self.library.new("cgl_drive"), self.library.new("cgl_pi_ilc")
+        self.memory, pointer = self.library.array(np.zeros(parts["memory_length"]))
+        lib = self.library.lib
+        assert lib.cgl_drive_init(self.config, self.drive) == lib.CGL_OK
+        assert lib.cgl_pi_ilc_init(self.law_config, self.law, pointer, len(self.memory)) == lib.CGL_OK
+
+    def _struct(self, name: str, value: bytes) -> Any:
+        ffi = self.library.ffi
+        assert len(value) == ffi.sizeof(name)
+        new = ffi.new(f"{name} *")
+        ffi.memmove(new, value, len(value))
+        return new
+
+    def step(self, measurement: bytes, reference: bytes) -> bytes:
+        ffi, lib = self.library.ffi, self.library.lib
+        now = self._struct("cgl_measurement", measurement)
+        asked, out = self._struct("cgl_reference", reference), ffi.new("cgl_drive_output *")
+        if lib.cgl_drive_measure(self.config, self.drive, now, asked):
+            law_input = ffi.addressof(self.drive[0], "in")
+            command = ffi.addressof(self.drive[0], "command")
+            lib.cgl_pi_ilc_step(self.law_config, self.law, law_input, command)
+        lib.cgl_drive_actuate(self.config, self.drive, out)
+        return bytes(ffi.buffer(out))
+
+
+def rows(drive: Any, module: Any, ticks: int, controller: object = None) -> tuple[dict[str, Any], Any]:
+    recorder, state = module.Recorder(drive, 1), drive.start()
+    drive.advance(state, recorder, ticks, controller)
+    table = recorder.take()
+    return {name: table[:, n] for n, (name, _) in enumerate(drive.signals)}, state
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize("ideal", [False, True])
+def test_the_same_code_outside_gives_the_same_run_bit_for_bit(precision: str, ideal: bool) -> None:
+    change = {**CHANGE, "drive": {**CHANGE["drive"], "ideal_current": ideal}}
+    drive = MODULES[precision].Drive(config(change))
+    outside = Outside(drive, precision)
+    own, state = rows(drive, MODULES[precision], 8000)
+    other, unused = rows(drive, MODULES[precision], 8000, outside)
+    for name in own:
+        if not name.startswith("term_"):
+            assert np.array_equal(own[name], other[name]), name
+    learned = drive.law_memory(state)
+    assert learned.dtype == (np.float32 if precision == "float" else np.float64)
+    assert np.array_equal(learned, outside.memory)
+    assert np.max(np.abs(learned)) > 0
+    assert not drive.law_memory(unused).any()
+    quality = drive.quality(state)
+    assert quality["known"]
+    assert (
+        quality["residual"]
+        == control_library(precision)
+        .lib.cgl_quality_read(outside.library.ffi.addressof(outside.drive[0], "quality"))
+        .residual
+    )
+
+
+def output(size: int = 40) -> bytes:
+    duty = struct.pack("<3f6fI", 0.5, 0.5, 0.5, 0, 0, 0, 0, 0, 1.5, 4)
+    return (duty + bytes(size))[:size]
+
+
+class Idle:
+    """No voltage."""
+
+    def __init__(self) -> None:
+        self.heard: list[str] = []
+
+    def step(self, measurement: bytes, reference: bytes) -> bytes:
+        self.heard.append(f"{len(measurement)} {len(reference)}")
+        return output()
+
+    def begin(self, trajectory: bytes) -> None:
+        self.heard.append(f"begin {np.frombuffer(trajectory, np.float32).tolist()}")
+
+    def end(self) -> None:
+        self.heard.append("end")
+
+
+def test_what_a_controller_says_is_recorded_and_done() -> None:
+    drive = _simulator_f32.Drive(config())
+    got, _ = rows(drive, _simulator_f32, 500, Idle())
+    assert (got["status"] == 4).all()
+    assert (got["i_q_ref"] == 1.5).all()
+    assert got["omega_m"][-1] < 9.9  # a shorted winding brakes
+
+
+def test_trials_begin_and_end_outside_too() -> None:
+    reference = [0.0, 0.5, 1.0]
+    drive = _simulator_f32.Drive(trial_config(2, [{"reference": reference}]))
+    idle = Idle()
+    rows(drive, _simulator_f32, 2 * 3 * 20, idle)
+    trial = [f"begin {reference}", *["24 20"] * 60, "end"]
+    assert idle.heard == trial * 2
+
+
+@pytest.mark.parametrize(
+    "answer, error, message",
+    [
+        (lambda: output(39), ValueError, "39 bytes: expected 40 bytes of a cgl_drive_output"),
+        (lambda: output(44), ValueError, "44 bytes"),
+        (lambda: None, ValueError, "NoneType: expected 40 bytes"),
+        (lambda: 1 / 0, ZeroDivisionError, "division by zero"),
+    ],
+)
+def test_a_controller_that_fails_ends_the_run(answer: Any, error: type[Exception], message: str) -> None:
+    class Failing:
+        calls = 0
+
+        def step(self, measurement: bytes, reference: bytes) -> Any:
+            self.calls += 1
+            return output() if self.calls < 10 else answer()
+
+    drive, state = _simulator_f32.Drive(config()), None
+    state = drive.start()
+    with pytest.raises(error, match=message):
+        drive.advance(state, _simulator_f32.Recorder(drive, 1), 100, Failing())
+    assert state.tick == 9
+    drive.advance(state, _simulator_f32.Recorder(drive, 1), 1)  # and can go on
+
+
+def test_a_controller_without_step_is_refused() -> None:
+    drive = _simulator_f32.Drive(config())
+    with pytest.raises(AttributeError, match="step"):
+        drive.advance(drive.start(), _simulator_f32.Recorder(drive, 1), 1, 5)
+
+
+def test_the_memory_can_be_put_back() -> None:
+    drive = _simulator_f32.Drive(config(CHANGE))
+    _, state = rows(drive, _simulator_f32, 8000)
+    learned, fresh = drive.law_memory(state), drive.start()
+    drive.load_memory(fresh, learned)
+    assert np.array_equal(drive.law_memory(fresh), learned)
+    with pytest.raises(ValueError, match=f"{len(learned)} entries, not 3"):
+        drive.load_memory(fresh, [1.0, 2.0, 3.0])
+    plain = _simulator_f32.Drive(config())
+    assert len(plain.law_memory(plain.start())) == 0
+    with pytest.raises(ValueError, match="this law has no memory"):
+        plain.load_memory(plain.start(), [1.0])
+
+
+def test_what_a_users_law_is_made_of() -> None:
+    class Law:
+        def step(self, now: Any) -> float:
+            return 0.0
+
+    drive = _simulator_f32.Drive(config({"controller": {"law": "python"}}), Law())
+    parts = drive.controller_config()
+    assert (parts["law"], parts["law_config"], parts["memory_length"]) == ("python", b"", 0)
+
+
+def test_the_learning_matrix_comes_apart() -> None:
+    matrix = [[0.1, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.25]]
+    law = {"learning_matrix": np.array(matrix)}
+    drive = _simulator_f64.Drive(trial_config(1, [{"reference": [0.0, 0.5, 1.0]}], law))
+    parts = drive.controller_config()
+    assert parts["law"] == "trial"
+    assert parts["learning_matrix"].reshape(3, 3).tolist() == matrix

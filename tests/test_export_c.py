@@ -1,0 +1,242 @@
+"""An exported controller compiles as it is and repeats the simulation bit for bit; mistakes are one line."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trial_studies
+from test_cli import cogless
+
+import studies
+from cogless import load
+from cogless.errors import StudyError
+from cogless.export import folder
+from cogless.export.c.command import export_c
+from cogless.export.c.literals import real
+from cogless.export.c.names import identifier
+from cogless.export.c.self_test import memory_sum
+from cogless.export.c.subject import study_hash
+
+STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-pedantic", "-Werror"]
+FLAGS = ["-std=c99", "-O2", "-ffp-contract=off"]
+# study, controller, changes: every law, and the memory by delay, and double precision
+CONTROLLERS: list[tuple[str, str, dict[str, Any]]] = [
+    ("liu2018", "pi", {}),
+    ("liu2018", "pi-ilc", {}),
+    ("liu2018-varying", "time", {}),
+    ("liu2018", "robust-ilc", {"drive.precision": "double"}),
+    ("uomodri", "table", {"scenario.1-rev-s.duration": "1.2 s", "metric": []}),
+    ("verrelli2016", "filtered", {"drive.precision": "single"}),
+    ("verrelli2016", "printed", {}),
+    ("verrelli2016-speed", "learning", {"drive.precision": "single"}),
+    ("mandra2019", "ilc", {}),
+]
+MORE = """
+[controller.none]
+law = "python"
+object = "none.py:None"
+[controller.own]
+law = "library"
+library = "own.so"
+"""
+
+
+def compiled(exported: Path, *flags: str) -> Path:
+    """The self-test of an export."""
+    own = [exported / "self_test.c", *exported.glob("*_controller.c")]
+    sources = [*own, *(exported / "cogless").glob("*.c")]
+    program = exported.parent / "self_test"
+    double = "define COGLESS_DOUBLE" in next(exported.glob("*_controller.h")).read_text()
+    command = ["cc", *FLAGS, *flags, *(["-DCOGLESS_DOUBLE"] if double else []), "-o", program, *sources]
+    subprocess.run(command, check=True)
+    return program
+
+
+@pytest.mark.parametrize(("study", "controller", "changes"), CONTROLLERS)
+def test_the_self_test_repeats_the_simulation(
+    study: str, controller: str, changes: dict[str, Any], tmp_path: Path
+) -> None:
+    exported = tmp_path / "out"
+    subject = export_c(load(study, changes), controller, exported)
+    name, periods = subject.name, min(2000, max(400, 80 * subject.divider))
+    run = subprocess.run([compiled(exported, *STRICT)], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout) == (0, f"{name}: {periods} periods, all bits equal\n")
+    example = ["cc", *FLAGS, *STRICT, "-c", exported / "example_interrupt.c", "-o", tmp_path / "example.o"]
+    double = "define COGLESS_DOUBLE for" in next(exported.glob("*_controller.h")).read_text()
+    subprocess.run([*example, *(["-DCOGLESS_DOUBLE"] if double else [])], check=True)
+
+
+def test_the_self_test_finds_another_constant_and_another_memory(tmp_path: Path) -> None:
+    exported = tmp_path / "out"
+    export_c(load("liu2018"), "pi-ilc", exported)
+    source = exported / "pi_ilc_controller.c"
+    text = source.read_text()
+    gain = re.search(r"\.gain = (\S+)f,", text)
+    assert gain
+    source.write_text(text.replace(gain.group(1), str(1.001 * float(gain.group(1)))))
+    run = subprocess.run([compiled(exported)], capture_output=True, text=True, check=False)
+    assert run.returncode == 1
+    assert re.fullmatch(r"pi_ilc: period \d+ differs\n", run.stdout)
+    source.write_text(text)
+    data = exported / "self_test_data.h"
+    data.write_text(re.sub(r"memory_at_end = \d+U", "memory_at_end = 1U", data.read_text()))
+    run = subprocess.run([compiled(exported)], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout) == (1, "pi_ilc: init or the learned memory differs\n")
+
+
+def test_the_self_test_finds_fused_arithmetic(tmp_path: Path) -> None:
+    """A motion begins at rest: the test must last into it. Rounding once stands for an fma."""
+    exported = tmp_path / "out"
+    export_c(load("mandra2019"), "ilc", exported)
+    source = exported / "cogless" / "trial.c"
+    text = source.read_text()
+    product = "config->k_1[0] * law->theta + config->k_1[1] * in->omega_m"
+    assert product in text
+    fused = "(float)((double)config->k_1[0] * law->theta + (double)config->k_1[1] * in->omega_m)"
+    source.write_text(text.replace(product, fused))
+    run = subprocess.run([compiled(exported)], capture_output=True, text=True, check=False)
+    assert run.returncode == 1
+
+
+def test_only_what_the_law_needs_and_unchanged(tmp_path: Path) -> None:
+    exported = tmp_path / "out"
+    export_c(load("liu2018"), "pi", exported)
+    taken = {path.name for path in (exported / "cogless").iterdir()}
+    assert {"LICENSE", "drive.c", "foc.c", "monitor.c", "speed_pi.c"} < taken
+    assert not {"memory.c", "trial.c", "plugin.h"} & taken
+    library = Path(__file__).parents[1] / "control" / "src" / "cogless"
+    for name in taken - {"LICENSE"}:
+        assert (exported / "cogless" / name).read_bytes() == (library / name).read_bytes()
+
+
+def test_it_says_where_it_comes_from(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study = studies.write(tmp_path)
+    options = ("--controller", "fair", "--to", "c", "-o", tmp_path / "out", "--set", "seed=7")
+    code, out, err = cogless(capsys, "export", study, *options)
+    assert (code, err) == (0, "")
+    assert out == f"Export: {tmp_path / 'out' / 'README.md'}\n"
+    header = (tmp_path / "out" / "fair_controller.h").read_text()
+    assert study_hash(load(study, {"seed": 7})) in header
+    assert study_hash(load(study)) not in header
+    source = (tmp_path / "out" / "fair_controller.c").read_text()
+    assert "rule = phase-margin" in source and "margins.phase_margin_rad = 1.0" in source
+    assert "proportional gain [output/error], >= 0 */" in source
+    readme = (tmp_path / "out" / "README.md").read_text()
+    assert f"cogless export {study} --controller fair --to c --set seed=7" in readme
+    about = json.loads((tmp_path / "out" / "export.json").read_text())
+    assert (about["law"], about["scenario"]) == ("pi", "low")
+
+
+def test_numbers_come_back_to_the_same_bits() -> None:
+    bits = np.random.default_rng(1).integers(0, 2**32, 20000, dtype=np.uint64).astype(np.uint32)
+    numbers = bits.view(np.float32)
+    for number in numbers[np.isfinite(numbers)]:
+        text = real(float(number), "f")
+        assert np.float32(text.removesuffix("f")).tobytes() == number.tobytes()
+        assert re.fullmatch(r"-?\d+(\.\d+)?(e[+-]\d+)?f", text) and ("." in text or "e" in text)
+    assert [real(x, "d") for x in (0.1, 1e-5, 3.0)] == ["0.1", "1e-05", "3.0"]
+
+
+def test_the_memory_sum_is_fnv_1a_by_words() -> None:
+    assert memory_sum(np.zeros(0, np.float32)) == 2166136261
+    assert memory_sum(np.zeros(1, np.float32)) == 2166136261 * 16777619 % 2**32
+    assert memory_sum(np.array([0.0, 1.0], np.float32)) != memory_sum(np.array([1.0, 0.0], np.float32))
+
+
+@pytest.mark.parametrize(
+    ("controller", "name"),
+    [("pi-ilc", "pi_ilc"), ("2nd try", "my_2nd_try"), ("cgl_pi", "my_cgl_pi"), ("Ü", "my"), ("A.b", "A_b")],
+)
+def test_names(controller: str, name: str) -> None:
+    assert identifier(controller) == name
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["--controller", "p"], 'STUDY: controller: "p": expected one of pi, fair, none, own'),
+        (
+            ["--controller", "none"],
+            'STUDY: controller.none.law: "python": has no C form: expected a law of the control library',
+        ),
+        (
+            ["--controller", "own"],
+            'STUDY: controller.own.law: "library": is C of your own already: '
+            "expected a law of the control library",
+        ),
+        (
+            ["--controller", "none", "--scenario", "step"],
+            'STUDY: scenario: "step": expected one with controller none: low',
+        ),
+        (["--controller", "pi", "--to", "d"], '--to: "d": expected c'),
+    ],
+)
+def test_mistakes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], line: str
+) -> None:
+    study = studies.write(tmp_path, studies.BASE + MORE)
+    to = [] if "--to" in arguments else ["--to", "c"]
+    code, out, err = cogless(capsys, "export", study, *arguments, *to, "-o", tmp_path / "out")
+    assert (code, out) == (2, "")
+    assert err.startswith(line.replace("STUDY", str(study))) and err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_linear_plant_has_no_drive(tmp_path: Path) -> None:
+    study = load(trial_studies.write(tmp_path, trial_studies.LINEAR))
+    with pytest.raises(StudyError, match="plant: a linear plant: expected a study with a drive"):
+        export_c(study, next(iter(study.controller)), tmp_path / "out")
+
+
+# the folder
+
+
+def test_an_earlier_export_is_replaced_and_nothing_else(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    target.mkdir()
+    folder.write(target, {"a.c": b"1", "cogless/b.c": b"2"}, {})
+    folder.write(target, {"a.c": b"3"}, {})
+    assert sorted(path.name for path in target.rglob("*")) == ["a.c", "export.json"]
+    (target / "mine.c").write_bytes(b"4")
+    with pytest.raises(StudyError, match=r"out: not empty: mine\.c: expected a new or empty folder"):
+        folder.write(target, {"a.c": b"5"}, {})
+    (target / "mine.c").unlink()
+    (target / "a.c").write_bytes(b"6")
+    with pytest.raises(StudyError, match=r"out: a\.c: changed since its export: expected a new"):
+        folder.write(target, {"a.c": b"7"}, {})
+    assert (target / "a.c").read_bytes() == b"6"
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_folder_of_somebody_else_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "main.c").write_text("")
+    with pytest.raises(StudyError, match=r"out: not empty: main\.c"):
+        folder.check(tmp_path / "out")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StudyError, match="file: is a file: expected a new or empty folder"):
+        folder.check(tmp_path / "file")
+
+
+def test_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    target = tmp_path / "out"
+    folder.write(target, {"a.c": b"1"}, {})
+    rename = os.rename
+
+    def fail(source: Path, goal: Path) -> None:
+        if Path(goal) == target and Path(source).name == "new":
+            raise OSError(28, "No space left on device")
+        rename(source, goal)
+
+    monkeypatch.setattr(os, "rename", fail)
+    with pytest.raises(StudyError, match="out: no space left on device: expected a folder that can be"):
+        folder.write(target, {"a.c": b"2"}, {})
+    assert (target / "a.c").read_bytes() == b"1"
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
