@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 SOURCES := $(shell find src control/src simulator studies motors -type f -not -name '*.pyc') \
 	CMakeLists.txt pyproject.toml README.md
 
-.PHONY: help build demo test lint control docs bench clean
+.PHONY: help build demo test lint control pil proof fuzz docs bench clean
 
 help: ## what there is to make
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -32,7 +32,7 @@ demo: $(VENV)/installed ## the main job: a motor that cogs, under four controlle
 	$(BIN)/cogless run uomodri -o results/uomodri --plots
 
 test: $(VENV)/tested ## the whole test suite
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile
 
 lint: $(VENV)/installed ## ruff and mypy
 	$(BIN)/python -m pip install --quiet '.[lint]' --no-build-isolation
@@ -46,6 +46,17 @@ control: $(VENV)/tools ## the C library alone, float and double, with sanitizers
 	  $(BIN)/cmake --build build/control-double-$$real && \
 	  $(BIN)/ctest --test-dir build/control-double-$$real --output-on-failure || exit 1; \
 	done
+
+pil: $(VENV)/installed ## every law on an emulated Cortex-M4F, against the simulation; its table in the docs
+	$(BIN)/python -m pip install --quiet --no-build-isolation '.[pil]'
+	$(BIN)/python docs/pil_tables.py --write
+
+proof: ## Frama-C/Eva: no undefined behaviour, outputs within their limits; LAWS="foc pi" for some
+	python3 control/proof/run.py --jobs 2 $(LAWS)
+
+RUNS ?= 20000
+fuzz: ## libFuzzer on the map loader and whole controllers; RUNS=10000000 for long
+	control/fuzz/run.sh $(RUNS) 2
 
 docs: $(VENV)/installed ## the guide as HTML in docs/_build
 	$(BIN)/python -m pip install --quiet --no-build-isolation '.[docs]'

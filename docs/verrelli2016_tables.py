@@ -16,11 +16,9 @@ import numpy as np
 from marked import Blocks, Metrics, main, metrics_of, number, table
 
 import cogless
-from cogless.design.learning import SETTLED
 from cogless.design.pi import speed_loop
-from cogless.design.position import frame_ratio, position_gains, position_margins
-from cogless.design.space_learning import repairing_filter, space_learning
-from cogless.study.space_controller import SpacePosition
+from cogless.design.position import feedback_at, position_gains, position_margins
+from cogless.design.space_verdict import verdict
 
 LABELS = {
     "pi": "PI, as published",
@@ -64,12 +62,13 @@ def criterion() -> list[str]:
     for name in ("verrelli2016", "verrelli2016-position", "verrelli2016-speed"):
         study = cogless.load(name)
         for controller in study.controller:
-            worst = space_learning(study, controller)
-            if worst is not None:
-                width = "-" if worst.factor <= SETTLED else str(repairing_filter(study, controller))
-                text = [f"{worst.factor:.3f}", f"{worst.frequency:.0f}", width]
-                rows.append([f"`{name}`: {study.label(controller)}", *text])
-    return table(["", "worst factor a period", "at [Hz]", "repaired by `q_half_width`"], rows)
+            found = verdict(study, controller)
+            if found is not None and found.worst is not None:
+                width = "-" if found.filter is None else str(found.filter)
+                text = [f"{found.worst.factor:.3f}", f"{found.worst.frequency:.0f}", f"{found.omega_m:.3g}"]
+                rows.append([f"`{name}`: {study.label(controller)}", found.kind, *text, width])
+    head = ["", "verdict", "worst factor a period", "at [Hz]", "at [rad/s]", "repaired by `q_half_width`"]
+    return table(head, rows)
 
 
 def margins() -> list[str]:
@@ -80,10 +79,8 @@ def margins() -> list[str]:
             ("fair", {"controller.fair.tuning.phase_margin": f"{margin} deg"}) if margin else ("pi", {})
         )
         study = cogless.load("verrelli2016", changes)
-        law = study.controller[name]
-        assert isinstance(law, SpacePosition)
         gains = position_gains(study, name)
-        found = position_margins(speed_loop(study), frame_ratio(study, law), gains)
+        found = position_margins(speed_loop(study), feedback_at(study, name, 0.0))
         (run,) = cogless.run_study(study, [f"{SHORT}/{name}"]).runs
         label = f"{margin}°" if margin else "as published"
         speed, angle = (str(number(run.metrics[k])) for k in ("speed_after_rad_s", "angle_after_rad"))
@@ -141,6 +138,20 @@ def other(name: str, unit: str) -> list[str]:
     return table([unit, *(study.label(c) for c in study.controller)], rows)
 
 
+def varying() -> list[str]:
+    """The speed's ripple on the PMSMs."""
+    rows: dict[str, list[str]] = {}
+    for name in ("uomodri-varying", "liu2018-varying"):
+        study = cogless.load(name)
+        for run in cogless.run_study(study, jobs=2).runs:
+            found = number(run.metrics["speed_ripple_rad_s"])
+            rows.setdefault(study.label(run.controller), []).append(found)
+    return table(
+        ["speed ripple, rms [rad/s]", "`uomodri-varying`", "`liu2018-varying`"],
+        [[label, *cells] for label, cells in rows.items()],
+    )
+
+
 def _words(metric: str) -> str:
     for unit in ("_rad_s", "_rad", "_A"):
         if metric.endswith(unit):
@@ -162,6 +173,7 @@ def blocks(path: Path) -> Blocks:
         "margins": margins(),
         "hour": hour(),
         "section-3": other("verrelli2016-speed", "section 3"),
+        "varying": varying(),
         "section-4": other("verrelli2016-position", "section 4, RMS"),
     }
 

@@ -17,7 +17,7 @@ from cogless.study import Study
 if TYPE_CHECKING:
     from rich.console import Group
 
-WIDEST = 48  # columns of the gains
+WIDEST = 48  # columns of the gains, and of what is said of learning
 
 # The paper's and the trade's units, where they aren't SI.
 SHOWN = {

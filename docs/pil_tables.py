@@ -1,0 +1,139 @@
+"""What each law costs on a Cortex-M4F, and that it computes what the simulation does, for the guide.
+
+python docs/pil_tables.py            print the tables; exit 1 where anything differs from the simulation
+python docs/pil_tables.py --write    put them into docs/guide/microcontroller.md
+
+`make pil` does the latter. Studies in double precision run here in single, as the processor computes.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from marked import replaced, table
+
+from cogless import load
+from cogless.export import sources
+from cogless.export.prepared import first_scenario
+from cogless.pil.compare import Comparison, Instructions, compare
+from cogless.pil.processor import require
+from cogless.pil.toolchain import find
+
+PAGE = Path(__file__).parent / "guide" / "microcontroller.md"
+TICKS = 100_000
+SINGLE = {"drive.precision": "single"}
+Case = tuple[str, str, str | None, str, dict[str, Any]]
+# what it is, study, scenario or the first, controller, changes
+CASES: list[Case] = [
+    ("PI", "liu2018", None, "pi", {}),
+    ("PI and learning, map", "liu2018", "60-rpm", "pi-ilc", {}),
+    ("PI and learning, 15 cells a step", "liu2018", "900-rpm", "pi-ilc", {}),
+    ("PI and learning, by time", "liu2018-varying", None, "time", {}),
+    ("robust learning, map", "liu2018", "60-rpm", "robust-ilc", {}),
+    ("robust learning, 15 cells a step", "liu2018", "900-rpm", "robust-ilc", {}),
+    ("anti-cogging table", "uomodri", None, "table", {}),
+    ("space-learning speed, map", "verrelli2016-speed", None, "learning", SINGLE),
+    ("space-learning position, map", "verrelli2016", None, "filtered", SINGLE),
+    ("space-learning position, by delay", "verrelli2016", None, "printed", SINGLE),
+    ("trials", "mandra2019", None, "ilc", {}),
+]
+LOOP = {"foc", "modulation"}
+AROUND = {"drive", "monitor", "quality", "real"}
+
+
+def measured(case: Case) -> Comparison:
+    _, study, scenario, controller, changes = case
+    loaded = load(study, changes)
+    return compare(loaded, controller, first_scenario(loaded, controller, scenario), TICKS, find("gcc"))
+
+
+def parts(by_source: dict[str, float]) -> tuple[float, float, float]:
+    """Current loop, what is around, law."""
+    loop = sum(n for source, n in by_source.items() if source in LOOP)
+    around = sum(n for source, n in by_source.items() if source in AROUND or source.endswith("_controller"))
+    return loop, around, sum(by_source.values()) - loop - around
+
+
+def span(found: Instructions | None) -> str:
+    return f"{found.least} / {found.mean:.0f} / {found.most}" if found else "-"
+
+
+def time_table(results: dict[str, Comparison]) -> list[str]:
+    head = ["law", "without the law", "with it", "loop", "checks", "law", "end of a trial"]
+    rows = []
+    for name, found in results.items():
+        loop, around, law = (f"{n:.0f}" for n in parts(found.by_source_with_law))
+        end = str(found.end_of_trial or "-")
+        rows.append([name, span(found.without_law), span(found.with_law), loop, around, law, end])
+    return table(head, rows)
+
+
+def memory_table(results: dict[str, Comparison]) -> list[str]:
+    head = ["law", "flash", "constants", "RAM", "learned", "stack"]
+    rows = [
+        [name, *(f"{n:,}" for n in (r.flash, r.constants, r.ram, r.memory, r.stack))]
+        for name, r in results.items()
+    ]
+    return table(head, rows)
+
+
+def run_table(results: dict[str, Comparison]) -> list[str]:
+    head = ["law", "study: scenario / controller", "periods", "result"]
+    return table(
+        head,
+        [
+            [name, f"`{r.study}`: {r.scenario} / {r.controller}", f"{r.ticks:,}", verdict(r)]
+            for name, r in results.items()
+        ],
+    )
+
+
+def verdict(found: Comparison) -> str:
+    d = found.difference
+    return "bit for bit equal" if d is None else f"**differs** in period {d.tick}: {d.field}"
+
+
+def whole_library() -> int:
+    """Flash of all files of control/, each function of them, in bytes."""
+    tools, folder = find("gcc"), sources.control() / "cogless"
+    total = 0
+    with tempfile.TemporaryDirectory() as scratch:
+        files = sorted(folder.glob("*.c"))
+        subprocess.run([*tools.command, *tools.flags, "-c", *map(str, files)], cwd=scratch, check=True)
+        from elftools.elf.elffile import ELFFile
+
+        for path in Path(scratch).glob("*.o"):
+            with path.open("rb") as stream:
+                for section in ELFFile(stream).iter_sections():
+                    if section.name.startswith((".text", ".rodata", ".data")):
+                        total += section["sh_size"]
+    return total
+
+
+def main() -> None:
+    require()
+    with ProcessPoolExecutor() as pool:
+        found = list(pool.map(measured, CASES))
+    results = {case[0]: one for case, one in zip(CASES, found, strict=True)}
+    blocks = {
+        "runs": run_table(results),
+        "time": time_table(results),
+        "memory": memory_table(results),
+        "library": [f"All of `control/`: {whole_library():,} bytes of flash, {found[0].compiler}."],
+    }
+    if "--write" in sys.argv:
+        PAGE.write_text(replaced(PAGE.read_text(encoding="utf-8"), blocks), encoding="utf-8")
+    else:
+        for name, lines in blocks.items():
+            print(f"## {name}\n", *lines, "", sep="\n")
+    if any(one.difference is not None for one in found):
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()
