@@ -26,14 +26,15 @@
 #undef cgl_is_positive
 #undef cgl_is_not_negative
 
-static inline bool cgl_is_within(cgl_real x, cgl_real limit) { return x == x && x >= -limit && x <= limit; }
-static inline bool cgl_is_below(cgl_real x, cgl_real limit) { return x == x && x > -limit && x < limit; }
-static inline bool cgl_is_finite(cgl_real x) { return x == x && x >= -CGL_REAL_MAX && x <= CGL_REAL_MAX; }
-static inline bool cgl_is_angle(cgl_real x) { return x == x && x > -CGL_ANGLE_MAX && x < CGL_ANGLE_MAX; }
+/* As macros, so that a condition of several is one for Eva, whose branches know what each part says. */
+#define cgl_is_within(x, limit) ((x) == (x) && (x) >= -(limit) && (x) <= (limit))
+#define cgl_is_below(x, limit) ((x) == (x) && (x) > -(limit) && (x) < (limit))
+#define cgl_is_finite(x) cgl_is_within(x, CGL_REAL_MAX)
+#define cgl_is_angle(x) cgl_is_below(x, CGL_ANGLE_MAX)
+#define cgl_is_in_turn(x) ((x) == (x) && (x) >= CGL_R(0.0) && (x) < CGL_TWO_PI)
+
 static inline bool cgl_is_positive(cgl_real x) { return x == x && x > CGL_R(0.0) && x <= CGL_REAL_MAX; }
 static inline bool cgl_is_not_negative(cgl_real x) { return x == x && x >= CGL_R(0.0) && x <= CGL_REAL_MAX; }
-
-static inline bool cgl_is_in_turn(cgl_real x) { return x == x && x >= CGL_R(0.0) && x < CGL_TWO_PI; }
 
 static inline cgl_real cgl_clamp(cgl_real x, cgl_real limit)
 {

@@ -400,21 +400,20 @@ static cgl_real value_ago(const cgl_memory_config *config, const cgl_memory *mem
     if (age > memory->known) {
         return CGL_R(0.0);
     }
-    const uint32_t back = age - 1U;
-    return memory->cell[memory->newest >= back ? memory->newest - back : memory->newest + length - back];
+    const uint32_t place = memory->newest + length + 1U - age;
+    return memory->cell[place < length ? place : place - length];
 }
 
 CGL_SELDOM static bool recall_by_time(const cgl_memory_config *config, const cgl_memory *memory, cgl_real omega_ref, bool learn,
                            cgl_real *value)
 {
     const cgl_real periods = cgl_abs(omega_ref) * config->ts * memory->per_rad; /* in a sample */
-    if (!(periods * (cgl_real)config->cells >= CGL_R(1.0)
+    if (!(periods > CGL_R(0.0) && periods * (cgl_real)config->cells >= CGL_R(1.0)
           && periods * (cgl_real)(config->q_half_width + 1U) <= CGL_R(1.0))) {
         return false;
     }
     const cgl_real period = CGL_R(1.0) / periods;
-    uint32_t n = (uint32_t)period;
-    n = n < config->cells ? n : config->cells; /* 1 / periods may round above the longest period */
+    uint32_t n = (uint32_t)cgl_clamped(period, (cgl_real)config->cells); /* it may round above the longest period */
     n = n > config->q_half_width ? n : config->q_half_width + 1U;
     const cgl_real part = cgl_clamped(period - (cgl_real)n, CGL_R(1.0));
     const uint32_t m = learn ? config->q_half_width : 0U;
@@ -438,8 +437,8 @@ CGL_SELDOM static void store_by_time(const cgl_memory_config *config, cgl_memory
         ++memory->known;
     }
     if (config->lead > 0U && config->lead < memory->known) {
-        const uint32_t lead = config->lead;
-        const uint32_t then = memory->newest >= lead ? memory->newest - lead : memory->newest + length - lead;
+        const uint32_t place = memory->newest + length - config->lead;
+        const uint32_t then = place < length ? place : place - length;
         memory->cell[then] = cgl_clamped(memory->cell[then] + correction, config->limit);
     }
 }

@@ -54,8 +54,9 @@ static inline bool cgl_is_within(cgl_real x, cgl_real limit)
 }
 #endif
 
-/* For what is seldom called: keeps it out of the way of what is often. */
-#if defined(__GNUC__)
+/* For what is seldom called: keeps it out of the way of what is often. (Frama-C 25 loses the values of a struct that such a
+ * function returns.) */
+#if defined(__GNUC__) && !defined(__FRAMAC__)
 #define CGL_SELDOM __attribute__((noinline, cold))
 #define CGL_OFTEN(condition) __builtin_expect((condition), 1)
 #else

@@ -228,6 +228,7 @@ static inline void pass_on(const cgl_space_memory_config *config, cgl_space_memo
                            cgl_real moved, const cgl_real *stored)
 {
     const uint32_t m = config->q_half_width, cells = config->cells, length = row_length(config);
+    const uint32_t channels = config->channels;
     const cgl_real per_way = CGL_R(1.0) / moved;
     cgl_real way = (cgl_real)(int32_t)memory->at - memory->position;
     uint32_t at = memory->at, head = memory->head;
@@ -238,13 +239,18 @@ static inline void pass_on(const cgl_space_memory_config *config, cgl_space_memo
         const cgl_real share = way * per_way < CGL_R(1.0) ? way * per_way : CGL_R(1.0);
         cgl_real *waiting = memory->cell + cells + head;
         cgl_real *oldest = memory->cell + (at > m ? at - m - 1U : at + cells - m - 1U);
-        for (uint32_t c = 0; c < config->channels; ++c, waiting += length, oldest += length) {
+        for (uint32_t c = 0; c < channels; ++c, waiting += length, oldest += length) {
             *oldest = *waiting;
             *waiting = memory->value[c] + share * (stored[c] - memory->value[c]);
         }
     } while (--count > 0U);
     memory->head = head;
     memory->at = memory->newest = at;
+}
+
+static inline cgl_real recalled(const cgl_space_memory *memory, uint32_t c, cgl_real part)
+{
+    return (memory->sum[c] + part * memory->change[c]) * memory->per_width;
 }
 
 /* Recalls, corrects and stores where a rotor goes on forward by less than a quarter; else changes nothing. */
@@ -265,16 +271,19 @@ static inline bool step_on(const cgl_space_memory_config *config, cgl_space_memo
     if (!(moved >= CGL_R(0.0) && moved < CGL_R(0.25) * memory->length && n < cells)) {
         return false;
     }
-    if (count > 0U) {
+    const cgl_real part = position - (cgl_real)(int32_t)n;
+    if (count == 0U) {
+        for (uint32_t c = 0; c < channels; ++c) {
+            value[c] = recalled(memory, c, part) - gain[c] * step;
+            memory->value[c] = cgl_clamp(value[c], config->limit[c]);
+        }
+    } else {
+        cgl_real stored[CGL_SPACE_CHANNELS];
         sum_on(config, memory, n, count);
-    }
-    const cgl_real part = position - (cgl_real)(int32_t)n, per_width = memory->per_width;
-    cgl_real stored[CGL_SPACE_CHANNELS], *const last = count > 0U ? stored : memory->value;
-    for (uint32_t c = 0; c < channels; ++c) {
-        value[c] = (memory->sum[c] + part * memory->change[c]) * per_width - gain[c] * step;
-        last[c] = cgl_clamp(value[c], config->limit[c]);
-    }
-    if (count > 0U) {
+        for (uint32_t c = 0; c < channels; ++c) {
+            value[c] = recalled(memory, c, part) - gain[c] * step;
+            stored[c] = cgl_clamp(value[c], config->limit[c]);
+        }
         pass_on(config, memory, count, moved, stored);
         for (uint32_t c = 0; c < channels; ++c) {
             memory->value[c] = stored[c];
