@@ -310,6 +310,7 @@ void read_guards(const Section& drive, DriveConfig& config, double law_period) {
         m.angle_step = real_or(s, "angle_step", m.angle_step);
         m.speed_window = real_or(s, "speed_window", m.speed_window);
         m.stuck_angle = real_or(s, "stuck_angle", m.stuck_angle);
+        m.stuck_time = real_or(s, "stuck_time", m.stuck_time);
         m.current_max = real_or(s, "current_max", m.current_max);
         m.current_sum = real_or(s, "current_sum", m.current_sum);
         m.bridge = real_or(s, "bridge", m.bridge);

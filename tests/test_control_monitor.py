@@ -12,7 +12,7 @@ from reference.monitor import TURN, Monitor, between, in_turn
 TS = 1e-4
 BOUNDS = {
     "omega_max": 200.0, "angle_step": 1e-3, "speed_window": 2e-3, "stuck_angle": 0.5, "current_max": 10.0,
-    "current_sum": 2.0, "bridge": 5e-3, "hold": 1e-2, "ts": TS,
+    "current_sum": 2.0, "bridge": 5e-3, "hold": 1e-2, "stuck_time": 5e-3, "ts": TS,
 }  # fmt: skip
 PRECISIONS = pytest.mark.parametrize("precision", ["float", "double"])
 
@@ -93,6 +93,7 @@ def test_equals_the_reference(precision, events, omega, seed, phases):
             assert c.said() == said
             assert (c.state.safe, c.state.trusted) == (reference.safe, reference.trusted)
             assert (c.state.gap, c.state.blind) == (reference.gap, reference.blind)
+            assert (c.state.dark, c.state.standing) == (reference.dark, reference.standing)
             assert abs(between(c.state.theta_m, reference.theta)) < 300 * library.eps
             assert abs(c.state.omega_m - reference.omega) < 300 * library.eps
 
@@ -174,7 +175,8 @@ def test_a_long_gap_gives_a_safe_output_and_then_any_angle_is_right(precision):
     assert safe == [False] * 50 + [True] * 350
     rotor.theta = in_turn(rotor.theta + 2.5)  # it was turned by hand
     safe = rotor.run(300)
-    assert safe.index(False) == 101  # hold, and the period that the first angle waits for the second
+    # the window in which the speed has to settle, hold, and the period that the first angle waits for the second
+    assert safe.index(False) == 20 + 101
     assert abs(rotor.error) < 1e-6
     assert rotor.state.trusted
 
@@ -194,10 +196,67 @@ def test_an_angle_that_jumps_all_the_time_is_none(precision):
 def test_single_wrong_angles_are_passed_over(precision):
     rotor, rng = Rotor(precision), np.random.default_rng(2)
     for _ in range(200):
-        assert not any(rotor.run(9))
-        assert rotor.run(1, theta=float(rng.uniform(0, TURN))) == [False]
+        assert not any(rotor.run(29))
+        assert rotor.run(1, theta=in_turn(rotor.theta + rng.uniform(0.1, 6.1))) == [False]
         assert abs(rotor.error) < 1e-4
     rotor.run(100)
+    assert rotor.state.trusted
+
+
+@PRECISIONS
+def test_jumps_that_leave_no_time_for_a_speed_end_in_a_safe_output(precision):
+    rotor = Rotor(precision)
+    rotor.run(50)
+    safe = []
+    for _ in range(60):
+        safe += rotor.run(7) + rotor.run(1, theta=in_turn(rotor.theta + 1.0))
+    assert 70 <= safe.index(True) <= 90  # speed_window and bridge
+    assert all(safe[90:])
+    assert rotor.monitor.said() >= {"ANGLE_LOST", "FAULT"}
+    rotor.run(200)
+    assert rotor.state.trusted
+
+
+@PRECISIONS
+@pytest.mark.parametrize("offset", [0.7, -1.2])
+@pytest.mark.parametrize("missing", [1, 20, 45])
+def test_a_sensor_that_has_slipped_is_still_off_after_a_gap(precision, offset, missing):
+    rotor = Rotor(precision, omega_max=2000.0)
+    rotor.run(50)
+    rotor.offset = offset
+    rotor.run(100)
+    rotor.run(missing, theta=math.nan)
+    rotor.run(60)
+    assert rotor.monitor.said() == {"ANGLE_SHIFTED"}
+    assert abs(rotor.error) < 1e-2
+    rotor.run(missing, theta=math.nan)
+    rotor.offset = 0.0  # right again after another one
+    rotor.run(60)
+    assert rotor.state.trusted
+    assert abs(rotor.error) < 1e-6
+
+
+@PRECISIONS
+def test_a_rotor_that_takes_its_time_is_not_stuck(precision):
+    rotor = Rotor(precision, omega=0.0, stuck_time=0.05)
+    safe = rotor.run(600, omega_ref=400.0)
+    assert safe.index(True) in range(500, 506)  # 0.5 rad come after 1.25 ms
+    safe = rotor.run(20_000, omega_ref=400.0)
+    assert 0.88 < sum(safe) / 20_000 < 0.93
+
+
+@PRECISIONS
+def test_nothing_is_learned_while_a_stuck_angle_is_in_doubt(precision):
+    rotor = Rotor(precision, omega_max=500.0)
+    rotor.run(50)
+    stuck_at, trusted = rotor.theta, []
+    for _ in range(60):  # 0.3 rad
+        rotor.run(1, theta=stuck_at, omega_ref=50.0)
+        trusted.append(rotor.state.trusted)
+    assert trusted.index(False) <= 27  # a quarter of 0.5 rad, after two periods
+    assert not any(trusted[27:])
+    assert rotor.monitor.said() == set()
+    rotor.run(60)
     assert rotor.state.trusted
 
 

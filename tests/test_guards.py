@@ -72,6 +72,7 @@ def test_defaults_follow_from_the_drive() -> None:
             "angle_step": step,
             "speed_window": 2 / 5000,
             "stuck_angle": 0.5 + 2 * step,
+            "stuck_time": 0.1,
             "current_max": 8.0,
             "current_sum": 2.0,
             "bridge": 5e-3,

@@ -29,6 +29,7 @@ static cgl_drive_config feed_drive(feed *from)
     config.monitor.angle_step = feed_gain(from, CGL_R(0.1));
     config.monitor.speed_window = feed_gain(from, CGL_R(5.0) * ts);
     config.monitor.stuck_angle = feed_bool(from) ? CGL_R(0.0) : feed_gain(from, CGL_R(1.0));
+    config.monitor.stuck_time = feed_gain(from, CGL_R(5.0) * ts);
     config.monitor.current_max = feed_bool(from) ? CGL_R(0.0) : feed_gain(from, CGL_R(20.0));
     config.monitor.current_sum = feed_bool(from) ? CGL_R(0.0) : feed_gain(from, CGL_R(20.0));
     config.monitor.bridge = feed_gain(from, CGL_R(5.0) * ts);

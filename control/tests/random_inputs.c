@@ -753,6 +753,7 @@ static cgl_monitor_config random_monitor(cgl_real ts, uint32_t phases)
     config.omega_max = random_below(4) ? random_gain(CGL_R(1000.0)) : CGL_R(0.0);
     config.angle_step = random_gain(CGL_R(0.01));
     config.speed_window = random_below(4) ? random_gain(CGL_R(20.0)) * ts : random_gain(CGL_R(0.01));
+    config.stuck_time = random_below(4) ? random_gain(CGL_R(20.0) * ts) : CGL_R(0.0);
     config.stuck_angle = random_below(4) ? random_gain(CGL_R(0.5)) : CGL_R(0.0);
     config.current_max = random_below(4) ? random_gain(CGL_R(10.0)) : CGL_R(0.0);
     config.current_sum = random_below(4) ? random_gain(CGL_R(5.0)) : CGL_R(0.0);
@@ -803,7 +804,9 @@ static void check_monitor(const cgl_monitor_config *config, const cgl_monitor *m
     CHECK(monitor->blind <= limits->window + 1U && monitor->lost >= monitor->gap);
     CHECK(monitor->safe == (monitor->holding > 0U));
     CHECK(!(monitor->safe && monitor->trusted));
-    CHECK((monitor->status == 0U && monitor->gap == 0U && monitor->blind == 0U) == monitor->trusted);
+    CHECK((monitor->status == 0U && monitor->gap == 0U && monitor->blind == 0U && monitor->standing == 0U)
+          == monitor->trusted);
+    CHECK((monitor->blind > 0U) == (monitor->dark > 0U));
     CHECK(monitor->safe == ((monitor->status & (unsigned)CGL_STATUS_FAULT) != 0U));
 }
 

@@ -16,6 +16,7 @@ SPEED_MARGIN = 1.5  # of the no-load speed
 CURRENT_MARGIN = 2.0  # of the current limit
 SUM_SHARE = 0.5  # of the current limit
 STUCK_ANGLE = 0.5  # rad
+STUCK_TIME = 0.1  # s
 BRIDGE = 5e-3  # s
 HOLD = 10e-3  # s
 
@@ -43,6 +44,7 @@ def monitor_config(
         "angle_step": step,
         "speed_window": window,
         "stuck_angle": STUCK_ANGLE + 2 * step,
+        "stuck_time": STUCK_TIME,
         "current_max": 0.0,
         "current_sum": 0.0,
         "bridge": BRIDGE,

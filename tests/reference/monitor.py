@@ -24,6 +24,7 @@ class Monitor:
     angle_step: float = 0.0
     speed_window: float = 0.0
     stuck_angle: float = 0.0
+    stuck_time: float = 0.0
     current_max: float = 0.0
     current_sum: float = 0.0
     bridge: float = 0.0
@@ -36,7 +37,7 @@ class Monitor:
         self.raw: float | None = None  # of the last period, if it was an angle
         self.started = False
         self.was_stuck = False
-        self.gap = self.lost = self.blind = self.holding = 0
+        self.gap = self.lost = self.blind = self.dark = self.standing = self.holding = 0
 
     def periods(self, time: float) -> int:
         return math.ceil(time / self.ts - 1e-3)
@@ -68,12 +69,12 @@ class Monitor:
         if self.phases:
             said |= set() if self.plausible_currents(i) else {"CURRENT"}
             said |= {"BUS"} if not math.isfinite(u_dc) or u_dc <= 0 else set()
-        lost = not self.started or self.gap > self.periods(self.bridge)
+        lost = not self.started or self.gap > self.periods(self.bridge) or self.too_dark
         cause = lost or said & {"ANGLE_STUCK", "CURRENT", "BUS"}
         self.holding = self.periods(self.hold) + 1 if cause else max(self.holding - 1, 0)
         self.safe = self.holding > 0
         said |= {"FAULT"} if self.safe else set()
-        self.trusted = not said and self.gap == 0 and self.blind == 0
+        self.trusted = not said and self.gap == 0 and self.blind == 0 and self.standing == 0
         return said
 
     def _rotor(self, measured: float, omega: float, omega_ref: float) -> set[str]:
@@ -90,8 +91,7 @@ class Monitor:
         else:
             assert self.raw is not None
             if self.gap:
-                shift = between(self.raw, in_turn(self.theta + moved))
-                self.shift = 0.0 if abs(shift) <= self.reach * self.lost else shift
+                self.shift = self._settled(between(self.raw, in_turn(self.theta + moved)))
             self.theta = in_turn(self.raw - self.shift)
             ordinary = abs(moved) <= self.reach
             self.blind = max(self.blind - 1, 0) if ordinary else self.periods(self.speed_window) + 1
@@ -100,13 +100,24 @@ class Monitor:
         if not self.blind:
             missing = missing or not self.plausible_speed(omega)
             self.omega = omega if self.plausible_speed(omega) else self.omega
+        self.dark = self.dark + 1 if self.blind else 0
         if missing:
             self.gap, self.lost = min(self.gap + 1, self.periods(self.bridge) + 1), self.lost + 1
         else:
             self.gap = max(self.gap - 1, 0)
             self.lost = self.lost if self.gap else 0
-        said = {"ANGLE_LOST": missing, "ANGLE_STUCK": stuck, "ANGLE_SHIFTED": self.shift != 0}
+        said = {"ANGLE_LOST": missing or self.too_dark, "ANGLE_STUCK": stuck, "ANGLE_SHIFTED": self.shift != 0}
         return {name for name, holds in said.items() if holds}
+
+    @property
+    def too_dark(self) -> bool:
+        """The speed has not been believed for too long."""
+        return self.dark > self.periods(self.speed_window) + self.periods(self.bridge)
+
+    def _settled(self, shift: float) -> float:
+        """How far the sensor is off after a gap: as before, not at all, or as it looks."""
+        known = min((0.0, self.shift), key=lambda s: abs(between(shift, s)))
+        return known if abs(between(shift, known)) <= self.reach * self.lost else shift
 
     def _stuck(self, moved: float, omega_ref: float) -> bool:
         if not self.stuck_angle:
@@ -115,11 +126,14 @@ class Monitor:
             self.still = 0.0
         elif math.isfinite(omega_ref):
             self.still = clip(self.still + omega_ref * self.ts, 11 * self.stuck_angle)
-        if abs(self.still) <= self.stuck_angle:
+        self.standing = self.standing + 1 if abs(self.still) > self.stuck_angle / 4 else 0
+        time = self.periods(self.stuck_time)
+        if abs(self.still) <= self.stuck_angle or self.standing <= time:
             return False
-        again = abs(self.still) >= 11 * self.stuck_angle
+        again = abs(self.still) >= 11 * self.stuck_angle and self.standing >= 11 * time
         if again:
             self.holding = 0
-        if omega_ref == 0 or again:
+        if again or not abs(omega_ref) > 0:
             self.still = 0.0
+            self.standing = 0
         return self.still != 0 and not math.isnan(omega_ref)

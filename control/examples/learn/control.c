@@ -10,7 +10,7 @@ static const cgl_drive_config drive_config = {
     .pole_pairs = POLE_PAIRS, .divider = SPEED_DIVIDER,
     .foc = {.kp_d = 30.0f, .ki_d = 15000.0f, .kp_q = 30.0f, .ki_q = 15000.0f, .ts = TS, .current_limit = 3.0f,
             .advance = 1.5f, .decoupling = true, .L_d = 0.01f, .L_q = 0.01f, .psi_f = 0.068f},
-    .monitor = {.omega_max = 400.0f, .angle_step = 0.001f, .speed_window = 0.001f, .stuck_angle = 0.5f,
+    .monitor = {.omega_max = 400.0f, .angle_step = 0.001f, .speed_window = 0.001f, .stuck_angle = 0.5f, .stuck_time = 0.1f,
                 .current_max = 6.0f, .current_sum = 1.0f, .bridge = 0.005f, .hold = 0.01f, .ts = TS, .phases = 3},
     .quality = {.span = 6.2831853f, .longest = 60.0f, .ts = SPEED_DIVIDER * TS}};
 static const cgl_pi_ilc_config law_config = {

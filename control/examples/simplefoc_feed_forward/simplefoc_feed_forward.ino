@@ -32,6 +32,7 @@ static bool start_learning()
     drive_config.monitor.angle_step = 0.0015f;     // rad; 12 bits
     drive_config.monitor.speed_window = 0.01f;     // s; twice the time constant of SimpleFOC's speed filter
     drive_config.monitor.stuck_angle = 0.5f;       // rad
+    drive_config.monitor.stuck_time = 0.1f;        // s
     drive_config.monitor.bridge = 0.005f;          // s
     drive_config.monitor.hold = 0.01f;             // s
     drive_config.quality.span = CGL_TWO_PI;        // rad; a turn

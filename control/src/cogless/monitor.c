@@ -2,9 +2,9 @@
 
 #include "angle.h"
 
-/* A rotor that is stuck gets current again when the reference has turned so many times stuck_angle: often enough for a
- * sensor that is well again, seldom enough for a winding that heats. */
-#define TRY_AGAIN CGL_R(11.0)
+/* A rotor that is stuck gets current again after so many times stuck_angle and stuck_time: often enough for a sensor that
+ * is well again, seldom enough for a winding that heats. */
+#define TRY_AGAIN 11U
 #define PERIODS_MAX CGL_R(1.0e9)
 
 /* The square of a bound, or the largest number where it is not watched. Never infinite: infinity is not plausible. */
@@ -33,7 +33,7 @@ CGL_SELDOM cgl_error cgl_monitor_init(const cgl_monitor_config *config, cgl_moni
           && cgl_is_not_negative(config->stuck_angle) && cgl_is_not_negative(config->current_max)
           && cgl_is_not_negative(config->current_sum) && cgl_is_positive(config->ts)
           && is_time(config->speed_window, config->ts) && is_time(config->bridge, config->ts)
-          && is_time(config->hold, config->ts)
+          && is_time(config->hold, config->ts) && is_time((cgl_real)TRY_AGAIN * config->stuck_time, config->ts)
           && (config->phases == 0U || config->phases == 2U || config->phases == 3U))) {
         return CGL_ERROR_CONFIG;
     }
@@ -45,6 +45,7 @@ CGL_SELDOM cgl_error cgl_monitor_init(const cgl_monitor_config *config, cgl_moni
     limits->reach_square = limits->reach * limits->reach;
     limits->speed_square = square(config->omega_max);
     limits->stuck_square = square(config->stuck_angle);
+    limits->doubt_square = square(CGL_R(0.25) * config->stuck_angle);
     /* three phases: the vector's length is sqrt(2/3) of the root of the squares' sum */
     limits->current_square = square(config->current_max);
     if (config->phases == 3U) {
@@ -54,6 +55,7 @@ CGL_SELDOM cgl_error cgl_monitor_init(const cgl_monitor_config *config, cgl_moni
     limits->window = periods(config->speed_window, config->ts);
     limits->bridge = periods(config->bridge, config->ts);
     limits->hold = periods(config->hold, config->ts);
+    limits->stuck = periods(config->stuck_time, config->ts);
     cgl_monitor_reset(monitor);
     return CGL_OK;
 }
@@ -61,19 +63,21 @@ CGL_SELDOM cgl_error cgl_monitor_init(const cgl_monitor_config *config, cgl_moni
 CGL_SELDOM void cgl_monitor_reset(cgl_monitor *monitor)
 {
     monitor->theta_m = monitor->omega_m = monitor->shift = monitor->raw = monitor->still = CGL_R(0.0);
-    monitor->gap = monitor->lost = monitor->blind = monitor->holding = monitor->jumps = 0U;
+    monitor->gap = monitor->lost = monitor->blind = monitor->dark = monitor->standing = 0U;
+    monitor->holding = monitor->jumps = 0U;
     monitor->status = 0U;
     monitor->started = monitor->known = monitor->trusted = monitor->was_stuck = false;
     monitor->safe = true;
 }
 
-CGL_SELDOM void cgl_monitor_trust(cgl_monitor *monitor)
+CGL_SELDOM bool cgl_monitor_trust(cgl_monitor *monitor)
 {
     if (monitor->known) {
         monitor->shift = CGL_R(0.0);
         monitor->theta_m = monitor->raw;
         monitor->gap = monitor->lost = 0U;
     }
+    return monitor->known;
 }
 
 static cgl_real in_turn(cgl_real theta)
@@ -126,7 +130,7 @@ static inline bool is_ordinary(const cgl_monitor_config *config, cgl_monitor *mo
     cgl_real still = CGL_R(0.0);
     if (d == CGL_R(0.0)) {
         still = monitor->still + omega_ref * config->ts;
-        if (!(still * still <= limits->stuck_square)) {
+        if (!(still * still <= limits->doubt_square)) {
             return false;
         }
     }
@@ -149,28 +153,42 @@ CGL_SELDOM static void settle(cgl_monitor *monitor, cgl_real theta, cgl_real d)
 {
     const cgl_real shift = difference(theta, in_turn(monitor->theta_m + d));
     const cgl_real reach = monitor->limits.reach * (cgl_real)monitor->lost;
-    monitor->shift = cgl_abs(shift) <= reach ? CGL_R(0.0) : shift;
+    const cgl_real from_last = cgl_abs(difference(shift, monitor->shift)), from_none = cgl_abs(shift);
+    if (from_none <= from_last) {
+        monitor->shift = from_none <= reach ? CGL_R(0.0) : shift;
+    } else if (!(from_last <= reach)) {
+        monitor->shift = shift;
+    }
 }
 
-/* How far the reference has turned while the angle stood still; true where that is too far. Who asks for rest starts anew,
- * and who goes on asking gets another try. */
+/* How far the reference has turned, and for how long, while the angle stood still; true where both are too much. Who asks
+ * for rest starts anew, and who goes on asking gets another try. */
 CGL_SELDOM static bool is_stuck(const cgl_monitor_config *config, cgl_monitor *monitor, cgl_real d, cgl_real omega_ref)
 {
+    const cgl_monitor_limits *limits = &monitor->limits;
     const cgl_real turned = omega_ref * config->ts;
+    const cgl_real most = cgl_clamp((cgl_real)TRY_AGAIN * config->stuck_angle, CGL_REAL_MAX);
     if (d < CGL_R(0.0) || d > CGL_R(0.0)) {
         monitor->still = CGL_R(0.0);
     } else if (cgl_is_finite(turned)) {
-        monitor->still = cgl_clamp(monitor->still + turned, cgl_clamp(TRY_AGAIN * config->stuck_angle, CGL_REAL_MAX));
+        monitor->still = cgl_clamp(monitor->still + turned, most);
     }
-    if (monitor->still * monitor->still <= monitor->limits.stuck_square) {
+    const cgl_real square = monitor->still * monitor->still;
+    if (square <= limits->doubt_square) {
+        monitor->standing = 0U;
         return false;
     }
-    const bool again = cgl_abs(monitor->still) >= cgl_clamp(TRY_AGAIN * config->stuck_angle, CGL_REAL_MAX);
+    monitor->standing += monitor->standing < UINT32_MAX ? 1U : 0U;
+    if (square <= limits->stuck_square || monitor->standing <= limits->stuck) {
+        return false;
+    }
+    const bool again = cgl_abs(monitor->still) >= most && monitor->standing / TRY_AGAIN >= limits->stuck;
     if (!again && (omega_ref > CGL_R(0.0) || omega_ref < CGL_R(0.0))) {
         return true;
     }
     monitor->holding = again ? 0U : monitor->holding; /* the try must not wait: it is short */
     monitor->still = CGL_R(0.0);
+    monitor->standing = 0U;
     return false;
 }
 
@@ -180,6 +198,12 @@ CGL_SELDOM static bool can_be(const cgl_monitor_config *config, const cgl_monito
 {
     const cgl_real unseen = config->stuck_angle > CGL_R(0.0) ? CGL_R(2.0) * cgl_abs(monitor->still) : CGL_R(0.0);
     return monitor->was_stuck || cgl_abs(d) <= monitor->limits.reach + unseen;
+}
+
+/* Jumps come so often that the speed has not been believed for too long: the law has none. */
+static bool is_dark(const cgl_monitor *monitor)
+{
+    return monitor->dark > monitor->limits.window + monitor->limits.bridge;
 }
 
 /* Angle and speed; returns what to say of them. */
@@ -220,6 +244,7 @@ CGL_SELDOM static unsigned look_at_rotor(const cgl_monitor_config *config, cgl_m
         missing = missing || !is_speed;
         monitor->omega_m = is_speed ? now->omega_m : monitor->omega_m;
     }
+    monitor->dark = monitor->blind > 0U ? monitor->dark + (monitor->dark < UINT32_MAX ? 1U : 0U) : 0U;
     if (missing) {
         monitor->gap += monitor->gap <= limits->bridge ? 1U : 0U;
         monitor->lost += monitor->lost < UINT32_MAX ? 1U : 0U;
@@ -227,7 +252,7 @@ CGL_SELDOM static unsigned look_at_rotor(const cgl_monitor_config *config, cgl_m
         --monitor->gap;
         monitor->lost = monitor->gap > 0U ? monitor->lost : 0U;
     }
-    return (missing ? (unsigned)CGL_STATUS_ANGLE_LOST : 0U) | (stuck ? (unsigned)CGL_STATUS_ANGLE_STUCK : 0U)
+    return (missing || is_dark(monitor) ? (unsigned)CGL_STATUS_ANGLE_LOST : 0U) | (stuck ? (unsigned)CGL_STATUS_ANGLE_STUCK : 0U)
            | (monitor->shift < CGL_R(0.0) || monitor->shift > CGL_R(0.0) ? (unsigned)CGL_STATUS_ANGLE_SHIFTED : 0U);
 }
 
@@ -236,7 +261,8 @@ CGL_SELDOM void cgl_monitor_look(const cgl_monitor_config *config, cgl_monitor *
 {
     const cgl_monitor_limits *limits = &monitor->limits;
     unsigned status = look_at_rotor(config, monitor, now, omega_ref);
-    bool safe = !monitor->started || monitor->gap > limits->bridge || (status & (unsigned)CGL_STATUS_ANGLE_STUCK) != 0U;
+    bool safe = !monitor->started || monitor->gap > limits->bridge || is_dark(monitor)
+                || (status & (unsigned)CGL_STATUS_ANGLE_STUCK) != 0U;
     if (config->phases != 0U) {
         const bool are_currents =
             squares_of(config, now->i_abc) <= limits->current_square && is_sum(config, limits, now->i_abc);
@@ -251,5 +277,6 @@ CGL_SELDOM void cgl_monitor_look(const cgl_monitor_config *config, cgl_monitor *
     }
     monitor->safe = monitor->holding > 0U;
     monitor->status = status | (monitor->safe ? (unsigned)CGL_STATUS_FAULT : 0U);
-    monitor->trusted = monitor->status == 0U && monitor->gap == 0U && monitor->blind == 0U;
+    monitor->trusted =
+        monitor->status == 0U && monitor->gap == 0U && monitor->blind == 0U && monitor->standing == 0U;
 }

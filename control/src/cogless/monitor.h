@@ -3,11 +3,15 @@
  * A rotor cannot jump: a step of the angle beyond omega_max ts + angle_step is the sensor's. It is taken out, so that
  * torque and commutation go on, and learning waits, since a map belongs to its angle, until the angle has jumped back or
  * cgl_monitor_trust() says that the new one is right. An angle that is missing (not finite, or jumping all the time) is
- * bridged by the last speed; where more of them than last `bridge` are missing, the output is safe: zero. The first two
- * angles that agree end a gap, and are right as they are measured if the rotor can have got there since. An angle that
- * stands still while the reference turns on is stuck: safe output until it moves, the reference stands still too, or it has
- * turned ten times as far, for another try. An implausible current or bus voltage gives a safe output. A safe output is
- * held for `hold` after its cause. */
+ * bridged by the last speed; where more of them than last `bridge` are missing, or the speed is not believed for as long,
+ * the output is safe: no voltage. The first two angles that agree end a gap; the sensor is then off by as much as before
+ * it, or right again, whichever is nearer to where the rotor should be, or else it has jumped. An angle that stands still
+ * while the reference turns on is doubted, and nothing learned; then it is stuck: safe output until it moves, the reference
+ * stands still too, or both bounds of it have passed ten times more, for another try. An implausible current or bus voltage
+ * gives a safe output. A safe output is held for `hold` after its cause.
+ *
+ * At no voltage the current of a turning motor is that of a short circuit, up to psi_f / L_d. Open the bridge where the
+ * output is safe (CGL_STATUS_OFF), if the hardware can. */
 #ifndef COGLESS_MONITOR_H
 #define COGLESS_MONITOR_H
 
@@ -25,8 +29,10 @@ typedef struct {
     cgl_real omega_max;    /* the rotor never turns faster, mechanical [rad/s], >= 0; default 0 */
     cgl_real angle_step;   /* resolution of the angle sensor, mechanical [rad], >= 0; default 0 */
     cgl_real speed_window; /* a measured speed looks back so far, and is not believed so long after a jump [s], >= 0 */
-    cgl_real stuck_angle;  /* the reference has turned so far while the angle stood still: stuck [rad], >= 0; default 0 */
-    cgl_real current_max;  /* the current vector is never longer [A], >= 0; default 0 */
+    cgl_real stuck_angle;  /* the reference has turned so far while the angle stood still: stuck [rad], >= 0; from a quarter
+                              of it on nothing is learned; default 0 */
+    cgl_real stuck_time;   /* but no sooner than after so long [s], 0 to 9e7 ts; default 0: a loaded rotor takes its time */
+    cgl_real current_max;  /* the current vector is never longer, in a short circuit neither [A], >= 0; default 0 */
     cgl_real current_sum;  /* three measured phases: |i_a + i_b + i_c| is not larger [A], >= 0; default 0 */
     cgl_real bridge;       /* a missing angle is bridged so long [s], >= 0; default 0 */
     cgl_real hold;         /* a safe output is held so long after its cause [s], >= 0; default 0 */
@@ -47,9 +53,10 @@ typedef struct {
     cgl_real reach_square;   /* [rad^2] */
     cgl_real speed_square;   /* [rad^2/s^2] */
     cgl_real stuck_square;   /* [rad^2] */
+    cgl_real doubt_square;   /* [rad^2] */
     cgl_real current_square; /* of all measured phases together [A^2] */
     cgl_real sum_square;     /* [A^2] */
-    uint32_t window, bridge, hold; /* periods */
+    uint32_t window, bridge, hold, stuck; /* periods */
 } cgl_monitor_limits;
 
 typedef struct {
@@ -62,6 +69,8 @@ typedef struct {
     uint32_t gap;        /* angles that are missing: one more with each, one less with each that agrees with the last */
     uint32_t lost;       /* periods without an angle since there was no gap */
     uint32_t blind;      /* periods for which the measured speed is not believed yet */
+    uint32_t dark;       /* periods for which it has not been believed */
+    uint32_t standing;   /* periods in which the angle stood still and was doubted */
     uint32_t holding;    /* periods for which the output still is safe */
     uint32_t jumps;      /* since init or reset, there, back and for one period only; stays at its largest value */
     unsigned status;     /* CGL_STATUS_ bits of the last step */
@@ -86,8 +95,9 @@ void cgl_monitor_step(const cgl_monitor_config *config, cgl_monitor *monitor, co
 void cgl_monitor_look(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref);
 
-/* The measured angle is right as it is now, after a homing run say: jumps are forgotten. */
-void cgl_monitor_trust(cgl_monitor *monitor);
+/* The measured angle is right as it is now, after a homing run say: jumps are forgotten. False where there is none now:
+ * call it again. */
+bool cgl_monitor_trust(cgl_monitor *monitor);
 
 #ifdef __cplusplus
 }

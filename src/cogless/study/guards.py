@@ -26,6 +26,7 @@ class Monitor(Table):
     angle_step: AngleMagnitude | None = None  # rad, mechanical
     speed_window: Time | None = None  # s
     stuck_angle: AngleMagnitude | None = None  # rad, mechanical
+    stuck_time: Time | None = None  # s
     current_max: CurrentMagnitude | None = None  # A
     current_sum: CurrentMagnitude | None = None  # A
     bridge: Time | None = None  # s
