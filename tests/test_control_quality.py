@@ -79,6 +79,17 @@ def test_a_constant_error_is_no_ripple(precision):
 
 
 @PRECISIONS
+@pytest.mark.parametrize("rate, offset", [(20e3, 1.03), (20e3, 10.3), (1e3, -10.3)])
+def test_an_offset_that_stays_is_no_ripple_from_the_first_window_on(precision, rate, offset):
+    library = control_library(precision)
+    c = CQuality(library, **FIELDS | {"ts": 1 / rate, "longest": 60.0})
+    for n in range(round(3 * rate)):
+        c.step(offset + 0.01 * math.sin(2 * math.pi * 6 * n / rate), 2 * math.pi)
+    assert c.read().known
+    assert c.read().residual == pytest.approx(0.01 / math.sqrt(2), rel=0.02)
+
+
+@PRECISIONS
 def test_progress_is_since_learning_began_and_ends(precision):
     library = control_library(precision)
     c = CQuality(library, **FIELDS)
@@ -91,7 +102,7 @@ def test_progress_is_since_learning_began_and_ends(precision):
             c.step(*sample)
     assert c.read().progress == pytest.approx(1 - 0.9**11, rel=1e-3)
     assert c.read().improving
-    for _ in range(30):
+    for _ in range(7):
         for sample in ripple(library, 0.9**11):
             c.step(*sample)
     assert not c.read().improving
@@ -137,6 +148,38 @@ def test_an_outlier_teaches_nothing_until_it_is_usual(precision):
     answers = [c.step(2.0, 63.0) for _ in range(300)]
     assert answers[0]
     assert not answers[-1]
+
+
+@PRECISIONS
+@pytest.mark.parametrize("start", [320, 350, 399])
+def test_a_shock_shorter_than_a_turn_teaches_nothing(precision, start):
+    """Wherever in its window it begins; what comes after has the bound of before."""
+    library = control_library(precision)
+    c = CQuality(library, **FIELDS | {"outlier": 4.0})
+    answers = []
+    for n, (error, omega) in enumerate(ripple(library, 0.1, turns=9)):
+        answers.append(c.step(error + (5.0 if start <= n < start + 90 else 0.0), omega))
+    assert all(answers[start : start + 90])
+    assert sum(answers) == 90
+    assert c.step(0.5, 63.0)
+
+
+@PRECISIONS
+def test_an_error_that_stays_at_one_place_is_learned_until_it_has_gone(precision):
+    """A bump in a hundredth of the turn is an outlier for ever if only the turn's mean square decides."""
+    library = control_library(precision)
+    c = CQuality(library, **FIELDS | {"outlier": 4.0})
+    bump, refused = 0.0, []
+    for n, (error, omega) in enumerate(ripple(library, 0.1, turns=40)):
+        bump = 2.0 if n == 500 else bump
+        if n % 100 == 50:
+            refused.append(c.step(error + bump, omega))
+            bump *= 1.0 if refused[-1] else 0.5
+        else:
+            c.step(error, omega)
+    assert refused == [False] * 5 + [True] * 2 + [False] * 33
+    assert bump < 1e-3
+    assert c.step(2.0, 63.0)  # a new one is looked at anew
 
 
 @PRECISIONS

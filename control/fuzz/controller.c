@@ -110,7 +110,8 @@ static void check_drive(const cgl_drive *drive)
     HOLDS(cgl_is_finite(drive->monitor.still));
     HOLDS(within(drive->monitor.shift, CGL_R(3.15)));
     HOLDS(cgl_is_finite(drive->foc.integral_d) && cgl_is_finite(drive->foc.integral_q));
-    HOLDS(cgl_is_finite(drive->quality.sum) && cgl_is_finite(drive->quality.sum_of_squares));
+    HOLDS(cgl_is_finite(drive->quality.sum + drive->quality.outlier_sum));
+    HOLDS(cgl_is_finite(drive->quality.squares + drive->quality.outlier_squares));
     HOLDS(cgl_is_finite(drive->quality.turned) && cgl_is_finite(drive->quality.ripple));
     HOLDS(cgl_is_finite(drive->quality.before) && cgl_is_finite(drive->quality.trend));
     const cgl_quality_report report = cgl_quality_read(&drive->quality);

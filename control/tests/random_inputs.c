@@ -842,13 +842,14 @@ static void try_monitor(void)
 
 static void check_quality(const cgl_quality *quality)
 {
-    CHECK(cgl_is_finite(quality->sum) && cgl_is_finite(quality->sum_of_squares) && cgl_is_finite(quality->turned));
+    CHECK(cgl_is_finite(quality->sum + quality->outlier_sum) && cgl_is_finite(quality->squares + quality->outlier_squares));
+    CHECK(cgl_is_finite(quality->turned) && cgl_is_finite(quality->centre));
     CHECK(quality->ripple >= CGL_R(0.0) && cgl_is_finite(quality->ripple));
     CHECK(quality->before >= CGL_R(0.0) && cgl_is_finite(quality->before));
-    CHECK(quality->usual_square >= CGL_R(0.0) && cgl_is_finite(quality->usual_square));
-    CHECK(within(quality->trend, CGL_R(1.00001)));
+    CHECK(cgl_is_finite(quality->usual_square) && (quality->usual_square >= CGL_R(0.0) || quality->windows == 0U));
+    CHECK(within(quality->trend, CGL_R(0.16001)));
     CHECK(quality->left >= 1U && quality->left <= quality->longest);
-    CHECK(quality->missing <= quality->longest - quality->left);
+    CHECK(quality->missing + quality->outliers <= quality->longest - quality->left);
     const cgl_quality_report report = cgl_quality_read(quality);
     CHECK(report.residual >= CGL_R(0.0) && report.residual <= CGL_R(1.1e14));
     CHECK(cgl_is_finite(report.progress) && report.progress <= CGL_R(1.0));

@@ -5,8 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .limits import clip
+
 ERROR_MAX = 1e14
-TREND = 0.125
+TREND, MOST = 0.25, 0.16
+LASTING = 2  # windows
 
 
 @dataclass
@@ -17,6 +20,8 @@ class Quality:
     floor: float
     ts: float
     errors: list[float] = field(default_factory=list)
+    outliers: list[bool] = field(default_factory=list)  # of these errors
+    unusual: int = 0
     count: int = 0
     turned: float = 0.0
     learned: bool = False
@@ -26,32 +31,39 @@ class Quality:
     trend: float = 0.0
 
     def step(self, error: float, omega: float, learning: bool) -> bool:
-        counts = abs(error) <= ERROR_MAX
-        outlier = not counts or abs(error) > self.usual
+        counts, outlier = abs(error) <= ERROR_MAX, abs(error) > self.usual
+        taught = counts and (not outlier or self.unusual >= LASTING)
         self.count += 1
         self.turned += omega * self.ts if math.isfinite(omega) else 0.0
         if counts:
             self.errors.append(error)
-            self.learned |= learning and not outlier
+            self.outliers.append(outlier)
+            self.learned |= learning and taught
         if abs(self.turned) >= self.span or self.count >= round(self.longest / self.ts):
             self._end()
-        return outlier
+        return not taught
 
     def _end(self) -> None:
         if self.errors:
-            self._take(float(np.std(self.errors)), float(np.sqrt(np.mean(np.square(self.errors)))))
-        self.errors, self.count, self.turned, self.learned = [], 0, 0.0, False
+            self._take(float(np.std(self.errors)))
+            if self.outlier:
+                self._judge(np.array(self.errors), np.array(self.outliers))
+        self.errors, self.outliers, self.count, self.turned, self.learned = [], [], 0, 0.0, False
 
-    def _take(self, ripple: float, rms: float) -> None:
+    def _take(self, ripple: float) -> None:
         if self.ripples:
             largest = max(ripple, self.ripples[-1]) ** 2
             change = (ripple**2 - self.ripples[-1] ** 2) / largest if largest else None
-            self.trend += TREND * (change - self.trend) if change is not None else 0.0
+            self.trend += TREND * (clip(change, MOST) - self.trend) if change is not None else 0.0
         if self.learned and self.before is None:
             self.before = self.ripples[-1] if self.ripples else ripple
         self.ripples.append(ripple)
-        if self.outlier:
-            self.usual = max(self.outlier * rms, self.floor)
+
+    def _judge(self, errors: np.ndarray, outliers: np.ndarray) -> None:
+        usual = errors if self.unusual >= LASTING else errors[~outliers]
+        if len(usual):
+            self.usual = max(self.outlier * float(np.sqrt(np.mean(usual**2))), self.floor)
+        self.unusual = self.unusual + 1 if outliers.any() else 0
 
     @property
     def residual(self) -> float:

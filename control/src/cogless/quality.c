@@ -1,9 +1,11 @@
 #include "quality.h"
 
-#define SQUARE_MAX CGL_R(1.0e28) /* so that the sum of as many as an uint32_t counts is finite in float */
+#define SQUARE_MAX CGL_R(1.0e28) /* so that the sum of as many as a window may have is finite in float */
 #define SMALLEST CGL_R(1.0e-30)  /* a square below it is nothing */
-#define TREND_SMOOTHING CGL_R(0.125)
+#define LASTING 2U               /* windows with outliers in a row: what lasts is learned */
+#define TREND_SMOOTHING CGL_R(0.25)
 #define TREND_STILL CGL_R(0.04) /* of the ripple's square, a window: 2 % of the ripple */
+#define TREND_MOST CGL_R(0.16)  /* of one window, so that a large change is not seen for long */
 
 CGL_SELDOM cgl_error cgl_quality_init(const cgl_quality_config *config, cgl_quality *quality)
 {
@@ -23,16 +25,18 @@ CGL_SELDOM cgl_error cgl_quality_init(const cgl_quality_config *config, cgl_qual
 
 CGL_SELDOM static void begin_window(cgl_quality *quality)
 {
-    quality->sum = quality->sum_of_squares = quality->turned = CGL_R(0.0);
+    quality->sum = quality->squares = quality->outlier_sum = quality->outlier_squares = quality->turned = CGL_R(0.0);
     quality->left = quality->longest;
-    quality->missing = 0U;
+    quality->missing = quality->outliers = 0U;
     quality->learned = false;
 }
 
 CGL_SELDOM void cgl_quality_reset(cgl_quality *quality)
 {
     begin_window(quality);
-    quality->usual_square = SQUARE_MAX;
+    quality->centre = CGL_R(0.0);
+    quality->usual_square = CGL_R(-1.0);
+    quality->unusual = 0U;
     quality->ripple = quality->before = quality->trend = CGL_R(0.0);
     quality->windows = 0U;
     quality->began = false;
@@ -43,16 +47,28 @@ static cgl_real larger(cgl_real a, cgl_real b)
     return a > b ? a : b;
 }
 
+/* The bound of the next window, from all samples of this one or from those that are no outliers: their number, and sum and
+ * sum of the squares of what they differ from the centre. */
+CGL_SELDOM static void set_usual(const cgl_quality_config *config, cgl_quality *quality, uint32_t samples, cgl_real sum,
+                                 cgl_real squares)
+{
+    const cgl_real count = (cgl_real)samples, centre = quality->centre;
+    const cgl_real square = squares / count + centre * (CGL_R(2.0) * (sum / count) + centre);
+    const cgl_real usual = larger(config->outlier * config->outlier * square, config->floor * config->floor);
+    quality->usual_square = usual < SQUARE_MAX ? usual : SQUARE_MAX;
+}
+
 CGL_SELDOM static void end_window(const cgl_quality_config *config, cgl_quality *quality)
 {
     const uint32_t samples = quality->longest - quality->left - quality->missing;
     if (samples > 0U) {
-        const cgl_real count = (cgl_real)samples;
-        const cgl_real mean = quality->sum / count, square = quality->sum_of_squares / count;
-        const cgl_real ripple = larger(square - mean * mean, CGL_R(0.0)), last = quality->ripple;
+        const cgl_real sum = quality->sum + quality->outlier_sum, squares = quality->squares + quality->outlier_squares;
+        const cgl_real count = (cgl_real)samples, mean = sum / count;
+        const cgl_real ripple = larger(squares / count - mean * mean, CGL_R(0.0)), last = quality->ripple;
         const cgl_real largest = larger(ripple, last);
         if (quality->windows > 0U && largest > CGL_R(0.0)) {
-            quality->trend += TREND_SMOOTHING * ((ripple - last) / largest - quality->trend);
+            const cgl_real change = cgl_clamp((ripple - last) / largest, TREND_MOST);
+            quality->trend += TREND_SMOOTHING * (change - quality->trend);
         }
         if (!quality->began && !(quality->learned && quality->windows > 0U)) {
             quality->before = ripple;
@@ -61,26 +77,41 @@ CGL_SELDOM static void end_window(const cgl_quality_config *config, cgl_quality 
         quality->ripple = ripple;
         quality->windows += quality->windows < UINT32_MAX ? 1U : 0U;
         if (config->outlier > CGL_R(0.0)) {
-            const cgl_real usual = larger(config->outlier * config->outlier * square, config->floor * config->floor);
-            quality->usual_square = usual < SQUARE_MAX ? usual : SQUARE_MAX;
+            if (quality->unusual >= LASTING) {
+                set_usual(config, quality, samples, sum, squares);
+            } else if (samples > quality->outliers) {
+                set_usual(config, quality, samples - quality->outliers, quality->sum, quality->squares);
+            }
+            quality->unusual = quality->outliers == 0U ? 0U : quality->unusual + (quality->unusual < LASTING ? 1U : 0U);
         }
+        quality->centre += mean;
     }
     begin_window(quality);
 }
 
-/* A sample that is an outlier, or not finite, or the last of its window. */
+/* A sample that is an outlier, or not finite, or the first, or the last of its window. */
 CGL_SELDOM static bool step_unusual(const cgl_quality_config *config, cgl_quality *quality, cgl_real error, cgl_real omega_m,
                          bool learning)
 {
     const cgl_real square = error * error;
-    const bool outlier = !(square <= quality->usual_square);
-    if (square <= SQUARE_MAX) {
-        quality->sum += error;
-        quality->sum_of_squares += square;
-        quality->learned = quality->learned || (learning && !outlier);
-    } else {
-        ++quality->missing;
+    const bool counts = square <= SQUARE_MAX;
+    if (counts && quality->usual_square < CGL_R(0.0)) {
+        quality->centre = error;
+        quality->usual_square = SQUARE_MAX;
     }
+    const bool outlier = !(square <= quality->usual_square), taught = counts && !(outlier && quality->unusual < LASTING);
+    const cgl_real deviation = counts ? error - quality->centre : CGL_R(0.0);
+    if (!counts) {
+        ++quality->missing;
+    } else if (outlier) {
+        quality->outlier_sum += deviation;
+        quality->outlier_squares += deviation * deviation;
+        ++quality->outliers;
+    } else {
+        quality->sum += deviation;
+        quality->squares += deviation * deviation;
+    }
+    quality->learned = quality->learned || (learning && taught);
     const cgl_real turned = quality->turned + (cgl_is_finite(omega_m) ? omega_m : CGL_R(0.0));
     --quality->left;
     if (turned * turned < quality->turned_square && quality->left > 0U) {
@@ -88,7 +119,7 @@ CGL_SELDOM static bool step_unusual(const cgl_quality_config *config, cgl_qualit
     } else {
         end_window(config, quality);
     }
-    return outlier;
+    return !taught;
 }
 
 bool cgl_quality_step(const cgl_quality_config *config, cgl_quality *quality, cgl_real error, cgl_real omega_m,
@@ -99,8 +130,9 @@ bool cgl_quality_step(const cgl_quality_config *config, cgl_quality *quality, cg
     if (!(square <= quality->usual_square && turned * turned < quality->turned_square && quality->left > 1U)) {
         return step_unusual(config, quality, error, omega_m, learning);
     }
-    quality->sum += error;
-    quality->sum_of_squares += square;
+    const cgl_real deviation = error - quality->centre;
+    quality->sum += deviation;
+    quality->squares += deviation * deviation;
     quality->turned = turned;
     --quality->left;
     if (learning) {

@@ -1,8 +1,8 @@
 /* How good learning is, read at run time: the residual ripple over a turn of the rotor, how far it has come down, whether
  * it still comes down; and which errors are so far from the usual that nothing should be learned from them.
  *
- * A window ends when the rotor has turned by `span`, either way, or after `longest`. An outlier counts in its window, so
- * that what stays is usual after a window. */
+ * A window ends when the rotor has turned by `span`, either way, or after `longest`. Outliers teach nothing for two windows
+ * in a row, the rest of one and the whole of the next. What still is there then is learned, until a window is without. */
 #ifndef COGLESS_QUALITY_H
 #define COGLESS_QUALITY_H
 
@@ -18,20 +18,24 @@ extern "C" {
 typedef struct {
     cgl_real span;    /* of a window, mechanical [rad], > 0; default 2 pi */
     cgl_real longest; /* a window ends after this time in any case [s], ts to 1e9 ts; default 60 */
-    cgl_real outlier; /* an error beyond so many times the usual, root mean square, is an outlier [-], >= 1; 0: none;
-                         default 0 */
+    cgl_real outlier; /* an error beyond so many times the usual, root mean square of the last window's others, is an
+                         outlier [-], >= 1; 0: none; default 0 */
     cgl_real floor;   /* but for errors below this [unit of the error], >= 0; default 0 */
     cgl_real ts;      /* period of the calls [s], > 0 */
 } cgl_quality_config;
 
 typedef struct {
-    cgl_real sum, sum_of_squares; /* of the errors in this window */
+    cgl_real centre;              /* mean of the last window; at first the first error [unit] */
+    cgl_real sum, squares;        /* of what the errors in this window differ from it, but for outliers */
+    cgl_real outlier_sum, outlier_squares; /* and of those */
+    uint32_t outliers;            /* in this window */
+    uint32_t unusual;             /* windows with outliers in a row, no more than two */
     cgl_real turned;              /* sum of the speeds in this window [rad/s] */
     cgl_real turned_square;       /* that ends a window [rad^2/s^2] */
-    cgl_real usual_square;        /* an error whose square is larger is an outlier [unit^2] */
+    cgl_real usual_square;        /* an error whose square is larger is an outlier [unit^2]; < 0 before the first */
     cgl_real ripple;              /* of the last whole window: variance of the error [unit^2] */
     cgl_real before;              /* ripple of the last whole window before something was learned, or of the first [unit^2] */
-    cgl_real trend;               /* relative change of the ripple from window to window, smoothed over some, -1 to 1 */
+    cgl_real trend;               /* relative change of the ripple from window to window, clipped and smoothed */
     uint32_t longest;             /* samples in a window at most */
     uint32_t left;                /* samples until this window ends in any case */
     uint32_t missing;             /* samples of this window that were not finite */
@@ -52,7 +56,7 @@ cgl_error cgl_quality_init(const cgl_quality_config *config, cgl_quality *qualit
 void cgl_quality_reset(cgl_quality *quality);
 
 /* One sample: the error, the mechanical speed [rad/s], and whether it teaches something. What is not finite, or above
- * 1e14, counts for nothing. Returns true where the error is an outlier. */
+ * 1e14, counts for nothing. Returns true where nothing should be learned from it: an outlier. */
 bool cgl_quality_step(const cgl_quality_config *config, cgl_quality *quality, cgl_real error, cgl_real omega_m,
                       bool learning);
 
