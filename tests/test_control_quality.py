@@ -169,17 +169,44 @@ def test_an_error_that_stays_at_one_place_is_learned_until_it_has_gone(precision
     """A bump in a hundredth of the turn is an outlier for ever if only the turn's mean square decides."""
     library = control_library(precision)
     c = CQuality(library, **FIELDS | {"outlier": 4.0})
-    bump, refused = 0.0, []
+    bump, refused = np.zeros(5), []
     for n, (error, omega) in enumerate(ripple(library, 0.1, turns=40)):
-        bump = 2.0 if n == 500 else bump
-        if n % 100 == 50:
-            refused.append(c.step(error + bump, omega))
-            bump *= 1.0 if refused[-1] else 0.5
+        bump = np.full(5, 2.0) if n == 500 else bump
+        if 50 <= n % 100 < 55:
+            refused.append(c.step(error + bump[n % 100 - 50], omega))
+            bump[n % 100 - 50] *= 1.0 if refused[-1] else 0.5
         else:
             c.step(error, omega)
-    assert refused == [False] * 5 + [True] * 2 + [False] * 33
-    assert bump < 1e-3
+    assert refused == [False] * 25 + [True] * 10 + [False] * 165
+    assert np.all(bump < 1e-3)
     assert c.step(2.0, 63.0)  # a new one is looked at anew
+
+
+@PRECISIONS
+def test_a_shock_is_none_of_what_lasts(precision):
+    library = control_library(precision)
+    c = CQuality(library, **FIELDS | {"outlier": 4.0})
+    bumps = []
+    for n, (error, omega) in enumerate(ripple(library, 0.1, turns=20)):
+        bump = 1.0 if n >= 500 and 50 <= n % 100 < 55 else 0.0
+        shock = 5.0 if 1010 <= n < 1030 or 1210 <= n < 1230 else 0.0
+        refused = c.step(error + bump + shock, omega)
+        assert refused >= (shock > 0)
+        bumps += [refused] if bump > 0 else []
+    assert bumps[:10] == [True] * 10  # two windows
+    assert sum(bumps[10:]) <= 10
+
+
+@PRECISIONS
+def test_the_peaks_of_noise_do_not_open_the_door(precision):
+    library, rng = control_library(precision), np.random.default_rng(5)
+    c = CQuality(library, **FIELDS | {"outlier": 4.0, "longest": 10.0})
+    peaks = 0
+    for e in rng.normal(size=200_000):
+        peaks += c.step(float(library.real(e)), 1.0)
+        assert c.state.last_peak_square == 0
+    assert peaks > 5
+    assert c.step(10.0, 1.0)
 
 
 @PRECISIONS

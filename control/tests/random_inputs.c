@@ -847,6 +847,7 @@ static void check_quality(const cgl_quality *quality)
     CHECK(quality->ripple >= CGL_R(0.0) && cgl_is_finite(quality->ripple));
     CHECK(quality->before >= CGL_R(0.0) && cgl_is_finite(quality->before));
     CHECK(cgl_is_finite(quality->usual_square) && (quality->usual_square >= CGL_R(0.0) || quality->windows == 0U));
+    CHECK(quality->run <= quality->outliers && quality->refused_square >= quality->usual_square);
     CHECK(within(quality->trend, CGL_R(0.16001)));
     CHECK(quality->left >= 1U && quality->left <= quality->longest);
     CHECK(quality->missing + quality->outliers <= quality->longest - quality->left);

@@ -9,7 +9,7 @@ from .limits import clip
 
 ERROR_MAX = 1e14
 TREND, MOST = 0.25, 0.16
-LASTING = 2  # windows
+IN_A_ROW = 4  # outliers to one side
 
 
 @dataclass
@@ -21,7 +21,9 @@ class Quality:
     ts: float
     errors: list[float] = field(default_factory=list)
     outliers: list[bool] = field(default_factory=list)  # of these errors
-    unusual: int = 0
+    signs: str = ""  # of the outliers, one for each sample
+    refused: float = math.inf
+    last_peak: float = 0.0
     count: int = 0
     turned: float = 0.0
     learned: bool = False
@@ -32,13 +34,14 @@ class Quality:
 
     def step(self, error: float, omega: float, learning: bool) -> bool:
         counts, outlier = abs(error) <= ERROR_MAX, abs(error) > self.usual
-        taught = counts and (not outlier or self.unusual >= LASTING)
+        taught = counts and abs(error) <= self.refused
         self.count += 1
         self.turned += omega * self.ts if math.isfinite(omega) else 0.0
         if counts:
             self.errors.append(error)
             self.outliers.append(outlier)
             self.learned |= learning and taught
+        self.signs += "-+"[error > 0] if outlier and counts else " "
         if abs(self.turned) >= self.span or self.count >= round(self.longest / self.ts):
             self._end()
         return not taught
@@ -48,6 +51,7 @@ class Quality:
             self._take(float(np.std(self.errors)))
             if self.outlier:
                 self._judge(np.array(self.errors), np.array(self.outliers))
+        self.signs = ""
         self.errors, self.outliers, self.count, self.turned, self.learned = [], [], 0, 0.0, False
 
     def _take(self, ripple: float) -> None:
@@ -60,10 +64,12 @@ class Quality:
         self.ripples.append(ripple)
 
     def _judge(self, errors: np.ndarray, outliers: np.ndarray) -> None:
-        usual = errors if self.unusual >= LASTING else errors[~outliers]
-        if len(usual):
-            self.usual = max(self.outlier * float(np.sqrt(np.mean(usual**2))), self.floor)
-        self.unusual = self.unusual + 1 if outliers.any() else 0
+        clipped = np.where(outliers, self.usual, errors)
+        self.usual = max(self.outlier * float(np.sqrt(np.mean(clipped**2))), self.floor)
+        unusual = "+" * IN_A_ROW in self.signs or "-" * IN_A_ROW in self.signs
+        peak = float(np.max(np.abs(errors[outliers]))) if unusual else 0.0
+        self.refused = max(self.usual, 2 * min(peak, self.last_peak))
+        self.last_peak = peak
 
     @property
     def residual(self) -> float:

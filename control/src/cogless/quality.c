@@ -2,7 +2,8 @@
 
 #define SQUARE_MAX CGL_R(1.0e28) /* so that the sum of as many as a window may have is finite in float */
 #define SMALLEST CGL_R(1.0e-30)  /* a square below it is nothing */
-#define LASTING 2U               /* windows with outliers in a row: what lasts is learned */
+#define IN_A_ROW 4U              /* outliers to one side: no noise, and no step of an encoder */
+#define TWICE_SQUARE CGL_R(4.0)  /* of what lasts is learned, more is something else */
 #define TREND_SMOOTHING CGL_R(0.25)
 #define TREND_STILL CGL_R(0.04) /* of the ripple's square, a window: 2 % of the ripple */
 #define TREND_MOST CGL_R(0.16)  /* of one window, so that a large change is not seen for long */
@@ -25,18 +26,19 @@ CGL_SELDOM cgl_error cgl_quality_init(const cgl_quality_config *config, cgl_qual
 
 CGL_SELDOM static void begin_window(cgl_quality *quality)
 {
-    quality->sum = quality->squares = quality->outlier_sum = quality->outlier_squares = quality->turned = CGL_R(0.0);
+    quality->sum = quality->squares = quality->outlier_sum = quality->outlier_squares = CGL_R(0.0);
+    quality->peak_square = quality->turned = CGL_R(0.0);
     quality->left = quality->longest;
-    quality->missing = quality->outliers = 0U;
-    quality->learned = false;
+    quality->missing = quality->outliers = quality->run = quality->run_left = 0U;
+    quality->learned = quality->unusual = false;
 }
 
 CGL_SELDOM void cgl_quality_reset(cgl_quality *quality)
 {
     begin_window(quality);
     quality->centre = CGL_R(0.0);
-    quality->usual_square = CGL_R(-1.0);
-    quality->unusual = 0U;
+    quality->usual_square = quality->refused_square = CGL_R(-1.0);
+    quality->last_peak_square = CGL_R(0.0);
     quality->ripple = quality->before = quality->trend = CGL_R(0.0);
     quality->windows = 0U;
     quality->began = false;
@@ -47,15 +49,19 @@ static cgl_real larger(cgl_real a, cgl_real b)
     return a > b ? a : b;
 }
 
-/* The bound of the next window, from all samples of this one or from those that are no outliers: their number, and sum and
- * sum of the squares of what they differ from the centre. */
-CGL_SELDOM static void set_usual(const cgl_quality_config *config, cgl_quality *quality, uint32_t samples, cgl_real sum,
-                                 cgl_real squares)
+/* The bounds of the next window. An outlier counts as one that just was none, so that a shock raises the usual little. */
+CGL_SELDOM static void set_bounds(const cgl_quality_config *config, cgl_quality *quality, uint32_t samples)
 {
-    const cgl_real count = (cgl_real)samples, centre = quality->centre;
-    const cgl_real square = squares / count + centre * (CGL_R(2.0) * (sum / count) + centre);
+    const cgl_real count = (cgl_real)samples, share = (cgl_real)quality->outliers / count, centre = quality->centre;
+    const cgl_real square = quality->squares / count
+                            + centre * (CGL_R(2.0) * (quality->sum / count) + (CGL_R(1.0) - share) * centre)
+                            + share * quality->usual_square;
     const cgl_real usual = larger(config->outlier * config->outlier * square, config->floor * config->floor);
+    const cgl_real peak = quality->unusual ? quality->peak_square : CGL_R(0.0);
+    const cgl_real lasting = TWICE_SQUARE * (peak < quality->last_peak_square ? peak : quality->last_peak_square);
     quality->usual_square = usual < SQUARE_MAX ? usual : SQUARE_MAX;
+    quality->refused_square = larger(quality->usual_square, lasting);
+    quality->last_peak_square = peak;
 }
 
 CGL_SELDOM static void end_window(const cgl_quality_config *config, cgl_quality *quality)
@@ -77,16 +83,24 @@ CGL_SELDOM static void end_window(const cgl_quality_config *config, cgl_quality 
         quality->ripple = ripple;
         quality->windows += quality->windows < UINT32_MAX ? 1U : 0U;
         if (config->outlier > CGL_R(0.0)) {
-            if (quality->unusual >= LASTING) {
-                set_usual(config, quality, samples, sum, squares);
-            } else if (samples > quality->outliers) {
-                set_usual(config, quality, samples - quality->outliers, quality->sum, quality->squares);
-            }
-            quality->unusual = quality->outliers == 0U ? 0U : quality->unusual + (quality->unusual < LASTING ? 1U : 0U);
+            set_bounds(config, quality, samples);
         }
         quality->centre += mean;
     }
     begin_window(quality);
+}
+
+CGL_SELDOM static void count_outlier(cgl_quality *quality, cgl_real error, cgl_real deviation)
+{
+    quality->outlier_sum += deviation;
+    quality->outlier_squares += deviation * deviation;
+    ++quality->outliers;
+    quality->peak_square = larger(quality->peak_square, error * error);
+    const bool goes_on = quality->run_left == quality->left + 1U && (error > CGL_R(0.0)) == quality->run_above;
+    quality->run = goes_on ? quality->run + 1U : 1U;
+    quality->run_left = quality->left;
+    quality->run_above = error > CGL_R(0.0);
+    quality->unusual = quality->unusual || quality->run >= IN_A_ROW;
 }
 
 /* A sample that is an outlier, or not finite, or the first, or the last of its window. */
@@ -97,16 +111,14 @@ CGL_SELDOM static bool step_unusual(const cgl_quality_config *config, cgl_qualit
     const bool counts = square <= SQUARE_MAX;
     if (counts && quality->usual_square < CGL_R(0.0)) {
         quality->centre = error;
-        quality->usual_square = SQUARE_MAX;
+        quality->usual_square = quality->refused_square = SQUARE_MAX;
     }
-    const bool outlier = !(square <= quality->usual_square), taught = counts && !(outlier && quality->unusual < LASTING);
+    const bool outlier = !(square <= quality->usual_square), taught = counts && square <= quality->refused_square;
     const cgl_real deviation = counts ? error - quality->centre : CGL_R(0.0);
     if (!counts) {
         ++quality->missing;
     } else if (outlier) {
-        quality->outlier_sum += deviation;
-        quality->outlier_squares += deviation * deviation;
-        ++quality->outliers;
+        count_outlier(quality, error, deviation);
     } else {
         quality->sum += deviation;
         quality->squares += deviation * deviation;

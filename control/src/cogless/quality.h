@@ -1,8 +1,9 @@
 /* How good learning is, read at run time: the residual ripple over a turn of the rotor, how far it has come down, whether
  * it still comes down; and which errors are so far from the usual that nothing should be learned from them.
  *
- * A window ends when the rotor has turned by `span`, either way, or after `longest`. Outliers teach nothing for two windows
- * in a row, the rest of one and the whole of the next. What still is there then is learned, until a window is without. */
+ * A window ends when the rotor has turned by `span`, either way, or after `longest`. An outlier teaches nothing. But what
+ * lasts does: where two windows in a row have outliers that are no noise, four in a row to one side, errors of up to twice
+ * the smaller peak of the two are learned in the next. */
 #ifndef COGLESS_QUALITY_H
 #define COGLESS_QUALITY_H
 
@@ -18,8 +19,8 @@ extern "C" {
 typedef struct {
     cgl_real span;    /* of a window, mechanical [rad], > 0; default 2 pi */
     cgl_real longest; /* a window ends after this time in any case [s], ts to 1e9 ts; default 60 */
-    cgl_real outlier; /* an error beyond so many times the usual, root mean square of the last window's others, is an
-                         outlier [-], >= 1; 0: none; default 0 */
+    cgl_real outlier; /* an error beyond so many times the usual, root mean square over the last window, is an outlier [-],
+                         >= 1; 0: none; default 0 */
     cgl_real floor;   /* but for errors below this [unit of the error], >= 0; default 0 */
     cgl_real ts;      /* period of the calls [s], > 0 */
 } cgl_quality_config;
@@ -29,7 +30,13 @@ typedef struct {
     cgl_real sum, squares;        /* of what the errors in this window differ from it, but for outliers */
     cgl_real outlier_sum, outlier_squares; /* and of those */
     uint32_t outliers;            /* in this window */
-    uint32_t unusual;             /* windows with outliers in a row, no more than two */
+    uint32_t run;                 /* outliers in a row, to one side */
+    uint32_t run_left;            /* `left` at the last of them */
+    bool run_above;               /* which side */
+    bool unusual;                 /* enough in a row, in this window */
+    cgl_real peak_square;         /* of the outliers in this window [unit^2] */
+    cgl_real last_peak_square;    /* and in the last one; 0: not unusual [unit^2] */
+    cgl_real refused_square;      /* from an error whose square is larger nothing is learned, >= usual_square [unit^2] */
     cgl_real turned;              /* sum of the speeds in this window [rad/s] */
     cgl_real turned_square;       /* that ends a window [rad^2/s^2] */
     cgl_real usual_square;        /* an error whose square is larger is an outlier [unit^2]; < 0 before the first */
