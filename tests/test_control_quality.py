@@ -159,8 +159,8 @@ def test_a_shock_shorter_than_a_turn_teaches_nothing(precision, start):
     answers = []
     for n, (error, omega) in enumerate(ripple(library, 0.1, turns=9)):
         answers.append(c.step(error + (5.0 if start <= n < start + 90 else 0.0), omega))
-    assert all(answers[start : start + 90])
-    assert sum(answers) == 90
+    assert all(answers[start : start + 95])  # and a sixteenth of a window
+    assert sum(answers) in (95, 96)
     assert c.step(0.5, 63.0)
 
 
@@ -194,7 +194,7 @@ def test_a_shock_is_none_of_what_lasts(precision):
         assert refused >= (shock > 0)
         bumps += [refused] if bump > 0 else []
     assert bumps[:10] == [True] * 10  # two windows
-    assert sum(bumps[10:]) <= 10
+    assert sum(bumps[10:]) <= 20
 
 
 @PRECISIONS

@@ -24,6 +24,8 @@ class Quality:
     signs: str = ""  # of the outliers, one for each sample
     refused: float = math.inf
     last_peak: float = 0.0
+    wait: int = 0
+    waiting: int = 0  # samples
     count: int = 0
     turned: float = 0.0
     learned: bool = False
@@ -34,14 +36,17 @@ class Quality:
 
     def step(self, error: float, omega: float, learning: bool) -> bool:
         counts, outlier = abs(error) <= ERROR_MAX, abs(error) > self.usual
-        taught = counts and abs(error) <= self.refused
+        refused = not abs(error) <= self.refused
         self.count += 1
         self.turned += omega * self.ts if math.isfinite(omega) else 0.0
         if counts:
             self.errors.append(error)
             self.outliers.append(outlier)
-            self.learned |= learning and taught
         self.signs += "-+"[error > 0] if outlier and counts else " "
+        in_a_row = self.signs.endswith(("+" * IN_A_ROW, "-" * IN_A_ROW))
+        self.waiting = self.wait if counts and refused and in_a_row else max(self.waiting - 1, 0)
+        taught = counts and not refused and not self.waiting
+        self.learned |= learning and taught
         if abs(self.turned) >= self.span or self.count >= round(self.longest / self.ts):
             self._end()
         return not taught
@@ -70,6 +75,7 @@ class Quality:
         peak = float(np.max(np.abs(errors[outliers]))) if unusual else 0.0
         self.refused = max(self.usual, 2 * min(peak, self.last_peak))
         self.last_peak = peak
+        self.wait = len(errors) // 16
 
     @property
     def residual(self) -> float:

@@ -3,6 +3,7 @@
 #define SQUARE_MAX CGL_R(1.0e28) /* so that the sum of as many as a window may have is finite in float */
 #define SMALLEST CGL_R(1.0e-30)  /* a square below it is nothing */
 #define IN_A_ROW 4U              /* outliers to one side: no noise, and no step of an encoder */
+#define WAIT 16U                 /* a part of a window: so long nothing is learned after such, as a wave passes through zero */
 #define TWICE_SQUARE CGL_R(4.0)  /* of what lasts is learned, more is something else */
 #define TREND_SMOOTHING CGL_R(0.25)
 #define TREND_STILL CGL_R(0.04) /* of the ripple's square, a window: 2 % of the ripple */
@@ -37,7 +38,8 @@ CGL_SELDOM void cgl_quality_reset(cgl_quality *quality)
 {
     begin_window(quality);
     quality->centre = CGL_R(0.0);
-    quality->usual_square = quality->refused_square = CGL_R(-1.0);
+    quality->quick_square = quality->usual_square = quality->refused_square = CGL_R(-1.0);
+    quality->wait = quality->waiting = 0U;
     quality->last_peak_square = CGL_R(0.0);
     quality->ripple = quality->before = quality->trend = CGL_R(0.0);
     quality->windows = 0U;
@@ -84,6 +86,7 @@ CGL_SELDOM static void end_window(const cgl_quality_config *config, cgl_quality 
         quality->windows += quality->windows < UINT32_MAX ? 1U : 0U;
         if (config->outlier > CGL_R(0.0)) {
             set_bounds(config, quality, samples);
+            quality->wait = samples / WAIT;
         }
         quality->centre += mean;
     }
@@ -113,7 +116,7 @@ CGL_SELDOM static bool step_unusual(const cgl_quality_config *config, cgl_qualit
         quality->centre = error;
         quality->usual_square = quality->refused_square = SQUARE_MAX;
     }
-    const bool outlier = !(square <= quality->usual_square), taught = counts && square <= quality->refused_square;
+    const bool outlier = !(square <= quality->usual_square);
     const cgl_real deviation = counts ? error - quality->centre : CGL_R(0.0);
     if (!counts) {
         ++quality->missing;
@@ -123,6 +126,12 @@ CGL_SELDOM static bool step_unusual(const cgl_quality_config *config, cgl_qualit
         quality->sum += deviation;
         quality->squares += deviation * deviation;
     }
+    if (square > quality->refused_square && quality->run >= IN_A_ROW) {
+        quality->waiting = quality->wait;
+    } else if (quality->waiting > 0U) {
+        --quality->waiting;
+    }
+    const bool taught = square <= quality->refused_square && quality->waiting == 0U;
     quality->learned = quality->learned || (learning && taught);
     const cgl_real turned = quality->turned + (cgl_is_finite(omega_m) ? omega_m : CGL_R(0.0));
     --quality->left;
@@ -131,6 +140,7 @@ CGL_SELDOM static bool step_unusual(const cgl_quality_config *config, cgl_qualit
     } else {
         end_window(config, quality);
     }
+    quality->quick_square = quality->waiting > 0U ? CGL_R(-1.0) : quality->usual_square;
     return !taught;
 }
 
@@ -139,7 +149,7 @@ bool cgl_quality_step(const cgl_quality_config *config, cgl_quality *quality, cg
 {
     const cgl_real square = error * error;
     const cgl_real turned = quality->turned + omega_m;
-    if (!(square <= quality->usual_square && turned * turned < quality->turned_square && quality->left > 1U)) {
+    if (!(square <= quality->quick_square && turned * turned < quality->turned_square && quality->left > 1U)) {
         return step_unusual(config, quality, error, omega_m, learning);
     }
     const cgl_real deviation = error - quality->centre;

@@ -3,7 +3,8 @@
  *
  * A window ends when the rotor has turned by `span`, either way, or after `longest`. An outlier teaches nothing. But what
  * lasts does: where two windows in a row have outliers that are no noise, four in a row to one side, errors of up to twice
- * the smaller peak of the two are learned in the next. */
+ * the smaller peak of the two are learned in the next. After four in a row that were not, learning waits for a sixteenth of
+ * a window, since a wave passes through zero. */
 #ifndef COGLESS_QUALITY_H
 #define COGLESS_QUALITY_H
 
@@ -30,6 +31,8 @@ typedef struct {
     cgl_real sum, squares;        /* of what the errors in this window differ from it, but for outliers */
     cgl_real outlier_sum, outlier_squares; /* and of those */
     uint32_t outliers;            /* in this window */
+    uint32_t wait;                /* a sixteenth of the last window [samples] */
+    uint32_t waiting;             /* samples of it to come */
     uint32_t run;                 /* outliers in a row, to one side */
     uint32_t run_left;            /* `left` at the last of them */
     bool run_above;               /* which side */
@@ -39,6 +42,7 @@ typedef struct {
     cgl_real refused_square;      /* from an error whose square is larger nothing is learned, >= usual_square [unit^2] */
     cgl_real turned;              /* sum of the speeds in this window [rad/s] */
     cgl_real turned_square;       /* that ends a window [rad^2/s^2] */
+    cgl_real quick_square;        /* up to which a sample needs no second look [unit^2] */
     cgl_real usual_square;        /* an error whose square is larger is an outlier [unit^2]; < 0 before the first */
     cgl_real ripple;              /* of the last whole window: variance of the error [unit^2] */
     cgl_real before;              /* ripple of the last whole window before something was learned, or of the first [unit^2] */
