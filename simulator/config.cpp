@@ -190,7 +190,7 @@ Law law(const Section& s, const CallbackLaw& own, int pole_pairs, double ts, dou
         const double b = s.number("b");
         return RobustIlcLaw{{s.real("b"), s.real("c"), s.real("g"), s.real("eta"), s.real("q"), s.real("beta_1"),
                              s.real("beta_2"), s.real("gamma"), s.real("viscous"), s.real("coulomb"),
-                             static_cast<cgl_real>(ts), static_cast<cgl_real>(limit), real_or(s, "surface_max", CGL_R(0.0)),
+                             static_cast<cgl_real>(ts), static_cast<cgl_real>(limit),
                              memory(s, pole_pairs, b * s.number("limit"), ts)}};
     }
     if (name == "anti-cogging") {

@@ -36,7 +36,7 @@ FOC = {"kp_d": 1.0, "ki_d": 1.0, "kp_q": 1.0, "ki_q": 1.0, "ts": 1e-4, "current_
 BAD_FOC = {k: NOT_NEGATIVE for k in FOC if k != "decoupling"} | {"ts": POSITIVE, "current_limit": POSITIVE}
 BAD_FOC["phases"] = [1, 4, 0xFFFFFFFF]
 ROBUST = {"b": 400.0, "c": 5.0, "g": 50.0, "eta": 180.0, "q": 0.1, "beta_1": 0.1, "beta_2": 0.1, "gamma": 3.0,
-          "viscous": 0.0, "coulomb": 0.0, "ts": 1e-3, "limit": 2.0, "surface_max": 3.0}  # fmt: skip
+          "viscous": 0.0, "coulomb": 0.0, "ts": 1e-3, "limit": 2.0}  # fmt: skip
 BAD_ROBUST = {k: NOT_NEGATIVE for k in ROBUST} | {"b": POSITIVE, "ts": POSITIVE, "limit": POSITIVE}
 BAD_ROBUST |= {"viscous": FINITE, "coulomb": FINITE}
 ANTI_COGGING = {"cells": 64, "speed": 0.2, "revolutions": 1, "position_gain": 5.0, "lead": 1e-4}

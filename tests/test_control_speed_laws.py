@@ -31,7 +31,6 @@ class CLaw:
             self.c_step = lib.cgl_pi_ilc_step
         else:
             gains = {f.name: getattr(reference, f.name) for f in dataclasses.fields(reference)[:12]}
-            gains["surface_max"] = reference.surface_max
             self.config = library.new("cgl_robust_ilc_config", memory=memory, **gains)
             self.state, init = library.new("cgl_robust_ilc"), lib.cgl_robust_ilc_init
             self.c_step = lib.cgl_robust_ilc_step
@@ -70,9 +69,7 @@ def random_law(rng, law, kind, real) -> PiIlc | RobustIlc:
         return PiIlc(Pi(kp, ki, float(real(TS)), limit), gain, random_memory(rng, kind, learned, real))
     gains = draw((200, 600), (1, 10), (0, 60), (50, 300), (0, 0.5), (0, 5), (0, 5), (0, 500), (0, 5), (0, 50))
     limit, learned = draw((1, 4), (50, 300))
-    # by angle with a lead, many short pauses are where the oracle's restart is another than the C's: by time
-    (surface_max,) = draw((0, 30)) if kind == "time" else (0.0,)
-    return RobustIlc(*gains, float(real(TS)), limit, random_memory(rng, kind, learned, real), surface_max)
+    return RobustIlc(*gains, float(real(TS)), limit, random_memory(rng, kind, learned, real))
 
 
 def inputs(rng, real, faults):

@@ -16,7 +16,6 @@ bool law_begin(feed *from)
     config.beta_1 = feed_gain(from, CGL_R(1.0));
     config.beta_2 = feed_gain(from, CGL_R(1.0));
     config.gamma = feed_gain(from, CGL_R(5.0));
-    config.surface_max = feed_gain(from, CGL_R(5.0));
     config.viscous = feed_real(from, CGL_R(1.0));
     config.coulomb = feed_real(from, CGL_R(10.0));
     config.ts = feed_gain(from, CGL_R(1.0e-3));

@@ -293,7 +293,6 @@ static void try_robust_ilc(void)
         config.beta_1 = random_gain(CGL_R(1.0));
         config.beta_2 = random_gain(CGL_R(1.0));
         config.gamma = random_gain(CGL_R(5.0));
-        config.surface_max = random_below(2) ? random_gain(CGL_R(5.0)) : CGL_R(0.0);
         config.viscous = random_real(CGL_R(1.0));
         config.coulomb = random_real(CGL_R(10.0));
         config.ts = random_gain(CGL_R(1.0e-3));

@@ -22,7 +22,6 @@ class RobustIlc:
     ts: float
     limit: float
     memory: AngleMemory | TimeMemory
-    surface_max: float = 0.0  # 0: none
     integral_e: float = 0.0  # of e over time
     r: float = 0.0
     omega_ref_before: float | None = None
@@ -42,9 +41,8 @@ class RobustIlc:
         S = e + self.c * integrated  # (11)
 
         f_before = self.memory.recall(theta_m, omega_ref)
-        usual = self.surface_max <= 0 or abs(S) <= self.surface_max
         plausible = finite and is_angle(theta_m)
-        self.learning = learn and plausible and f_before.known and not self.saturated and usual
+        self.learning = learn and plausible and f_before.known and not self.saturated
         before = f_before.filtered if self.learning else f_before.held
         change = -self.q * (self.beta_1 * sgn(S) + self.beta_2 * S)  # (15)
         f = self.memory.update(before, change, self.learning)

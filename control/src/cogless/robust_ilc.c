@@ -7,7 +7,7 @@ CGL_SELDOM cgl_error cgl_robust_ilc_init(const cgl_robust_ilc_config *config, cg
           && cgl_is_not_negative(config->q) && cgl_is_not_negative(config->beta_1) && cgl_is_not_negative(config->beta_2)
           && cgl_is_not_negative(config->gamma) && cgl_is_finite(config->viscous) && cgl_is_finite(config->coulomb)
           && cgl_is_positive(config->ts) && cgl_is_positive(config->limit) && cgl_is_positive(config->b * config->limit)
-          && cgl_is_positive(CGL_R(1.0) / config->b) && cgl_is_not_negative(config->surface_max))) {
+          && cgl_is_positive(CGL_R(1.0) / config->b))) {
         return CGL_ERROR_CONFIG;
     }
     const cgl_error error = cgl_memory_init(&config->memory, &law->memory, cell, length);
@@ -48,8 +48,7 @@ void cgl_robust_ilc_step(const cgl_robust_ilc_config *config, cgl_robust_ilc *la
     const cgl_real surface = finite ? error + config->c * error_integral : config->c * law->error_integral;
     const cgl_real sign = cgl_sign(surface);
 
-    const bool usual = cgl_abs(surface) <= config->surface_max || config->surface_max <= CGL_R(0.0);
-    bool learn = in->learn && !in->off && finite && !law->saturated && usual;
+    bool learn = in->learn && !in->off && finite && !law->saturated;
     const cgl_real correction = -config->q * (config->beta_1 * sign + config->beta_2 * surface); /* (15) */
     const cgl_real f =
         cgl_memory_step(&config->memory, &law->memory, in->theta_m, in->omega_ref, correction, &learn);

@@ -30,8 +30,6 @@ typedef struct {
     cgl_real coulomb;         /* [rad/s^2], default 0 */
     cgl_real ts;              /* sampling period [s], > 0 */
     cgl_real limit;           /* the output stays within +-limit [A], > 0; b limit finite */
-    cgl_real surface_max;     /* learning (15) pauses while |S| is beyond, as after a change of the load [rad/s], >= 0;
-                                 0: never; default 0 */
     cgl_memory_config memory; /* of f: entries and limit in [rad/s^2] */
 } cgl_robust_ilc_config;
 

@@ -16,7 +16,6 @@ from cogless.study.table import (
     PhaseMargin,
     RateGain,
     RateGainPerTime,
-    SpeedBound,
     SpeedGain,
     SpeedIntegralGain,
     StartTime,
@@ -113,7 +112,6 @@ class RobustIlc(Learning):
     beta_1: AccelerationGain  # rad/s^2
     beta_2: RateGain  # 1/s
     gamma: RateGainPerTime  # 1/s^2
-    surface_max: SpeedBound = 0.0  # rad/s: learning pauses while |S| is beyond; 0: never
     viscous: RateGain = 0.0  # 1/s: B(x) = viscous omega + coulomb sgn(omega)
     coulomb: AccelerationGain = 0.0  # rad/s^2
 

@@ -161,7 +161,6 @@ SpeedIntegralGain = Annotated[float, Quantity(units.SPEED_INTEGRAL_GAIN, ">=", b
 CurrentToAcceleration = Annotated[float, Quantity(units.CURRENT_TO_ACCELERATION, ">", bare=True)]
 RateGain = Annotated[float, Quantity(units.RATE, ">=", bare=True)]
 RateGainPerTime = Annotated[float, Quantity(units.RATE_PER_TIME, ">=", bare=True)]
-SpeedBound = Annotated[float, Quantity(units.ANGULAR_SPEED, ">=", bare=True)]
 AccelerationGain = Annotated[float, Quantity(units.ANGULAR_ACCELERATION, ">=", bare=True)]
 LawSpeed = Annotated[float, Quantity(units.LAW_SPEED, ">")]
 CurrentBound = Annotated[float, Quantity(units.CURRENT, ">", bare=True)]
