@@ -262,7 +262,8 @@ std::vector<PhaseConfig> trial_phases(const Section& s, const Trials& trials, st
 
 std::vector<Fault> faults(const Section& top, std::int64_t current_rate) {
     std::vector<Fault> all;
-    const auto tick = [&](double time) { return std::llround(time * static_cast<double>(current_rate)); };
+    // What lasts beyond any run still has a tick.
+    const auto tick = [&](double time) { return std::llround(std::min(time * static_cast<double>(current_rate), 0x1p62)); };
     for (const Section& s : top.sections("faults")) {
         Fault f{s.choice<FaultKind>("kind", {{"angle-missing", FaultKind::angle_missing},
                                              {"angle-jump", FaultKind::angle_jump},

@@ -86,6 +86,22 @@ def test_a_fault_acts_from_its_time_for_its_duration(tmp_path):
     assert missing.sum() == pytest.approx(0.01 * study.trace_rate, abs=1)
 
 
+@pytest.mark.parametrize("duration", ["1e300 s", "1e15 s", "0.38 s"])
+def test_a_fault_may_last_beyond_the_end(tmp_path, duration):
+    fault = {"kind": "angle-missing", "time": "0.02 s", "duration": duration}
+    study = studies.study(tmp_path, {"scenario.low.faults": [fault]})
+    trace = simulate(study, "low", "pi").trace
+    assert np.array_equal(np.isnan(trace["omega_measured"]), trace["time"] >= 0.02 - 1e-9)
+
+
+@pytest.mark.parametrize("time", ["0.02 s", "0.02003 s", "0.02005 s"])
+def test_one_period_is_enough_to_be_seen(tmp_path, time):
+    fault = {"kind": "angle-missing", "time": time, "duration": f"{1 / 15000} s"}
+    study = studies.study(tmp_path, {"scenario.low.faults": [fault]})
+    status = simulate(study, "low", "pi").trace["status"].astype(int)
+    assert np.count_nonzero(status & LOST)
+
+
 def test_a_lower_bus_is_what_the_inverter_has(tmp_path):
     """Less voltage than the speed needs: the loop says that it is saturated."""
     fault = {"kind": "bus-voltage", "voltage": "1 mV", "time": "0.02 s", "duration": "1 s"}
@@ -101,8 +117,14 @@ def test_a_lower_bus_is_what_the_inverter_has(tmp_path):
         ({"kind": "angle-gone", "time": "1 ms", "duration": "1 ms"}, 'kind: "angle-gone": expected one of'),
         ({"kind": "angle-jump", "time": "1 ms", "duration": "1 ms"}, "angle: missing: expected an angle"),
         ({"kind": "angle-stuck", "time": "9 s", "duration": "1 ms"}, 'time: "9 s": expected a time within'),
+        ({"kind": "angle-stuck", "time": "0.4 s", "duration": "1 ms"},
+            'time: "0.4 s": expected a time within'),
+        ({"kind": "angle-stuck", "time": "0.39999 s", "duration": "1 ms"},
+            'time: "0.39999 s": expected a time before the scenario\'s 0.4 s by 6.66667e-05 s, one period'),
         ({"kind": "angle-stuck", "time": "1 ms", "duration": "0 s"},
             'duration: "0 s": expected a time above zero'),
+        ({"kind": "angle-stuck", "time": "1 ms", "duration": "20 us"},
+            'duration: "20 us": expected 6.66667e-05 s, one period of the measurements, or more'),
         ({"kind": "current-zero", "phase": "d", "time": "1 ms", "duration": "1 ms"},
             'phase: "d": expected'),
         ({"kind": "bus-voltage", "voltage": "1 A", "time": "1 ms", "duration": "1 ms"},

@@ -1,18 +1,18 @@
-"""Faults must be of something that the drive has."""
+"""Faults must be of something that the drive has, and last long enough to be measured."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cogless.study.fault import BusFault, CurrentFault
-from cogless.study.table import problem
+from cogless.study.fault import BusFault, CurrentFault, FaultBase
+from cogless.study.table import Key, problem
 
 if TYPE_CHECKING:
     from cogless.study.study import Study
 
 
 def faults(study: Study) -> None:
-    """No fault of currents or bus with an ideal current loop, none of a phase that isn't measured."""
+    """None of currents or bus with an ideal current loop, of a phase that isn't measured, or too short."""
     drive = study.drive
     for name, scenario in study.scenario.items():
         for index, fault in enumerate(scenario.faults):
@@ -23,6 +23,18 @@ def faults(study: Study) -> None:
             if isinstance(fault, CurrentFault) and fault.phase not in _measured(study):
                 expected = f"expected one of the measured phases {', '.join(_measured(study))}"
                 raise problem(expected, *where, "phase")
+            _measured_once(study, scenario.duration, fault, where)
+
+
+def _measured_once(study: Study, end: float, fault: FaultBase, where: Key) -> None:
+    """Measurements come once a period of the current loop: one at least must show the fault."""
+    rate = study.drive.rates.current_loop
+    period = f"{1 / rate:g} s, one period of the measurements"
+    if fault.duration * rate < 1 - 1e-9:
+        raise problem(f"expected {period}, or more", *where, "duration")
+    if round(fault.time * rate) >= round(end * rate):
+        expected = f"expected a time before the scenario's {end:g} s by {period}, or more"
+        raise problem(expected, *where, "time")
 
 
 def _measured(study: Study) -> str:
