@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cogless.faults import Response
 from cogless.files import replacing
 from cogless.metrics import Value, result_name
 from cogless.trace import Trace
@@ -36,7 +37,8 @@ class Run:
     `memory` is what was learnt by the end, or empty: {"angle": rad, "current": A, "frame": "electrical" or
     "mechanical"}, or of trials {"learned": a number each sample}. `metrics` are SI, by their name in
     results.json. `quality` is what the controller says of its own learning at the end, not of trials:
-    {"known", "residual": rad/s} and, of a law that learns, {"progress", "improving", "worsening"}.
+    {"known", "residual": rad/s} and, of a law that learns, {"progress", "improving", "worsening"}. `faults`
+    is what it did about each fault of its scenario.
     """
 
     scenario: str
@@ -46,6 +48,7 @@ class Run:
     metrics: Mapping[str, Value] = field(default_factory=dict)
     design: TrialDesign | None = None  # of a study of trials: gains and certificate
     quality: Mapping[str, Any] = field(default_factory=dict)  # of learning, as the controller sees it
+    faults: Sequence[Response] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "metrics", Metrics(self.metrics))
@@ -111,6 +114,7 @@ def to_dict(results: AnyResults) -> dict[str, Any]:
                 "metrics": {name: _plain(value) for name, value in run.metrics.items()},
                 "memory": _memory(run.memory),
                 **({"quality": _quality(run.quality)} if run.quality else {}),
+                **({"faults": [_fault(response) for response in run.faults]} if run.faults else {}),
                 **({"design": _design(run.design)} if run.design is not None else {}),
             }
             for run in results.runs
@@ -182,6 +186,28 @@ def _quality(quality: Mapping[str, Any]) -> dict[str, Any]:
     names = {"residual_rad_per_s": "residual"}
     names |= {name: name for name in ("progress", "improving", "worsening") if name in quality}
     return {key: quality[name] if quality["known"] else None for key, name in names.items()}
+
+
+def _fault(response: Response) -> dict[str, Any]:
+    """A fault and what the run did about it; null: never, or nothing that could be taken."""
+    fault = response.fault
+    return {
+        "what": list(fault.words),
+        "time_s": fault.time,
+        "duration_s": fault.end - fault.time,
+        "noticed": list(response.noticed),
+        "noticed_after_s": _plain(response.noticed_after),
+        "safe_s": response.safe,
+        "not_learning_s": _plain(response.not_learning),
+        "saturated_s": response.saturated,
+        "before_s": _plain(list(response.before) if response.before else None),
+        "after_s": _plain(list(response.after) if response.after else None),
+        "ripple_before_rad_s": _plain(response.ripple_before),
+        "ripple_after_rad_s": _plain(response.ripple_after),
+        "largest_speed_error_rad_s": _plain(response.largest_error),
+        "largest_current_A": _plain(response.largest_current),
+        "current_limit_A": response.current_limit,
+    }
 
 
 def as_json(value: Any) -> Any:

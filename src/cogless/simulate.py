@@ -19,15 +19,16 @@ import numpy as np
 from cogless.advance import ENGINES, Progress, Stopped, advance, failures, trace_of
 from cogless.engine import Mode, engine_config
 from cogless.errors import StudyError
+from cogless.faults import faults_in, responses
 from cogless.laws import make_law
 from cogless.metrics import Conditions, Value, evaluate, result_name
 from cogless.results import AnyResults, Results, Run, TrialResults
+from cogless.status import Status
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.controller import AntiCogging, Learning, LibraryLaw, PythonLaw
 from cogless.study.space_controller import SpaceLearning
 from cogless.trace import Trace
 
-BUSY = 8  # CGL_STATUS_BUSY: a commissioning run is under way
 SETTLING = 1 / 8  # revolutions that a commissioning run takes before it records, each way
 
 Runner = Callable[[str, str, Progress, Event], Run]
@@ -202,9 +203,12 @@ def _run(study: Study, scenario: str, controller: str, progress: Progress, stop:
         raise StudyError(f"{where}: {error}") from error
     quality = dict(drive.quality(state))
     law = here.controller[controller]
-    if not (isinstance(law, Learning) or (isinstance(law, SpaceLearning) and law.learning)):
+    learns = isinstance(law, Learning) or (isinstance(law, SpaceLearning) and law.learning)
+    limit = here.drive.current_loop.current_limit
+    broken = responses(faults_in(study, scenario), trace, limit, learns)
+    if not learns:
         quality = {key: quality[key] for key in ("known", "residual")}
-    return Run(scenario, controller, trace, _memory(drive, state), metrics, quality=quality)
+    return Run(scenario, controller, trace, _memory(drive, state), metrics, quality=quality, faults=broken)
 
 
 def drive_of(study: Study, scenario: str, controller: str, stop: Event) -> tuple[Any, Any, int, Any]:
@@ -266,7 +270,7 @@ def _commission(engine: Any, study: Study, scenario: str, controller: str, stop:
         recorder = engine.Recorder(drive, divider)
         with failures(study, scenario, controller, when):
             advance(drive, state, recorder, piece, lambda share: None, stop)
-        if not int(trace_of(drive, recorder)["status"][-1]) & BUSY:
+        if not int(trace_of(drive, recorder)["status"][-1]) & Status.BUSY:
             return drive.memory(state)["current"]
     line = f"{study.source.path}: controller.{controller}.calibration: scenario {scenario}"
     raise StudyError(f"{line}: not done after {3 * expected:.3g} s: expected kp and ki that hold its speed")

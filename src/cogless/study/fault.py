@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -20,11 +21,20 @@ class FaultBase(Table):
         """When it is over, s."""
         return self.time + self.duration
 
+    @property
+    def words(self) -> str:
+        """What is wrong meanwhile, as one says it."""
+        raise NotImplementedError
+
 
 class AngleFault(FaultBase):
     """The position sensor gives no number, or goes on giving the last angle."""
 
     kind: Literal["angle-missing", "angle-stuck"]
+
+    @property
+    def words(self) -> str:
+        return "position sensor gives no number" if self.kind == "angle-missing" else "position sensor stuck"
 
 
 class AngleJump(FaultBase):
@@ -33,6 +43,10 @@ class AngleJump(FaultBase):
     kind: Literal["angle-jump"]
     angle: Angle  # rad, mechanical
 
+    @property
+    def words(self) -> str:
+        return f"position sensor off by {math.degrees(self.angle):.3g}°"
+
 
 class CurrentFault(FaultBase):
     """The current sensor of a phase gives no number, or zero."""
@@ -40,12 +54,21 @@ class CurrentFault(FaultBase):
     kind: Literal["current-missing", "current-zero"]
     phase: Literal["a", "b", "c"]
 
+    @property
+    def words(self) -> str:
+        reads = "gives no number" if self.kind == "current-missing" else "reads zero"
+        return f"current sensor of phase {self.phase} {reads}"
+
 
 class BusFault(FaultBase):
     """The bus has another voltage, which is measured."""
 
     kind: Literal["bus-voltage"]
     voltage: Voltage  # V
+
+    @property
+    def words(self) -> str:
+        return f"bus at {self.voltage:.3g} V"
 
 
 Fault = Annotated[AngleFault | AngleJump | CurrentFault | BusFault, Field(discriminator="kind")]

@@ -13,11 +13,11 @@ from cogless.metrics import result_name
 from cogless.report.trials.errors import Array, Judged, judged, rms_of_trials, settled
 from cogless.report.trials.phases import Phase, phases
 from cogless.results import Run, TrialResults
+from cogless.status import Status
 from cogless.study import TrialStudy
 
 GROWS = 1.5  # times what the RMS was before in the phase: learning diverges
 FEWEST = 8  # trials in which growth can be told
-SATURATED = 1  # CGL_STATUS_SATURATED
 ROUNDING = 1e-9  # of a phase's first RMS
 QUARTERS = 4
 
@@ -99,7 +99,7 @@ class Case:
         if "status" not in trace.names:
             return 0
         status = trace["status"].reshape(self.study.scenario[self.scenario].trials, -1).astype(int)
-        return int(np.any(status & SATURATED, axis=1).sum())
+        return int(np.any(status & Status.SATURATED, axis=1).sum())
 
     def label(self, controller: str) -> str:
         """Its label; one with a comma in quotation marks, since sentences list them."""

@@ -1,0 +1,31 @@
+"""The bits of a controller's status, as control/src/cogless/status.h has them, and their names."""
+
+from __future__ import annotations
+
+from enum import IntFlag
+
+
+class Status(IntFlag):
+    """What a step says of itself."""
+
+    SATURATED = 1
+    FAULT = 2
+    FROZEN = 4
+    BUSY = 8
+    ANGLE_LOST = 16
+    ANGLE_SHIFTED = 32
+    ANGLE_STUCK = 64
+    CURRENT = 128
+    BUS = 256
+    OUTLIER = 512
+    OFF = 1024
+
+
+SAFE = Status.FAULT | Status.OFF  # a safe output is held
+NOTICED = {  # what the monitor found wrong
+    Status.ANGLE_LOST: "angle missing",
+    Status.ANGLE_SHIFTED: "angle shifted",
+    Status.ANGLE_STUCK: "angle stuck",
+    Status.CURRENT: "current not plausible",
+    Status.BUS: "bus voltage not plausible",
+}
