@@ -559,14 +559,14 @@ def test_the_last_revolutions_have_finer_points(tmp_path, monkeypatch):
     made = synthetic.results(synthetic.study(tmp_path))
     low = data_of(render(made))["scenarios"][0]
     waveforms, zoom = low["waveforms"], next(z for z in low["zooms"] if z["name"] == "last two revolutions")
-    detail = waveforms["detail"]
+    (detail,) = waveforms["details"]
     assert detail["start"] == pytest.approx(zoom["from"], abs=2e-3)
     assert detail["step"] < 0.5 * waveforms["step"]
     for panel in waveforms["panels"]:
         for series in panel["series"]:
-            values = unpack(series["detail"])
+            values = unpack(series["details"][0])
             assert detail["start"] + detail["step"] * (len(values) - 1) == pytest.approx(10, abs=2e-3)
-    speed = unpack(waveforms["panels"][0]["series"][-1]["detail"])
+    speed = unpack(waveforms["panels"][0]["series"][-1]["details"][0])
     time = detail["start"] + detail["step"] * np.arange(len(speed))
     run = next(run for run in made.runs if run.controller == "pi-ilc")
     expected = np.interp(time, run.trace.time, run.trace["omega_m"]) * 60 / (2 * np.pi)

@@ -115,7 +115,7 @@ def test_at_varying_speed_the_rms_of_the_error_counts(made):
 def test_every_plot_over_time_has_its_axis_named():
     """They are cards of their own, not a stack."""
     assert re.search(
-        r"decoded\.forEach\(\(p\) => panel\(parent, \{\s*title: p\.title, x: chart\.x,", asset("report.js")
+        r"decoded\.forEach\(\(p, i\) => panel\(parent, \{\s*title: p\.title, x: chart\.x,", asset("report.js")
     )
 
 

@@ -415,6 +415,9 @@ def _print_tables(results: AnyResults) -> None:
         for name, how in misses(lines).items():
             missed = f"! {study.label(name)} did not hold the speed in {how}"
             console.print(missed, highlight=False, markup=False)
+        broken = report.broken(results, scenario)
+        if broken is not None:
+            console.print(broken, highlight=False, markup=False)
         console.print()
     console.print(
         f"* best; (x) times the value of {study.label(study.baseline)}", highlight=False, markup=False

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from cogless.report import page, trials
-from cogless.report.comparison import Line, compare
+from cogless.report import faults, page, trials
+from cogless.report.comparison import Line, compare, speed_unit
 from cogless.report.verdict import Verdict, verdicts
 from cogless.results import AnyResults, Results, TrialResults
 
-__all__ = ["Line", "Verdict", "compare", "lines", "render", "verdicts", "write", "write_plots"]
+__all__ = ["Line", "Verdict", "broken", "compare", "lines", "render", "verdicts", "write", "write_plots"]
 
 
 def lines(results: AnyResults, scenario: str) -> list[Line]:
@@ -16,6 +16,14 @@ def lines(results: AnyResults, scenario: str) -> list[Line]:
         return trials.phase_lines(results, scenario)
     assert isinstance(results, Results)
     return compare(results, scenario)
+
+
+def broken(results: AnyResults, scenario: str) -> str | None:
+    """What broke in a scenario and what came of it, in a sentence or two; None where nothing did."""
+    if not isinstance(results, Results):
+        return None
+    found = faults.account(results, scenario, speed_unit(results))
+    return found.headline if found is not None else None
 
 
 def render(results: AnyResults) -> str:

@@ -9,10 +9,11 @@ import numpy as np
 
 from cogless.report.criterion import criterion
 from cogless.report.maps import maps
-from cogless.report.overtime import events, waveforms, zooms
+from cogless.report.overtime import events, marks, waveforms, zooms
 from cogless.report.palette import colours, place
 from cogless.report.periods import over_angle
 from cogless.report.spectra import spectra
+from cogless.report.strip import strip
 from cogless.results import Results, Run
 
 HUGE = 1e30  # far beyond any drive
@@ -46,11 +47,23 @@ def _scenario(results: Results, scenario: str, speed_unit: str) -> dict[str, Any
     runs = [run for run in results.runs if run.scenario == scenario and len(run.trace) > 1]
     if not runs:
         empty: dict[str, Any] = {"controllers": [], "waveforms": {"panels": []}}
-        return {**empty, "zooms": [], "spectra": [], "maps": [], "angle": [], "criterion": None, "events": []}
+        return {
+            **empty,
+            "zooms": [],
+            "marks": [],
+            "strip": [],
+            "spectra": [],
+            "maps": [],
+            "angle": [],
+            "criterion": None,
+            "events": [],
+        }
     return {
         "controllers": [place(results, run) for run in runs],
         "waveforms": waveforms(results, runs, speed_unit),
         "zooms": zooms(results, runs),
+        "marks": marks(results, runs),
+        "strip": strip(results, runs),
         "spectra": spectra(results, runs, speed_unit),
         "maps": maps(results, runs),
         "angle": over_angle(results, runs),

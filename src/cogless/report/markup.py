@@ -10,6 +10,7 @@ from importlib.resources import files
 from string import Template
 from typing import Any
 
+from cogless.report.faults import Told
 from cogless.report.palette import colours
 from cogless.report.settings import assumptions, settings
 from cogless.report.verdict import Verdict
@@ -38,7 +39,7 @@ def page(
         interrupted='<p class="warning">Interrupted: not all runs are here.</p>'
         if results.interrupted
         else "",
-        verdict=_verdict(found, results.scenarios),
+        verdict=_verdict(found, results),
         tabs="".join(
             f'<button type="button" data-select="{i}">{escape(name)}</button>'
             for i, name in enumerate(results.scenarios)
@@ -78,19 +79,32 @@ def controller_heading(label: str, baseline: bool) -> str:
     return f"<th>{escape(label)}{mark}</th>"
 
 
-def _verdict(found: Sequence[Verdict], scenarios: list[str]) -> str:
+def _verdict(found: Sequence[Verdict], results: AnyResults) -> str:
     if not found:
         return note("Nothing to judge by: no run has a metric that is better when lower.")
     items = []
     for verdict in found:
         details = escape(" ".join(verdict.details))
+        told = "".join(_told(told, results) for told in verdict.told)
         items.append(
             f'<li class="{verdict.tone}">'
-            f'<button type="button" class="name" data-select="{scenarios.index(verdict.scenario)}">'
+            f'<button type="button" class="name" data-select="{results.scenarios.index(verdict.scenario)}">'
             f"{escape(verdict.scenario)}</button>"
-            f'<p class="headline">{escape(verdict.headline)}</p><p class="details">{details}</p></li>'
+            f'<p class="headline">{escape(verdict.headline)}</p>{told}<p class="details">{details}</p></li>'
         )
     return f'<ul class="verdicts">{"".join(items)}</ul>'
+
+
+def _told(told: Told, results: AnyResults) -> str:
+    """A fault, and a line for each controller."""
+    colour = colours(results)
+    heading = f'<p class="fault">{escape(told.heading)}</p>' if told.heading else ""
+    rows = "".join(
+        f'<dt class="key" style="--colour:var(--c{colour[c]})">{escape(results.study.label(c))}</dt>'
+        f"<dd>{escape(text)}</dd>"
+        for c, text in told.sentences
+    )
+    return heading + (f'<dl class="told">{rows}</dl>' if rows else "")
 
 
 def _footer(results: AnyResults) -> str:

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cogless.faults import faults_in
 from cogless.report.comparison import pretty
+from cogless.report.faults import spans
 from cogless.report.needed import needed_current
 from cogless.report.packing import Array, pack, thin
 from cogless.report.palette import place
@@ -24,6 +26,8 @@ POINTS = 560_000  # of all waveforms of a page, at 2.7 bytes each
 MOST, FEWEST = 20_000, 1_500  # of one waveform
 POINTS_FINE, MOST_FINE = 200_000, 4_000  # the same, of the last revolutions
 READABLE, MANY = 2, 8  # revolutions that can be read at once; too many
+BUTTONS = 6  # for faults
+FAULTS_FINE = 2  # faults of a scenario with finer points
 EVENT_POINTS = 1_200
 EVENT_SPAN = (-0.1, 1.5)  # s about an event
 NEAR = 0.05  # of the reference: the drive is up to speed
@@ -42,9 +46,8 @@ class Panel:
 
 @dataclass(frozen=True)
 class View:
-    """A part of the runs, s (None: all), in at most so many points; `key` names it in the page's data."""
+    """A part of the runs, s (None: all), in at most so many points."""
 
-    key: str
     span: tuple[float, float] | None
     points: int
 
@@ -59,7 +62,7 @@ class View:
 
 
 def waveforms(results: Results, runs: Sequence[Run], speed_unit: str) -> dict[str, Any]:
-    """Panels over the whole run, with finer points over its last revolutions, where one zooms in first."""
+    """Panels over the whole run, finer where one zooms in: at faults, over the last revolutions."""
     panels = [
         Panel("Speed, reference dashed", "omega_m", "speed", speed_unit),
         *(Panel(e.title, e.signal, e.title.split(",")[0].lower(), e.unit, e) for e in errors(results, runs)),
@@ -69,9 +72,8 @@ def waveforms(results: Results, runs: Sequence[Run], speed_unit: str) -> dict[st
         *_panels_in_angle(results, runs),
     ]
     share = len(panels) * len(results.runs)
-    views = [View("values", None, max(FEWEST, min(MOST, POINTS // share)))]
-    detail = _detail(runs[0].trace, views[0].points, max(FEWEST, min(MOST_FINE, POINTS_FINE // share)))
-    return _times(results, runs, panels, views + detail)
+    whole = View(None, max(FEWEST, min(MOST, POINTS // share)))
+    return _times(results, runs, panels, [whole, *_details(results, runs[0], whole.points, share)])
 
 
 def _learnt_panel(results: Results, runs: Sequence[Run]) -> Panel:
@@ -94,18 +96,26 @@ def _in_angle(results: Results, run: Run) -> bool:
     return in_angle(results.study, run.controller) is not None
 
 
-def _detail(trace: Trace, coarse: int, fine: int) -> list[View]:
-    """The last revolutions in `fine` points, unless the `coarse` points of the whole run nearly do."""
-    since, end = _since(trace, READABLE), float(trace.time[-1])
-    if since is None or fine < 2 * coarse * (end - since) / (end - float(trace.time[0])):
-        return []
-    return [View("detail", (since, end), fine)]
+def _details(results: Results, run: Run, coarse: int, share: int) -> list[View]:
+    """The first faults and the last revolutions, where the `coarse` points of the whole run are too few."""
+    time = run.trace.time
+    start, end = float(time[0]), float(time[-1])
+    found = [(since, until) for _, since, until in spans(results, run.scenario, start, end)[:FAULTS_FINE]]
+    last = _since(run.trace, READABLE)
+    found += [(last, end)] if last is not None else []
+    fine = max(FEWEST, min(MOST_FINE, POINTS_FINE // share // max(1, len(found))))
+    views: list[View] = []
+    for since, until in found:
+        since = max(since, views[-1].span[1]) if views and views[-1].span else since
+        if until > since and fine >= 2 * coarse * (until - since) / (end - start):
+            views.append(View((since, until), fine))
+    return views
 
 
 def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """Buttons above the waveforms: the whole run, after the start-up, the last revolutions, each event.
+    """Buttons above the waveforms: whole run, after the start-up, last revolutions, faults, events.
 
-    "first" is the one to begin with, where the whole run holds too much to be read.
+    "first" is the one to begin with: the first fault, or where the whole run holds too much to be read.
     """
     time = runs[0].trace.time
     start, end = float(time[0]), float(time[-1])
@@ -118,12 +128,29 @@ def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         since = _since(runs[0].trace, count)
         if since is not None:
             found.append({"name": name, "from": since, "to": end})
-    if not changes and _since(runs[0].trace, MANY) is not None:
+    broken = spans(results, runs[0].scenario, start, end)
+    if broken:
+        name = f"fault at {broken[0][0].time:g} s"
+        found.append({"name": name, "from": broken[0][1], "to": broken[0][2], "first": True})
+    elif not changes and _since(runs[0].trace, MANY) is not None:
         found[-2]["first"] = True
+    found += [
+        {"name": f"fault at {fault.time:g} s", "from": since, "to": until}
+        for fault, since, until in broken[1:BUTTONS]
+    ]
     found += _beginnings(results, runs, end)
+    changes = [t for t in changes if not any(fault.time <= t <= fault.end for fault, _, _ in broken)]
     return found + [
         {"name": f"event at {change:g} s", "from": max(start, change - 0.1), "to": min(end, change + 1.0)}
         for change in changes
+    ]
+
+
+def marks(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """What breaks, from when to when, and in words."""
+    return [
+        {"from": fault.time, "to": fault.end, "label": " and ".join(fault.words)}
+        for fault in faults_in(results.study, runs[0].scenario)
     ]
 
 
@@ -168,7 +195,7 @@ def events(results: Results, runs: Sequence[Run], speed_unit: str) -> list[dict[
         before, after = EVENT_SPAN
         span = (max(0.0, event.time + before), min(event.time + after, end))
         if span[1] - event.time > 10 * runs[0].trace.period:
-            chart = _times(results, runs, panels, [View("values", span, EVENT_POINTS)])
+            chart = _times(results, runs, panels, [View(span, EVENT_POINTS)])
             start = chart["start"] - event.time
             charts.append({**chart, "start": start, "x": "time since the event (s)"})
     return charts
@@ -190,8 +217,8 @@ def _times(
         if series:
             about = {"title": panel.title, "quantity": panel.quantity, "unit": pretty(panel.unit)}
             drawn.append({**about, "series": series})
-    first, *others = [(view.key, view.grid(runs[0].trace)) for view in views]
-    return {"panels": drawn, "x": "time (s)", **first[1], **dict(others)}
+    whole, *details = [view.grid(runs[0].trace) for view in views]
+    return {"panels": drawn, "x": "time (s)", **whole, "details": details}
 
 
 def _series(
@@ -222,7 +249,8 @@ def _series(
 
 
 def _packed(x: Array, trace: Trace, views: Sequence[View]) -> dict[str, Any]:
-    return {view.key: pack(thin(x[view.rows(trace)], view.points)[0]) for view in views}
+    whole, *details = [pack(thin(x[view.rows(trace)], view.points)[0]) for view in views]
+    return {"values": whole, "details": details}
 
 
 def _spread(x: Array) -> float:

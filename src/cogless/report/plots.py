@@ -10,7 +10,7 @@ import numpy as np
 
 from cogless.report import charts
 from cogless.report.comparison import speed_unit
-from cogless.report.packing import unpack
+from cogless.report.packing import Array, unpack
 from cogless.report.still import STYLE, Axes, look, save
 from cogless.results import Results
 
@@ -34,16 +34,17 @@ def write_plots(results: Results, directory: Path) -> list[Path]:
 
 
 def _waveforms(path: Path, title: str, data: dict[str, Any], controllers: Sequence[dict[str, Any]]) -> bool:
-    """Each panel twice: the run (after its start-up), and its last revolution."""
+    """Each panel twice: the run (after its start-up), and its first fault or else its last revolution."""
     times = data["waveforms"]
     zooms = {zoom["name"]: zoom for zoom in data["zooms"]}
     names = [name for name in ("after start-up", "whole run") if name in zooms][:1]
-    names += [name for name in ("last revolution",) if name in zooms]
+    fault = next((name for name in zooms if name.startswith("fault at ")), "last revolution")
+    names += [name for name in (fault,) if name in zooms]
 
     def draw(axes: Axes) -> None:
         for row, panel in zip(axes, times["panels"], strict=True):
             for ax, name in zip(row, names, strict=True):
-                _panel(ax, panel, times, zooms[name], controllers)
+                _panel(ax, panel, times, zooms[name], controllers, data["marks"])
             row[0].set_ylabel(f"{panel['quantity']} ({panel['unit']})")
             row[0].set_title(panel["title"], loc="left", fontsize=9)
         for ax, name in zip(axes[-1], names, strict=True):
@@ -58,18 +59,37 @@ def _panel(
     times: dict[str, Any],
     zoom: dict[str, Any],
     controllers: Sequence[dict[str, Any]],
+    marks: Sequence[dict[str, Any]],
 ) -> None:
     for series in panel["series"]:
-        fine = "detail" in times and zoom["from"] >= times["detail"]["start"] - times["step"]
-        grid = times["detail"] if fine else times
-        y = unpack(series["detail" if fine else "values"])
+        grid, y = _finest(times, series, zoom)
         x = grid["start"] + grid["step"] * np.arange(len(y))
         inside = (x >= zoom["from"]) & (x <= zoom["to"])
         if series.get("dash"):
             ax.plot(x[inside], y[inside], "--", color="#5c6570", linewidth=0.8, zorder=5)
         else:
             ax.plot(x[inside], y[inside], **look(controllers[series["controller"]]))
+    for mark in marks:
+        if mark["from"] < zoom["to"] and mark["to"] > zoom["from"]:
+            ax.axvspan(
+                max(mark["from"], zoom["from"]), min(mark["to"], zoom["to"]), color="#b3401f", alpha=0.13
+            )
     ax.margins(x=0)
+
+
+def _finest(
+    times: dict[str, Any], series: dict[str, Any], zoom: dict[str, Any]
+) -> tuple[dict[str, Any], Array]:
+    """Grid and values of the finer points that a zoom lies in, else of the whole run."""
+    for grid, packed in zip(times["details"], series["details"], strict=True):
+        y = unpack(packed)
+        slack = times["step"]
+        if (
+            grid["start"] - slack <= zoom["from"]
+            and zoom["to"] <= grid["start"] + grid["step"] * len(y) + slack
+        ):
+            return grid, y
+    return times, unpack(series["values"])
 
 
 def _spectra(path: Path, title: str, data: dict[str, Any], controllers: Sequence[dict[str, Any]]) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from cogless.report.comparison import Line, compare, misses, pretty
+from cogless.report.faults import Told, account
 from cogless.report.growth import sentences as growing
 from cogless.report.growth import worse_since
 from cogless.report.packing import number
@@ -21,18 +22,24 @@ COST = 0.01  # a metric that gets worse by less isn't called a cost
 CLEARLY = 1.5  # times the next controller's: worth a sentence
 MOST = 3  # metrics in a sentence about another controller
 
+TONES = ("worse", "even", "better")  # the worst first
 TOTALS = ("ripple-rms", "peak-to-peak")
 SPEEDS = ("omega_m", "omega_measured", "omega_error")
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """`tone`: "better" where a law that learns is the best, "worse" where the baseline is, else "even"."""
+    """`tone`: "better" where a law that learns is the best, "worse" where the baseline is, else "even".
+
+    Where something breaks it is no better than what comes of that, which the headline is about; `told` is of
+    each fault.
+    """
 
     scenario: str
     tone: str
     headline: str
     details: Sequence[str]
+    told: Sequence[Told] = ()
 
 
 @dataclass(frozen=True)
@@ -82,11 +89,24 @@ class _Case:
 
 
 def verdicts(results: Results, speed_unit: str) -> list[Verdict]:
-    """One for each scenario that has runs and metrics."""
+    """One for each scenario that has runs, and metrics or faults."""
     return [v for scenario in results.scenarios if (v := _verdict(results, scenario, speed_unit)) is not None]
 
 
 def _verdict(results: Results, scenario: str, speed_unit: str) -> Verdict | None:
+    compared, broken = _compared(results, scenario, speed_unit), account(results, scenario, speed_unit)
+    if broken is None:
+        return compared
+    if compared is None:
+        tone = "worse" if broken.tone == "worse" else "even"
+        return Verdict(scenario, tone, broken.headline, [], broken.told)
+    tone = next(tone for tone in TONES if tone in (compared.tone, broken.tone))
+    details = [compared.headline, *compared.details]
+    return Verdict(scenario, tone, broken.headline, details, broken.told)
+
+
+def _compared(results: Results, scenario: str, speed_unit: str) -> Verdict | None:
+    """The controllers beside each other, by the scenario's metrics."""
     lines = [line for line in compare(results, scenario) if line.better == "lower"]
     run = next((run for run in results.runs if run.scenario == scenario), None)
     if run is None:

@@ -77,7 +77,7 @@ const reportPage = (report, draw) => {
         stroke: stroke(s), width: s.width ?? (s.dash ? 1 : 1.4), dash: s.dash ? [5, 4] : undefined,
         points: { show: false }, show: !hidden.has(s.controller), spanGaps: false,
       }))],
-      hooks: { setCursor: [show], setScale: [zoom], draw: [] },
+      hooks: { setCursor: [show], setScale: [zoom], drawClear: [], draw: [] },
     };
     adapt(options);
     const u = new uPlot(options, [xs, ...series.map((s) => s.values)], card);

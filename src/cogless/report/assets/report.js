@@ -51,29 +51,109 @@
     ctx.restore();
   }
 
-  const lines = (list) => list.map((s) => ({ ...s, label: s.dash && (s.label ?? "reference"), values: unpack(s.values), detail: s.detail && unpack(s.detail) }));
+  const lines = (list) => list.map((s) => ({ ...s, label: s.dash && (s.label ?? "reference"), values: unpack(s.values), details: s.details.map(unpack) }));
   const longest = (series) => Math.max(...series.map((s) => s.values.length));
   const padded = (series, length) => {
     for (const s of series) while (s.values.length < length) s.values.push(null);
     return series;
   };
 
-  function drawTimes(parent, chart, group, options = {}) {
+  function drawTimes(parent, chart, group, options = () => ({})) {
     const decoded = chart.panels.map((p) => ({ ...p, series: lines(p.series) }));
     const length = Math.max(...decoded.map((p) => longest(p.series)));
     const grid = ({ start, step }, count) => Array.from({ length: count }, (_, i) => start + i * step);
     let xs = grid(chart, length);
     for (const p of decoded) padded(p.series, length);
-    if (chart.detail) { // the last part has finer points
-      const kept = xs.filter((x) => x < chart.detail.start).length;
-      const fine = Math.max(...decoded.flatMap((p) => p.series.map((s) => s.detail.length)));
-      xs = [...xs.slice(0, kept), ...grid(chart.detail, fine)];
-      for (const p of decoded) for (const s of p.series) s.values = [...s.values.slice(0, kept), ...s.detail];
+    for (const [k, fine] of chart.details.entries()) { // parts with finer points, in order of time
+      const at = grid(fine, Math.max(...decoded.flatMap((p) => p.series.map((s) => s.details[k].length))));
+      const from = xs.findIndex((x) => x >= at[0]);
+      const until = xs.findIndex((x) => x > at.at(-1));
+      const joined = (list, part) => [...list.slice(0, from < 0 ? list.length : from), ...part, ...(until < 0 ? [] : list.slice(until))];
+      for (const p of decoded) for (const s of p.series) s.values = joined(s.values, s.details[k]);
+      xs = joined(xs, at);
     }
-    decoded.forEach((p) => panel(parent, {
+    decoded.forEach((p, i) => panel(parent, {
       title: p.title, x: chart.x, y: page.quantity(p.quantity, p.unit), xs, series: padded(p.series, xs.length), group,
-      readX: (t) => `${t.toFixed(4)} s`, ...options,
+      readX: (t) => `${t.toFixed(4)} s`, ...options(i),
     }));
+    return xs;
+  }
+
+  const LABELS = 20; // px above a plot, for names
+
+  // Draws within a plot's axes and so far above them.
+  const within = (u, paint, above = 0) => {
+    const { ctx, bbox } = u;
+    const top = above * devicePixelRatio;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top - top, bbox.width, bbox.height + top);
+    ctx.clip();
+    ctx.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
+    ctx.textAlign = "left";
+    ctx.textBaseline = "alphabetic";
+    paint(ctx, bbox, devicePixelRatio);
+    ctx.restore();
+  };
+
+  // What broke: its time shaded, and if `named` its name above.
+  const shade = (marks, named) => (o) => {
+    const place = (u, { from, to }) => {
+      const left = u.valToPos(from, "x", true);
+      return [left, Math.max(u.valToPos(to, "x", true) - left, 2 * devicePixelRatio)];
+    };
+    o.hooks.drawClear.push((u) => within(u, (ctx, bbox) => {
+      ctx.fillStyle = page.style("--broken");
+      for (const mark of marks) {
+        const [left, width] = place(u, mark);
+        ctx.fillRect(left, bbox.top, width, bbox.height);
+      }
+    }));
+    if (!named || !marks.length) return;
+    o.padding = [LABELS, null, null, null];
+    o.hooks.draw.push((u) => within(u, (ctx, bbox, px) => {
+      const right = bbox.left + bbox.width;
+      ctx.fillStyle = page.style("--bad");
+      let free = 0; // up to where names stand already
+      for (const mark of marks) {
+        const [left, width] = place(u, mark);
+        if (left > right || left + width < bbox.left) continue;
+        const { width: long } = ctx.measureText(mark.label);
+        const start = Math.max(bbox.left, Math.min(left, right - long));
+        if (start < free) continue;
+        ctx.fillText(mark.label, start, bbox.top - 6 * px);
+        free = start + long + 8 * px;
+      }
+    }, LABELS));
+  };
+
+  // When each state of the controllers held: a lane for each, with a bar for each controller.
+  function drawStrip(parent, lanes, xs, marks) {
+    const count = Math.max(...lanes.map((l) => l.runs.length));
+    const [name, bar] = [16, 6];
+    const lane = name + bar * count + 4;
+    panel(parent, {
+      title: "Status of the controllers: when each state held", x: "time (s)", y: " ", xs, series: [], height: lanes.length * lane + 72, group: "time", readX: (t) => `${t.toFixed(4)} s`,
+      adapt: (o) => {
+        o.scales.y.range = () => [0, 1];
+        o.axes[1].values = (_, ticks) => ticks.map(() => "");
+        o.axes[1].grid.show = o.axes[1].ticks.show = false;
+        shade(marks, false)(o);
+        o.hooks.draw.push((u) => within(u, (ctx, bbox, px) => lanes.forEach((l, k) => {
+          const top = bbox.top + k * lane * px;
+          ctx.fillStyle = page.style("--soft");
+          ctx.fillText(l.name, bbox.left + 4 * px, top + 12 * px);
+          l.runs.filter((r) => !hidden.has(r.controller)).forEach(({ controller, spans }, row) => {
+            ctx.fillStyle = colour(controller);
+            for (let i = 0; i < spans.length; i += 2) {
+              const left = u.valToPos(spans[i], "x", true);
+              const width = Math.max(u.valToPos(spans[i + 1], "x", true) - left, px);
+              ctx.fillRect(left, top + (name + bar * row) * px, width, (bar - 2) * px);
+            }
+          });
+        })));
+      },
+    });
   }
 
   // Factors over frequency against one, and upright lines where something grew.
@@ -107,7 +187,9 @@
 
   function draw(shown) {
     const wanted = zoomed.get("time");
-    drawTimes($("#waveforms .panels"), shown.waveforms, "time");
+    const waveforms = $("#waveforms .panels");
+    const xs = drawTimes(waveforms, shown.waveforms, "time", (i) => ({ adapt: shade(shown.marks, i === 0) }));
+    if (shown.strip.length) drawStrip(waveforms, shown.strip, xs, shown.marks);
     const zooms = $(".zooms");
     zooms.textContent = "";
     for (const z of shown.zooms) make("button", zooms, z.name).onclick = () => zoomTo("time", z);
@@ -137,7 +219,7 @@
     if (shown.criterion) drawCriterion($("#criterion .panels"), shown.criterion);
 
     $("#events").hidden = !shown.events.length;
-    shown.events.forEach((e, i) => drawTimes($("#events .panels"), e, "event" + i, { height: 210 }));
+    shown.events.forEach((e, i) => drawTimes($("#events .panels"), e, "event" + i, () => ({ height: 210 })));
   }
 
   $("#log").onchange = page.redraw;

@@ -1,0 +1,220 @@
+"""What broke in a scenario, and what each controller made of it, in words."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cogless.faults import Fault, Response, faults_in, ripple, without_faults
+from cogless.report.holding import missed
+from cogless.report.packing import number
+from cogless.report.paths import varies
+from cogless.results import Results, Run
+from cogless.units import ANGULAR_SPEED, factor
+
+OVER = 1.05  # times its limit: more than a current loop's usual overshoot
+# Times the usual ripple: from turn to turn it changes by a tenth, and after what broke it should do no more.
+WORSE = 1.25
+SMALL = 1e-4  # of the speed: a ripple below isn't called worse
+ALIKE = 0.05  # relative difference of speeds at which ripples are compared
+UNBROKEN = r"(?<=\d) (?=(m?s|A|of \d)\b)| (?=\(rpm)"  # spaces where no line ends
+SHOWN = 3  # faults of a scenario in its verdict; all are in results.json
+
+
+@dataclass(frozen=True)
+class Told:
+    """A fault, and a sentence about each controller."""
+
+    heading: str
+    sentences: Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Account:
+    """Of a scenario. `tone`: "worse" or "even" is the best that its verdict may be; "better" is no bound."""
+
+    tone: str
+    headline: str
+    told: Sequence[Told]
+
+
+def account(results: Results, scenario: str, unit: str) -> Account | None:
+    """What broke and what came of it; None where nothing breaks. `unit`: of speeds."""
+    runs = [run for run in results.runs if run.scenario == scenario and run.faults]
+    if not runs:
+        return None
+    faults = [response.fault for response in runs[0].faults]
+    first = f"{_seconds(faults[0].time)}: {what(faults[0])}"
+    broke = first if len(faults) == 1 else f"{len(faults)} faults, the first at {first}"
+    tone, outcome = _outcome(results, runs, unit)
+    told = [
+        Told(
+            f"{_seconds(fault.time)}: {what(fault)}" if len(faults) > 1 else "",
+            [(run.controller, _sentence(results, run, run.faults[place], unit)) for run in runs],
+        )
+        for place, fault in enumerate(faults[:SHOWN])
+    ]
+    if len(faults) > SHOWN:
+        more = len(faults) - SHOWN
+        others = "One more fault is" if more == 1 else f"{more} more faults are"
+        told.append(Told(f"{others} in results.json.", []))
+    return Account(tone, f"{broke}. {outcome}".rstrip(), told)
+
+
+def what(fault: Fault) -> str:
+    """Such as "position sensor stuck for 0.5 s"."""
+    lasts = "to the end" if fault.lasting else f"for {_seconds(fault.end - fault.time)}"
+    return f"{' and '.join(fault.words)} {lasts}"
+
+
+def spans(results: Results, scenario: str, start: float, end: float) -> list[tuple[Fault, float, float]]:
+    """Each fault, with from when to when one looks at it, s: a little before, and a turn or more after."""
+    found = []
+    runs = [run for run in results.runs if run.scenario == scenario]
+    for place, fault in enumerate(faults_in(results.study, scenario)):
+        if not start <= fault.time < end:
+            continue
+        length = fault.end - fault.time
+        before = runs[0].faults[place].before if place < len(runs[0].faults) else None
+        turn = before[1] - before[0] if before else 0.2
+        turn = min(turn, max(1.0, 5 * length))
+        since, until = fault.time - max(0.3 * length, 0.25 * turn), fault.end + max(length, turn)
+        found.append((fault, max(start, since), min(end, until)))
+    return found
+
+
+def _outcome(results: Results, runs: Sequence[Run], unit: str) -> tuple[str, str]:
+    """Tone and a sentence: who was over the limit, lost the speed or has more ripple, if anybody."""
+    label = results.study.label
+    over, lost, worse = [], [], []
+    judged, cases = 0, sum(len(run.faults) for run in runs)
+    for run in runs:
+        peaks = [(_over(response), response) for response in run.faults]
+        top, peak = max(peaks, key=lambda pair: pair[0])
+        if top > OVER:
+            current = f"{number(peak.largest_current or 0.0)} A" if math.isfinite(top) else "no number"
+            over.append(f"{label(run.controller)} {current} of {peak.current_limit:.3g} A")
+        how = next((text for response in run.faults if (text := _lost(run, response, unit))), None)
+        if how is not None:
+            lost.append(f"{label(run.controller)} ({how})")
+            continue
+        ratios = [_times_usual(results, run, response) for response in run.faults]
+        known = [ratio for ratio in ratios if ratio is not None]
+        judged += len(known)
+        if max(known, default=0.0) > WORSE:
+            worse.append(f"{label(run.controller)} {number(max(known))} times")
+    sentences = []
+    if over:
+        sentences.append(f"The current is beyond its limit: {', '.join(over)}.")
+    if lost:
+        sentences.append(f"Afterwards the speed is not held: {', '.join(lost)}.")
+    than = "without the fault" if _twin(results, runs[0]) is not None else "before"
+    if worse:
+        sentences.append(f"Afterwards there is more ripple than {than}: {', '.join(worse)}.")
+    if sentences:
+        return "worse" if over or lost else "even", " ".join(sentences)
+    usual = (
+        f"the ripple is about what it is {than}" if than != "before" else "the ripple is about what it was"
+    )
+    if judged == cases:
+        return "better", f"Afterwards {usual}."
+    return "even", f"Afterwards {usual}, where that can be told." if judged else ""
+
+
+def _sentence(results: Results, run: Run, response: Response, unit: str) -> str:
+    """Such as "check trips after 80 ms (angle stuck); output safe for 0.43 s; ...; ripple ...; ..."."""
+    parts = [_noticed(run, response)]
+    for name, lasted in (
+        ("output safe", response.safe),
+        ("learning paused", response.not_learning or 0.0),
+        ("output at its limit", response.saturated),
+    ):
+        if lasted:
+            parts.append(f"{name} for {_seconds(lasted)}")
+    parts.append(f"speed off by up to {_speed(response.largest_error, unit)} {unit}")
+    how = _lost(run, response, unit)
+    parts.append(f"afterwards {how}" if how else _ripples(results, run, response, unit))
+    if response.largest_current is not None:
+        parts.append(
+            f"largest current {number(response.largest_current)} A of {response.current_limit:.3g} A"
+        )
+    return re.sub(UNBROKEN, "\N{NO-BREAK SPACE}", "; ".join(part for part in parts if part)) + "."
+
+
+def _noticed(run: Run, response: Response) -> str:
+    if response.noticed_after is None:
+        brief = response.fault.end - response.fault.time < 2 * run.trace.period
+        return "" if brief else "no check trips"
+    at_once = response.noticed_after <= 1.5 * run.trace.period
+    when = "at once" if at_once else f"after {_seconds(response.noticed_after)}"
+    return f"check trips {when} ({', '.join(response.noticed)})"
+
+
+def _ripples(results: Results, run: Run, response: Response, unit: str) -> str:
+    before, after = response.ripple_before, response.ripple_after
+    twin = _without(results, run, response)
+    known = {"before": before, "after": after, "without the fault": twin if after is not None else None}
+    parts = [f"{_speed(value, unit)} {name}" for name, value in known.items() if value is not None]
+    return f"ripple {', '.join(parts)} ({unit})" if parts else ""
+
+
+def _speed(value: float, unit: str) -> str:
+    return number(value / factor(unit, ANGULAR_SPEED)) if math.isfinite(value) else "not finite"
+
+
+def _over(response: Response) -> float:
+    """The largest current over its limit; infinite where it is no number."""
+    current = response.largest_current
+    if current is None:
+        return 0.0
+    return current / response.current_limit if math.isfinite(current) else math.inf
+
+
+def _lost(run: Run, response: Response, unit: str) -> str | None:
+    """What the speed is instead of its reference, after the fault."""
+    if response.after is None or not len(run.trace):
+        return None
+    return missed(run, run.trace.window(*response.after), unit)
+
+
+def _times_usual(results: Results, run: Run, response: Response) -> float | None:
+    """The ripple after a fault over that without it, else over that before at this speed; None: unknown."""
+    after, usual = response.ripple_after, _without(results, run, response)
+    if after is None or response.after is None or not len(run.trace):
+        return None
+    speed = run.trace["omega_ref"]
+    late = speed[run.trace.window(*response.after)]
+    if usual is None and response.before is not None:
+        early = speed[run.trace.window(*response.before)]
+        both = np.concatenate((early, late))
+        usual = (
+            None if varies(early) or np.ptp(both) > ALIKE * np.max(np.abs(both)) else response.ripple_before
+        )
+    if usual is None or not math.isfinite(after):
+        return None
+    if after <= SMALL * float(np.mean(np.abs(late))):
+        return 1.0
+    return after / usual if usual else math.inf
+
+
+def _twin(results: Results, run: Run) -> Run | None:
+    """The run of the same controller where nothing breaks."""
+    name = without_faults(results.study, run.scenario)
+    alike = (r for r in results.runs if (r.scenario, r.controller) == (name, run.controller) and len(r.trace))
+    return next(alike, None)
+
+
+def _without(results: Results, run: Run, response: Response) -> float | None:
+    twin = _twin(results, run)
+    return ripple(twin.trace, response.after) if twin is not None else None
+
+
+def _seconds(time: float) -> str:
+    """A time as one says it: "80 ms", "0.43 s"."""
+    if 0 < time < 0.0995:
+        return f"{1e3 * time:.3g} ms"
+    return f"{time:.3g} s" if time < 1000 else f"{time:.0f} s"
