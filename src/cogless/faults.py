@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cogless.status import NOTICED, SAFE, Status
 from cogless.study import Study, for_scenario
@@ -89,9 +88,9 @@ def without_faults(study: Study, scenario: str) -> str | None:
 
 def _knocks(study: Study, scenario: str) -> list[tuple[Event, Event]]:
     """Loads that come, and go back to the usual one at the next event; none in a study without faults."""
-    if not any(other.faults for other in study.scenario.values()):
-        return []
     here = study.scenario[scenario]
+    if not here.events or not any(other.faults for other in study.scenario.values()):
+        return []
     usual = (here.load or for_scenario(study, scenario).mechanics.load).torque
     pairs = zip(here.events, here.events[1:], strict=False)
     return [(came, went) for came, went in pairs if came.load != usual and went.load == usual]
@@ -111,9 +110,8 @@ def responses(faults: Sequence[Fault], trace: Trace, current_limit: float, learn
 
 def _response(fault: Fault, trace: Trace, room: Span, limit: float, learns: bool) -> Response:
     """`room`: since when and until when nothing else breaks, s."""
-    time, period = trace.time, trace.period
-    during = (time >= fault.time - 1e-9) & (time < room[1] - 1e-9)
-    status = np.where(np.isfinite(trace["status"]), trace["status"], 0).astype(int)[during]
+    period, during = trace.period, _rows(trace, (fault.time, room[1]))
+    time, status = trace.time[during], np.nan_to_num(trace["status"][during]).astype(int)
 
     def lasted(bits: int) -> float:
         return float(np.count_nonzero(status & bits) * period)
@@ -125,7 +123,7 @@ def _response(fault: Fault, trace: Trace, room: Span, limit: float, learns: bool
     return Response(
         fault=fault,
         noticed=tuple(words for _, words in sorted(seen)),
-        noticed_after=max(0.0, float(time[during][min(seen)[0]]) - fault.time) if seen else None,
+        noticed_after=max(0.0, float(time[min(seen)[0]]) - fault.time) if seen else None,
         safe=lasted(SAFE),
         not_learning=lasted(Status.FROZEN) if learns else None,
         saturated=lasted(Status.SATURATED),
@@ -152,10 +150,10 @@ def _last_turn(trace: Trace, room: Span) -> Span | None:
     return float(time[first]), float(time[-1]) + trace.period
 
 
-def _rows(trace: Trace, span: Span) -> NDArray[np.bool_]:
+def _rows(trace: Trace, span: Span) -> slice:
     """Rows of a span without its end."""
-    rows: NDArray[np.bool_] = (trace.time >= span[0] - 1e-9) & (trace.time < span[1] - 1e-9)
-    return rows
+    first, last = np.searchsorted(trace.time, np.array(span) - 1e-6 * trace.period)
+    return slice(int(first), int(last))
 
 
 def ripple(trace: Trace, span: Span | None) -> float | None:
