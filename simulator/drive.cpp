@@ -6,9 +6,13 @@
 #include <stdexcept>
 #include <string>
 
+#include "open_bridge.hpp"
+
 namespace cogless {
 
 namespace {
+
+constexpr int open_steps = 32;  // in a period with an open bridge, so that its diodes switch in time
 
 int motor_phases(const DriveConfig& config) { return config.phases.front().motor.phases; }
 
@@ -141,6 +145,7 @@ void Drive::restart(DriveState& s, const Phase& phase) const {
     s.asked = {};
     s.output = {};
     s.duty = {0.5, 0.5, 0.5};
+    s.open = false;
     s.next_load_step = 0;
 }
 
@@ -234,16 +239,19 @@ void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, std::int6
         if (recorder.wants(s.tick)) record<legs>(s, z, phase, origin, current, recorder.next_row());
 
         if constexpr (legs == 0) {
-            advance_plant<Detail::mechanics, 0>(s, z, phase, origin, {}, {}, faults);
+            advance_plant<Detail::mechanics, 0>(s, z, phase, origin, {}, {}, false, faults);
         } else {
             const Phases computed{static_cast<double>(s.output.duty[0]), static_cast<double>(s.output.duty[1]),
                                   static_cast<double>(s.output.duty[2])};
+            const bool off = (s.output.status & static_cast<unsigned>(CGL_STATUS_OFF)) != 0U;
             const Phases acting = config_.inverter.computation_delay ? s.duty : computed;
+            const bool open = config_.inverter.computation_delay ? s.open : off;
             s.duty = computed;
+            s.open = off;
             if (config_.energy) {
-                advance_plant<Detail::energies, legs>(s, z, phase, origin, acting, current, faults);
+                advance_plant<Detail::energies, legs>(s, z, phase, origin, acting, current, open, faults);
             } else {
-                advance_plant<Detail::currents, legs>(s, z, phase, origin, acting, current, faults);
+                advance_plant<Detail::currents, legs>(s, z, phase, origin, acting, current, open, faults);
             }
         }
     }
@@ -330,7 +338,7 @@ void Drive::step_law(DriveState& s) const {
 
 template <Detail detail, std::size_t legs>
 void Drive::advance_plant(DriveState& s, Powers::Values& z, const Phase& phase, std::int64_t origin, const Phases& duty,
-                          const Phases& current, const Faults& faults) const {
+                          const Phases& current, bool open, const Faults& faults) const {
     const double start = time(s.tick - origin);
     const double longest = period_ / config_.integration_steps;
     const bool watch = position_sensor_.watches();
@@ -348,6 +356,16 @@ void Drive::advance_plant(DriveState& s, Powers::Values& z, const Phase& phase, 
     inverter.bus_voltage = faults.bus_voltage;
     if constexpr (legs == 0) {
         hold({0.0, 0.0});
+    } else if (open) {
+        const int steps = std::max(config_.integration_steps, open_steps);
+        for (int k = 0; k < steps; ++k) {
+            const Pmsm& motor = phase.plant.motor();
+            const OpenBridge<legs> bridge = open_bridge(inverter.bus_voltage, phase_currents<legs>(s.plant.i, motor.axis(z)),
+                                                        induced(motor, z, s.plant.omega_m), OpenBridge<legs>{});
+            step(bridge.u, k * period_ / steps, period_ / steps);
+            const Complex axis = motor.axis(z);
+            s.plant.i = rotor_frame<legs>(let_through(bridge, phase_currents<legs>(s.plant.i, axis)), axis);
+        }
     } else if (inverter.switched) {
         const Pulses<legs> p = pulses(inverter, leg_duties<legs>(duty), leg_currents<legs>(current), period_);
         double from = 0.0;

@@ -77,6 +77,7 @@ struct DriveState {
     cgl_reference asked{};
     cgl_drive_output output{};
     Phases duty{0.5, 0.5, 0.5};  // that the inverter realises in this period
+    bool open = false;           // or its transistors are off
     std::size_t next_load_step = 0;
     double added_load = 0.0;                     // N m, by add_load()
     std::optional<Motion> given_reference = {};  // in place of the described one; not in trials
@@ -150,7 +151,7 @@ private:
     void step_law(DriveState& state) const;
     template <Detail detail, std::size_t legs>
     void advance_plant(DriveState& state, Powers::Values& z, const Phase& phase, std::int64_t origin, const Phases& duty,
-                       const Phases& current, const Faults& faults) const;
+                       const Phases& current, bool open, const Faults& faults) const;
     // Kept out of run(), whose loop is 4 % faster without it.
     template <std::size_t legs>
     [[gnu::noinline]] void record(const DriveState& state, const Powers::Values& z, const Phase& phase,

@@ -106,7 +106,11 @@ class Monitor:
         else:
             self.gap = max(self.gap - 1, 0)
             self.lost = self.lost if self.gap else 0
-        said = {"ANGLE_LOST": missing or self.too_dark, "ANGLE_STUCK": stuck, "ANGLE_SHIFTED": self.shift != 0}
+        said = {
+            "ANGLE_LOST": missing or self.too_dark,
+            "ANGLE_STUCK": stuck,
+            "ANGLE_SHIFTED": self.shift != 0,
+        }
         return {name for name, holds in said.items() if holds}
 
     @property

@@ -22,6 +22,7 @@ PLACES = {
     "FMU_OMEGA_REF_INPUT": "input.omega_ref",
     "FMU_ALPHA_REF_INPUT": "input.alpha_ref",
     "FMU_I_Q_REF_INPUT": "input.i_q_ref",
+    "FMU_BRIDGE_OPEN": "bridge_open",
     "FMU_DUTY_A": "duty_a",
     "FMU_DUTY_B": "duty_b",
     "FMU_DUTY_C": "duty_c",
@@ -77,7 +78,8 @@ def _variables(run: Run, signals: list[tuple[str, str]]) -> list[Variable]:
         about = f"q-axis current; counts where {EXTERNAL_CONTROL} is true"
         variables += [real("input", "input.i_q_ref", "A", about)]
     else:
-        variables += duties("input", phases)
+        about = "true: all switches are off and the duties do not count; bit 1024 of a controller's status"
+        variables += [Variable("bridge_open", "boolean", "input", about), *duties("input", phases)]
     if not run.trials:
         about = f"counts where {EXTERNAL_REFERENCE} is true"
         wanted = [("omega_ref", "rad/s"), ("theta_ref", "rad"), ("alpha_ref", "rad/s^2")]

@@ -58,6 +58,7 @@ cgl_drive_output asked_for(const double value[]) {
     output.duty[1] = real(of(value, FMU_DUTY_B, 0.5));
     output.duty[2] = real(of(value, FMU_DUTY_C, 0.5));
     output.i_q_ref = real(of(value, FMU_I_Q_REF_INPUT, 0.0));
+    if (of(value, FMU_BRIDGE_OPEN, 0.0) != 0.0) output.status = static_cast<unsigned>(CGL_STATUS_OFF);
     return output;
 }
 

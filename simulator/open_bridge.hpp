@@ -1,0 +1,114 @@
+// An inverter whose transistors are all off, as where the controller's output is safe: through the diodes a current dies out
+// against the bus, and none flows again unless the motor induces more than the bus has.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+#include "inverter.hpp"
+#include "pmsm.hpp"
+
+namespace cogless {
+
+// The diode that carries a leg's current: out of the leg from the bus's minus, or into it towards the plus.
+enum class Diode { none, lower, upper };
+
+// What holds for a short stretch.
+template <std::size_t legs>
+struct OpenBridge {
+    std::array<Diode, 3> diode{};  // of each phase; of an H-bridge, in the leg where the phase's current leaves it
+    Voltage u;                     // on the phases
+};
+
+inline Diode diode_of(double current) {
+    constexpr double nothing = 1e-9;  // A, what rounding leaves of none
+    return current > nothing ? Diode::lower : current < -nothing ? Diode::upper : Diode::none;
+}
+
+// By the magnets, in the stationary frame.
+inline Voltage induced(const Pmsm& motor, const Powers::Values& z, double omega_m) {
+    const Pmsm::Linkage e = motor.linkage(z, {0.0, 0.0});
+    const Complex axis = motor.axis(z);
+    const double omega_e = motor.config().pole_pairs * omega_m;
+    return {omega_e * (axis.re * e.d - axis.im * e.q), omega_e * (axis.im * e.d + axis.re * e.q)};
+}
+
+// Three legs. Without a current they float, each at the star point and its induced voltage, unless two of those are further
+// apart than the bus; where two legs carry one, the third floats if its voltage is within the bus.
+inline OpenBridge<star_legs> open_bridge(double bus, const Phases& i, Voltage e, OpenBridge<star_legs> at = {}) {
+    const Phases in_phase{e.alpha, -0.5 * e.alpha + 0.86602540378443865 * e.beta,
+                          -0.5 * e.alpha - 0.86602540378443865 * e.beta};
+    for (std::size_t x = 0; x < 3; ++x) at.diode[x] = diode_of(i[x]);
+    if (std::count(at.diode.begin(), at.diode.end(), Diode::none) == 3) {
+        const auto high = std::max_element(in_phase.begin(), in_phase.end()) - in_phase.begin();
+        const auto low = std::min_element(in_phase.begin(), in_phase.end()) - in_phase.begin();
+        if (!(in_phase[high] - in_phase[low] > bus)) {
+            at.u = e;
+            return at;
+        }
+        at.diode[high] = Diode::upper;
+        at.diode[low] = Diode::lower;
+    }
+    Legs<star_legs> u;
+    double sum = 0.0;
+    for (std::size_t x = 0; x < 3; ++x) sum += u[x] = at.diode[x] == Diode::upper ? bus : 0.0;
+    for (std::size_t x = 0; x < 3; ++x) {
+        if (at.diode[x] != Diode::none) continue;
+        u[x] = 0.5 * sum + 1.5 * in_phase[x];
+        if (u[x] > bus) at.diode[x] = Diode::upper;
+        if (u[x] < 0.0) at.diode[x] = Diode::lower;
+        u[x] = std::clamp(u[x], 0.0, bus);
+    }
+    at.u = stationary(u);
+    return at;
+}
+
+// Two H-bridges, each with its phase alone.
+inline OpenBridge<bridge_legs> open_bridge(double bus, const Phases& i, Voltage e, OpenBridge<bridge_legs> at = {}) {
+    const std::array<double, 2> in_phase{e.alpha, e.beta};
+    std::array<double, 2> u;
+    for (std::size_t x = 0; x < 2; ++x) {
+        at.diode[x] = diode_of(i[x]);
+        if (at.diode[x] == Diode::none && std::abs(in_phase[x]) > bus) {
+            at.diode[x] = in_phase[x] > 0.0 ? Diode::upper : Diode::lower;
+        }
+        u[x] = at.diode[x] == Diode::none ? in_phase[x] : at.diode[x] == Diode::upper ? bus : -bus;
+    }
+    at.u = {u[0], u[1]};
+    return at;
+}
+
+// The phases' currents without what a diode does not let through.
+template <std::size_t legs>
+Phases let_through(const OpenBridge<legs>& bridge, Phases i) {
+    constexpr std::size_t phases = legs == star_legs ? 3 : 2;
+    std::size_t carry = 0, blocked = 0;
+    for (std::size_t x = 0; x < phases; ++x) {
+        if (diode_of(i[x]) == bridge.diode[x] && bridge.diode[x] != Diode::none) {
+            ++carry;
+        } else {
+            i[x] = 0.0;
+            blocked = x;
+        }
+    }
+    if constexpr (legs == star_legs) {
+        if (carry < 2) return {};
+        if (carry == 2) {  // what leaves one enters the other
+            const std::size_t y = (blocked + 1) % 3, z = (blocked + 2) % 3;
+            i[y] = 0.5 * (i[y] - i[z]);
+            i[z] = -i[y];
+        }
+    }
+    return i;
+}
+
+// The rotor's frame, from what phase_currents() gives.
+template <std::size_t legs>
+Currents rotor_frame(const Phases& i, Complex axis) {
+    const double alpha = i[0], beta = legs == bridge_legs ? i[1] : (i[1] - i[2]) * 0.57735026918962576;
+    return {axis.re * alpha + axis.im * beta, axis.re * beta - axis.im * alpha};
+}
+
+}  // namespace cogless
