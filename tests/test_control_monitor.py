@@ -175,7 +175,7 @@ def test_a_long_gap_gives_a_safe_output_and_then_any_angle_is_right(precision):
     assert safe == [False] * 50 + [True] * 350
     rotor.theta = in_turn(rotor.theta + 2.5)  # it was turned by hand
     safe = rotor.run(300)
-    # the window in which the speed has to settle, hold, and the period that the first angle waits for the second
+    # the speed's window, hold, and the period that the first angle waits for the second
     assert safe.index(False) == 20 + 101
     assert abs(rotor.error) < 1e-6
     assert rotor.state.trusted

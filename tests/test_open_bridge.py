@@ -1,4 +1,4 @@
-"""An inverter whose transistors are off, which is how a safe output leaves it: diodes, bus and a turning motor."""
+"""An inverter whose transistors are off, as a safe output leaves it: diodes, bus and a turning motor."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_below_the_bus_no_current_flows_and_the_rotor_coasts(change: dict[str, A
 
 
 def test_a_current_dies_out_against_the_bus() -> None:
-    """At rest the d axis' current falls by 2/3 of the bus over L_d, and takes half a period to be switched off."""
+    """At rest the d axis' current falls by 2/3 of the bus over L_d."""
     i_d, bus = 12.0, 100.0
 
     class HoldD:
@@ -67,8 +67,8 @@ def test_a_current_dies_out_against_the_bus() -> None:
 
     change: dict[str, Any] = {
         "initial_speed": 0.0, "reference": {"speed": 0.0}, "mechanics": {"inertia": 1e3},
-        "controller": {"law": "python"}, "drive": {"current_rate": 100_000, "speed_divider": 100, "kp_d": 20.0},
-        "faults": [NO_CURRENT],
+        "drive": {"current_rate": 100_000, "speed_divider": 100, "kp_d": 20.0},
+        "controller": {"law": "python"}, "faults": [NO_CURRENT],
     }  # fmt: skip
     x = run(merged({"drive": {"monitor": {"hold": 1e-3}}}, change), 0.052, controller=HoldD())
     t = x["time"] - START
@@ -83,8 +83,8 @@ def test_a_current_dies_out_against_the_bus() -> None:
 def test_above_the_bus_the_motor_brakes_into_it_and_energy_is_kept(phases: int) -> None:
     motor = {"phases": phases, "L_d": 3e-3}
     x = coasting(
-        {"motor": motor, "initial_speed": 700.0, "reference": {"speed": 700.0}, "mechanics": {"inertia": 5e-3},
-         "drive": {"integration_steps": 4}},
+        {"motor": motor, "initial_speed": 700.0, "reference": {"speed": 700.0},
+         "mechanics": {"inertia": 5e-3}, "drive": {"integration_steps": 4}},
         0.1,
     )  # fmt: skip
     coast = after(x, 5e-3)
