@@ -73,6 +73,11 @@ int turns_of(const Law& law) {
         law);
 }
 
+// A duty cycle that anybody gave: 0 to 1; what is no number is no voltage.
+cgl_real possible(cgl_real duty) {
+    return duty >= CGL_R(0.0) && duty <= CGL_R(1.0) ? duty : CGL_R(0.5) + cgl_clamp(duty - CGL_R(0.5), CGL_R(0.5));
+}
+
 LawState start_of(const Law& law) {
     return std::visit([](const auto& l) { return LawState(l.start()); }, law);
 }
@@ -281,13 +286,19 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, cons
                  static_cast<cgl_real>(faults.bus_voltage)};
     if (other != nullptr) {
         s.output = other->step(s.sampled, s.asked);
+        for (cgl_real& duty : s.output.duty) duty = possible(duty);
     } else {
         if (cgl_drive_measure(&config_.control, &s.control, &s.sampled, &s.asked)) step_law<legs>(s);
         cgl_drive_actuate(&config_.control, &s.control, &s.output);
     }
     if constexpr (legs == 0) {
-        const auto limit = static_cast<double>(config_.control.foc.current_limit);
-        s.plant.i.q = std::clamp(static_cast<double>(s.output.i_q_ref), -limit, limit);
+        const cgl_real limit = config_.control.foc.current_limit;
+        if (!cgl_is_within(s.output.i_q_ref, limit)) {  // told as by cgl_foc_step
+            s.output.i_q_ref = s.control.i_q = cgl_clamp(s.output.i_q_ref, limit);
+            s.output.status |= CGL_STATUS_SATURATED;
+            s.control.saturated = true;
+        }
+        s.plant.i.q = static_cast<double>(s.output.i_q_ref);
     }
 }
 

@@ -31,7 +31,7 @@ class Controller:
         self.drive = self.library.new("cgl_drive")
         assert self.lib.cgl_drive_init(self.config, self.drive) == self.lib.CGL_OK
         self.out = self.library.new("cgl_drive_output")
-        self.law, self.theta, self.omega = law, 0.5, 50.0
+        self.law, self.theta, self.omega, self.busy = law, 0.5, 50.0, 0
         self.inputs: list[dict[str, float]] = []
 
     def tick(self, learn=True, omega_ref=50.0, i_d_ref=0.0, **measured):
@@ -47,6 +47,7 @@ class Controller:
             names = ("theta_ref", "omega_ref", "alpha_ref", "theta_m", "omega_m", "i_q", "learn", "off")
             self.inputs.append({name: getattr(law_input, name) for name in names})
             self.drive.command.i_q_ref = 0.0 if law_input.off else self.law
+            self.drive.command.status = self.busy
         self.lib.cgl_drive_actuate(self.config, self.drive, self.out)
         return self.out
 
@@ -169,6 +170,48 @@ def test_learning_waits_where_the_reference_forbids_or_the_angle_is_shifted(prec
 
 
 @PRECISIONS
+@pytest.mark.parametrize("anyway", [False, True])
+def test_a_reference_that_is_cut_is_told_and_not_learned_from(precision, anyway):
+    """The law's 4 A are within the limit of 5 A, but not beside 4 A of i_d."""
+    controller = Controller(precision, law=4.0, foc=NO_INTEGRAL, learn_saturated=anyway)
+    out = controller.ticks(25)
+    assert (out.status, out.i_d_ref, out.i_q_ref) == (0, 0, 4)
+    out = controller.ticks(20, i_d_ref=-4.0)
+    assert controller.has("SATURATED")
+    assert (out.i_d_ref, out.i_q_ref) == pytest.approx((-(12.5**0.5), 12.5**0.5), rel=1e-6)
+    assert [i["learn"] for i in controller.inputs] == [True, True, True, True, anyway]
+    controller.ticks(30)
+    assert controller.out.status == 0
+    assert controller.inputs[-1]["learn"]
+
+
+@PRECISIONS
+def test_a_law_at_the_current_limit_is_not_cut(precision):
+    controller = Controller(precision, law=5.0, foc=NO_INTEGRAL | {"kp_q": 0.5})
+    out = controller.ticks(40)
+    assert (out.status, out.i_q_ref) == (0, 5)
+    assert controller.inputs[-1]["learn"]
+
+
+@PRECISIONS
+def test_a_busy_law_follows_a_speed_of_its_own(precision):
+    """The angle stands still, which says nothing beside a reference that the law ignores."""
+    controller = Controller(precision, foc=NO_INTEGRAL)
+    still = {"theta_m": 0.5, "omega_m": 0.0}
+    controller.ticks(300, **still)
+    assert controller.has("ANGLE_STUCK")
+    controller.lib.cgl_drive_reset(controller.drive)
+    controller.busy = controller.lib.CGL_STATUS_BUSY
+    windows = controller.drive.quality.windows
+    controller.ticks(3000, **still)
+    assert controller.out.status == controller.busy
+    assert controller.drive.quality.windows == windows
+    controller.busy = 0
+    controller.ticks(300, **still)
+    assert controller.has("ANGLE_STUCK")
+
+
+@PRECISIONS
 def test_an_outlier_is_not_learned_from(precision):
     quality = QUALITY | {"span": 0.5, "outlier": 5.0, "floor": 1.0}
     controller = Controller(precision, foc=NO_INTEGRAL, quality=quality)
@@ -205,6 +248,11 @@ def test_a_d_axis_reference_that_is_no_number_is_none(precision):
         {"pole_pairs": 0}, {"pole_pairs": 10001}, {"divider": 0}, {"divider": 65536},
         {"foc": FOC | {"ts": 0.0}}, {"monitor": MONITOR | {"hold": -1.0}},
         {"quality": QUALITY | {"span": 0.0}},
+        # parts that do not agree
+        {"quality": QUALITY | {"ts": TS}}, {"quality": QUALITY | {"ts": 10 * TS * 1.0001}}, {"divider": 9},
+        {"monitor": MONITOR | {"ts": 1.0}, "quality": QUALITY | {"ts": 10.0}}, {"foc": FOC | {"ts": 2 * TS}},
+        {"monitor": MONITOR | {"phases": 0}}, {"monitor": MONITOR | {"phases": 2}}, {"foc": FOC | {"phases": 2}},
+        {"foreign": True, "foc": {}, "quality": QUALITY | {"ts": TS}},
     ],
 )  # fmt: skip
 def test_init_refuses(precision, changes):
@@ -212,3 +260,17 @@ def test_init_refuses(precision, changes):
     config = library.new("cgl_drive_config", **{**CONFIG, **changes})
     refused = library.lib.cgl_drive_init(config, library.new("cgl_drive"))
     assert refused == library.lib.CGL_ERROR_CONFIG
+
+
+@PRECISIONS
+@pytest.mark.parametrize("ts", [1 / 15000, 1e-4, 1 / 3, 1e-9, 7.7e4])
+@pytest.mark.parametrize("divider", [1, 3, 15, 4999])
+@pytest.mark.parametrize("phases", [(3, 3), (0, 3), (2, 2)])
+def test_init_takes_parts_that_agree_but_for_rounding(precision, ts, divider, phases):
+    library = control_library(precision)
+    config = library.new(
+        "cgl_drive_config", pole_pairs=4, divider=divider, foc=FOC | {"ts": ts, "phases": phases[0]},
+        monitor=MONITOR | {"ts": ts, "phases": phases[1], "bridge": 0.0, "hold": 0.0, "speed_window": 0.0},
+        quality=QUALITY | {"ts": divider * ts, "longest": divider * ts * 10},
+    )  # fmt: skip
+    assert library.lib.cgl_drive_init(config, library.new("cgl_drive")) == library.lib.CGL_OK

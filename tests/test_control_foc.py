@@ -120,6 +120,24 @@ def test_a_reference_of_any_size_is_shortened_to_the_limit(precision, i_ref):
     law = CFoc(library, Foc(2.0, 0.0, 2.0, 0.0, 1e-4, 5.0, 0.0, False, 0.0, 0.0, 0.0))
     out = law.step([0.0, 0.0, 0.0], 0.0, 0.0, 1000.0, i_ref)
     assert abs(complex(out.u_d, out.u_q) - 10.0 * i_ref / abs(i_ref)) < 30 * library.eps
+    assert out.status == library.lib.CGL_STATUS_SATURATED
+    d, q = library.ffi.new("cgl_real *", i_ref.real), library.ffi.new("cgl_real *", i_ref.imag)
+    library.lib.cgl_foc_limit(law.config, d, q)
+    assert abs(complex(d[0], q[0]) - 5.0 * i_ref / abs(i_ref)) < 30 * library.eps
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize("limit", [5.0, 3.3, 0.1, 2e-20])
+@pytest.mark.parametrize("angle", [1, 1j, -1, -1j])
+def test_a_reference_at_the_limit_is_not_saturated(precision, limit, angle):
+    """So a law with the same limit says for itself when it is there."""
+    library = control_library(precision)
+    limit = float(library.real(limit))
+    law = CFoc(library, Foc(2.0, 10.0, 2.0, 10.0, 1e-4, limit, 0.0, False, 0.0, 0.0, 0.0))
+    assert law.step([0.0, 0.0, 0.0], 0.0, 0.0, 1000.0, limit * angle).status == 0
+    more = float(np.nextafter(library.real(limit), library.real(1e9))) * (1 + 4 * library.eps)
+    out = law.step([0.0, 0.0, 0.0], 0.0, 0.0, 1000.0, more * angle)
+    assert out.status == library.lib.CGL_STATUS_SATURATED
 
 
 @pytest.mark.parametrize("precision", ["float", "double"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from typing import Any
 
@@ -196,3 +197,30 @@ def test_the_learning_matrix_comes_apart() -> None:
     parts = drive.controller_config()
     assert parts["law"] == "trial"
     assert parts["learning_matrix"].reshape(3, 3).tolist() == matrix
+
+
+class Duties:
+    """Three duty cycles, whatever is measured."""
+
+    def __init__(self, duty: list[float], precision: str) -> None:
+        library = control_library(precision)
+        self.output = bytes(library.ffi.buffer(library.new("cgl_drive_output", duty=duty)))
+
+    def step(self, measurement: bytes, reference: bytes) -> bytes:
+        return self.output
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize("phases", [3, 2])
+def test_a_duty_cycle_from_outside_is_one_that_there_is(precision: str, phases: int) -> None:
+    """No more than the bus has; and no number, no voltage."""
+    change = {"motor": {"phases": phases}, "drive": {"current_sensors": {"sensors": phases}}}
+    drive = MODULES[precision].Drive(config(change))
+
+    def currents(*duty: float) -> Any:
+        return rows(drive, MODULES[precision], 100, Duties(list(duty), precision))[0]["i_a"]
+
+    assert np.abs(currents(1.0, 0.0, 0.5)).max() > 0.1
+    for wrong in ((10.0, -3.0, math.nan), (math.inf, -math.inf, 0.5), (1.0 + 1e-6, -1e-30, -math.nan)):
+        np.testing.assert_array_equal(currents(*wrong), currents(1.0, 0.0, 0.5))
+    np.testing.assert_array_equal(currents(0.3, 1e-9, 0.7), currents(0.3, 1e-9, 0.7))

@@ -36,8 +36,9 @@ def test_current_follows_at_once_and_ends_at_its_limit() -> None:
     law = Law(lambda time: 100.0 * time)
     x = run({**IDEAL, "drive": {"ideal_current": True, "current_limit": 4.0}}, 0.1, controller=law)
     asked = np.repeat(np.arange(100) / 1000 * 100.0, 10)
-    assert x["i_q_ref"] == pytest.approx(asked)
     assert x["i_q"] == pytest.approx(np.minimum(asked, 4.0))
+    assert x["i_q_ref"] == pytest.approx(x["i_q"])
+    assert (x["status"] == (asked > 4.0)).all()  # saturated
     assert x["tau_e"] == pytest.approx(K_T * x["i_q"])
     # a law sees the current that has flowed until then
     assert np.array(law.seen[1:]) == pytest.approx(np.stack([0 * asked[9:-1:10], x["i_q"][9:-1:10]], axis=1))

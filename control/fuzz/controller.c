@@ -37,10 +37,10 @@ static cgl_drive_config feed_drive(feed *from)
     config.monitor.ts = ts;
     config.monitor.phases = config.foreign ? 0U : config.foc.phases;
     config.quality.span = feed_gain(from, CGL_R(7.0));
-    config.quality.longest = feed_gain(from, CGL_R(100.0) * ts);
+    config.quality.ts = (cgl_real)config.divider * ts;
+    config.quality.longest = feed_gain(from, CGL_R(100.0) * config.quality.ts);
     config.quality.outlier = feed_bool(from) ? CGL_R(0.0) : CGL_R(1.0) + feed_gain(from, CGL_R(5.0));
     config.quality.floor = feed_gain(from, CGL_R(1.0));
-    config.quality.ts = ts;
     return config;
 }
 

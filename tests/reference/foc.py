@@ -15,6 +15,7 @@ class FocOutput:
     duty: np.ndarray
     i_dq: complex = 0j
     u_dq: complex = 0j
+    i_ref: complex = 0j  # that is followed
     saturated: bool = False
     fault: bool = False
 
@@ -48,9 +49,9 @@ class Foc:
             return FocOutput(np.full(3, 0.5), fault=True)
         i_stator = clarke(i_abc) if self.phases == 3 else complex(*i_abc[:2])
         i = park(i_stator, theta_e)
-        error = (
-            shortened(complex(finite_or_zero(i_ref.real), finite_or_zero(i_ref.imag)), self.current_limit) - i
-        )
+        asked = complex(finite_or_zero(i_ref.real), finite_or_zero(i_ref.imag))
+        followed = shortened(asked, self.current_limit)
+        error = followed - i
         wanted = complex(self.kp_d * error.real, self.kp_q * error.imag) + self.integral
         if self.decoupling:  # the speed voltages of liu2018 (1): j omega_e lambda, lambda = L i + psi_f
             wanted += 1j * omega_e * complex(self.L_d * i.real + self.psi_f, self.L_q * i.imag)
@@ -70,4 +71,4 @@ class Foc:
             duty = modulate(u_stator, u_dc)
         else:  # two H-bridges: mean voltage u_dc (2 duty - 1)
             duty = np.array([np.clip((1 + x / u_dc) / 2, 0, 1) for x in (u_stator.real, u_stator.imag, 0.0)])
-        return FocOutput(duty, i, u, saturated=abs(wanted) > u_max)
+        return FocOutput(duty, i, u, followed, abs(wanted) > u_max or abs(asked) > self.current_limit)

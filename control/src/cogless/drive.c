@@ -2,6 +2,23 @@
 
 #define POLE_PAIRS_MAX 10000U /* an electrical angle of so many turns is still below CGL_ANGLE_MAX */
 #define DIVIDER_MAX 65535U
+#define SAME CGL_R(1.0e-5) /* relative: some roundings, and times that were typed with six digits */
+
+static bool is_same(cgl_real a, cgl_real b)
+{
+    return cgl_abs(a - b) <= SAME * a;
+}
+
+/* What the parts of a config say twice. */
+CGL_SELDOM static bool agrees(const cgl_drive_config *config)
+{
+    const cgl_real ts = config->monitor.ts;
+    if (!is_same(config->quality.ts, (cgl_real)config->divider * ts)) {
+        return false;
+    }
+    const uint32_t phases = config->foc.phases == 0U ? 3U : config->foc.phases;
+    return config->foreign || (is_same(config->foc.ts, ts) && config->monitor.phases == phases);
+}
 
 CGL_SELDOM cgl_error cgl_drive_init(const cgl_drive_config *config, cgl_drive *drive)
 {
@@ -15,6 +32,9 @@ CGL_SELDOM cgl_error cgl_drive_init(const cgl_drive_config *config, cgl_drive *d
     }
     if (error == CGL_OK) {
         error = cgl_quality_init(&config->quality, &drive->quality);
+    }
+    if (error == CGL_OK && !agrees(config)) {
+        error = CGL_ERROR_CONFIG;
     }
     if (error == CGL_OK) {
         cgl_drive_reset(drive);
@@ -41,6 +61,12 @@ CGL_SELDOM void cgl_drive_reset(cgl_drive *drive)
     drive->status = 0U;
 }
 
+/* The law follows a speed of its own, which is not known here. */
+static bool is_busy(const cgl_drive *drive)
+{
+    return (drive->command.status & (unsigned)CGL_STATUS_BUSY) != 0U;
+}
+
 /* The law's input; the law has seen what was saturated or safe. */
 static void prepare_law(const cgl_drive_config *config, cgl_drive *drive, const cgl_reference *reference)
 {
@@ -49,7 +75,8 @@ static void prepare_law(const cgl_drive_config *config, cgl_drive *drive, const 
     const bool learn = reference->learn && monitor->trusted && !drive->off
                        && (!drive->saturated || config->learn_saturated);
     const bool taught = learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
-    const bool outlier = cgl_quality_step(&config->quality, &drive->quality, error, monitor->omega_m, taught);
+    const bool outlier =
+        !is_busy(drive) && cgl_quality_step(&config->quality, &drive->quality, error, monitor->omega_m, taught);
     drive->currents.i_d_ref = cgl_is_finite(reference->i_d_ref) ? reference->i_d_ref : CGL_R(0.0);
     drive->in.theta_ref = reference->theta_ref;
     drive->in.omega_ref = reference->omega_ref;
@@ -68,7 +95,7 @@ bool cgl_drive_measure(const cgl_drive_config *config, cgl_drive *drive, const c
                        const cgl_reference *reference)
 {
     cgl_monitor *monitor = &drive->monitor;
-    cgl_monitor_step(&config->monitor, monitor, now, reference->omega_ref);
+    cgl_monitor_step(&config->monitor, monitor, now, is_busy(drive) ? CGL_R(0.0) : reference->omega_ref);
     drive->status = monitor->status;
     drive->off = drive->off || monitor->safe;
     if (!config->foreign) {
@@ -96,6 +123,13 @@ CGL_SELDOM static void rest(cgl_drive *drive, cgl_drive_output *out)
     drive->i_q = CGL_R(0.0);
 }
 
+/* What the current loop could not do, or would not. */
+CGL_SELDOM static void fall_short(const cgl_drive_config *config, cgl_drive *drive, cgl_drive_output *out)
+{
+    drive->saturated = true;
+    cgl_foc_limit(&config->foc, &out->i_d_ref, &out->i_q_ref);
+}
+
 void cgl_drive_actuate(const cgl_drive_config *config, cgl_drive *drive, cgl_drive_output *out)
 {
     drive->status |= drive->command.status;
@@ -116,8 +150,6 @@ void cgl_drive_actuate(const cgl_drive_config *config, cgl_drive *drive, cgl_dri
     cgl_foc_output foc;
     drive->currents.i_q_ref = drive->command.i_q_ref;
     cgl_foc_step(&config->foc, &drive->foc, &drive->currents, &foc);
-    drive->saturated =
-        drive->saturated || (foc.status & ((unsigned)CGL_STATUS_SATURATED | (unsigned)CGL_STATUS_FAULT)) != 0U;
     drive->i_q = foc.i_q;
     out->duty[0] = foc.duty[0];
     out->duty[1] = foc.duty[1];
@@ -129,4 +161,7 @@ void cgl_drive_actuate(const cgl_drive_config *config, cgl_drive *drive, cgl_dri
     out->i_d_ref = drive->currents.i_d_ref;
     out->i_q_ref = drive->command.i_q_ref;
     out->status = drive->status | foc.status;
+    if ((foc.status & ((unsigned)CGL_STATUS_SATURATED | (unsigned)CGL_STATUS_FAULT)) != 0U) {
+        fall_short(config, drive, out);
+    }
 }

@@ -6,8 +6,10 @@
  *   }
  *   cgl_drive_actuate(&config, &drive, &out);
  *
- * The law learns only where measurements are trusted, the current loop had voltage enough since its last step, and the
- * error is no outlier. Where the output is safe, voltages are zero, the current loop starts anew, and the law is off. */
+ * The law learns only where measurements are trusted, the current loop did what it was asked for since its last step (had
+ * voltage enough, and no reference beyond its limit), and the error is no outlier. Where the output is safe, voltages are
+ * zero, the current loop starts anew, and the law is off. While the law says CGL_STATUS_BUSY, it follows a speed that is
+ * not known here: a stuck angle is not looked for, and errors count for nothing. */
 #ifndef COGLESS_DRIVE_H
 #define COGLESS_DRIVE_H
 
@@ -28,10 +30,11 @@ typedef struct {
     uint32_t pole_pairs;   /* 1 to 10000 */
     uint32_t divider;      /* current-loop periods in a period of the law, 1 to 65535 */
     bool foreign;          /* somebody else controls the currents: foc is not used, actuate gives the law's reference */
-    bool learn_saturated;  /* learn although the current loop lacks voltage: for a law that learns from whole trials, of
+    bool learn_saturated;  /* learn although the current loop falls short: for a law that learns from whole trials, of
                               which one such period would spoil all; default false */
     cgl_foc_config foc;
-    cgl_monitor_config monitor; /* with foc.ts and foc.phases, or phases 0 if the current loop is foreign */
+    /* init refuses parts that do not agree, times to within 1e-5 */
+    cgl_monitor_config monitor; /* with foc.ts and foc.phases; phases 0 as a rule if the current loop is foreign */
     cgl_quality_config quality; /* of the speed error [rad/s]; ts = divider monitor.ts */
 } cgl_drive_config;
 
@@ -39,7 +42,8 @@ typedef struct {
     cgl_real theta_ref; /* mechanical angle reference [rad] */
     cgl_real omega_ref; /* mechanical speed reference [rad/s] */
     cgl_real alpha_ref; /* its derivative [rad/s^2] */
-    cgl_real i_d_ref;   /* d-axis current reference [A], usually 0; taken, as all of these but omega_ref, where the law is due */
+    cgl_real i_d_ref;   /* d-axis current reference [A], usually 0; it leaves the law sqrt(foc.current_limit^2 - i_d_ref^2), so
+                           give the law no higher limit. Taken, as all of these but omega_ref, where the law is due */
     bool learn;         /* false freezes what is learned */
 } cgl_reference;
 
@@ -47,7 +51,7 @@ typedef struct {
     cgl_real duty[3];          /* as cgl_foc_output */
     cgl_real i_d, i_q;         /* measured currents in the rotor's frame [A] */
     cgl_real u_d, u_q;         /* [V] */
-    cgl_real i_d_ref, i_q_ref; /* that the current loop was given [A] */
+    cgl_real i_d_ref, i_q_ref; /* that the current loop follows [A]: within foc.current_limit, unless it is foreign */
     unsigned status;           /* CGL_STATUS_ bits of all parts */
 } cgl_drive_output;
 
@@ -60,7 +64,7 @@ typedef struct {
     cgl_foc_input currents; /* of this period, for foc */
     cgl_real i_q;           /* measured in the last period [A] */
     uint32_t countdown;     /* periods until the law is due */
-    bool saturated;         /* the current loop lacked voltage since the law's last step */
+    bool saturated;         /* the current loop fell short of its reference since the law's last step */
     bool off;               /* the output was safe since then */
     unsigned status;        /* of this period so far */
 } cgl_drive;

@@ -61,6 +61,20 @@ CGL_SELDOM static vector shortened(vector x, cgl_real length)
     return x;
 }
 
+/* Whether a reference was shortened: one that is as long as the limit and no longer was not. */
+static bool is_shorter(vector x, vector than)
+{
+    return cgl_abs(x.d) < cgl_abs(than.d) || cgl_abs(x.q) < cgl_abs(than.q);
+}
+
+CGL_SELDOM void cgl_foc_limit(const cgl_foc_config *config, cgl_real *i_d_ref, cgl_real *i_q_ref)
+{
+    const vector wanted = {*i_d_ref, *i_q_ref};
+    const vector ref = shortened(wanted, config->current_limit);
+    *i_d_ref = ref.d;
+    *i_q_ref = ref.q;
+}
+
 /* The error that the integral sees: without what could not be realised. */
 static cgl_real taken_back(cgl_real error, cgl_real kp, cgl_real missing)
 {
@@ -96,8 +110,11 @@ void cgl_foc_step(const cgl_foc_config *config, cgl_foc *foc, const cgl_foc_inpu
     cgl_park(alpha, beta, sine, cosine, &i_d, &i_q);
 
     vector ref = {in->i_d_ref, in->i_q_ref};
+    out->status = 0U;
     if (!(ref.d * ref.d + ref.q * ref.q < config->current_limit * config->current_limit)) {
-        ref = shortened(ref, config->current_limit);
+        const vector wanted = ref;
+        ref = shortened(wanted, config->current_limit);
+        out->status = is_shorter(ref, wanted) ? (unsigned)CGL_STATUS_SATURATED : 0U;
     }
     cgl_real e_d = ref.d - i_d;
     cgl_real e_q = ref.q - i_q;
@@ -112,7 +129,6 @@ void cgl_foc_step(const cgl_foc_config *config, cgl_foc *foc, const cgl_foc_inpu
     const cgl_real longest = two_phases ? CGL_R(1.0) : CGL_R(0.57735026918962576451); /* in parts of the bus */
     const cgl_real u_max = u_dc * longest;
     cgl_real part_d = u.d * per_bus, part_q = u.q * per_bus;
-    out->status = 0U;
     if (!(part_d * part_d + part_q * part_q < longest * longest)) {
         if (!(cgl_is_finite(u.d) && cgl_is_finite(u.q))) {
             safe(out);
