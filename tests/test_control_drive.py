@@ -251,8 +251,8 @@ def test_a_d_axis_reference_that_is_no_number_is_none(precision):
         # parts that do not agree
         {"quality": QUALITY | {"ts": TS}}, {"quality": QUALITY | {"ts": 10 * TS * 1.0001}}, {"divider": 9},
         {"monitor": MONITOR | {"ts": 1.0}, "quality": QUALITY | {"ts": 10.0}}, {"foc": FOC | {"ts": 2 * TS}},
-        {"monitor": MONITOR | {"phases": 0}}, {"monitor": MONITOR | {"phases": 2}}, {"foc": FOC | {"phases": 2}},
-        {"foreign": True, "foc": {}, "quality": QUALITY | {"ts": TS}},
+        {"monitor": MONITOR | {"phases": 0}}, {"monitor": MONITOR | {"phases": 2}},
+        {"foc": FOC | {"phases": 2}}, {"foreign": True, "foc": {}, "quality": QUALITY | {"ts": TS}},
     ],
 )  # fmt: skip
 def test_init_refuses(precision, changes):

@@ -90,6 +90,54 @@ def test_the_one_header_includes_all() -> None:
     assert not missing
 
 
+SINE = """
+#include <math.h>
+#include "cogless/angle.h"
+int main(void)
+{
+    for (double x = -1000.0; x < 1000.0; x += 0.0137) {
+        cgl_real s, c;
+        cgl_sincos((cgl_real)x, &s, &c);
+        if (fabs((double)s - sin((double)(cgl_real)x)) > 1e-6) return 1;
+    }
+    return 0;
+}
+"""
+
+
+@pytest.mark.parametrize("compiler", ["cc", "gcc", "clang"])
+@pytest.mark.parametrize("real", ["float", "double"])
+@pytest.mark.parametrize(
+    "flags",
+    ["-ffast-math", "-ffinite-math-only", "-funsafe-math-optimizations",
+     "-fassociative-math -fno-signed-zeros -fno-trapping-math"],
+)  # fmt: skip
+def test_flags_that_break_arithmetic_are_refused_or_do_nothing(
+    compiler: str, real: str, flags: str, tmp_path: Path
+) -> None:
+    """gcc tells of them since 12; clang can be told since 12."""
+    if shutil.which(compiler) is None:
+        pytest.skip(f"no {compiler}")
+    macros = run(compiler, "-dM", "-E", "-x", "c", os.devnull).stdout
+    mark = "__clang_major__" if "__clang__" in macros else "__GNUC__"
+    major = int(next(line.split()[-1] for line in macros.splitlines() if f" {mark} " in line))
+    reorders = "fast" not in flags and "finite" not in flags
+    if reorders and major < 12:
+        pytest.skip("says nothing of such flags")
+    program, sine = tmp_path / "sine", tmp_path / "sine.c"
+    sine.write_text(SINE)
+    sources = [sine, *(CONTROL / "src" / "cogless" / name for name in ("angle.c", "real.c"))]
+    command = [compiler, "-O2", f"-I{CONTROL / 'src'}", *flags.split(), "-o", program, *sources, "-lm"]
+    command += ["-DCOGLESS_DOUBLE"] if real == "double" else []
+    built = subprocess.run([str(part) for part in command], capture_output=True, text=True)
+    if reorders and mark == "__clang_major__":
+        assert built.returncode == 0, built.stderr
+        run(program)
+    else:
+        assert built.returncode != 0
+        assert "compile without -f" in built.stderr
+
+
 @pytest.mark.parametrize("double", [[], ["-DCOGLESS_DOUBLE"]])
 def test_the_simplefoc_sketch_compiles(double: list[str], tmp_path: Path) -> None:
     sketch = CONTROL / "examples" / "simplefoc_feed_forward" / "simplefoc_feed_forward.ino"

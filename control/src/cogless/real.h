@@ -8,6 +8,12 @@
 #if defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__
 #error "compile without -ffast-math and -ffinite-math-only: they remove the tests for NaN and infinity"
 #endif
+#if defined(__ASSOCIATIVE_MATH__) /* since gcc 12 */
+#error "compile without -funsafe-math-optimizations and -fassociative-math: sums in another order make the sine wrong"
+#endif
+#if defined(__clang__) && __clang_major__ >= 12 /* has no such macro, but can be told: for all of the file */
+#pragma clang fp reassociate(off)
+#endif
 
 #ifdef COGLESS_DOUBLE
 typedef double cgl_real;
