@@ -6,6 +6,8 @@ import math
 import numpy as np
 import pytest
 from control_library import control_library
+from hypothesis import HealthCheck, event, example, given, settings
+from hypothesis import strategies as st
 from reference.motion import rounded
 from reference.space_laws import PositionInput, SpacePosition, SpaceSpeed, theta_tg
 from reference.space_memory import SpaceDelay, SpaceMap
@@ -600,3 +602,46 @@ def test_learning_lowers_the_error_of_section_5(kind, precision, index):
     before = np.ptp(errors[round(1.5 / ts) : round(3.0 / ts)])
     after = np.ptp(errors[round(8.0 / ts) :])
     assert after < 0.35 * before
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(
+    seed=st.integers(0, 2**32 - 1), cells=st.integers(4, 80), share=st.floats(0, 1),
+    fastest=st.floats(0.001, 0.3), channels=st.integers(1, 3), parts=st.integers(1, 5),
+)  # fmt: skip
+@example(seed=3835, cells=41, share=0.95, fastest=0.2, channels=1, parts=1)
+@example(seed=1, cells=22, share=1.0, fastest=0.05, channels=2, parts=1)
+@example(seed=2, cells=57, share=0.75, fastest=0.25, channels=1, parts=3)
+def test_the_short_way_of_a_step_is_the_long_one(seed, cells, share, fastest, channels, parts):
+    """Q filters up to the whole period: the window meets what the step writes on the other side."""
+    library, rng = control_library("double"), np.random.default_rng(seed)
+    lib, ffi = library.lib, library.ffi
+    m = int(share * ((cells - 1) // 2))
+    config = library.new(
+        "cgl_space_memory_config", kind=lib.CGL_SPACE_MAP, channels=channels, cells=cells, turns=1,
+        parts=parts, q_half_width=m, limit=[1.0] * 3, ts=1e-3,
+    )  # fmt: skip
+    length = channels * (cells + m + 1)
+    short, long = library.new("cgl_space_memory"), library.new("cgl_space_memory")
+    maps = [np.zeros(length), np.zeros(length)]
+    for memory, cell in zip((short, long), maps, strict=True):
+        pointer = ffi.cast("cgl_real *", cell.ctypes.data)
+        assert lib.cgl_space_memory_init(config, memory, pointer, length) == lib.CGL_OK
+    gain, one, other = (ffi.new("cgl_real[3]", x) for x in ([1.0, 0.5, -0.3], [0.0] * 3, [0.0] * 3))
+    theta, speed = rng.uniform(0, 6), 0.0
+    steps = 0
+    for n in range(600):
+        if n % 40 == 0:  # of the period, a step
+            speed = fastest * rng.uniform(-0.2, 1.0) ** 2 * rng.choice([-1, 1, 1, 1, 1, 1])
+        theta = (theta + speed * 2 * math.pi / parts) % (2 * math.pi)
+        learn, step = rng.random() > 0.005, 0.1 * math.sin(3 * theta) + rng.uniform(-0.03, 0.03)
+        steady = bool(short.steady)
+        learned = lib.cgl_space_memory_step(config, short, theta, True, learn, gain, step, one)
+        steps += learned and steady
+        assert lib.cgl_space_memory_recall(config, long, theta, True, learn, other) == learned
+        for c in range(channels):
+            other[c] -= gain[c] * step * learned
+        lib.cgl_space_memory_update(config, long, other, learned)
+        assert max(abs(one[c] - other[c]) for c in range(channels)) < 1e-11
+        assert np.max(np.abs(maps[0] - maps[1])) < 1e-11
+    event("short steps" if steps else "no short step")

@@ -190,6 +190,14 @@ CGL_SELDOM static void pass_cells(const cgl_space_memory_config *config, cgl_spa
     }
 }
 
+/* Whether the sums that are kept from step to step stay right. A step that passes k cells writes the k cells behind the
+ * 2 q_half_width + 1 of the Q filter, and the sum's change looks one cell ahead of those: round the period the two do not
+ * meet while there are more cells than 2 q_half_width + 1 + k. A short step passes a quarter of them at most, rounded up. */
+static bool has_room(const cgl_space_memory_config *config)
+{
+    return 2U * config->q_half_width + 1U + (config->cells + 3U) / 4U < config->cells;
+}
+
 CGL_SELDOM static void store_in_map(const cgl_space_memory_config *config, cgl_space_memory *memory,
                                     const cgl_real *value)
 {
@@ -200,7 +208,8 @@ CGL_SELDOM static void store_in_map(const cgl_space_memory_config *config, cgl_s
     memory->position = memory->next_position;
     memory->at = memory->next;
     memory->started = true;
-    memory->steady = memory->direction > 0 && memory->known > config->q_half_width && memory->newest == memory->at;
+    memory->steady = memory->direction > 0 && memory->known > config->q_half_width && memory->newest == memory->at
+                     && has_room(config);
     if (memory->steady) {
         sum_rows(config, memory, memory->at);
     }

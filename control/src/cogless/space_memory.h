@@ -33,7 +33,8 @@ typedef struct {
     uint32_t cells;          /* map: entries per period; delay: longest period [samples]; 4 to 65535 */
     uint32_t turns, parts;   /* period: turns / parts of a revolution, each 1 to 65535; default 1, 1 */
     uint32_t q_half_width;   /* zero-phase low-pass (Q filter): mean of this many cells or samples on each side; 0: none,
-                                the printed scheme. 2 q_half_width + 1 <= cells */
+                                the printed scheme. 2 q_half_width + 1 <= cells; from about 3/4 of them on a map's steps
+                                take longer */
     cgl_real limit[CGL_SPACE_CHANNELS]; /* entries of the channels in use stay within +-limit [unit of the entry], but for
                                            rounding; > 0, 2 (q_half_width + 1) limit finite */
     cgl_delay_method method; /* delay: how P_t is found; default CGL_DELAY_ODE, as in the paper */
