@@ -360,6 +360,60 @@ static void number_saves(void)
     }
 }
 
+/* A map that does not fit for now, for its limit or its motor, is older than one saved meanwhile when it fits again:
+ * wherever its number is, and with power lost at any byte of that save before. */
+static void outrank_what_does_not_fit(uint32_t before, uint32_t number, bool motor)
+{
+    static flash all, start;
+    owner o, low, found;
+    flash_clear(&start, 8U);
+    start.size = 256U;
+    make(&o, 1U, 12U);
+    make(&low, 1U, 12U);
+    low.map.limit[0] = motor ? CGL_R(1.0) : CGL_R(0.1);
+    for (uint32_t which = 1; which <= before; ++which) {
+        const cgl_map_store_config config = flash_config(&start, MOTOR);
+        save_and_expect(&config, &o, which);
+        if (which == 1U) {
+            set_header(&start, 0U, 8U, 4U, number);
+        }
+    }
+    for (uint32_t power = 0; power <= 500U; power += number == 1U ? 1U : 19U) {
+        all = start;
+        const cgl_map_store_config own = flash_config(&all, MOTOR);
+        const cgl_map_store_config other = flash_config(&all, motor ? 99U : MOTOR);
+        for (uint32_t n = 0; n < 12U; ++n) {
+            *at(&low, n) = CGL_R(0.0625);
+        }
+        all.power = power;
+        cgl_map_store store = started(&other);
+        save(&other, &store, &low);
+        all.power = 0xFFFFFFFFU;
+        const cgl_map_result result = load(&own, &o, &found);
+        CHECK(result == CGL_MAP_OK || before == 1U);
+        CHECK(result != CGL_MAP_OK || knows(&found, before) || knows(&found, before - 1U) || !motor);
+        CHECK(save(&other, &store, &low) == CGL_MAP_OK);
+        CHECK(load_alike(&other, &low.map, &found) == CGL_MAP_OK && found.memory[0] >= CGL_R(0.0625));
+        if (!motor) { /* the limit is as it was */
+            CHECK(load(&own, &o, &found) == CGL_MAP_OK && found.memory[0] >= CGL_R(0.0625)
+                  && found.memory[0] <= CGL_R(0.0625));
+        }
+        save_and_expect(&own, &o, 77U);
+        save_and_expect(&own, &o, 78U);
+    }
+}
+
+static void outrank_all(void)
+{
+    static const uint32_t numbers[] = {1U, 4U, 0x7FFFFFFFU, 0x80000000U, 0xFFFFFFFCU, 0xFFFFFFFEU, 0xFFFFFFFFU};
+    for (uint32_t n = 0; n < sizeof numbers / sizeof numbers[0]; ++n) {
+        for (uint32_t before = 1; before < 6U; ++before) {
+            outrank_what_does_not_fit(before, numbers[n], false);
+            outrank_what_does_not_fit(before, numbers[n], true);
+        }
+    }
+}
+
 /* A map of another motor is written over before the last one of this. */
 static void spare_the_own(void)
 {
@@ -507,6 +561,7 @@ void stored_maps(void)
     refuse_with_reason();
     refuse_numbers();
     number_saves();
+    outrank_all();
     spare_the_own();
     spare_the_flash();
     notice_locked_flash();

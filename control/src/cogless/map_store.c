@@ -177,6 +177,7 @@ CGL_SELDOM static cgl_map_result check_header(const cgl_map_store_config *config
     if ((word[AT_VERSION] & 0xFFFFU) != VERSION) {
         return CGL_MAP_OTHER_VERSION;
     }
+    store->sequence = word[AT_SEQUENCE];
     const uint32_t align = word[AT_LAW] >> 16;
     if (word[AT_VERSION] >> 16 != CGL_MAP_HEADER || !is_write_size(align)) {
         return CGL_MAP_DAMAGED;
@@ -196,7 +197,6 @@ CGL_SELDOM static cgl_map_result check_header(const cgl_map_store_config *config
     }
     store->align = align;
     store->end = end;
-    store->sequence = word[AT_SEQUENCE];
     store->entries_crc = word[AT_ENTRIES_CRC];
     return CGL_MAP_OK;
 }
@@ -241,6 +241,7 @@ CGL_SELDOM static void begin_check(cgl_map_store *store, uint32_t slot)
     store->slot = slot;
     store->position = 0U;
     store->crc = 0U;
+    store->sequence = 0U;
     store->bad_value = false;
 }
 
@@ -431,7 +432,8 @@ CGL_SELDOM static cgl_map_result sum(const cgl_map_store_config *config, cgl_map
     }
     store->slot = now == 0U ? 1U : 0U;
     store->entries_crc = store->crc;
-    store->sequence = now < 2U ? store->sequences[now] + 1U : 1U;
+    /* newer than what stays, which may fit again another day, when a limit is raised or a motor is back */
+    store->sequence = store->sequences[1U - store->slot] + 1U;
     uint32_t word[WORDS];
     make_header(config, store, word);
     store->header_crc = store->wanted = header_crc(word);
