@@ -25,9 +25,9 @@ class CAntiCogging:
     def calibrate(self):
         self.library.lib.cgl_anti_cogging_calibrate(self.config, self.state)
 
-    def step(self, omega_ref, omega_m, theta_m, i_q):
+    def step(self, omega_ref, omega_m, theta_m, i_q, learn=True):
         i = self.input
-        i.omega_ref, i.omega_m, i.theta_m, i.i_q = omega_ref, omega_m, theta_m, i_q
+        i.omega_ref, i.omega_m, i.theta_m, i.i_q, i.learn = omega_ref, omega_m, theta_m, i_q, learn
         self.library.lib.cgl_anti_cogging_step(self.config, self.state, i, self.output)
         return self.output.i_q_ref
 
@@ -86,8 +86,8 @@ def calibrated(one, motor, real=np.float64, steps=200_000):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_double_equals_the_reference(seed):
-    """A whole calibration on the motor, with lost samples, a rotor that is held and pushed over cells; then
-    a run."""
+    """A whole calibration on the motor, with lost samples, some not to be learned from, a rotor that is held
+    and pushed over cells; then a run."""
     rng = np.random.default_rng(seed)
     reference = law(
         cells=int(rng.choice([4, 61, 200])), speed=rng.uniform(1, 3), revolutions=int(rng.choice([1, 3]))
@@ -99,15 +99,18 @@ def test_double_equals_the_reference(seed):
     scale = (
         reference.pi.limit + reference.pi.kp * reference.position_gain * 2 * math.pi * reference.revolutions
     )
-    after = 0
-    for n in range(40_000):
+    after, learn, paused = 0, True, 0
+    for n in range(60_000):
         omega, theta, i = motor.measured(float)
         if rng.random() < 0.003:
             omega, theta, i = rng.permutation([omega, rng.choice([math.nan, math.inf]), i])
         if rng.random() < 0.001:
             motor.theta += rng.uniform(-0.3, 0.3)
         omega_ref = math.nan if n % 777 == 0 else math.sin(n / 300)
-        got, expected = c.step(omega_ref, omega, theta, i), reference.step(omega_ref, omega, theta, i)
+        learn = rng.random() > (0.001 if learn else 0.1)
+        got = c.step(omega_ref, omega, theta, i, learn)
+        expected = reference.step(omega_ref, omega, theta, i, learn)
+        paused += bool(c.output.status & c.library.lib.CGL_STATUS_FROZEN)
         assert abs(got - expected) <= 1e-12 * scale, n
         assert c.calibrating == reference.calibrating, n
         motor.move(got)
@@ -115,6 +118,7 @@ def test_double_equals_the_reference(seed):
         if after == 2000:
             break
     assert after == 2000
+    assert paused > 0
     assert max(abs(c.table - reference.table)) <= 1e-12
     assert abs(c.friction - reference.friction) <= 1e-12
 
@@ -235,3 +239,80 @@ def test_reset_drops_half_a_table_and_keeps_a_whole_one(when):
     assert not one.calibrating
     assert one.table.any() == complete
     assert complete == (when > 10_000)
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize("revolutions", [1, 2])
+def test_what_is_not_to_be_learned_is_recorded_when_the_rotor_comes_there_again(precision, revolutions):
+    """A wrong current for a while in each direction: the table is as without it, a revolution each later."""
+    library = control_library(precision)
+    tables, lengths = [], []
+    for spoils in (False, True):
+        one = CAntiCogging(library, law(speed=1.0, real=library.real, revolutions=revolutions))
+        motor = Motor(2e-3)
+        one.calibrate()
+        for n in range(60_000):
+            omega, theta, i = motor.measured(library.real)
+            spoilt = spoils and (2000 < n < 2300 or 0 < n - 4000 * (1 + revolutions) < 300)
+            motor.move(one.step(0.0, omega, theta, 50.0 if spoilt else i, not spoilt))
+            frozen = bool(one.output.status & library.lib.CGL_STATUS_FROZEN)
+            assert frozen == (spoilt and one.calibrating)
+            if not one.calibrating:
+                break
+        tables.append(one.table.copy())
+        lengths.append(n)
+    turn = 2 * math.pi / 1.0 / 2e-3
+    assert lengths[1] - lengths[0] == pytest.approx(2 * turn, rel=0.02)
+    assert np.max(np.abs(tables[1] - tables[0])) < 0.01
+    assert np.max(np.abs(tables[0])) > 0.1
+
+
+def test_a_calibration_that_never_may_learn_does_not_end_and_writes_nothing():
+    library = control_library("float")
+    one, motor = CAntiCogging(library, law(speed=2.0, real=np.float32)), Motor(2e-3)
+    one.calibrate()
+    for _ in range(30_000):
+        motor.move(one.step(0.0, *motor.measured(np.float32), False))
+    assert one.calibrating
+    assert not one.table.any()
+    assert abs(motor.omega) > 1.5  # it turns on
+    for _ in range(30_000):
+        motor.move(one.step(0.0, *motor.measured(np.float32)))
+    assert not one.calibrating
+    assert np.max(np.abs(one.table)) > 0.1
+
+
+@pytest.mark.parametrize("omega_ref", [0.0, 6.28, -60.0])
+def test_a_calibration_in_a_drive_ends_whatever_the_reference_is(omega_ref):
+    """The rotor stands between two counts for longer than the reference would turn it by the stuck angle."""
+    counts = 400
+    library = control_library("float")
+    lib = library.lib
+    one, motor = CAntiCogging(library, law(ts=1e-3, cells=64, speed=0.5, real=np.float32)), Motor(1e-3)
+    config = library.new(
+        "cgl_drive_config", pole_pairs=4, divider=2, foreign=True,
+        monitor={"omega_max": 200.0, "angle_step": 2 * math.pi / counts, "stuck_angle": 0.5, "bridge": 5e-3,
+                 "hold": 1e-2, "ts": 5e-4},
+        quality={"span": 2 * math.pi, "longest": 60.0, "outlier": 3.0, "ts": 1e-3},
+    )  # fmt: skip
+    drive, out = library.new("cgl_drive"), library.new("cgl_drive_output")
+    assert lib.cgl_drive_init(config, drive) == lib.CGL_OK
+    one.calibrate()
+    reference = library.new("cgl_reference", omega_ref=omega_ref, learn=True)
+    seen = 0
+    for n in range(70_000):
+        theta = math.floor(motor.theta / (2 * math.pi) * counts) * 2 * math.pi / counts
+        now = library.new("cgl_measurement", theta_m=theta % (2 * math.pi), omega_m=motor.omega)
+        if lib.cgl_drive_measure(config, drive, now, reference):
+            inputs, command = (library.ffi.addressof(drive[0], name) for name in ("in", "command"))
+            lib.cgl_anti_cogging_step(one.config, one.state, inputs, command)
+        lib.cgl_drive_actuate(config, drive, out)
+        seen |= out.status
+        if n % 2:
+            motor.move(out.i_q_ref)
+        if n > 4 and not out.status & lib.CGL_STATUS_BUSY:
+            break
+    assert n < 65_000
+    assert not seen & (lib.CGL_STATUS_OFF | lib.CGL_STATUS_OUTLIER | lib.CGL_STATUS_FROZEN)
+    angle = 2 * math.pi * np.arange(64) / 64
+    assert np.max(np.abs(one.table - motor.cogs(angle))) < 0.05

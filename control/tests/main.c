@@ -53,7 +53,7 @@ static void long_calibration(void)
     cgl_anti_cogging_calibrate(&config, &law);
     const double step = (double)config.speed * (double)config.pi.ts;
     double theta = 0.0, furthest = 0.0;
-    cgl_law_input in = {.omega_m = config.speed, .i_q = CGL_R(0.1)};
+    cgl_law_input in = {.omega_m = config.speed, .i_q = CGL_R(0.1), .learn = true};
     cgl_law_output out = {CGL_R(0.0), 0U};
     do {
         cgl_anti_cogging_step(&config, &law, &in, &out);

@@ -20,6 +20,7 @@ class Leg:
     steps: int = 0
     samples: dict[int, list[float]] = field(default_factory=dict)
     at: int = 0
+    again: int = 0  # revolutions for nothing: of what was not to be learned from
 
 
 @dataclass
@@ -57,9 +58,14 @@ class AntiCogging:
         first = math.trunc(direction * self.theta / (2 * math.pi) * self.cells) + self.cells // 8 + 1
         self.legs.append(Leg(direction, first, first + self.cells * self.revolutions, self.theta, at=first))
 
-    def record(self, leg: Leg, i_q: float) -> None:
+    def record(self, leg: Leg, i_q: float, learn: bool) -> None:
         nearest = leg.direction * math.floor(self.theta / (2 * math.pi) * self.cells + 0.5)
+        nearest -= leg.again * self.cells
         if nearest < leg.at:
+            return
+        if not learn:
+            leg.again += 1
+            leg.samples.pop(leg.at, None)
             return
         for passed in range(leg.at, min(nearest, leg.end)):
             leg.samples.setdefault(passed, [i_q])
@@ -79,7 +85,7 @@ class AntiCogging:
         self.calibrating = False
         self.pi.integral = 0.0
 
-    def calibration_error(self, omega_m: float, theta_m: float, i_q: float) -> float:
+    def calibration_error(self, omega_m: float, theta_m: float, i_q: float, learn: bool) -> float:
         """The speed error of the run."""
         wrapped = theta_m % (2 * math.pi)
         before, self.wrapped = self.wrapped, wrapped
@@ -89,7 +95,7 @@ class AntiCogging:
             self.turns -= round((wrapped - before) / (2 * math.pi))
         leg = self.legs[-1]
         leg.steps += 1
-        self.record(leg, i_q)
+        self.record(leg, i_q, learn)
         path = leg.start + leg.direction * self.speed * self.pi.ts * leg.steps
         error = leg.direction * self.speed + self.position_gain * (path - self.theta) - omega_m
         if leg.at >= leg.end:
@@ -103,10 +109,12 @@ class AntiCogging:
         x = theta_m / (2 * math.pi) % 1.0 * self.cells
         return float(np.interp(x, np.arange(self.cells + 1), np.append(self.table, self.table[0])))
 
-    def step(self, omega_ref: float, omega_m: float, theta_m: float, i_q: float) -> float:
+    def step(
+        self, omega_ref: float, omega_m: float, theta_m: float, i_q: float, learn: bool = True
+    ) -> float:
         if self.calibrating:
             waits = not (math.isfinite(omega_m) and is_angle(theta_m) and math.isfinite(i_q))
-            return self.pi.step(0.0 if waits else self.calibration_error(omega_m, theta_m, i_q))
+            return self.pi.step(0.0 if waits else self.calibration_error(omega_m, theta_m, i_q, learn))
         usable = math.isfinite(omega_m) and is_angle(theta_m)
         ahead = theta_m + self.lead * omega_m
         return self.pi.step(omega_ref - omega_m, self.looked_up(ahead) if usable else 0.0)

@@ -52,6 +52,15 @@ CGL_SELDOM void cgl_anti_cogging_calibrate(const cgl_anti_cogging_config *config
 /* Further than any run goes. */
 #define TURNS_MAX 1000
 
+static void count_turn(cgl_anti_cogging *law, bool up)
+{
+    if (up && law->turns < TURNS_MAX) {
+        ++law->turns;
+    } else if (!up && law->turns > -TURNS_MAX) {
+        --law->turns;
+    }
+}
+
 /* Follows the rotor through the revolutions; a step moves it by less than half of one. */
 CGL_SELDOM static void follow(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real theta_m)
 {
@@ -60,14 +69,10 @@ CGL_SELDOM static void follow(const cgl_anti_cogging_config *config, cgl_anti_co
     cgl_real moved = law->started ? place - law->place : CGL_R(0.0);
     if (moved > CGL_R(0.5) * cells) {
         moved -= cells;
-        if (law->turns > -TURNS_MAX) {
-            --law->turns;
-        }
+        count_turn(law, false);
     } else if (moved < CGL_R(-0.5) * cells) {
         moved += cells;
-        if (law->turns < TURNS_MAX) {
-            ++law->turns;
-        }
+        count_turn(law, true);
     }
     law->behind -= moved * (CGL_TWO_PI / cells);
     law->place = place;
@@ -107,14 +112,21 @@ CGL_SELDOM static void finish(const cgl_anti_cogging_config *config, cgl_anti_co
 }
 
 /* An entry stands for half a cell on either side of its angle. Adds the mean current of the entry just left, and of any
- * that the rotor jumped over, to the table. Only progress counts: a rotor that rocks back changes nothing twice. */
-CGL_SELDOM static void record(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real i_q)
+ * that the rotor jumped over, to the table. Only progress counts: a rotor that rocks back changes nothing twice. Where
+ * nothing is to be learned from a sample, its entry waits until the rotor comes there again, a revolution later. */
+CGL_SELDOM static void record(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real i_q, bool learn)
 {
     const bool backward = law->stage == CGL_ANTI_COGGING_BACKWARD;
     const int32_t cells = (int32_t)config->cells;
     const int32_t nearest = law->turns * cells + (int32_t)(law->place + CGL_R(0.5));
     const int32_t reached = backward ? -nearest : nearest;
     if (reached < law->cell) {
+        return;
+    }
+    if (!learn) {
+        count_turn(law, backward); /* back */
+        law->sum = CGL_R(0.0);
+        law->samples = 0U;
         return;
     }
     while (law->cell < law->end_cell && reached > law->cell) {
@@ -169,7 +181,7 @@ void cgl_anti_cogging_step(const cgl_anti_cogging_config *config, cgl_anti_coggi
             start_direction(config, law, CGL_ANTI_COGGING_FORWARD);
         }
         law->behind += direction(law) * config->speed * config->pi.ts;
-        record(config, law, in->i_q);
+        record(config, law, in->i_q, in->learn);
         error = direction(law) * config->speed + config->position_gain * law->behind - in->omega_m;
         if (law->cell >= law->end_cell) {
             if (law->stage == CGL_ANTI_COGGING_FORWARD) {
@@ -187,5 +199,6 @@ void cgl_anti_cogging_step(const cgl_anti_cogging_config *config, cgl_anti_coggi
     out->i_q_ref = cgl_pi_step(&config->pi, &law->pi, error, law->looked_up);
     out->status = (law->pi.saturated ? (unsigned)CGL_STATUS_SATURATED : 0U)
                   | (plausible && cgl_is_finite(error) ? 0U : (unsigned)CGL_STATUS_FAULT)
-                  | (law->stage != CGL_ANTI_COGGING_RUN ? (unsigned)CGL_STATUS_BUSY : 0U);
+                  | (law->stage != CGL_ANTI_COGGING_RUN ? (unsigned)CGL_STATUS_BUSY : 0U)
+                  | (recording && !in->learn ? (unsigned)CGL_STATUS_FROZEN : 0U);
 }

@@ -38,7 +38,7 @@ typedef struct {
     cgl_real looked_up;         /* the table's part of the last step [A] */
     cgl_real friction;          /* found by the last calibration: Coulomb part, and viscous at its speed [A] */
     cgl_real place;             /* measured angle of the last step [cells], in [0, cells) */
-    int32_t turns;              /* revolutions since the direction began */
+    int32_t turns;              /* revolutions since the direction began, without those for nothing */
     cgl_real behind;            /* the rotor behind the run's path [rad] */
     int32_t cell;               /* table entry being recorded, counted in the run's direction */
     int32_t end_cell;           /* first one that is not recorded any more */
@@ -56,7 +56,11 @@ cgl_error cgl_anti_cogging_init(const cgl_anti_cogging_config *config, cgl_anti_
 void cgl_anti_cogging_reset(const cgl_anti_cogging_config *config, cgl_anti_cogging *law);
 
 /* The following steps ignore omega_ref and make the calibration run: an eighth of a revolution to settle and
- * `revolutions` to record, forward, then the same backward. CGL_STATUS_BUSY is set until it is done. */
+ * `revolutions` to record, forward, then the same backward. CGL_STATUS_BUSY is set until it is done: with it in
+ * drive->command, cgl_drive does not look for a stuck angle. Where in->learn is false nothing is recorded, and the status has
+ * CGL_STATUS_FROZEN; the motor turns on, and what is missing is recorded when the rotor passes there the next time. So a table
+ * is whole or not there, and with in->learn false for good the run does not end: end it by a reset. After
+ * cgl_monitor_trust() calibrate anew: what was recorded belongs to the angle before. */
 void cgl_anti_cogging_calibrate(const cgl_anti_cogging_config *config, cgl_anti_cogging *law);
 
 /* PI plus table. In a calibration in->i_q is recorded; it waits while an input is not finite. While in->off the output and
