@@ -58,6 +58,14 @@ static bool start_learning()
            && cgl_pi_ilc_init(&law_config, &law, map_of_ripple, sizeof map_of_ripple / sizeof map_of_ripple[0]) == CGL_OK;
 }
 
+// Whether SimpleFOC gives what its velocity PID asks for, after motor.move(), which leaves the PID's output in current_sp:
+// at a limit of current or voltage an error remains that is no ripple.
+static bool follows()
+{
+    const float limit = motor.PID_velocity.limit < motor.current_limit ? motor.PID_velocity.limit : motor.current_limit;
+    return cgl_abs(motor.current_sp) < limit && cgl_abs(motor.voltage.q) < motor.voltage_limit;
+}
+
 // Once per LEARN_RATE: the current to add, A.
 static float learned_current()
 {
@@ -67,7 +75,7 @@ static float learned_current()
     now.theta_m = sensor.getMechanicalAngle();
     now.omega_m = motor.shaft_velocity;
     reference.omega_ref = motor.target;
-    reference.learn = motor.enabled != 0;
+    reference.learn = motor.enabled != 0 && follows();
     if (cgl_drive_measure(&drive_config, &drive, &now, &reference)) {
         cgl_pi_ilc_step(&law_config, &law, &drive.in, &drive.command);
     }
@@ -95,11 +103,11 @@ void loop()
 {
     static unsigned long next = 0;
     motor.loopFOC();
+    motor.move();
     if ((long)(micros() - next) >= 0) {
         next += 1000000UL / LEARN_RATE;
         if (learns) {
             motor.feed_forward_current.q = learned_current();
         }
     }
-    motor.move();
 }

@@ -28,10 +28,10 @@ struct BLDCMotor {
     void loopFOC() {}
     void move() {}
     int pole_pairs;
-    float target = 0.0f, shaft_velocity = 0.0f, current_limit = 0.0f;
+    float target = 0.0f, shaft_velocity = 0.0f, current_limit = 0.0f, voltage_limit = 0.0f, current_sp = 0.0f;
     signed char enabled = 1;
     TorqueControlType torque_controller{};
     MotionControlType controller{};
-    struct { float P = 0.0f; } PID_velocity;
-    struct { float q = 0.0f, d = 0.0f; } feed_forward_current;
+    struct { float P = 0.0f, limit = 0.0f; } PID_velocity;
+    struct { float q = 0.0f, d = 0.0f; } feed_forward_current, voltage;
 };
