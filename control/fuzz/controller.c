@@ -94,13 +94,16 @@ static void step_law(const cgl_law_input *in, cgl_law_output *out)
     }
 }
 
-static void check_output(const cgl_drive_output *out)
+static void check_output(const cgl_drive_config *config, const cgl_drive_output *out)
 {
     for (int x = 0; x < 3; ++x) {
         HOLDS(out->duty[x] >= CGL_R(0.0) && out->duty[x] <= CGL_R(1.0));
     }
     HOLDS(cgl_is_finite(out->i_d) && cgl_is_finite(out->i_q) && cgl_is_finite(out->u_d) && cgl_is_finite(out->u_q));
     HOLDS(cgl_is_finite(out->i_d_ref) && within(out->i_q_ref, law_limit()));
+    if (!config->foreign && (out->status & ((unsigned)CGL_STATUS_SATURATED | (unsigned)CGL_STATUS_OFF)) == 0U) {
+        HOLDS(within(out->i_d_ref, config->foc.current_limit) && within(out->i_q_ref, config->foc.current_limit));
+    }
 }
 
 static void check_drive(const cgl_drive *drive)
@@ -145,7 +148,7 @@ static void run(feed *from, const cgl_drive_config *config, cgl_drive *drive)
                 step_law(&drive->in, &drive->command);
             }
             cgl_drive_actuate(config, drive, &out);
-            check_output(&out);
+            check_output(config, &out);
         }
         check_drive(drive);
     }
