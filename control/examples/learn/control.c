@@ -36,7 +36,11 @@ void current_loop_interrupt(void)
         cgl_pi_ilc_step(&law_config, &law, &drive.in, &drive.command);
     }
     cgl_drive_actuate(&drive_config, &drive, &out);
-    board_set_duty(out.duty);
+    if ((out.status & (unsigned)CGL_STATUS_OFF) != 0U) { /* not safe to go on; duty cycles of a half would short the motor */
+        board_open_bridge();
+    } else {
+        board_set_duty(out.duty);
+    }
 }
 
 cgl_quality_report control_quality(void) /* for a display: how good is it, is it still learning? */

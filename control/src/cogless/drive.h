@@ -8,7 +8,8 @@
  *
  * The law learns only where measurements are trusted, the current loop did what it was asked for since its last step (had
  * voltage enough, and no reference beyond its limit), and the error is no outlier. Where the output is safe, voltages are
- * zero, the current loop starts anew, and the law is off. While the law says CGL_STATUS_BUSY, it follows a speed that is
+ * zero, the current loop starts anew, and the law is off; open the bridge then (status CGL_STATUS_OFF), since no voltage
+ * shorts a motor that turns. While the law says CGL_STATUS_BUSY, it follows a speed that is
  * not known here: a stuck angle is not looked for, and errors count for nothing. */
 #ifndef COGLESS_DRIVE_H
 #define COGLESS_DRIVE_H
