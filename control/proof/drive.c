@@ -10,7 +10,7 @@ static cgl_drive_config any_drive(void)
         {any_real(), any_real(), any_real(), any_real(), any_real(), any_real(),
          any_real(), any_bool(), any_real(), any_real(), any_real(), any_bits()},
         {any_real(), any_real(), any_real(), any_real(), any_real(),
-         any_real(), any_real(), any_real(), any_real(), any_bits()},
+         any_real(), any_real(), any_real(), any_real(), any_real(), any_bits()},
         {any_real(), any_real(), any_real(), any_real(), any_real()}};
     return config;
 }

@@ -6,7 +6,7 @@
 int main(void)
 {
     cgl_monitor_config config = {any_real(), any_real(), any_real(), any_real(), any_real(),
-                                 any_real(), any_real(), any_real(), any_real(), any_bits()};
+                                 any_real(), any_real(), any_real(), any_real(), any_real(), any_bits()};
     cgl_monitor monitor;
     if (cgl_monitor_init(&config, &monitor) != CGL_OK) {
         return 0;

@@ -7,7 +7,7 @@ static cgl_real cell[CGL_MEMORY_LENGTH(CELLS, Q_HALF_WIDTH)];
 
 int main(void)
 {
-    cgl_robust_ilc_config config = {any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), ANY_LIMIT, any_real(), any_memory()};
+    cgl_robust_ilc_config config = {any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), ANY_LIMIT, any_memory()};
     cgl_robust_ilc law;
     FILL(cell);
     if (cgl_robust_ilc_init(&config, &law, cell, sizeof cell / sizeof cell[0]) != CGL_OK) {

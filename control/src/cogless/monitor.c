@@ -33,7 +33,8 @@ CGL_SELDOM cgl_error cgl_monitor_init(const cgl_monitor_config *config, cgl_moni
           && cgl_is_not_negative(config->stuck_angle) && cgl_is_not_negative(config->current_max)
           && cgl_is_not_negative(config->current_sum) && cgl_is_positive(config->ts)
           && is_time(config->speed_window, config->ts) && is_time(config->bridge, config->ts)
-          && is_time(config->hold, config->ts) && is_time((cgl_real)TRY_AGAIN * config->stuck_time, config->ts)
+          && is_time(config->hold, config->ts) && is_time(config->stuck_time, config->ts)
+          && is_time((cgl_real)TRY_AGAIN * config->stuck_time, config->ts)
           && (config->phases == 0U || config->phases == 2U || config->phases == 3U))) {
         return CGL_ERROR_CONFIG;
     }

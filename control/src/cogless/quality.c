@@ -31,7 +31,7 @@ CGL_SELDOM static void begin_window(cgl_quality *quality)
     quality->peak_square = quality->turned = CGL_R(0.0);
     quality->left = quality->longest;
     quality->missing = quality->outliers = quality->run = quality->run_left = 0U;
-    quality->learned = quality->unusual = false;
+    quality->learned = quality->unusual = quality->run_above = false;
 }
 
 CGL_SELDOM void cgl_quality_reset(cgl_quality *quality)
