@@ -43,6 +43,8 @@ def turns(output: str) -> list[int]:
 def test_an_installed_library_is_found_and_the_example_learns(cmake: str, tmp_path: Path) -> None:
     prefix = tmp_path / "prefix"
     install(cmake, tmp_path / "build", prefix)
+    licence = (prefix / "share" / "licenses" / "cogless-control" / "LICENSE").read_text()
+    assert licence == (CONTROL / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()
     example = tmp_path / "example"
     run(cmake, "-S", CONTROL / "examples" / "cmake", "-B", example, f"-DCMAKE_PREFIX_PATH={prefix}")
     run(cmake, "--build", example)
