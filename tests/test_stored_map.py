@@ -13,6 +13,7 @@ from test_cli import cogless
 
 import studies
 from cogless import StudyError, learned_map, load, run_study, stored_map
+from cogless.results import runs_that_learned
 from cogless.stored_map import MapError, StoredMap, decode
 
 EXAMPLE = StoredMap(
@@ -227,6 +228,43 @@ def test_a_run_leaves_the_maps_of_its_laws(tmp_path: Path, capsys: pytest.Captur
     np.testing.assert_array_equal(maps["ilc"].values[0], np.float32(runs[0].memory["current"]))
     np.testing.assert_allclose(maps["robust"].values[0], -1632 * runs[1].memory["current"], rtol=1e-6)
     assert np.max(np.abs(maps["robust"].values)) > 0.1
+
+
+def test_maps_of_an_earlier_run_go_and_nothing_else(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They are for flashing: whoever takes one must not get that of another run."""
+    study, out = studies.write(tmp_path, studies.BASE + LAWS), tmp_path / "out"
+    cogless(capsys, "run", study, "-o", out, "--only", "low/robust", "--only", "low/ilc")
+    mine = [out / "maps" / "low" / "mine.bin", out / "maps" / "low" / "pi.bin", out / "notes.txt"]
+    for path in mine:
+        path.write_text("mine")
+    cogless(capsys, "run", study, "-o", out, "--only", "low/pi", "--only", "low/robust")
+    assert {path.name for path in (out / "maps" / "low").iterdir()} == {"robust.bin", "mine.bin", "pi.bin"}
+    cogless(capsys, "run", study, "-o", out, "--only", "low/pi")
+    assert {path.read_text() for path in (out / "maps").rglob("*.bin")} == {"mine"} == {mine[2].read_text()}
+    for path in mine[:2]:
+        path.unlink()
+    cogless(capsys, "run", study, "-o", out, "--only", "low/ilc")
+    cogless(capsys, "run", study, "-o", out, "--only", "low/pi")
+    assert not (out / "maps" / "low").exists()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        '{"runs": 3}',
+        '{"runs": [[1]]}',
+        '{"runs": [{"scenario": "a"}]}',
+        '{"runs": [{"scenario": "..", "controller": "/etc", "memory": {"samples": 1}}]}',
+    ],
+)
+def test_results_that_no_run_wrote_remove_nothing(tmp_path: Path, text: str) -> None:
+    (tmp_path / "results.json").write_text(text)
+    assert runs_that_learned(tmp_path / "results.json") == []
+    assert runs_that_learned(tmp_path) == []
 
 
 def test_a_trial_leaves_its_signal(tmp_path: Path) -> None:

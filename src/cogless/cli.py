@@ -384,6 +384,8 @@ def _write(results: AnyResults, folder: Path, plots: bool) -> None:
     from cogless import learned_map, report, trace
     from cogless import results as results_room
 
+    # maps are for flashing: none of an earlier run stays beside these results
+    learned_map.remove_all(results_room.runs_that_learned(folder / "results.json"), folder / "maps")
     results_room.write(results, folder / "results.json")
     about = {"title": results.study.title, "seed": results.study.seed}
     trace.write_netcdf(folder / "traces.nc", results.runs, about)

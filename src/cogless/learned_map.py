@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterable
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -80,9 +82,23 @@ def write_all(results: AnyResults, folder: Path) -> None:
     for run in results.runs:
         stored = of_run(results.study, run)
         if stored is not None:
-            path = folder / run.scenario / f"{run.controller}.bin"
+            path = _file(folder, run.scenario, run.controller)
             path.parent.mkdir(parents=True, exist_ok=True)
             write(path, bytes(stored))
+
+
+def remove_all(runs: Iterable[tuple[str, str]], folder: Path) -> None:
+    """Remove what `write_all` wrote for runs, (scenario, controller), and folders that are empty then."""
+    for scenario, controller in runs:
+        path = _file(folder, scenario, controller)
+        path.unlink(missing_ok=True)
+        for place in (path.parent, folder):
+            with suppress(OSError):  # not empty, or not there
+                place.rmdir()
+
+
+def _file(folder: Path, scenario: str, controller: str) -> Path:
+    return folder / scenario / f"{controller}.bin"
 
 
 def _of_trial(study: TrialStudy, run: Run) -> StoredMap:

@@ -16,6 +16,7 @@ import numpy as np
 from cogless.faults import Response
 from cogless.files import replacing
 from cogless.metrics import Value, result_name
+from cogless.study.checks import NAME
 from cogless.trace import Trace
 
 if TYPE_CHECKING:
@@ -127,6 +128,17 @@ def write(results: AnyResults, path: Path) -> None:
     text = json.dumps(to_dict(results), indent=2, allow_nan=False, ensure_ascii=False)
     with replacing(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def runs_that_learned(path: Path) -> list[tuple[str, str]]:
+    """(scenario, controller) of the runs in a results.json that learned a map or a trial's signal; none where
+    it is not there or not readable."""
+    try:
+        runs = json.loads(path.read_text(encoding="utf-8"))["runs"]
+        names = [(run["scenario"], run["controller"]) for run in runs if run["memory"]]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+    return [pair for pair in names if all(isinstance(name, str) and NAME.fullmatch(name) for name in pair)]
 
 
 def _definitions(results: AnyResults) -> dict[str, dict[str, Any]]:
