@@ -47,3 +47,15 @@ def test_the_table_shows_what_acts() -> None:
     assert "k_pp" in plain["printed"]["gains"] and "k_pp" not in plain["filtered"]["gains"]
     table = printed(load("verrelli2016"), width=240).split("Known bounds")[0]
     assert max(len(line.rstrip()) for line in table.splitlines()) < 210
+
+
+def test_a_lead_is_shown_as_it_is_used() -> None:
+    """The controller counts whole samples of the speed loop."""
+    rates = {"current_loop": "20 kHz", "speed_loop": "4 kHz"}
+    coarse = load("uomodri", {"drive.rates": rates})  # its lead is 0.6 ms
+    assert "lead 0.0005 s (2 samples, 0.0006 s rounded)" in printed(coarse)
+    lead = to_dict(coarse)["controllers"]["pi-ilc"]["gains"]["lead"]
+    assert lead == {"value": 0.0005, "unit": "s", "note": "2 samples, 0.0006 s rounded"}
+    none = load("uomodri", {"drive.rates": rates, "controller.pi-ilc.lead": "0.1 ms"})
+    assert "lead 0 s (0 samples, 0.0001 s rounded)" in printed(none)
+    assert re.search(r"lead 0\.0006 s(?! \()", printed(load("uomodri")))

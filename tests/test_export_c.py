@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -129,9 +130,20 @@ def test_it_says_where_it_comes_from(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "rule = phase-margin" in source and "margins.phase_margin_rad = 1.0" in source
     assert "proportional gain [output/error], >= 0 */" in source
     readme = (tmp_path / "out" / "README.md").read_text()
-    assert f"cogless export {study} --controller fair --to c --set seed=7" in readme
+    out = tmp_path / "out"
+    assert f"    cogless export {study} --controller fair --to c -o {out} --set seed=7\n" in readme
     about = json.loads((tmp_path / "out" / "export.json").read_text())
     assert (about["law"], about["scenario"]) == ("pi", "low")
+
+
+def test_the_command_that_made_it_makes_it_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "with blanks"
+    options = ("--controller", "fair", "--to", "c", "--scenario", "step", "-o", out)
+    cogless(capsys, "export", studies.write(tmp_path), *options)
+    readme = (out / "README.md").read_text()
+    (command,) = [line for line in readme.splitlines() if line.startswith("    cogless export ")]
+    assert cogless(capsys, *shlex.split(command)[1:])[0] == 0
+    assert (out / "README.md").read_text() == readme
 
 
 def test_numbers_come_back_to_the_same_bits() -> None:

@@ -172,6 +172,8 @@ def test_a_missing_compiler_is_one_line(
         "pil: no cross compiler: expected arm-none-eabi-gcc (Debian: apt-get install gcc-arm-none-eabi) or "
         "ziglang (pip install 'cogless[pil]')\n"
     )
+    _, _, err = cogless(capsys, "pil", "liu2018", "--controller", "pi", "--compiler", "zig")
+    assert err.startswith("pil: no cross compiler: expected ziglang (pip install 'cogless[pil]') or arm-")
 
 
 def test_a_missing_emulator_is_one_line(

@@ -226,7 +226,9 @@ def export(
         raise StudyError(f'--to: "{to}": expected c or fmu')
     from cogless.export.c.command import export_c
 
-    command = _command("export", study, changes, ["--controller", controller, "--to", to])
+    options = ["--controller", controller, "--to", to, *(["--scenario", scenario] if scenario else [])]
+    options += ["-o", str(output)]
+    command = _command("export", study, changes, options)
     export_c(_load(study, changes), controller, output, scenario, command)
     print(f"Export: {output / 'README.md'}")
 

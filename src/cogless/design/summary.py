@@ -26,14 +26,16 @@ from cogless.study.controller import Feedback, Learning, RobustIlc
 from cogless.study.laws import AnyController
 from cogless.study.space_controller import SpaceLearning, SpacePosition, SpaceSpeed
 from cogless.study.table import Quantity
+from cogless.units import TIME
 
 
 @dataclasses.dataclass(frozen=True)
 class Gain:
-    """A number of a controller, SI, and its unit."""
+    """A number of a controller, SI, and its unit. `note`: where it is not the number that the study has."""
 
     value: float
     unit: str
+    note: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,7 +102,10 @@ def to_dict(study: Study) -> dict[str, Any]:
 
 
 def _gains(gains: dict[str, Gain]) -> dict[str, Any]:
-    return {key: dataclasses.asdict(gain) for key, gain in gains.items()}
+    return {
+        key: {"value": gain.value, "unit": gain.unit} | ({"note": gain.note} if gain.note else {})
+        for key, gain in gains.items()
+    }
 
 
 def _margins(margins: Margins) -> dict[str, Any]:
@@ -187,6 +192,8 @@ def _design(study: Study, name: str) -> Design:
         pi = linear_part(controller)
     loop = margins(speed_loop(study), *pi) if pi else None
     learns = isinstance(controller, Learning)
+    if isinstance(controller, Learning):
+        numbers["lead"] = _lead(study, controller)
     worst = learning(study, name)
     grows = worst is not None and worst.factor > SETTLED
     return Design(
@@ -199,6 +206,16 @@ def _design(study: Study, name: str) -> Design:
         frozen=frozen(study, name),
         unstable=learns and not stable(study, name),
     )
+
+
+def _lead(study: Study, controller: Learning) -> Gain:
+    """As it is used: whole samples of the speed loop."""
+    rate = study.drive.rates.speed_loop
+    samples = round(controller.lead * rate)
+    used = samples / rate
+    if math.isclose(used, controller.lead, rel_tol=1e-9):
+        return Gain(controller.lead, TIME.unit)
+    return Gain(used, TIME.unit, f"{samples} samples, {controller.lead:.4g} s rounded")
 
 
 def _numbers(controller: AnyController) -> dict[str, Gain]:

@@ -96,14 +96,15 @@ def _bounds(bounds: Bounds) -> str:
 
 def _gains(gains: dict[str, Gain]) -> str:
     """Those that are zero are left out: what they would do isn't there."""
-    return ", ".join(f"{key} {_shown(gain)}" for key, gain in gains.items() if gain.value)
+    return ", ".join(f"{key} {_shown(gain)}" for key, gain in gains.items() if gain.value or gain.note)
 
 
 def _shown(gain: Gain) -> str:
     if gain.unit in SHOWN:
         dimension, unit = SHOWN[gain.unit]
         return units.format(gain.value, unit, dimension, digits=4)
-    return f"{gain.value:.4g} {gain.unit}".rstrip()
+    note = f" ({gain.note})" if gain.note else ""
+    return f"{gain.value:.4g} {gain.unit}".rstrip() + note
 
 
 def _learning(design: Design) -> str:

@@ -66,10 +66,10 @@ def find(wanted: str | None = None) -> Toolchain:
     if wanted in (None, "zig") and importlib.util.find_spec("ziglang") is not None:
         zig = (sys.executable, "-m", "ziglang")
         return Toolchain((*zig, "cc"), _version((*zig, "version"), "zig"), (*FOR_ZIG, *COMMON), ())
-    raise StudyError(
-        f"pil: no cross compiler: expected {GCC} (Debian: apt-get install gcc-arm-none-eabi) or "
-        "ziglang (pip install 'cogless[pil]')"
-    )
+    debian = f"{GCC} (Debian: apt-get install gcc-arm-none-eabi)"
+    pypi = "ziglang (pip install 'cogless[pil]')"
+    ways = (pypi, debian) if wanted == "zig" else (debian, pypi)
+    raise StudyError(f"pil: no cross compiler: expected {' or '.join(ways)}")
 
 
 def _version(command: Sequence[str], name: str) -> str:

@@ -27,8 +27,9 @@ def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
     """Dotted names; what there is not (null, an empty list) is left out."""
     for key, value in table.items():
         name = f"{prefix}{key}"
-        if isinstance(value, dict) and value.keys() == {"value", "unit"}:
-            yield name, f"{_text(value['value'])} {value['unit']}".rstrip()
+        if isinstance(value, dict) and value.keys() >= {"value", "unit"}:
+            note = f" ({value['note']})" if "note" in value else ""
+            yield name, f"{_text(value['value'])} {value['unit']}".rstrip() + note
         elif isinstance(value, dict):
             yield from _flat(value, f"{name}.")
         elif value is not None and value != [] and value != "":
