@@ -291,3 +291,36 @@ def test_no_such_study(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_a_change_that_has_no_place(tmp_path: Path, key: str, value: object, line: str) -> None:
     assert line_of(tmp_path, {key: value}) == line
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "line"),
+    [
+        ("monitor.omega_max", "1e39 rad/s", "0, or from 1.2e-38 to 3.4e+38 in single precision"),
+        ("monitor.current_max", "1e-39 A", "0, or from 1.2e-38 to 3.4e+38 in single precision"),
+        ("quality.span", "1e-50 rad", "0, or from 1.2e-38 to 3.4e+38 in single precision"),
+        ("quality.span", "1e300 rad", "0, or from 1.2e-38 to 3.4e+38 in single precision"),
+        ("quality.floor", "1e40 rpm", "0, or from 1.2e-38 to 3.4e+38 in single precision"),
+        ("quality.outlier", 1e40, "0, or from 1.2e-38 to 3.4e+38 in single precision"),
+    ],
+)
+def test_what_watches_holds_in_the_controllers_precision(
+    tmp_path: Path, key: str, value: Any, line: str
+) -> None:
+    text = f'"{value}"' if isinstance(value, str) else value
+    assert line_of(tmp_path, {f"drive.{key}": value}) == f"study.toml: drive.{key}: {text}: expected {line}"
+    studies.study(tmp_path, {f"drive.{key}": value, "drive.precision": "double"})
+
+
+@pytest.mark.parametrize("character", ["\n", "\x01", "\x7f", "\x85", "\ufffe"])
+def test_names_and_titles_have_no_control_characters(tmp_path: Path, character: str) -> None:
+    """In a message, in a file's name, in an FMU's XML."""
+    name, code = f"a{character}b", f"a\\u{ord(character):04x}b".replace("\\u000a", "\\n")
+    one = "expected one line, without control characters"
+    for key in ("title", "controller.pi.label"):
+        line = line_of(tmp_path, {key: name})
+        assert line == f'study.toml: {key}: "{code}": {one}'
+    for table, entry in (("controller", PI), ("scenario", {"duration": "1 s", "reference": "1 rpm"})):
+        line = line_of(tmp_path, {f'{table}."{name}"': entry})
+        assert line == f'study.toml: {table}."{code}": expected a name of letters, digits, _, - and .'
+    assert studies.study(tmp_path, {"title": "Größe, 5\u00a0µm"}).title

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field, PrivateAttr
 
 from cogless.study.controller import Base
-from cogless.study.table import Many, Table
+from cogless.study.table import Line, Many, Table
 
 
 class Assumption(Table):
@@ -33,7 +33,7 @@ class Source:
 class StudyBase(Table):
     """What studies of speed and studies of trials have in common."""
 
-    title: str
+    title: Line
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
     description: str = ""
     assumption: Many[Assumption] = ()

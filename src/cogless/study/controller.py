@@ -11,6 +11,7 @@ from cogless.study.table import (
     AngularSpeed,
     CurrentBound,
     CurrentToAcceleration,
+    Line,
     Many,
     NumberGain,
     PhaseMargin,
@@ -41,7 +42,7 @@ class Tuning(Table):
 class Base(Table):
     """What every controller has."""
 
-    label: str | None = None  # in tables and report; default: its name
+    label: Line | None = None  # in tables and report; default: its name
     baseline: bool = False  # ratios are against it
 
     @model_validator(mode="after")

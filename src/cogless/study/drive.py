@@ -24,6 +24,7 @@ from cogless.study.table import (
     Table,
     Time,
     Voltage,
+    check_precision,
     check_sizes,
     problem,
 )
@@ -143,8 +144,10 @@ def require_inverter(loop: CurrentLoop | IdealCurrentLoop, inverter: Inverter | 
         raise problem("expected a table of bus_voltage, ...", "inverter", value="missing")
 
 
-def require_countable(monitor: Monitor, quality: Quality, current_rate: float, law_rate: float) -> None:
-    """Refuse times that the controller can't count in its periods."""
+def require_watchable(
+    monitor: Monitor, quality: Quality, precision: str, current_rate: float, law_rate: float
+) -> None:
+    """Refuse numbers that the controller can't hold, and times that it can't count in its periods."""
     for name in ("speed_window", "bridge", "hold"):
         time = getattr(monitor, name)
         if time is not None and time * current_rate > PERIODS_MAX:
@@ -152,6 +155,8 @@ def require_countable(monitor: Monitor, quality: Quality, current_rate: float, l
     if not 1 <= quality.longest * law_rate <= PERIODS_MAX:
         expected = f"expected {1 / law_rate:g} s to {PERIODS_MAX / law_rate:g} s"
         raise problem(expected, "quality", "longest")
+    check_precision(monitor, precision, "monitor")
+    check_precision(quality, precision, "quality")
 
 
 class Inverter(Table):
@@ -218,7 +223,8 @@ class Drive(Table):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         require_inverter(self.current_loop, self.inverter)
-        require_countable(self.monitor, self.quality, self.rates.current_loop, self.rates.speed_loop)
+        rates = self.rates
+        require_watchable(self.monitor, self.quality, self.precision, rates.current_loop, rates.speed_loop)
         return self
 
     @property

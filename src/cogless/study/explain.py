@@ -58,13 +58,20 @@ class Problem:
 
 def dotted(key: Key) -> str:
     """A key as one writes it in TOML, list indices as numbers."""
-    return ".".join(f'"{part}"' if "." in str(part) else str(part) for part in key)
+    plain = (str(part) for part in key)
+    return ".".join(_escaped(part) if "." in part or not part.isprintable() else part for part in plain)
 
 
 def shown(value: Any) -> str:
     """A value as one writes it in TOML, cut when long."""
-    text = json.dumps(value, ensure_ascii=False, default=str)
+    text = _escaped(value)
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _escaped(value: Any) -> str:
+    """As JSON, in one line and with whatever can be printed."""
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return text if text.isprintable() else json.dumps(value, default=str).replace("\x7f", "\\u007f")
 
 
 def problems(error: ValidationError, tables: Any) -> list[Problem]:

@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from cogless.study.space_controller import SpaceLearning, SpacePosition
-from cogless.study.table import problem
+from cogless.study.table import check_precision, problem
 
 if TYPE_CHECKING:
     from cogless.study.study import Study
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 FEWEST_SAMPLES = 4  # of a period
 ANGLE_MAX = 1e5  # rad, CGL_ANGLE_MAX of control/src/cogless/angle.h
 MOST_PARTS = 65535  # of a revolution of the law's angle
-RANGE = {"single": (3.4e38, 1.2e-38), "double": (1.7e308, 2.3e-308)}
 
 
 def space_laws(study: Study) -> None:
@@ -51,16 +50,8 @@ def _ratio(study: Study, law: SpaceLearning) -> int:
 
 def _numbers(study: Study, name: str, law: SpaceLearning) -> None:
     """What the controller's arithmetic can hold, and the equation for P_t."""
-    largest, smallest = RANGE[study.drive.precision]
-    for key in type(law).model_fields:
-        value = getattr(law, key)
-        if not isinstance(value, float) or value == 0:
-            continue
-        # the Q filter adds up so many entries
-        most = largest / (2 * law.q_half_width + 2)
-        if not smallest <= abs(value) <= most:
-            expected = f"expected 0, or from {smallest:.1e} to {most:.1e}"
-            raise problem(f"{expected} in {study.drive.precision} precision", "controller", name, key)
+    # the Q filter adds up so many entries
+    check_precision(law, study.drive.precision, "controller", name, terms=2 * law.q_half_width + 2)
     rate = study.drive.rates.speed_loop
     if law.memory == "delay" and law.delay_method == "ode" and law.k_pp >= rate:
         raise problem(f"expected less than drive.rates.speed_loop, {rate:g} Hz", "controller", name, "k_pp")

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import difflib
 import math
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetCoreSchemaHandler, model_validator
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from cogless import units
@@ -64,6 +65,20 @@ def check_sizes(table: Table, *above: str) -> None:
             if isinstance(number, float) and number and not SMALLEST <= abs(number) <= LARGEST:
                 size = f"{SMALLEST:g} to {LARGEST:g} in SI units"
                 raise problem(f"expected a size that single precision holds, {size}", *above, key)
+
+
+RANGE = {"single": (1.2e-38, 3.4e38), "double": (2.3e-308, 1.7e308)}
+
+
+def check_precision(table: Table, precision: str, *above: str, terms: int = 1) -> None:
+    """Refuse numbers that the controller's arithmetic can't hold, or that it can't add up so many of."""
+    smallest, largest = RANGE[precision]
+    most = largest / terms
+    for key in type(table).model_fields:
+        value = getattr(table, key)
+        if isinstance(value, float) and value and not smallest <= abs(value) <= most:
+            expected = f"expected 0, or from {smallest:.1e} to {most:.1e}"
+            raise problem(f"{expected} in {precision} precision", *above, key)
 
 
 def dotted_keys(override: dict[str, Any]) -> dict[str, Any]:
@@ -125,6 +140,15 @@ class Quantity:
 def _text(value: float) -> str:
     return str(value) if math.isfinite(value) else "1"
 
+
+def _line(text: str) -> str:
+    """XML cannot hold control characters, and a message is one line."""
+    if any(unicodedata.category(c) == "Cc" or c in "\ufffe\uffff" for c in text):
+        raise problem("expected one line, without control characters")
+    return text
+
+
+Line = Annotated[str, AfterValidator(_line)]
 
 Angle = Annotated[float, Quantity(units.ANGLE)]
 AngularSpeed = Annotated[float, Quantity(units.ANGULAR_SPEED)]

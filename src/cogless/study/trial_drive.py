@@ -14,8 +14,8 @@ from cogless.study.drive import (
     IdealSensor,
     Inverter,
     PositionSensor,
-    require_countable,
     require_inverter,
+    require_watchable,
 )
 from cogless.study.guards import Monitor, Quality
 from cogless.study.table import Frequency, Table, problem
@@ -60,7 +60,8 @@ class TrialDrive(Table):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         require_inverter(self.current_loop, self.inverter)
-        require_countable(self.monitor, self.quality, self.rates.current_loop, self.rates.position_loop)
+        rates = self.rates
+        require_watchable(self.monitor, self.quality, self.precision, rates.current_loop, rates.position_loop)
         return self
 
     @property
