@@ -62,6 +62,13 @@ def test_run_prints_a_table_and_writes_everything(tmp_path: Path, capsys: pytest
     ]
 
 
+def test_run_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ("--only", "low/fair", "--only", "step/fair", "--set", "controller.fair.law=pi-ilc")
+    study = (studies.write(tmp_path), "--set", "controller.fair.gain=9")
+    code, _, err = cogless(capsys, "run", *study, *options, "-o", tmp_path)
+    assert (code, err) == (0, "Warning: controller.fair: unstable: gain too large.\n")
+
+
 def test_run_one_with_changes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study = studies.write(tmp_path)
     arguments = ("--only", "low/pi", "--set", "controller.pi.kp=0.03", "--set", "title=Stiffer", "--plots")

@@ -192,7 +192,7 @@ def test_design_warning_and_report_say_the_same() -> None:
     study = section_5({"law.mu_alpha": 2500.0})
     found = known(study)
     plain = to_dict(study)["controllers"]["filtered"]["learning"]
-    assert plain["unstable"] and plain["verdict"] == found.words() == warnings(study, "filtered")[0]
+    assert plain["loop_unstable"] and plain["verdict"] == found.words() == warnings(study, "filtered")[0]
     assert found.words().startswith("unstable with what learning adds at once, at 1223 Hz")
 
 

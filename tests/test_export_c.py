@@ -136,6 +136,27 @@ def test_it_says_where_it_comes_from(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert (about["law"], about["scenario"]) == ("pi", "low")
 
 
+def test_it_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ("--controller", "pi-ilc", "--to", "c", "--set", "controller.pi-ilc.gain=3")
+    small = ("--set", "controller.pi-ilc.cells=30")
+    code, out, err = cogless(capsys, "export", "uomodri", *options, *small, "-o", tmp_path / "out")
+    assert (code, out) == (0, f"Export: {tmp_path / 'out' / 'README.md'}\n")
+    verdict, size = err.splitlines()
+    _, table, _ = cogless(capsys, "design", "uomodri", *options[4:], *small)
+    said = re.fullmatch(r"Warning: controller\.pi-ilc: (grows .*x a period at .* Hz, try .*)\.", verdict)
+    assert said and said[1].split(",")[0] in table
+    assert size.startswith("Warning: controller.pi-ilc: cells = 30 is 0.208 in a wave of order 144")
+    assert said[1] in (tmp_path / "out" / "README.md").read_text()
+    footer = (tmp_path / "out" / "pi_ilc_controller.c").read_text().split("What `cogless design` finds")[1]
+    assert f"learning.verdict = {said[1]}" in footer and " unstable" not in footer
+
+
+def test_an_export_of_what_settles_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ("--controller", "pi-ilc", "--to", "c", "-o", tmp_path / "out")
+    assert cogless(capsys, "export", "uomodri", *options)[2] == ""
+    assert "| what `cogless design` says of it | settles |" in (tmp_path / "out" / "README.md").read_text()
+
+
 def test_the_command_that_made_it_makes_it_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "with blanks"
     options = ("--controller", "fair", "--to", "c", "--scenario", "step", "-o", out)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 import shutil
 import struct
 from pathlib import Path
@@ -159,6 +160,14 @@ def test_a_call_that_faults_is_one_line() -> None:
     processor = Target(subject, image, prepared.memory)._processor
     with pytest.raises(StudyError, match=r"pil: pi_step at 0x[0-9a-f]+: .*: expected a call that returns"):
         processor.call("pi_step", 0x60000000, 0x60000000, 0x60000000, 0x60000000)
+
+
+@needs_both
+def test_it_warns_of_what_design_says_diverges(capsys: pytest.CaptureFixture[str]) -> None:
+    options = ("--controller", "pi-ilc", "--ticks", "100", "--set", "controller.pi-ilc.gain=3")
+    code, _, err = cogless(capsys, "pil", "uomodri", *options)
+    assert code == 0
+    assert re.fullmatch(r"Warning: controller\.pi-ilc: grows .*x a period at .* Hz, try .*\.\n", err)
 
 
 def test_a_missing_compiler_is_one_line(

@@ -7,7 +7,7 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -134,6 +134,7 @@ def run(
     """
     from cogless.files import writable
     from cogless.simulate import RunError, run_study, runs_of
+    from cogless.study import TrialStudy
 
     loaded = _load(study, changes)
     wanted = len(runs_of(loaded, only))
@@ -149,7 +150,8 @@ def run(
             _write(results, folder, plots)
     if results.runs:
         _print_tables(results)
-        _print_warnings(results)
+        if not isinstance(loaded, TrialStudy):  # whose certificates are in the report
+            _print_warnings(loaded, [(run.scenario, run.controller) for run in results.runs])
         print(f"Report: {folder / 'report.html'}")
     if failure is not None:
         raise failure
@@ -215,12 +217,14 @@ def export(
     """
     if to == "fmu":
         from cogless.export.fmu import write_fmus
+        from cogless.export.prepared import first_scenario
 
         loaded = _load(study, changes)
         with _console(stderr=True).status("Compiling"):
             written = write_fmus(loaded, controller, scenario, output)
         for path in written:
             print(f"FMU: {path}")
+        _print_warnings(loaded, [(first_scenario(loaded, controller, scenario), controller)])
         return
     if to != "c":
         raise StudyError(f'--to: "{to}": expected c or fmu')
@@ -229,8 +233,10 @@ def export(
     options = ["--controller", controller, "--to", to, *(["--scenario", scenario] if scenario else [])]
     options += ["-o", str(output)]
     command = _command("export", study, changes, options)
-    export_c(_load(study, changes), controller, output, scenario, command)
+    loaded = _load(study, changes)
+    subject = export_c(loaded, controller, output, scenario, command)
     print(f"Export: {output / 'README.md'}")
+    _print_warnings(loaded, [(subject.scenario, controller)])
 
 
 @app.command()
@@ -274,6 +280,7 @@ def pil(
     else:
         for line in lines(found):
             print(line)
+    _print_warnings(loaded, [(where, controller)])
     if found.difference is not None:
         sys.exit(DIFFERENT)
 
@@ -428,17 +435,13 @@ def _print_tables(results: AnyResults) -> None:
     )
 
 
-def _print_warnings(results: AnyResults) -> None:
-    """What is known of a speed study's controllers that learn in angle before they run."""
-    from cogless.design.map_size import map_warning
-    from cogless.design.space_verdict import warnings
-    from cogless.results import Results
+def _print_warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
+    """What is known of controllers, by scenario and name, before they run; each line once."""
+    from cogless.design.warnings import warnings
 
-    if isinstance(results, Results):
-        for name in dict.fromkeys(run.controller for run in results.runs):
-            small = map_warning(results.study, name)
-            for line in (*warnings(results.study, name), *([small] if small is not None else [])):
-                _say(f"Warning: controller.{name}: {line}.")
+    of_each = {name: scenario for scenario, name in runs}
+    for line in dict.fromkeys(line for name, at in of_each.items() for line in warnings(study, at, name)):
+        _say(f"Warning: {line}.")
 
 
 def _cell(line: Line, controller: str, baseline: str) -> Text:

@@ -16,7 +16,7 @@ from cogless.design.learning import (
     settling_lead,
     stable,
 )
-from cogless.design.margins import Margins
+from cogless.design.margins import UNSTABLE, Margins
 from cogless.design.pi import gains, margins, speed_loop
 from cogless.design.position import feedback_at, position_gains, position_margins
 from cogless.design.space_bounds import Theorem, theorem
@@ -65,7 +65,7 @@ class CurrentLoopDesign:
 
 def summary(study: Study) -> dict[str, Design]:
     """Every controller of a study by name."""
-    return {name: _design(study, name) for name in study.controller}
+    return {name: design(study, name) for name in study.controller}
 
 
 def current_loop_summary(study: Study) -> dict[str, CurrentLoopDesign]:
@@ -101,6 +101,23 @@ def to_dict(study: Study) -> dict[str, Any]:
     }
 
 
+def learning_words(design: Design) -> str:
+    """How its learning settles, in a line; empty where it learns nothing."""
+    if design.angle is not None:
+        return design.angle.words()
+    worst = design.learning
+    said = [f"frozen: {reason}" for reason in design.frozen]
+    if worst is None:
+        return "; ".join(said)
+    if design.unstable:
+        return "feedback unstable" if design.margins is UNSTABLE else "unstable: gain too large"
+    if worst.factor <= SETTLED:
+        return "; ".join(["settles", *said])
+    lead = design.settling_lead
+    remedy = "forgetting or a Q filter" if lead is None else f'lead = "{1e3 * lead:g} ms"'
+    return "; ".join([f"grows {worst.factor:.3f}x a period at {worst.frequency:.0f} Hz, try {remedy}", *said])
+
+
 def _gains(gains: dict[str, Gain]) -> dict[str, Any]:
     return {
         key: {"value": gain.value, "unit": gain.unit} | ({"note": gain.note} if gain.note else {})
@@ -121,13 +138,13 @@ def _margins(margins: Margins) -> dict[str, Any]:
 def _learning(design: Design) -> dict[str, Any]:
     worst = design.learning
     return {
+        "verdict": learning_words(design),
         "factor_per_period": worst and worst.factor,
         "frequency_Hz": worst and worst.frequency,
         "settling_lead_s": design.settling_lead,
         "settling_q_half_width": design.angle and design.angle.filter,
-        "verdict": design.angle and design.angle.words(),
         "frozen": list(design.frozen),
-        "unstable": design.unstable,
+        "loop_unstable": design.unstable,  # with what learning adds at once
     }
 
 
@@ -177,7 +194,8 @@ def _weakest(study: Study, name: str) -> Margins:
     return min(found, key=lambda m: m.phase_margin if m.stable and math.isfinite(m.phase_margin) else -1.0)
 
 
-def _design(study: Study, name: str) -> Design:
+def design(study: Study, name: str) -> Design:
+    """One controller of a study."""
     controller = study.controller[name]
     if isinstance(controller, SpacePosition | SpaceSpeed):
         return _space(study, name, controller)

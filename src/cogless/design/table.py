@@ -8,10 +8,15 @@ from typing import TYPE_CHECKING
 
 from cogless import units
 from cogless.design.angle_functions import Bounds
-from cogless.design.learning import SETTLED
-from cogless.design.map_size import map_warning
-from cogless.design.margins import UNSTABLE, Margins
-from cogless.design.summary import CurrentLoopDesign, Design, Gain, current_loop_summary, summary
+from cogless.design.margins import Margins
+from cogless.design.summary import (
+    Design,
+    Gain,
+    current_loop_summary,
+    learning_words,
+    summary,
+)
+from cogless.design.warnings import loop_warnings, map_warnings, told_apart
 from cogless.study import Study
 
 if TYPE_CHECKING:
@@ -42,38 +47,16 @@ def design_table(study: Study) -> Group:
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("learning", overflow="fold", max_width=WIDEST)
     loops = current_loop_summary(study)
-    for name, loop in _told_apart(loops).items():
+    for name, loop in told_apart(loops).items():
         table.add_row(name, "pi", "", _gains(loop.gains), *_margins(loop.margins), "")
     designs = summary(study)
     for name, design in designs.items():
-        gains, margins = _gains(design.gains), _margins(design.margins)
-        table.add_row(study.label(name), design.law, design.rule or "", gains, *margins, _learning(design))
-    return Group(table, *(Text(note) for note in (*_notes(loops), *_maps(study), *_theorems(study, designs))))
-
-
-def _told_apart(loops: dict[str, CurrentLoopDesign]) -> dict[str, CurrentLoopDesign]:
-    """Rows of the current loop: one where both axes are alike."""
-    if not loops:
-        return {}
-    if loops["d"].margins == loops["q"].margins and loops["d"].gains == loops["q"].gains:
-        return {"current loop": loops["q"]}
-    return {f"current loop, {axis}": loop for axis, loop in loops.items()}
-
-
-def _notes(loops: dict[str, CurrentLoopDesign]) -> list[str]:
-    notes = []
-    for name, loop in _told_apart(loops).items():
-        if not loop.margins.stable:
-            notes.append(f"drive.current_loop: the {name} is unstable, and every speed loop around it.")
-        elif loop.weakness:
-            notes.append(f"drive.current_loop: the {name} is weak, it {loop.weakness} of phase margin.")
-    return notes
-
-
-def _maps(study: Study) -> list[str]:
-    """Maps that are too small for what they shall learn."""
-    found = {name: map_warning(study, name) for name in study.controller}
-    return [f"controller.{name}: {text}." for name, text in found.items() if text is not None]
+        gains, margins, learning = _gains(design.gains), _margins(design.margins), learning_words(design)
+        table.add_row(study.label(name), design.law, design.rule or "", gains, *margins, learning)
+    maps = [line for name in designs for line in map_warnings(study, name)]
+    known = [f"{line}." for line in (*loop_warnings(loops), *maps)]
+    notes = (*known, *_theorems(study, designs))
+    return Group(table, *(Text(note) for note in notes))
 
 
 def _theorems(study: Study, designs: dict[str, Design]) -> list[str]:
@@ -105,22 +88,6 @@ def _shown(gain: Gain) -> str:
         return units.format(gain.value, unit, dimension, digits=4)
     note = f" ({gain.note})" if gain.note else ""
     return f"{gain.value:.4g} {gain.unit}".rstrip() + note
-
-
-def _learning(design: Design) -> str:
-    if design.angle is not None:
-        return design.angle.words()
-    worst = design.learning
-    said = [f"frozen: {reason}" for reason in design.frozen]
-    if worst is None:
-        return "; ".join(said)
-    if design.unstable:
-        return "feedback unstable" if design.margins is UNSTABLE else "unstable: gain too large"
-    if worst.factor <= SETTLED:
-        return "; ".join(["settles", *said])
-    lead = design.settling_lead
-    remedy = "forgetting or a Q filter" if lead is None else f'lead = "{1e3 * lead:g} ms"'
-    return "; ".join([f"grows {worst.factor:.3f}x a period at {worst.frequency:.0f} Hz, try {remedy}", *said])
 
 
 def _margins(m: Margins | None) -> tuple[str, str, str]:

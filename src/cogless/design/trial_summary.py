@@ -96,6 +96,32 @@ def design_dict(design: TrialDesign) -> dict[str, Any]:
     }
 
 
+def words(design: TrialDesign) -> str:
+    """What the certificate says, in a line."""
+    said = []
+    for model, found in _rows(design.certificate):
+        learning = found.with_filter or found.without_filter
+        does = _verdict(learning) if learning else "no learning"
+        said.append(f"{model} model: {does if found.stable else 'unstable along the trial'}")
+    return "; ".join(said)
+
+
+def warnings(design: TrialDesign) -> list[str]:
+    """What a user should know before trials, a line each."""
+    rows = [found for _, found in _rows(design.certificate)]
+    learned = [found.with_filter or found.without_filter for found in rows]
+    fine = all(found.stable for found in rows) and all(one is None or one.monotone for one in learned)
+    return [] if fine else [words(design)]
+
+
+def _rows(certificate: Certificate) -> Iterator[tuple[str, ModelCertificate]]:
+    """The models that a certificate is of: the design's, and the exactly sampled one if it is another."""
+    of_design = {"euler": "Euler", "exact": "exact", None: "discrete"}[certificate.discretisation]
+    yield of_design, certificate.design
+    if certificate.exact is not None and certificate.discretisation != "exact":
+        yield "exact", certificate.exact
+
+
 def _model(model: Model) -> dict[str, Any]:
     return {"A": model.A.tolist(), "B": model.B[:, 0].tolist()}
 
@@ -209,10 +235,7 @@ def _gains(design: TrialDesign) -> tuple[str, ...]:
 
 
 def _proof(certificate: Certificate) -> Iterator[tuple[str, ...]]:
-    of_design = {"euler": "Euler", "exact": "exact", None: "discrete"}[certificate.discretisation]
-    for model, found in ((of_design, certificate.design), ("exact", certificate.exact)):
-        if found is None or (found is certificate.exact and of_design == "exact"):
-            continue
+    for model, found in _rows(certificate):
         plain, filtered = found.without_filter, found.with_filter
         limit = plain.K_3_limit if plain else None
         yield (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from cogless.design.warnings import verdict
 from cogless.export import folder, sources
 from cogless.export.c.figures import figures
 from cogless.export.c.laws import LAWS
@@ -69,6 +70,7 @@ def subject_of(prepared: Prepared, command: str = "") -> Subject:
         memory_length=config["memory_length"],
         learning_matrix=config["learning_matrix"],
         figures=figures(prepared.study, prepared.scenario, prepared.controller),
+        verdict=verdict(prepared.study, prepared.scenario, prepared.controller),
         command=command,
     )
 

@@ -34,6 +34,7 @@ class Subject:
     memory_length: int  # entries of the law's memory
     learning_matrix: NDArray[np.floating[Any]] | None
     figures: list[tuple[str, str]]  # what `cogless design` finds
+    verdict: str  # what it says of learning
     command: str  # that made it
 
     @property

@@ -87,6 +87,7 @@ def _words(subject: Subject) -> dict[str, str]:
         "memory_member": f"    cgl_real memory[{length}]; /* what is learned */\n" if entries else "",
         "memory_text": f"{s.memory_length} numbers, within `{name}_controller`" if entries else "none",
         "matrix": _matrix(name, s.learning_matrix, s.precision),
+        "verdict_row": f"| what `cogless design` says of it | {s.verdict} |\n" if s.verdict else "",
         "figures": _figures(s.figures),
         **_outside(s),
         **extras(s),
