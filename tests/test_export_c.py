@@ -7,6 +7,7 @@ import os
 import re
 import shlex
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +20,13 @@ import studies
 from cogless import load
 from cogless.errors import StudyError
 from cogless.export import folder
-from cogless.export.c.command import export_c
+from cogless.export.c.awkward import awkward
+from cogless.export.c.command import export_c, subject_of
 from cogless.export.c.literals import real
 from cogless.export.c.names import identifier
 from cogless.export.c.self_test import memory_sum
 from cogless.export.c.subject import study_hash
+from cogless.export.prepared import prepare
 
 STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-pedantic", "-Werror"]
 FLAGS = ["-std=c99", "-O2", "-ffp-contract=off"]
@@ -68,7 +71,8 @@ def test_the_self_test_repeats_the_simulation(
     subject = export_c(load(study, changes), controller, exported)
     name, periods = subject.name, min(2000, max(400, 80 * subject.divider))
     run = subprocess.run([compiled(exported, *STRICT)], capture_output=True, text=True, check=False)
-    assert (run.returncode, run.stdout) == (0, f"{name}: {periods} periods, all bits equal\n")
+    assert run.returncode == 0
+    assert re.fullmatch(rf"{name}: {periods} periods and \d+ stretches, all bits equal\n", run.stdout)
     example = ["cc", *FLAGS, *STRICT, "-c", exported / "example_interrupt.c", "-o", tmp_path / "example.o"]
     double = "define COGLESS_DOUBLE for" in next(exported.glob("*_controller.h")).read_text()
     subprocess.run([*example, *(["-DCOGLESS_DOUBLE"] if double else [])], check=True)
@@ -90,6 +94,60 @@ def test_the_self_test_finds_another_constant_and_another_memory(tmp_path: Path)
     data.write_text(re.sub(r"memory_at_end = \d+U", "memory_at_end = 1U", data.read_text()))
     run = subprocess.run([compiled(exported)], capture_output=True, text=True, check=False)
     assert (run.returncode, run.stdout) == (1, "pi_ilc: init or the learned memory differs\n")
+
+
+# constants of limits and faults, of which an eventless recording knows nothing
+GUARDS: list[tuple[str, str, dict[str, Any], tuple[str, ...]]] = [
+    (
+        "liu2018",
+        "pi-ilc",
+        {},
+        ("omega_max", "stuck_angle", "current_max", "current_sum", "current_limit", "speed_window"),
+    ),
+    ("verrelli2016-speed", "learning", {"drive.precision": "single"}, ("stuck_angle",)),
+    ("mandra2019", "ilc", {}, ("stuck_angle",)),
+]
+
+
+@pytest.mark.parametrize(("study", "controller", "changes", "more"), GUARDS)
+def test_the_self_test_finds_every_limit_and_fault(
+    study: str, controller: str, changes: dict[str, Any], more: tuple[str, ...], tmp_path: Path
+) -> None:
+    exported = tmp_path / "out"
+    export_c(load(study, changes), controller, exported)
+    source = next(exported.glob("*_controller.c"))
+    text = source.read_text()
+    for name in ("limit", "hold", "bridge", "outlier", *more):
+        for factor in (0.8, 1.25):
+            if (name, factor) == ("current_limit", 1.25):
+                continue  # the law's own limit is lower then
+            found = re.search(rf"\.{name} = ([-\d.e+]+)f[,}}]", text)
+            assert found, name
+            value = f"{factor * float(found[1]) or 4.0!r}f"
+            source.write_text(f"{text[: found.start(1)]}{value}{text[found.end(1) + 1 :]}")
+            run = subprocess.run([compiled(exported)], capture_output=True, text=True, check=False)
+            assert run.returncode == 1, (name, value)
+            assert re.fullmatch(r"\w+: stretch \d+ differs, see self_test_data.h\n", run.stdout), name
+
+
+def test_what_the_self_test_meets() -> None:
+    """Saturation, every fault, and recovery from it."""
+    prepared = prepare(load("liu2018"), "900-rpm", "pi-ilc")
+    met: list[int] = []
+
+    class Watched:
+        def start(self) -> Any:
+            return prepared.drive.start()
+
+        def step_controller(self, state: Any, now: bytes, reference: bytes) -> bytes:
+            out: bytes = prepared.drive.step_controller(state, now, reference)
+            met.append(int.from_bytes(out[-4:], "little"))
+            return out
+
+    awkward(subject_of(prepared), replace(prepared, drive=Watched()), None)
+    for bit in (1, 2, 4, 16, 32, 64, 128, 256, 1024):
+        assert any(status & bit for status in met), bit
+    assert met[0] == 0 and met[-31] & ~5 == 0  # all is well again; the currents that are fed still saturate
 
 
 def test_the_self_test_finds_fused_arithmetic(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from cogless.design.warnings import verdict
 from cogless.export import folder, sources
+from cogless.export.c.awkward import awkward
 from cogless.export.c.figures import figures
 from cogless.export.c.laws import LAWS
 from cogless.export.c.names import identifier
@@ -77,7 +78,10 @@ def subject_of(prepared: Prepared, command: str = "") -> Subject:
 
 def contents(subject: Subject, prepared: Prepared, recording: Recording) -> dict[str, bytes]:
     """Path in the folder -> what is in the file."""
-    made = {name: text.encode() for name, text in texts(subject, recording, prepared.memory).items()}
+    motion = recording.begun[0][1] if recording.begun else None
+    stretches = awkward(subject, prepared, motion)
+    written = texts(subject, recording, prepared.memory, stretches)
+    made = {name: text.encode() for name, text in written.items()}
     library = sources.control() / "cogless"
     names = sources.closure([ENTRY, subject.law.header])
     copied = {f"cogless/{name}": (library / name).read_bytes() for name in names}

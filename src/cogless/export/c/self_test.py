@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 
 import numpy as np
 
+from cogless.export.c.awkward import COUNTS, FNV_PRIME, FNV_START, Stretch, fnv
 from cogless.export.c.literals import array
 from cogless.export.c.subject import Subject
 from cogless.export.layout import Leaf
 from cogless.export.prepared import Reals, Recording
-
-FNV_START, FNV_PRIME = 2166136261, 16777619
 
 START_MEMORY = """
 /* What had been learned before. */
@@ -33,17 +33,23 @@ SUM = """
 /* FNV-1a of the learned memory, word by word. */
 static uint32_t memory_sum(const {name}_controller *controller)
 {{
-    uint32_t sum = {start}U;
+    uint32_t sum = FNV_START;
     for (uint32_t n = 0; n < {NAME}_MEMORY_LENGTH; ++n) {{
-        const {bits} word_bits = bits_of(controller->memory[n]);
-        sum = (sum ^ {folded}) * {prime}U;
+        sum = add(sum, bits_of(controller->memory[n]));
     }}
     return sum;
 }}
 """
+END = """    if (memory_sum(controller) != memory_at_end) {
+        return UINT32_MAX - 1;
+    }
+"""
+BEGIN = "    {name}_begin_trial(controller, motion);\n"
 
 
-def self_test_words(subject: Subject, recording: Recording, memory: Reals) -> dict[str, str]:
+def self_test_words(
+    subject: Subject, recording: Recording, memory: Reals, stretches: Sequence[Stretch]
+) -> dict[str, str]:
     """What the templates self_test.c and self_test_data.h have places for."""
     measured = subject.layout.leaves("cgl_measurement")
     asked = subject.layout.leaves("cgl_reference")
@@ -58,8 +64,23 @@ def self_test_words(subject: Subject, recording: Recording, memory: Reals) -> di
         for name, leaf, word in zip(names, [*measured, *asked], taken.words, strict=True)
     ]
     equal = [_equal(leaf, word) for leaf, word in zip(given, wanted.words, strict=True)]
+    every = [
+        f"{name} = {_read(leaf, f's->in[{n}]')};"
+        for n, (name, leaf) in enumerate(zip(names, [*measured, *asked], strict=True))
+    ]
+    double = subject.precision == "d"
     return {
-        "bits": "uint64_t" if subject.precision == "d" else "uint32_t",
+        "bits": "uint64_t" if double else "uint32_t",
+        "fnv_start": str(FNV_START),
+        "fnv_prime": str(FNV_PRIME),
+        "folded": "(uint32_t)(next ^ (next >> 32))" if double else "next",
+        "counts": str(COUNTS),
+        "stretch_count": str(len(stretches)),
+        "stretch_inputs": str(len(names)),
+        "stretch_names": textwrap.fill(", ".join(names), 116, subsequent_indent=" * "),
+        "stretches": "\n".join(map(_stretch, stretches)),
+        "read_stretch": "\n".join(f"        {line}" for line in every),
+        "sum_outputs": "\n".join(f"        sum = add(sum, {_word(leaf)});" for leaf in given),
         "input_count": str(len(taken.varying)),
         "output_count": str(len(wanted.varying)),
         "input_names": taken.header(),
@@ -106,16 +127,13 @@ def words(leaves: list[Leaf], data: bytes) -> list[int]:
 def memory_sum(memory: Reals) -> int:
     """As the C function of the self-test computes it, of float32 or float64 numbers."""
     bits = np.ascontiguousarray(memory).view(np.uint32 if memory.dtype == np.float32 else np.uint64)
-    total = FNV_START
-    for word in bits.tolist():
-        total = ((total ^ word ^ (word >> 32)) & 0xFFFFFFFF) * FNV_PRIME & 0xFFFFFFFF
-    return total
+    return fnv(bits.tolist())
 
 
 def _memory(subject: Subject, recording: Recording, memory: Reals) -> dict[str, str]:
     names = {"name": subject.name, "NAME": subject.name.upper()}
-    data = start = function = end_data = ""
-    end = "0"
+    data = start = begin = function = end_data = ""
+    end = ""
     if memory.any():
         length = f"{names['NAME']}_MEMORY_LENGTH"
         data += START_MEMORY.format(length=length, numbers=array(memory, subject.precision))
@@ -124,29 +142,32 @@ def _memory(subject: Subject, recording: Recording, memory: Reals) -> dict[str, 
         kind: type[np.floating] = np.float64 if subject.precision == "d" else np.float32
         motion: Reals = np.frombuffer(recording.begun[0][1], kind)
         data += MOTION.format(length=len(motion), numbers=array(motion, subject.precision))
-        start += f"    {subject.name}_begin_trial(controller, motion);\n"
+        begin = BEGIN.format(**names)
     if subject.memory_length:
-        double = subject.precision == "d"
-        function = SUM.format(
-            **names,
-            start=FNV_START,
-            prime=FNV_PRIME,
-            bits="uint64_t" if double else "uint32_t",
-            folded="(uint32_t)(word_bits ^ (word_bits >> 32))" if double else "word_bits",
-        )
+        function = SUM.format(**names)
         total = memory_sum(recording.memory)
         end_data = (
             "\n/* Of the learned memory afterwards, see self_test.c. */\n"
             f"static const uint32_t memory_at_end = {total}U;\n"
         )
-        end = "memory_sum(controller) == memory_at_end ? 0 : UINT32_MAX - 1"
+        end = END
     return {
         "start_data": data,
-        "start": start,
+        "start": start + begin,
+        "begin": begin,
         "memory_function": function,
         "end_data": end_data,
         "end": end,
     }
+
+
+def _stretch(s: Stretch) -> str:
+    inputs = ", ".join(map(_hex, s.inputs))
+    return f"    /* {s.about} */\n    {{{s.periods}U, {s.counts}U, {s.step}U, {{{inputs}}}, {s.sum}U}},"
+
+
+def _word(leaf: Leaf) -> str:
+    return f"bits_of(out.{leaf.path})" if leaf.type == "cgl_real" else f"out.{leaf.path}"
 
 
 def _read(leaf: Leaf, word: str) -> str:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from importlib.resources import files
 from string import Template
 
+from cogless.export.c.awkward import Stretch
 from cogless.export.c.extras import extras
 from cogless.export.c.literals import array, initialiser, real
 from cogless.export.c.names import stem
@@ -17,13 +19,15 @@ from cogless.results import versions
 FLAGS = "-std=c99 -O2 -ffp-contract=off"
 
 
-def texts(subject: Subject, recording: Recording, memory: Reals) -> dict[str, str]:
+def texts(
+    subject: Subject, recording: Recording, memory: Reals, stretches: Sequence[Stretch]
+) -> dict[str, str]:
     """Name of the file -> what is in it: all but the control library's own.
 
     `memory`: the law's at the start.
     """
     words = _words(subject)
-    words |= self_test_words(subject, recording, memory) | {"ticks": str(len(recording.outputs))}
+    words |= self_test_words(subject, recording, memory, stretches) | {"ticks": str(len(recording.outputs))}
     names = {f"{stem(subject.name)}.h": "controller.h", f"{stem(subject.name)}.c": "controller.c"}
     same = ("self_test.c", "self_test_data.h", "example_interrupt.c", "README.md")
     return {name: _filled(names.get(name, name), words) for name in (*names, *same)}

@@ -5,7 +5,13 @@
 
 #include <stdint.h>
 
-enum { TICKS = ${ticks}, INPUTS = ${input_count}, OUTPUTS = ${output_count} };
+enum {
+    TICKS = ${ticks},
+    INPUTS = ${input_count},
+    OUTPUTS = ${output_count},
+    STRETCHES = ${stretch_count},
+    COUNTS = ${counts} /* of the angle in a revolution */
+};
 ${start_data}
 /* ${input_names} */
 static const ${bits} inputs[TICKS][INPUTS] = {
@@ -17,4 +23,18 @@ static const ${bits} outputs[TICKS][OUTPUTS] = {
 ${outputs}
 };
 ${end_data}
+/* What a simulation without events never meets. After a fresh start, stretches of periods in which only the angle moves:
+ * it begins at `counts` and goes on by `step`. in: as bit patterns, but theta_m, to which the counts are added,
+ * ${stretch_names}.
+ * sum: FNV-1a of all outputs, word by word. */
+typedef struct {
+    uint32_t periods, counts, step;
+    ${bits} in[${stretch_inputs}];
+    uint32_t sum;
+} stretch;
+
+static const stretch stretches[STRETCHES] = {
+${stretches}
+};
+
 #endif

@@ -1,0 +1,165 @@
+"""Awkward inputs for the self-test: what an eventless recording never meets, limits and faults above all."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cogless.export.c.subject import Subject
+from cogless.export.prepared import Prepared
+
+COUNTS = 1 << 20  # of the angle in a revolution: a float holds them all
+NEAR, BEYOND = 0.97, 1.03  # of a bound
+HUGE = 1e6  # rad/s
+MOST = 20_000  # periods of a stretch
+FNV_START, FNV_PRIME = 2166136261, 16777619
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Periods in which nothing but the angle moves, by `step` counts. `sum`: FNV-1a of all outputs."""
+
+    about: str
+    periods: int
+    counts: int  # the angle at its first period
+    step: int
+    inputs: tuple[int, ...]  # bit patterns of measurement and reference; what theta_m adds to its counts
+    sum: int
+
+
+@dataclass(frozen=True)
+class _Inputs:
+    """What is measured and asked for: currents of the phases, NaN for what is missing."""
+
+    i_abc: tuple[float, float, float]
+    omega_m: float
+    omega_ref: float
+    theta_m: float = 0.0
+    u_dc: float = 0.0
+    learn: bool = True
+
+
+def awkward(subject: Subject, prepared: Prepared, motion: bytes | None) -> list[Stretch]:
+    """Stretches from a fresh start, with what the engine's controller gives. `motion`: of a trial."""
+    state = prepared.drive.start()
+    if motion is not None:
+        prepared.drive.begin_trial(state, motion)
+    layout, counts, found = subject.layout, 0, []
+    measured, asked = layout.leaves("cgl_measurement"), layout.leaves("cgl_reference")
+    given = layout.leaves("cgl_drive_output")
+    real: type[np.floating[Any]] = np.float64 if subject.precision == "d" else np.float32
+    for about, periods, jump, step, inputs in _plan(subject):
+        counts += jump
+        now, reference = bytearray(layout.size("cgl_measurement")), bytearray(layout.size("cgl_reference"))
+        values = _values(inputs)
+        for leaves, data in ((measured, now), (asked, reference)):
+            for leaf in leaves:
+                struct.pack_into(leaf.format, data, leaf.offset, values.get(leaf.path, 0.0))
+        words = [leaf.bits(bytes(now)) for leaf in measured]
+        words += [leaf.bits(bytes(reference)) for leaf in asked]
+        place = next(leaf for leaf in measured if leaf.path == "theta_m")
+        total = FNV_START
+        for n in range(periods):
+            angle = real(inputs.theta_m) + real((counts + n * step) % COUNTS) * (
+                real(math.tau) / real(COUNTS)
+            )
+            struct.pack_into(place.format, now, place.offset, angle)
+            out: bytes = prepared.drive.step_controller(state, bytes(now), bytes(reference))
+            total = fnv((leaf.bits(out) for leaf in given), total)
+        found.append(Stretch(about, periods, counts % COUNTS, step, tuple(words), total))
+        counts += periods * step
+    return found
+
+
+def fnv(words: Iterable[int], total: int = FNV_START) -> int:
+    """FNV-1a by words, those of 64 bits folded into 32: as the self-test computes it."""
+    for word in words:
+        total = ((total ^ word ^ (word >> 32)) & 0xFFFFFFFF) * FNV_PRIME & 0xFFFFFFFF
+    return total
+
+
+def _values(inputs: _Inputs) -> dict[str, Any]:
+    """By the paths of the C structs."""
+    values = {f"i_abc[{n}]": current for n, current in enumerate(inputs.i_abc)}
+    same = ("theta_m", "omega_m", "u_dc", "omega_ref", "learn")
+    return values | {name: getattr(inputs, name) for name in same}
+
+
+def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
+    """What a stretch is about, its periods, by how many counts the angle jumps before it, step, inputs."""
+    config, monitor = subject.drive_config, subject.drive_config["monitor"]
+    limit, law, ts = config["foc"]["current_limit"], subject.divider, monitor["ts"]
+    hold, bridge, window = (_periods(monitor[key], ts) for key in ("hold", "bridge", "speed_window"))
+    back = min(hold + bridge + window, MOST) + 2 * law + 4
+    turn = min(monitor["omega_max"] * ts / 2 or 0.01, 0.05)  # rad, in a period
+    step = max(1, round(turn / math.tau * COUNTS))
+    speed = step * math.tau / COUNTS / ts
+    whole = min(math.ceil(config["quality"]["span"] / (speed * ts)), MOST) + 2 * law  # a window of quality
+
+    def currents(length: float) -> tuple[float, float, float]:
+        """A vector of this length on the beta axis."""
+        return (0.0, length, 0.0) if monitor["phases"] == 2 else (0.0, ROOT * length, -ROOT * length)
+
+    plain = _Inputs(
+        currents(0.3 * min(limit, monitor["current_max"] or limit)), speed, 1.01 * speed, u_dc=_bus(subject)
+    )
+    up = replace(plain, omega_ref=HUGE, omega_m=-speed)
+    plan = [
+        ("a small error", whole // 2, 0, step, plain),
+        ("and one the other way", whole - whole // 2, 0, step, replace(plain, omega_ref=0.99 * speed)),
+        ("a large one: the output saturates", 2 * law, 0, step, up),
+        ("the other way", 2 * law, 0, step, replace(up, omega_ref=-HUGE, omega_m=speed)),
+    ]
+    for part, what in ((NEAR, "just within"), (BEYOND, "beyond")):
+        bounds = [
+            ("the current", {"i_abc": currents(part * monitor["current_max"])}, monitor["current_max"]),
+            ("their sum", {"i_abc": (part * monitor["current_sum"], 0.0, 0.0)}, monitor["current_sum"]),
+            ("the speed", {"omega_m": part * monitor["omega_max"]}, monitor["omega_max"]),
+        ]
+        for name, change, bound in bounds:
+            if bound:
+                plan.append((f"{name} {what} its bound", 2, 0, step, replace(plain, **change)))
+    slower = replace(plain, omega_m=0.9 * speed)
+    plan += [
+        ("a current that is no number", 1, 0, step, replace(plain, i_abc=(math.nan, 0.0, 0.0))),
+        ("a bus voltage that is no number", 1, 0, step, replace(plain, u_dc=math.nan)),
+        ("all is well again", back, 0, step, plain),
+        ("the angle jumps, and the speed is not believed", 2 * law + window, COUNTS // 2, step, slower),
+        ("the angle jumps back", 2 * law + window, COUNTS // 2, step, plain),
+        (
+            "the angle is missing, for as long as is bridged",
+            bridge,
+            0,
+            step,
+            replace(plain, theta_m=math.nan),
+        ),
+        ("and longer", 3, 0, step, replace(plain, theta_m=math.nan)),
+        ("all is well again", back, 0, step, plain),
+    ]
+    if monitor["stuck_angle"]:
+        stuck = replace(plain, omega_ref=monitor["stuck_angle"] / (10.5 * ts))
+        plan += [
+            ("the angle stands still while the reference turns", 13, 0, 0, stuck),
+            ("all is well again", back, 0, step, plain),
+        ]
+    plan.append(("learning is frozen", 2 * law, 0, step, replace(plain, learn=False)))
+    return [entry for entry in plan if entry[1] > 0]
+
+
+ROOT = math.sqrt(3) / 2
+
+
+def _bus(subject: Subject) -> float:
+    """The study's bus voltage."""
+    inverter = subject.study.drive.inverter if subject.study.drive is not None else None
+    return inverter.bus_voltage if inverter is not None else 0.0
+
+
+def _periods(time: float, ts: float) -> int:
+    """As the monitor counts them, or the most that a stretch has."""
+    return min(math.ceil(time / ts * 0.999), MOST)
