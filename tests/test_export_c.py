@@ -169,10 +169,81 @@ def test_only_what_the_law_needs_and_unchanged(tmp_path: Path) -> None:
     export_c(load("liu2018"), "pi", exported)
     taken = {path.name for path in (exported / "cogless").iterdir()}
     assert {"LICENSE", "drive.c", "foc.c", "monitor.c", "speed_pi.c"} < taken
-    assert not {"memory.c", "trial.c", "plugin.h"} & taken
+    assert not {"memory.c", "trial.c", "plugin.h", "map.h"} & taken
+    export_c(load("liu2018"), "pi-ilc", exported)
+    taken = {path.name for path in (exported / "cogless").iterdir()}
+    assert {"map.c", "map_store.c", "crc32.c", "memory.c", "pi_ilc.c", "trial.h", "robust_ilc.h"} < taken
+    assert not {"trial.c", "robust_ilc.c", "space_memory.c", "anti_cogging.c", "plugin.h"} & taken
     library = Path(__file__).parents[1] / "control" / "src" / "cogless"
     for name in taken - {"LICENSE"}:
         assert (exported / "cogless" / name).read_bytes() == (library / name).read_bytes()
+
+
+FLASH = """
+#include <stdio.h>
+#include <string.h>
+static uint8_t flash[2][65536];
+static cgl_flash_result erase(void *context, uint32_t slot)
+{
+    (void)context;
+    memset(flash[slot], 0xff, sizeof flash[slot]);
+    return CGL_FLASH_DONE;
+}
+static cgl_flash_result write(void *context, uint32_t slot, uint32_t offset, const uint8_t *bytes,
+                              uint32_t count)
+{
+    (void)context;
+    memcpy(&flash[slot][offset], bytes, count);
+    return CGL_FLASH_DONE;
+}
+static cgl_flash_result read(void *context, uint32_t slot, uint32_t offset, uint8_t *bytes, uint32_t count)
+{
+    (void)context;
+    memcpy(bytes, &flash[slot][offset], count);
+    return CGL_FLASH_DONE;
+}
+const cgl_map_store_config store_config = {
+    .erase = erase, .write = write, .read = read, .slot_size = sizeof flash[0], .write_size = 8, .motor = 7};
+int main(void)
+{
+    bool before, after;
+    if (NAME_init(&controller) != CGL_OK) {
+        return 1;
+    }
+    before = load_map();
+    controller.memory[1] = CGL_R(0.03125);
+    if (save_map() != CGL_MAP_OK || NAME_init(&controller) != CGL_OK) {
+        return 2;
+    }
+    after = load_map();
+    printf("%d %d %g\\n", before, after, (double)controller.memory[1]);
+    return 0;
+}
+"""
+
+
+@pytest.mark.parametrize(("study", "controller", "changes"), CONTROLLERS)
+def test_the_readme_saves_and_loads_what_was_learned(
+    study: str, controller: str, changes: dict[str, Any], tmp_path: Path
+) -> None:
+    """With nothing but what is in the folder, and the text as it stands in the README."""
+    exported = tmp_path / "out"
+    changes = changes | ({"controller.pi-ilc.cells": 300} if study == "liu2018" else {})
+    subject = export_c(load(study, changes), controller, exported)
+    code = re.search("```c\n(.*?)```", (exported / "README.md").read_text(), re.DOTALL)
+    if (study, controller) in {("liu2018", "pi"), ("liu2018-varying", "time"), ("verrelli2016", "printed")}:
+        assert code is None and not (exported / "cogless" / "map.h").exists()
+        return
+    assert code is not None
+    program, name = tmp_path / "maps", subject.name
+    text = f'#include "{name}_controller.h"\nstatic {name}_controller controller;\n{code[1]}'
+    (tmp_path / "maps.c").write_text(text + FLASH.replace("NAME", name))
+    sources = [tmp_path / "maps.c", *exported.glob("*_controller.c"), *(exported / "cogless").glob("*.c")]
+    double = ["-DCOGLESS_DOUBLE"] if changes.get("drive.precision") == "double" else []
+    subprocess.run(["cc", *FLAGS, *STRICT, *double, "-I", exported, "-o", program, *sources], check=True)
+    run = subprocess.run([program], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout) == (0, "0 1 0.03125\n")
+    export_c(load(study, changes), controller, exported)  # once more over the first
 
 
 def test_it_says_where_it_comes_from(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -284,6 +355,62 @@ def test_a_linear_plant_has_no_drive(tmp_path: Path) -> None:
     study = load(trial_studies.write(tmp_path, trial_studies.LINEAR))
     with pytest.raises(StudyError, match="plant: a linear plant: expected a study with a drive"):
         export_c(study, next(iter(study.controller)), tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("study", "controller", "changes", "says"),
+    [
+        (
+            "liu2018",
+            "pi-ilc",
+            {},
+            (
+                "theta_e = 4 theta_m",
+                "2500 lines, 10000 counts: the counts of a period",
+                "in the order a, b, c",
+                "gates off",
+                "psi_f / L_d = 2.27 A",
+                "the law every 15 calls, the current loop",
+                "for 10 ms after",
+            ),
+        ),
+        (
+            "mandra2019",
+            "ilc",
+            {},
+            (
+                "16384 counts: the mean over 16 calls, 2 ms",
+                "the law every 20 calls. The study's current loop is ideal",
+                "the current references are zero",
+                ".motion",
+            ),
+        ),
+        (
+            "verrelli2016",
+            "filtered",
+            {"drive.precision": "single"},
+            (
+                "theta_e = 50 theta_m",
+                "from a towards b",
+                "the study's sensor is ideal",
+                "measurements, the law, the current loop",
+                "CGL_MAP_STORED_LENGTH(3, 1024",
+            ),
+        ),
+        ("uomodri", "pi", {}, ("the last edge before a period of the law to the last one in it",)),
+    ],
+)
+def test_the_readme_says_what_a_board_needs(
+    study: str, controller: str, changes: dict[str, Any], says: tuple[str, ...], tmp_path: Path
+) -> None:
+    export_c(load(study, changes), controller, tmp_path / "out")
+    readme = " ".join((tmp_path / "out" / "README.md").read_text().split())
+    example = (tmp_path / "out" / "example_interrupt.c").read_text()
+    assert "wrapped to [0, 2 pi)" in readme and "`CGL_STATUS_OFF` (1024)" in readme
+    for text in says:
+        assert text in readme, text
+    assert ("board_set_gates(" in example) == (study != "mandra2019") == ("`u_dc`" in readme)
+    assert "ref" in example.split("static cgl_reference")[0].rsplit("/*", 1)[1]
 
 
 # the folder

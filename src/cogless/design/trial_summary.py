@@ -103,7 +103,7 @@ def words(design: TrialDesign) -> str:
         learning = found.with_filter or found.without_filter
         does = _verdict(learning) if learning else "no learning"
         said.append(f"{model} model: {does if found.stable else 'unstable along the trial'}")
-    return "; ".join(said)
+    return f"from trial to trial, {'; '.join(said)}"
 
 
 def warnings(design: TrialDesign) -> list[str]:

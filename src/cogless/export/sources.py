@@ -9,6 +9,7 @@ from pathlib import Path
 import cogless
 
 DEFINITION = re.compile(r"^\w[\w ]*[ *](cgl_\w+)\(", re.MULTILINE)
+STORE = ("map", "map_store", "crc32")
 INCLUDE = re.compile(r'^#include "(?:cogless/)?(\w+\.h)"', re.MULTILINE)
 
 
@@ -26,10 +27,10 @@ def licence() -> Path:
     return control().parent / "LICENSE"
 
 
-def closure(needed: Iterable[str]) -> list[str]:
+def closure(needed: Iterable[str], *, code: bool = True) -> list[str]:
     """Names of the headers, of all that they include, and of the .c files beside them; sorted.
 
-    `needed`: headers, such as "drive.h".
+    `needed`: headers, such as "drive.h". `code` false: headers only.
     """
     folder = control() / "cogless"
     found: set[str] = set()
@@ -42,9 +43,15 @@ def closure(needed: Iterable[str]) -> list[str]:
         text = (folder / name).read_text(encoding="utf-8")
         waiting += INCLUDE.findall(text)
         beside = Path(name).with_suffix(".c").name
-        if name.endswith(".h") and (folder / beside).is_file():
+        if code and name.endswith(".h") and (folder / beside).is_file():
             waiting.append(beside)
     return sorted(found)
+
+
+def store() -> list[str]:
+    """What keeps maps in flash. Its headers name the structs of all laws: those come along without code."""
+    headers = closure((f"{name}.h" for name in STORE), code=False)
+    return sorted([*headers, *(f"{name}.c" for name in STORE)])
 
 
 def defined_in() -> dict[str, str]:

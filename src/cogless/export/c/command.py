@@ -83,6 +83,6 @@ def contents(subject: Subject, prepared: Prepared, recording: Recording) -> dict
     written = texts(subject, recording, prepared.memory, stretches)
     made = {name: text.encode() for name, text in written.items()}
     library = sources.control() / "cogless"
-    names = sources.closure([ENTRY, subject.law.header])
+    names = {*sources.closure([ENTRY, subject.law.header]), *(sources.store() if subject.has_map else ())}
     copied = {f"cogless/{name}": (library / name).read_bytes() for name in names}
     return made | copied | {"cogless/LICENSE": sources.licence().read_bytes()}

@@ -9,7 +9,8 @@ from typing import Any
 @dataclass(frozen=True)
 class LawInC:
     """`functions`: what init, reset and the others begin with. `memory`: its entries as a C expression with
-    members of the config in braces, or None where the law keeps all in its state."""
+    members of the config in braces, or None where the law keeps all in its state. `map`: the function that
+    makes a stored map of it."""
 
     header: str
     config: str
@@ -17,6 +18,12 @@ class LawInC:
     functions: str
     step: str
     memory: str | None = None
+    map: str | None = None
+
+    def has_map(self, config: dict[str, Any]) -> bool:
+        """Whether what it learns with this config, as decoded, can be stored: it is not by time."""
+        by_time = config.get("memory", {}).get("kind") in ("CGL_MEMORY_TIME", "CGL_SPACE_DELAY")
+        return self.map is not None and not by_time
 
     def entries(self, config: dict[str, Any]) -> str | None:
         """The expression for a config as decoded; whole numbers are unsigned."""
@@ -40,7 +47,8 @@ class _Unsigned(dict[str, Any]):
 
 def _learning(stem: str, memory: str | None) -> LawInC:
     """A law whose names all follow from its file's."""
-    return LawInC(f"{stem}.h", f"cgl_{stem}_config", f"cgl_{stem}", f"cgl_{stem}", f"cgl_{stem}_step", memory)
+    name = f"cgl_{stem}"
+    return LawInC(f"{stem}.h", f"{name}_config", name, name, f"{name}_step", memory, f"cgl_map_of_{stem}")
 
 
 MAP = "CGL_MEMORY_LENGTH({memory/cells}, {memory/q_half_width})"
@@ -62,5 +70,6 @@ LAWS = {
         "cgl_trial",
         "cgl_trial_drive_step",
         "CGL_TRIAL_LENGTH({samples}, {q_filter/order})",
+        "cgl_map_of_trial",
     ),
 }

@@ -52,6 +52,11 @@ class Subject:
         return int(self.drive_config["divider"])
 
     @property
+    def has_map(self) -> bool:
+        """Whether what it learns can be stored."""
+        return self.law.has_map(self.law_config)
+
+    @property
     def foreign(self) -> bool:
         """The current loop is somebody else's: the controller asks for a current."""
         return bool(self.drive_config["foreign"])

@@ -8,6 +8,7 @@ from importlib.resources import files
 from string import Template
 
 from cogless.export.c.awkward import Stretch
+from cogless.export.c.board import board
 from cogless.export.c.extras import extras
 from cogless.export.c.literals import array, initialiser, real
 from cogless.export.c.names import stem
@@ -93,7 +94,7 @@ def _words(subject: Subject) -> dict[str, str]:
         "matrix": _matrix(name, s.learning_matrix, s.precision),
         "verdict_row": f"| what `cogless design` says of it | {s.verdict} |\n" if s.verdict else "",
         "figures": _figures(s.figures),
-        **_outside(s),
+        **board(s),
         **extras(s),
     }
 
@@ -132,23 +133,3 @@ def _figures(figures: list[tuple[str, str]]) -> str:
     for name, value in figures:
         lines += textwrap.wrap(f" * {name} = {_safe(value)}", 118, subsequent_indent=" *     ")
     return "\n".join(lines)
-
-
-def _outside(subject: Subject) -> dict[str, str]:
-    """What the board takes: duty cycles, or a current."""
-    if subject.foreign:
-        return {
-            "board_act_declaration": "void board_set_current(cgl_real i_d_ref, cgl_real i_q_ref); "
-            "/* [A]; references of your current loop */",
-            "out_words": "current references",
-            "board_act": "board_set_current(out.i_d_ref, out.i_q_ref);",
-            "what_comes_out": "The study has\nan ideal current loop, so currents come out, for a current "
-            "loop of your own: `i_d_ref` and `i_q_ref`.",
-        }
-    return {
-        "board_act_declaration": "void board_set_duty(const cgl_real duty[3]); "
-        "/* in [0, 1], from the next PWM period on */",
-        "out_words": "duty cycles",
-        "board_act": "board_set_duty(out.duty);",
-        "what_comes_out": "Duty\ncycles come out, for the next PWM period.",
-    }

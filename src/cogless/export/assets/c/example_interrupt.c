@@ -1,14 +1,15 @@
 /* An example of the interrupt, ${rate} times a second. The functions that begin with board_ are yours. */
 #include "${stem}.h"
 
-void board_measure(cgl_measurement *now); /* currents [A], mechanical angle [rad] and speed [rad/s], bus [V] */
+void board_measure(cgl_measurement *now); /* zero and signs: README.md */
 ${board_act_declaration}
 bool motor_start(void);
 void current_loop_interrupt(void);
 ${example_declarations}
 static ${name}_controller controller;
 
-/* Another context that changes it shuts the interrupt out meanwhile. */
+/* ${reference_comment}
+ * Another context that changes it shuts the interrupt out meanwhile. */
 static cgl_reference reference = {.learn = true};
 
 /* Once, before the interrupt is enabled. Where it returns false do not run the motor. */
@@ -20,7 +21,7 @@ bool motor_start(void)
 void current_loop_interrupt(void)
 {
     cgl_measurement now;
-    cgl_drive_output out; /* out.status: CGL_STATUS_ bits; the output is safe whatever they say */
+    cgl_drive_output out; /* out.status: CGL_STATUS_ bits */
     board_measure(&now);
     ${name}_step(&controller, &now, &reference, &out);
     ${board_act}

@@ -1,0 +1,116 @@
+"""What a board must measure, do and keep: for the README and the example."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from string import Template
+
+from cogless.export.c.subject import Subject
+from cogless.study.drive import Encoder, IdealSensor, Resolver
+
+METHODS = {
+    "M": "the counts of a period of the law over its time",
+    "T": "one count over the time between the last two edges",
+    "MT": "counts over the time from the last edge before a period of the law to the last one in it",
+}
+
+
+def board(subject: Subject) -> dict[str, str]:
+    """The templates' places for it."""
+    hold = f"{1e3 * subject.drive_config['monitor']['hold']:.3g} ms"
+    wanted = "omega_ref [rad/s] is what it turns at: 0 until you set it, and the motor stands."
+    if subject.law_name == "trial":
+        wanted = (
+            "The motion is given for a whole trial; omega_ref [rad/s], its derivative, is for the checks."
+        )
+    elif subject.law_name == "space-position":
+        wanted = "theta_ref [rad], omega_ref and alpha_ref, its derivatives: 0 until you set them."
+    words = {
+        "measured": _measured(subject),
+        "hold": hold,
+        "maps": _maps(subject),
+        "reference_comment": wanted,
+    }
+    return {**_outputs(subject), **words}
+
+
+def _outputs(subject: Subject) -> dict[str, str]:
+    """What the board takes: duty cycles, or a current."""
+    law = "the law" if subject.divider == 1 else f"the law every {subject.divider} calls"
+    if subject.foreign:
+        return {
+            "board_act_declaration": "void board_set_current(cgl_real i_d_ref, cgl_real i_q_ref); "
+            "/* [A]; references of your current loop */",
+            "out_words": "current references",
+            "board_act": "board_set_current(out.i_d_ref, out.i_q_ref);",
+            "what_it_runs": f"plausibility of the\nmeasurements, and {law}. The study's current "
+            "loop is ideal: `out.i_d_ref` and `out.i_q_ref`\n[A] come out, for a current loop of your own.",
+            "safe_output": "the current references are zero",
+        }
+    foc = subject.drive_config["foc"]
+    short = (
+        f", up to psi_f / L_d = {foc['psi_f'] / foc['L_d']:.3g} A" if foc["L_d"] else ", up to psi_f / L_d"
+    )
+    return {
+        "board_act_declaration": "void board_set_duty(const cgl_real duty[3]); "
+        "/* in [0, 1], from the next PWM period on */\n"
+        "void board_set_gates(bool on); /* off: all switches open, no current is driven */",
+        "out_words": "duty cycles",
+        "board_act": "board_set_duty(out.duty);\n"
+        "    /* duty cycles of one half would short-circuit a motor that turns */\n"
+        "    board_set_gates((out.status & ((unsigned)CGL_STATUS_OFF | (unsigned)CGL_STATUS_FAULT)) == 0U);",
+        "what_it_runs": f"plausibility of the\nmeasurements, {law}, the current loop. Duty cycles come out, "
+        "for the next PWM period.",
+        "safe_output": "the duty cycles are one half. Open the\nbridge then (gates off): they "
+        f"short-circuit a motor that turns{short}, and it brakes",
+    }
+
+
+def _measured(subject: Subject) -> str:
+    """Signs, zero and units of the measurements."""
+    two = subject.drive_config["foc"]["phases"] == 2
+    forward = "from a towards b" if two else "in the order a, b, c"
+    theta_e = f"theta_e = {subject.drive_config['pole_pairs']} theta_m"
+    rows = [
+        "| `theta_m` | rad, mechanical, wrapped to [0, 2 pi). 0 where the d axis, the magnet's north, stands "
+        f"on phase a; {theta_e}. It grows when the field turns {forward} |",
+        f"| `omega_m` | rad/s, {_speed(subject)} |",
+    ]
+    if not subject.foreign:
+        phases = (
+            "`i_abc[0]`, `i_abc[1]` | A, of phases a and b" if two else "`i_abc` | A, of phases a, b and c"
+        )
+        rows += [f"| {phases}, positive into the motor; positive `i_q` drives forward |", "| `u_dc` | V |"]
+    return "\n".join(rows) + "\n"
+
+
+def _speed(subject: Subject) -> str:
+    """How the study measures it."""
+    drive = subject.study.drive
+    sensor = drive.position_sensor if drive is not None else IdealSensor()
+    if isinstance(sensor, Encoder):
+        how = f"an encoder of {sensor.lines} lines, {4 * sensor.lines} counts: {METHODS[sensor.speed_method]}"
+    elif isinstance(sensor, Resolver):
+        time = 1e3 * sensor.window / subject.rate
+        how = f"a resolver of {2**sensor.bits} counts: the mean over {sensor.window} calls, {time:.3g} ms"
+    else:
+        return "as it is: the study's sensor is ideal. A real one's delay is in none of the gains"
+    return f"measured as in the study, since gains and `.speed_window` assume it. {how[0].upper()}{how[1:]}"
+
+
+def _maps(subject: Subject) -> str:
+    """How to keep what was learned; empty where it is not tied to an angle."""
+    if not subject.has_map:
+        return ""
+    trial, config = subject.law_name == "trial", subject.law_config
+    memory = config.get("memory", config)
+    asset = files("cogless.export").joinpath("assets", "c", "maps.md")
+    rests = "Before it reference.learn = false, for a step of the law or more; afterwards true again."
+    return Template(asset.read_text(encoding="utf-8")).substitute(
+        name=subject.name,
+        map_of=subject.law.map,
+        motion=", .motion" if trial else "",
+        when_to_save="Between two trials." if trial else f"From the main loop. {rests}",
+        channels=memory.get("channels", 1),
+        cells=config["samples"] if trial else memory["cells"],
+    )
