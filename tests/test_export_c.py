@@ -150,6 +150,18 @@ def test_what_the_self_test_meets() -> None:
     assert met[0] == 0 and met[-31] & ~5 == 0  # all is well again; the currents that are fed still saturate
 
 
+def test_a_self_test_of_extreme_bounds(tmp_path: Path) -> None:
+    """What is beyond them is no longer a float; hold and bridge are longer than any test."""
+    extreme = {"omega_max": "3.3e38 rad/s", "stuck_angle": "3e38 rad", "current_max": "3.3e38 A"}
+    times = {"hold": "1000 s", "bridge": "1000 s", "speed_window": "1000 s"}
+    none = {"omega_max": "1e-9 rad/s", "stuck_angle": "0 rad", "current_max": "0 A"}
+    for bounds in (extreme, times, none):
+        changes = {f"drive.monitor.{key}": value for key, value in bounds.items()}
+        export_c(load("liu2018", changes), "pi", tmp_path / "out")
+        run = subprocess.run([compiled(tmp_path / "out")], capture_output=True, text=True, check=False)
+        assert run.returncode == 0
+
+
 def test_the_self_test_finds_fused_arithmetic(tmp_path: Path) -> None:
     """A motion begins at rest: the test must last into it. Rounding once stands for an fma."""
     exported = tmp_path / "out"

@@ -16,7 +16,9 @@ from cogless.export.prepared import Prepared
 COUNTS = 1 << 20  # of the angle in a revolution: a float holds them all
 NEAR, BEYOND = 0.97, 1.03  # of a bound
 HUGE = 1e6  # rad/s
-MOST = 20_000  # periods of a stretch
+LARGEST = 3e38
+MOST = 5_000  # periods of a stretch
+SIDE = math.sqrt(3) / 2  # of phase b in a vector on the beta axis
 FNV_START, FNV_PRIME = 2166136261, 16777619
 
 
@@ -85,9 +87,14 @@ def fnv(words: Iterable[int], total: int = FNV_START) -> int:
 
 def _values(inputs: _Inputs) -> dict[str, Any]:
     """By the paths of the C structs."""
-    values = {f"i_abc[{n}]": current for n, current in enumerate(inputs.i_abc)}
-    same = ("theta_m", "omega_m", "u_dc", "omega_ref", "learn")
-    return values | {name: getattr(inputs, name) for name in same}
+    values = {f"i_abc[{n}]": _held(current) for n, current in enumerate(inputs.i_abc)}
+    values |= {name: _held(getattr(inputs, name)) for name in ("theta_m", "omega_m", "u_dc", "omega_ref")}
+    return {**values, "learn": inputs.learn}
+
+
+def _held(value: float) -> float:
+    """What a float holds of it; NaN stays."""
+    return math.copysign(LARGEST, value) if abs(value) > LARGEST else value
 
 
 def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
@@ -103,7 +110,7 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
 
     def currents(length: float) -> tuple[float, float, float]:
         """A vector of this length on the beta axis."""
-        return (0.0, length, 0.0) if monitor["phases"] == 2 else (0.0, ROOT * length, -ROOT * length)
+        return (0.0, length, 0.0) if monitor["phases"] == 2 else (0.0, SIDE * length, -SIDE * length)
 
     plain = _Inputs(
         currents(0.3 * min(limit, monitor["current_max"] or limit)), speed, 1.01 * speed, u_dc=_bus(subject)
@@ -149,9 +156,6 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
         ]
     plan.append(("learning is frozen", 2 * law, 0, step, replace(plain, learn=False)))
     return [entry for entry in plan if entry[1] > 0]
-
-
-ROOT = math.sqrt(3) / 2
 
 
 def _bus(subject: Subject) -> float:
