@@ -149,11 +149,14 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
         ("all is well again", back, 0, step, plain),
     ]
     if monitor["stuck_angle"]:
-        stuck = replace(plain, omega_ref=monitor["stuck_angle"] / (10.5 * ts))
-        plan += [
-            ("the angle stands still while the reference turns", 13, 0, 0, stuck),
-            ("all is well again", back, 0, step, plain),
-        ]
+        # one that is stuck by the time, and one by the angle, which the quarter of it and the time come before
+        time = _periods(monitor["stuck_time"], ts)
+        for until, periods in ((10.5, time + 15), (2 * time + 10.5, 2 * time + 13)):
+            stuck = replace(plain, omega_ref=monitor["stuck_angle"] / (until * ts))
+            plan += [
+                ("the angle stands still while the reference turns", min(periods, MOST), 0, 0, stuck),
+                ("all is well again", back, 0, step, plain),
+            ]
     plan.append(("learning is frozen", 2 * law, 0, step, replace(plain, learn=False)))
     return [entry for entry in plan if entry[1] > 0]
 
