@@ -37,11 +37,12 @@ def learning_time(runs, controller: str) -> int:
 @pytest.mark.parametrize("controller", LEARNERS)
 @pytest.mark.parametrize("scenario", FAULTY)
 def test_the_ripple_is_back_within_one_learning_time(runs, scenario, controller):
-    run = runs[scenario, controller]
+    """Long before it: two turns after the fault's end, at 16.5 s, and from then on."""
+    run, good = runs[scenario, controller], runs["nothing", controller]
     assert learning_time(runs, controller) >= 10
-    later = 16.5 + 10  # every fault is over at 16.5 s
-    assert ripple(run, later) < 1.5 * ripple(runs["nothing", controller], 15)
-    assert ripple(run, later) < 0.05 * ripple(runs["nothing", "pi"], 15)
+    for start in (18.5, 20.0, 26.5):
+        assert ripple(run, start) < 1.2 * ripple(good, start)
+    assert ripple(run, 26.5) < 0.05 * ripple(runs["nothing", "pi"], 15)
 
 
 @pytest.mark.parametrize("scenario", FAULTY)
@@ -54,11 +55,12 @@ def test_the_current_stays_within_its_limit(runs, scenario, controller):
 @pytest.mark.parametrize("controller", LEARNERS)
 @pytest.mark.parametrize("scenario", FAULTY)
 def test_what_was_learned_is_unspoilt(runs, scenario, controller):
-    """The map at the end is that of the run without a fault, up to what noise teaches."""
+    """The map at the end is that of the run without a fault at every angle, up to what noise teaches."""
     good = runs["nothing", controller].memory["current"]
     spoilt = runs[scenario, controller].memory["current"]
     difference = spoilt - good - np.mean(spoilt - good)
-    assert np.std(difference) < 0.1 * np.std(good)
+    assert np.std(difference) < 0.05 * np.std(good)
+    assert np.abs(difference).max() < 0.5 * np.std(good)
 
 
 def test_each_fault_says_what_it_is(runs):
