@@ -31,7 +31,7 @@ typedef struct {
     cgl_real speed_window; /* a measured speed looks back so far, and is not believed so long after a jump [s], >= 0 */
     cgl_real stuck_angle;  /* the reference has turned so far while the angle stood still: stuck [rad], >= 0; from a quarter
                               of it on nothing is learned; default 0 */
-    cgl_real stuck_time;   /* but no sooner than after so long [s], 0 to 9e7 ts; default 0: a loaded rotor takes its time */
+    cgl_real stuck_time;   /* but no sooner than so long after that quarter [s], 0 to 9e7 ts; default 0: a loaded rotor takes time */
     cgl_real current_max;  /* the current vector is never longer, in a short circuit neither [A], >= 0; default 0 */
     cgl_real current_sum;  /* three measured phases: |i_a + i_b + i_c| is not larger [A], >= 0; default 0 */
     cgl_real bridge;       /* a missing angle is bridged so long [s], >= 0; default 0 */
