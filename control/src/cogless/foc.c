@@ -56,8 +56,9 @@ CGL_SELDOM static vector shortened(vector x, cgl_real length)
     const cgl_real ratio = steep ? x.d / x.q : x.q / x.d;
     const cgl_real longer = length / square_root(CGL_R(1.0) + ratio * ratio);
     const cgl_real shorter = longer * cgl_abs(ratio);
-    x.d = (steep ? shorter : longer) * cgl_sign(x.d);
-    x.q = (steep ? longer : shorter) * cgl_sign(x.q);
+    const vector within = {cgl_abs(x.d), cgl_abs(x.q)}; /* rounding may not lengthen either */
+    x.d = cgl_clamp(steep ? shorter : longer, within.d) * cgl_sign(x.d);
+    x.q = cgl_clamp(steep ? longer : shorter, within.q) * cgl_sign(x.q);
     return x;
 }
 
