@@ -174,13 +174,13 @@ CGL_SELDOM static bool is_stuck(const cgl_monitor_config *config, cgl_monitor *m
     } else if (cgl_is_finite(turned)) {
         monitor->still = cgl_clamp(monitor->still + turned, most);
     }
-    const cgl_real square = monitor->still * monitor->still;
-    if (square <= limits->doubt_square) {
+    const cgl_real far = monitor->still * monitor->still;
+    if (far <= limits->doubt_square) {
         monitor->standing = 0U;
         return false;
     }
     monitor->standing += monitor->standing < UINT32_MAX ? 1U : 0U;
-    if (square <= limits->stuck_square || monitor->standing <= limits->stuck) {
+    if (far <= limits->stuck_square || monitor->standing <= limits->stuck) {
         return false;
     }
     const bool again = cgl_abs(monitor->still) >= most && monitor->standing / TRY_AGAIN >= limits->stuck;

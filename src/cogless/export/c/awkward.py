@@ -149,7 +149,7 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
         ("all is well again", back, 0, step, plain),
     ]
     if monitor["stuck_angle"]:
-        # one that is stuck by the time, and one by the angle, which the quarter of it and the time come before
+        # stuck by the time, which the angle comes before, and the other way round
         time = _periods(monitor["stuck_time"], ts)
         for until, periods in ((10.5, time + 15), (2 * time + 10.5, 2 * time + 13)):
             stuck = replace(plain, omega_ref=monitor["stuck_angle"] / (until * ts))
