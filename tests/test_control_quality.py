@@ -151,6 +151,18 @@ def test_an_outlier_teaches_nothing_until_it_is_usual(precision):
 
 
 @PRECISIONS
+def test_a_rest_ends_neither_learning_nor_progress(precision):
+    """No error at all tells nothing of what is usual, nor of what there was before learning."""
+    library = control_library(precision)
+    c = CQuality(library, **FIELDS | {"outlier": 4.0})
+    for _ in range(3000):
+        assert not c.step(0.0, 0.0)
+    refused = [c.step(*sample) for turn in range(10) for sample in ripple(library, 0.8**turn)]
+    assert sum(refused) == 0
+    assert c.read().progress == pytest.approx(1 - 0.8**9, rel=1e-3)
+
+
+@PRECISIONS
 @pytest.mark.parametrize("start", [320, 350, 399])
 def test_a_shock_shorter_than_a_turn_teaches_nothing(precision, start):
     """Wherever in its window it begins; what comes after has the bound of before."""

@@ -33,10 +33,10 @@ class Monitor:
     phases: int = 3
 
     def __post_init__(self) -> None:
-        self.theta = self.omega = self.shift = self.still = 0.0
+        self.theta = self.omega = self.shift = self.slip = self.still = 0.0
         self.raw: float | None = None  # of the last period, if it was an angle
         self.started = False
-        self.was_stuck = False
+        self.was_stuck = self.unsure = False
         self.gap = self.lost = self.blind = self.dark = self.standing = self.holding = 0
 
     def periods(self, time: float) -> int:
@@ -45,10 +45,6 @@ class Monitor:
     @property
     def reach(self) -> float:
         return self.omega_max * self.ts + self.angle_step if self.omega_max else TURN
-
-    @property
-    def _reach_since_it_moved(self) -> float:
-        return math.inf if self.was_stuck else self.reach + (2 * abs(self.still) if self.stuck_angle else 0.0)
 
     def plausible_speed(self, omega: float) -> bool:
         return math.isfinite(omega) and (not self.omega_max or abs(omega) <= self.omega_max)
@@ -69,7 +65,7 @@ class Monitor:
         if self.phases:
             said |= set() if self.plausible_currents(i) else {"CURRENT"}
             said |= {"BUS"} if not math.isfinite(u_dc) or u_dc <= 0 else set()
-        lost = not self.started or self.gap > self.periods(self.bridge) or self.too_dark
+        lost = not self.started or self.unsure or self.gap > self.periods(self.bridge) or self.too_dark
         cause = lost or said & {"ANGLE_STUCK", "CURRENT", "BUS"}
         self.holding = self.periods(self.hold) + 1 if cause else max(self.holding - 1, 0)
         self.safe = self.holding > 0
@@ -84,7 +80,7 @@ class Monitor:
         if not self.started:
             self.started = self.raw is not None
             self.theta = self.raw or 0.0
-        elif not abs(moved) <= self._reach_since_it_moved:  # NaN, too
+        elif not abs(moved) <= self.reach:  # NaN, too
             missing = True
             self.theta = in_turn(self.theta + self.omega * self.ts)
             self.blind = self.periods(self.speed_window) + 1
@@ -93,8 +89,7 @@ class Monitor:
             if self.gap:
                 self.shift = self._settled(between(self.raw, in_turn(self.theta + moved)))
             self.theta = in_turn(self.raw - self.shift)
-            ordinary = abs(moved) <= self.reach
-            self.blind = max(self.blind - 1, 0) if ordinary else self.periods(self.speed_window) + 1
+            self.blind = max(self.blind - 1, 0)
             stuck = self._stuck(moved, omega_ref)
             self.was_stuck = stuck or (self.was_stuck and not moved)
         if not self.blind:
@@ -106,6 +101,7 @@ class Monitor:
         else:
             self.gap = max(self.gap - 1, 0)
             self.lost = self.lost if self.gap else 0
+        self.slip = self.slip if self.gap else self.shift
         said = {
             "ANGLE_LOST": missing or self.too_dark,
             "ANGLE_STUCK": stuck,
@@ -120,8 +116,17 @@ class Monitor:
 
     def _settled(self, shift: float) -> float:
         """How far the sensor is off after a gap: as before, not at all, or as it looks."""
-        known = min((0.0, self.shift), key=lambda s: abs(between(shift, s)))
-        return known if abs(between(shift, known)) <= self.reach * self.lost else shift
+        if self.slip and self.lost > self.periods(self.bridge):
+            self.unsure = True
+        known = min((0.0, self.slip), key=lambda s: abs(between(shift, s)))
+        reach = self.reach * (self.lost + 1)
+        if not known and (self.was_stuck or abs(shift) <= reach + self._unseen(shift)):
+            return 0.0
+        return known if abs(between(shift, known)) <= reach else shift
+
+    def _unseen(self, shift: float) -> float:
+        """The sensor may have stood, and the rotor turned."""
+        return 2 * abs(self.still) if self.stuck_angle and shift * self.still > 0 else 0.0
 
     def _stuck(self, moved: float, omega_ref: float) -> bool:
         if not self.stuck_angle:

@@ -31,7 +31,8 @@ class Quality:
     learned: bool = False
     usual: float = math.inf
     ripples: list[float] = field(default_factory=list)  # standard deviations
-    before: float | None = None
+    before: float = 0.0
+    began: bool = False  # learning
     trend: float = 0.0
 
     def step(self, error: float, omega: float, learning: bool) -> bool:
@@ -64,13 +65,14 @@ class Quality:
             largest = max(ripple, self.ripples[-1]) ** 2
             change = (ripple**2 - self.ripples[-1] ** 2) / largest if largest else None
             self.trend += TREND * (clip(change, MOST) - self.trend) if change is not None else 0.0
-        if self.learned and self.before is None:
-            self.before = self.ripples[-1] if self.ripples else ripple
+        if abs(self.turned) >= self.span / 16 and not self.began:
+            self.before = self.before if self.learned and self.before else ripple
+            self.began = self.learned
         self.ripples.append(ripple)
 
     def _judge(self, errors: np.ndarray, outliers: np.ndarray) -> None:
         clipped = np.where(outliers, self.usual, errors)
-        self.usual = max(self.outlier * float(np.sqrt(np.mean(clipped**2))), self.floor)
+        self.usual = max(self.outlier * float(np.sqrt(np.mean(clipped**2))), self.floor) or math.inf
         unusual = "+" * IN_A_ROW in self.signs or "-" * IN_A_ROW in self.signs
         peak = float(np.max(np.abs(errors[outliers]))) if unusual else 0.0
         self.refused = max(self.usual, 2 * min(peak, self.last_peak))
@@ -83,4 +85,4 @@ class Quality:
 
     @property
     def progress(self) -> float:
-        return 1 - self.residual / self.before if self.before else 0.0
+        return 1 - self.residual / self.before if self.before and self.began else 0.0

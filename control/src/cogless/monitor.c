@@ -63,20 +63,21 @@ CGL_SELDOM cgl_error cgl_monitor_init(const cgl_monitor_config *config, cgl_moni
 
 CGL_SELDOM void cgl_monitor_reset(cgl_monitor *monitor)
 {
-    monitor->theta_m = monitor->omega_m = monitor->shift = monitor->raw = monitor->still = CGL_R(0.0);
+    monitor->theta_m = monitor->omega_m = monitor->shift = monitor->slip = monitor->raw = monitor->still = CGL_R(0.0);
     monitor->gap = monitor->lost = monitor->blind = monitor->dark = monitor->standing = 0U;
     monitor->holding = monitor->jumps = 0U;
     monitor->status = 0U;
-    monitor->started = monitor->known = monitor->trusted = monitor->was_stuck = false;
+    monitor->started = monitor->known = monitor->trusted = monitor->was_stuck = monitor->unsure = false;
     monitor->safe = true;
 }
 
 CGL_SELDOM bool cgl_monitor_trust(cgl_monitor *monitor)
 {
     if (monitor->known) {
-        monitor->shift = CGL_R(0.0);
+        monitor->shift = monitor->slip = CGL_R(0.0);
         monitor->theta_m = monitor->raw;
         monitor->gap = monitor->lost = 0U;
+        monitor->unsure = false;
     }
     return monitor->known;
 }
@@ -149,16 +150,23 @@ void cgl_monitor_step(const cgl_monitor_config *config, cgl_monitor *monitor, co
     }
 }
 
-/* The angles of two periods agree, and the rotor has turned by d between them: where is it, after those that were missing? */
-CGL_SELDOM static void settle(cgl_monitor *monitor, cgl_real theta, cgl_real d)
+/* The angles of two periods agree, and the rotor has turned by d between them: where is it, after those that were missing?
+ * Beyond what it can have turned in them, it can be anywhere where its angle was stuck, and where it stood still while the
+ * reference turned, further that way by about as much, since the sensor may have been what stood. */
+CGL_SELDOM static void settle(const cgl_monitor_config *config, cgl_monitor *monitor, cgl_real theta, cgl_real d)
 {
-    const cgl_real shift = difference(theta, in_turn(monitor->theta_m + d));
-    const cgl_real reach = monitor->limits.reach * (cgl_real)monitor->lost;
-    const cgl_real from_last = cgl_abs(difference(shift, monitor->shift)), from_none = cgl_abs(shift);
-    if (from_none <= from_last) {
-        monitor->shift = from_none <= reach ? CGL_R(0.0) : shift;
-    } else if (!(from_last <= reach)) {
-        monitor->shift = shift;
+    const cgl_real shift = difference(theta, in_turn(monitor->theta_m + d)), still = monitor->still;
+    const cgl_real reach = monitor->limits.reach * ((cgl_real)monitor->lost + CGL_R(1.0)); /* the one before may be wrong, too */
+    const bool unseen = config->stuck_angle > CGL_R(0.0) && shift * still > CGL_R(0.0);
+    const cgl_real from_last = cgl_abs(difference(shift, monitor->slip)), from_none = cgl_abs(shift);
+    const bool can_be_none =
+        monitor->was_stuck || from_none <= reach + (unseen ? CGL_R(2.0) * cgl_abs(still) : CGL_R(0.0));
+    const bool slipped = monitor->slip < CGL_R(0.0) || monitor->slip > CGL_R(0.0);
+    monitor->unsure = monitor->unsure || (slipped && monitor->lost > monitor->limits.bridge);
+    if (from_none <= from_last || !slipped) {
+        monitor->shift = can_be_none ? CGL_R(0.0) : shift;
+    } else {
+        monitor->shift = from_last <= reach ? monitor->slip : shift;
     }
 }
 
@@ -193,14 +201,6 @@ CGL_SELDOM static bool is_stuck(const cgl_monitor_config *config, cgl_monitor *m
     return false;
 }
 
-/* Whether the rotor can have turned by d since the angle changed: by what a period allows, and where the angle stood still
- * while the reference turned, by about as much, since the sensor may have been what stood. */
-CGL_SELDOM static bool can_be(const cgl_monitor_config *config, const cgl_monitor *monitor, cgl_real d)
-{
-    const cgl_real unseen = config->stuck_angle > CGL_R(0.0) ? CGL_R(2.0) * cgl_abs(monitor->still) : CGL_R(0.0);
-    return monitor->was_stuck || cgl_abs(d) <= monitor->limits.reach + unseen;
-}
-
 /* Jumps come so often that the speed has not been believed for too long: the law has none. */
 static bool is_dark(const cgl_monitor *monitor)
 {
@@ -215,7 +215,7 @@ CGL_SELDOM static unsigned look_at_rotor(const cgl_monitor_config *config, cgl_m
     const bool is_angle = cgl_is_angle(now->theta_m), is_speed = now->omega_m * now->omega_m <= limits->speed_square;
     const cgl_real theta = is_angle ? in_turn(now->theta_m) : monitor->raw;
     const cgl_real d = difference(theta, monitor->raw);
-    const bool two = is_angle && monitor->known, agree = two && can_be(config, monitor, d);
+    const bool two = is_angle && monitor->known, agree = two && cgl_abs(d) <= limits->reach;
     bool missing = !is_angle, stuck = false;
     monitor->raw = theta;
     monitor->known = is_angle;
@@ -230,14 +230,10 @@ CGL_SELDOM static unsigned look_at_rotor(const cgl_monitor_config *config, cgl_m
         monitor->jumps += two && monitor->jumps < UINT32_MAX ? 1U : 0U;
     } else {
         if (monitor->gap > 0U) {
-            settle(monitor, theta, d);
+            settle(config, monitor, theta, d);
         }
         monitor->theta_m = in_turn(theta - monitor->shift);
-        if (d * d <= limits->reach_square) {
-            monitor->blind -= monitor->blind > 0U ? 1U : 0U;
-        } else {
-            monitor->blind = limits->window + 1U;
-        }
+        monitor->blind -= monitor->blind > 0U ? 1U : 0U;
         stuck = is_stuck(config, monitor, d, omega_ref);
         monitor->was_stuck = stuck || (monitor->was_stuck && d * d <= CGL_R(0.0));
     }
@@ -253,6 +249,7 @@ CGL_SELDOM static unsigned look_at_rotor(const cgl_monitor_config *config, cgl_m
         --monitor->gap;
         monitor->lost = monitor->gap > 0U ? monitor->lost : 0U;
     }
+    monitor->slip = monitor->gap == 0U ? monitor->shift : monitor->slip;
     return (missing || is_dark(monitor) ? (unsigned)CGL_STATUS_ANGLE_LOST : 0U) | (stuck ? (unsigned)CGL_STATUS_ANGLE_STUCK : 0U)
            | (monitor->shift < CGL_R(0.0) || monitor->shift > CGL_R(0.0) ? (unsigned)CGL_STATUS_ANGLE_SHIFTED : 0U);
 }
@@ -262,7 +259,7 @@ CGL_SELDOM void cgl_monitor_look(const cgl_monitor_config *config, cgl_monitor *
 {
     const cgl_monitor_limits *limits = &monitor->limits;
     unsigned status = look_at_rotor(config, monitor, now, omega_ref);
-    bool safe = !monitor->started || monitor->gap > limits->bridge || is_dark(monitor)
+    bool safe = !monitor->started || monitor->unsure || monitor->gap > limits->bridge || is_dark(monitor)
                 || (status & (unsigned)CGL_STATUS_ANGLE_STUCK) != 0U;
     if (config->phases != 0U) {
         const bool are_currents =

@@ -5,7 +5,8 @@
  * cgl_monitor_trust() says that the new one is right. An angle that is missing (not finite, or jumping all the time) is
  * bridged by the last speed; where more of them than last `bridge` are missing, or the speed is not believed for as long,
  * the output is safe: no voltage. The first two angles that agree end a gap; the sensor is then off by as much as before
- * it, or right again, whichever is nearer to where the rotor should be, or else it has jumped. An angle that stands still
+ * it, or right again, whichever is nearer to where the rotor should be, or else it has jumped; but where it was off and then
+ * missing for longer than `bridge`, nothing tells, and the output stays safe until cgl_monitor_trust. An angle that stands still
  * while the reference turns on is doubted, and nothing learned; then it is stuck: safe output until it moves, the reference
  * stands still too, or both bounds of it have passed ten times more, for another try. An implausible current or bus voltage
  * gives a safe output. A safe output is held for `hold` after its cause.
@@ -64,6 +65,7 @@ typedef struct {
     cgl_real theta_m;    /* to be used: plausible, without the jumps, in [0, 2 pi) [rad] */
     cgl_real omega_m;    /* to be used [rad/s] */
     cgl_real shift;      /* of the sensor by its jumps, in [-pi, pi] [rad] */
+    cgl_real slip;       /* the shift when no angle was missing last [rad] */
     cgl_real raw;        /* the last measured angle, in [0, 2 pi) [rad] */
     cgl_real still;      /* the reference has turned so far since the angle moved [rad] */
     uint32_t gap;        /* angles that are missing: one more with each, one less with each that agrees with the last */
@@ -75,6 +77,7 @@ typedef struct {
     uint32_t jumps;      /* since init or reset, there, back and for one period only; stays at its largest value */
     unsigned status;     /* CGL_STATUS_ bits of the last step */
     bool was_stuck;      /* said so since the angle moved: it comes back anywhere */
+    bool unsure;         /* lost for long while it was shifted: nothing but trust tells where the rotor is */
     bool started;        /* theta_m is valid */
     bool known;          /* raw is of the last period */
     bool safe;           /* the output must be zero: no torque is possible that one could trust */

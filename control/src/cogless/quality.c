@@ -5,6 +5,7 @@
 #define IN_A_ROW 4U              /* outliers to one side: no noise, and no step of an encoder */
 #define WAIT 16U                 /* a part of a window: so long nothing is learned after such, as a wave passes through zero */
 #define TWICE_SQUARE CGL_R(4.0)  /* of what lasts is learned, more is something else */
+#define MOVED_SQUARE CGL_R(0.00390625) /* of the span's square: a sixteenth of it */
 #define TREND_SMOOTHING CGL_R(0.25)
 #define TREND_STILL CGL_R(0.04) /* of the ripple's square, a window: 2 % of the ripple */
 #define TREND_MOST CGL_R(0.16)  /* of one window, so that a large change is not seen for long */
@@ -61,12 +62,13 @@ CGL_SELDOM static void set_bounds(const cgl_quality_config *config, cgl_quality 
     const cgl_real usual = larger(config->outlier * config->outlier * square, config->floor * config->floor);
     const cgl_real peak = quality->unusual ? quality->peak_square : CGL_R(0.0);
     const cgl_real lasting = TWICE_SQUARE * (peak < quality->last_peak_square ? peak : quality->last_peak_square);
-    quality->usual_square = usual < SQUARE_MAX ? usual : SQUARE_MAX;
+    /* no error at all, as at rest, says nothing of what is usual */
+    quality->usual_square = usual > CGL_R(0.0) && usual < SQUARE_MAX ? usual : SQUARE_MAX;
     quality->refused_square = larger(quality->usual_square, lasting);
     quality->last_peak_square = peak;
 }
 
-CGL_SELDOM static void end_window(const cgl_quality_config *config, cgl_quality *quality)
+CGL_SELDOM static void end_window(const cgl_quality_config *config, cgl_quality *quality, cgl_real turned)
 {
     const uint32_t samples = quality->longest - quality->left - quality->missing;
     if (samples > 0U) {
@@ -78,10 +80,11 @@ CGL_SELDOM static void end_window(const cgl_quality_config *config, cgl_quality 
             const cgl_real change = cgl_clamp((ripple - last) / largest, TREND_MOST);
             quality->trend += TREND_SMOOTHING * (change - quality->trend);
         }
-        if (!quality->began && !(quality->learned && quality->windows > 0U)) {
-            quality->before = ripple;
+        const bool moved = turned * turned >= quality->turned_square * MOVED_SQUARE; /* at rest nothing begins */
+        if (moved && !quality->began) {
+            quality->before = quality->learned && quality->before > CGL_R(0.0) ? quality->before : ripple;
+            quality->began = quality->learned;
         }
-        quality->began = quality->began || quality->learned;
         quality->ripple = ripple;
         quality->windows += quality->windows < UINT32_MAX ? 1U : 0U;
         if (config->outlier > CGL_R(0.0)) {
@@ -138,7 +141,7 @@ CGL_SELDOM static bool step_unusual(const cgl_quality_config *config, cgl_qualit
     if (turned * turned < quality->turned_square && quality->left > 0U) {
         quality->turned = turned;
     } else {
-        end_window(config, quality);
+        end_window(config, quality, turned);
     }
     quality->quick_square = quality->waiting > 0U ? CGL_R(-1.0) : quality->usual_square;
     return !taught;
