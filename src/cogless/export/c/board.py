@@ -62,7 +62,8 @@ def _outputs(subject: Subject) -> dict[str, str]:
         "what_it_runs": f"plausibility of the\nmeasurements, {law}, the current loop. Duty cycles come out, "
         "for the next PWM period.",
         "safe_output": "the duty cycles are one half. Open the\nbridge then (gates off): they "
-        f"short-circuit a motor that turns{short}, and it brakes",
+        f"short-circuit a motor that turns{short}, and it brakes; a bridge that can't be opened needs\n"
+        "`.current_max` above twice that",
     }
 
 
