@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -151,6 +152,19 @@ def test_the_simplefoc_sketch_compiles(double: list[str], tmp_path: Path) -> Non
 def test_the_zephyr_module_builds(cmake: str, tmp_path: Path) -> None:
     run(cmake, "-S", CONTROL / "tests" / "stand-ins" / "zephyr", "-B", tmp_path)
     run(cmake, "--build", tmp_path, "-j2")
+
+
+@pytest.mark.skipif(ARM is None, reason="no arm-none-eabi-gcc")
+def test_the_readme_has_the_states_sizes(tmp_path: Path) -> None:
+    rows = re.findall(r"^\| `([^|]*)` \|[^|]*\| (\d+) \|", (CONTROL / "README.md").read_text(), re.MULTILINE)
+    sizes = {name.split("`")[0]: int(size) for name, size in rows if int(size)}
+    assert len(sizes) >= 16
+    lines = ['#include "cogless.h"', '#include "cogless/drive.h"', '#include "cogless/map_store.h"']
+    lines += [f"typedef char {n}_size[sizeof(cgl_{n}) == {size} ? 1 : -1];" for n, size in sizes.items()]
+    source = tmp_path / "sizes.c"
+    source.write_text("\n".join(lines) + "\n")
+    flags = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", f"-I{CONTROL / 'src'}"]
+    run(str(ARM), *flags, "-fsyntax-only", source)
 
 
 @pytest.mark.skipif(ARM is None, reason="no arm-none-eabi-gcc")
