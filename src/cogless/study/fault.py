@@ -21,11 +21,6 @@ class FaultBase(Table):
         """When it is over, s."""
         return self.time + self.duration
 
-    @property
-    def words(self) -> str:
-        """What is wrong meanwhile, as one says it."""
-        raise NotImplementedError
-
 
 class AngleFault(FaultBase):
     """The position sensor gives no number, or goes on giving the last angle."""

@@ -17,25 +17,20 @@ from cogless.export.c.texts import controller_texts
 from cogless.export.fmu.cpp import places
 from cogless.export.fmu.run import Run
 from cogless.export.fmu.unit import Unit, asset, in_precision, texts
-from cogless.export.fmu.variables import TIME, Variable, duties, measurements, real, references, signal
+from cogless.export.fmu.variables import (
+    CONTROLLER_INPUTS,
+    TIME,
+    Variable,
+    duties,
+    measurements,
+    real,
+    references,
+    signal,
+)
 from cogless.export.prepared import Reals
 
 # What begins names that are not the controller's own.
 TAKEN = ("fmu", "fmi", "controller", "motion")
-# What controller_model.c asks for by its own names.
-INPUTS = {
-    "FMU_I_A": "measured.i_a",
-    "FMU_I_B": "measured.i_b",
-    "FMU_I_C": "measured.i_c",
-    "FMU_THETA_M": "measured.theta_m",
-    "FMU_OMEGA_M": "measured.omega_m",
-    "FMU_U_DC": "measured.u_dc",
-    "FMU_THETA_REF": "reference.theta_ref",
-    "FMU_OMEGA_REF": "reference.omega_ref",
-    "FMU_ALPHA_REF": "reference.alpha_ref",
-    "FMU_I_D_REF": "reference.i_d_ref",
-    "FMU_LEARN": "reference.learn",
-}
 # In the order of cgl_drive_output.
 OUTPUTS = ("duty_a", "duty_b", "duty_c", "i_d", "i_q", "u_d", "u_q", "i_d_ref", "i_q_ref", "status")
 # What of the law's state points into the controller, and where to.
@@ -109,7 +104,7 @@ def _variables_h(run: Run, subject: Subject, variables: Sequence[Variable]) -> s
 #define CONTROLLER_STEP {name}_step
 
 /* Value references; 0 where there is no such variable. */
-{places(variables, INPUTS | outputs)}
+{places(variables, CONTROLLER_INPUTS | outputs)}
 /* In the order of cgl_drive_output. */
 static const uint32_t output_place[] = {{{", ".join(outputs)}}};
 

@@ -5,7 +5,16 @@ from __future__ import annotations
 from cogless.export.fmu.cpp import description_cpp, places
 from cogless.export.fmu.run import Run
 from cogless.export.fmu.unit import Unit, asset, in_precision, texts
-from cogless.export.fmu.variables import TIME, Variable, duties, measurements, real, references, signal
+from cogless.export.fmu.variables import (
+    CONTROLLER_INPUTS,
+    TIME,
+    Variable,
+    duties,
+    measurements,
+    real,
+    references,
+    signal,
+)
 from cogless.export.sources import control
 
 # Of the engine, what belongs to Python.
@@ -26,18 +35,7 @@ PLACES = {
     "FMU_DUTY_A": "duty_a",
     "FMU_DUTY_B": "duty_b",
     "FMU_DUTY_C": "duty_c",
-    "FMU_I_A": "measured.i_a",
-    "FMU_I_B": "measured.i_b",
-    "FMU_I_C": "measured.i_c",
-    "FMU_THETA_M": "measured.theta_m",
-    "FMU_OMEGA_M": "measured.omega_m",
-    "FMU_U_DC": "measured.u_dc",
-    "FMU_THETA_REF": "reference.theta_ref",
-    "FMU_OMEGA_REF": "reference.omega_ref",
-    "FMU_ALPHA_REF": "reference.alpha_ref",
-    "FMU_I_D_REF": "reference.i_d_ref",
-    "FMU_LEARN": "reference.learn",
-}
+} | CONTROLLER_INPUTS
 
 
 def drive_unit(run: Run) -> Unit:

@@ -52,6 +52,22 @@ class Variable:
     start: float = 0.0
 
 
+# What a controller gets, inputs of its FMU and outputs of the drive's: the C names of their places.
+CONTROLLER_INPUTS = {
+    "FMU_I_A": "measured.i_a",
+    "FMU_I_B": "measured.i_b",
+    "FMU_I_C": "measured.i_c",
+    "FMU_THETA_M": "measured.theta_m",
+    "FMU_OMEGA_M": "measured.omega_m",
+    "FMU_U_DC": "measured.u_dc",
+    "FMU_THETA_REF": "reference.theta_ref",
+    "FMU_OMEGA_REF": "reference.omega_ref",
+    "FMU_ALPHA_REF": "reference.alpha_ref",
+    "FMU_I_D_REF": "reference.i_d_ref",
+    "FMU_LEARN": "reference.learn",
+}
+
+
 TIME = Variable("time", "real", "independent", "time since the start of the simulation", "s")
 
 
