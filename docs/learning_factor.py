@@ -16,11 +16,11 @@ import numpy as np
 
 import cogless
 from cogless import units
-from cogless.design.learning import Learning
+from cogless.design.learning import PeriodicLoop
 from cogless.study.reading import changes_from
 
 
-def table(learning: Learning, orders: list[float]) -> list[str]:
+def table(learning: PeriodicLoop, orders: list[float]) -> list[str]:
     """Markdown."""
     frequencies = np.array(orders) * learning.periods_per_second
     x = learning.x(frequencies)
@@ -50,7 +50,7 @@ def from_arguments(arguments: list[str]) -> list[str]:
     study, controller, speed, *rest = arguments
     changes = changes_from([text for text in rest if "=" in text])
     omega_m = units.parse(speed, units.ANGULAR_SPEED)
-    learning = Learning(cogless.load(study, changes), controller, omega_m)
+    learning = PeriodicLoop(cogless.load(study, changes), controller, omega_m)
     return table(learning, [float(text) for text in rest if "=" not in text])
 
 

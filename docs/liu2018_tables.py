@@ -13,7 +13,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from learning_factor import Learning
+from learning_factor import PeriodicLoop
 from marked import RPM, Blocks, Metrics, main, metrics_of, number, table
 
 import cogless
@@ -224,7 +224,7 @@ def prediction(metrics: Metrics) -> list[str]:
         if not (pi and ilc):
             continue
         speed = study.scenario[scenario].reference.speed
-        learning = Learning(study, "pi-ilc", speed)
+        learning = PeriodicLoop(study, "pi-ilc", speed)
         theory = learning.residual([n * learning.periods_per_second for n in (1, 2, 6)])
         cells = [text for k in range(3) for text in (f"{theory[k]:.2f}", f"{ilc[k] / pi[k]:.2f}")]
         rows.append([scenario, *cells])

@@ -18,7 +18,7 @@ from marked import Blocks, Metrics, main, metrics_of, number, table
 import cogless
 from cogless.design.pi import speed_loop
 from cogless.design.position import feedback_at, position_gains, position_margins
-from cogless.design.space_verdict import verdict
+from cogless.design.verdict import verdict
 
 LABELS = {
     "pi": "PI, as published",
@@ -64,7 +64,8 @@ def criterion() -> list[str]:
         for controller in study.controller:
             found = verdict(study, controller)
             if found is not None and found.worst is not None:
-                width = "-" if found.filter is None else str(found.filter)
+                filtered = found.repair and found.repair.q_half_width
+                width = "-" if filtered is None else str(filtered)
                 text = [f"{found.worst.factor:.3f}", f"{found.worst.frequency:.0f}", f"{found.omega_m:.3g}"]
                 rows.append([f"`{name}`: {study.label(controller)}", found.kind, *text, width])
     head = ["", "verdict", "worst factor a period", "at [Hz]", "at [rad/s]", "repaired by `q_half_width`"]

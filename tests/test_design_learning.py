@@ -11,9 +11,12 @@ import pytest
 from rich.console import Console
 
 from cogless import load, run_study
-from cogless.design.learning import SETTLED, Learning, frozen, learning, settling_lead
-from cogless.design.summary import summary, to_dict
+from cogless.design.learning import PeriodicLoop
+from cogless.design.learning_loop import SETTLED, Worst
+from cogless.design.summary import to_dict
 from cogless.design.table import design_table
+from cogless.design.verdict import Verdict, verdict
+from cogless.study import Study
 
 # without quantisation and forgetting, so that growth and decay can be seen over many periods
 CLEAN: dict[str, Any] = {
@@ -24,6 +27,18 @@ CLEAN: dict[str, Any] = {
     "controller.pi-ilc.cells": 8192,  # so many that interpolation between them doesn't filter
     "trace.rate": "1 kHz",
 }
+
+
+def known(study: Study, name: str) -> Verdict:
+    found = verdict(study, name)
+    assert found is not None
+    return found
+
+
+def worst(study: Study, name: str) -> Worst:
+    found = known(study, name).worst
+    assert found is not None
+    return found
 
 
 def growth(changes: dict[str, Any], frequency: float, begin: float, end: float) -> float:
@@ -42,8 +57,8 @@ def growth(changes: dict[str, Any], frequency: float, begin: float, end: float) 
 @pytest.mark.parametrize(("gain", "lead"), [("0.02 A/rpm", "0 s"), ("0.015 A/rpm", "6 ms")])
 def test_growth_is_the_predicted_one(gain: str, lead: str) -> None:
     changes = {"controller.pi-ilc.gain": gain, "controller.pi-ilc.lead": lead}
-    found = learning(load("liu2018", {**CLEAN, **changes}), "pi-ilc")
-    assert found is not None
+    study = load("liu2018", {**CLEAN, **changes})
+    found = PeriodicLoop(study, "pi-ilc", 2 * math.pi, scenario="60-rpm").worst()
     assert found.factor > 1.02
     frequency = round(found.frequency / 4.0) * 4.0  # whole orders of the electrical revolution
     assert growth(changes, frequency, 2.5, 4.5) == pytest.approx(found.factor, rel=0.03)
@@ -51,10 +66,8 @@ def test_growth_is_the_predicted_one(gain: str, lead: str) -> None:
 
 def test_a_lead_makes_every_frequency_decay() -> None:
     with_lead, without = (
-        learning(load("uomodri", {"controller.pi-ilc.lead": lead}), "pi-ilc") for lead in ("0.4 ms", "0 s")
+        worst(load("uomodri", {"controller.pi-ilc.lead": lead}), "pi-ilc") for lead in ("0.4 ms", "0 s")
     )
-    assert with_lead is not None
-    assert without is not None
     assert with_lead.factor < 1.001
     assert without.factor > 1.2
 
@@ -63,12 +76,13 @@ def test_the_lead_that_is_advised_settles_and_a_shorter_one_does_not() -> None:
     for name, controller in (("liu2018", "pi-ilc-printed"), ("uomodri", "pi-ilc")):
         changes = {f"controller.{controller}.lead": "0 s", f"controller.{controller}.q_half_width": 0}
         without = load(name, changes)
-        assert learning(without, controller).factor > SETTLED
-        lead = settling_lead(without, controller)
-        assert lead is not None
+        assert worst(without, controller).factor > SETTLED
+        repair = known(without, controller).repair
+        assert repair is not None and repair.lead is not None
+        lead = repair.lead
         period = 1.0 / without.drive.rates.speed_loop
         factors = [
-            learning(load(name, {**changes, f"controller.{controller}.lead": f"{s} s"}), controller).factor
+            worst(load(name, {**changes, f"controller.{controller}.lead": f"{s} s"}), controller).factor
             for s in (lead, lead - period)
         ]
         assert factors[0] <= SETTLED < factors[1]
@@ -76,9 +90,9 @@ def test_the_lead_that_is_advised_settles_and_a_shorter_one_does_not() -> None:
 
 def test_only_learning_laws_have_a_factor() -> None:
     study = load("uomodri")
-    assert learning(study, "pi") is None
-    assert learning(study, "table") is None
-    assert learning(study, "robust-ilc") is not None
+    assert verdict(study, "pi") is None
+    assert verdict(study, "table") is None
+    assert known(study, "robust-ilc").worst is not None
 
 
 # Where a memory refuses to learn
@@ -117,7 +131,7 @@ def test_what_is_said_to_be_frozen_learns_nothing(
             "scenario.fast.duration": "5 s",
         },
     )
-    found = Learning(study, "pi-ilc", speed * 2 * math.pi).frozen
+    found = PeriodicLoop(study, "pi-ilc", speed * 2 * math.pi).frozen
     assert found is None if why is None else (found or "").endswith(why)
     (run,) = run_study(study, ["fast/pi-ilc"]).runs
     learnt = np.max(np.abs(run.trace["term_ilc"]))
@@ -126,14 +140,14 @@ def test_what_is_said_to_be_frozen_learns_nothing(
 
 def test_a_map_needs_four_samples_a_period() -> None:
     study = load("uomodri")  # 5 kHz
-    assert Learning(study, "pi-ilc", 2 * math.pi * 60 * 20).frozen is not None
+    assert PeriodicLoop(study, "pi-ilc", 2 * math.pi * 60 * 20).frozen is not None
     no_lead = load("uomodri", {"controller.pi-ilc.lead": "0 s"})
-    assert Learning(no_lead, "pi-ilc", 2 * math.pi * 1240).frozen is None
-    assert "at least 4" in (Learning(no_lead, "pi-ilc", 2 * math.pi * 1260).frozen or "")
+    assert PeriodicLoop(no_lead, "pi-ilc", 2 * math.pi * 1240).frozen is None
+    assert "at least 4" in (PeriodicLoop(no_lead, "pi-ilc", 2 * math.pi * 1260).frozen or "")
 
 
 def test_frozen_is_printed_and_in_json() -> None:
-    reasons = frozen(load("uomodri", BY_TIME), "pi-ilc")
+    reasons = known(load("uomodri", BY_TIME), "pi-ilc").frozen
     assert reasons == (
         "a period at 15 rpm has 20000 samples, cells 2000",
         "a period at 60 rpm has 5000 samples, cells 2000",
@@ -149,6 +163,6 @@ def test_frozen_is_printed_and_in_json() -> None:
 
 def test_learning_does_not_settle_where_it_makes_the_feedback_unstable() -> None:
     too_much = {"controller.pi-ilc.gain": "20 A*s/rad", "controller.pi-ilc.lead": "0 s"}
-    assert summary(load("uomodri", too_much))["pi-ilc"].unstable
-    assert "unstable: gain too large" in printed(too_much)
-    assert not summary(load("uomodri"))["pi-ilc"].unstable
+    assert known(load("uomodri", too_much), "pi-ilc").kind == "unstable"
+    assert "unstable with what learning adds at once" in printed(too_much)
+    assert known(load("uomodri"), "pi-ilc").unstable is None

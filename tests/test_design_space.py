@@ -27,9 +27,9 @@ from cogless.design.space_bounds import (
     theorem,
 )
 from cogless.design.space_learning import SpaceLoop
-from cogless.design.space_verdict import verdict
 from cogless.design.summary import to_dict
 from cogless.design.table import design_table
+from cogless.design.verdict import verdict
 from cogless.study.mechanics import Load, Mechanics
 from cogless.study.motor import Cogging, Motor
 from cogless.study.space_controller import SpaceLearning, SpaceSpeed
@@ -541,8 +541,8 @@ def test_the_filter_that_is_advised_settles_in_the_run(tmp_path: Path) -> None:
     assert factor > 1.3
     found = verdict(case.study(tmp_path, [1], 4), "law")
     assert found is not None and found.kind == "grows"
-    width = found.filter
-    assert width is not None
+    assert found.repair is not None and found.repair.q_half_width is not None
+    width = found.repair.q_half_width
     for q, settles in ((width, True), (width - 2, False)):
         changed = Case(1, 5000, mu=600.0, q=q)
         _, factor, n = worst(changed, tmp_path)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cogless import load, simulate
-from cogless.design.space_verdict import verdict
+from cogless.design.verdict import verdict
 from cogless.report import charts, render, verdicts
 from cogless.report.comparison import compare
 from cogless.report.growth import growth, worse_since

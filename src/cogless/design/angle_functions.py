@@ -22,6 +22,7 @@ from functools import cached_property
 import numpy as np
 
 from cogless.design.margins import Real
+from cogless.study import Study, for_scenario
 from cogless.study.mechanics import AngleTable, Load, Mechanics
 from cogless.study.motor import StarMotor
 
@@ -123,6 +124,10 @@ class AngleFunctions:
         """A."""
         return np.asarray(self.torque.at(theta) / self.K.at(theta))
 
+    def current(self, theta: Real, omega_m: float) -> Real:
+        """What a constant speed needs, A: alpha + omega beta."""
+        return self.alpha(theta) + omega_m * self.beta(theta)
+
     def beta(self, theta: Real) -> Real:
         """A*s/rad."""
         return np.asarray(self.D / self.K.at(theta))
@@ -161,6 +166,13 @@ class AngleFunctions:
         if self.torque.table is not None:
             theta = np.sort(np.concatenate([theta, np.array(self.torque.table.angle) % TURN]))
         return theta, (TURN / points) ** 2 / 8
+
+
+def functions_in(study: Study, scenario: str) -> AngleFunctions:
+    """Of a study's motor and load in a scenario, with its overrides."""
+    here = for_scenario(study, scenario)
+    load = here.scenario[scenario].load or here.mechanics.load
+    return angle_functions(here.motor.star(), here.mechanics, load)
 
 
 def angle_functions(

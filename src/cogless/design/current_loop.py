@@ -17,7 +17,7 @@ import numpy as np
 
 from cogless.design.margins import Complex, Margins, Real, margins_of
 from cogless.errors import StudyError
-from cogless.study import Study
+from cogless.study import Study, for_scenario
 from cogless.study.drive import IdealCurrentLoop
 
 LEAST = math.radians(30)  # phase margin below which a speed loop should not be put around it
@@ -54,16 +54,18 @@ class IdealLoop:
     period: float  # s
 
 
-def current_loops(study: Study) -> dict[str, CurrentLoop]:
-    """Both axes of a study, as the controller knows the motor; none where the current loop is ideal."""
-    belief, rate = study.belief, study.drive.rates.current_loop
-    loop, inverter = study.drive.current_loop, study.drive.inverter
+def current_loops(study: Study, scenario: str | None = None) -> dict[str, CurrentLoop]:
+    """Both axes as the controller knows the motor, or as they are in a scenario; none of an ideal loop."""
+    here = study if scenario is None else for_scenario(study, scenario)
+    loop, inverter, T = here.drive.current_loop, here.drive.inverter, 1 / here.drive.rates.current_loop
     if isinstance(loop, IdealCurrentLoop) or inverter is None:
         return {}
+    belief = here.drive.belief.resolved(study.motor.star())
+    motor = belief if scenario is None else here.motor.star()
     gains, delay = loop.gains(belief), inverter.computation_delay
     return {
-        "q": CurrentLoop(gains["kp_q"], gains["ki_q"], belief.R_s, belief.L_q, 1 / rate, delay),
-        "d": CurrentLoop(gains["kp_d"], gains["ki_d"], belief.R_s, belief.L_d, 1 / rate, delay),
+        "q": CurrentLoop(gains["kp_q"], gains["ki_q"], motor.R_s, motor.L_q, T, delay),
+        "d": CurrentLoop(gains["kp_d"], gains["ki_d"], motor.R_s, motor.L_d, T, delay),
     }
 
 

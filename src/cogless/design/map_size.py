@@ -15,8 +15,8 @@ import math
 
 import numpy as np
 
-from cogless.design.angle_functions import angle_functions
-from cogless.study import Study, for_scenario
+from cogless.design.angle_functions import functions_in
+from cogless.study import Study
 from cogless.study.controller import Learning
 from cogless.study.space_controller import SpaceLearning
 
@@ -68,7 +68,5 @@ def _orders(study: Study, name: str) -> set[int]:
     found: set[int] = set()
     for key in study.scenario:
         if name in study.controllers_in(key):
-            here = for_scenario(study, key)
-            load = here.scenario[key].load or here.mechanics.load
-            found |= angle_functions(here.motor.star(), here.mechanics, load).orders
+            found |= functions_in(study, key).orders
     return found

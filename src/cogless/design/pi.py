@@ -48,7 +48,7 @@ from cogless.design.current_loop import CurrentLoop, IdealLoop, current_loops, r
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.design.model import exponential
 from cogless.errors import StudyError
-from cogless.study import Study
+from cogless.study import Study, for_scenario
 from cogless.study.controller import Feedback, Tuning
 from cogless.study.drive import IdealSensor, Resolver
 
@@ -134,21 +134,24 @@ class PiDesign:
     margins: Margins
 
 
-def speed_loop(study: Study) -> SpeedLoop:
-    """The speed loop of a study, as its controller knows it."""
-    rates, sensor = study.drive.rates, study.drive.position_sensor
-    factor = study.motor.star().power_factor
-    steps = round(rates.current_loop / rates.speed_loop)
-    window = steps
+def speed_loop(study: Study, scenario: str | None = None) -> SpeedLoop:
+    """The speed loop as its controller knows it, or as it is in a scenario: with overrides and true values.
+
+    Torque per current is the motor's mean; what a controller knows is the belief's.
+    """
+    here = study if scenario is None else for_scenario(study, scenario)
+    rates, sensor, motor = here.drive.rates, here.drive.position_sensor, here.motor.star()
+    steps = window = here.drive.divider
+    K_t = motor.K_t if scenario is not None else motor.power_factor * motor.pole_pairs * study.belief.psi_f
     if isinstance(sensor, IdealSensor):
         window = 0
     elif isinstance(sensor, Resolver):
         window = sensor.window
     return SpeedLoop(
-        b=factor * study.motor.pole_pairs * study.belief.psi_f / study.mechanics.inertia,
+        b=K_t / here.mechanics.inertia,
         steps=steps,
         window=window,
-        current=current_loops(study).get("q") or IdealLoop(1 / rates.current_loop),
+        current=current_loops(study, scenario).get("q") or IdealLoop(1 / rates.current_loop),
     )
 
 

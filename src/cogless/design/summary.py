@@ -7,20 +7,12 @@ import math
 from typing import Any, get_args
 
 from cogless.design.current_loop import current_loops, weakness
-from cogless.design.learning import (
-    SETTLED,
-    Worst,
-    frozen,
-    learning,
-    linear_part,
-    settling_lead,
-    stable,
-)
-from cogless.design.margins import UNSTABLE, Margins
+from cogless.design.feedback import linear_part
+from cogless.design.margins import Margins
 from cogless.design.pi import gains, margins, speed_loop
 from cogless.design.position import feedback_at, position_gains, position_margins
 from cogless.design.space_bounds import Theorem, theorem
-from cogless.design.space_verdict import Verdict, verdict
+from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study
 from cogless.study.controller import Feedback, Learning, RobustIlc
 from cogless.study.laws import AnyController
@@ -45,12 +37,8 @@ class Design:
     law: str
     rule: str | None
     gains: dict[str, Gain]
-    margins: Margins | None
-    learning: Worst | None  # where it learns
-    settling_lead: float | None  # s; where it grows: the shortest lead with which it would not
-    frozen: tuple[str, ...]  # why it doesn't learn, at the speeds where it doesn't
-    unstable: bool  # its feedback, with what learning adds to it at once
-    angle: Verdict | None = None  # of a law that learns in angle: whether it settles
+    margins: Margins | None  # as the controller knows the plant
+    learning: Verdict | None  # where it learns: whether that settles
     theorem: Theorem | None = None  # of a law that learns in angle: what its proof asks
 
 
@@ -87,7 +75,7 @@ def to_dict(study: Study) -> dict[str, Any]:
             "rule": design.rule,
             "gains": _gains(design.gains),
             "margins": design.margins and _margins(design.margins),
-            "learning": _learning(design) if design.learning or design.frozen or design.angle else None,
+            "learning": design.learning and _learning(design.learning),
             "theorem": design.theorem and _theorem(design.theorem),
         }
     return {
@@ -99,23 +87,6 @@ def to_dict(study: Study) -> dict[str, Any]:
         "speed_loop": {"period": speed_loop(study).period, **dataclasses.asdict(speed_loop(study))},
         "controllers": controllers,
     }
-
-
-def learning_words(design: Design) -> str:
-    """How its learning settles, in a line; empty where it learns nothing."""
-    if design.angle is not None:
-        return design.angle.words()
-    worst = design.learning
-    said = [f"frozen: {reason}" for reason in design.frozen]
-    if worst is None:
-        return "; ".join(said)
-    if design.unstable:
-        return "feedback unstable" if design.margins is UNSTABLE else "unstable: gain too large"
-    if worst.factor <= SETTLED:
-        return "; ".join(["settles", *said])
-    lead = design.settling_lead
-    remedy = "forgetting or a Q filter" if lead is None else f'lead = "{1e3 * lead:g} ms"'
-    return "; ".join([f"grows {worst.factor:.3f}x a period at {worst.frequency:.0f} Hz, try {remedy}", *said])
 
 
 def _gains(gains: dict[str, Gain]) -> dict[str, Any]:
@@ -135,16 +106,17 @@ def _margins(margins: Margins) -> dict[str, Any]:
     }
 
 
-def _learning(design: Design) -> dict[str, Any]:
-    worst = design.learning
+def _learning(found: Verdict) -> dict[str, Any]:
+    worst, repair = found.worst, found.repair
     return {
-        "verdict": learning_words(design),
+        "verdict": found.words(),
         "factor_per_period": worst and worst.factor,
         "frequency_Hz": worst and worst.frequency,
-        "settling_lead_s": design.settling_lead,
-        "settling_q_half_width": design.angle and design.angle.filter,
-        "frozen": list(design.frozen),
-        "loop_unstable": design.unstable,  # with what learning adds at once
+        "settling_lead_s": repair and repair.lead,
+        "settling_q_half_width": repair and repair.q_half_width,
+        "settling_forgetting": repair and repair.forgetting,
+        "frozen": list(found.frozen),
+        "loop_unstable": found.unstable is not None,  # with what learning adds at once
     }
 
 
@@ -172,18 +144,12 @@ def _space(study: Study, name: str, controller: SpacePosition | SpaceSpeed) -> D
     else:
         margins_ = margins(loop, controller.k, 0.0)
     known = verdict(study, name)
-    return Design(
-        controller.law,
-        rule,
-        numbers,
-        margins_,
-        learning=known.worst if known else None,
-        settling_lead=None,
-        frozen=(),
-        unstable=known is not None and known.unstable is not None,
-        angle=known,
-        theorem=theorem(study, name),
-    )
+    proof = theorem(study, name)
+    if proof is not None and known is not None and known.kind not in ("settles", "rests"):
+        # the proof is of continuous time
+        sampled = f"sampled, the loop {known.short()}"
+        proof = dataclasses.replace(proof, obstacles=(*proof.obstacles, sampled))
+    return Design(controller.law, rule, numbers, margins_, known, proof)
 
 
 def _weakest(study: Study, name: str) -> Margins:
@@ -209,21 +175,9 @@ def design(study: Study, name: str) -> Design:
     elif isinstance(controller, RobustIlc):
         pi = linear_part(controller)
     loop = margins(speed_loop(study), *pi) if pi else None
-    learns = isinstance(controller, Learning)
     if isinstance(controller, Learning):
         numbers["lead"] = _lead(study, controller)
-    worst = learning(study, name)
-    grows = worst is not None and worst.factor > SETTLED
-    return Design(
-        controller.law,
-        rule,
-        numbers,
-        loop,
-        learning=worst,
-        settling_lead=settling_lead(study, name) if grows else None,
-        frozen=frozen(study, name),
-        unstable=learns and not stable(study, name),
-    )
+    return Design(controller.law, rule, numbers, loop, verdict(study, name))
 
 
 def _lead(study: Study, controller: Learning) -> Gain:

@@ -13,10 +13,9 @@ from cogless.design.summary import (
     Design,
     Gain,
     current_loop_summary,
-    learning_words,
     summary,
 )
-from cogless.design.warnings import loop_warnings, map_warnings, told_apart
+from cogless.design.warnings import loop_warnings, notes, told_apart
 from cogless.study import Study
 
 if TYPE_CHECKING:
@@ -51,12 +50,12 @@ def design_table(study: Study) -> Group:
         table.add_row(name, "pi", "", _gains(loop.gains), *_margins(loop.margins), "")
     designs = summary(study)
     for name, design in designs.items():
-        gains, margins, learning = _gains(design.gains), _margins(design.margins), learning_words(design)
+        gains, margins = _gains(design.gains), _margins(design.margins)
+        learning = design.learning.words() if design.learning else ""
         table.add_row(study.label(name), design.law, design.rule or "", gains, *margins, learning)
-    maps = [line for name in designs for line in map_warnings(study, name)]
-    known = [f"{line}." for line in (*loop_warnings(loops), *maps)]
-    notes = (*known, *_theorems(study, designs))
-    return Group(table, *(Text(note) for note in notes))
+    own = [line for name in designs for line in notes(study, name)]
+    known = [f"{line}." for line in (*loop_warnings(loops), *own)]
+    return Group(table, *(Text(line) for line in (*known, *_theorems(study, designs))))
 
 
 def _theorems(study: Study, designs: dict[str, Design]) -> list[str]:

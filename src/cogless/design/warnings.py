@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from cogless.design import space_verdict
-from cogless.design.learning import SETTLED
+from cogless.design import verdict as learning
+from cogless.design.feedback import unstable_feedback
 from cogless.design.map_size import map_warning
-from cogless.design.summary import CurrentLoopDesign, current_loop_summary, design, learning_words
+from cogless.design.slow_running import slow_warning
+from cogless.design.summary import CurrentLoopDesign, current_loop_summary
 from cogless.study import AnyStudy, Study, TrialStudy
-from cogless.study.space_controller import SpaceLearning
 
 
 def verdict(study: AnyStudy, scenario: str, name: str) -> str:
@@ -17,7 +17,8 @@ def verdict(study: AnyStudy, scenario: str, name: str) -> str:
         from cogless.design.trial_summary import words
 
         return words(design_study(study, [(scenario, name)])[scenario, name])
-    return learning_words(design(study, name))
+    found = learning.verdict(study, name)
+    return found.words() if found else ""
 
 
 def warnings(study: AnyStudy, scenario: str, name: str) -> list[str]:
@@ -31,14 +32,14 @@ def warnings(study: AnyStudy, scenario: str, name: str) -> list[str]:
     return [
         *loop_warnings(current_loop_summary(study)),
         *(f"controller.{name}: {line}" for line in _feedback_and_learning(study, name)),
-        *map_warnings(study, name),
+        *notes(study, name),
     ]
 
 
-def map_warnings(study: Study, name: str) -> list[str]:
-    """A map that is too small for what it shall learn."""
-    found = map_warning(study, name)
-    return [] if found is None else [f"controller.{name}: {found}"]
+def notes(study: Study, name: str) -> list[str]:
+    """A map too small for what it shall learn, edges too few for the loop: a line each, key first."""
+    found = (map_warning(study, name), slow_warning(study, name))
+    return [f"controller.{name}: {line}" for line in found if line is not None]
 
 
 def loop_warnings(loops: dict[str, CurrentLoopDesign]) -> list[str]:
@@ -62,11 +63,7 @@ def told_apart(loops: dict[str, CurrentLoopDesign]) -> dict[str, CurrentLoopDesi
 
 
 def _feedback_and_learning(study: Study, name: str) -> list[str]:
-    law = study.controller[name]
-    if isinstance(law, SpaceLearning) and law.learning:
-        return space_verdict.warnings(study, name)
-    found = design(study, name)
-    grows = found.learning is not None and found.learning.factor > SETTLED
-    if grows or found.unstable:
-        return [learning_words(found)]
-    return ["feedback unstable"] if found.margins is not None and not found.margins.stable else []
+    if learning.loop_type(study.controller[name]) is not None:
+        return learning.warnings(study, name)
+    unstable = unstable_feedback(study, name)
+    return [unstable] if unstable else []

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cogless.design.space_learning import SpaceLoop
-from cogless.design.space_verdict import judged
+from cogless.design.learning_loop import LearningLoop
+from cogless.design.verdict import judged
 from cogless.errors import StudyError
 from cogless.report.growth import growth
 from cogless.report.packing import plain
@@ -29,7 +29,7 @@ NOTE = (
 
 def criterion(results: Results, runs: Sequence[Run]) -> dict[str, Any] | None:
     """Factors over frequency, on a common grid; None where no controller learns in angle."""
-    loops: list[tuple[Run, SpaceLoop, float]] = []
+    loops: list[tuple[Run, LearningLoop, float]] = []
     for run in runs:
         if in_angle(results.study, run.controller) is None:
             continue

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cogless.design.space_verdict import verdict
+from cogless.design.verdict import verdict
 from cogless.errors import StudyError
 from cogless.report.packing import Array
 from cogless.report.paths import errors, in_angle

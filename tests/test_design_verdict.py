@@ -13,8 +13,8 @@ from cogless.design.closed_loop import Linear, oscillation
 from cogless.design.pi import speed_loop
 from cogless.design.position import position_margins
 from cogless.design.space_learning import SpaceLoop
-from cogless.design.space_verdict import Verdict, verdict, warnings
 from cogless.design.summary import to_dict
+from cogless.design.verdict import Verdict, verdict, warnings
 from cogless.results import Run
 from cogless.study import Study
 
@@ -171,11 +171,13 @@ def test_the_worst_speed_may_lie_between_the_ends() -> None:
 )
 def test_the_filter_that_is_advised_settles_at_all_speeds(name: str, changes: Changes) -> None:
     found = known(section_5(changes, name=name), name)
-    assert found.filter is not None and f"q_half_width = {found.filter} repairs it" in found.words()
-    repaired = known(section_5({**changes, "law.q_half_width": found.filter}, name=name), name)
+    assert found.repair is not None and found.repair.q_half_width is not None
+    width = found.repair.q_half_width
+    assert f"q_half_width = {width} repairs it" in found.words()
+    repaired = known(section_5({**changes, "law.q_half_width": width}, name=name), name)
     assert repaired.kind == "settles"
-    if found.filter:
-        less = known(section_5({**changes, "law.q_half_width": found.filter - 1}, name=name), name)
+    if width:
+        less = known(section_5({**changes, "law.q_half_width": width - 1}, name=name), name)
         assert less.kind in ("grows", "may grow")
 
 
@@ -185,7 +187,7 @@ def test_no_filter_is_advised_to_what_is_unstable(q: int) -> None:
         section_5({"drive.rates.speed_loop": "2 kHz", "law.q_half_width": q}, name="filtered-fair"),
         "filtered-fair",
     )
-    assert found.kind == "unstable" and found.filter is None and "q_half_width" not in found.words()
+    assert found.kind == "unstable" and found.repair is None and "q_half_width" not in found.words()
 
 
 def test_design_warning_and_report_say_the_same() -> None:

@@ -1,7 +1,8 @@
-"""What is known before a run of a law that learns in angle: whether it settles along its references.
+"""What is known before a run of a law that learns: whether it settles along its scenarios' references.
 
-space_learning.py has the factor at one speed and acceleration. Along a reference, with f = (1, omega, a) and
-M the learning gains of the three functions delta, a period makes of what it finds of a frequency
+learning_loop.py has the factor at one speed and acceleration, with the plant as it is in a scenario. Along a
+reference, with f = (1, omega, a) and M the learning gains of the three functions delta of a law that learns
+in angle (space_learning.py; of the others f = 1), a period makes of what it finds of a frequency
 
     delta_k = Q (I - M f f' / |omega| S / (1 + mu S)) delta_{k-1}
 
@@ -19,42 +20,46 @@ happens at low speed. A reference that stands or turns back passes such speeds w
 nothing that was learned there comes back before it's over: it bursts in passing, up to the limits. So much is
 said, and what happens next isn't judged.
 
-Where the torque constant ripples over the angle the loop's gain does. "Settles" is said of its least and its
-largest value, "unstable" and "grows" of its mean; what lies between "may be".
+Where the torque constant ripples over the angle the loop's gain does. "Settles" and "grows" are said of its
+least and its largest value, "unstable" of its mean; what lies between "may be".
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cogless.design.angle_functions import angle_functions
-from cogless.design.closed_loop import Linear, Oscillation, oscillation
-from cogless.design.learning import SETTLED, Worst
+from cogless.design.closed_loop import Oscillation, oscillation
+from cogless.design.learning import PeriodicLoop
+from cogless.design.learning_loop import SETTLED, LearningLoop, Worst
 from cogless.design.margins import Real
-from cogless.design.position import feedback_at
+from cogless.design.ripple import doubts, ripple
 from cogless.design.space_bounds import unfit
 from cogless.design.space_learning import SpaceLoop
-from cogless.study import Study
+from cogless.study import Study, for_scenario
+from cogless.study.controller import PiIlc, RobustIlc
+from cogless.study.laws import AnyController
 from cogless.study.mechanics import Load
 from cogless.study.motion import course
-from cogless.study.reading import for_scenario
-from cogless.study.space_controller import SpaceLearning, SpacePosition, SpaceSpeed
+from cogless.study.space_controller import SpaceLearning
 
 STEP = 1.06  # from one speed to the next
 FEWEST_SPEEDS = 15
 SAME = 1e-6  # of speeds, relative
 ACCELERATIONS = 3  # at a speed, where mu depends on them
 WIDEST = 400  # cells or samples on each side that are tried
+SLOWEST = 200.0  # of the fastest speed, below which one counts as rest
 ORDERS = 2000
 ANGLES = 720  # in an electrical revolution
 RIPPLE = 0.01  # of the torque constant, below which it counts as none
+WORSE = 1.25  # times the feedback's ripple, above which learning harms
 MARGIN = 2  # of omega_min over the speed that is unstable; mu goes with 1 / |omega|: a gain margin
 TINY = 1e-30  # under a logarithm
 
@@ -95,64 +100,95 @@ class Mean:
 
 
 @dataclass(frozen=True)
+class Repair:
+    """The least change with which what grows settles at all speeds: of a lead, a Q filter or forgetting."""
+
+    lead: float | None = None  # s
+    q_half_width: int | None = None
+    forgetting: float | None = None
+
+    def words(self) -> str:
+        """The remedy in one line."""
+        if self.lead is not None:
+            return f'lead = "{1e3 * self.lead:g} ms" repairs it'
+        if self.q_half_width is not None:
+            return f"q_half_width = {self.q_half_width} repairs it"
+        if self.forgetting is not None:
+            return f"no lead or Q filter alone repairs it, forgetting = {self.forgetting:g} does"
+        return "no Q filter alone repairs it, lower its learning gains too"
+
+
+@dataclass(frozen=True)
 class Verdict:
-    """Of a controller, over all its scenarios."""
+    """Whether a controller's learning settles, over all its scenarios."""
 
     kind: Kind
     worst: Worst | None = None  # the largest factor a period, an upper bound; None where there is none
     omega_m: float = 0.0  # rad/s, where that is, or what is unstable
+    scenario: str | None = None  # of several, the one where that is
     unstable: Oscillation | None = None
     varies: bool = False  # the speed
     mean: Mean | None = None  # of what grows, where the speed varies
-    filter: int | None = None  # of what grows: the least q_half_width with which it settles at all speeds
+    repair: Repair | None = None  # of what grows
+    rests: bool = False  # it has an omega_min, below which learning rests
     passing: Passing | None = None
+    frozen: tuple[str, ...] = ()  # why nothing is learned, at speeds where nothing is
+    ratio: float = 1.0  # of what settles: the speed's ripple with it over that of its feedback alone
+    doubts: tuple[str, ...] = ()  # what small signals at such speeds don't tell
 
     @property
     def fine(self) -> bool:
         """Whether there is nothing to warn of."""
-        return self.kind == "settles" and self.passing is None
+        return self.kind == "settles" and self.passing is None and not self.doubts and self.ratio <= WORSE
+
+    @property
+    def where(self) -> str:
+        """Speed and scenario, as far as there are several."""
+        speed = f" at {self.omega_m:.3g} rad/s" if self.varies else ""
+        return speed + (f" in scenario {self.scenario}" if self.scenario else "")
 
     def short(self) -> str:
         """What it is, without a remedy."""
-        speed = f" at {self.omega_m:.3g} rad/s" if self.varies else ""
         if self.unstable is not None:
             with_what = "" if self.kind == "feedback unstable" else " with what learning adds at once"
-            found = f"{self.kind}{with_what}, at {self.unstable.frequency:.0f} Hz{speed}"
+            found = f"{self.kind}{with_what}, at {self.unstable.frequency:.0f} Hz{self.where}"
             return found + (", where K_t is largest" if self.kind == "may be unstable" else "")
+        if self.kind == "settles" and self.ratio > WORSE:
+            return f"settles, but leaves {self.ratio:.2g} times the speed ripple of its feedback{self.where}"
         if self.worst is None or self.kind in ("settles", "rests"):
             return self.kind
         up_to = "up to " if self.varies else ""
         factor = f"{up_to}{self.worst.factor:.4g}x a period at {self.worst.frequency:.0f} Hz"
         mean = f", {self.mean.words()}" if self.mean else ""
-        return f"{self.kind}, {factor}{speed}{mean}"
-
-    def remedy(self) -> str:
-        """What mends it; empty where nothing has to be."""
-        if self.kind in ("unstable", "may be unstable"):
-            return "lower its learning gains, or raise omega_min"
-        if self.kind == "feedback unstable":
-            return "lower its gains"
-        if self.kind not in ("grows", "may grow"):
-            return ""
-        if self.filter is None:
-            return "no Q filter alone repairs it, lower its learning gains too"
-        return f"q_half_width = {self.filter} repairs it"
+        return f"{self.kind}, {factor}{self.where}{mean}"
 
     def words(self) -> str:
         """All of it."""
         passing = self.passing.words() if self.passing else ""
-        return "; ".join(part for part in (self.short(), self.remedy(), passing) if part)
+        frozen = [f"frozen: {reason}" for reason in self.frozen]
+        doubts = f"not sure: {', '.join(self.doubts)}" if self.doubts else ""
+        return "; ".join(part for part in (self.short(), self.remedy(), passing, doubts, *frozen) if part)
+
+    def remedy(self) -> str:
+        """What mends it; empty where nothing has to be."""
+        if self.repair is not None:
+            return self.repair.words()
+        if self.kind == "feedback unstable":
+            return "lower its gains"
+        if self.unstable is None:
+            return ""
+        return "lower its learning gains" + (", or raise omega_min" if self.rests else "")
 
 
 @dataclass(frozen=True, eq=False)
 class _At:
     """A speed and acceleration of a reference, the samples that are near it, what the loop does there."""
 
-    loops: tuple[SpaceLoop, ...]  # at the torque constants that it may have; the last one's is the mean
+    loops: tuple[LearningLoop, ...]  # at the torque constants that it may have; the last one's is the mean
     samples: Samples
 
     @property
-    def loop(self) -> SpaceLoop:
+    def loop(self) -> LearningLoop:
         return self.loops[-1]
 
     @cached_property
@@ -170,6 +206,12 @@ class _At:
         found = [o for loop in self.loops if (o := loop.oscillation()) is not None]
         return max(found, key=lambda o: o.rate, default=None)
 
+    @cached_property
+    def feedback(self) -> Oscillation | None:
+        """Of the feedback alone, before or after the hand-over."""
+        loop = self.loop
+        return oscillation(loop.plant, loop.feedback_before) or oscillation(loop.plant, loop.feedback)
+
     @property
     def fine(self) -> bool:
         return self.oscillation is None and self.worst.factor <= SETTLED
@@ -177,105 +219,139 @@ class _At:
 
 @dataclass(frozen=True)
 class _Motion:
-    """Of one scenario: what is judged, with its share of the angle, and what is only passed."""
+    """A scenario: what is judged of its reference, with its share of the angle, and what is not."""
 
     judged: tuple[tuple[_At, float], ...]
-    passing: Passing | None
+    passing: Passing | None = None
+    frozen: tuple[str, ...] = ()  # why nothing is learned, at the slowest and the fastest such speed
+    duration: float = 0.0  # s, of learning
+
+    @property
+    def ratio(self) -> float:
+        """The speed's ripple over that of the feedback alone."""
+        found = [(share, ripple(at.loop, self.duration)) for at, share in self.judged]
+        with_it = sum(share * each.learned**2 for share, each in found)
+        without = sum(share * each.without**2 for share, each in found)
+        return math.sqrt(with_it / without) if without > 0 else 1.0
+
+    @property
+    def loudest(self) -> _At:
+        """Where learning leaves most beside its feedback."""
+        return max((at for at, _ in self.judged), key=lambda at: ripple(at.loop, self.duration).ratio)
 
 
 def verdict(study: Study, name: str) -> Verdict | None:
-    """Of a controller that learns in angle; None where it may not, or has no scenario."""
+    """Whether a controller's learning settles; None where it doesn't learn, or has no scenario."""
     law = study.controller[name]
     keys = [key for key in study.scenario if name in study.controllers_in(key)]
-    if not isinstance(law, SpaceLearning) or not law.learning or not keys:
+    if loop_type(law) is None or not keys:
         return None
-    motions = [m for key in keys if (m := _motion(study, key, name)) is not None]
-    if not motions:
-        return Verdict("rests")
+    motions = [_motion(study, key, name) for key in keys]
+    frozen = tuple(dict.fromkeys(reason for motion in motions for reason in motion.frozen))
     found = [at for motion in motions for at, _ in motion.judged]
-    varies = len({at.loop.omega_m for at in found}) > 1
-    alone = _feedback(study, name, found)
-    if alone is not None:
-        return Verdict("feedback unstable", unstable=alone[1], omega_m=alone[0], varies=varies)
-    passing = max((m.passing for m in motions if m.passing), key=lambda p: p.below, default=None)
-    sure = [(at.unstable, at.loop.omega_m) for at in found]
-    unsure = [(at.oscillation, at.loop.omega_m) for at in found]
+    if not found:
+        return Verdict("rests", frozen=frozen)
+    plants = {at.loop.plant for at in found}
+    base = Verdict(
+        "settles",
+        varies=len({at.loop.omega_m for at in found}) > 1,
+        passing=max((m.passing for m in motions if m.passing), key=lambda p: p.below, default=None),
+        frozen=frozen,
+        rests=isinstance(law, SpaceLearning),
+        doubts=doubts([at.loop for at in found]),
+    )
+
+    def of(at: _At, **more: Any) -> Verdict:
+        scenario = at.loop.scenario if len(plants) > 1 else None
+        return replace(base, omega_m=at.loop.omega_m, scenario=scenario, **more)
+
+    alone = [(at, each) for at in found if (each := at.feedback) is not None]
+    if alone:
+        at, each = max(alone, key=lambda pair: pair[1].rate)
+        return of(at, kind="feedback unstable", unstable=each)
+    sure = [(at, at.unstable) for at in found]
+    unsure = [(at, at.oscillation) for at in found]
     for some in (sure, unsure):
-        grow = [(each, omega_m) for each, omega_m in some if each is not None]
+        grow = [(at, each) for at, each in some if each is not None]
         if grow:
-            fastest, omega_m = max(grow, key=lambda each: each[0].rate)
+            at, fastest = max(grow, key=lambda pair: pair[1].rate)
             what: Kind = "unstable" if some is sure else "may be unstable"
-            return Verdict(what, None, omega_m, fastest, varies, passing=passing)
+            return of(at, kind=what, unstable=fastest)
     most = max(found, key=lambda at: at.worst.factor)
     if most.worst.factor <= SETTLED:
-        return Verdict("settles", most.worst, most.loop.omega_m, varies=varies, passing=passing)
-    means = [_mean(motion.judged, law) for motion in motions]
+        loud, ratio = max(((m, m.ratio) for m in motions if m.judged), key=lambda pair: pair[1])
+        most = loud.loudest if ratio > WORSE else most
+        return of(most, worst=most.worst, ratio=ratio)
+    means = [_mean(motion.judged) for motion in motions if motion.judged]
     mean = max(means, key=lambda m: m.factor)
-    kind: Kind = "grows" if any(m.sure for m in means) else "may grow"
-    return Verdict(
-        kind,
-        most.worst,
-        most.loop.omega_m,
-        varies=varies,
-        mean=mean if varies and kind == "grows" else None,
-        filter=_repairing(found, law),
-        passing=passing,
-    )
+    kind: Kind = "grows" if any(m.sure for m in means) and not base.doubts else "may grow"
+    shown = mean if base.varies and kind == "grows" else None
+    return of(most, kind=kind, worst=most.worst, mean=shown, repair=_repair(found))
+
+
+def loop_type(law: AnyController) -> type[LearningLoop] | None:
+    """The loop of a law that learns; None of one that doesn't."""
+    if isinstance(law, PiIlc | RobustIlc):
+        return PeriodicLoop
+    return SpaceLoop if isinstance(law, SpaceLearning) and law.learning else None
 
 
 def warnings(study: Study, name: str) -> list[str]:
     """What a user should know before a run, a line each."""
-    found, lines = verdict(study, name), []
+    found = verdict(study, name)
+    lines: list[str] = []
     if found is None:
         return []
     if found.kind == "rests":
-        lines.append("learns nothing: no reference reaches omega_min after learning_start")
+        why = "; ".join(found.frozen) or "no reference is fast enough after learning_start"
+        lines.append(f"learns nothing: {why}")
     elif not found.fine:
         lines.append(found.words())
-    reason = unfit(study, name)
-    if reason:
-        lines.append(f"{reason}: what doesn't repeat is learnt only as far as it stays for a period")
+    foreign = unfit(study, name)
+    if foreign:
+        lines.append(f"{foreign}: what doesn't repeat is learnt only as far as it stays for a period")
     return lines
 
 
-def judged(study: Study, scenario: str, name: str) -> list[SpaceLoop]:
+def judged(study: Study, scenario: str, name: str) -> list[LearningLoop]:
     """A controller at the slowest and at the fastest speed that it's judged at in a scenario."""
-    motion = _motion(study, scenario, name)
-    speeds = [at.loop.omega_m for at, _ in motion.judged] if motion else []
-    ends = {min(speeds), max(speeds)} if speeds else ()
-    return [SpaceLoop(study, name, speed) for speed in sorted(ends)]
+    loops = [at.loop for at, _ in _motion(study, scenario, name).judged]
+    loops.sort(key=lambda loop: loop.omega_m)
+    ends = {loop.omega_m: replace(loop, alpha_m=0.0) for loop in (*loops[:1], *loops[-1:])}
+    return list(ends.values())
 
 
-def _feedback(study: Study, name: str, found: list[_At]) -> tuple[float, Oscillation] | None:
-    """Where the feedback is unstable by itself, before or after the hand-over, and what oscillates."""
+def _motion(study: Study, scenario: str, name: str) -> _Motion:
+    """What is judged of a scenario; nothing where its reference is never fast enough to learn."""
     law = study.controller[name]
-    for at in (f(found, key=lambda at: at.loop.omega_m) for f in (min, max)):
-        omega_m = at.loop.omega_m
-        before = Linear(1, law.k) if isinstance(law, SpaceSpeed) else feedback_at(study, name, omega_m)
-        unstable = oscillation(at.loop.plant, before) or oscillation(at.loop.plant, at.loop.feedback)
-        if unstable is not None:
-            return omega_m, unstable
-    return None
-
-
-def _motion(study: Study, scenario: str, name: str) -> _Motion | None:
-    """None where it learns nothing: its reference is never fast enough."""
-    law = study.controller[name]
-    assert isinstance(law, SpacePosition | SpaceSpeed)
+    kind = loop_type(law)
+    assert kind is not None and isinstance(law, PiIlc | RobustIlc | SpaceLearning)
     way = course(study.scenario[scenario])
     learns = way.time >= law.learning_start
     omega, alpha = np.abs(way.omega[learns]), np.abs(way.alpha[learns])
-    moving = omega >= law.omega_min
+    slowest = float(np.max(omega, initial=0.0)) / SLOWEST
+    weighed = np.zeros(len(alpha))
+    if isinstance(law, SpaceLearning):
+        slowest, weighed = law.omega_min, alpha if law.mu_h else weighed
+    moving = (omega >= slowest) & (omega > 0)
     if not np.any(moving):
-        return None
-    found = []
+        return _Motion(())
+    found: list[_At] = []
+    frozen: list[str] = []
     torques = _torques(study, scenario)
-    for speed, acceleration, samples in _places(omega, alpha if law.mu_h else 0 * alpha, moving):
-        loops = [SpaceLoop(study, name, speed, acceleration, torque) for torque in torques]
-        found.append(_At(tuple(loops), samples))
+    for speed, acceleration, samples in _places(omega, weighed, moving):
+        loops = [kind(study, name, speed, acceleration, torque, scenario) for torque in torques]
+        reason = loops[0].frozen
+        if reason is None:
+            found.append(_At(tuple(loops), samples))
+        else:
+            frozen.append(reason)
+            moving[samples] = False
+    reasons = tuple(dict.fromkeys((*frozen[:1], *frozen[-1:])))
+    if not found:
+        return _Motion((), frozen=reasons)
     turned = omega * way.step
-    period = 2 * math.pi * float(law.period.revolutions(study.motor.pole_pairs))
-    passed, longest = _passed(found, ~moving, turned, period)
+    passed, longest = _passed(found, ~moving, turned, found[0].loop)
     left = [at for at in found if not np.all(passed[at.samples])]
     if not left:  # it never comes further
         left, passed = found, np.zeros(len(omega), dtype=bool)
@@ -283,7 +359,8 @@ def _motion(study: Study, scenario: str, name: str) -> _Motion | None:
     shares = np.array(angles) / sum(angles)
     gone = [at for at in found if at not in left]
     passing = _passing(gone, left, longest * way.step) if gone else None
-    return _Motion(tuple(zip(left, shares.tolist(), strict=True)), passing)
+    duration = len(omega) * way.step
+    return _Motion(tuple(zip(left, shares.tolist(), strict=True)), passing, reasons, duration)
 
 
 def _torques(study: Study, scenario: str) -> list[float]:
@@ -320,9 +397,10 @@ def _places(omega: Real, alpha: Real, moving: NDArray[np.bool_]) -> Iterator[tup
 
 
 def _passed(
-    found: list[_At], resting: NDArray[np.bool_], turned: Real, period: float
+    found: list[_At], resting: NDArray[np.bool_], turned: Real, loop: LearningLoop
 ) -> tuple[NDArray[np.bool_], int]:
     """Samples of bad speeds next to rest or reversal, less than a period long; the most at once."""
+    period = loop.omega_m / loop.periods_per_second  # rad
     bad = np.zeros(len(turned), dtype=bool)
     for at in found:
         bad[at.samples] = not at.fine
@@ -347,21 +425,19 @@ def _passing(gone: list[_At], left: list[_At], time: float) -> Passing:
     return Passing(below, time, max((at.worst for at in gone), key=lambda w: w.factor).frequency, False)
 
 
-def _mean(judged: Sequence[tuple[_At, float]], law: SpacePosition | SpaceSpeed) -> Mean:
+def _mean(judged: Sequence[tuple[_At, float]]) -> Mean:
     """Over one scenario. Sure where the bound from below is above one: a period has a mode to each order."""
     constant = len(judged) == 1
-    accelerates = any(at.loop.alpha_m for at, _ in judged)
-    gains = (law.mu_alpha, law.mu_beta, law.mu_h if accelerates else 0.0)
-    channels = 1 if constant else max(1, sum(gain > 0 for gain in gains))
+    channels = 1 if constant else _channels(judged)
     highest = min(at.loop.highest / at.loop.periods_per_second for at, _ in judged)
     orders = np.linspace(1, max(highest, 1), ORDERS)
     rate, bound = np.zeros(ORDERS), np.zeros(ORDERS)
     for at, share in judged:
         f = orders * at.loop.periods_per_second
-        recalled = at.loop.q(f, law.q_half_width) * at.loop.lines(f, constant)
-        kept = np.log(at.loop.unfiltered(f) + TINY)
-        rate += share * (np.log(recalled + TINY) + kept)
-        bound += share * (np.log(recalled + TINY) + kept / channels)
+        recalled = np.log(at.loop.q(f) * at.loop.lines(f, constant) + TINY)
+        kept = np.log([loop.unfiltered(f) + TINY for loop in at.loops])
+        rate += share * (recalled + kept[-1])
+        bound += share * (recalled + np.min(kept, axis=0) / channels)
     window = 1 + math.ceil(1 / max(orders[1] - orders[0], 1 / ORDERS))
     least = np.min(np.lib.stride_tricks.sliding_window_view(bound, min(window, ORDERS)), axis=1)
     k = int(np.argmax(rate))
@@ -374,20 +450,35 @@ def _mean(judged: Sequence[tuple[_At, float]], law: SpacePosition | SpaceSpeed) 
     )
 
 
-def _repairing(found: list[_At], law: SpacePosition | SpaceSpeed) -> int | None:
-    """The fewest cells or samples on each side with which the factor is below one at all of them."""
+def _channels(judged: Sequence[tuple[_At, float]]) -> int:
+    """How many functions of the angle are learned along a reference."""
+    law = judged[0][0].loop.study.controller[judged[0][0].loop.controller]
+    if not isinstance(law, SpaceLearning):
+        return 1
+    accelerates = any(at.loop.alpha_m for at, _ in judged)
+    gains = (law.mu_alpha, law.mu_beta, law.mu_h if accelerates else 0.0)
+    return max(1, sum(gain > 0 for gain in gains))
+
+
+def _repair(found: list[_At]) -> Repair:
+    """The least change with which the factor is below one at all of them."""
+    loops = [at.loop for at in found]
+    learning = [loop for loop in loops if isinstance(loop, PeriodicLoop)]
+    if learning:
+        common = set.intersection(*(loop.settling_leads() for loop in learning))
+        if common:
+            return Repair(lead=min(common) * loops[0].plant.period)
     parts = []
     for at in found:
         f = at.loop.frequencies
         without = np.max([loop.unfiltered(f) for loop in at.loops], axis=0)
         high = without > SETTLED  # no filter is above one
         parts.append((at.loop, f[high], without[high]))
-    widest = min(WIDEST, (law.cells - 1) // 2)
-    return next(
-        (
-            n
-            for n in range(widest + 1)
-            if all(np.all(loop.q(f, n) * without <= SETTLED) for loop, f, without in parts)
-        ),
-        None,
-    )
+    widest = min(WIDEST, *(loop.widest_filter for loop in loops))
+    for n in range(widest + 1):
+        if all(np.all(loop.q(f, n) * without <= SETTLED) for loop, f, without in parts):
+            return Repair(q_half_width=n)
+    if not learning:
+        return Repair()
+    peak = max(float(np.max(loop.q(f) / loop.forgetting * without)) for loop, f, without in parts)
+    return Repair(forgetting=math.floor(100 * SETTLED / peak) / 100)

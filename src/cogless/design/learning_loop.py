@@ -1,0 +1,257 @@
+"""A law that learns from period to period, in its drive at one speed: by which factor each frequency changes.
+
+Small signals at a speed that hardly changes within what the loop remembers. P from current reference to
+measured speed and angle (pi.py), C the linear feedback, Gamma the learning gain on the error that it feeds
+back, T the period of the samples:
+
+    G = ratio (P_omega + k_theta P_theta),    C = k + k_i T z / (z - 1)
+    S = 1 / (1 + C G + k_v ratio P_theta),    X = Gamma G S
+
+What was learned of a frequency comes back a period later, through forgetting and the Q filter, Q. Of what
+comes back the loop keeps, at a sample,
+
+    without a lead, what is found acts at once                                  1 / (1 + X)
+    with a lead of n samples, the error of now corrects what acted n before     1 - X exp(jw n T)
+
+    factor |Q kept|
+
+Below one at every frequency, learning settles, given that the loop is stable with what it adds at once.
+
+A map with fewer cells than samples can't tell f from f + m f_c, f_c cells a second: its straight lines
+between cells bring out all of them, with weights sinc^2(f / f_c + m) that add up to one, and each comes back:
+
+    factor |Q sum_m sinc^2(f / f_c + m) kept(f + m f_c)|
+
+What straight lines between samples filter besides, of a delay line or of a map finer than samples, is left
+out of the factor, an upper bound; `lines` has its mean over the places between them.
+
+The plant is as it is in a scenario, or, without one, as the controller knows it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cogless.design.closed_loop import Linear, Oscillation, oscillation
+from cogless.design.feedback import feedback_of
+from cogless.design.margins import Complex, Real
+from cogless.design.pi import SpeedLoop, speed_loop
+from cogless.study import Study
+from cogless.study.controller import Learning
+from cogless.study.space_controller import SpaceLearning
+
+SETTLED = 1.0 + 1e-3  # a factor a period that is as good as settling
+POINTS = 3000  # of a curve
+GRID = 8000  # of a plant
+LOWEST = 1e-4  # Hz
+IMAGES = 50  # the weights of the others add up to less than a percent
+PLACES = (np.arange(32) + 0.5) / 32  # between two samples
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The largest factor a period, an upper bound, and where it is."""
+
+    factor: float
+    frequency: float  # Hz
+
+
+@dataclass(frozen=True)
+class LearningLoop(ABC):
+    """A controller of a study that learns, at a speed and an acceleration."""
+
+    study: Study
+    controller: str
+    omega_m: float  # rad/s, mechanical
+    alpha_m: float = 0.0  # rad/s^2
+    torque: float = 1.0  # of the mean torque constant: where K_t ripples, what it is at an angle
+    scenario: str | None = None  # whose plant it acts on; None: the one it was told
+
+    @property
+    @abstractmethod
+    def law(self) -> Learning | SpaceLearning:
+        """The controller; TypeError: not one that learns so."""
+
+    @property
+    @abstractmethod
+    def revolutions(self) -> float:
+        """Mechanical revolutions in a period of what is learned."""
+
+    @property
+    @abstractmethod
+    def gamma(self) -> tuple[float, float]:
+        """The learning gain, A*s/rad, and that on the integral of the same error, A/rad."""
+
+    @property
+    def frozen(self) -> str | None:
+        """Why nothing is learned at this speed; None where it is."""
+        return None
+
+    @property
+    def forgetting(self) -> float:
+        """The share of the memory that is kept in each period."""
+        return 1.0
+
+    @property
+    def lead(self) -> int:
+        """Samples by which a correction is earlier than the error."""
+        return 0
+
+    @property
+    def feedback_before(self) -> Linear:
+        """What stands before the law learns."""
+        found = feedback_of(self.study, self.controller, self.omega_m)
+        assert found is not None
+        return found
+
+    @cached_property
+    def feedback(self) -> Linear:
+        """What stands while the law learns, without what learning adds at once."""
+        return self.feedback_before
+
+    @property
+    def at_once(self) -> Linear:
+        """The feedback with what learning adds within the same sample."""
+        kp, ki = (0.0, 0.0) if self.lead else self.gamma
+        return dataclasses.replace(self.feedback, k=self.feedback.k + kp, k_i=self.feedback.k_i + ki)
+
+    @cached_property
+    def plant(self) -> SpeedLoop:
+        """What the law acts on, at this torque constant."""
+        loop = speed_loop(self.study, self.scenario)
+        return dataclasses.replace(loop, b=loop.b * self.torque)
+
+    @property
+    def periods_per_second(self) -> float:
+        """Periods of what is learned, Hz."""
+        return abs(self.omega_m) / (2 * math.pi * self.revolutions)
+
+    @property
+    def has_map(self) -> bool:
+        """Whether it learns over the angle; otherwise over time."""
+        return self.law.memory in ("angle", "map")
+
+    @property
+    def cells_per_second(self) -> float:
+        """What the Q filter counts, Hz: cells of a map, or samples of a delay line."""
+        return self.law.cells * self.periods_per_second if self.has_map else 1 / self.plant.period
+
+    @property
+    def widest_filter(self) -> int:
+        """The largest q_half_width that a period holds."""
+        return int((min(self.law.cells, self.cells_per_second / self.periods_per_second) - 1) / 2)
+
+    def oscillation(self) -> Oscillation | None:
+        """What grows within the samples, with what learning adds at once; None where nothing does."""
+        return oscillation(self.plant, self.at_once)
+
+    def q(self, f: ArrayLike, half_width: int | None = None) -> Real:
+        """Forgetting and the Q filter; with another filter of so many cells or samples on each side."""
+        n = 2 * (self.law.q_half_width if half_width is None else half_width) + 1
+        part = np.asarray(f, dtype=float) / self.cells_per_second
+        return np.asarray(self.forgetting * np.abs(np.sinc(n * part) / np.sinc(part)))
+
+    def factor(self, f: ArrayLike) -> Real:
+        """Factor a period of what is learned at frequencies f in Hz."""
+        return self.q(f) * self.unfiltered(f)
+
+    def unfiltered(self, f: ArrayLike, lead: int | None = None) -> Real:
+        """The factor for Q = 1; with another lead, in samples."""
+        f, rate, cells = np.asarray(f, dtype=float), 1 / self.plant.period, self.cells_per_second
+        if not self.has_map or cells >= rate:
+            return np.abs(self.kept(f, lead))
+        total, weights = np.zeros(f.shape, dtype=complex), np.zeros(f.shape)
+        images = min(math.ceil(rate / 2 / cells), IMAGES)
+        for m in range(-images, images + 1):
+            image = f + m * cells
+            weight = np.where(np.abs(image) <= rate / 2, np.sinc(image / cells) ** 2, 0.0)
+            total += weight * self.kept(image, lead)
+            weights += weight
+        return np.abs(total / weights)
+
+    def lines(self, f: ArrayLike, constant: bool) -> Real:
+        """What straight lines between samples filter, besides the images of a coarse map.
+
+        In the mean over places between samples, of a delay line at a constant speed at its one place.
+        """
+        f, rate = np.asarray(f, dtype=float), 1 / self.plant.period
+        if self.has_map:
+            return np.asarray(np.sinc(f / rate) ** 2 * np.sinc(f / max(self.cells_per_second, rate)) ** 2)
+        turn = np.exp(-2j * np.pi * f / rate)
+        places = [rate / self.periods_per_second % 1] if constant else PLACES
+        mean = sum(np.log(np.abs(1 - part + part * turn) + 1e-30) for part in places) / len(places)
+        return np.asarray(np.exp(mean))
+
+    def kept(self, f: ArrayLike, lead: int | None = None) -> Complex:
+        """The share of what was recalled that the loop leaves, at a sample, at frequencies f in Hz."""
+        lead = self.lead if lead is None else lead
+        x = self.x(f, lead)
+        return np.asarray(1 - x if lead else 1 / (1 + x))
+
+    def x(self, f: ArrayLike, lead: int | None = None) -> Complex:
+        """X, with the lead, at frequencies f in Hz."""
+        f = np.asarray(f, dtype=float)
+        grid, values = self._on_grid
+        value = np.interp(np.abs(f), grid, values)
+        turn = np.exp(2j * np.pi * f * (self.lead if lead is None else lead) * self.plant.period)
+        return np.asarray(np.where(f >= 0, value, np.conj(value)) * turn)
+
+    def residual(self, f: ArrayLike, constant: bool = True) -> Real:
+        """What stays, once settled, of the error that the feedback alone leaves.
+
+        What isn't of the period comes back shifted, and learning may double it.
+        """
+        f = np.asarray(f, dtype=float)
+        q = self.q(f) * self.lines(f, constant) * np.exp(-2j * np.pi * f / self.periods_per_second)
+        kept = self.kept(f)
+        left = (1 - q) / (1 - q * kept)
+        return np.abs(left if self.lead else left * kept)
+
+    def sensitivity(self, w: Real, P_omega: Complex, P_theta: Complex) -> Complex:
+        """S; both plants at w in rad/s."""
+        here = self.feedback
+        G = here.ratio * (P_omega + here.k_theta * P_theta)
+        return np.asarray(1 / (1 + self.pi(w, here.k, here.k_i) * G + here.k_v * here.ratio * P_theta))
+
+    def pi(self, w: Real, k: float, k_i: float) -> Complex:
+        """k + k_i T z / (z - 1) at w in rad/s."""
+        z = np.exp(1j * w * self.plant.period)
+        return np.asarray(k + (k_i * self.plant.period * z / (z - 1) if k_i else 0.0 * w))
+
+    @cached_property
+    def _on_grid(self) -> tuple[Real, Complex]:
+        grid, P_omega, P_theta = plants(self.plant)
+        w, here = 2 * math.pi * grid, self.feedback
+        G = here.ratio * (P_omega + here.k_theta * P_theta)
+        return grid, self.pi(w, *self.gamma) * G * self.sensitivity(w, P_omega, P_theta)
+
+    @property
+    def highest(self) -> float:
+        """What samples and cells hold, Hz."""
+        return 0.499 * min(self.cells_per_second, 1 / self.plant.period)
+
+    @property
+    def frequencies(self) -> Real:
+        """From the period's own frequency up to the highest, Hz."""
+        return np.linspace(self.periods_per_second, self.highest, POINTS)
+
+    def worst(self) -> Worst:
+        """The largest factor."""
+        f = self.frequencies
+        factors = self.factor(f)
+        k = int(np.argmax(factors))
+        return Worst(float(factors[k]), float(f[k]))
+
+
+@lru_cache(maxsize=16)
+def plants(loop: SpeedLoop) -> tuple[Real, Complex, Complex]:
+    """Frequencies, Hz, and both plants of pi.py there."""
+    f = np.geomspace(LOWEST, 0.5 / loop.period, GRID)
+    return f, loop.plant(2 * math.pi * f), loop.angle(2 * math.pi * f)
