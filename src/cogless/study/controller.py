@@ -8,9 +8,9 @@ from pydantic import Field, model_validator
 
 from cogless.study.table import (
     AccelerationGain,
-    AngularSpeed,
     CurrentBound,
     CurrentToAcceleration,
+    LawSpeed,
     Line,
     Many,
     NumberGain,
@@ -120,15 +120,9 @@ class RobustIlc(Learning):
 class Commissioning(Table):
     """The slow run, forwards and backwards, that fills an anti-cogging table."""
 
-    speed: AngularSpeed  # rad/s
+    speed: LawSpeed  # rad/s
     revolutions: Annotated[int, Field(ge=1, le=100)] = 1  # each way
     position_gain: RateGain  # 1/s
-
-    @model_validator(mode="after")
-    def _forwards(self) -> Self:
-        if self.speed <= 0:
-            raise problem("expected a speed above zero", "speed")
-        return self
 
 
 class AntiCogging(Feedback):

@@ -73,9 +73,8 @@ class Metric(Table):
     unit: str | None = None  # in tables and report; default: SI
     better: Literal["lower", "higher", "none"] = "lower"
 
-    @model_validator(mode="before")
     @classmethod
-    def _defaults(cls, data: Any) -> Any:
+    def spelled_out(cls, data: Any) -> Any:
         if not isinstance(data, dict):
             return data
         if data.get("kind") in AT_AN_EVENT:
