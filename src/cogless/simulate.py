@@ -6,11 +6,11 @@ import dataclasses
 import math
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from concurrent.futures import wait as wait_for
+from concurrent.futures import Future
 from fnmatch import fnmatchcase
 from functools import partial
 from importlib import import_module
+from itertools import islice
 from threading import Event
 from typing import Any, overload
 
@@ -23,6 +23,7 @@ from cogless.faults import faults_in, responses
 from cogless.laws import make_law
 from cogless.metrics import Conditions, Value, evaluate, result_name
 from cogless.results import AnyResults, Results, Run, TrialResults
+from cogless.side_by_side import side_by_side
 from cogless.status import Status
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.controller import AntiCogging, Learning, LibraryLaw, PythonLaw
@@ -116,17 +117,13 @@ def _rollout(
 
     pairs = [runs_of(study, only) for study in studies]
     runners = [_runner(study, of_study) for study, of_study in zip(studies, pairs, strict=True)]
-    futures: list[list[Future[Run]]] = [[] for _ in studies]
-    with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
-        try:
-            for runner, of_study, submitted in zip(runners, pairs, futures, strict=True):
-                for pair in of_study:
-                    submitted.append(pool.submit(one, runner, *pair))
-            wait_for([future for of_study in futures for future in of_study])
-        except KeyboardInterrupt:
-            stop.set()
-            pool.shutdown(wait=True, cancel_futures=True)
-    return _collected(studies, futures, stop.is_set())
+    tasks = [
+        partial(one, runner, *pair)
+        for runner, of_study in zip(runners, pairs, strict=True)
+        for pair in of_study
+    ]
+    futures = iter(side_by_side(tasks, jobs, stop))
+    return _collected(studies, [list(islice(futures, len(of_study))) for of_study in pairs], stop.is_set())
 
 
 def _runner(study: AnyStudy, runs: Sequence[tuple[str, str]]) -> Runner:
@@ -285,7 +282,7 @@ def _collected(
     for study, of_study in zip(studies, futures, strict=True):
         finished, before = [], len(failures)
         for future in of_study:
-            if future.cancelled():
+            if not future.done():  # Ctrl-C
                 continue
             error = future.exception()
             if error is None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cogless.errors import StudyError
+from cogless.files import reason
 
 MANIFEST = "export.json"
 
@@ -51,8 +52,7 @@ def write(folder: Path, files: Mapping[str, bytes], about: Mapping[str, Any]) ->
                 path.write_bytes(data)
             _swap(made, target, Path(scratch) / "old")
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise StudyError(f"{folder}: {reason}: expected a folder that can be written") from error
+        raise StudyError(f"{folder}: {reason(error)}: expected a folder that can be written") from error
 
 
 def _swap(made: Path, target: Path, old: Path) -> None:

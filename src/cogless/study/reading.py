@@ -18,6 +18,7 @@ from pydantic import ValidationError
 import cogless
 from cogless import units
 from cogless.errors import StudyError
+from cogless.files import reason
 from cogless.study.base import Source
 from cogless.study.checks import applies
 from cogless.study.explain import MISSING, Problem, dotted, look_up, problems, shown, study_error
@@ -119,10 +120,10 @@ def read(path: Path) -> dict[str, Any]:
     try:
         return _toml(path.read_text(encoding="utf-8-sig"))
     except UnicodeDecodeError as error:
-        reason = "UTF-16" if error.object[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else "not UTF-8"
-        raise StudyError(f"{path}: {reason}: expected a TOML file in UTF-8") from None
+        encoding = "UTF-16" if error.object[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else "not UTF-8"
+        raise StudyError(f"{path}: {encoding}: expected a TOML file in UTF-8") from None
     except OSError as error:
-        raise StudyError(f"{path}: {error.strerror}: expected a readable TOML file") from None
+        raise StudyError(f"{path}: {reason(error)}: expected a readable TOML file") from None
     except ValueError as error:
         raise StudyError(f"{path}: not readable as TOML: {error}") from None
 
