@@ -220,6 +220,52 @@ def test_what_the_simulation_cannot_do(tmp_path: Path, changes: dict[str, object
     assert line_of(tmp_path, changes) == f"study.toml: {line}"
 
 
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"seed": 2**64}, "seed: 18446744073709551616: expected a number below 18446744073709551616"),
+        ({"controller.pi": 3}, "controller.pi: 3: expected a table"),
+        ({"mechanics.inertia": "9" * 5000},
+            f'mechanics.inertia: "{"9" * 56}...: expected a unit too, such as "1 kg*m^2"'),
+        ({"motor.psi_f": "1e-300 Wb", "motor.kv": "1e-300 rpm/V"},
+            "drive.rates.integration_steps: 1: expected inf or more, since the speed with the current (K_t, "
+            "inertia, L) changes within 0 us"),
+        ({"mechanics.inertia": "1e-300 kg*m^2"},
+            "drive.rates.integration_steps: 1: expected 2.56e+146 or more, since the speed with the current "
+            "(K_t, inertia, L) changes within 5.2e-145 us"),
+        ({"motor": "x", "motor.K_t": 1}, "motor.K_t: 1: expected a table at motor"),
+        ({"motor.datasheet": "x" * 5000}, f'motor.datasheet: "{"x" * 56}...: no such datasheet: '),
+        ({"metric": [{"name": "m", "kind": "rms", "unit": "rpm"}]},
+            'metric.0.signal: missing: expected one, since kind is "rms"'),
+        ({"metric": [{"name": "m", "kind": "settling", "signal": "x", "band": "1 rpm", "event": "0.1 s"}]},
+            'metric.0.signal: "x": expected a signal: '),
+        ({"metric": [{**METRIC, "signal": "status", "unit": "A"}]},
+            'metric.0.unit: "A": expected a unit of a plain number, none'),
+        ({"scenario.low.reference": {"file": "a\0b"}},
+            'scenario.low.reference.file: "a\\u0000b": expected a readable file at '),
+        ({'scenario.""': {"duration": "1 s", "reference": "1 rpm"}},
+            'scenario."": expected a name of letters, digits, _, - and .'),
+        ({"scenario.low.override": {"motor.cogging.7.torque": "1 N*m"}},
+            'scenario.low.override: motor.cogging.7.torque: "1 N*m": expected a key of the study, or an index of '
+            "its array"),
+        ({"controller.n": {"law": "library", "library": "x.so", "params": ["a"]}},
+            'controller.n.params.0: "a": expected a number'),
+        ({"controller.t": {**TABLE, "calibration": {"speed": "1e-9 rpm", "position_gain": 1}}},
+            'controller.t.calibration.speed: "1e-9 rpm": expected a run of at most 20000 s, not 1.35e+11 s'),
+    ],
+)  # fmt: skip
+def test_what_once_was_a_traceback_a_hang_or_unclear(
+    tmp_path: Path, changes: dict[str, object], line: str
+) -> None:
+    assert line_of(tmp_path, changes).removeprefix("study.toml: ").startswith(line)
+
+
+def test_a_scenario_whose_name_is_a_number_can_be_changed(tmp_path: Path) -> None:
+    text = studies.BASE.replace("[scenario.low]", "[scenario.60]").replace('["low"]', '["60"]')
+    changed = studies.study(tmp_path, {"scenario.60.duration": "0.5 s"}, text)
+    assert changed.scenario["60"].duration == 0.5
+
+
 def test_one_word_for_the_magnet(tmp_path: Path) -> None:
     text = studies.BASE.replace('psi_f = "68 mWb"', 'psi_f = "68 mWb"\nK_t = "0.4 N*m/A"')
     expected = 'motor: expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"'

@@ -26,11 +26,8 @@ from cogless.results import AnyResults, Results, Run, TrialResults
 from cogless.side_by_side import side_by_side
 from cogless.status import Status
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
-from cogless.study.controller import AntiCogging, Learning, LibraryLaw, PythonLaw
-from cogless.study.space_controller import SpaceLearning
+from cogless.study.controller import AntiCogging, OwnLaw
 from cogless.trace import Trace
-
-SETTLING = 1 / 8  # revolutions that a commissioning run takes before it records, each way
 
 Runner = Callable[[str, str, Progress, Event], Run]
 StudyProgress = Callable[[str, str, float], None]
@@ -140,7 +137,7 @@ def _try_laws(study: Study, runs: Sequence[tuple[str, str]]) -> None:
     """Make each user's controller once, so that a missing file or class is found before the first run."""
     engine = import_module(ENGINES[study.drive.precision])
     for controller, scenario in {controller: scenario for scenario, controller in reversed(runs)}.items():
-        if isinstance(study.controller[controller], PythonLaw | LibraryLaw):
+        if isinstance(study.controller[controller], OwnLaw):
             _drive(engine, study, scenario, controller, "run")
 
 
@@ -200,10 +197,9 @@ def _run(study: Study, scenario: str, controller: str, progress: Progress, stop:
         raise StudyError(f"{where}: {error}") from error
     quality = dict(drive.quality(state))
     law = here.controller[controller]
-    learns = isinstance(law, Learning) or (isinstance(law, SpaceLearning) and law.learning)
     limit = here.drive.current_loop.current_limit
-    broken = responses(faults_in(study, scenario), trace, limit, learns)
-    if not learns:
+    broken = responses(faults_in(study, scenario), trace, limit, law.learns)
+    if not law.learns:
         quality = {key: quality[key] for key in ("known", "residual")}
     return Run(scenario, controller, trace, _memory(drive, state), metrics, quality=quality, faults=broken)
 
@@ -254,8 +250,7 @@ def _commission(engine: Any, study: Study, scenario: str, controller: str, stop:
     here = for_scenario(study, scenario)
     drive = _drive(engine, study, scenario, controller, "learn")
     state = drive.start()
-    calibration = law.calibration
-    expected = 2 * (calibration.revolutions + SETTLING) * 2 * math.pi / calibration.speed
+    expected = law.calibration.duration
     rates = here.drive.rates
     divider = round(rates.current_loop / rates.speed_loop)
     piece = divider * math.ceil(rates.speed_loop)  # 1 s

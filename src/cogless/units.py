@@ -107,7 +107,7 @@ def parse(text: str, dimension: Dimension) -> float:
         raise UnitError(f"expected a number and a unit, such as {dimension.shown(1)}")
     number, unit = found.groups()
     if not unit:
-        raise UnitError(f"expected a unit too, such as {dimension.shown(number)}")
+        raise UnitError(f"expected a unit too, such as {dimension.shown(number if len(number) < 20 else 1)}")
     value = float(number) * factor(unit, dimension)
     if not math.isfinite(value):
         raise UnitError(f"expected a finite number with a unit, such as {dimension.shown(1)}")

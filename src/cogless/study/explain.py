@@ -25,11 +25,13 @@ EXPECTED = {
     "string_type": "expected a text",
     "bool_type": "expected true or false",
     "dict_type": "expected a table",
+    "model_attributes_type": "expected a table",
     "tuple_type": "expected an array",
     "missing": "expected {length} values",
     "too_long": "expected {max_length} values",
     "greater_than": "expected a number above {gt:g}",
     "greater_than_equal": "expected a number of {ge:g} or more",
+    "less_than": "expected a number below {lt}",
     "less_than_equal": "expected a number of {le:g} or less",
     "too_short": "expected {min_length} or more",
     "union_tag_invalid": "expected one of {expected_tags}",
@@ -59,7 +61,9 @@ class Problem:
 def dotted(key: Key) -> str:
     """A key as one writes it in TOML, list indices as numbers."""
     plain = (str(part) for part in key)
-    return ".".join(_escaped(part) if "." in part or not part.isprintable() else part for part in plain)
+    return ".".join(
+        part if part.isprintable() and part and "." not in part else _escaped(part) for part in plain
+    )
 
 
 def shown(value: Any) -> str:
@@ -135,9 +139,10 @@ def _expected(kind: str, context: dict[str, Any], message: str) -> str:
 def _existing(location: Key, tables: Any) -> Key:
     """The part of pydantic's location that is in the file: it also names tags of unions and made-up keys."""
     key: list[str | int] = []
-    for part in location:
+    for part, after in zip(location, (*location[1:], None), strict=False):
         inner = look_up(tables, (part,))
-        if inner is not MISSING:
+        beside = not isinstance(inner, dict | list) and look_up(tables, (after,)) is not MISSING
+        if inner is not MISSING and not beside:  # a tag may be a key too: law = "library"
             key.append(part)
             tables = inner
     return tuple(key)

@@ -7,6 +7,7 @@ import re
 import tomllib
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import compress
@@ -35,6 +36,7 @@ Model = TypeVar("Model", bound=Table)
 Made = TypeVar("Made")
 MAGNET = {"psi_f", "K_t", "kv"}  # three ways to say the same: one given replaces the others
 DEEPEST = 32  # levels of tables and arrays
+LONGEST_NAME = 1000  # characters of a path in a message
 # A key of more parts takes tomllib time and memory that grow with their square.
 PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*"""
 LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:{PART}\.[ \t]*){{{DEEPEST}}}{PART}""", re.ASCII)
@@ -88,10 +90,13 @@ def parse_change(text: str) -> tuple[str, Any]:
     key, separator, value = text.partition("=")
     if not separator or not key.strip():
         raise StudyError(f"--set: {shown(text)}: expected KEY=VALUE, such as controller.pi.kp=0.02")
+    if not text.isprintable() and any("\ud800" <= character <= "\udfff" for character in text):
+        raise StudyError(f"--set: {shown(text)}: expected UTF-8")
     try:
-        return key.strip(), _toml(f"value = {value}")["value"]
+        found = _toml(f"value = {value}")
     except ValueError:
-        return key.strip(), value.strip()
+        found = {}
+    return key.strip(), found["value"] if len(found) == 1 else value.strip()
 
 
 def shipped(room: str) -> dict[str, Path]:
@@ -106,11 +111,13 @@ def find(name: str | Path, room: str, what: str, beside: Path | None = None, whe
     if str(name) in known:
         return known[str(name)]
     path = (beside or Path()) / name
-    if path.is_file():
-        return path
-    named = f"{where}{shown(str(name)) if where else name}: "
-    if path.is_dir():
-        raise StudyError(f"{named}is a directory: expected a {what} file")
+    plain = not where and 0 < len(str(name)) <= LONGEST_NAME
+    named = f"{where}{name if plain else shown(str(name))}: "
+    with suppress(OSError):  # a name that is too long
+        if path.is_file():
+            return path
+        if path.is_dir():
+            raise StudyError(f"{named}is a directory: expected a {what} file")
     expected = f"expected a file, or one of the shipped: {', '.join(known) or 'none'}"
     raise StudyError(f"{named}no such {what}: {expected}")
 

@@ -70,6 +70,10 @@ class SpaceLearning(Base):
         return self
 
     @property
+    def learns(self) -> bool:
+        return self.learning
+
+    @property
     def channels(self) -> int:
         """How many functions of the angle are learned: alpha; and beta; and h."""
         return 3 if self.mu_h else 2 if self.mu_beta else 1
