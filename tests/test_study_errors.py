@@ -246,8 +246,8 @@ def test_what_the_simulation_cannot_do(tmp_path: Path, changes: dict[str, object
         ({'scenario.""': {"duration": "1 s", "reference": "1 rpm"}},
             'scenario."": expected a name of letters, digits, _, - and .'),
         ({"scenario.low.override": {"motor.cogging.7.torque": "1 N*m"}},
-            'scenario.low.override: motor.cogging.7.torque: "1 N*m": expected a key of the study, or an index of '
-            "its array"),
+            'scenario.low.override: motor.cogging.7.torque: "1 N*m": expected a key of the study, '
+            "or an index of its array"),
         ({"controller.n": {"law": "library", "library": "x.so", "params": ["a"]}},
             'controller.n.params.0: "a": expected a number'),
         ({"controller.t": {**TABLE, "calibration": {"speed": "1e-9 rpm", "position_gain": 1}}},

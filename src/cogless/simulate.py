@@ -16,6 +16,7 @@ from typing import Any, overload
 
 import numpy as np
 
+from cogless import learned_map
 from cogless.advance import ENGINES, Progress, Stopped, advance, failures, trace_of
 from cogless.engine import Mode, engine_config
 from cogless.errors import StudyError
@@ -201,7 +202,9 @@ def _run(study: Study, scenario: str, controller: str, progress: Progress, stop:
     broken = responses(faults_in(study, scenario), trace, limit, law.learns)
     if not law.learns:
         quality = {key: quality[key] for key in ("known", "residual")}
-    return Run(scenario, controller, trace, _memory(drive, state), metrics, quality=quality, faults=broken)
+    learned = _memory(drive, state)
+    stored = learned_map.of_run(study, drive.stored(state))
+    return Run(scenario, controller, trace, learned, metrics, quality=quality, faults=broken, map=stored)
 
 
 def drive_of(study: Study, scenario: str, controller: str, stop: Event) -> tuple[Any, Any, int, Any]:

@@ -60,10 +60,11 @@ class Problem:
 
 def dotted(key: Key) -> str:
     """A key as one writes it in TOML, list indices as numbers."""
-    plain = (str(part) for part in key)
-    return ".".join(
-        part if part.isprintable() and part and "." not in part else _escaped(part) for part in plain
-    )
+    return ".".join(_escaped(part) if _in_quotes(part) else part for part in map(str, key))
+
+
+def _in_quotes(part: str) -> bool:
+    return not part or "." in part or not part.isprintable()
 
 
 def shown(value: Any) -> str:
@@ -139,9 +140,9 @@ def _expected(kind: str, context: dict[str, Any], message: str) -> str:
 def _existing(location: Key, tables: Any) -> Key:
     """The part of pydantic's location that is in the file: it also names tags of unions and made-up keys."""
     key: list[str | int] = []
-    for part, after in zip(location, (*location[1:], None), strict=False):
-        inner = look_up(tables, (part,))
-        beside = not isinstance(inner, dict | list) and look_up(tables, (after,)) is not MISSING
+    for index, part in enumerate(location):
+        inner, after = look_up(tables, (part,)), location[index + 1 : index + 2]
+        beside = after and not isinstance(inner, dict | list) and look_up(tables, after) is not MISSING
         if inner is not MISSING and not beside:  # a tag may be a key too: law = "library"
             key.append(part)
             tables = inner

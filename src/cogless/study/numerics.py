@@ -84,11 +84,9 @@ def commissioning(study: Study) -> None:
     """A table's commissioning run ends within a lifetime."""
     for name, controller in study.controller.items():
         if isinstance(controller, AntiCogging):
-            longest = MOST_ROWS / study.drive.rates.speed_loop
-            if controller.calibration.duration > longest:
-                expected = (
-                    f"expected a run of at most {longest:.6g} s, not {controller.calibration.duration:.3g} s"
-                )
+            longest, takes = MOST_ROWS / study.drive.rates.speed_loop, controller.calibration.duration
+            if takes > longest:
+                expected = f"expected a run of at most {longest:.6g} s, not {takes:.3g} s"
                 raise problem(expected, "controller", name, "calibration", "speed")
 
 
