@@ -4,6 +4,8 @@ First: cogless export examples/smallest.toml --controller pi-ilc --to fmu -o res
 """
 
 import argparse
+import math
+import zipfile
 
 import fmpy
 import numpy as np
@@ -14,11 +16,15 @@ arguments.add_argument("folder", help="where the FMUs are")
 arguments.add_argument("--controller", default="pi-ilc")
 arguments.add_argument("--seconds", type=float, default=0.5)
 options = arguments.parse_args()
+if not 0 < options.seconds < math.inf:
+    arguments.error(f"--seconds: {options.seconds}: expected a time above zero")
 
 
 def instance(part: str, start: dict[str, bool]) -> tuple[FMU3Slave, dict[str, int], float]:
     """An FMU at time zero, the value references of its variables, and its period, s."""
     path = f"{options.folder}/{options.controller}-{part}-fmi3.fmu"
+    if not zipfile.is_zipfile(path):
+        arguments.error(f"{path}: no such FMU: cogless export --to fmu makes it")
     about = fmpy.read_model_description(path)
     fmu = FMU3Slave(
         instanceName=part,

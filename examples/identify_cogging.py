@@ -9,8 +9,8 @@ both directions) and speed_test1_500Hz.csv.gz (t_s, theta_rad, omega_rad_s, iq_A
 
 from __future__ import annotations
 
+import argparse
 import gzip
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,21 @@ from numpy.typing import NDArray
 
 ORDERS = (72, 18, 12, 144, 24, 36, 54, 90)  # of the mechanical revolution
 Array = NDArray[np.float64]
+
+
+def record(path: Path, names: set[str]) -> Array:
+    """The rows of a CSV, which may be packed, as a structured array.
+
+    ValueError: columns that are missing, or values that are no numbers. OSError: it can't be read.
+    """
+    with gzip.open(path, "rt") if path.suffix == ".gz" else path.open() as file:
+        lines = file.read().splitlines()
+    if not names <= {name.strip() for name in "".join(lines[:1]).split(",")}:
+        raise ValueError(f"{path}: expected the columns {', '.join(sorted(names))}")
+    data = np.atleast_1d(np.genfromtxt(lines, delimiter=",", names=True))
+    if len(data) < 100 or not all(np.isfinite(data[name]).all() for name in names):
+        raise ValueError(f"{path}: expected 100 or more rows of numbers")
+    return data
 
 
 def waves(theta: Array) -> Array:
@@ -30,7 +45,7 @@ def holding_current(folder: Path) -> tuple[float, dict[int, tuple[float, float]]
 
     Least squares over both directions. Cogging pushes the other way: its phase is half a turn further.
     """
-    data = np.genfromtxt(folder / "static_holding_current.csv", delimiter=",", names=True)
+    data = record(folder / "static_holding_current.csv", {"theta_rad", "iq_A", "dir"})
     columns = np.column_stack([np.ones(len(data)), data["dir"], waves(data["theta_rad"])])
     fit = np.linalg.lstsq(columns, data["iq_A"], rcond=None)[0]
     sines, cosines = fit[2::2], fit[3::2]
@@ -44,8 +59,8 @@ def inertia_over_torque_constant(folder: Path, compensated: bool, rows: int) -> 
     Integrated over windows of so many rows of 2 ms, so no speed need be differentiated; cogging is
     fitted along, since it differs from the holding current's while the rotor moves.
     """
-    with gzip.open(folder / "speed_test1_500Hz.csv.gz", "rt") as file:
-        data = np.genfromtxt(file, delimiter=",", names=True)
+    names = {"t_s", "theta_rad", "omega_rad_s", "iq_A", "comp_on"}
+    data = record(folder / "speed_test1_500Hz.csv.gz", names)
     data = data[data["comp_on"] == compensated]
     t, theta, omega = data["t_s"], data["theta_rad"], data["omega_rad_s"]
 
@@ -61,7 +76,20 @@ def inertia_over_torque_constant(folder: Path, compensated: bool, rows: int) -> 
 
 
 def main() -> None:
-    folder = Path(sys.argv[1])
+    arguments = argparse.ArgumentParser(
+        description="Cogging, friction and inertia of a motor from two records."
+    )
+    arguments.add_argument(
+        "folder", type=Path, help="where static_holding_current.csv and speed_test1_500Hz.csv.gz are"
+    )
+    try:
+        identify(arguments.parse_args().folder)
+    except (OSError, EOFError, ValueError) as error:
+        arguments.exit(2, f"{error}\n")
+
+
+def identify(folder: Path) -> None:
+    """Print what the records in this folder tell."""
     coulomb, shape = holding_current(folder)
     print(f"Coulomb friction {coulomb:.4f} A")
     for order, (amplitude, phase) in shape.items():

@@ -7,6 +7,9 @@
 
 #include <algorithm>
 #include <cstring>
+#include <optional>
+#include <type_traits>
+#include <variant>
 
 #include "config.hpp"
 #include "python_value.hpp"
@@ -161,6 +164,40 @@ nb::dict memory_of(const Engine& engine, const State& state) {
     return result;
 }
 
+std::optional<Stored> stored(const Drive& drive, const DriveState& state) {
+    return std::visit(
+        [&state](const auto& law) -> std::optional<Stored> {
+            using State = typename std::decay_t<decltype(law)>::State;
+            if constexpr (requires(State s) { law.stored(s); }) {
+                return law.stored(std::get<State>(state.law));
+            } else {
+                return {};
+            }
+        },
+        drive.config().law);
+}
+
+std::optional<Stored> stored(const LinearTrials& trials, const LinearTrialsState& state) {
+    return trials.config().law.stored(state.law);
+}
+
+// Of what is stored all but whose it is, or None.
+template <class Engine, class State>
+nb::object stored_of(const Engine& engine, const State& state) {
+    const std::optional<Stored> found = stored(engine, state);
+    if (!found) return nb::none();
+    const cgl_map& map = found->about;
+    nb::dict result;
+    result["values"] = found->channels;
+    result["units"] = std::vector<std::uint32_t>(map.unit, map.unit + map.channels);
+    result["limits"] = std::vector<double>(map.limit, map.limit + map.channels);
+    result["law"] = map.law;
+    result["turns"] = map.turns;
+    result["parts"] = map.parts;
+    result["ratio"] = map.ratio;
+    return result;
+}
+
 // The constructor of a recorder of an engine's signals.
 template <class Engine>
 void make_recorder(Recorder* self, const Engine& engine, std::int64_t decimation, std::size_t rows) {
@@ -198,7 +235,10 @@ void bind_engine(nb::class_<Engine>& c, const char* memory) {
                   },
                   "(name, unit) of each recorded signal")
         .def("start", &Engine::start, "The state at time zero.")
-        .def("memory", &memory_of<Engine, State>, "state"_a, memory);
+        .def("memory", &memory_of<Engine, State>, "state"_a, memory)
+        .def("stored", &stored_of<Engine, State>, "state"_a,
+             "What is learned as firmware stores it: 'values' of each channel, 'units', 'limits', 'law', 'turns', 'parts', "
+             "'ratio', as in cgl_map; None where there is nothing to store.");
 }
 
 }  // namespace

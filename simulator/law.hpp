@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "cogless/law.h"
+#include "cogless/map.h"
 
 namespace cogless {
 
@@ -57,6 +59,24 @@ struct Learned {
     std::optional<double> period = {};       // rad of that angle; none: a revolution
     std::vector<double> beta = {}, h = {};   // over the same angle: what speed and acceleration take, A s/rad and A s^2/rad
 };
+
+// What a law has learned as the control library describes it to be stored, and the entries of each channel.
+struct Stored {
+    cgl_map about;
+    std::vector<std::vector<double>> channels;
+};
+
+// None where the library says that there is nothing to store. law: with its memory's pointer set.
+template <auto map_of, class Config, class CState>
+std::optional<Stored> stored_map(const Config& config, const CState& law) {
+    Stored stored;
+    if (map_of(&config, &law, &stored.about) != CGL_MAP_OK) return {};
+    for (std::uint32_t c = 0; c < stored.about.channels; ++c) {
+        const cgl_real* first = stored.about.entry + std::size_t{c} * stored.about.stride;
+        stored.channels.emplace_back(first, first + stored.about.cells);
+    }
+    return stored;
+}
 
 // Throws std::invalid_argument where a law's init refuses.
 inline void require(cgl_error error, const char* law) {

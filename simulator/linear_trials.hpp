@@ -50,6 +50,7 @@ public:
     void advance(LinearTrialsState& state, Recorder& recorder, std::int64_t ticks) const;
 
     Learned learned(const LinearTrialsState& state) const { return config_.law.learned(state.law); }
+    const LinearTrialsConfig& config() const { return config_; }
 
 private:
     // Sample p of a trial: law, row, and on to the next one.

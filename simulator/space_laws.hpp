@@ -15,7 +15,7 @@
 namespace cogless {
 
 // A space-learning law: its C config, state, init and step, with the maps of the memory in the engine's state.
-template <class Config, class CState, auto init, auto step_function>
+template <class Config, class CState, auto init, auto step_function, auto map_of>
 struct SpaceLaw {
     struct State {
         CState law;
@@ -81,6 +81,11 @@ struct SpaceLaw {
         return map;
     }
 
+    std::optional<Stored> stored(State s) const {
+        s.law.memory.cell = s.cell.data();
+        return stored_map<map_of>(config, s.law);
+    }
+
 private:
     static std::vector<Term> terms_of(const Config& config) {
         std::vector<Term> all{{"term_proportional"}};
@@ -93,7 +98,9 @@ private:
 };
 
 using SpacePositionLaw =
-    SpaceLaw<cgl_space_position_config, cgl_space_position, cgl_space_position_init, cgl_space_position_step>;
-using SpaceSpeedLaw = SpaceLaw<cgl_space_speed_config, cgl_space_speed, cgl_space_speed_init, cgl_space_speed_step>;
+    SpaceLaw<cgl_space_position_config, cgl_space_position, cgl_space_position_init, cgl_space_position_step,
+             cgl_map_of_space_position>;
+using SpaceSpeedLaw = SpaceLaw<cgl_space_speed_config, cgl_space_speed, cgl_space_speed_init, cgl_space_speed_step,
+                               cgl_map_of_space_speed>;
 
 }  // namespace cogless

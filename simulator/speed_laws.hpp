@@ -1,7 +1,7 @@
 // The speed laws of the control library, and the user's own, as values that the engine can run.
 //
 // A law is a constant configuration with start() and step(); its state is a separate value that can be copied. Where it can
-// tell more, it has terms and read_terms(), its parts in A; learned(), its map; teach(), which puts a map in.
+// tell more, it has terms and read_terms(), its parts in A; learned(), its map; stored(), that map as it is stored.
 // The learned cells live in the state, and the C state's pointer to them is set anew before each use, since a copy has its
 // own.
 #pragma once
@@ -87,6 +87,10 @@ struct PiIlcLaw {
         out[2] = static_cast<double>(s.law.learned);
     }
     Learned learned(const State& s) const { return learned_map(config.memory, s.cell, 1.0); }
+    std::optional<Stored> stored(State s) const {
+        s.law.memory.cell = s.cell.data();
+        return stored_map<cgl_map_of_pi_ilc>(config, s.law);
+    }
 };
 
 struct RobustIlcLaw {
@@ -125,6 +129,10 @@ struct RobustIlcLaw {
     Learned learned(const State& s) const {
         return learned_map(config.memory, s.cell, -1.0 / static_cast<double>(config.b));
     }
+    std::optional<Stored> stored(State s) const {
+        s.law.memory.cell = s.cell.data();
+        return stored_map<cgl_map_of_robust_ilc>(config, s.law);
+    }
 };
 
 struct AntiCoggingLaw {
@@ -158,6 +166,10 @@ struct AntiCoggingLaw {
     }
     Learned learned(const State& s) const {
         return {std::vector<double>(s.cell.begin(), s.cell.end()), Over::mechanical};
+    }
+    std::optional<Stored> stored(State s) const {
+        s.law.table = s.cell.data();
+        return stored_map<cgl_map_of_anti_cogging>(config, s.law);
     }
 };
 

@@ -73,6 +73,10 @@ struct TrialLaw {
     Learned learned(const State& s) const {
         return {std::vector<double>(s.memory.begin(), s.memory.begin() + config.samples), Over::trial};
     }
+    std::optional<Stored> stored(State s) const {
+        set_pointers(s);
+        return stored_map<cgl_map_of_trial>(config, s.law);
+    }
 
 private:
     void set_pointers(State& s) const {

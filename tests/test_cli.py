@@ -19,11 +19,13 @@ class Zero:
         return 0.0
 """
 TOUCHES = """
+import time
 from pathlib import Path
 
 class Touches:
     def step(self, inputs):
         Path(__file__).with_name("begun").touch()
+        pass
         return 0.0
 """
 
@@ -128,6 +130,10 @@ def test_a_mistake_is_one_line_and_exit_2(tmp_path: Path, capsys: pytest.Capture
         ),
         (["run"], "Missing argument 'STUDY'. See cogless --help."),
         (["fly"], "No such command 'fly'. See cogless --help."),
+        (["run", ""], '"": is a directory: expected a study file'),
+        (["run", "x" * 5000], f'"{"x" * 56}...: no such study: '),
+        (["run", "STUDY", "--set", "title=\udcff"], '--set: "title=\\udcff": expected UTF-8'),
+        (["run", "STUDY", "--set", "seed=1\nseed=2"], r'STUDY: seed: "1\nseed=2": expected a whole number'),
         (["run", "STUDY", "--set", "kp"], '--set: "kp": expected KEY=VALUE, such as controller.pi.kp=0.02'),
         (["run", "STUDY", "--fast"], "No such option: --fast"),
         (["run", "STUDY", "--only", "a/b"], 'STUDY: --only: "a/b": expected SCENARIO/CONTROLLER of low/pi, '),
@@ -215,35 +221,72 @@ def test_an_order_that_no_run_yields_keeps_the_runs(
     assert "not finite" in (tmp_path / "report.html").read_text()
 
 
+COMMAND = [sys.executable, "-c", "from cogless.cli import main; main()"]
+WAITS = {
+    "steps": "pass",  # and is asked to stop between two
+    "sleeps": "time.sleep(600)",
+    "spins": "while True: pass",
+    "catches all": "while True:\n            try: time.sleep(600)\n            except BaseException: pass",
+}
+
+
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
-def test_ctrl_c_keeps_finished_runs(tmp_path: Path) -> None:
-    (tmp_path / "law.py").write_text(TOUCHES, encoding="utf-8")
+@pytest.mark.parametrize(("how", "presses"), [(how, 1) for how in WAITS] + [("sleeps", 2)])
+def test_ctrl_c_keeps_finished_runs(tmp_path: Path, how: str, presses: int) -> None:
+    (tmp_path / "law.py").write_text(TOUCHES.replace("pass", WAITS[how]), encoding="utf-8")
     text = studies.BASE.replace('duration = "0.3 s"', 'duration = "1 h"')
     text = text.replace('controllers = ["pi", "fair"]', 'controllers = ["mine", "pi"]')
     text = text.replace('reference = "60 rpm"\n', 'reference = "60 rpm"\ncontrollers = ["pi", "fair"]\n', 1)
     text += '[controller.mine]\nlaw = "python"\nobject = "law.py:Touches"\n[trace]\nrate = "1 kHz"\n'
     study, folder = studies.write(tmp_path, text), tmp_path / "out"
-    command = [
-        sys.executable,
-        "-c",
-        "from cogless.cli import main; main()",
-        "run",
-        study,
-        "-o",
-        folder,
-        "--jobs=1",
-    ]
+    command = [*COMMAND, "run", study, "-o", folder, "--jobs=1"]
     run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     until = time.monotonic() + 60
     while not (tmp_path / "begun").exists() and run.poll() is None and time.monotonic() < until:
         time.sleep(0.02)
-    run.send_signal(signal.SIGINT)
+    begun = time.monotonic()
+    for _ in range(presses):
+        run.send_signal(signal.SIGINT)
+        time.sleep(0.1)
     _, err = run.communicate(timeout=30)
+    assert time.monotonic() - begun < 10  # a second to give up, and what writing takes
     assert run.returncode == 130
     assert err == f"Interrupted: kept 2 of 4 runs (low/pi, low/fair), written to {folder}.\n"
     results = json.loads((folder / "results.json").read_text())
     assert results["interrupted"] is True
     assert {path.name for path in folder.iterdir()} == {"results.json", "traces.nc", "report.html"}
+
+
+# where there is no room
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+@pytest.mark.parametrize(
+    "command", [["list"], ["run", "STUDY", "--only=low/pi"], ["design", "STUDY", "--json"]]
+)
+def test_a_full_disk_behind_stdout(tmp_path: Path, command: list[str]) -> None:
+    study = str(studies.write(tmp_path))
+    with Path("/dev/full").open("w") as full:
+        words = [study if word == "STUDY" else word for word in command]
+        run = subprocess.run([*COMMAND, *words], stdout=full, stderr=subprocess.PIPE, cwd=tmp_path)
+    assert (run.returncode, run.stderr) == (2, b"output: no space left on device\n")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits a file's size")
+@pytest.mark.parametrize("room", [1000, 8000, 60_000])
+def test_results_that_have_no_room_are_printed_nevertheless(tmp_path: Path, room: int) -> None:
+    """First results.json, then the traces, then the report don't fit."""
+    limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({room}, {room}))\n"
+    words = ["run", str(studies.write(tmp_path)), "--only=low/pi", "--set=trace.rate=1 kHz", "-o", "out"]
+    command = [sys.executable, "-c", limited + COMMAND[-1], *words]
+    run = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    file = {1000: "results.json", 8000: "traces.nc", 60_000: "report.html"}[room]
+    assert (run.returncode, run.stderr.count("\n")) == (2, 1)
+    assert run.stderr.startswith(f"out/{file}: ") and run.stderr.endswith(
+        ": expected a file that can be written\n"
+    )
+    assert "speed ripple" in run.stdout and "Report:" not in run.stdout
+    assert not list((tmp_path / "out").glob(f"*{file}*"))
 
 
 # the others

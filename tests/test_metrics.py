@@ -34,7 +34,7 @@ class Metric:
         return self.window if self.last is None else (end - self.last, end)
 
 
-CONDITIONS = Conditions(pole_pairs=4, R_s=2.0, speed_period=1e-3, events=(1.0, 3.0))
+CONDITIONS = Conditions(pole_pairs=4, R_s=2.0, power_factor=1.5, speed_period=1e-3, events=(1.0, 3.0))
 
 
 def trace(duration=4.0, unit="rad/s", rate=RATE, **signals):

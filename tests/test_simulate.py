@@ -3,7 +3,6 @@
 import json
 import sys
 import threading
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +10,11 @@ import numpy as np
 import pytest
 
 import studies
+from cogless import side_by_side
 from cogless import simulate as room
 from cogless.engine import engine_config
 from cogless.errors import StudyError
+from cogless.report.paths import learns
 from cogless.results import Results, to_dict
 from cogless.simulate import RunError, rollout, run_study, runs_of, simulate
 from cogless.study import Study, changed, load
@@ -415,6 +416,33 @@ def test_a_missing_law_is_noticed_before_any_run(
     assert not isinstance(error.value, RunError)
 
 
+def test_a_law_of_ones_own_learns_where_it_says_so(tmp_path: Path) -> None:
+    """Reports count it to those that learn, and the run tells how learning goes."""
+    (tmp_path / "laws.py").write_text(LAWS, encoding="utf-8")
+    mine = {"law": "python", "object": "laws.py:Pi"}
+    laws = {"mine": mine, "taught": {**mine, "learning": True}, "ilc": ILC, "table": TABLE}
+    study = studies.study(tmp_path, {f"controller.{name}": law for name, law in laws.items()})
+    assert [learns(study, name) for name in ("pi", *laws)] == [False, False, True, True, True]
+    goes_on = {name: study.controller[name].learns for name in laws}
+    assert goes_on == {"mine": False, "taught": True, "ilc": True, "table": False}
+    runs = run_study(study, ["low/mine", "low/taught"]).runs
+    assert [sorted(run.quality) for run in runs] == [
+        ["known", "residual"],
+        ["improving", "known", "progress", "residual", "worsening"],
+    ]
+
+
+def test_power_in_the_rotors_frame_is_of_the_motors_phases(tmp_path: Path) -> None:
+    """3/2 of three phases, 1 of two, in losses too."""
+    step = {"kind": "step", "teeth": 4, "R_s": "15.42 ohm", "L_0": "30 mH", "L_m": ["68 mH"]}
+    loss = [{"name": "loss", "kind": "copper-loss"}]
+    for motor, factor in (({}, 1.5), ({"motor": step}, 1.0)):
+        study = studies.study(tmp_path, {**motor, "metric": loss})
+        run = simulate(study, "low", "pi")
+        i_d, i_q = run.trace["i_d"], run.trace["i_q"]
+        assert run.metrics["loss_W"] == pytest.approx(factor * 15.42 * np.mean(i_d**2 + i_q**2))
+
+
 def test_a_law_that_is_not_asked_for_may_be_missing(tmp_path: Path) -> None:
     study = studies.study(tmp_path, {"controller.mine": {"law": "python", "object": "x.py:Law"}})
     assert len(run_study(study, ["low/pi"]).runs) == 1
@@ -474,18 +502,21 @@ def test_a_failed_run_leaves_the_other_studies(tmp_path: Path) -> None:
 # Ctrl-C
 
 
-def test_an_interrupt_while_runs_are_submitted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupt_while_threads_are_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     study = studies.study(tmp_path, {"scenario.low.duration": 1000})
+    started: list[threading.Thread] = []
 
-    class Pool(ThreadPoolExecutor):
-        def submit(self, *arguments: Any, **options: Any) -> Any:
-            if arguments[2:] == ("step", "fair"):
+    class Thread(threading.Thread):
+        def start(self) -> None:
+            if started:
                 raise KeyboardInterrupt
-            return super().submit(*arguments, **options)
+            started.append(self)
+            super().start()
 
-    monkeypatch.setattr(room, "ThreadPoolExecutor", Pool)
-    results = run_study(study)
+    monkeypatch.setattr(side_by_side, "Thread", Thread)
+    results = run_study(study, jobs=2)
     assert results.interrupted and not results.runs
+    assert not started[0].is_alive()
 
 
 def test_an_interrupt_keeps_what_is_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -500,7 +531,7 @@ def test_an_interrupt_keeps_what_is_finished(tmp_path: Path, monkeypatch: pytest
         assert begun.wait(30)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(room, "wait_for", ctrl_c)
+    monkeypatch.setattr(side_by_side, "wait", ctrl_c)
     results = run_study(study, progress=progress)
     assert results.interrupted
     assert [(run.scenario, run.controller) for run in results.runs] == [("low", "pi"), ("low", "fair")]

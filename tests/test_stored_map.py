@@ -3,6 +3,7 @@
 import struct
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 from zlib import crc32
 
 import numpy as np
@@ -14,6 +15,7 @@ from test_cli import cogless
 import studies
 from cogless import StudyError, learned_map, load, run_study, stored_map
 from cogless.results import runs_that_learned
+from cogless.simulate import drive_of, simulate
 from cogless.stored_map import MapError, StoredMap, decode
 
 EXAMPLE = StoredMap(
@@ -211,6 +213,17 @@ period = { of = "electrical", turns = 4 }
 """
 
 
+TABLE = {
+    "controller.table": {
+        "law": "anti-cogging",
+        "kp": "0.03 A/rpm",
+        "ki": "0.6 A/rpm/s",
+        "cells": 90,
+        "calibration": {"speed": "30 rpm", "position_gain": "20 1/s"},
+    }
+}
+
+
 def test_a_run_leaves_the_maps_of_its_laws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study = studies.write(tmp_path, studies.BASE + LAWS)
     code, _, err = cogless(capsys, "run", study, "-o", tmp_path / "out", "--only", "low/*")
@@ -228,6 +241,25 @@ def test_a_run_leaves_the_maps_of_its_laws(tmp_path: Path, capsys: pytest.Captur
     np.testing.assert_array_equal(maps["ilc"].values[0], np.float32(runs[0].memory["current"]))
     np.testing.assert_allclose(maps["robust"].values[0], -1632 * runs[1].memory["current"], rtol=1e-6)
     assert np.max(np.abs(maps["robust"].values)) > 0.1
+
+
+@pytest.mark.parametrize("precision", ["single", "double"])
+@pytest.mark.parametrize("name", ["ilc", "robust", "space", "table", "by-time", "pi"])
+def test_the_stored_map_is_the_laws_own_memory(tmp_path: Path, name: str, precision: str) -> None:
+    """To the bit: the control library says what its entries are, and nothing is worked out anew."""
+    study = studies.study(tmp_path, {"drive.precision": precision, **TABLE}, studies.BASE + LAWS)
+    run = simulate(study, "low", name)
+    engine, drive, ticks, table = drive_of(study, "low", name, Event())
+    state = drive.start()
+    if len(table):
+        drive.load_memory(state, table)
+    drive.advance(state, engine.Recorder(drive, 1000), ticks)
+    if name in ("by-time", "pi"):
+        assert drive.stored(state) is None and run.map is None
+        return
+    assert run.map is not None and np.any(run.map.values)
+    cells = np.float32(drive.law_memory(state)).reshape(run.map.channels, -1)[:, : run.map.cells]
+    np.testing.assert_array_equal(run.map.values, cells)
 
 
 def test_maps_of_an_earlier_run_go_and_nothing_else(
@@ -274,7 +306,7 @@ def test_a_trial_leaves_its_signal(tmp_path: Path) -> None:
     scenario = next(iter(study.scenario))
     controller = next(name for name in study.controllers_in(scenario))
     (run,) = run_study(study, [f"{scenario}/{controller}"]).runs
-    stored = learned_map.of_run(study, run)
+    stored = run.map
     assert stored is not None
     assert (stored.turns, stored.law_name, stored.cells) == (0, "trial", study.samples(scenario))
     np.testing.assert_array_equal(stored.values[0], np.float32(run.memory["learned"]))

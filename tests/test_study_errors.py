@@ -8,6 +8,7 @@ import pytest
 import studies
 from cogless.errors import StudyError
 from cogless.study import load
+from cogless.study.reading import parse_change
 
 PI = {"law": "pi", "kp": 1, "ki": 1}
 ILC = {**PI, "law": "pi-ilc", "gain": 0}
@@ -36,7 +37,6 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("trace.zzz", 1, "trace.zzz: 1: expected one of rate, energy"),
         ("controller.pi.gain", 1,
             "controller.pi.gain: 1: expected one of label, baseline, kp, ki, tuning, law"),
-        ("drive", {}, "drive.rates: missing: expected a value"),
         ("mechanics", {}, 'mechanics.inertia: missing: expected an inertia above zero, such as "1 kg*m^2"'),
         ("mechanics", 3, "mechanics: 3: expected a table of inertia, viscous_friction, coulomb_friction, "
             "breakaway_friction, load"),
@@ -137,7 +137,8 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("controller.ilc", {**ILC, "memory": "space"},
             'controller.ilc.memory: "space": expected "time" or "angle"'),
         ("controller.t", {**TABLE, "calibration": {"speed": "-2 rpm", "position_gain": 1}},
-            'controller.t.calibration.speed: "-2 rpm": expected a speed above zero'),
+            'controller.t.calibration.speed: "-2 rpm": '
+            'expected an angular speed above zero, such as "1 rad/s"'),
         ("controller.mine", {"law": "python", "object": "law.py"},
             'controller.mine.object: "law.py": expected a file and a class, such as "my_law.py:MyLaw"'),
         ("controller", {"pi": {**PI, "baseline": True}, "fair": {**PI, "baseline": True}},
@@ -219,6 +220,52 @@ def test_what_the_simulation_cannot_do(tmp_path: Path, changes: dict[str, object
     assert line_of(tmp_path, changes) == f"study.toml: {line}"
 
 
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"seed": 2**64}, "seed: 18446744073709551616: expected a number below 18446744073709551616"),
+        ({"controller.pi": 3}, "controller.pi: 3: expected a table"),
+        ({"mechanics.inertia": "9" * 5000},
+            f'mechanics.inertia: "{"9" * 56}...: expected a unit too, such as "1 kg*m^2"'),
+        ({"motor.psi_f": "1e-300 Wb", "motor.kv": "1e-300 rpm/V"},
+            "drive.rates.integration_steps: 1: expected inf or more, since the speed with the current (K_t, "
+            "inertia, L) changes within 0 us"),
+        ({"mechanics.inertia": "1e-300 kg*m^2"},
+            "drive.rates.integration_steps: 1: expected 2.56e+146 or more, since the speed with the current "
+            "(K_t, inertia, L) changes within 5.2e-145 us"),
+        ({"motor": "x", "motor.K_t": 1}, "motor.K_t: 1: expected a table at motor"),
+        ({"motor.datasheet": "x" * 5000}, f'motor.datasheet: "{"x" * 56}...: no such datasheet: '),
+        ({"metric": [{"name": "m", "kind": "rms", "unit": "rpm"}]},
+            'metric.0.signal: missing: expected one, since kind is "rms"'),
+        ({"metric": [{"name": "m", "kind": "settling", "signal": "x", "band": "1 rpm", "event": "0.1 s"}]},
+            'metric.0.signal: "x": expected a signal: '),
+        ({"metric": [{**METRIC, "signal": "status", "unit": "A"}]},
+            'metric.0.unit: "A": expected a unit of a plain number, none'),
+        ({"scenario.low.reference": {"file": "a\0b"}},
+            'scenario.low.reference.file: "a\\u0000b": expected a readable file at '),
+        ({'scenario.""': {"duration": "1 s", "reference": "1 rpm"}},
+            'scenario."": expected a name of letters, digits, _, - and .'),
+        ({"scenario.low.override": {"motor.cogging.7.torque": "1 N*m"}},
+            'scenario.low.override: motor.cogging.7.torque: "1 N*m": expected a key of the study, '
+            "or an index of its array"),
+        ({"controller.n": {"law": "library", "library": "x.so", "params": ["a"]}},
+            'controller.n.params.0: "a": expected a number'),
+        ({"controller.t": {**TABLE, "calibration": {"speed": "1e-9 rpm", "position_gain": 1}}},
+            'controller.t.calibration.speed: "1e-9 rpm": expected a run of at most 20000 s, not 1.35e+11 s'),
+    ],
+)  # fmt: skip
+def test_what_once_was_a_traceback_a_hang_or_unclear(
+    tmp_path: Path, changes: dict[str, object], line: str
+) -> None:
+    assert line_of(tmp_path, changes).removeprefix("study.toml: ").startswith(line)
+
+
+def test_a_scenario_whose_name_is_a_number_can_be_changed(tmp_path: Path) -> None:
+    text = studies.BASE.replace("[scenario.low]", "[scenario.60]").replace('["low"]', '["60"]')
+    changed = studies.study(tmp_path, {"scenario.60.duration": "0.5 s"}, text)
+    assert changed.scenario["60"].duration == 0.5
+
+
 def test_one_word_for_the_magnet(tmp_path: Path) -> None:
     text = studies.BASE.replace('psi_f = "68 mWb"', 'psi_f = "68 mWb"\nK_t = "0.4 N*m/A"')
     expected = 'motor: expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"'
@@ -250,10 +297,87 @@ def test_an_unknown_signal_lists_what_there_is(tmp_path: Path) -> None:
     assert line.startswith('study.toml: metric.0.signal: "omega": expected a signal: theta_m, theta_ref, ')
 
 
-def test_several_mistakes_are_counted_and_named(tmp_path: Path) -> None:
-    line = line_of(tmp_path, {"motor.R_s": "1 H", "motor.L_d": "1 ohm", "mechanics.inertia": "1 s"})
-    expected = 'study.toml: motor.R_s: "1 H": expected a resistance, such as "1 ohm" '
-    assert line == expected + "(and 2 more: motor.L_d, mechanics.inertia)"
+def lines_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BASE) -> list[str]:
+    """Each line without the file, which all of them name."""
+    with pytest.raises(StudyError) as error:
+        load(studies.write(folder, text), changes)
+    start = f"{folder}/study.toml: "
+    lines = str(error.value).splitlines()
+    assert all(line.startswith((start, "and ")) for line in lines)
+    return [line.removeprefix(start) for line in lines]
+
+
+def test_several_mistakes_are_all_told_in_the_order_of_the_file(tmp_path: Path) -> None:
+    """Values, unknown and missing keys of one table and of others; keys meant are not missing too."""
+    text = studies.BASE.replace("pole_pairs = 4\n", 'pole_pairs = 4.5\nteeths = 1\nr_s = "1 H"\n')
+    text = text.replace('R_s = "15.42 ohm"\n', "").replace('L_q = "30 mH"\n', "")
+    text = text.replace('"2.5e-4 kg*m^2"', '"1 s"').replace('kp = "0.015 A/rpm"', "kp = false")
+    text = text.replace("order = [1, 2, 6]", 'order = ["x"]').replace('event = "0.1 s"', "event = 1")
+    assert lines_of(tmp_path, None, text) == [
+        "motor.pole_pairs: 4.5: expected a whole number",
+        "motor.teeths: 1: expected one of kind, datasheet, pole_pairs, R_s, L_d, L_q, psi_f, K_t, kv, "
+        "winding, rated_torque, rated_speed, flux_harmonics, cogging",
+        'motor.r_s: "1 H": expected a known key, perhaps "R_s"',
+        'motor.L_q: missing: expected an inductance above zero, such as "1 mH"',
+        'mechanics.inertia: "1 s": expected an inertia, such as "1 kg*m^2"',
+        'controller.pi.kp: false: expected a gain of the speed loop of zero or more, such as "1 A/rpm"',
+        'metric.1.order.0: "x": expected a number',
+        'metric.2.event: 1: expected a text with a unit, such as "1 s"',
+    ]
+
+
+def test_a_file_that_is_all_wrong_tells_twenty_mistakes(tmp_path: Path) -> None:
+    many = {f"controller.c{n}": {"law": "pi", "kp": "x", "ki": "y"} for n in range(12)}
+    lines = lines_of(tmp_path, many)
+    assert (len(lines), lines[-1]) == (21, "and 4 more mistakes")
+
+
+def test_mistakes_in_the_overrides_of_several_scenarios(tmp_path: Path) -> None:
+    wrong = {name: {"mechanics.inertia": "1 s", "motor.R_s": "1 H"} for name in ("low", "step")}
+    lines = lines_of(tmp_path, {f"scenario.{name}.override": value for name, value in wrong.items()})
+    assert [line.split(": ")[:2] for line in lines] == [
+        [f"scenario.{name}.override", key] for name in wrong for key in ("motor.R_s", "mechanics.inertia")
+    ]
+
+
+def test_what_either_of_two_types_takes(tmp_path: Path) -> None:
+    one = {"parameters": [{**PARAMETER, "initial": True}], "targets": [TARGET]}
+    line = "calibration.parameters.0.initial: true: expected a text or a number"
+    assert lines_of(tmp_path, {"calibration": one}) == [line]
+
+
+@pytest.mark.parametrize("part", ["a", "'a'"])
+def test_a_key_of_very_many_parts(tmp_path: Path, part: str) -> None:
+    """tomllib takes minutes for it, and all memory."""
+    key = ".".join([part] * 50_000)
+    told = "study.toml: not readable as TOML: expected keys of at most 32 parts (at line 2)"
+    for line in (f"{key} = 1", f"[{key}]"):
+        assert line_of(tmp_path, None, f'title = "x"\n{line}\n') == told
+    assert line_of(tmp_path, {key: 1}) == f'"{key[:56]}...: expected a key of at most 32 parts'
+    assert line_of(tmp_path, {"." * 50_000: 1}).endswith(": expected a dotted key, such as controller.pi.kp")
+
+
+@pytest.mark.parametrize("depth", [33, 1000, 100_000])
+def test_arrays_in_arrays(tmp_path: Path, depth: int) -> None:
+    value = "[" * depth + "]" * depth
+    line = line_of(tmp_path, None, f"title = {value}\n")
+    assert line == "study.toml: not readable as TOML: expected at most 32 levels of tables and arrays"
+    line = line_of(tmp_path, dict([parse_change(f"seed={value}")]))
+    assert line == f'study.toml: seed: "{value[:56]}...: expected a whole number'
+
+
+def test_a_byte_order_mark_is_no_mistake(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(studies.BASE, encoding="utf-8-sig")
+    assert load(path).title == "A small drive"
+    for encoding, found in (("utf-16", "UTF-16"), ("utf-16-be", None), ("latin-1", "not UTF-8")):
+        path.write_text("# é\n" + studies.BASE, encoding=encoding)
+        with pytest.raises(StudyError) as error:
+            load(path)
+        line = str(error.value)
+        assert "\n" not in line
+        if found:
+            assert line == f"{path}: {found}: expected a TOML file in UTF-8"
 
 
 def test_a_slower_trace_holds_fewer_orders(tmp_path: Path) -> None:

@@ -156,7 +156,10 @@ def _with(study: Study, knobs: list[_Knob], x: NDArray[np.float64]) -> Study:
 
 def _knob(study: Study, index: int, parameter: Parameter) -> _Knob:
     key, tables = parameter.key, study.source.tables
-    present = look_up(tables, split(key))
+    try:
+        present = look_up(tables, split(key))
+    except StudyError as error:
+        raise StudyError(f"{study.source.path}: calibration.parameters.{index}.key: {error}") from None
     if parameter.scenario is not None:
         own = look_up(tables, ("scenario", parameter.scenario, "override", key))
         present = present if own is MISSING else own

@@ -8,7 +8,7 @@ import os
 import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,6 +18,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from cogless.errors import StudyError
+from cogless.files import reason
+from cogless.side_by_side import left_behind
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -71,25 +73,51 @@ CORES = os.cpu_count() or 1
 
 
 def main() -> None:
-    """Entry point: a user's mistake is one line on stderr and exit 2, Ctrl-C is exit 130."""
+    """Entry point: a user's mistake is a line on stderr and exit 2, Ctrl-C is exit 130."""
+    code = _flushed(_code())
+    if left_behind():
+        os._exit(code)  # Python would stop the threads that it finds in the engine, and crash
+    sys.exit(code)
+
+
+def _code() -> int:
+    """Run the command; its exit code."""
     try:
         code = app(prog_name="cogless", standalone_mode=False)
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else 0
     except StudyError as error:
         _say(str(error))
-        sys.exit(WRONG)
+        return WRONG
     except (KeyboardInterrupt, typer.Abort):
         _say("Interrupted.")
-        sys.exit(INTERRUPTED)
+        return INTERRUPTED
+    except OSError as error:
+        _say(f"{error.filename or 'output'}: {reason(error)}")
+        return WRONG
     except Exception as error:
         if not hasattr(error, "format_message"):  # not of typer's own kind
             raise
         line = str(error.format_message()).rstrip(".")
         if line:
             _say(f"{line}. See cogless --help.")
-        sys.exit(WRONG)
+        return WRONG
     if code == INTERRUPTED:  # what typer makes of Ctrl-C in a command
         _say("Interrupted.")
-    sys.exit(code if isinstance(code, int) else 0)
+    return code if isinstance(code, int) else 0
+
+
+def _flushed(code: int) -> int:
+    """The exit code once all is printed: of a full disk another one, and a line."""
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # where the rest goes at the end
+        if code != WRONG and not isinstance(error, BrokenPipeError):  # who read it has seen enough
+            _say(f"output: {reason(error)}")
+        return WRONG
+    return code
 
 
 def _version(wanted: bool) -> None:
@@ -139,22 +167,26 @@ def run(
     loaded = _load(study, changes)
     wanted = len(runs_of(loaded, only))
     folder = output or Path("results") / loaded.name
-    failure: RunError | None = None
+    failures: list[StudyError] = []
     with writable(folder):
         with _run_progress(wanted) as progress:
             try:
                 results: AnyResults = run_study(loaded, only, progress, jobs)
             except RunError as error:
-                failure, results = error, error.results
+                failures, results = [error], error.results
         if results.runs:
-            _write(results, folder, plots)
+            try:
+                _write(results, folder, plots)
+            except StudyError as error:  # a full disk: the tables at least are printed
+                failures.append(error)
     if results.runs:
         _print_tables(results)
         if not isinstance(loaded, TrialStudy):  # whose certificates are in the report
             _print_warnings(loaded, [(run.scenario, run.controller) for run in results.runs])
-        print(f"Report: {folder / 'report.html'}")
-    if failure is not None:
-        raise failure
+        if not any(not isinstance(failure, RunError) for failure in failures):
+            print(f"Report: {folder / 'report.html'}")
+    if failures:
+        raise StudyError("\n".join(map(str, failures)))
     if results.interrupted:
         kept = ", ".join(f"{run.scenario}/{run.controller}" for run in results.runs)
         where = f" ({kept}), written to {folder}" if kept else ", nothing written"
@@ -489,4 +521,5 @@ def _console(**options: Any) -> Console:
 
 
 def _say(line: str) -> None:
-    print(line, file=sys.stderr)
+    with suppress(OSError):  # stderr has no room either
+        print(line, file=sys.stderr)

@@ -1,8 +1,8 @@
-"""What a user did wrong, in one line."""
+"""What a user did wrong, a line each."""
 
 
 class StudyError(Exception):
-    """A mistake in a study or on the command line, as `FILE: key: VALUE: expected ...`.
+    """A mistake in a study or on the command line, as `FILE: key: VALUE: expected ...`; several, a line each.
 
     The command line prints it as it stands and exits with 2.
     """

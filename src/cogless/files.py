@@ -11,15 +11,26 @@ from pathlib import Path
 from cogless.errors import StudyError
 
 
+def reason(error: OSError) -> str:
+    """What the system says, to stand within a line."""
+    return error.strerror.lower() if error.strerror else str(error)
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`; move it there on success, remove it on any error or interrupt."""
+    """Yield a temporary path beside `path`; move it there on success, remove it on any error or interrupt.
+
+    StudyError: it can't be written, on a full disk say.
+    """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         yield temporary
         os.replace(temporary, path)
+    except OSError as error:
+        raise StudyError(f"{path}: {reason(error)}: expected a file that can be written") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink()
 
 
 @contextmanager
@@ -35,10 +46,9 @@ def writable(directory: Path) -> Iterator[None]:
         with tempfile.TemporaryFile(dir=directory):
             pass
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        if isinstance(error, FileNotFoundError):  # of what is to be made, as in /proc
-            reason = "can't be made there"
-        raise StudyError(f"{directory}: {reason}: expected a directory that can be written") from error
+        # of what is to be made, as in /proc
+        why = "can't be made there" if isinstance(error, FileNotFoundError) else reason(error)
+        raise StudyError(f"{directory}: {why}: expected a directory that can be written") from error
     try:
         yield
     finally:

@@ -98,7 +98,7 @@ def is_failure(error: BaseException) -> bool:
     """Whether an exception is a law's own; a KeyboardInterrupt in the main thread is Ctrl-C."""
     if isinstance(error, KeyboardInterrupt):
         return threading.current_thread() is not threading.main_thread()
-    return isinstance(error, Exception | SystemExit)
+    return True
 
 
 def describe(error: BaseException, path: Path | None) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
@@ -13,14 +13,10 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cogless.engine import engine_config
-from cogless.results import AnyResults, Run
-from cogless.stored_map import LAWS, StoredMap, write
-from cogless.study import AnyStudy, Study, TrialStudy
+from cogless.results import AnyResults
+from cogless.stored_map import StoredMap, write
+from cogless.study import AnyStudy
 from cogless.study.motor import StarMotor
-
-CURRENT, ACCELERATION, OF_THE_TRIAL = 1, 4, 5
-SPACE_UNITS = (1, 2, 3)  # of alpha, beta and h
 
 
 def motor_identity(motor: StarMotor) -> int:
@@ -43,48 +39,35 @@ def study_identity(study: AnyStudy) -> int:
     return 0 if study.motor is None else motor_identity(study.motor.star())
 
 
-def of_run(study: AnyStudy, run: Run) -> StoredMap | None:
-    """What the run's law has learned; None where nothing is learned, or it is not tied to an angle."""
-    if not run.memory:
+def of_run(study: AnyStudy, stored: Mapping[str, Any] | None, motion: int = 0) -> StoredMap | None:
+    """What the engine says that a run has learned, as firmware stores it, within its limits; whose it is.
+
+    None where nothing is learned, or it is not tied to an angle. `motion`: identity of a trial's reference.
+    """
+    if stored is None:
         return None
-    if isinstance(study, TrialStudy):
-        return _of_trial(study, run)
-    assert isinstance(study, Study)
-    config = engine_config(study, run.scenario, run.controller)["controller"]
-    limit = config.get("limit", study.drive.current_loop.current_limit)
-    period = Fraction(1)
-    if config["law"] in ("pi-ilc", "robust-ilc") and config["period"] == "electrical":
-        period = Fraction(1, study.motor.pole_pairs)
-    values, units, limits, ratio = [run.memory["current"]], [CURRENT], [limit], 1
-    if config["law"] == "robust-ilc":  # it learns an acceleration, f = -b i
-        real = np.float32 if study.drive.precision == "single" else np.float64
-        values, units = [-float(real(config["b"])) * np.asarray(values[0])], [ACCELERATION]
-        limits = [config["b"] * limit]
-    elif config["law"].startswith("space-"):
-        values += [run.memory[name] for name in ("beta", "h") if name in run.memory]
-        units, limits = list(SPACE_UNITS[: len(values)]), list(config["limits"])
-        ratio = config["ratio"] if config["law"] == "space-position" else 1
-        period = Fraction(config["turns"], config["ratio"] * config["parts"])
-    return _stored(
-        values,
-        units,
-        limits,
-        law=LAWS.index(config["law"]),
+    limits, values = (np.asarray(stored[key], dtype=np.float32) for key in ("limits", "values"))
+    period = Fraction(stored["turns"], stored["parts"] or 1)
+    return StoredMap(
+        np.clip(values, -limits[:, None], limits[:, None]),
+        tuple(stored["units"]),
+        tuple(limits.tolist()),
+        law=stored["law"],
         turns=period.numerator,
-        parts=period.denominator,
-        ratio=ratio,
+        parts=period.denominator if period else 0,
+        ratio=stored["ratio"],
         motor=study_identity(study),
+        motion=motion,
     )
 
 
 def write_all(results: AnyResults, folder: Path) -> None:
     """Write folder/SCENARIO/CONTROLLER.bin for each run that has a map."""
     for run in results.runs:
-        stored = of_run(results.study, run)
-        if stored is not None:
+        if run.map is not None:
             path = _file(folder, run.scenario, run.controller)
             path.parent.mkdir(parents=True, exist_ok=True)
-            write(path, bytes(stored))
+            write(path, bytes(run.map))
 
 
 def remove_all(runs: Iterable[tuple[str, str]], folder: Path) -> None:
@@ -99,28 +82,3 @@ def remove_all(runs: Iterable[tuple[str, str]], folder: Path) -> None:
 
 def _file(folder: Path, scenario: str, controller: str) -> Path:
     return folder / scenario / f"{controller}.bin"
-
-
-def _of_trial(study: TrialStudy, run: Run) -> StoredMap:
-    """With the identity of the last phase's reference, which is the one that it was learned for."""
-    _, last = study.scenario[run.scenario].phases[-1]
-    return _stored(
-        [run.memory["learned"]],
-        [OF_THE_TRIAL],
-        [study.controller[run.controller].learned_limit],
-        law=LAWS.index("trial"),
-        turns=0,
-        parts=0,
-        motor=study_identity(study),
-        motion=motion_identity(study.reference(run.scenario, last)),
-    )
-
-
-def _stored(values: list[Any], units: list[int], limits: list[float], **fields: int) -> StoredMap:
-    """Within the limits, as the firmware stores it."""
-    single = [np.float32(limit) for limit in limits]
-    clamped = [
-        np.clip(np.asarray(row, dtype=np.float32), -limit, limit)
-        for row, limit in zip(values, single, strict=True)
-    ]
-    return StoredMap(np.stack(clamped), tuple(units), tuple(float(limit) for limit in single), **fields)

@@ -31,8 +31,8 @@ class Conditions:
 
     pole_pairs: int
     R_s: float  # ohm, of the star equivalent
+    power_factor: float  # as the star equivalent's
     speed_period: float  # s, of the speed loop
-    power_factor: float = 1.5  # of power over u . i in the rotor's frame
     events: tuple[float, ...] = ()  # s, times of the scenario's events
 
 
@@ -192,7 +192,7 @@ def exceeds(m: Measurement) -> float | None:
 
 
 def copper_loss(m: Measurement) -> float:
-    """Mean copper loss R_s (i_d^2 + i_q^2) times half the number of phases, W."""
+    """Mean copper loss R_s (i_d^2 + i_q^2) times the power factor, W."""
     i_d, i_q = m.trace["i_d"][m.rows], m.trace["i_q"][m.rows]
     return m.conditions.power_factor * m.conditions.R_s * float(np.mean(i_d * i_d + i_q * i_q))
 

@@ -21,6 +21,7 @@ from cogless.trace import Trace
 
 if TYPE_CHECKING:
     from cogless.design.trial import TrialDesign
+    from cogless.stored_map import StoredMap
     from cogless.study import AnyStudy, Study, TrialStudy
 
 
@@ -50,6 +51,7 @@ class Run:
     design: TrialDesign | None = None  # of a study of trials: gains and certificate
     quality: Mapping[str, Any] = field(default_factory=dict)  # of learning, as the controller sees it
     faults: Sequence[Response] = ()
+    map: StoredMap | None = None  # what was learned, as firmware stores it
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "metrics", Metrics(self.metrics))

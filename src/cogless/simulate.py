@@ -6,16 +6,17 @@ import dataclasses
 import math
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from concurrent.futures import wait as wait_for
+from concurrent.futures import Future
 from fnmatch import fnmatchcase
 from functools import partial
 from importlib import import_module
+from itertools import islice
 from threading import Event
 from typing import Any, overload
 
 import numpy as np
 
+from cogless import learned_map
 from cogless.advance import ENGINES, Progress, Stopped, advance, failures, trace_of
 from cogless.engine import Mode, engine_config
 from cogless.errors import StudyError
@@ -23,13 +24,11 @@ from cogless.faults import faults_in, responses
 from cogless.laws import make_law
 from cogless.metrics import Conditions, Value, evaluate, result_name
 from cogless.results import AnyResults, Results, Run, TrialResults
+from cogless.side_by_side import side_by_side
 from cogless.status import Status
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
-from cogless.study.controller import AntiCogging, Learning, LibraryLaw, PythonLaw
-from cogless.study.space_controller import SpaceLearning
+from cogless.study.controller import AntiCogging, OwnLaw
 from cogless.trace import Trace
-
-SETTLING = 1 / 8  # revolutions that a commissioning run takes before it records, each way
 
 Runner = Callable[[str, str, Progress, Event], Run]
 StudyProgress = Callable[[str, str, float], None]
@@ -116,17 +115,13 @@ def _rollout(
 
     pairs = [runs_of(study, only) for study in studies]
     runners = [_runner(study, of_study) for study, of_study in zip(studies, pairs, strict=True)]
-    futures: list[list[Future[Run]]] = [[] for _ in studies]
-    with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
-        try:
-            for runner, of_study, submitted in zip(runners, pairs, futures, strict=True):
-                for pair in of_study:
-                    submitted.append(pool.submit(one, runner, *pair))
-            wait_for([future for of_study in futures for future in of_study])
-        except KeyboardInterrupt:
-            stop.set()
-            pool.shutdown(wait=True, cancel_futures=True)
-    return _collected(studies, futures, stop.is_set())
+    tasks = [
+        partial(one, runner, *pair)
+        for runner, of_study in zip(runners, pairs, strict=True)
+        for pair in of_study
+    ]
+    futures = iter(side_by_side(tasks, jobs, stop))
+    return _collected(studies, [list(islice(futures, len(of_study))) for of_study in pairs], stop.is_set())
 
 
 def _runner(study: AnyStudy, runs: Sequence[tuple[str, str]]) -> Runner:
@@ -143,7 +138,7 @@ def _try_laws(study: Study, runs: Sequence[tuple[str, str]]) -> None:
     """Make each user's controller once, so that a missing file or class is found before the first run."""
     engine = import_module(ENGINES[study.drive.precision])
     for controller, scenario in {controller: scenario for scenario, controller in reversed(runs)}.items():
-        if isinstance(study.controller[controller], PythonLaw | LibraryLaw):
+        if isinstance(study.controller[controller], OwnLaw):
             _drive(engine, study, scenario, controller, "run")
 
 
@@ -203,12 +198,13 @@ def _run(study: Study, scenario: str, controller: str, progress: Progress, stop:
         raise StudyError(f"{where}: {error}") from error
     quality = dict(drive.quality(state))
     law = here.controller[controller]
-    learns = isinstance(law, Learning) or (isinstance(law, SpaceLearning) and law.learning)
     limit = here.drive.current_loop.current_limit
-    broken = responses(faults_in(study, scenario), trace, limit, learns)
-    if not learns:
+    broken = responses(faults_in(study, scenario), trace, limit, law.learns)
+    if not law.learns:
         quality = {key: quality[key] for key in ("known", "residual")}
-    return Run(scenario, controller, trace, _memory(drive, state), metrics, quality=quality, faults=broken)
+    learned = _memory(drive, state)
+    stored = learned_map.of_run(study, drive.stored(state))
+    return Run(scenario, controller, trace, learned, metrics, quality=quality, faults=broken, map=stored)
 
 
 def drive_of(study: Study, scenario: str, controller: str, stop: Event) -> tuple[Any, Any, int, Any]:
@@ -257,8 +253,7 @@ def _commission(engine: Any, study: Study, scenario: str, controller: str, stop:
     here = for_scenario(study, scenario)
     drive = _drive(engine, study, scenario, controller, "learn")
     state = drive.start()
-    calibration = law.calibration
-    expected = 2 * (calibration.revolutions + SETTLING) * 2 * math.pi / calibration.speed
+    expected = law.calibration.duration
     rates = here.drive.rates
     divider = round(rates.current_loop / rates.speed_loop)
     piece = divider * math.ceil(rates.speed_loop)  # 1 s
@@ -285,7 +280,7 @@ def _collected(
     for study, of_study in zip(studies, futures, strict=True):
         finished, before = [], len(failures)
         for future in of_study:
-            if future.cancelled():
+            if not future.done():  # Ctrl-C
                 continue
             error = future.exception()
             if error is None:

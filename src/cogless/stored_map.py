@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless.errors import StudyError
-from cogless.files import replacing
+from cogless.files import reason, replacing
 
 MAGIC, VERSION, HEADER, MARK = b"CGLM", 1, 64, b"DONE"
 FLOAT32 = 1  # the only number type
@@ -221,8 +221,7 @@ def read(path: Path) -> list[Found]:
     try:
         data = Path(path).read_bytes()
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise StudyError(f"{path}: {reason}: expected a stored map") from error
+        raise StudyError(f"{path}: {reason(error)}: expected a stored map") from error
     found = find(data)
     if not found:
         raise MapError(f'{path}: no map: expected "{MAGIC.decode()}" where a slot begins')
@@ -231,12 +230,8 @@ def read(path: Path) -> list[Found]:
 
 def write(path: Path, content: bytes) -> None:
     """Write a map's bytes, or its table's, whole or not at all; StudyError if that can't be."""
-    try:
-        with replacing(Path(path)) as temporary:
-            temporary.write_bytes(content)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise StudyError(f"{path}: {reason}: expected a file that can be written") from error
+    with replacing(Path(path)) as temporary:
+        temporary.write_bytes(content)
 
 
 def _mark(header_crc: int, write_size: int) -> bytes:

@@ -138,13 +138,18 @@ def write_netcdf(
 
     `time` and `theta_m` are stored in double precision, since both grow without bound; the others in single.
     `attributes` go to the file's root. `xarray.open_dataset(path, group="scenario/controller")` opens a run.
+    StudyError: it can't be written.
     """
     import netCDF4
 
-    with replacing(Path(path)) as temporary, netCDF4.Dataset(temporary, "w") as file:
-        file.setncatts(dict(attributes or {}))
-        for run in runs:
-            _write_group(file.createGroup(f"{run.scenario}/{run.controller}"), run.trace)
+    with replacing(Path(path)) as temporary:
+        try:
+            with netCDF4.Dataset(temporary, "w") as file:
+                file.setncatts(dict(attributes or {}))
+                for run in runs:
+                    _write_group(file.createGroup(f"{run.scenario}/{run.controller}"), run.trace)
+        except RuntimeError as error:  # "NetCDF: HDF error" on a full disk
+            raise OSError(f"{error}, is the disk full?") from error
 
 
 def _write_group(group: Any, trace: Trace) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cogless import learned_map
 from cogless.advance import ENGINES, Progress, advance, failures, trace_of
 from cogless.design.from_study import design_study
 from cogless.errors import StudyError
@@ -58,7 +59,10 @@ def _run(
     metrics: dict[str, Value] = {
         result_name(m): evaluate(m, sampled, here.trials, here.starts) for m in study.metrics_in(scenario)
     }
-    return Run(scenario, controller, trace, memory, metrics, design)
+    # for the reference that it was learned for, that of the last phase
+    motion = learned_map.motion_identity(study.reference(scenario, here.phases[-1][1]))
+    stored = learned_map.of_run(study, drive.stored(state), motion)
+    return Run(scenario, controller, trace, memory, metrics, design, map=stored)
 
 
 def drive_of(study: TrialStudy, scenario: str, controller: str) -> tuple[Any, Any, int]:

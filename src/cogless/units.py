@@ -91,6 +91,10 @@ LAW_SPEED = Dimension("an angular speed", "rad/s")  # of a law, which tables sho
 SPEED_GAIN = Dimension("a gain of the speed loop", "A*s/rad", "A/rpm")
 SPEED_INTEGRAL_GAIN = Dimension("an integral gain of the speed loop", "A/rad", "A/rpm/s")
 CURRENT_TO_ACCELERATION = Dimension("an acceleration per current", "rad/s^2/A", "rpm/s/A")
+CUBIC_SPEED_GAIN = Dimension("a gain of the speed loop per speed squared", "A*s^3/rad^3")
+CURRENT_PER_ACCELERATION = Dimension("a current per acceleration", "A*s^2/rad")
+SPEED_LEARNING = Dimension("a learning gain on speed", "A*s^2/rad^2")
+ACCELERATION_LEARNING = Dimension("a learning gain on acceleration", "A*s^4/rad^2")
 RATE = Dimension("a gain per time", "1/s")
 RATE_PER_TIME = Dimension("a gain per time squared", "1/s^2")
 NONE = Dimension("a plain number", "")
@@ -103,7 +107,7 @@ def parse(text: str, dimension: Dimension) -> float:
         raise UnitError(f"expected a number and a unit, such as {dimension.shown(1)}")
     number, unit = found.groups()
     if not unit:
-        raise UnitError(f"expected a unit too, such as {dimension.shown(number)}")
+        raise UnitError(f"expected a unit too, such as {dimension.shown(number if len(number) < 20 else 1)}")
     value = float(number) * factor(unit, dimension)
     if not math.isfinite(value):
         raise UnitError(f"expected a finite number with a unit, such as {dimension.shown(1)}")

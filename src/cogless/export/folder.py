@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cogless.errors import StudyError
+from cogless.files import reason
 
 MANIFEST = "export.json"
 
@@ -23,7 +24,8 @@ def check(folder: Path) -> None:
     if not folder.exists() or not any(folder.iterdir()):
         return
     sums = _sums(folder)
-    for path in sorted(folder.rglob("*")):
+    paths = folder.rglob("*")
+    for path in paths if sums is None else sorted(paths):  # the first file is enough, in / say
         name = path.relative_to(folder).as_posix()
         if path.is_dir() or name == MANIFEST:
             continue
@@ -51,8 +53,7 @@ def write(folder: Path, files: Mapping[str, bytes], about: Mapping[str, Any]) ->
                 path.write_bytes(data)
             _swap(made, target, Path(scratch) / "old")
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise StudyError(f"{folder}: {reason}: expected a folder that can be written") from error
+        raise StudyError(f"{folder}: {reason(error)}: expected a folder that can be written") from error
 
 
 def _swap(made: Path, target: Path, old: Path) -> None:

@@ -33,15 +33,14 @@ class Error:
 
 
 def learns(study: Study, controller: str) -> bool:
-    """Whether a controller's law learns, and may."""
-    law = study.controller[controller]
-    return law.law != "pi" and (not isinstance(law, SpaceLearning) or law.learning)
+    """Whether what a controller asks for is learned in part."""
+    return study.controller[controller].learned
 
 
 def in_angle(study: Study, controller: str) -> SpaceLearning | None:
     """A controller that learns in angle, and may."""
     law = study.controller[controller]
-    return law if isinstance(law, SpaceLearning) and law.learning else None
+    return law if isinstance(law, SpaceLearning) and law.learns else None
 
 
 def learnt_terms(results: Results, run: Run) -> list[str]:

@@ -215,6 +215,7 @@ ALL: tuple[Check, ...] = (
     numerics.integration,
     numerics.dead_time,
     numerics.size,
+    numerics.commissioning,
     energy,
     metrics,
     orders,

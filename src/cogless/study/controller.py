@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
 from cogless.study.table import (
     AccelerationGain,
-    AngularSpeed,
     CurrentBound,
     CurrentToAcceleration,
+    LawSpeed,
     Line,
     Many,
     NumberGain,
@@ -44,6 +45,16 @@ class Base(Table):
 
     label: Line | None = None  # in tables and report; default: its name
     baseline: bool = False  # ratios are against it
+
+    @property
+    def learns(self) -> bool:
+        """Whether it goes on learning while it runs."""
+        return False
+
+    @property
+    def learned(self) -> bool:
+        """Whether what it asks for is learned in part, in this run or before."""
+        return self.learns
 
     @model_validator(mode="after")
     def _sizes(self) -> Self:
@@ -81,6 +92,10 @@ class Learning(Base):
     learning_start: StartTime = 0.0  # s
     limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
 
+    @property
+    def learns(self) -> bool:
+        return True
+
     @model_validator(mode="after")
     def _filter_fits(self) -> Self:
         if 2 * self.q_half_width + 1 > self.cells:
@@ -117,18 +132,20 @@ class RobustIlc(Learning):
     coulomb: AccelerationGain = 0.0  # rad/s^2
 
 
+SETTLING = 1 / 8  # revolutions that a commissioning run takes before it records, each way
+
+
 class Commissioning(Table):
     """The slow run, forwards and backwards, that fills an anti-cogging table."""
 
-    speed: AngularSpeed  # rad/s
+    speed: LawSpeed  # rad/s
     revolutions: Annotated[int, Field(ge=1, le=100)] = 1  # each way
     position_gain: RateGain  # 1/s
 
-    @model_validator(mode="after")
-    def _forwards(self) -> Self:
-        if self.speed <= 0:
-            raise problem("expected a speed above zero", "speed")
-        return self
+    @property
+    def duration(self) -> float:
+        """How long the run should take, s."""
+        return 2 * (self.revolutions + SETTLING) * 2 * math.pi / self.speed
 
 
 class AntiCogging(Feedback):
@@ -139,8 +156,22 @@ class AntiCogging(Feedback):
     lead: StartTime = 0.0  # s: looked up where the rotor will be by then
     calibration: Commissioning
 
+    @property
+    def learned(self) -> bool:
+        return True
 
-class PythonLaw(Base):
+
+class OwnLaw(Base):
+    """What controllers of a user have."""
+
+    learning: bool = False  # nobody but the user knows
+
+    @property
+    def learns(self) -> bool:
+        return self.learning
+
+
+class PythonLaw(OwnLaw):
     """A user's class with step(inputs) -> i_q_ref or (i_d_ref, i_q_ref), A."""
 
     law: Literal["python"]
@@ -148,7 +179,7 @@ class PythonLaw(Base):
     params: dict[str, Any] = Field(default={})  # keyword arguments of the class
 
 
-class LibraryLaw(Base):
+class LibraryLaw(OwnLaw):
     """A user's shared library with the documented C interface."""
 
     law: Literal["library"]

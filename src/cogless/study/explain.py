@@ -1,10 +1,10 @@
-"""Pydantic's findings as one line for a person: `FILE: key: VALUE: expected ...`."""
+"""Pydantic's findings as lines for a person: `FILE: key: VALUE: expected ...`."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from cogless.errors import StudyError
 from cogless.study.table import Key
 
 MISSING = object()
-MOST_NAMED = 5  # keys of further mistakes
+MOST_TOLD = 20  # mistakes at a time
 
 # What pydantic's own checks expect, from the error's type and its context.
 EXPECTED = {
@@ -25,11 +25,13 @@ EXPECTED = {
     "string_type": "expected a text",
     "bool_type": "expected true or false",
     "dict_type": "expected a table",
+    "model_attributes_type": "expected a table",
     "tuple_type": "expected an array",
     "missing": "expected {length} values",
     "too_long": "expected {max_length} values",
     "greater_than": "expected a number above {gt:g}",
     "greater_than_equal": "expected a number of {ge:g} or more",
+    "less_than": "expected a number below {lt}",
     "less_than_equal": "expected a number of {le:g} or less",
     "too_short": "expected {min_length} or more",
     "union_tag_invalid": "expected one of {expected_tags}",
@@ -58,8 +60,11 @@ class Problem:
 
 def dotted(key: Key) -> str:
     """A key as one writes it in TOML, list indices as numbers."""
-    plain = (str(part) for part in key)
-    return ".".join(_escaped(part) if "." in part or not part.isprintable() else part for part in plain)
+    return ".".join(_escaped(part) if _in_quotes(part) else part for part in map(str, key))
+
+
+def _in_quotes(part: str) -> bool:
+    return not part or "." in part or not part.isprintable()
 
 
 def shown(value: Any) -> str:
@@ -75,21 +80,41 @@ def _escaped(value: Any) -> str:
 
 
 def problems(error: ValidationError, tables: Any) -> list[Problem]:
-    """Each of pydantic's findings on these tables."""
+    """Pydantic's findings on these tables, one a key, in the order of the file."""
     found = error.errors(include_url=False, include_input=False)
     # Of an array that is too short, each missing index is a finding; the last one tells its length.
     lengths = {d["loc"][:-1]: int(d["loc"][-1]) + 1 for d in found if d["type"] == "missing"}
     first = {d["loc"][:-1]: d for d in reversed(found) if d["type"] == "missing"}
     kept = [d for d in found if d["type"] != "missing" or first[d["loc"][:-1]] is d]
-    return [_problem(details, tables, lengths.get(details["loc"][:-1])) for details in kept]
+    by_key: dict[Key, list[Problem]] = {}
+    for details in kept:
+        told = _problem(details, tables, lengths.get(details["loc"][:-1]))
+        by_key.setdefault(told.key, []).append(told)
+    return [_either(by_key[key]) for key in sorted(by_key, key=lambda key: _place(key, tables))]
 
 
-def study_error(found: Sequence[Problem], file: Path | str, prefix: str = "") -> StudyError:
-    """The first problem in one line, and the keys of the others."""
-    others = list(dict.fromkeys(prefix + dotted(problem.key) for problem in found[1:]))
-    named = ", ".join(others[:MOST_NAMED]) + (", ..." if len(others) > MOST_NAMED else "")
-    more = f" (and {len(found) - 1} more: {named})" if others else ""
-    return StudyError(found[0].line(file, prefix) + more)
+def study_error(lines: Sequence[str]) -> StudyError:
+    """One error of all these mistakes, a line each."""
+    more = len(lines) - MOST_TOLD
+    return StudyError("\n".join([*lines[:MOST_TOLD], *([f"and {more} more mistakes"] if more > 0 else [])]))
+
+
+def _either(same: Sequence[Problem]) -> Problem:
+    """One problem of what each type that a key may have expected there."""
+    first, *others = dict.fromkeys(problem.expected for problem in same)
+    return replace(same[0], expected=" or ".join([first, *(o.removeprefix("expected ") for o in others)]))
+
+
+def _place(key: Key, tables: Any) -> list[int]:
+    """Where a key stands in the file, level by level; after all else of its table if it isn't there."""
+    place: list[int] = []
+    for part in key:
+        known = list(tables) if isinstance(tables, dict) else list(range(len(tables)))
+        place.append(known.index(part) if part in known else len(known))
+        tables = look_up(tables, (part,))
+        if not isinstance(tables, dict | list):
+            break
+    return place
 
 
 def _problem(details: Any, tables: Any, length: int | None) -> Problem:
@@ -115,9 +140,10 @@ def _expected(kind: str, context: dict[str, Any], message: str) -> str:
 def _existing(location: Key, tables: Any) -> Key:
     """The part of pydantic's location that is in the file: it also names tags of unions and made-up keys."""
     key: list[str | int] = []
-    for part in location:
-        inner = look_up(tables, (part,))
-        if inner is not MISSING:
+    for index, part in enumerate(location):
+        inner, after = look_up(tables, (part,)), location[index + 1 : index + 2]
+        beside = after and not isinstance(inner, dict | list) and look_up(tables, after) is not MISSING
+        if inner is not MISSING and not beside:  # a tag may be a key too: law = "library"
             key.append(part)
             tables = inner
     return tuple(key)
@@ -126,10 +152,10 @@ def _existing(location: Key, tables: Any) -> Key:
 def look_up(tables: Any, key: Key) -> Any:
     """What stands at a key, or MISSING."""
     for part in key:
-        inside = isinstance(tables, dict) and part in tables
-        if not inside and isinstance(tables, list) and isinstance(part, int):
-            inside = -len(tables) <= part < len(tables)
-        if not inside:
+        if isinstance(tables, dict):
+            tables = tables.get(str(part), MISSING)  # a name of digits, such as [scenario.60]
+        elif isinstance(tables, list) and isinstance(part, int) and part < len(tables):
+            tables = tables[part]
+        else:
             return MISSING
-        tables = tables[part]
     return tables

@@ -73,9 +73,8 @@ class Load(Table):
     angle_table: AngleTable | None = None
     time_table: TimeTable | None = None
 
-    @model_validator(mode="before")
     @classmethod
-    def _constant(cls, data: Any) -> Any:
+    def spelled_out(cls, data: Any) -> Any:
         return data if isinstance(data, dict) else {"torque": data}
 
 

@@ -73,9 +73,8 @@ class Metric(Table):
     unit: str | None = None  # in tables and report; default: SI
     better: Literal["lower", "higher", "none"] = "lower"
 
-    @model_validator(mode="before")
     @classmethod
-    def _defaults(cls, data: Any) -> Any:
+    def spelled_out(cls, data: Any) -> Any:
         if not isinstance(data, dict):
             return data
         if data.get("kind") in AT_AN_EVENT:
@@ -95,18 +94,20 @@ class Metric(Table):
     @classmethod
     def _band(cls, band: Any, info: ValidationInfo) -> Any:
         signal = info.data.get("signal")
-        return Quantity(SIGNALS[signal], ">").read(band) if signal else band
+        return Quantity(SIGNALS[signal], ">", bare=not SIGNALS[signal].unit).read(band) if signal else None
 
     @field_validator("unit")
     @classmethod
     def _unit(cls, unit: str | None, info: ValidationInfo) -> str | None:
-        if unit is not None and {"kind", "signal"} <= info.data.keys():
-            dimension = _dimension(info.data["kind"], info.data["signal"])
+        kind, signal = info.data.get("kind"), info.data.get("signal")
+        if unit is not None and (kind in OWN_DIMENSIONS or signal is not None):
+            dimension = _dimension(str(kind), signal)
             try:
                 units.factor(unit, dimension)
             except units.UnitError:
                 shown = dimension.example or dimension.unit
-                raise problem(f'expected a unit of {dimension.name}, such as "{shown}"') from None
+                such = f', such as "{shown}"' if shown else ", none"
+                raise problem(f"expected a unit of {dimension.name}{such}") from None
         return unit
 
     @model_validator(mode="after")

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cogless.study.controller import Learning
+from cogless.study.controller import AntiCogging, Learning
 from cogless.study.table import problem
 
 if TYPE_CHECKING:
@@ -31,8 +31,9 @@ def check_step(step: float, steps: int, found: Sequence[tuple[float, str]]) -> N
     """Refuse an RK4 step, s, of so many a current-loop period, that is too long for these natural rates."""
     fastest, what = max(found)
     if fastest * step > LARGEST_STEP:
-        needed = math.ceil(fastest * step * steps / LARGEST_STEP)
-        expected = f"expected {needed} or more, since {what} changes within {1e6 / fastest:.3g} us"
+        needed = fastest * step * steps / LARGEST_STEP
+        whole = f"{needed:.3g}" if needed > 1e6 else math.ceil(needed)
+        expected = f"expected {whole} or more, since {what} changes within {1e6 / fastest:.3g} us"
         raise problem(expected, "drive", "rates", "integration_steps", value=steps)
 
 
@@ -77,6 +78,16 @@ def size(study: Study) -> None:
             longest = MOST_ROWS / study.trace_rate
             expected = f"expected at most {longest:.6g} s with rows at {study.trace_rate:g} Hz (trace.rate)"
             raise problem(expected, "scenario", name, "duration")
+
+
+def commissioning(study: Study) -> None:
+    """A table's commissioning run ends within a lifetime."""
+    for name, controller in study.controller.items():
+        if isinstance(controller, AntiCogging):
+            longest, takes = MOST_ROWS / study.drive.rates.speed_loop, controller.calibration.duration
+            if takes > longest:
+                expected = f"expected a run of at most {longest:.6g} s, not {takes:.3g} s"
+                raise problem(expected, "controller", name, "calibration", "speed")
 
 
 def periods(study: Study) -> None:

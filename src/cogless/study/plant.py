@@ -27,9 +27,8 @@ class Parameter(Table):
     value: float | None = None  # default: the middle of the range
     range: tuple[float, float] | None = Field(default=None, strict=False)
 
-    @model_validator(mode="before")
     @classmethod
-    def _number(cls, data: Any) -> Any:
+    def spelled_out(cls, data: Any) -> Any:
         if isinstance(data, list):
             return {"range": data}
         return data if isinstance(data, dict) else {"value": data}

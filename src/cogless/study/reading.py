@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import copy
+import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import compress
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,6 +19,7 @@ from pydantic import ValidationError
 import cogless
 from cogless import units
 from cogless.errors import StudyError
+from cogless.files import reason
 from cogless.study.base import Source
 from cogless.study.checks import applies
 from cogless.study.explain import MISSING, Problem, dotted, look_up, problems, shown, study_error
@@ -28,11 +33,18 @@ Changes = Mapping[str, Any]
 AnyStudy = Study | TrialStudy
 AStudy = TypeVar("AStudy", Study, TrialStudy)
 Model = TypeVar("Model", bound=Table)
+Made = TypeVar("Made")
 MAGNET = {"psi_f", "K_t", "kv"}  # three ways to say the same: one given replaces the others
+DEEPEST = 32  # levels of tables and arrays
+LONGEST_NAME = 1000  # characters of a path in a message
+# A key of more parts takes tomllib time and memory that grow with their square.
+PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*"""
+LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:{PART}\.[ \t]*){{{DEEPEST}}}{PART}""", re.ASCII)
+INDEX = re.compile(r"\d{1,9}", re.ASCII)
 
 
 def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
-    """Read a study by path or shipped name; StudyError says what is wrong in one line.
+    """Read a study by path or shipped name; StudyError says what is wrong, a line each.
 
     `changes` replace values by dotted key, such as {"controller.pi.kp": 0.02}. A number put where the study
     has a text with a unit takes that unit.
@@ -50,8 +62,7 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
 
 def changed(study: AStudy, changes: Changes) -> AStudy:
     """The same study with other values at some dotted keys, as in `load`."""
-    tables = copy.deepcopy(study.source.tables)
-    _apply(tables, changes)
+    tables = _overridden(study.source, changes)
     of_its_kind = _checked(_replaced(study.source, tables))
     assert isinstance(of_its_kind, type(study))
     return of_its_kind
@@ -62,8 +73,8 @@ def for_scenario(study: Study, scenario: str) -> Study:
     here = study.scenario[scenario]
     if not here.override:
         return study
-    tables = copy.deepcopy(study.source.tables)
-    _apply(tables, here.override)
+    prefix = f"scenario.{scenario}.override: "
+    tables = _overridden(study.source, here.override, prefix)
     tables["scenario"] = {scenario: tables["scenario"][scenario]}
     taken = [applies(metric, scenario, here) for metric in study.metric]
     tables["metric"] = [
@@ -71,7 +82,7 @@ def for_scenario(study: Study, scenario: str) -> Study:
         for metric in compress(tables.get("metric", []), taken)
     ]
     tables.pop("calibration", None)
-    return _validated(Study, _replaced(study.source, tables), f"scenario.{scenario}.override: ")
+    return _validated(Study, _replaced(study.source, tables), prefix)
 
 
 def parse_change(text: str) -> tuple[str, Any]:
@@ -79,10 +90,13 @@ def parse_change(text: str) -> tuple[str, Any]:
     key, separator, value = text.partition("=")
     if not separator or not key.strip():
         raise StudyError(f"--set: {shown(text)}: expected KEY=VALUE, such as controller.pi.kp=0.02")
+    if not text.isprintable() and any("\ud800" <= character <= "\udfff" for character in text):
+        raise StudyError(f"--set: {shown(text)}: expected UTF-8")
     try:
-        return key.strip(), tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        return key.strip(), value.strip()
+        found = _toml(f"value = {value}")
+    except ValueError:
+        found = {}
+    return key.strip(), found["value"] if len(found) == 1 else value.strip()
 
 
 def shipped(room: str) -> dict[str, Path]:
@@ -97,11 +111,13 @@ def find(name: str | Path, room: str, what: str, beside: Path | None = None, whe
     if str(name) in known:
         return known[str(name)]
     path = (beside or Path()) / name
-    if path.is_file():
-        return path
-    named = f"{where}{shown(str(name)) if where else name}: "
-    if path.is_dir():
-        raise StudyError(f"{named}is a directory: expected a {what} file")
+    plain = not where and 0 < len(str(name)) <= LONGEST_NAME
+    named = f"{where}{name if plain else shown(str(name))}: "
+    with suppress(OSError):  # a name that is too long
+        if path.is_file():
+            return path
+        if path.is_dir():
+            raise StudyError(f"{named}is a directory: expected a {what} file")
     expected = f"expected a file, or one of the shipped: {', '.join(known) or 'none'}"
     raise StudyError(f"{named}no such {what}: {expected}")
 
@@ -109,12 +125,34 @@ def find(name: str | Path, room: str, what: str, beside: Path | None = None, whe
 def read(path: Path) -> dict[str, Any]:
     """The tables of a TOML file."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
+        return _toml(path.read_text(encoding="utf-8-sig"))
+    except UnicodeDecodeError as error:
+        encoding = "UTF-16" if error.object[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else "not UTF-8"
+        raise StudyError(f"{path}: {encoding}: expected a TOML file in UTF-8") from None
+    except OSError as error:
+        raise StudyError(f"{path}: {reason(error)}: expected a readable TOML file") from None
+    except ValueError as error:
         raise StudyError(f"{path}: not readable as TOML: {error}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise StudyError(f"{path}: {reason}: expected a readable TOML file") from None
+
+
+def _toml(text: str) -> dict[str, Any]:
+    """The tables of a TOML text; ValueError says in one line why it is none."""
+    too_deep = f"expected at most {DEEPEST} levels of tables and arrays"
+    long = LONG_KEY.search(text)
+    if long:
+        line = text.count("\n", 0, long.start()) + 1
+        raise ValueError(f"expected keys of at most {DEEPEST} parts (at line {line})")
+    try:
+        tables = tomllib.loads(text)
+    except RecursionError:
+        raise ValueError(too_deep) from None
+    level: list[Any] = [tables]
+    for _ in range(DEEPEST + 1):
+        level = [inner for outer in level for inner in (outer.values() if isinstance(outer, dict) else outer)]
+        level = [inner for inner in level if isinstance(inner, dict | list)]
+    if level:
+        raise ValueError(too_deep)
+    return tables
 
 
 def put(tables: dict[str, Any], key: str, value: Any) -> None:
@@ -124,14 +162,16 @@ def put(tables: dict[str, Any], key: str, value: Any) -> None:
     for depth, part in enumerate(path[:-1]):
         found = look_up(inner, (part,))
         if found is MISSING and isinstance(inner, dict):
-            found = inner[part] = {}
+            found = inner[str(part)] = {}
         elif isinstance(found, str):
             # A short form, such as reference = "60 rpm", has no keys of its own.
             raise StudyError(f"{key}: {shown(value)}: expected a table at {dotted(path[: depth + 1])}")
         inner = found
     last = path[-1]
     old = look_up(inner, (last,))
-    if isinstance(inner, dict) or old is not MISSING:
+    if isinstance(inner, dict):
+        inner[str(last)] = with_unit(value, old)
+    elif old is not MISSING:
         inner[last] = with_unit(value, old)
     else:
         raise StudyError(f"{key}: {shown(value)}: expected a key of the study, or an index of its array")
@@ -144,9 +184,11 @@ def split(key: str) -> Key:
         if index % 2:
             parts.append(piece)
         else:
-            parts += [int(part) if part.isdecimal() else part for part in piece.split(".") if part]
+            parts += [int(part) if INDEX.fullmatch(part) else part for part in piece.split(".") if part]
     if not parts:
         raise StudyError(f"{shown(key)}: expected a dotted key, such as controller.pi.kp")
+    if len(parts) > DEEPEST:
+        raise StudyError(f"{shown(key)}: expected a key of at most {DEEPEST} parts")
     return tuple(parts)
 
 
@@ -162,10 +204,23 @@ def with_unit(value: Any, old: Any) -> Any:
 def _apply(tables: dict[str, Any], changes: Changes) -> None:
     for key, value in changes.items():
         parts = split(key)
-        if len(parts) == 2 and parts[0] == "motor" and parts[1] in MAGNET and "motor" in tables:
+        motor = tables.get("motor")
+        if len(parts) == 2 and parts[0] == "motor" and parts[1] in MAGNET and isinstance(motor, dict):
             for other in MAGNET - {str(parts[1])}:
-                tables["motor"].pop(other, None)
+                motor.pop(other, None)
         put(tables, key, value)
+
+
+def _overridden(source: Source, changes: Changes, prefix: str = "") -> dict[str, Any]:
+    """The tables of a study with other values. `prefix`: where in the file these stand."""
+    tables = copy.deepcopy(source.tables)
+    try:
+        _apply(tables, changes)
+    except StudyError as error:
+        if not prefix:
+            raise
+        raise StudyError(f"{source.path}: {prefix}{error}") from None
+    return tables
 
 
 def _check_names(path: Path, tables: dict[str, Any], changes: Changes) -> None:
@@ -174,7 +229,7 @@ def _check_names(path: Path, tables: dict[str, Any], changes: Changes) -> None:
         known = tables.get(table)
         for key, value in changes.items():
             parts = split(key)
-            if not isinstance(known, dict) or parts[0] != table or len(parts) < 3 or parts[1] in known:
+            if not isinstance(known, dict) or parts[0] != table or len(parts) < 3 or str(parts[1]) in known:
                 continue
             if f"{table}.{parts[1]}.{needed}" not in changes:
                 expected = f"expected a {table} of {', '.join(known)}"
@@ -200,22 +255,34 @@ def _replaced(source: Source, tables: dict[str, Any]) -> Source:
 def _checked(source: Source) -> AnyStudy:
     if is_trial_study(source.tables):
         trials = _validated(TrialStudy, source)
-        trials._hardware = {name: _hardware(trials, name) for name in trials.scenario}
+        trials._hardware = _of_each(trials.scenario, partial(_hardware, trials))
         return trials
     study = _validated(Study, source)
-    for scenario in study.scenario:
-        for_scenario(study, scenario)
+    _of_each(study.scenario, partial(for_scenario, study))
     return study
+
+
+def _of_each(scenarios: Iterable[str], made: Callable[[str], Made]) -> dict[str, Made]:
+    """What is made of each scenario; the mistakes of all of them at once."""
+    found: dict[str, Made] = {}
+    lines: list[str] = []
+    for name in scenarios:
+        try:
+            found[name] = made(name)
+        except StudyError as error:
+            lines += str(error).splitlines()
+    if lines:
+        raise study_error(lines)
+    return found
 
 
 def _hardware(study: TrialStudy, scenario: str) -> tuple[Hardware, ...]:
     """A drive's motor, mechanics and load in each phase, checked; none of a linear plant."""
     found: list[Hardware] = []
     for index, (_, here) in enumerate(study.scenario[scenario].phases if study.plant is None else ()):
-        tables = copy.deepcopy(study.source.tables)
-        _apply(tables, here.override or {})
         at = f".changes.{index - 1}" if index else ""
-        source, prefix = _replaced(study.source, tables), f"scenario.{scenario}{at}.override: "
+        prefix = f"scenario.{scenario}{at}.override: "
+        source = _replaced(study.source, _overridden(study.source, here.override or {}, prefix))
         motor = _part(Motor, "motor", source, prefix)
         mechanics = _part(Mechanics, "mechanics", source, prefix)
         found.append(Hardware(motor, mechanics, here.load or mechanics.load))
@@ -241,12 +308,16 @@ def _validated(model: type[AStudy], source: Source, prefix: str = "") -> AStudy:
 
 
 def _error(found: list[Problem], source: Source, prefix: str) -> StudyError:
-    key = found[0].key
+    return study_error([_line(problem, source, prefix) for problem in found])
+
+
+def _line(problem: Problem, source: Source, prefix: str) -> str:
+    """A mistake, in the study or in its datasheet."""
+    key = problem.key
     in_datasheet = source.datasheet and not prefix and key[:1] == ("motor",) and len(key) > 1
     if in_datasheet and source.datasheet and key[1] not in source.own_motor_keys:
-        inner = Problem(key[1:], found[0].value, found[0].expected)
-        return study_error([inner, *found[1:]], source.datasheet)
-    return study_error(found, source.path, prefix)
+        return replace(problem, key=key[1:]).line(source.datasheet)
+    return problem.line(source.path, prefix)
 
 
 def changes_from(texts: Iterable[str]) -> dict[str, Any]:

@@ -54,7 +54,7 @@ class Reference(Table):
     offset: AngularSpeed = 0.0  # rad/s
     amplitude: AngularSpeed = 0.0  # rad/s
     frequency: Frequency = 0.0  # Hz
-    depth: float = 0.0  # rad, of frequency modulation
+    depth: float = 0.0  # of frequency modulation: its index, a ratio
     modulation: Frequency = 0.0  # Hz, of frequency modulation
     sines: Many[Sine] = ()
     moves: Many[tuple[Time, Angle]] = ()  # s, rad; at rest at each, polynomials of the fifth degree between
@@ -62,9 +62,8 @@ class Reference(Table):
     smoothing: Time = 0.0  # s, of a critically damped filter on the speed, so that it is differentiable
     _from_file: Points = PrivateAttr(default=())
 
-    @model_validator(mode="before")
     @classmethod
-    def _forms(cls, data: Any) -> Any:
+    def spelled_out(cls, data: Any) -> Any:
         if not isinstance(data, dict):
             return {"speed": data}
         pairs = {

@@ -20,7 +20,7 @@ def points(path: Path) -> Points:
     """Time, s, and speed, rad/s, of each line; raises the error that names the line and what stands there."""
     try:
         rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
-    except (OSError, UnicodeDecodeError):
+    except (OSError, ValueError):
         raise problem(f"expected a readable file at {path}", "file") from None
     found: list[tuple[float, float]] = []
     scales, expected = (1.0, 1.0), "expected time in s and speed in rad/s, with a comma between"

@@ -22,8 +22,6 @@ from cogless.study.table import (
 )
 
 Whole = Annotated[int, Field(ge=1, le=65535)]
-LearningGain = Annotated[float, Field(ge=0)]
-Bound = Annotated[float, Field(gt=0)]
 
 
 class Period(Table):
@@ -49,12 +47,14 @@ class SpaceLearning(Base):
     k_pp: Annotated[float, Quantity(units.RATE, ">", bare=True)] = 10.0  # 1/s, of the equation for P_t
     cells: Annotated[int, Field(ge=4, le=65535)] = 1024  # of the map; of the delay line, its longest period
     q_half_width: Annotated[int, Field(ge=0)] = 5  # cells, or samples, on each side of the Q filter; 0: none
-    mu_alpha: LearningGain = 0.0  # A, in the frame's angle
-    mu_beta: LearningGain = 0.0  # A*s^2/rad^2
-    mu_h: LearningGain = 0.0  # A*s^4/rad^2
+    mu_alpha: Annotated[float, Quantity(units.CURRENT, ">=", bare=True)] = 0.0  # A, in the frame's angle
+    mu_beta: Annotated[float, Quantity(units.SPEED_LEARNING, ">=", bare=True)] = 0.0  # A*s^2/rad^2
+    mu_h: Annotated[float, Quantity(units.ACCELERATION_LEARNING, ">=", bare=True)] = 0.0  # A*s^4/rad^2
     alpha_limit: CurrentBound | None = None  # A; default: the current limit
-    beta_limit: Bound | None = None  # A*s/rad; default: the current limit at the top speed
-    h_limit: Bound | None = None  # A*s^2/rad; default: the current limit at the top acceleration
+    # A*s/rad; default: the current limit at the top speed
+    beta_limit: Annotated[float, Quantity(units.SPEED_GAIN, ">", bare=True)] | None = None
+    # A*s^2/rad; default: the current limit at the top acceleration
+    h_limit: Annotated[float, Quantity(units.CURRENT_PER_ACCELERATION, ">", bare=True)] | None = None
     omega_min: LawSpeed = 0.01  # rad/s, mechanical: below it learning rests, what was learned acts on
 
     @model_validator(mode="after")
@@ -68,6 +68,10 @@ class SpaceLearning(Base):
         if self.learning and not (self.mu_alpha or self.mu_beta or self.mu_h):
             raise problem("expected false, or a learning gain: mu_alpha, mu_beta or mu_h", "learning")
         return self
+
+    @property
+    def learns(self) -> bool:
+        return self.learning
 
     @property
     def channels(self) -> int:
@@ -86,7 +90,7 @@ class SpacePosition(SpaceLearning):
     tuning: Tuning | None = None  # in place of k_theta, k_omega and k_i
     k_v: SpeedIntegralGain = 0.0  # A/rad
     v_0: SpeedGain = 0.0  # A*s/rad
-    v_2: LearningGain = 0.0  # A*s^3/rad^3
+    v_2: Annotated[float, Quantity(units.CUBIC_SPEED_GAIN, ">=", bare=True)] = 0.0  # A*s^3/rad^3
     hand_over: bool = True  # integral action fades out as learning fades in
     ramp: StartTime = 1.0  # s
     index: Literal["reference", "rotor"] = "reference"  # whose angle the memory counts

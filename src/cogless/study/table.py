@@ -7,10 +7,19 @@ import math
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetCoreSchemaHandler, model_validator
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    ModelWrapValidatorHandler,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import CoreSchema, ErrorDetails, InitErrorDetails, PydanticCustomError, core_schema
 
 from cogless import units
 from cogless.units import Dimension
@@ -35,21 +44,50 @@ class Table(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
-    @model_validator(mode="before")
     @classmethod
-    def _keys(cls, data: Any) -> Any:
+    def spelled_out(cls, data: Any) -> Any:
+        """The table that a short form stands for."""
+        return data
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _keys(cls, data: Any, validate: ModelWrapValidatorHandler[Self]) -> Self:
+        """All mistakes of a table at once: its keys, and their values. Wrong keys aren't checked against
+        each other."""
+        data = cls.spelled_out(data)
         if not isinstance(data, dict):
             raise problem(f"expected a table of {', '.join(cls.model_fields)}")
-        for key in data:
-            if key not in cls.model_fields:
-                expected = _suggestion(str(key), list(cls.model_fields))
-                raise problem(expected, key, value="unknown key")
-        for key, field in cls.model_fields.items():
-            if field.is_required() and key not in data:
-                quantity = next((entry for entry in field.metadata if isinstance(entry, Quantity)), None)
-                expected = quantity.expectation if quantity else "expected a value"
-                raise problem(expected, key, value="missing")
-        return data
+        wrong = _wrong_keys(cls, data)
+        if not wrong:
+            return validate(data)
+        try:
+            validate({key: value for key, value in data.items() if key in cls.model_fields})
+        except ValidationError as error:
+            found = error.errors(include_url=False)
+            wrong += [_again(d) for d in found if d["loc"] and d["loc"][0] in data]
+        raise ValidationError.from_exception_data(cls.__name__, wrong)
+
+
+def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetails]:
+    """Unknown keys, and missing ones that none of these may be meant for."""
+    known = list(table.model_fields)
+    near = {key: _near(key, known) for key in data if key not in known}
+    found = [problem(_suggestion(meant, known), key, value="unknown key") for key, meant in near.items()]
+    for key, field in table.model_fields.items():
+        if field.is_required() and key not in data and key not in near.values():
+            quantity = next((entry for entry in field.metadata if isinstance(entry, Quantity)), None)
+            expected = quantity.expectation if quantity else "expected a value"
+            found.append(problem(expected, key, value="missing"))
+    return [InitErrorDetails(type=error, input=data) for error in found]
+
+
+def _again(details: ErrorDetails) -> InitErrorDetails:
+    """A finding of pydantic's, to be raised once more."""
+    context = details.get("ctx", {})
+    own = PydanticCustomError("study", "{expected}", context) if details["type"] == "study" else None
+    return InitErrorDetails(
+        type=own or details["type"], loc=details["loc"], input=details["input"], ctx=context
+    )
 
 
 SMALLEST, LARGEST = 1e-15, 1e15  # SI: single precision holds them, and what laws make of two of them
@@ -90,18 +128,21 @@ def dotted_keys(override: dict[str, Any]) -> dict[str, Any]:
     return flat
 
 
-def _suggestion(key: str, known: Sequence[str]) -> str:
-    near = difflib.get_close_matches(key, known, n=1) or [
-        name for name in known if name.lower() == key.lower()
-    ]
-    return f'expected a known key, perhaps "{near[0]}"' if near else f"expected one of {', '.join(known)}"
+def _near(key: str, known: Sequence[str]) -> str | None:
+    """The known key that an unknown one is probably meant for."""
+    near = difflib.get_close_matches(key, known, n=1)
+    return next(iter(near), None) or next((name for name in known if name.lower() == key.lower()), None)
+
+
+def _suggestion(near: str | None, known: Sequence[str]) -> str:
+    return f'expected a known key, perhaps "{near}"' if near else f"expected one of {', '.join(known)}"
 
 
 @dataclass(frozen=True)
 class Quantity:
     """Pydantic annotation: a text with a unit becomes an SI float.
 
-    `sign` is "", ">" or ">=" (zero). `bare` accepts a plain number too, as SI (gains of controllers).
+    `sign` is "", ">" or ">=" (zero). `bare` accepts a plain number too, as SI: in a controller's tables.
     """
 
     dimension: Dimension
@@ -177,16 +218,17 @@ Inertia = Annotated[float, Quantity(units.INERTIA, ">")]
 ViscousFriction = Annotated[float, Quantity(units.VISCOUS_FRICTION, ">=")]
 CurrentGain = Annotated[float, Quantity(units.CURRENT_GAIN, ">=")]
 CurrentIntegralGain = Annotated[float, Quantity(units.CURRENT_INTEGRAL_GAIN, ">=")]
-PhaseMargin = Annotated[float, Quantity(units.ANGLE, ">")]
 
-# Of controllers: a plain number is accepted as SI.
+# The rule of plain numbers: in a controller's tables they are SI, everywhere else a quantity has its unit.
 SpeedGain = Annotated[float, Quantity(units.SPEED_GAIN, ">=", bare=True)]
 SpeedIntegralGain = Annotated[float, Quantity(units.SPEED_INTEGRAL_GAIN, ">=", bare=True)]
 CurrentToAcceleration = Annotated[float, Quantity(units.CURRENT_TO_ACCELERATION, ">", bare=True)]
 RateGain = Annotated[float, Quantity(units.RATE, ">=", bare=True)]
 RateGainPerTime = Annotated[float, Quantity(units.RATE_PER_TIME, ">=", bare=True)]
 AccelerationGain = Annotated[float, Quantity(units.ANGULAR_ACCELERATION, ">=", bare=True)]
-LawSpeed = Annotated[float, Quantity(units.LAW_SPEED, ">")]
+LawSpeed = Annotated[float, Quantity(units.LAW_SPEED, ">", bare=True)]
+LawFrequency = Annotated[float, Quantity(units.FREQUENCY, ">", bare=True)]
 CurrentBound = Annotated[float, Quantity(units.CURRENT, ">", bare=True)]
 StartTime = Annotated[float, Quantity(units.TIME, ">=", bare=True)]
+PhaseMargin = Annotated[float, Quantity(units.ANGLE, ">", bare=True)]
 NumberGain = Annotated[float, Field(ge=0)]

@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from cogless import units
 from cogless.study.controller import Base
-from cogless.study.table import Frequency, Many, Quantity, Table, problem
+from cogless.study.table import LawFrequency, Many, Quantity, Table, problem
 
 Weight = Many[float] | Many[Many[float]]
 
@@ -18,7 +18,7 @@ Weight = Many[float] | Many[Many[float]]
 class QFilter(Table):
     """A Butterworth low-pass, run forwards and backwards after each trial: it shifts no phase."""
 
-    cutoff: Frequency  # Hz
+    cutoff: LawFrequency  # Hz
     order: Annotated[int, Field(ge=1, le=4)] = 2
     acts_on: Literal["error", "signal"] = "error"  # the error before it is learned, or the learned signal
 

@@ -48,9 +48,8 @@ class PositionReference(Table):
 
     points: Many[tuple[Time, Position]]  # s, rad; the ends are held
 
-    @model_validator(mode="before")
     @classmethod
-    def _pairs(cls, data: Any) -> Any:
+    def spelled_out(cls, data: Any) -> Any:
         points = data if isinstance(data, list) else data.get("points") if isinstance(data, dict) else None
         if isinstance(points, list):
             return {"points": tuple(tuple(p) if isinstance(p, list) else p for p in points)}
