@@ -521,15 +521,15 @@ def test_spectra_say_who_turns_back_and_who_has_none_and_why(made):
     low = data_of(page)["scenarios"][0]
     assert [s["controller"] for s in low["spectra"][0]["series"]] == [0, 1]
     assert (
-        "The rotor turns back from 8 to 10 s. Only its longest way in one direction counts: "
+        "The rotor turns back between 8 and 10 s. Only its longest way in one direction counts: "
         "PI re-tuned 1.50 of 1.75 revolutions."
     ) in spectra_part(page)
     assert (
-        "PI-ILC has no bars: from 8 to 10 s it turns less than an electrical revolution in one direction, "
-        "0.00318 of 0.00318 revolutions."
+        "PI-ILC has no bars: between 8 and 10 s it turns less than an electrical revolution in one "
+        "direction, 0.00318 of 0.00318 revolutions."
     ) in spectra_part(page)
     lost = spectra_part(render(with_angle(made, pi=lambda t: np.where(t > 9, np.nan, t))))
-    assert "PI as published has no bars: from 8 to 10 s not all of its numbers are finite." in lost
+    assert "PI as published has no bars: between 8 and 10 s not all of its numbers are finite." in lost
 
 
 # --- page

@@ -108,8 +108,8 @@ def _left_out(results: Results, run: Run) -> str:
 
 
 def _when(results: Results, run: Run) -> str:
-    """From when to when a run's spectrum is taken."""
-    return "from {:.4g} to {:.4g} s".format(*run.trace.time[late(results, run)][[0, -1]])
+    """Between which times a run's spectrum is taken."""
+    return "between {:.4g} and {:.4g} s".format(*run.trace.time[late(results, run)][[0, -1]])
 
 
 def _way(theta: Array) -> float:
