@@ -96,8 +96,10 @@ def _scenario(
     """A scenario's part of the page; printed, it has its name, verdict and colours above it."""
     study, place = results.study, results.scenarios.index(scenario)
     ran = [run.controller for run in results.runs if run.scenario == scenario]
-    return Template(asset(f"{template}-scenario.html")).substitute(
-        parts(scenario),
+    return Template(asset("scenario.html")).substitute(
+        parts=Template(asset(f"{template}-scenario.html")).substitute(
+            parts(scenario), baseline=escape(study.label(study.baseline))
+        ),
         place=place,
         hidden=" hidden" if place else "",
         name=escape(scenario),
@@ -111,7 +113,6 @@ def _scenario(
             for name, colour in colours(results).items()
             if name in ran
         ),
-        baseline=escape(study.label(study.baseline)),
     )
 
 
