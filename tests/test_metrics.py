@@ -105,6 +105,50 @@ def test_less_than_a_revolution_gives_no_order():
         order_amplitudes(np.linspace(0, np.pi / 4, 100), np.zeros(100), [1], 4, True)
 
 
+def ahead_and_back(time):
+    """3.3 revolutions ahead, 1.9 back, 0.4 ahead: net 1.8, a whole one and more."""
+    return 2 * np.pi * np.interp(time, [0, 3.3, 5.2, 5.6], [0, 3.3, 1.4, 1.8])
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("frame", ["electrical", "mechanical"])
+def test_orders_of_a_rotor_that_turns_back_are_of_one_direction(direction, frame):
+    """The speed changes its sign with the direction, and its ripple differs: mixed, they are neither's."""
+    per_turn = 4 if frame == "electrical" else 1
+
+    def speed(time):
+        angle, back = per_turn * ahead_and_back(time), (time > 3.3) & (time <= 5.2)
+        return np.where(back, -6 - 0.9 * np.cos(6 * angle), 6 + 0.5 * np.cos(6 * angle) + 0.2 * np.sin(angle))
+
+    t = trace(theta_m=lambda time: direction * ahead_and_back(time), x=speed, duration=5.6)
+    found = value("order", t, order=(1, 6, 5), frame=frame)
+    assert found == pytest.approx([0.2, 0.5, 0], abs=1e-3)
+
+
+def test_orders_of_a_swing_without_net_turns():
+    t = trace(
+        theta_m=lambda time: 2 * np.pi * 2.2 * np.sin(np.pi * time),
+        x=lambda time: np.cos(3 * 2 * np.pi * 2.2 * np.sin(np.pi * time)) * np.sign(np.cos(np.pi * time)),
+    )
+    assert value("order", t, order=(3, 4), frame="mechanical") == pytest.approx([1, 0], abs=1e-3)
+
+
+def test_orders_of_a_rotor_that_hunts_within_its_ripple():
+    """It steps back in each slot and gets ahead all the same: of each angle the last passage counts."""
+    t = trace(
+        theta_m=lambda time: 2 * np.pi * time + 0.08 * np.sin(24 * 2 * np.pi * time),
+        x=lambda time: np.cos(5 * (2 * np.pi * time + 0.08 * np.sin(24 * 2 * np.pi * time))),
+    )
+    assert np.min(np.diff(t["theta_m"])) < 0
+    assert value("order", t, order=(5, 7), frame="mechanical") == pytest.approx([1, 0], abs=2e-3)
+
+
+def test_an_angle_that_is_not_finite_gives_no_order():
+    for lost in (np.nan, np.inf):
+        t = trace(x=0.0, theta_m=lambda time, lost=lost: np.where(time > 3, lost, 2 * np.pi * time))
+        assert np.isnan(value("order", t, order=(1,), frame="mechanical")).all()
+
+
 def first_order(amplitude, tau, event=1.0):
     return lambda time: np.where(time < event, 10.0, 10 - amplitude * np.exp(-(time - event) / tau))
 

@@ -115,7 +115,8 @@ def test_at_varying_speed_the_rms_of_the_error_counts(made):
 def test_every_plot_over_time_has_its_axis_named():
     """They are cards of their own, not a stack."""
     assert re.search(
-        r"decoded\.forEach\(\(p, i\) => panel\(parent, \{\s*title: p\.title, x: chart\.x,", asset("report.js")
+        r"decoded\.forEach\(\(p, i\) => sheet\.panel\(parent, \{\s*title: p\.title, x: chart\.x,",
+        asset("report.js"),
     )
 
 
@@ -125,6 +126,8 @@ def test_the_page_has_the_angle_and_the_criterion(made):
     assert any(title.startswith("Time of the last period") for title in titles)
     assert {"q current", "d current", "Angle error, electrical"} <= set(titles)
     assert len(drawn["angle"]) == 2 * 3 and len(drawn["angle"][0]["series"]) >= 3
+    assert drawn["angle"][0]["x"] == "angle within the period (°)"  # a longer one is cut off on a phone
+    assert " over one electrical revolution: " in drawn["angle"][0]["title"]
     assert [s["controller"] for s in drawn["criterion"]["series"]] == [1, 1, 2, 2]
     highest = [max(v for v in s["values"] if v is not None) for s in drawn["criterion"]["series"]]
     assert max(highest[:2]) == pytest.approx(1.71, abs=0.01) and max(highest[2:]) < 1

@@ -298,7 +298,8 @@ def test_page_is_one_offline_file(made):
     checker.feed(page)
     assert checker.open == [] and checker.loaded == []
     assert "url(" not in page and "@import" not in page
-    parts = ["within 3 trials after every change", 'id="over-trials"', 'class="numbers"', 'id="waveforms"']
+    parts = ["within 3 trials after every change", 'data-part="over-trials"', 'class="numbers"']
+    parts += ['data-part="waveforms"']
     parts += ['class="proof"', 'class="gains"', "Assumption about"]
     places = [page.index(part) for part in parts]
     assert places == sorted(places)
@@ -482,7 +483,7 @@ def test_page_is_quick_and_small(tmp_path):
     rms = np.full(500, 1e-3)
     made = synthetic.trial_results(study, {name: rms for name in ("none", "ilc", "input")})
     runs = [*made.runs, made.runs[-1]]
-    begun = time.perf_counter()
+    begun = time.process_time()
     write(replace(made, runs=runs), tmp_path / "report.html")
-    assert time.perf_counter() - begun < 1.0  # about 0.05 s on a free machine
+    assert time.process_time() - begun < 1.0  # about 0.05 s on a free machine
     assert (tmp_path / "report.html").stat().st_size < 4_000_000

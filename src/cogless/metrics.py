@@ -140,8 +140,8 @@ def maximum(m: Measurement) -> float:
 def order(m: Measurement) -> list[float]:
     """Amplitude (peak) of each order of an electrical or mechanical revolution, in the signal's unit.
 
-    Tracked on angle, so a varying speed doesn't smear it. NaN where the rotor turned too little for one: a
-    rotor that stalls has no orders.
+    Tracked on angle, so a varying speed doesn't smear it; over the longest way in one direction, where the
+    rotor turns back. NaN where it turned too little for one: a rotor that stalls has no orders.
     """
     orders = list(m.metric.order or ())
     try:
@@ -228,21 +228,38 @@ KINDS: dict[str, Callable[[Measurement], Value]] = {
 }
 
 
+def onward(theta: Array, x: Array) -> tuple[Array, Array]:
+    """Angle and x over the longest way in one direction: from one extreme of the angle to the other.
+
+    Of an angle that was passed several times on it, the last passage stays: what depends on the direction,
+    such as the speed itself, would else be mixed of both. All rows of a rotor that never turns back.
+    ValueError: no rows, or an angle that isn't finite.
+    """
+    if not len(theta) or not np.all(np.isfinite(theta)):
+        raise ValueError("expected one angle or more, all finite")
+    first, last = sorted((int(np.argmin(theta)), int(np.argmax(theta))))
+    way = slice(first, last + 1)
+    travelled = np.abs(theta[way] - theta[first])
+    stays = travelled <= np.minimum.accumulate(travelled[::-1])[::-1]
+    return theta[way][stays], x[way][stays]
+
+
 def order_amplitudes(
     theta_m: Array, x: Array, orders: Sequence[float], pole_pairs: int, electrical: bool
 ) -> list[float]:
     """Amplitudes of x at orders of a revolution, in x's unit.
 
-    Fourier integral over angle, by trapezoid, over the last whole revolutions: mechanical ones where there is
-    one (every order of the motor is whole over it, so none leaks into another), else electrical ones. An
-    order that is not whole takes as many revolutions as make it so. theta_m: unwrapped mechanical angle, rad,
-    in either direction.
-    ValueError: less than one such revolution.
+    Fourier integral over angle, by trapezoid, over the last whole revolutions of the way `onward`: mechanical
+    ones where there is one (every order of the motor is whole over it, so none leaks into another), else
+    electrical ones. An order that is not whole takes as many revolutions as make it so. theta_m: unwrapped
+    mechanical angle, rad, in either direction.
+    ValueError: less than one such revolution, or an angle that isn't finite.
     """
+    theta_m, x = onward(theta_m, x)
     frame = theta_m * pole_pairs if electrical else theta_m
     whole = whole_revolutions(orders)
     periods = [math.lcm(whole, pole_pairs), whole] if electrical else [whole]
-    turns = abs(float(frame[-1] - frame[0])) / (2 * math.pi) if len(frame) else 0.0
+    turns = abs(float(frame[-1] - frame[0])) / (2 * math.pi)
     # A window that was meant to hold exactly n revolutions may miss the last by a row.
     row = turns / max(1, len(frame) - 1)
     for period in periods:
@@ -270,8 +287,7 @@ def _last_part(angle: Array, x: Array, span: float) -> tuple[Array, Array]:
     direction = 1.0 if angle[-1] >= angle[0] else -1.0
     travelled = direction * (angle - angle[0])
     start = max(0.0, float(travelled[-1]) - span)
-    before = np.flatnonzero(travelled <= start)  # the last passage, should the rotor have turned back
-    first = min(int(before[-1]), len(angle) - 2)
+    first = min(int(np.searchsorted(travelled, start, side="right")) - 1, len(angle) - 2)
     share = (start - travelled[first]) / (travelled[first + 1] - travelled[first] or 1.0)
     x_start = x[first] + share * (x[first + 1] - x[first])
     return (

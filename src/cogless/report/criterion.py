@@ -55,6 +55,6 @@ def criterion(results: Results, runs: Sequence[Run]) -> dict[str, Any] | None:
     marks = [
         {"controller": place(results, run), "at": found.frequency}
         for run in runs
-        if (found := growth(results, run)) is not None
+        if (found := growth(results, run)) is not None and found.frequency > 0  # on a log axis
     ]
     return {"frequency": plain(f), "series": series, "marks": marks}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -24,16 +24,20 @@ def asset(name: str) -> str:
 
 
 def page(
-    template: str, results: AnyResults, found: Sequence[Verdict], data: dict[str, Any], **parts: str
+    template: str,
+    results: AnyResults,
+    found: Sequence[Verdict],
+    data: dict[str, Any],
+    parts: Callable[[str], Mapping[str, str]],
 ) -> str:
     """The whole file: a template of assets/ and its script, filled with what every report has.
 
-    `parts`: what only this template has, as HTML.
+    `parts`: a scenario's tables and notes as HTML, for the template of a scenario.
     """
     study = results.study
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return Template(asset(f"{template}.html")).substitute(
-        parts,
+        scenarios="".join(_scenario(template, results, found, name, parts) for name in results.scenarios),
         title=escape(study.title),
         description=f'<p class="description">{escape(study.description)}</p>' if study.description else "",
         interrupted='<p class="warning">Interrupted: not all runs are here.</p>'
@@ -49,7 +53,6 @@ def page(
             f"{escape(study.label(name))}</button>"
             for name, colour in colours(results).items()
         ),
-        baseline=escape(study.label(study.baseline)),
         assumptions=assumptions(study),
         settings=settings(study),
         footer=_footer(results),
@@ -67,16 +70,50 @@ def note(text: str) -> str:
     return f'<p class="note">{escape(text)}</p>'
 
 
-def scenario_block(place: int, content: str) -> str:
-    """What is shown while the scenario at this place of the results is chosen."""
-    hidden = " hidden" if place else ""
-    return f'<div class="scenario" data-scenario="{place}"{hidden}>{content}</div>'
+def reservations(sentences: Sequence[str]) -> str:
+    """What a table or plot does not show, or only with a reservation."""
+    return "".join(f'<p class="note missed">{escape(sentence)}</p>' for sentence in sentences)
+
+
+def scrolled(table: str, about: str) -> str:
+    """A table that scrolls sideways where it is wider than the page, by keys too; `about`: its name."""
+    return f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(about)}">{table}</div>'
 
 
 def controller_heading(label: str, baseline: bool) -> str:
     """A controller at the head of a table's column."""
     mark = ' <span class="base">(baseline)</span>' if baseline else ""
     return f"<th>{escape(label)}{mark}</th>"
+
+
+def _scenario(
+    template: str,
+    results: AnyResults,
+    found: Sequence[Verdict],
+    scenario: str,
+    parts: Callable[[str], Mapping[str, str]],
+) -> str:
+    """A scenario's part of the page; printed, it has its name, verdict and colours above it."""
+    study, place = results.study, results.scenarios.index(scenario)
+    ran = [run.controller for run in results.runs if run.scenario == scenario]
+    return Template(asset("scenario.html")).substitute(
+        parts=Template(asset(f"{template}-scenario.html")).substitute(
+            parts(scenario), baseline=escape(study.label(study.baseline))
+        ),
+        place=place,
+        hidden=" hidden" if place else "",
+        name=escape(scenario),
+        headline="".join(
+            f'<p class="headline">{escape(verdict.headline)}</p>'
+            for verdict in found
+            if verdict.scenario == scenario
+        ),
+        legend="".join(
+            f'<span class="key" style="--colour:var(--c{colour})">{escape(study.label(name))}</span>'
+            for name, colour in colours(results).items()
+            if name in ran
+        ),
+    )
 
 
 def _verdict(found: Sequence[Verdict], results: AnyResults) -> str:

@@ -226,7 +226,7 @@ def _series(
 ) -> list[dict[str, Any]]:
     """A panel's signal of each run, of the speed the reference, of what is learnt in angle what is needed."""
     drawn: list[tuple[float, dict[str, Any]]] = []
-    signal = panel.signal
+    signal, on_top = panel.signal, -math.inf
     for run in runs:
         names = learnt_terms(results, run) if signal == "learnt" else [signal]
         if not names or names[0] not in run.trace:
@@ -234,13 +234,11 @@ def _series(
         scale = factor(panel.unit, SIGNALS[names[0]]) / (panel.error.ratio if panel.error else 1)
         if signal == "omega_m" and not drawn:
             reference = {"dash": True, **_packed(run.trace["omega_ref"] / scale, run.trace, views)}
-            drawn.append((math.inf, reference))
+            drawn.append((on_top, reference))
         if signal == "learnt" and not drawn and _in_angle(results, run):
             needed = needed_current(results, run)
             if needed is not None:
-                drawn.append(
-                    (-math.inf, {"dash": True, "label": "needed", **_packed(needed, run.trace, views)})
-                )
+                drawn.append((on_top, {"dash": True, "label": "needed", **_packed(needed, run.trace, views)}))
         x = np.sum([run.trace[name] for name in names], axis=0) / scale
         series = {"controller": place(results, run), **_packed(x, run.trace, views)}
         drawn.append((_spread(x[views[0].rows(run.trace)]), series))

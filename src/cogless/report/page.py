@@ -7,7 +7,7 @@ from pathlib import Path
 from cogless.files import replacing
 from cogless.report import charts, criterion, maps, markup, periods, spectra
 from cogless.report.comparison import speed_unit
-from cogless.report.tables import metric_tables, term_tables
+from cogless.report.tables import metric_table, term_tables
 from cogless.report.verdict import verdicts
 from cogless.results import Results
 
@@ -27,10 +27,13 @@ def render(results: Results) -> str:
         results,
         verdicts(results, unit),
         charts.data(results, unit),
-        tables=metric_tables(results),
-        spectra_note=markup.note(spectra.NOTE),
-        map_note=markup.note(maps.NOTE),
-        angle_note=markup.note(periods.NOTE),
-        criterion_note=markup.note(criterion.NOTE),
-        terms=term_tables(results),
+        lambda scenario: {
+            "tables": metric_table(results, scenario),
+            "spectra_note": markup.note(" ".join((spectra.NOTE, spectra.turned_back(results, scenario)))),
+            "spectra_left_out": markup.reservations(spectra.left_out(results, scenario)),
+            "map_note": markup.note(maps.NOTE),
+            "angle_note": markup.note(periods.NOTE),
+            "criterion_note": markup.note(criterion.NOTE),
+            "terms": term_tables(results, scenario),
+        },
     )

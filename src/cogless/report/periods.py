@@ -38,7 +38,7 @@ def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
         return []
     label = results.study.label(run.controller)
     about = {
-        "x": f"angle within the period, 360° is {_period(law)} (°)",
+        "x": "angle within the period (°)",
         "angle": np.linspace(0, 360, CELLS + 1).tolist(),
     }
     learnt = np.sum([run.trace[name] for name in learnt_terms(results, run)], axis=0)
@@ -50,7 +50,7 @@ def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
     return [
         {
             **about,
-            "title": f"{title}: {label}",
+            "title": f"{title} over {_period(law)}: {label}",
             "quantity": quantity,
             "unit": unit,
             "series": [

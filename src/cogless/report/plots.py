@@ -11,7 +11,7 @@ import numpy as np
 from cogless.report import charts
 from cogless.report.comparison import speed_unit
 from cogless.report.packing import Array, unpack
-from cogless.report.still import STYLE, Axes, look, save
+from cogless.report.still import REFERENCE, STYLE, Axes, look, save
 from cogless.results import Results
 
 
@@ -66,7 +66,7 @@ def _panel(
         x = grid["start"] + grid["step"] * np.arange(len(y))
         inside = (x >= zoom["from"]) & (x <= zoom["to"])
         if series.get("dash"):
-            ax.plot(x[inside], y[inside], "--", color="#5c6570", linewidth=0.8, zorder=5)
+            ax.plot(x[inside], y[inside], **REFERENCE)
         else:
             ax.plot(x[inside], y[inside], **look(controllers[series["controller"]]))
     for mark in marks:

@@ -21,7 +21,7 @@ def settings(study: StudyBase) -> str:
         if rows:
             groups.append(
                 f'<div class="group"><h3><code>[{escape(name)}]</code></h3>'
-                f'<div class="scroll"><table>{rows}</table></div></div>'
+                f'<div class="boxed"><table>{rows}</table></div></div>'
             )
     return f'<div class="settings">{"".join(groups)}</div>'
 
@@ -35,7 +35,7 @@ def assumptions(study: StudyBase) -> str:
         for a in study.assumption
     )
     head = "<thead><tr><th>Assumption about</th><th>because</th></tr></thead>"
-    return f'<h3>Assumptions</h3><div class="scroll"><table>{head}<tbody>{rows}</tbody></table></div>'
+    return f'<h3>Assumptions</h3><div class="boxed"><table>{head}<tbody>{rows}</tbody></table></div>'
 
 
 def _groups(tables: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -8,16 +8,18 @@ from typing import Any
 
 import numpy as np
 
+from cogless.metrics import onward
 from cogless.report.comparison import pretty
 from cogless.report.holding import late
 from cogless.report.overtime import near_reference
-from cogless.report.packing import Array, plain
+from cogless.report.packing import Array, number, plain
 from cogless.report.palette import place
 from cogless.report.paths import learnt_terms, varies
 from cogless.results import Results, Run
 from cogless.units import ANGULAR_SPEED, factor
 
 SHOWN_ORDERS = 24
+BACK = 0.01  # of a rotor's way: less is no turning back
 
 NOTE = (
     "Amplitude of each order, integrated over angle in the last whole revolutions of the run. The baseline's "
@@ -68,13 +70,64 @@ def _signal(run: Run) -> str:
     return "omega_error" if varies(run.trace["omega_ref"][len(run.trace) // 2 :]) else "omega_m"
 
 
+def left_out(results: Results, scenario: str) -> list[str]:
+    """A sentence for each controller that has no spectrum, and why."""
+    return [text for run in results.runs if run.scenario == scenario and (text := _left_out(results, run))]
+
+
+def turned_back(results: Results, scenario: str) -> str:
+    """Which controllers' spectra are of a part of their way, since the rotor turns back; "" where none is."""
+    found, when = [], ""
+    for run in results.runs:
+        theta = run.trace["theta_m"][late(results, run)]
+        if run.scenario == scenario and len(theta) > 1 and not _left_out(results, run):
+            way, turns = _way(theta), _turns(theta)
+            when = _when(results, run)
+            if way - turns > BACK * way:
+                of = f"{number(turns)} of {number(way)} revolutions"
+                found.append(f"{results.study.label(run.controller)} {of}")
+    if not found:
+        return ""
+    return f"The rotor turns back {when}. Only its longest way in one direction counts: {'; '.join(found)}."
+
+
+def _left_out(results: Results, run: Run) -> str:
+    trace, rows = run.trace, late(results, run)
+    label, theta = results.study.label(run.controller), trace["theta_m"][rows]
+    if len(theta) < 2:
+        return ""
+    x, pole_pairs, when = trace[_signal(run)][rows], results.study.motor.pole_pairs, _when(results, run)
+    if not np.all(np.isfinite(theta) & np.isfinite(x)):
+        return f"{label} has no bars: {when} not all of its numbers are finite."
+    if order_spectrum(theta, x, pole_pairs, pole_pairs) is not None:
+        return ""
+    turned = f"{number(_turns(theta))} of {number(_way(theta))} revolutions"
+    return (
+        f"{label} has no bars: {when} it turns less than an electrical revolution in one direction, {turned}."
+    )
+
+
+def _when(results: Results, run: Run) -> str:
+    """Between which times a run's spectrum is taken."""
+    return "between {:.4g} and {:.4g} s".format(*run.trace.time[late(results, run)][[0, -1]])
+
+
+def _way(theta: Array) -> float:
+    """Revolutions turned in both directions together."""
+    return float(np.sum(np.abs(np.diff(theta)))) / (2 * math.pi)
+
+
+def _turns(theta: Array) -> float:
+    """Revolutions of the longest way in one direction; 0 where an angle isn't finite."""
+    return float(np.ptp(theta)) / (2 * math.pi) if len(theta) and np.all(np.isfinite(theta)) else 0.0
+
+
 def _highest(results: Results, run: Run) -> int:
     """The highest mechanical order that is looked at: 24 electrical ones, if the rows hold them."""
-    rows = late(results, run)
-    theta = run.trace["theta_m"][rows]
-    turned = abs(float(theta[-1] - theta[0])) / (2 * math.pi) if len(theta) > 1 else 0.0
+    theta = run.trace["theta_m"][late(results, run)]
+    turned = _turns(theta)
     most = 24 * results.study.motor.pole_pairs
-    return min(most, int(len(theta) / turned / 2.5)) if turned > 1e-9 else most  # not where it's NaN
+    return min(most, int(len(onward(theta, theta)[0]) / turned / 2.5)) if turned > 1e-9 else most
 
 
 def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array | None, Array | None]:
@@ -89,11 +142,9 @@ def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array |
     near = np.flatnonzero(near_reference(run))
     if after is None or len(near) == 0:
         return None, after
-    begun = slice(
-        int(near[0]),
-        int(near[0] + np.searchsorted(np.abs(theta[near[0] :] - theta[near[0]]), 2 * math.pi)) + 1,
-    )
-    if begun.stop > rows.start or not learnt_terms(results, run):
+    turned = np.abs(theta[near[0] :] - theta[near[0]]) >= 2 * math.pi
+    begun = slice(int(near[0]), int(near[0] + np.argmax(turned)) + 1)
+    if not np.any(turned) or begun.stop > rows.start or not learnt_terms(results, run):
         return None, after
     return order_spectrum(theta[begun], x[begun], highest, pole_pairs), after
 
@@ -101,15 +152,15 @@ def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array |
 def order_spectrum(theta_m: Array, x: Array, highest: int, pole_pairs: int) -> Array | None:
     """Amplitudes of the mechanical orders 0 to `highest` (0: left at zero), in x's unit.
 
-    Over the last whole mechanical revolutions, on an even grid of angle; every pole_pairs-th order is an
-    electrical one. With less than a mechanical revolution, over the last electrical ones: then only
-    electrical orders are there, the others are NaN. None: less than that, a rotor that turns back, or
+    Over the last whole mechanical revolutions of the longest way in one direction, on an even grid of angle;
+    every pole_pairs-th order is an electrical one. With less than a mechanical revolution, over the last
+    electrical ones: then only electrical orders are there, the others are NaN. None: less than that, or
     numbers that aren't finite.
     """
     if len(x) < 2 or not np.all(np.isfinite(theta_m) & np.isfinite(x)):
         return None
-    direction = 1.0 if theta_m[-1] >= theta_m[0] else -1.0
-    travelled = direction * (theta_m - theta_m[0])
+    theta_m, x = onward(theta_m, x)
+    travelled = np.abs(theta_m - theta_m[0])
     row = float(travelled[-1]) / max(1, len(x) - 1)
     turns = (float(travelled[-1]) + 2 * row) / (2 * math.pi)
     if turns >= 1:
@@ -117,8 +168,6 @@ def order_spectrum(theta_m: Array, x: Array, highest: int, pole_pairs: int) -> A
     elif turns * pole_pairs >= 1:
         span, stride = math.floor(turns * pole_pairs) * 2 * math.pi / pole_pairs, pole_pairs
     else:
-        return None
-    if np.any(np.diff(travelled) < 0):
         return None
     cycles = round(span * stride / (2 * math.pi))
     per_cycle = max(2 * highest // stride + 2, len(x) // cycles)

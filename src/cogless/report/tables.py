@@ -10,22 +10,18 @@ import numpy as np
 
 from cogless.report.comparison import Line, compare, factor_text, misses
 from cogless.report.holding import late
-from cogless.report.markup import controller_heading, note, scenario_block
+from cogless.report.markup import controller_heading, note, reservations, scrolled
 from cogless.report.packing import number
 from cogless.report.palette import colours
 from cogless.report.paths import LEARNT, learns
 from cogless.results import AnyResults, Results, Run
 
 
-def metric_tables(results: Results) -> str:
-    """One table a scenario: metrics down, controllers across; best marked, ratio to the baseline."""
-    label = results.study.label
-    tables = []
-    for place, scenario in enumerate(results.scenarios):
-        lines = compare(results, scenario)
-        notes = [_note(f"{label(c)} did not hold the speed in {how}") for c, how in misses(lines).items()]
-        tables.append(scenario_block(place, line_table(results, scenario, lines) + "".join(notes)))
-    return "".join(tables)
+def metric_table(results: Results, scenario: str) -> str:
+    """Metrics down, controllers across; best marked, ratio to the baseline."""
+    label, lines = results.study.label, compare(results, scenario)
+    missed = [f"{label(c)} did not hold the speed in {how}" for c, how in misses(lines).items()]
+    return line_table(results, scenario, lines) + reservations(missed)
 
 
 def line_table(results: AnyResults, scenario: str, lines: Sequence[Line]) -> str:
@@ -37,38 +33,31 @@ def line_table(results: AnyResults, scenario: str, lines: Sequence[Line]) -> str
     head = "".join(controller_heading(label(c), c == baseline) for c in controllers)
     body = "".join(_row(line, controllers, baseline) for line in lines)
     table = f"<thead><tr><th>{escape(scenario)}</th>{head}</tr></thead><tbody>{body}</tbody>"
-    return f'<div class="scroll"><table class="numbers">{table}</table></div>'
+    return scrolled(f'<table class="numbers">{table}</table>', f"Numbers of {scenario}")
 
 
-def term_tables(results: Results) -> str:
-    """One block a scenario: RMS of each term of each law late in the run, and of its varying part."""
-    blocks = []
-    for place, scenario in enumerate(results.scenarios):
-        runs = [run for run in results.runs if run.scenario == scenario]
-        tables = "".join(_terms(results, run, results.study.label(run.controller)) for run in runs)
-        about = (
-            f'<p class="note">RMS of each term of the current reference late in {escape(scenario)}; the '
-            "varying part is about its mean, so it leaves out what only carries the load.</p>"
-        )
-        blocks.append(scenario_block(place, about + tables if tables else ""))
-    return "".join(blocks)
+def term_tables(results: Results, scenario: str) -> str:
+    """RMS of each term of each law late in the run, and of its varying part; empty where there are none."""
+    runs = [run for run in results.runs if run.scenario == scenario]
+    tables = "".join(_terms(results, run, results.study.label(run.controller)) for run in runs)
+    about = note(
+        f"RMS of each term of the current reference late in {scenario}; the varying part is about its mean, "
+        "so it leaves out what only carries the load."
+    )
+    return about + tables if tables else ""
 
 
 def _row(line: Line, controllers: list[str], baseline: str) -> str:
     cells = []
     for controller in controllers:
         ratio = line.ratio(controller, baseline)
-        factor = f' <span class="ratio">{factor_text(ratio) if ratio is not None else ""}</span>'
-        if controller == baseline or controller in line.missed:
+        factor = f' <span class="ratio">{factor_text(ratio)}</span>' if ratio is not None else ""
+        if controller == baseline:
             factor = ""
         sort = "best" if controller in line.best else "missed" if controller in line.missed else ""
         value = escape(line.text(controller))
-        cells.append(f'<td class="{sort}">{value}{factor}</td>')
+        cells.append(f'<td class="{sort}"><span class="value">{value}</span>{factor}</td>')
     return f"<tr><th>{escape(line.title)}</th>{''.join(cells)}</tr>"
-
-
-def _note(text: str) -> str:
-    return f'<p class="note missed">{escape(text)}</p>'
 
 
 def _terms(results: Results, run: Run, label: str) -> str:
@@ -89,11 +78,9 @@ def _terms(results: Results, run: Run, label: str) -> str:
         return ""
     head = '<th>term</th><th class="figure">RMS</th><th></th><th class="figure">varying part</th><th></th>'
     colour = colours(results)[run.controller]
-    return (
-        f'<h3 class="key" style="--colour:var(--c{colour})">{escape(label)}</h3><div class="scroll">'
-        f'<table class="terms" style="--colour:var(--c{colour})"><thead><tr>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
-    )
+    style = f'style="--colour:var(--c{colour})"'
+    table = f'<table class="terms" {style}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
+    return f'<h3 class="key" {style}>{escape(label)}</h3>' + scrolled(table, f"Terms of {label}")
 
 
 def _largest(figures: Sequence[float]) -> float:

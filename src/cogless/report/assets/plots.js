@@ -1,15 +1,13 @@
 "use strict";
-// What the reports share: plots in cards that zoom together, buttons for scenarios and controllers.
-// `report`: {controllers: [{label, colour}], scenarios}; `draw` draws the chosen scenario.
+// What the reports share: scenarios with their plots in cards that zoom together, buttons for scenarios and controllers.
+// `report`: {controllers: [{label, colour}], scenarios}; `draw` draws a scenario's data on its sheet.
 const reportPage = (report, draw) => {
   const hidden = new Set(); // controllers
-  const zoomed = new Map(); // group of plots -> its {from, to}, kept when they are drawn anew
-  let scenario = 0;
-  let plots = [];
-  let zooming = false;
+  let chosen = 0; // scenario
 
-  const $ = (selector) => document.querySelector(selector);
-  const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const root = document.documentElement;
+  const printing = () => root.classList.contains("printing");
+  const style = (name) => getComputedStyle(root).getPropertyValue(name).trim();
   const colour = (controller) => style("--c" + report.controllers[controller].colour);
   const make = (tag, parent, text = "", className = "") => {
     const element = parent.appendChild(document.createElement(tag));
@@ -30,114 +28,167 @@ const reportPage = (report, draw) => {
     });
   };
 
+  const FONT = "12px system-ui, sans-serif";
+  const WIDE = 7.5; // px that a character takes at most
+
+  // A number on an axis whose numbers are so far apart: with as many digits as tell them from each other.
+  const tick = (x, apart) => {
+    const digits = (first) => Math.min(15, Math.max(0, 1 + Math.ceil(first - Math.log10(apart))));
+    const large = Math.abs(x);
+    if (large >= 1e5 || (x && apart < 1e-4)) return x.toExponential(digits(Math.log10(large))).replace(/\.?0*e\+?/, "e");
+    return String(Number(x.toFixed(digits(0))));
+  };
+  const ticks = (u, splits, i, space, apart) => {
+    const log = u.scales[u.axes[i].scale].distr === 3;
+    return splits.map((x) => (x == null ? "" : log ? number(x) : tick(x, apart)));
+  };
+
   const axis = (label, side) => ({
-    label, side, labelSize: label ? 20 : 0, labelFont: "12px system-ui, sans-serif", font: "12px system-ui, sans-serif",
-    size: side === 3 ? 58 : 34, labelGap: 0, stroke: style("--soft"),
+    label, side, labelSize: label ? 20 : 0, labelFont: FONT, font: FONT,
+    size: side === 3 ? (u, texts) => Math.max(58, 14 + WIDE * Math.max(0, ...(texts ?? []).map((t) => String(t ?? "").length))) : 34,
+    // Beside each other there must be room for the longest number.
+    ...(side === 2 && { space: (u, i, low, high, length) => {
+      const apart = Math.max(high - low, 1e-12) / Math.max(1, length / 50);
+      return 16 + WIDE * Math.max(...[low, high].map((x) => tick(x, apart).length));
+    } }),
+    labelGap: 0, stroke: style("--soft"), values: ticks,
     grid: { stroke: style("--grid"), width: 1 }, ticks: { stroke: style("--grid"), width: 1, size: 4 },
-    ...(side === 3 && { values: (_, ticks) => ticks.map((tick) => (tick == null ? "" : number(tick))) }),
   });
 
-  // One plot in a card: a title, the values under the cursor, the axes with their units. A series has `values` and a
-  // `controller` (`fade`: 0 to 1, how much of its colour), or a `stroke` of its own; `label`: its name beside the value. `adapt` may change uPlot's options.
-  function panel(parent, { title, x, y, xs, series, height = 180, group = null, readX = number, cursor = {}, adapt = () => {} }) {
-    const card = make("div", parent, "", "panel");
-    const head = make("header", card);
-    make("strong", head, title);
-    const readout = make("span", head, "", "readout");
-    const faded = (s) => colour(s.controller) + (s.fade == null ? "" : Math.round(255 * s.fade).toString(16).padStart(2, "0"));
-    const stroke = (s) => s.stroke ?? (s.controller == null ? style("--soft") : faded(s));
-    const show = (u) => {
-      readout.textContent = "";
-      const i = u.cursor.idx;
-      if (i == null) return;
-      make("span", readout, readX(xs[i]));
-      const inOrder = series.map((s, k) => [s, k]).sort(([a], [b]) => (a.controller ?? -1) - (b.controller ?? -1));
-      inOrder.forEach(([s, k]) => {
-        if (!u.series[k + 1].show) return;
-        const value = number(u.data[k + 1][i]);
-        const text = s.label ? `${s.label} ${value}` : value;
-        make("span", readout, text, s.controller == null && !s.stroke ? "" : "key").style.setProperty("--colour", stroke(s));
-      });
-    };
-    const zoom = (u, key) => {
-      if (key !== "x" || group == null || zooming) return;
-      zooming = true;
-      const { min, max } = u.scales.x;
-      zoomed.set(group, { from: min, to: max });
-      for (const other of plots) if (other.group === group && other.u !== u) other.u.setScale("x", { min, max });
-      zooming = false;
-    };
-    const options = {
-      width: card.clientWidth - 16, height,
-      legend: { show: false },
-      cursor: { y: false, sync: group == null ? undefined : { key: group, setSeries: false, scales: ["x", null] }, drag: { x: true, y: false }, points: { show: true }, ...cursor },
-      scales: { x: { time: false }, y: {} },
-      axes: [axis(x, 2), axis(y, 3)],
-      series: [{}, ...series.map((s) => ({
-        stroke: stroke(s), width: s.width ?? (s.dash ? 1 : 1.4), dash: s.dash ? [5, 4] : undefined,
-        points: { show: false }, show: !hidden.has(s.controller), spanGaps: false,
-      }))],
-      hooks: { setCursor: [show], setScale: [zoom], drawClear: [], draw: [] },
-    };
-    adapt(options);
-    const u = new uPlot(options, [xs, ...series.map((s) => s.values)], card);
-    u.over.addEventListener("dblclick", () => u.setScale("x", { min: u.data[0][0], max: u.data[0].at(-1) }));
-    plots.push({ u, card, series, group });
-    return u;
-  }
-
-  // Show a part of all plots of a group.
-  const zoomTo = (group, { from, to }) => plots.find((p) => p.group === group)?.u.setScale("x", { min: from, max: to });
-
-  // Remove the plots in `parent`, or all of them.
-  function clear(parent = document) {
-    plots = plots.filter(({ u, card }) => {
-      const gone = parent.contains(card);
-      if (gone) u.destroy();
-      return !gone;
-    });
-    const cards = parent === document ? document.querySelectorAll(".panels") : [parent];
-    for (const element of cards) element.textContent = "";
-  }
-
-  function redraw() {
-    clear();
+  // A scenario's part of the page, with its plots.
+  function sheet(article, scenario) {
     const shown = report.scenarios[scenario];
-    if (!shown) return;
-    document.querySelectorAll(".bar .chips button").forEach((chip, i) => { chip.hidden = !shown.controllers.includes(i); });
-    draw(shown);
-    resize();
+    const zoomed = new Map(); // group of plots -> its {from, to}, kept when they are drawn anew
+    let plots = [];
+    let zooming = false;
+    const part = (name) => article.querySelector(`[data-part="${name}"]`);
+
+    // One plot in a card: a title, the values under the cursor, the axes with their units. A series has `values` and a
+    // `controller` (`fade`: 0 to 1, how much of its colour), or a `stroke` of its own; `label`: its name beside the value.
+    // `least`: px below which it scrolls sideways instead. `adapt` may change uPlot's options.
+    function panel(parent, { title, x, y, xs, series, height = 180, least = 0, group = null, readX = number, cursor = {}, adapt = () => {} }) {
+      const card = make("div", parent, "", "panel");
+      const head = make("header", card);
+      make("strong", head, title);
+      const readout = make("span", head, "", "readout");
+      const box = make("div", card, "", "plot");
+      const faded = (s) => colour(s.controller) + (s.fade == null ? "" : Math.round(255 * s.fade).toString(16).padStart(2, "0"));
+      const stroke = (s) => s.stroke ?? (s.controller == null ? style("--ink") : faded(s));
+      const show = (u) => {
+        readout.textContent = "";
+        const i = u.cursor.idx;
+        if (i == null) return;
+        make("span", readout, readX(xs[i]));
+        const inOrder = series.map((s, k) => [s, k]).sort(([a], [b]) => (a.controller ?? -1) - (b.controller ?? -1));
+        inOrder.forEach(([s, k]) => {
+          if (!u.series[k + 1].show) return;
+          const value = number(u.data[k + 1][i]);
+          const text = s.label ? `${s.label} ${value}` : value;
+          make("span", readout, text, s.controller == null && !s.stroke ? "" : "key").style.setProperty("--colour", stroke(s));
+        });
+      };
+      const zoom = (u, key) => {
+        if (key !== "x" || group == null || zooming) return;
+        zooming = true;
+        const { min, max } = u.scales.x;
+        zoomed.set(group, { from: min, to: max });
+        for (const other of plots) if (other.group === group && other.u !== u) other.u.setScale("x", { min, max });
+        zooming = false;
+      };
+      const options = {
+        width: box.clientWidth, height,
+        legend: { show: false },
+        cursor: { y: false, sync: group == null ? undefined : { key: `${scenario} ${group}`, setSeries: false, scales: ["x", null] }, drag: { x: true, y: false }, points: { show: true }, ...cursor },
+        scales: { x: { time: false }, y: {} },
+        axes: [axis(x, 2), axis(y, 3)],
+        series: [{}, ...series.map((s) => ({
+          stroke: stroke(s), width: s.width ?? (s.dash && s.controller != null ? 1 : 1.4), dash: s.dash ? [5, 4] : undefined,
+          points: { show: false }, show: !hidden.has(s.controller), spanGaps: false,
+        }))],
+        hooks: { setCursor: [show], setScale: [zoom], drawClear: [], draw: [] },
+      };
+      adapt(options);
+      const u = new uPlot(options, [xs, ...series.map((s) => s.values)], box);
+      u.over.addEventListener("dblclick", () => u.setScale("x", { min: u.data[0][0], max: u.data[0].at(-1) }));
+      plots.push({ u, card, box, series, group, least, title });
+      return u;
+    }
+
+    // Show a part of all plots of a group.
+    const zoomTo = (group, { from, to }) => plots.find((p) => p.group === group)?.u.setScale("x", { min: from, max: to });
+
+    // Remove the plots in `parent`, or all of them.
+    function clear(parent = article) {
+      plots = plots.filter(({ u, card }) => {
+        const gone = parent.contains(card);
+        if (gone) u.destroy();
+        return !gone;
+      });
+      const cards = parent === article ? article.querySelectorAll(".panels") : [parent];
+      for (const element of cards) element.textContent = "";
+    }
+
+    function redraw() {
+      clear();
+      draw(shown, self);
+      resize();
+    }
+
+    function resize() {
+      for (const { u, box, least, title } of plots) {
+        const room = box.clientWidth;
+        const scrolls = least > room && !printing(); // paper doesn't scroll
+        u.setSize({ width: scrolls ? least : room, height: u.height });
+        if (scrolls) Object.entries({ tabindex: 0, role: "region", "aria-label": title }).forEach(([k, v]) => box.setAttribute(k, v));
+        else ["tabindex", "role", "aria-label"].forEach((k) => box.removeAttribute(k));
+      }
+    }
+
+    // After a controller was shown or hidden.
+    function toggle(controller) {
+      for (const { u, series } of plots) {
+        series.forEach((s, k) => { if (s.controller === controller) u.setSeries(k + 1, { show: !hidden.has(controller) }); });
+        u.redraw();
+      }
+    }
+
+    const self = { article, shown, part, panel, zoomed, zoomTo, clear, redraw, resize, toggle };
+    return self;
   }
 
-  function resize() {
-    for (const { u, card } of plots) u.setSize({ width: card.clientWidth - 16, height: u.height });
-  }
+  const sheets = [...document.querySelectorAll("article.scenario")].map(sheet);
 
   function select(index) {
-    scenario = index;
-    zoomed.clear();
+    sheets[chosen].clear();
+    chosen = index;
     document.querySelectorAll(".tabs button").forEach((b, i) => b.setAttribute("aria-pressed", i === index));
-    document.querySelectorAll(".scenario").forEach((e) => { e.hidden = Number(e.dataset.scenario) !== index; });
-    redraw();
+    sheets.forEach(({ article }, i) => { article.hidden = i !== index; });
+    document.querySelectorAll(".bar .chips button").forEach((chip, i) => { chip.hidden = !sheets[index].shown.controllers.includes(i); });
+    sheets[index].redraw();
+  }
+
+  // Paper has all scenarios, at its own width and in light colours.
+  function print(on) {
+    root.classList.toggle("printing", on);
+    sheets.forEach((sheet, i) => (on || i === chosen ? sheet.redraw() : sheet.clear()));
   }
 
   function begin() {
+    if (!sheets.length) return;
     document.querySelectorAll("[data-select]").forEach((b) => { b.onclick = () => select(Number(b.dataset.select)); });
     document.querySelectorAll(".bar .chips button").forEach((button, controller) => {
       button.onclick = () => {
         hidden.has(controller) ? hidden.delete(controller) : hidden.add(controller);
         button.setAttribute("aria-pressed", !hidden.has(controller));
-        for (const { u, series } of plots) {
-          series.forEach((s, k) => { if (s.controller === controller) u.setSeries(k + 1, { show: !hidden.has(controller) }); });
-          u.redraw();
-        }
+        sheets[chosen].toggle(controller);
       };
     });
-    addEventListener("resize", resize);
-    addEventListener("beforeprint", resize);
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+    addEventListener("resize", () => sheets[chosen].resize());
+    addEventListener("beforeprint", () => print(true));
+    addEventListener("afterprint", () => print(false));
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => sheets[chosen].redraw());
     select(0);
   }
 
-  return { $, style, colour, make, number, quantity, unpack, panel, zoomed, zoomTo, hidden, clear, redraw, resize, begin };
+  return { style, colour, make, number, quantity, unpack, hidden, begin };
 };

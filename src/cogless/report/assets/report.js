@@ -2,20 +2,25 @@
 (() => {
   const report = JSON.parse(document.getElementById("data").textContent);
   const page = reportPage(report, draw);
-  const { $, colour, make, number, unpack, panel, zoomed, zoomTo, hidden } = page;
+  const { colour, make, number, unpack, hidden } = page;
+  const BAR = 3; // px, at least
+  const AXES = 80; // px beside a plot, about
+  const FILLED = 0.78; // of an order's place by its bars
 
   // Groups of bars over names, such as orders, in place of lines over numbers.
-  function bars(parent, { xs, series, ...options }) {
-    panel(parent, {
+  function bars(sheet, parent, { xs, series, ...options }) {
+    sheet.panel(parent, {
       ...options, xs: xs.map((_, i) => i), series, readX: (i) => options.readX(xs[i]), cursor: { drag: { x: false, y: false }, points: { show: false } },
+      least: AXES + xs.length * Math.max(24, (BAR * series.length) / FILLED),
       adapt: (o) => {
         o.scales.x.range = () => [-0.6, xs.length - 0.4];
-        o.scales.y = barScale(series);
+        o.scales.y = barScale(series, sheet.article.querySelector(".log").checked);
         for (const s of o.series.slice(1)) s.paths = () => null;
         o.hooks.draw.push((u) => drawBars(u, series));
         o.axes[0].splits = () => xs.map((_, i) => i);
         o.axes[0].values = (u, splits) => {
-          const every = Math.ceil(24 / (u.over.clientWidth / xs.length || 24));
+          const wide = 8 + 7.5 * String(xs.at(-1)).length;
+          const every = Math.ceil((wide * xs.length) / (u.width - AXES));
           return splits.map((i) => (i % every ? "" : xs[i]));
         };
         o.axes[0].grid.show = false;
@@ -23,10 +28,10 @@
     });
   }
 
-  function barScale(series) {
+  function barScale(series, log) {
     const values = series.flatMap((s) => [...s.values, ...(s.early ?? [])]).filter((v) => v > 0);
     const top = Math.max(...values, 1e-12);
-    if (!$("#log").checked) return { range: () => [0, 1.08 * top] };
+    if (!log) return { range: () => [0, 1.08 * top] };
     return { distr: 3, range: () => [Math.max(Math.min(...values), 1e-4 * top) / 1.5, 1.5 * top] };
   }
 
@@ -35,7 +40,8 @@
     const { ctx } = u;
     const shown = series.filter((s) => !hidden.has(s.controller));
     const slot = u.valToPos(1, "x", true) - u.valToPos(0, "x", true);
-    const width = Math.min((0.78 * slot) / Math.max(1, shown.length), 26 * devicePixelRatio);
+    const width = Math.min((FILLED * slot) / Math.max(1, shown.length), 26 * devicePixelRatio);
+    const bar = width - Math.min(devicePixelRatio, width / 4);
     const floor = u.bbox.top + u.bbox.height;
     const height = (value) => Math.min(floor, u.valToPos(Math.max(value, u.scales.y.min), "y", true));
     ctx.save();
@@ -44,8 +50,8 @@
       ctx.lineWidth = 1.5 * devicePixelRatio;
       s.values.forEach((value, i) => {
         const left = u.valToPos(i, "x", true) + (k - shown.length / 2) * width;
-        if (value > 0) ctx.fillRect(left, height(value), width - devicePixelRatio, floor - height(value));
-        if (s.early?.[i] > 0) ctx.strokeRect(left, height(s.early[i]), width - devicePixelRatio, 0);
+        if (value > 0) ctx.fillRect(left, height(value), bar, floor - height(value));
+        if (s.early?.[i] > 0) ctx.strokeRect(left, height(s.early[i]), bar, 0);
       });
     });
     ctx.restore();
@@ -58,7 +64,7 @@
     return series;
   };
 
-  function drawTimes(parent, chart, group, options = () => ({})) {
+  function drawTimes(sheet, parent, chart, group, options = () => ({})) {
     const decoded = chart.panels.map((p) => ({ ...p, series: lines(p.series) }));
     const length = Math.max(...decoded.map((p) => longest(p.series)));
     const grid = ({ start, step }, count) => Array.from({ length: count }, (_, i) => start + i * step);
@@ -72,7 +78,7 @@
       for (const p of decoded) for (const s of p.series) s.values = joined(s.values, s.details[k]);
       xs = joined(xs, at);
     }
-    decoded.forEach((p, i) => panel(parent, {
+    decoded.forEach((p, i) => sheet.panel(parent, {
       title: p.title, x: chart.x, y: page.quantity(p.quantity, p.unit), xs, series: padded(p.series, xs.length), group,
       readX: (t) => `${t.toFixed(4)} s`, ...options(i),
     }));
@@ -128,11 +134,11 @@
   };
 
   // When each state of the controllers held: a lane for each, with a bar for each controller.
-  function drawStrip(parent, lanes, xs, marks) {
+  function drawStrip(sheet, parent, lanes, xs, marks) {
     const count = Math.max(...lanes.map((l) => l.runs.length));
     const [name, bar] = [16, 6];
     const lane = name + bar * count + 4;
-    panel(parent, {
+    sheet.panel(parent, {
       title: "Status of the controllers: when each state held", x: "time (s)", y: " ", xs, series: [], height: lanes.length * lane + 72, group: "time", readX: (t) => `${t.toFixed(4)} s`,
       adapt: (o) => {
         o.scales.y.range = () => [0, 1];
@@ -157,10 +163,10 @@
   }
 
   // Factors over frequency against one, and upright lines where something grew.
-  function drawCriterion(parent, { frequency, series, marks }) {
+  function drawCriterion(sheet, parent, { frequency, series, marks }) {
     const one = { values: frequency.map(() => 1), dash: true, label: "limit" };
-    panel(parent, {
-      title: "Factor per period", x: "frequency (Hz)", y: "factor", xs: frequency, series: [one, ...series], height: 260, readX: (f) => `${number(f)} Hz`,
+    sheet.panel(parent, {
+      title: "Factor per period", x: "frequency (Hz)", y: "factor", xs: frequency, series: [...series, one], height: 260, readX: (f) => `${number(f)} Hz`,
       adapt: (o) => {
         o.scales.x.distr = 3;
         o.axes[0].values = (_, ticks) => ticks.map((f) => (f != null && Math.abs(Math.log10(f) % 1) < 1e-6 ? number(f) : ""));
@@ -185,43 +191,49 @@
     });
   }
 
-  function draw(shown) {
+  function draw(shown, sheet) {
+    const { part, panel, zoomed, zoomTo } = sheet;
+    const panels = (name) => part(name).querySelector(".panels");
     const wanted = zoomed.get("time");
-    const waveforms = $("#waveforms .panels");
-    const xs = drawTimes(waveforms, shown.waveforms, "time", (i) => ({ adapt: shade(shown.marks, i === 0) }));
-    if (shown.strip.length) drawStrip(waveforms, shown.strip, xs, shown.marks);
-    const zooms = $(".zooms");
+    part("waveforms").hidden = !shown.waveforms.panels.length;
+    if (shown.waveforms.panels.length) {
+      const xs = drawTimes(sheet, panels("waveforms"), shown.waveforms, "time", (i) => ({ adapt: shade(shown.marks, i === 0) }));
+      if (shown.strip.length) drawStrip(sheet, panels("waveforms"), shown.strip, xs, shown.marks);
+    }
+    const zooms = part("waveforms").querySelector(".zooms");
     zooms.textContent = "";
     for (const z of shown.zooms) make("button", zooms, z.name).onclick = () => zoomTo("time", z);
     const named = (name) => shown.zooms.find((z) => z.name === name);
     const first = wanted ?? shown.zooms.find((z) => z.first) ?? named("after start-up") ?? shown.zooms[0];
     if (first) zoomTo("time", first);
 
-    $("#spectra").hidden = !shown.spectra.length;
+    part("spectra").hidden = !shown.spectra.length && !part("spectra").querySelector(".missed");
     for (const s of shown.spectra)
-      bars($("#spectra .panels"), {
+      bars(sheet, panels("spectra"), {
         title: s.title, x: s.x, y: page.quantity(s.quantity, s.unit), xs: s.orders, series: s.series, height: 230, readX: (n) => `order ${n}`,
       });
 
-    $("#map").hidden = !shown.maps.length;
+    part("map").hidden = !shown.maps.length;
     for (const m of shown.maps)
-      panel($("#map .panels"), {
+      panel(panels("map"), {
         title: m.title, x: m.x, y: "current (A)", xs: m.angle, series: m.series, height: 230, readX: (a) => `${number(a)}°`,
       });
 
-    $("#angle").hidden = !shown.angle.length;
+    part("angle").hidden = !shown.angle.length;
     for (const a of shown.angle)
-      panel($("#angle .panels"), {
+      panel(panels("angle"), {
         title: a.title, x: a.x, y: page.quantity(a.quantity, a.unit), xs: a.angle, series: a.series, group: "angle", readX: (x) => `${number(x)}°`,
       });
 
-    $("#criterion").hidden = !shown.criterion;
-    if (shown.criterion) drawCriterion($("#criterion .panels"), shown.criterion);
+    part("criterion").hidden = !shown.criterion;
+    if (shown.criterion) drawCriterion(sheet, panels("criterion"), shown.criterion);
 
-    $("#events").hidden = !shown.events.length;
-    shown.events.forEach((e, i) => drawTimes($("#events .panels"), e, "event" + i, () => ({ height: 210 })));
+    part("events").hidden = !shown.events.length;
+    shown.events.forEach((e, i) => drawTimes(sheet, panels("events"), e, "event" + i, () => ({ height: 210 })));
+
+    part("terms").hidden = !part("terms").querySelector("table");
+    part("spectra").querySelector(".log").onchange = sheet.redraw;
   }
 
-  $("#log").onchange = page.redraw;
   page.begin();
 })();

@@ -2,29 +2,29 @@
 (() => {
   const report = JSON.parse(document.getElementById("data").textContent);
   const page = reportPage(report, draw);
-  const { $, style, colour, make, number, quantity, unpack, panel, zoomed, zoomTo } = page;
+  const { style, colour, make, number, quantity, unpack } = page;
   const FONT = "11px system-ui, sans-serif";
   const ROW = 15; // of marks' names, in pixels
 
-  // Which waveforms are shown: of one controller several trials, or of one trial all controllers.
-  let view = null; // {by: "trial" or "controller", trial, trials, controller}
+  // Which waveforms a sheet shows: of one controller several trials, or of one trial all controllers.
+  const views = new Map(); // sheet -> {by: "trial" or "controller", trial, trials, controller}
 
-  function draw(shown) {
-    const kept = zoomed.get("trials");
-    overTrials(shown.over_trials, kept);
-    if (!shown.waveforms.panels.length) view = null;
-    else if (view?.of !== shown) view = { of: shown, ...beginning(shown) };
-    $("#waveforms").hidden = !view;
-    if (view) waveforms(shown, zoomed.get("waves"));
-    certificate(shown.certificate);
-    $("#gains").hidden = !$("#gains table");
+  function draw(shown, sheet) {
+    const { part, zoomed } = sheet;
+    overTrials(sheet, shown.over_trials, zoomed.get("trials"));
+    const waves = shown.waveforms.panels.length > 0;
+    if (waves && !views.has(sheet)) views.set(sheet, beginning(shown));
+    part("waveforms").hidden = !waves;
+    if (waves) waveforms(sheet, zoomed.get("waves"));
+    certificate(sheet, shown.certificate);
+    part("gains").hidden = !part("gains").querySelector("table");
   }
 
   // --- over the trials
 
-  function overTrials({ charts, trials, marks, zooms }, kept) {
-    $("#over-trials").hidden = !charts.length;
-    const parent = $("#over-trials .panels");
+  function overTrials({ part, panel, zoomTo }, { charts, trials, marks, zooms }, kept) {
+    part("over-trials").hidden = !charts.length;
+    const parent = part("over-trials").querySelector(".panels");
     charts.forEach((chart, i) => {
       const xs = Array.from({ length: trials }, (_, k) => k + 1);
       const series = chart.series.map((s) => ({ controller: s.controller, values: unpack(s.values).map((v) => (v == null ? null : 10 ** v)) }));
@@ -42,7 +42,7 @@
       });
       if (chart.note) make("p", parent, chart.note, "note");
     });
-    const buttons = $(".zooms");
+    const buttons = part("over-trials").querySelector(".zooms");
     buttons.textContent = "";
     for (const z of zooms) make("button", buttons, z.name).onclick = () => zoomTo("trials", z);
     if (kept) zoomTo("trials", kept);
@@ -120,16 +120,18 @@
     return { by: phases.length > 1 && controllers.length > 1 ? "trial" : "controller", trial: phase.trials[0], trials: new Set(phase.trials), controller: last };
   }
 
-  function waveforms(shown, kept) {
+  function waveforms(sheet, kept) {
+    const { shown, zoomed, zoomTo } = sheet;
     const { phases, note } = shown.waveforms;
-    const [views, chooser] = [$("#waveforms .views"), $("#waveforms .chooser")];
-    views.textContent = chooser.textContent = "";
+    const view = views.get(sheet);
+    const [kinds, chooser, about, panels] = [".views", ".chooser", ".about", ".panels"].map((name) => sheet.part("waveforms").querySelector(name));
+    kinds.textContent = chooser.textContent = "";
     const again = (change) => () => {
       change();
       const zoom = zoomed.get("waves");
-      page.clear($("#waveforms .panels"));
-      waveforms(shown, zoom);
-      page.resize();
+      sheet.clear(panels);
+      waveforms(sheet, zoom);
+      sheet.resize();
     };
     const choice = (parent, text, chosen, change) => {
       const button = make("button", parent, text);
@@ -139,10 +141,10 @@
       return button;
     };
     const byTrial = view.by === "trial";
-    choice(views, "one trial, all controllers", byTrial, () => { view.by = "trial"; });
-    choice(views, "one controller, several trials", !byTrial, () => { view.by = "controller"; });
+    choice(kinds, "one trial, all controllers", byTrial, () => { view.by = "trial"; });
+    choice(kinds, "one controller, several trials", !byTrial, () => { view.by = "controller"; });
     const chosen = [...view.trials].sort((a, b) => a - b).join(", ");
-    $("#waveforms .about").textContent = (byTrial
+    about.textContent = (byTrial
       ? `Trial ${view.trial}, all controllers. `
       : `${report.controllers[view.controller].label}, trials ${chosen || view.trial}, the earliest palest. A phase's name chooses all of its trials. `) +
       `Of each phase there are the first, second, fifth and last trial. ${note}`;
@@ -164,12 +166,12 @@
           if (!byTrial) view.trials.has(trial) ? view.trials.delete(trial) : view.trials.add(trial);
         }).setAttribute("aria-label", `trial ${trial}`);
     }
-    drawWaves(shown.waveforms, byTrial);
+    drawWaves(sheet, panels, view, byTrial);
     if (kept) zoomTo("waves", kept);
   }
 
-  function drawWaves({ panels, phases, x, start, step }, byTrial) {
-    const parent = $("#waveforms .panels");
+  function drawWaves({ shown, panel }, parent, view, byTrial) {
+    const { panels, phases, x, start, step } = shown.waveforms;
     const trials = byTrial ? [view.trial] : [...view.trials].sort((a, b) => a - b);
     const wanted = trials.length ? trials : [view.trial];
     const of = new Set(wanted.map((trial) => phases.findIndex((p) => p.trials.includes(trial))));
@@ -203,17 +205,16 @@
 
   // --- certificate
 
-  function certificate(charts) {
-    $("#certificate").hidden = !charts.length && !$("#certificate table");
+  function certificate({ part, panel }, charts) {
+    part("certificate").hidden = !charts.length && !part("certificate").querySelector("table");
     for (const chart of charts) {
       const xs = chart.frequency;
       const series = chart.series.map((s) => ({ ...s, values: unpack(s.values), label: s.dash && "unfiltered" }));
       const dashed = series.some((s) => s.dash) ? ", without Q filter dashed" : "";
-      panel($("#certificate .panels"), {
+      panel(part("certificate").querySelector(".panels"), {
         title: `${chart.title}: |F| of the worst plant${dashed}`, x: "frequency (Hz)", y: "|F|, factor a trial", xs, series, height: 260, readX: (f) => `${number(f)} Hz`,
         adapt: (o) => {
           o.scales.x = { time: false, distr: 3, range: (u, low, high) => [low, high] };
-          o.axes[0].values = (u, ticks) => ticks.map((tick) => (tick == null ? "" : number(tick)));
           o.scales.y = { range: (u, low, high) => [0, 1.1 * Math.max(1, high ?? 1)] };
           o.hooks.drawAxes = [(u) => drawLevel(u, 1, "above 1 the error may grow", [])];
         },

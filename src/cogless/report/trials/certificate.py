@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cogless.design.certificate import ENDS, Certificate, Learning, ModelCertificate
-from cogless.report.markup import scenario_block
+from cogless.report.markup import scrolled
 from cogless.report.packing import number, pack, plain
 from cogless.report.palette import colours, place
 from cogless.results import Run, TrialResults
@@ -46,16 +46,13 @@ def models(certificate: Certificate) -> Iterator[tuple[str, ModelCertificate]]:
         yield names["exact"], certificate.exact
 
 
-def certificate_tables(results: TrialResults) -> str:
-    """One table a scenario; empty where no run has a certificate."""
-    blocks = []
-    for index, scenario in enumerate(results.scenarios):
-        runs = [run for run in results.runs if run.scenario == scenario and run.design is not None]
-        rows = "".join(_rows(results, run) for run in runs)
-        head = "".join(f"<th>{heading}</th>" for heading in HEADINGS)
-        table = f'<table class="proof"><thead><tr>{head}</tr></thead>{rows}</table>'
-        blocks.append(scenario_block(index, f'<div class="scroll">{table}</div>' if rows else ""))
-    return "".join(blocks) if any(run.design is not None for run in results.runs) else ""
+def certificate_table(results: TrialResults, scenario: str) -> str:
+    """A row for each controller and kind of model; empty where no run has a certificate."""
+    runs = [run for run in results.runs if run.scenario == scenario and run.design is not None]
+    rows = "".join(_rows(results, run) for run in runs)
+    head = "".join(f"<th>{heading}</th>" for heading in HEADINGS)
+    table = f'<table class="proof"><thead><tr>{head}</tr></thead>{rows}</table>'
+    return scrolled(table, f"Certificates in {scenario}") if rows else ""
 
 
 def curves(results: TrialResults, runs: Sequence[Run]) -> list[dict[str, Any]]:
@@ -120,7 +117,7 @@ def _rows(results: TrialResults, run: Run) -> str:
                 model.delayed_stable,
                 "stable" if model.delayed_stable else "unstable",
             ),
-            f"<td>{NONE if model.phi_radius is None else close_to_one(model.phi_radius)}</td>",
+            f"<td>{NONE if model.phi_radius is None else _value(close_to_one(model.phi_radius))}</td>",
             _learning(model.without_filter),
             _learning(model.with_filter),
             _growth(model.growth),
@@ -153,8 +150,14 @@ def _limit(learning: Learning | None, K_3: float, where: str = "") -> str:
     return f'<span class="small"><br>{limit}{where}</span>' if where else limit
 
 
+def _value(text: str) -> str:
+    return f'<span class="value">{text}</span>'
+
+
 def _cell(value: str, good: bool, word: str, plant: str = "", detail: str = "") -> str:
     """A number and what it means; the plant that has it is told under the pointer."""
     title = f' title="{escape(plant)}"' if plant else ""
     small = f'<br><span class="small">{escape(detail)}</span>' if detail else ""
-    return f'<td{title}>{value} <span class="tag {"good" if good else "bad"}">{word}</span>{small}</td>'
+    return (
+        f'<td{title}>{_value(value)} <span class="tag {"good" if good else "bad"}">{word}</span>{small}</td>'
+    )

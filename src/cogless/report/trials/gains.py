@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cogless.design.lmi import Check
 from cogless.design.trial import TrialDesign
-from cogless.report.markup import controller_heading, scenario_block
+from cogless.report.markup import controller_heading, note, scrolled
 from cogless.report.packing import number
 from cogless.results import TrialResults
 from cogless.study import TrialStudy
@@ -18,27 +18,24 @@ from cogless.study import TrialStudy
 NONE = "–"  # noqa: RUF001
 
 
-def gain_tables(results: TrialResults) -> str:
-    """One table a scenario, gains down, controllers across; empty where no run has a design."""
+def gain_table(results: TrialResults, scenario: str) -> str:
+    """Gains down, controllers across; empty where no run has a design."""
     study = results.study
-    blocks = []
-    for index, scenario in enumerate(results.scenarios):
-        runs = [run for run in results.runs if run.scenario == scenario]
-        designs = {run.controller: run.design for run in runs if run.design is not None}
-        columns = {name: dict(_gains(study, design)) for name, design in designs.items()}
-        keys = list(dict.fromkeys(key for column in columns.values() for key in column))
-        head = "".join(controller_heading(study.label(name), name == study.baseline) for name in columns)
-        body = "".join(
-            f"<tr><th>{escape(key)}</th>"
-            + "".join(f"<td>{escape(column.get(key, NONE))}</td>" for column in columns.values())
-            + "</tr>"
-            for key in keys
-        )
-        table = f'<table class="gains"><thead><tr><th></th>{head}</tr></thead><tbody>{body}</tbody></table>'
-        notes = dict.fromkeys(note for design in designs.values() for note in design.notes)
-        told = "".join(f'<p class="note">{escape(note)}.</p>' for note in notes)
-        blocks.append(scenario_block(index, f'<div class="scroll">{table}</div>{told}' if body else ""))
-    return "".join(blocks) if any(run.design is not None for run in results.runs) else ""
+    runs = [run for run in results.runs if run.scenario == scenario]
+    designs = {run.controller: run.design for run in runs if run.design is not None}
+    columns = {name: dict(_gains(study, design)) for name, design in designs.items()}
+    keys = list(dict.fromkeys(key for column in columns.values() for key in column))
+    head = "".join(controller_heading(study.label(name), name == study.baseline) for name in columns)
+    body = "".join(
+        f"<tr><th>{escape(key)}</th>"
+        + "".join(f"<td>{escape(column.get(key, NONE))}</td>" for column in columns.values())
+        + "</tr>"
+        for key in keys
+    )
+    table = f'<table class="gains"><thead><tr><th></th>{head}</tr></thead><tbody>{body}</tbody></table>'
+    told = dict.fromkeys(text for design in designs.values() for text in design.notes)
+    notes = "".join(note(f"{text}.") for text in told)
+    return scrolled(table, f"Gains in {scenario}") + notes if body else ""
 
 
 def _gains(study: TrialStudy, design: TrialDesign) -> Iterator[tuple[str, str]]:

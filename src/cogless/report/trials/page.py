@@ -8,7 +8,7 @@ from cogless.files import replacing
 from cogless.report import markup
 from cogless.report.tables import line_table
 from cogless.report.trials import certificate, charts
-from cogless.report.trials.gains import gain_tables
+from cogless.report.trials.gains import gain_table
 from cogless.report.trials.lines import phase_lines
 from cogless.report.trials.verdict import verdicts
 from cogless.results import TrialResults
@@ -27,11 +27,10 @@ def render(results: TrialResults) -> str:
         results,
         verdicts(results),
         charts.data(results),
-        tables="".join(
-            markup.scenario_block(place, line_table(results, scenario, phase_lines(results, scenario)))
-            for place, scenario in enumerate(results.scenarios)
-        ),
-        certificates=certificate.certificate_tables(results),
-        certificate_note=markup.note(certificate.NOTE),
-        gains=gain_tables(results),
+        lambda scenario: {
+            "tables": line_table(results, scenario, phase_lines(results, scenario)),
+            "certificates": certificate.certificate_table(results, scenario),
+            "certificate_note": markup.note(certificate.NOTE),
+            "gains": gain_table(results, scenario),
+        },
     )

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cogless.report.packing import unpack
-from cogless.report.still import STYLE, Axes, look, save
+from cogless.report.still import REFERENCE, STYLE, Axes, look, save
 from cogless.report.trials import charts
 from cogless.results import TrialResults
 
@@ -78,7 +78,7 @@ def _trials(path: Path, title: str, data: dict[str, Any], controllers: Sequence[
                 if panel["references"]:
                     y = unpack(panel["references"][place])
                     x = waves["start"] + waves["step"] * np.arange(len(y))
-                    ax.plot(x, y, "--", color="#5c6570", linewidth=0.8, zorder=5)
+                    ax.plot(x, y, **REFERENCE)
                 ax.margins(x=0)
             row[0].set_ylabel(_with_unit(panel["quantity"], panel["unit"]))
             row[0].set_title(panel["title"], loc="left", fontsize=9)
