@@ -13,6 +13,7 @@ import trial_studies
 from trial_studies import DRIVE, LINEAR
 
 from cogless import run_study
+from cogless.design.from_study import design_study
 from cogless.errors import StudyError
 from cogless.results import TrialResults, to_dict
 from cogless.simulate import RunError, simulate
@@ -158,3 +159,15 @@ def test_what_cannot_be_designed_is_one_line(
         run(tmp_path, changes, text)
     assert "\n" not in str(error.value)
     assert str(error.value).removeprefix(f"{tmp_path}/study.toml: ").startswith(line)
+
+
+def test_no_change_of_the_initial_state_is_a_setting(tmp_path: Path) -> None:
+    """Not the default, which is that of `initial_state`."""
+    zero, default = (
+        design_study(trial_studies.loaded(tmp_path, changes), [("move", "ilc")])["move", "ilc"]
+        for changes in ({"design.initial_change": [0, 0, 0]}, {})
+    )
+    assert zero.gains.learning is not None and default.gains.learning is not None
+    assert zero.gains.learning.check.passed and zero.gains.learning.bounds[0] == 0
+    assert zero.gains.learning.bounds[1] < default.gains.learning.bounds[1]
+    assert zero.K_3 < default.K_3

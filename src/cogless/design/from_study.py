@@ -122,7 +122,7 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         Q=design.Q,
         R=design.input_weight,
         gamma=design.initial_state,
-        f=design.initial_change or design.initial_state,
+        f=design.initial_state if design.initial_change is None else design.initial_change,
         g=design.initial_error,
         **own,
     )
