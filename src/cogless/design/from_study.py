@@ -163,9 +163,7 @@ def _alike(settings: TrialSettings, other: TrialSettings) -> bool:
         return s.K_3, s.shift, (s.cutoff, s.filter_order) if s.filtered == "signal" else None
 
     same = feedback(settings) == feedback(other)
-    return same and (
-        not needs_K_3(settings) or (needs_K_3(other) and learning(settings) == learning(other))
-    )
+    return same and (not needs_K_3(settings) or (needs_K_3(other) and learning(settings) == learning(other)))
 
 
 @contextmanager
