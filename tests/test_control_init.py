@@ -81,7 +81,7 @@ SPACE_MEMORY = {"kind": 1, "channels": 2, "cells": 12, "turns": 2, "parts": 3, "
 BAD_SPACE_MEMORY = {
     "kind": [2, 0xFFFFFFFF],
     "channels": [0, 4, 0xFFFFFFFF],
-    "cells": [0, 3, 6, 65536, 0xFFFFFFFF],
+    "cells": [0, 3, 6, 16777217, 0xFFFFFFFF],
     "turns": [0, 65536, 0xFFFFFFFF],
     "parts": [0, 65536, 0xFFFFFFFF],
     "q_half_width": [6, 32768, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF],
@@ -202,6 +202,15 @@ def test_the_test_knows_every_field(law):
     library = control_library("double")
     fields = {name for name, _ in library.ffi.typeof(f"cgl_{law}_config").fields}
     assert fields == set(CONFIGS[law][0]) | ELSEWHERE.get(law, set())
+
+
+@pytest.mark.parametrize("law", ["memory", "space_memory"])
+@pytest.mark.parametrize(("kind", "most"), [(0, 65535), (1, 16777216)])
+def test_a_delay_line_may_be_longer_than_a_map(law, kind, most):
+    library = control_library("float")
+    at_most, more = (CONFIGS[law][0] | {"kind": kind, "cells": cells} for cells in (most, most + 1))
+    assert init(library, law, at_most) == library.lib.CGL_ERROR_MEMORY  # there is no more than that wrong
+    assert init(library, law, more) == library.lib.CGL_ERROR_CONFIG
 
 
 @pytest.mark.parametrize("kind", [0, 1])

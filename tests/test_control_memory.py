@@ -279,6 +279,24 @@ def test_no_entry_of_the_period_is_left_out_at_any_speed(precision):
 
 
 @pytest.mark.parametrize("precision", ["float", "double"])
+def test_by_time_a_period_has_more_samples_than_16_bit_count(precision):
+    library = control_library(precision)
+    reference = TimeMemory(70_000, 1, 2, 1.0, 10.0, TS)
+    memory = CMemory(library, reference)
+    reference.values = rounded(np.linspace(0.0, 9.0, 80_000), library.real).tolist()
+    for value in reference.values:
+        memory.update(value)
+    for period in (69_990.0, 65_536.5, 66_000.25):
+        omega = 2 * math.pi / (period * TS)
+        got, expected = memory.recall(0.0, omega), reference.recall(0.0, omega)
+        assert got.known and expected.known
+        # a period is known to some eps of itself, and a sample is 9 / 80000
+        tolerance = 4 * library.eps * (10.0 + period * 9 / 80_000)
+        assert got.held == pytest.approx(expected.held, abs=tolerance)
+        assert got.filtered == pytest.approx(expected.filtered, abs=tolerance)
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
 @pytest.mark.parametrize("omega", [0.0, 0.5, 1e4, math.nan, math.inf, 1e-40, -0.5])
 def test_by_time_a_period_outside_the_memory_is_unknown(precision, omega):
     memory = CMemory(control_library(precision), TimeMemory(100, 1, 10, 1.0, 10.0, TS))

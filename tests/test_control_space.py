@@ -313,6 +313,33 @@ def test_p_t_by_its_equation_recovers_from_a_wrong_value():
     assert abs(errors[22000]) < 2 * math.exp(-10) * 5e-3  # the speed back then has at most doubled
 
 
+@pytest.mark.parametrize("method", ["ode", "inversion"])
+def test_a_line_of_more_samples_than_16_bit_count_equals_the_reference(method):
+    """The longest period of the line has 65,600 samples, and what was stored then is what comes back."""
+    slow, quick = 65_600, 800
+    reference = SpaceDelay(70_000, 1, 1, 3, [1.0], method, 10.0, TS)
+    m = CMemory(control_library("double"), reference)
+    first = (np.arange(slow - 10) / slow).tolist()
+    for x in first:  # in the reference this is history
+        m.recall(x * 2 * math.pi)
+        m.update([math.sin(x * 2 * math.pi)])
+    reference.whole, reference.rest = [0] * len(first), first
+    reference.rows = [[math.sin(x * 2 * math.pi)] for x in first]
+    longest = 0.0
+    for x in [*((slow - 10 + np.arange(100)) / slow), *((slow + 89) / slow + np.arange(1, 780) / quick)]:
+        theta = float(x % 1.0) * 2 * math.pi
+        (got, learns), (expected, known) = m.recall(theta), reference.recall(theta, True, True)
+        assert learns == known
+        assert abs(m.state.p_t - reference.p_t) <= 1e-9
+        assert abs(got[0] - expected[0]) <= 1e-9
+        if reference.p_t > 0:
+            assert abs(got[0] - math.sin(theta)) < 0.02
+        longest = max(longest, reference.p_t)
+        for memory in (m, reference):
+            memory.update([math.sin(theta)], learns)
+    assert longest == pytest.approx(slow * TS, abs=2 * TS)
+
+
 # ---- interpolation, Q filter
 
 

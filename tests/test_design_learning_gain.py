@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from design_plants import START, Q, R, drive_train, mandra, speed
 from scipy.linalg import toeplitz
-from scipy.optimize import nnls
+from scipy.optimize import minimize_scalar, nnls
 
 from cogless.design.certificate import Gains
 from cogless.design.error import DesignError
@@ -44,6 +44,20 @@ def test_mandra_gain_with_our_feedback() -> None:
     plant = mandra()
     *loops, nominal = loops_of(plant, guaranteed_cost(plant, Q, R, START, True).K_s)
     assert pytest.approx(0.6942, abs=1e-3) == learning_gain(loops, nominal, 2, START, G).K_3
+
+
+def test_without_a_change_of_the_start_the_gain_is_the_fastest_by_frequency(paper: LearningGain) -> None:
+    """f = 0 leaves beta_2 alone, and that is smallest where the largest |F| is."""
+    *loops, nominal = loops_of(mandra(), K_S)
+    found = learning_gain(loops, nominal, 2, np.zeros(3), G)
+    assert found.check.passed and found.bounds[0] == 0
+    assert found.bounds[1] < paper.bounds[1]
+    on_circle = Bundle(loops, 2)(np.linspace(0.0, np.pi, 10001))
+    best = minimize_scalar(
+        lambda K: factor(on_circle, K).max(), bounds=(0.1, 1.1), method="bounded", options={"xatol": 1e-8}
+    )
+    assert pytest.approx(best.x, abs=1e-5) == found.K_3
+    assert found.bounds[1] == pytest.approx(G**2 * best.fun**2 / (1 - best.fun**2), rel=1e-6)
 
 
 def test_units_of_the_states_do_not_matter(paper: LearningGain) -> None:

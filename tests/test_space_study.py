@@ -217,6 +217,13 @@ def test_what_a_law_records_can_be_measured(tmp_path: Path) -> None:
         ({"controller.pi": {**SPACE, "memory": "delay", "cells": 100}},
             "controller.pi.cells: 100: expected 250 or more, the samples of a period at the slowest speed of "
             "scenario low"),
+        ({"controller.pi": {**SPACE, "cells": 65536}},
+            "controller.pi.cells: 65536: expected at most 65535, since the memory is a map"),
+        ({"controller.pi": {**SPACE, "memory": "delay", "period": {"of": "mechanical", "turns": 3000}},
+          "scenario.low.reference": {"speed": "0.1 rad/s"}, "scenario.low.initial_speed": "0.1 rad/s",
+          "metric": []},
+            'controller.pi.memory: "delay": expected "map": a period at the slowest speed of scenario low '
+            "has 188495560 samples, and a delay line at most 16777216"),
         ({"controller.pi": {**SPACE, "period": {"parts": 100}}},
             "controller.pi.period: expected a longer one: at the top speed of scenario low it has 2.5 "
             "samples, at least 4 are needed"),

@@ -184,6 +184,8 @@ def test_expressions_that_have_no_value(text: str, line: str) -> None:
         (DRIVE, "design.input_weight", 0, "design.input_weight: 0: expected a number above 0"),
         (DRIVE, "design.initial_state", [0, 0, 0],
             "design.initial_state: [0, 0, 0]: expected a number that isn't zero"),
+        (DRIVE, "design.initial_change", [0, 0],
+            "design.initial_change: [0, 0]: expected 3 numbers, as many as state_weight has"),
         (DRIVE, "design.initial_state", [1], "design.initial_state: [1]: expected 3 numbers, as many as "
             "state_weight has"),
         (DRIVE, "design.range", {"motor.R_s": ["1 ohm", "2 ohm"]},

@@ -11,9 +11,14 @@ import numpy as np
 import pytest
 import trial_studies
 from trial_studies import DRIVE, LINEAR
+from typer.testing import CliRunner
 
 from cogless import run_study
+from cogless.cli import app
+from cogless.design.from_study import design_study
+from cogless.design.warnings import warnings
 from cogless.errors import StudyError
+from cogless.export.prepared import prepare
 from cogless.results import TrialResults, to_dict
 from cogless.simulate import RunError, simulate
 
@@ -158,3 +163,60 @@ def test_what_cannot_be_designed_is_one_line(
         run(tmp_path, changes, text)
     assert "\n" not in str(error.value)
     assert str(error.value).removeprefix(f"{tmp_path}/study.toml: ").startswith(line)
+
+
+# Sampled exactly, with a shift of one sample, the small drive has no K_3.
+EXACT = {"design.discretisation": "exact"}
+NO_K_3 = "controller.ilc.q_filter: no K_3 is stable along the trial: "
+
+
+def test_a_design_without_a_learning_gain_shows_what_there_is(tmp_path: Path) -> None:
+    path = trial_studies.write(tmp_path)
+    found = CliRunner().invoke(app, ["design", str(path), "--set", "design.discretisation=exact", "--json"])
+    assert found.exit_code == 0
+    ilc, feedback = (json.loads(found.stdout)["controllers"][name] for name in ("ilc", "feedback"))
+    assert ilc["K_3"] is None and feedback["K_3"] == 0
+    (note,) = (note for note in ilc["notes"] if note not in feedback["notes"])
+    assert note.startswith("q_filter: no K_3 is stable along the trial: ") and note.endswith("Hz or less")
+    for key in ("K_s", "N", "feedforward", "checks"):
+        assert ilc[key] == feedback[key]
+    radius = ilc["certificate"]["design_model"]["radius_along_the_trial"]
+    assert radius == feedback["certificate"]["design_model"]["radius_along_the_trial"] < 1
+    shown = CliRunner().invoke(app, ["design", str(path), "--set", "design.discretisation=exact"])
+    assert " none " in shown.stdout and "no K_3 is stable" in shown.stdout
+
+
+def test_a_controller_without_its_learning_gain_does_not_run_and_the_others_do(tmp_path: Path) -> None:
+    with pytest.raises(RunError) as error:
+        run(tmp_path, EXACT)
+    assert str(error.value).startswith(f"{tmp_path}/study.toml: {NO_K_3}")
+    assert "\n" not in str(error.value)
+    (kept,) = error.value.results.runs
+    assert kept.controller == "feedback"
+
+
+def test_nothing_else_takes_a_controller_without_its_learning_gain(tmp_path: Path) -> None:
+    study = trial_studies.loaded(tmp_path, EXACT)
+    with pytest.raises(StudyError) as error:
+        prepare(study, "move", "ilc")
+    assert str(error.value).startswith(f"{tmp_path}/study.toml: {NO_K_3}")
+    assert warnings(study, "move", "ilc") == ["controller.ilc: from trial to trial, exact model: no K_3"]
+    assert warnings(study, "move", "feedback") == []
+
+
+def test_an_older_law_s_mistakes_are_told_by_its_own_keys(tmp_path: Path) -> None:
+    with pytest.raises(StudyError) as error:
+        run(tmp_path, {"controller.older": {"law": "state-ilc", "K_stab": [10.0, 1.0]}})
+    assert str(error.value).startswith(f"{tmp_path}/study.toml: controller.older.K_stab: ")
+
+
+def test_no_change_of_the_initial_state_is_a_setting(tmp_path: Path) -> None:
+    """Not the default, which is that of `initial_state`."""
+    zero, default = (
+        design_study(trial_studies.loaded(tmp_path, changes), [("move", "ilc")])["move", "ilc"]
+        for changes in ({"design.initial_change": [0, 0, 0]}, {})
+    )
+    assert zero.gains.learning is not None and default.gains.learning is not None
+    assert zero.gains.learning.check.passed and zero.gains.learning.bounds[0] == 0
+    assert zero.gains.learning.bounds[1] < default.gains.learning.bounds[1]
+    assert zero.K_3 < default.K_3

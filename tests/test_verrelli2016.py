@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from cogless.design.pi import gains
 from cogless.design.space_bounds import theorem
 from cogless.design.verdict import verdict
 from cogless.results import Run
+from cogless.simulate import simulate
 from cogless.study import Study, load
 from cogless.study.controller import Pi, PiIlc
 
@@ -130,3 +133,27 @@ def test_the_same_law_lowers_the_ripple_of_pmsms_at_varying_speed(name: str, mos
     settles = verdict(study, "time")
     assert settles is not None and settles.kind == "settles"
     assert ripple["speed-at-once"] < ripple["time"] < ripple["speed"]
+
+
+def test_section_4_over_a_line_of_more_samples_than_16_bit_count() -> None:
+    """The paper's own memory, at three times its speed: what it learns of the load is what a map learns."""
+    turn = 2 * math.pi / 0.9
+    faster = {"offset": "0.9 rad/s", "amplitude": "0.05 rad/s", "frequency": "1 Hz"}
+    changes = {
+        "scenario.forty-periods.duration": "22 s",
+        "scenario.forty-periods.initial_speed": "0.9 rad/s",
+        "scenario.forty-periods.reference": faster,
+        "metric": [],
+    }
+    errors = {}
+    for memory, cells in (("delay", 75_000), ("map", 16_384)):
+        law = {"controller.true-period.memory": memory, "controller.true-period.cells": cells}
+        study = load("verrelli2016-position", {**changes, **law})
+        trace = simulate(study, "forty-periods", "true-period").trace
+        times = [(trace.time >= n * turn) & (trace.time < (n + 1) * turn) for n in range(3)]
+        errors[memory] = [float(np.sqrt(np.mean(trace["theta_error"][t] ** 2))) for t in times]
+        if memory == "delay":
+            assert 2**16 < trace["P_t"].max() * 1e4 < cells
+    first, second, third = errors["delay"]
+    assert second < 0.5 * first and third < 0.5 * second
+    assert errors["delay"] == pytest.approx(errors["map"], rel=1e-4)

@@ -20,8 +20,10 @@ def engine_config(study: TrialStudy, scenario: str, controller: str, design: Tri
     """The engine's description of one run: each phase complete, gains from the design.
 
     Gains and beliefs are those of the study without overrides: what changes between trials, the controller
-    isn't told.
+    isn't told. StudyError: the design lacks its learning gain.
     """
+    if design.no_K_3 is not None:
+        raise design.no_K_3
     here = study.scenario[scenario]
     samples = study.samples(scenario)
     law = _law(study, controller, design)

@@ -2,6 +2,7 @@
 row (verrelli2016 (4), (6) and Section 5)."""
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -111,10 +112,13 @@ class SpaceDelay:
             self.p_t = self.ode(self.apart(self.now, newest - 1) / self.ts)
             self.tracking = 1 <= self.p_t / self.ts < count
         if not self.tracking or self.method == "inversion":
-            ages = np.arange(1, count + 1)
-            apart = np.array([self.apart(self.now, newest - age) for age in ages])
-            self.tracking = apart[-1] > 1.0
-            self.p_t = float(np.interp(1.0, apart, ages)) * self.ts if self.tracking else 0.0
+            ages = range(1, count + 1)  # how far the angle rose grows with the age
+            older = bisect_right(ages, 1.0, key=lambda age: self.apart(self.now, newest - age)) + 1
+            self.tracking = older <= count
+            self.p_t = 0.0
+            if self.tracking:
+                near = [self.apart(self.now, newest - age) for age in (older - 1, older)]
+                self.p_t = float(np.interp(1.0, near, (older - 1, older))) * self.ts
 
     def ago(self, samples: int) -> list[float]:
         return (

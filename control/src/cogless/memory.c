@@ -1,12 +1,11 @@
 #include "memory.h"
 
-#define CELLS_MAX 65535U
-
 CGL_SELDOM cgl_error cgl_memory_init(const cgl_memory_config *config, cgl_memory *memory, cgl_real *cell,
                                      uint32_t length)
 {
-    if (!(config->cells >= 4U && config->cells <= CELLS_MAX && config->periods_per_rev >= 1U
-          && config->periods_per_rev <= CELLS_MAX && config->q_half_width < CELLS_MAX
+    const uint32_t most = config->kind == CGL_MEMORY_TIME ? CGL_SAMPLES_MAX : CGL_CELLS_MAX;
+    if (!(config->cells >= 4U && config->cells <= most && config->periods_per_rev >= 1U
+          && config->periods_per_rev <= 65535U && config->q_half_width < most
           && 2U * config->q_half_width + 1U <= config->cells && config->lead <= config->cells / 4U
           && config->forgetting > CGL_R(0.0) && config->forgetting <= CGL_R(1.0)
           && cgl_is_positive(config->limit) && cgl_is_positive(config->ts)

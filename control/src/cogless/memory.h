@@ -16,11 +16,14 @@
 extern "C" {
 #endif
 
+#define CGL_CELLS_MAX 65535U      /* entries of a map */
+#define CGL_SAMPLES_MAX 16777216U /* samples in a delay line: a float counts them up to there */
+
 typedef enum { CGL_MEMORY_ANGLE, CGL_MEMORY_TIME } cgl_memory_kind;
 
 typedef struct {
     cgl_memory_kind kind;
-    uint32_t cells;           /* angle: entries per period; time: longest period [samples]; 4 to 65535 */
+    uint32_t cells;           /* angle: entries per period, 4 to 65535; time: longest period [samples], 4 to 16777216 */
     uint32_t periods_per_rev; /* periods in one mechanical revolution: pole pairs, or 1; 1 to 65535 */
     uint32_t q_half_width;    /* zero-phase low-pass (Q filter): mean of this many entries on each side; 0: none.
                                  2 q_half_width + 1 <= cells */

@@ -1,7 +1,5 @@
 #include "space_memory.h"
 
-#define PERIODS_MAX CGL_R(65536.0) /* in a delay line, which moves on by less than one a sample */
-
 static uint32_t row_length(const cgl_space_memory_config *config)
 {
     return CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
@@ -9,10 +7,11 @@ static uint32_t row_length(const cgl_space_memory_config *config)
 
 CGL_SELDOM static bool is_valid(const cgl_space_memory_config *config)
 {
+    const uint32_t most = config->kind == CGL_SPACE_DELAY ? CGL_SAMPLES_MAX : CGL_CELLS_MAX;
     if (!((config->kind == CGL_SPACE_MAP || config->kind == CGL_SPACE_DELAY) && config->channels >= 1U
-          && config->channels <= CGL_SPACE_CHANNELS && config->cells >= 4U && config->cells <= 65535U
+          && config->channels <= CGL_SPACE_CHANNELS && config->cells >= 4U && config->cells <= most
           && config->turns >= 1U && config->turns <= 65535U && config->parts >= 1U && config->parts <= 65535U
-          && config->q_half_width < 32768U && 2U * config->q_half_width + 1U <= config->cells
+          && config->q_half_width < most && 2U * config->q_half_width + 1U <= config->cells
           && cgl_is_positive(config->ts))) {
         return false;
     }
@@ -426,7 +425,8 @@ CGL_SELDOM static void store_in_line(const cgl_space_memory_config *config, cgl_
     /* sums of rises drift; the angles themselves do not, and the sum still tells the whole periods */
     const cgl_real apart = memory->x - memory->cell[memory->then];
     const cgl_real sum = memory->known > 0U ? memory->distance + rise(config, memory, next) : CGL_R(0.0);
-    memory->distance = apart + (cgl_real)(int32_t)cgl_clamp(sum - apart + CGL_R(0.5), PERIODS_MAX);
+    const cgl_real most = (cgl_real)CGL_SAMPLES_MAX; /* periods: the angle rises by less than one a sample */
+    memory->distance = apart + (cgl_real)(int32_t)cgl_clamp(sum - apart + CGL_R(0.5), most);
     memory->known += memory->known < length ? 1U : 0U;
 }
 

@@ -30,7 +30,7 @@ typedef enum { CGL_DELAY_ODE, CGL_DELAY_INVERSION } cgl_delay_method;
 typedef struct {
     cgl_space_kind kind;     /* default CGL_SPACE_MAP */
     uint32_t channels;       /* functions of the angle, 1 to CGL_SPACE_CHANNELS */
-    uint32_t cells;          /* map: entries per period; delay: longest period [samples]; 4 to 65535 */
+    uint32_t cells;          /* map: entries per period, 4 to 65535; delay: longest period [samples], 4 to 16777216 */
     uint32_t turns, parts;   /* period: turns / parts of a revolution, each 1 to 65535; default 1, 1 */
     uint32_t q_half_width;   /* zero-phase low-pass (Q filter): mean of this many cells or samples on each side; 0: none,
                                 the printed scheme. 2 q_half_width + 1 <= cells; from about 3/4 of them on a map's steps

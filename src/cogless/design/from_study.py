@@ -9,7 +9,14 @@ from typing import Any
 
 from cogless.design.error import DesignError
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
-from cogless.design.trial import TrialDesign, TrialGains, TrialSettings, design_gains, design_trial
+from cogless.design.trial import (
+    TrialDesign,
+    TrialGains,
+    TrialSettings,
+    design_gains,
+    design_trial,
+    needs_K_3,
+)
 from cogless.errors import StudyError
 from cogless.study import TrialStudy
 from cogless.study.plant import LinearPlant
@@ -29,6 +36,7 @@ OF_CONTROLLER = {
     "static_gain": "N",
     "feedforward": "feedforward",
 }
+OF_STATE_ILC = {"K_s": "K_stab", "K_3": "K_ilc"}
 # What a linear plant's are called.
 OF_PLANT = {"range": "parameter", "nominal": "parameter", "output": "C", "period": "period"}
 
@@ -36,7 +44,8 @@ OF_PLANT = {"range": "parameter", "nominal": "parameter", "output": "C", "period
 def design_study(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     """A design for each (scenario, controller). Controllers with the same gains share their design.
 
-    StudyError names the file and the key.
+    One that has no K_3 to learn by is what there is without learning, and says why. StudyError names the file
+    and the key.
     """
     with _told(study):
         plant = uncertain_plant(study)
@@ -45,15 +54,20 @@ def design_study(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     outside = {scenario: _outside(study, scenario) for scenario, _ in runs}
     wanted = {run: settings_of(study, *run) for run in runs}
     # those that learn by K_3 first: the others need less of the same gains
-    for (scenario, name), settings in sorted(wanted.items(), key=lambda item: not _needs_K_3(item[1])):
+    for (scenario, name), settings in sorted(wanted.items(), key=lambda item: not needs_K_3(item[1])):
         with _told(study, scenario, name):
             gains = next((g for other, g in known if _alike(settings, other)), None)
             if gains is None:
                 gains = design_gains(plant, settings)
                 known.append((settings, gains))
-            design = design_trial(plant, settings, gains)
+            missing = gains.no_K_3 if needs_K_3(settings) else None
+            design = design_trial(plant, replace(settings, learning=False) if missing else settings, gains)
         beyond = outside[scenario]
-        designs[scenario, name] = replace(design, notes=(*design.notes, *beyond), beyond=beyond)
+        notes, no_K_3 = [*design.notes, *beyond], None
+        if missing is not None:
+            notes.append(str(missing))
+            no_K_3 = _named(missing, study, scenario, name)
+        designs[scenario, name] = replace(design, notes=tuple(notes), beyond=beyond, no_K_3=no_K_3)
     return designs
 
 
@@ -122,7 +136,7 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         Q=design.Q,
         R=design.input_weight,
         gamma=design.initial_state,
-        f=design.initial_change or design.initial_state,
+        f=design.initial_state if design.initial_change is None else design.initial_change,
         g=design.initial_error,
         **own,
     )
@@ -139,10 +153,6 @@ def _linear(plant: LinearPlant, study: TrialStudy) -> UncertainPlant:
     return from_parameters(plant.at, ranges, plant.C, plant.period, how, nominal)
 
 
-def _needs_K_3(settings: TrialSettings) -> bool:
-    return settings.learning and settings.kind != "norm-optimal"
-
-
 def _alike(settings: TrialSettings, other: TrialSettings) -> bool:
     """Whether gains that were designed for the other settings are those of these."""
 
@@ -153,9 +163,7 @@ def _alike(settings: TrialSettings, other: TrialSettings) -> bool:
         return s.K_3, s.shift, (s.cutoff, s.filter_order) if s.filtered == "signal" else None
 
     same = feedback(settings) == feedback(other)
-    return same and (
-        not _needs_K_3(settings) or (_needs_K_3(other) and learning(settings) == learning(other))
-    )
+    return same and (not needs_K_3(settings) or (needs_K_3(other) and learning(settings) == learning(other)))
 
 
 @contextmanager
@@ -164,15 +172,21 @@ def _told(study: TrialStudy, scenario: str = "", controller: str = "") -> Iterat
     try:
         yield
     except DesignError as error:
-        text = str(error).removeprefix(f"{error.key}: ")
-        if error.key == "samples":
-            key = f"scenario.{scenario}.duration"
-        elif error.key in OF_CONTROLLER and controller:
-            key = f"controller.{controller}.{OF_CONTROLLER[error.key]}"
-        elif study.plant is not None and error.key.startswith("vertex"):
-            key = "plant.vertex" if study.plant.vertex else "plant"
-        elif study.plant is not None and error.key in OF_PLANT:
-            key = f"plant.{OF_PLANT[error.key]}"
-        else:
-            key = f"design.{error.key}".rstrip(".")
-        raise StudyError(f"{study.source.path}: {key}: {text}") from error
+        raise _named(error, study, scenario, controller) from error
+
+
+def _named(error: DesignError, study: TrialStudy, scenario: str, controller: str) -> StudyError:
+    """The same, with the file and the study's own key."""
+    text = str(error).removeprefix(f"{error.key}: ")
+    if error.key == "samples":
+        key = f"scenario.{scenario}.duration"
+    elif error.key in OF_CONTROLLER and controller:
+        own = OF_STATE_ILC if isinstance(study.controller[controller], StateIlc) else OF_CONTROLLER
+        key = f"controller.{controller}.{own.get(error.key, OF_CONTROLLER[error.key])}"
+    elif study.plant is not None and error.key.startswith("vertex"):
+        key = "plant.vertex" if study.plant.vertex else "plant"
+    elif study.plant is not None and error.key in OF_PLANT:
+        key = f"plant.{OF_PLANT[error.key]}"
+    else:
+        key = f"design.{error.key}".rstrip(".")
+    return StudyError(f"{study.source.path}: {key}: {text}")

@@ -17,12 +17,11 @@ import numpy as np
 
 from cogless.design.angle_functions import functions_in
 from cogless.study import Study
-from cogless.study.controller import Learning
+from cogless.study.controller import MOST_CELLS, Learning
 from cogless.study.space_controller import SpaceLearning
 
 FEWEST, ENOUGH = 2.0, 10.0  # cells in the shortest wave
 FILTERS = 3  # widths of the Q filter in it
-MOST_CELLS = 65_535
 
 
 def map_warning(study: Study, name: str) -> str | None:

@@ -40,11 +40,13 @@ from cogless.design.polytope import UncertainPlant
 from cogless.design.q_filter import PROPOSED, SHIFTS, better_shift, butterworth, workable_cutoff
 from cogless.design.response import MONOTONE, Bundle, Filter, Filtered, Loop, best_gain
 from cogless.design.state_feedback import StateFeedback, guaranteed_cost
+from cogless.errors import StudyError
 
 Kind = Literal["robust", "state", "norm-optimal"]
 
 
 LARGEST_SHIFT = 32  # of the control law
+NO_K_3 = ("q_filter", "shift", "K_3")  # at fault where a good feedback has no K_3
 LOW_PASS = "expected a zero-phase low-pass filter on the learned signal"
 
 
@@ -82,7 +84,8 @@ class TrialGains:
     integral: bool  # K_s has a gain for the integrator
     N: float
     feedforward: Feedforward | None
-    K_3: float | None  # None where nothing learns by it
+    K_3: float | None  # None where nothing learns by it, or there is none
+    no_K_3: DesignError | None  # why there is none
     feedback: StateFeedback | None  # None where K_s was given
     learning: LearningGain | None  # None where K_3 was given, or is not by (35)
     notes: tuple[str, ...]
@@ -110,10 +113,11 @@ class TrialDesign:
     notes: tuple[str, ...]
     timings: dict[str, float] = field(compare=False)  # s, of each step, with those of the gains
     beyond: tuple[str, ...] = ()  # what is simulated outside the ranges that all this holds for
+    no_K_3: StudyError | None = None  # why it can't learn though it should; then it doesn't run
 
 
 def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
-    """Feedback, feedforward and learning gain; DesignError."""
+    """Feedback, feedforward and learning gain, or why there is none; DesignError."""
     clock = _Clock()
     n = plant.order
     _check(plant, settings)
@@ -139,15 +143,25 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
     if settings.feedforward and settings.kind != "state":
         ahead = dynamic(plant.nominal, plant.C, K_s[:n])
     clock.lap("feedforward")
-    K_3, learned = settings.K_3, None
-    if K_3 is None and settings.learning and settings.kind != "norm-optimal":
+    K_3, learned, no_K_3 = settings.K_3, None, None
+    if K_3 is None and needs_K_3(settings):
         law = _law(K_s, n, N, integral, settings.kind != "state")
-        K_3, learned, note = _learning_gain(plant, law, settings, f)
-        notes += [note] if note else []
+        try:
+            K_3, learned, note = _learning_gain(plant, law, settings, f)
+            notes += [note] if note else []
+        except DesignError as error:
+            if error.key not in NO_K_3:
+                raise
+            no_K_3 = error
     clock.lap("learning gain")
     return TrialGains(
-        settings.kind, K_s, integral, N, ahead, K_3, feedback, learned, tuple(notes), clock.laps
+        settings.kind, K_s, integral, N, ahead, K_3, no_K_3, feedback, learned, tuple(notes), clock.laps
     )
+
+
+def needs_K_3(settings: TrialSettings) -> bool:
+    """Whether the law learns by K_3."""
+    return settings.learning and settings.kind != "norm-optimal"
 
 
 def design_trial(
@@ -156,6 +170,8 @@ def design_trial(
     """A whole controller; gains: already designed for another structure. DesignError."""
     _check(plant, settings)
     gains = gains or design_gains(plant, settings)
+    if gains.no_K_3 is not None and needs_K_3(settings):
+        raise gains.no_K_3
     clock = _Clock()
     n, shift = plant.order, settings.shift or plant.relative_degree
     integral = gains.integral and settings.integral

@@ -70,7 +70,7 @@ def design_dict(design: TrialDesign) -> dict[str, Any]:
         "K_2": design.K_2,
         "N": design.N,
         "dc_gain": 1 / design.N if design.N else None,
-        "K_3": design.K_3,
+        "K_3": None if design.no_K_3 else design.K_3,
         "shift": design.shift,
         "learned_signal_into_the_integrator": design.through_integrator,
         "learns_by_a_matrix": design.learning_matrix is not None,
@@ -101,7 +101,8 @@ def words(design: TrialDesign) -> str:
     said = []
     for model, found in _rows(design.certificate):
         learning = found.with_filter or found.without_filter
-        does = _verdict(learning) if learning else "no learning"
+        none = "no K_3" if design.no_K_3 else "no learning"
+        does = _verdict(learning) if learning else none
         said.append(f"{model} model: {does if found.stable else 'unstable along the trial'}")
     return f"from trial to trial, {'; '.join(said)}"
 
@@ -111,7 +112,7 @@ def warnings(design: TrialDesign) -> list[str]:
     rows = [found for _, found in _rows(design.certificate)]
     learned = [found.with_filter or found.without_filter for found in rows]
     fine = all(found.stable for found in rows) and all(one is None or one.monotone for one in learned)
-    return [] if fine else [words(design)]
+    return [] if fine and design.no_K_3 is None else [words(design)]
 
 
 def _rows(certificate: Certificate) -> Iterator[tuple[str, ModelCertificate]]:
@@ -222,7 +223,8 @@ LEGEND = (
 
 def _gains(design: TrialDesign) -> tuple[str, ...]:
     checks = [c.check for c in (design.gains.feedback, design.gains.learning) if c is not None]
-    learning = "matrix" if design.learning_matrix is not None else f"{design.K_3:.4f}" if design.K_3 else "-"
+    learning = "none" if design.no_K_3 else f"{design.K_3:.4f}" if design.K_3 else "-"
+    learning = "matrix" if design.learning_matrix is not None else learning
     ahead, q = design.feedforward, design.q_filter
     return (
         ", ".join(f"{gain:.4f}" for gain in (*design.K_1, design.K_2)),

@@ -78,14 +78,25 @@ class Feedback(Base):
         return self
 
 
+MOST_CELLS = 65_535  # of a map
+MOST_SAMPLES = 1 << 24  # of a delay line
+Cells = Annotated[int, Field(ge=4, le=MOST_SAMPLES)]
+
+
+def check_cells(cells: int, q_half_width: int, line: bool) -> None:
+    """A map, or else a delay line, is not too large and holds its Q filter."""
+    if not line and cells > MOST_CELLS:
+        raise problem(f"expected at most {MOST_CELLS}, since the memory is a map", "cells")
+    if 2 * q_half_width + 1 > cells:
+        raise problem(f"expected a filter within the {cells} cells of the memory", "q_half_width")
+
+
 class Learning(Base):
     """The memory of an iterative learning law."""
 
     memory: Literal["time", "angle"] = "angle"
     period: Literal["electrical", "mechanical"] = "mechanical"
-    cells: Annotated[int, Field(ge=4, le=65535)] = (
-        1024  # of the map over angle; capacity in samples over time
-    )
+    cells: Cells = 1024  # of the map over angle; capacity in samples over time
     forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0  # share of the memory that is kept in each period
     q_half_width: Annotated[int, Field(ge=0)] = 0  # cells on each side of the Q filter's boxcar
     lead: StartTime = 0.0  # s: what acted so long ago is corrected by the error of now
@@ -97,9 +108,8 @@ class Learning(Base):
         return True
 
     @model_validator(mode="after")
-    def _filter_fits(self) -> Self:
-        if 2 * self.q_half_width + 1 > self.cells:
-            raise problem(f"expected a filter within the {self.cells} cells of the memory", "q_half_width")
+    def _cells_fit(self) -> Self:
+        check_cells(self.cells, self.q_half_width, self.memory == "time")
         return self
 
 
@@ -152,7 +162,7 @@ class AntiCogging(Feedback):
     """PI with a current table over the mechanical angle, learnt in a commissioning run."""
 
     law: Literal["anti-cogging"]
-    cells: Annotated[int, Field(ge=4, le=65535)] = 720  # a revolution
+    cells: Annotated[int, Field(ge=4, le=MOST_CELLS)] = 720  # a revolution
     lead: StartTime = 0.0  # s: looked up where the rotor will be by then
     calibration: Commissioning
 

@@ -6,6 +6,7 @@ import math
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
+from cogless.study.controller import MOST_SAMPLES
 from cogless.study.space_controller import SpaceLearning, SpacePosition
 from cogless.study.table import check_precision, problem
 
@@ -73,6 +74,10 @@ def _delay_line(name: str, scenario: str, law: SpaceLearning, slowest: float, re
         needed = f"and a delay line needs omega_min, {law.omega_min:g} rad/s, or more"
         raise problem(expected + needed, "controller", name, "memory")
     samples = math.ceil(reach / slowest)
+    if samples > MOST_SAMPLES:
+        expected = f'expected "map": a period at the slowest speed of scenario {scenario} has {samples} '
+        needed = f"samples, and a delay line at most {MOST_SAMPLES}"
+        raise problem(expected + needed, "controller", name, "memory")
     if samples > law.cells:
         expected = f"expected {samples} or more, the samples of a period at the slowest speed of scenario"
         raise problem(f"{expected} {scenario}", "controller", name, "cells", value=law.cells)

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from cogless import units
-from cogless.study.controller import Base, Tuning
+from cogless.study.controller import Base, Cells, Tuning, check_cells
 from cogless.study.table import (
     CurrentBound,
     LawSpeed,
@@ -45,7 +45,7 @@ class SpaceLearning(Base):
     memory: Literal["map", "delay"] = "map"  # over the angle; or samples over time, delayed by P_t
     delay_method: Literal["ode", "inversion"] = "ode"  # how P_t is found
     k_pp: Annotated[float, Quantity(units.RATE, ">", bare=True)] = 10.0  # 1/s, of the equation for P_t
-    cells: Annotated[int, Field(ge=4, le=65535)] = 1024  # of the map; of the delay line, its longest period
+    cells: Cells = 1024  # of the map; of the delay line, its longest period
     q_half_width: Annotated[int, Field(ge=0)] = 5  # cells, or samples, on each side of the Q filter; 0: none
     mu_alpha: Annotated[float, Quantity(units.CURRENT, ">=", bare=True)] = 0.0  # A, in the frame's angle
     mu_beta: Annotated[float, Quantity(units.SPEED_LEARNING, ">=", bare=True)] = 0.0  # A*s^2/rad^2
@@ -58,9 +58,8 @@ class SpaceLearning(Base):
     omega_min: LawSpeed = 0.01  # rad/s, mechanical: below it learning rests, what was learned acts on
 
     @model_validator(mode="after")
-    def _filter_fits(self) -> Self:
-        if 2 * self.q_half_width + 1 > self.cells:
-            raise problem(f"expected a filter within the {self.cells} cells of the memory", "q_half_width")
+    def _cells_fit(self) -> Self:
+        check_cells(self.cells, self.q_half_width, self.memory == "delay")
         return self
 
     @model_validator(mode="after")

@@ -117,8 +117,8 @@ class DesignSettings(Table):
             start = getattr(self, key)
             if start is not None and len(start) != size:
                 raise problem(f"expected {size} numbers, as many as state_weight has", key)
-            if start is not None and not any(start):
-                raise problem("expected a number that isn't zero", key)
+        if not any(self.initial_state):
+            raise problem("expected a number that isn't zero", "initial_state")
         Q = self.Q
         if not np.allclose(Q, Q.T, rtol=1e-9) or np.linalg.eigvalsh(Q)[0] <= 0:
             raise problem("expected a positive definite weight", "state_weight")
