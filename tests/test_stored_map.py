@@ -13,8 +13,9 @@ from test_cli import cogless
 
 import studies
 from cogless import StudyError, learned_map, load, run_study, stored_map
-from cogless.results import runs_that_learned
+from cogless.results import Run, runs_that_learned
 from cogless.stored_map import MapError, StoredMap, decode
+from cogless.trace import Trace
 
 EXAMPLE = StoredMap(
     values=np.array([[0.5, -1.0, 0.25, 0.0]], dtype=np.float32),
@@ -228,6 +229,32 @@ def test_a_run_leaves_the_maps_of_its_laws(tmp_path: Path, capsys: pytest.Captur
     np.testing.assert_array_equal(maps["ilc"].values[0], np.float32(runs[0].memory["current"]))
     np.testing.assert_allclose(maps["robust"].values[0], -1632 * runs[1].memory["current"], rtol=1e-6)
     assert np.max(np.abs(maps["robust"].values)) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("frame", "period", "ratio", "mechanical"),
+    [
+        ("electrical", {"of": "electrical"}, 4, (1, 4)),
+        ("electrical", {"of": "electrical", "turns": 3}, 4, (3, 4)),
+        ("mechanical", {"of": "mechanical"}, 1, (1, 1)),
+        ("mechanical", {"of": "electrical", "turns": 3}, 1, (3, 4)),
+    ],
+)
+def test_the_angle_of_a_position_law_is_the_rotors_times_its_ratio(
+    tmp_path: Path, frame: str, period: dict[str, object], ratio: int, mechanical: tuple[int, int]
+) -> None:
+    """In the units of what is learned; the map's cells stand at mechanical angles."""
+    law = {"law": "space-position", "k_theta": "5 1/s", "k_omega": 0.1, "mu_alpha": 5.0, "cells": 60,
+           "frame": frame, "period": period}  # fmt: skip
+    study = studies.study(tmp_path, {"controller": {"space": law}, "scenario.step.controllers": ["space"]})
+    learnt, trace = {"current": np.linspace(-0.1, 0.1, 60)}, Trace(("time",), ("s",), np.zeros((1, 1)))
+    stored = learned_map.of_run(study, Run("low", "space", trace, learnt))
+    assert stored is not None
+    assert decode(bytes(stored)).ratio == stored.ratio == ratio
+    assert (stored.turns, stored.parts) == mechanical
+    angle = stored.angle
+    assert angle is not None
+    assert angle[30] == pytest.approx(np.pi * mechanical[0] / mechanical[1])
 
 
 def test_maps_of_an_earlier_run_go_and_nothing_else(
