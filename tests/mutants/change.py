@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 OPPOSITE = {"+": "-", "*": "/", "<": "<=", ">": ">=", "==": "!=", "+=": "-=", "*=": "/="}
 OPPOSITE |= {"&&": "||", "and": "or", "min": "max", "minimum": "maximum", "fmin": "fmax"}
-OPPOSITE |= {"min_element": "max_element", "argmin": "argmax", "floor": "ceil", "True": "False", "true": "false"}
+OPPOSITE |= {"min_element": "max_element", "argmin": "argmax", "floor": "ceil"}
+OPPOSITE |= {"True": "False", "true": "false"}
 OPPOSITE |= {new: old for old, new in OPPOSITE.items()}
 
 

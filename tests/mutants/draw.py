@@ -13,7 +13,7 @@ ROOMS = (("src/cogless", (".py",)), ("simulator", (".cpp", ".hpp")), ("control/s
 
 
 def sources(root: Path, wanted: Sequence[str]) -> list[str]:
-    """The files of all rooms, by their paths from the root; only those in `wanted` paths, if there are any."""
+    """The files of all rooms, by their paths from the root; only those in `wanted` paths, if any."""
     files = [
         path.relative_to(root).as_posix()
         for room, endings in ROOMS

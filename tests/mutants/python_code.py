@@ -65,8 +65,8 @@ class _Sites:
                 if type(op) in SIGNS and not (_is_text(left) or _is_text(right)):
                     yield from self.sign(left, op, right)
             case ast.Compare(left, ops, rights):
-                for a, op, b in zip([left, *rights], ops, rights, strict=False):
-                    yield from self.sign(a, op, b)
+                for a, compared, b in zip([left, *rights], ops, rights, strict=False):
+                    yield from self.sign(a, compared, b)
             case ast.BoolOp(op, values):
                 for a, b in pairwise(values):
                     yield from self.sign(a, op, b)
