@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 SOURCES := $(shell find src control/src simulator studies motors -type f -not -name '*.pyc') \
 	CMakeLists.txt pyproject.toml README.md
 
-.PHONY: help build demo test lint control pil proof fuzz docs bench clean
+.PHONY: help build demo test lint control pil proof fuzz mutants docs bench clean
 
 help: ## what there is to make
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -57,6 +57,12 @@ proof: ## Frama-C/Eva: no undefined behaviour, outputs within their limits; LAWS
 RUNS ?= 20000
 fuzz: ## libFuzzer on the map loader and whole controllers; RUNS=10000000 for long
 	control/fuzz/run.sh $(RUNS) 2
+
+SEED ?= 1
+N ?= 60
+JOBS ?= 2
+mutants: $(VENV)/tested ## faults in the code that tests should notice; SEED=2 N=20 ROOM=simulator for others
+	PYTHONPATH=tests $(BIN)/python -m mutants --seed $(SEED) --count $(N) --jobs $(JOBS) $(ROOM)
 
 docs: $(VENV)/installed ## the guide as HTML in docs/_build
 	$(BIN)/python -m pip install --quiet --no-build-isolation '.[docs]'

@@ -335,6 +335,22 @@ def test_a_correction_acts_one_period_and_its_lead_later(kind, lead, direction):
     assert sum(recalled[samples:]) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.parametrize("width", [1, 5])
+def test_the_filters_sum_sheds_its_rounding(width):
+    """A map that is only recalled falls by the forgetting, far below the rounding of what it was."""
+    library = control_library("float")
+    memory = CMemory(library, AngleMemory(64, 1, width, 0.5, 1e4))
+    learns = library.ffi.new("bool *", True)
+    for n in range(50 * 100):
+        theta = float(library.real(2 * math.pi * (n % 100 + 0.3) / 100))
+        correction = 1000.0 * (1.1 + math.cos(3 * theta)) if n < 300 else 0.0
+        library.lib.cgl_memory_step(memory.config, memory.state, theta, 0.0, correction, learns)
+        if n == 300:
+            assert abs(memory.cell[:64]).max() > 1000
+    assert memory.state.steady
+    assert abs(memory.cell[:64]).max() < 4000 * 0.5**45
+
+
 def test_reset_forgets():
     memory = CMemory(control_library("double"), AngleMemory(20, 1, 2, 1.0, 10.0))
     for k in range(100):

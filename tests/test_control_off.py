@@ -1,6 +1,7 @@
 """A law that is off: no output, integrals that start anew, and what is learned as it was."""
 
 import math
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,14 @@ LAWS: dict[str, dict[str, Any]] = {
     "space_position": POSITION | {"memory": SPACE},
     "space_speed": SPEED | {"memory": SPACE},
 }
+
+
+def terms(state) -> dict[str, float]:
+    """The shares of the last output that a law's state tells."""
+    own = {name: getattr(state, name) for name in ("learned", "looked_up") if hasattr(state, name)}
+    if hasattr(state, "terms"):
+        own |= {name: getattr(state.terms, name) for name in dir(state.terms)}
+    return own
 
 
 class Law:
@@ -68,8 +77,9 @@ def test_off_gives_nothing_and_keeps_what_is_learned(precision, name):
         law.cell[:64] = np.sin(np.arange(64))
     for _ in range(1500):
         before = law.step()[0]
-    assert before != 0
+    assert before != 0 and all(terms(law.state).get(name, 1.0) for name in ("learned", "looked_up", "alpha"))
     law.step(off=True)
+    assert not any(terms(law.state).values())
     learned = law.cell.copy()
     assert learned.any() == (name != "speed_pi")
     for _ in range(700):
@@ -84,21 +94,23 @@ def test_off_gives_nothing_and_keeps_what_is_learned(precision, name):
     "name, integral",
     [
         ("speed_pi", "integral"),
+        ("pi_ilc", "pi.integral"),
+        ("anti_cogging", "pi.integral"),
         ("robust_ilc", "error_integral"),
         ("robust_ilc", "adapted"),
         ("space_position", "integral"),
     ],
 )
 def test_integrals_start_anew(precision, name, integral):
-    law = Law(control_library(precision), name)
+    law, value = Law(control_library(precision), name), attrgetter(integral)
     for _ in range(100):
         law.step()
-    wound_up = getattr(law.state, integral)
+    wound_up = value(law.state)
     assert wound_up != 0
     law.step(off=True)
-    assert getattr(law.state, integral) == 0
+    assert value(law.state) == 0
     law.step()
-    assert 0 < abs(getattr(law.state, integral)) < 0.1 * abs(wound_up)
+    assert 0 < abs(value(law.state)) < 0.1 * abs(wound_up)
 
 
 def test_a_calibration_begins_anew_after_it():

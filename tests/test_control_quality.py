@@ -70,6 +70,44 @@ def test_the_residual_is_the_standard_deviation_over_a_turn(precision, amplitude
 
 
 @PRECISIONS
+@pytest.mark.parametrize("amplitude, residual", [(1.3e-15, 0.0), (1.5e-15, 1.5e-15), (9.9e13, 9.9e13)])
+def test_the_residual_from_the_smallest_to_the_largest(precision, amplitude, residual):
+    """A variance below 1e-30 is nothing."""
+    library = control_library(precision)
+    c = CQuality(library, **FIELDS)
+    for sample in ripple(library, amplitude):
+        c.step(*sample)
+    assert c.read().residual == pytest.approx(residual / math.sqrt(2), rel=1e-5, abs=0)
+
+
+@PRECISIONS
+@pytest.mark.parametrize("error, known", [(9.9e13, True), (1.01e14, False)])
+def test_an_error_above_its_bound_counts_for_nothing(precision, error, known):
+    c = CQuality(control_library(precision), **FIELDS)
+    assert [c.step(error, 63.0) for _ in range(100)] == [not known] * 100
+    assert c.read().known == known
+
+
+@PRECISIONS
+def test_the_root_is_right_to_the_last_bit(precision):
+    c = CQuality(control_library(precision), **FIELDS)
+    for n in range(100):
+        c.step(2.0 if n % 2 else -2.0, 63.0)
+    assert c.read().residual == 2.0
+
+
+@PRECISIONS
+def test_each_window_is_about_the_mean_of_the_last(precision):
+    """In single precision a small ripple far from the centre is lost."""
+    library = control_library(precision)
+    c = CQuality(library, **FIELDS)
+    for offset in (0.0, 100.0, 100.0):
+        for sample in ripple(library, 0.01, offset=offset):
+            c.step(*sample)
+    assert c.read().residual == pytest.approx(0.01 / math.sqrt(2), rel=0.02)
+
+
+@PRECISIONS
 def test_a_constant_error_is_no_ripple(precision):
     library = control_library(precision)
     c = CQuality(library, **FIELDS)
@@ -115,14 +153,17 @@ def test_progress_is_since_learning_began_and_ends(precision):
 
 
 @PRECISIONS
-@pytest.mark.parametrize("rate, improving", [(0.96, True), (0.99, False)])
-def test_two_per_cent_a_window_is_improving(precision, rate, improving):
+@pytest.mark.parametrize("rate, changing", [(0.979, True), (0.981, False)])
+def test_two_per_cent_a_window_is_improving_or_worsening(precision, rate, changing):
     library = control_library(precision)
-    c = CQuality(library, **FIELDS)
+    down, up = CQuality(library, **FIELDS), CQuality(library, **FIELDS)
     for turn in range(60):
         for sample in ripple(library, rate**turn):
-            c.step(*sample)
-    assert c.read().improving == improving
+            down.step(*sample)
+        for sample in ripple(library, rate**-turn):
+            up.step(*sample)
+    assert (down.read().improving, down.read().worsening) == (changing, False)
+    assert (up.read().improving, up.read().worsening) == (False, changing)
 
 
 @PRECISIONS
@@ -174,6 +215,40 @@ def test_a_shock_shorter_than_a_turn_teaches_nothing(precision, start):
     assert all(answers[start : start + 95])  # and a sixteenth of a window
     assert sum(answers) in (95, 96)
     assert c.step(0.5, 63.0)
+
+
+@PRECISIONS
+@pytest.mark.parametrize("count, refused", [(3, 0), (4, 5)])
+def test_four_outliers_to_one_side_are_a_shock(precision, count, refused):
+    """After them nothing is learned for a sixteenth of the window, 6 samples from the last on."""
+    library = control_library(precision)
+    c = CQuality(library, **FIELDS | {"outlier": 4.0})
+    for sample in ripple(library, 0.1, turns=3):
+        c.step(*sample)
+    assert all(c.step(1.0, 63.0) for _ in range(count))
+    assert sum(c.step(0.0, 63.0) for _ in range(40)) == refused
+
+
+@PRECISIONS
+@pytest.mark.parametrize("error, refused", [(1.99, False), (2.01, True)])
+def test_errors_of_up_to_twice_what_lasts_are_learned(precision, error, refused):
+    library = control_library(precision)
+    c = CQuality(library, **FIELDS | {"outlier": 4.0})
+    for n, (usual, omega) in enumerate(ripple(library, 0.1, turns=5)):
+        c.step(1.0 if n >= 300 and 50 <= n % 100 < 54 else usual, omega)
+    assert c.step(error, 63.0) == refused
+
+
+@PRECISIONS
+@pytest.mark.parametrize("share, progress", [(1.02, 0.5), (0.98, 0.0)])
+def test_a_window_that_turned_by_a_sixteenth_is_what_there_was_before_learning(precision, share, progress):
+    library = control_library(precision)
+    c = CQuality(library, **FIELDS)
+    for n in range(1000):  # ends by its time
+        c.step(math.sin(2 * math.pi * n / 100), share * 2 * math.pi / 16, learning=False)
+    for sample in ripple(library, 0.5):
+        c.step(*sample)
+    assert c.read().progress == pytest.approx(progress, abs=1e-5)
 
 
 @PRECISIONS

@@ -378,6 +378,23 @@ def test_a_map_of_what_is_linear_in_the_angle_is_exact(direction):
         assert checked > 500
 
 
+def test_the_filters_sum_sheds_its_rounding():
+    """A map of which half is taken away each turn falls far below the rounding of what it was."""
+    library, cells = control_library("float"), 64
+    memory = CMemory(library, SpaceMap(cells, 1, 1, 5, [1e4]))
+    gain = library.ffi.new("cgl_real[3]", [1.0])
+    for n in range(50 * 100):
+        theta = 2 * math.pi * (n % 100 + 0.3) / 100
+        step = 1000 * (1.1 + math.cos(3 * theta)) if n < 300 else 0.5 * memory.values[0]
+        library.lib.cgl_space_memory_step(
+            memory.config, memory.state, theta, True, True, gain, step, memory.values
+        )
+        if n == 300:
+            assert abs(memory.cell[:cells]).max() > 1000
+    assert memory.state.steady
+    assert abs(memory.cell[:cells]).max() < 6000 * 0.6**45
+
+
 @pytest.mark.parametrize("kind", ["map", "inversion"])
 def test_the_filter_has_zero_phase_and_only_acts_on_learning(kind):
     """A harmonic of order 8 loses the boxcar's share in each period, and nothing else; frozen it repeats."""

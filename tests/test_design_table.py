@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import io
 import re
+from pathlib import Path
 from typing import Any
 
+import pytest
 from rich.console import Console
 
 from cogless import load
+from cogless.design.learning import Learning
 from cogless.design.space_bounds import theorem
 from cogless.design.summary import to_dict
 from cogless.design.table import design_table
+from cogless.engine import engine_config
+from cogless.export.c.command import export_c
+from cogless.study import Study
 
 
 def printed(study: Any, width: int = 500) -> str:
@@ -47,6 +53,20 @@ def test_the_table_shows_what_acts() -> None:
     assert "k_pp" in plain["printed"]["gains"] and "k_pp" not in plain["filtered"]["gains"]
     table = printed(load("verrelli2016"), width=240).split("Known bounds")[0]
     assert max(len(line.rstrip()) for line in table.splitlines()) < 210
+
+
+@pytest.mark.parametrize(("lead", "samples"), [("0.6 ms", 2), ("0.65 ms", 3)])
+def test_a_lead_is_rounded_to_the_nearest_sample_everywhere(lead: str, samples: int, tmp_path: Path) -> None:
+    rates = {"current_loop": "20 kHz", "speed_loop": "4 kHz"}
+    study = load("uomodri", {"drive.rates": rates, "controller.pi-ilc.lead": lead})
+    assert isinstance(study, Study)
+    assert engine_config(study, next(iter(study.scenario)), "pi-ilc")["controller"]["lead"] == samples
+    assert Learning(study, "pi-ilc", 1.0).lead == samples
+    gain = to_dict(study)["controllers"]["pi-ilc"]["gains"]["lead"]
+    assert gain["value"] == pytest.approx(samples / 4000) and gain["note"].startswith(f"{samples} samples")
+    export_c(study, "pi-ilc", tmp_path / "out")
+    (source,) = (tmp_path / "out").glob("*_controller.c")
+    assert f".lead = {samples}," in source.read_text()
 
 
 def test_a_lead_is_shown_as_it_is_used() -> None:

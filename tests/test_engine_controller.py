@@ -199,6 +199,30 @@ def test_the_learning_matrix_comes_apart() -> None:
     assert parts["learning_matrix"].reshape(3, 3).tolist() == matrix
 
 
+def test_a_trial_of_the_controller_alone_starts_afresh() -> None:
+    """Its current loop and its monitor, too: the same trial gives the same, to the bit."""
+    library = control_library("float")
+    trial = np.linspace(0.0, 1.0, 8)
+    drive = _simulator_f32.Drive(trial_config(3, [{"reference": trial}], {"K_3": 0.0}, ideal_current=False))
+    state = drive.start()
+
+    def steps() -> list[bytes]:
+        drive.begin_trial(state, np.float32(trial).tobytes())
+        outputs = []
+        for n in range(8 * 20):
+            moving = {"theta_m": 1e-3 * n, "omega_m": 0.4}
+            now = library.new("cgl_measurement", i_abc=[0.5, -0.2, -0.3], u_dc=100.0, **moving)
+            asked = library.new("cgl_reference", theta_ref=float(trial[n // 20]), learn=True)
+            both = (bytes(library.ffi.buffer(struct)) for struct in (now, asked))
+            outputs.append(drive.step_controller(state, *both))
+        drive.end_trial(state)
+        return outputs
+
+    first = steps()
+    assert len(set(first)) > 100
+    assert steps() == first
+
+
 class Duties:
     """Three duty cycles, whatever is measured."""
 

@@ -87,6 +87,15 @@ def test_ripple_is_of_the_last_turn_before_and_after():
     assert ripple(trace(), None) is None
 
 
+def test_ripple_before_a_second_fault_is_without_the_first():
+    faults = (Fault(2.0, 4.8, ("x",)), Fault(6.0, 6.5, ("y",)))
+    assert one(trace(), *faults)[1].before == pytest.approx((5.0, 6.0), abs=2e-3)
+    late = (Fault(2.0, 5.2, ("x",)), Fault(6.0, 6.5, ("y",)))
+    first, second = one(trace(), *late)
+    assert first.before == pytest.approx((1.0, 2.0), abs=2e-3)
+    assert second.before is None and second.ripple_before is None  # 0.8 turns
+
+
 def test_less_than_a_turn_has_no_ripple():
     (found,) = one(trace(until=5.0), Fault(0.5, 4.5, ("x",)))
     assert found.before is None and found.after is None

@@ -304,3 +304,16 @@ def test_orders_do_not_depend_on_where_the_rotor_starts(amplitude, phase, order,
 def test_kinds_are_those_of_the_study():
     assert len(KINDS) == 12
     assert all(function.__doc__ for function in KINDS.values())
+
+
+def test_a_constant_has_no_orders_while_the_speed_changes():
+    """Sampled in time it is uneven in angle, where a mean leaks into the orders."""
+    t = trace(theta_m=lambda time: 2 * np.pi * (0.5 * time + time**2), x=1000.0, rate=200)
+    assert value("order", t, order=(1, 2, 12), frame="mechanical") == pytest.approx([0, 0, 0], abs=1e-9)
+
+
+def test_overshoot_is_beyond_the_mean_over_the_last_quarter():
+    """Of a ramp from 1 s until the next event at 3 s that is half of a quarter, whichever way it goes."""
+    for slope in (2.0, -2.0):
+        t = trace(x=lambda time, slope=slope: slope * np.maximum(time - 1.0, 0.0))
+        assert value("overshoot", t, event=1.0) == pytest.approx(0.5, abs=5 / RATE)

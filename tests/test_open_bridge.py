@@ -120,3 +120,25 @@ def test_a_bus_of_nothing_shorts_the_motor_through_its_diodes() -> None:
     omega_e = 4 * x["omega_m"][late].mean()
     expected = omega_e * 0.05 / np.hypot(0.8, omega_e * 2e-3)
     assert amplitude(x)[late].mean() == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("delay", [0, 1])
+def test_the_bridge_opens_with_the_duties_of_the_same_step(delay: int) -> None:
+    """With a period's computation delay the old voltage acts for that period still."""
+
+    class HoldD:
+        def step(self, _: object) -> tuple[float, float]:
+            return (12.0, 0.0)
+
+    change: dict[str, Any] = {
+        "initial_speed": 0.0, "reference": {"speed": 0.0}, "mechanics": {"inertia": 1e3},
+        "drive": {"kp_d": 1.0, "monitor": {"hold": 1e-3}, "inverter": {"computation_delay": delay}},
+        "controller": {"law": "python"}, "faults": [NO_CURRENT],
+    }  # fmt: skip
+    x = run(change, 0.06, controller=HoldD())
+    off = int(np.argmax(x["status"].astype(int) & OFF > 0))
+    assert x["time"][off] >= START
+    opens = off + delay
+    # in the period after, the bus takes more than a quarter of it
+    assert abs(x["i_d"][opens] - 12.0) < 0.2
+    assert x["i_d"][opens + 1] < 0.8 * 12.0

@@ -157,6 +157,22 @@ def test_load_lag_is_first_order() -> None:
     assert np.all(x["tau_load"][~after] == 0.1)
 
 
+def test_a_lagging_load_acts_as_the_integral_of_its_exponential() -> None:
+    """To the error of Simpson's rule: h^4 / 2880 of the third derivative's rise."""
+    lag, rise, inertia, h = 1e-3, -0.3, 5e-4, 1e-4
+    change: dict[str, Any] = {
+        "motor": {"psi_f": 1e-9},
+        "drive": {"kp_d": 0.0, "ki_d": 0.0, "kp_q": 0.0, "ki_q": 0.0, "decoupling": False},
+        "load": {"lag": lag},
+        "events": [{"time": 0.0, "load": rise}],
+    }
+    x = run(change, 0.01)
+    t = x["time"]
+    expected = -rise / inertia * (t - lag * (1 - np.exp(-t / lag)))
+    bound = h**4 / 2880 * abs(rise) / inertia / lag**3
+    assert x["omega_m"] - 10.0 == pytest.approx(expected, abs=1.01 * bound)
+
+
 def test_load_tables_by_angle_and_by_time() -> None:
     angles = np.linspace(0.0, 2.0 * np.pi, 5)[:-1]
     change: dict[str, Any] = {

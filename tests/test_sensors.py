@@ -54,6 +54,25 @@ def test_timer_quantises_the_period() -> None:
     assert np.ptp(omega) > 0.0
 
 
+@pytest.mark.parametrize("method", ["T", "MT"])
+@pytest.mark.parametrize("speed", [37.7, -91.3])
+def test_edges_are_timed_by_whole_ticks_of_the_timer(method: str, speed: float) -> None:
+    """The tick that the clock shows, not the nearest or the next one."""
+    timer, step = 123_457.0, TURN / 2000
+    omega = measured(speed, encoder(method, timer=timer), 0.2)[::10]
+    samples = 1e-3 * np.arange(len(omega))
+    # the rotor starts on an edge, which counts as passed when it turns forward
+    edges = np.floor(np.arange(-40, 40_000) * step / abs(speed) * timer) / timer
+    last = np.searchsorted(np.arange(-40, 40_000) * step / abs(speed), samples, side="right") - 1
+    if method == "MT":
+        expected = np.diff(last) * step / np.diff(edges[last])
+    else:
+        ends = np.maximum(edges[last] - edges[last - 1], np.floor(samples * timer) / timer - edges[last])
+        expected = (step / ends)[1:]
+    assert np.abs(omega[5:]) == pytest.approx(expected[4:], rel=1e-9)
+    assert np.ptp(expected[4:]) > 0.0
+
+
 def test_no_edge_for_long_bounds_the_speed() -> None:
     change = {
         **STEADY,

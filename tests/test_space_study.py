@@ -11,10 +11,12 @@ import pytest
 
 import studies
 from cogless.errors import StudyError
+from cogless.simulate import measure
 from cogless.study import load
 from cogless.study.motion import course
 from cogless.study.scenario import Scenario
 from cogless.study.step_motor import StepMotor
+from cogless.trace import Trace
 
 STEP = {
     "kind": "step",
@@ -288,3 +290,13 @@ def test_metrics_in_the_electrical_frame(tmp_path: Path) -> None:
     turned = load(studies.write(tmp_path), {"metric": [{**changes["metric"][0], "frame": "electrical"}]})
     (one,), (other,) = (run_study(s, ["low/pi"]).runs for s in (study, turned))
     assert other.metrics["m_rad_s"] == pytest.approx(4 * np.float64(one.metrics["m_rad_s"]))
+
+
+def test_copper_loss_of_two_phases_is_their_resistance_times_both_squares(tmp_path: Path) -> None:
+    """i_a^2 + i_b^2 = i_d^2 + i_q^2; of three phases the sum is half as much again."""
+    for motor, phases in (({"motor": STEP}, 2), ({"motor.R_s": "1 ohm"}, 3)):
+        loss = {"name": "loss", "kind": "copper-loss"}
+        study = studies.study(tmp_path, {**motor, "metric": [loss], "scenario.low.initial_speed": "0 rpm"})
+        rows = np.column_stack([np.arange(100) * 1e-3, np.full(100, 3.0), np.full(100, -4.0)])
+        trace = Trace(("time", "i_d", "i_q"), ("s", "A", "A"), rows)
+        assert measure(study, "low", trace)["loss_W"] == pytest.approx(25.0 * phases / 2)

@@ -262,6 +262,31 @@ def test_the_stored_map_is_the_laws_own_memory(tmp_path: Path, name: str, precis
     np.testing.assert_array_equal(run.map.values, cells)
 
 
+@pytest.mark.parametrize(
+    ("frame", "period", "ratio", "mechanical"),
+    [
+        ("electrical", {"of": "electrical"}, 4, (1, 4)),
+        ("electrical", {"of": "electrical", "turns": 3}, 4, (3, 4)),
+        ("mechanical", {"of": "mechanical"}, 1, (1, 1)),
+        ("mechanical", {"of": "electrical", "turns": 3}, 1, (3, 4)),
+    ],
+)
+def test_the_angle_of_a_position_law_is_the_rotors_times_its_ratio(
+    tmp_path: Path, frame: str, period: dict[str, object], ratio: int, mechanical: tuple[int, int]
+) -> None:
+    """In the units of what is learned; the map's cells stand at mechanical angles."""
+    law = {"law": "space-position", "k_theta": "5 1/s", "k_omega": 0.1, "mu_alpha": 5.0, "cells": 60,
+           "frame": frame, "period": period}  # fmt: skip
+    study = studies.study(tmp_path, {"controller": {"space": law}, "scenario.step.controllers": ["space"]})
+    stored = simulate(study, "step", "space").map
+    assert stored is not None
+    assert decode(bytes(stored)).ratio == stored.ratio == ratio
+    assert (stored.turns, stored.parts) == mechanical
+    angle = stored.angle
+    assert angle is not None
+    assert angle[30] == pytest.approx(np.pi * mechanical[0] / mechanical[1])
+
+
 def test_maps_of_an_earlier_run_go_and_nothing_else(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,0 +1,122 @@
+"""Judges mutants: builds each in a copy of the tree, and runs tests until one fails."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from queue import SimpleQueue
+from threading import Lock
+from time import monotonic
+from typing import Any
+from zlib import crc32
+
+from mutants.change import Change
+from mutants.draw import drawn
+from mutants.order import files_for, function_at
+from mutants.tree import Tree
+
+ROOT = Path(__file__).parents[2]
+FOLDER = ROOT / "build" / "mutants"
+
+
+class Log:
+    """What was judged, a line each, so that a run goes on where it was stopped.
+
+    A kill stands while its file is the same, a survivor while the tests are, too.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.lock = path, Lock()
+        self.tests = crc32(b"".join(test.read_bytes() for test in sorted((ROOT / "tests").rglob("*.py"))))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+        self.known = [json.loads(line) for line in path.read_text().splitlines()]
+
+    def judged(self, mutant: dict[str, Any]) -> dict[str, Any] | None:
+        for entry in reversed(self.known):
+            if mutant.items() <= entry.items():
+                return None if entry["outcome"] == "survived" and entry["tests"] != self.tests else entry
+        return None
+
+    def add(self, entry: dict[str, Any]) -> dict[str, Any]:
+        with self.lock, self.path.open("a") as file:
+            file.write(json.dumps({**entry, "tests": self.tests}) + "\n")
+        return entry
+
+
+def judge(draw: Iterator[tuple[str, Change]], free: SimpleQueue[Tree], log: Log) -> dict[str, Any]:
+    """The verdict on the draw's first mutant that builds, and differs from the original then."""
+    tree, begin = free.get(), monotonic()
+    try:
+        for file, change in draw:
+            text = (ROOT / file).read_text()
+            mutant = {
+                "file": file, "line": change.line(text), "change": change.described(text),
+                "place": change.start, "source": crc32(text.encode()),
+            }  # fmt: skip
+            known = log.judged(mutant)
+            if known is None and tree.takes(file, change.applied(text)):
+                function = function_at(file, text, change.start)
+                verdict = tree.judge(file, files_for(ROOT, file, function))
+                known = log.add({**mutant, **verdict._asdict(), "seconds": round(monotonic() - begin)})
+            tree.write(file, text)
+            if known is not None and known["outcome"] != "none":
+                told(known)
+                return known
+            if known is None:
+                log.add({**mutant, "outcome": "none"})
+        raise SystemExit("no more mutants to draw")
+    finally:
+        free.put(tree)
+
+
+def told(entry: dict[str, Any]) -> None:
+    by = f" by {entry['by']}" if entry["by"] else ""
+    place = f"{entry['file']}:{entry['line']}"
+    print(f"{entry['outcome']}{by} in {entry['seconds']} s\n    {place}: {entry['change']}", flush=True)
+
+
+def main() -> None:
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    parser = argparse.ArgumentParser(prog="make mutants", description=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--count", type=int, default=60)
+    parser.add_argument("--jobs", type=int, default=2, help="mutants at a time, each in a copy of its own")
+    parser.add_argument("paths", nargs="*", help="only in these files or folders")
+    asked = parser.parse_args()
+
+    draws, log = drawn(ROOT, asked.paths, asked.count, asked.seed), Log(FOLDER / "log.jsonl")
+    free: SimpleQueue[Tree] = SimpleQueue()
+    with ThreadPoolExecutor(asked.jobs) as pool:
+        trees = list(pool.map(lambda n: Tree(ROOT, FOLDER / str(n)), range(asked.jobs)))
+        for tree in trees:
+            free.put(tree)
+        try:
+            entries = list(pool.map(lambda draw: judge(draw, free, log), draws))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for tree in trees:
+                tree.stop()
+            raise
+
+    trees[0].build()
+    noticing = sorted({e["by"] for e in entries if e["by"].startswith("tests/")})
+    wrong = trees[0].failing(noticing) if noticing else []
+    counts = Counter(entry["outcome"] for entry in entries)
+    noticed = len(entries) - counts["survived"]
+    share = f"{noticed / len(entries):.0%}, {counts['time-out']} by time-out"
+    print(f"\n{noticed} of {len(entries)} noticed, {share}")
+    for entry in entries:
+        if entry["outcome"] == "survived":
+            print(f"{entry['file']}:{entry['line']}: {entry['change']}")
+    if wrong:
+        raise SystemExit("these tests fail without a mutant: " + ", ".join(wrong))
+
+
+if __name__ == "__main__":
+    main()

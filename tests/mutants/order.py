@@ -1,0 +1,29 @@
+"""The tests' files, those first that are most likely to notice a mutant."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+
+def files_for(root: Path, file: str, function: str) -> list[str]:
+    """All files of tests; first those that are named like the file, import it, or name the function."""
+    path = Path(file)
+    words = set(re.split(r"[/_]", path.with_suffix("").as_posix())) - {"src", "cogless", "control"}
+    imports = re.compile(rf"^(?:from|import) .*\b{path.stem}\b", re.MULTILINE)
+
+    def weight(test: Path) -> tuple[float, int]:
+        text = test.read_text()
+        like = len(words & set(test.stem.split("_")))
+        named = bool(function) and len(re.findall(rf"\b{function}\b", text))
+        mentions = len(re.findall(rf"\b(?:cgl_)?{path.stem}\b", text))
+        return -(3 * like + 4 * bool(imports.search(text)) + 4 * min(named, 2) + min(mentions, 4)), len(text)
+
+    return [f"tests/{test.name}" for test in sorted((root / "tests").glob("test_*.py"), key=weight)]
+
+
+def function_at(file: str, text: str, position: int) -> str:
+    """The name of the function that begins last before a place; nothing where there is none."""
+    python, other = r"^ *def (\w+)", r"^[ ]{0,4}[A-Za-z_][\w:<>*&, ]*?[ *&](?:\w+::)*(\w+)\([^;]*$"
+    found = re.findall(python if file.endswith(".py") else other, text[:position], re.MULTILINE)
+    return found[-1] if found else ""

@@ -1,0 +1,153 @@
+"""A copy of the tree, built and tested beside the one that is worked on."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from hashlib import sha256
+from pathlib import Path
+from typing import NamedTuple
+
+TOOLS = Path(sys.executable).parent
+LONGEST_TEST = 300  # s; one that takes longer has noticed
+LIKELY = 6  # files of tests that run before the rest is so much as collected
+MEMORY = 12 << 30  # bytes
+
+
+class Verdict(NamedTuple):
+    outcome: str  # "killed", "time-out", "survived"
+    by: str  # the test that noticed
+
+
+class Tree:
+    def __init__(self, original: Path, root: Path) -> None:
+        self.root, self.site, self.module = root, root / "site", root / "module"
+        self.libraries = [root / "library" / real for real in ("OFF", "ON")]  # double or not
+        self.process: subprocess.Popen[str] | None = None
+        self.stopped = False
+        listed = ["git", "-C", str(original), "ls-files", "-co", "--exclude-standard"]
+        for name in subprocess.run(listed, check=True, capture_output=True, text=True).stdout.splitlines():
+            if (original / name).is_file():
+                self._put(root / name, (original / name).read_bytes())
+        nanobind = [sys.executable, "-m", "nanobind", "--cmake_dir"]
+        found = subprocess.run(nanobind, check=True, capture_output=True, text=True).stdout.strip()
+        module = ["-DCMAKE_BUILD_TYPE=Release", "-DCOGLESS_IPO=OFF", f"-Dnanobind_DIR={found}"]
+        self._configure(".", self.module, *module, f"-DPython_EXECUTABLE={sys.executable}")
+        for library in self.libraries:
+            double = f"-DCOGLESS_DOUBLE={library.name}"
+            self._configure("control", library, double, "-DCOGLESS_SANITIZE=ON", "-DCMAKE_BUILD_TYPE=Debug")
+        if not self.build():
+            raise RuntimeError(f"{root}: does not build")
+        self.unchanged = self._machine_code()
+
+    def read(self, file: str) -> str:
+        return (self.root / file).read_text()
+
+    def write(self, file: str, text: str) -> None:
+        self._put(self.root / file, text.encode())
+
+    def build(self) -> bool:
+        """Builds and installs what has changed; whether that went well."""
+        sources = self.root / "src" / "cogless"
+        for source in sources.rglob("*"):
+            if source.is_file():
+                self._put(self.site / "cogless" / source.relative_to(sources), source.read_bytes())
+        built = all(self._ran("cmake", "--build", folder) for folder in (self.module, *self.libraries))
+        return built and self._ran("cmake", "--install", self.module, "--prefix", self.site)
+
+    def takes(self, file: str, text: str) -> bool:
+        """Builds with another text of a file; whether it compiles, and not to what the original does."""
+        self.write(file, text)
+        if not file.endswith(".py"):
+            return self.build() and self._machine_code() != self.unchanged
+        try:
+            compile(text, file, "exec")
+        except SyntaxError:
+            return False
+        return self.build()
+
+    def judge(self, file: str, tests: list[str]) -> Verdict:
+        """Runs tests until one fails; of the C library its own before them."""
+        if file.startswith("control"):
+            for library in self.libraries:
+                if not self._ran("ctest", "--test-dir", library, "--timeout", str(LONGEST_TEST)):
+                    return Verdict("killed", "control/tests")
+        for some in (tests[:LIKELY], tests[LIKELY:]):
+            code, output = self._tested("-x", *some) if some else (0, "")
+            if code in (4, 5):  # none of pytest's codes for a test that fails
+                raise RuntimeError(output)
+            if code != 0:
+                outcome = "time-out" if "Timeout (" in output else "killed"
+                return Verdict(outcome, _first_failure(output))
+        return Verdict("survived", "")
+
+    def stop(self) -> None:
+        """Ends what runs, from another thread; whoever waits for it gets an InterruptedError."""
+        self.stopped = True
+        if self.process is not None:
+            _end(self.process)
+
+    def failing(self, tests: list[str]) -> list[str]:
+        """Which of some tests fail in the tree as it is."""
+        _, output = self._tested(*tests)
+        return re.findall(r"^(?:FAILED|ERROR) (\S+)", output, re.MULTILINE)
+
+    def _tested(self, *arguments: str) -> tuple[int, str]:
+        limits = ["-o", f"faulthandler_timeout={LONGEST_TEST}", "-o", "faulthandler_exit_on_timeout=true"]
+        pytest = ["prlimit", f"--as={MEMORY}", sys.executable, "-m", "pytest"]
+        command = [*pytest, "-v", "--tb=no", "-p", "no:cacheprovider", *limits, *arguments]
+        done = self._start(*command)
+        return done.returncode, done.stdout
+
+    def _ran(self, tool: str, *arguments: str | Path) -> bool:
+        return self._start(TOOLS / tool, *arguments).returncode == 0
+
+    def _configure(self, source: str, folder: Path, *options: str) -> None:
+        ninja = ["-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={TOOLS / 'ninja'}"]
+        done = self._start(TOOLS / "cmake", "-S", source, "-B", folder, *ninja, *options)
+        if done.returncode:
+            raise RuntimeError(done.stdout)
+
+    def _machine_code(self) -> dict[Path, bytes]:
+        return {path: sha256(path.read_bytes()).digest() for path in self.module.rglob("*.o")}
+
+    def _start(self, *command: str | Path) -> subprocess.CompletedProcess[str]:
+        """Runs a command in the copy; what it leaves running ends with it."""
+        environment = {**os.environ, "PYTHONPATH": str(self.site), "PYTHONUNBUFFERED": "1"}
+        process = subprocess.Popen(
+            [str(part) for part in command], cwd=self.root, env=environment, text=True, errors="replace",
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
+        )  # fmt: skip
+        self.process = process
+        output, _ = process.communicate()
+        _end(process)
+        if self.stopped:
+            raise InterruptedError
+        return subprocess.CompletedProcess(process.args, process.returncode, output)
+
+    def _put(self, path: Path, content: bytes) -> None:
+        """Writes a file where it differs, lest all be built again; Python tells times to the second only."""
+        if not path.is_file() or path.read_bytes() != content:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+            for compiled in path.parent.glob(f"__pycache__/{path.stem}.*.pyc"):
+                compiled.unlink()
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """With all that it started."""
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+
+
+def _first_failure(output: str) -> str:
+    """The first test that failed, or the one that never ended."""
+    failed = re.search(r"^(\S+::.*?) (?:FAILED|ERROR)|^ERROR (\S+)", output, re.MULTILINE)
+    if failed:
+        return failed[1] or failed[2]
+    begun = re.findall(r"^(tests/\S+::\S+)", output, re.MULTILINE)
+    return begun[-1] if begun else output.strip()[-200:]

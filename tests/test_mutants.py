@@ -1,0 +1,114 @@
+"""The mutants that `make mutants` draws: where they are and what they say, on a few lines."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+from mutants import c_code, python_code
+from mutants.change import Change, other_numbers
+from mutants.draw import drawn
+from mutants.order import files_for, function_at
+
+ROOT = Path(__file__).parents[1]
+
+
+def made(changes: list[Change], text: str) -> set[str]:
+    """What they make of a text of one line."""
+    return {c.applied(text).strip() for c in changes}
+
+
+def of_python(line: str) -> set[str]:
+    text = f"def f(a, b):\n    {line}\n"
+    return {t.removeprefix("def f(a, b):\n    ") for t in made(python_code.changes(text), text)}
+
+
+def of_c(line: str) -> set[str]:
+    text = f"int f(int a)\n{{\n    {line}\n}}\n"
+    found = made(c_code.changes(text), text)
+    return {t.removeprefix("int f(int a)\n{\n    ").removesuffix("\n}") for t in found}
+
+
+def test_numbers_keep_their_notation() -> None:
+    assert list(other_numbers("3")) == ["4", "0", "6"]
+    assert list(other_numbers("0.5")) == ["1.5", "0.0", "1.0"]
+    assert list(other_numbers("16U")) == ["17U", "0U", "32U"]
+    assert list(other_numbers("0x0F")) == ["0x10", "0x0", "0x1e"]
+    assert list(other_numbers("1e-3f")) == ["1.001f", "0.0f", "0.002f"]
+    assert list(other_numbers("1'000")) == ["1001", "0", "2000"]
+    assert list(other_numbers("0")) == ["1"]
+
+
+def test_python() -> None:
+    assert of_python("return (a) + b  # a - b") == {"return (a) - b  # a - b", "return None  # a - b"}
+    assert of_python("é = a < b or 'and'") == {"é = a <= b or 'and'", "é = a < b and 'and'"}
+    assert of_python("x.y = max(a, b)") == {"pass", "x.y = min(a, b)"}
+    assert of_python("if np.floor(a): f()") == {
+        "if np.ceil(a): f()", "if not (np.floor(a)): f()", "if np.floor(a): pass",
+    }  # fmt: skip
+    assert of_python("yield True if a else 0.5") == {
+        "yield False if a else 0.5", "yield True if not (a) else 0.5", "yield True if a else 1.5",
+        "yield True if a else 0.0", "yield True if a else 1.0",
+    }  # fmt: skip
+    assert of_python("b -= 2 * a") == {"b += 2 * a", "b -= 2 / a", *(f"b -= {k} * a" for k in (3, 0, 4))}
+    for alike in ('"""a + 1"""', "raise E(1 + a)", "assert a == 1", 'x = f"{a + 1}"', "x: Literal[1] = a",
+                  'x = "a" + b', "x = a"):  # fmt: skip
+        assert of_python(alike) == set(), alike
+
+
+def test_c() -> None:
+    assert of_c("return a + 1; // a - 1") == {
+        "return a - 1; // a - 1", "return a + 2; // a - 1", "return a + 0; // a - 1",
+        "return 0; // a - 1", "return {}; // a - 1",
+    }  # fmt: skip
+    assert of_c("if (a && b(c)) x->y = std::min(a, b);") == {
+        "if (a || b(c)) x->y = std::min(a, b);", "if (!(a && b(c))) x->y = std::min(a, b);",
+        "if (a && b(c)) x->y = std::max(a, b);", "if (a && b(c)) ;",
+    }  # fmt: skip
+    assert of_c("*x = g(a <= b, true);") == {";", "*x = g(a < b, true);", "*x = g(a <= b, false);"}
+    assert of_c("for (int n = 0; n < a; ++n) f(n);") == {
+        "for (int n = 1; n < a; ++n) f(n);", "for (int n = 0; n <= a; ++n) f(n);",
+        "for (int n = 0; n < a; ++n) ;",
+    }  # fmt: skip
+    for alike in ('throw Error("a + 1" + std::to_string(2));', "const cgl_foc *const p = q;", "/* a < 1 */",
+                  "#define K 3", "std::vector<double> v(a);", "static_assert(a == 1);",
+                  "x::T t{a};"):  # fmt: skip
+        assert of_c(alike) == set(), alike
+
+
+def test_every_mutant_of_python_is_a_program() -> None:
+    for file in ("src/cogless/metrics.py", "src/cogless/study/table.py"):
+        text = (ROOT / file).read_text()
+        changes = python_code.changes(text)
+        assert len(changes) > 50
+        for change in changes:
+            compile(change.applied(text), file, "exec")
+
+
+def test_a_draw_is_spread_over_the_lines_and_always_the_same() -> None:
+    def first(seed: int) -> list[tuple[str, Change]]:
+        return [next(draw) for draw in drawn(ROOT, ["control/src", "simulator/load.hpp"], 20, seed)]
+
+    one = first(1)
+    assert one == first(1) != first(2)
+    assert len({file for file, _ in one}) > 10
+    assert all(file.startswith("control/src/") or file == "simulator/load.hpp" for file, _ in one)
+
+
+def test_those_tests_come_first_that_are_about_it() -> None:
+    for file, of, first in (
+        ("src/cogless/metrics.py", "def overshoot", "tests/test_metrics.py"),
+        ("control/src/cogless/quality.c", "set_bounds(const", "tests/test_control_quality.py"),
+        ("simulator/open_bridge.hpp", "let_through(const", "tests/test_open_bridge.py"),
+    ):
+        text = (ROOT / file).read_text()
+        function = function_at(file, text, text.index(of) + 200)
+        assert function == of.removeprefix("def ").partition("(")[0]
+        assert files_for(ROOT, file, function)[0] == first
+
+
+def test_the_command_tells_what_it_takes() -> None:
+    command = [sys.executable, "-m", "mutants", "--help"]
+    done = subprocess.run(command, cwd=ROOT / "tests", capture_output=True, text=True, check=True)
+    assert all(word in done.stdout for word in ("--seed", "--count", "--jobs", "paths"))
