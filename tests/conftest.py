@@ -1,0 +1,5 @@
+"""Tests run side by side, a process a core: threads of BLAS besides wait for each other, on matrices of 4 x 4."""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read where NumPy and SciPy are first imported
