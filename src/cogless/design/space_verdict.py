@@ -34,6 +34,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cogless import units
 from cogless.design.angle_functions import angle_functions
 from cogless.design.closed_loop import Linear, Oscillation, oscillation
 from cogless.design.learning import SETTLED, Worst
@@ -46,6 +47,8 @@ from cogless.study.mechanics import Load
 from cogless.study.motion import course
 from cogless.study.reading import for_scenario
 from cogless.study.space_controller import SpaceLearning, SpacePosition, SpaceSpeed
+from cogless.study.spoken import spoken_unit
+from cogless.units import ANGULAR_SPEED
 
 STEP = 1.06  # from one speed to the next
 FEWEST_SPEEDS = 15
@@ -72,11 +75,12 @@ class Passing:
     frequency: float  # Hz, of what is unstable there, or grows
     unstable: bool
 
-    def words(self) -> str:
-        """In a line."""
+    def words(self, unit: str = ANGULAR_SPEED.unit) -> str:
+        """In a line; `unit`: of speeds."""
         what = "is unstable" if self.unstable else "grows"
-        found = f"below {self.below:.2g} rad/s, which it passes within {self.time:.2g} s, it {what} "
-        rests = f'omega_min = "{MARGIN * self.below:.2g} rad/s" rests there'
+        below, above = (units.format(x, unit, ANGULAR_SPEED, 2) for x in (self.below, MARGIN * self.below))
+        found = f"below {below}, which it passes within {self.time:.2g} s, it {what} "
+        rests = f'omega_min = "{above}" rests there'
         return f"{found}at {self.frequency:.0f} Hz: {rests}"
 
 
@@ -112,9 +116,9 @@ class Verdict:
         """Whether there is nothing to warn of."""
         return self.kind == "settles" and self.passing is None
 
-    def short(self) -> str:
-        """What it is, without a remedy."""
-        speed = f" at {self.omega_m:.3g} rad/s" if self.varies else ""
+    def short(self, unit: str = ANGULAR_SPEED.unit) -> str:
+        """What it is, without a remedy; `unit`: of speeds."""
+        speed = f" at {units.format(self.omega_m, unit, ANGULAR_SPEED, 3)}" if self.varies else ""
         if self.unstable is not None:
             with_what = "" if self.kind == "feedback unstable" else " with what learning adds at once"
             found = f"{self.kind}{with_what}, at {self.unstable.frequency:.0f} Hz{speed}"
@@ -138,10 +142,10 @@ class Verdict:
             return "no Q filter alone repairs it, lower its learning gains too"
         return f"q_half_width = {self.filter} repairs it"
 
-    def words(self) -> str:
-        """All of it."""
-        passing = self.passing.words() if self.passing else ""
-        return "; ".join(part for part in (self.short(), self.remedy(), passing) if part)
+    def words(self, unit: str = ANGULAR_SPEED.unit) -> str:
+        """All of it; `unit`: of speeds."""
+        passing = self.passing.words(unit) if self.passing else ""
+        return "; ".join(part for part in (self.short(unit), self.remedy(), passing) if part)
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +235,7 @@ def warnings(study: Study, name: str) -> list[str]:
     if found.kind == "rests":
         lines.append("learns nothing: no reference reaches omega_min after learning_start")
     elif not found.fine:
-        lines.append(found.words())
+        lines.append(found.words(spoken_unit(study, ANGULAR_SPEED)))
     reason = unfit(study, name)
     if reason:
         lines.append(f"{reason}: what doesn't repeat is learnt only as far as it stays for a period")

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from cogless.design import space_verdict
 from cogless.design.learning import SETTLED
 from cogless.design.map_size import map_warning
 from cogless.design.summary import CurrentLoopDesign, current_loop_summary, design, learning_words
+from cogless.design.unlearned import foreseen
 from cogless.study import AnyStudy, Study, TrialStudy
 from cogless.study.space_controller import SpaceLearning
 
@@ -33,6 +36,14 @@ def warnings(study: AnyStudy, scenario: str, name: str) -> list[str]:
         *(f"controller.{name}: {line}" for line in _feedback_and_learning(study, name)),
         *map_warnings(study, name),
     ]
+
+
+def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
+    """Scenarios in which a controller will learn nothing; `runs`: (scenario, controller)."""
+    if isinstance(study, TrialStudy):
+        return []
+    found = ((scenario, name, foreseen(study, scenario, name)) for scenario, name in runs)
+    return [f"controller.{name}: learns nothing in {where}: {why}" for where, name, why in found if why]
 
 
 def map_warnings(study: Study, name: str) -> list[str]:

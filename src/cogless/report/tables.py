@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from cogless.report.comparison import Line, compare, factor_text, misses
+from cogless.report.comparison import Line, compare, factor_text, remarks
 from cogless.report.holding import late
 from cogless.report.markup import controller_heading, note, scenario_block
 from cogless.report.packing import number
@@ -19,11 +19,10 @@ from cogless.results import AnyResults, Results, Run
 
 def metric_tables(results: Results) -> str:
     """One table a scenario: metrics down, controllers across; best marked, ratio to the baseline."""
-    label = results.study.label
     tables = []
     for place, scenario in enumerate(results.scenarios):
         lines = compare(results, scenario)
-        notes = [_note(f"{label(c)} did not hold the speed in {how}") for c, how in misses(lines).items()]
+        notes = [_note(remark) for remark in remarks(results.study, lines)]
         tables.append(scenario_block(place, line_table(results, scenario, lines) + "".join(notes)))
     return "".join(tables)
 
