@@ -128,19 +128,32 @@ def ripples(tmp_path_factory):
 
 def test_without_an_error_of_the_sensor_nothing_is_said(ripples):
     line = compare(ripples, "low-speed")[3]
-    assert line.name == "speed_ripple" and sensor(ripples, "low-speed", line) is None
+    part = sensor(ripples, "low-speed", line)
+    assert line.name == "speed_ripple" and set(part.shares.values()) == {0.0}
+    assert part.seen.values == line.values
+    assert "sensor" not in " ".join(verdicts(ripples, "rpm")[0].details)
+
+
+def test_steps_of_an_encoder_are_no_error_that_a_law_leaves(ripples):
+    """It sees far more than there is, and a little of that is in its true error."""
+    part = sensor(
+        with_sensor(ripples, {"pi": -3.0, "fair-pi": 2.5, "pi-ilc": -1.0}),
+        "low-speed",
+        compare(ripples, "low-speed")[3],
+    )
+    assert not any(part.dominates(c) for c in part.shares)
 
 
 def test_the_share_is_of_the_square(ripples):
-    """With E = M + S and S = s E, the share <E, S> / <E, E> is s."""
+    """With E = M + S and S = s E, M is (1 - s) E."""
     part = sensor(
         with_sensor(ripples, {"pi": 0.25, "fair-pi": 0.75, "pi-ilc": 1.2}),
         "low-speed",
         compare(ripples, "low-speed")[3],
     )
-    assert part.shares == pytest.approx({"pi": 0.25, "fair-pi": 0.75, "pi-ilc": 1.2})
+    assert part.shares == pytest.approx({"pi": 1 - 0.75**2, "fair-pi": 1 - 0.25**2, "pi-ilc": 1 - 0.2**2})
     assert [part.dominates(c) for c in part.shares] == [False, True, True]
-    assert part.percent("pi-ilc") == "100 %"
+    assert part.percent("pi-ilc") == "96 %"
 
 
 @pytest.mark.parametrize("place", [0, 3, 4])
@@ -153,7 +166,7 @@ def test_shares_of_orders_too(ripples, place):
     if place == 4:  # of the torque
         assert part is None
         return
-    assert list(part.shares.values()) == pytest.approx([0.9] * 3, rel=1e-6)
+    assert list(part.shares.values()) == pytest.approx([0.99] * 3, rel=1e-6)
     assert part.seen.values["pi"] == pytest.approx(0.1 * line.values["pi"], rel=1e-6)
 
 
@@ -164,7 +177,7 @@ def test_where_the_sensor_dominates_all_are_compared_by_what_they_see(ripples):
     assert (
         "no controller beats PI as published: it leaves 0.0118 rpm of speed ripple as meas" in found.headline
     )
-    assert found.details[0].endswith("PI-ILC 1.57 rpm (90 %), PI re-tuned 5.17 rpm (90 %) and PI as "
+    assert found.details[0].endswith("PI-ILC 1.57 rpm (99 %), PI re-tuned 5.17 rpm (99 %) and PI as "
                                      "published 11.8 rpm (100 %).")  # fmt: skip
     assert "speed ripple (" not in " ".join(found.details[1:])  # nor is the true one a cost
 
@@ -173,7 +186,7 @@ def test_where_it_dominates_some_the_true_error_decides(ripples):
     found = verdicts(with_sensor(ripples, {"pi-ilc": 0.98, "pi": 0.01, "fair-pi": 0.01}), "rpm")[0]
     assert found.headline.startswith("At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple, 7.52 times less")
     assert found.details[0].endswith(
-        "(its share of the square): PI-ILC 1.57 rpm (98 %). As measured there is left: PI-ILC 0.0314 rpm."
+        "(its share of the square): PI-ILC 1.57 rpm (100 %). As measured there is left: PI-ILC 0.0314 rpm."
     )
 
 

@@ -29,8 +29,8 @@ def with_line(run, frequency, amplitude, since):
     data = run.trace.data.copy()
     time = run.trace.time
     line = np.where(time > since, amplitude * np.sin(2 * np.pi * frequency * time), 0.0)
-    data[:, run.trace.names.index("i_q")] += line
-    data[:, run.trace.names.index("omega_m")] += line
+    for name in ("i_q", "omega_m", "omega_measured"):
+        data[:, run.trace.names.index(name)] += line
     return replace(run, trace=replace(run.trace, data=data))
 
 
@@ -89,7 +89,8 @@ def with_error(run, other, ratio, since, metric):
     """The run with the other's error, so many times as large from a time on; `metric`: times its metrics."""
     data, names = run.trace.data.copy(), run.trace.names
     reference, late = other.trace["omega_ref"], np.where(run.trace.time < since, 0.5, ratio)
-    data[:, names.index("omega_m")] = reference - late * (reference - other.trace["omega_m"])
+    for name in ("omega_m", "omega_measured"):
+        data[:, names.index(name)] = reference - late * (reference - other.trace["omega_m"])
     metrics = {name: metric * value for name, value in other.metrics.items()}
     return replace(run, trace=replace(run.trace, data=data), metrics=metrics)
 

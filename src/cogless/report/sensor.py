@@ -1,8 +1,8 @@
 """The sensor's own part of a true error: what the position sensor is off by, which no law can see.
 
-A law follows what its sensor says. The true error E is what the law sees, M, and the sensor's own error S:
-E = M + S, or E = M - S of a speed itself. Of E's square S has the share <E, S> / <E, E>, by the three squares
-(E^2 + S^2 - M^2) / (2 E^2).
+A law follows what its sensor says. The true error E is what the law sees, M, and the sensor's own error S,
+E = M + S. The share 1 - M^2 / E^2 of E's square goes with S: nearly all where a law follows S. Where none
+can, as with the steps of an encoder, M is larger than E, and nothing of E is the sensor's.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from cogless.study.metric import Metric
 from cogless.units import factor
 
 MOST = 0.5  # share of the square: the sensor's error dominates
-# Of each true signal, what a law sees of it, and what its sensor is off by.
+# What a law sees of each true signal.
 SEEN = {
-    "omega_m": ("omega_measured", "omega_sensor_error"),
-    "omega_error": ("omega_error_measured", "omega_sensor_error"),
-    "theta_m": ("theta_measured", "theta_sensor_error"),
-    "theta_error": ("theta_error_measured", "theta_sensor_error"),
+    "omega_m": "omega_measured",
+    "omega_error": "omega_error_measured",
+    "theta_m": "theta_measured",
+    "theta_error": "theta_error_measured",
 }
 # The kinds of a metric, and the kind whose squares add up that tells the shares of it.
 SQUARES = {
@@ -48,35 +48,34 @@ class Sensor:
 
     def percent(self, controller: str) -> str:
         """The share of a controller, such as "99 %"."""
-        return f"{100 * min(1.0, max(0.0, self.shares[controller])):.0f} %"
+        return f"{100 * self.shares[controller]:.0f} %"
 
 
 def sensor(results: Results, scenario: str, line: Line) -> Sensor | None:
-    """The sensor's part of a line; None where it has none, the line is no error, or a trace is gone."""
+    """The sensor's part of a line; None where that is no error, or zero, or a trace is gone."""
     metric = next((m for m in results.study.metrics_in(scenario) if m.name == line.name), None)
     if metric is None or metric.signal not in SEEN or metric.kind not in SQUARES:
         return None
-    conditions = Conditions.of(results.study, scenario)
+    conditions, measured = Conditions.of(results.study, scenario), SEEN[metric.signal]
     seen, shares = {}, {}
     for run in results.runs:
         if run.scenario != scenario or line.values.get(run.controller) is None:
             continue
-        measured, own = SEEN[metric.signal]
         if not len(run.trace) or measured not in run.trace:
             return None
-        E, M, S = (
+        true, left = (
             _value(run, metric, line, signal, SQUARES[metric.kind], conditions)
-            for signal in (metric.signal, measured, own)
+            for signal in (metric.signal, measured)
         )
-        if not (E > 0 and S > 0 and math.isfinite(E + M + S)):
+        if not (true > 0 and math.isfinite(true + left)):
             return None
-        shares[run.controller] = (E**2 + S**2 - M**2) / (2 * E**2)
+        shares[run.controller] = 1 - (left / true) ** 2
         value = _value(run, metric, line, measured, metric.kind, conditions)
         seen[run.controller] = value / factor(line.unit, metric.dimension)
     if not shares:
         return None
     name = f"{line.name} as measured"
-    return Sensor(replace(line, name=name, signal=SEEN[metric.signal][0], values=seen), shares)
+    return Sensor(replace(line, name=name, signal=measured, values=seen), shares)
 
 
 def _value(run: Run, metric: Metric, line: Line, signal: str, kind: str, conditions: Conditions) -> float:
