@@ -36,6 +36,7 @@ std::vector<Signal> signals_of(const DriveConfig& config) {
     add(trials, {{"theta_ref", "rad"}, {"theta_measured", "rad"}});
     add(!trials, {{"omega_ref", "rad/s"}});
     add(follows_angle(config.law), {{"theta_ref", "rad"}, {"alpha_ref", "rad/s^2"}});
+    add(!trials, {{"theta_measured", "rad"}});
     add(true, {{"omega_measured", "rad/s"}});
     add(electrical, {{"i_d", "A"}});
     add(true, {{"i_q", "A"}});
@@ -76,6 +77,12 @@ int turns_of(const Law& law) {
 // A duty cycle that anybody gave: 0 to 1; what is no number is no voltage.
 cgl_real possible(cgl_real duty) {
     return duty >= CGL_R(0.0) && duty <= CGL_R(1.0) ? duty : CGL_R(0.5) + cgl_clamp(duty - CGL_R(0.5), CGL_R(0.5));
+}
+
+// The angle beside another one, by whole revolutions.
+double near(double theta, double other) {
+    constexpr double turn = 2.0 * std::numbers::pi;
+    return theta + turn * std::round((other - theta) / turn);
 }
 
 LawState start_of(const Law& law) {
@@ -406,8 +413,8 @@ void Drive::record(const DriveState& s, const Powers::Values& z, const Phase& ph
     if (trial_law) put(s.tick / (config_.trials->samples * config_.speed_divider) + 1);
     put(s.plant.theta_m, s.plant.omega_m, trial_law ? reference.theta : reference.omega);
     if (follows_angle_) put(reference.theta, reference.alpha);
-    if (trial_law) put(state_of(s.law, *trial_law).law.theta);
-    put(s.measured.omega_m);
+    put(trial_law ? static_cast<double>(state_of(s.law, *trial_law).law.theta) : near(s.measured.theta_m, s.plant.theta_m),
+        s.measured.omega_m);
     if constexpr (legs != 0) put(s.plant.i.d);
     put(s.plant.i.q);
     if (legs != 0 && !trial_law) put(s.output.i_d_ref);

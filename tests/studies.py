@@ -5,6 +5,23 @@ from typing import Any
 
 from cogless.study import Study, load
 
+# A motor on an ideal current loop, for what needs a run of seconds at once; ends within [drive].
+IDEAL = """[motor]
+pole_pairs = 4
+R_s = "1 ohm"
+L_d = "3 mH"
+L_q = "3 mH"
+psi_f = "20 mWb"
+cogging = [ {order = 24, torque = "4 mN*m"} ]
+[mechanics]
+inertia = "2.5e-4 kg*m^2"
+viscous_friction = "1e-4 N*m*s/rad"
+[trace]
+rate = "1 kHz"
+[drive]
+rates = { current_loop = "2 kHz", speed_loop = "1 kHz" }
+current_loop = { kind = "ideal", current_limit = "3 A" }
+"""
 BASE = """
 title = "A small drive"
 [motor]

@@ -9,7 +9,7 @@ from cogless.simulate import measure
 from cogless.study import load
 from cogless.study.laws import TERMS
 from cogless.study.metric import SIGNALS
-from cogless.trace import Trace
+from cogless.trace import DERIVED, Trace
 from cogless.trial_metrics import evaluate
 
 STUDY = """
@@ -152,7 +152,8 @@ def trace(the_study, scenario, controller, rate=15_000):
     signals |= {"term_integral": load / 0.41, "term_proportional": 0.015 * ripple}
     if "term_ilc" in TERMS[the_study.controller[controller].law]:
         signals["term_ilc"] = 0.02 * (1 - fade) * np.cos(24 * theta)
-    kept = [n for n in signals if n not in ("omega_error", "i_amplitude", "tau_motor")]
+    signals |= {"theta_measured": theta, "omega_measured": signals["omega_m"]}
+    kept = [n for n in signals if n not in DERIVED]
     kept = [n for n in kept if not n.startswith("term_") or n in TERMS[the_study.controller[controller].law]]
     units = ("s", *(SIGNALS[n].unit for n in kept))
     return Trace(("time", *kept), units, np.column_stack([t, *(signals[n] for n in kept)]))

@@ -48,7 +48,7 @@ def test_current_follows_at_once_and_ends_at_its_limit() -> None:
 
 def test_signals_that_mean_nothing_are_absent() -> None:
     x = run({"drive": {"ideal_current": True}}, 0.01)
-    angle = ["time", "theta_m", "omega_m", "omega_ref", "omega_measured", "i_q", "i_q_ref"]
+    angle = ["time", "theta_m", "omega_m", "omega_ref", "theta_measured", "omega_measured", "i_q", "i_q_ref"]
     torques = ["tau_e", "tau_cogging", "tau_load", "status", "term_proportional", "term_integral"]
     assert list(x) == [*angle, *torques]
 

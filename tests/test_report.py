@@ -11,7 +11,7 @@ import pytest
 import synthetic
 
 from cogless.report import Line, compare, overtime, render, verdicts, write
-from cogless.report.comparison import factor_text, misses
+from cogless.report.comparison import factor_text, misses, speed_unit
 from cogless.report.holding import missed
 from cogless.report.packing import number, pack, thin, unpack
 from cogless.report.plots import write_plots
@@ -171,6 +171,26 @@ def test_verdict_is_of_the_baselines_strongest_order_where_no_ripple_is_taken(ma
         "10.4 times less than PI as published (4.80 rpm)."
     )
     assert "Of the strongest order" not in " ".join(low.details)
+
+
+@pytest.mark.parametrize(
+    ("reference", "unit", "expected"),
+    [
+        ("60 rpm", "", "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple"),
+        ("1 rev/s", "", "At 1 rev/s, PI-ILC leaves 0.0261 rev/s of speed ripple"),
+        ("6.283185307179586 rad/s", "", "At 6.283 rad/s, PI-ILC leaves 0.164 rad/s of speed ripple"),
+        ("6.283185307179586 rad/s", 'unit = "rpm"', "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple"),
+    ],
+)
+def test_the_verdict_speaks_as_the_study_does(tmp_path, reference, unit, expected):
+    """In its metrics' unit, else in its reference's."""
+    text = synthetic.STUDY.replace('"60 rpm"', f'"{reference}"').replace('unit = "rpm"', unit)
+    results = synthetic.results(synthetic.study(tmp_path, text), rate=2000)
+    found = verdicts(results, speed_unit(results))[0]
+    assert found.headline.startswith(expected)
+    assert {line.unit for line in compare(results, "low-speed") if line.signal == "omega_m"} == {
+        expected.split(",")[0].split()[-1]
+    }
 
 
 def ripple(value):

@@ -160,6 +160,7 @@ def run(
 
     Ctrl-C keeps the runs that are finished.
     """
+    from cogless.design.warnings import too_short
     from cogless.files import writable
     from cogless.simulate import RunError, run_study, runs_of
     from cogless.study import TrialStudy
@@ -167,6 +168,8 @@ def run(
     loaded = _load(study, changes)
     wanted = len(runs_of(loaded, only))
     folder = output or Path("results") / loaded.name
+    for line in too_short(loaded, runs_of(loaded, only)):
+        _say(f"Warning: {line}.")
     failures: list[StudyError] = []
     with writable(folder):
         with _run_progress(wanted) as progress:
@@ -441,7 +444,7 @@ def _print_tables(results: AnyResults) -> None:
     from rich.text import Text
 
     from cogless import report
-    from cogless.report.comparison import misses
+    from cogless.report.comparison import remarks
 
     study, console = results.study, _console()
     for scenario in results.scenarios:
@@ -455,9 +458,8 @@ def _print_tables(results: AnyResults) -> None:
             cells = [_cell(line, name, study.baseline) for name in controllers]
             table.add_row(Text(f"{line.title} [{line.unit}]" if line.unit else line.title), *cells)
         console.print(table)
-        for name, how in misses(lines).items():
-            missed = f"! {study.label(name)} did not hold the speed in {how}"
-            console.print(missed, highlight=False, markup=False)
+        for remark in remarks(study, lines):
+            console.print(f"! {remark}", highlight=False, markup=False)
         broken = report.broken(results, scenario)
         if broken is not None:
             console.print(broken, highlight=False, markup=False)

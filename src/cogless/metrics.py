@@ -8,11 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cogless.errors import StudyError
+from cogless.study import Study, for_scenario
 from cogless.study.metric import SIGNALS, Metric, whole_revolutions
 from cogless.study.metric import result_name as result_name
 from cogless.trace import Trace
@@ -22,6 +24,7 @@ Array = NDArray[np.float64]
 Value = float | None | list[float]
 
 # The signal that a signal should follow; any other should return to its mean from before the event.
+ERRORS = ("omega_error", "omega_error_measured")  # which should be zero
 REFERENCES = {"omega_m": "omega_ref", "omega_measured": "omega_ref", "i_d": "i_d_ref", "i_q": "i_q_ref"}
 
 
@@ -34,6 +37,19 @@ class Conditions:
     power_factor: float  # as the star equivalent's
     speed_period: float  # s, of the speed loop
     events: tuple[float, ...] = ()  # s, times of the scenario's events
+
+    @classmethod
+    def of(cls, study: Study, scenario: str) -> Self:
+        """The conditions of a scenario."""
+        here = for_scenario(study, scenario)
+        motor = here.motor.star()
+        return cls(
+            pole_pairs=motor.pole_pairs,
+            R_s=motor.R_s,
+            power_factor=motor.power_factor,
+            speed_period=1 / here.drive.rates.speed_loop,
+            events=tuple(event.time for event in here.scenario[scenario].events),
+        )
 
 
 @dataclass(frozen=True)
@@ -301,7 +317,7 @@ def _outside(m: Measurement, otherwise: Callable[[], float]) -> NDArray[np.intp]
     if m.metric.band is None:
         raise m.error("expected a band")
     target: Array | float
-    if m.signal == "omega_error":
+    if m.signal in ERRORS:
         target = 0.0
     elif m.signal in REFERENCES and REFERENCES[m.signal] in m.trace:
         target = m.whole(REFERENCES[m.signal])[m.rows]

@@ -158,18 +158,10 @@ def runs_of(study: AnyStudy, only: Sequence[str] | None = None) -> list[tuple[st
 
 def measure(study: Study, scenario: str, trace: Trace) -> dict[str, Value]:
     """The scenario's metrics on a trace, SI, by name in results.json; without those whose signal it lacks."""
-    here = for_scenario(study, scenario)
-    motor = here.motor.star()
-    conditions = Conditions(
-        pole_pairs=motor.pole_pairs,
-        R_s=motor.R_s,
-        power_factor=motor.power_factor,
-        speed_period=1 / here.drive.rates.speed_loop,
-        events=tuple(event.time for event in here.scenario[scenario].events),
-    )
+    conditions = Conditions.of(study, scenario)
     return {
         result_name(metric): evaluate(metric, trace, conditions)
-        for metric in here.metrics_in(scenario)
+        for metric in study.metrics_in(scenario)
         if metric.signal is None or metric.signal in trace
     }
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cogless import units
 from cogless.design.learning_loop import SETTLED, LearningLoop
 from cogless.study.controller import PiIlc, RobustIlc
+from cogless.study.spoken import speed_text
 
 LONGEST_LEAD = 30  # samples that are tried
 
@@ -24,10 +24,6 @@ class PeriodicLoop(LearningLoop):
         if not isinstance(law, PiIlc | RobustIlc):
             raise TypeError(f"controller {self.controller}: expected pi-ilc or robust-ilc")
         return law
-
-    @property
-    def revolutions(self) -> float:
-        return 1 / self.study.motor.pole_pairs if self.law.period == "electrical" else 1.0
 
     @property
     def forgetting(self) -> float:
@@ -49,8 +45,8 @@ class PeriodicLoop(LearningLoop):
     def frozen(self) -> str | None:
         samples = 1 / self.plant.period / self.periods_per_second  # in a period
         cells, wide = self.law.cells, self.law.q_half_width
-        rpm = units.format(abs(self.omega_m), "rpm", units.ANGULAR_SPEED, digits=4)
-        found = f"a period at {rpm} has {round(samples, 1):.10g} samples, "
+        speed = speed_text(self.study, self.omega_m)
+        found = f"a period at {speed} has {round(samples, 1):.10g} samples, "
         if self.law.memory == "time":
             if samples > cells:
                 return f"{found}cells {cells}"

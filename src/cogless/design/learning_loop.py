@@ -81,11 +81,6 @@ class LearningLoop(ABC):
 
     @property
     @abstractmethod
-    def revolutions(self) -> float:
-        """Mechanical revolutions in a period of what is learned."""
-
-    @property
-    @abstractmethod
     def gamma(self) -> tuple[float, float]:
         """The learning gain, A*s/rad, and that on the integral of the same error, A/rad."""
 
@@ -131,12 +126,13 @@ class LearningLoop(ABC):
     @property
     def periods_per_second(self) -> float:
         """Periods of what is learned, Hz."""
-        return abs(self.omega_m) / (2 * math.pi * self.revolutions)
+        revolutions = float(self.law.revolutions(self.study.motor.pole_pairs))
+        return abs(self.omega_m) / (2 * math.pi * revolutions)
 
     @property
     def has_map(self) -> bool:
         """Whether it learns over the angle; otherwise over time."""
-        return self.law.memory in ("angle", "map")
+        return self.law.over_angle
 
     @property
     def cells_per_second(self) -> float:

@@ -16,6 +16,7 @@ import math
 import numpy as np
 
 from cogless.design.angle_functions import functions_in
+from cogless.design.unlearned import revolutions_learned
 from cogless.study import Study
 from cogless.study.controller import MOST_CELLS, Learning
 from cogless.study.space_controller import SpaceLearning
@@ -27,14 +28,16 @@ FILTERS = 3  # widths of the Q filter in it
 def map_warning(study: Study, name: str) -> str | None:
     """What a user should know of a map's size; None where there is no map, or it holds all known orders."""
     law, orders = study.controller[name], _orders(study, name)
-    revolutions = _revolutions(study, name)
-    if not isinstance(law, SpaceLearning | Learning) or revolutions is None or not orders:
+    revolutions = revolutions_learned(study, name)
+    if not isinstance(law, SpaceLearning | Learning) or not law.over_angle:
+        return None
+    if revolutions is None or not orders:
         return None
     order, width = max(orders), 2 * law.q_half_width + 1
-    each, enough = law.cells / (order * revolutions), max(ENOUGH, FILTERS * width)
+    each, enough = law.cells / (order * float(revolutions)), max(ENOUGH, FILTERS * width)
     if each >= enough:
         return None
-    needed = f"cells = {min(MOST_CELLS, math.ceil(enough * order * revolutions))} would do"
+    needed = f"cells = {min(MOST_CELLS, math.ceil(enough * order * float(revolutions)))} would do"
     has = f"cells = {law.cells} is {each:.3g} in a wave of order {order} (mechanical)"
     if each < FEWEST:
         return f"{has}, which such a map can't hold: {needed}"
@@ -50,16 +53,6 @@ def kept(cells: float, half_width: int) -> float:
     width = 2 * half_width + 1
     filtered = np.sinc(width / cells) / np.sinc(1 / cells)
     return float(abs(filtered) * np.sinc(1 / cells) ** 2)
-
-
-def _revolutions(study: Study, name: str) -> float | None:
-    """Mechanical revolutions of a controller's map; None where it learns none."""
-    law, pole_pairs = study.controller[name], study.motor.pole_pairs
-    if isinstance(law, SpaceLearning) and law.learning and law.memory == "map":
-        return float(law.period.revolutions(pole_pairs))
-    if isinstance(law, Learning) and law.memory == "angle":
-        return 1 / pole_pairs if law.period == "electrical" else 1.0
-    return None
 
 
 def _orders(study: Study, name: str) -> set[int]:

@@ -22,12 +22,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cogless import units
 from cogless.design.angle_functions import functions_in
 from cogless.design.learning_loop import LearningLoop, plants
 from cogless.design.margins import Complex, Real
 from cogless.study import Study, for_scenario
 from cogless.study.drive import Encoder, Resolver
+from cogless.study.spoken import speed_text
 
 FREQUENCIES = 2000
 FEW = 1.0  # counts in a sample of the speed, below which it comes in pulses, or late
@@ -94,22 +94,18 @@ def doubts(loops: Sequence[LearningLoop]) -> tuple[str, ...]:
     source = _sensor(slowest)
     if source is not None and source.counts(slowest.omega_m) < FEW * (1 - ROUNDING):
         few = f"{source.counts(slowest.omega_m):.2g} counts come in a speed sample"
-        found.append(f"at {rpm(slowest.omega_m)} {few}")
+        found.append(f"at {speed_text(slowest.study, slowest.omega_m)} {few}")
     swings = [(ripple(loop, 0.0).without / loop.omega_m, loop) for loop in loops]
     swing, where = max(swings, key=lambda pair: pair[0])
     if swing > LARGE:
-        found.append(f"at {rpm(where.omega_m)} its feedback lets the speed swing by {100 * swing:.0f} % rms")
+        speed = speed_text(where.study, where.omega_m)
+        found.append(f"at {speed} its feedback lets the speed swing by {100 * swing:.0f} % rms")
     return tuple(found)
 
 
 def _sensor(loop: LearningLoop) -> Sampled | None:
     assert loop.scenario is not None
     return sampled(loop.study, loop.scenario)
-
-
-def rpm(omega_m: float) -> str:
-    """A speed as a text."""
-    return units.format(abs(omega_m), "rpm", units.ANGULAR_SPEED, digits=3)
 
 
 def _orders(loop: LearningLoop) -> tuple[Real, Real]:

@@ -22,9 +22,10 @@ import numpy as np
 from cogless.design.feedback import feedback_of
 from cogless.design.pi import speed_loop
 from cogless.design.position import position_margins
-from cogless.design.ripple import rpm, sampled
+from cogless.design.ripple import sampled
 from cogless.study import Study
 from cogless.study.motion import course
+from cogless.study.spoken import speed_text
 
 SHARE = 0.05  # of the time that a reference moves: slower only for so long is passing
 SPENT = 0.5  # of the phase margin
@@ -46,7 +47,7 @@ def _warning(study: Study, name: str, scenario: str) -> str | None:
     if not margins.stable or math.isnan(margins.crossover):
         return None
     edge, w_c = source.count / omega, margins.crossover
-    comes = f"at {rpm(omega)} an edge comes every {1e3 * edge:.2g} ms"
+    comes = f"at {speed_text(study, omega)} an edge comes every {1e3 * edge:.2g} ms"
     around = f"the crossover is {w_c / math.tau:.3g} Hz"
     if not source.timed:
         if w_c * edge <= COASTS:

@@ -24,6 +24,7 @@ from cogless.design.closed_loop import Linear
 from cogless.design.learning_loop import LearningLoop
 from cogless.design.position import frame_ratio
 from cogless.study.space_controller import SpacePosition, SpaceSpeed
+from cogless.study.spoken import speed_text
 
 ANGLES = np.linspace(0, 2 * math.pi, 720, endpoint=False)
 
@@ -39,10 +40,6 @@ class SpaceLoop(LearningLoop):
         return law
 
     @property
-    def revolutions(self) -> float:
-        return float(self.law.period.revolutions(self.study.motor.pole_pairs))
-
-    @property
     def gamma(self) -> tuple[float, float]:
         ratio = frame_ratio(self.study, self.law)
         omega, a = abs(ratio * self.omega_m), ratio * self.alpha_m
@@ -56,7 +53,8 @@ class SpaceLoop(LearningLoop):
         error = abs(float(np.mean(needed))) / self.law.k
         if error <= self.law.eta_bar:
             return None
-        return f"its k alone leaves an error of {error:.3g} rad/s against the load, above eta_bar"
+        leaves = f"its k alone leaves an error of {speed_text(self.study, error)}"
+        return f"{leaves} against the load, above eta_bar"
 
     @cached_property
     def feedback(self) -> Linear:

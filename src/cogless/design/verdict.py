@@ -35,6 +35,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cogless import units
 from cogless.design.angle_functions import angle_functions
 from cogless.design.closed_loop import Oscillation, oscillation
 from cogless.design.learning import PeriodicLoop
@@ -49,6 +50,8 @@ from cogless.study.laws import AnyController
 from cogless.study.mechanics import Load
 from cogless.study.motion import course
 from cogless.study.space_controller import SpaceLearning
+from cogless.study.spoken import spoken_unit
+from cogless.units import ANGULAR_SPEED
 
 STEP = 1.06  # from one speed to the next
 FEWEST_SPEEDS = 15
@@ -77,11 +80,12 @@ class Passing:
     frequency: float  # Hz, of what is unstable there, or grows
     unstable: bool
 
-    def words(self) -> str:
-        """In a line."""
+    def words(self, unit: str = ANGULAR_SPEED.unit) -> str:
+        """In a line; `unit`: of speeds."""
         what = "is unstable" if self.unstable else "grows"
-        found = f"below {self.below:.2g} rad/s, which it passes within {self.time:.2g} s, it {what} "
-        rests = f'omega_min = "{MARGIN * self.below:.2g} rad/s" rests there'
+        below, above = (units.format(x, unit, ANGULAR_SPEED, 2) for x in (self.below, MARGIN * self.below))
+        found = f"below {below}, which it passes within {self.time:.2g} s, it {what} "
+        rests = f'omega_min = "{above}" rests there'
         return f"{found}at {self.frequency:.0f} Hz: {rests}"
 
 
@@ -135,6 +139,7 @@ class Verdict:
     frozen: tuple[str, ...] = ()  # why nothing is learned, at speeds where nothing is
     ratio: float = 1.0  # of what settles: the speed's ripple with it over that of its feedback alone
     doubts: tuple[str, ...] = ()  # what small signals at such speeds don't tell
+    unit: str = ANGULAR_SPEED.unit  # of speeds, as the study speaks
 
     @property
     def fine(self) -> bool:
@@ -144,7 +149,7 @@ class Verdict:
     @property
     def where(self) -> str:
         """Speed and scenario, as far as there are several."""
-        speed = f" at {self.omega_m:.3g} rad/s" if self.varies else ""
+        speed = f" at {units.format(self.omega_m, self.unit, ANGULAR_SPEED, 3)}" if self.varies else ""
         return speed + (f" in scenario {self.scenario}" if self.scenario else "")
 
     def short(self) -> str:
@@ -164,7 +169,7 @@ class Verdict:
 
     def words(self) -> str:
         """All of it."""
-        passing = self.passing.words() if self.passing else ""
+        passing = self.passing.words(self.unit) if self.passing else ""
         frozen = [f"frozen: {reason}" for reason in self.frozen]
         doubts = f"not sure: {', '.join(self.doubts)}" if self.doubts else ""
         return "; ".join(part for part in (self.short(), self.remedy(), passing, doubts, *frozen) if part)
@@ -259,6 +264,7 @@ def verdict(study: Study, name: str) -> Verdict | None:
         frozen=frozen,
         rests=isinstance(law, SpaceLearning),
         doubts=doubts([at.loop for at in found]),
+        unit=spoken_unit(study, ANGULAR_SPEED),
     )
 
     def of(at: _At, **more: Any) -> Verdict:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from cogless.design import verdict as learning
 from cogless.design.feedback import unstable_feedback
 from cogless.design.map_size import map_warning
 from cogless.design.slow_running import slow_warning
 from cogless.design.summary import CurrentLoopDesign, current_loop_summary
+from cogless.design.unlearned import foreseen
 from cogless.study import AnyStudy, Study, TrialStudy
 
 
@@ -40,6 +43,14 @@ def notes(study: Study, name: str) -> list[str]:
     """A map too small for what it shall learn, edges too few for the loop: a line each, key first."""
     found = (map_warning(study, name), slow_warning(study, name))
     return [f"controller.{name}: {line}" for line in found if line is not None]
+
+
+def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
+    """Scenarios in which a controller will learn nothing; `runs`: (scenario, controller)."""
+    if isinstance(study, TrialStudy):
+        return []
+    found = ((scenario, name, foreseen(study, scenario, name)) for scenario, name in runs)
+    return [f"controller.{name}: learns nothing in {where}: {why}" for where, name, why in found if why]
 
 
 def loop_warnings(loops: dict[str, CurrentLoopDesign]) -> list[str]:

@@ -12,17 +12,26 @@ from dataclasses import dataclass, field, replace
 from cogless.metrics import result_name
 from cogless.report.holding import missed, rows_of, span_of
 from cogless.report.packing import number
+from cogless.report.unlearned import unlearned
 from cogless.results import Results, Run
+from cogless.study import Study
+from cogless.study.base import StudyBase
 from cogless.study.metric import Metric
+from cogless.study.spoken import spoken_unit
 from cogless.units import ANGULAR_SPEED, factor
 
+SAME = 0.05  # relative difference that isn't called one
 NEVER = ("settling", "exceeds", "trials-to-floor")  # kinds that have no value where something never happens
 COUNTS = ("trials-to-floor",)
 QUANTITIES = {
     "omega_m": "speed",
     "omega_error": "speed error",
     "omega_measured": "measured speed",
+    "omega_error_measured": "measured speed error",
     "theta_m": "angle",
+    "theta_error": "angle error",
+    "theta_measured": "measured angle",
+    "theta_error_measured": "measured angle error",
     "tau_e": "electric torque",
     "tau_motor": "motor torque",
     "tau_load": "load torque",
@@ -41,6 +50,7 @@ class Line:
     """One number of each controller in a scenario; values in `unit`, None: never (or not finite).
 
     `missed`: the controllers that did not hold the speed while it was taken, and what the speed was.
+    `unlearned`: those whose law learned nothing in the scenario, and why.
     `span`: from when to when it was taken, s; None where no run has a trace.
     """
 
@@ -53,6 +63,7 @@ class Line:
     unit: str
     values: Mapping[str, float | None]
     missed: Mapping[str, str] = field(default_factory=dict)
+    unlearned: Mapping[str, str] = field(default_factory=dict)
     span: tuple[float, float] | None = None
 
     @property
@@ -93,8 +104,12 @@ class Line:
 
     @property
     def best(self) -> set[str]:
-        """Controllers with the best value; empty where none is better than another."""
-        ranks = {name: self._rank(value) for name, value in self.values.items() if name not in self.missed}
+        """Controllers with the best value; empty where none is better than another.
+
+        Not those that did not hold the speed, or whose law learned nothing.
+        """
+        out = {*self.missed, *self.unlearned}
+        ranks = {name: self._rank(value) for name, value in self.values.items() if name not in out}
         top = min(ranks.values(), default=math.inf)
         if self.better not in ("lower", "higher") or top == math.inf:
             return set()
@@ -134,13 +149,23 @@ class Line:
 def compare(results: Results, scenario: str) -> list[Line]:
     """The lines of a scenario, in the study's order of metrics; an order metric has a line for each order."""
     runs = [run for run in results.runs if run.scenario == scenario]
-    lines = []
+    lines, idle = [], {run.controller: why for run in runs if (why := unlearned(results, run))}
     for metric in results.study.metrics_in(scenario):
         taken = [run for run in runs if result_name(metric) in run.metrics]
         if taken:
             not_held, span = _missed(results, metric, taken), span_of(results, metric, taken[0])
-            lines += [replace(line, missed=not_held, span=span) for line in _lines(metric, taken)]
+            found = _lines(results.study, metric, taken)
+            lines += [replace(line, missed=not_held, unlearned=idle, span=span) for line in found]
     return lines
+
+
+def remarks(study: StudyBase, lines: Sequence[Line]) -> list[str]:
+    """What a table's reader has to know of its controllers, a sentence without a full stop each."""
+    idle = {c: why for line in lines for c, why in line.unlearned.items()}
+    return [
+        *(f"{study.label(c)} did not hold the speed in {how}" for c, how in misses(lines).items()),
+        *(f"{study.label(c)} learned nothing: {why}" for c, why in idle.items()),
+    ]
 
 
 def misses(lines: Sequence[Line]) -> dict[str, str]:
@@ -150,14 +175,13 @@ def misses(lines: Sequence[Line]) -> dict[str, str]:
 
 
 def speed_unit(results: Results) -> str:
-    """The unit that the study's metrics show speeds in; rad/s where they don't say."""
-    metrics = results.study.metric
-    return next((m.unit for m in metrics if m.unit and m.dimension == ANGULAR_SPEED), ANGULAR_SPEED.unit)
+    """The unit in which the study speaks of speeds."""
+    return spoken_unit(results.study, ANGULAR_SPEED)
 
 
-def _lines(metric: Metric, runs: Sequence[Run]) -> list[Line]:
-    unit = metric.unit or metric.dimension.unit
-    scale = factor(unit, metric.dimension) if metric.unit else 1.0
+def _lines(study: Study, metric: Metric, runs: Sequence[Run]) -> list[Line]:
+    unit = metric.unit or spoken_unit(study, metric.dimension)
+    scale = factor(unit, metric.dimension) if unit != metric.dimension.unit else 1.0
     # exceeds is the time for which a band was kept; "lower" is only the default of a metric.
     later = metric.kind == "exceeds" and "better" not in metric.model_fields_set
     better = "higher" if later else metric.better

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from cogless import units
 from cogless.design.learning_loop import LearningLoop
 from cogless.design.verdict import judged
 from cogless.errors import StudyError
@@ -15,6 +16,7 @@ from cogless.report.packing import plain
 from cogless.report.palette import place
 from cogless.report.paths import in_angle
 from cogless.results import Results, Run
+from cogless.study.spoken import spoken_unit
 
 POINTS = 600
 
@@ -45,10 +47,11 @@ def criterion(results: Results, runs: Sequence[Run]) -> dict[str, Any] | None:
         max(loop.frequencies[-1] for _, loop, _ in loops),
         POINTS,
     )
+    unit = spoken_unit(results.study, units.ANGULAR_SPEED)
     series: list[dict[str, Any]] = []
     for run, loop, fade in loops:
         factor = np.where(f <= loop.highest, loop.factor(f), np.nan)
-        label = f"{60 * loop.omega_m / (2 * np.pi):.3g} rpm"
+        label = units.format(loop.omega_m, unit, units.ANGULAR_SPEED, digits=3)
         series.append(
             {"controller": place(results, run), "label": label, "fade": fade, "values": plain(factor)}
         )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from cogless.design.verdict import verdict
 from cogless.errors import StudyError
+from cogless.report.comparison import SAME
 from cogless.report.packing import Array
 from cogless.report.paths import errors, in_angle
 from cogless.results import Results, Run
@@ -73,11 +75,28 @@ def _spectrum(x: Array) -> Array:
     return np.asarray(2 * np.abs(np.fft.rfft((x - straight) * window)) / window.sum())
 
 
+def worsened(results: Results, scenario: str) -> dict[str, float]:
+    """Controllers that learn in angle whose error became larger than the baseline's, for good: since when.
+
+    In s.
+    """
+    runs = {run.controller: run for run in results.runs if run.scenario == scenario and len(run.trace) > 1}
+    base = runs.pop(results.study.baseline, None)
+    if base is None:
+        return {}
+    learning = [run for name, run in runs.items() if in_angle(results.study, name) is not None]
+    since = {r.controller: worse_since(r, base, errors(results, [r])[0].signal) for r in learning}
+    return {name: time for name, time in since.items() if time is not None}
+
+
 def worse_since(run: Run, other: Run, signal: str) -> float | None:
-    """When a run's error became larger than another's, for good, after it had been smaller, s."""
+    """Since when a run's error is larger than another's by more than a tie, for good, s.
+
+    None where it isn't, or was so from the beginning.
+    """
     mine, base = _errors(run, signal), _errors(other, signal)
     count = min(len(mine), len(base))
-    worse = ~(mine[:count] <= base[:count])  # NaN is worse
+    worse = ~(mine[:count] <= (1 + SAME) * base[:count])  # NaN is worse
     if count < 3 or not worse[-1] or np.all(worse):
         return None
     return float((1 + np.flatnonzero(~worse)[-1]) * WINDOW)
@@ -91,24 +110,24 @@ def _errors(run: Run, signal: str) -> Array:
     return np.asarray(np.ptp(x[: whole * rows].reshape(whole, -1), axis=1)) if whole else np.zeros(0)
 
 
-def sentences(results: Results, scenario: str) -> list[str]:
-    """Who got worse while learning in angle, beside the baseline, and whether the criterion says so."""
-    runs = {run.controller: run for run in results.runs if run.scenario == scenario and len(run.trace) > 1}
-    study, base = results.study, runs.get(results.study.baseline)
-    found = []
-    for name, run in runs.items():
-        if in_angle(study, name) is None:
+def sentences(results: Results, scenario: str, worse: Mapping[str, float]) -> list[str]:
+    """Who got worse while learning in angle, beside the baseline, and whether the criterion says so.
+
+    `worse`: as of `worsened`.
+    """
+    study, found = results.study, []
+    for run in results.runs:
+        name = run.controller
+        if run.scenario != scenario or in_angle(study, name) is None:
             continue
-        signal = errors(results, [run])[0].signal
-        since = worse_since(run, base, signal) if base is not None else None
         line = growth(results, run)
         grows = _expected(study, name)
-        label = f"Worse with time: {study.label(name)}"
         rising = f"grows at {line.frequency:.0f} Hz" if line is not None else ""
-        if since is not None:
-            than = f"{label} is better than {study.label(study.baseline)} until {since:.0f} s, then worse"
+        if name in worse:
+            label = f"Worse with time: {study.label(name)}"
+            than = f"{label} is no worse than {study.label(study.baseline)} until {worse[name]:.0f} s"
             cause = f"; its current {rising}" if rising else ""
-            found.append(f"{than}{cause}{_said(grows)}.")
+            found.append(f"{than}, then worse{cause}{_said(grows)}.")
         elif line is not None and grows:
             found.append(f"The current of {study.label(name)} {rising}{_said(grows)}.")
     return found
@@ -124,7 +143,7 @@ def _expected(study: Study, name: str) -> str | None:
         return None
     if found.kind != "settles":
         return found.short()
-    return found.passing.words() if found.passing else ""
+    return found.passing.words(found.unit) if found.passing else ""
 
 
 def _said(grows: str | None) -> str:

@@ -231,7 +231,7 @@ def _series(
         names = learnt_terms(results, run) if signal == "learnt" else [signal]
         if not names or names[0] not in run.trace:
             continue
-        scale = factor(panel.unit, SIGNALS[names[0]]) / (panel.error.ratio if panel.error else 1)
+        scale = panel.error.scale if panel.error else factor(panel.unit, SIGNALS[names[0]])
         if signal == "omega_m" and not drawn:
             reference = {"dash": True, **_packed(run.trace["omega_ref"] / scale, run.trace, views)}
             drawn.append((on_top, reference))

@@ -11,8 +11,11 @@ import numpy as np
 from cogless.report.packing import Array
 from cogless.results import Results, Run
 from cogless.study import Study
+from cogless.study.metric import SIGNALS
 from cogless.study.space_controller import SpaceLearning, SpacePosition
+from cogless.study.spoken import spoken_unit
 from cogless.trace import Trace
+from cogless.units import ANGLE, ANGULAR_SPEED, factor
 
 # The learnt part of each law's current reference.
 IN_ANGLE = ("term_alpha", "term_beta", "term_h")
@@ -21,15 +24,20 @@ LEARNT = ("term_ilc", "term_f_hat", "term_table", *IN_ANGLE)
 
 @dataclass(frozen=True)
 class Error:
-    """An error that the page draws: `ratio` times the mechanical one, `title` says in which frame."""
+    """An error that the page draws in `unit`: `ratio` times the mechanical one, `title` names its frame."""
 
     signal: str
     ratio: int
     title: str
     unit: str
 
+    @property
+    def scale(self) -> float:
+        """What the signal is divided by."""
+        return factor(self.unit, SIGNALS[self.signal]) / self.ratio
+
     def of(self, trace: Trace) -> Array:
-        return np.asarray(self.ratio * trace[self.signal])
+        return np.asarray(trace[self.signal] / self.scale)
 
 
 def learns(study: Study, controller: str) -> bool:
@@ -48,6 +56,13 @@ def learnt_terms(results: Results, run: Run) -> list[str]:
     return [n for n in LEARNT if n in run.trace] if learns(results.study, run.controller) else []
 
 
+def travelled(study: Study, run: Run) -> Array:
+    """The angle that a run's law counts, rad: the rotor's, or its reference's."""
+    law = study.controller[run.controller]
+    rotor = not isinstance(law, SpacePosition) or law.index == "rotor"
+    return run.trace["theta_m" if rotor else "theta_ref"]
+
+
 def varies(reference: Array) -> bool:
     """Whether a reference doesn't stay constant."""
     return len(reference) == 0 or bool(np.ptp(reference) > 1e-6 * max(1e-9, np.max(np.abs(reference))))
@@ -61,9 +76,10 @@ def errors(results: Results, runs: Sequence[Run]) -> list[Error]:
         return []
     ratio = _ratio(results, runs[0].scenario)
     frame = ", electrical" if ratio > 1 else ""
-    found = [Error("omega_error", ratio, f"Speed error{frame}", "rad/s")]
+    speed, angle = (spoken_unit(study, dimension) for dimension in (ANGULAR_SPEED, ANGLE))
+    found = [Error("omega_error", ratio, f"Speed error{frame}", speed)]
     if any(isinstance(law, SpacePosition) for law in laws):
-        found.append(Error("theta_error", ratio, f"Angle error{frame}", "rad"))
+        found.append(Error("theta_error", ratio, f"Angle error{frame}", angle))
     return found
 
 
@@ -82,8 +98,7 @@ def periods(results: Results, run: Run) -> tuple[Array, float] | None:
     if law is None or len(run.trace) < 2:
         return None
     period = 2 * math.pi * float(law.period.revolutions(results.study.motor.pole_pairs))
-    rotor = not isinstance(law, SpacePosition) or law.index == "rotor"
-    theta = run.trace["theta_m" if rotor else "theta_ref"]
+    theta = travelled(results.study, run)
     if not np.all(np.isfinite(theta)):
         return None
     return np.abs(theta - theta[0]) / period, period

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from cogless.report.comparison import pretty
 from cogless.report.packing import Array, plain
 from cogless.report.palette import place
 from cogless.report.paths import errors, in_angle, learnt_terms, periods
@@ -43,7 +44,8 @@ def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
     }
     learnt = np.sum([run.trace[name] for name in learnt_terms(results, run)], axis=0)
     drawn = [
-        (e.title, e.of(run.trace), e.title.split(",")[0].lower(), e.unit) for e in errors(results, [run])
+        (e.title, e.of(run.trace), e.title.split(",")[0].lower(), pretty(e.unit))
+        for e in errors(results, [run])
     ]
     drawn.append(("Learnt current", learnt, "current", "A"))
     where = place(results, run)

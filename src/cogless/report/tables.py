@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from cogless.report.comparison import Line, compare, factor_text, misses
+from cogless.report.comparison import Line, compare, factor_text, remarks
 from cogless.report.holding import late
 from cogless.report.markup import controller_heading, note, reservations, scrolled
 from cogless.report.packing import number
@@ -19,9 +19,8 @@ from cogless.results import AnyResults, Results, Run
 
 def metric_table(results: Results, scenario: str) -> str:
     """Metrics down, controllers across; best marked, ratio to the baseline."""
-    label, lines = results.study.label, compare(results, scenario)
-    missed = [f"{label(c)} did not hold the speed in {how}" for c, how in misses(lines).items()]
-    return line_table(results, scenario, lines) + reservations(missed)
+    lines = compare(results, scenario)
+    return line_table(results, scenario, lines) + reservations(remarks(results.study, lines))
 
 
 def line_table(results: AnyResults, scenario: str, lines: Sequence[Line]) -> str:

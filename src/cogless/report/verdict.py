@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
-from cogless.report.comparison import Line, compare, misses, pretty
+from cogless.report.comparison import SAME, Line, compare, misses, pretty
 from cogless.report.faults import Told, account
 from cogless.report.growth import sentences as growing
-from cogless.report.growth import worse_since
+from cogless.report.growth import worsened
 from cogless.report.packing import number
-from cogless.report.paths import errors, in_angle, learns, varies
+from cogless.report.paths import learns, varies
+from cogless.report.sensor import Sensor, sensor
 from cogless.results import Results, Run
 from cogless.study import Study
 from cogless.units import ANGULAR_SPEED, convert
 
-SAME = 0.05  # relative difference that isn't called one
 COST = 0.01  # a metric that gets worse by less isn't called a cost
 CLEARLY = 1.5  # times the next controller's: worth a sentence
 MOST = 3  # metrics in a sentence about another controller
@@ -50,7 +50,12 @@ class _Case:
     where: str
     lines: Sequence[Line]
     line: Line
-    worsened: Sequence[str]  # controllers whose error has become larger than the baseline's, for good
+    worsened: Mapping[str, float]  # controllers whose error is larger than the baseline's for good: since, s
+
+    @property
+    def unlearned(self) -> list[str]:
+        """Controllers that held the speed and whose law learned nothing; never the baseline."""
+        return [c for c in self.held if c in self.line.unlearned and c != self.baseline]
 
     @property
     def baseline(self) -> str:
@@ -58,8 +63,8 @@ class _Case:
 
     @cached_property
     def ranked(self) -> list[str]:
-        """Controllers with a number that held the speed and did not get worse in the end, the best first."""
-        return [c for c in self.held if c not in self.worsened]
+        """Those that held the speed, learned if they should, and did not get worse in the end."""
+        return [c for c in self.held if c not in self.worsened and c not in self.unlearned]
 
     @cached_property
     def held(self) -> list[str]:
@@ -78,7 +83,7 @@ class _Case:
         return mine / base if base else math.inf if mine else 1.0
 
     def learns(self, controller: str) -> bool:
-        return learns(self.study, controller)
+        return learns(self.study, controller) and controller not in self.line.unlearned
 
     def label(self, controller: str) -> str:
         return self.study.label(controller)
@@ -115,12 +120,15 @@ def _compared(results: Results, scenario: str, speed_unit: str) -> Verdict | Non
     line = _latest(results, scenario, _decisive(lines, results.study.baseline, moves), lines)
     if line is None:
         return None
-    worsened = [] if results.study.baseline in line.missed else _worsened(results, scenario)
-    case = _Case(results.study, _place(run, speed_unit), lines, line, worsened)
+    worse = {} if results.study.baseline in line.missed else worsened(results, scenario)
+    case = _Case(results.study, _place(run, speed_unit), lines, line, worse)
+    case, own = _by_what_is_seen(case, sensor(results, scenario, line))
     tone, headline = _headline(case)
     compared = len(case.ranked) > 1
     details = [
-        *growing(results, scenario),
+        own,
+        *_unlearned(case),
+        *growing(results, scenario, worse),
         _strongest_order(case),
         _without_learning(case) if compared else "",
         _against_the_next(case) if compared else "",
@@ -129,20 +137,37 @@ def _compared(results: Results, scenario: str, speed_unit: str) -> Verdict | Non
         *_failures(case),
     ]
     if len(line.values) < 2 or case.baseline not in line.values:
-        details = ["There is nothing to compare.", *_failures(case)]
+        details = ["There is nothing to compare.", own, *_unlearned(case), *_failures(case)]
     return Verdict(scenario, tone, headline, [sentence for sentence in details if sentence])
+
+
+def _by_what_is_seen(case: _Case, part: Sensor | None) -> tuple[_Case, str]:
+    """Where the sensor's own error dominates, the case by what the laws see, and a sentence that says so."""
+    blurred = [c for c in case.held if part is not None and part.dominates(c)]
+    if part is None or not blurred:
+        return case, ""
+    values = _listed([f"{case.label(c)} {case.line.text(c)} ({part.percent(c)})" for c in blurred])
+    whose = "the sensor's own error, which no law can see (its share of the square)"
+    own = f"Most of the true {case.line.quantity} is {whose}: {values}."
+    if len(case.ranked) < 2 or not set(case.ranked) <= set(blurred):
+        left = _listed([f"{case.label(c)} {part.seen.text(c)}" for c in blurred])
+        return case, f"{own} As measured there is left: {left}."
+    lines = [part.seen if line is case.line else line for line in case.lines]
+    return replace(case, line=part.seen, lines=lines), own
 
 
 def _headline(case: _Case) -> tuple[str, str]:
     """Tone and first sentence."""
     line, base, ranked, label = case.line, case.baseline, case.ranked, case.label
-    if line.missed and not ranked:
+    if line.missed and not case.held:
         speeds = ", ".join(f"{label(c)} {speed}" for c, speed in line.missed.items())
         return "worse", f"{case.where}, no controller holds the speed from {line.window}: {speeds}."
     if not ranked or len(line.values) < 2 or (base not in ranked and base not in line.missed):
         return "even", f"{case.where}, {line.quantity}: {case.shown(list(line.values))}."
     if ranked == [base] and case.held == [base]:
         return "worse", f"{case.where}, only {label(base)} holds the speed: it {_has(line, base)}."
+    if ranked == [base] and {base, *case.unlearned} == set(case.held):
+        return "even", f"{case.where}, nothing was learned: {case.shown(case.held)} of {line.quantity}."
     if ranked == [base]:
         return "worse", f"{case.where}, no controller stays better than {label(base)}: it {_has(line, base)}."
     return _comparison(case)
@@ -155,7 +180,7 @@ def _comparison(case: _Case) -> tuple[str, str]:
     if base not in ranked:
         end = f"; {case.label(base)} did not hold the speed ({line.missed[base]}, {line.window})."
         return tone, f"{case.where}, {_have(case)}{end}"
-    if winners == ranked:
+    if winners == ranked == case.held and not line.missed:
         return "even", f"{case.where}, all are alike: {case.shown(winners)} of {line.quantity}."
     if winners == [base]:
         best = ranked[1]
@@ -215,17 +240,6 @@ def _latest(results: Results, scenario: str, line: Line | None, lines: Sequence[
         return line
     last = max(ends, key=lambda name: ends[name])
     return next(other for other in lines if other.name == last)
-
-
-def _worsened(results: Results, scenario: str) -> list[str]:
-    """Controllers that learn in angle whose error became larger than the baseline's, for good."""
-    runs = {run.controller: run for run in results.runs if run.scenario == scenario and len(run.trace) > 1}
-    base = runs.get(results.study.baseline)
-    if base is None:
-        return []
-    learning = {name: run for name, run in runs.items() if in_angle(results.study, name) is not None}
-    signals = {name: errors(results, [run])[0].signal for name, run in learning.items()}
-    return [name for name, run in learning.items() if worse_since(run, base, signals[name]) is not None]
 
 
 def _is_total(line: Line) -> bool:
@@ -335,16 +349,21 @@ def _costs(case: _Case) -> str:
 
 
 def _rest(case: _Case) -> str:
-    """The controllers that the headline doesn't name, in one sentence."""
+    """The ranked controllers that the headline doesn't name, in one sentence."""
     base = case.baseline
     named = {base, *case.winners, *(case.ranked[:2] if case.winners == [base] else ())}
-    others = [c for c in case.held if c not in named]
+    others = [c for c in case.ranked if c not in named]
     if not others:
         return ""
     if base not in case.ranked:
         return f"The others: {case.shown(others)}."
     parts = [f"{case.label(c)} {case.line.text(c)} ({_change(case.times(c, base))})" for c in others]
     return f"The others against {case.label(base)}: {_listed(parts)}."
+
+
+def _unlearned(case: _Case) -> list[str]:
+    """Who learned nothing, and why."""
+    return [f"{case.label(c)} learned nothing: {why}." for c, why in case.line.unlearned.items()]
 
 
 def _failures(case: _Case) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
@@ -102,6 +103,15 @@ class Learning(Base):
     lead: StartTime = 0.0  # s: what acted so long ago is corrected by the error of now
     learning_start: StartTime = 0.0  # s
     limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
+
+    @property
+    def over_angle(self) -> bool:
+        """Whether what is learned is a map over the angle, not what was done a period of time ago."""
+        return self.memory == "angle"
+
+    def revolutions(self, pole_pairs: int) -> Fraction:
+        """Mechanical revolutions in a period of what is learned."""
+        return Fraction(1, pole_pairs if self.period == "electrical" else 1)
 
     @property
     def learns(self) -> bool:

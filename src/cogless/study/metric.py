@@ -20,9 +20,11 @@ ENERGIES = ("electrical", "copper", "friction", "load", "stored", "residual")
 # Every signal that a run has, recorded or derived from recorded ones.
 SIGNALS: dict[str, Dimension] = {
     **dict.fromkeys(("theta_m", "theta_ref", "theta_error"), units.ANGLE),
+    **dict.fromkeys(("theta_measured", "theta_error_measured", "theta_sensor_error"), units.ANGLE),
     "P_t": units.TIME,
     "alpha_ref": units.ANGULAR_ACCELERATION,
-    **dict.fromkeys(("omega_m", "omega_ref", "omega_measured", "omega_error"), units.ANGULAR_SPEED),
+    **dict.fromkeys(("omega_m", "omega_ref", "omega_error"), units.ANGULAR_SPEED),
+    **dict.fromkeys(("omega_measured", "omega_error_measured", "omega_sensor_error"), units.ANGULAR_SPEED),
     **dict.fromkeys(("i_d", "i_q", "i_d_ref", "i_q_ref", "i_a", "i_b", "i_c", "i_amplitude"), units.CURRENT),
     **dict.fromkeys(("u_d", "u_q"), units.VOLTAGE),
     **dict.fromkeys(("tau_e", "tau_cogging", "tau_load", "tau_motor"), units.TORQUE),

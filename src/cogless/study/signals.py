@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from cogless.study.study import Study
 
 OF_THE_CURRENT_LOOP = {"i_d", "i_d_ref", "i_a", "i_b", "i_c", "i_amplitude", "u_d", "u_q"}
-OF_A_PATH = {"theta_ref", "theta_error", "alpha_ref"}
+OF_A_PATH = {"theta_ref", "theta_error", "theta_error_measured", "alpha_ref"}
 
 
 def terms(law: AnyController) -> set[str]:

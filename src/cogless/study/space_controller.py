@@ -73,6 +73,15 @@ class SpaceLearning(Base):
         return self.learning
 
     @property
+    def over_angle(self) -> bool:
+        """Whether what is learned is a map over the angle, not what was done a period of time ago."""
+        return self.memory == "map"
+
+    def revolutions(self, pole_pairs: int) -> Fraction:
+        """Mechanical revolutions in a period of what is learned."""
+        return self.period.revolutions(pole_pairs)
+
+    @property
     def channels(self) -> int:
         """How many functions of the angle are learned: alpha; and beta; and h."""
         return 3 if self.mu_h else 2 if self.mu_beta else 1

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from cogless.design.certificate import ENDS, Learning, ModelCertificate
 from cogless.design.response import MONOTONE
+from cogless.report.comparison import SAME
 from cogless.report.packing import number
 from cogless.report.trials.case import Case, case, listed
 from cogless.report.trials.certificate import close_to_one, models
@@ -17,7 +18,6 @@ from cogless.report.trials.phases import Phase
 from cogless.report.verdict import Verdict
 from cogless.results import TrialResults
 
-SAME = 0.05  # relative difference of an RMS that isn't called one
 CLEARLY = 1.5  # times another's first trial: worth a sentence
 
 

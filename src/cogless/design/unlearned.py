@@ -1,0 +1,89 @@
+"""Whether a law can learn in a scenario at all, or did in a run: what is learned acts a period later.
+
+Until then a law that learns is one without a memory, whose gain may be higher: what it leaves says nothing of
+its learning.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.design.learning import PeriodicLoop
+from cogless.study import Study
+from cogless.study.controller import Learning
+from cogless.study.motion import course
+from cogless.study.space_controller import SpaceLearning
+
+ALMOST = 0.995  # of a period, which rounds to one
+NO_STEP = 1e-6  # of a speed: it is constant
+
+Real = NDArray[np.float64]
+Memory = Learning | SpaceLearning
+
+
+def revolutions_learned(study: Study, name: str) -> Fraction | None:
+    """Mechanical revolutions in the period that a controller learns over; None where it has none."""
+    law = study.controller[name]
+    if isinstance(law, Learning) or (isinstance(law, SpaceLearning) and law.learning):
+        return law.revolutions(study.motor.pole_pairs)
+    return None
+
+
+def foreseen(study: Study, scenario: str, name: str) -> str | None:
+    """Why a controller will learn nothing in a scenario, by its reference; None where it may learn."""
+    law, here = study.controller[name], study.scenario[scenario]
+    revolutions = revolutions_learned(study, name)
+    if revolutions is None or not isinstance(law, Learning | SpaceLearning):
+        return None
+    begun = starts_too_late(law, here.duration) or never(study, scenario, name)
+    if begun:
+        return begun
+    way = course(here)
+    learns = way.time >= law.learning_start
+    theta = np.cumsum(way.omega[learns]) * way.step
+    return too_short(law, revolutions, theta, here.duration - law.learning_start, way.omega[learns])
+
+
+def starts_too_late(law: Memory, end: float) -> str | None:
+    """Where learning begins when all is over, `end` in s."""
+    if law.learning_start < end:
+        return None
+    return f"learning_start is {law.learning_start:.3g} s, the run ends at {end:.3g} s"
+
+
+def never(study: Study, scenario: str, name: str) -> str | None:
+    """Why a controller's memory takes nothing at the scenario's top speed; None where it does."""
+    law, top = study.controller[name], study.scenario[scenario].top_speed
+    if isinstance(law, SpaceLearning):
+        fast = study.scenario[scenario].top_reference
+        return "the reference never reaches omega_min" if fast < law.omega_min else None
+    if not isinstance(law, Learning) or not top:
+        return None
+    return PeriodicLoop(study, name, top, scenario=scenario).frozen
+
+
+def too_short(law: Memory, revolutions: Fraction, theta: Real, time: float, omega_ref: Real) -> str | None:
+    """Where less than a period was turned since learning began, and nothing passed twice.
+
+    Since then: `theta` in rad, mechanical; `time` in s; `omega_ref` in rad/s.
+    """
+    period = 2 * math.pi * float(revolutions)
+    rise = float(np.max(theta - np.minimum.accumulate(theta), initial=0.0))
+    fall = float(np.max(np.maximum.accumulate(theta) - theta, initial=0.0))
+    if law.over_angle:
+        turned, again = max(rise, fall), min(rise, fall)
+        if again > period / law.cells:  # it turned back to where it had been
+            return None
+    else:
+        turned = float(np.sum(np.abs(np.diff(theta))))
+    share = turned / period
+    if share >= ALMOST:
+        return None
+    speed = float(np.max(np.abs(omega_ref), initial=0.0))
+    constant = speed > 0 and float(np.ptp(omega_ref)) <= NO_STEP * speed
+    whole = f" of {period / speed:.3g} s" if constant else ""
+    return f"{time:.3g} s are {share:.2g} of its period{whole}"

@@ -1,0 +1,86 @@
+"""The sensor's own part of a true error: what the position sensor is off by, which no law can see.
+
+A law follows what its sensor says. The true error E is what the law sees, M, and the sensor's own error S,
+E = M + S. The share 1 - M^2 / E^2 of E's square goes with S: nearly all where a law follows S. Where none
+can, as with the steps of an encoder, M is larger than E, and nothing of E is the sensor's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from cogless.metrics import Conditions, evaluate
+from cogless.report.comparison import Line
+from cogless.results import Results, Run
+from cogless.study.metric import Metric
+from cogless.units import factor
+
+MOST = 0.5  # share of the square: the sensor's error dominates
+# What a law sees of each true signal.
+SEEN = {
+    "omega_m": "omega_measured",
+    "omega_error": "omega_error_measured",
+    "theta_m": "theta_measured",
+    "theta_error": "theta_error_measured",
+}
+# The kinds of a metric, and the kind whose squares add up that tells the shares of it.
+SQUARES = {
+    "rms": "rms",
+    "maximum": "rms",
+    "ripple-rms": "ripple-rms",
+    "peak-to-peak": "ripple-rms",
+    "order": "order",
+}
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Of a line: the same of what the laws see, and the sensor's share of each true value's square."""
+
+    seen: Line
+    shares: Mapping[str, float]
+
+    def dominates(self, controller: str) -> bool:
+        """Whether most of what a controller leaves is the sensor's own error."""
+        return self.shares[controller] > MOST
+
+    def percent(self, controller: str) -> str:
+        """The share of a controller, such as "99 %"."""
+        return f"{100 * self.shares[controller]:.0f} %"
+
+
+def sensor(results: Results, scenario: str, line: Line) -> Sensor | None:
+    """The sensor's part of a line; None where that is no error, or zero, or a trace is gone."""
+    metric = next((m for m in results.study.metrics_in(scenario) if m.name == line.name), None)
+    if metric is None or metric.signal not in SEEN or metric.kind not in SQUARES:
+        return None
+    conditions, measured = Conditions.of(results.study, scenario), SEEN[metric.signal]
+    seen, shares = {}, {}
+    for run in results.runs:
+        if run.scenario != scenario or line.values.get(run.controller) is None:
+            continue
+        if not len(run.trace) or measured not in run.trace:
+            return None
+        true, left = (
+            _value(run, metric, line, signal, SQUARES[metric.kind], conditions)
+            for signal in (metric.signal, measured)
+        )
+        if not (true > 0 and math.isfinite(true + left)):
+            return None
+        shares[run.controller] = 1 - (left / true) ** 2
+        value = _value(run, metric, line, measured, metric.kind, conditions)
+        seen[run.controller] = value / factor(line.unit, metric.dimension)
+    if not shares:
+        return None
+    name = f"{line.name} as measured"
+    return Sensor(replace(line, name=name, signal=measured, values=seen), shares)
+
+
+def _value(run: Run, metric: Metric, line: Line, signal: str, kind: str, conditions: Conditions) -> float:
+    """A metric of another signal, of this kind, SI; of an order metric that of the line."""
+    value = evaluate(metric.model_copy(update={"signal": signal, "kind": kind}), run.trace, conditions)
+    if isinstance(value, list):
+        return value[list(metric.order or ()).index(line.order or 0.0)]
+    return math.nan if value is None else value

@@ -1,0 +1,38 @@
+"""Which runs learned nothing, and why: no praise of learning is due to them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cogless.design.unlearned import never, revolutions_learned, starts_too_late, too_short
+from cogless.report.paths import learns, travelled
+from cogless.results import Results, Run
+from cogless.status import Status
+from cogless.study.controller import Learning
+from cogless.study.space_controller import SpaceLearning
+
+
+def unlearned(results: Results, run: Run) -> str | None:
+    """Why a run's law learned nothing that could act; None where it did, or the trace doesn't say.
+
+    By the angle that was turned since the status first said that learning wasn't frozen.
+    """
+    study, name, trace = results.study, run.controller, run.trace
+    law, revolutions = study.controller[name], revolutions_learned(study, name)
+    if revolutions is None or not isinstance(law, Learning | SpaceLearning):
+        return None
+    if not learns(study, name) or len(trace) < 2 or "status" not in trace:
+        return None
+    theta, status = travelled(study, run), trace["status"]
+    if not np.all(np.isfinite(theta) & np.isfinite(status)):
+        return None
+    learning = (status.astype(int) & Status.FROZEN) == 0
+    cell = 2 * np.pi * float(revolutions) / law.cells
+    if np.sum(np.abs(np.diff(theta))[learning[1:]]) < cell:
+        end = float(trace.time[-1])
+        why = starts_too_late(law, end) or never(study, run.scenario, name)
+        why = why or too_short(law, revolutions, theta, end, trace["omega_ref"])
+        return why or "it was frozen all the time"
+    since = int(np.argmax(learning))
+    time = float(trace.time[-1] - trace.time[since]) + trace.period
+    return too_short(law, revolutions, theta[since:], time, trace["omega_ref"][since:])
