@@ -1,4 +1,4 @@
-"""Tests run side by side, a process a core: threads of BLAS would wait for each other, on matrices of 4 x 4."""
+"""Tests run side by side, a process a core: BLAS threads would wait for each other, on matrices of 4 x 4."""
 
 import os
 

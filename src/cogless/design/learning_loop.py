@@ -90,6 +90,11 @@ class LearningLoop(ABC):
         return None
 
     @property
+    def doubt(self) -> str | None:
+        """Why small signals about this speed may not be all; None where the law gives no reason."""
+        return None
+
+    @property
     def forgetting(self) -> float:
         """The share of the memory that is kept in each period."""
         return 1.0

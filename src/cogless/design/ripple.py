@@ -89,7 +89,7 @@ def ripple(loop: LearningLoop, duration: float) -> Ripple:
 
 def doubts(loops: Sequence[LearningLoop]) -> tuple[str, ...]:
     """What makes small signals a poor guide at some of the speeds of a controller, a phrase each."""
-    found = []
+    found = [reason for loop in loops if (reason := loop.doubt) is not None][:1]
     slowest = min(loops, key=lambda loop: loop.omega_m)
     source = _sensor(slowest)
     if source is not None and source.counts(slowest.omega_m) < FEW * (1 - ROUNDING):

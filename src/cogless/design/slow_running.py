@@ -60,10 +60,8 @@ def _warning(study: Study, name: str, scenario: str) -> str | None:
         return None
     allowed = SPENT * margins.phase_margin / w_c + loop.period / 2
     high = "; where it stops and goes it reads high, by 10 % if every other edge takes twice as long"
-    margin = f"{math.degrees(margins.phase_margin):.0f} deg"
-    costs = (
-        f"late by {1e3 * late:.2g} ms, the speed costs {math.degrees(w_c * late):.0f} of {margin} of margin"
-    )
+    costs = f"the speed is {1e3 * late:.2g} ms late, which costs {math.degrees(w_c * late):.0f} deg"
+    costs += f" of {math.degrees(margins.phase_margin):.0f} deg of phase margin"
     return f"{comes}, {around}: {costs}{high if lost > 1 else ''}; {_helps(edge / allowed, w_c)}"
 
 

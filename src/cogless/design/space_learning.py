@@ -46,15 +46,15 @@ class SpaceLoop(LearningLoop):
         return (self.law.mu_alpha + self.law.mu_beta * omega**2 + self.law.mu_h * a**2) / omega, 0.0
 
     @property
-    def frozen(self) -> str | None:
+    def doubt(self) -> str | None:
         if not isinstance(self.law, SpaceSpeed) or self.scenario is None:
             return None
         needed = functions_in(self.study, self.scenario).current(ANGLES, abs(self.omega_m))
-        error = abs(float(np.mean(needed))) / self.law.k
+        error = float(np.min(np.abs(needed))) / self.law.k
         if error <= self.law.eta_bar:
             return None
-        leaves = f"its k alone leaves an error of {speed_text(self.study, error)}"
-        return f"{leaves} against the load, above eta_bar"
+        leaves = f"k alone leaves an error of {speed_text(self.study, error)}"
+        return f"{leaves}, above eta_bar: it may never learn"
 
     @cached_property
     def feedback(self) -> Linear:

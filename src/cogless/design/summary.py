@@ -147,7 +147,7 @@ def _space(study: Study, name: str, controller: SpacePosition | SpaceSpeed) -> D
     proof = theorem(study, name)
     if proof is not None and known is not None and known.kind not in ("settles", "rests"):
         # the proof is of continuous time
-        sampled = f"sampled, the loop {known.short()}"
+        sampled = f"but sampled: {known.short()}"
         proof = dataclasses.replace(proof, obstacles=(*proof.obstacles, sampled))
     return Design(controller.law, rule, numbers, margins_, known, proof)
 
