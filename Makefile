@@ -62,6 +62,7 @@ SEED ?= 1
 N ?= 60
 JOBS ?= 2
 mutants: $(VENV)/tested ## faults in the code that tests should notice; SEED=2 N=20 ROOM=simulator for others
+	$(BIN)/python -m pip install --quiet --no-build-isolation '.[pil]'
 	PYTHONPATH=tests $(BIN)/python -m mutants --seed $(SEED) --count $(N) --jobs $(JOBS) $(ROOM)
 
 docs: $(VENV)/installed ## the guide as HTML in docs/_build

@@ -114,6 +114,18 @@ def turn(law: Law, learn: bool = True, steps: int = 2000) -> None:
         law.step((0.017 * n) % (2 * np.pi), learn)
 
 
+def test_what_a_map_does_not_use_is_stored_as_zero() -> None:
+    """A caller's struct may hold anything there."""
+    c = control_library("float")
+    law = pi_ilc(c)
+    law.map.limit[1], law.map.limit[2] = 5.0, 7.0
+    flash = Flash(c, motor=7)
+    assert flash.save(law.map) == c.lib.CGL_MAP_OK
+    (found,) = stored_map.find(bytes(flash.slot[0]))
+    assert isinstance(found.map, StoredMap)
+    assert bytes(flash.slot[0]).startswith(bytes(found.map))
+
+
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("name", ROTARY)
 def test_a_map_comes_back_and_acts_as_before(name: str, precision: str) -> None:

@@ -322,37 +322,37 @@ def test_inputs_act_at_once(single: Exported, version: int) -> None:
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_an_added_torque_acts_in_every_trial(trials: Exported, version: int) -> None:
-    """Each trial begins with the described load anew, and its steps."""
-    folder = trials.folders["drive", version]
+    """Each trial begins with the described load anew, and its steps; and where it changes, within one too."""
+    folder, steps, middle = trials.folders["drive", version], len(trials.trace), 1000
     plain, loaded = Slave(folder), Slave(folder, {"tau_load_added": 0.3})
-    steps = len(trials.trace)
-    described, got = plain.run(steps, ["tau_load"]), loaded.run(steps, ["tau_load"])
+    described = plain.run(steps, ["tau_load"])
+    before = loaded.run(middle, ["tau_load"])
+    loaded.put({"tau_load_added": 0.1})
+    after = loaded.run(steps - middle, ["tau_load"])[1:]  # the change acts with the next step
     assert set(described.ravel()) == {0.0, 0.5}
-    np.testing.assert_allclose(got, described + 0.3, atol=1e-15)
+    np.testing.assert_allclose(before, described[:middle] + 0.3, atol=1e-15)
+    np.testing.assert_allclose(after, described[middle + 1 :] + 0.1, atol=1e-15)
     plain.close()
     loaded.close()
 
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_terminated_instance_begins_anew(both: Exported, version: int) -> None:
-    """By a reset, or by a state from before its end."""
+    """By a state from before its end, or by a reset."""
     slave = Slave(both.folders["drive", version])
-    names = slave.outputs()
+    names = [name for name in both.trace.names if name != "time"]
+    expected = columns(both.trace, names)
     slave.step(40)
     state = slave.fmu.getFMUState()
     slave.run(60, names)
     slave.fmu.terminate()
-    for from_state in (False, True):
-        if from_state:
-            slave.fmu.setFMUState(state)
-            slave.steps = 40
-        else:
-            slave.reset({"tau_load_added": 0.0})
-        expected = columns(both.trace, [name for name in both.trace.names if name != "time"])
-        rows = slave.run(100, [name for name in both.trace.names if name != "time"])
-        first = 40 if from_state else 0
-        np.testing.assert_array_equal(rows, expected[first : first + 100])
+    slave.fmu.setFMUState(state)
     slave.fmu.freeFMUState(state)
+    slave.steps = 40
+    np.testing.assert_array_equal(slave.run(100, names), expected[40:140])
+    slave.fmu.terminate()
+    slave.reset()
+    np.testing.assert_array_equal(slave.run(100, names), expected[:100])
     slave.close()
 
 

@@ -578,6 +578,7 @@ def test_page_is_one_offline_file(made):
     checker = Checker()
     checker.feed(page)
     assert checker.open == [] and checker.loaded == []
+    assert not re.search(r"\b(None|nan)\b(?! of)", re.sub(r"<script.*?</script>", "", page, flags=re.S))
     assert "url(" not in page and "@import" not in page
     assert len(page) < 3_000_000
     assert page.index("7.52 times less") < page.index('class="numbers"') < page.index('data-part="waveforms"')

@@ -8,6 +8,7 @@ import pytest
 
 from cogless import load, simulate
 from cogless.design.verdict import verdict, warnings
+from cogless.errors import StudyError
 from cogless.report import charts, render, verdicts
 from cogless.report.comparison import compare, speed_unit
 from cogless.report.growth import growth, worse_since
@@ -138,6 +139,17 @@ def test_nobody_is_worse_than_a_baseline_that_stands(made):
     found = verdicts(replace(made, runs=[stands, filtered]), "rad/s")[0]
     assert "did not hold the speed" in found.headline
     assert "Worse with time" not in " ".join(found.details)
+
+
+def test_what_gets_worse_is_said_where_the_design_can_tell_nothing(made, monkeypatch):
+    def unknown(study, name):
+        raise StudyError("no bounds")
+
+    monkeypatch.setattr("cogless.report.growth.verdict", unknown)
+    pi, printed, _ = made.runs
+    told = verdicts(replace(made, runs=[pi, with_line(printed, 400, 1.0, 9.0)]), "rad/s")[0].details
+    (worse,) = (line for line in told if "Worse with time" in line)
+    assert re.search(r"until 8 s, then worse; its current grows at \d+ Hz\.$", worse)
 
 
 def test_what_gets_worse_wins_nothing(made):

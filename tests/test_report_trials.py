@@ -1,6 +1,7 @@
 """The report of a study of trials: verdict, changes and floor, chosen trials, certificate, one page."""
 
 import json
+import re
 import time
 from dataclasses import replace
 
@@ -297,6 +298,7 @@ def test_page_is_one_offline_file(made):
     checker = Checker()
     checker.feed(page)
     assert checker.open == [] and checker.loaded == []
+    assert not re.search(r"\b(None|nan)\b(?! of)", re.sub(r"<script.*?</script>", "", page, flags=re.S))
     assert "url(" not in page and "@import" not in page
     parts = ["within 3 trials after every change", 'data-part="over-trials"', 'class="numbers"']
     parts += ['data-part="waveforms"']

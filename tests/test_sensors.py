@@ -57,7 +57,7 @@ def test_timer_quantises_the_period() -> None:
 @pytest.mark.parametrize("method", ["T", "MT"])
 @pytest.mark.parametrize("speed", [37.7, -91.3])
 def test_edges_are_timed_by_whole_ticks_of_the_timer(method: str, speed: float) -> None:
-    """The tick that the clock shows, not the nearest or the next one."""
+    """The tick that the clock shows, not the nearest one."""
     timer, step = 123_457.0, TURN / 2000
     omega = measured(speed, encoder(method, timer=timer), 0.2)[::10]
     samples = 1e-3 * np.arange(len(omega))
