@@ -106,14 +106,7 @@ class SpaceLoop:
     def sensitivity(self, w: Real) -> Complex:
         """S, see above, at w in rad/s."""
         loop = self.plant
-        return self._sensitivity(w, loop.plant(w), loop.angle(w))
-
-    def _sensitivity(self, w: Real, P_omega: Complex, P_theta: Complex) -> Complex:
-        here, T = self.feedback, 1 / self.study.drive.rates.speed_loop
-        z = np.exp(1j * w * T)
-        G = here.ratio * (P_omega + here.k_theta * P_theta)
-        C = here.k + (here.k_i * T * z / (z - 1) if here.k_i else 0.0)
-        return np.asarray(G / (1 + C * G + here.k_v * here.ratio * P_theta))
+        return _sensitivity(self.feedback, loop.period, w, loop.plant(w), loop.angle(w))
 
     def oscillation(self) -> Oscillation | None:
         """What grows within the samples, with what learning adds at once: of 1 + mu S; None where nothing."""
@@ -166,8 +159,8 @@ class SpaceLoop:
 
     @cached_property
     def _on_grid(self) -> tuple[Real, Complex]:
-        grid, P_omega, P_theta = _plants(self.plant)
-        return grid, 1 / (1 + self.mu * self._sensitivity(2 * math.pi * grid, P_omega, P_theta))
+        grid, S = _sensitivity_on_grid(self.plant, self.feedback)
+        return grid, 1 / (1 + self.mu * S)
 
     @property
     def highest(self) -> float:
@@ -185,6 +178,20 @@ class SpaceLoop:
         factors = self.factor(f)
         k = int(np.argmax(factors))
         return Worst(float(factors[k]), float(f[k]))
+
+
+def _sensitivity(feedback: Linear, T: float, w: Real, P_omega: Complex, P_theta: Complex) -> Complex:
+    z = np.exp(1j * w * T)
+    G = feedback.ratio * (P_omega + feedback.k_theta * P_theta)
+    C = feedback.k + (feedback.k_i * T * z / (z - 1) if feedback.k_i else 0.0)
+    return np.asarray(G / (1 + C * G + feedback.k_v * feedback.ratio * P_theta))
+
+
+@lru_cache(maxsize=16)
+def _sensitivity_on_grid(loop: SpeedLoop, feedback: Linear) -> tuple[Real, Complex]:
+    """Frequencies, Hz, and S there: the same at all speeds where the feedback is."""
+    f, P_omega, P_theta = _plants(loop)
+    return f, _sensitivity(feedback, loop.period, 2 * math.pi * f, P_omega, P_theta)
 
 
 @lru_cache(maxsize=16)
