@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -44,7 +45,13 @@ class CurrentLoop:
 
     def margins(self) -> Margins:
         """Of the open loop G."""
-        return margins_of(self.response, self.period, (self.ki > 0) + (self.R == 0 and self.kp + self.ki > 0))
+        return _margins(self)
+
+
+@lru_cache(maxsize=16)  # asked for with every controller, at every speed
+def _margins(loop: CurrentLoop) -> Margins:
+    integrators = (loop.ki > 0) + (loop.R == 0 and loop.kp + loop.ki > 0)
+    return margins_of(loop.response, loop.period, integrators)
 
 
 @dataclass(frozen=True)

@@ -215,23 +215,10 @@ class LearningLoop(ABC):
         left = (1 - q) / (1 - q * kept)
         return np.abs(left if self.lead else left * kept)
 
-    def sensitivity(self, w: Real, P_omega: Complex, P_theta: Complex) -> Complex:
-        """S; both plants at w in rad/s."""
-        here = self.feedback
-        G = here.ratio * (P_omega + here.k_theta * P_theta)
-        return np.asarray(1 / (1 + self.pi(w, here.k, here.k_i) * G + here.k_v * here.ratio * P_theta))
-
-    def pi(self, w: Real, k: float, k_i: float) -> Complex:
-        """k + k_i T z / (z - 1) at w in rad/s."""
-        z = np.exp(1j * w * self.plant.period)
-        return np.asarray(k + (k_i * self.plant.period * z / (z - 1) if k_i else 0.0 * w))
-
     @cached_property
     def _on_grid(self) -> tuple[Real, Complex]:
-        grid, P_omega, P_theta = plants(self.plant)
-        w, here = 2 * math.pi * grid, self.feedback
-        G = here.ratio * (P_omega + here.k_theta * P_theta)
-        return grid, self.pi(w, *self.gamma) * G * self.sensitivity(w, P_omega, P_theta)
+        grid, closed = _closed(self.plant, self.feedback)
+        return grid, pi(2 * math.pi * grid, self.plant.period, *self.gamma) * closed
 
     @property
     def highest(self) -> float:
@@ -249,6 +236,32 @@ class LearningLoop(ABC):
         factors = self.factor(f)
         k = int(np.argmax(factors))
         return Worst(float(factors[k]), float(f[k]))
+
+
+def pi(w: Real, T: float, k: float, k_i: float) -> Complex:
+    """k + k_i T z / (z - 1) at w in rad/s."""
+    z = np.exp(1j * w * T)
+    return np.asarray(k + (k_i * T * z / (z - 1) if k_i else 0.0 * w))
+
+
+def opened(feedback: Linear, P_omega: Complex, P_theta: Complex) -> Complex:
+    """G."""
+    return np.asarray(feedback.ratio * (P_omega + feedback.k_theta * P_theta))
+
+
+def sensitivity(loop: SpeedLoop, feedback: Linear, w: Real, P_omega: Complex, P_theta: Complex) -> Complex:
+    """S; both plants at w in rad/s."""
+    C = pi(w, loop.period, feedback.k, feedback.k_i)
+    around = C * opened(feedback, P_omega, P_theta) + feedback.k_v * feedback.ratio * P_theta
+    return np.asarray(1 / (1 + around))
+
+
+@lru_cache(maxsize=16)  # of one plant and feedback at all speeds
+def _closed(loop: SpeedLoop, feedback: Linear) -> tuple[Real, Complex]:
+    """Frequencies, Hz, and G S there."""
+    f, P_omega, P_theta = plants(loop)
+    S = sensitivity(loop, feedback, 2 * math.pi * f, P_omega, P_theta)
+    return f, opened(feedback, P_omega, P_theta) * S
 
 
 @lru_cache(maxsize=16)

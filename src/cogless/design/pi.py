@@ -40,7 +40,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
 
 import numpy as np
 
@@ -97,32 +97,33 @@ class SpeedLoop:
 
     def step_of(self, periods: int) -> Real:
         """x and i_ref so many current-loop periods later."""
-        return np.asarray(np.linalg.matrix_power(self._step, periods))
+        return np.asarray(np.linalg.matrix_power(_step(self), periods))
 
-    @cached_property
-    def _step(self) -> Real:
-        """x and i_ref one current-loop period later."""
-        loop, T = self.current, self.current.period
-        if isinstance(loop, IdealLoop):
-            step = np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
-            step[CURRENT, REFERENCE] = 1.0
-            step[OMEGA, REFERENCE] = self.b * T
-            step[THETA, [OMEGA, REFERENCE]] = T, self.b * T**2 / 2
-            return step
-        rates = np.zeros((4, 4))  # of i, omega, theta under a constant voltage
-        rates[0, 0], rates[0, 3] = -loop.R / loop.L, 1 / loop.L
-        rates[1, 0], rates[2, 1] = self.b, 1.0
-        motor = exponential(rates * loop.period)
-        voltage = np.zeros(6)  # of the controller, kp (i_ref - i) + integral
-        voltage[[CURRENT, INTEGRAL, REFERENCE]] = -loop.kp, 1.0, loop.kp
-        step = np.eye(6)
-        step[INTEGRAL, [CURRENT, REFERENCE]] = -loop.ki * loop.period, loop.ki * loop.period
-        step[WAITING] = voltage
-        moving = [CURRENT, OMEGA, THETA]
-        step[np.ix_(moving, moving)] = motor[:3, :3]
-        acting = np.eye(6)[WAITING] if loop.delay else voltage
-        step[moving] += np.outer(motor[:3, 3], acting)
+
+@lru_cache(maxsize=16)  # all speeds and accelerations of a reference have one
+def _step(around: SpeedLoop) -> Real:
+    """x and i_ref one current-loop period later."""
+    loop, T = around.current, around.current.period
+    if isinstance(loop, IdealLoop):
+        step = np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+        step[CURRENT, REFERENCE] = 1.0
+        step[OMEGA, REFERENCE] = around.b * T
+        step[THETA, [OMEGA, REFERENCE]] = T, around.b * T**2 / 2
         return step
+    rates = np.zeros((4, 4))  # of i, omega, theta under a constant voltage
+    rates[0, 0], rates[0, 3] = -loop.R / loop.L, 1 / loop.L
+    rates[1, 0], rates[2, 1] = around.b, 1.0
+    motor = exponential(rates * loop.period)
+    voltage = np.zeros(6)  # of the controller, kp (i_ref - i) + integral
+    voltage[[CURRENT, INTEGRAL, REFERENCE]] = -loop.kp, 1.0, loop.kp
+    step = np.eye(6)
+    step[INTEGRAL, [CURRENT, REFERENCE]] = -loop.ki * loop.period, loop.ki * loop.period
+    step[WAITING] = voltage
+    moving = [CURRENT, OMEGA, THETA]
+    step[np.ix_(moving, moving)] = motor[:3, :3]
+    acting = np.eye(6)[WAITING] if loop.delay else voltage
+    step[moving] += np.outer(motor[:3, 3], acting)
+    return step
 
 
 @dataclass(frozen=True)
@@ -169,6 +170,7 @@ def gains(study: Study, name: str) -> tuple[float, float]:
     return design.kp, design.ki
 
 
+@lru_cache(maxsize=32)
 def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
     """Gains for a phase margin; ValueError where this loop has none such below half the sampling rate."""
     x = root(lambda x: math.atan(x) - x / (1 + x * x) - tuning.phase_margin, 1e-3, 1e3)

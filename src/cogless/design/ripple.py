@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.angle_functions import functions_in
-from cogless.design.learning_loop import LearningLoop, plants
+from cogless.design.learning_loop import LearningLoop, pi, plants, sensitivity
 from cogless.design.margins import Complex, Real
 from cogless.study import Study, for_scenario
 from cogless.study.drive import Encoder, Resolver
@@ -125,7 +125,7 @@ def _responses(loop: LearningLoop, f: Real) -> tuple[Complex, Complex]:
     grid, P_omega, P_theta = plants(loop.plant)
     w = math.tau * f
     P_omega, P_theta = np.interp(f, grid, P_omega), np.interp(f, grid, P_theta)
-    return 1j * w * P_theta, loop.sensitivity(w, P_omega, P_theta)
+    return 1j * w * P_theta, sensitivity(loop.plant, loop.feedback, w, P_omega, P_theta)
 
 
 def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, float]:
@@ -136,8 +136,9 @@ def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, 
     density = source.count**2 / 12 / source.window**2 / nyquist
     density = density * np.abs(1 - np.exp(-1j * w * source.window)) ** 2
     P_t, S = _responses(loop, f)
-    C = ratio * loop.pi(w, loop.feedback.k, loop.feedback.k_i)
-    V, q = ratio * loop.pi(w, *loop.gamma) * S, loop.q(f) * loop.lines(f, True)
+    T = loop.plant.period
+    C = ratio * pi(w, T, loop.feedback.k, loop.feedback.k_i)
+    V, q = ratio * pi(w, T, *loop.gamma) * S, loop.q(f) * loop.lines(f, True)
     rho = np.minimum(q * np.abs(loop.kept(f)), 1 - 1e-9) ** 2
     times = (1 - rho**periods) / (1 - rho)
     if loop.lead:

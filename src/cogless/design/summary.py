@@ -68,24 +68,31 @@ def current_loop_summary(study: Study) -> dict[str, CurrentLoopDesign]:
 
 def to_dict(study: Study) -> dict[str, Any]:
     """The same as plain types, SI, for JSON; a margin that the loop doesn't have is null."""
-    controllers = {}
-    for name, design in summary(study).items():
-        controllers[name] = {
-            "law": design.law,
-            "rule": design.rule,
-            "gains": _gains(design.gains),
-            "margins": design.margins and _margins(design.margins),
-            "learning": design.learning and _learning(design.learning),
-            "theorem": design.theorem and _theorem(design.theorem),
-        }
     return {
         "study": study.title,
-        "current_loop": {
-            axis: {"gains": _gains(loop.gains), "margins": _margins(loop.margins), "weakness": loop.weakness}
-            for axis, loop in current_loop_summary(study).items()
-        },
+        "current_loop": current_loop_dict(study),
         "speed_loop": {"period": speed_loop(study).period, **dataclasses.asdict(speed_loop(study))},
-        "controllers": controllers,
+        "controllers": {name: design_dict(design) for name, design in summary(study).items()},
+    }
+
+
+def design_dict(design: Design) -> dict[str, Any]:
+    """One controller as plain types."""
+    return {
+        "law": design.law,
+        "rule": design.rule,
+        "gains": _gains(design.gains),
+        "margins": design.margins and _margins(design.margins),
+        "learning": design.learning and _learning(design.learning),
+        "theorem": design.theorem and _theorem(design.theorem),
+    }
+
+
+def current_loop_dict(study: Study) -> dict[str, Any]:
+    """The current loop by axis as plain types."""
+    return {
+        axis: {"gains": _gains(loop.gains), "margins": _margins(loop.margins), "weakness": loop.weakness}
+        for axis, loop in current_loop_summary(study).items()
     }
 
 

@@ -13,17 +13,6 @@ from cogless.design.unlearned import foreseen
 from cogless.study import AnyStudy, Study, TrialStudy
 
 
-def verdict(study: AnyStudy, scenario: str, name: str) -> str:
-    """What `cogless design` says of a controller's learning, in a line; empty where it learns nothing."""
-    if isinstance(study, TrialStudy):
-        from cogless.design.from_study import design_study
-        from cogless.design.trial_summary import words
-
-        return words(design_study(study, [(scenario, name)])[scenario, name])
-    found = learning.verdict(study, name)
-    return found.words() if found else ""
-
-
 def warnings(study: AnyStudy, scenario: str, name: str) -> list[str]:
     """Of a controller and the current loop below it: a line each, which begins with the key."""
     if isinstance(study, TrialStudy):

@@ -70,6 +70,10 @@ def changed(study: AStudy, changes: Changes) -> AStudy:
 
 def for_scenario(study: Study, scenario: str) -> Study:
     """The study as it is within a scenario: with its overrides, and without the other scenarios."""
+    return study._scenarios.get(scenario, study)
+
+
+def _in_scenario(study: Study, scenario: str) -> Study:
     here = study.scenario[scenario]
     if not here.override:
         return study
@@ -258,7 +262,7 @@ def _checked(source: Source) -> AnyStudy:
         trials._hardware = _of_each(trials.scenario, partial(_hardware, trials))
         return trials
     study = _validated(Study, source)
-    _of_each(study.scenario, partial(for_scenario, study))
+    study._scenarios = _of_each(study.scenario, partial(_in_scenario, study))
     return study
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Self
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from cogless.study import checks
 from cogless.study.any_motor import AnyMotor
@@ -36,6 +36,7 @@ class Study(StudyBase):
     controller: Annotated[dict[str, Controller], Field(min_length=1)]
     metric: Many[Metric] = ()
     calibration: Calibration | None = None
+    _scenarios: dict[str, Study] = PrivateAttr(default={})  # as they are with their overrides
 
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> Self:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cogless.design.warnings import verdict
 from cogless.export import folder, sources
 from cogless.export.c.awkward import awkward
 from cogless.export.c.figures import figures
@@ -57,6 +56,7 @@ def subject_of(prepared: Prepared, command: str = "") -> Subject:
     headers = parse(sorted((sources.control() / "cogless").glob("*.h")))
     layout, config = Layout(headers, prepared.precision), prepared.config
     law = LAWS[config["law"]]
+    found, verdict = figures(prepared.study, prepared.scenario, prepared.controller)
     return Subject(
         study=prepared.study,
         scenario=prepared.scenario,
@@ -70,8 +70,8 @@ def subject_of(prepared: Prepared, command: str = "") -> Subject:
         rate=prepared.rate,
         memory_length=config["memory_length"],
         learning_matrix=config["learning_matrix"],
-        figures=figures(prepared.study, prepared.scenario, prepared.controller),
-        verdict=verdict(prepared.study, prepared.scenario, prepared.controller),
+        figures=found,
+        verdict=verdict,
         command=command,
     )
 

@@ -8,19 +8,23 @@ from typing import Any
 from cogless.study import AnyStudy, TrialStudy
 
 
-def figures(study: AnyStudy, scenario: str, controller: str) -> list[tuple[str, str]]:
-    """(name, value with its unit) in the order and by the names of `cogless design --json`."""
+def figures(study: AnyStudy, scenario: str, controller: str) -> tuple[list[tuple[str, str]], str]:
+    """(name, value with its unit) in the order and by the names of `cogless design --json`; the verdict.
+
+    The verdict: what it says of learning, in a line; empty where it learns nothing.
+    """
     if isinstance(study, TrialStudy):
+        from cogless.design import trial_summary
         from cogless.design.from_study import design_study
-        from cogless.design.trial_summary import design_dict
 
-        designs = design_study(study, [(scenario, controller)])
-        return list(_flat(design_dict(designs[scenario, controller])))
-    from cogless.design.summary import to_dict
+        trial = design_study(study, [(scenario, controller)])[scenario, controller]
+        return list(_flat(trial_summary.design_dict(trial))), trial_summary.words(trial)
+    from cogless.design.summary import current_loop_dict, design, design_dict
 
-    found = to_dict(study)
-    loop = {f"current_loop.{axis}": entry for axis, entry in found["current_loop"].items()}
-    return [*_flat(loop), *_flat(found["controllers"][controller])]
+    found = design(study, controller)
+    loop = {f"current_loop.{axis}": entry for axis, entry in current_loop_dict(study).items()}
+    said = found.learning.words() if found.learning else ""
+    return [*_flat(loop), *_flat(design_dict(found))], said
 
 
 def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
