@@ -392,7 +392,7 @@ def test_the_filters_sum_sheds_its_rounding():
         if n == 300:
             assert abs(memory.cell[:cells]).max() > 1000
     assert memory.state.steady
-    assert abs(memory.cell[:cells]).max() < 6000 * 0.6**45
+    assert abs(memory.cell[:cells]).max() < 6000 * 0.67**45
 
 
 @pytest.mark.parametrize("kind", ["map", "inversion"])

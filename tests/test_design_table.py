@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from cogless import load
-from cogless.design.learning import Learning
+from cogless.design.learning import PeriodicLoop
 from cogless.design.space_bounds import theorem
 from cogless.design.summary import to_dict
 from cogless.design.table import design_table
@@ -61,7 +61,7 @@ def test_a_lead_is_rounded_to_the_nearest_sample_everywhere(lead: str, samples: 
     study = load("uomodri", {"drive.rates": rates, "controller.pi-ilc.lead": lead})
     assert isinstance(study, Study)
     assert engine_config(study, next(iter(study.scenario)), "pi-ilc")["controller"]["lead"] == samples
-    assert Learning(study, "pi-ilc", 1.0).lead == samples
+    assert PeriodicLoop(study, "pi-ilc", 1.0).lead == samples
     gain = to_dict(study)["controllers"]["pi-ilc"]["gains"]["lead"]
     assert gain["value"] == pytest.approx(samples / 4000) and gain["note"].startswith(f"{samples} samples")
     export_c(study, "pi-ilc", tmp_path / "out")

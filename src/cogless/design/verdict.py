@@ -228,7 +228,7 @@ class _Motion:
 
     judged: tuple[tuple[_At, float], ...]
     passing: Passing | None = None
-    frozen: tuple[str, ...] = ()  # why nothing is learned, at the slowest and the fastest such speed
+    frozen: tuple[tuple[float, str], ...] = ()  # the slowest and the fastest speed where nothing is, why
     duration: float = 0.0  # s, of learning
 
     @property
@@ -252,7 +252,8 @@ def verdict(study: Study, name: str) -> Verdict | None:
     if loop_type(law) is None or not keys:
         return None
     motions = [_motion(study, key, name) for key in keys]
-    frozen = tuple(dict.fromkeys(reason for motion in motions for reason in motion.frozen))
+    resting = sorted(each for motion in motions for each in motion.frozen)
+    frozen = tuple(dict.fromkeys(reason for _, reason in resting))
     found = [at for motion in motions for at, _ in motion.judged]
     if not found:
         return Verdict("rests", frozen=frozen)
@@ -291,7 +292,7 @@ def verdict(study: Study, name: str) -> Verdict | None:
     means = [_mean(motion.judged) for motion in motions if motion.judged]
     mean = max(means, key=lambda m: m.factor)
     kind: Kind = "grows" if any(m.sure for m in means) and not base.doubts else "may grow"
-    shown = mean if base.varies and kind == "grows" else None
+    shown = mean if kind == "grows" and mean.highest > mean.lowest else None
     return of(most, kind=kind, worst=most.worst, mean=shown, repair=_repair(found))
 
 
@@ -343,7 +344,7 @@ def _motion(study: Study, scenario: str, name: str) -> _Motion:
     if not np.any(moving):
         return _Motion(())
     found: list[_At] = []
-    frozen: list[str] = []
+    frozen: list[tuple[float, str]] = []
     torques = _torques(study, scenario)
     for speed, acceleration, samples in _places(omega, weighed, moving):
         loops = [kind(study, name, speed, acceleration, torque, scenario) for torque in torques]
@@ -351,7 +352,7 @@ def _motion(study: Study, scenario: str, name: str) -> _Motion:
         if reason is None:
             found.append(_At(tuple(loops), samples))
         else:
-            frozen.append(reason)
+            frozen.append((speed, reason))
             moving[samples] = False
     reasons = tuple(dict.fromkeys((*frozen[:1], *frozen[-1:])))
     if not found:
