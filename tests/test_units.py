@@ -129,3 +129,20 @@ def test_importing_cogless_loads_neither_pint_nor_pydantic() -> None:
     code = f"import sys, cogless; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+FROM_THREADS = """
+from concurrent.futures import ThreadPoolExecutor
+from cogless.units import ANGULAR_SPEED, INERTIA, TORQUE, parse
+
+asked = [("60 rpm", ANGULAR_SPEED), ("2 rad/s", ANGULAR_SPEED), ("3 mN*m", TORQUE), ("1 kg*cm^2", INERTIA)]
+with ThreadPoolExecutor(8) as pool:
+    print(len(set(pool.map(lambda each: parse(*each), asked * 8))))
+"""
+
+
+def test_threads_may_be_the_first_to_ask() -> None:
+    """Studies are loaded side by side in scripts, in a process that has not seen a unit yet."""
+    for _ in range(3):
+        ran = subprocess.run([sys.executable, "-c", FROM_THREADS], capture_output=True, text=True)
+        assert (ran.stdout, ran.stderr) == ("4\n", "")

@@ -11,10 +11,13 @@ import math
 import re
 from dataclasses import dataclass
 from functools import cache
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pint
+
+ONE_AT_A_TIME = Lock()  # pint's registry is not made for threads
 
 DEFINITIONS = """
     pico- = 1e-12 = p-
@@ -122,7 +125,8 @@ def unit_of(text: str) -> str:
 
 def is_known(unit: str) -> bool:
     """Whether a word is a unit, of whatever dimension."""
-    return _quantity(unit) is not None
+    with ONE_AT_A_TIME:
+        return _quantity(unit) is not None
 
 
 def convert(value_si: float, unit: str, dimension: Dimension) -> float:
@@ -133,10 +137,11 @@ def convert(value_si: float, unit: str, dimension: Dimension) -> float:
 def number_in(text: str, unit: str) -> float:
     """The number of a text such as "0.1 N*m" in another unit of its dimension; UnitError if it has none."""
     found = NUMBER.fullmatch(text)
-    here, there = _quantity(unit_of(text)), _quantity(unit)
-    if not found or here is None or there is None or not here.is_compatible_with(there):
-        raise UnitError(f'expected a number with a unit like "{unit}"')
-    return float(found.group(1)) * float((here / there).to("dimensionless").magnitude)
+    with ONE_AT_A_TIME:
+        here, there = _quantity(unit_of(text)), _quantity(unit)
+        if not found or here is None or there is None or not here.is_compatible_with(there):
+            raise UnitError(f'expected a number with a unit like "{unit}"')
+        return float(found.group(1)) * float((here / there).to("dimensionless").magnitude)
 
 
 def format(value_si: float, unit: str, dimension: Dimension, digits: int = 6) -> str:
@@ -147,6 +152,11 @@ def format(value_si: float, unit: str, dimension: Dimension, digits: int = 6) ->
 @cache
 def factor(unit: str, dimension: Dimension) -> float:
     """How many SI units of the dimension one `unit` is; UnitError for another dimension or unknown unit."""
+    with ONE_AT_A_TIME:
+        return _factor(unit, dimension)
+
+
+def _factor(unit: str, dimension: Dimension) -> float:
     quantity = _quantity(unit)
     if quantity is None:
         expected = f"expected {dimension.name}, such as {dimension.shown(1)}"
@@ -167,7 +177,7 @@ def _quantity(unit: str) -> Any:
         return None
 
 
-@cache
+@cache  # within the lock of who asks: two registries know nothing of each other's units
 def _registry() -> pint.UnitRegistry[float]:
     import pint
 

@@ -365,7 +365,8 @@ def _motion(study: Study, scenario: str, name: str) -> _Motion:
     angles = [float(np.sum(turned[at.samples][~passed[at.samples]])) for at in left]
     shares = np.array(angles) / sum(angles)
     gone = [at for at in found if at not in left]
-    passing = _passing(gone, left, longest * way.step) if gone else None
+    stops = isinstance(law, SpaceLearning)  # by omega_min; the others' gains are the same at all speeds
+    passing = _passing(gone, left, longest * way.step) if gone and stops else None
     duration = len(omega) * way.step
     return _Motion(tuple(zip(left, shares.tolist(), strict=True)), passing, reasons, duration)
 
