@@ -482,7 +482,7 @@ def test_page_is_quick_and_small(tmp_path):
     rms = np.full(500, 1e-3)
     made = synthetic.trial_results(study, {name: rms for name in ("none", "ilc", "input")})
     runs = [*made.runs, made.runs[-1]]
-    begun = time.perf_counter()
+    begun = time.process_time()
     write(replace(made, runs=runs), tmp_path / "report.html")
-    assert time.perf_counter() - begun < 1.0  # about 0.05 s on a free machine
+    assert time.process_time() - begun < 1.0  # about 0.05 s on a free machine
     assert (tmp_path / "report.html").stat().st_size < 4_000_000
