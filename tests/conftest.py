@@ -1,4 +1,4 @@
-"""Tests run side by side, a process a core: BLAS threads would wait for each other, on matrices of 4 x 4."""
+"""One thread for BLAS: tests run side by side, and its threads wait for each other on matrices of 4 x 4."""
 
 import os
 

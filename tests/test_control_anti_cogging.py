@@ -50,14 +50,14 @@ class Motor:
         self.ts, self.b, self.friction, self.load, self.cogging = ts, b, friction, load, cogging
         self.theta, self.omega, self.i = theta, 0.0, 0.0
 
-    def cogs(self, theta):
-        return sum(a * np.sin(n * theta + phase) for n, a, phase in self.cogging)
+    def cogs(self, theta, sine=np.sin):
+        return sum([a * sine(n * theta + phase) for n, a, phase in self.cogging])
 
     def move(self, i, parts=4):
         self.i = i
         h = self.ts / parts
         for _ in range(parts):
-            driving = i - self.cogs(self.theta) - self.load
+            driving = i - self.cogs(self.theta, math.sin) - self.load
             if self.omega == 0 and abs(driving) <= self.friction:
                 continue
             sense = math.copysign(1, self.omega or driving)

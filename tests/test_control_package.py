@@ -36,14 +36,22 @@ def install(cmake: str, build: Path, prefix: Path) -> None:
     run(cmake, "--install", build, "--prefix", prefix)
 
 
+@pytest.fixture(scope="module")
+def prefix(cmake: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The library as `cmake --install` puts it."""
+    folder = tmp_path_factory.mktemp("installed")
+    install(cmake, folder / "build", folder / "prefix")
+    return folder / "prefix"
+
+
 def turns(output: str) -> list[int]:
     """The ripple that the example prints turn by turn, mrad/s."""
     return [int(line.split("ripple")[1].split()[0]) for line in output.splitlines() if "ripple" in line]
 
 
-def test_an_installed_library_is_found_and_the_example_learns(cmake: str, tmp_path: Path) -> None:
-    prefix = tmp_path / "prefix"
-    install(cmake, tmp_path / "build", prefix)
+def test_an_installed_library_is_found_and_the_example_learns(
+    cmake: str, prefix: Path, tmp_path: Path
+) -> None:
     licence = (prefix / "share" / "licenses" / "cogless-control" / "LICENSE").read_text()
     assert licence == (CONTROL / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()
     example = tmp_path / "example"
@@ -54,9 +62,7 @@ def test_an_installed_library_is_found_and_the_example_learns(cmake: str, tmp_pa
     assert 0 < ripple[-1] < 0.1 * ripple[1]
 
 
-def test_another_version_is_not_found(cmake: str, tmp_path: Path) -> None:
-    prefix = tmp_path / "prefix"
-    install(cmake, tmp_path / "build", prefix)
+def test_another_version_is_not_found(cmake: str, prefix: Path, tmp_path: Path) -> None:
     project = tmp_path / "project"
     project.mkdir()
     (project / "CMakeLists.txt").write_text(

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import studies
 from cogless import load
@@ -53,13 +55,21 @@ def test_the_margin_is_reached(changes: dict[str, Any], degrees: float) -> None:
         assert math.degrees(found.phase_margin) == pytest.approx(degrees, abs=0.1)
 
 
+@lru_cache(maxsize=1)
+def loops(around: SpeedLoop) -> dict[tuple[int, int], NDArray[np.complex128]]:
+    """Open loops with one of k_omega and k_i, without and with k_theta, all of them 1: (k_theta, k_i)."""
+    w = np.geomspace(1e-3, 1, 8000) * math.pi / around.period
+    return {(a, i): open_loop(around, linear(1, a, 1 - i, i), w) for a in (0, 1) for i in (0, 1)}
+
+
 def stiffest(around: SpeedLoop, place: float, degrees: float) -> float:
     """Stiffness of the loop with both zeros there and the largest gain that leaves the margin, A/rad/s.
 
     The phase rises from -270 deg and falls again: up to where it has fallen to the margin first.
     """
-    w = np.geomspace(1e-3, 1, 8000) * math.pi / around.period
-    L = open_loop(around, linear(1, place, 1 - place * around.period / 2, place), w)  # K = 1
+    one, k_omega = loops(around), 1 - place * around.period / 2  # K = 1
+    by_angle = [one[1, i] - one[0, i] for i in (0, 1)]  # the loop is linear in each of its gains
+    L = k_omega * (one[0, 0] + place * by_angle[0]) + place * (one[0, 1] + place * by_angle[1])
     enough = np.append(np.degrees(np.unwrap(np.angle(-L))) >= degrees, False)
     if not np.any(enough):
         return 0.0

@@ -256,10 +256,10 @@ def test_infeasible_ranges_of_four_parameters_are_told_soon() -> None:
         "motor": (1e-4, 9e-3), "load": (1e-4, 9e-3), "stiffness": (1, 300), "torque_constant": (0.01, 0.9)
     }  # fmt: skip
     plant = from_parameters(four_parameters, ranges, [1, 0, 0, 0], 2e-3)
-    begin = time.perf_counter()
+    begin = time.process_time()
     with pytest.raises(DesignError, match="feasible with the ranges shrunk to 1 %"):
         guaranteed_cost(plant, np.eye(5), 1.0, np.eye(5)[0], True)
-    assert time.perf_counter() - begin < 4.0
+    assert time.process_time() - begin < 4.0
 
 
 @pytest.mark.parametrize(("low", "feasible"), [(0.32, False), (0.3334, True), (0.34, True)])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import re
 import shlex
 import subprocess
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,6 +32,7 @@ from cogless.export.prepared import prepare
 
 STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-pedantic", "-Werror"]
 FLAGS = ["-std=c99", "-O2", "-ffp-contract=off"]
+LIBRARY = Path(__file__).parents[1] / "control" / "src" / "cogless"
 # study, controller, changes: every law, and the memory by delay, and double precision
 CONTROLLERS: list[tuple[str, str, dict[str, Any]]] = [
     ("liu2018", "pi", {}),
@@ -52,14 +55,36 @@ library = "own.so"
 """
 
 
-def compiled(exported: Path, *flags: str) -> Path:
+@functools.cache
+def library_object(name: str, *flags: str) -> bytes:
+    """A source of the control library compiled, once for all exports that have a copy of it."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / "made.o"
+        subprocess.run(["cc", *FLAGS, *flags, "-c", LIBRARY / name, "-o", made], check=True)
+        return made.read_bytes()
+
+
+def library_part(source: Path, *flags: str) -> Path:
+    """What to link for a source of an export: the library's object, or the source where a test changed it."""
+    if source.read_bytes() != (LIBRARY / source.name).read_bytes():
+        return source
+    made = source.parents[2] / f"{source.stem}.o"
+    made.write_bytes(library_object(source.name, *flags))
+    return made
+
+
+def is_double(exported: Path) -> list[str]:
+    """The flag of an export in double precision."""
+    header = next(exported.glob("*_controller.h")).read_text()
+    return ["-DCOGLESS_DOUBLE"] if "define COGLESS_DOUBLE for" in header else []
+
+
+def compiled(exported: Path) -> Path:
     """The self-test of an export."""
+    program, double = exported.parent / "self_test", is_double(exported)
+    library = [library_part(source, *double) for source in (exported / "cogless").glob("*.c")]
     own = [exported / "self_test.c", *exported.glob("*_controller.c")]
-    sources = [*own, *(exported / "cogless").glob("*.c")]
-    program = exported.parent / "self_test"
-    double = "define COGLESS_DOUBLE" in next(exported.glob("*_controller.h")).read_text()
-    command = ["cc", *FLAGS, *flags, *(["-DCOGLESS_DOUBLE"] if double else []), "-o", program, *sources]
-    subprocess.run(command, check=True)
+    subprocess.run(["cc", *FLAGS, *double, "-o", program, *own, *library], check=True)
     return program
 
 
@@ -70,12 +95,15 @@ def test_the_self_test_repeats_the_simulation(
     exported = tmp_path / "out"
     subject = export_c(load(study, changes), controller, exported)
     name, periods = subject.name, min(2000, max(400, 80 * subject.divider))
-    run = subprocess.run([compiled(exported, *STRICT)], capture_output=True, text=True, check=False)
+    # all of it, and as it lies in the folder
+    program, strict = tmp_path / "self_test", ["cc", *FLAGS, *STRICT, *is_double(exported)]
+    sources = [exported / "self_test.c", *exported.glob("*_controller.c"), *exported.glob("cogless/*.c")]
+    subprocess.run([*strict, "-o", program, *sources], check=True)
+    run = subprocess.run([program], capture_output=True, text=True, check=False)
     assert run.returncode == 0
     assert re.fullmatch(rf"{name}: {periods} periods and \d+ stretches, all bits equal\n", run.stdout)
-    example = ["cc", *FLAGS, *STRICT, "-c", exported / "example_interrupt.c", "-o", tmp_path / "example.o"]
-    double = "define COGLESS_DOUBLE for" in next(exported.glob("*_controller.h")).read_text()
-    subprocess.run([*example, *(["-DCOGLESS_DOUBLE"] if double else [])], check=True)
+    example = ["-c", exported / "example_interrupt.c", "-o", tmp_path / "example.o"]
+    subprocess.run([*strict, *example], check=True)
 
 
 def test_the_self_test_finds_another_constant_and_another_memory(tmp_path: Path) -> None:
@@ -118,9 +146,9 @@ def test_the_self_test_finds_every_limit_and_fault(
     export_c(load(study, changes), controller, exported)
     source = next(exported.glob("*_controller.c"))
     text = source.read_text()
-    rest = [exported / "self_test.c", *(exported / "cogless").glob("*.c")]
-    subprocess.run(["cc", *FLAGS, "-c", *rest], cwd=tmp_path, check=True)
-    program = ["cc", *FLAGS, "-o", tmp_path / "self_test", source, *tmp_path.glob("*.o")]
+    subprocess.run(["cc", *FLAGS, "-c", exported / "self_test.c"], cwd=tmp_path, check=True)
+    library = [library_part(part) for part in (exported / "cogless").glob("*.c")]
+    program = ["cc", *FLAGS, "-o", tmp_path / "self_test", source, tmp_path / "self_test.o", *library]
     for name in ("limit", "hold", "bridge", "outlier", *more):
         for factor in (0.8, 1.25):
             if name in ("current_limit", "limit") and factor > 1:
@@ -191,9 +219,8 @@ def test_only_what_the_law_needs_and_unchanged(tmp_path: Path) -> None:
     taken = {path.name for path in (exported / "cogless").iterdir()}
     assert {"map.c", "map_store.c", "crc32.c", "memory.c", "pi_ilc.c", "trial.h", "robust_ilc.h"} < taken
     assert not {"trial.c", "robust_ilc.c", "space_memory.c", "anti_cogging.c", "plugin.h"} & taken
-    library = Path(__file__).parents[1] / "control" / "src" / "cogless"
     for name in taken - {"LICENSE"}:
-        assert (exported / "cogless" / name).read_bytes() == (library / name).read_bytes()
+        assert (exported / "cogless" / name).read_bytes() == (LIBRARY / name).read_bytes()
 
 
 FLASH = """
@@ -255,9 +282,11 @@ def test_the_readme_saves_and_loads_what_was_learned(
     program, name = tmp_path / "maps", subject.name
     text = f'#include "{name}_controller.h"\nstatic {name}_controller controller;\n{code[1]}'
     (tmp_path / "maps.c").write_text(text + FLASH.replace("NAME", name))
-    sources = [tmp_path / "maps.c", *exported.glob("*_controller.c"), *(exported / "cogless").glob("*.c")]
-    double = ["-DCOGLESS_DOUBLE"] if changes.get("drive.precision") == "double" else []
-    subprocess.run(["cc", *FLAGS, *STRICT, *double, "-I", exported, "-o", program, *sources], check=True)
+    double = is_double(exported)
+    library = [library_part(source, *double) for source in (exported / "cogless").glob("*.c")]
+    own = [tmp_path / "maps.c", *exported.glob("*_controller.c")]
+    command = ["cc", *FLAGS, *STRICT, *double, "-I", exported, "-o", program, *own, *library]
+    subprocess.run(command, check=True)
     run = subprocess.run([program], capture_output=True, text=True, check=False)
     assert (run.returncode, run.stdout) == (0, "0 1 0.03125\n")
     export_c(load(study, changes), controller, exported)  # once more over the first

@@ -11,6 +11,7 @@ import pytest
 
 from cogless import changed
 from cogless.advance import ENGINES
+from cogless.design.from_study import design_study
 from cogless.engine import engine_config
 from cogless.errors import StudyError
 from cogless.laws import make_law
@@ -37,22 +38,18 @@ def statuses(drive: Any, engine: Any, ticks: int) -> int:
 @pytest.mark.parametrize("name", STUDIES)
 def test_no_shipped_study_triggers_anything(name: str) -> None:
     study = load(name)
-    for scenario in study.scenario:
-        for controller in study.controllers_in(scenario):
-            if isinstance(study, TrialStudy):
-                from cogless.design.from_study import design_study
-
-                if study.drive is None:
-                    continue
-                design = design_study(study, [(scenario, controller)])[scenario, controller]
-                engine = import_module(ENGINES[study.drive.precision])
-                drive = engine.Drive(trial_engine_config(study, scenario, controller, design))
-                rate = study.drive.rates.current_loop
-            else:
-                engine = import_module(ENGINES[study.drive.precision])
-                drive = engine.Drive(engine_config(study, scenario, controller), make_law(study, controller))
-                rate = study.drive.rates.current_loop
-            assert statuses(drive, engine, round(SECONDS * rate)) & ALARMS == 0, (scenario, controller)
+    runs = [(s, controller) for s in study.scenario for controller in study.controllers_in(s)]
+    if study.drive is None:
+        return
+    engine, rate = import_module(ENGINES[study.drive.precision]), study.drive.rates.current_loop
+    designs = design_study(study, runs) if isinstance(study, TrialStudy) else {}
+    for scenario, controller in runs:
+        if isinstance(study, TrialStudy):
+            config = trial_engine_config(study, scenario, controller, designs[scenario, controller])
+            drive = engine.Drive(config)
+        else:
+            drive = engine.Drive(engine_config(study, scenario, controller), make_law(study, controller))
+        assert statuses(drive, engine, round(SECONDS * rate)) & ALARMS == 0, (scenario, controller)
 
 
 def watched(name: str, changes: dict[str, Any] | None = None) -> dict[str, float]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cogless import run_study
+from cogless.design.certificate import Certificate
 from cogless.design.from_study import design_study
 from cogless.results import Run
 from cogless.study import TrialStudy, load
@@ -45,6 +46,12 @@ def study(path: Path, changes: dict[str, Any] | None = None) -> TrialStudy:
     return loaded
 
 
+def certificate(run: Run) -> Certificate:
+    """Of the controller that ran."""
+    assert run.design is not None
+    return run.design.certificate
+
+
 def by_trial(run: Run, signal: str, trials: int) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
     return run.trace[signal].reshape(trials, -1)
 
@@ -57,9 +64,9 @@ def test_the_nominal_error_contracts_as_certified_until_rounding(tmp_path: Path)
     path = tmp_path / "nominal.toml"
     path.write_text(NOMINAL)
     nominal = study(path)
-    certified = design_study(nominal, [("moves", "ilc")])["moves", "ilc"].certificate.design.without_filter
-    assert certified is not None and 0.8 < certified.norm < 0.95
     (run,) = run_study(nominal).runs
+    certified = certificate(run).design.without_filter
+    assert certified is not None and 0.8 < certified.norm < 0.95
     error = sizes(by_trial(run, "y_error", 500))
     above = np.flatnonzero(error > 1e-11)
     assert above[-1] > 100 and error[-1] < 1e-11 < error[0]
@@ -78,10 +85,10 @@ def test_relative_degree_one(controller: str, J: float, B: float) -> None:
         {"scenario.batch.changes": [], "scenario.batch.override": {"J": J, "B": B},
          "scenario.batch.load_steps": [[200, 5.0], [400, 0.0]]},
     )  # fmt: skip
-    certificate = design_study(winder, [("batch", controller)])["batch", controller].certificate
-    assert certificate.exact is not None and certificate.exact.without_filter is not None
-    factor = certificate.exact.without_filter.norm
     (run,) = run_study(winder, [f"batch/{controller}"]).runs
+    exact = certificate(run).exact
+    assert exact is not None and exact.without_filter is not None
+    factor = exact.without_filter.norm
     error = sizes(by_trial(run, "y_error", 20))
     assert factor < 0.9 and error[-1] < 0.06 * error[0]
     assert np.all(error[1:] <= factor * error[:-1] + 1e-9)
@@ -104,13 +111,13 @@ def test_a_zero_outside_the_unit_circle_and_order_four(name: str, parameters: di
         {"scenario.moves.changes": [], "scenario.moves.override": parameters,
          "scenario.moves.load_steps": [[100, 0.3]]},
     )  # fmt: skip
-    certificate = design_study(of_file, [("moves", "ilc")])["moves", "ilc"].certificate.exact
-    assert certificate is not None and certificate.stable and certificate.with_filter is not None
-    assert certificate.with_filter.contracting and certificate.growth is not None
-    # what the filter does at the trial's ends is beyond any factor by frequency
-    factor = max(certificate.with_filter.norm, certificate.growth)
-    assert factor < 0.995
     (run,) = run_study(of_file, ["moves/ilc"]).runs
+    exact = certificate(run).exact
+    assert exact is not None and exact.stable and exact.with_filter is not None
+    assert exact.with_filter.contracting and exact.growth is not None
+    # what the filter does at the trial's ends is beyond any factor by frequency
+    factor = max(exact.with_filter.norm, exact.growth)
+    assert factor < 0.995
     trials = of_file.scenario["moves"].trials
     change = sizes(np.diff(by_trial(run, "learned", trials), axis=0))
     assert np.all(change[1:] <= factor * change[:-1] * 1.02 + 1e-9)

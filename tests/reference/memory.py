@@ -1,5 +1,6 @@
 """What a learning law remembers: all that it ever stored, so that 'one period ago' is literal."""
 
+import functools
 import math
 from dataclasses import dataclass, field
 
@@ -71,10 +72,11 @@ class AngleMemory:
             self.stored = None
             return Recalled()
         self.asked = self.position(theta_m)
+        ago = functools.cache(self.one_period_ago)  # neighbouring lines share their ends
 
         def line(x: float) -> float:
             n = math.floor(x)
-            return (1 - (x - n)) * self.one_period_ago(n) + (x - n) * self.one_period_ago(n + 1)
+            return (1 - (x - n)) * ago(n) + (x - n) * ago(n + 1)
 
         reach = range(-self.q_half_width, self.q_half_width + 1)
         mean = float(np.mean([line(self.asked + k) for k in reach]))
@@ -150,7 +152,7 @@ class TimeMemory:
     def ago(self, samples: float) -> float:
         n = math.floor(samples)
         at = [self.values[-k] if 1 <= k <= len(self.values) else 0.0 for k in (n, n + 1)]
-        return float(np.interp(samples, [n, n + 1], at))
+        return at[0] + (samples - n) * (at[1] - at[0])
 
     def recall(self, theta_m: float, omega_ref: float) -> Recalled:
         if not math.isfinite(omega_ref) or omega_ref == 0:
