@@ -19,7 +19,8 @@ def files_for(root: Path, file: str, function: str) -> list[str]:
         like = 3 * len(words & named_for) - len(named_for - words)
         named = bool(function) and len(re.findall(rf"\b{function}\b", text))
         mentions = len(re.findall(rf"\b(?:cgl_)?{path.stem}\b", text))
-        return -(like + 4 * bool(imports.search(text) or package.search(text)) + 4 * min(named, 2) + min(mentions, 4)), len(text)
+        imported = bool(imports.search(text) or package.search(text))
+        return -(like + 4 * imported + 4 * min(named, 2) + min(mentions, 4)), len(text)
 
     return [f"tests/{test.name}" for test in sorted((root / "tests").glob("test_*.py"), key=weight)]
 
