@@ -11,13 +11,16 @@ def files_for(root: Path, file: str, function: str) -> list[str]:
     path = Path(file)
     words = set(re.split(r"[/_]", path.with_suffix("").as_posix())) - {"src", "cogless", "control"}
     imports = re.compile(rf"^(?:from|import) .*\b{path.stem}\b", re.MULTILINE)
+    package = re.compile(rf"^from cogless\.{path.parent.name} import", re.MULTILINE)
 
     def weight(test: Path) -> tuple[float, int]:
         text = test.read_text()
-        like = len(words & set(test.stem.split("_")))
+        named_for = set(test.stem.split("_")) - {"test"}
+        like = 3 * len(words & named_for) - len(named_for - words)
         named = bool(function) and len(re.findall(rf"\b{function}\b", text))
         mentions = len(re.findall(rf"\b(?:cgl_)?{path.stem}\b", text))
-        return -(3 * like + 4 * bool(imports.search(text)) + 4 * min(named, 2) + min(mentions, 4)), len(text)
+        imported = bool(imports.search(text) or package.search(text))
+        return -(like + 4 * imported + 4 * min(named, 2) + min(mentions, 4)), len(text)
 
     return [f"tests/{test.name}" for test in sorted((root / "tests").glob("test_*.py"), key=weight)]
 
