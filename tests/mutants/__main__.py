@@ -78,7 +78,8 @@ def judge(draw: Iterator[tuple[str, Change]], free: SimpleQueue[Tree], log: Log)
 def told(entry: dict[str, Any]) -> None:
     by = f" by {entry['by']}" if entry["by"] else ""
     place = f"{entry['file']}:{entry['line']}"
-    print(f"{entry['outcome']}{by} in {entry['seconds']} s\n    {place}: {entry['change']}", flush=True)
+    line = f"{entry['outcome']}{by} in {entry['seconds']} s\n    {place}: {entry['change']}\n"
+    print(line, end="", flush=True)  # at once: other threads print, too
 
 
 def main() -> None:

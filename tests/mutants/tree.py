@@ -28,7 +28,7 @@ class Tree:
         self.root, self.site, self.module = root, root / "site", root / "module"
         self.libraries = [root / "library" / real for real in ("OFF", "ON")]  # double or not
         self.process: subprocess.Popen[str] | None = None
-        self.stopped = False
+        self.stopped, self.said = False, ""
         listed = ["git", "-C", str(original), "ls-files", "-co", "--exclude-standard"]
         for name in subprocess.run(listed, check=True, capture_output=True, text=True).stdout.splitlines():
             if (original / name).is_file():
@@ -41,7 +41,7 @@ class Tree:
             double = f"-DCOGLESS_DOUBLE={library.name}"
             self._configure("control", library, double, "-DCOGLESS_SANITIZE=ON", "-DCMAKE_BUILD_TYPE=Debug")
         if not self.build():
-            raise RuntimeError(f"{root}: does not build")
+            raise RuntimeError(f"{root}: does not build\n{self.said}")
         self.unchanged = self._machine_code()
 
     def read(self, file: str) -> str:
@@ -104,7 +104,9 @@ class Tree:
         return done.returncode, done.stdout
 
     def _ran(self, tool: str, *arguments: str | Path) -> bool:
-        return self._start(TOOLS / tool, *arguments).returncode == 0
+        done = self._start(TOOLS / tool, *arguments)
+        self.said = done.stdout
+        return done.returncode == 0
 
     def _configure(self, source: str, folder: Path, *options: str) -> None:
         ninja = ["-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={TOOLS / 'ninja'}"]
