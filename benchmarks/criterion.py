@@ -5,8 +5,8 @@
 Each case is a drive drawn at random: motor, rates, sensor, gains, memory, speed, load, and in half of them
 a plant that differs from what the controller was told. It runs for 60 s with learning and with the same
 feedback without, and where learning is said to grow for as long as that takes, at most 20 minutes. A run is
-worse if it ends with more than 1.25 times the true speed's error of that feedback, or of its own at an
-earlier time. --write puts the table into docs/theory/learning.md.
+worse if it ends with more than 1.25 times the true speed's error of that feedback, or if its error rises in
+the second half, to more than 1.25 times. --write puts the table into docs/theory/learning.md.
 """
 
 from __future__ import annotations
@@ -236,7 +236,8 @@ def judge(seed: int, number: int) -> Changes:
         without = errors(cogless.changed(study, off(config["controller.law"])))
     except cogless.StudyError as error:
         return {"case": number, "error": str(error)}
-    worse = learned[-1] > WORSE * min(without[-1], *learned[:-1]) and learned[-1] > without[-1] / WORSE
+    rising = learned[-3] < learned[-2] < learned[-1] and learned[-1] > WORSE * learned[-3]
+    worse = learned[-1] > WORSE * without[-1] or rising
     hedged = found.kind == "settles" and not found.fine
     row = "settles, with a reservation" if hedged else ROWS.get(found.kind, found.kind)
     return {

@@ -10,8 +10,9 @@ With P_t from current reference to the true speed, and S, C, Gamma, kept of lear
         R = (1 - rho^2N) / (1 - rho^2)
 
 R is what accumulates where learning hardly decays: counts that every period adds to what was learned. An
-angle in counts of q has an error of variance q^2 / 12; a speed that is its difference over W has it twice,
-and of its spectrum the share |1 - exp(-jwW)|^2. A speed timed from edge to edge has no such error.
+angle in counts of q has an error of variance q^2 / 12; a speed that is its difference over W has it twice:
+white where W is below a sample, else with the spectrum |1 - exp(-jwW)|^2 of samples that share an angle.
+A speed timed from edge to edge has no such error.
 """
 
 from __future__ import annotations
@@ -132,11 +133,11 @@ def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, 
     """Variances, (rad/s)^2, of what counts make of the speed, without and with learning."""
     nyquist = 0.5 / loop.plant.period
     f = (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES * nyquist
-    w, ratio = math.tau * f, loop.feedback.ratio
+    w, ratio, T = math.tau * f, loop.feedback.ratio, loop.plant.period
     density = source.count**2 / 12 / source.window**2 / nyquist
-    density = density * np.abs(1 - np.exp(-1j * w * source.window)) ** 2
+    shared = source.window >= T * (1 - ROUNDING)  # an angle that two samples have in common, with other signs
+    density = density * (np.abs(1 - np.exp(-1j * w * source.window)) ** 2 if shared else 2.0)
     P_t, S = _responses(loop, f)
-    T = loop.plant.period
     C = ratio * pi(w, T, loop.feedback.k, loop.feedback.k_i)
     V, q = ratio * pi(w, T, *loop.gamma) * S, loop.q(f) * loop.lines(f, True)
     rho = np.minimum(q * np.abs(loop.kept(f)), 1 - 1e-9) ** 2

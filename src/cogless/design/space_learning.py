@@ -50,10 +50,10 @@ class SpaceLoop(LearningLoop):
         if not isinstance(self.law, SpaceSpeed) or self.scenario is None:
             return None
         needed = functions_in(self.study, self.scenario).current(ANGLES, abs(self.omega_m))
-        error = float(np.min(np.abs(needed))) / self.law.k
+        error = float(np.max(np.abs(needed))) / self.law.k
         if error <= self.law.eta_bar:
             return None
-        leaves = f"k alone leaves an error of {speed_text(self.study, error)}"
+        leaves = f"k alone leaves an error of up to {speed_text(self.study, error)}"
         return f"{leaves}, above eta_bar: it may never learn"
 
     @cached_property

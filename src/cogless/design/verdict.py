@@ -289,9 +289,11 @@ def verdict(study: Study, name: str) -> Verdict | None:
         loud, ratio = max(((m, m.ratio) for m in motions if m.judged), key=lambda pair: pair[1])
         most = loud.loudest if ratio > WORSE else most
         return of(most, worst=most.worst, ratio=ratio)
-    means = [_mean(motion.judged) for motion in motions if motion.judged]
+    learning = [motion for motion in motions if motion.judged]
+    means = [_mean(motion.judged) for motion in learning]
     mean = max(means, key=lambda m: m.factor)
-    kind: Kind = "grows" if any(m.sure for m in means) and not base.doubts else "may grow"
+    sure_of = [mean.sure and not motion.frozen for mean, motion in zip(means, learning, strict=True)]
+    kind: Kind = "grows" if any(sure_of) and not base.doubts else "may grow"
     shown = mean if kind == "grows" and mean.highest > mean.lowest else None
     return of(most, kind=kind, worst=most.worst, mean=shown, repair=_repair(found))
 
