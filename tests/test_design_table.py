@@ -45,13 +45,15 @@ def test_a_bound_that_does_not_exist_is_said_in_words() -> None:
 
 def test_the_table_shows_what_acts() -> None:
     """Neither learning keys of a law that may not learn nor gains of zero."""
-    text, plain = printed(load("verrelli2016")), to_dict(load("verrelli2016"))["controllers"]
+    study = load("verrelli2016")
+    assert isinstance(study, Study)
+    text, plain = printed(study), to_dict(study)["controllers"]
     rows = {line.split("  ")[0]: line for line in text.splitlines()}
     assert not re.search("mu_|cells|q_half|ramp|omega_min|learning_start", rows["PI, as published"])
     assert "mu_alpha" in text and "k_v 0" not in text
     assert "mu_alpha" not in plain["pi"]["gains"] and "k_v" in plain["filtered"]["gains"]
     assert "k_pp" in plain["printed"]["gains"] and "k_pp" not in plain["filtered"]["gains"]
-    table = printed(load("verrelli2016"), width=240).split("Known bounds")[0]
+    table = printed(study, width=240).split("Known bounds")[0]
     assert max(len(line.rstrip()) for line in table.splitlines()) < 210
 
 

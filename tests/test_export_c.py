@@ -27,7 +27,7 @@ from cogless.export.c.command import export_c, subject_of
 from cogless.export.c.literals import real
 from cogless.export.c.names import identifier
 from cogless.export.c.self_test import memory_sum
-from cogless.export.c.subject import study_hash
+from cogless.export.c.subject import Subject, study_hash
 from cogless.export.prepared import prepare
 
 STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-pedantic", "-Werror"]
@@ -36,7 +36,7 @@ LIBRARY = Path(__file__).parents[1] / "control" / "src" / "cogless"
 # study, controller, changes: every law, and the memory by delay, and double precision
 CONTROLLERS: list[tuple[str, str, dict[str, Any]]] = [
     ("liu2018", "pi", {}),
-    ("liu2018", "pi-ilc", {}),
+    ("liu2018", "pi-ilc", {"controller.pi-ilc.cells": 300}),
     ("liu2018-varying", "time", {}),
     ("liu2018", "robust-ilc", {"drive.precision": "double"}),
     ("uomodri", "table", {"scenario.1-rev-s.duration": "1.2 s", "metric": []}),
@@ -79,27 +79,28 @@ def is_double(exported: Path) -> list[str]:
     return ["-DCOGLESS_DOUBLE"] if "define COGLESS_DOUBLE for" in header else []
 
 
-def compiled(exported: Path) -> Path:
+def compiled(exported: Path, *flags: str) -> Path:
     """The self-test of an export."""
     program, double = exported.parent / "self_test", is_double(exported)
-    library = [library_part(source, *double) for source in (exported / "cogless").glob("*.c")]
+    library = [library_part(source, *flags, *double) for source in (exported / "cogless").glob("*.c")]
     own = [exported / "self_test.c", *exported.glob("*_controller.c")]
-    subprocess.run(["cc", *FLAGS, *double, "-o", program, *own, *library], check=True)
+    subprocess.run(["cc", *FLAGS, *flags, *double, "-o", program, *own, *library], check=True)
     return program
 
 
-@pytest.mark.parametrize(("study", "controller", "changes"), CONTROLLERS)
-def test_the_self_test_repeats_the_simulation(
-    study: str, controller: str, changes: dict[str, Any], tmp_path: Path
-) -> None:
-    exported = tmp_path / "out"
-    subject = export_c(load(study, changes), controller, exported)
+@pytest.fixture(scope="module", params=CONTROLLERS, ids=lambda found: "-".join(found[:2]))
+def once(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Subject, Path]:
+    """A controller and its export, which a test may add to."""
+    study, controller, changes = request.param
+    exported = tmp_path_factory.mktemp("export") / "out"
+    return export_c(load(study, changes), controller, exported), exported
+
+
+def test_the_self_test_repeats_the_simulation(once: tuple[Subject, Path], tmp_path: Path) -> None:
+    subject, exported = once
     name, periods = subject.name, min(2000, max(400, 80 * subject.divider))
-    # all of it, and as it lies in the folder
-    program, strict = tmp_path / "self_test", ["cc", *FLAGS, *STRICT, *is_double(exported)]
-    sources = [exported / "self_test.c", *exported.glob("*_controller.c"), *exported.glob("cogless/*.c")]
-    subprocess.run([*strict, "-o", program, *sources], check=True)
-    run = subprocess.run([program], capture_output=True, text=True, check=False)
+    strict = ["cc", *FLAGS, *STRICT, *is_double(exported)]
+    run = subprocess.run([compiled(exported, *STRICT)], capture_output=True, text=True, check=False)
     assert run.returncode == 0
     assert re.fullmatch(rf"{name}: {periods} periods and \d+ stretches, all bits equal\n", run.stdout)
     example = ["-c", exported / "example_interrupt.c", "-o", tmp_path / "example.o"]
@@ -266,16 +267,11 @@ int main(void)
 """
 
 
-@pytest.mark.parametrize(("study", "controller", "changes"), CONTROLLERS)
-def test_the_readme_saves_and_loads_what_was_learned(
-    study: str, controller: str, changes: dict[str, Any], tmp_path: Path
-) -> None:
+def test_the_readme_saves_and_loads_what_was_learned(once: tuple[Subject, Path], tmp_path: Path) -> None:
     """With nothing but what is in the folder, and the text as it stands in the README."""
-    exported = tmp_path / "out"
-    changes = changes | ({"controller.pi-ilc.cells": 300} if study == "liu2018" else {})
-    subject = export_c(load(study, changes), controller, exported)
+    subject, exported = once
     code = re.search("```c\n(.*?)```", (exported / "README.md").read_text(), re.DOTALL)
-    if (study, controller) in {("liu2018", "pi"), ("liu2018-varying", "time"), ("verrelli2016", "printed")}:
+    if subject.name in {"pi", "time", "printed"}:
         assert code is None and not (exported / "cogless" / "map.h").exists()
         return
     assert code is not None
@@ -289,7 +285,6 @@ def test_the_readme_saves_and_loads_what_was_learned(
     subprocess.run(command, check=True)
     run = subprocess.run([program], capture_output=True, text=True, check=False)
     assert (run.returncode, run.stdout) == (0, "0 1 0.03125\n")
-    export_c(load(study, changes), controller, exported)  # once more over the first
 
 
 def test_it_says_where_it_comes_from(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import re
 import shutil
 import subprocess
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -73,6 +75,8 @@ kind = "peak-to-peak"
 signal = "omega_m"
 """
 
+ROOT = Path(__file__).parents[1]
+ENGINE = {path.name for path in (*ROOT.glob("simulator/*.cpp"), *ROOT.glob("control/src/cogless/*.c"))}
 CURRENTS = ("i_d", "i_q", "i_a", "i_b", "i_c")
 PLANT = ("theta_m", "omega_m", "omega_ref", *CURRENTS, "tau_e", "tau_cogging", "tau_load")
 INSIDE = ("i_q_ref", "u_d", "u_q", "status")
@@ -102,17 +106,38 @@ def exported(folder: Path, study: AnyStudy, controller: str) -> Exported:
 
 
 @pytest.fixture(scope="module")
-def single(tmp_path_factory: pytest.TempPathFactory) -> Exported:
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Engine and control library, of which every FMU has the same sources, are compiled once."""
+    made: dict[bytes, Path] = {}
+    place, compile_all = tmp_path_factory.mktemp("shared"), export.objects
+
+    def objects(sources: Iterable[Path], folder: Path) -> list[Path]:
+        found = {}
+        for source in sources:
+            headers = [h for h in sorted(source.parent.rglob("*.h*")) if h.name != "drive_variables.hpp"]
+            key = hashlib.sha256(b"".join(each.read_bytes() for each in (source, *headers))).digest()
+            (compiled,) = [made[key]] if key in made else compile_all([source], folder)
+            found[source] = compiled
+            if source.name in ENGINE and key not in made:
+                made[key] = shutil.copy(compiled, place / f"{len(made)}.o")
+        return list(found.values())
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(export, "objects", objects)
+        yield
+
+
+@pytest.fixture(scope="module")
+def single(shared: None, tmp_path_factory: pytest.TempPathFactory) -> Exported:
     folder = tmp_path_factory.mktemp("single")
     (folder / "study.toml").write_text(STUDY)
     return exported(folder, load(folder / "study.toml"), "pi-ilc")
 
 
 @pytest.fixture(scope="module")
-def trials(tmp_path_factory: pytest.TempPathFactory) -> Exported:
-    """In double precision, with a filter of what is learned, load steps, and another rotor in the end."""
+def trials(shared: None, tmp_path_factory: pytest.TempPathFactory) -> Exported:
+    """With a filter of what is learned, load steps, and another rotor in the end."""
     changes = {
-        "drive.precision": "double",
         "scenario.move.trials": 4,
         "scenario.move.duration": "0.1 s",
         "scenario.move.reference": [["0.01 s", "0 rad"], ["0.08 s", "0.2 rad"]],

@@ -172,7 +172,8 @@ def test_it_warns_of_what_design_says_diverges(capsys: pytest.CaptureFixture[str
     options = ("--controller", "pi-ilc", "--ticks", "100", "--set", "controller.pi-ilc.gain=3")
     code, _, err = cogless(capsys, "pil", "uomodri", *options)
     assert code == 0
-    assert re.fullmatch(r"Warning: controller\.pi-ilc: grows .*x a period at .* Hz, try .*\.\n", err)
+    grows = r"Warning: controller\.pi-ilc: grows, up to .*x a period at .*, forgetting = .* does\.\n"
+    assert re.fullmatch(grows, err)
 
 
 def test_a_missing_compiler_is_one_line(

@@ -82,20 +82,21 @@ def test_learning_helps_on_a_fair_feedback_too(runs: dict[tuple[str, str], Run])
     assert learned["angle_after_rad"] < 0.3 * fair["angle_after_rad"]
 
 
-def test_one_hour_stays_bounded_and_no_worse() -> None:
+def test_a_quarter_of_an_hour_stays_bounded_and_no_worse() -> None:
     study = load(
         "verrelli2016",
-        {"trace.rate": "100 Hz", "metric": [], "scenario.two-minutes.duration": "3600 s"},
+        {"trace.rate": "100 Hz", "metric": [], "scenario.two-minutes.duration": "900 s"},
     )
     (run,) = run_study(study, ["two-minutes/filtered"]).runs
     error = 50 * run.trace["omega_error"]
     minute = np.ptp(error[run.trace.window(60, 120)])
-    last = np.ptp(error[run.trace.window(3540, 3600)])
+    last = np.ptp(error[run.trace.window(840, 900)])
     assert last <= minute < 0.08
 
 
 def test_section_4_learns_the_load_of_its_own_period_to_nothing() -> None:
-    runs = {run.controller: run.metrics for run in run_study(load("verrelli2016-position"), jobs=2).runs}
+    chosen = [f"forty-periods/{name}" for name in ("true-period", "wrong-period")]
+    runs = {run.controller: run.metrics for run in run_study(load("verrelli2016-position"), chosen).runs}
     assert runs["true-period"]["angle_turn_40_rad"] < 1e-5
     assert runs["true-period"]["angle_turn_4_rad"] < runs["true-period"]["angle_first_turn_rad"] / 5
     # with a period that the load doesn't have it never converges

@@ -47,6 +47,10 @@ def design_study(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     One that has no K_3 to learn by is what there is without learning, and says why. StudyError names the file
     and the key.
     """
+    return study.once(_design, tuple(runs))
+
+
+def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     with _told(study):
         plant = uncertain_plant(study)
     designs: Designs = {}

@@ -198,11 +198,12 @@ class LearningLoop(ABC):
 
     def x(self, f: ArrayLike, lead: int | None = None) -> Complex:
         """X, with the lead, at frequencies f in Hz."""
-        f = np.asarray(f, dtype=float)
-        grid, values = self._on_grid
-        value = np.interp(np.abs(f), grid, values)
-        turn = np.exp(2j * np.pi * f * (self.lead if lead is None else lead) * self.plant.period)
-        return np.asarray(np.where(f >= 0, value, np.conj(value)) * turn)
+        f, lead = np.asarray(f, dtype=float), self.lead if lead is None else lead
+        positive = np.abs(f)
+        closed = _closed_at(self.plant, self.feedback, positive.tobytes()).reshape(f.shape)
+        value = pi(2 * math.pi * positive, self.plant.period, *self.gamma) * closed
+        value = np.where(f >= 0, value, np.conj(value))
+        return np.asarray(value * np.exp(2j * np.pi * f * lead * self.plant.period) if lead else value)
 
     def residual(self, f: ArrayLike, constant: bool = True) -> Real:
         """What stays, once settled, of the error that the feedback alone leaves.
@@ -214,11 +215,6 @@ class LearningLoop(ABC):
         kept = self.kept(f)
         left = (1 - q) / (1 - q * kept)
         return np.abs(left if self.lead else left * kept)
-
-    @cached_property
-    def _on_grid(self) -> tuple[Real, Complex]:
-        grid, closed = _closed(self.plant, self.feedback)
-        return grid, pi(2 * math.pi * grid, self.plant.period, *self.gamma) * closed
 
     @property
     def highest(self) -> float:
@@ -240,8 +236,10 @@ class LearningLoop(ABC):
 
 def pi(w: Real, T: float, k: float, k_i: float) -> Complex:
     """k + k_i T z / (z - 1) at w in rad/s."""
+    if not k_i:
+        return np.full(np.shape(w), k, dtype=complex)
     z = np.exp(1j * w * T)
-    return np.asarray(k + (k_i * T * z / (z - 1) if k_i else 0.0 * w))
+    return np.asarray(k + k_i * T * z / (z - 1))
 
 
 def opened(feedback: Linear, P_omega: Complex, P_theta: Complex) -> Complex:
@@ -262,6 +260,12 @@ def _closed(loop: SpeedLoop, feedback: Linear) -> tuple[Real, Complex]:
     f, P_omega, P_theta = plants(loop)
     S = sensitivity(loop, feedback, 2 * math.pi * f, P_omega, P_theta)
     return f, opened(feedback, P_omega, P_theta) * S
+
+
+@lru_cache(maxsize=128)  # of one speed, at all accelerations
+def _closed_at(loop: SpeedLoop, feedback: Linear, frequencies: bytes) -> Complex:
+    """G S between the frequencies of the curve, at some that fill a buffer of doubles, Hz."""
+    return np.interp(np.frombuffer(frequencies), *_closed(loop, feedback))
 
 
 @lru_cache(maxsize=16)

@@ -247,6 +247,10 @@ class _Motion:
 
 def verdict(study: Study, name: str) -> Verdict | None:
     """Whether a controller's learning settles; None where it doesn't learn, or has no scenario."""
+    return study.once(_verdict, name)
+
+
+def _verdict(study: Study, name: str) -> Verdict | None:
     law = study.controller[name]
     keys = [key for key in study.scenario if name in study.controllers_in(key)]
     if loop_type(law) is None or not keys:

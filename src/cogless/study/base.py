@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import Field, PrivateAttr
 
 from cogless.study.controller import Base
 from cogless.study.table import Line, Many, Table
+
+K = TypeVar("K", bound=Hashable)
+T = TypeVar("T")
 
 
 class Assumption(Table):
@@ -41,11 +44,20 @@ class StudyBase(Table):
     controller: Mapping[str, Base]
     metric: tuple[Any, ...]
     _source: Source = PrivateAttr()
+    _made: dict[Hashable, Any] = PrivateAttr(default_factory=dict)
 
     @property
     def source(self) -> Source:
         """The file and the tables that this study was read from."""
         return self._source
+
+    def once(self, make: Callable[[Self, K], T], of: K) -> T:
+        """make(self, of), made when it is first asked for: what takes long and is asked for again."""
+        key = (make, of)
+        if key not in self._made:
+            self._made[key] = make(self, of)
+        made: T = self._made[key]
+        return made
 
     @property
     def name(self) -> str:
