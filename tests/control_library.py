@@ -5,6 +5,8 @@ source.
 """
 
 import functools
+import hashlib
+import os
 import re
 import subprocess
 import tempfile
@@ -16,6 +18,7 @@ import cffi
 import numpy as np
 
 SOURCE = Path(__file__).parents[1] / "control" / "src"
+BUILT = Path(__file__).parents[1] / "build" / "tests"
 HEADERS = sorted(h.name for h in (SOURCE / "cogless").glob("*.h") if h.name != "plugin.h")
 FLAGS = ["-std=c99", "-O2", "-ffp-contract=off"]
 # in this unit the inline functions of the headers become ordinary ones, which a library can export
@@ -74,27 +77,22 @@ def declarations(flags: list[str], scratch: Path) -> str:
 
 @functools.cache
 def control_library(precision: str) -> ControlLibrary:
-    """The library computing in "float" or "double", compiled once per test session."""
+    """The library computing in "float" or "double", compiled once for all that run tests side by side."""
     double = ["-DCOGLESS_DOUBLE"] if precision == "double" else []
+    sources = sorted((SOURCE / "cogless").glob("*.c"))
+    texts = [path.read_bytes() for path in (Path(__file__), *sorted((SOURCE / "cogless").iterdir()))]
+    digest = hashlib.sha256(b"".join(texts)).hexdigest()[:16]
+    library = BUILT / f"{precision}-{digest}.so"
     with tempfile.TemporaryDirectory() as folder:
         scratch = Path(folder)
-        exports, library = scratch / "exports.c", scratch / "library.so"
         ffi = cffi.FFI()
         (scratch / "empty").mkdir()
         ffi.cdef(declarations(double, scratch / "empty"))
-        exports.write_text(EXPORTS)
-        sources = [str(s) for s in sorted((SOURCE / "cogless").glob("*.c"))]
-        command = [
-            "cc",
-            *FLAGS,
-            *double,
-            "-shared",
-            "-fPIC",
-            f"-I{SOURCE}",
-            "-o",
-            str(library),
-            str(exports),
-            *sources,
-        ]
-        subprocess.run(command, check=True)
-        return ControlLibrary(ffi, ffi.dlopen(str(library)), np.float64 if double else np.float32)
+        if not library.exists():
+            BUILT.mkdir(parents=True, exist_ok=True)
+            exports, made = scratch / "exports.c", BUILT / f"{os.getpid()}.so"
+            exports.write_text(EXPORTS)
+            flags = [*FLAGS, *double, "-shared", "-fPIC", f"-I{SOURCE}"]
+            subprocess.run(["cc", *flags, "-o", made, exports, *sources], check=True)
+            made.replace(library)
+    return ControlLibrary(ffi, ffi.dlopen(str(library)), np.float64 if double else np.float32)
