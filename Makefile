@@ -34,10 +34,11 @@ demo: $(VENV)/installed ## the main job: a motor that cogs, under four controlle
 test: $(VENV)/tested ## the whole test suite
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile
 
-lint: $(VENV)/installed ## ruff and mypy
+lint: $(VENV)/installed ## ruff, mypy, and which room imports which
 	$(BIN)/python -m pip install --quiet '.[lint]' --no-build-isolation
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
 
 control: $(VENV)/tools ## the C library alone, float and double, with sanitizers
 	for real in OFF ON; do \

@@ -28,7 +28,7 @@ import numpy as np
 import cogless
 from cogless.design.pi import gains
 from cogless.design.verdict import Verdict, judged, verdict
-from cogless.simulate import simulate
+from cogless.run.simulate import simulate
 from cogless.study import Study
 
 HERE = Path(__file__).parent

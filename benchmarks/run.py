@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 import cogless
 from cogless import _simulator_f32 as native
 from cogless.design.from_study import design_study
-from cogless.engine import engine_config
+from cogless.run.drive_config import engine_config
+from cogless.run.trial_config import engine_config as trial_config
 from cogless.study import TrialStudy
-from cogless.trial_engine import engine_config as trial_config
 
 HERE = Path(__file__).parent
 BUILD = HERE.parent / "build"

@@ -2,7 +2,7 @@
 
 import cogless
 from cogless import _simulator_f64 as engine
-from cogless.engine import engine_config
+from cogless.run.drive_config import engine_config
 
 LOADS = (0.1, 0.2, 0.3, 0.4)  # N m
 

@@ -3,14 +3,14 @@
 import numpy as np
 
 from cogless.design.from_study import design_study
-from cogless.metrics import result_name
 from cogless.results import Results, Run, TrialResults
-from cogless.simulate import measure
+from cogless.results.metrics import result_name
+from cogless.results.trace import DERIVED, Trace
+from cogless.results.trial_metrics import evaluate
+from cogless.run.simulate import measure
 from cogless.study import load
 from cogless.study.laws import TERMS
 from cogless.study.metric import SIGNALS
-from cogless.trace import DERIVED, Trace
-from cogless.trial_metrics import evaluate
 
 STUDY = """
 title = "Torque ripple at 60 r/min"

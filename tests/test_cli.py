@@ -9,9 +9,9 @@ import time
 from pathlib import Path
 
 import pytest
+from commands import cogless
 
 import studies
-from cogless import cli
 
 ZERO = """
 class Zero:
@@ -28,16 +28,6 @@ class Touches:
         pass
         return 0.0
 """
-
-
-def cogless(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
-    """Exit code, stdout and stderr of a command."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", ["cogless", *map(str, arguments)])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-    out, err = capsys.readouterr()
-    return int(end.value.code or 0), out, err
 
 
 # run
@@ -179,7 +169,7 @@ def test_a_controller_that_stalls_gets_no_star(tmp_path: Path, capsys: pytest.Ca
 def test_a_directory_that_cannot_be_written_is_found_before_the_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cogless.simulate.run_study", lambda *_: pytest.fail("ran"))
+    monkeypatch.setattr("cogless.run.simulate.run_study", lambda *_: pytest.fail("ran"))
     (tmp_path / "file").touch()
     code, _, err = cogless(capsys, "run", studies.write(tmp_path), "-o", tmp_path / "file" / "out")
     assert code == 2
@@ -337,8 +327,8 @@ targets = [ {scenario = "low", controller = "pi", metric = "speed_ripple", value
 def test_an_interrupted_calibration_prints_the_best_so_far(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from cogless import calibrate as room
-    from cogless.simulate import run_study
+    from cogless.run import calibrate as room
+    from cogless.run.simulate import run_study
 
     made: list[object] = []
 

@@ -78,7 +78,7 @@ def test_c() -> None:
 
 
 def test_every_mutant_of_python_is_a_program() -> None:
-    for file in ("src/cogless/metrics.py", "src/cogless/study/table.py"):
+    for file in ("src/cogless/results/metrics.py", "src/cogless/study/table.py"):
         text = (ROOT / file).read_text()
         changes = python_code.changes(text)
         assert len(changes) > 50
@@ -98,9 +98,9 @@ def test_a_draw_is_spread_over_the_lines_and_always_the_same() -> None:
 
 def test_those_tests_come_first_that_are_about_it() -> None:
     for file, of, first in (
-        ("src/cogless/metrics.py", "def overshoot", "tests/test_metrics.py"),
-        ("control/src/cogless/quality.c", "set_bounds(const", "tests/test_control_quality.py"),
-        ("simulator/open_bridge.hpp", "let_through(const", "tests/test_open_bridge.py"),
+        ("src/cogless/results/metrics.py", "def overshoot", "tests/results/test_metrics.py"),
+        ("control/src/cogless/quality.c", "set_bounds(const", "tests/control/test_control_quality.py"),
+        ("simulator/open_bridge.hpp", "let_through(const", "tests/simulator/test_open_bridge.py"),
     ):
         text = (ROOT / file).read_text()
         function = function_at(file, text, text.index(of) + 200)

@@ -214,9 +214,9 @@ class LearningFactor(Parsed):
 
 class MetricSignals(Parsed):
     def run(self) -> list[nodes.Node]:
+        from cogless.results.trace import DERIVED
         from cogless.study.laws import TERMS
         from cogless.study.metric import SIGNALS
-        from cogless.trace import DERIVED
 
         terms = {name for names in TERMS.values() for name in names}
         by_unit: dict[str, list[str]] = {}
@@ -234,8 +234,8 @@ class MetricSignals(Parsed):
 
 class TrialSignals(Parsed):
     def run(self) -> list[nodes.Node]:
+        from cogless.results.trace import DERIVED
         from cogless.study.trial_metric import DRIVE_SIGNALS, ONLY_REAL, linear_signals
-        from cogless.trace import DERIVED
 
         by_unit: dict[str, list[str]] = {}
         for name, dimension in DRIVE_SIGNALS.items():
@@ -250,7 +250,9 @@ class TrialSignals(Parsed):
 
 def check(app: Any, env: Any) -> None:
     """Every model and every kind of metric has its place, and nothing else has."""
-    from cogless import metrics, trial_metrics
+    from cogless.results.results import trial_metrics
+
+    from cogless.results import metrics
 
     wanted = {full_name(model) for kind in (Study, TrialStudy) for model in models_of(kind)}
     for name in sorted(wanted - getattr(env, "cogless_documented", set())):

@@ -8,24 +8,24 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from cogless.errors import StudyError
     from cogless.results import Results, Run, TrialResults
-    from cogless.simulate import rollout, run_study
+    from cogless.results.trace import Trace
+    from cogless.run.simulate import rollout, run_study
     from cogless.study import Study, TrialStudy, changed, for_scenario, load
-    from cogless.trace import Trace
 
 # Loaded when first used, so that importing cogless stays quick.
 _HOMES = {
     "StudyError": "cogless.errors",
     "Results": "cogless.results",
     "Run": "cogless.results",
-    "rollout": "cogless.simulate",
-    "run_study": "cogless.simulate",
+    "rollout": "cogless.run.simulate",
+    "run_study": "cogless.run.simulate",
     "Study": "cogless.study",
     "TrialResults": "cogless.results",
     "TrialStudy": "cogless.study",
     "changed": "cogless.study",
     "for_scenario": "cogless.study",
     "load": "cogless.study",
-    "Trace": "cogless.trace",
+    "Trace": "cogless.results.trace",
 }
 
 __all__ = [

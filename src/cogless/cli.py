@@ -19,14 +19,14 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from cogless.errors import StudyError
 from cogless.files import reason
-from cogless.side_by_side import left_behind
+from cogless.run.side_by_side import left_behind
 
 if TYPE_CHECKING:
     from rich.text import Text
 
     from cogless.report import Line
     from cogless.results import AnyResults
-    from cogless.simulate import StudyProgress
+    from cogless.run.simulate import StudyProgress
     from cogless.study import AnyStudy
 
 # The designs' matrices are small: BLAS threads would only wait for each other.
@@ -122,7 +122,7 @@ def _flushed(code: int) -> int:
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from cogless.results import versions
+        from cogless.versions import versions
 
         print(f"cogless {versions()['cogless']}")
         raise typer.Exit
@@ -162,7 +162,7 @@ def run(
     """
     from cogless.design.warnings import too_short
     from cogless.files import writable
-    from cogless.simulate import RunError, run_study, runs_of
+    from cogless.run.simulate import RunError, run_study, runs_of
     from cogless.study import TrialStudy
 
     loaded = _load(study, changes)
@@ -341,8 +341,8 @@ def calibrate(study: StudyArgument, changes: SetOption = None, jobs: JobsOption 
 
     Ctrl-C prints the best fit so far.
     """
-    from cogless.calibrate import calibrate as fit_study
-    from cogless.calibrate import residual_rows
+    from cogless.run.calibrate import calibrate as fit_study
+    from cogless.run.calibrate import residual_rows
     from cogless.study import TrialStudy
 
     loaded = _load(study, changes)
@@ -400,8 +400,8 @@ def map_(
 
     The newest map is the one that firmware would load. Exit 2 if none is valid.
     """
-    from cogless import stored_map
-    from cogless.map_table import identity, lines, to_csv
+    from cogless.maps import stored_map
+    from cogless.maps.map_table import identity, lines, to_csv
 
     if motor is not None and output is None:
         raise StudyError("--motor: expected --output too")
@@ -425,16 +425,16 @@ def _load(study: str, changes: list[str] | None) -> AnyStudy:
 
 
 def _write(results: AnyResults, folder: Path, plots: bool) -> None:
-    from cogless import learned_map, report, trace
-    from cogless import results as results_room
+    from cogless import report
+    from cogless.results import map_files, results_json, trace
 
     # maps are for flashing: none of an earlier run stays beside these results
-    learned_map.remove_all(results_room.runs_that_learned(folder / "results.json"), folder / "maps")
-    results_room.write(results, folder / "results.json")
+    map_files.remove_all(map_files.runs_that_learned(folder / "results.json"), folder / "maps")
+    results_json.write(results, folder / "results.json")
     about = {"title": results.study.title, "seed": results.study.seed}
     trace.write_netcdf(folder / "traces.nc", results.runs, about)
     report.write(results, folder / "report.html")
-    learned_map.write_all(results, folder / "maps")
+    map_files.write_all(results, folder / "maps")
     if plots:
         report.write_plots(results, folder)
 

@@ -1,14 +1,20 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all; where those are that come with cogless."""
 
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from cogless.errors import StudyError
+
+
+def package_folders() -> list[Path]:
+    """Where cogless is installed: more than one folder while it is developed, say."""
+    return [Path(folder) for folder in sys.modules["cogless"].__path__]
 
 
 def reason(error: OSError) -> str:

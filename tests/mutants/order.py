@@ -22,7 +22,8 @@ def files_for(root: Path, file: str, function: str) -> list[str]:
         imported = bool(imports.search(text) or package.search(text))
         return -(like + 4 * imported + 4 * min(named, 2) + min(mentions, 4)), len(text)
 
-    return [f"tests/{test.name}" for test in sorted((root / "tests").glob("test_*.py"), key=weight)]
+    found = sorted((root / "tests").rglob("test_*.py"), key=weight)
+    return [test.relative_to(root).as_posix() for test in found]
 
 
 def function_at(file: str, text: str, position: int) -> str:

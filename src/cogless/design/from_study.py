@@ -60,7 +60,7 @@ def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     # those that learn by K_3 first: the others need less of the same gains
     for (scenario, name), settings in sorted(wanted.items(), key=lambda item: not needs_K_3(item[1])):
         with _told(study, scenario, name):
-            gains = next((g for other, g in known if _alike(settings, other)), None)
+            gains = next((g for other, g in known if same_gains(settings, other)), None)
             if gains is None:
                 gains = design_gains(plant, settings)
                 known.append((settings, gains))
@@ -157,7 +157,7 @@ def _linear(plant: LinearPlant, study: TrialStudy) -> UncertainPlant:
     return from_parameters(plant.at, ranges, plant.C, plant.period, how, nominal)
 
 
-def _alike(settings: TrialSettings, other: TrialSettings) -> bool:
+def same_gains(settings: TrialSettings, other: TrialSettings) -> bool:
     """Whether gains that were designed for the other settings are those of these."""
 
     def feedback(s: TrialSettings) -> tuple[Any, ...]:

@@ -90,7 +90,7 @@ def guaranteed_cost(plant: UncertainPlant, Q: Real, R: float, gamma: Real, integ
         for _ in range(RESCALED):
             if scaling is None:
                 break
-            found, scaling = _solve(models, scaling, Q, R, gamma)
+            found, scaling = solve_scaled(models, scaling, Q, R, gamma)
             if found is not None:
                 return found
     raise DesignError(
@@ -176,7 +176,7 @@ def _with_the_cost(models: Sequence[Model], common: Common, Q: Real, R: float) -
     return np.asarray(T / np.sqrt(size))
 
 
-def _solve(
+def solve_scaled(
     models: Sequence[Model], T: Real, Q: Real, R: float, gamma: Real
 ) -> tuple[StateFeedback | None, Real | None]:
     """In x = T x~: what `check` accepts, and T in which Y~ would have been I, for another try."""

@@ -9,8 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.advance import failures
 from cogless.errors import StudyError
+from cogless.run.advance import failures
 from cogless.study import AnyStudy, TrialStudy, for_scenario
 from cogless.study.controller import LibraryLaw, PythonLaw
 
@@ -103,14 +103,14 @@ def prepare(study: AnyStudy, scenario: str, controller: str) -> Prepared:
     _check(study, scenario, controller)
     with failures(study, scenario, controller):
         if isinstance(study, TrialStudy):
-            from cogless.trials import drive_of
+            from cogless.run.trials import drive_of
 
             engine, drive, ticks = drive_of(study, scenario, controller)
             table: Any = []
             assert study.drive is not None
             rate = study.drive.rates.current_loop
         else:
-            from cogless.simulate import drive_of as speed_drive_of
+            from cogless.run.simulate import drive_of as speed_drive_of
 
             engine, drive, ticks, table = speed_drive_of(study, scenario, controller, Event())
             rate = for_scenario(study, scenario).drive.rates.current_loop

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-import cogless
+from cogless.files import package_folders
 
 DEFINITION = re.compile(r"^\w[\w ]*[ *](cgl_\w+)\(", re.MULTILINE)
 STORE = ("map", "map_store", "crc32")
@@ -15,8 +15,8 @@ INCLUDE = re.compile(r'^#include "(?:cogless/)?(\w+\.h)"', re.MULTILINE)
 
 def control() -> Path:
     """The folder that holds cogless/*.h and cogless/*.c of the control library, as installed."""
-    for folder in cogless.__path__:
-        found = Path(folder) / "sources" / "control" / "src"
+    for folder in package_folders():
+        found = folder / "sources" / "control" / "src"
         if found.is_dir():
             return found
     raise FileNotFoundError("cogless/sources/control/src: not installed")

@@ -13,7 +13,7 @@ from cogless.report.overtime import events, marks, waveforms, zooms
 from cogless.report.palette import colours, place
 from cogless.report.periods import over_angle
 from cogless.report.spectra import spectra
-from cogless.report.strip import strip
+from cogless.report.status_lanes import strip
 from cogless.results import Results, Run
 
 HUGE = 1e30  # far beyond any drive

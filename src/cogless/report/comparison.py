@@ -9,11 +9,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from cogless.metrics import result_name
-from cogless.report.holding import missed, rows_of, span_of
 from cogless.report.packing import number
+from cogless.report.speed_tracking import missed, rows_of, span_of
 from cogless.report.unlearned import unlearned
 from cogless.results import Results, Run
+from cogless.results.metrics import result_name
 from cogless.study import Study
 from cogless.study.base import StudyBase
 from cogless.study.metric import Metric

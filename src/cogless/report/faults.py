@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cogless.faults import Fault, Response, faults_in, ripple, without_faults
-from cogless.report.holding import missed
 from cogless.report.packing import number
 from cogless.report.paths import varies
+from cogless.report.speed_tracking import missed
 from cogless.results import Results, Run
+from cogless.results.fault_response import Fault, Response, faults_in, ripple, without_faults
 from cogless.units import ANGULAR_SPEED, factor
 
 OVER = 1.05  # times its limit: more than a current loop's usual overshoot

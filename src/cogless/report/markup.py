@@ -14,7 +14,8 @@ from cogless.report.faults import Told
 from cogless.report.palette import colours
 from cogless.report.settings import assumptions, settings
 from cogless.report.verdict import Verdict
-from cogless.results import AnyResults, versions
+from cogless.results import AnyResults
+from cogless.versions import versions
 
 
 @cache

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.faults import faults_in
 from cogless.report.comparison import pretty
 from cogless.report.faults import spans
-from cogless.report.needed import needed_current
 from cogless.report.packing import Array, pack, thin
 from cogless.report.palette import place
 from cogless.report.paths import Error, errors, in_angle, learnt_terms
+from cogless.report.required_current import needed_current
 from cogless.results import Results, Run
+from cogless.results.fault_response import faults_in
+from cogless.results.trace import Trace
 from cogless.study.metric import SIGNALS
-from cogless.trace import Trace
 from cogless.units import factor
 
 POINTS = 560_000  # of all waveforms of a page, at 2.7 bytes each

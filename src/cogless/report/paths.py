@@ -10,11 +10,11 @@ import numpy as np
 
 from cogless.report.packing import Array
 from cogless.results import Results, Run
+from cogless.results.trace import Trace
 from cogless.study import Study
 from cogless.study.metric import SIGNALS
 from cogless.study.space_controller import SpaceLearning, SpacePosition
 from cogless.study.spoken import spoken_unit
-from cogless.trace import Trace
 from cogless.units import ANGLE, ANGULAR_SPEED, factor
 
 # The learnt part of each law's current reference.

@@ -11,7 +11,7 @@ import numpy as np
 from cogless.report import charts
 from cogless.report.comparison import speed_unit
 from cogless.report.packing import Array, unpack
-from cogless.report.still import REFERENCE, STYLE, Axes, look, save
+from cogless.report.png import REFERENCE, STYLE, Axes, look, save
 from cogless.results import Results
 
 

@@ -11,9 +11,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from cogless.metrics import Conditions, evaluate
 from cogless.report.comparison import Line
 from cogless.results import Results, Run
+from cogless.results.metrics import Conditions, evaluate
 from cogless.study.metric import Metric
 from cogless.units import factor
 

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from cogless.metrics import onward
 from cogless.report.comparison import pretty
-from cogless.report.holding import late
 from cogless.report.overtime import near_reference
 from cogless.report.packing import Array, number, plain
 from cogless.report.palette import place
 from cogless.report.paths import learnt_terms, varies
+from cogless.report.speed_tracking import late
 from cogless.results import Results, Run
+from cogless.results.metrics import onward
 from cogless.units import ANGULAR_SPEED, factor
 
 SHOWN_ORDERS = 24

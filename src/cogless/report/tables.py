@@ -9,11 +9,11 @@ from html import escape
 import numpy as np
 
 from cogless.report.comparison import Line, compare, factor_text, remarks
-from cogless.report.holding import late
 from cogless.report.markup import controller_heading, note, reservations, scrolled
 from cogless.report.packing import number
 from cogless.report.palette import colours
 from cogless.report.paths import LEARNT, learns
+from cogless.report.speed_tracking import late
 from cogless.results import AnyResults, Results, Run
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from cogless.design.unlearned import never, revolutions_learned, starts_too_late, too_short
 from cogless.report.paths import learns, travelled
 from cogless.results import Results, Run
-from cogless.status import Status
+from cogless.results.status import Status
 from cogless.study.controller import Learning
 from cogless.study.space_controller import SpaceLearning
 

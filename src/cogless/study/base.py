@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Self, TypeVar
 
-from pydantic import Field, PrivateAttr
+from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from cogless.study.controller import Base
 from cogless.study.table import Line, Many, Table
@@ -45,6 +45,13 @@ class StudyBase(Table):
     metric: tuple[Any, ...]
     _source: Source = PrivateAttr()
     _made: dict[Hashable, Any] = PrivateAttr(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _consistent(self, info: ValidationInfo) -> Self:
+        """What no table can check alone; `reading` says what."""
+        for check in info.context["checks"] if info.context else ():
+            check(self)
+        return self
 
     @property
     def source(self) -> Source:

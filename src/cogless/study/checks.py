@@ -24,13 +24,6 @@ FEWEST_ROWS = 10  # in a metric's window
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
-def applies(metric: Metric, name: str, scenario: Scenario) -> bool:
-    """Whether a metric is taken in a scenario: where it says so, else wherever its event is."""
-    if metric.scenarios is not None:
-        return name in metric.scenarios
-    return metric.event is None or _has_event(scenario, metric.event)
-
-
 def names(study: StudyBase) -> None:
     """Names go into files and command lines."""
     for table, entries in (("scenario", study.scenario), ("controller", study.controller)):
@@ -80,7 +73,7 @@ def metrics(study: Study) -> None:
     """Metrics have their own name in each scenario, and scenarios, windows, events, signals that exist."""
     for index, metric in enumerate(study.metric):
         for scenario, other in product(study.scenario, study.metric[:index]):
-            both = (applies(m, scenario, study.scenario[scenario]) for m in (metric, other))
+            both = (m.applies_in(scenario, study.scenario[scenario]) for m in (metric, other))
             if result_name(metric) == result_name(other) and all(both):
                 has = "has" if metric.name == other.name else f"has in results.json: {result_name(metric)}"
                 expected = f'expected a name that no other metric of scenario "{scenario}" {has}'
@@ -105,10 +98,10 @@ def metrics(study: Study) -> None:
 
 def _in_time(study: Study, index: int, metric: Metric) -> None:
     event, known = metric.event, study.scenario.values()
-    if event is not None and metric.scenarios is None and not any(_has_event(s, event) for s in known):
+    if event is not None and metric.scenarios is None and not any(s.has_event(event) for s in known):
         raise problem("expected the time of an event of a scenario", "metric", index, "event")
     for name, scenario in study.scenario.items():
-        if not applies(metric, name, scenario):
+        if not metric.applies_in(name, scenario):
             continue
         if metric.window is not None and metric.window[1] > scenario.duration:
             expected = f'expected a window within the {scenario.duration:g} s of scenario "{name}"'
@@ -116,7 +109,7 @@ def _in_time(study: Study, index: int, metric: Metric) -> None:
         if metric.last is not None and metric.last > scenario.duration:
             expected = f'expected at most the {scenario.duration:g} s of scenario "{name}"'
             raise problem(expected, "metric", index, "last")
-        if event is not None and not _has_event(scenario, event):
+        if event is not None and not scenario.has_event(event):
             raise problem(f'expected the time of an event of scenario "{name}"', "metric", index, "event")
         key, span = _span(metric, scenario)
         rate, rows = study.trace_rate, "rows of the trace"
@@ -134,7 +127,7 @@ def _span(metric: Metric, scenario: Scenario) -> tuple[str, float]:
         return ("window" if metric.last is None else "last"), declared[1] - declared[0]
     if metric.event is None:
         return "window", scenario.duration
-    later = [e.time for e in scenario.events if e.time > metric.event and not _same(e.time, metric.event)]
+    later = [e.time for e in scenario.events if e.time > metric.event and not e.is_at(metric.event)]
     return "event", min(later, default=scenario.duration) - metric.event
 
 
@@ -143,7 +136,7 @@ def orders(study: Study) -> None:
     half = study.trace_rate / 2
     for index, metric in enumerate(study.metric):
         for name, scenario in study.scenario.items():
-            if not metric.order or not applies(metric, name, scenario):
+            if not metric.order or not metric.applies_in(name, scenario):
                 continue
             poles = study.motor.pole_pairs if metric.frame == "electrical" else 1
             turns = poles * scenario.top_speed / (2 * math.pi)
@@ -182,22 +175,13 @@ def calibration(study: Study) -> None:
         if target.controller not in study.controllers_in(target.scenario):
             raise problem(one_of(study.controllers_in(target.scenario)), *key, "controller")
         scenario = study.scenario[target.scenario]
-        taken = {m.name: m for m in study.metric if applies(m, target.scenario, scenario)}
+        taken = {m.name: m for m in study.metric if m.applies_in(target.scenario, scenario)}
         if target.metric not in taken:
             raise problem(one_of(taken), *key, "metric")
         try:
             target.values(taken[target.metric])
         except PydanticCustomError as error:
             raise problem(error.message(), *key, "value") from None
-
-
-def _has_event(scenario: Scenario, time: float) -> bool:
-    return any(_same(event.time, time) for event in scenario.events)
-
-
-def _same(one: float, other: float) -> bool:
-    """Whether two times are one, in whatever units they were written."""
-    return math.isclose(one, other, abs_tol=1e-9)
 
 
 def one_of(names: Iterable[str]) -> str:

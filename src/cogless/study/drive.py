@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from cogless.study.guards import Monitor, Quality
+from cogless.study.monitor import Monitor, Quality
 from cogless.study.motor import StarMotor
 from cogless.study.table import (
     Angle,

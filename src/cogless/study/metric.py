@@ -11,6 +11,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from cogless import units
 from cogless.study.laws import TERMS
+from cogless.study.scenario import Scenario
 from cogless.study.table import Duration, Many, Quantity, Table, Time, problem
 from cogless.units import Dimension
 
@@ -146,6 +147,12 @@ class Metric(Table):
     def dimension(self) -> Dimension:
         """What the metric's value is."""
         return _dimension(self.kind, self.signal)
+
+    def applies_in(self, name: str, scenario: Scenario) -> bool:
+        """Whether the metric is taken in a scenario: where it says so, else wherever its event is."""
+        if self.scenarios is not None:
+            return name in self.scenarios
+        return self.event is None or scenario.has_event(self.event)
 
 
 class Named(Protocol):

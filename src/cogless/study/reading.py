@@ -16,13 +16,12 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-import cogless
 from cogless import units
 from cogless.errors import StudyError
-from cogless.files import reason
+from cogless.files import package_folders, reason
+from cogless.study import checks, trial_checks
 from cogless.study.base import Source
-from cogless.study.checks import applies
-from cogless.study.explain import MISSING, Problem, dotted, look_up, problems, shown, study_error
+from cogless.study.error_messages import MISSING, Problem, dotted, look_up, problems, shown, study_error
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
 from cogless.study.study import Study
@@ -80,7 +79,7 @@ def _in_scenario(study: Study, scenario: str) -> Study:
     prefix = f"scenario.{scenario}.override: "
     tables = _overridden(study.source, here.override, prefix)
     tables["scenario"] = {scenario: tables["scenario"][scenario]}
-    taken = [applies(metric, scenario, here) for metric in study.metric]
+    taken = [metric.applies_in(scenario, here) for metric in study.metric]
     tables["metric"] = [
         {key: value for key, value in metric.items() if key != "scenarios"}
         for metric in compress(tables.get("metric", []), taken)
@@ -105,7 +104,7 @@ def parse_change(text: str) -> tuple[str, Any]:
 
 def shipped(room: str) -> dict[str, Path]:
     """What comes with cogless, by name. `room`: "studies" or "motors"."""
-    folders = [Path(folder) / room for folder in cogless.__path__]
+    folders = [folder / room for folder in package_folders()]
     return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
 
 
@@ -303,12 +302,18 @@ def _part(model: type[Model], key: str, source: Source, prefix: str) -> Model:
 
 def _validated(model: type[AStudy], source: Source, prefix: str = "") -> AStudy:
     try:
-        context = {"folder": source.path.parent, "one_scenario": bool(prefix)}
+        context = {"folder": source.path.parent, "checks": _checks(model, bool(prefix))}
         study = model.model_validate(source.tables, context=context)
     except ValidationError as error:
         raise _error(problems(error, source.tables), source, prefix) from None
     study._source = source
     return study
+
+
+def _checks(model: type[Table], one_scenario: bool) -> tuple[Callable[[Any], None], ...]:
+    if model is TrialStudy:
+        return trial_checks.ALL
+    return checks.ALL if one_scenario else (*checks.ALL, *checks.WHOLE)
 
 
 def _error(found: list[Problem], source: Source, prefix: str) -> StudyError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Self
 
 from pydantic import Field, field_validator, model_validator
@@ -27,6 +28,10 @@ class Event(Table):
 
     time: Time  # s
     load: Torque  # N*m
+
+    def is_at(self, time: float) -> bool:
+        """Whether two times are one, in whatever units they were written."""
+        return math.isclose(self.time, time, abs_tol=1e-9)
 
 
 class Scenario(Table):
@@ -71,6 +76,10 @@ class Scenario(Table):
                 expected = f"expected a time within the scenario's {self.duration:g} s"
                 raise problem(expected, "faults", index, "time")
         return self
+
+    def has_event(self, time: float) -> bool:
+        """Whether an event is at a time, s."""
+        return any(event.is_at(time) for event in self.events)
 
     @property
     def speeds(self) -> tuple[float, float]:

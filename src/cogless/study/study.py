@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated
 
-from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
+from pydantic import Field, PrivateAttr
 
-from cogless.study import checks
 from cogless.study.any_motor import AnyMotor
 from cogless.study.base import StudyBase
 from cogless.study.calibration import Calibration
@@ -38,13 +37,6 @@ class Study(StudyBase):
     calibration: Calibration | None = None
     _scenarios: dict[str, Study] = PrivateAttr(default={})  # as they are with their overrides
 
-    @model_validator(mode="after")
-    def _consistent(self, info: ValidationInfo) -> Self:
-        one_scenario = bool(info.context and info.context["one_scenario"])
-        for check in checks.ALL if one_scenario else (*checks.ALL, *checks.WHOLE):
-            check(self)
-        return self
-
     @property
     def belief(self) -> StarBelief:
         """What the controller thinks of the motor."""
@@ -58,4 +50,4 @@ class Study(StudyBase):
     def metrics_in(self, scenario: str) -> tuple[Metric, ...]:
         """The metrics that apply to a scenario."""
         here = self.scenario[scenario]
-        return tuple(metric for metric in self.metric if checks.applies(metric, scenario, here))
+        return tuple(metric for metric in self.metric if metric.applies_in(scenario, here))

@@ -17,7 +17,7 @@ from cogless.study.drive import (
     require_inverter,
     require_watchable,
 )
-from cogless.study.guards import Monitor, Quality
+from cogless.study.monitor import Monitor, Quality
 from cogless.study.table import Frequency, Table, problem
 
 

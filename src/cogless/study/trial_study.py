@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, PrivateAttr
 
-from cogless.study import trial_checks
 from cogless.study.base import StudyBase
 from cogless.study.mechanics import Load, Mechanics
 from cogless.study.motor import Motor
@@ -50,12 +49,6 @@ class TrialStudy(StudyBase):
     metric: Many[TrialMetric] = ()
     # of each scenario's phases, of a drive
     _hardware: dict[str, tuple[Hardware, ...]] = PrivateAttr(default={})
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        for check in trial_checks.ALL:
-            check(self)
-        return self
 
     @property
     def period(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cogless.export import folder, sources
-from cogless.export.c.awkward import awkward
+from cogless.export.c.edge_cases import awkward
 from cogless.export.c.figures import figures
 from cogless.export.c.laws import LAWS
 from cogless.export.c.names import identifier
@@ -14,8 +14,8 @@ from cogless.export.c.texts import texts
 from cogless.export.headers import parse
 from cogless.export.layout import Layout
 from cogless.export.prepared import Prepared, Recording, first_scenario, prepare, record
-from cogless.results import versions
 from cogless.study import AnyStudy
+from cogless.versions import versions
 
 # of the self-test: enough for the law to do something, few enough for a microcontroller's flash
 TICKS, LAW_STEPS, MOST_TICKS = 400, 80, 2000

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cogless.export.c.laws import LawInC
 from cogless.export.headers import Headers
 from cogless.export.layout import Layout
-from cogless.results import as_json
+from cogless.results.results_json import as_json
 from cogless.study import AnyStudy
 
 

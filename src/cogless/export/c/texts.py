@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from importlib.resources import files
 from string import Template
 
-from cogless.export.c.awkward import Stretch
 from cogless.export.c.board import board
+from cogless.export.c.edge_cases import Stretch
 from cogless.export.c.extras import extras
 from cogless.export.c.literals import array, initialiser, real
 from cogless.export.c.names import stem
 from cogless.export.c.self_test import self_test_words
 from cogless.export.c.subject import Subject, study_hash
 from cogless.export.prepared import Reals, Recording
-from cogless.results import versions
+from cogless.versions import versions
 
 FLAGS = "-std=c99 -O2 -ffp-contract=off"
 

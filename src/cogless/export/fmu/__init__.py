@@ -17,8 +17,8 @@ from cogless.export.fmu.run import run_of
 from cogless.export.fmu.unit import Unit, asset, texts
 from cogless.export.sources import licence
 from cogless.files import writable
-from cogless.results import versions
 from cogless.study import AnyStudy
+from cogless.versions import versions
 
 HERE = Path(__file__).parents[1]
 SHARED = ("fmu.h", "fmu.c")

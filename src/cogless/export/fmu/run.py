@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from cogless import engine, trial_engine
 from cogless.design.from_study import design_study
 from cogless.export.prepared import Prepared, first_scenario, prepare
+from cogless.run import drive_config as engine
+from cogless.run import trial_config as trial_engine
 from cogless.study import AnyStudy, TrialStudy
 
 

@@ -9,11 +9,11 @@ from functools import cached_property
 
 import numpy as np
 
-from cogless.metrics import result_name
 from cogless.report.trials.errors import Array, Judged, judged, rms_of_trials, settled
 from cogless.report.trials.phases import Phase, phases
 from cogless.results import Run, TrialResults
-from cogless.status import Status
+from cogless.results.metrics import result_name
+from cogless.results.status import Status
 from cogless.study import TrialStudy
 
 GROWS = 1.5  # times what the RMS was before in the phase: learning diverges

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.metrics import result_name
 from cogless.report.comparison import pretty
 from cogless.report.packing import number
 from cogless.results import Run
+from cogless.results.metrics import result_name
+from cogless.results.trial_metrics import SETTLED_SHARE
 from cogless.study import TrialStudy
 from cogless.study.trial_metric import DRIVE_SIGNALS, TrialMetric
-from cogless.trial_metrics import SETTLED_SHARE
 from cogless.units import factor
 
 Array = NDArray[np.float64]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from cogless.metrics import result_name
 from cogless.report.comparison import Line, pretty
 from cogless.results import TrialResults
+from cogless.results.metrics import result_name
 from cogless.units import factor
 
 

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from cogless.metrics import result_name
 from cogless.report.comparison import pretty
 from cogless.report.packing import pack
 from cogless.report.palette import place
 from cogless.report.trials.errors import Array, Judged, judged, rms_of_trials
 from cogless.report.trials.phases import phases, zooms
 from cogless.results import Run, TrialResults
+from cogless.results.metrics import result_name
 from cogless.units import factor
 
 

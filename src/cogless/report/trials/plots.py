@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cogless.report.packing import unpack
-from cogless.report.still import REFERENCE, STYLE, Axes, look, save
+from cogless.report.png import REFERENCE, STYLE, Axes, look, save
 from cogless.report.trials import charts
 from cogless.results import TrialResults
 

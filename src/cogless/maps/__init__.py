@@ -1,0 +1,1 @@
+"""What a law has learned, as firmware keeps it in flash: read, checked, written, printed."""

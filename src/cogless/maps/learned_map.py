@@ -1,0 +1,58 @@
+"""The stored map of what a run's law has learned; the identities that cogless gives motors and motions."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cogless.maps.stored_map import StoredMap
+from cogless.study import AnyStudy
+from cogless.study.motor import StarMotor
+
+
+def motor_identity(motor: StarMotor) -> int:
+    """32 bits that tell motors of studies apart: a CRC-32 over all their numbers (control/SPEC.md)."""
+    data = struct.pack("<II4d", motor.pole_pairs, motor.phases, motor.R_s, motor.L_d, motor.L_q, motor.psi_f)
+    for flux in motor.flux_harmonics:
+        data += struct.pack("<I4d", flux.order, flux.d, flux.q, flux.d_phase, flux.q_phase)
+    for cogging in motor.cogging:
+        data += struct.pack("<I2d", cogging.order, cogging.torque or 0.0, cogging.phase)
+    return crc32(data)
+
+
+def motion_identity(reference: ArrayLike) -> int:
+    """32 bits that tell a trial's references apart: a CRC-32 over its samples as float32."""
+    return crc32(np.asarray(reference, dtype="<f4").tobytes())
+
+
+def study_identity(study: AnyStudy) -> int:
+    """The identity of a study's motor as it stands there, without overrides; 0 without a motor."""
+    return 0 if study.motor is None else motor_identity(study.motor.star())
+
+
+def of_run(study: AnyStudy, stored: Mapping[str, Any] | None, motion: int = 0) -> StoredMap | None:
+    """What the engine says that a run has learned, as firmware stores it, within its limits; whose it is.
+
+    None where nothing is learned, or it is not tied to an angle. `motion`: identity of a trial's reference.
+    """
+    if stored is None:
+        return None
+    limits, values = (np.asarray(stored[key], dtype=np.float32) for key in ("limits", "values"))
+    period = Fraction(stored["turns"], stored["parts"] or 1)
+    return StoredMap(
+        np.clip(values, -limits[:, None], limits[:, None]),
+        tuple(stored["units"]),
+        tuple(limits.tolist()),
+        law=stored["law"],
+        turns=period.numerator,
+        parts=period.denominator if period else 0,
+        ratio=stored["ratio"],
+        motor=study_identity(study),
+        motion=motion,
+    )

@@ -1,0 +1,58 @@
+"""The controllers' status over time: when each state held, by its name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cogless.report.packing import Array
+from cogless.report.palette import place
+from cogless.report.paths import learns
+from cogless.results import Results, Run
+from cogless.results.fault_response import faults_in
+from cogless.results.status import NOTICED, SAFE, Status
+
+MOST = 300  # spans of one state in one run; shorter gaps are closed then
+STATES: dict[int, str] = {
+    SAFE: "safe output",
+    **{int(bit): name for bit, name in NOTICED.items()},
+    Status.SATURATED: "at its limit (current or voltage)",
+    Status.FROZEN: "not learning",
+    Status.OUTLIER: "error far beyond the usual",
+}
+
+
+def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """A lane for each state that some run has where something breaks: its name, and spans of each run."""
+    if not faults_in(results.study, runs[0].scenario):
+        return []
+    lanes = []
+    for bits, name in STATES.items():
+        able = [run for run in runs if bits != Status.FROZEN or learns(results.study, run.controller)]
+        held = {place(results, run): spans for run in able if (spans := _spans(run, bits))}
+        if held:
+            drawn = [{"controller": controller, "spans": held[controller]} for controller in sorted(held)]
+            lanes.append({"name": name, "runs": drawn})
+    return lanes
+
+
+def _spans(run: Run, bits: int) -> list[float]:
+    """From when to when a state held, s, one after the other."""
+    status = run.trace["status"]
+    held = (np.where(np.isfinite(status), status, 0).astype(int) & bits) > 0
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], held.astype(int), [0]))))
+    time, period = run.trace.time, run.trace.period
+    from_, to = time[edges[::2]], time[edges[1::2] - 1] + period
+    gap = 2 * period
+    while len(from_) > MOST:
+        from_, to = _closed(from_, to, gap)
+        gap *= 2
+    return [round(float(t), 6) for pair in zip(from_, to, strict=True) for t in pair]
+
+
+def _closed(from_: Array, to: Array, gap: float) -> tuple[Array, Array]:
+    """Spans without the gaps that are shorter."""
+    wide = from_[1:] - to[:-1] > gap
+    return from_[np.concatenate(([True], wide))], to[np.concatenate((wide, [True]))]

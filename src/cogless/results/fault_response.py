@@ -1,0 +1,164 @@
+"""What a controller makes of what breaks in a scenario: how long it is safe, the ripple before and after.
+
+All from a run's trace, to its rows: something shorter than their period may be missed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cogless.results.status import NOTICED, SAFE, Status
+from cogless.results.trace import Trace
+from cogless.study import Study, for_scenario
+from cogless.study.scenario import Event
+
+Span = tuple[float, float]  # s
+
+FEWEST = 10  # rows that a ripple is taken over
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something that breaks for a while, s; faults that overlap are one.
+
+    `end`: at most the scenario's, which `lasting` says that it is.
+    """
+
+    time: float
+    end: float
+    words: tuple[str, ...]
+    lasting: bool = False
+
+
+@dataclass(frozen=True)
+class Response:
+    """What a run did from a fault's beginning until the next one's, or the end.
+
+    Times are in s, and are how long something lasted in all; `noticed_after`: from the fault to the first
+    sign that the controller saw it. None: never, or unknown. `ripple`: rms of the speed error about its mean
+    over one turn of the reference, rad/s, in the spans `before` and `after`.
+    """
+
+    fault: Fault
+    noticed: tuple[str, ...]
+    noticed_after: float | None
+    safe: float
+    not_learning: float | None  # of a law that learns
+    saturated: float
+    before: Span | None
+    after: Span | None
+    ripple_before: float | None
+    ripple_after: float | None
+    largest_error: float  # of the speed, rad/s
+    largest_current: float | None  # A, length of the current vector
+    current_limit: float  # A
+
+
+def faults_in(study: Study, scenario: str) -> list[Fault]:
+    """What breaks in a scenario, in order of time; in a study with faults, loads that come and go, too."""
+    here = study.scenario[scenario]
+    end = here.duration
+    single = [Fault(f.time, min(f.end, end), (f.words,), f.end >= end) for f in here.faults]
+    single += [
+        Fault(came.time, went.time, (f"load of {1e3 * came.load:.3g} mN·m",))
+        for came, went in _knocks(study, scenario)
+    ]
+    merged: list[Fault] = []
+    for fault in sorted(single, key=lambda fault: fault.time):
+        if merged and fault.time <= merged[-1].end:
+            last = merged.pop()
+            words = tuple(dict.fromkeys((*last.words, *fault.words)))
+            fault = Fault(last.time, max(last.end, fault.end), words, last.lasting or fault.lasting)
+        merged.append(fault)
+    return merged
+
+
+def without_faults(study: Study, scenario: str) -> str | None:
+    """The scenario that is the same but that nothing breaks in; None where there is none."""
+    here = study.scenario[scenario]
+    knocks = [event for pair in _knocks(study, scenario) for event in pair]
+    events = tuple(event for event in here.events if event not in knocks)
+    alike = here.model_copy(update={"faults": (), "events": events})
+    return next((n for n, other in study.scenario.items() if n != scenario and other == alike), None)
+
+
+def _knocks(study: Study, scenario: str) -> list[tuple[Event, Event]]:
+    """Loads that come, and go back to the usual one at the next event; none in a study without faults."""
+    here = study.scenario[scenario]
+    if not here.events or not any(other.faults for other in study.scenario.values()):
+        return []
+    usual = (here.load or for_scenario(study, scenario).mechanics.load).torque
+    pairs = zip(here.events, here.events[1:], strict=False)
+    return [(came, went) for came, went in pairs if came.load != usual and went.load == usual]
+
+
+def responses(faults: Sequence[Fault], trace: Trace, current_limit: float, learns: bool) -> list[Response]:
+    """What a run did about each fault."""
+    if len(trace) < FEWEST or not faults:
+        return []
+    ends = [*(fault.time for fault in faults[1:]), math.inf]
+    since = [0.0, *(fault.end for fault in faults[:-1])]
+    return [
+        _response(fault, trace, (start, end), current_limit, learns)
+        for fault, start, end in zip(faults, since, ends, strict=True)
+    ]
+
+
+def _response(fault: Fault, trace: Trace, room: Span, limit: float, learns: bool) -> Response:
+    """`room`: since when and until when nothing else breaks, s."""
+    period, during = trace.period, _rows(trace, (fault.time, room[1]))
+    time, status = trace.time[during], np.nan_to_num(trace["status"][during]).astype(int)
+
+    def lasted(bits: int) -> float:
+        return float(np.count_nonzero(status & bits) * period)
+
+    seen = [(int(np.argmax((status & bit) > 0)), words) for bit, words in NOTICED.items() if lasted(bit)]
+    before = _last_turn(trace, (room[0], fault.time))
+    after = _last_turn(trace, (fault.end, room[1]))
+    current = trace["i_amplitude"][during] if "i_amplitude" in trace else np.zeros(0)
+    return Response(
+        fault=fault,
+        noticed=tuple(words for _, words in sorted(seen)),
+        noticed_after=max(0.0, float(time[min(seen)[0]]) - fault.time) if seen else None,
+        safe=lasted(SAFE),
+        not_learning=lasted(Status.FROZEN) if learns else None,
+        saturated=lasted(Status.SATURATED),
+        before=before,
+        after=after,
+        ripple_before=ripple(trace, before),
+        ripple_after=ripple(trace, after),
+        largest_error=float(np.max(np.abs(trace["omega_error"][during]))),
+        largest_current=float(np.max(current)) if len(current) else None,
+        current_limit=limit,
+    )
+
+
+def _last_turn(trace: Trace, room: Span) -> Span | None:
+    """The last turn of the reference within a span, up to its last row; None if there is none."""
+    rows = _rows(trace, room)
+    time = trace.time[rows]
+    if len(time) < FEWEST:
+        return None
+    left = np.cumsum(np.abs(trace["omega_ref"][rows][::-1]))[::-1] * trace.period
+    if not left[0] >= 2 * math.pi * (1 - 1e-9):
+        return None
+    first = int(np.flatnonzero(left >= 2 * math.pi * (1 - 1e-9))[-1])
+    return float(time[first]), float(time[-1]) + trace.period
+
+
+def _rows(trace: Trace, span: Span) -> slice:
+    """Rows of a span without its end."""
+    first, last = np.searchsorted(trace.time, np.array(span) - 1e-6 * trace.period)
+    return slice(int(first), int(last))
+
+
+def ripple(trace: Trace, span: Span | None) -> float | None:
+    """Of the speed error about its mean, rad/s rms."""
+    if span is None:
+        return None
+    with np.errstate(all="ignore"):
+        return float(np.std(trace["omega_error"][_rows(trace, span)]))

@@ -1,0 +1,342 @@
+"""Metrics: numbers from a trace, over declared windows. Values are SI; None: a step that never settles.
+
+One small function a kind, in the registry KINDS; `evaluate` finds the window and calls it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.errors import StudyError
+from cogless.results.trace import Trace
+from cogless.study import Study, for_scenario
+from cogless.study.metric import SIGNALS, Metric, whole_revolutions
+from cogless.study.metric import result_name as result_name
+from cogless.units import ANGLE, ANGULAR_SPEED
+
+Array = NDArray[np.float64]
+Value = float | None | list[float]
+
+# The signal that a signal should follow; any other should return to its mean from before the event.
+ERRORS = ("omega_error", "omega_error_measured")  # which should be zero
+REFERENCES = {"omega_m": "omega_ref", "omega_measured": "omega_ref", "i_d": "i_d_ref", "i_q": "i_q_ref"}
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What a metric needs to know of a run besides its trace."""
+
+    pole_pairs: int
+    R_s: float  # ohm, of the star equivalent
+    power_factor: float  # as the star equivalent's
+    speed_period: float  # s, of the speed loop
+    events: tuple[float, ...] = ()  # s, times of the scenario's events
+
+    @classmethod
+    def of(cls, study: Study, scenario: str) -> Self:
+        """The conditions of a scenario."""
+        here = for_scenario(study, scenario)
+        motor = here.motor.star()
+        return cls(
+            pole_pairs=motor.pole_pairs,
+            R_s=motor.R_s,
+            power_factor=motor.power_factor,
+            speed_period=1 / here.drive.rates.speed_loop,
+            events=tuple(event.time for event in here.scenario[scenario].events),
+        )
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A metric about to be evaluated: the whole trace, the metric, the conditions and the metric's rows."""
+
+    metric: Metric
+    trace: Trace
+    conditions: Conditions
+    rows: slice
+
+    @property
+    def signal(self) -> str:
+        if self.metric.signal is None:
+            raise self.error("expected a signal")
+        return self.metric.signal
+
+    @property
+    def x(self) -> Array:
+        """The signal in the metric's rows."""
+        x = self.whole(self.signal)
+        return x[self.rows] if self.metric.smooth is None else self._smooth(x, self.metric.smooth)[self.rows]
+
+    def whole(self, signal: str) -> Array:
+        """A signal of the whole trace; angles and speeds in the metric's frame."""
+        x = self.trace[signal]
+        turned = SIGNALS.get(signal) in (ANGLE, ANGULAR_SPEED) and self.metric.kind != "order"
+        return self.conditions.pole_pairs * x if turned and self.metric.frame == "electrical" else x
+
+    def _smooth(self, x: Array, span: float) -> Array:
+        """Centred mean over `span` s, without what comes after the metric's window."""
+        half = round(span / self.trace.period / 2)
+        total = np.concatenate(([0.0], np.cumsum(x)))
+        row = np.arange(len(x))
+        end = np.where(row < self.rows.stop, self.rows.stop, len(x))
+        first, last = np.maximum(row - half, 0), np.minimum(row + half + 1, end)
+        return np.asarray((total[last] - total[first]) / (last - first))
+
+    @property
+    def event(self) -> float:
+        """Time of the metric's event, s."""
+        if self.metric.event is None:
+            raise self.error("expected an event")
+        return self.metric.event
+
+    def error(self, problem: str) -> StudyError:
+        return StudyError(f"metric {self.metric.name}: {problem}")
+
+
+def evaluate(metric: Metric, trace: Trace, conditions: Conditions) -> Value:
+    """Value of a metric on a trace, SI; None for a step that never settles.
+
+    A list for kind "order", of NaN where the rotor turned too little.
+
+    StudyError: a signal that the trace doesn't have, an empty window, rows too sparse for chattering.
+    """
+    first, last = _window(metric, trace, conditions)
+    measurement = Measurement(metric, trace, conditions, trace.window(first, last))
+    if metric.signal is not None and metric.signal not in trace:
+        raise measurement.error(f"signal {metric.signal}: expected one of {', '.join(trace.names)}")
+    if measurement.rows.start == measurement.rows.stop:
+        raise measurement.error(f"window {first:g} s to {last:g} s holds no row of the trace")
+    return KINDS[metric.kind](measurement)
+
+
+def _window(metric: Metric, trace: Trace, conditions: Conditions) -> tuple[float, float]:
+    """The metric's window, s: as declared, else from its event to the next one, else the whole trace."""
+    end = float(trace.time[-1]) if len(trace) else 0.0
+    declared = metric.span(end)
+    if declared is not None:
+        return declared
+    if metric.event is None:
+        return 0.0, end
+    # The row of the next event already carries that event.
+    after = metric.event + trace.period / 2
+    return metric.event, min((t - trace.period for t in conditions.events if t > after), default=end)
+
+
+def peak_to_peak(m: Measurement) -> float:
+    """Largest minus smallest value, in the signal's unit."""
+    return float(np.ptp(m.x))
+
+
+def rms(m: Measurement) -> float:
+    """Root of the mean square, mean included, in the signal's unit."""
+    return math.sqrt(float(np.mean(np.square(m.x))))
+
+
+def ripple_rms(m: Measurement) -> float:
+    """Root of the mean square about the mean, in the signal's unit."""
+    return float(np.std(m.x))
+
+
+def mean(m: Measurement) -> float:
+    """Mean over time, in the signal's unit."""
+    return float(np.mean(m.x))
+
+
+def maximum(m: Measurement) -> float:
+    """Largest magnitude, in the signal's unit."""
+    return float(np.max(np.abs(m.x)))
+
+
+def order(m: Measurement) -> list[float]:
+    """Amplitude (peak) of each order of an electrical or mechanical revolution, in the signal's unit.
+
+    Tracked on angle, so a varying speed doesn't smear it; over the longest way in one direction, where the
+    rotor turns back. NaN where it turned too little for one: a rotor that stalls has no orders.
+    """
+    orders = list(m.metric.order or ())
+    try:
+        return order_amplitudes(
+            m.trace["theta_m"][m.rows], m.x, orders, m.conditions.pole_pairs, m.metric.frame == "electrical"
+        )
+    except ValueError:
+        return [math.nan] * len(orders)
+
+
+def dip(m: Measurement) -> float:
+    """Largest deviation after the event from the mean before it, in the signal's unit."""
+    return float(np.max(np.abs(m.x - _mean_before(m))))
+
+
+def settling(m: Measurement) -> float | None:
+    """Time from the event until the signal stays within the band, s; None when it never does.
+
+    The band lies around the signal's reference, or, without one, around its mean before the event. A signal
+    still outside in the last twentieth of the window hasn't settled: it crosses the band again and again.
+    """
+    time = m.trace.time[m.rows]
+    outside = _outside(m, lambda: _mean_before(m))
+    if len(outside) == 0:
+        return 0.0
+    if outside[-1] >= 0.95 * (len(time) - 1):
+        return None
+    return max(0.0, float(time[outside[-1]]) - m.event)
+
+
+def overshoot(m: Measurement) -> float:
+    """How far the signal goes beyond where it ends, in the signal's unit; 0 where it doesn't.
+
+    It ends at its mean over the last quarter of the window, and goes there from its mean before the event.
+    """
+    end = float(np.mean(m.x[-max(1, len(m.x) // 4) :]))
+    direction = math.copysign(1.0, end - _mean_before(m))
+    return max(0.0, float(np.max(direction * (m.x - end))))
+
+
+def exceeds(m: Measurement) -> float | None:
+    """Time at which the signal first leaves the band around its reference, s; None when it never does.
+
+    A signal without a reference is held against its mean over the first tenth of the window.
+    """
+    outside = _outside(m, lambda: float(np.mean(m.x[: max(1, len(m.x) // 10)])))
+    return float(m.trace.time[m.rows][outside[0]]) if len(outside) else None
+
+
+def copper_loss(m: Measurement) -> float:
+    """Mean copper loss R_s (i_d^2 + i_q^2) times the power factor, W."""
+    i_d, i_q = m.trace["i_d"][m.rows], m.trace["i_q"][m.rows]
+    return m.conditions.power_factor * m.conditions.R_s * float(np.mean(i_d * i_d + i_q * i_q))
+
+
+def chattering(m: Measurement) -> float:
+    """Mean |step| of the current reference i_q_ref from one speed-loop sample to the next, A."""
+    time, period = m.trace.time[m.rows], m.conditions.speed_period
+    if m.trace.period > period * (1 + 1e-6):
+        raise m.error(
+            f"needs a row for every speed-loop sample: expected trace.rate of {1 / period:g} Hz or more"
+        )
+    slack = 1e-6 * m.trace.period
+    samples = np.arange(math.ceil((time[0] - slack) / period), math.floor((time[-1] + slack) / period) + 1)
+    i_q_ref = m.trace["i_q_ref"][m.rows][np.searchsorted(time, samples * period - slack)]
+    if len(i_q_ref) < 2:
+        raise m.error("window holds fewer than two speed-loop samples")
+    return float(np.mean(np.abs(np.diff(i_q_ref))))
+
+
+KINDS: dict[str, Callable[[Measurement], Value]] = {
+    "peak-to-peak": peak_to_peak,
+    "rms": rms,
+    "ripple-rms": ripple_rms,
+    "mean": mean,
+    "maximum": maximum,
+    "order": order,
+    "dip": dip,
+    "settling": settling,
+    "overshoot": overshoot,
+    "exceeds": exceeds,
+    "copper-loss": copper_loss,
+    "chattering": chattering,
+}
+
+
+def onward(theta: Array, x: Array) -> tuple[Array, Array]:
+    """Angle and x over the longest way in one direction: from one extreme of the angle to the other.
+
+    Of an angle that was passed several times on it, the last passage stays: what depends on the direction,
+    such as the speed itself, would else be mixed of both. All rows of a rotor that never turns back.
+    ValueError: no rows, or an angle that isn't finite.
+    """
+    if not len(theta) or not np.all(np.isfinite(theta)):
+        raise ValueError("expected one angle or more, all finite")
+    first, last = sorted((int(np.argmin(theta)), int(np.argmax(theta))))
+    way = slice(first, last + 1)
+    travelled = np.abs(theta[way] - theta[first])
+    stays = travelled <= np.minimum.accumulate(travelled[::-1])[::-1]
+    return theta[way][stays], x[way][stays]
+
+
+def order_amplitudes(
+    theta_m: Array, x: Array, orders: Sequence[float], pole_pairs: int, electrical: bool
+) -> list[float]:
+    """Amplitudes of x at orders of a revolution, in x's unit.
+
+    Fourier integral over angle, by trapezoid, over the last whole revolutions of the way `onward`: mechanical
+    ones where there is one (every order of the motor is whole over it, so none leaks into another), else
+    electrical ones. An order that is not whole takes as many revolutions as make it so. theta_m: unwrapped
+    mechanical angle, rad, in either direction.
+    ValueError: less than one such revolution, or an angle that isn't finite.
+    """
+    theta_m, x = onward(theta_m, x)
+    frame = theta_m * pole_pairs if electrical else theta_m
+    whole = whole_revolutions(orders)
+    periods = [math.lcm(whole, pole_pairs), whole] if electrical else [whole]
+    turns = abs(float(frame[-1] - frame[0])) / (2 * math.pi)
+    # A window that was meant to hold exactly n revolutions may miss the last by a row.
+    row = turns / max(1, len(frame) - 1)
+    for period in periods:
+        count = math.floor((turns + 2 * row) / period)
+        if count:
+            break
+    else:
+        name = "electrical" if electrical else "mechanical"
+        raise ValueError(f"window holds {turns:.3g} {name} revolutions, expected {periods[-1]} or more")
+    angle, x = _last_part(frame, x, min(turns, count * period) * 2 * math.pi)
+    step = np.diff(angle)
+    span = float(angle[-1] - angle[0])
+    # Without the mean, which would leak through the rounding of the ends.
+    x = x - float(np.dot(step, x[1:] + x[:-1])) / (2 * span)
+    amplitudes = []
+    for n in orders:
+        rotated = x * np.exp(-1j * float(n) * angle)
+        integral = np.dot(step, rotated[1:] + rotated[:-1]) / 2
+        amplitudes.append(2 * abs(complex(integral)) / abs(span))
+    return amplitudes
+
+
+def _last_part(angle: Array, x: Array, span: float) -> tuple[Array, Array]:
+    """The last `span` rad of x over angle; its first point is interpolated."""
+    direction = 1.0 if angle[-1] >= angle[0] else -1.0
+    travelled = direction * (angle - angle[0])
+    start = max(0.0, float(travelled[-1]) - span)
+    first = min(int(np.searchsorted(travelled, start, side="right")) - 1, len(angle) - 2)
+    share = (start - travelled[first]) / (travelled[first + 1] - travelled[first] or 1.0)
+    x_start = x[first] + share * (x[first + 1] - x[first])
+    return (
+        np.concatenate(([angle[0] + direction * start], angle[first + 1 :])),
+        np.concatenate(([x_start], x[first + 1 :])),
+    )
+
+
+def _outside(m: Measurement, otherwise: Callable[[], float]) -> NDArray[np.intp]:
+    """Rows outside the band around the signal's reference, or around `otherwise` without one."""
+    if m.metric.band is None:
+        raise m.error("expected a band")
+    target: Array | float
+    if m.signal in ERRORS:
+        target = 0.0
+    elif m.signal in REFERENCES and REFERENCES[m.signal] in m.trace:
+        target = m.whole(REFERENCES[m.signal])[m.rows]
+    else:
+        target = otherwise()
+    return np.flatnonzero(np.abs(m.x - target) > m.metric.band)
+
+
+def _mean_before(m: Measurement) -> float:
+    """Mean of the signal before the event, over the last revolution.
+
+    At most over half of the time since the event before, or since the start.
+    """
+    event, trace = m.event, m.trace
+    previous = max((t for t in m.conditions.events if t < event - trace.period / 2), default=0.0)
+    rows = trace.window((previous + event) / 2, event - trace.period)
+    x = m.whole(m.signal)
+    if rows.start == rows.stop:
+        return float(x[m.rows][0])
+    theta = trace["theta_m"]
+    turned = np.abs(theta[rows] - theta[rows.stop - 1])
+    return float(np.mean(x[rows][turned <= 2 * math.pi]))

@@ -1,0 +1,154 @@
+"""results.json: settings, and of each run its metrics and what it learned, in short."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cogless.files import replacing
+from cogless.results.fault_response import Response
+from cogless.results.metrics import Value, result_name
+from cogless.results.runs import AnyResults, TrialResults
+from cogless.versions import versions
+
+if TYPE_CHECKING:
+    from cogless.design.trial import TrialDesign
+
+
+def to_dict(results: AnyResults) -> dict[str, Any]:
+    """What results.json holds, from plain types only; a number that isn't finite becomes null ("never")."""
+    return {
+        "study": results.study.name,
+        "title": results.study.title,
+        "version": versions()["cogless"],
+        "versions": versions(),
+        "seed": results.study.seed,
+        "interrupted": results.interrupted,
+        "baseline": results.study.baseline,
+        "settings": as_json(results.study.source.tables),
+        "metrics": _definitions(results),
+        **({"trials": _trials(results)} if isinstance(results, TrialResults) else {}),
+        "runs": [
+            {
+                "scenario": run.scenario,
+                "controller": run.controller,
+                "metrics": {name: _plain(value) for name, value in run.metrics.items()},
+                "memory": _memory(run.memory),
+                **({"quality": _quality(run.quality)} if run.quality else {}),
+                **({"faults": [_fault(response) for response in run.faults]} if run.faults else {}),
+                **({"design": _design(run.design)} if run.design is not None else {}),
+            }
+            for run in results.runs
+        ],
+    }
+
+
+def write(results: AnyResults, path: Path) -> None:
+    """Write results.json, whole or not at all."""
+    text = json.dumps(to_dict(results), indent=2, allow_nan=False, ensure_ascii=False)
+    with replacing(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def _definitions(results: AnyResults) -> dict[str, dict[str, Any]]:
+    """What each name in a run's metrics means: unit, kind, signal; orders and frame, or the floor."""
+    definitions = {}
+    for metric in results.study.metric:
+        meaning: dict[str, Any] = {
+            "kind": metric.kind,
+            "unit": metric.dimension.unit,
+            "signal": metric.signal,
+        }
+        if metric.kind == "order":
+            meaning |= {"order": list(metric.order or ()), "frame": metric.frame}
+        if metric.kind == "trials-to-floor":
+            meaning["floor"] = metric.threshold
+        definitions[result_name(metric)] = meaning
+    return definitions
+
+
+def _trials(results: TrialResults) -> dict[str, dict[str, Any]]:
+    """Of each scenario: how many trials of how many samples, and the first trial of each phase."""
+    study = results.study
+    return {
+        name: {
+            "count": study.scenario[name].trials,
+            "samples": study.samples(name),
+            "phases": list(study.scenario[name].starts),
+        }
+        for name in results.scenarios
+    }
+
+
+def _design(design: TrialDesign) -> dict[str, Any]:
+    from cogless.design.trial_summary import design_dict
+
+    return design_dict(design)
+
+
+def _memory(memory: Mapping[str, Any]) -> dict[str, Any]:
+    """What was learnt in short: enough to see that something was, and how much."""
+    if "learned" in memory:
+        learned = np.asarray(memory["learned"], dtype=float)
+        return {"samples": len(learned), "peak": _plain(float(np.max(np.abs(learned), initial=0.0)))}
+    if not memory:
+        return {}
+    current = np.asarray(memory["current"], dtype=float)
+    return {
+        "frame": memory["frame"],
+        "cells": len(current),
+        "peak_A": _plain(float(np.max(np.abs(current), initial=0.0))),
+        "rms_A": _plain(float(np.sqrt(np.mean(np.square(current))))) if len(current) else 0.0,
+    }
+
+
+def _quality(quality: Mapping[str, Any]) -> dict[str, Any]:
+    """As the controller sees it; null where it has not yet turned far enough to know."""
+    names = {"residual_rad_per_s": "residual"}
+    names |= {name: name for name in ("progress", "improving", "worsening") if name in quality}
+    return {key: quality[name] if quality["known"] else None for key, name in names.items()}
+
+
+def _fault(response: Response) -> dict[str, Any]:
+    """A fault and what the run did about it; null: never, or nothing that could be taken."""
+    fault = response.fault
+    return {
+        "what": list(fault.words),
+        "time_s": fault.time,
+        "duration_s": fault.end - fault.time,
+        "noticed": list(response.noticed),
+        "noticed_after_s": _plain(response.noticed_after),
+        "safe_s": response.safe,
+        "not_learning_s": _plain(response.not_learning),
+        "saturated_s": response.saturated,
+        "before_s": _plain(list(response.before) if response.before else None),
+        "after_s": _plain(list(response.after) if response.after else None),
+        "ripple_before_rad_s": _plain(response.ripple_before),
+        "ripple_after_rad_s": _plain(response.ripple_after),
+        "largest_speed_error_rad_s": _plain(response.largest_error),
+        "largest_current_A": _plain(response.largest_current),
+        "current_limit_A": response.current_limit,
+    }
+
+
+def as_json(value: Any) -> Any:
+    """A study's tables; what JSON doesn't have (a date, an infinite parameter) becomes a text."""
+    if isinstance(value, dict):
+        return {key: as_json(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [as_json(inner) for inner in value]
+    known = isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))
+    return value if known else str(value)
+
+
+def _plain(value: Value) -> Any:
+    if value is None:
+        return None
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    return float(value) if math.isfinite(value) else None

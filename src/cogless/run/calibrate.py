@@ -1,0 +1,248 @@
+"""Fit parameters of a study to target values of its metrics, such as ripple amplitudes to a published table.
+
+Least squares over the relative deviations, by scipy's trust region; each evaluation runs the study itself.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from cogless import units
+from cogless.errors import StudyError
+from cogless.results.metrics import Value, result_name
+from cogless.run.simulate import run_study
+from cogless.study import Study, changed
+from cogless.study.calibration import Parameter
+from cogless.study.error_messages import MISSING, look_up, shown
+from cogless.study.metric import Metric
+from cogless.study.reading import split
+
+# Relative steps for derivatives, one fit after the other, each from the best so far: an encoder makes metrics
+# bumpy, so wide secants find the valley and narrow ones its floor.
+STEPS = (0.3, 0.1, 0.02)
+TOLERANCE = 1e-4  # relative change of the parameters that ends a fit
+ROUNDS = 20  # of each fit
+
+Progress = Callable[[int, float], None]
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A parameter with its value after the fit, as a text in the study's own unit."""
+
+    key: str
+    before: str
+    after: str
+
+    @property
+    def toml(self) -> str:
+        """A line for the study, or for --set."""
+        return f"{self.key} = {self.after}"
+
+
+@dataclass(frozen=True)
+class Residual:
+    """A target against what the fitted study gives, SI."""
+
+    scenario: str
+    controller: str
+    metric: str
+    order: float | None
+    wanted: float
+    got: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The outcome: parameters, targets, rms of the relative deviations, and whether the fit settled.
+
+    `interrupted`: Ctrl-C ended it; this is the best so far.
+    """
+
+    parameters: tuple[Fitted, ...]
+    residuals: tuple[Residual, ...]
+    deviation: float
+    settled: bool
+    study: Study
+    interrupted: bool = False
+
+
+@dataclass(frozen=True)
+class _Knob:
+    """A parameter as the fit sees it: x = 1 is where it starts."""
+
+    key: str
+    unit: str
+    start: float
+    scale: float
+    lower: float
+    upper: float
+
+    def text(self, x: float) -> str | float:
+        number = float(f"{x * self.scale:.6g}")
+        return f"{number!r} {self.unit}" if self.unit else number
+
+
+def calibrate(study: Study, progress: Progress | None = None, jobs: int = 1) -> Fit:
+    """Fit what the study's [calibration] names; only the runs that its targets name are made.
+
+    `progress` gets the number of evaluations and the least deviation so far. Ctrl-C ends the fit early: the
+    best so far is returned, with `interrupted` set. StudyError: no calibration, a key that holds no number, a
+    metric without a value.
+    """
+    if study.calibration is None:
+        raise StudyError(
+            f"{study.source.path}: calibration: missing: expected a table of parameters, targets"
+        )
+    knobs = [_knob(study, index, parameter) for index, parameter in enumerate(study.calibration.parameters)]
+    known: dict[str, dict[str, Value]] = {}
+    evaluations = 0
+
+    best = np.array([k.start / k.scale for k in knobs])
+    least = math.inf
+
+    def deviations(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        nonlocal evaluations, best, least
+        found = _residuals(_with(study, knobs, x), known, jobs)
+        weighted = np.array(_relative(study, found))
+        deviation = float(np.sqrt(np.mean(weighted**2)))
+        if deviation < least:
+            best, least = x.copy(), deviation
+        evaluations += 1
+        if progress is not None:
+            progress(evaluations, least)
+        return weighted
+
+    start = best
+    bounds = np.array([k.lower / k.scale for k in knobs]), np.array([k.upper / k.scale for k in knobs])
+    settled = interrupted = False
+    try:
+        for step in STEPS:
+            steps = np.full(len(knobs), step)
+            fit = least_squares(
+                deviations, best, bounds=bounds, diff_step=steps, xtol=TOLERANCE, max_nfev=ROUNDS
+            )
+            settled = fit.status > 0
+    except KeyboardInterrupt:
+        if not math.isfinite(least):
+            raise  # before the first evaluation: nothing to give
+        settled, interrupted = False, True
+    fitted = _with(study, knobs, best)
+    parameters = tuple(
+        Fitted(k.key, shown(k.text(s)), shown(k.text(x))) for k, s, x in zip(knobs, start, best, strict=True)
+    )
+    residuals = tuple(_residuals(fitted, known, jobs))
+    return Fit(parameters, residuals, least, settled, fitted, interrupted)
+
+
+def _told(study: Study, scenario: str, controller: str) -> str:
+    """All that decides a run's metrics: the study's tables without other scenarios and controllers."""
+    tables = {key: table for key, table in study.source.tables.items() if key != "calibration"}
+    for table, name in (("scenario", scenario), ("controller", controller)):
+        tables[table] = {name: tables[table][name]}
+    return json.dumps(tables, sort_keys=True, default=str)
+
+
+def _with(study: Study, knobs: list[_Knob], x: NDArray[np.float64]) -> Study:
+    return changed(study, {knob.key: knob.text(value) for knob, value in zip(knobs, x, strict=True)})
+
+
+def _knob(study: Study, index: int, parameter: Parameter) -> _Knob:
+    key, tables = parameter.key, study.source.tables
+    try:
+        present = look_up(tables, split(key))
+    except StudyError as error:
+        raise StudyError(f"{study.source.path}: calibration.parameters.{index}.key: {error}") from None
+    if parameter.scenario is not None:
+        own = look_up(tables, ("scenario", parameter.scenario, "override", key))
+        present = present if own is MISSING else own
+        key = f'scenario.{parameter.scenario}.override."{key}"'
+    initial = present if parameter.initial is None else parameter.initial
+    unit = units.unit_of(present if isinstance(present, str) else initial if isinstance(initial, str) else "")
+
+    def number(field: str, value: object) -> float:
+        if isinstance(value, str) and unit:
+            try:
+                return units.number_in(value, unit)
+            except units.UnitError as error:
+                raise wrong(field, value, str(error)) from None
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            return float(value)
+        raise wrong(field, value, "expected a key of the study that holds a number or a text with a unit")
+
+    def wrong(field: str, value: object, expected: str) -> StudyError:
+        text = "missing" if value is MISSING else shown(value)
+        return StudyError(f"{study.source.path}: calibration.parameters.{index}.{field}: {text}: {expected}")
+
+    start = number("key" if parameter.initial is None else "initial", initial)
+    lower = -math.inf if parameter.lower is None else number("lower", parameter.lower)
+    upper = math.inf if parameter.upper is None else number("upper", parameter.upper)
+    if not lower <= start <= upper or lower == upper:
+        raise wrong("initial", initial, "expected a value between lower and upper")
+    width = upper - lower if math.isfinite(upper - lower) else 1.0
+    return _Knob(key, unit, start, abs(start) or width, lower, upper)
+
+
+def _residuals(study: Study, known: dict[str, dict[str, Value]], jobs: int) -> list[Residual]:
+    """Targets against this study's metrics. A run that was made with the same tables isn't made again."""
+    assert study.calibration is not None
+    pairs = dict.fromkeys((target.scenario, target.controller) for target in study.calibration.targets)
+    names = {pair: _told(study, *pair) for pair in pairs}
+    missing = ["/".join(pair) for pair, name in names.items() if name not in known]
+    if missing:
+        results = run_study(study, missing, jobs=jobs)
+        if results.interrupted:
+            raise KeyboardInterrupt
+        known |= {names[run.scenario, run.controller]: dict(run.metrics) for run in results.runs}
+    found = []
+    for target in study.calibration.targets:
+        metric = _metric(study, target.scenario, target.metric)
+        value = known[names[target.scenario, target.controller]].get(result_name(metric))
+        got = value if isinstance(value, list) else [math.nan if value is None else value]
+        orders = metric.order if metric.kind == "order" and metric.order else (None,)
+        for order, wanted, number in zip(orders, target.values(metric), got, strict=True):
+            if not math.isfinite(number):
+                place = f"{target.scenario}/{target.controller}"
+                raise StudyError(f"{study.source.path}: calibration: {target.metric} of {place} has no value")
+            found.append(Residual(target.scenario, target.controller, target.metric, order, wanted, number))
+    return found
+
+
+def _metric(study: Study, scenario: str, name: str) -> Metric:
+    return next(metric for metric in study.metrics_in(scenario) if metric.name == name)
+
+
+def _relative(study: Study, residuals: list[Residual]) -> list[float]:
+    """Deviations by the size of their target, the largest of a list; a target of zero counts as it is."""
+    assert study.calibration is not None
+    sizes: dict[tuple[str, str, str], float] = {}
+    for r in residuals:
+        place = (r.scenario, r.controller, r.metric)
+        sizes[place] = max(sizes.get(place, 0.0), abs(r.wanted))
+    weights = {(t.scenario, t.controller, t.metric): t.weight for t in study.calibration.targets}
+    return [
+        weights[r.scenario, r.controller, r.metric]
+        * (r.got - r.wanted)
+        / (sizes[r.scenario, r.controller, r.metric] or 1.0)
+        for r in residuals
+    ]
+
+
+def residual_rows(fit: Fit) -> list[tuple[str, str, str, str, str]]:
+    """Run, metric, wanted, got and deviation of each target, in display units."""
+    rows = []
+    for r in fit.residuals:
+        metric = _metric(fit.study, r.scenario, r.metric)
+        unit = metric.unit or metric.dimension.unit
+        wanted, got = (units.format(value, unit, metric.dimension, digits=4) for value in (r.wanted, r.got))
+        share = f"{100 * (r.got / r.wanted - 1):+.1f} %" if r.wanted else ""
+        name = r.metric if r.order is None else f"{r.metric} {r.order:g}"
+        rows.append((f"{r.scenario}/{r.controller}", name, wanted, got, share))
+    return rows

@@ -1,0 +1,110 @@
+"""A study of trials in the engine's words: one plain nested dict for one controller in one scenario."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cogless.design.model import Model, sampled
+from cogless.run.drive_config import drive_config, load_config, mechanics_config, motor_config
+
+if TYPE_CHECKING:
+    from cogless.design.trial import TrialDesign
+    from cogless.study import TrialStudy
+    from cogless.study.plant import LinearPlant
+    from cogless.study.trial_scenario import TrialConditions
+
+
+def engine_config(study: TrialStudy, scenario: str, controller: str, design: TrialDesign) -> dict[str, Any]:
+    """The engine's description of one run: each phase complete, gains from the design.
+
+    Gains and beliefs are those of the study without overrides: what changes between trials, the controller
+    isn't told. StudyError: the design lacks its learning gain.
+    """
+    if design.no_K_3 is not None:
+        raise design.no_K_3
+    here = study.scenario[scenario]
+    samples = study.samples(scenario)
+    law = _law(study, controller, design)
+    if study.plant is not None:
+        return {
+            "C": list(study.plant.C),
+            "period": study.plant.period,
+            "samples": samples,
+            "count": here.trials,
+            "phases": [_linear_phase(study, study.plant, scenario, *phase) for phase in here.phases],
+            "controller": law,
+        }
+    assert study.drive is not None and study.motor is not None
+    phases = [_drive_phase(study, scenario, index, *phase) for index, phase in enumerate(here.phases)]
+    return {
+        "trials": {"samples": samples, "count": here.trials, "phases": phases},
+        "seed": study.seed,
+        "energy": False,
+        "drive": drive_config(study.drive, study.motor.star(), study.drive.rates.divider),
+        "controller": law,
+    }
+
+
+def _law(study: TrialStudy, name: str, design: TrialDesign) -> dict[str, Any]:
+    ahead, q = design.feedforward, design.q_filter
+    num, den, preview = (ahead.num, ahead.den, ahead.preview) if ahead else ((), (), 0)
+    if study.plant is not None:
+        limit = study.plant.input_limit
+    else:
+        assert study.drive is not None
+        limit = study.drive.current_loop.current_limit
+    return {
+        "law": "trial",
+        "K_1": list(design.K_1),
+        "K_2": design.K_2,
+        "N": design.N,
+        "C": list(design.C),
+        "through_integrator": design.through_integrator,
+        "K_3": design.K_3,
+        "shift": design.shift,
+        "feedforward": {"num": list(num), "den": list(den), "preview": preview},
+        "q_filter": {"b": list(q.b) if q else [], "a": list(q.a) if q else []},
+        "filter_signal": design.filtered == "signal",
+        "learning_matrix": design.learning_matrix,
+        "limit": limit,
+        "learned_limit": study.controller[name].learned_limit,
+    }
+
+
+def _drive_phase(
+    study: TrialStudy, scenario: str, index: int, first: int, here: TrialConditions
+) -> dict[str, Any]:
+    hardware = study.hardware(scenario)[index]
+    reference = study.reference(scenario, here)
+    return {
+        "from": first - 1,
+        "reference": reference.tolist(),
+        "initial_angle": float(reference[0]) if here.initial_angle is None else here.initial_angle,
+        "initial_speed": here.initial_speed or 0.0,
+        "motor": motor_config(hardware.motor.star()),
+        "mechanics": mechanics_config(hardware.mechanics),
+        "load": load_config(hardware.load),
+        "load_steps": [{"sample": sample, "torque": torque} for sample, torque in here.load_steps or ()],
+    }
+
+
+def _linear_phase(
+    study: TrialStudy, plant: LinearPlant, scenario: str, first: int, here: TrialConditions
+) -> dict[str, Any]:
+    A, B = plant.at(here.override or {})
+    if plant.model == "continuous":
+        model = sampled(Model.of(A, B), plant.period, "exact")
+        A, B = model.A.tolist(), model.B[:, 0].tolist()
+    load = np.zeros(study.samples(scenario))
+    for sample, amount in here.load_steps or ():
+        load[sample:] = amount
+    return {
+        "from": first - 1,
+        "reference": study.reference(scenario, here).tolist(),
+        "A": A,
+        "B": B,
+        "load": load.tolist(),
+        "initial_state": list(here.initial_state or (0.0,) * study.states),
+    }

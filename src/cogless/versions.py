@@ -1,0 +1,18 @@
+"""Versions of what computes the numbers."""
+
+from __future__ import annotations
+
+import platform
+from functools import cache
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of what computes the numbers."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        cogless = version("cogless")
+    except PackageNotFoundError:
+        cogless = "not installed"
+    return {"cogless": cogless, "python": platform.python_version(), "numpy": version("numpy")}

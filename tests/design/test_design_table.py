@@ -1,0 +1,83 @@
+"""What `cogless design` prints: only what acts, in words, and no wider than a screen."""
+
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from cogless import load
+from cogless.design.learning import PeriodicLoop
+from cogless.design.space_bounds import theorem
+from cogless.design.summary import to_dict
+from cogless.design.table import design_table
+from cogless.export.c.command import export_c
+from cogless.run.drive_config import engine_config
+from cogless.study import Study
+
+
+def printed(study: Any, width: int = 500) -> str:
+    file = io.StringIO()
+    Console(file=file, width=width).print(design_table(study))
+    return file.getvalue()
+
+
+def test_a_bound_that_does_not_exist_is_said_in_words() -> None:
+    slow = load("verrelli2016-speed", {"controller.learning.eta_bar": "2.5 rad/s"})
+    found = theorem(slow, "learning")
+    assert found is not None and not found.holds
+    assert ", no k is enough for the printed bound, the corrected one or that with its own limits: not" in (
+        found.verdict()
+    )
+    without = load("verrelli2016-position", {"controller.true-period.k_v": 0.0})
+    found = theorem(without, "true-period")
+    assert found is not None
+    assert ", no k_omega + v is enough for what footnote 6 asks, which wants k_v: " in found.verdict()
+    # what isn't learned takes no gain, however slow the reference
+    text = printed(load("verrelli2016-speed", {"controller.learning.eta_bar": "2.5 rad/s",
+                                               "controller.learning.mu_beta": 0.0}))  # fmt: skip
+    assert not re.search(r"\b(inf|nan)\b", text)
+
+
+def test_the_table_shows_what_acts() -> None:
+    """Neither learning keys of a law that may not learn nor gains of zero."""
+    study = load("verrelli2016")
+    assert isinstance(study, Study)
+    text, plain = printed(study), to_dict(study)["controllers"]
+    rows = {line.split("  ")[0]: line for line in text.splitlines()}
+    assert not re.search("mu_|cells|q_half|ramp|omega_min|learning_start", rows["PI, as published"])
+    assert "mu_alpha" in text and "k_v 0" not in text
+    assert "mu_alpha" not in plain["pi"]["gains"] and "k_v" in plain["filtered"]["gains"]
+    assert "k_pp" in plain["printed"]["gains"] and "k_pp" not in plain["filtered"]["gains"]
+    table = printed(study, width=240).split("Known bounds")[0]
+    assert max(len(line.rstrip()) for line in table.splitlines()) < 210
+
+
+@pytest.mark.parametrize(("lead", "samples"), [("0.6 ms", 2), ("0.65 ms", 3)])
+def test_a_lead_is_rounded_to_the_nearest_sample_everywhere(lead: str, samples: int, tmp_path: Path) -> None:
+    rates = {"current_loop": "20 kHz", "speed_loop": "4 kHz"}
+    study = load("uomodri", {"drive.rates": rates, "controller.pi-ilc.lead": lead})
+    assert isinstance(study, Study)
+    assert engine_config(study, next(iter(study.scenario)), "pi-ilc")["controller"]["lead"] == samples
+    assert PeriodicLoop(study, "pi-ilc", 1.0).lead == samples
+    gain = to_dict(study)["controllers"]["pi-ilc"]["gains"]["lead"]
+    assert gain["value"] == pytest.approx(samples / 4000) and gain["note"].startswith(f"{samples} samples")
+    export_c(study, "pi-ilc", tmp_path / "out")
+    (source,) = (tmp_path / "out").glob("*_controller.c")
+    assert f".lead = {samples}," in source.read_text()
+
+
+def test_a_lead_is_shown_as_it_is_used() -> None:
+    """The controller counts whole samples of the speed loop."""
+    rates = {"current_loop": "20 kHz", "speed_loop": "4 kHz"}
+    coarse = load("uomodri", {"drive.rates": rates})  # its lead is 0.6 ms
+    assert "lead 0.0005 s (2 samples, 0.0006 s rounded)" in printed(coarse)
+    lead = to_dict(coarse)["controllers"]["pi-ilc"]["gains"]["lead"]
+    assert lead == {"value": 0.0005, "unit": "s", "note": "2 samples, 0.0006 s rounded"}
+    none = load("uomodri", {"drive.rates": rates, "controller.pi-ilc.lead": "0.1 ms"})
+    assert "lead 0 s (0 samples, 0.0001 s rounded)" in printed(none)
+    assert re.search(r"lead 0\.0006 s(?! \()", printed(load("uomodri")))

@@ -1,0 +1,46 @@
+"""What the README says is so: its study runs, and the figures under its picture are those of the demo."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from cogless import load, run_study
+
+README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_study_in_the_readme_runs_and_learns(tmp_path: Path) -> None:
+    block = re.search(r"```toml\n(.*?)```", README, re.DOTALL)
+    assert block is not None
+    (tmp_path / "mine.toml").write_text(block[1], encoding="utf-8")
+    pi, learning = run_study(load(tmp_path / "mine.toml"), jobs=2).runs
+    assert learning.metrics["speed_ripple_rad_s"] < 0.2 * pi.metrics["speed_ripple_rad_s"]
+
+
+def test_the_figures_of_liu_are_the_studys() -> None:
+    text = re.search(r"On the motor of \[Liu 2018\].*?\n\n", README, re.DOTALL)
+    assert text is not None
+    robust, within, lead = (float(x) for x in re.findall(r"(?:leaves|within)\s+(\d+(?:\.\d+)?)", text[0]))
+    runs = run_study(
+        load("liu2018"), ["60-rpm/robust-ilc", "60-rpm/pi-ilc-lead", "60-rpm-long/*printed"], jobs=2
+    ).runs
+    found = {run.controller: run.metrics for run in runs}
+    ripple = [found[name]["speed_ripple_rad_s"] * 30.0 / np.pi for name in ("robust-ilc", "pi-ilc-lead")]
+    assert [robust, lead] == [float(f"{x:.2g}") for x in ripple]
+    assert within - 1.0 < found["pi-ilc-printed"]["diverges_after_s"] < within
+
+
+def test_the_figures_under_the_picture_are_the_demos() -> None:
+    caption = re.search(r"\*A drone motor.*?\*\n", README, re.DOTALL)
+    assert caption is not None
+    figures = [float(x) for x in re.findall(r"(?:leaves|and) (\d+(?:\.\d+)?)", caption[0])]
+    runs = run_study(load("uomodri"), ["1-rev-s/*"], jobs=2).runs
+    ripple = {run.controller: run.metrics["speed_ripple_rad_s"] * 30.0 / np.pi for run in runs}
+    assert figures == [float(f"{ripple[name]:.2g}") for name in ("pi", "table", "pi-ilc", "robust-ilc")]
+    copper = {run.controller: run.metrics["copper_loss_W"] for run in runs}
+    saved = re.search(r"at (\d+) % less copper loss", caption[0])
+    assert saved is not None
+    assert int(saved[1]) == round(100 * (1 - copper["pi-ilc"] / copper["pi"]))

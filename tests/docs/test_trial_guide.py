@@ -1,0 +1,56 @@
+"""What the guide on studies of trials says of its example is so."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from cogless import load, run_study
+from cogless.cli import app
+from cogless.design.trial_summary import summary
+from cogless.study import TrialStudy
+
+GUIDE = (Path(__file__).parents[2] / "docs" / "guide" / "trial-studies.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def axis(tmp_path: Path) -> Path:
+    block = re.search(r"```toml\n(title.*?)```", GUIDE, re.DOTALL)
+    assert block is not None
+    (tmp_path / "axis.toml").write_text(block[1], encoding="utf-8")
+    return tmp_path / "axis.toml"
+
+
+def test_the_example_learns_as_the_guide_says(axis: Path) -> None:
+    study = load(axis)
+    assert isinstance(study, TrialStudy)
+    certificate = summary(study).designs["ilc"].certificate
+    assert certificate.exact is not None
+    told = re.search(r"`contracting` at (\S+) for Euler's model and (\S+) for", GUIDE)
+    assert told is not None
+    for words, model in zip(told.groups(), (certificate.design, certificate.exact), strict=True):
+        assert model.with_filter is not None and model.with_filter.contracting
+        assert float(words) == pytest.approx(model.with_filter.norm, abs=0.001)
+        assert model.without_filter is not None and not model.without_filter.monotone
+    feedback, ilc = run_study(study).runs
+    told = re.search(r"the floor within (\d+), (\d+) and (\d+) trials", GUIDE)
+    assert told is not None
+    assert [float(n) for n in told.groups()] == ilc.metrics["trials_to_floor"]
+    found = feedback.metrics["trials_to_floor"]
+    assert isinstance(found, list) and found[1:] == [float("inf")] * 2
+
+
+def errors() -> list[tuple[str, str]]:
+    rows = re.findall(r"^\| `'?([^`]+?)'?` \| `(.*)` \|$", GUIDE, re.MULTILINE)
+    return [(change, line) for change, line in rows if "=" in change]
+
+
+@pytest.mark.parametrize(("change", "line"), errors())
+def test_the_errors_are_those_that_the_guide_shows(axis: Path, change: str, line: str) -> None:
+    found = CliRunner().invoke(app, ["run", str(axis), "-o", str(axis.parent / "out"), "--set", change])
+    assert found.exception is not None
+    told = "[0-9.e-]+".join(re.escape(part) for part in line.split("..."))
+    assert re.fullmatch(re.escape(f"{axis}: ") + told, str(found.exception))

@@ -1,0 +1,501 @@
+"""An exported controller compiles as it is and repeats the simulation bit for bit; mistakes are one line."""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import re
+import shlex
+import subprocess
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trial_studies
+from commands import cogless
+
+import studies
+from cogless import load
+from cogless.errors import StudyError
+from cogless.export import folder
+from cogless.export.c.command import export_c, subject_of
+from cogless.export.c.edge_cases import awkward
+from cogless.export.c.literals import real
+from cogless.export.c.names import identifier
+from cogless.export.c.self_test import memory_sum
+from cogless.export.c.subject import Subject, study_hash
+from cogless.export.prepared import prepare
+
+STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-pedantic", "-Werror"]
+FLAGS = ["-std=c99", "-O2", "-ffp-contract=off"]
+LIBRARY = Path(__file__).parents[2] / "control" / "src" / "cogless"
+# study, controller, changes: every law, and the memory by delay, and double precision
+CONTROLLERS: list[tuple[str, str, dict[str, Any]]] = [
+    ("liu2018", "pi", {}),
+    ("liu2018", "pi-ilc", {"controller.pi-ilc.cells": 300}),
+    ("liu2018-varying", "time", {}),
+    ("liu2018", "robust-ilc", {"drive.precision": "double"}),
+    ("uomodri", "table", {"scenario.1-rev-s.duration": "1.2 s", "metric": []}),
+    ("verrelli2016", "filtered", {"drive.precision": "single"}),
+    ("verrelli2016", "printed", {}),
+    ("verrelli2016-speed", "learning", {"drive.precision": "single"}),
+    ("mandra2019", "ilc", {}),
+]
+MORE = """
+[controller.none]
+law = "python"
+object = "none.py:None"
+[controller.own]
+law = "library"
+library = "own.so"
+"""
+
+
+@functools.cache
+def library_object(name: str, *flags: str) -> bytes:
+    """A source of the control library compiled, once for all exports that have a copy of it."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / "made.o"
+        subprocess.run(["cc", *FLAGS, *flags, "-c", LIBRARY / name, "-o", made], check=True)
+        return made.read_bytes()
+
+
+def library_part(source: Path, *flags: str) -> Path:
+    """What to link for a source of an export: the library's object, or the source where a test changed it."""
+    if source.read_bytes() != (LIBRARY / source.name).read_bytes():
+        return source
+    made = source.parents[2] / f"{source.stem}.o"
+    made.write_bytes(library_object(source.name, *flags))
+    return made
+
+
+def is_double(exported: Path) -> list[str]:
+    """The flag of an export in double precision."""
+    header = next(exported.glob("*_controller.h")).read_text()
+    return ["-DCOGLESS_DOUBLE"] if "define COGLESS_DOUBLE for" in header else []
+
+
+def compiled(exported: Path, *flags: str) -> Path:
+    """The self-test of an export."""
+    program, double = exported.parent / "self_test", is_double(exported)
+    library = [library_part(source, *flags, *double) for source in (exported / "cogless").glob("*.c")]
+    own = [exported / "self_test.c", *exported.glob("*_controller.c")]
+    subprocess.run(["cc", *FLAGS, *flags, *double, "-o", program, *own, *library], check=True)
+    return program
+
+
+@pytest.fixture(scope="module", params=CONTROLLERS, ids=lambda found: "-".join(found[:2]))
+def once(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Subject, Path]:
+    """A controller and its export, which a test may add to."""
+    study, controller, changes = request.param
+    exported = tmp_path_factory.mktemp("export") / "out"
+    return export_c(load(study, changes), controller, exported), exported
+
+
+def test_the_self_test_repeats_the_simulation(once: tuple[Subject, Path], tmp_path: Path) -> None:
+    subject, exported = once
+    name, periods = subject.name, min(2000, max(400, 80 * subject.divider))
+    strict = ["cc", *FLAGS, *STRICT, *is_double(exported)]
+    run = subprocess.run([compiled(exported, *STRICT)], capture_output=True, text=True, check=False)
+    assert run.returncode == 0
+    assert re.fullmatch(rf"{name}: {periods} periods and \d+ stretches, all bits equal\n", run.stdout)
+    example = ["-c", exported / "example_interrupt.c", "-o", tmp_path / "example.o"]
+    subprocess.run([*strict, *example], check=True)
+
+
+def test_the_self_test_finds_another_constant_and_another_memory(tmp_path: Path) -> None:
+    exported = tmp_path / "out"
+    export_c(load("liu2018"), "pi-ilc", exported)
+    source = exported / "pi_ilc_controller.c"
+    text = source.read_text()
+    gain = re.search(r"\.gain = (\S+)f,", text)
+    assert gain
+    source.write_text(text.replace(gain.group(1), str(1.001 * float(gain.group(1)))))
+    run = subprocess.run([compiled(exported)], capture_output=True, text=True, check=False)
+    assert run.returncode == 1
+    assert re.fullmatch(r"pi_ilc: period \d+ differs\n", run.stdout)
+    source.write_text(text)
+    data = exported / "self_test_data.h"
+    data.write_text(re.sub(r"memory_at_end = \d+U", "memory_at_end = 1U", data.read_text()))
+    run = subprocess.run([compiled(exported)], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout) == (1, "pi_ilc: init or the learned memory differs\n")
+
+
+STUCK = "stuck_angle", "stuck_time"
+# constants of limits and faults, of which an eventless recording knows nothing
+GUARDS: list[tuple[str, str, dict[str, Any], tuple[str, ...]]] = [
+    (
+        "liu2018",
+        "pi-ilc",
+        {},
+        ("omega_max", "current_max", "current_sum", "current_limit", "speed_window", *STUCK),
+    ),
+    ("verrelli2016-speed", "learning", {"drive.precision": "single"}, STUCK),
+    ("mandra2019", "ilc", {}, STUCK),
+]
+
+
+@pytest.mark.parametrize(("study", "controller", "changes", "more"), GUARDS)
+def test_the_self_test_finds_every_limit_and_fault(
+    study: str, controller: str, changes: dict[str, Any], more: tuple[str, ...], tmp_path: Path
+) -> None:
+    exported = tmp_path / "out"
+    export_c(load(study, changes), controller, exported)
+    source = next(exported.glob("*_controller.c"))
+    text = source.read_text()
+    subprocess.run(["cc", *FLAGS, "-c", exported / "self_test.c"], cwd=tmp_path, check=True)
+    library = [library_part(part) for part in (exported / "cogless").glob("*.c")]
+    program = ["cc", *FLAGS, "-o", tmp_path / "self_test", source, tmp_path / "self_test.o", *library]
+    for name in ("limit", "hold", "bridge", "outlier", *more):
+        for factor in (0.8, 1.25):
+            if name in ("current_limit", "limit") and factor > 1:
+                continue  # the other of the two is lower then
+            found = re.search(rf"\.{name} = ([-\d.e+]+)f[,}}]", text)
+            assert found, name
+            value = f"{factor * float(found[1]) or 4.0!r}f"
+            source.write_text(f"{text[: found.start(1)]}{value}{text[found.end(1) + 1 :]}")
+            subprocess.run(program, check=True)
+            run = subprocess.run([tmp_path / "self_test"], capture_output=True, text=True, check=False)
+            assert run.returncode == 1, (name, value)
+            assert re.fullmatch(r"\w+: stretch \d+ differs, see self_test_data.h\n", run.stdout), name
+
+
+def test_what_the_self_test_meets() -> None:
+    """Saturation, every fault, and recovery from it."""
+    prepared = prepare(load("liu2018"), "900-rpm", "pi-ilc")
+    met: list[int] = []
+
+    class Watched:
+        def start(self) -> Any:
+            return prepared.drive.start()
+
+        def step_controller(self, state: Any, now: bytes, reference: bytes) -> bytes:
+            out: bytes = prepared.drive.step_controller(state, now, reference)
+            met.append(int.from_bytes(out[-4:], "little"))
+            return out
+
+    awkward(subject_of(prepared), replace(prepared, drive=Watched()), None)
+    for bit in (1, 2, 4, 16, 32, 64, 128, 256, 1024):
+        assert any(status & bit for status in met), bit
+    assert met[0] == 0 and met[-31] & ~5 == 0  # all is well again; the currents that are fed still saturate
+
+
+def test_a_self_test_of_extreme_bounds(tmp_path: Path) -> None:
+    """What is beyond them is no longer a float; hold and bridge are longer than any test."""
+    extreme = {"omega_max": "3.3e38 rad/s", "stuck_angle": "3e38 rad", "current_max": "3.3e38 A"}
+    times = {"hold": "1000 s", "bridge": "1000 s", "speed_window": "1000 s"}
+    none = {"omega_max": "1e-9 rad/s", "stuck_angle": "0 rad", "current_max": "0 A"}
+    for bounds in (extreme, times, none):
+        changes = {f"drive.monitor.{key}": value for key, value in bounds.items()}
+        export_c(load("liu2018", changes), "pi", tmp_path / "out")
+        run = subprocess.run([compiled(tmp_path / "out")], capture_output=True, text=True, check=False)
+        assert run.returncode == 0
+
+
+def test_the_self_test_finds_fused_arithmetic(tmp_path: Path) -> None:
+    """A motion begins at rest: the test must last into it. Rounding once stands for an fma."""
+    exported = tmp_path / "out"
+    export_c(load("mandra2019"), "ilc", exported)
+    source = exported / "cogless" / "trial.c"
+    text = source.read_text()
+    product = "config->k_1[0] * law->theta + config->k_1[1] * in->omega_m"
+    assert product in text
+    fused = "(float)((double)config->k_1[0] * law->theta + (double)config->k_1[1] * in->omega_m)"
+    source.write_text(text.replace(product, fused))
+    run = subprocess.run([compiled(exported)], capture_output=True, text=True, check=False)
+    assert run.returncode == 1
+
+
+def test_only_what_the_law_needs_and_unchanged(tmp_path: Path) -> None:
+    exported = tmp_path / "out"
+    export_c(load("liu2018"), "pi", exported)
+    taken = {path.name for path in (exported / "cogless").iterdir()}
+    assert {"LICENSE", "drive.c", "foc.c", "monitor.c", "speed_pi.c"} < taken
+    assert not {"memory.c", "trial.c", "plugin.h", "map.h"} & taken
+    export_c(load("liu2018"), "pi-ilc", exported)
+    taken = {path.name for path in (exported / "cogless").iterdir()}
+    assert {"map.c", "map_store.c", "crc32.c", "memory.c", "pi_ilc.c", "trial.h", "robust_ilc.h"} < taken
+    assert not {"trial.c", "robust_ilc.c", "space_memory.c", "anti_cogging.c", "plugin.h"} & taken
+    for name in taken - {"LICENSE"}:
+        assert (exported / "cogless" / name).read_bytes() == (LIBRARY / name).read_bytes()
+
+
+FLASH = """
+#include <stdio.h>
+#include <string.h>
+static uint8_t flash[2][65536];
+static cgl_flash_result erase(void *context, uint32_t slot)
+{
+    (void)context;
+    memset(flash[slot], 0xff, sizeof flash[slot]);
+    return CGL_FLASH_DONE;
+}
+static cgl_flash_result write(void *context, uint32_t slot, uint32_t offset, const uint8_t *bytes,
+                              uint32_t count)
+{
+    (void)context;
+    memcpy(&flash[slot][offset], bytes, count);
+    return CGL_FLASH_DONE;
+}
+static cgl_flash_result read(void *context, uint32_t slot, uint32_t offset, uint8_t *bytes, uint32_t count)
+{
+    (void)context;
+    memcpy(bytes, &flash[slot][offset], count);
+    return CGL_FLASH_DONE;
+}
+const cgl_map_store_config store_config = {
+    .erase = erase, .write = write, .read = read, .slot_size = sizeof flash[0], .write_size = 8, .motor = 7};
+int main(void)
+{
+    bool before, after;
+    if (NAME_init(&controller) != CGL_OK) {
+        return 1;
+    }
+    before = load_map();
+    controller.memory[1] = CGL_R(0.03125);
+    if (save_map() != CGL_MAP_OK || NAME_init(&controller) != CGL_OK) {
+        return 2;
+    }
+    after = load_map();
+    printf("%d %d %g\\n", before, after, (double)controller.memory[1]);
+    return 0;
+}
+"""
+
+
+def test_the_readme_saves_and_loads_what_was_learned(once: tuple[Subject, Path], tmp_path: Path) -> None:
+    """With nothing but what is in the folder, and the text as it stands in the README."""
+    subject, exported = once
+    code = re.search("```c\n(.*?)```", (exported / "README.md").read_text(), re.DOTALL)
+    if subject.name in {"pi", "time", "printed"}:
+        assert code is None and not (exported / "cogless" / "map.h").exists()
+        return
+    assert code is not None
+    program, name = tmp_path / "maps", subject.name
+    text = f'#include "{name}_controller.h"\nstatic {name}_controller controller;\n{code[1]}'
+    (tmp_path / "maps.c").write_text(text + FLASH.replace("NAME", name))
+    double = is_double(exported)
+    library = [library_part(source, *double) for source in (exported / "cogless").glob("*.c")]
+    own = [tmp_path / "maps.c", *exported.glob("*_controller.c")]
+    command = ["cc", *FLAGS, *STRICT, *double, "-I", exported, "-o", program, *own, *library]
+    subprocess.run(command, check=True)
+    run = subprocess.run([program], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout) == (0, "0 1 0.03125\n")
+
+
+def test_it_says_where_it_comes_from(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study = studies.write(tmp_path)
+    options = ("--controller", "fair", "--to", "c", "-o", tmp_path / "out", "--set", "seed=7")
+    code, out, err = cogless(capsys, "export", study, *options)
+    assert (code, err) == (0, "")
+    assert out == f"Export: {tmp_path / 'out' / 'README.md'}\n"
+    header = (tmp_path / "out" / "fair_controller.h").read_text()
+    assert study_hash(load(study, {"seed": 7})) in header
+    assert study_hash(load(study)) not in header
+    source = (tmp_path / "out" / "fair_controller.c").read_text()
+    assert "rule = phase-margin" in source and "margins.phase_margin_rad = 1.0" in source
+    assert "proportional gain [output/error], >= 0 */" in source
+    readme = (tmp_path / "out" / "README.md").read_text()
+    out = tmp_path / "out"
+    assert f"    cogless export {study} --controller fair --to c -o {out} --set seed=7\n" in readme
+    about = json.loads((tmp_path / "out" / "export.json").read_text())
+    assert (about["law"], about["scenario"]) == ("pi", "low")
+
+
+def test_it_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ("--controller", "pi-ilc", "--to", "c", "--set", "controller.pi-ilc.gain=3")
+    small = ("--set", "controller.pi-ilc.cells=30")
+    code, out, err = cogless(capsys, "export", "uomodri", *options, *small, "-o", tmp_path / "out")
+    assert (code, out) == (0, f"Export: {tmp_path / 'out' / 'README.md'}\n")
+    verdict, size = err.splitlines()
+    _, table, _ = cogless(capsys, "design", "uomodri", *options[4:], *small)
+    said = re.fullmatch(r"Warning: controller\.pi-ilc: ((?:may )?grows?, .*x a period at .* Hz.*)\.", verdict)
+    assert said and said[1].split(",")[0] in table
+    assert size.startswith("Warning: controller.pi-ilc: cells = 30 is 0.208 in a wave of order 144")
+    assert said[1] in (tmp_path / "out" / "README.md").read_text()
+    footer = (tmp_path / "out" / "pi_ilc_controller.c").read_text().split("What `cogless design` finds")[1]
+    assert f"learning.verdict = {said[1]}" in footer and " unstable" not in footer
+
+
+def test_an_export_of_what_settles_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ("--controller", "pi-ilc", "--to", "c", "-o", tmp_path / "out")
+    assert cogless(capsys, "export", "uomodri", *options)[2] == ""
+    assert "| what `cogless design` says of it | settles |" in (tmp_path / "out" / "README.md").read_text()
+
+
+def test_the_command_that_made_it_makes_it_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "with blanks"
+    options = ("--controller", "fair", "--to", "c", "--scenario", "step", "-o", out)
+    cogless(capsys, "export", studies.write(tmp_path), *options)
+    readme = (out / "README.md").read_text()
+    (command,) = [line for line in readme.splitlines() if line.startswith("    cogless export ")]
+    assert cogless(capsys, *shlex.split(command)[1:])[0] == 0
+    assert (out / "README.md").read_text() == readme
+
+
+def test_numbers_come_back_to_the_same_bits() -> None:
+    bits = np.random.default_rng(1).integers(0, 2**32, 20000, dtype=np.uint64).astype(np.uint32)
+    numbers = bits.view(np.float32)
+    for number in numbers[np.isfinite(numbers)]:
+        text = real(float(number), "f")
+        assert np.float32(text.removesuffix("f")).tobytes() == number.tobytes()
+        assert re.fullmatch(r"-?\d+(\.\d+)?(e[+-]\d+)?f", text) and ("." in text or "e" in text)
+    assert [real(x, "d") for x in (0.1, 1e-5, 3.0)] == ["0.1", "1e-05", "3.0"]
+
+
+def test_the_memory_sum_is_fnv_1a_by_words() -> None:
+    assert memory_sum(np.zeros(0, np.float32)) == 2166136261
+    assert memory_sum(np.zeros(1, np.float32)) == 2166136261 * 16777619 % 2**32
+    assert memory_sum(np.array([0.0, 1.0], np.float32)) != memory_sum(np.array([1.0, 0.0], np.float32))
+
+
+@pytest.mark.parametrize(
+    ("controller", "name"),
+    [("pi-ilc", "pi_ilc"), ("2nd try", "my_2nd_try"), ("cgl_pi", "my_cgl_pi"), ("Ü", "my"), ("A.b", "A_b")],
+)
+def test_names(controller: str, name: str) -> None:
+    assert identifier(controller) == name
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["--controller", "p"], 'STUDY: controller: "p": expected one of pi, fair, none, own'),
+        (
+            ["--controller", "none"],
+            'STUDY: controller.none.law: "python": has no C form: expected a law of the control library',
+        ),
+        (
+            ["--controller", "own"],
+            'STUDY: controller.own.law: "library": is C of your own already: '
+            "expected a law of the control library",
+        ),
+        (
+            ["--controller", "none", "--scenario", "step"],
+            'STUDY: scenario: "step": expected one with controller none: low',
+        ),
+        (["--controller", "pi", "--to", "d"], '--to: "d": expected c'),
+    ],
+)
+def test_mistakes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], line: str
+) -> None:
+    study = studies.write(tmp_path, studies.BASE + MORE)
+    to = [] if "--to" in arguments else ["--to", "c"]
+    code, out, err = cogless(capsys, "export", study, *arguments, *to, "-o", tmp_path / "out")
+    assert (code, out) == (2, "")
+    assert err.startswith(line.replace("STUDY", str(study))) and err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_linear_plant_has_no_drive(tmp_path: Path) -> None:
+    study = load(trial_studies.write(tmp_path, trial_studies.LINEAR))
+    with pytest.raises(StudyError, match="plant: a linear plant: expected a study with a drive"):
+        export_c(study, next(iter(study.controller)), tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("study", "controller", "changes", "says"),
+    [
+        (
+            "liu2018",
+            "pi-ilc",
+            {},
+            (
+                "theta_e = 4 theta_m",
+                "2500 lines, 10000 counts: the counts of a period",
+                "in the order a, b, c",
+                "gates off",
+                "psi_f / L_d = 2.27 A",
+                "the law every 15 calls, the current loop",
+                "for 10 ms after",
+            ),
+        ),
+        (
+            "mandra2019",
+            "ilc",
+            {},
+            (
+                "16384 counts: the mean over 16 calls, 2 ms",
+                "the law every 20 calls. The study's current loop is ideal",
+                "the current references are zero",
+                ".motion",
+            ),
+        ),
+        (
+            "verrelli2016",
+            "filtered",
+            {"drive.precision": "single"},
+            (
+                "theta_e = 50 theta_m",
+                "from a towards b",
+                "the study's sensor is ideal",
+                "measurements, the law, the current loop",
+                "CGL_MAP_STORED_LENGTH(3, 1024",
+            ),
+        ),
+        ("uomodri", "pi", {}, ("the last edge before a period of the law to the last one in it",)),
+    ],
+)
+def test_the_readme_says_what_a_board_needs(
+    study: str, controller: str, changes: dict[str, Any], says: tuple[str, ...], tmp_path: Path
+) -> None:
+    export_c(load(study, changes), controller, tmp_path / "out")
+    readme = " ".join((tmp_path / "out" / "README.md").read_text().split())
+    example = (tmp_path / "out" / "example_interrupt.c").read_text()
+    assert "wrapped to [0, 2 pi)" in readme and "`CGL_STATUS_OFF` (1024)" in readme
+    for text in says:
+        assert text in readme, text
+    assert ("board_set_gates(" in example) == (study != "mandra2019") == ("`u_dc`" in readme)
+    assert "ref" in example.split("static cgl_reference")[0].rsplit("/*", 1)[1]
+
+
+# the folder
+
+
+def test_an_earlier_export_is_replaced_and_nothing_else(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    target.mkdir()
+    folder.write(target, {"a.c": b"1", "cogless/b.c": b"2"}, {})
+    folder.write(target, {"a.c": b"3"}, {})
+    assert sorted(path.name for path in target.rglob("*")) == ["a.c", "export.json"]
+    (target / "mine.c").write_bytes(b"4")
+    with pytest.raises(StudyError, match=r"out: not empty: mine\.c: expected a new or empty folder"):
+        folder.write(target, {"a.c": b"5"}, {})
+    (target / "mine.c").unlink()
+    (target / "a.c").write_bytes(b"6")
+    with pytest.raises(StudyError, match=r"out: a\.c: changed since its export: expected a new"):
+        folder.write(target, {"a.c": b"7"}, {})
+    assert (target / "a.c").read_bytes() == b"6"
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_folder_of_somebody_else_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "main.c").write_text("")
+    with pytest.raises(StudyError, match=r"out: not empty: main\.c"):
+        folder.check(tmp_path / "out")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StudyError, match="file: is a file: expected a new or empty folder"):
+        folder.check(tmp_path / "file")
+
+
+def test_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    target = tmp_path / "out"
+    folder.write(target, {"a.c": b"1"}, {})
+    rename = os.rename
+
+    def fail(source: Path, goal: Path) -> None:
+        if Path(goal) == target and Path(source).name == "new":
+            raise OSError(28, "No space left on device")
+        rename(source, goal)
+
+    monkeypatch.setattr(os, "rename", fail)
+    with pytest.raises(StudyError, match="out: no space left on device: expected a folder that can be"):
+        folder.write(target, {"a.c": b"2"}, {})
+    assert (target / "a.c").read_bytes() == b"1"
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]

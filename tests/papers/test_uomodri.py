@@ -1,0 +1,75 @@
+"""The study of the real motor: its figures come from the data, and learning beats the same feedback."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cogless import load, run_study
+
+ROOT = Path(__file__).parents[2]
+DATA = ROOT.parent / "shared" / "data" / "laas_anti_cogging"
+sys.path.append(str(ROOT / "examples"))
+has_data = pytest.mark.skipif(not DATA.exists(), reason="the measured data are not part of this repository")
+
+
+@has_data
+def test_cogging_and_friction_are_the_measured_ones() -> None:
+    from identify_cogging import holding_current
+
+    coulomb, shape = holding_current(DATA)
+    study = load("uomodri")
+    motor = study.motor.star()
+    assert study.mechanics.coulomb_friction == pytest.approx(coulomb * motor.K_t, rel=0.005)
+    for harmonic in motor.cogging:
+        amplitude, phase = shape[harmonic.order]
+        assert harmonic.torque == pytest.approx(amplitude * motor.K_t, rel=0.02)
+        assert np.cos(harmonic.phase - phase) == pytest.approx(-1.0, abs=1e-4)
+
+
+@has_data
+def test_inertia_is_the_identified_one() -> None:
+    from identify_cogging import inertia_over_torque_constant
+
+    study = load("uomodri")
+    windows = [
+        inertia_over_torque_constant(DATA, on, rows) for on in (False, True) for rows in (2, 3, 5, 8, 12, 20)
+    ]
+    assert study.mechanics.inertia / study.motor.star().K_t == pytest.approx(np.median(windows), rel=0.02)
+
+
+def test_learning_leaves_less_ripple_than_the_feedback_and_the_table_at_every_speed() -> None:
+    study = load("uomodri")
+    ripple = {
+        (run.scenario, run.controller): float(run.metrics["speed_ripple_rad_s"])
+        for run in run_study(study, jobs=2).runs
+    }
+    for scenario in study.scenario:
+        pi = ripple[scenario, "pi"]
+        assert ripple[scenario, "table"] < 0.5 * pi
+        assert ripple[scenario, "robust-ilc"] < 0.1 * pi
+        assert ripple[scenario, "robust-ilc"] < 0.5 * ripple[scenario, "table"]
+
+
+def test_without_its_lead_learning_is_of_no_use_at_high_speed() -> None:
+    """At 4 rev/s the cogging of order 72 lies at 288 Hz, beyond the speed loop's crossover."""
+    with_lead = run_study(load("uomodri"), ["fast/pi-ilc", "fast/pi"]).runs
+    without = run_study(load("uomodri", {"controller.pi-ilc.lead": "0 s"}), ["fast/pi-ilc"]).runs
+    ripple = {run.controller: float(run.metrics["speed_ripple_rad_s"]) for run in with_lead}
+    assert ripple["pi-ilc"] < 0.1 * ripple["pi"]
+    assert float(without[0].metrics["speed_ripple_rad_s"]) > 3.0 * ripple["pi-ilc"]
+
+
+def test_the_tables_lead_makes_up_for_the_current_loop() -> None:
+    ripple = [
+        float(
+            run_study(load("uomodri", {"controller.table.lead": lead}), ["fast/table"])
+            .runs[0]
+            .metrics["speed_ripple_rad_s"]
+        )
+        for lead in ("0 s", "0.6 ms")
+    ]
+    assert ripple[1] < ripple[0]

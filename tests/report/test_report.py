@@ -1,0 +1,745 @@
+"""The report: verdict and table from the numbers, waveforms that keep peaks, spectra, one offline page."""
+
+import json
+import re
+import time
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+import synthetic
+
+from cogless.report import Line, compare, overtime, render, verdicts, write
+from cogless.report.comparison import factor_text, misses, speed_unit
+from cogless.report.packing import number, pack, thin, unpack
+from cogless.report.plots import write_plots
+from cogless.report.spectra import order_spectrum
+from cogless.report.speed_tracking import missed
+from cogless.results import Results, Run
+from cogless.results.trace import Trace
+from cogless.run.simulate import measure
+from cogless.study import load
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    return synthetic.results(synthetic.study(tmp_path_factory.mktemp("study")), rate=5000)
+
+
+def data_of(page):
+    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)[1])
+
+
+def with_metrics(results, **changes):
+    """The results with other metrics in the runs of some controllers in "low-speed"."""
+    names = {"pi": "pi", "fair_pi": "fair-pi", "pi_ilc": "pi-ilc"}
+    changed = {names[key]: value for key, value in changes.items()}
+
+    def one(run):
+        other = changed.get(run.controller, {}) if run.scenario == "low-speed" else {}
+        return replace(run, metrics={**run.metrics, **other})
+
+    return replace(results, runs=[one(run) for run in results.runs])
+
+
+def short(trace, rows):
+    return replace(trace, data=trace.data[:rows])
+
+
+# --- numbers
+
+
+def test_lines_are_in_display_units_with_the_best_marked(made):
+    lines = compare(made, "low-speed")
+    sixth = lines[2]
+    assert sixth.title == "speed orders: order 6 (electrical)"
+    assert sixth.text("pi") == "4.80 rpm" and sixth.best == {"pi-ilc"}
+    assert sixth.ratio("fair-pi", "pi") == pytest.approx(1.9 / 4.8, rel=1e-3)
+    assert {line.unit for line in lines} == {"rpm", "mN·m", "W", "mA"}
+    assert [line.name for line in compare(made, "step-on")][-2:] == ["dip", "settling"]
+
+
+def line(better="lower", **values):
+    return Line("n", "mean", "omega_m", None, "mechanical", better, "rpm", values)
+
+
+def test_best():
+    assert line(a=1.0, b=2.0).best == {"a"}
+    assert line("higher", a=1.0, b=2.0).best == {"b"}
+    assert line("none", a=1.0, b=2.0).best == set()
+    assert line(a=1.0, b=1.0).best == set()
+    assert line(a=1.0, b=1.0, c=2.0).best == {"a", "b"}
+    assert line(a=None, b=2.0).best == {"b"}
+    assert line(a=1.0).best == set()
+    assert line(a=None, b=None).best == set()
+
+
+def test_a_controller_that_did_not_hold_the_speed_is_not_the_best():
+    def with_missed(*missed, **values):
+        return replace(line(**values), missed=dict.fromkeys(missed, "mean 0 of 60 rpm"))
+
+    assert with_missed("a", a=0.0, b=1.0, c=2.0).best == {"b"}
+    assert with_missed("a", a=0.0, b=1.0).best == {"b"}
+    assert with_missed("a", "b", a=0.0, b=1.0).best == set()
+    assert with_missed("a", a=0.0, b=None).best == set()
+    assert with_missed("a", a=0.0, b=1.0).ratio("a", "b") is None
+
+
+def test_never_to_leave_a_band_is_the_best():
+    def exceeds(better, **values):
+        return replace(line(better, **values), kind="exceeds")
+
+    for better in ("higher", "lower"):
+        assert exceeds(better, a=None, b=2.0).best == {"a"}
+    assert exceeds("none", a=None, b=2.0).best == set()
+    assert exceeds("higher", a=1.0, b=2.0).best == {"b"}
+    assert exceeds("higher", a=None).text("a") == "never"
+
+
+def test_later_is_better_for_exceeds_unless_the_metric_says_otherwise(tmp_path):
+    for better, best in (("", "pi"), ('better = "lower"', "fair-pi"), ('better = "none"', None)):
+        metric = f'[[metric]]\nname = "m"\nkind = "exceeds"\nsignal = "omega_m"\nband = "1 rpm"\n{better}\n'
+        study = synthetic.study(tmp_path, synthetic.STUDY + metric)
+        runs = [
+            Run("low-speed", c, short(synthetic.trace(study, "low-speed", c, 1000), 9000))
+            for c in ("pi", "fair-pi")
+        ]
+        runs = [replace(run, metrics={"m_s": v}) for run, v in zip(runs, (5.0, 3.0), strict=True)]
+        assert compare(Results(study, runs), "low-speed")[0].best == ({best} if best else set())
+
+
+def test_ratio_says_nothing_where_there_is_none():
+    assert line(a=None, b=2.0).ratio("a", "b") is None
+    assert line(a=1.0, b=0.0).ratio("a", "b") is None
+    assert line(a=1.0).ratio("a", "b") is None
+    assert replace(line(a=None), kind="settling").text("a") == "never"
+    assert line(a=None).text("a") == "not finite"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.46123, "0.461"),
+        (48.37, "48.4"),
+        (1234.5, "1234"),
+        (0.001234, "0.00123"),
+        (1e-7, "1e-07"),
+        (0, "0"),
+        (-3.14159, "-3.14"),
+    ],
+)
+def test_number(value, text):
+    assert number(value) == text
+
+
+def test_factor():
+    assert [factor_text(x) for x in (0.0961, 1.03, 250.3, 4e14)] == [
+        "\u00d7\u202f0.096",
+        "\u00d7\u202f1.03",
+        "\u00d7\u202f250",
+        "\u00d7\u202f4.0e+14",
+    ]
+
+
+# --- verdict
+
+
+def test_verdict_leads_with_the_whole_ripple(made):
+    low, step = verdicts(made, "rpm")
+    assert low.tone == "better"
+    assert low.headline == (
+        "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple, 7.52 times less than PI as published (11.8 rpm)."
+    )
+    details = " ".join(low.details)
+    assert (
+        "Of the strongest order, 6 (electrical): PI-ILC 0.461 rpm, PI re-tuned 1.90 rpm and PI as" in details
+    )
+    assert "3.29 times less than the best without learning, PI re-tuned (5.17 rpm)" in details
+    assert step.tone == "even"  # the winner there doesn't learn
+    assert "PI re-tuned doesn't learn; the best that does is PI-ILC" in " ".join(step.details)
+    assert "In settling, PI as published and PI re-tuned never settled." in step.details
+
+
+def test_verdict_is_of_the_baselines_strongest_order_where_no_ripple_is_taken(made):
+    def without(run):
+        return replace(run, metrics={n: v for n, v in run.metrics.items() if n != "speed_ripple_rad_s"})
+
+    low = verdicts(Results(made.study, [without(run) for run in made.runs]), "rpm")[0]
+    assert low.headline == (
+        "At 60 rpm, PI-ILC leaves 0.461 rpm of speed order 6 (electrical), "
+        "10.4 times less than PI as published (4.80 rpm)."
+    )
+    assert "Of the strongest order" not in " ".join(low.details)
+
+
+@pytest.mark.parametrize(
+    ("reference", "unit", "expected"),
+    [
+        ("60 rpm", "", "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple"),
+        ("1 rev/s", "", "At 1 rev/s, PI-ILC leaves 0.0261 rev/s of speed ripple"),
+        ("6.283185307179586 rad/s", "", "At 6.283 rad/s, PI-ILC leaves 0.164 rad/s of speed ripple"),
+        ("6.283185307179586 rad/s", 'unit = "rpm"', "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple"),
+    ],
+)
+def test_the_verdict_speaks_as_the_study_does(tmp_path, reference, unit, expected):
+    """In its metrics' unit, else in its reference's."""
+    text = synthetic.STUDY.replace('"60 rpm"', f'"{reference}"').replace('unit = "rpm"', unit)
+    results = synthetic.results(synthetic.study(tmp_path, text), rate=2000)
+    found = verdicts(results, speed_unit(results))[0]
+    assert found.headline.startswith(expected)
+    assert {line.unit for line in compare(results, "low-speed") if line.signal == "omega_m"} == {
+        expected.split(",")[0].split()[-1]
+    }
+
+
+def ripple(value):
+    return {"speed_ripple_rad_s": value}
+
+
+def test_verdict_of_a_tie(made):
+    """Within 5 % nobody wins."""
+    low = verdicts(with_metrics(made, pi=ripple(1.0), fair_pi=ripple(0.104), pi_ilc=ripple(0.1)), "rpm")[0]
+    assert low.tone == "even"  # one of the two doesn't learn
+    assert low.headline == (
+        "At 60 rpm, PI-ILC and PI re-tuned tie: they leave 0.955 rpm and 0.993 rpm of speed ripple, "
+        "about 10.0 times less than PI as published (9.55 rpm)."
+    )
+    assert "less than the best without learning" not in " ".join(low.details)
+    low = verdicts(with_metrics(made, pi=ripple(0.104), fair_pi=ripple(1.0), pi_ilc=ripple(0.1)), "rpm")[0]
+    assert low.tone == "even"
+    assert low.headline.startswith("At 60 rpm, PI-ILC and PI as published tie: they leave")
+    low = verdicts(with_metrics(made, pi=ripple(1.0), fair_pi=ripple(0.106), pi_ilc=ripple(0.1)), "rpm")[0]
+    assert low.tone == "better" and low.headline.startswith("At 60 rpm, PI-ILC leaves 0.955 rpm")
+
+
+def test_verdict_names_the_costs(made):
+    pi = made.runs[0].metrics
+    costly = with_metrics(
+        made, pi_ilc={"copper_loss_W": 1.03 * pi["copper_loss_W"], "chattering_A": 4.1 * pi["chattering_A"]}
+    )
+    details = " ".join(verdicts(costly, "rpm")[0].details)
+    assert "PI-ILC costs +3 % copper loss (" in details
+    assert "and 4.10 times the chattering (" in details
+    assert "None of the" not in details
+
+
+def test_verdict_names_where_the_next_is_clearly_better(made):
+    torque = {"torque_ripple_N_m": 0.02}
+    worse = with_metrics(
+        made, pi={"torque_ripple_N_m": 0.04}, pi_ilc={"torque_ripple_N_m": 0.05}, fair_pi=torque
+    )
+    details = " ".join(verdicts(worse, "rpm")[0].details)
+    expected = "PI-ILC has 2.50 times the torque ripple (50.0 mN·m against 20.0 mN·m)."
+    assert f"Against PI re-tuned, {expected}" in details
+    slightly = with_metrics(made, pi_ilc={"torque_ripple_N_m": 0.025}, fair_pi=torque)
+    assert "Against PI re-tuned" not in " ".join(verdicts(slightly, "rpm")[0].details)
+
+
+@pytest.mark.parametrize(
+    ("kept", "sentence"),
+    [
+        (["speed_ripple_rad_s"], ""),
+        (
+            ["speed_ripple_rad_s", "copper_loss_W"],
+            "The other number isn't worse with PI-ILC than with PI as published.",
+        ),
+        (
+            ["speed_ripple_rad_s", "copper_loss_W", "chattering_A"],
+            "None of the 2 other numbers is worse with PI-ILC than with PI as published.",
+        ),
+    ],
+)
+def test_verdict_counts_in_good_grammar(made, kept, sentence):
+    def only(run):
+        return replace(run, metrics={name: run.metrics[name] for name in kept if name in run.metrics})
+
+    details = verdicts(Results(made.study, [only(run) for run in made.runs[:3]]), "rpm")[0].details
+    assert [d for d in details if "worse" in d] == ([sentence] if sentence else [])
+
+
+def test_verdict_is_honest_when_learning_loses(made):
+    worse = with_metrics(made, pi=ripple(0.5), pi_ilc=ripple(0.9), fair_pi=ripple(0.8))
+    low = verdicts(worse, "rpm")[0]
+    assert low.tone == "worse"
+    assert low.headline.startswith("At 60 rpm, no controller beats PI as published: it leaves 4.77 rpm of")
+    assert low.headline.endswith("the next, PI re-tuned, 7.64 rpm (worse: 1.60 times as much).")
+    assert "PI-ILC 8.59 rpm (worse: 1.80 times as much)" in " ".join(low.details)
+
+
+def test_verdict_with_zeros(made):
+    low = verdicts(with_metrics(made, pi_ilc=ripple(0.0)), "rpm")[0]
+    assert low.tone == "better"
+    assert "PI-ILC leaves 0 rpm of" in low.headline and "against PI as" in low.headline
+    low = verdicts(with_metrics(made, pi=ripple(0.0)), "rpm")[0]
+    assert low.tone == "worse" and low.headline.endswith("(worse).")
+    none = ripple(0.0)
+    low = verdicts(with_metrics(made, pi=none, pi_ilc=none, fair_pi=none), "rpm")[0]
+    assert low.tone == "even"
+
+
+def test_verdict_when_nothing_changes(made):
+    same = ripple(0.5)
+    low = verdicts(with_metrics(made, pi=same, pi_ilc=same, fair_pi=same), "rpm")[0]
+    assert low.tone == "even" and "all are alike" in low.headline
+
+
+def test_verdict_without_baseline_or_runs(made):
+    alone = Results(made.study, [run for run in made.runs if run.controller == "pi-ilc"], interrupted=True)
+    assert "nothing to compare" in " ".join(verdicts(alone, "rpm")[0].details)
+    assert verdicts(Results(made.study, []), "rpm") == []
+
+
+# --- a speed that isn't held
+
+
+def with_speed(results, speeds):
+    """The results with other speeds, of the reference, in the runs of some controllers."""
+
+    def one(run):
+        if run.controller not in speeds:
+            return run
+        data = run.trace.data.copy()
+        data[:, run.trace.names.index("omega_m")] = speeds[run.controller] * run.trace["omega_ref"]
+        trace = replace(run.trace, data=data)
+        metrics = run.metrics if np.any(np.isnan(data)) else measure(results.study, run.scenario, trace)
+        return replace(run, trace=trace, metrics=metrics)
+
+    return replace(results, runs=[one(run) for run in results.runs])
+
+
+def test_a_controller_that_stalls_wins_nothing(made):
+    stalled = with_speed(made, {"pi-ilc": 0.0})
+    for line in compare(stalled, "low-speed"):
+        assert line.missed == {"pi-ilc": "mean 0 of 60 rpm"}
+        assert "pi-ilc" not in line.best and line.ratio("pi-ilc", "pi") is None
+    assert compare(stalled, "low-speed")[0].best == {"fair-pi"}
+    low, step = verdicts(stalled, "rpm")
+    assert low.headline.startswith("At 60 rpm, PI re-tuned leaves 5.17 rpm of speed ripple, 2.28 times less")
+    assert "PI-ILC did not hold the speed in speed ripple, 8 to 10 s: mean 0 of 60 rpm." in low.details
+    assert step.headline.startswith("At 60 rpm, PI re-tuned is thrown off by")
+    page = render(stalled)
+    assert page.count("PI-ILC did not hold the speed in ") == 4  # verdicts and tables
+    assert 'class="missed"><span class="value">0 rpm</span></td>' in page
+
+
+@pytest.mark.parametrize(
+    ("speed", "held"), [(0.96, True), (1.04, True), (0.94, False), (1.06, False), (-1, False)]
+)
+def test_how_far_off_a_speed_may_be(made, speed, held):
+    line = compare(with_speed(made, {"pi-ilc": speed}), "low-speed")[0]
+    assert (line.missed == {}) == held
+
+
+def test_verdict_when_the_baseline_or_everybody_stalls(made):
+    low = verdicts(with_speed(made, {"pi": 0.5}), "rpm")[0]
+    assert low.tone == "better"
+    assert low.headline == (
+        "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple; "
+        "PI as published did not hold the speed (mean 30 of 60 rpm, 8 to 10 s)."
+    )
+    low = verdicts(with_speed(made, {"pi-ilc": 0.5, "fair-pi": 0.5}), "rpm")[0]
+    assert (low.tone, "only PI as published holds the speed" in low.headline) == ("worse", True)
+    low = verdicts(with_speed(made, {"pi": 0.5, "fair-pi": 0.0, "pi-ilc": np.nan}), "rpm")[0]
+    assert low.tone == "worse"
+    assert low.headline == (
+        "At 60 rpm, no controller holds the speed from 8 to 10 s: PI as published mean 30 of 60 rpm, "
+        "PI re-tuned mean 0 of 60 rpm, PI-ILC speed not finite."
+    )
+
+
+def ripple_of(results, *metrics):
+    """The results with other metrics of the study, measured anew."""
+    text = synthetic.STUDY[: synthetic.STUDY.index("[[metric]]")] + "".join(
+        f"[[metric]]\n{m}\n" for m in metrics
+    )
+    path = results.study.source.path.parent / "other.toml"
+    path.write_text(text, encoding="utf-8")
+    study = load(path)
+    return Results(study, [replace(r, metrics=measure(study, r.scenario, r.trace)) for r in results.runs])
+
+
+RMS = 'name = "speed_error"\nkind = "rms"\nsignal = "omega_error"\nunit = "rpm"\n'
+
+
+def test_verdict_is_about_what_the_baseline_has(made):
+    """Here angle_error has no value in the baseline, and comes first."""
+    other = ripple_of(
+        made, 'name = "angle_error"\nkind = "peak-to-peak"\nsignal = "theta_m"', RMS + 'last = "2 s"'
+    )
+    runs = [
+        replace(r, metrics={k: v for k, v in r.metrics.items() if k != "angle_error_rad"})
+        if r.controller == "pi"
+        else r
+        for r in other.runs
+    ]
+    low = verdicts(replace(other, runs=runs), "rpm")[0]
+    assert low.tone == "better" and low.headline.endswith(
+        "of speed error, 8.74 times less than PI as published (3.47 rpm)."
+    )
+    assert "nothing to compare" not in " ".join(low.details)
+
+
+def test_the_whole_error_goes_before_an_order(made):
+    order = (
+        'name = "orders"\nkind = "order"\nsignal = "omega_m"\norder = 6\nframe = "electrical"\nlast = "2 s"'
+    )
+    low = verdicts(ripple_of(made, order, RMS + 'last = "2 s"'), "rpm")[0]
+    assert "of speed error" in low.headline
+    assert "Of the strongest order, 6 (electrical): PI-ILC" in " ".join(low.details)
+
+
+def test_of_several_windows_the_last_counts(made):
+    early = RMS.replace("speed_error", "speed_early") + 'window = ["1 s", "2 s"]'
+    low = verdicts(ripple_of(made, early, RMS + 'last = "2 s"'), "rpm")[0]
+    assert "of speed error" in low.headline
+
+
+def test_a_miss_names_its_window_and_one_before_the_verdicts_is_none(made):
+    """In the first two seconds a controller that begins to learn later is slow."""
+    slow = with_speed_until(made, "pi-ilc", 0.5, 2.0)
+    early = RMS.replace("speed_error", "speed_early") + 'window = ["0.5 s", "2 s"]'
+    results = ripple_of(slow, RMS + 'last = "2 s"', early)
+    assert misses(compare(results, "low-speed")) == {"pi-ilc": "speed early, 0.5 to 2 s: mean 30 of 60 rpm"}
+    low = verdicts(results, "rpm")[0]
+    assert low.headline.startswith("At 60 rpm, PI-ILC leaves") and "hold" not in " ".join(low.details)
+    # where that's the window of the verdict, it counts
+    low = verdicts(ripple_of(slow, early), "rpm")[0]
+    assert "PI-ILC did not hold the speed in speed early, 0.5 to 2 s: mean 30 of 60 rpm." in low.details
+
+
+def with_speed_until(results, controller, share, time):
+    """The results with a share of the reference's speed until some time, in the runs of a controller."""
+
+    def one(run):
+        if run.controller != controller:
+            return run
+        data = run.trace.data.copy()
+        early = run.trace.time <= time
+        data[early, run.trace.names.index("omega_m")] = share * run.trace["omega_ref"][early]
+        return replace(run, trace=replace(run.trace, data=data))
+
+    return replace(results, runs=[one(run) for run in results.runs])
+
+
+def missed_of(reference, speed):
+    t = np.arange(len(reference)) / 1000
+    trace = Trace(
+        ("time", "omega_ref", "omega_m"), ("s", "rad/s", "rad/s"), np.column_stack([t, reference, speed])
+    )
+    return missed(Run("s", "c", trace), slice(0, len(t)), "rad/s")
+
+
+def test_a_reference_that_averages_to_zero():
+    sine = np.sin(np.linspace(0, 4 * np.pi, 1000, endpoint=False))
+    late = np.sin(np.linspace(0, 4 * np.pi, 1000, endpoint=False) - 0.3)
+    assert missed_of(sine, late) is None
+    assert missed_of(sine, 0 * sine) == "error 0.707 rad/s rms, reference 0.707 rad/s rms"
+    assert missed_of(0 * sine, 0.01 * sine) is None
+    assert missed_of(0 * sine, 5 + sine) is not None
+
+
+def test_a_start_up_or_a_slow_ripple_in_the_window_is_no_stall():
+    reference = np.full(1000, 6.0)
+    assert missed_of(reference, np.minimum(6.0, np.arange(1000) * 0.02)) is None
+    assert missed_of(reference, 6.0 + 3 * np.sin(np.linspace(0, 2 * np.pi, 1000))) is None
+    assert missed_of(reference, 3.0 + 3 * np.sin(np.linspace(0, 2 * np.pi, 1000))) is not None
+
+
+# --- waveforms
+
+
+def test_thinning_keeps_peaks_and_their_time():
+    x = np.sin(np.linspace(0, 60, 100_001))
+    x[77_777] = 5.0
+    x[33_333] = -4.0
+    thinned, rows = thin(x, 2000)
+    assert len(thinned) <= 2000 and thinned.max() == 5.0 and thinned.min() == -4.0
+    assert abs(np.argmax(thinned) * rows - 77_777) <= 2 * rows
+    assert abs(np.argmin(thinned) * rows - 33_333) <= 2 * rows
+    np.testing.assert_allclose(
+        thinned[100:200], x[: len(x)][(np.arange(100, 200) * rows).astype(int)], atol=0.05
+    )
+
+
+@pytest.mark.parametrize("length", [1, 2, 9, 10, 11, 19, 20, 21, 1000])
+def test_thinning_of_any_length(length):
+    x = np.random.default_rng(length).normal(size=length)
+    thinned, rows = thin(x, 10)
+    assert len(thinned) <= 10 and (thinned.min(), thinned.max()) == (x.min(), x.max())
+    assert length <= len(thinned) * rows < length + 2 * rows + 1
+
+
+def test_packing_loses_no_more_than_a_step():
+    x = np.random.default_rng(0).normal(size=1000)
+    x[7] = np.nan
+    back = unpack(pack(x))
+    assert np.isnan(back[7])
+    assert np.nanmax(np.abs(back - x)) <= np.ptp(x[~np.isnan(x)]) / 65534
+    assert np.all(unpack(pack(np.full(3, 60.0))) == 60.0)
+    assert np.all(np.isnan(unpack(pack(np.full(3, np.nan)))))
+
+
+# --- spectra
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_spectrum_under_acceleration(direction):
+    theta = direction * 2 * np.pi * np.linspace(0, 1, 40_000) ** 1.5 * 3.3
+    x = 6 + 0.5 * np.cos(24 * theta) + 0.1 * np.cos(18 * theta + 1)
+    amplitudes = order_spectrum(theta, x, 48, pole_pairs=4)
+    assert amplitudes[[18, 24]] == pytest.approx([0.1, 0.5], rel=1e-3)
+    assert np.max(np.delete(amplitudes, [18, 24])) < 2e-4
+
+
+def test_spectrum_of_less_than_a_revolution():
+    theta = np.linspace(0, np.pi, 5000)
+    amplitudes = order_spectrum(theta, np.cos(24 * theta), 48, pole_pairs=4)
+    assert amplitudes[24] == pytest.approx(1, rel=1e-3)
+    assert np.isnan(amplitudes[23]) and np.isnan(amplitudes[1])
+    assert order_spectrum(theta[:100], theta[:100], 48, pole_pairs=4) is None
+
+
+def test_spectrum_of_a_rotor_that_turns_back_is_of_its_longest_way():
+    """With net 1.8 revolutions, of which nothing would be seen if ahead and back were mixed."""
+    time = np.linspace(0, 5.6, 80_000)
+    theta = 2 * np.pi * np.interp(time, [0, 3.3, 5.2, 5.6], [0, 3.3, 1.4, 1.8])
+    back = (time > 3.3) & (time <= 5.2)
+    x = np.where(back, -6 - 0.9 * np.cos(24 * theta), 6 + 0.5 * np.cos(24 * theta))
+    amplitudes = order_spectrum(theta, x, 48, pole_pairs=4)
+    assert amplitudes[24] == pytest.approx(0.5, rel=1e-3)
+    assert np.max(np.delete(amplitudes, 24)) < 1e-3
+
+
+def with_angle(results, **angles):
+    """The results with other angles over time in "low-speed" of some controllers."""
+
+    def one(run):
+        angle = angles.get(run.controller.replace("-", "_"))
+        if angle is None or run.scenario != "low-speed":
+            return run
+        data = run.trace.data.copy()
+        data[:, run.trace.names.index("theta_m")] = angle(run.trace.time)
+        return replace(run, trace=replace(run.trace, data=data))
+
+    return replace(results, runs=[one(run) for run in results.runs])
+
+
+def spectra_part(page):
+    return re.search(r'<section data-part="spectra">(.*?)</section>', page, re.S)[1]
+
+
+def test_spectra_say_who_turns_back_and_who_has_none_and_why(made):
+    """The window is from 8 to 10 s."""
+    assert "turns back" not in spectra_part(render(made)) and "no bars" not in spectra_part(render(made))
+    other = with_angle(
+        made,
+        fair_pi=lambda t: 2 * np.pi * np.interp(t, [0, 9.5, 10], [0, 9.5, 9.25]),
+        pi_ilc=lambda t: 0.01 * t,
+    )
+    page = render(other)
+    low = data_of(page)["scenarios"][0]
+    assert [s["controller"] for s in low["spectra"][0]["series"]] == [0, 1]
+    assert (
+        "The rotor turns back between 8 and 10 s. Only its longest way in one direction counts: "
+        "PI re-tuned 1.50 of 1.75 revolutions."
+    ) in spectra_part(page)
+    assert (
+        "PI-ILC has no bars: between 8 and 10 s it turns less than an electrical revolution in one "
+        "direction, 0.00318 of 0.00318 revolutions."
+    ) in spectra_part(page)
+    lost = spectra_part(render(with_angle(made, pi=lambda t: np.where(t > 9, np.nan, t))))
+    assert "PI as published has no bars: between 8 and 10 s not all of its numbers are finite." in lost
+
+
+# --- page
+
+
+class Checker(HTMLParser):
+    """Collects tags and what would be loaded from elsewhere; fails on elements that don't close."""
+
+    VOID = ("meta", "input", "br", "link")
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.loaded = [], []
+
+    def handle_starttag(self, tag, attributes):
+        self.loaded += [value for name, value in attributes if name in ("src", "href") and tag != "a"]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_page_is_one_offline_file(made):
+    page = render(made)
+    checker = Checker()
+    checker.feed(page)
+    assert checker.open == [] and checker.loaded == []
+    assert not re.search(r"\b(None|nan)\b(?! of)", re.sub(r"<script.*?</script>", "", page, flags=re.S))
+    assert "url(" not in page and "@import" not in page
+    assert len(page) < 3_000_000
+    assert page.index("7.52 times less") < page.index('class="numbers"') < page.index('data-part="waveforms"')
+    for text in (
+        "seed 7",
+        "numpy",
+        "Not in the datasheet",
+        "2.5e-4 kg*m^2",
+        "[controller.pi-ilc]",
+        "(baseline)",
+    ):
+        assert text in page
+
+
+def test_page_data(made):
+    low, step = data_of(render(made))["scenarios"]
+    titles = [panel["title"] for panel in low["waveforms"]["panels"]]
+    assert len(titles) == 4 and titles[-1].startswith("Learnt part")
+    assert all(panel["unit"] for panel in low["waveforms"]["panels"])
+    last = ["last two revolutions", "last revolution"]
+    assert [zoom["name"] for zoom in low["zooms"]] == ["whole run", "after start-up", *last]
+    assert [zoom["name"] for zoom in step["zooms"]] == ["whole run", *last, "event at 2 s"]
+    assert [zoom["name"] for zoom in low["zooms"] if "first" in zoom] == ["last two revolutions"]
+    assert not any("first" in zoom for zoom in step["zooms"])
+    electrical, mechanical = low["spectra"]
+    assert electrical["series"][0]["values"][5] == pytest.approx(4.8, rel=1e-3)
+    assert 18 in mechanical["orders"]
+    assert "early" in electrical["series"][2] and "early" not in electrical["series"][0]
+    assert len(low["maps"]) == 1 and low["maps"][0]["x"] == "electrical angle (°)"
+    assert low["events"] == [] and len(step["events"]) == 1
+    event = step["events"][0]
+    assert event["start"] == pytest.approx(-0.1, abs=2e-3)
+    assert event["panels"][0]["title"] == "Speed, load to 0.6 N·m at 2 s"
+
+
+def test_waveforms_lie_in_time(made):
+    """The first value of a waveform stands for the run's start, the last for its end."""
+    waveforms = data_of(render(made))["scenarios"][0]["waveforms"]
+    speed, *_, reference = waveforms["panels"][0]["series"]
+    assert reference["dash"] and np.all(unpack(reference["values"]) == pytest.approx(60))
+    values = unpack(speed["values"])
+    end = waveforms["start"] + waveforms["step"] * (len(values) - 1)
+    assert end == pytest.approx(10, abs=0.01) and waveforms["start"] == pytest.approx(0, abs=0.01)
+    first_above_30 = waveforms["start"] + waveforms["step"] * int(np.argmax(values > 30))
+    assert first_above_30 == pytest.approx(0.05 * np.log(2), abs=0.01)
+
+
+def test_the_last_revolutions_have_finer_points(tmp_path, monkeypatch):
+    monkeypatch.setattr(overtime, "MOST", 2000)
+    made = synthetic.results(synthetic.study(tmp_path))
+    low = data_of(render(made))["scenarios"][0]
+    waveforms, zoom = low["waveforms"], next(z for z in low["zooms"] if z["name"] == "last two revolutions")
+    (detail,) = waveforms["details"]
+    assert detail["start"] == pytest.approx(zoom["from"], abs=2e-3)
+    assert detail["step"] < 0.5 * waveforms["step"]
+    for panel in waveforms["panels"]:
+        for series in panel["series"]:
+            values = unpack(series["details"][0])
+            assert detail["start"] + detail["step"] * (len(values) - 1) == pytest.approx(10, abs=2e-3)
+    speed = unpack(waveforms["panels"][0]["series"][-2]["details"][0])
+    time = detail["start"] + detail["step"] * np.arange(len(speed))
+    run = next(run for run in made.runs if run.controller == "pi-ilc")
+    expected = np.interp(time, run.trace.time, run.trace["omega_m"]) * 60 / (2 * np.pi)
+    np.testing.assert_allclose(speed, expected, atol=0.2)
+
+
+def test_text_of_the_user_is_escaped(tmp_path):
+    nasty = '</script><script>alert(1)</script><!-- & \\" $title'
+    text = synthetic.STUDY.replace("Torque ripple at 60 r/min", nasty).replace("PI-ILC", nasty)
+    text = text.replace("Not in the datasheet", nasty).replace("A small motor", nasty)
+    page = render(synthetic.results(synthetic.study(tmp_path, text), rate=1000))
+    assert "alert(1)</script>" not in page and "<!--" not in page
+    assert "&lt;script&gt;alert(1)" in page
+    assert data_of(page)["controllers"][2]["label"] == nasty.replace("\\", "")
+    checker = Checker()
+    checker.feed(page)
+    assert checker.open == []
+
+
+def test_page_of_an_interrupted_study_and_of_none(made):
+    first = Results(made.study, made.runs[:1], interrupted=True)
+    assert "Interrupted" in render(first)
+    assert data_of(render(Results(made.study, [], interrupted=True)))["scenarios"] == []
+
+
+@pytest.mark.parametrize("rows", [1, 2, 50])
+def test_page_of_short_runs(made, rows):
+    def one(run):
+        return Run(run.scenario, run.controller, short(run.trace, rows), run.memory, {})
+
+    page = render(Results(made.study, [one(run) for run in made.runs]))
+    assert "Nothing to judge by" in page
+
+
+def spoilt(run, value, since):
+    data = run.trace.data.copy()
+    data[since:, 1:] = value
+    memory = {**run.memory, "current": run.memory["current"] * value} if run.memory else {}
+    return replace(run, trace=replace(run.trace, data=data), memory=memory)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300])
+@pytest.mark.parametrize("since", [0, 1, 5000, 49_000])
+def test_page_of_a_diverged_run(made, tmp_path, value, since):
+    """Without a warning too: they are errors here."""
+    runs = [spoilt(run, value, since) if run.controller == "pi-ilc" else run for run in made.runs]
+    metrics = {name: value for name in ("speed_ripple_rad_s", "copper_loss_W")}
+    runs[2] = replace(runs[2], metrics={**runs[2].metrics, **metrics})
+    spoilt_results = Results(made.study, runs)
+    page = render(spoilt_results)
+    assert len(data_of(page)["scenarios"]) == 2
+    assert "PI-ILC did not hold the speed in " in page
+    if since == 5000 and np.isnan(value):  # a plot draws what isn't finite alike
+        assert len(write_plots(spoilt_results, tmp_path)) == 6
+
+
+def test_page_of_runs_without_traces(made):
+    """As rollout leaves them."""
+    bare = Results(made.study, [replace(run, trace=short(run.trace, 0)) for run in made.runs])
+    page = render(bare)
+    assert "7.52 times less" in page
+    assert data_of(page)["scenarios"][0]["waveforms"]["panels"] == []
+    nothing_learnt = {"angle": np.zeros(0), "current": np.zeros(0), "frame": "electrical"}
+    empty = [replace(run, memory=nothing_learnt) for run in made.runs]
+    assert data_of(render(Results(made.study, empty)))["scenarios"][0]["maps"] == []
+
+
+def test_runs_of_different_speeds(made):
+    """A slow rotor's orders stand beside the others', as far as its window holds them."""
+    slow = made.runs[2].trace.data.copy()
+    slow[:, made.runs[2].trace.names.index("theta_m")] *= 0.1
+    runs = [made.runs[0], replace(made.runs[2], trace=replace(made.runs[2].trace, data=slow))]
+    electrical, mechanical = data_of(render(Results(made.study, runs)))["scenarios"][0]["spectra"]
+    assert len(electrical["series"]) == 1  # 0.2 mechanical, 0.8 electrical revolutions: no order to be had
+    slow[:, made.runs[2].trace.names.index("theta_m")] *= 3
+    electrical, mechanical = data_of(render(Results(made.study, runs)))["scenarios"][0]["spectra"]
+    assert len(electrical["series"]) == 2
+    assert mechanical["series"][1]["values"][mechanical["orders"].index(18)] is None
+
+
+def test_page_of_a_standing_rotor(made):
+    data = made.runs[0].trace.data.copy()
+    data[:, 1:] = 0
+    run = replace(made.runs[0], trace=replace(made.runs[0].trace, data=data))
+    assert data_of(render(Results(made.study, [run])))["scenarios"][0]["spectra"] == []
+
+
+def test_page_is_quick_and_small(tmp_path):
+    results = synthetic.results(synthetic.study(tmp_path))
+    begun = time.process_time()
+    write(results, tmp_path / "report.html")
+    assert time.process_time() - begun < 1.0  # about 0.1 s on a free machine
+    assert (tmp_path / "report.html").stat().st_size < 3_000_000
+
+
+def test_plots(made, tmp_path):
+    written = write_plots(made, tmp_path)
+    assert {path.name for path in written} == {
+        f"{scenario}-{kind}.png"
+        for scenario in ("low-speed", "step-on")
+        for kind in ("waveforms", "spectra", "map")
+    }
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
+    assert sorted(tmp_path.iterdir()) == sorted(written)

@@ -1,0 +1,493 @@
+"""The report of a study of trials: verdict, changes and floor, chosen trials, certificate, one page."""
+
+import json
+import re
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import synthetic
+from test_report import Checker, data_of
+
+from cogless.report import lines, render, trials, write, write_plots
+from cogless.report.packing import unpack
+from cogless.report.trials import overtrials, waveforms
+from cogless.report.trials.certificate import close_to_one
+from cogless.report.trials.phases import phases, zooms
+from cogless.report.trials.verdict import verdicts
+from cogless.results import Run, TrialResults
+from cogless.results.results_json import to_dict
+from cogless.results.trace import Trace
+
+ILC, FLOOR = "“ILC, Fig. 1”", "the floor of 1.00 mrad RMS"
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    return synthetic.study(tmp_path_factory.mktemp("study"), synthetic.TRIALS)
+
+
+@pytest.fixture(scope="module")
+def made(study):
+    return synthetic.trial_results(study)
+
+
+def without_floor(folder):
+    """The study with neither a floor nor numbers a phase."""
+    text = synthetic.TRIALS
+    begin, end = text.index('[[metric]]\nname = "to_floor"'), text.index('[[metric]]\nname = "peak"')
+    return synthetic.study(folder, text[:begin] + text[end:])
+
+
+def alone(study, rms, **options):
+    """The verdict on these RMS, mrad, without certificates."""
+    values = {name: 1e-3 * np.asarray(x, dtype=float) for name, x in rms.items()}
+    (verdict,) = verdicts(synthetic.trial_results(study, values, designed=False, **options))
+    return verdict
+
+
+def falls(start, factor=0.3, floor=0.5):
+    """RMS of 60 trials of three phases that begin at `start`, mrad."""
+    phase = np.hypot(start * factor ** np.arange(20.0), floor)
+    return np.tile(phase, 3)
+
+
+STAYS = np.full(60, 5.0)
+
+
+# --- verdict
+
+
+def test_verdict_names_the_quickest_and_where_the_others_are_behind(made):
+    (verdict,) = verdicts(made)
+    assert verdict.tone == "better"
+    assert verdict.headline == (
+        f"{ILC} is at {FLOOR} within 3 trials after every change; no learning never is."
+    )
+    details = " ".join(verdict.details)
+    assert (
+        "ILC into the input takes 17 after the load change (trial 21), against 3; its first trial there is "
+        "4.98 times worse (30.0 mrad against 6.02 mrad)." in details
+    )
+    assert (
+        f"In the last phase {ILC} leaves 0.500 mrad RMS, 10.0 times less than no learning (5.00 mrad)."
+        in details
+    )
+    assert (
+        "in the first trial after the change of reference and inertia (trial 41) its error is 1.60 times "
+        "that of no learning (8.02 mrad against 5.00 mrad)." in details
+    )
+
+
+def test_verdict_when_the_start_takes_longest(study):
+    rms = falls(3.0)
+    rms[:10] = 4.0
+    verdict = alone(study, {"ilc": rms, "input": STAYS})
+    assert (
+        "within 11 trials of the start and within 3 trials after every change; no learning never is"
+        in verdict.headline
+    )
+    assert verdict.details[0].startswith("ILC into the input never reaches the floor; its first trial after")
+
+
+def test_verdict_when_the_floor_is_never_reached(study):
+    verdict = alone(study, {"ilc": falls(6.0, floor=1.2), "input": STAYS, "none": STAYS})
+    assert verdict.tone == "worse"
+    assert verdict.headline == (
+        f"No controller reaches {FLOOR}. {ILC} ends each phase with at most 1.20 mrad RMS, "
+        "4.17 times less than no learning (5.00 mrad)."
+    )
+
+
+def test_verdict_when_the_floor_is_reached_in_some_phases(study):
+    rms = falls(3.0)
+    rms[20:40] = 2.0
+    verdict = alone(study, {"ilc": rms, "input": STAYS})
+    assert verdict.tone == "even"
+    assert (
+        "is at the floor of 1.00 mrad RMS in 2 of 3 phases, but never after the load change (trial 21)"
+        in verdict.headline
+    )
+
+
+def test_verdict_when_learning_diverges(study):
+    grows = 0.4 * 1.1 ** np.arange(60.0)
+    verdict = alone(study, {"ilc": falls(3.0), "input": grows})
+    assert verdict.headline.startswith(f"{ILC} is at the floor")
+    grown = "its RMS grows from 0.484 mrad to 2.02 mrad by trial 20."
+    assert f"ILC into the input diverges from the start: {grown}" in verdict.details
+    verdict = alone(study, {"none": grows, "ilc": grows, "input": grows})
+    assert verdict.tone == "worse"
+    assert verdict.headline.startswith("The error grows over the trials with every controller.")
+    assert any(d.startswith("No learning grows worse") for d in verdict.details)
+
+
+def test_verdict_when_an_error_is_not_finite(study):
+    broken = falls(3.0)
+    broken[30:] = np.nan
+    verdict = alone(study, {"ilc": falls(3.0), "input": broken})
+    expected = "ILC into the input diverges after the load change (trial 21): its error doesn't stay finite."
+    assert expected in verdict.details
+
+
+def test_noise_and_growth_below_the_floor_are_no_divergence(study):
+    noisy = 0.3 + 0.2 * np.random.default_rng(0).random(60)
+    noisy[:20] = np.linspace(0.1, 0.9, 20)
+    assert not any("diverges" in d for d in alone(study, {"ilc": noisy}).details)
+
+
+def test_verdict_when_the_baseline_is_the_best(study):
+    verdict = alone(study, {"none": falls(3.0), "ilc": falls(3.0, 0.8), "input": STAYS})
+    assert verdict.tone == "worse"
+    assert verdict.headline == (
+        f"No controller beats no learning: it is at {FLOOR} within 3 trials after every change; "
+        f"the next, {ILC}, takes up to 7."
+    )
+
+
+def test_verdict_of_ties(study):
+    same = falls(3.0)
+    verdict = alone(study, {"none": same, "ilc": same, "input": same})
+    assert (verdict.tone, verdict.headline) == (
+        "even",
+        f"All controllers are alike: they are at {FLOOR} within 3 trials after every change.",
+    )
+    verdict = alone(study, {"none": STAYS, "ilc": same, "input": same})
+    assert verdict.tone == "better"
+    assert verdict.headline.startswith(f"{ILC} and ILC into the input are at the floor")
+    verdict = alone(study, {"none": same, "ilc": same, "input": STAYS})
+    assert verdict.tone == "even"
+    assert verdict.headline.endswith("after every change; the next, ILC into the input, never is.")
+
+
+def test_verdict_of_one_controller(study):
+    verdict = alone(study, {"ilc": falls(3.0)}, controllers=["ilc"])
+    assert verdict.tone == "even"
+    assert verdict.headline == f"{ILC} is at {FLOOR} within 3 trials after every change."
+    assert verdict.details == ["There is nothing to compare."]
+    never = alone(study, {"ilc": STAYS}, controllers=["ilc"])
+    assert never.headline == (
+        f"{ILC} never reaches {FLOOR}. {ILC} ends each phase with at most 5.00 mrad RMS."
+    )
+
+
+def test_verdict_when_the_floor_is_not_kept(study):
+    rms = falls(3.0)
+    rms[44:] = 1.3
+    details = " ".join(alone(study, {"ilc": rms}).details)
+    assert (
+        f"{ILC} does not stay at the floor: 1.30 mrad RMS in the second half of the trials after the change"
+        in details
+    )
+
+
+def test_verdict_without_a_floor_is_by_what_is_left(tmp_path):
+    study = without_floor(tmp_path)
+    verdict = alone(study, {"ilc": falls(6.0), "input": falls(6.0, 0.8), "none": STAYS})
+    assert verdict.tone == "better"
+    assert verdict.headline == (
+        f"{ILC} ends each phase with at most 0.500 mrad RMS, 10.0 times less than no learning (5.00 mrad)."
+    )
+    worse = alone(study, {"ilc": 2 * STAYS, "input": 3 * STAYS, "none": STAYS})
+    assert worse.tone == "worse"
+    assert worse.headline == (
+        "No controller beats no learning. No learning ends each phase with at most 5.00 mrad RMS; the next, "
+        f"{ILC}, with 10.0 mrad."
+    )
+
+
+def test_a_name_that_is_no_word_keeps_its_letters(tmp_path):
+    text = synthetic.TRIALS.replace('label = "ILC, Fig. 1"', "").replace('label = "no learning"', "")
+    verdict = alone(synthetic.study(tmp_path, text), {"ilc": falls(3.0)})
+    assert verdict.headline.startswith("ilc is at the floor") and verdict.headline.endswith(
+        "; none never is."
+    )
+
+
+def test_no_verdict_where_there_are_no_numbers(made):
+    bare = [Run(r.scenario, r.controller, replace(r.trace, data=r.trace.data[:0])) for r in made.runs]
+    assert verdicts(replace(made, runs=bare)) == []
+
+
+def certified(made, name, **changes):
+    """The results with other values in a controller's certificate of the exactly sampled plant."""
+
+    def one(run):
+        if run.controller != name:
+            return run
+        certificate = run.design.certificate
+        learning = {k: v for k, v in changes.items() if k in ("norm", "monotone", "frequency")}
+        others = {k: v for k, v in changes.items() if k not in learning}
+        exact = replace(certificate.exact, **others)
+        if learning:
+            exact = replace(exact, with_filter=replace(exact.with_filter, **learning))
+        return replace(run, design=replace(run.design, certificate=replace(certificate, exact=exact)))
+
+    return replace(made, runs=[one(run) for run in made.runs])
+
+
+def test_verdict_tells_what_the_certificate_says(made):
+    details = verdicts(made)[0].details
+    assert any(
+        d.startswith("ILC into the input is not certified: at 200 Hz its error may grow") for d in details
+    )
+    assert any(
+        d.startswith("Certified: while nothing changes, no frequency of the error grows")
+        and f"{ILC} (exactly" in d
+        for d in details
+    )
+    assert details[-1] == "With one more sample of delay at the input no loop is stable at every corner."
+    details = verdicts(certified(made, "ilc", norm=1.7, monotone=False, frequency=12.0))[0].details
+    expected = f"{ILC} is not certified: at 12.0 Hz its error may grow by the factor 1.70"
+    assert any(d.startswith(expected) for d in details)
+    details = verdicts(certified(made, "ilc", radius=1.1, stable=False, worst="vertex 2"))[0].details
+    assert any("along the trial its loop is unstable for vertex 2 (largest pole 1.10" in d for d in details)
+
+
+def test_a_run_outside_the_ranges_is_not_called_certified(made):
+    def told(results):
+        return [d for d in verdicts(results)[0].details if "ertif" in d and ILC in d]
+
+    def one(run):
+        beyond = ("scenario table-1, from trial 31: J is 9, outside the design's 1 to 2",)
+        design = replace(run.design, beyond=beyond if run.controller == "ilc" else ())
+        return replace(run, design=design)
+
+    outside = told(replace(made, runs=[one(run) for run in made.runs]))
+    (line,) = outside
+    assert line.startswith(f"Of {ILC} the certificate doesn't speak: scenario table-1")
+
+
+def test_a_limit_that_is_reached_is_said(made):
+    def limited(run):
+        status = np.zeros((len(run.trace), 1))
+        rows = len(status) // made.study.scenario[run.scenario].trials
+        status[: 2 * rows : 7] = 1.0 if run.controller == "ilc" else 0.0
+        names, units = (*run.trace.names, "status"), (*run.trace.units, "")
+        return replace(run, trace=Trace(names, units, np.hstack([run.trace.data, status])))
+
+    assert not any("at its limit" in d for d in verdicts(made)[0].details)
+    details = verdicts(replace(made, runs=[limited(run) for run in made.runs]))[0].details
+    expected = f"The input is at its limit, where nothing is learned: {ILC} in 2 of "
+    assert any(d.startswith(expected) for d in details)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(1.0, "1"), (1 + 1e-12, "1"), (1.00032, "1 + 3.2e-04"), (0.9999, "1 − 1.0e-04"), (0.5, "0.500")],  # noqa: RUF001
+)
+def test_what_is_close_to_one(value, text):
+    assert close_to_one(value) == text
+
+
+# --- phases
+
+
+def test_phases_say_what_changed(study):
+    found = phases(study.scenario["move"])
+    assert [p.name for p in found] == ["start", "trial 21: load", "trial 41: reference, mechanics.inertia"]
+    assert [p.chosen for p in found] == [[1, 2, 5, 20], [21, 22, 25, 40], [41, 42, 45, 60]]
+    assert [(z["from"], z["to"]) for z in zooms(found)] == [(1, 60), (1, 30), (19, 50), (39, 60)]
+
+
+# --- page
+
+
+def test_page_is_one_offline_file(made):
+    page = render(made)
+    checker = Checker()
+    checker.feed(page)
+    assert checker.open == [] and checker.loaded == []
+    assert not re.search(r"\b(None|nan)\b(?! of)", re.sub(r"<script.*?</script>", "", page, flags=re.S))
+    assert "url(" not in page and "@import" not in page
+    parts = ["within 3 trials after every change", 'data-part="over-trials"', 'class="numbers"']
+    parts += ['data-part="waveforms"']
+    parts += ['class="proof"', 'class="gains"', "Assumption about"]
+    places = [page.index(part) for part in parts]
+    assert places == sorted(places)
+    for text in (
+        "seed 11",
+        "numpy",
+        "The motion is not in the text",
+        "[controller.ilc]",
+        "K_1, theta_m (A/rad)",
+    ):
+        assert text in page
+
+
+def test_changes_and_floor_are_marked(made):
+    over = data_of(render(made))["scenarios"][0]["over_trials"]
+    assert over["marks"] == [
+        {"trial": 21, "name": "trial 21: load"},
+        {"trial": 41, "name": "trial 41: reference, mechanics.inertia"},
+    ]
+    rms, peak = over["charts"]
+    assert (rms["floor"], rms["floor_name"], rms["unit"]) == (pytest.approx(1.0), "floor 1.00 mrad", "mrad")
+    assert peak["title"] == "Peak" and "floor" not in peak
+    for series, run in zip(rms["series"], made.runs, strict=True):
+        wanted = 1e3 * np.asarray(run.metrics["error_rms_rad"])
+        np.testing.assert_allclose(10 ** unpack(series["values"]), wanted, rtol=1e-3)
+
+
+def test_a_logarithmic_axis_has_no_place_for_zero(study):
+    rms = synthetic.rms_of_trials(study, "ilc")
+    rms[[3, 4]], rms[7] = 0.0, np.nan
+    made = synthetic.trial_results(study, {"ilc": rms}, designed=False)
+    chart = overtrials.over_trials(made, "move", made.runs)["charts"][0]
+    values = unpack(chart["series"][1]["values"])
+    assert np.flatnonzero(np.isnan(values)).tolist() == [3, 4, 7]
+    assert chart["note"] == (
+        "Not on a logarithmic axis: ILC, Fig. 1, 2 trials at zero; ILC, Fig. 1, 1 trial not finite."
+    )
+
+
+def test_chosen_trials_hold_what_the_trace_has(made, study):
+    waves = data_of(render(made))["scenarios"][0]["waveforms"]
+    assert [p["title"] for p in waves["panels"]][1:] == [
+        "Position error",
+        "Current reference",
+        "Learned signal",
+    ]
+    assert [p["trials"] for p in waves["phases"]] == [[1, 2, 5, 20], [21, 22, 25, 40], [41, 42, 45, 60]]
+    assert waves["start"] == pytest.approx(0) and waves["step"] == pytest.approx(study.period)
+    position, error, _, learned = waves["panels"]
+    run = made.runs[1]
+    of_trials = run.trace["theta_error"].reshape(60, -1) * 1e3
+    assert error["unit"] == "mrad" and position["unit"] == "rad"
+    for trial, packed in error["series"][1]["trials"].items():
+        wanted = of_trials[int(trial) - 1]
+        np.testing.assert_allclose(unpack(packed), wanted, atol=1e-4 * np.ptp(wanted))
+    assert np.max(unpack(position["references"][2])) == pytest.approx(2.0, rel=1e-3)
+    assert [s["controller"] for s in learned["series"]] == [1, 2]  # the other learns nothing
+
+
+def test_long_trials_are_thinned(made, monkeypatch):
+    monkeypatch.setattr(waveforms, "POINTS", 1)
+    monkeypatch.setattr(waveforms, "FEWEST", 20)
+    waves = waveforms.waveforms(made, "move", made.runs)
+    values = unpack(waves["panels"][1]["series"][0]["trials"]["1"])
+    assert len(values) <= 20
+    assert waves["start"] + waves["step"] * (len(values) - 1) == pytest.approx(0.25, abs=0.02)
+
+
+def test_certificate_on_the_page(made):
+    page = render(made)
+    for text in (
+        "may grow",
+        "monotone",
+        "contracting",
+        "stable",
+        "exactly sampled",
+        "1 + 2.4e-04",
+        ">none</td>",
+        " with Q filter<",
+    ):
+        assert text in page
+    design, exact = data_of(page)["scenarios"][0]["certificate"]
+    assert (design["title"], exact["title"]) == ("Design model (Euler)", "Plant, exactly sampled")
+    learning = made.runs[1].design.certificate.exact
+    assert [(s["controller"], s.get("dash", False)) for s in exact["series"]] == [
+        (1, False),
+        (1, True),
+        (2, False),
+    ]
+    magnitude = unpack(exact["series"][0]["values"])
+    wanted = np.interp(exact["frequency"], *learning.with_filter.curve)
+    np.testing.assert_allclose(magnitude, wanted, atol=1e-4)
+    assert exact["frequency"][-1] == pytest.approx(200)
+
+
+def test_certificates_stay_out_of_the_results_file(made):
+    assert "curve" not in json.dumps(to_dict(made))
+
+
+def test_page_without_designs_or_runs(study):
+    page = render(synthetic.trial_results(study, designed=False))
+    assert 'class="proof"' not in page and 'class="gains"' not in page
+    empty = render(TrialResults(study, [], interrupted=True))
+    assert "Interrupted" in empty and "Nothing to judge by" in empty
+    assert data_of(empty)["scenarios"] == []
+
+
+def test_page_of_runs_without_traces(made):
+    """As rollout leaves them."""
+    bare = [replace(run, trace=replace(run.trace, data=run.trace.data[:0])) for run in made.runs]
+    page = render(replace(made, runs=bare))
+    assert "within 3 trials after every change" in page
+    shown = data_of(page)["scenarios"][0]
+    assert shown["waveforms"]["panels"] == [] and len(shown["over_trials"]["charts"]) == 2
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e300])
+def test_page_of_a_diverged_run(study, tmp_path, value):
+    """Without a warning too: they are errors here."""
+    made = synthetic.trial_results(study, designed=False)
+    data = made.runs[2].trace.data.copy()
+    data[1000:, 2:] = value
+    rms = [*np.asarray(made.runs[2].metrics["error_rms_rad"])[:9], *[np.inf] * 51]
+    broken = replace(
+        made.runs[2],
+        trace=replace(made.runs[2].trace, data=data),
+        metrics={**made.runs[2].metrics, "error_rms_rad": rms, "first_error_rad": [0.003, np.inf, np.inf]},
+    )
+    results = replace(made, runs=[*made.runs[:2], broken])
+    assert "doesn&#x27;t stay finite" in render(results)
+    if value == 1e300:  # what isn't finite isn't drawn
+        assert len(write_plots(results, tmp_path)) == 2
+
+
+def test_text_of_the_user_is_escaped(tmp_path):
+    nasty = '</script><script>alert(1)</script><!-- & \\" $title'
+    text = synthetic.TRIALS.replace("A shaft moved from point to point", nasty).replace("ILC, Fig. 1", nasty)
+    text = text.replace("The motion is not in the text", nasty).replace("Made by formula", nasty)
+    page = render(synthetic.trial_results(synthetic.study(tmp_path, text)))
+    assert "alert(1)</script>" not in page and "<!--" not in page
+    assert "&lt;script&gt;alert(1)" in page
+    assert data_of(page)["controllers"][1]["label"] == nasty.replace("\\", "")
+    checker = Checker()
+    checker.feed(page)
+    assert checker.open == []
+
+
+def test_the_file_is_whole_or_not_at_all(made, tmp_path, monkeypatch):
+    path = tmp_path / "report.html"
+    write(made, path)
+    whole = path.read_text()
+
+    def fails(results):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(trials.page, "render", fails)
+    with pytest.raises(KeyboardInterrupt):
+        write(made, path)
+    assert path.read_text() == whole and list(tmp_path.iterdir()) == [path]
+
+
+def test_lines_of_the_terminal(made):
+    found = lines(made, "move")
+    assert [line.title for line in found[:3]] == [f"to floor, from trial {start}" for start in (1, 21, 41)]
+    assert [found[1].text(name) for name in ("none", "ilc", "input")] == ["never", "3", "17"]
+    assert found[1].best == {"ilc"}
+    assert found[4].text("ilc") == "6.02 mrad"
+
+
+def test_pictures(made, tmp_path):
+    written = write_plots(made, tmp_path)
+    assert [path.name for path in written] == [
+        f"move-{kind}.png" for kind in ("rms", "trials", "certificate")
+    ]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
+
+
+def test_page_is_quick_and_small(tmp_path):
+    """Four runs of 500 trials of 1000 rows."""
+    text = synthetic.TRIALS.replace("trials = 60", "trials = 500").replace('"0.25 s"', '"2.5 s"')
+    study = synthetic.study(tmp_path, text)
+    rms = np.full(500, 1e-3)
+    made = synthetic.trial_results(study, {name: rms for name in ("none", "ilc", "input")})
+    runs = [*made.runs, made.runs[-1]]
+    begun = time.process_time()
+    write(replace(made, runs=runs), tmp_path / "report.html")
+    assert time.process_time() - begun < 1.0  # about 0.05 s on a free machine
+    assert (tmp_path / "report.html").stat().st_size < 4_000_000

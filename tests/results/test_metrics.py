@@ -1,0 +1,319 @@
+"""Metrics against closed forms, and what must not change them."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cogless import units
+from cogless.errors import StudyError
+from cogless.results.metrics import KINDS, Conditions, evaluate, order_amplitudes, result_name
+from cogless.results.trace import Trace
+
+RATE = 15_000
+
+
+@dataclass(frozen=True)
+class Metric:
+    kind: str
+    name: str = "m"
+    signal: str | None = "x"
+    window: tuple[float, float] | None = None
+    order: tuple[float, ...] | None = None
+    frame: str = "electrical"
+    event: float | None = None
+    band: float | None = None
+    smooth: float | None = None
+    last: float | None = None
+    dimension: units.Dimension = units.ANGULAR_SPEED
+
+    def span(self, end: float) -> tuple[float, float] | None:
+        return self.window if self.last is None else (end - self.last, end)
+
+
+CONDITIONS = Conditions(pole_pairs=4, R_s=2.0, power_factor=1.5, speed_period=1e-3, events=(1.0, 3.0))
+
+
+def trace(duration=4.0, unit="rad/s", rate=RATE, **signals):
+    """A trace from functions of time or arrays; "theta_m" at 2 pi rad/s unless given."""
+    time = np.arange(round(duration * rate) + 1) / rate
+    columns = {"time": time, "theta_m": 2 * np.pi * time}
+    columns |= {
+        name: s(time) if callable(s) else np.broadcast_to(s, time.shape) for name, s in signals.items()
+    }
+    units = ("s", "rad", *[unit] * (len(columns) - 2))
+    return Trace(tuple(columns), units, np.column_stack(list(columns.values())))
+
+
+def value(kind, t, **fields):
+    frame = "electrical" if kind == "order" else "mechanical"
+    return evaluate(Metric(kind, **{"frame": frame, **fields}), t, CONDITIONS)
+
+
+def test_sine_has_its_closed_forms():
+    t = trace(x=lambda time: 3 + 2 * np.sin(2 * np.pi * 5 * time))
+    window = (1.0, 2.0 - 1 / RATE)
+    assert value("peak-to-peak", t, window=window) == pytest.approx(4, rel=1e-6)
+    assert value("ripple-rms", t, window=window) == pytest.approx(math.sqrt(2), rel=1e-9)
+    assert value("rms", t, window=window) == pytest.approx(math.sqrt(11), rel=1e-9)
+    assert value("mean", t, window=window) == pytest.approx(3, rel=1e-9)
+    assert value("maximum", trace(x=lambda time: -5 + 0 * time)) == 5
+
+
+@pytest.mark.parametrize("frame", ["electrical", "mechanical"])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_orders_under_acceleration(frame, direction):
+    """Known amplitudes to 1e-6 while the speed doubles, with a large mean and other orders beside them."""
+    per_turn = 4 if frame == "electrical" else 1
+
+    def theta(time):
+        return direction * 2 * np.pi * (1.3 * time + 0.65 * time**2 / 2)
+
+    def x(time):
+        angle = per_turn * theta(time)
+        return 6.28 + 0.5 * np.sin(angle + 1) + 0.2 * np.cos(2 * angle) + 0.03 * np.cos(6 * angle - 2)
+
+    t = trace(theta_m=theta, x=x, duration=2)
+    amplitudes = value("order", t, order=(1, 2, 6, 5), frame=frame)
+    assert amplitudes == pytest.approx([0.5, 0.2, 0.03, 0], abs=1e-6)
+
+
+def test_order_between_the_electrical_ones_does_not_leak():
+    """Mechanical order 18 is electrical order 4.5 here: it must not show in electrical order 4 or 5."""
+    t = trace(x=lambda time: np.sin(18 * 2 * np.pi * time), duration=2.4)
+    assert value("order", t, order=(4, 5), frame="electrical") == pytest.approx([0, 0], abs=1e-6)
+    assert value("order", t, order=(4.5, 18 / 4), frame="electrical") == pytest.approx([1, 1], abs=1e-6)
+
+
+def test_window_of_exactly_one_revolution_is_enough():
+    t = trace(x=lambda time: np.sin(3 * 2 * np.pi * time), rate=5000)
+    window = (1.0, 2.0)
+    assert value("order", t, order=(3,), frame="mechanical", window=window) == pytest.approx([1], abs=1e-6)
+
+
+def test_less_than_a_revolution_gives_no_order():
+    """Whatever was asked for: another controller of the same study may have turned further."""
+    assert np.isnan(value("order", trace(x=0.0, duration=0.2), order=(1,))).all()
+    stalled = trace(x=0.0, theta_m=0.0, omega_ref=6.0)
+    assert np.isnan(value("order", stalled, order=(1, 2), frame="mechanical")).all()
+    swing = trace(x=0.0, theta_m=lambda t: np.sin(2 * np.pi * t), omega_ref=lambda t: np.cos(2 * np.pi * t))
+    assert np.isnan(value("order", swing, order=(1, 2), frame="mechanical")).all()
+    with pytest.raises(ValueError, match=r"window holds 0.5 electrical revolutions, expected 1 or more"):
+        order_amplitudes(np.linspace(0, np.pi / 4, 100), np.zeros(100), [1], 4, True)
+
+
+def ahead_and_back(time):
+    """3.3 revolutions ahead, 1.9 back, 0.4 ahead: net 1.8, a whole one and more."""
+    return 2 * np.pi * np.interp(time, [0, 3.3, 5.2, 5.6], [0, 3.3, 1.4, 1.8])
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("frame", ["electrical", "mechanical"])
+def test_orders_of_a_rotor_that_turns_back_are_of_one_direction(direction, frame):
+    """The speed changes its sign with the direction, and its ripple differs: mixed, they are neither's."""
+    per_turn = 4 if frame == "electrical" else 1
+
+    def speed(time):
+        angle, back = per_turn * ahead_and_back(time), (time > 3.3) & (time <= 5.2)
+        return np.where(back, -6 - 0.9 * np.cos(6 * angle), 6 + 0.5 * np.cos(6 * angle) + 0.2 * np.sin(angle))
+
+    t = trace(theta_m=lambda time: direction * ahead_and_back(time), x=speed, duration=5.6)
+    found = value("order", t, order=(1, 6, 5), frame=frame)
+    assert found == pytest.approx([0.2, 0.5, 0], abs=1e-3)
+
+
+def test_orders_of_a_swing_without_net_turns():
+    t = trace(
+        theta_m=lambda time: 2 * np.pi * 2.2 * np.sin(np.pi * time),
+        x=lambda time: np.cos(3 * 2 * np.pi * 2.2 * np.sin(np.pi * time)) * np.sign(np.cos(np.pi * time)),
+    )
+    assert value("order", t, order=(3, 4), frame="mechanical") == pytest.approx([1, 0], abs=1e-3)
+
+
+def test_orders_of_a_rotor_that_hunts_within_its_ripple():
+    """It steps back in each slot and gets ahead all the same: of each angle the last passage counts."""
+    t = trace(
+        theta_m=lambda time: 2 * np.pi * time + 0.08 * np.sin(24 * 2 * np.pi * time),
+        x=lambda time: np.cos(5 * (2 * np.pi * time + 0.08 * np.sin(24 * 2 * np.pi * time))),
+    )
+    assert np.min(np.diff(t["theta_m"])) < 0
+    assert value("order", t, order=(5, 7), frame="mechanical") == pytest.approx([1, 0], abs=2e-3)
+
+
+def test_an_angle_that_is_not_finite_gives_no_order():
+    for lost in (np.nan, np.inf):
+        t = trace(x=0.0, theta_m=lambda time, lost=lost: np.where(time > 3, lost, 2 * np.pi * time))
+        assert np.isnan(value("order", t, order=(1,), frame="mechanical")).all()
+
+
+def first_order(amplitude, tau, event=1.0):
+    return lambda time: np.where(time < event, 10.0, 10 - amplitude * np.exp(-(time - event) / tau))
+
+
+def test_dip_and_settling_of_a_first_order_decay():
+    t = trace(omega_m=first_order(4.0, 0.2), omega_ref=10.0)
+    assert value("dip", t, signal="omega_m", event=1.0) == pytest.approx(4, rel=1e-9)
+    settled = value("settling", t, signal="omega_m", event=1.0, band=0.1)
+    assert settled == pytest.approx(0.2 * math.log(4 / 0.1), abs=1.5 / RATE)
+    assert value("settling", t, signal="omega_error", event=1.0, band=0.1) == settled
+    no_reference = trace(x=first_order(4.0, 0.2))
+    assert value("settling", no_reference, event=1.0, band=0.1) == settled
+
+
+def test_event_window_ends_before_the_next_event():
+    t = trace(x=lambda time: np.where(time < 3.0, 1.0, 50.0))
+    assert value("dip", t, event=1.0) == 0
+    assert value("dip", t, event=3.0) == 49
+
+
+def test_ripple_before_the_event_does_not_move_the_mean():
+    """The mean before the event is over a whole revolution, so a ripple of order 1 averages out."""
+    t = trace(x=lambda time: np.sin(2 * np.pi * time + 0.3) + np.where(time < 3.0, 0, 7))
+    assert value("dip", t, event=3.0, window=(3.0, 4.0)) == pytest.approx(8, abs=2e-3)
+
+
+def test_never_settled_is_none_and_always_inside_is_zero():
+    t = trace(x=lambda time: np.sin(2 * np.pi * 7 * time))
+    assert value("settling", t, event=1.0, band=0.9) is None
+    assert value("settling", t, event=1.0, band=2.1) == 0
+
+
+def test_event_at_the_start():
+    t = trace(x=first_order(4.0, 0.2, 0.0))
+    assert value("dip", t, event=0.0, window=(0.0, 4.0)) == pytest.approx(4, rel=1e-6)
+
+
+def test_smoothing_takes_the_ripple_out_of_a_dip():
+    t = trace(
+        omega_m=lambda t: first_order(2.0, 0.2)(t) + 0.5 * np.sin(2 * np.pi * 25.0 * t),
+        omega_ref=10.0,
+    )
+    with_ripple = value("dip", t, signal="omega_m", event=1.0)
+    without = value("dip", t, signal="omega_m", event=1.0, smooth=0.04)
+    assert with_ripple > 2.2
+    # over the 40 ms after the step, the mean of the decay is 0.2 (1 - exp(-0.2)) / 0.04 of its start
+    assert without == pytest.approx(2.0 * 5.0 * (1.0 - math.exp(-0.2)), rel=1e-2)
+
+
+def test_overshoot_is_beyond_the_end():
+    def rise(t):
+        return np.where(t < 1.0, 1.0, 3.0 + np.exp(-(t - 1.0) / 0.1) * 0.7)
+
+    def creep(t):
+        return np.where(t < 1.0, 0.0, 1.0 - np.exp(-(t - 1.0) / 0.1))
+
+    for signal, expected in ((rise, 0.7), (lambda t: -rise(t), 0.7), (creep, 0.0)):
+        found = value("overshoot", trace(i_q=signal, unit="A"), signal="i_q", event=1.0)
+        assert found == pytest.approx(expected, abs=1e-5)
+
+
+def test_exceeds_tells_when_the_error_grows_beyond_the_band():
+    growing = trace(omega_m=lambda t: 10.0 + 0.1 * np.exp(t), omega_ref=10.0)
+    first = value("exceeds", growing, signal="omega_m", band=1.0)
+    assert first == pytest.approx(math.log(10.0), abs=1e-3)
+    assert value("exceeds", growing, signal="omega_m", band=10.0) is None
+
+
+def test_the_last_part_of_a_run():
+    t = trace(x=lambda t: np.where(t < 3.0, 5.0, np.sin(2 * np.pi * t)))
+    assert value("peak-to-peak", t, last=1.0) == pytest.approx(2.0, abs=1e-6)
+    assert value("maximum", t, last=1.5) == 5.0
+
+
+def test_copper_loss():
+    t = trace(i_d=1.0, i_q=lambda time: np.sqrt(2) * 3 * np.sin(2 * np.pi * time), unit="A")
+    window = (0.0, 4 - 1 / RATE)
+    assert value("copper-loss", t, signal=None, window=window) == pytest.approx(1.5 * 2 * (1 + 9), rel=1e-9)
+
+
+@pytest.mark.parametrize("rate", [15_000, 5000, 1500, 1000])
+def test_chattering_counts_speed_loop_samples(rate):
+    """A relay of +-0.2 A at every sample of the speed loop steps by 0.4 A, at any rate of the trace."""
+    ticks = np.arange(0, 60_001, 15_000 // rate)
+    relay = 0.2 * (-1.0) ** (ticks // 15)
+    assert value("chattering", trace(i_q_ref=relay, rate=rate), signal=None) == pytest.approx(0.4, rel=1e-12)
+
+
+def test_chattering_needs_every_sample():
+    with pytest.raises(StudyError, match=r"expected trace.rate of 1000 Hz or more"):
+        value("chattering", trace(i_q_ref=0.0, rate=500), signal=None)
+
+
+def test_unknown_signal_and_empty_window():
+    with pytest.raises(StudyError, match="metric m: signal y: expected one of time, theta_m, x"):
+        value("mean", trace(x=0.0), signal="y")
+    with pytest.raises(StudyError, match="window 7 s to 8 s holds no row"):
+        value("mean", trace(x=0.0), window=(7.0, 8.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "dimension", "expected"),
+    [
+        ("speed_ripple", units.ANGULAR_SPEED, "speed_ripple_rad_s"),
+        ("speed_rad_s", units.ANGULAR_SPEED, "speed_rad_s"),
+        ("torque", units.TORQUE, "torque_N_m"),
+        ("recovery", units.TIME, "recovery_s"),
+        ("loss", units.POWER, "loss_W"),
+        ("status", units.NONE, "status"),
+    ],
+)
+def test_names_end_in_the_unit(name, dimension, expected):
+    assert result_name(Metric("rms", name, dimension=dimension)) == expected
+
+
+LINEAR = ["peak-to-peak", "rms", "ripple-rms", "mean", "maximum", "dip"]
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), scale=st.floats(1e-3, 1e3), kind=st.sampled_from(LINEAR))
+def test_scaling_the_signal_scales_the_metric(seed, scale, kind):
+    x = np.random.default_rng(seed).normal(size=401)
+    plain = value(kind, trace(x=x, rate=100), event=1.0)
+    assert value(kind, trace(x=scale * x, rate=100), event=1.0) == pytest.approx(scale * plain, rel=1e-9)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), offset=st.floats(-100, 100))
+def test_an_offset_leaves_what_is_about_the_mean(seed, offset):
+    x = np.random.default_rng(seed).normal(size=401)
+    for kind in ("peak-to-peak", "ripple-rms", "dip"):
+        plain = value(kind, trace(x=x, rate=100), event=1.0)
+        assert value(kind, trace(x=x + offset, rate=100), event=1.0) == pytest.approx(plain, rel=1e-9)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    amplitude=st.floats(0.01, 10),
+    phase=st.floats(0, 7),
+    order=st.integers(1, 12),
+    revolutions=st.integers(-5, 5),
+    turn=st.floats(0, 7),
+)
+def test_orders_do_not_depend_on_where_the_rotor_starts(amplitude, phase, order, revolutions, turn):
+    theta = np.linspace(0, 2 * np.pi * 2.7, 8000) ** 1.1
+    x = amplitude * np.cos(order * 4 * theta + phase)
+    shifted = theta + 2 * np.pi * revolutions
+    assert order_amplitudes(shifted, x, [order], 4, True) == pytest.approx([amplitude], rel=1e-5)
+    assert order_amplitudes(theta + turn, x, [order], 4, True) == pytest.approx([amplitude], rel=1e-5)
+    assert order_amplitudes(theta, 2 * x, [order], 4, True) == pytest.approx([2 * amplitude], rel=1e-5)
+
+
+def test_kinds_are_those_of_the_study():
+    assert len(KINDS) == 12
+    assert all(function.__doc__ for function in KINDS.values())
+
+
+def test_a_constant_has_no_orders_while_the_speed_changes():
+    """Sampled in time it is uneven in angle, where a mean leaks into the orders."""
+    t = trace(theta_m=lambda time: 2 * np.pi * (0.5 * time + time**2), x=1000.0, rate=200)
+    assert value("order", t, order=(1, 2, 12), frame="mechanical") == pytest.approx([0, 0, 0], abs=1e-9)
+
+
+def test_overshoot_is_beyond_the_mean_over_the_last_quarter():
+    """Of a ramp from 1 s until the next event at 3 s that is half of a quarter, whichever way it goes."""
+    for slope in (2.0, -2.0):
+        t = trace(x=lambda time, slope=slope: slope * np.maximum(time - 1.0, 0.0))
+        assert value("overshoot", t, event=1.0) == pytest.approx(0.5, abs=5 / RATE)

@@ -1,0 +1,128 @@
+"""results.json: its shape, "never", whole or not at all; the check of the output directory."""
+
+import json
+
+import pytest
+from synthetic import STUDY, results, study
+
+from cogless.errors import StudyError
+from cogless.files import replacing, writable
+from cogless.results import Results
+from cogless.results.results_json import to_dict, write
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    return results(study(tmp_path_factory.mktemp("study")), rate=5000)
+
+
+def test_shape(made, tmp_path):
+    write(made, tmp_path / "results.json")
+    held = json.loads((tmp_path / "results.json").read_text())
+    assert held["study"] == "synthetic" and held["seed"] == 7 and held["interrupted"] is False
+    assert held["version"] == held["versions"]["cogless"]
+    assert {"python", "numpy"} <= held["versions"].keys()
+    assert [(run["scenario"], run["controller"]) for run in held["runs"]] == [
+        (scenario, controller)
+        for scenario in ("low-speed", "step-on")
+        for controller in ("pi", "fair-pi", "pi-ilc")
+    ]
+    metrics = held["runs"][0]["metrics"]
+    assert metrics.keys() == {
+        "speed_orders_rad_s",
+        "speed_ripple_rad_s",
+        "torque_ripple_N_m",
+        "copper_loss_W",
+        "chattering_A",
+    }
+    assert metrics["speed_orders_rad_s"] == pytest.approx(
+        [0.9 * 0.10472, 0.4 * 0.10472, 4.8 * 0.10472], rel=1e-3
+    )
+    assert held["metrics"]["speed_orders_rad_s"] == {
+        "kind": "order",
+        "unit": "rad/s",
+        "signal": "omega_m",
+        "order": [1, 2, 6],
+        "frame": "electrical",
+    }
+    assert held["settings"]["mechanics"]["inertia"] == "2.5e-4 kg*m^2"
+
+
+def test_never_is_null(made):
+    held = to_dict(made)
+    assert held["runs"][3]["controller"] == "pi"
+    assert held["runs"][3]["metrics"]["settling_s"] is None
+    assert held["runs"][5]["metrics"]["settling_s"] > 0
+
+
+def test_a_wrong_name_tells_the_metrics_there_are(made):
+    with pytest.raises(KeyError, match="no metric 'speed_riple'; there are speed_orders_rad_s, speed_ripple"):
+        made.runs[0].metrics["speed_riple"]
+    assert made.runs[0].metrics.get("speed_riple") is None
+
+
+def test_not_a_number_is_null(made):
+    run = made.runs[0]
+    broken = type(run)(
+        run.scenario, run.controller, run.trace, {}, {"a": float("nan"), "b": [1.0, float("inf")]}
+    )
+    assert to_dict(Results(made.study, [broken]))["runs"][0]["metrics"] == {"a": None, "b": [1.0, None]}
+
+
+def test_memory_in_short(made):
+    runs = to_dict(made)["runs"]
+    assert runs[0]["memory"] == {}
+    assert runs[2]["memory"] == pytest.approx(
+        {"frame": "electrical", "cells": 256, "peak_A": 0.02, "rms_A": 0.02 / 2**0.5}
+    )
+
+
+def test_settings_that_json_does_not_have(tmp_path):
+    law = '[controller.mine]\nlaw = "python"\nobject = "a.py:A"\n'
+    law += "params = {top = inf, day = 2026-01-02}\n[[metric]]"
+    odd = study(tmp_path, STUDY.replace("[[metric]]", law, 1))
+    write(Results(odd, []), tmp_path / "results.json")
+    held = json.loads((tmp_path / "results.json").read_text())
+    assert held["settings"]["controller"]["mine"]["params"] == {"top": "inf", "day": "2026-01-02"}
+
+
+def test_interrupted_without_runs(made):
+    held = to_dict(Results(made.study, [], interrupted=True))
+    assert held["interrupted"] is True and held["runs"] == []
+
+
+def test_whole_or_absent(tmp_path):
+    path = tmp_path / "results.json"
+    path.write_text("before")
+    with pytest.raises(KeyboardInterrupt), replacing(path) as temporary:
+        temporary.write_text("half")
+        raise KeyboardInterrupt
+    assert path.read_text() == "before"
+    with replacing(path) as temporary:
+        temporary.write_text("whole")
+    assert path.read_text() == "whole" and list(tmp_path.iterdir()) == [path]
+
+
+def test_writable_directory_is_made_and_goes_again_if_nothing_is_written(tmp_path):
+    with writable(tmp_path / "a" / "b"):
+        assert (tmp_path / "a" / "b").is_dir() and not list((tmp_path / "a" / "b").iterdir())
+    assert not (tmp_path / "a").exists()
+    with writable(tmp_path / "a" / "b"):
+        (tmp_path / "a" / "b" / "file").write_text("")
+    assert (tmp_path / "a" / "b" / "file").exists()
+
+
+def test_a_directory_of_the_user_stays(tmp_path):
+    (tmp_path / "empty").mkdir()
+    with writable(tmp_path / "empty"):
+        pass
+    assert (tmp_path / "empty").is_dir()
+
+
+@pytest.mark.parametrize("inside", ["", "below"])
+def test_unwritable_directory(tmp_path, inside):
+    (tmp_path / "file").write_text("")
+    folder = writable(tmp_path / "file" / inside if inside else tmp_path / "file")
+    with pytest.raises(StudyError, match="expected a directory that can be written") as caught, folder:
+        pass
+    assert "\n" not in str(caught.value) and str(tmp_path) in str(caught.value)

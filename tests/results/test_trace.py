@@ -1,0 +1,94 @@
+"""Traces: names and units, windows, xarray and netCDF."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import xarray
+
+from cogless.results.trace import Trace, write_netcdf
+
+
+@dataclass
+class Run:
+    scenario: str
+    controller: str
+    trace: Trace
+
+
+def make(rows=101):
+    time = np.arange(rows) / 100
+    data = np.column_stack([time, 1e5 + time, 6 + 0 * time, 5 + 0 * time, 3 + 0 * time, 4 + 0 * time])
+    return Trace(
+        ("time", "theta_m", "omega_ref", "omega_m", "i_d", "i_q"),
+        ("s", "rad", *["rad/s"] * 2, "A", "A"),
+        data,
+    )
+
+
+def test_signals_are_views_with_units():
+    trace = make()
+    assert np.shares_memory(trace["omega_m"], trace.data)
+    assert trace.unit("omega_m") == "rad/s" and trace.unit("i_amplitude") == "A"
+    assert len(trace) == 101 and trace.period == pytest.approx(0.01)
+
+
+def test_derived_signals():
+    trace = make()
+    assert np.all(trace["omega_error"] == 1)
+    assert np.all(trace["i_amplitude"] == 5)
+    assert "omega_error" in trace and "nothing" not in trace
+
+
+def test_unknown_signal_names_those_there_are():
+    with pytest.raises(KeyError, match="no signal 'speed'; there are time, theta_m, omega_ref"):
+        make()["speed"]
+    with pytest.raises(KeyError, match="no signal 'speed'"):
+        make().unit("speed")
+
+
+def test_window_includes_both_ends():
+    trace = make()
+    assert trace.window(0.2, 0.5) == slice(20, 51)
+    assert trace.window(0.195, 0.205) == slice(20, 21)
+    assert trace.window(-1, 9) == slice(0, 101)
+    assert trace.window(3, 2) == slice(101, 101)
+
+
+def test_shape_must_fit():
+    with pytest.raises(ValueError, match="for 1 names"):
+        Trace(("time",), ("s",), np.zeros((3, 2)))
+
+
+def test_to_xarray():
+    data = make().to_xarray()
+    assert data.omega_m.attrs["units"] == "rad/s"
+    assert data.time.attrs["units"] == "s"
+    assert float(data.omega_m.sel(time=0.5, method="nearest")) == 5
+
+
+def test_netcdf_has_one_group_for_each_run(tmp_path):
+    path = tmp_path / "traces.nc"
+    write_netcdf(
+        path, [Run("low", "pi", make()), Run("low", "ilc", make(11)), Run("high", "pi", make())], {"seed": 3}
+    )
+    with xarray.open_dataset(path, group="low/ilc") as data:
+        assert data.sizes == {"time": 11}
+        assert data.theta_m.dtype == np.float64 and data.omega_m.dtype == np.float32
+        assert data.omega_m.attrs["units"] == "rad/s"
+        np.testing.assert_array_equal(data.theta_m, make(11)["theta_m"])
+        np.testing.assert_array_equal(data.omega_ref, 6)
+    with xarray.open_dataset(path, group="high/pi") as data:
+        assert data.sizes == {"time": 101}
+    assert xarray.open_dataset(path).attrs["seed"] == 3
+    assert [file.name for file in tmp_path.iterdir()] == ["traces.nc"]
+
+
+def test_netcdf_is_whole_or_absent(tmp_path):
+    def runs():
+        yield Run("low", "pi", make())
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_netcdf(tmp_path / "traces.nc", runs())
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,149 @@
+"""Fitting a study to target values."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import studies
+from cogless.errors import StudyError
+from cogless.run import calibrate as room
+from cogless.run.calibrate import calibrate, residual_rows
+from cogless.run.simulate import run_study, simulate
+from cogless.study import Study, changed
+
+SHORT = {"trace.rate": "3 kHz", "metric.1.frame": "mechanical", "metric.1.order": [24]}
+
+
+def problem(folder: Path, parameters: list[dict[str, Any]], targets: list[dict[str, Any]]) -> Study:
+    calibration = {"parameters": parameters, "targets": targets}
+    changes = {**SHORT, "scenario.low.duration": 1.1, "calibration": calibration}
+    return studies.study(folder, changes)
+
+
+def target(metric: str, value: object, scenario: str = "low") -> dict[str, Any]:
+    return {"scenario": scenario, "controller": "pi", "metric": metric, "value": value}
+
+
+def test_a_cogging_torque_is_found_again(tmp_path: Path) -> None:
+    truth = studies.study(tmp_path, {**SHORT, "scenario.low.duration": 1.1, "motor.cogging.0.torque": 9})
+    (amplitude,) = simulate(truth, "low", "pi").metrics["speed_rad_s"]
+    study = problem(
+        tmp_path, [{"key": "motor.cogging.0.torque"}], [target("speed", [f"{amplitude!r} rad/s"])]
+    )
+    seen: list[float] = []
+    fit = calibrate(study, lambda evaluations, deviation: seen.append(deviation))
+    assert fit.settled
+    assert fit.study.motor.cogging[0].torque == pytest.approx(0.009, rel=1e-3)
+    assert fit.parameters[0].before == '"4.0 mN*m"'
+    assert fit.parameters[0].toml.startswith('motor.cogging.0.torque = "')
+    assert fit.parameters[0].toml.endswith(' mN*m"')
+    assert seen[0] > 0.3 and fit.deviation < 1e-3
+    run, metric, *_ = residual_rows(fit)[0]
+    assert (run, metric) == ("low/pi", "speed 24")
+
+
+def test_a_parameter_of_one_scenario_moves_only_its_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[list[str]] = []
+
+    def counted(study: Study, only: list[str], jobs: int) -> Any:
+        made.append(only)
+        return run_study(study, only, jobs=jobs)
+
+    monkeypatch.setattr(room, "run_study", counted)
+    study = problem(
+        tmp_path,
+        [{"key": "motor.cogging.0.torque", "scenario": "step", "lower": "1 mN*m", "upper": "0.02 N*m"}],
+        [target("speed", ["0.1 rad/s"]), target("speed_ripple", "20 rpm", "step")],
+    )
+    fit = calibrate(study)
+    assert made[0] == ["low/pi", "step/pi"]
+    assert all(only == ["step/pi"] for only in made[1:])
+    assert fit.parameters[0].toml.startswith('scenario.step.override."motor.cogging.0.torque" = "')
+    assert fit.study.motor.cogging[0].torque == pytest.approx(0.004)
+    assert (
+        0.001 <= float(fit.study.scenario["step"].override["motor.cogging.0.torque"].split()[0]) / 1e3 <= 0.02
+    )
+
+
+@pytest.mark.parametrize(
+    ("parameter", "line"),
+    [
+        ({"key": "motor.cogging.7.torque"}, "key: missing: expected a key of the study that holds a number"),
+        ({"key": "title"}, 'key: "A small drive": expected a key of the study that holds a number'),
+        (
+            {"key": "mechanics.inertia", "lower": "1 s"},
+            'lower: "1 s": expected a number with a unit like "kg*m^2"',
+        ),
+        (
+            {"key": "mechanics.inertia", "lower": 1},
+            'initial: "2.5e-4 kg*m^2": expected a value between lower and upper',
+        ),
+    ],
+)
+def test_a_parameter_that_cannot_be_fitted(tmp_path: Path, parameter: dict[str, Any], line: str) -> None:
+    with pytest.raises(StudyError) as error:
+        calibrate(problem(tmp_path, [parameter], [target("speed_ripple", "5 rpm")]))
+    assert f"study.toml: calibration.parameters.0.{line}" in str(error.value)
+
+
+def test_a_study_without_calibration(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match="calibration: missing: expected a table of parameters, targets"):
+        calibrate(studies.study(tmp_path))
+
+
+def test_a_metric_without_a_value(tmp_path: Path) -> None:
+    study = problem(tmp_path, [{"key": "mechanics.inertia"}], [target("recovery", "0.05 s", "step")])
+    study = changed(study, {"metric.2.band": 0.0001})
+    with pytest.raises(StudyError, match="calibration: recovery of step/pi has no value"):
+        calibrate(study)
+
+
+def test_a_parameter_of_a_python_law_is_fitted(tmp_path: Path) -> None:
+    law = "class Law:\n    def __init__(self, kp):\n        self.kp = kp\n"
+    law += "    def step(self, i):\n        return self.kp * (i.omega_ref - i.omega_m)\n"
+    (tmp_path / "law.py").write_text(law, encoding="utf-8")
+    mine = {"law": "python", "object": "law.py:Law", "params": {"kp": 0.3}}
+    study = studies.study(tmp_path, {"controller.mine": mine})
+    ripple = simulate(study, "low", "mine").metrics["speed_ripple_rad_s"]
+    wanted = {**target("speed_ripple", f"{ripple!r} rad/s"), "controller": "mine"}
+    calibration = {"parameters": [{"key": "controller.mine.params.kp"}], "targets": [wanted]}
+    fit = calibrate(changed(study, {"controller.mine.params.kp": 0.2, "calibration": calibration}))
+    assert float(fit.parameters[0].after) == pytest.approx(0.3, rel=1e-2)
+
+
+def test_a_parameter_of_a_metric_counts(tmp_path: Path) -> None:
+    """A metric's settings decide its value too, though not the run."""
+    study = problem(tmp_path, [{"key": "metric.2.band"}], [target("recovery", "0.05 s", "step")])
+    known: dict[str, Any] = {}
+    (wide,) = room._residuals(changed(study, {"metric.2.band": 12}), known, 1)
+    (narrow,) = room._residuals(changed(study, {"metric.2.band": 8}), known, 1)
+    assert len(known) == 2 and wide.got != narrow.got
+
+
+@pytest.mark.parametrize("finished", [0, 3])
+def test_an_interrupt_gives_the_best_so_far(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, finished: int
+) -> None:
+    made = 0
+
+    def interrupted(study: Study, only: list[str], jobs: int) -> Any:
+        nonlocal made
+        if made == finished:
+            raise KeyboardInterrupt
+        made += 1
+        return run_study(study, only, jobs=jobs)
+
+    monkeypatch.setattr(room, "run_study", interrupted)
+    study = problem(tmp_path, [{"key": "motor.cogging.0.torque"}], [target("speed_ripple", "1 rpm")])
+    if not finished:
+        with pytest.raises(KeyboardInterrupt):
+            calibrate(study)
+        return
+    seen: list[float] = []
+    fit = calibrate(study, lambda evaluations, deviation: seen.append(deviation))
+    assert fit.interrupted and not fit.settled
+    assert fit.deviation == seen[-1] < seen[0]
+    assert abs(fit.residuals[0].got / fit.residuals[0].wanted - 1) == pytest.approx(fit.deviation)

@@ -1,0 +1,302 @@
+"""Studies of step motors and of laws that learn in angle: what they mean, and mistakes as one line."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import studies
+from cogless.errors import StudyError
+from cogless.results.trace import Trace
+from cogless.run.simulate import measure
+from cogless.study import load
+from cogless.study.motion import course
+from cogless.study.scenario import Scenario
+from cogless.study.step_motor import StepMotor
+
+STEP = {
+    "kind": "step",
+    "teeth": 50,
+    "R_s": "1 ohm",
+    "L_0": "0.7 mH",
+    "L_m": ["5 mH", "0.5 mH"],
+    "L_f": ["1.766 mH"],
+}
+SPACE = {"law": "space-position", "k_theta": 5, "k_omega": 0.1, "mu_alpha": 5.0}
+SPEED = {
+    "law": "space-speed",
+    "k": 0.1,
+    "eta_bar": "1 rad/s",
+    "mu_alpha": 5.0,
+    "period": {"of": "mechanical"},
+}
+
+
+def line_of(folder: Path, changes: dict[str, Any]) -> str:
+    path = studies.write(folder)
+    with pytest.raises(StudyError) as error:
+        load(path, changes)
+    assert "\n" not in str(error.value)
+    return str(error.value).replace(f"{folder}/study.toml: ", "")
+
+
+def test_a_step_motor_in_the_words_of_the_plant() -> None:
+    star = StepMotor.model_validate(STEP).star()
+    assert (star.phases, star.pole_pairs, star.power_factor) == (2, 50, 1.0)
+    assert star.K_t == pytest.approx(50 * 5e-3)
+    (harmonic,) = star.flux_harmonics
+    assert (harmonic.order, harmonic.d, harmonic.q) == (1, 0.5e-3, 0.5e-3)
+    (cogging,) = star.cogging
+    assert cogging.order == 200 and cogging.torque == pytest.approx(-0.5 * 50 * 4 * 1.766e-3)
+
+
+SINE = {"offset": "3 rad/s", "amplitude": "1 rad/s", "frequency": "2 Hz"}
+STEEPEST = 10 / math.sqrt(3)  # of a move from rest to rest, over distance / time^2
+
+
+@pytest.mark.parametrize(
+    ("reference", "initial", "speeds", "acceleration"),
+    [
+        ({"speed": "2 rad/s"}, 0.0, (2.0, 2.0), 0.0),
+        ({"speed": "-2 rad/s"}, 0.0, (-2.0, -2.0), 0.0),
+        (SINE, 0.0, (2.0, 4.0), 4 * math.pi),
+        ({**SINE, "depth": 0.5, "modulation": "1 Hz"}, 0.0, (2.0, 4.0), 5 * math.pi),
+        ({"offset": "1 rad/s", "sines": [{"amplitude": "2 rad/s", "frequency": "1 Hz"}]}, 0.0, (-1.0, 3.0),
+            4 * math.pi),
+        ({"moves": [["0 s", "0 rad"], ["2 s", "4 rad"]]}, 0.0, (0.0, 3.75), STEEPEST),
+        ({"moves": [["0 s", "0 rad"], ["2 s", "4 rad"], ["3 s", "3 rad"]]}, 0.0, (-1.875, 3.75), STEEPEST),
+        ({"profile": [["0 s", "1 rad/s"], ["2 s", "5 rad/s"]]}, 0.0, (1.0, 5.0), 2.0),
+        ({"speed": "0.4 rad/s", "ramp": "1 rad/s^2"}, 0.3, (0.3, 0.4), 1.0),
+        ({"speed": "0.3 rad/s", "ramp": "0.1 rad/s^2"}, 3.0, (0.3, 3.0), 0.1),
+        ({"speed": "0.3 rad/s", "ramp": "0.5 rad/s^2"}, -1.0, (-1.0, 0.3), 0.5),
+        ({"speed": "2 rad/s", "smoothing": "0.5 s"}, -1.0, (-1.0, 2.0), 3 / (math.e * 0.5)),
+    ],
+)  # fmt: skip
+def test_what_a_reference_asks_at_most(
+    reference: dict[str, Any], initial: float, speeds: tuple[float, float], acceleration: float
+) -> None:
+    plain = {"duration": "40 s", "reference": reference, "initial_speed": f"{initial} rad/s"}
+    scenario = Scenario.model_validate(plain)
+    assert scenario.speeds == pytest.approx(speeds)
+    assert scenario.top_reference == pytest.approx(max(map(abs, speeds)))
+    turns = min(speeds) <= 0 <= max(speeds)
+    assert scenario.slowest == pytest.approx(0.0 if turns else min(map(abs, speeds)))
+    assert scenario.top_acceleration == pytest.approx(acceleration)
+    # and its samples come up to these bounds, but not beyond
+    way = course(scenario)
+    assert way.omega.min() >= speeds[0] - 1e-9 and way.omega.max() <= speeds[1] + 1e-9
+    assert np.ptp(way.omega) == pytest.approx(speeds[1] - speeds[0], abs=0.01 * max(1.0, speeds[1]))
+    assert np.abs(way.alpha).max() == pytest.approx(acceleration, rel=0.03)
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 0.3])
+@pytest.mark.parametrize(
+    "reference",
+    [
+        {"speed": "2 rad/s", "ramp": "0.5 rad/s^2"},
+        {**SINE, "depth": 0.5, "modulation": "1 Hz"},
+        {"offset": "1 rad/s", "sines": [{"amplitude": "2 rad/s", "frequency": "0.7 Hz", "phase": "1 rad"}]},
+        {"moves": [["0.5 s", "0 rad"], ["2 s", "4 rad"], ["3 s", "3 rad"]]},
+        {"profile": [["0.5 s", "1 rad/s"], ["2 s", "5 rad/s"], ["3 s", "-1 rad/s"]]},
+    ],
+)
+def test_samples_of_a_reference_are_what_the_engine_makes(
+    tmp_path: Path, reference: dict[str, Any], smoothing: float
+) -> None:
+    from cogless import run_study
+
+    smooth = {"smoothing": f"{smoothing} s"} if smoothing else {}
+    changes = {
+        "scenario.low.reference": {**reference, **smooth},
+        "scenario.low.duration": "4 s",
+        "scenario.low.initial_speed": "0.2 rad/s",
+        "controller.pi": SPACE,
+        "metric": [],
+    }
+    study = load(studies.write(tmp_path), changes)
+    (run,) = run_study(study, ["low/pi"]).runs
+    way = course(study.scenario["low"])
+    inside = way.time < run.trace.time[-1]
+    for samples, name in ((way.omega, "omega_ref"), (way.alpha, "alpha_ref")):
+        there = np.interp(way.time, run.trace.time, run.trace[name])
+        off = np.abs(samples - there)[inside]
+        assert np.mean(off < 0.02 * np.ptp(run.trace[name])) > 0.99, name  # but where a slope jumps
+
+
+def test_a_reference_from_a_file(tmp_path: Path) -> None:
+    path = studies.write(tmp_path)
+    (tmp_path / "speeds.csv").write_text("time,speed\n0,1.0\n0.2,3.0\n\n0.4,2.0\n")
+    study = load(path, {"scenario.low.reference": {"file": "speeds.csv"}})
+    assert study.scenario["low"].reference.points == ((0.0, 1.0), (0.2, 3.0), (0.4, 2.0))
+    assert study.scenario["low"].top_speed == pytest.approx(2 * math.pi)  # it begins at 60 r/min
+
+
+@pytest.mark.parametrize(
+    "heading",
+    [
+        "time [s],speed [rpm]",
+        "t,n (rpm)",
+        "time_ms , speed_rpm",
+        "Zeit/ms,n/rpm",
+        "time [ms],speed r/min",
+        "s,rpm",
+    ],
+)
+def test_the_units_that_a_heading_names(tmp_path: Path, heading: str) -> None:
+    second = 1000 if "ms" in heading else 1
+    (tmp_path / "speeds.csv").write_text(f"{heading}\n0,60\n{second},120\n")
+    study = load(studies.write(tmp_path), {"scenario.low.reference": {"file": "speeds.csv"}})
+    (start, slow), (end, fast) = study.scenario["low"].reference.points
+    assert (start, end) == (0.0, pytest.approx(1.0))
+    assert (slow, fast) == (pytest.approx(2 * math.pi), pytest.approx(4 * math.pi))
+
+
+def test_a_name_is_no_unit(tmp_path: Path) -> None:
+    """Of omega_r the r is no revolution."""
+    (tmp_path / "speeds.csv").write_text("t,omega_r\n0,60\n")
+    study = load(studies.write(tmp_path), {"scenario.low.reference": {"file": "speeds.csv"}})
+    assert study.scenario["low"].reference.points == ((0.0, 60.0),)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("time,speed\n0,1\n0,2\n", 'line 3: "0": expected a time after the line before'),
+        ("time,speed\n0,1\n1,fast\n",
+            'line 3: "1,fast": expected time in s and speed in rad/s, with a comma between'),
+        ("0,1\n1,nan\n", 'line 2: "nan": expected a finite speed'),
+        ("0,1\ninf,2\n", 'line 2: "inf": expected a finite time'),
+        ("time;speed\n0;1\n",
+            'line 1: "time;speed": expected two columns, time and speed, with a comma between'),
+        ("time,speed [V]\n0,1\n",
+            'line 1: "speed [V]": expected a unit of an angular speed, such as "speed [rad/s]"'),
+        ("time_Hz,speed\n0,1\n", 'line 1: "time_Hz": expected a unit of a time, such as "time [s]"'),
+        ("time,speed\n", "expected lines of time in s and speed in rad/s"),
+        (None, "expected a readable file at {folder}/speeds.csv"),
+    ],
+)  # fmt: skip
+def test_a_file_that_is_no_reference(tmp_path: Path, text: str | None, problem: str) -> None:
+    if text is not None:
+        (tmp_path / "speeds.csv").write_text(text)
+    found = line_of(tmp_path, {"scenario.low.reference": {"file": "speeds.csv"}})
+    assert found == f'scenario.low.reference.file: "speeds.csv": {problem.format(folder=tmp_path)}'
+
+
+IDEAL = {
+    "drive": {
+        "rates": {"current_loop": "10 kHz", "speed_loop": "1 kHz"},
+        "current_loop": {"kind": "ideal", "current_limit": "3 A"},
+    }
+}
+
+
+def metric(signal: str) -> dict[str, Any]:
+    return {"name": "m", "kind": "rms", "signal": signal}
+
+
+def test_what_a_law_records_can_be_measured(tmp_path: Path) -> None:
+    delay = {**SPACE, "memory": "delay", "cells": 4000, "mu_h": 0.1}
+    signals = ("alpha_ref", "theta_error", "P_t", "term_h")
+    changes = {"controller.pi": delay, "metric": [{**metric(s), "name": f"m_{s}"} for s in signals]}
+    study = load(studies.write(tmp_path), changes)
+    assert {m.signal for m in study.metric} == set(signals)
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"controller.pi": {**SPEED, "period": {"of": "electrical", "turns": 3}}},
+            "controller.pi.period: expected a period that fits into a revolution of the rotor, not 0.75 of "
+            "one"),
+        ({"controller.pi": {**SPACE, "memory": "delay"},
+          "scenario.low.reference": {"offset": "1 rad/s", "amplitude": "1 rad/s", "frequency": "1 Hz"}},
+            'controller.pi.memory: "delay": expected "map": the reference of scenario low comes down to 0 '
+            "rad/s, and a delay line needs omega_min, 0.01 rad/s, or more"),
+        ({"controller.pi": {**SPACE, "memory": "delay", "cells": 100}},
+            "controller.pi.cells: 100: expected 250 or more, the samples of a period at the slowest speed of "
+            "scenario low"),
+        ({"controller.pi": {**SPACE, "cells": 65536}},
+            "controller.pi.cells: 65536: expected at most 65535, since the memory is a map"),
+        ({"controller.pi": {**SPACE, "memory": "delay", "period": {"of": "mechanical", "turns": 3000}},
+          "scenario.low.reference": {"speed": "0.1 rad/s"}, "scenario.low.initial_speed": "0.1 rad/s",
+          "metric": []},
+            'controller.pi.memory: "delay": expected "map": a period at the slowest speed of scenario low '
+            "has 188495560 samples, and a delay line at most 16777216"),
+        ({"controller.pi": {**SPACE, "period": {"parts": 100}}},
+            "controller.pi.period: expected a longer one: at the top speed of scenario low it has 2.5 "
+            "samples, at least 4 are needed"),
+        ({"controller.pi": {**SPACE, "q_half_width": 600}},
+            "controller.pi.q_half_width: 600: expected a filter within the 1024 cells of the memory"),
+        ({"controller.pi": {**SPACE, "omega_min": "0 rad/s"}},
+            'controller.pi.omega_min: "0 rad/s": expected an angular speed above zero, such as "1 rad/s"'),
+        ({"controller.pi": {**SPEED, "eta_bar": "0 rad/s"}},
+            'controller.pi.eta_bar: "0 rad/s": expected an angular speed above zero, such as "1 rad/s"'),
+        ({"controller.pi": {**SPEED, "mu_h": 1e39}},
+            "controller.pi.mu_h: 1e+39: expected a size that single precision holds, 1e-15 to 1e+15 in SI "
+            "units"),
+        ({"controller.pi": {"law": "space-position", "k_theta": 5, "mu_alpha": 5.0}},
+            "controller.pi: expected either k_theta and k_omega or tuning, such as "
+            '{ rule = "phase-margin", phase_margin = "60 deg" }'),
+        ({"controller.pi": {**SPACE, "period": {"of": "mechanical", "turns": 5000}}},
+            "controller.pi.period: expected at most 3978 revolutions, until whole periods are whole "
+            "revolutions, not 5000"),
+        ({"controller.pi": {**SPACE, "memory": "delay", "cells": 4000, "k_pp": 20000.0}},
+            "controller.pi.k_pp: 20000.0: expected less than drive.rates.speed_loop, 1000 Hz"),
+        ({"controller.pi": {**SPACE, "beta_limit": 1e300}},
+            "controller.pi.beta_limit: 1e+300: expected a size that single precision holds, 1e-15 to 1e+15 "
+            "in SI units"),
+        ({"controller.pi": {**SPACE, "mu_alpha": 0.0}},
+            "controller.pi.learning: expected false, or a learning gain: mu_alpha, mu_beta or mu_h"),
+        ({"motor": {**STEP, "kind": "foo"}},
+            'motor.kind: "foo": expected one of "pmsm", "step"'),
+        ({"controller.pi": SPACE, "metric": [metric("term_beta")]},
+            'metric.0.signal: "term_beta": expected a signal that a controller of this study has'),
+        ({"controller.pi": SPACE, "metric": [metric("P_t")]},
+            'metric.0.signal: "P_t": expected a signal that a controller of this study has'),
+        ({"metric": [metric("theta_error")]},
+            'metric.0.signal: "theta_error": expected a signal that a controller of this study has'),
+        ({"motor": STEP, "metric": [metric("i_c")]},
+            'metric.0.signal: "i_c": expected another, since the motor has two phases'),
+        ({**IDEAL, "metric": [metric("i_d")]},
+            'metric.0.signal: "i_d": expected another, since the current loop is ideal'),
+        ({**IDEAL, "metric": [{"name": "m", "kind": "copper-loss"}]},
+            'metric.0.kind: "copper-loss": expected another, since the current loop is ideal'),
+        ({**IDEAL, "metric": [], "trace": {"energy": True}},
+            "trace.energy: true: expected false, since the current loop is ideal"),
+        ({"motor": {**STEP, "L_1": "0.8 mH"}}, 'motor.L_1: "0.8 mH": expected less than L_0'),
+        ({"motor": {**STEP, "L_m": []}}, "motor.L_m: []: expected L_m1, above zero, and the others after it"),
+        ({"drive.current_loop": {"kind": "ideal", "current_limit": "3 A"}},
+            "drive.inverter: expected none, since the current loop is ideal"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_one_line(tmp_path: Path, changes: dict[str, Any], line: str) -> None:
+    assert line_of(tmp_path, changes) == line
+
+
+def test_metrics_in_the_electrical_frame(tmp_path: Path) -> None:
+    from cogless import run_study
+
+    changes = {
+        "metric": [
+            {"name": "m", "kind": "peak-to-peak", "signal": "omega_m", "frame": frame, "scenarios": ["low"]}
+            for frame in ("mechanical",)
+        ]
+    }
+    study = load(studies.write(tmp_path), changes)
+    turned = load(studies.write(tmp_path), {"metric": [{**changes["metric"][0], "frame": "electrical"}]})
+    (one,), (other,) = (run_study(s, ["low/pi"]).runs for s in (study, turned))
+    assert other.metrics["m_rad_s"] == pytest.approx(4 * np.float64(one.metrics["m_rad_s"]))
+
+
+def test_copper_loss_of_two_phases_is_their_resistance_times_both_squares(tmp_path: Path) -> None:
+    """i_a^2 + i_b^2 = i_d^2 + i_q^2; of three phases the sum is half as much again."""
+    for motor, phases in (({"motor": STEP}, 2), ({"motor.R_s": "1 ohm"}, 3)):
+        loss = {"name": "loss", "kind": "copper-loss"}
+        study = studies.study(tmp_path, {**motor, "metric": [loss], "scenario.low.initial_speed": "0 rpm"})
+        rows = np.column_stack([np.arange(100) * 1e-3, np.full(100, 3.0), np.full(100, -4.0)])
+        trace = Trace(("time", "i_d", "i_q"), ("s", "A", "A"), rows)
+        assert measure(study, "low", trace)["loss_W"] == pytest.approx(25.0 * phases / 2)

@@ -1,0 +1,331 @@
+"""Reading a study: values, defaults, datasheets, changes, overrides."""
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import cogless
+import studies
+from cogless.errors import StudyError
+from cogless.results.trace import DERIVED
+from cogless.run.drive_config import engine_config
+from cogless.study import changed, for_scenario, load
+from cogless.study.drive import Belief
+from cogless.study.metric import SIGNALS
+from cogless.study.motor import Motor
+from cogless.study.reading import parse_change, split, with_unit
+from cogless.study.trial_metric import DRIVE_SIGNALS, linear_signals
+
+MOTOR = """
+pole_pairs = 12
+R_s = "0.53 ohm"
+L_d = "210 uH"
+L_q = "210 uH"
+K_t = "0.05 N*m/A"
+winding = "delta"
+cogging = [ {order = 72, current = "0.184 A", phase = "30 deg"} ]
+"""
+
+
+def test_quantities_are_si(tmp_path: Path) -> None:
+    study = studies.study(tmp_path)
+    assert study.motor.psi_f == pytest.approx(0.068)
+    assert study.mechanics.inertia == 2.5e-4
+    assert study.scenario["low"].reference.speed == pytest.approx(2 * math.pi)
+    assert study.controller["pi"].kp == pytest.approx(0.015 * 30 / math.pi)
+    assert study.metric[2].band == pytest.approx(2 * math.pi / 30)
+    assert (study.name, study.baseline, study.trace_rate) == ("study", "pi", 15000.0)
+
+
+def test_a_study_is_frozen(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="frozen"):
+        studies.study(tmp_path).mechanics.inertia = 1.0
+
+
+def test_gains_may_be_plain_numbers(tmp_path: Path) -> None:
+    text = studies.BASE.replace('"0.015 A/rpm"', "0.14")
+    assert studies.study(tmp_path, text=text).controller["pi"].kp == 0.14
+
+
+def test_which_metrics_and_controllers_a_scenario_has(tmp_path: Path) -> None:
+    study = studies.study(tmp_path)
+    assert [metric.name for metric in study.metrics_in("low")] == ["speed_ripple", "speed"]
+    assert [metric.name for metric in study.metrics_in("step")] == ["speed_ripple", "recovery"]
+    assert study.controllers_in("low") == ("pi", "fair")
+
+
+# Motors
+
+
+def test_a_datasheet_gives_what_the_study_leaves_out(tmp_path: Path) -> None:
+    (tmp_path / "m.toml").write_text(MOTOR, encoding="utf-8")
+    head, tail = studies.BASE.split("[motor]")
+    text = f'{head}[motor]\ndatasheet = "m.toml"\nR_s = "0.6 ohm"\n[mechanics]{tail.split("[mechanics]")[1]}'
+    study = studies.study(tmp_path, text=text)
+    assert (study.motor.pole_pairs, study.motor.R_s, study.motor.L_d) == (12, 0.6, pytest.approx(210e-6))
+    assert changed(study, {"motor.R_s": 0.7}).motor.R_s == 0.7
+    # The other of psi_f and K_t steps back.
+    own_flux = studies.study(tmp_path, text=text.replace('R_s = "0.6 ohm"', 'psi_f = "2 mWb"'))
+    assert (own_flux.motor.psi_f, own_flux.motor.K_t) == (pytest.approx(0.002), None)
+
+
+def test_a_datasheet_named_by_set(tmp_path: Path) -> None:
+    (tmp_path / "m.toml").write_text(MOTOR, encoding="utf-8")
+    text = studies.BASE.replace("pole_pairs = 4\n", "").replace("[motor]", '[motor]\ndatasheet = "none"')
+    assert studies.study(tmp_path, {"motor.datasheet": "m.toml"}, text).motor.pole_pairs == 12
+
+
+def test_delta_becomes_star() -> None:
+    common = {"pole_pairs": 4, "R_s": "3 ohm", "L_d": "3 mH", "L_q": "6 mH", "winding": "delta"}
+    star = Motor.model_validate(
+        {**common, "psi_f": "0.1 Wb", "flux_harmonics": [{"order": 6, "d": "1 mWb", "q": "2 mWb"}]}
+    ).star()
+    assert (star.R_s, star.L_d, star.L_q) == pytest.approx((1.0, 0.001, 0.002))
+    assert star.psi_f == pytest.approx(0.1 / math.sqrt(3))
+    assert star.K_t == pytest.approx(6 * 0.1 / math.sqrt(3))
+    assert (star.flux_harmonics[0].d, star.flux_harmonics[0].q) == pytest.approx(
+        (1e-3 / 3**0.5, 2e-3 / 3**0.5)
+    )
+    # K_t is measured at the terminals, where the connection doesn't show.
+    assert Motor.model_validate({**common, "K_t": "0.6 N*m/A"}).star().psi_f == pytest.approx(0.1)
+    # A belief is about a winding too.
+    belief = Belief.model_validate({"R_s": "3.3 ohm", "psi_f": "0.11 Wb"}).resolved(star)
+    assert (belief.R_s, belief.psi_f, belief.L_d) == pytest.approx((1.1, 0.11 / math.sqrt(3), 0.001))
+
+
+def test_cogging_given_as_a_current(tmp_path: Path) -> None:
+    (tmp_path / "m.toml").write_text(MOTOR, encoding="utf-8")
+    harmonic = (
+        Motor.model_validate(
+            {"pole_pairs": 4, "R_s": "1 ohm", "L_d": "1 mH", "L_q": "1 mH", "K_t": "0.5 N*m/A"}
+            | {"cogging": [{"order": 72, "current": "0.2 A", "phase": "30 deg"}]}
+        )
+        .star()
+        .cogging[0]
+    )
+    assert (harmonic.torque, harmonic.phase) == pytest.approx((0.1, math.pi / 6))
+
+
+# Changes
+
+
+def test_a_bare_number_takes_the_unit_that_stands_there(tmp_path: Path) -> None:
+    study = studies.study(
+        tmp_path, {"controller.pi.kp": 0.02, "motor.cogging.0.torque": 6, "scenario.low.duration": 1}
+    )
+    assert study.controller["pi"].kp == pytest.approx(0.02 * 30 / math.pi)
+    assert study.motor.cogging[0].torque == pytest.approx(0.006)
+    assert study.source.tables["scenario"]["low"]["duration"] == "1 s"
+
+
+def test_a_text_brings_its_own_unit(tmp_path: Path) -> None:
+    study = studies.study(tmp_path, {"scenario.low.reference": "1 rev/s"})
+    assert study.scenario["low"].reference.speed == pytest.approx(2 * math.pi)
+
+
+def test_a_change_leaves_the_first_study_as_it_was(tmp_path: Path) -> None:
+    study = studies.study(tmp_path)
+    assert changed(study, {"motor.cogging.0.order": 36}).motor.cogging[0].order == 36
+    assert study.source.tables["motor"]["cogging"][0]["order"] == 24
+    assert changed(study, {"drive.precision": "double"}).drive.precision == "double"
+
+
+@pytest.mark.parametrize(
+    ("text", "change"),
+    [
+        ("controller.pi.kp=0.02", ("controller.pi.kp", 0.02)),
+        ('a.b="1 A"', ("a.b", "1 A")),
+        ("a.b=1 A", ("a.b", "1 A")),
+        ("a.b=[1, 2]", ("a.b", [1, 2])),
+        ("a.b=true", ("a.b", True)),
+        ("a.b=", ("a.b", "")),
+        ("a=x=y", ("a", "x=y")),
+    ],
+)
+def test_set_reads_toml_and_else_text(text: str, change: tuple[str, object]) -> None:
+    assert parse_change(text) == change
+
+
+def test_keys_with_dots_stand_in_quotes() -> None:
+    key = 'scenario.low.override."motor.cogging.0.torque"'
+    assert split(key) == ("scenario", "low", "override", "motor.cogging.0.torque")
+    assert split("motor.cogging.0.torque") == ("motor", "cogging", 0, "torque")
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_the_unit_stays_whatever_the_number(number: float) -> None:
+    assert with_unit(number, "60 rpm") == f"{number!r} rpm"
+    assert with_unit(number, 60) == number
+    assert with_unit([number, number], ["1 A", "2 A"]) == [f"{number!r} A"] * 2
+
+
+# Scenarios
+
+
+def test_an_override_holds_in_its_scenario_only(tmp_path: Path) -> None:
+    study = studies.study(tmp_path)
+    assert for_scenario(study, "low") is study
+    assert for_scenario(study, "step").drive.current_sensors.offset == (0.05, 0.0, 0.0)
+    assert study.drive.current_sensors.offset == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("reference", "kind", "top_speed"),
+    [
+        ("60 rpm", "constant", 2 * math.pi),
+        ({"speed": "-60 rpm", "ramp": "100 rpm/s"}, "ramp", 2 * math.pi),
+        ({"profile": [["0 s", "0 rpm"], ["1 s", "-120 rpm"], ["2 s", "60 rpm"]]}, "profile", 4 * math.pi),
+        ({"offset": "60 rpm", "amplitude": "30 rpm", "frequency": "1 Hz"}, "sine", 3 * math.pi),
+    ],
+)
+def test_forms_of_a_reference(tmp_path: Path, reference: object, kind: str, top_speed: float) -> None:
+    study = studies.study(tmp_path, {"scenario.low.reference": reference})
+    scenario = study.scenario["low"]
+    assert scenario.reference.kind == kind
+    assert scenario.top_reference == pytest.approx(top_speed)
+    config = engine_config(study, "low", "pi")["reference"]
+    assert config["kind"] == kind
+    assert len(config["times"]) == len(config["speeds"]) == (3 if kind == "profile" else 0)
+
+
+# The engine's description
+
+
+def test_the_engine_is_told_everything_in_si(tmp_path: Path) -> None:
+    config = engine_config(studies.study(tmp_path, {"mechanics.coulomb_friction": "3 mN*m"}), "step", "pi")
+    assert config["motor"]["cogging"] == [{"order": 24, "torque": 0.004, "phase": 0.0}]
+    assert config["mechanics"]["breakaway_friction"] == config["mechanics"]["coulomb_friction"] == 0.003
+    assert config["events"] == [{"time": 0.1, "load": 0.2}, {"time": 0.2, "load": 0.0}]
+    drive = config["drive"]
+    assert (drive["current_rate"], drive["speed_divider"]) == (15000, 15)
+    assert drive["kp_q"] == pytest.approx(2 * math.pi * 800 * 0.03)
+    assert drive["ki_d"] == pytest.approx(2 * math.pi * 800 * 15.42)
+    assert drive["current_sensors"]["offset"] == [0.05, 0.0, 0.0]
+    assert config["controller"] == {
+        "law": "pi",
+        "kp": pytest.approx(0.1432394),
+        "ki": pytest.approx(2.8647889),
+    }
+
+
+def test_the_load_of_a_scenario_replaces_that_of_the_mechanics(tmp_path: Path) -> None:
+    table = {"angle": ["0 deg", "180 deg"], "torque": ["0 N*m", "0.1 N*m"]}
+    study = studies.study(
+        tmp_path, {"mechanics.load": "0.1 N*m", "scenario.low.load": {"lag": "30 ms", "angle_table": table}}
+    )
+    low = engine_config(study, "low", "pi")["load"]
+    assert (low["torque"], low["lag"], low["time_table"]) == (0.0, 0.03, None)
+    assert low["angle_table"] == {"angle": [0.0, pytest.approx(math.pi)], "torque": [0.0, 0.1]}
+    assert engine_config(study, "step", "pi")["load"]["torque"] == 0.1
+
+
+def test_a_commissioning_run_has_no_load_of_the_scenario(tmp_path: Path) -> None:
+    law = {
+        "law": "anti-cogging",
+        "kp": 0.1,
+        "ki": 1,
+        "calibration": {"speed": "6 rpm", "position_gain": "20 1/s"},
+    }
+    study = studies.study(
+        tmp_path, {"controller.table": law, "mechanics.load": "0.1 N*m", "scenario.step.load": "0.2 N*m"}
+    )
+    config = engine_config(study, "step", "table", "learn")
+    assert (config["events"], config["load"]["torque"], config["initial_speed"]) == ([], 0.1, 0.0)
+    assert config["controller"]["mode"] == "learn"
+    assert engine_config(study, "step", "table")["controller"]["mode"] == "run"
+
+
+def test_an_override_does_not_retune_a_controller(tmp_path: Path) -> None:
+    override = {"mechanics.inertia": "5e-4 kg*m^2"}
+    study = studies.study(tmp_path, {"scenario.step.override": override})
+    there, here = (engine_config(study, name, "fair") for name in ("step", "low"))
+    assert there["mechanics"]["inertia"] == 5e-4
+    assert there["controller"] == here["controller"]
+
+
+def test_signals_of_the_study_are_those_of_the_trace() -> None:
+    known = {**SIGNALS, **DRIVE_SIGNALS, **linear_signals(1)}
+    assert {name: known[name].unit for name in DERIVED} == {
+        name: unit for name, (unit, _, _) in DERIVED.items()
+    }
+
+
+# Shipped studies
+
+
+def test_shipped_studies_and_motors_are_found_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "studies").mkdir()
+    (tmp_path / "motors").mkdir()
+    studies.write(tmp_path / "studies").rename(tmp_path / "studies" / "mine.toml")
+    monkeypatch.setattr(cogless, "__path__", [str(tmp_path)])
+    assert load("mine").title == "A small drive"
+    with pytest.raises(StudyError) as error:
+        load("yours")
+    assert str(error.value) == "yours: no such study: expected a file, or one of the shipped: mine"
+    with pytest.raises(StudyError) as error:
+        load("mine", {"motor.datasheet": "liu"})
+    line = str(error.value).rpartition("/")[2]
+    assert line == (
+        'mine.toml: motor.datasheet: "liu": no such datasheet: expected a file, or one of the shipped: none'
+    )
+
+
+def test_three_ways_to_say_the_magnet() -> None:
+    """300 r/min per volt, line to line and peak, is psi_f = 60 / (sqrt(3) 2 pi 300 pole_pairs)."""
+    base = {"pole_pairs": 12, "R_s": "0.53 ohm", "L_d": "210 uH", "L_q": "210 uH"}
+    stars = [
+        Motor.model_validate({**base, **magnet}).star()
+        for magnet in ({"kv": "300 rpm/V"}, {"psi_f": "1.53147 mWb"}, {"K_t": "27.5664 mN*m/A"})
+    ]
+    assert [star.K_t for star in stars] == pytest.approx([0.0275664] * 3, rel=1e-4)
+    assert [star.psi_f for star in stars] == pytest.approx([1.53147e-3] * 3, rel=1e-4)
+
+
+@pytest.mark.parametrize("key", ["kv", "K_t", "psi_f"])
+@pytest.mark.parametrize("sheet", ["uomodri", "liu2018"])
+def test_one_word_for_the_magnet_replaces_the_datasheets(tmp_path: Path, sheet: str, key: str) -> None:
+    value = {"kv": "300 rpm/V", "K_t": "0.03 N*m/A", "psi_f": "2 mWb"}[key]
+    before, after = studies.BASE.partition("[motor]")[0], studies.BASE.partition("[mechanics]")[2]
+    alone = f'{before}[motor]\ndatasheet = "{sheet}"\n[mechanics]{after}'
+    with_key = alone.replace("[mechanics]", f'{key} = "{value}"\n[mechanics]')
+    in_file = studies.study(tmp_path, {}, with_key)
+    by_change = changed(studies.study(tmp_path, {}, alone), {f"motor.{key}": value})
+    assert in_file.motor.star().K_t == by_change.motor.star().K_t
+    assert getattr(in_file.motor, key) is not None
+
+
+def test_a_scenarios_override_is_not_told_to_the_controller(tmp_path: Path) -> None:
+    hot = {"motor.R_s": "20 ohm", "motor.L_q": "60 mH", "motor.psi_f": "50 mWb"}
+    base = studies.study(tmp_path, {"scenario.low.override": hot})
+    cold = engine_config(studies.study(tmp_path), "low", "pi")
+    warm = engine_config(base, "low", "pi")
+    assert warm["motor"]["L_q"] == 0.06
+    assert {**warm["drive"]} == {**cold["drive"]}
+    told = {**hot, "drive.belief.L_q": "60 mH"}
+    config = engine_config(studies.study(tmp_path, {"scenario.low.override": told}), "low", "pi")
+    assert config["drive"]["belief"]["L_q"] == 0.06
+
+
+def test_a_lead_is_a_time_at_any_rate(tmp_path: Path) -> None:
+    learning = {"law": "pi-ilc", "kp": 0.1, "ki": 1, "gain": 0.01, "lead": "3 ms", "cells": 256}
+    faster = {"scenario.low.override": {"drive.rates.speed_loop": "3 kHz"}, "controller.learning": learning}
+    assert engine_config(studies.study(tmp_path, faster), "low", "learning")["controller"]["lead"] == 9
+
+
+def test_an_override_is_judged_by_its_own_scenario(tmp_path: Path) -> None:
+    slow = {"drive.rates.current_loop": "3 kHz", "trace.rate": "3 kHz"}
+    changes = {
+        "scenario.low.override": {"drive.rates.current_loop": "3 kHz"},
+        "scenario.step.reference": "9000 rpm",
+        "scenario.step.initial_speed": "9000 rpm",
+        "drive.rates.integration_steps": 4,
+        "metric": [],
+    }
+    assert studies.study(tmp_path, changes).scenario["low"].override
+    with pytest.raises(StudyError, match="integration_steps: 4: expected"):
+        studies.study(tmp_path, {**changes, **slow})
