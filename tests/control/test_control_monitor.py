@@ -99,6 +99,24 @@ def test_equals_the_reference(precision, events, omega, seed, phases):
 
 
 @PRECISIONS
+def test_a_slip_long_after_the_sensor_was_stuck_is_told(precision):
+    """Who was stuck may be anywhere when it comes back, until it shows that the rotor turns."""
+    rotor = Rotor(precision, omega=20.0)
+    rotor.run(100)
+    rotor.run(120, theta=rotor.theta, omega_ref=60.0)
+    assert "ANGLE_STUCK" in rotor.monitor.said()
+    rotor.omega = 0.0
+    rotor.run(300)
+    rotor.omega = 1.0
+    rotor.run(300)
+    assert rotor.monitor.said() == set()
+    rotor.offset = 1.0
+    rotor.run(3)
+    assert "ANGLE_SHIFTED" in rotor.monitor.said()
+    assert abs(rotor.error) < 0.01
+
+
+@PRECISIONS
 def test_an_ordinary_period_hands_measurements_on_untouched(precision):
     rotor = Rotor(precision)
     for _ in range(3000):

@@ -70,7 +70,8 @@ class Monitor:
         self.holding = self.periods(self.hold) + 1 if cause else max(self.holding - 1, 0)
         self.safe = self.holding > 0
         said |= {"FAULT"} if self.safe else set()
-        self.trusted = not said and self.gap == 0 and self.blind == 0 and self.standing == 0
+        at_ease = self.gap == 0 and self.blind == 0 and self.standing == 0
+        self.trusted = not said and at_ease and not self.was_stuck
         return said
 
     def _rotor(self, measured: float, omega: float, omega_ref: float) -> set[str]:
