@@ -18,7 +18,7 @@ from typing import Any
 from marked import replaced, table
 
 from cogless import load
-from cogless.export import sources
+from cogless.files import control_sources
 from cogless.export.prepared import first_scenario
 from cogless.pil.compare import Comparison, Instructions, compare
 from cogless.pil.processor import require
@@ -100,7 +100,7 @@ def verdict(found: Comparison) -> str:
 
 def whole_library() -> int:
     """Flash of all files of control/, each function of them, in bytes."""
-    tools, folder = find("gcc"), sources.control() / "cogless"
+    tools, folder = find("gcc"), control_sources() / "cogless"
     total = 0
     with tempfile.TemporaryDirectory() as scratch:
         files = sorted(folder.glob("*.c"))

@@ -100,14 +100,14 @@ PositionSensorConfig position_sensor(const Section& s) {
 
 cgl_memory_config memory(const Section& s, int pole_pairs, double limit, double ts) {
     const auto electrical = s.choice<bool>("period", {{"electrical", true}, {"mechanical", false}});
-    return {s.choice<cgl_memory_kind>("memory", {{"angle", CGL_MEMORY_ANGLE}, {"time", CGL_MEMORY_TIME}}),
-            s.get<std::uint32_t>("cells"),
-            electrical ? static_cast<std::uint32_t>(pole_pairs) : 1U,
-            s.get<std::uint32_t>("q_half_width"),
-            s.get<std::uint32_t>("lead"),
-            s.real("forgetting"),
-            static_cast<cgl_real>(limit),
-            static_cast<cgl_real>(ts)};
+    return {.kind = s.choice<cgl_memory_kind>("memory", {{"angle", CGL_MEMORY_ANGLE}, {"time", CGL_MEMORY_TIME}}),
+            .cells = s.get<std::uint32_t>("cells"),
+            .periods_per_rev = electrical ? static_cast<std::uint32_t>(pole_pairs) : 1U,
+            .q_half_width = s.get<std::uint32_t>("q_half_width"),
+            .lead = s.get<std::uint32_t>("lead"),
+            .forgetting = s.real("forgetting"),
+            .limit = static_cast<cgl_real>(limit),
+            .ts = static_cast<cgl_real>(ts)};
 }
 
 // The memory of a space-learning law: a map or the paper's delay line, one channel for each limit.
@@ -180,24 +180,29 @@ SpaceSpeedLaw space_speed(const Section& s, int pole_pairs, double ts, double li
 Law law(const Section& s, const CallbackLaw& own, int pole_pairs, double ts, double limit, std::uint32_t samples) {
     const auto name = s.get<std::string>("law");
     const auto pi = [&] {
-        return cgl_pi_config{s.real("kp"), s.real("ki"), static_cast<cgl_real>(ts), static_cast<cgl_real>(limit)};
+        return cgl_pi_config{.kp = s.real("kp"), .ki = s.real("ki"), .ts = static_cast<cgl_real>(ts),
+                             .limit = static_cast<cgl_real>(limit)};
     };
-    if (name == "pi") return PiLaw{pi()};
+    if (name == "pi") return PiLaw{pi(), pole_pairs};
     if (name == "pi-ilc") {
-        return PiIlcLaw{{pi(), s.real("gain"), memory(s, pole_pairs, s.number("limit"), ts)}};
+        return PiIlcLaw{{.pi = pi(), .gain = s.real("gain"), .memory = memory(s, pole_pairs, s.number("limit"), ts)},
+                        pole_pairs};
     }
     if (name == "robust-ilc") {
         const double b = s.number("b");
-        return RobustIlcLaw{{s.real("b"), s.real("c"), s.real("g"), s.real("eta"), s.real("q"), s.real("beta_1"),
-                             s.real("beta_2"), s.real("gamma"), s.real("viscous"), s.real("coulomb"),
-                             static_cast<cgl_real>(ts), static_cast<cgl_real>(limit),
-                             memory(s, pole_pairs, b * s.number("limit"), ts)}};
+        return RobustIlcLaw{{.b = s.real("b"), .c = s.real("c"), .g = s.real("g"), .eta = s.real("eta"), .q = s.real("q"),
+                             .beta_1 = s.real("beta_1"), .beta_2 = s.real("beta_2"), .gamma = s.real("gamma"),
+                             .viscous = s.real("viscous"), .coulomb = s.real("coulomb"),
+                             .ts = static_cast<cgl_real>(ts), .limit = static_cast<cgl_real>(limit),
+                             .memory = memory(s, pole_pairs, b * s.number("limit"), ts)},
+                            pole_pairs};
     }
     if (name == "anti-cogging") {
         const Section run = s.section("calibration");
-        return AntiCoggingLaw{{pi(), s.get<std::uint32_t>("cells"), run.real("speed"),
-                               run.get<std::uint32_t>("revolutions"), run.real("position_gain"), s.real("lead")},
-                              s.get<std::string>("mode") == "learn"};
+        return AntiCoggingLaw{{.pi = pi(), .cells = s.get<std::uint32_t>("cells"), .speed = run.real("speed"),
+                               .revolutions = run.get<std::uint32_t>("revolutions"),
+                               .position_gain = run.real("position_gain"), .lead = s.real("lead")},
+                              pole_pairs, s.get<std::string>("mode") == "learn"};
     }
     if (name == "space-position") return space_position(s, pole_pairs, ts, limit);
     if (name == "space-speed") return space_speed(s, pole_pairs, ts, limit);

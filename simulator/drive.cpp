@@ -428,8 +428,7 @@ void Drive::record(const DriveState& s, const Powers::Values& z, const Phase& ph
     std::visit(
         [&](const auto& law) {
             if constexpr (requires { law.terms; }) {
-                law.read_terms(state_of(s.law, law), row);
-                row += law.terms.size();
+                row = law.put_terms(state_of(s.law, law), row);
             }
         },
         config_.law);

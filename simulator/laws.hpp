@@ -1,19 +1,29 @@
-// Every law that a drive can run, and its state: the speed laws, those that learn over an angle, and the one that learns from
-// trial to trial.
+// Every law that a drive can run, and its state: those of laws.def, and a user's own.
 #pragma once
 
 #include <variant>
 
-#include "space_laws.hpp"
-#include "speed_laws.hpp"
+#include "c_law.hpp"
+#include "own_law.hpp"
 #include "trial_law.hpp"
 
 namespace cogless {
 
-using Law = std::variant<PiLaw, PiIlcLaw, RobustIlcLaw, AntiCoggingLaw, SpacePositionLaw, SpaceSpeedLaw, PluginLaw, CallbackLaw,
-                         TrialLaw>;
-using LawState = std::variant<PiLaw::State, PiIlcLaw::State, RobustIlcLaw::State, AntiCoggingLaw::State,
-                              SpacePositionLaw::State, SpaceSpeedLaw::State, PluginLaw::State, CallbackLaw::State,
-                              TrialLaw::State>;
+using PiLaw = CLaw<pi_row>;
+using PiIlcLaw = CLaw<pi_ilc_row>;
+using RobustIlcLaw = CLaw<robust_ilc_row>;
+using AntiCoggingLaw = CLaw<anti_cogging_row>;
+using SpacePositionLaw = CLaw<space_position_row>;
+using SpaceSpeedLaw = CLaw<space_speed_row>;
+
+template <class... Laws>
+struct AnyOf {
+    using Law = std::variant<Laws...>;
+    using State = std::variant<typename Laws::State...>;
+};
+using AnyLaw = AnyOf<PiLaw, PiIlcLaw, RobustIlcLaw, AntiCoggingLaw, SpacePositionLaw, SpaceSpeedLaw, PluginLaw, CallbackLaw,
+                     TrialLaw>;
+using Law = AnyLaw::Law;
+using LawState = AnyLaw::State;
 
 }  // namespace cogless

@@ -12,7 +12,7 @@ std::vector<Signal> signals_of(const LinearTrialsConfig& config) {
     std::vector<Signal> all{{"time", "s"}, {"trial", ""}, {"y_ref", ""}, {"y", ""}, {"u", ""}, {"load", ""}};
     for (std::size_t n = 1; n <= config.C.size(); ++n) all.push_back({"x_" + std::to_string(n), ""});
     all.push_back({"status", ""});
-    for (const Term& term : TrialLaw::terms) all.push_back({term.name, ""});
+    for (const Term& term : config.law.terms) all.push_back({term.name, ""});
     all.push_back({"learned", ""});
     return all;
 }
@@ -67,8 +67,8 @@ void LinearTrials::step(LinearTrialsState& s, Recorder& recorder, const LinearPh
         row = std::copy(std::begin(first), std::end(first), row);
         row = std::copy_n(s.x.begin(), states, row);
         *row++ = static_cast<double>(out.status);
-        TrialLaw::read_terms(s.law, row);
-        row[TrialLaw::terms.size()] = static_cast<double>(s.law.law.v);
+        row = config_.law.put_terms(s.law, row);
+        *row = static_cast<double>(s.law.law.v);
     }
 
     std::array<double, CGL_TRIAL_STATES> next{};

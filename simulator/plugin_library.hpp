@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "speed_laws.hpp"
+#include "own_law.hpp"
 
 namespace cogless {
 

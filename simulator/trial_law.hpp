@@ -5,12 +5,10 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <memory>
 #include <vector>
 
-#include "cogless/trial.h"
-#include "law.hpp"
+#include "c_law.hpp"
 
 namespace cogless {
 
@@ -22,10 +20,11 @@ struct TrialLaw {
     };
     cgl_trial_config config;
     std::shared_ptr<const std::vector<cgl_real>> learning_matrix;  // none, or where config points to
+    std::vector<Term> terms = terms_of<trial_row>(config);
 
     State start() const {
         State s{};
-        s.memory.resize(CGL_TRIAL_LENGTH(config.samples, config.q_filter.order));
+        s.memory.resize(trial_row::length(config));
         s.reference.resize(config.samples);
         require(cgl_trial_init(&config, &s.law, s.memory.data(), static_cast<std::uint32_t>(s.memory.size())), "trial");
         return s;
@@ -60,16 +59,10 @@ struct TrialLaw {
     }
 
     LawConfig describe() const {
-        return {"trial", &config, sizeof config, CGL_TRIAL_LENGTH(config.samples, config.q_filter.order)};
+        return {trial_row::name, &config, sizeof config, trial_row::length(config)};
     }
     static std::vector<cgl_real>& cells(State& s) { return s.memory; }
-    static constexpr std::array<Term, 4> terms{{{"term_feedback"}, {"term_integral"}, {"term_feedforward"}, {"term_learned"}}};
-    static void read_terms(const State& s, double* out) {
-        out[0] = static_cast<double>(s.law.terms.feedback);
-        out[1] = static_cast<double>(s.law.terms.integral);
-        out[2] = static_cast<double>(s.law.terms.feedforward);
-        out[3] = static_cast<double>(s.law.terms.learned);
-    }
+    double* put_terms(const State& s, double* out) const { return cogless::put_terms<trial_row>(config, s.law, out); }
     Learned learned(const State& s) const {
         return {std::vector<double>(s.memory.begin(), s.memory.begin() + config.samples), Over::trial};
     }

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cogless.c_laws import C_LAWS
 from cogless.design.from_study import design_study
 from cogless.results import Results, Run, TrialResults
 from cogless.results.metrics import result_name
@@ -9,7 +10,6 @@ from cogless.results.trace import DERIVED, Trace
 from cogless.results.trial_metrics import evaluate
 from cogless.run.simulate import measure
 from cogless.study import load
-from cogless.study.laws import TERMS
 from cogless.study.metric import SIGNALS
 
 STUDY = """
@@ -150,11 +150,12 @@ def trace(the_study, scenario, controller, rate=15_000):
     signals |= {"theta_m": theta, "omega_ref": 60 * RPM + 0 * t, "omega_m": (base + ripple + sag) * RPM}
     signals |= {"i_q": i_q, "i_q_ref": i_q, "tau_e": 0.41 * i_q, "tau_cogging": 0.004 * np.sin(24 * theta)}
     signals |= {"term_integral": load / 0.41, "term_proportional": 0.015 * ripple}
-    if "term_ilc" in TERMS[the_study.controller[controller].law]:
+    terms = {term.signal for term in C_LAWS[the_study.controller[controller].law].terms}
+    if "term_ilc" in terms:
         signals["term_ilc"] = 0.02 * (1 - fade) * np.cos(24 * theta)
     signals |= {"theta_measured": theta, "omega_measured": signals["omega_m"]}
     kept = [n for n in signals if n not in DERIVED]
-    kept = [n for n in kept if not n.startswith("term_") or n in TERMS[the_study.controller[controller].law]]
+    kept = [n for n in kept if not n.startswith("term_") or n in terms]
     units = ("s", *(SIGNALS[n].unit for n in kept))
     return Trace(("time", *kept), units, np.column_stack([t, *(signals[n] for n in kept)]))
 

@@ -214,11 +214,12 @@ class LearningFactor(Parsed):
 
 class MetricSignals(Parsed):
     def run(self) -> list[nodes.Node]:
+        from cogless.c_laws import C_LAWS
         from cogless.results.trace import DERIVED
-        from cogless.study.laws import TERMS
         from cogless.study.metric import SIGNALS
 
-        terms = {name for names in TERMS.values() for name in names}
+        laws = {"python": (), "library": ()} | {law.name: law.terms for law in C_LAWS.values()}
+        terms = {term.signal for law in C_LAWS.values() for term in law.terms}
         by_unit: dict[str, list[str]] = {}
         for name, dimension in SIGNALS.items():
             if name not in terms:
@@ -227,8 +228,9 @@ class MetricSignals(Parsed):
         lines = ["| unit | signals |", "| --- | --- |"]
         lines += [f"| {unit.replace('*', '·')} | {', '.join(names)} |" for unit, names in by_unit.items()]
         lines += ["", "| law | terms, A |", "| --- | --- |"]
-        for law, names in TERMS.items():
-            lines.append(f"| `{law}` | {', '.join(f'`{n}`' for n in names) or 'none'} |")
+        for law, parts in laws.items():
+            names = [f"`{term.signal}`" + (f" ({term.unit})" if term.unit != "A" else "") for term in parts]
+            lines.append(f"| `{law}` | {', '.join(names) or 'none'} |")
         return self.parse(lines)
 
 

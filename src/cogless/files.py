@@ -17,6 +17,15 @@ def package_folders() -> list[Path]:
     return [Path(folder) for folder in sys.modules["cogless"].__path__]
 
 
+def control_sources() -> Path:
+    """The folder that holds cogless/*.h and cogless/*.c of the control library, as installed."""
+    for folder in package_folders():
+        found = folder / "sources" / "control" / "src"
+        if found.is_dir():
+            return found
+    raise FileNotFoundError("cogless/sources/control/src: not installed")
+
+
 def reason(error: OSError) -> str:
     """What the system says, to stand within a line."""
     return error.strerror.lower() if error.strerror else str(error)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import studies
+from cogless.c_laws import C_LAWS
 from cogless.errors import StudyError
 from cogless.report.paths import learns
 from cogless.results import Results
@@ -19,7 +20,6 @@ from cogless.run import simulate as room
 from cogless.run.drive_config import engine_config
 from cogless.run.simulate import RunError, rollout, run_study, runs_of, simulate
 from cogless.study import Study, changed, load
-from cogless.study.laws import TERMS
 
 TABLE = {
     "law": "anti-cogging",
@@ -177,7 +177,7 @@ def test_a_learning_law_keeps_its_limit_and_its_terms(tmp_path: Path, law: dict[
     assert config["limit"] == study.drive.current_loop.current_limit
     run = simulate(study, "low", "learning")
     terms = [name for name in run.trace.names if name.startswith("term_")]
-    assert terms == list(TERMS[law["law"]])
+    assert terms == [term.signal for term in C_LAWS[law["law"]].terms]
     assert run.memory["frame"] == "electrical"
     assert np.any(run.memory["current"])
 

@@ -198,7 +198,7 @@ def test_what_is_outside_its_range_is_refused() -> None:
     for change, words in (
         ({"limits": []}, "controller.limits: expected one to three"),
         ({"limits": [1.0] * 4}, "controller.limits: expected one to three"),
-        ({"k_theta": -1.0}, "space law: a gain is outside its range"),
+        ({"k_theta": -1.0}, "a gain is outside its range"),
         ({"index": "stator"}, "controller.index: unknown"),
         ({"turns": 0, "ratio": 0}, "controller.turns: expected 1 or more"),
         ({"index": "rotor", "turns": 100}, "controller.turns: expected whole periods in a revolution"),

@@ -6,25 +6,16 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from cogless.files import package_folders
+from cogless.files import control_sources
 
 DEFINITION = re.compile(r"^\w[\w ]*[ *](cgl_\w+)\(", re.MULTILINE)
 STORE = ("map", "map_store", "crc32")
 INCLUDE = re.compile(r'^#include "(?:cogless/)?(\w+\.h)"', re.MULTILINE)
 
 
-def control() -> Path:
-    """The folder that holds cogless/*.h and cogless/*.c of the control library, as installed."""
-    for folder in package_folders():
-        found = folder / "sources" / "control" / "src"
-        if found.is_dir():
-            return found
-    raise FileNotFoundError("cogless/sources/control/src: not installed")
-
-
 def licence() -> Path:
     """The licence that goes with every copy of them."""
-    return control().parent / "LICENSE"
+    return control_sources().parent / "LICENSE"
 
 
 def closure(needed: Iterable[str], *, code: bool = True) -> list[str]:
@@ -32,7 +23,7 @@ def closure(needed: Iterable[str], *, code: bool = True) -> list[str]:
 
     `needed`: headers, such as "drive.h". `code` false: headers only.
     """
-    folder = control() / "cogless"
+    folder = control_sources() / "cogless"
     found: set[str] = set()
     waiting = list(needed)
     while waiting:
@@ -56,7 +47,7 @@ def store() -> list[str]:
 
 def defined_in() -> dict[str, str]:
     """Function of the control library -> the name of its .c file, without the ending."""
-    files = sorted((control() / "cogless").glob("*.c"))
+    files = sorted((control_sources() / "cogless").glob("*.c"))
     return {
         name: path.stem for path in files for name in DEFINITION.findall(path.read_text(encoding="utf-8"))
     }

@@ -12,6 +12,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from cogless.c_laws import C_LAWS
 from cogless.errors import StudyError
 from cogless.files import reason, replacing
 
@@ -19,7 +20,7 @@ MAGIC, VERSION, HEADER, MARK = b"CGLM", 1, 64, b"DONE"
 FLOAT32 = 1  # the only number type
 LONGEST_WRITE = 256  # bytes
 
-LAWS = ("other", "pi-ilc", "robust-ilc", "anti-cogging", "space-position", "space-speed", "trial")
+LAWS = ("other", *(law.name for law in C_LAWS.values() if law.cells))  # by their code
 # Code of a channel's unit: what the channel is, its unit, and its column's name.
 UNITS = (
     ("none", "", "none"),

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cogless.c_laws import C_LAWS
 from cogless.report.packing import Array
 from cogless.results import Results, Run
 from cogless.results.trace import Trace
@@ -17,9 +18,9 @@ from cogless.study.space_controller import SpaceLearning, SpacePosition
 from cogless.study.spoken import spoken_unit
 from cogless.units import ANGLE, ANGULAR_SPEED, factor
 
-# The learnt part of each law's current reference.
+# The learned parts of each law's current reference.
 IN_ANGLE = ("term_alpha", "term_beta", "term_h")
-LEARNT = ("term_ilc", "term_f_hat", "term_table", *IN_ANGLE)
+LEARNT = tuple(dict.fromkeys(term.signal for law in C_LAWS.values() for term in law.terms if term.learned))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Protocol, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from cogless import units
-from cogless.study.laws import TERMS
+from cogless.c_laws import C_LAWS
 from cogless.study.scenario import Scenario
 from cogless.study.table import Duration, Many, Quantity, Table, Time, problem
 from cogless.units import Dimension
@@ -18,11 +18,12 @@ from cogless.units import Dimension
 # With trace.energy: what went in since the start, where it went, what is stored, and what the balance lacks.
 ENERGIES = ("electrical", "copper", "friction", "load", "stored", "residual")
 
+TERM_UNITS = {dimension.unit: dimension for dimension in (units.CURRENT, units.TIME)}
+
 # Every signal that a run has, recorded or derived from recorded ones.
 SIGNALS: dict[str, Dimension] = {
     **dict.fromkeys(("theta_m", "theta_ref", "theta_error"), units.ANGLE),
     **dict.fromkeys(("theta_measured", "theta_error_measured", "theta_sensor_error"), units.ANGLE),
-    "P_t": units.TIME,
     "alpha_ref": units.ANGULAR_ACCELERATION,
     **dict.fromkeys(("omega_m", "omega_ref", "omega_error"), units.ANGULAR_SPEED),
     **dict.fromkeys(("omega_measured", "omega_error_measured", "omega_sensor_error"), units.ANGULAR_SPEED),
@@ -31,7 +32,7 @@ SIGNALS: dict[str, Dimension] = {
     **dict.fromkeys(("tau_e", "tau_cogging", "tau_load", "tau_motor"), units.TORQUE),
     "status": units.NONE,
     **{f"energy_{name}": units.ENERGY for name in ENERGIES},
-    **{name: units.CURRENT for terms in TERMS.values() for name in terms},
+    **{t.signal: TERM_UNITS[t.unit] for law in C_LAWS.values() if law.name != "trial" for t in law.terms},
 }
 
 OWN_DIMENSIONS = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cogless.study.laws import TERMS
+from cogless.c_laws import C_LAWS
 from cogless.study.space_controller import SpaceLearning
 
 if TYPE_CHECKING:
@@ -17,11 +17,11 @@ OF_A_PATH = {"theta_ref", "theta_error", "theta_error_measured", "alpha_ref"}
 
 def terms(law: AnyController) -> set[str]:
     """What a law records of its own."""
+    found = {term.signal for term in C_LAWS[law.law].terms} if law.law in C_LAWS else set()
     if not isinstance(law, SpaceLearning):
-        return set(TERMS[law.law])
-    unused = ("term_beta", "term_h")[law.channels - 1 :]
-    delay = {"P_t"} if law.memory == "delay" else set()
-    return (set(TERMS[law.law]) - set(unused)) | OF_A_PATH | delay
+        return found
+    unused = {*("term_beta", "term_h")[law.channels - 1 :], *(() if law.memory == "delay" else ("P_t",))}
+    return (found - unused) | OF_A_PATH
 
 
 def missing(study: Study, signal: str) -> str | None:

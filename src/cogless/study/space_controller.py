@@ -118,9 +118,3 @@ class SpaceSpeed(SpaceLearning):
     law: Literal["space-speed"]
     k: SpeedGain  # A*s/rad
     eta_bar: LawSpeed  # rad/s: learning rests while the speed's error is larger
-
-
-SPACE_TERMS = {
-    "space-position": ("term_proportional", "term_integral", "term_alpha", "term_beta", "term_h"),
-    "space-speed": ("term_proportional", "term_alpha", "term_beta", "term_h"),
-}

@@ -8,10 +8,11 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from cogless import units
+from cogless.c_laws import C_LAWS
 from cogless.study.table import Many, Quantity, Table, problem
 from cogless.units import Dimension
 
-TERMS = ("term_feedback", "term_integral", "term_feedforward", "term_learned")
+TERMS = tuple(term.signal for term in C_LAWS["trial"].terms)
 
 # Every signal that a drive's trial has, recorded or derived from recorded ones.
 DRIVE_SIGNALS: dict[str, Dimension] = {

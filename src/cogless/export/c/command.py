@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from cogless.c_laws import C_LAWS
 from cogless.export import folder, sources
 from cogless.export.c.edge_cases import awkward
 from cogless.export.c.figures import figures
-from cogless.export.c.laws import LAWS
 from cogless.export.c.names import identifier
 from cogless.export.c.subject import Subject, study_hash
 from cogless.export.c.texts import texts
 from cogless.export.headers import parse
 from cogless.export.layout import Layout
 from cogless.export.prepared import Prepared, Recording, first_scenario, prepare, record
+from cogless.files import control_sources
 from cogless.study import AnyStudy
 from cogless.versions import versions
 
@@ -53,9 +54,9 @@ def self_test_ticks(subject: Subject, prepared: Prepared) -> int:
 
 def subject_of(prepared: Prepared, command: str = "") -> Subject:
     """All that the texts are made from."""
-    headers = parse(sorted((sources.control() / "cogless").glob("*.h")))
+    headers = parse(sorted((control_sources() / "cogless").glob("*.h")))
     layout, config = Layout(headers, prepared.precision), prepared.config
-    law = LAWS[config["law"]]
+    law = C_LAWS[config["law"]]
     found, verdict = figures(prepared.study, prepared.scenario, prepared.controller)
     return Subject(
         study=prepared.study,
@@ -82,7 +83,7 @@ def contents(subject: Subject, prepared: Prepared, recording: Recording) -> dict
     stretches = awkward(subject, prepared, motion)
     written = texts(subject, recording, prepared.memory, stretches)
     made = {name: text.encode() for name, text in written.items()}
-    library = sources.control() / "cogless"
+    library = control_sources() / "cogless"
     names = {*sources.closure([ENTRY, subject.law.header]), *(sources.store() if subject.has_map else ())}
     copied = {f"cogless/{name}": (library / name).read_bytes() for name in names}
     return made | copied | {"cogless/LICENSE": sources.licence().read_bytes()}

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.export.c.laws import LawInC
+from cogless.c_laws import CLaw
 from cogless.export.headers import Headers
 from cogless.export.layout import Layout
 from cogless.results.results_json import as_json
@@ -26,7 +26,7 @@ class Subject:
     controller: str
     name: str  # in C
     law_name: str  # in the engine
-    law: LawInC
+    law: CLaw
     layout: Layout
     drive_config: dict[str, Any]  # cgl_drive_config, decoded
     law_config: dict[str, Any]

@@ -50,7 +50,7 @@ def _words(subject: Subject) -> dict[str, str]:
     double = s.precision == "d"
     rate = str(s.rate)
     entries = s.law.entries(s.law_config)
-    state = s.law.functions
+    state = s.law.state
     config = f"&{name}_law_config, " if state != "cgl_pi" else ""
     length = f"{name.upper()}_MEMORY_LENGTH"
     memory = f", controller->memory, {length}" if entries else ""

@@ -28,25 +28,18 @@ from cogless.export.fmu.variables import (
     signal,
 )
 from cogless.export.prepared import Reals
+from cogless.files import control_sources
 
 # What begins names that are not the controller's own.
 TAKEN = ("fmu", "fmi", "controller", "motion")
 # In the order of cgl_drive_output.
 OUTPUTS = ("duty_a", "duty_b", "duty_c", "i_d", "i_q", "u_d", "u_q", "i_d_ref", "i_q_ref", "status")
-# What of the law's state points into the controller, and where to.
+# What the law's state points to in the controller.
 MEMORY = "controller->memory"
-LINKS = {
-    "pi": {},
-    "pi-ilc": {"memory.cell": MEMORY},
-    "robust-ilc": {"memory.cell": MEMORY},
-    "anti-cogging": {"table": MEMORY},
-    "space-position": {"memory.cell": MEMORY},
-    "space-speed": {"memory.cell": MEMORY},
-    "trial": {
-        "learned": MEMORY,
-        "error": f"{MEMORY} + TRIAL_SAMPLES",
-        "y_ref": "tick == 0 ? NULL : motion_of(tick - 1)",
-    },
+# What a trial's points to besides.
+OF_TRIALS = {
+    "error": f"{MEMORY} + TRIAL_SAMPLES",
+    "y_ref": "tick == 0 ? NULL : motion_of(tick - 1)",
 }
 
 
@@ -56,7 +49,7 @@ def controller_unit(run: Run) -> Unit:
     if subject.name.lower().startswith(TAKEN):
         subject = replace(subject, name=f"my_{subject.name}")
     variables = _variables(run)
-    library = sources.control() / "cogless"
+    library = control_sources() / "cogless"
     closure = sources.closure([ENTRY, subject.law.header])
     files = texts((library / name for name in closure), "cogless/")
     files = in_precision(files, run.study.drive.precision) | controller_texts(subject)
@@ -91,9 +84,9 @@ def _variables_h(run: Run, subject: Subject, variables: Sequence[Variable]) -> s
     """What controller_model.c needs of this controller."""
     name = subject.name
     outputs = {f"OUT_{output.upper()}": output for output in OUTPUTS}
-    links = "".join(
-        f"    controller->law.{member} = {target};\n" for member, target in LINKS[subject.law_name].items()
-    )
+    pointers = {subject.law.cells: MEMORY} if subject.law.cells else {}
+    pointers |= OF_TRIALS if subject.law_name == "trial" else {}
+    links = "".join(f"    controller->law.{member} = {target};\n" for member, target in pointers.items())
     return f"""/* The controller of this FMU; generated. */
 #include <string.h>
 

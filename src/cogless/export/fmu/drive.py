@@ -15,7 +15,7 @@ from cogless.export.fmu.variables import (
     references,
     signal,
 )
-from cogless.export.sources import control
+from cogless.files import control_sources
 
 # Of the engine, what belongs to Python.
 PYTHON = ("bindings.cpp", "python_value.hpp", "linear_trials.cpp")
@@ -42,8 +42,8 @@ def drive_unit(run: Run) -> Unit:
     """The drive of a run."""
     signals = run.prepared.drive.signals
     variables = _variables(run, signals)
-    simulator = control().parents[1] / "simulator"
-    sources = texts((control() / "cogless").iterdir(), "cogless/")
+    simulator = control_sources().parents[1] / "simulator"
+    sources = texts((control_sources() / "cogless").iterdir(), "cogless/")
     sources |= texts(path for path in simulator.iterdir() if path.name not in PYTHON)
     sources = in_precision(sources, run.study.drive.precision)
     sources["drive_model.cpp"] = asset("drive_model.cpp")

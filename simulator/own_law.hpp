@@ -1,0 +1,55 @@
+// The laws of a user, from a shared library or in Python, as values that the engine can run.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <stdexcept>
+#include <vector>
+
+#include "cogless/plugin.h"
+#include "law.hpp"
+
+namespace cogless {
+
+// A law from a user's shared library (cogless/plugin.h).
+struct PluginLaw {
+    using State = std::vector<unsigned char>;  // from operator new: aligned for any type
+
+    std::shared_ptr<void> library;  // keeps it loaded
+    decltype(&cogless_plugin_state_size) state_size;
+    decltype(&cogless_plugin_init) init;
+    decltype(&cogless_plugin_step) step_function;
+    std::vector<double> params;
+    double ts;
+
+    State start() const {
+        const std::size_t size = state_size();
+        if (size > 1048576U) throw std::invalid_argument("the library asks for more than 1 MiB of state");
+        State s(size + 1, 0);  // never empty
+        if (init(s.data(), params.data(), params.size(), ts) != 0) {
+            throw std::invalid_argument("the library's cogless_plugin_init refuses these params");
+        }
+        return s;
+    }
+    Command step(State& s, const LawInput& in) const {
+        const cogless_plugin_input input{in.time,    in.omega_ref, in.omega_m,           in.theta_m,   in.i_d,      in.i_q,
+                                         in.i_limit, in.ts,        in.learn ? 1 : 0, in.theta_ref, in.alpha_ref};
+        cogless_plugin_output output{0.0, 0.0};
+        step_function(s.data(), &input, &output);
+        return {output.i_d_ref, output.i_q_ref, 0};
+    }
+    LawConfig describe() const { return {"library"}; }
+};
+
+// A law written in Python; its object holds the state, and a copy of the drive's state shares it.
+struct CallbackLaw {
+    struct State {};
+    std::function<Command(const LawInput&)> function;
+
+    State start() const { return {}; }
+    Command step(State&, const LawInput& in) const { return function(in); }
+    LawConfig describe() const { return {"python"}; }
+};
+
+}  // namespace cogless

@@ -1,0 +1,98 @@
+"""The control library's laws, as its laws.def lists them: names in C, memory, what is recorded of each."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from cogless.files import control_sources
+
+COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
+ROW = re.compile(r"^CGL_(\w+)\((.*?)\)$", re.DOTALL | re.MULTILINE)
+MEMBER = re.compile(r"\bc\.([\w.]+)")
+BY_TIME = ("CGL_MEMORY_TIME", "CGL_SPACE_DELAY")
+
+
+@dataclass(frozen=True)
+class Term:
+    """A part of what a law asks for, as it is recorded."""
+
+    signal: str
+    unit: str
+    learned: bool
+    always: bool  # whatever the configuration
+
+
+@dataclass(frozen=True)
+class CLaw:
+    """A law's names in C. `cells`: where its state points to the caller's memory; `length`: entries of that
+    memory, an expression with members of the config c; both None where the law keeps all in its state."""
+
+    name: str
+    stem: str
+    header: str
+    step: str
+    cells: str | None
+    length: str | None
+    terms: tuple[Term, ...]
+
+    @property
+    def state(self) -> str:
+        """The type of its state; its functions' names begin likewise."""
+        return f"cgl_{self.stem}"
+
+    @property
+    def config(self) -> str:
+        """The type of its configuration."""
+        return f"{self.state}_config"
+
+    @property
+    def map(self) -> str:
+        """The function that makes a stored map of what it learned."""
+        return f"cgl_map_of_{self.stem}"
+
+    def has_map(self, config: Mapping[str, Any]) -> bool:
+        """Whether what it learns with this config, as decoded, can be stored: it is not by time."""
+        return self.length is not None and config.get("memory", {}).get("kind") not in BY_TIME
+
+    def entries(self, config: Mapping[str, Any]) -> str | None:
+        """`length` for a config as decoded; whole numbers are unsigned."""
+
+        def value(found: re.Match[str]) -> str:
+            member: Any = config
+            for part in found[1].split("."):
+                member = member[part]
+            return f"{member}U" if isinstance(member, int) else str(member)
+
+        return None if self.length is None else MEMBER.sub(value, self.length)
+
+
+def _arguments(text: str) -> Iterator[str]:
+    """A row's arguments: what stands between commas that are in no inner parentheses."""
+    depth, start = 0, 0
+    for place, character in enumerate(text):
+        depth += {"(": 1, ")": -1}.get(character, 0)
+        if character == "," and depth == 0:
+            yield " ".join(text[start:place].split()).strip('"')
+            start = place + 1
+    yield " ".join(text[start:].split()).strip('"')
+
+
+def _laws() -> Iterator[CLaw]:
+    text = COMMENT.sub("", (control_sources() / "cogless" / "laws.def").read_text(encoding="utf-8"))
+    rows = [(kind, list(_arguments(row))) for kind, row in ROW.findall(text)]
+    terms: dict[str, list[Term]] = {}
+    for kind, (stem, *row) in rows:
+        if kind == "TERM":
+            signal, unit, _, share, when = row
+            terms.setdefault(stem, []).append(Term(signal, unit, share == "learned", when == "true"))
+    for kind, row in rows:
+        if kind != "TERM":
+            name, stem, header, step, *memory = row
+            cells, length = memory or (None, None)
+            yield CLaw(name, stem, header, step, cells, length, tuple(terms.get(stem, ())))
+
+
+C_LAWS = {law.name: law for law in _laws()}

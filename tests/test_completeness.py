@@ -1,0 +1,65 @@
+"""Every row of laws.def has all that belongs to a law; what is missing is named."""
+
+import re
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from cogless.c_laws import C_LAWS, CLaw
+from cogless.study.laws import AnyController
+
+ROOT = Path(__file__).parents[1]
+CONTROL, LIBRARY = ROOT / "control", ROOT / "control" / "src" / "cogless"
+FIELDS = [model.model_fields["law"] for model in get_args(AnyController)]
+MODELS = {name for field in FIELDS for name in get_args(field.annotation)}
+OF_TRIALS = "trial"  # has a study of its own, which says nothing of its gains: design does
+STEP = re.compile(r"void (cgl_\w+_step)\(const cgl_\w+_config \*\w+, cgl_\w+ \*\w+,\s+const cgl_law_input")
+
+
+def text(path: Path) -> str:
+    return path.read_text(encoding="utf-8") if path.is_file() else ""
+
+
+def missing(law: CLaw) -> list[str]:
+    """What a law lacks, each as its place."""
+    stem, header = law.stem, text(LIBRARY / law.header)
+    reference = "".join(map(text, sorted((ROOT / "tests" / "reference").glob("*.py"))))
+    name = "".join(word.capitalize() for word in stem.split("_"))
+    map_of, init = text(LIBRARY / "map.h"), f"{law.state}_init("
+    ranges = text(ROOT / "tests" / "study" / "test_law_ranges.py")
+    has = {
+        f"control/src/cogless/{law.header}: {law.step}": law.step in STEP.findall(header),
+        f"control/src/cogless/{stem}.c: {init}": init in text(LIBRARY / f"{stem}.c"),
+        f"control/src/cogless/map.h: {law.map}": law.cells is None or law.map in map_of,
+        f"tests/reference/: class {name}": re.search(rf"^class {name}\b", reference, re.M) is not None,
+        f"control/tests/random_inputs.c: {init}": init in text(CONTROL / "tests" / "random_inputs.c"),
+        f"control/proof/{stem}.c: {init}": init in text(CONTROL / "proof" / f"{stem}.c"),
+        f'control/proof/run.py: Run("{stem}")': f'Run("{stem}"' in text(CONTROL / "proof" / "run.py"),
+        f"control/fuzz/law_{stem}.c: {init}": init in text(CONTROL / "fuzz" / f"law_{stem}.c"),
+        f"docs/laws/{law.name}.md": bool(text(ROOT / "docs" / "laws" / f"{law.name}.md")),
+        "src/cogless/study/laws.py: its model": law.name in (*MODELS, OF_TRIALS),
+        "tests/study/test_law_ranges.py: its gains": f'"{law.name}": ' in ranges or law.name == OF_TRIALS,
+    }
+    return [what for what, there in has.items() if not there]
+
+
+@pytest.mark.parametrize("name", C_LAWS)
+def test_a_law_has_all_that_belongs_to_one(name: str) -> None:
+    assert missing(C_LAWS[name]) == []
+
+
+def test_what_is_missing_is_named() -> None:
+    lacks = missing(CLaw("none", "none", "none.h", "cgl_none_step", "cell", "4U", ()))
+    assert len(lacks) == 11 and "docs/laws/none.md" in lacks
+
+
+def test_every_law_of_the_headers_has_a_row() -> None:
+    steps = {step for header in LIBRARY.glob("*.h") for step in STEP.findall(text(header))}
+    assert steps == {law.step for law in C_LAWS.values()}
+
+
+def test_codes_of_stored_maps_are_in_the_order_of_the_rows() -> None:
+    codes = re.findall(r"CGL_MAP_LAW_(\w+) = (\d+)", text(LIBRARY / "map.h"))
+    stored = ["other", *(law.stem for law in C_LAWS.values() if law.cells)]
+    assert [(name.lower(), int(code)) for name, code in codes] == [(s, n) for n, s in enumerate(stored)]
