@@ -13,12 +13,12 @@ from cogless.errors import StudyError
 
 
 def package_folders() -> list[Path]:
-    """Where cogless is installed: more than one folder while it is developed, say."""
+    """Folders of the cogless package: more than one while it is developed, say."""
     return [Path(folder) for folder in sys.modules["cogless"].__path__]
 
 
 def reason(error: OSError) -> str:
-    """What the system says, to stand within a line."""
+    """The system's words for an error, to stand within a line."""
     return error.strerror.lower() if error.strerror else str(error)
 
 

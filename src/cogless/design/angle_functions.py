@@ -57,7 +57,7 @@ class Bounds:
 
     @property
     def g_d(self) -> float:
-        """Of the derivative of 1 / g, which is h."""
+        """Bound of the derivative of 1 / g, which is h."""
         return self.k_h
 
 
@@ -125,7 +125,7 @@ class AngleFunctions:
         return np.asarray(self.torque.at(theta) / self.K.at(theta))
 
     def current(self, theta: Real, omega_m: float) -> Real:
-        """What a constant speed needs, A: alpha + omega beta."""
+        """Current that a constant speed needs, A: alpha + omega beta."""
         return self.alpha(theta) + omega_m * self.beta(theta)
 
     def beta(self, theta: Real) -> Real:
@@ -160,7 +160,7 @@ class AngleFunctions:
         )
 
     def _grid(self) -> tuple[Real, float]:
-        """Over a revolution, with a table's points; and (grid / 2)^2 / 2."""
+        """Angles over a revolution, a table's points included, rad; and (grid / 2)^2 / 2, rad^2."""
         points = min(POINTS * max([*self.orders, 4]), MOST_POINTS)
         theta = np.linspace(0, TURN, points, endpoint=False)
         if self.torque.table is not None:
@@ -169,7 +169,7 @@ class AngleFunctions:
 
 
 def functions_in(study: Study, scenario: str) -> AngleFunctions:
-    """Of a study's motor and load in a scenario, with its overrides."""
+    """Functions of the angle of a study's motor and load in a scenario, with its overrides."""
     here = for_scenario(study, scenario)
     load = here.scenario[scenario].load or here.mechanics.load
     return angle_functions(here.motor.star(), here.mechanics, load)
@@ -178,7 +178,7 @@ def functions_in(study: Study, scenario: str) -> AngleFunctions:
 def angle_functions(
     motor: StarMotor, mechanics: Mechanics, load: Load, constant: float | None = None
 ) -> AngleFunctions:
-    """Of a motor with a load; the load's constant part may be another."""
+    """Functions of the angle of a motor with a load; `constant`, N*m, replaces the load's constant part."""
     factor = motor.power_factor * motor.pole_pairs
     flux = [(h.order * motor.pole_pairs, h.order * h.q, h.q_phase) for h in motor.flux_harmonics]
     flux += [(h.order * motor.pole_pairs, h.d, h.d_phase) for h in motor.flux_harmonics]
@@ -200,7 +200,7 @@ def angle_functions(
 def _series(
     constant: float, cosines: Sequence[tuple[int, float, float]], table: AngleTable | None = None
 ) -> Series:
-    """Of c cos(n theta + phase), those of one order in one."""
+    """The series of c cos(n theta + phase), with the cosines of one order added up."""
     sums: dict[int, complex] = {}
     for n, c, phase in cosines:
         sums[n] = sums.get(n, 0j) + c * complex(math.cos(phase), math.sin(phase))
@@ -214,7 +214,7 @@ def _product(f: Rises, g: Rises) -> Rises:
 
 
 def _reciprocal(f: Rises, least: float) -> Rises:
-    """Of u = 1 / f, by Leibniz' rule on f u = 1."""
+    """Derivatives of u = 1 / f, by Leibniz' rule on f u = 1."""
     u = [1 / least]
     for k in range(1, 4):
         u.append(sum(math.comb(k, i) * f[i] * u[k - i] for i in range(1, k + 1)) / least)

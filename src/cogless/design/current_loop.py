@@ -44,7 +44,7 @@ class CurrentLoop:
         return np.asarray(pi * gain / (z - math.exp(-x)) / z**self.delay)
 
     def margins(self) -> Margins:
-        """Of the open loop G."""
+        """Margins of the open loop G."""
         return _margins(self)
 
 
@@ -77,7 +77,7 @@ def current_loops(study: Study, scenario: str | None = None) -> dict[str, Curren
 
 
 def weakness(margins: Margins) -> str | None:
-    """What is wrong with a current loop, in words; None where nothing is."""
+    """The weakness of a current loop, in words; None where it has none."""
     if not margins.stable:
         return "is unstable"
     if margins.phase_margin < LEAST:

@@ -76,7 +76,7 @@ def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
 
 
 def _outside(study: TrialStudy, scenario: str) -> tuple[str, ...]:
-    """What is simulated beyond the ranges that the design holds for."""
+    """Warnings of values in a scenario outside the ranges that the design holds for."""
     found = []
     for index, (first, here) in enumerate(study.scenario[scenario].phases):
         if study.plant is not None:
@@ -116,7 +116,7 @@ def uncertain_plant(study: TrialStudy) -> UncertainPlant:
 
 
 def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
-    """What the design of a controller needs besides the plant."""
+    """Settings of a controller's design: all that it needs besides the plant."""
     controller, design = study.controller[name], study.design
     own: dict[str, Any] = {}
     if isinstance(controller, StateIlc):

@@ -42,7 +42,7 @@ FEWEST, MOST = 1024, 8192  # frequencies of a cost
 
 @dataclass(frozen=True)
 class Vertex:
-    """Of the mapped set (23)."""
+    """A vertex of the mapped set (23)."""
 
     A: Real
     B: Real  # (n, 1)

@@ -72,7 +72,7 @@ def sampled(continuous: Model, period: float, how: Discretisation) -> Model:
 
 
 def exponential(M: Real) -> Real:
-    """Of a matrix, by its series: importing scipy.linalg takes longer than a run does."""
+    """Exponential of a matrix, by its series: importing scipy.linalg takes longer than a run does."""
     halvings = max(0, math.ceil(math.log2(max(float(np.abs(M).max()), 1e-300))) + 3)
     small = M / 2.0**halvings
     sum_, term = np.eye(len(M)), np.eye(len(M))

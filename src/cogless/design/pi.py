@@ -57,7 +57,7 @@ CURRENT, INTEGRAL, WAITING, OMEGA, THETA, REFERENCE = range(6)  # the state x, a
 
 @dataclass(frozen=True)
 class SpeedLoop:
-    """What the speed controller acts on."""
+    """The plant of the speed controller."""
 
     b: float  # rad/s^2/A, acceleration per current
     steps: int  # current-loop periods in one of the speed loop
@@ -66,7 +66,7 @@ class SpeedLoop:
 
     @property
     def period(self) -> float:
-        """Of the speed loop, s."""
+        """Speed-loop period, s."""
         return self.steps * self.current.period
 
     def plant(self, w: Real) -> Complex:
@@ -80,7 +80,7 @@ class SpeedLoop:
         return np.asarray((x[:, THETA] - theta_then) / (self.window * self.current.period))
 
     def angle(self, w: Real) -> Complex:
-        """From current reference to the angle at the sample, rad/A."""
+        """Response from current reference to the angle at the sample, rad/A."""
         return np.asarray(self._states(w)[:, THETA])
 
     def _states(self, w: Real) -> Complex:

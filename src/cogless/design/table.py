@@ -59,7 +59,7 @@ def design_table(study: Study) -> Group:
 
 
 def _theorems(study: Study, designs: dict[str, Design]) -> list[str]:
-    """What the proofs of laws that learn in angle ask, and the bounds behind it."""
+    """Notes on what the proofs of laws that learn in angle ask, and the bounds behind it."""
     notes: list[str] = []
     for name, design in designs.items():
         if design.theorem is not None:

@@ -1,4 +1,4 @@
-"""What is known before a run of a law that learns: whether it settles along its scenarios' references.
+"""Verdict before a run of a law that learns: whether it settles along its scenarios' references.
 
 learning_loop.py has the factor at one speed and acceleration, with the plant as it is in a scenario. Along a
 reference, with f = (1, omega, a) and M the learning gains of the three functions delta of a law that learns
@@ -81,7 +81,7 @@ class Passing:
     unstable: bool
 
     def words(self, unit: str = ANGULAR_SPEED.unit) -> str:
-        """In a line; `unit`: of speeds."""
+        """The verdict on passing in one line; `unit`: of speeds."""
         what = "is unstable" if self.unstable else "grows"
         below, above = (units.format(x, unit, ANGULAR_SPEED, 2) for x in (self.below, MARGIN * self.below))
         found = f"below {below}, which it passes within {self.time:.2g} s, it {what} "
@@ -99,7 +99,7 @@ class Mean:
     sure: bool  # whether it grows for certain
 
     def words(self) -> str:
-        """In a line."""
+        """The mean in one line."""
         return f"in the mean {self.factor:.3g}x from {self.lowest:.0f} to {self.highest:.0f} Hz"
 
 
@@ -153,7 +153,7 @@ class Verdict:
         return speed + (f" in scenario {self.scenario}" if self.scenario else "")
 
     def short(self) -> str:
-        """What it is, without a remedy."""
+        """The verdict without a remedy."""
         if self.unstable is not None:
             with_what = "" if self.kind == "feedback unstable" else " with what learning adds at once"
             found = f"{self.kind}{with_what}, at {self.unstable.frequency:.0f} Hz{self.where}"
@@ -175,7 +175,7 @@ class Verdict:
         return "; ".join(part for part in (self.short(), self.remedy(), passing, doubts, *frozen) if part)
 
     def remedy(self) -> str:
-        """What mends it; empty where nothing has to be."""
+        """The remedy; empty where nothing has to be mended."""
         if self.repair is not None:
             return self.repair.words()
         if self.kind == "feedback unstable":
@@ -202,18 +202,18 @@ class _At:
 
     @cached_property
     def unstable(self) -> Oscillation | None:
-        """At the mean torque constant."""
+        """The oscillation at the mean torque constant."""
         return self.loop.oscillation()
 
     @cached_property
     def oscillation(self) -> Oscillation | None:
-        """At any."""
+        """The fastest growing oscillation at any torque constant."""
         found = [o for loop in self.loops if (o := loop.oscillation()) is not None]
         return max(found, key=lambda o: o.rate, default=None)
 
     @cached_property
     def feedback(self) -> Oscillation | None:
-        """Of the feedback alone, before or after the hand-over."""
+        """The oscillation of the feedback alone, before or after the hand-over."""
         loop = self.loop
         return oscillation(loop.plant, loop.feedback_before) or oscillation(loop.plant, loop.feedback)
 
@@ -241,7 +241,7 @@ class _Motion:
 
     @property
     def loudest(self) -> _At:
-        """Where learning leaves most beside its feedback."""
+        """The point where learning leaves most beside its feedback."""
         return max((at for at, _ in self.judged), key=lambda at: ripple(at.loop, self.duration).ratio)
 
 
@@ -310,7 +310,7 @@ def loop_type(law: AnyController) -> type[LearningLoop] | None:
 
 
 def warnings(study: Study, name: str) -> list[str]:
-    """What a user should know before a run, a line each."""
+    """Warnings before a run, a line each."""
     found = verdict(study, name)
     lines: list[str] = []
     if found is None:
@@ -335,7 +335,7 @@ def judged(study: Study, scenario: str, name: str) -> list[LearningLoop]:
 
 
 def _motion(study: Study, scenario: str, name: str) -> _Motion:
-    """What is judged of a scenario; nothing where its reference is never fast enough to learn."""
+    """Points of a scenario to judge; none where its reference is never fast enough to learn."""
     law = study.controller[name]
     kind = loop_type(law)
     assert kind is not None and isinstance(law, PiIlc | RobustIlc | SpaceLearning)
@@ -440,7 +440,7 @@ def _passing(gone: list[_At], left: list[_At], time: float) -> Passing:
 
 
 def _mean(judged: Sequence[tuple[_At, float]]) -> Mean:
-    """Over one scenario. Sure where the bound from below is above one: a period has a mode to each order."""
+    """Mean over one scenario. Sure where the lower bound is above one: a period has a mode to each order."""
     constant = len(judged) == 1
     channels = 1 if constant else _channels(judged)
     highest = min(at.loop.highest / at.loop.periods_per_second for at, _ in judged)
@@ -465,7 +465,7 @@ def _mean(judged: Sequence[tuple[_At, float]]) -> Mean:
 
 
 def _channels(judged: Sequence[tuple[_At, float]]) -> int:
-    """How many functions of the angle are learned along a reference."""
+    """Number of functions of the angle that are learned along a reference."""
     law = judged[0][0].loop.study.controller[judged[0][0].loop.controller]
     if not isinstance(law, SpaceLearning):
         return 1

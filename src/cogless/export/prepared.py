@@ -45,7 +45,7 @@ class Prepared:
 
 
 class Steps(Protocol):
-    """What stands in for a drive's controller, in C structs as bytes."""
+    """A stand-in for a drive's controller, in C structs as bytes."""
 
     def step(self, measurement: bytes, reference: bytes) -> bytes: ...
     def begin(self, trajectory: bytes) -> None: ...
@@ -54,7 +54,7 @@ class Steps(Protocol):
 
 @dataclass(eq=False)
 class Recording:
-    """What the controller was given and gave in each tick, as bytes of the C structs; its memory afterwards.
+    """Inputs and outputs of the controller in each tick, as bytes of the C structs; its memory afterwards.
 
     `begun`: each trial's trajectory, with the tick at which it began. `ended`: ticks before which one ended.
     """

@@ -1,4 +1,4 @@
-"""What a linked image holds: its bytes, where its symbols are, and how much flash and RAM it takes."""
+"""A linked image: its bytes, where its symbols are, and how much flash and RAM it takes."""
 
 from __future__ import annotations
 

@@ -103,7 +103,7 @@ class Target:
 
     @property
     def memory(self) -> Reals:
-        """What is learned, as it is in the processor's RAM."""
+        """Contents of the law's memory in the processor's RAM."""
         length = self._subject.memory_length
         if not length:
             return np.zeros(0, self._dtype)

@@ -19,7 +19,7 @@ def lines(results: AnyResults, scenario: str) -> list[Line]:
 
 
 def broken(results: AnyResults, scenario: str) -> str | None:
-    """What broke in a scenario and what came of it, in a sentence or two; None where nothing did."""
+    """Words for what broke in a scenario and what came of it, a sentence or two; None where nothing did."""
     if not isinstance(results, Results):
         return None
     found = faults.account(results, scenario, speed_unit(results))

@@ -1,4 +1,4 @@
-"""What broke in a scenario, and what each controller made of it, in words."""
+"""Faults of a scenario in words: what broke, and what each controller made of it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Told:
 
 @dataclass(frozen=True)
 class Account:
-    """Of a scenario. `tone`: "worse" or "even" is the best that its verdict may be; "better" is no bound."""
+    """Account of a scenario's faults. `tone`: the best that the verdict may be; "better" is no bound."""
 
     tone: str
     headline: str
@@ -43,7 +43,7 @@ class Account:
 
 
 def account(results: Results, scenario: str, unit: str) -> Account | None:
-    """What broke and what came of it; None where nothing breaks. `unit`: of speeds."""
+    """The account of what broke and what came of it; None where nothing breaks. `unit`: of speeds."""
     runs = [run for run in results.runs if run.scenario == scenario and run.faults]
     if not runs:
         return None
@@ -175,7 +175,7 @@ def _over(response: Response) -> float:
 
 
 def _lost(run: Run, response: Response, unit: str) -> str | None:
-    """What the speed is instead of its reference, after the fault."""
+    """Words for the speed after the fault, where it isn't its reference; None where it is."""
     if response.after is None or not len(run.trace):
         return None
     return missed(run, run.trace.window(*response.after), unit)

@@ -46,6 +46,6 @@ def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 
 def _period(run: Run) -> float:
-    """What a map is over, rad: a revolution, or the period that a law in angle learns."""
+    """Length of a map's angle, rad: a revolution, or the period that a law in angle learns."""
     angle = run.memory["angle"]
     return float(len(angle) * (angle[1] - angle[0]))

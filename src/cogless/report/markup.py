@@ -72,7 +72,7 @@ def note(text: str) -> str:
 
 
 def reservations(sentences: Sequence[str]) -> str:
-    """What a table or plot does not show, or only with a reservation."""
+    """Notes on what a table or plot does not show, or only with a reservation."""
     return "".join(f'<p class="note missed">{escape(sentence)}</p>' for sentence in sentences)
 
 

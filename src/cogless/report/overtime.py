@@ -147,7 +147,7 @@ def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 
 def marks(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """What breaks, from when to when, and in words."""
+    """Marks of what breaks: from when to when, s, and in words."""
     return [
         {"from": fault.time, "to": fault.end, "label": " and ".join(fault.words)}
         for fault in faults_in(results.study, runs[0].scenario)
@@ -155,7 +155,7 @@ def marks(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 
 def _beginnings(results: Results, runs: Sequence[Run], end: float) -> list[dict[str, Any]]:
-    """Where laws that learn in angle begin to, if that's not at the start."""
+    """Views of where laws that learn in angle begin to, if that's not at the start."""
     laws = [in_angle(results.study, run.controller) for run in runs]
     starts = sorted({law.learning_start for law in laws if law is not None and 0 < law.learning_start < end})
     return [
@@ -165,14 +165,14 @@ def _beginnings(results: Results, runs: Sequence[Run], end: float) -> list[dict[
 
 
 def _since(trace: Trace, revolutions: int) -> float | None:
-    """When the last so many revolutions of the reference begin, s; None where there are no more."""
+    """Time at which the last so many revolutions of the reference begin, s; None where it turns less."""
     turned = np.cumsum(np.abs(np.nan_to_num(trace["omega_ref"]))) * trace.period / (2 * math.pi)
     left = turned[-1] - turned
     return float(trace.time[int(np.argmax(left <= revolutions))]) if left[0] > revolutions else None
 
 
 def _started(runs: Sequence[Run], until: float) -> float:
-    """When the speed errors of all runs have come down to what they are later, before `until`, s."""
+    """Time by which the speed errors of all runs have come down to their later size, before `until`, s."""
     errors = [np.abs(run.trace["omega_error"][run.trace.window(0.0, until)]) for run in runs]
     errors = [np.where(np.isfinite(error), error, 0.0) for error in errors]
     calm = 1.2 * max(float(np.max(error[len(error) // 2 :], initial=0.0)) for error in errors)
@@ -252,6 +252,6 @@ def _packed(x: Array, trace: Trace, views: Sequence[View]) -> dict[str, Any]:
 
 
 def _spread(x: Array) -> float:
-    """How far the second half of x spreads; 0 where it isn't finite."""
+    """Spread of the second half of x; 0 where it isn't finite."""
     spread = float(np.std(x[len(x) // 2 :])) if len(x) else 0.0
     return spread if math.isfinite(spread) else 0.0

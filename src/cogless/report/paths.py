@@ -1,4 +1,4 @@
-"""What a study that follows a varying reference asks of its report: which error, and who learns in angle."""
+"""Helpers for references that vary: which error the report shows, and who learns in angle."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Error:
 
     @property
     def scale(self) -> float:
-        """What the signal is divided by."""
+        """The divisor from the signal's SI values to the displayed ones."""
         return factor(self.unit, SIGNALS[self.signal]) / self.ratio
 
     def of(self, trace: Trace) -> Array:
@@ -84,7 +84,7 @@ def errors(results: Results, runs: Sequence[Run]) -> list[Error]:
 
 
 def _ratio(results: Results, scenario: str) -> int:
-    """What mechanical errors are multiplied by: in the frame that the scenario's metrics take them in."""
+    """Factor of mechanical errors: into the frame that the scenario's metrics take them in."""
     taken = [m for m in results.study.metrics_in(scenario) if m.kind != "order"]
     electrical = any(
         m.frame == "electrical" and m.signal in ("omega_error", "theta_error", "omega_m") for m in taken
@@ -93,7 +93,7 @@ def _ratio(results: Results, scenario: str) -> int:
 
 
 def periods(results: Results, run: Run) -> tuple[Array, float] | None:
-    """Of a law that learns in angle: whole periods travelled at each row, and one period, mechanical rad."""
+    """Periods travelled at each row, and one period, mechanical rad; None without learning in angle."""
     law = in_angle(results.study, run.controller)
     if law is None or len(run.trace) < 2:
         return None

@@ -23,7 +23,7 @@ NOTE = (
 
 
 def over_angle(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """For each controller that learns in angle: its errors over the angle, and its learnt current."""
+    """Charts of each controller that learns in angle: its errors over the angle, and its learned current."""
     return [chart for run in runs for chart in _charts(results, run)]
 
 

@@ -37,7 +37,7 @@ SQUARES = {
 
 @dataclass(frozen=True)
 class Sensor:
-    """Of a line: the same of what the laws see, and the sensor's share of each true value's square."""
+    """The line as the laws see it, and the sensor's share of each true value's square."""
 
     seen: Line
     shares: Mapping[str, float]

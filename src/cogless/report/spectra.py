@@ -76,7 +76,7 @@ def left_out(results: Results, scenario: str) -> list[str]:
 
 
 def turned_back(results: Results, scenario: str) -> str:
-    """Which controllers' spectra are of a part of their way, since the rotor turns back; "" where none is."""
+    """A note of spectra that are of a part of the way, since the rotor turns back; "" where none is."""
     found, when = [], ""
     for run in results.runs:
         theta = run.trace["theta_m"][late(results, run)]
@@ -108,7 +108,7 @@ def _left_out(results: Results, run: Run) -> str:
 
 
 def _when(results: Results, run: Run) -> str:
-    """Between which times a run's spectrum is taken."""
+    """Words for the times between which a run's spectrum is taken."""
     return "between {:.4g} and {:.4g} s".format(*run.trace.time[late(results, run)][[0, -1]])
 
 

@@ -142,7 +142,7 @@ def _compared(results: Results, scenario: str, speed_unit: str) -> Verdict | Non
 
 
 def _by_what_is_seen(case: _Case, part: Sensor | None) -> tuple[_Case, str]:
-    """Where the sensor's own error dominates, the case by what the laws see, and a sentence that says so."""
+    """The case by what the laws see, and a sentence that says so, where the sensor's own error dominates."""
     blurred = [c for c in case.held if part is not None and part.dominates(c)]
     if part is None or not blurred:
         return case, ""
@@ -196,14 +196,14 @@ def _comparison(case: _Case) -> tuple[str, str]:
 
 
 def _has(line: Line, controller: str) -> str:
-    """What a controller does, such as "leaves 0.46 rpm of speed order 6 (electrical)"."""
+    """Words for what a controller does, such as "leaves 0.46 rpm of speed order 6 (electrical)"."""
     if line.kind == "dip":
         return f"is thrown off by {line.text(controller)} ({line.quantity})"
     return f"leaves {line.text(controller)} of {line.quantity}"
 
 
 def _have(case: _Case) -> str:
-    """What the winners do, such as "A and B tie: they leave 0.46 rpm and 0.47 rpm of speed ripple"."""
+    """Words for what the winners do: "A and B tie: they leave 0.46 rpm and 0.47 rpm of speed ripple"."""
     line, winners = case.line, case.winners
     if len(winners) == 1:
         return f"{case.label(winners[0])} {_has(line, winners[0])}"
@@ -214,9 +214,9 @@ def _have(case: _Case) -> str:
 
 
 def _decisive(lines: Sequence[Line], baseline: str, moves: bool) -> Line | None:
-    """What the verdict is about: the ripple of the speed, else the baseline's strongest order, else a dip.
+    """The line to judge by: the ripple of the speed, else the baseline's strongest order, else a dip.
 
-    Of what the baseline has, if anything. Where the reference `moves` the ripple is in the speed's error.
+    A line that the baseline has, if any. Where the reference `moves`, the ripple is in the speed's error.
     """
     lines = [line for line in lines if line.kind != "mean"]  # it may be negative
     lines = [line for line in lines if baseline in line.values] or lines
@@ -229,7 +229,7 @@ def _decisive(lines: Sequence[Line], baseline: str, moves: bool) -> Line | None:
 
 
 def _latest(results: Results, scenario: str, line: Line | None, lines: Sequence[Line]) -> Line | None:
-    """Of the same number in several windows, the last window's: what learning comes to."""
+    """The line of the last of several windows, for what learning comes to in the end."""
     if line is None or line.order is not None:
         return line
     alike = {other.name for other in lines if (other.kind, other.signal) == (line.kind, line.signal)}
@@ -258,7 +258,7 @@ def _orders(lines: Sequence[Line], controller: str) -> list[Line]:
 
 
 def _place(run: Run, speed_unit: str) -> str:
-    """ "At 60 rpm" where the reference stays constant, else "In the scenario's name"."""
+    """Words for the operating point: "At 60 rpm" for a constant reference, else "In SCENARIO"."""
     if _moves(run):
         return f"In {run.scenario}"
     speed = convert(float(run.trace["omega_ref"][-1]), speed_unit, ANGULAR_SPEED)
@@ -271,7 +271,7 @@ def _moves(run: Run) -> bool:
 
 
 def _strongest_order(case: _Case) -> str:
-    """After the whole ripple of the speed: what it's made of, with the best and with the baseline."""
+    """A sentence on the strongest order of the speed's ripple, with the best and with the baseline."""
     if not _is_total(case.line) or len(case.ranked) < 2:
         return ""
     compared = case.baseline if case.baseline in case.ranked else case.ranked[-1]
@@ -304,7 +304,7 @@ def _without_learning(case: _Case) -> str:
 
 
 def _against_the_next(case: _Case) -> str:
-    """Where the winner is clearly worse than the next one; where they tie, each against the other."""
+    """Sentences on what is clearly worse of the winner than of the next; of both where they tie."""
     first, second = case.ranked[:2]
     pairs = [(first, second)] if second not in case.winners else [(first, second), (second, first)]
     sentences = [_worse(case, *pair) for pair in pairs if pair[1] != case.baseline]
@@ -326,7 +326,7 @@ def _worse(case: _Case, controller: str, other: str) -> str:
 
 
 def _costs(case: _Case) -> str:
-    """Which other metrics get worse with the winner than with the baseline, and by how much."""
+    """A sentence on other metrics that get worse with the winner than with the baseline, and by how much."""
     best = next((c for c in case.winners if c != case.baseline), None)
     if best is None or case.baseline not in case.ranked:
         return ""

@@ -1,4 +1,4 @@
-"""What a controller makes of what breaks in a scenario: how long it is safe, the ripple before and after.
+"""Responses of controllers to what breaks in a scenario: how long it is safe, the ripple before and after.
 
 All from a run's trace, to its rows: something shorter than their period may be missed.
 """
@@ -36,7 +36,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Response:
-    """What a run did from a fault's beginning until the next one's, or the end.
+    """Response of a run to a fault, from its beginning until the next one's, or the end.
 
     Times are in s, and are how long something lasted in all; `noticed_after`: from the fault to the first
     sign that the controller saw it. None: never, or unknown. `ripple`: rms of the speed error about its mean
@@ -59,7 +59,7 @@ class Response:
 
 
 def faults_in(study: Study, scenario: str) -> list[Fault]:
-    """What breaks in a scenario, in order of time; in a study with faults, loads that come and go, too."""
+    """Faults of a scenario in order of time; in a study with faults, loads that come and go, too."""
     here = study.scenario[scenario]
     end = here.duration
     single = [Fault(f.time, min(f.end, end), (f.words,), f.end >= end) for f in here.faults]
@@ -97,7 +97,7 @@ def _knocks(study: Study, scenario: str) -> list[tuple[Event, Event]]:
 
 
 def responses(faults: Sequence[Fault], trace: Trace, current_limit: float, learns: bool) -> list[Response]:
-    """What a run did about each fault."""
+    """Responses of a run, one to each fault."""
     if len(trace) < FEWEST or not faults:
         return []
     ends = [*(fault.time for fault in faults[1:]), math.inf]
@@ -157,7 +157,7 @@ def _rows(trace: Trace, span: Span) -> slice:
 
 
 def ripple(trace: Trace, span: Span | None) -> float | None:
-    """Of the speed error about its mean, rad/s rms."""
+    """RMS of the speed error about its mean, rad/s."""
     if span is None:
         return None
     with np.errstate(all="ignore"):

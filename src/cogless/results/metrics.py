@@ -30,7 +30,7 @@ REFERENCES = {"omega_m": "omega_ref", "omega_measured": "omega_ref", "i_d": "i_d
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a metric needs to know of a run besides its trace."""
+    """Facts that a metric needs to know of a run besides its trace."""
 
     pole_pairs: int
     R_s: float  # ohm, of the star equivalent
@@ -189,7 +189,7 @@ def settling(m: Measurement) -> float | None:
 
 
 def overshoot(m: Measurement) -> float:
-    """How far the signal goes beyond where it ends, in the signal's unit; 0 where it doesn't.
+    """Distance that the signal goes beyond where it ends, in the signal's unit; 0 where it doesn't.
 
     It ends at its mean over the last quarter of the window, and goes there from its mean before the event.
     """

@@ -64,13 +64,13 @@ class AnyResults:
 
 @dataclass(frozen=True, eq=False)
 class Results(AnyResults):
-    """Of a speed study."""
+    """Results of a speed study."""
 
     study: Study
 
 
 @dataclass(frozen=True, eq=False)
 class TrialResults(AnyResults):
-    """Of a study of trials."""
+    """Results of a study of trials."""
 
     study: TrialStudy

@@ -124,7 +124,7 @@ class Trace:
 
 
 class RunWithTrace(Protocol):
-    """What `write_netcdf` needs of a run."""
+    """Parts of a run that `write_netcdf` needs."""
 
     @property
     def scenario(self) -> str: ...

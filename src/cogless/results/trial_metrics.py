@@ -75,7 +75,7 @@ def final_rms(m: Measurement) -> Values:
 
 
 def trials_to_floor(m: Measurement) -> Values:
-    """How many trials of each phase pass until the RMS is at the floor or below; infinite where none is.
+    """Trials of each phase until the RMS is at the floor or below; infinite where none is.
 
     1: the first trial of the phase is there already. Noise may lift a later trial above the floor again.
     """

@@ -124,7 +124,7 @@ def _rollout(
 
 
 def _runner(study: AnyStudy, runs: Sequence[tuple[str, str]]) -> Runner:
-    """What runs a controller of this study in a scenario; what all these runs need is done first."""
+    """A function that runs a controller of this study in a scenario; does first what all these runs need."""
     if isinstance(study, TrialStudy):
         from cogless.run.trials import runner
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def runner(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Runner:
-    """What runs a controller of this study in a scenario, with all the controllers of these runs designed."""
+    """A function that runs a controller of this study in a scenario; designs all the controllers first."""
     return partial(_run, study, design_study(study, runs))
 
 

@@ -1,4 +1,4 @@
-"""What `cogless calibrate` fits: parameters of the study, to target values of its metrics."""
+"""Tables of `cogless calibrate`: parameters of the study to fit, to target values of its metrics."""
 
 from __future__ import annotations
 

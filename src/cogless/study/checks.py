@@ -1,4 +1,4 @@
-"""What must hold between the tables of a study. Each check raises the error that names the key."""
+"""Checks between the tables of a study. Each raises the error that names the key."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def _span(metric: Metric, scenario: Scenario) -> tuple[str, float]:
 
 
 def orders(study: Study) -> None:
-    """At top speed every order lies below half the trace's rate, and is whole within the window."""
+    """Check that at top speed every order lies below half the trace's rate and is whole in the window."""
     half = study.trace_rate / 2
     for index, metric in enumerate(study.metric):
         for name, scenario in study.scenario.items():

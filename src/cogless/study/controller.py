@@ -42,7 +42,7 @@ class Tuning(Table):
 
 
 class Base(Table):
-    """What every controller has."""
+    """A controller: the keys that every law has."""
 
     label: Line | None = None  # in tables and report; default: its name
     baseline: bool = False  # ratios are against it
@@ -164,7 +164,7 @@ class Commissioning(Table):
 
     @property
     def duration(self) -> float:
-        """How long the run should take, s."""
+        """Duration of the calibration run, s."""
         return 2 * (self.revolutions + SETTLING) * 2 * math.pi / self.speed
 
 
@@ -182,7 +182,7 @@ class AntiCogging(Feedback):
 
 
 class OwnLaw(Base):
-    """What controllers of a user have."""
+    """A controller of a user: the keys that each has."""
 
     learning: bool = False  # nobody but the user knows
 

@@ -33,7 +33,7 @@ PERIODS_MAX = 5e8  # that the controller can count
 
 
 class Belief(Table):
-    """What the controller thinks the motor is, of one winding as in the motor table; default: the truth."""
+    """The motor as the controller believes it, of one winding as in the motor table; default: the truth."""
 
     R_s: Resistance | None = None  # ohm
     L_d: Inductance | None = None  # H
@@ -56,7 +56,7 @@ class Belief(Table):
 
 @dataclass(frozen=True)
 class StarBelief:
-    """What the controller thinks of the motor's star equivalent, all SI."""
+    """The motor's star equivalent as the controller believes it, all SI."""
 
     R_s: float  # ohm
     L_d: float  # H
@@ -65,7 +65,7 @@ class StarBelief:
 
 
 class Rates(Table):
-    """How often things happen. The speed loop runs at every n-th current-loop period."""
+    """Rates of the loops. The speed loop runs at every n-th current-loop period."""
 
     current_loop: Frequency  # Hz, whole
     speed_loop: Frequency  # Hz, whole, divides current_loop

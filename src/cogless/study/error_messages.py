@@ -74,7 +74,7 @@ def shown(value: Any) -> str:
 
 
 def _escaped(value: Any) -> str:
-    """As JSON, in one line and with whatever can be printed."""
+    """The value as JSON, in one line and with whatever can be printed."""
     text = json.dumps(value, ensure_ascii=False, default=str)
     return text if text.isprintable() else json.dumps(value, default=str).replace("\x7f", "\\u007f")
 
@@ -106,7 +106,7 @@ def _either(same: Sequence[Problem]) -> Problem:
 
 
 def _place(key: Key, tables: Any) -> list[int]:
-    """Where a key stands in the file, level by level; after all else of its table if it isn't there."""
+    """Place of a key in the file, level by level; after all else of its table if it isn't there."""
     place: list[int] = []
     for part in key:
         known = list(tables) if isinstance(tables, dict) else list(range(len(tables)))
@@ -150,7 +150,7 @@ def _existing(location: Key, tables: Any) -> Key:
 
 
 def look_up(tables: Any, key: Key) -> Any:
-    """What stands at a key, or MISSING."""
+    """The value at a key, or MISSING."""
     for part in key:
         if isinstance(tables, dict):
             tables = tables.get(str(part), MISSING)  # a name of digits, such as [scenario.60]

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def faults(study: Study) -> None:
-    """None of currents or bus with an ideal current loop, of a phase that isn't measured, or too short."""
+    """Refuse faults of what isn't measured (currents and bus of an ideal loop, a phase), or too short."""
     drive = study.drive
     for name, scenario in study.scenario.items():
         for index, fault in enumerate(scenario.faults):

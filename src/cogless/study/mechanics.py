@@ -1,4 +1,4 @@
-"""What the motor turns: inertia, friction and load."""
+"""Mechanics that the motor turns: inertia, friction and load."""
 
 from __future__ import annotations
 

@@ -140,12 +140,12 @@ class Metric(Table):
 
     @property
     def meaning(self) -> tuple[Any, ...]:
-        """What metrics of one name, in different scenarios, have in common."""
+        """Properties that metrics of one name, in different scenarios, have in common."""
         return self.kind, self.signal, self.order, self.frame
 
     @property
     def dimension(self) -> Dimension:
-        """What the metric's value is."""
+        """Dimension of the metric's value."""
         return _dimension(self.kind, self.signal)
 
     def applies_in(self, name: str, scenario: Scenario) -> bool:
@@ -156,7 +156,7 @@ class Metric(Table):
 
 
 class Named(Protocol):
-    """What a metric's name in results.json is made of."""
+    """The parts of a metric that its name in results.json is made of."""
 
     @property
     def name(self) -> str: ...

@@ -1,4 +1,4 @@
-"""How a scenario's reference moves: samples of its speed and acceleration."""
+"""Motion of a scenario's reference: samples of its speed and acceleration."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Course:
 
 
 def course(scenario: Scenario) -> Course:
-    """Of a scenario's reference. Within their steps samples go by the golden ratio: no swing hides."""
+    """Course of a scenario's reference. Within their steps samples go by the golden ratio: no swing hides."""
     reference, end = scenario.reference, scenario.duration
     pieces = [b - a for (a, _), (b, _) in pairwise(reference.points or reference.moves)]
     pieces += [reference.smoothing] if reference.smoothing else []

@@ -1,4 +1,4 @@
-"""What the simulation can do: checks that a study fits the integrator, the inverter and the memory."""
+"""Checks that a study fits the simulation: the integrator, the inverter and the memory."""
 
 from __future__ import annotations
 

@@ -103,7 +103,7 @@ def parse_change(text: str) -> tuple[str, Any]:
 
 
 def shipped(room: str) -> dict[str, Path]:
-    """What comes with cogless, by name. `room`: "studies" or "motors"."""
+    """Files that come with cogless, by name. `room`: "studies" or "motors"."""
     folders = [folder / room for folder in package_folders()]
     return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
 
@@ -266,7 +266,7 @@ def _checked(source: Source) -> AnyStudy:
 
 
 def _of_each(scenarios: Iterable[str], made: Callable[[str], Made]) -> dict[str, Made]:
-    """What is made of each scenario; the mistakes of all of them at once."""
+    """Results of `made` for each scenario; raises the mistakes of all of them at once."""
     found: dict[str, Made] = {}
     lines: list[str] = []
     for name in scenarios:

@@ -1,4 +1,4 @@
-"""What speed, or what path, is asked of the drive: one of several forms."""
+"""References of the drive: a speed or a path, in one of several forms."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class Reference(Table):
 
     @property
     def kind(self) -> Kind:
-        """Which of the forms this is."""
+        """The form that this is."""
         return next(kind for kind, keys in FORMS.items() if keys == self.model_fields_set - {"smoothing"})
 
     @property
@@ -101,7 +101,7 @@ class Reference(Table):
         return self._from_file or self.profile
 
     def speeds(self, initial_speed: float = 0.0) -> tuple[float, float]:
-        """Between which speeds it stays, from an initial speed on, signed, rad/s."""
+        """The speeds between which it stays, from an initial speed on, signed, rad/s."""
         ends = [initial_speed, self.speed] if self.kind == "ramp" else [self.speed]
         if self.points:
             ends = [speed for _, speed in self.points]

@@ -47,7 +47,7 @@ def points(path: Path) -> Points:
 
 
 def _scales(heading: list[str]) -> tuple[float, float]:
-    """What times and speeds are multiplied by: the SI values of the units that a heading names."""
+    """Factors of times and speeds: the SI values of the units that a heading names."""
     if len(heading) != len(COLUMNS):
         raise problem(
             f"line 1: {_shown(*heading)}: expected two columns, time and speed, with a comma between", "file"
@@ -66,7 +66,7 @@ def _scale(cell: str, name: str, dimension: Dimension) -> float:
 
 
 def _unit(cell: str) -> str | None:
-    """Of "speed [rpm]", "speed (rpm)", "speed rpm", "speed_rpm" and "speed/rpm"; None where there is none."""
+    """Unit in "speed [rpm]", "speed (rpm)", "speed rpm", "speed_rpm" and "speed/rpm"; None without one."""
     bracketed = BRACKETS.search(cell)
     if bracketed:
         return bracketed[1].strip()
@@ -76,6 +76,6 @@ def _unit(cell: str) -> str | None:
 
 
 def _shown(*cells: str) -> str:
-    """What stands in the file, in quotes, cut when long."""
+    """The cells as they stand in the file, in quotes, cut when long."""
     text = ",".join(cells)
     return f'"{text if len(text) <= 40 else text[:37] + "..."}"'

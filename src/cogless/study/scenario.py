@@ -83,7 +83,7 @@ class Scenario(Table):
 
     @property
     def speeds(self) -> tuple[float, float]:
-        """Between which speeds the reference stays, signed, rad/s."""
+        """The speeds between which the reference stays, signed, rad/s."""
         return self.reference.speeds(self.initial_speed)
 
     @property

@@ -1,4 +1,4 @@
-"""What a law that learns in angle needs of the motor, the reference and the rates."""
+"""Checks of a law that learns in angle against the motor, the reference and the rates."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def space_laws(study: Study) -> None:
 
 
 def _ratio(study: Study, law: SpaceLearning) -> int:
-    """What the law multiplies mechanical angles by."""
+    """Factor from mechanical angles to the law's."""
     return study.motor.pole_pairs if isinstance(law, SpacePosition) and law.frame == "electrical" else 1
 
 
 def _numbers(study: Study, name: str, law: SpaceLearning) -> None:
-    """What the controller's arithmetic can hold, and the equation for P_t."""
+    """Check what the controller's arithmetic can hold, and the equation for P_t."""
     # the Q filter adds up so many entries
     check_precision(law, study.drive.precision, "controller", name, terms=2 * law.q_half_width + 2)
     rate = study.drive.rates.speed_loop

@@ -83,7 +83,7 @@ class SpaceLearning(Base):
 
     @property
     def channels(self) -> int:
-        """How many functions of the angle are learned: alpha; and beta; and h."""
+        """Number of functions of the angle that are learned: alpha; and beta; and h."""
         return 3 if self.mu_h else 2 if self.mu_beta else 1
 
 

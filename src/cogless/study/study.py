@@ -18,7 +18,7 @@ from cogless.study.table import Frequency, Many, Table
 
 
 class TraceSettings(Table):
-    """What is recorded."""
+    """Settings of what is recorded."""
 
     rate: Frequency | None = None  # Hz, divides the current-loop rate, the default
     energy: bool = False  # integrate and record the energies too
@@ -39,7 +39,7 @@ class Study(StudyBase):
 
     @property
     def belief(self) -> StarBelief:
-        """What the controller thinks of the motor."""
+        """The motor as the controller believes it."""
         return self.drive.belief.resolved(self.motor.star())
 
     @property

@@ -1,4 +1,4 @@
-"""What a study's tables are built on: frozen models that refuse unknown keys, and quantities with a unit."""
+"""Base of a study's tables: frozen models that refuse unknown keys, and quantities with a unit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What must hold between the tables of a study of trials. Each check raises the error that names the key."""
+"""Checks between the tables of a study of trials. Each raises the error that names the key."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def trace_rate(study: TrialStudy) -> None:
 
 
 def conditions(study: TrialStudy) -> None:
-    """What a phase says belongs to this kind of plant."""
+    """Check that what a phase says belongs to this kind of plant."""
     linear = study.plant is not None
     for name, scenario in study.scenario.items():
         count = study.samples(name)

@@ -24,14 +24,14 @@ class QFilter(Table):
 
 
 class TrialLaw(Base):
-    """What every law of trials has."""
+    """A law of trials: the keys that every one has."""
 
     # of the learned signal, rad or the unit of y
     learned_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
 
 
 class FilteredLaw(TrialLaw):
-    """What laws that learn by one gain have."""
+    """A law of trials that learns by one gain."""
 
     q_filter: QFilter | None = None
 

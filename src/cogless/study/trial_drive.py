@@ -22,7 +22,7 @@ from cogless.study.table import Frequency, Table, problem
 
 
 class TrialRates(Table):
-    """How often things happen. The position loop runs at every n-th current-loop period."""
+    """Rates of the loops. The position loop runs at every n-th current-loop period."""
 
     current_loop: Frequency  # Hz, whole
     position_loop: Frequency  # Hz, whole, divides current_loop

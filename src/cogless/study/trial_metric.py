@@ -83,7 +83,7 @@ class TrialMetric(Table):
 
     @property
     def dimension(self) -> Dimension:
-        """What the metric's value is."""
+        """Dimension of the metric's value."""
         if self.kind == "trials-to-floor":
             return units.NONE
         return DRIVE_SIGNALS.get(self.signal, units.NONE)

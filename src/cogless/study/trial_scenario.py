@@ -31,7 +31,7 @@ class WithUnit(float):
 
 
 class EitherWay(Quantity):
-    """Of drives a text with a unit; of linear plants a plain number."""
+    """A quantity: for drives a text with a unit, for linear plants a plain number."""
 
     def read(self, value: Any) -> float:
         """The SI value, which remembers whether it had a unit."""
@@ -72,7 +72,7 @@ class PositionReference(Table):
 
 
 class TrialConditions(Table):
-    """What a trial is run under; in a change, what is left out stays as it was."""
+    """Conditions that a trial is run under; in a change, what is left out stays as it was."""
 
     reference: PositionReference | None = None
     load: Load | None = None  # of a drive; replaces mechanics.load
@@ -100,7 +100,7 @@ class TrialConditions(Table):
 
 
 class Change(TrialConditions):
-    """From this trial on, something is different."""
+    """A change of conditions from this trial on."""
 
     trial: Annotated[int, Field(ge=2)]  # the first is 1
 

@@ -21,7 +21,7 @@ from cogless.study.trial_scenario import TrialConditions, TrialScenario
 
 
 class TrialTrace(Table):
-    """What is recorded."""
+    """Settings of what is recorded."""
 
     rate: Frequency | None = None  # Hz, divides the current loop's; default: a row each sample of the trial
 
@@ -60,7 +60,7 @@ class TrialStudy(StudyBase):
 
     @property
     def states(self) -> int:
-        """How many states the plant has: angle and speed of a drive."""
+        """Number of the plant's states: angle and speed of a drive."""
         return len(self.plant.C) if self.plant is not None else 2
 
     def samples(self, scenario: str) -> int:

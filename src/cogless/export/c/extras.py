@@ -1,4 +1,4 @@
-"""What only some laws have: a calibration run, trials."""
+"""Parts that only some laws have: a calibration run, trials."""
 
 from __future__ import annotations
 
@@ -108,5 +108,5 @@ def extras(subject: Subject) -> dict[str, str]:
 
 
 def _without_comment(declaration: str) -> str:
-    """As a definition begins, whose comment stands at the declaration."""
+    """The beginning of a definition; its comment stands at the declaration."""
     return "\n" + declaration.partition("*/\n")[2]

@@ -1,4 +1,4 @@
-"""What `cogless design` finds of one controller, as lines of text."""
+"""Figures that `cogless design` finds of one controller, as lines of text."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ def link(parts: Sequence[Path], library: Path, language: str) -> None:
 
 
 def binary(version: int, identifier: str) -> str:
-    """Where the binary for this platform belongs in an FMU."""
+    """Path of the binary for this platform within an FMU."""
     system = {"linux": ("linux64", "linux", "so"), "darwin": ("darwin64", "darwin", "dylib")}
     if sys.platform not in system:
         raise StudyError(f"export --to fmu: {sys.platform}: expected Linux or macOS")

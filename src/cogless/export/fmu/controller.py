@@ -88,7 +88,7 @@ def _variables(run: Run) -> list[Variable]:
 
 
 def _variables_h(run: Run, subject: Subject, variables: Sequence[Variable]) -> str:
-    """What controller_model.c needs of this controller."""
+    """The header variables.h, which controller_model.c needs of this controller."""
     name = subject.name
     outputs = {f"OUT_{output.upper()}": output for output in OUTPUTS}
     links = "".join(
@@ -119,7 +119,7 @@ static void controller_relink(CONTROLLER *controller, uint64_t tick)
 
 
 def _taught(run: Run, subject: Subject) -> str:
-    """What the law had learned before."""
+    """C code that loads what the law had learned before."""
     memory = run.prepared.memory
     if not memory.any():
         body = table = ""
@@ -132,7 +132,7 @@ def _taught(run: Run, subject: Subject) -> str:
 
 
 def _trials(run: Run, subject: Subject) -> str:
-    """Where trials begin and end; without trials, nowhere."""
+    """C code that begins and ends trials; does nothing without trials."""
     before = after = motions = ""
     if subject.law_name == "trial":
         motions = _motions(run.description["trials"], subject)

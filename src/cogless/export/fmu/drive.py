@@ -87,7 +87,7 @@ def _variables(run: Run, signals: list[tuple[str, str]]) -> list[Variable]:
 
 
 def _places(variables: list[Variable], last: int) -> str:
-    """Where drive_model.cpp finds its variables. `last`: the tick at which trials end, 0 without trials."""
+    """The header by which drive_model.cpp finds its variables. `last`: tick that ends all trials, or 0."""
     first_signal = next(v.name for v in variables if v.causality == "output")
     return (
         "// Of this FMU; generated.\n#pragma once\n\n#include <cstdint>\n#include <vector>\n\n"

@@ -33,12 +33,12 @@ class Run:
 
     @property
     def rate(self) -> int:
-        """Of the current loop, 1/s."""
+        """Rate of the current loop, 1/s."""
         return self.prepared.rate
 
     @property
     def duration(self) -> float:
-        """Of the scenario, s."""
+        """Duration of the scenario, s."""
         return self.prepared.ticks / self.rate
 
     @property
@@ -47,7 +47,7 @@ class Run:
 
     @property
     def phases(self) -> int:
-        """Of the motor."""
+        """Number of the motor's phases."""
         motor = self.description["trials"]["phases"][0] if self.trials else self.description
         return int(motor["motor"]["phases"])
 

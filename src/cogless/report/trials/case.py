@@ -73,7 +73,7 @@ class Case:
 
     @cached_property
     def growing(self) -> dict[str, tuple[Phase, float, float]]:
-        """Where learning diverges: the phase, and the RMS that grew in it, from and to (not finite: NaN)."""
+        """Phase in which each diverging controller diverges, and its RMS, from and to (not finite: NaN)."""
         found = {}
         for controller in self.rms:
             for phase in self.phases:
@@ -83,7 +83,7 @@ class Case:
         return found
 
     def _grown(self, rms: Array) -> tuple[float, float] | None:
-        """From and to, by the medians of the phase's quarters; growth below the floor is none."""
+        """Growth of the RMS, from and to, by the medians of the phase's quarters; None below the floor."""
         if not np.all(np.isfinite(rms)):
             return float(rms[0]), math.nan
         if len(rms) < FEWEST:
@@ -124,7 +124,7 @@ def listed(parts: Sequence[str]) -> str:
 
 
 def case(results: TrialResults, scenario: str) -> Case | None:
-    """None: nothing to judge by."""
+    """The case to judge, or None."""
     study = results.study
     about = judged(study, scenario)
     runs = {run.controller: run for run in results.runs if run.scenario == scenario}

@@ -23,12 +23,12 @@ class Phase:
 
     @property
     def name(self) -> str:
-        """For a mark or a button: "trial 31: load"."""
+        """The phase as a mark or a button: "trial 31: load"."""
         return f"trial {self.start}: {', '.join(self.changed)}" if self.changed else "start"
 
     @property
     def after(self) -> str:
-        """For a sentence: "after the load change (trial 31)"."""
+        """The phase within a sentence: "after the load change (trial 31)"."""
         words = [what.rpartition(".")[2].replace("_", " ") for what in self.changed]
         if not words:
             return "from the start"
@@ -65,7 +65,7 @@ def zooms(found: Sequence[Phase]) -> list[dict[str, object]]:
 
 
 def _changed(change: Change) -> tuple[str, ...]:
-    """What a change tells, in words."""
+    """Words for what a change sets."""
     told = []
     if change.reference is not None:
         told.append("reference")

@@ -114,7 +114,7 @@ def _series(
 def _references(
     run: Run, found: Sequence[Phase], signal: str | None, count: int, scale: float, points: int
 ) -> list[dict[str, Any]]:
-    """Of each phase; the plan is the same for all controllers."""
+    """References of each phase; the plan is the same for all controllers."""
     if signal is None:
         return []
     of_trials = _of_trials(run, signal, count)
@@ -128,6 +128,6 @@ def _of_trials(run: Run, signal: str, count: int) -> Array:
 
 
 def _tamed(x: Array, scale: float) -> Array:
-    """In the display unit, NaN where it is too large to draw."""
+    """Signal in the display unit, NaN where it is too large to draw."""
     with np.errstate(invalid="ignore"):
         return np.where(np.abs(x) < HUGE, x, np.nan) / scale
