@@ -52,7 +52,7 @@ def writable(directory: Path) -> Iterator[None]:
         with tempfile.TemporaryFile(dir=directory):
             pass
     except OSError as error:
-        # of what is to be made, as in /proc
+        # a folder in which none can be made, such as /proc
         why = "can't be made there" if isinstance(error, FileNotFoundError) else reason(error)
         raise StudyError(f"{directory}: {why}: expected a directory that can be written") from error
     try:

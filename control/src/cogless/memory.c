@@ -78,7 +78,7 @@ CGL_SELDOM static cgl_real sum_anywhere(const cgl_memory_config *config, const c
     return sum;
 }
 
-/* How far the angle is in its period, in [0, 1). */
+/* Place of the angle in its period, in [0, 1). */
 static inline cgl_real find_place(const cgl_memory *memory, cgl_real theta_m)
 {
     const cgl_real periods = theta_m * memory->per_rad;

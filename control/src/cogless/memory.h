@@ -70,8 +70,8 @@ cgl_error cgl_memory_init(const cgl_memory_config *config, cgl_memory *memory, c
 /* Forgets everything learned. */
 void cgl_memory_reset(const cgl_memory_config *config, cgl_memory *memory);
 
-/* What was stored one period ago, within the limit: with learn, what a law learns on from (Q filter and forgetting
- * applied); without, what it repeats while learning is frozen. Returns false, and the value 0, where no such value exists:
+/* Gives the value stored one period ago, within the limit: with learn, to learn on from (Q filter and forgetting
+ * applied); without, to repeat while learning is frozen. Returns false, and the value 0, where no such value exists:
  * the angle is not finite or beyond CGL_ANGLE_MAX, or (by time) the reference is so slow that a period exceeds the memory,
  * or so fast that the Q filter does. theta_m [rad] and omega_ref [rad/s] are mechanical. */
 bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,

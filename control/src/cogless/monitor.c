@@ -170,8 +170,8 @@ CGL_SELDOM static void settle(const cgl_monitor_config *config, cgl_monitor *mon
     }
 }
 
-/* How far the reference has turned, and for how long, while the angle stood still; true where both are too much. Who asks
- * for rest starts anew, and who goes on asking gets another try. */
+/* Counts how far the reference has turned, and for how long, while the angle stood still; true where both are too much.
+ * Asking for rest starts the count anew; asking on gives another try. */
 CGL_SELDOM static bool is_stuck(const cgl_monitor_config *config, cgl_monitor *monitor, cgl_real d, cgl_real omega_ref)
 {
     const cgl_monitor_limits *limits = &monitor->limits;

@@ -48,7 +48,7 @@ typedef struct {
     cgl_real u_dc;     /* bus voltage [V]; not looked at if config.phases is 0 */
 } cgl_measurement;
 
-/* What init makes of a config, so that a step neither divides nor multiplies constants. */
+/* Bounds that init derives from a config, so that a step neither divides nor multiplies constants. */
 typedef struct {
     cgl_real reach;          /* of the rotor in a period [rad] */
     cgl_real reach_square;   /* [rad^2] */

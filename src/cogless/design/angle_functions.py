@@ -47,7 +47,7 @@ class Bounds:
 
     @property
     def delta(self) -> float:
-        """delta+, of the norm of [alpha, beta, h], as numbers in SI."""
+        """delta+: bound of the norm of [alpha, beta, h], as numbers in SI."""
         return math.hypot(self.k_alpha1, self.k_beta1, self.h_M)
 
     @property
@@ -81,7 +81,7 @@ class Series:
 
     @property
     def rises(self) -> Rises:
-        """Bounds from amplitudes."""
+        """Bounds of the function and its first three derivatives, from amplitudes."""
         sums = [sum(abs(c) * n**k for n, c in zip(self.orders, self.c, strict=True)) for k in range(4)]
         sums[0] += abs(self.constant)
         if self.table is not None:
@@ -117,11 +117,11 @@ class AngleFunctions:
     D: float  # N*m*s/rad
 
     def h(self, theta: Real) -> Real:
-        """A*s^2/rad."""
+        """h, A*s^2/rad."""
         return np.asarray(self.J / self.K.at(theta))
 
     def alpha(self, theta: Real) -> Real:
-        """A."""
+        """alpha, A."""
         return np.asarray(self.torque.at(theta) / self.K.at(theta))
 
     def current(self, theta: Real, omega_m: float) -> Real:
@@ -129,12 +129,12 @@ class AngleFunctions:
         return self.alpha(theta) + omega_m * self.beta(theta)
 
     def beta(self, theta: Real) -> Real:
-        """A*s/rad."""
+        """beta, A*s/rad."""
         return np.asarray(self.D / self.K.at(theta))
 
     @property
     def orders(self) -> set[int]:
-        """The mechanical orders in them; 1 for a table."""
+        """The mechanical orders of K and the torque; 1 for a table."""
         return {*self.K.orders, *self.torque.orders, *([1] if self.torque.table else [])}
 
     def bounds(self) -> Bounds | None:

@@ -25,7 +25,7 @@ from cogless.study.trial_controller import UNCERTAIN, NormOptimalIlc, StateIlc, 
 ROUNDING = 1e-9
 Designs = dict[tuple[str, str], TrialDesign]
 
-# Where in a study the settings of a design stand; others at "plant" or "design".
+# Keys of a design's settings in a controller's table; others stand at "plant" or "design".
 OF_CONTROLLER = {
     "K_s": "K_s",
     "N": "N",
@@ -37,15 +37,14 @@ OF_CONTROLLER = {
     "feedforward": "feedforward",
 }
 OF_STATE_ILC = {"K_s": "K_stab", "K_3": "K_ilc"}
-# What a linear plant's are called.
+# Keys of a linear plant for settings of a design.
 OF_PLANT = {"range": "parameter", "nominal": "parameter", "output": "C", "period": "period"}
 
 
 def design_study(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     """A design for each (scenario, controller). Controllers with the same gains share their design.
 
-    One that has no K_3 to learn by is what there is without learning, and says why. StudyError names the file
-    and the key.
+    A design without a K_3 to learn by has the rest, and says why. StudyError names the file and the key.
     """
     return study.once(_design, tuple(runs))
 
@@ -180,7 +179,7 @@ def _told(study: TrialStudy, scenario: str = "", controller: str = "") -> Iterat
 
 
 def _named(error: DesignError, study: TrialStudy, scenario: str, controller: str) -> StudyError:
-    """The same, with the file and the study's own key."""
+    """The StudyError of a DesignError, with the file and the study's own key."""
     text = str(error).removeprefix(f"{error.key}: ")
     if error.key == "samples":
         key = f"scenario.{scenario}.duration"

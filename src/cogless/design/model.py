@@ -40,7 +40,7 @@ class Model:
 
     @classmethod
     def of(cls, A: ArrayLike, B: ArrayLike, key: str = "vertex") -> Model:
-        """Checked for shape and for finite numbers; DesignError."""
+        """A model, checked for shape and for finite numbers; DesignError."""
         try:
             a, b = np.asarray(A, dtype=float), np.asarray(B, dtype=float)
         except (TypeError, ValueError):

@@ -63,7 +63,7 @@ class UncertainPlant:
 
     @cached_property
     def random(self) -> tuple[list[Model], list[Model] | None]:
-        """The same for all certificates; among the discrete ones mixtures of the vertices, too."""
+        """Random models, the same for all certificates; the discrete ones include mixtures of vertices."""
         rng = np.random.default_rng(0)
         drawn, exact = self.draw(rng, CERTIFIED)
         rows = np.array([m.entries for m in self.vertices])

@@ -320,7 +320,7 @@ def _tight_limits(study: Study, law: SpacePosition | SpaceSpeed, bounds: Bounds)
 
 
 def _changing_loads(study: Study, keys: list[str]) -> list[str]:
-    """A load that changes with time is no function of the angle."""
+    """Reasons why the load is no function of the angle: it changes with time."""
     for key in keys:
         scenario = study.scenario[key]
         if scenario.events or (scenario.load or study.mechanics.load).time_table:

@@ -67,7 +67,7 @@ def current_loop_summary(study: Study) -> dict[str, CurrentLoopDesign]:
 
 
 def to_dict(study: Study) -> dict[str, Any]:
-    """The same as plain types, SI, for JSON; a margin that the loop doesn't have is null."""
+    """The summary as plain types, SI, for JSON; a margin that the loop doesn't have is null."""
     return {
         "study": study.title,
         "current_loop": current_loop_dict(study),

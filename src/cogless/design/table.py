@@ -77,7 +77,7 @@ def _bounds(bounds: Bounds) -> str:
 
 
 def _gains(gains: dict[str, Gain]) -> str:
-    """Those that are zero are left out: what they would do isn't there."""
+    """Gains in one line. Those that are zero are left out: what they would do isn't there."""
     return ", ".join(f"{key} {_shown(gain)}" for key, gain in gains.items() if gain.value or gain.note)
 
 

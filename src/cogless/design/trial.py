@@ -350,12 +350,12 @@ def _warnings(
 
 
 def _factor(value: float) -> str:
-    """Above one; never told as one."""
+    """Text of a factor above one, which is never rounded to one."""
     return f"1 + {value - 1:.1e}" if value - 1 < 1e-4 else f"{value:.7g}"
 
 
 def _exact_loops(plant: UncertainPlant, law: Gains) -> list[Loop]:
-    """Those that are stable."""
+    """Stable loops of the exactly sampled vertices."""
     models: tuple[Model, ...] = plant.exact_vertices or ()
     return [loop for loop in (law.closed(m, plant.C) for m in models) if loop.radius < 1]
 

@@ -168,7 +168,7 @@ class Verdict:
         return f"{self.kind}, {factor}{self.where}{mean}"
 
     def words(self) -> str:
-        """All of it."""
+        """The whole verdict in one line."""
         passing = self.passing.words(self.unit) if self.passing else ""
         frozen = [f"frozen: {reason}" for reason in self.frozen]
         doubts = f"not sure: {', '.join(self.doubts)}" if self.doubts else ""
@@ -475,7 +475,7 @@ def _channels(judged: Sequence[tuple[_At, float]]) -> int:
 
 
 def _repair(found: list[_At]) -> Repair:
-    """The least change with which the factor is below one at all of them."""
+    """The least change with which the factor is below one at all of these speeds."""
     loops = [at.loop for at in found]
     learning = [loop for loop in loops if isinstance(loop, PeriodicLoop)]
     if learning:

@@ -68,7 +68,7 @@ class Line:
 
     @property
     def title(self) -> str:
-        """Such as "speed ripple" or "speed orders: order 6 (electrical)"."""
+        """Words for the line as a title: "speed ripple" or "speed orders: order 6 (electrical)"."""
         if self.order is None:
             return self._words + self._in_frame
         return f"{self._words}: order {self.order:g} ({self.frame})"
@@ -99,7 +99,7 @@ class Line:
 
     @property
     def _in_frame(self) -> str:
-        """Said of angles and speeds that were taken electrically."""
+        """Words for the frame of angles and speeds that were taken electrically."""
         return " (electrical)" if self.frame == "electrical" else ""
 
     @property
@@ -117,7 +117,7 @@ class Line:
         return best if len(best) < len(self.values) else set()
 
     def _rank(self, value: float | None) -> float:
-        """Lower is better. Never to leave a band is the best, never to settle the worst."""
+        """Rank of a value, lower is better: never to leave a band is the best, never to settle the worst."""
         if value is None:
             return -math.inf if self.kind == "exceeds" else math.inf
         return value if self.better == "lower" else -value

@@ -17,7 +17,7 @@ from cogless.results.fault_response import Fault, Response, faults_in, ripple, w
 from cogless.units import ANGULAR_SPEED, factor
 
 OVER = 1.05  # times its limit: more than a current loop's usual overshoot
-# Times the usual ripple: from turn to turn it changes by a tenth, and after what broke it should do no more.
+# Multiple of the usual ripple, which changes by a tenth from turn to turn; after a fault it should do no more.
 WORSE = 1.25
 SMALL = 1e-4  # of the speed: a ripple below isn't called worse
 ALIKE = 0.05  # relative difference of speeds at which ripples are compared
@@ -66,7 +66,7 @@ def account(results: Results, scenario: str, unit: str) -> Account | None:
 
 
 def what(fault: Fault) -> str:
-    """Such as "position sensor stuck for 0.5 s"."""
+    """Words for a fault, such as "position sensor stuck for 0.5 s"."""
     lasts = "to the end" if fault.lasting else f"for {_seconds(fault.end - fault.time)}"
     return f"{' and '.join(fault.words)} {lasts}"
 
@@ -126,7 +126,7 @@ def _outcome(results: Results, runs: Sequence[Run], unit: str) -> tuple[str, str
 
 
 def _sentence(results: Results, run: Run, response: Response, unit: str) -> str:
-    """Such as "check trips after 80 ms (angle stuck); output safe for 0.43 s; ...; ripple ...; ..."."""
+    """A sentence: "check trips after 80 ms (angle stuck); output safe for 0.43 s; ...; ripple ...; ..."."""
     parts = [_noticed(run, response)]
     for name, lasted in (
         ("output safe", response.safe),

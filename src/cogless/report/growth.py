@@ -76,10 +76,7 @@ def _spectrum(x: Array) -> Array:
 
 
 def worsened(results: Results, scenario: str) -> dict[str, float]:
-    """Controllers that learn in angle whose error became larger than the baseline's, for good: since when.
-
-    In s.
-    """
+    """Controllers that learn in angle and are worse than the baseline, for good: since when, s."""
     runs = {run.controller: run for run in results.runs if run.scenario == scenario and len(run.trace) > 1}
     base = runs.pop(results.study.baseline, None)
     if base is None:
@@ -111,9 +108,9 @@ def _errors(run: Run, signal: str) -> Array:
 
 
 def sentences(results: Results, scenario: str, worse: Mapping[str, float]) -> list[str]:
-    """Who got worse while learning in angle, beside the baseline, and whether the criterion says so.
+    """Sentences on who got worse while learning in angle, and whether the criterion says so.
 
-    `worse`: as of `worsened`.
+    `worse`: the result of `worsened`.
     """
     study, found = results.study, []
     for run in results.runs:

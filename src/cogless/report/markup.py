@@ -67,7 +67,7 @@ def page(
 
 
 def note(text: str) -> str:
-    """A remark."""
+    """A remark as HTML."""
     return f'<p class="note">{escape(text)}</p>'
 
 

@@ -224,7 +224,7 @@ def _times(
 def _series(
     results: Results, runs: Sequence[Run], panel: Panel, views: Sequence[View]
 ) -> list[dict[str, Any]]:
-    """A panel's signal of each run, of the speed the reference, of what is learnt in angle what is needed."""
+    """A panel's signal of each run; the speed has its reference, what is learned in angle what is needed."""
     drawn: list[tuple[float, dict[str, Any]]] = []
     signal, on_top = panel.signal, -math.inf
     for run in runs:

@@ -46,7 +46,7 @@ def learns(study: Study, controller: str) -> bool:
 
 
 def in_angle(study: Study, controller: str) -> SpaceLearning | None:
-    """A controller that learns in angle, and may."""
+    """The law of a controller that learns in angle and may; None for another."""
     law = study.controller[controller]
     return law if isinstance(law, SpaceLearning) and law.learns else None
 

@@ -29,10 +29,10 @@ SPEEDS = ("omega_m", "omega_measured", "omega_error")
 
 @dataclass(frozen=True)
 class Verdict:
-    """`tone`: "better" where a law that learns is the best, "worse" where the baseline is, else "even".
+    """Verdict on a scenario: a headline, details and, where something breaks, what is told of each fault.
 
-    Where something breaks it is no better than what comes of that, which the headline is about; `told` is of
-    each fault.
+    `tone`: "better" where a law that learns is the best, "worse" where the baseline is, else "even". With
+    faults the headline is their account's, and the tone no better than theirs.
     """
 
     scenario: str
@@ -362,12 +362,12 @@ def _rest(case: _Case) -> str:
 
 
 def _unlearned(case: _Case) -> list[str]:
-    """Who learned nothing, and why."""
+    """Sentences on who learned nothing, and why."""
     return [f"{case.label(c)} learned nothing: {why}." for c, why in case.line.unlearned.items()]
 
 
 def _failures(case: _Case) -> list[str]:
-    """Who did not hold the speed, as far as the headline doesn't say so, and who never settled."""
+    """Sentences on who did not hold the speed, unless the headline says so, and who never settled."""
     told = set(case.line.missed) if not case.ranked else {case.baseline} & set(case.line.missed)
     since = case.line.span[0] if case.line.span else 0.0
     later = misses([line for line in case.lines if line.span and line.span[1] > since])

@@ -23,10 +23,7 @@ FEWEST = 10  # rows that a ripple is taken over
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that breaks for a while, s; faults that overlap are one.
-
-    `end`: at most the scenario's, which `lasting` says that it is.
-    """
+    """A time in which something is broken, s; overlapping ones are one. `lasting`: to the scenario's end."""
 
     time: float
     end: float
@@ -78,7 +75,7 @@ def faults_in(study: Study, scenario: str) -> list[Fault]:
 
 
 def without_faults(study: Study, scenario: str) -> str | None:
-    """The scenario that is the same but that nothing breaks in; None where there is none."""
+    """The scenario that differs by having no faults; None where there is none."""
     here = study.scenario[scenario]
     knocks = [event for pair in _knocks(study, scenario) for event in pair]
     events = tuple(event for event in here.events if event not in knocks)
@@ -109,7 +106,7 @@ def responses(faults: Sequence[Fault], trace: Trace, current_limit: float, learn
 
 
 def _response(fault: Fault, trace: Trace, room: Span, limit: float, learns: bool) -> Response:
-    """`room`: since when and until when nothing else breaks, s."""
+    """Response to one fault; `room`: since when and until when nothing else breaks, s."""
     period, during = trace.period, _rows(trace, (fault.time, room[1]))
     time, status = trace.time[during], np.nan_to_num(trace["status"][during]).astype(int)
 

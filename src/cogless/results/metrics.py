@@ -288,7 +288,7 @@ def order_amplitudes(
     angle, x = _last_part(frame, x, min(turns, count * period) * 2 * math.pi)
     step = np.diff(angle)
     span = float(angle[-1] - angle[0])
-    # Without the mean, which would leak through the rounding of the ends.
+    # The mean would leak through the rounding of the ends.
     x = x - float(np.dot(step, x[1:] + x[:-1])) / (2 * span)
     amplitudes = []
     for n in orders:

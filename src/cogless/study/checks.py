@@ -208,5 +208,5 @@ ALL: tuple[Check, ...] = (
     fault_checks.faults,
     calibration,
 )
-# Of the study as a whole, not of one scenario with its overrides.
+# Checks of the study as a whole, not of one scenario with its overrides.
 WHOLE: tuple[Check, ...] = (numerics.periods,)

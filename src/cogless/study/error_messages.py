@@ -16,7 +16,7 @@ from cogless.study.table import Key
 MISSING = object()
 MOST_TOLD = 20  # mistakes at a time
 
-# What pydantic's own checks expect, from the error's type and its context.
+# Expectations of pydantic's own checks, by the error's type, with its context.
 EXPECTED = {
     "int_type": "expected a whole number",
     "int_from_float": "expected a whole number",
@@ -82,7 +82,7 @@ def _escaped(value: Any) -> str:
 def problems(error: ValidationError, tables: Any) -> list[Problem]:
     """Pydantic's findings on these tables, one a key, in the order of the file."""
     found = error.errors(include_url=False, include_input=False)
-    # Of an array that is too short, each missing index is a finding; the last one tells its length.
+    # Each missing index of an array that is too short is a finding; the last one tells its length.
     lengths = {d["loc"][:-1]: int(d["loc"][-1]) + 1 for d in found if d["type"] == "missing"}
     first = {d["loc"][:-1]: d for d in reversed(found) if d["type"] == "missing"}
     kept = [d for d in found if d["type"] != "missing" or first[d["loc"][:-1]] is d]

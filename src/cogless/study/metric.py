@@ -68,7 +68,7 @@ class Metric(Table):
     last: Duration | None = None  # s: in place of a window, so much of the end of each scenario
     scenarios: Many[str] | None = None  # default: all, or those that have the event
     order: Many[Annotated[float, Field(gt=0)]] | None = None
-    # of what the order is a multiple; of other kinds, in which angles and speeds are taken
+    # the revolution that the order is a multiple of; for other kinds, the frame of angles and speeds
     frame: Literal["electrical", "mechanical"] = "mechanical"
     event: Time | None = None  # s
     band: float | None = None  # half width, SI

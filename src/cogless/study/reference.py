@@ -120,7 +120,7 @@ class Reference(Table):
         """The largest magnitude that its acceleration can take, from an initial speed on, rad/s^2."""
         turn = 2 * math.pi
         slopes = [abs((b - a) / (end - start)) for (start, a), (end, b) in pairwise(self.points)]
-        # of a polynomial of the fifth degree at rest at both ends: 10 / sqrt(3) of distance over time squared
+        # a polynomial of the fifth degree, at rest at both ends, has at most 10 / sqrt(3) distance / time^2
         moving = [
             10 / math.sqrt(3) * abs(b - a) / (end - start) ** 2
             for (start, a), (end, b) in pairwise(self.moves)

@@ -183,7 +183,7 @@ def _text(value: float) -> str:
 
 
 def _line(text: str) -> str:
-    """XML cannot hold control characters, and a message is one line."""
+    """Refuse control characters: XML can't hold them, and a message is one line."""
     if any(unicodedata.category(c) == "Cc" or c in "\ufffe\uffff" for c in text):
         raise problem("expected one line, without control characters")
     return text

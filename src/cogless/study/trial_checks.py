@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 FEWEST_SAMPLES = 4  # of a trial
 MOST_SAMPLES = 65_535
 MOST_RANGES = 12  # 4096 corners
-# What a drive's study says, and a linear plant's.
+# Expected forms in the study of a drive, and of a linear plant.
 LOADS = ('a torque with a unit, such as [100, "1 N*m"]', "a number in the unit of u, such as [100, 1.0]")
 POSITIONS = ('an angle with a unit, such as ["1 s", "1 rad"]', 'a plain number, such as ["1 s", 1.0]')
 LARGEST_MATRIX = 4_000  # samples of a trial that is learned by a whole matrix

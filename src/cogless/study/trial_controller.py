@@ -26,7 +26,7 @@ class QFilter(Table):
 class TrialLaw(Base):
     """A law of trials: the keys that every one has."""
 
-    # of the learned signal, rad or the unit of y
+    # bound of the learned signal, rad or the unit of y
     learned_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
 
 
@@ -75,7 +75,7 @@ AnyTrialController = TrialIlc | StateIlc | NormOptimalIlc
 TrialController = Annotated[AnyTrialController, Field(discriminator="law")]
 
 
-# What a drive's design may vary.
+# Parameters of a drive that a design may vary.
 UNCERTAIN = {
     "mechanics.inertia": Quantity(units.INERTIA, ">"),
     "mechanics.viscous_friction": Quantity(units.VISCOUS_FRICTION, ">="),

@@ -47,7 +47,7 @@ class TrialStudy(StudyBase):
     scenario: Annotated[dict[str, TrialScenario], Field(min_length=1)]
     controller: Annotated[dict[str, TrialController], Field(min_length=1)]
     metric: Many[TrialMetric] = ()
-    # of each scenario's phases, of a drive
+    # a drive's hardware in each phase, by scenario
     _hardware: dict[str, tuple[Hardware, ...]] = PrivateAttr(default={})
 
     @property

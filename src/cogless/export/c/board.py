@@ -16,7 +16,7 @@ METHODS = {
 
 
 def board(subject: Subject) -> dict[str, str]:
-    """The templates' places for it."""
+    """Words for the templates' places about the board."""
     hold = f"{1e3 * subject.drive_config['monitor']['hold']:.3g} ms"
     wanted = "omega_ref [rad/s] is what it turns at: 0 until you set it, and the motor stands."
     if subject.law_name == "trial":

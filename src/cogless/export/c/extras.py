@@ -78,7 +78,7 @@ TRIAL_ROW = (
 
 
 def extras(subject: Subject) -> dict[str, str]:
-    """The templates' places for them; empty for other laws."""
+    """Words for the templates' places for these parts; empty for other laws."""
     found = dict.fromkeys(
         ("more_declarations", "more_definitions", "more_rows", "example_declarations", "example_definitions"),
         "",

@@ -16,7 +16,7 @@ from pathlib import Path
 from cogless.errors import StudyError
 from cogless.files import replacing
 
-# As the simulator itself is compiled: nothing is rounded otherwise there.
+# Options of the simulator itself: numbers are rounded alike.
 OPTIONS = ("-O2", "-fno-tree-vectorize", "-ffp-contract=off")
 COMPILERS = {"C": ("CC", ("cc", "gcc", "clang")), "C++": ("CXX", ("c++", "g++", "clang++"))}
 STANDARDS = {"C": "-std=c99", "C++": "-std=c++20"}

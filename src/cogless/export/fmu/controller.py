@@ -29,11 +29,11 @@ from cogless.export.fmu.variables import (
 )
 from cogless.export.prepared import Reals
 
-# What begins names that are not the controller's own.
+# Beginnings of names that are not the controller's own.
 TAKEN = ("fmu", "fmi", "controller", "motion")
-# In the order of cgl_drive_output.
+# Members of cgl_drive_output, in its order.
 OUTPUTS = ("duty_a", "duty_b", "duty_c", "i_d", "i_q", "u_d", "u_q", "i_d_ref", "i_q_ref", "status")
-# What of the law's state points into the controller, and where to.
+# Pointers of the law's state into the controller, and where they point.
 MEMORY = "controller->memory"
 LINKS = {
     "pi": {},

@@ -17,12 +17,12 @@ from cogless.export.fmu.variables import (
 )
 from cogless.export.sources import control
 
-# Of the engine, what belongs to Python.
+# Sources of the engine that only Python needs.
 PYTHON = ("bindings.cpp", "python_value.hpp", "linear_trials.cpp")
 
 EXTERNAL_CONTROL = "external_control"
 EXTERNAL_REFERENCE = "external_reference"
-# What drive_model.cpp asks for by its own names.
+# Variables that drive_model.cpp asks for by names of its own.
 PLACES = {
     "FMU_EXTERNAL_CONTROL": EXTERNAL_CONTROL,
     "FMU_EXTERNAL_REFERENCE": EXTERNAL_REFERENCE,

@@ -14,7 +14,7 @@ from cogless.study import AnyStudy, TrialStudy
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """`description`: the engine's of it."""
+    """A controller in a scenario; `description`: the engine's description of the run."""
 
     prepared: Prepared
     description: dict[str, Any]
@@ -53,13 +53,13 @@ class Run:
 
     @property
     def bus_voltage(self) -> float | None:
-        """V; None of an ideal current loop."""
+        """Bus voltage, V; None with an ideal current loop."""
         drive = self.description["drive"]
         return None if drive["ideal_current"] else float(drive["inverter"]["bus_voltage"])
 
 
 def run_of(study: AnyStudy, controller: str, scenario: str | None) -> Run:
-    """StudyError: a name that is not there, a law without a C form, a plant that is no drive."""
+    """The run of a controller. StudyError: no such name, a law without a C form, a plant that is no drive."""
     chosen = first_scenario(study, controller, scenario)
     prepared = prepare(study, chosen, controller)
     if isinstance(study, TrialStudy):

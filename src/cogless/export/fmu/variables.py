@@ -9,7 +9,7 @@ from typing import Literal
 Kind = Literal["real", "integer", "boolean"]
 Causality = Literal["independent", "parameter", "input", "output"]
 
-# What is counted, not measured.
+# Signals that are counted, not measured.
 INTEGERS = ("status", "trial")
 
 # One line about each recorded signal; parts of a law's output are terms.
@@ -52,7 +52,7 @@ class Variable:
     start: float = 0.0
 
 
-# What a controller gets, inputs of its FMU and outputs of the drive's: the C names of their places.
+# Measurements of a controller, inputs of its FMU and outputs of the drive's: the C names of their places.
 CONTROLLER_INPUTS = {
     "FMU_I_A": "measured.i_a",
     "FMU_I_B": "measured.i_b",

@@ -49,7 +49,7 @@ def _verdict(c: Case) -> Verdict:
 
 
 def _ranked(c: Case) -> list[str]:
-    """The best first: no divergence, the floor in the most phases, the fewest trials, the least RMS."""
+    """Controllers, the best first: no divergence, most floors reached, fewest trials, least RMS."""
 
     def rank(name: str) -> tuple[float, ...]:
         counts = c.counts.get(name, [])
@@ -231,7 +231,7 @@ def _against_the_baseline(c: Case, best: str) -> str:
 
 
 def _leaves_floor(c: Case, name: str) -> str:
-    """The floor was reached early in a phase but isn't kept."""
+    """A sentence on a floor that was reached early in a phase but isn't kept; "" where all are."""
     if name not in c.counts or name not in c.final or c.about.floor is None or name in c.growing:
         return ""
     lost = [
@@ -247,7 +247,7 @@ def _leaves_floor(c: Case, name: str) -> str:
 
 
 def _grows(c: Case, name: str) -> str:
-    """Learning that diverges."""
+    """A sentence on learning that diverges."""
     phase, low, high = c.growing[name]
     verb = "diverges" if c.learns(name) else "grows worse"
     if not math.isfinite(high):

@@ -78,7 +78,7 @@ def waveforms(results: TrialResults, scenario: str, runs: Sequence[Run]) -> dict
 
 
 def _panels(study: TrialStudy, scenario: str) -> list[tuple[str, str, str | None, str]]:
-    """The error is the one that the study is judged by, if that is one."""
+    """Panels of a study; their error is the one that the study is judged by, if that is one."""
     if study.plant is not None:
         return list(LINEAR)
     signal = judged(study, scenario).signal
@@ -122,7 +122,7 @@ def _references(
 
 
 def _of_trials(run: Run, signal: str, count: int) -> Array:
-    """Trials x rows."""
+    """A signal as trials x rows."""
     with np.errstate(over="ignore", invalid="ignore"):
         return run.trace[signal].reshape(count, -1)
 
