@@ -85,8 +85,8 @@ bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_
 cgl_real cgl_memory_update(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction,
                            bool learn);
 
-/* Both in one step: recalls, adds the correction, and returns what acts now. *learn, whether to learn, becomes false where
- * no value of one period ago exists, or angle or correction are not plausible. */
+/* Recall and update in one step: recalls, adds the correction, and returns what acts now. *learn, whether to learn, becomes
+ * false where no value of one period ago exists, or angle or correction are not plausible. */
 cgl_real cgl_memory_step(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
                          cgl_real correction, bool *learn);
 

@@ -207,7 +207,7 @@ static bool is_dark(const cgl_monitor *monitor)
     return monitor->dark > monitor->limits.window + monitor->limits.bridge;
 }
 
-/* Angle and speed; returns what to say of them. */
+/* Looks at angle and speed; returns their status bits. */
 CGL_SELDOM static unsigned look_at_rotor(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
                               cgl_real omega_ref)
 {

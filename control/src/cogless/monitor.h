@@ -94,7 +94,7 @@ void cgl_monitor_reset(cgl_monitor *monitor);
 void cgl_monitor_step(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref);
 
-/* The same by the long way: step takes a short one where nothing was, and nothing is, amiss. */
+/* Does what step does, the long way: step takes a short one where nothing was, and nothing is, amiss. */
 void cgl_monitor_look(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref);
 

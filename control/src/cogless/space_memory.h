@@ -98,8 +98,8 @@ bool cgl_space_memory_recall(const cgl_space_memory_config *config, cgl_space_me
 void cgl_space_memory_update(const cgl_space_memory_config *config, cgl_space_memory *memory, const cgl_real *value,
                              bool learn);
 
-/* Both in one step: recalls, subtracts gain step from each channel's value if learn is true, stores, and returns whether it
- * learned. The values are those before the limit. */
+/* Recall and update in one step: recalls, subtracts gain step from each channel's value if learn is true, stores, and
+ * returns whether it learned. The values are those before the limit. */
 bool cgl_space_memory_step(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta, bool moving,
                            bool learn, const cgl_real *gain, cgl_real step, cgl_real *value);
 

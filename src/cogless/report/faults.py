@@ -17,7 +17,7 @@ from cogless.results.fault_response import Fault, Response, faults_in, ripple, w
 from cogless.units import ANGULAR_SPEED, factor
 
 OVER = 1.05  # times its limit: more than a current loop's usual overshoot
-# Multiple of the usual ripple, which changes by a tenth from turn to turn; after a fault it should do no more.
+# Multiple of the usual ripple, which changes by a tenth from turn to turn, and by no more after a fault.
 WORSE = 1.25
 SMALL = 1e-4  # of the speed: a ripple below isn't called worse
 ALIKE = 0.05  # relative difference of speeds at which ripples are compared
