@@ -322,7 +322,7 @@ def warnings(study: Study, name: str) -> list[str]:
         lines.append(found.words())
     foreign = unfit(study, name)
     if foreign:
-        lines.append(f"{foreign}: what doesn't repeat is learnt only as far as it stays for a period")
+        lines.append(f"{foreign}: what doesn't repeat is learned only as far as it stays for a period")
     return lines
 
 

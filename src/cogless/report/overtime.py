@@ -14,7 +14,7 @@ from cogless.report.comparison import pretty
 from cogless.report.faults import spans
 from cogless.report.packing import Array, pack, thin
 from cogless.report.palette import place
-from cogless.report.paths import Error, errors, in_angle, learnt_terms
+from cogless.report.paths import Error, errors, in_angle, learned_terms
 from cogless.report.required_current import needed_current
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
@@ -68,7 +68,7 @@ def waveforms(results: Results, runs: Sequence[Run], speed_unit: str) -> dict[st
         *(Panel(e.title, e.signal, e.title.split(",")[0].lower(), e.unit, e) for e in errors(results, runs)),
         Panel("Current reference", "i_q_ref", "i_q_ref", "A"),
         Panel("Torque of the motor, cogging included", "tau_motor", "torque", "N*m"),
-        _learnt_panel(results, runs),
+        _learned_panel(results, runs),
         *_panels_in_angle(results, runs),
     ]
     share = len(panels) * len(results.runs)
@@ -76,10 +76,10 @@ def waveforms(results: Results, runs: Sequence[Run], speed_unit: str) -> dict[st
     return _times(results, runs, panels, [whole, *_details(results, runs[0], whole.points, share)])
 
 
-def _learnt_panel(results: Results, runs: Sequence[Run]) -> Panel:
+def _learned_panel(results: Results, runs: Sequence[Run]) -> Panel:
     needed = any(_in_angle(results, run) for run in runs) and needed_current(results, runs[0]) is not None
     about = "; dashed: the current that the motion needs" if needed else ""
-    return Panel(f"Learnt part of the current reference{about}", "learnt", "current", "A")
+    return Panel(f"Learned part of the current reference{about}", "learned", "current", "A")
 
 
 def _panels_in_angle(results: Results, runs: Sequence[Run]) -> list[Panel]:
@@ -228,14 +228,14 @@ def _series(
     drawn: list[tuple[float, dict[str, Any]]] = []
     signal, on_top = panel.signal, -math.inf
     for run in runs:
-        names = learnt_terms(results, run) if signal == "learnt" else [signal]
+        names = learned_terms(results, run) if signal == "learned" else [signal]
         if not names or names[0] not in run.trace:
             continue
         scale = panel.error.scale if panel.error else factor(panel.unit, SIGNALS[names[0]])
         if signal == "omega_m" and not drawn:
             reference = {"dash": True, **_packed(run.trace["omega_ref"] / scale, run.trace, views)}
             drawn.append((on_top, reference))
-        if signal == "learnt" and not drawn and _in_angle(results, run):
+        if signal == "learned" and not drawn and _in_angle(results, run):
             needed = needed_current(results, run)
             if needed is not None:
                 drawn.append((on_top, {"dash": True, "label": "needed", **_packed(needed, run.trace, views)}))

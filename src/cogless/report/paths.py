@@ -17,9 +17,9 @@ from cogless.study.space_controller import SpaceLearning, SpacePosition
 from cogless.study.spoken import spoken_unit
 from cogless.units import ANGLE, ANGULAR_SPEED, factor
 
-# The learnt part of each law's current reference.
+# The learned part of each law's current reference.
 IN_ANGLE = ("term_alpha", "term_beta", "term_h")
-LEARNT = ("term_ilc", "term_f_hat", "term_table", *IN_ANGLE)
+LEARNED = ("term_ilc", "term_f_hat", "term_table", *IN_ANGLE)
 
 
 @dataclass(frozen=True)
@@ -51,9 +51,9 @@ def in_angle(study: Study, controller: str) -> SpaceLearning | None:
     return law if isinstance(law, SpaceLearning) and law.learns else None
 
 
-def learnt_terms(results: Results, run: Run) -> list[str]:
-    """The terms of a run that were learnt."""
-    return [n for n in LEARNT if n in run.trace] if learns(results.study, run.controller) else []
+def learned_terms(results: Results, run: Run) -> list[str]:
+    """The terms of a run that were learned."""
+    return [n for n in LEARNED if n in run.trace] if learns(results.study, run.controller) else []
 
 
 def travelled(study: Study, run: Run) -> Array:

@@ -12,7 +12,7 @@ from cogless.report.comparison import pretty
 from cogless.report.overtime import near_reference
 from cogless.report.packing import Array, number, plain
 from cogless.report.palette import place
-from cogless.report.paths import learnt_terms, varies
+from cogless.report.paths import learned_terms, varies
 from cogless.report.speed_tracking import late
 from cogless.results import Results, Run
 from cogless.results.metrics import onward
@@ -144,7 +144,7 @@ def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array |
         return None, after
     turned = np.abs(theta[near[0] :] - theta[near[0]]) >= 2 * math.pi
     begun = slice(int(near[0]), int(near[0] + np.argmax(turned)) + 1)
-    if not np.any(turned) or begun.stop > rows.start or not learnt_terms(results, run):
+    if not np.any(turned) or begun.stop > rows.start or not learned_terms(results, run):
         return None, after
     return order_spectrum(theta[begun], x[begun], highest, pole_pairs), after
 

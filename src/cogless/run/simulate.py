@@ -50,7 +50,7 @@ def simulate(study: AnyStudy, scenario: str, controller: str, progress: Progress
     """Run one controller in one scenario and take its metrics.
 
     `progress` is called with the finished share, 0 to 1, about ten times a second. An anti-cogging table is
-    learnt first, in a commissioning run of its own. StudyError: an unknown name, a controller that fails.
+    learned first, in a commissioning run of its own. StudyError: an unknown name, a controller that fails.
     """
     _known(study, scenario, controller)
     run = _runner(study, [(scenario, controller)])
@@ -201,7 +201,7 @@ def _run(study: Study, scenario: str, controller: str, progress: Progress, stop:
 def drive_of(study: Study, scenario: str, controller: str, stop: Event) -> tuple[Any, Any, int, Any]:
     """The engine's module, the drive, its ticks, and the table that it starts with, A, or none: [].
 
-    An anti-cogging table is learnt here, in a commissioning run of its own.
+    An anti-cogging table is learned here, in a commissioning run of its own.
     """
     engine = import_module(ENGINES[study.drive.precision])
     here = for_scenario(study, scenario)

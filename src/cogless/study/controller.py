@@ -169,7 +169,7 @@ class Commissioning(Table):
 
 
 class AntiCogging(Feedback):
-    """PI with a current table over the mechanical angle, learnt in a commissioning run."""
+    """PI with a current table over the mechanical angle, learned in a commissioning run."""
 
     law: Literal["anti-cogging"]
     cells: Annotated[int, Field(ge=4, le=MOST_CELLS)] = 720  # a revolution
