@@ -50,7 +50,7 @@ def design_study(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
 
 
 def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
-    with _told(study):
+    with _as_study_error(study):
         plant = uncertain_plant(study)
     designs: Designs = {}
     known: list[tuple[TrialSettings, TrialGains]] = []
@@ -58,7 +58,7 @@ def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     wanted = {run: settings_of(study, *run) for run in runs}
     # those that learn by K_3 first: the others need less of the same gains
     for (scenario, name), settings in sorted(wanted.items(), key=lambda item: not needs_K_3(item[1])):
-        with _told(study, scenario, name):
+        with _as_study_error(study, scenario, name):
             gains = next((g for other, g in known if same_gains(settings, other)), None)
             if gains is None:
                 gains = design_gains(plant, settings)
@@ -69,7 +69,7 @@ def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
         notes, no_K_3 = [*design.notes, *beyond], None
         if missing is not None:
             notes.append(str(missing))
-            no_K_3 = _named(missing, study, scenario, name)
+            no_K_3 = _study_error(missing, study, scenario, name)
         designs[scenario, name] = replace(design, notes=tuple(notes), beyond=beyond, no_K_3=no_K_3)
     return designs
 
@@ -77,10 +77,10 @@ def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
 def _outside(study: TrialStudy, scenario: str) -> tuple[str, ...]:
     """Warnings of values in a scenario outside the ranges that the design holds for."""
     found = []
-    for index, (first, here) in enumerate(study.scenario[scenario].phases):
+    for index, (first, conditions) in enumerate(study.scenario[scenario].phases):
         if study.plant is not None:
             known = study.plant.parameter
-            values: dict[str, float] = {k: v for k, v in (here.override or {}).items() if k in known}
+            values: dict[str, float] = {k: v for k, v in (conditions.override or {}).items() if k in known}
             ranges = {k: known[k].range or (known[k].nominal, known[k].nominal) for k in values}
         else:
             hardware = study.hardware(scenario)[index]
@@ -170,15 +170,15 @@ def same_gains(settings: TrialSettings, other: TrialSettings) -> bool:
 
 
 @contextmanager
-def _told(study: TrialStudy, scenario: str = "", controller: str = "") -> Iterator[None]:
+def _as_study_error(study: TrialStudy, scenario: str = "", controller: str = "") -> Iterator[None]:
     """A DesignError becomes a StudyError that names the file and the study's own key."""
     try:
         yield
     except DesignError as error:
-        raise _named(error, study, scenario, controller) from error
+        raise _study_error(error, study, scenario, controller) from error
 
 
-def _named(error: DesignError, study: TrialStudy, scenario: str, controller: str) -> StudyError:
+def _study_error(error: DesignError, study: TrialStudy, scenario: str, controller: str) -> StudyError:
     """The StudyError of a DesignError, with the file and the study's own key."""
     text = str(error).removeprefix(f"{error.key}: ")
     if error.key == "samples":

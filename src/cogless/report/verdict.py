@@ -28,7 +28,7 @@ SPEEDS = ("omega_m", "omega_measured", "omega_error")
 
 
 @dataclass(frozen=True)
-class Verdict:
+class ScenarioVerdict:
     """Verdict on a scenario: a headline, details and, where something breaks, what is told of each fault.
 
     `tone`: "better" where a law that learns is the best, "worse" where the baseline is, else "even". With
@@ -93,24 +93,24 @@ class _Case:
         return _listed([f"{self.label(c)} {self.line.text(c)}" for c in controllers])
 
 
-def verdicts(results: Results, speed_unit: str) -> list[Verdict]:
+def verdicts(results: Results, speed_unit: str) -> list[ScenarioVerdict]:
     """One for each scenario that has runs, and metrics or faults."""
     return [v for scenario in results.scenarios if (v := _verdict(results, scenario, speed_unit)) is not None]
 
 
-def _verdict(results: Results, scenario: str, speed_unit: str) -> Verdict | None:
+def _verdict(results: Results, scenario: str, speed_unit: str) -> ScenarioVerdict | None:
     compared, broken = _compared(results, scenario, speed_unit), account(results, scenario, speed_unit)
     if broken is None:
         return compared
     if compared is None:
         tone = "worse" if broken.tone == "worse" else "even"
-        return Verdict(scenario, tone, broken.headline, [], broken.told)
+        return ScenarioVerdict(scenario, tone, broken.headline, [], broken.told)
     tone = next(tone for tone in TONES if tone in (compared.tone, broken.tone))
     details = [compared.headline, *compared.details]
-    return Verdict(scenario, tone, broken.headline, details, broken.told)
+    return ScenarioVerdict(scenario, tone, broken.headline, details, broken.told)
 
 
-def _compared(results: Results, scenario: str, speed_unit: str) -> Verdict | None:
+def _compared(results: Results, scenario: str, speed_unit: str) -> ScenarioVerdict | None:
     """The controllers beside each other, by the scenario's metrics."""
     lines = [line for line in compare(results, scenario) if line.better == "lower"]
     run = next((run for run in results.runs if run.scenario == scenario), None)
@@ -138,7 +138,7 @@ def _compared(results: Results, scenario: str, speed_unit: str) -> Verdict | Non
     ]
     if len(line.values) < 2 or case.baseline not in line.values:
         details = ["There is nothing to compare.", own, *_unlearned(case), *_failures(case)]
-    return Verdict(scenario, tone, headline, [sentence for sentence in details if sentence])
+    return ScenarioVerdict(scenario, tone, headline, [sentence for sentence in details if sentence])
 
 
 def _by_what_is_seen(case: _Case, part: Sensor | None) -> tuple[_Case, str]:

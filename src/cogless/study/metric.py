@@ -12,7 +12,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from cogless import units
 from cogless.study.laws import TERMS
 from cogless.study.scenario import Scenario
-from cogless.study.table import Duration, Many, Quantity, Table, Time, problem
+from cogless.study.table import Duration, Many, Quantity, Table, Time, invalid
 from cogless.units import Dimension
 
 # With trace.energy: what went in since the start, where it went, what is stored, and what the balance lacks.
@@ -90,7 +90,7 @@ class Metric(Table):
     @classmethod
     def _known_signal(cls, signal: str | None) -> str | None:
         if signal is not None and signal not in SIGNALS:
-            raise problem(f"expected a signal: {', '.join(SIGNALS)}")
+            raise invalid(f"expected a signal: {', '.join(SIGNALS)}")
         return signal
 
     @field_validator("band", mode="before")
@@ -110,7 +110,7 @@ class Metric(Table):
             except units.UnitError:
                 shown = dimension.example or dimension.unit
                 such = f', such as "{shown}"' if shown else ", none"
-                raise problem(f"expected a unit of {dimension.name}{such}") from None
+                raise invalid(f"expected a unit of {dimension.name}{such}") from None
         return unit
 
     @model_validator(mode="after")
@@ -123,15 +123,15 @@ class Metric(Table):
         }
         for key, needed in needs.items():
             if needed and getattr(self, key) in (None, ()):
-                raise problem(f'expected one, since kind is "{self.kind}"', key, value="missing")
+                raise invalid(f'expected one, since kind is "{self.kind}"', key, value="missing")
             if not needed and key != "event" and getattr(self, key) is not None:
-                raise problem(f'expected none, since kind is "{self.kind}"', key)
+                raise invalid(f'expected none, since kind is "{self.kind}"', key)
         if self.smooth is not None and self.kind not in AT_AN_EVENT:
-            raise problem(f'expected none, since kind is "{self.kind}"', "smooth")
+            raise invalid(f'expected none, since kind is "{self.kind}"', "smooth")
         if self.last is not None and (self.window, self.event) != (None, None):
-            raise problem("expected one of window, last and event", "last")
+            raise invalid("expected one of window, last and event", "last")
         if self.window is not None and self.window[1] <= self.window[0]:
-            raise problem("expected a window that ends after it begins", "window")
+            raise invalid("expected a window that ends after it begins", "window")
         return self
 
     def span(self, end: float) -> tuple[float, float] | None:

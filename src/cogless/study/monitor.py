@@ -15,7 +15,7 @@ from cogless.study.table import (
     Span,
     Table,
     Time,
-    problem,
+    invalid,
 )
 
 
@@ -44,5 +44,5 @@ class Quality(Table):
     @model_validator(mode="after")
     def _outlier(self) -> Self:
         if 0 < self.outlier < 1:
-            raise problem("expected 1 or more, or 0 for none", "outlier")
+            raise invalid("expected 1 or more, or 0 for none", "outlier")
         return self

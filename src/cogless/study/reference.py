@@ -17,7 +17,7 @@ from cogless.study.table import (
     Many,
     Table,
     Time,
-    problem,
+    invalid,
 )
 
 Kind = Literal["constant", "ramp", "profile", "sine", "fm", "sines", "moves", "file"]
@@ -77,11 +77,11 @@ class Reference(Table):
     def _one_form(self) -> Self:
         if self.model_fields_set - {"smoothing"} not in FORMS.values():
             forms = "; ".join(", ".join(sorted(form)) for form in FORMS.values())
-            raise problem(f"expected the keys of one form: {forms}")
+            raise invalid(f"expected the keys of one form: {forms}")
         for key in ("profile", "moves"):
             times = [time for time, _ in getattr(self, key)]
             if self.kind == key and (not times or any(b <= a for a, b in pairwise(times))):
-                raise problem("expected one or more points, each later than the one before", key)
+                raise invalid("expected one or more points, each later than the one before", key)
         return self
 
     @model_validator(mode="after")

@@ -18,7 +18,7 @@ from cogless.study.drive import (
     require_watchable,
 )
 from cogless.study.monitor import Monitor, Quality
-from cogless.study.table import Frequency, Table, problem
+from cogless.study.table import Frequency, Table, invalid
 
 
 class TrialRates(Table):
@@ -32,10 +32,10 @@ class TrialRates(Table):
     def _divide(self) -> Self:
         for name in ("current_loop", "position_loop"):
             if getattr(self, name) % 1:
-                raise problem('expected a whole number of Hz, such as "1 kHz"', name)
+                raise invalid('expected a whole number of Hz, such as "1 kHz"', name)
         if self.current_loop % self.position_loop:
             expected = f"expected a rate that divides current_loop, {self.current_loop:g} Hz"
-            raise problem(expected, "position_loop")
+            raise invalid(expected, "position_loop")
         return self
 
     @property

@@ -75,9 +75,9 @@ class TrialStudy(StudyBase):
     def top_speed(self, scenario: str) -> float:
         """The largest speed that a drive's references ask for or begin with, rad/s."""
         found = [0.0]
-        for _, here in self.scenario[scenario].phases:
-            steps = np.abs(np.diff(self.reference(scenario, here))) / self.period
-            found += [abs(here.initial_speed or 0.0), float(np.max(steps))]
+        for _, conditions in self.scenario[scenario].phases:
+            steps = np.abs(np.diff(self.reference(scenario, conditions))) / self.period
+            found += [abs(conditions.initial_speed or 0.0), float(np.max(steps))]
         return max(found)
 
     def hardware(self, scenario: str) -> tuple[Hardware, ...]:

@@ -15,7 +15,7 @@ from cogless.export.c.names import stem
 from cogless.export.c.subject import Subject
 from cogless.export.c.texts import controller_texts
 from cogless.export.fmu.cpp import places
-from cogless.export.fmu.run import Run
+from cogless.export.fmu.run import FmuRun
 from cogless.export.fmu.unit import Unit, asset, in_precision, texts
 from cogless.export.fmu.variables import (
     CONTROLLER_INPUTS,
@@ -50,7 +50,7 @@ LINKS = {
 }
 
 
-def controller_unit(run: Run) -> Unit:
+def controller_unit(run: FmuRun) -> Unit:
     """The controller of a run, with what it had learned before."""
     subject = subject_of(run.prepared)
     if subject.name.lower().startswith(TAKEN):
@@ -73,7 +73,7 @@ def controller_unit(run: Run) -> Unit:
     )
 
 
-def _variables(run: Run) -> list[Variable]:
+def _variables(run: FmuRun) -> list[Variable]:
     variables = [TIME, *measurements("input", run.phases, run.bus_voltage), *references("input")]
     if run.bus_voltage is not None:
         variables += duties("output", run.phases)
@@ -87,7 +87,7 @@ def _variables(run: Run) -> list[Variable]:
     return [*variables, signal("i_q_ref", "A"), signal("status", "")]
 
 
-def _variables_h(run: Run, subject: Subject, variables: Sequence[Variable]) -> str:
+def _variables_h(run: FmuRun, subject: Subject, variables: Sequence[Variable]) -> str:
     """The header variables.h, which controller_model.c needs of this controller."""
     name = subject.name
     outputs = {f"OUT_{output.upper()}": output for output in OUTPUTS}
@@ -118,7 +118,7 @@ static void controller_relink(CONTROLLER *controller, uint64_t tick)
 """
 
 
-def _taught(run: Run, subject: Subject) -> str:
+def _taught(run: FmuRun, subject: Subject) -> str:
     """C code that loads what the law had learned before."""
     memory = run.prepared.memory
     if not memory.any():
@@ -131,7 +131,7 @@ def _taught(run: Run, subject: Subject) -> str:
     )
 
 
-def _trials(run: Run, subject: Subject) -> str:
+def _trials(run: FmuRun, subject: Subject) -> str:
     """C code that begins and ends trials; does nothing without trials."""
     before = after = motions = ""
     if subject.law_name == "trial":

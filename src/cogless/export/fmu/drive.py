@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cogless.export.fmu.cpp import description_cpp, places
-from cogless.export.fmu.run import Run
+from cogless.export.fmu.run import FmuRun
 from cogless.export.fmu.unit import Unit, asset, in_precision, texts
 from cogless.export.fmu.variables import (
     CONTROLLER_INPUTS,
@@ -38,7 +38,7 @@ PLACES = {
 } | CONTROLLER_INPUTS
 
 
-def drive_unit(run: Run) -> Unit:
+def drive_unit(run: FmuRun) -> Unit:
     """The drive of a run."""
     signals = run.prepared.drive.signals
     variables = _variables(run, signals)
@@ -61,7 +61,7 @@ def drive_unit(run: Run) -> Unit:
     )
 
 
-def _variables(run: Run, signals: list[tuple[str, str]]) -> list[Variable]:
+def _variables(run: FmuRun, signals: list[tuple[str, str]]) -> list[Variable]:
     names = {name for name, _ in signals}
     phases, bus_voltage = run.phases, run.bus_voltage
     variables = [TIME]

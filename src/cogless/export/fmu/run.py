@@ -13,7 +13,7 @@ from cogless.study import AnyStudy, TrialStudy
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class FmuRun:
     """A controller in a scenario; `description`: the engine's description of the run."""
 
     prepared: Prepared
@@ -58,11 +58,11 @@ class Run:
         return None if drive["ideal_current"] else float(drive["inverter"]["bus_voltage"])
 
 
-def run_of(study: AnyStudy, controller: str, scenario: str | None) -> Run:
+def run_of(study: AnyStudy, controller: str, scenario: str | None) -> FmuRun:
     """The run of a controller. StudyError: no such name, a law without a C form, a plant that is no drive."""
     chosen = first_scenario(study, controller, scenario)
     prepared = prepare(study, chosen, controller)
     if isinstance(study, TrialStudy):
         design = design_study(study, [(chosen, controller)])[chosen, controller]
-        return Run(prepared, trial_engine.engine_config(study, chosen, controller, design))
-    return Run(prepared, engine.engine_config(study, chosen, controller))
+        return FmuRun(prepared, trial_engine.engine_config(study, chosen, controller, design))
+    return FmuRun(prepared, engine.engine_config(study, chosen, controller))

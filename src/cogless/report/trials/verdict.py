@@ -15,19 +15,19 @@ from cogless.report.packing import number
 from cogless.report.trials.case import Case, case, listed
 from cogless.report.trials.certificate import close_to_one, models
 from cogless.report.trials.phases import Phase
-from cogless.report.verdict import Verdict
+from cogless.report.verdict import ScenarioVerdict
 from cogless.results import TrialResults
 
 CLEARLY = 1.5  # times another's first trial: worth a sentence
 
 
-def verdicts(results: TrialResults) -> list[Verdict]:
+def verdicts(results: TrialResults) -> list[ScenarioVerdict]:
     """One for each scenario that has numbers."""
     cases = [case(results, scenario) for scenario in results.scenarios]
     return [_verdict(found) for found in cases if found is not None]
 
 
-def _verdict(c: Case) -> Verdict:
+def _verdict(c: Case) -> ScenarioVerdict:
     ranked = _ranked(c)
     best = ranked[0]
     tone, headline = _by_floor(c, ranked) if best in c.counts else _by_rms(c, ranked)
@@ -45,7 +45,8 @@ def _verdict(c: Case) -> Verdict:
         _at_the_limit(c),
         *_certificates(c),
     ]
-    return Verdict(c.scenario, tone, _capital(c, headline), [_capital(c, text) for text in details if text])
+    sentences = [_capital(c, text) for text in details if text]
+    return ScenarioVerdict(c.scenario, tone, _capital(c, headline), sentences)
 
 
 def _ranked(c: Case) -> list[str]:
