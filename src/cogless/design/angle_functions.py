@@ -170,9 +170,9 @@ class AngleFunctions:
 
 def functions_in(study: Study, scenario: str) -> AngleFunctions:
     """Functions of the angle of a study's motor and load in a scenario, with its overrides."""
-    here = for_scenario(study, scenario)
-    load = here.scenario[scenario].load or here.mechanics.load
-    return angle_functions(here.motor.star(), here.mechanics, load)
+    study_here = for_scenario(study, scenario)
+    load = study_here.scenario[scenario].load or study_here.mechanics.load
+    return angle_functions(study_here.motor.star(), study_here.mechanics, load)
 
 
 def angle_functions(

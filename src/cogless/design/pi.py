@@ -140,16 +140,16 @@ def speed_loop(study: Study, scenario: str | None = None) -> SpeedLoop:
 
     Torque per current is the motor's mean; what a controller knows is the belief's.
     """
-    here = study if scenario is None else for_scenario(study, scenario)
-    rates, sensor, motor = here.drive.rates, here.drive.position_sensor, here.motor.star()
-    steps = window = here.drive.divider
+    study_here = study if scenario is None else for_scenario(study, scenario)
+    rates, sensor, motor = study_here.drive.rates, study_here.drive.position_sensor, study_here.motor.star()
+    steps = window = study_here.drive.divider
     K_t = motor.K_t if scenario is not None else motor.power_factor * motor.pole_pairs * study.belief.psi_f
     if isinstance(sensor, IdealSensor):
         window = 0
     elif isinstance(sensor, Resolver):
         window = sensor.window
     return SpeedLoop(
-        b=K_t / here.mechanics.inertia,
+        b=K_t / study_here.mechanics.inertia,
         steps=steps,
         window=window,
         current=current_loops(study, scenario).get("q") or IdealLoop(1 / rates.current_loop),

@@ -238,13 +238,13 @@ def worst(found: list[Bounds | None]) -> Bounds | None:
 
 def _in_scenario(study: Study, key: str) -> list[AngleFunctions]:
     """Functions of the angle in a scenario, with its least and with its largest load."""
-    here = for_scenario(study, key)
-    experiment = here.scenario[key]
-    load = experiment.load or here.mechanics.load
+    study_here = for_scenario(study, key)
+    experiment = study_here.scenario[key]
+    load = experiment.load or study_here.mechanics.load
     levels = [load.torque, *(event.load for event in experiment.events)]
     by_time = load.time_table.torque if load.time_table else (0.0,)
     extremes = {min(levels) + min(by_time), max(levels) + max(by_time)}
-    return [angle_functions(here.motor.star(), here.mechanics, load, level) for level in extremes]
+    return [angle_functions(study_here.motor.star(), study_here.mechanics, load, level) for level in extremes]
 
 
 def _motion(scenarios: list[Scenario]) -> Motion:

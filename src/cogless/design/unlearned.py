@@ -35,17 +35,17 @@ def revolutions_learned(study: Study, name: str) -> Fraction | None:
 
 def foreseen(study: Study, scenario: str, name: str) -> str | None:
     """The reason why a controller will learn nothing along a reference; None where it may learn."""
-    law, here = study.controller[name], study.scenario[scenario]
+    law, experiment = study.controller[name], study.scenario[scenario]
     revolutions = revolutions_learned(study, name)
     if revolutions is None or not isinstance(law, Learning | SpaceLearning):
         return None
-    begun = starts_too_late(law, here.duration) or never(study, scenario, name)
+    begun = starts_too_late(law, experiment.duration) or never(study, scenario, name)
     if begun:
         return begun
-    way = course(here)
+    way = course(experiment)
     learns = way.time >= law.learning_start
     theta = np.cumsum(way.omega[learns]) * way.step
-    return too_short(law, revolutions, theta, here.duration - law.learning_start, way.omega[learns])
+    return too_short(law, revolutions, theta, experiment.duration - law.learning_start, way.omega[learns])
 
 
 def starts_too_late(law: Memory, end: float) -> str | None:

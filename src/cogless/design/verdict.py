@@ -379,10 +379,10 @@ def _motion(study: Study, scenario: str, name: str) -> _Motion:
 
 def _torques(study: Study, scenario: str) -> list[float]:
     """The least and the largest torque constant over the angle, and its mean; one where it has no ripple."""
-    here = for_scenario(study, scenario)
-    motor = here.motor.star()
+    study_here = for_scenario(study, scenario)
+    motor = study_here.motor.star()
     theta = np.linspace(0, 2 * math.pi / motor.pole_pairs, ANGLES, endpoint=False)
-    K_t = here.mechanics.inertia / angle_functions(motor, here.mechanics, Load()).h(theta)
+    K_t = study_here.mechanics.inertia / angle_functions(motor, study_here.mechanics, Load()).h(theta)
     found = K_t / motor.K_t
     least, most = float(np.min(found)), float(np.max(found))
     return [least, most, 1.0] if most > least + RIPPLE and least > 0 else [1.0]
@@ -399,15 +399,15 @@ def _places(omega: Real, alpha: Real, moving: NDArray[np.bool_]) -> Iterator[tup
     nearest = np.full(len(omega), -1)
     nearest[moving] = np.rint(np.log(omega[moving] / slowest) / spacing)
     for k, speed in enumerate(speeds.tolist()):
-        here = np.flatnonzero(nearest == k)
-        if not len(here):
+        near = np.flatnonzero(nearest == k)
+        if not len(near):
             continue
-        low, high = float(np.min(alpha[here])), float(np.max(alpha[here]))
+        low, high = float(np.min(alpha[near])), float(np.max(alpha[near]))
         levels = np.linspace(low, high, ACCELERATIONS if high > low else 1)
-        level = np.argmin(np.abs(alpha[here, None] - levels), axis=1)
+        level = np.argmin(np.abs(alpha[near, None] - levels), axis=1)
         for n, acceleration in enumerate(levels.tolist()):
             if np.any(level == n):
-                yield speed, acceleration, here[level == n]
+                yield speed, acceleration, near[level == n]
 
 
 def _passed(

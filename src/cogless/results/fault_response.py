@@ -57,9 +57,9 @@ class Response:
 
 def faults_in(study: Study, scenario: str) -> list[Fault]:
     """Faults of a scenario in order of time; in a study with faults, loads that come and go, too."""
-    here = study.scenario[scenario]
-    end = here.duration
-    single = [Fault(f.time, min(f.end, end), (f.words,), f.end >= end) for f in here.faults]
+    experiment = study.scenario[scenario]
+    end = experiment.duration
+    single = [Fault(f.time, min(f.end, end), (f.words,), f.end >= end) for f in experiment.faults]
     single += [
         Fault(came.time, went.time, (f"load of {1e3 * came.load:.3g} mN·m",))
         for came, went in _knocks(study, scenario)
@@ -76,20 +76,20 @@ def faults_in(study: Study, scenario: str) -> list[Fault]:
 
 def without_faults(study: Study, scenario: str) -> str | None:
     """The scenario that differs by having no faults; None where there is none."""
-    here = study.scenario[scenario]
+    experiment = study.scenario[scenario]
     knocks = [event for pair in _knocks(study, scenario) for event in pair]
-    events = tuple(event for event in here.events if event not in knocks)
-    alike = here.model_copy(update={"faults": (), "events": events})
+    events = tuple(event for event in experiment.events if event not in knocks)
+    alike = experiment.model_copy(update={"faults": (), "events": events})
     return next((n for n, other in study.scenario.items() if n != scenario and other == alike), None)
 
 
 def _knocks(study: Study, scenario: str) -> list[tuple[Event, Event]]:
     """Loads that come, and go back to the usual one at the next event; none in a study without faults."""
-    here = study.scenario[scenario]
-    if not here.events or not any(other.faults for other in study.scenario.values()):
+    experiment = study.scenario[scenario]
+    if not experiment.events or not any(other.faults for other in study.scenario.values()):
         return []
-    usual = (here.load or for_scenario(study, scenario).mechanics.load).torque
-    pairs = zip(here.events, here.events[1:], strict=False)
+    usual = (experiment.load or for_scenario(study, scenario).mechanics.load).torque
+    pairs = zip(experiment.events, experiment.events[1:], strict=False)
     return [(came, went) for came, went in pairs if came.load != usual and went.load == usual]
 
 

@@ -49,5 +49,5 @@ class Study(StudyBase):
 
     def metrics_in(self, scenario: str) -> tuple[Metric, ...]:
         """The metrics that apply to a scenario."""
-        here = self.scenario[scenario]
-        return tuple(metric for metric in self.metric if metric.applies_in(scenario, here))
+        experiment = self.scenario[scenario]
+        return tuple(metric for metric in self.metric if metric.applies_in(scenario, experiment))
