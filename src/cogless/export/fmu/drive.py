@@ -90,7 +90,7 @@ def _places(variables: list[Variable], last: int) -> str:
     """The header by which drive_model.cpp finds its variables. `last`: tick that ends all trials, or 0."""
     first_signal = next(v.name for v in variables if v.causality == "output")
     return (
-        "// Of this FMU; generated.\n#pragma once\n\n#include <cstdint>\n#include <vector>\n\n"
+        "// Declarations of this FMU; generated.\n#pragma once\n\n#include <cstdint>\n#include <vector>\n\n"
         '#include "value.hpp"\n\n'
         "cogless::Value description();\nstd::vector<double> taught();\n\n"
         "// Value references; 0 where there is no such variable.\n"

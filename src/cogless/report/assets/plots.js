@@ -144,7 +144,7 @@ const reportPage = (report, draw) => {
       }
     }
 
-    // After a controller was shown or hidden.
+    // Redraw after a controller was shown or hidden.
     function toggle(controller) {
       for (const { u, series } of plots) {
         series.forEach((s, k) => { if (s.controller === controller) u.setSeries(k + 1, { show: !hidden.has(controller) }); });

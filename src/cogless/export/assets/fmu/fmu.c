@@ -171,7 +171,7 @@ double *fmu_set(fmu_instance *instance, uint32_t reference, fmu_type type)
     return &instance->value[reference];
 }
 
-/* What the bytes of a state begin with; then come the values, then the model. */
+/* Head of a state's bytes; then come the values, then the model. */
 typedef struct {
     char token[64];
     double start_time;
