@@ -146,7 +146,7 @@ nb::dict quality_of(const Drive&, const DriveState& state) {
     return result;
 }
 
-// What has been learned, by the angle or the samples that it is over.
+// Learned values, and the angle or the trial that they are over.
 template <class Engine, class State>
 nb::dict memory_of(const Engine& engine, const State& state) {
     const Learned learned = engine.learned(state);

@@ -39,7 +39,7 @@ def summary(study: TrialStudy) -> TrialSummary:
 
 
 def to_dict(study: TrialStudy, found: TrialSummary) -> dict[str, Any]:
-    """All of it as plain types, SI, for JSON. Models are discrete; frequencies end in _Hz."""
+    """The summary as plain types, SI, for JSON. Models are discrete; frequencies end in _Hz."""
     plant = found.plant
     return {
         "study": study.title,

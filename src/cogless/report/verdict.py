@@ -63,7 +63,7 @@ class _Case:
 
     @cached_property
     def ranked(self) -> list[str]:
-        """Those that held the speed, learned if they should, and did not get worse in the end."""
+        """Controllers that held the speed, learned if they should, and did not get worse in the end."""
         return [c for c in self.held if c not in self.worsened and c not in self.unlearned]
 
     @cached_property

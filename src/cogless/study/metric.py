@@ -15,7 +15,7 @@ from cogless.study.scenario import Scenario
 from cogless.study.table import Duration, Many, Quantity, Table, Time, invalid
 from cogless.units import Dimension
 
-# With trace.energy: what went in since the start, where it went, what is stored, and what the balance lacks.
+# Energies, with trace.energy: what went in since the start, where it went, the store, the balance's residual.
 ENERGIES = ("electrical", "copper", "friction", "load", "stored", "residual")
 
 # Every signal that a run has, recorded or derived from recorded ones.

@@ -133,7 +133,7 @@ class Reference(Table):
         return max([waves, self.ramp, *slopes, *moving]) + abs(jump) / (math.e * (self.smoothing or 1.0))
 
     def _at_start(self) -> float:
-        """Its speed at time zero before the filter, rad/s; not of a ramp."""
+        """Speed at time zero before the filter, rad/s; not of a ramp."""
         for (start, a), (end, b) in pairwise(self.points):
             if start <= 0 < end:
                 return a - (b - a) * start / (end - start)

@@ -14,7 +14,7 @@ from cogless.export.layout import Leaf
 from cogless.export.prepared import Reals, Recording
 
 START_MEMORY = """
-/* What had been learned before. */
+/* Memory that had been learned before. */
 static const cgl_real memory_at_start[{length}] = {{
 {numbers}
 }};

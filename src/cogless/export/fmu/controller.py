@@ -105,7 +105,7 @@ def _variables_h(run: FmuRun, subject: Subject, variables: Sequence[Variable]) -
 
 /* Value references; 0 where there is no such variable. */
 {places(variables, CONTROLLER_INPUTS | outputs)}
-/* In the order of cgl_drive_output. */
+/* Outputs in the order of cgl_drive_output. */
 static const uint32_t output_place[] = {{{", ".join(outputs)}}};
 
 {_trials(run, subject)}{_taught(run, subject)}

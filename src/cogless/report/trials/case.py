@@ -102,12 +102,12 @@ class Case:
         return int(np.any(status & Status.SATURATED, axis=1).sum())
 
     def label(self, controller: str) -> str:
-        """Its label; one with a comma in quotation marks, since sentences list them."""
+        """A controller's label, in quotation marks if it has a comma, since sentences list labels."""
         label = self.study.label(controller)
         return f"“{label}”" if "," in label else label
 
     def listed(self, controllers: Sequence[str]) -> str:
-        """Their labels, for a sentence."""
+        """Labels of controllers, for a sentence."""
         return listed([self.label(name) for name in controllers])
 
     def text(self, value: float) -> str:

@@ -38,13 +38,13 @@ class Phase:
 
     @property
     def chosen(self) -> list[int]:
-        """Its first, second, fifth and last trial, as far as it has them."""
+        """First, second, fifth and last trial of the phase, as far as it has them."""
         wanted = (self.start, self.start + 1, self.start + 4, self.stop - 1)
         return sorted({trial for trial in wanted if trial < self.stop})
 
 
 def phases(scenario: TrialScenario) -> list[Phase]:
-    """Those of a scenario, in order."""
+    """Phases of a scenario, in order."""
     changed = [(), *(_changed(change) for change in scenario.changes)]
     bounds = pairwise((*scenario.starts, scenario.trials + 1))
     return [Phase(start, stop, what) for (start, stop), what in zip(bounds, changed, strict=True)]

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* How far a communication point and step may be from a whole number of periods, in periods: importers add up times. */
+/* Tolerance of communication points and steps, in periods: importers add up times. */
 static const double point_slack = 1e-2, step_slack = 1e-3;
 
 static void set_start_values(fmu_instance *instance)
