@@ -1,4 +1,4 @@
-"""By which factor a P-type learning law changes what it has learnt, period by period, and what it leaves.
+"""By which factor a P-type learning law changes what it has learned, period by period, and what it leaves.
 
     python docs/learning_factor.py STUDY CONTROLLER SPEED ORDER... [KEY=VALUE...]
 

@@ -93,7 +93,7 @@ TERMS = {
     "surface": "$(c\\,e + \\dot\\omega_{ref} + B)/b$",
     "switching": "$g\\,\\mathrm{sgn}(S)/b$",
     "linear": "$\\eta S/b$",
-    "f_hat": "$-\\hat f/b$, learnt",
+    "f_hat": "$-\\hat f/b$, learned",
     "r_hat": "$\\hat r/b$, adapted",
 }
 

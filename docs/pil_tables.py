@@ -18,8 +18,8 @@ from typing import Any
 from marked import replaced, table
 
 from cogless import load
-from cogless.files import control_sources
 from cogless.export.prepared import first_scenario
+from cogless.files import control_sources
 from cogless.pil.compare import Comparison, Instructions, compare
 from cogless.pil.processor import require
 from cogless.pil.toolchain import find

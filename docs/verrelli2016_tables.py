@@ -86,14 +86,14 @@ def margins() -> list[str]:
         label = f"{margin}°" if margin else "as published"
         speed, angle = (str(number(run.metrics[k])) for k in ("speed_after_rad_s", "angle_after_rad"))
         texts = [f"{np.degrees(found.phase_margin):.1f}°", f"{found.crossover / (2 * np.pi):.0f}"]
-        learnt = "-"
+        learned = "-"
         if margin:
             key = "controller.filtered-fair"
             more = {f"{key}.tuning.phase_margin": f"{margin} deg", f"{key}.mu_alpha": 50 * gains[1]}
             learner = cogless.load("verrelli2016", more)
             (other,) = cogless.run_study(learner, [f"{SHORT}/filtered-fair"]).runs
-            learnt = number(other.metrics["speed_after_rad_s"])
-        rows.append([label, *(number(g) for g in gains), *texts, speed, angle, learnt])
+            learned = number(other.metrics["speed_after_rad_s"])
+        rows.append([label, *(number(g) for g in gains), *texts, speed, angle, learned])
     head = ["k_theta [1/s]", "k_omega [A s/rad]", "k_i [A/rad]", "margin", "crossover [Hz]"]
     return table(
         ["PI", *head, "speed, 8 to 10 s [rad/s]", "angle, 8 to 10 s [rad]", "speed with learning [rad/s]"],

@@ -25,7 +25,7 @@ namespace {
 using Array = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
 using Reals = nb::ndarray<nb::numpy, cgl_real, nb::ndim<1>>;
 
-// Numbers as an array of their own.
+// Copies numbers into an array of their own.
 Reals array_of(std::vector<cgl_real> values) {
     auto* kept = new std::vector<cgl_real>(std::move(values));
     const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<cgl_real>*>(p); });
@@ -101,7 +101,7 @@ void begin_trial(const Drive& drive, DriveState& state, const nb::bytes& traject
     drive.begin_trial(state, samples);
 }
 
-// All that the drive's controller is made of.
+// The configuration that the drive's controller is made of.
 nb::dict controller_config(const Drive& drive) {
     const DriveConfig& config = drive.config();
     const LawConfig law = std::visit([](const auto& l) { return l.describe(); }, config.law);
@@ -146,7 +146,7 @@ nb::dict quality_of(const Drive&, const DriveState& state) {
     return result;
 }
 
-// What has been learned, under the names that say over what.
+// Learned values, and the angle or the trial that they are over.
 template <class Engine, class State>
 nb::dict memory_of(const Engine& engine, const State& state) {
     const Learned learned = engine.learned(state);
@@ -181,7 +181,7 @@ std::optional<Stored> stored(const LinearTrials& trials, const LinearTrialsState
     return trials.config().law.stored(state.law);
 }
 
-// Of what is stored all but whose it is, or None.
+// A map to store, without its owner, or None.
 template <class Engine, class State>
 nb::object stored_of(const Engine& engine, const State& state) {
     const std::optional<Stored> found = stored(engine, state);
@@ -224,7 +224,7 @@ CallbackLaw callback(const nb::object& controller) {
     }};
 }
 
-// What every engine offers.
+// Binds an engine: the methods that all have.
 template <class Engine, class State>
 void bind_engine(nb::class_<Engine>& c, const char* memory) {
     c.def_prop_ro("signals",

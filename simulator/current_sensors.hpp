@@ -35,7 +35,7 @@ public:
     }
 
 private:
-    // To the nearest step, halves away from zero. Within the range an integer holds the steps, which costs a fraction of
+    // Rounds to the nearest step, halves away from zero. Within the range an integer holds the steps, which costs a fraction of
     // std::round. What is not a number becomes the lowest.
     double converted(double i) const {
         const double steps = std::max(-config_.range, std::min(i, config_.range - step_)) * per_step_;

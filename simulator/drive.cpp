@@ -79,7 +79,7 @@ cgl_real possible(cgl_real duty) {
     return duty >= CGL_R(0.0) && duty <= CGL_R(1.0) ? duty : CGL_R(0.5) + cgl_clamp(duty - CGL_R(0.5), CGL_R(0.5));
 }
 
-// The angle beside another one, by whole revolutions.
+// The angle moved by whole revolutions to lie beside another one.
 double near(double theta, double other) {
     constexpr double turn = 2.0 * std::numbers::pi;
     return theta + turn * std::round((other - theta) / turn);

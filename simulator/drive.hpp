@@ -26,13 +26,13 @@
 
 namespace cogless {
 
-// At this tick, of the trial where there are trials, the constant part of the load gets a new target.
+// A new target of the load's constant part, at a tick; with trials, at that tick of each.
 struct LoadStep {
     std::int64_t tick;
     double torque;  // N m
 };
 
-// What the law's current acts on, from a trial on, and how that starts.
+// The plant that the law's current acts on from a trial on, and how it starts.
 struct PhaseConfig {
     PmsmConfig motor;
     MechanicsConfig mechanics;
@@ -83,7 +83,7 @@ struct DriveState {
     std::optional<Motion> given_reference = {};  // in place of the described one; not in trials
 };
 
-// What runs in place of the drive's own controller: the same code elsewhere.
+// A controller in place of the drive's own: the same code elsewhere.
 class Controller {
 public:
     virtual ~Controller() = default;
@@ -106,18 +106,18 @@ public:
     // is then that of the failing period. Throws std::invalid_argument, and runs none, where there are not so many trials.
     void advance(DriveState& state, Recorder& recorder, std::int64_t ticks, Controller* other = nullptr) const;
 
-    // From now on so much torque, N m, acts besides the described load.
+    // Adds torque, N m, to the described load from now on.
     void add_load(DriveState& state, double torque) const;
 
-    // The drive's own controller alone, which the control library's laws allow: what advance() runs where no other takes its
-    // place. Plant and tick stay as they are.
+    // Runs the drive's own controller alone, as advance() does where no other takes its place. Plant and tick stay as they
+    // are; only with a law of the control library.
     cgl_drive_output step_controller(DriveState& state, const cgl_measurement& now, const cgl_reference& reference) const;
     void begin_trial(DriveState& state, const std::vector<cgl_real>& trajectory) const;
     void end_trial(DriveState& state) const;
 
     const DriveConfig& config() const { return config_; }
     Learned learned(const DriveState& state) const;
-    // All of the law's memory, which is the caller's in C; none where it has none.
+    // The law's memory, which is the caller's in C; empty where it has none.
     std::vector<cgl_real>* cells(DriveState& state) const;
 
 private:
@@ -136,7 +136,7 @@ private:
     void advance_within(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
                         Controller* other) const;
 
-    // What runs in every tick is inlined by force where it is defined: with two loops gcc would call it, 1 % slower.
+    // Functions of every tick are inlined by force where they are defined: with two loops gcc would call them, 1 % slower.
     //
     // origin in all of these: the tick at which the phase's time is zero.
     // legs: of the inverter; 0 with an ideal current loop. z: what the plant's evaluate() gives at the rotor's angle.

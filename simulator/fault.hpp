@@ -21,7 +21,7 @@ enum class FaultKind {
     bus_voltage,      // the bus has `size` V
 };
 
-// From a tick until another, which it no longer has.
+// A fault, active for from <= tick < until.
 struct Fault {
     FaultKind kind;
     std::int64_t from, until;
@@ -29,7 +29,7 @@ struct Fault {
     std::size_t phase;
 };
 
-// What the faults of a tick do, all at once.
+// The faults of a tick, added up.
 struct Faults {
     bool missing = false, stuck = false;
     double jump = 0.0;  // rad

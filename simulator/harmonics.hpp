@@ -34,7 +34,7 @@ public:
         for (const int order : orders) place_of(order / base_);
     }
 
-    // Where evaluate() leaves e^{j order theta}; the order was among those given.
+    // The place at which evaluate() leaves e^{j order theta}; the order was among those given.
     std::size_t place(int order) const {
         return static_cast<std::size_t>(std::find(multiples_.begin(), multiples_.end(), order / base_) -
                                         multiples_.begin());

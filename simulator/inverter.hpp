@@ -27,15 +27,15 @@ struct InverterConfig {
     bool computation_delay = true;  // the duty cycles act one period after they were computed
 };
 
-// What legs at these voltages apply to the phases.
+// Phase voltages of legs at these voltages.
 inline Voltage stationary(const Legs<star_legs>& u) {
     return {(2.0 * u[0] - u[1] - u[2]) / 3.0, (u[1] - u[2]) * 0.57735026918962576};
 }
 
 inline Voltage stationary(const Legs<bridge_legs>& u) { return {u[0] - u[1], u[2] - u[3]}; }
 
-// The legs' duty cycles of the phases' ones. Unipolar: the second leg of a bridge does the opposite of the first, on the same
-// carrier, so that a phase gets bus_voltage (2 duty - 1) in two pulses a period.
+// Duty cycles of the legs from those of the phases. Unipolar: the second leg of a bridge does the opposite of the first, on
+// the same carrier, so that a phase gets bus_voltage (2 duty - 1) in two pulses a period.
 template <std::size_t count>
 Legs<count> leg_duties(const Phases& duty) {
     if constexpr (count == star_legs) {

@@ -46,7 +46,7 @@ public:
         return load.target + (load.torque - load.target) * decay;
     }
 
-    // What depends on angle and time.
+    // The part that depends on angle and time, N m.
     double other_parts(const Powers::Values& z, double theta_m, double time) const {
         if (!varies_) return 0.0;
         double torque = harmonics_.value(z);

@@ -15,7 +15,7 @@ namespace cogless {
 // The diode that carries a leg's current: out of the leg from the bus's minus, or into it towards the plus.
 enum class Diode { none, lower, upper };
 
-// What holds for a short stretch.
+// Diodes that conduct and the voltages they leave, for a short stretch.
 template <std::size_t legs>
 struct OpenBridge {
     std::array<Diode, 3> diode{};  // of each phase; of an H-bridge, in the leg where the phase's current leaves it
@@ -27,7 +27,7 @@ inline Diode diode_of(double current) {
     return current > nothing ? Diode::lower : current < -nothing ? Diode::upper : Diode::none;
 }
 
-// By the magnets, in the stationary frame.
+// Voltages that the magnets induce, in the stationary frame.
 inline Voltage induced(const Pmsm& motor, const Powers::Values& z, double omega_m) {
     const Pmsm::Linkage e = motor.linkage(z, {0.0, 0.0});
     const Complex axis = motor.axis(z);
@@ -35,8 +35,8 @@ inline Voltage induced(const Pmsm& motor, const Powers::Values& z, double omega_
     return {omega_e * (axis.re * e.d - axis.im * e.q), omega_e * (axis.im * e.d + axis.re * e.q)};
 }
 
-// Three legs. Without a current they float, each at the star point and its induced voltage, unless two of those are further
-// apart than the bus; where two legs carry one, the third floats if its voltage is within the bus.
+// Diodes of three legs. Without a current they float, each at the star point and its induced voltage, unless two of those are
+// further apart than the bus; where two legs carry one, the third floats if its voltage is within the bus.
 inline OpenBridge<star_legs> open_bridge(double bus, const Phases& i, Voltage e, OpenBridge<star_legs> at = {}) {
     const Phases in_phase{e.alpha, -0.5 * e.alpha + 0.86602540378443865 * e.beta,
                           -0.5 * e.alpha - 0.86602540378443865 * e.beta};
@@ -65,7 +65,7 @@ inline OpenBridge<star_legs> open_bridge(double bus, const Phases& i, Voltage e,
     return at;
 }
 
-// Two H-bridges, each with its phase alone.
+// Diodes of two H-bridges, each with its phase alone.
 inline OpenBridge<bridge_legs> open_bridge(double bus, const Phases& i, Voltage e, OpenBridge<bridge_legs> at = {}) {
     const std::array<double, 2> in_phase{e.alpha, e.beta};
     std::array<double, 2> u;

@@ -25,8 +25,8 @@ struct Voltage {
     double alpha, beta;
 };
 
-// What the plant integrates: speed and angle under currents that are given and held; the motor's currents too; and their
-// energies.
+// Parts of the state that are integrated: speed and angle, under currents that are given and held; the currents too; the
+// energies too.
 enum class Detail { mechanics, currents, energies };
 
 // Integrated powers since the start, J.
@@ -114,7 +114,7 @@ private:
     template <Detail detail>
     using Vector = std::array<double, detail == Detail::mechanics ? 2 : detail == Detail::currents ? 4 : 8>;
 
-    // What x becomes in one RK4 step within which nothing starts or stops.
+    // The state after one RK4 step within which nothing starts or stops.
     template <Detail detail>
     Vector<detail> integrated(const PlantState& x, const Powers::Values& z, Voltage u, double time,
                                    double h) const {
@@ -154,7 +154,7 @@ private:
         return start;
     }
 
-    // Goes to y, where integrated() with the same h ended.
+    // Moves the state to y, where integrated() with the same h ended.
     template <Detail detail>
     void move(PlantState& x, const Vector<detail>& y, double h) const {
         x.omega_m = y[0];

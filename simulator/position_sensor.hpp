@@ -102,7 +102,7 @@ public:
         s.theta_before = theta;
     }
 
-    // Once per current-loop period; speed_sample says whether the speed loop runs in it too.
+    // Measures, once per current-loop period; speed_sample: the speed loop runs in it too.
     [[gnu::always_inline]] Measurement sample(State& s, double time, double theta_m, double omega_m, bool speed_sample) const {
         if (config_.kind == PositionSensorKind::ideal) return {wrapped(theta_m), omega_m};
         if (!watches()) s.count = count(seen(theta_m));

@@ -36,7 +36,7 @@ inline Value table_of(const nanobind::dict& object) {
     return table;
 }
 
-// What has no place in a description becomes Value::Other, which only matters where some key is of that.
+// A Python value as a description's. One that no key accepts becomes Value::Other, which matters only where a key has it.
 inline Value value_of(nanobind::handle object) {
     using Matrix = nanobind::ndarray<const double, nanobind::ndim<2>, nanobind::c_contig, nanobind::device::cpu>;
     if (object.is_none()) return {};

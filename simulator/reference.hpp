@@ -33,7 +33,7 @@ struct ReferenceConfig {
     double smoothing = 0.0;  // s, both time constants of the filter on the speed; 0: none
 };
 
-// Where a reference is: rad, not wrapped; rad/s; rad/s^2.
+// State of a reference: rad, not wrapped; rad/s; rad/s^2.
 struct Motion {
     double theta = 0.0, omega = 0.0, alpha = 0.0;
 };
@@ -97,7 +97,7 @@ private:
 
 class Reference {
 public:
-    // The smoothing filter's, and the speed before it at the last sample.
+    // State of the smoothing filter, and the speed before it at the last sample.
     struct State {
         double omega = 0.0, alpha = 0.0, unfiltered = 0.0;
         bool started = false;
@@ -142,7 +142,7 @@ public:
         return m;
     }
 
-    // So much time after a sample at this one, and before the next; smoothed: by the sample's own derivatives.
+    // The reference between this sample and the next; smoothed: by the sample's own derivatives.
     Motion after(const Motion& sampled, double time, double dt) const {
         if (config_.smoothing != 0.0) {
             return {sampled.theta + dt * (sampled.omega + 0.5 * dt * sampled.alpha), sampled.omega + dt * sampled.alpha,
@@ -154,7 +154,7 @@ public:
     }
 
 private:
-    // Without filter and initial angle.
+    // The reference without filter and initial angle.
     Motion at(double time) const {
         const ReferenceConfig& r = config_;
         switch (r.kind) {

@@ -39,7 +39,7 @@ public:
     int integer(const char* key) const { return get<int>(key); }
     cgl_real real(const char* key) const { return static_cast<cgl_real>(number(key)); }
 
-    // So many finite numbers.
+    // A list of so many finite numbers.
     std::vector<double> numbers(const char* key, std::size_t count) const {
         auto values = get<std::vector<double>>(key);
         if (values.size() != count) refuse(key, "expected " + std::to_string(count) + " numbers");

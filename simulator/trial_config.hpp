@@ -11,13 +11,13 @@
 
 namespace cogless {
 
-// In the control laws' numbers.
+// The same numbers in the control laws' type.
 std::vector<cgl_real> reals(const std::vector<double>& values);
 
-// How many samples and trials there are.
+// Number of samples and of trials.
 Trials read_trials(const Section& s);
 
-// Where a phase starts, which is after the one before; the first, after -1, starts at 0.
+// First trial of a phase, which is after that of the one before; the first phase, after -1, starts at 0.
 std::int64_t first_trial(const Section& phase, std::int64_t before, const Trials& trials);
 
 // states: of the plant that it controls.

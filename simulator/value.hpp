@@ -18,12 +18,12 @@ public:
     using Numbers = std::vector<double>;
     using List = std::vector<Value>;
     using Table = std::map<std::string, Value>;
-    // Row by row.
+    // A matrix, row by row.
     struct Matrix {
         std::size_t rows, columns;
         Numbers data;
     };
-    // What no key takes.
+    // A type that no key accepts.
     struct Other {};
 
     Value() = default;  // none

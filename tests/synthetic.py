@@ -166,8 +166,8 @@ def results(the_study, rate=15_000, interrupted=False):
         for controller in the_study.controllers_in(scenario):
             recorded = trace(the_study, scenario, controller, rate)
             angle = 2 * np.pi * np.arange(256) / 256
-            learnt = {"angle": angle, "current": 0.02 * np.cos(6 * angle), "frame": "electrical"}
-            memory = learnt if controller == "pi-ilc" else {}
+            learned = {"angle": angle, "current": 0.02 * np.cos(6 * angle), "frame": "electrical"}
+            memory = learned if controller == "pi-ilc" else {}
             runs.append(Run(scenario, controller, recorded, memory, measure(the_study, scenario, recorded)))
     return Results(the_study, runs, interrupted)
 

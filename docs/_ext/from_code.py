@@ -252,9 +252,7 @@ class TrialSignals(Parsed):
 
 def check(app: Any, env: Any) -> None:
     """Every model and every kind of metric has its place, and nothing else has."""
-    from cogless.results.results import trial_metrics
-
-    from cogless.results import metrics
+    from cogless.results import metrics, trial_metrics
 
     wanted = {full_name(model) for kind in (Study, TrialStudy) for model in models_of(kind)}
     for name in sorted(wanted - getattr(env, "cogless_documented", set())):

@@ -374,7 +374,7 @@ def calibrate(study: StudyArgument, changes: SetOption = None, jobs: JobsOption 
 
 
 def _command(name: str, study: str, changes: list[str] | None, options: list[str]) -> str:
-    """As one would type it."""
+    """The command line as one would type it."""
     sets = [word for change in changes or () for word in ("--set", change)]
     return shlex.join(["cogless", name, study, *options, *sets])
 
@@ -470,7 +470,7 @@ def _print_tables(results: AnyResults) -> None:
 
 
 def _print_warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
-    """What is known of controllers, by scenario and name, before they run; each line once."""
+    """Print what is known of controllers, by scenario and name, before they run; each line once."""
     from cogless.design.warnings import warnings
 
     of_each = {name: scenario for scenario, name in runs}

@@ -1,4 +1,4 @@
-"""What a user did wrong, a line each."""
+"""Mistakes of a user, a line each."""
 
 
 class StudyError(Exception):

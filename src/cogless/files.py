@@ -13,7 +13,7 @@ from cogless.errors import StudyError
 
 
 def package_folders() -> list[Path]:
-    """Where cogless is installed: more than one folder while it is developed, say."""
+    """Folders of the cogless package: more than one while it is developed, say."""
     return [Path(folder) for folder in sys.modules["cogless"].__path__]
 
 
@@ -27,7 +27,7 @@ def control_sources() -> Path:
 
 
 def reason(error: OSError) -> str:
-    """What the system says, to stand within a line."""
+    """The system's words for an error, to stand within a line."""
     return error.strerror.lower() if error.strerror else str(error)
 
 
@@ -61,7 +61,7 @@ def writable(directory: Path) -> Iterator[None]:
         with tempfile.TemporaryFile(dir=directory):
             pass
     except OSError as error:
-        # of what is to be made, as in /proc
+        # a folder in which none can be made, such as /proc
         why = "can't be made there" if isinstance(error, FileNotFoundError) else reason(error)
         raise StudyError(f"{directory}: {why}: expected a directory that can be written") from error
     try:

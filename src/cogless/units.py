@@ -151,7 +151,7 @@ def format(value_si: float, unit: str, dimension: Dimension, digits: int = 6) ->
 
 @cache
 def factor(unit: str, dimension: Dimension) -> float:
-    """How many SI units of the dimension one `unit` is; UnitError for another dimension or unknown unit."""
+    """Size of one `unit` in SI units of the dimension; UnitError for another dimension or unknown unit."""
     with ONE_AT_A_TIME:
         return _factor(unit, dimension)
 

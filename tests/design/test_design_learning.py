@@ -134,8 +134,8 @@ def test_what_is_said_to_be_frozen_learns_nothing(
     found = PeriodicLoop(study, "pi-ilc", speed * 2 * math.pi).frozen
     assert found is None if why is None else (found or "").endswith(why)
     (run,) = run_study(study, ["fast/pi-ilc"]).runs
-    learnt = np.max(np.abs(run.trace["term_ilc"]))
-    assert learnt == 0.0 if why else learnt > 0.0
+    learned = np.max(np.abs(run.trace["term_ilc"]))
+    assert learned == 0.0 if why else learned > 0.0
 
 
 def test_a_map_needs_four_samples_a_period() -> None:

@@ -1,4 +1,4 @@
-"""PI speed control with an anti-cogging table, learnt by a slow run in both directions."""
+"""PI speed control with an anti-cogging table, learned by a slow run in both directions."""
 
 import math
 from dataclasses import dataclass, field

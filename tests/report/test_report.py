@@ -596,7 +596,7 @@ def test_page_is_one_offline_file(made):
 def test_page_data(made):
     low, step = data_of(render(made))["scenarios"]
     titles = [panel["title"] for panel in low["waveforms"]["panels"]]
-    assert len(titles) == 4 and titles[-1].startswith("Learnt part")
+    assert len(titles) == 4 and titles[-1].startswith("Learned part")
     assert all(panel["unit"] for panel in low["waveforms"]["panels"])
     last = ["last two revolutions", "last revolution"]
     assert [zoom["name"] for zoom in low["zooms"]] == ["whole run", "after start-up", *last]
@@ -701,8 +701,8 @@ def test_page_of_runs_without_traces(made):
     page = render(bare)
     assert "7.52 times less" in page
     assert data_of(page)["scenarios"][0]["waveforms"]["panels"] == []
-    nothing_learnt = {"angle": np.zeros(0), "current": np.zeros(0), "frame": "electrical"}
-    empty = [replace(run, memory=nothing_learnt) for run in made.runs]
+    nothing_learned = {"angle": np.zeros(0), "current": np.zeros(0), "frame": "electrical"}
+    empty = [replace(run, memory=nothing_learned) for run in made.runs]
     assert data_of(render(Results(made.study, empty)))["scenarios"][0]["maps"] == []
 
 

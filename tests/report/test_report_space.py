@@ -54,15 +54,15 @@ def test_a_law_that_may_not_learn_does_not(made):
     assert turns[-1] == pytest.approx(12 * 0.3 / period, rel=0.02)
 
 
-def test_what_was_learnt_comes_to_what_was_needed(made):
+def test_what_was_learned_comes_to_what_was_needed(made):
     run = made.runs[2]
     needed = needed_current(made, run)
     late = run.trace.window(8, 12)
-    learnt = sum(run.trace[name] for name in ("term_alpha", "term_beta", "term_h"))
-    assert np.std((needed - learnt)[late]) < 0.1 * np.std(needed[late])
+    learned = sum(run.trace[name] for name in ("term_alpha", "term_beta", "term_h"))
+    assert np.std((needed - learned)[late]) < 0.1 * np.std(needed[late])
 
 
-def test_growth_is_told_from_what_is_learnt(made):
+def test_growth_is_told_from_what_is_learned(made):
     pi, _, filtered = made.runs
     assert growth(made, filtered) is None and growth(made, pi) is None
     grown = with_line(filtered, 300, 1.0, 9.0)

@@ -151,7 +151,7 @@ def test_single_and_double_precision_nearly_agree(tmp_path: Path) -> None:
     assert np.max(np.abs(a - b)) < 1e-3 * np.max(np.abs(b))
 
 
-def test_an_anti_cogging_table_is_learnt_before_the_run(tmp_path: Path) -> None:
+def test_an_anti_cogging_table_is_learned_before_the_run(tmp_path: Path) -> None:
     study = studies.study(tmp_path, {"controller.table": TABLE, "motor.cogging.0.torque": 20})
     run, plain = simulate(study, "low", "table"), simulate(study, "low", "pi")
     assert run.memory["frame"] == "mechanical"
@@ -539,10 +539,10 @@ def test_an_interrupt_keeps_what_is_finished(tmp_path: Path, monkeypatch: pytest
 
 
 def test_metrics_without_their_signal_are_left_out(tmp_path: Path) -> None:
-    metric = {"name": "learnt", "kind": "rms", "signal": "term_table"}
+    metric = {"name": "learned", "kind": "rms", "signal": "term_table"}
     study = studies.study(tmp_path, {"controller.table": TABLE, "metric": [metric]})
     assert simulate(study, "low", "pi").metrics == {}
-    assert json.dumps(dict(simulate(study, "low", "table").metrics)).startswith('{"learnt_A": ')
+    assert json.dumps(dict(simulate(study, "low", "table").metrics)).startswith('{"learned_A": ')
 
 
 def test_the_energy_balance_of_a_study_closes(tmp_path: Path) -> None:

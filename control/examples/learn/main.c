@@ -1,4 +1,4 @@
-/* Runs the controller on the motor of numbers: a turn to get to speed and one to measure without much learnt, then eight
+/* Runs the controller on the motor of numbers: a turn to get to speed and one to measure without much learned, then eight
  * to learn. Prints the ripple before and after; ends with 0 if nine tenths of it are gone. */
 #include <stdio.h>
 

@@ -49,7 +49,7 @@ CGL_SELDOM void cgl_anti_cogging_calibrate(const cgl_anti_cogging_config *config
     law->stage = CGL_ANTI_COGGING_FORWARD;
 }
 
-/* Further than any run goes. */
+/* Revolutions beyond which the count stays: further than any run goes. */
 #define TURNS_MAX 1000
 
 static void count_turn(cgl_anti_cogging *law, bool up)

@@ -9,7 +9,7 @@ static bool is_same(cgl_real a, cgl_real b)
     return cgl_abs(a - b) <= SAME * a;
 }
 
-/* What the parts of a config say twice. */
+/* Whether the parts of a config agree on what they say twice. */
 CGL_SELDOM static bool agrees(const cgl_drive_config *config)
 {
     const cgl_real ts = config->monitor.ts;
@@ -123,7 +123,7 @@ CGL_SELDOM static void rest(cgl_drive *drive, cgl_drive_output *out)
     drive->i_q = CGL_R(0.0);
 }
 
-/* What the current loop could not do, or would not. */
+/* Marks the output as saturated: the current loop could not do what was asked, or would not. */
 CGL_SELDOM static void fall_short(const cgl_drive_config *config, cgl_drive *drive, cgl_drive_output *out)
 {
     drive->saturated = true;

@@ -1,4 +1,4 @@
-/* The inside of cgl_modulate, for voltages in parts of the bus. */
+/* Duty cycles for voltages in parts of the bus: the inside of cgl_modulate. */
 #ifndef COGLESS_DUTIES_H
 #define COGLESS_DUTIES_H
 
@@ -20,7 +20,7 @@ static inline void cgl_duties(cgl_real alpha, cgl_real beta, cgl_real duty[3])
     duty[2] = CGL_R(0.5) + cgl_clamp(between - side, CGL_R(0.5));
 }
 
-/* The same of two H-bridges. */
+/* Duty cycles of two H-bridges for the voltages a and b, in parts of the bus. */
 static inline void cgl_duties_of_two(cgl_real a, cgl_real b, cgl_real duty[3])
 {
     duty[0] = CGL_R(0.5) + cgl_clamp(CGL_R(0.5) * a, CGL_R(0.5));

@@ -2,7 +2,7 @@
  *
  *   f(p) = sum_i num[i] y_ref(p + preview - i) - sum_{j >= 1} den[j] f(p - j)
  *
- * Before its first sample the reference rests there, after its last one too. */
+ * The reference rests at its first sample before it, and at its last one after it. */
 #ifndef COGLESS_FEEDFORWARD_H
 #define COGLESS_FEEDFORWARD_H
 

@@ -1,4 +1,4 @@
-/* What every law gets and gives, once per period of the law. */
+/* Input and output of every law, once per period of the law. */
 #ifndef COGLESS_LAW_H
 #define COGLESS_LAW_H
 
@@ -21,7 +21,7 @@ typedef struct {
     unsigned status;  /* CGL_STATUS_ bits */
 } cgl_law_output;
 
-/* What a law gives that is off. */
+/* The output of a law that is off. */
 static inline void cgl_law_off(cgl_law_output *out)
 {
     out->i_q_ref = CGL_R(0.0);

@@ -19,7 +19,7 @@ CGL_SELDOM bool cgl_map_is_valid(const cgl_map *map)
     return true;
 }
 
-/* One channel, unless more is filled in. */
+/* Fills in a map of one channel; others are added by the caller. */
 CGL_SELDOM static void fill(cgl_map *map, uint32_t law, cgl_real *entry, uint32_t cells, uint32_t unit, cgl_real limit)
 {
     map->entry = entry;

@@ -1,4 +1,4 @@
-/* What a law has learned, as numbers with their meaning: what map_store saves and loads.
+/* A learned map: numbers with their meaning, which map_store saves and loads.
  *
  * Entry n of a channel belongs to the mechanical angle 2 pi n turns / (parts cells), a map over `turns / parts` of a
  * revolution, or to sample n of a trial. */
@@ -42,7 +42,7 @@ enum {
     CGL_MAP_UNIT_OF_THE_TRIAL = 5              /* as the trial law's config has it */
 };
 
-/* Why something is not saved or loaded. */
+/* Results of saving and loading: why something is not saved or not loaded. */
 typedef enum {
     CGL_MAP_OK = 0,
     CGL_MAP_BUSY = 1,          /* the save goes on: call step again */

@@ -63,7 +63,7 @@ static uint32_t end_of(const cgl_map *map, uint32_t align)
     return CGL_MAP_ROUND_UP(CGL_MAP_HEADER + entry_bytes(map), align);
 }
 
-/* What the header says of the map itself: the words from AT_CELLS to AT_UNITS. */
+/* Header words of the map itself, from AT_CELLS to AT_UNITS. */
 CGL_SELDOM static void describe(const cgl_map *map, uint32_t *word)
 {
     word[AT_CELLS] = map->cells;
@@ -416,7 +416,7 @@ CGL_SELDOM static cgl_map_result look(const cgl_map_store_config *config, cgl_ma
     return go_on(store, CGL_STORE_SUM, CGL_MAP_HEADER);
 }
 
-/* Over the entries and the padding, as they are now; then chooses the slot. */
+/* Checksum over the entries and the padding, as they are now; then chooses the slot. */
 CGL_SELDOM static cgl_map_result sum(const cgl_map_store_config *config, cgl_map_store *store)
 {
     const uint32_t count = smaller(store->chunk, store->end - store->position);

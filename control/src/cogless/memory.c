@@ -40,7 +40,7 @@ CGL_SELDOM void cgl_memory_reset(const cgl_memory_config *config, cgl_memory *me
 
 /* ---- by angle: a map, and behind it a ring of the entries overwritten last, which the Q filter still needs ---- */
 
-/* n in [-cells, 2 cells) */
+/* The cell of n in [-cells, 2 cells). */
 static uint32_t wrap_cell(const cgl_memory_config *config, int32_t n)
 {
     const int32_t cells = (int32_t)config->cells;
@@ -78,7 +78,7 @@ CGL_SELDOM static cgl_real sum_anywhere(const cgl_memory_config *config, const c
     return sum;
 }
 
-/* How far the angle is in its period, in [0, 1). */
+/* Place of the angle in its period, in [0, 1). */
 static inline cgl_real find_place(const cgl_memory *memory, cgl_real theta_m)
 {
     const cgl_real periods = theta_m * memory->per_rad;
@@ -246,7 +246,7 @@ CGL_SELDOM static void store_by_angle(const cgl_memory_config *config, cgl_memor
     }
 }
 
-/* ---- the same, short, for a rotor that goes on forward ---- */
+/* ---- by angle, in short: for a rotor that goes on forward ---- */
 
 /* The sum of the Q filter's entries around cell 0, when the rotor comes there: summed anew, as changes to it round. The
  * entry at `head` has left the window. */
@@ -274,7 +274,7 @@ static inline void pass_cell(const cgl_memory_config *config, cgl_memory *memory
     memory->head = head;
 }
 
-/* And to those before. */
+/* The rotor passes all but the last of `count` cells. */
 CGL_SELDOM static void pass_more(const cgl_memory_config *config, cgl_memory *memory, uint32_t count)
 {
     for (uint32_t n = memory->at; count > 1U; --count) {

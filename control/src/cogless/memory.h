@@ -70,8 +70,8 @@ cgl_error cgl_memory_init(const cgl_memory_config *config, cgl_memory *memory, c
 /* Forgets everything learned. */
 void cgl_memory_reset(const cgl_memory_config *config, cgl_memory *memory);
 
-/* What was stored one period ago, within the limit: with learn, what a law learns on from (Q filter and forgetting
- * applied); without, what it repeats while learning is frozen. Returns false, and the value 0, where no such value exists:
+/* Gives the value stored one period ago, within the limit: with learn, to learn on from (Q filter and forgetting
+ * applied); without, to repeat while learning is frozen. Returns false, and the value 0, where no such value exists:
  * the angle is not finite or beyond CGL_ANGLE_MAX, or (by time) the reference is so slow that a period exceeds the memory,
  * or so fast that the Q filter does. theta_m [rad] and omega_ref [rad/s] are mechanical. */
 bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
@@ -85,8 +85,8 @@ bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_
 cgl_real cgl_memory_update(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction,
                            bool learn);
 
-/* Both in one step: recalls, adds the correction, and returns what acts now. *learn, whether to learn, becomes false where
- * no value of one period ago exists, or angle or correction are not plausible. */
+/* Recall and update in one step: recalls, adds the correction, and returns what acts now. *learn, whether to learn, becomes
+ * false where no value of one period ago exists, or angle or correction are not plausible. */
 cgl_real cgl_memory_step(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
                          cgl_real correction, bool *learn);
 

@@ -170,8 +170,8 @@ CGL_SELDOM static void settle(const cgl_monitor_config *config, cgl_monitor *mon
     }
 }
 
-/* How far the reference has turned, and for how long, while the angle stood still; true where both are too much. Who asks
- * for rest starts anew, and who goes on asking gets another try. */
+/* Counts how far the reference has turned, and for how long, while the angle stood still; true where both are too much.
+ * Asking for rest starts the count anew; asking on gives another try. */
 CGL_SELDOM static bool is_stuck(const cgl_monitor_config *config, cgl_monitor *monitor, cgl_real d, cgl_real omega_ref)
 {
     const cgl_monitor_limits *limits = &monitor->limits;
@@ -207,7 +207,7 @@ static bool is_dark(const cgl_monitor *monitor)
     return monitor->dark > monitor->limits.window + monitor->limits.bridge;
 }
 
-/* Angle and speed; returns what to say of them. */
+/* Looks at angle and speed; returns their status bits. */
 CGL_SELDOM static unsigned look_at_rotor(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
                               cgl_real omega_ref)
 {

@@ -48,7 +48,7 @@ typedef struct {
     cgl_real u_dc;     /* bus voltage [V]; not looked at if config.phases is 0 */
 } cgl_measurement;
 
-/* What init makes of a config, so that a step neither divides nor multiplies constants. */
+/* Bounds that init derives from a config, so that a step neither divides nor multiplies constants. */
 typedef struct {
     cgl_real reach;          /* of the rotor in a period [rad] */
     cgl_real reach_square;   /* [rad^2] */
@@ -94,7 +94,7 @@ void cgl_monitor_reset(cgl_monitor *monitor);
 void cgl_monitor_step(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref);
 
-/* The same by the long way: step takes a short one where nothing was, and nothing is, amiss. */
+/* Does what step does, the long way: step takes a short one where nothing was, and nothing is, amiss. */
 void cgl_monitor_look(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref);
 

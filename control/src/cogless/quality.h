@@ -1,4 +1,4 @@
-/* How good learning is, read at run time: the residual ripple over a turn of the rotor, how far it has come down, whether
+/* Quality of learning, read at run time: the residual ripple over a turn of the rotor, how far it has come down, whether
  * it still comes down; and which errors are so far from the usual that nothing should be learned from them.
  *
  * A window ends when the rotor has turned by `span`, either way, or after `longest`. An outlier teaches nothing. But what
@@ -71,7 +71,7 @@ void cgl_quality_reset(cgl_quality *quality);
 bool cgl_quality_step(const cgl_quality_config *config, cgl_quality *quality, cgl_real error, cgl_real omega_m,
                       bool learning);
 
-/* For a background task: takes two square roots. */
+/* Reads the quality; takes two square roots, so for a background task. */
 cgl_quality_report cgl_quality_read(const cgl_quality *quality);
 
 #ifdef __cplusplus

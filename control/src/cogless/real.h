@@ -60,8 +60,8 @@ static inline bool cgl_is_within(cgl_real x, cgl_real limit)
 }
 #endif
 
-/* For what is seldom called: keeps it out of the way of what is often. (Frama-C 25 loses the values of a struct that such a
- * function returns.) */
+/* Marks a function that is seldom called, and keeps it out of the way of the others. (Frama-C 25 loses the values of a struct
+ * that such a function returns.) */
 #if defined(__GNUC__) && !defined(__FRAMAC__)
 #define CGL_SELDOM __attribute__((noinline, cold))
 #define CGL_OFTEN(condition) __builtin_expect((condition), 1)
@@ -70,7 +70,7 @@ static inline bool cgl_is_within(cgl_real x, cgl_real limit)
 #define CGL_OFTEN(condition) (condition)
 #endif
 
-/* False for NaN and both infinities. */
+/* Whether x is finite: false for NaN and both infinities. */
 static inline bool cgl_is_finite(cgl_real x)
 {
     return cgl_is_within(x, CGL_REAL_MAX);
@@ -82,19 +82,19 @@ static inline bool cgl_is_below(cgl_real x, cgl_real limit)
     return cgl_abs(x) < limit;
 }
 
-/* False for what no measured angle can be, NaN included. */
+/* Whether theta can be a measured angle; false for NaN. */
 static inline bool cgl_is_angle(cgl_real theta)
 {
     return cgl_is_below(theta, CGL_ANGLE_MAX);
 }
 
-/* Within the first turn; false for NaN. */
+/* Whether theta is within the first turn; false for NaN. */
 static inline bool cgl_is_in_turn(cgl_real theta)
 {
     return theta >= CGL_R(0.0) && theta < CGL_TWO_PI;
 }
 
-/* What is behind the point of x, |x| < 2^31: in (-1, 1), exactly, with the sign of x. */
+/* The fraction of x, |x| < 2^31: in (-1, 1), exactly, with the sign of x. */
 static inline cgl_real cgl_rest(cgl_real x)
 {
     return x - (cgl_real)(int32_t)x;

@@ -17,7 +17,7 @@ CGL_SELDOM cgl_error cgl_robust_ilc_init(const cgl_robust_ilc_config *config, cg
     return error;
 }
 
-/* All but what is learned. */
+/* Resets all but what is learned. */
 CGL_SELDOM static void start_anew(cgl_robust_ilc *law)
 {
     static const cgl_robust_ilc_terms nothing = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};

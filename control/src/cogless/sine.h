@@ -6,7 +6,7 @@
 
 #include "real.h"
 
-/* Where the series below hold [rad]. */
+/* Bound within which the series below hold [rad]. */
 #define CGL_QUARTER (CGL_R(0.25) * CGL_PI)
 
 /* Sine and cosine of r [rad], |r| <= pi/4 and a little: Taylor's series as far as a double can see, or the best

@@ -77,7 +77,7 @@ static cgl_real fraction(cgl_real x)
     return rest;
 }
 
-/* From one place to another in a period of length 1 or cells, the shorter way round. */
+/* The distance between places in a period of length 1 or cells, the shorter way round. */
 static cgl_real shorter_way(cgl_real distance, cgl_real period)
 {
     return distance > CGL_R(0.5) * period ? distance - period
@@ -318,7 +318,7 @@ static bool is_oldest(const cgl_space_memory_config *config, const cgl_space_mem
     return memory->then == (memory->known < row_length(config) ? 0U : newer(config, memory->newest));
 }
 
-/* How far the angle rose to this sample. */
+/* Rise of the angle to this sample. */
 static cgl_real rise(const cgl_space_memory_config *config, const cgl_space_memory *memory, uint32_t at)
 {
     return shorter_way(memory->cell[at] - memory->cell[older(config, at)], CGL_R(1.0));
@@ -336,7 +336,7 @@ static void go_older(const cgl_space_memory_config *config, cgl_space_memory *me
     memory->then = older(config, memory->then);
 }
 
-/* To the oldest sample less than a period ago. It moves on with the angle: each sample is passed once a period. */
+/* Moves to the oldest sample less than a period ago, on with the angle: each sample is passed once a period. */
 static void invert(const cgl_space_memory_config *config, cgl_space_memory *memory)
 {
     while (memory->then != memory->newest && memory->distance > CGL_R(1.0)) {

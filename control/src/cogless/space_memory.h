@@ -82,7 +82,7 @@ cgl_error cgl_space_memory_init(const cgl_space_memory_config *config, cgl_space
 /* Forgets everything learned. */
 void cgl_space_memory_reset(const cgl_space_memory_config *config, cgl_space_memory *memory);
 
-/* What was stored one period ago, for each channel, within the limit but for rounding. theta [rad]: the angle by which
+/* Gives the values stored one period ago, one a channel, within the limit but for rounding. theta [rad]: the angle by which
  * it repeats, any revolution below CGL_ANGLE_MAX. moving: false where the speed is too low for learning; then a delay
  * line waits. Returns whether the law may learn: then the Q filter is applied to the values, else they are to be
  * repeated as they are. False too where learn is; where the angle is not plausible; and, by delay, while the line
@@ -98,8 +98,8 @@ bool cgl_space_memory_recall(const cgl_space_memory_config *config, cgl_space_me
 void cgl_space_memory_update(const cgl_space_memory_config *config, cgl_space_memory *memory, const cgl_real *value,
                              bool learn);
 
-/* Both in one step: recalls, subtracts gain step from each channel's value if learn is true, stores, and returns whether it
- * learned. The values are those before the limit. */
+/* Recall and update in one step: recalls, subtracts gain step from each channel's value if learn is true, stores, and
+ * returns whether it learned. The values are those before the limit. */
 bool cgl_space_memory_step(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta, bool moving,
                            bool learn, const cgl_real *gain, cgl_real step, cgl_real *value);
 

@@ -27,7 +27,7 @@ CGL_SELDOM cgl_error cgl_space_position_init(const cgl_space_position_config *co
     return error;
 }
 
-/* All but what is learned. */
+/* Resets all but what is learned. */
 CGL_SELDOM static void start_anew(cgl_space_position *law)
 {
     static const cgl_space_position_terms nothing = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};

@@ -16,7 +16,7 @@ CGL_SELDOM cgl_error cgl_space_speed_init(const cgl_space_speed_config *config, 
     return error;
 }
 
-/* All but what is learned. */
+/* Resets all but what is learned. */
 CGL_SELDOM static void start_anew(cgl_space_speed *law)
 {
     static const cgl_space_speed_terms nothing = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};

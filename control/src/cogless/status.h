@@ -1,4 +1,4 @@
-/* What init returns, and what a step says of itself. */
+/* Results of init, and status bits of a step. */
 #ifndef COGLESS_STATUS_H
 #define COGLESS_STATUS_H
 

@@ -115,7 +115,7 @@ void cgl_trial_begin(const cgl_trial_config *config, cgl_trial *law, const cgl_r
  * meanwhile. Before begin u = 0. */
 void cgl_trial_step(const cgl_trial_config *config, cgl_trial *law, const cgl_trial_input *in, cgl_trial_output *out);
 
-/* The same for a drive, where x is the mechanical angle [rad] and speed [rad/s], `states` is 2 and u a current [A]. The
+/* One sample of a drive, where x is the mechanical angle [rad] and speed [rad/s], `states` is 2 and u a current [A]. The
  * angle may jump by whole turns: a trial starts at the turn that is nearest to its reference. An angle that is not
  * plausible is a fault. While in->off the output and psi are 0, and nothing is learned from the trial. */
 void cgl_trial_drive_step(const cgl_trial_config *config, cgl_trial *law, const cgl_law_input *in,

@@ -20,7 +20,7 @@ CGL_SELDOM static bool rest(const cgl_zero_phase_config *config, cgl_real *z)
     return finite;
 }
 
-/* With input and output within this, all states and sums are finite: a state is a sum of past b x - a y. */
+/* Bound of input and output that keeps all states and sums finite: a state is a sum of past b x - a y. */
 static cgl_real ceiling(const cgl_zero_phase_config *config)
 {
     cgl_real sum = CGL_R(1.0);

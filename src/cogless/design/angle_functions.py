@@ -47,7 +47,7 @@ class Bounds:
 
     @property
     def delta(self) -> float:
-        """delta+, of the norm of [alpha, beta, h], as numbers in SI."""
+        """delta+: bound of the norm of [alpha, beta, h], as numbers in SI."""
         return math.hypot(self.k_alpha1, self.k_beta1, self.h_M)
 
     @property
@@ -57,7 +57,7 @@ class Bounds:
 
     @property
     def g_d(self) -> float:
-        """Of the derivative of 1 / g, which is h."""
+        """Bound of the derivative of 1 / g, which is h."""
         return self.k_h
 
 
@@ -81,7 +81,7 @@ class Series:
 
     @property
     def rises(self) -> Rises:
-        """Bounds from amplitudes."""
+        """Bounds of the function and its first three derivatives, from amplitudes."""
         sums = [sum(abs(c) * n**k for n, c in zip(self.orders, self.c, strict=True)) for k in range(4)]
         sums[0] += abs(self.constant)
         if self.table is not None:
@@ -117,24 +117,24 @@ class AngleFunctions:
     D: float  # N*m*s/rad
 
     def h(self, theta: Real) -> Real:
-        """A*s^2/rad."""
+        """h, A*s^2/rad."""
         return np.asarray(self.J / self.K.at(theta))
 
     def alpha(self, theta: Real) -> Real:
-        """A."""
+        """alpha, A."""
         return np.asarray(self.torque.at(theta) / self.K.at(theta))
 
     def current(self, theta: Real, omega_m: float) -> Real:
-        """What a constant speed needs, A: alpha + omega beta."""
+        """Current that a constant speed needs, A: alpha + omega beta."""
         return self.alpha(theta) + omega_m * self.beta(theta)
 
     def beta(self, theta: Real) -> Real:
-        """A*s/rad."""
+        """beta, A*s/rad."""
         return np.asarray(self.D / self.K.at(theta))
 
     @property
     def orders(self) -> set[int]:
-        """The mechanical orders in them; 1 for a table."""
+        """The mechanical orders of K and the torque; 1 for a table."""
         return {*self.K.orders, *self.torque.orders, *([1] if self.torque.table else [])}
 
     def bounds(self) -> Bounds | None:
@@ -160,7 +160,7 @@ class AngleFunctions:
         )
 
     def _grid(self) -> tuple[Real, float]:
-        """Over a revolution, with a table's points; and (grid / 2)^2 / 2."""
+        """Angles over a revolution, a table's points included, rad; and (grid / 2)^2 / 2, rad^2."""
         points = min(POINTS * max([*self.orders, 4]), MOST_POINTS)
         theta = np.linspace(0, TURN, points, endpoint=False)
         if self.torque.table is not None:
@@ -169,16 +169,16 @@ class AngleFunctions:
 
 
 def functions_in(study: Study, scenario: str) -> AngleFunctions:
-    """Of a study's motor and load in a scenario, with its overrides."""
-    here = for_scenario(study, scenario)
-    load = here.scenario[scenario].load or here.mechanics.load
-    return angle_functions(here.motor.star(), here.mechanics, load)
+    """Functions of the angle of a study's motor and load in a scenario, with its overrides."""
+    study_here = for_scenario(study, scenario)
+    load = study_here.scenario[scenario].load or study_here.mechanics.load
+    return angle_functions(study_here.motor.star(), study_here.mechanics, load)
 
 
 def angle_functions(
     motor: StarMotor, mechanics: Mechanics, load: Load, constant: float | None = None
 ) -> AngleFunctions:
-    """Of a motor with a load; the load's constant part may be another."""
+    """Functions of the angle of a motor with a load; `constant`, N*m, replaces the load's constant part."""
     factor = motor.power_factor * motor.pole_pairs
     flux = [(h.order * motor.pole_pairs, h.order * h.q, h.q_phase) for h in motor.flux_harmonics]
     flux += [(h.order * motor.pole_pairs, h.d, h.d_phase) for h in motor.flux_harmonics]
@@ -200,7 +200,7 @@ def angle_functions(
 def _series(
     constant: float, cosines: Sequence[tuple[int, float, float]], table: AngleTable | None = None
 ) -> Series:
-    """Of c cos(n theta + phase), those of one order in one."""
+    """The series of c cos(n theta + phase), with the cosines of one order added up."""
     sums: dict[int, complex] = {}
     for n, c, phase in cosines:
         sums[n] = sums.get(n, 0j) + c * complex(math.cos(phase), math.sin(phase))
@@ -214,7 +214,7 @@ def _product(f: Rises, g: Rises) -> Rises:
 
 
 def _reciprocal(f: Rises, least: float) -> Rises:
-    """Of u = 1 / f, by Leibniz' rule on f u = 1."""
+    """Derivatives of u = 1 / f, by Leibniz' rule on f u = 1."""
     u = [1 / least]
     for k in range(1, 4):
         u.append(sum(math.comb(k, i) * f[i] * u[k - i] for i in range(1, k + 1)) / least)

@@ -1,4 +1,4 @@
-"""What is certain about a trial controller: along the trial, and from trial to trial.
+"""Certificate of a trial controller: what is certain along the trial, and from trial to trial.
 
 Plants: the polytope's vertices, random plants in the uncertainty and random mixtures of the vertices for the
 design's model; the corners and the same random plants, sampled exactly, for the drive. With an Euler model
@@ -46,7 +46,7 @@ class Gains:
     integral: bool
 
     def closed(self, model: Model, C: Real) -> Loop:
-        """From v to y: (14), (15)."""
+        """The loop from v to y: (14), (15)."""
         n = model.order
         A, B = model.A + model.B @ self.K_1[None, :], model.B * self.N
         if not self.integral:
@@ -88,7 +88,7 @@ class Learning:
 
 @dataclass(frozen=True)
 class ModelCertificate:
-    """Of one kind of models: "design" or "exact"."""
+    """Certificate over one kind of models: "design" or "exact"."""
 
     radius: float  # spectral radius of A_cl over all plants: along the trial
     worst: str  # the plant that has it
@@ -103,7 +103,7 @@ class ModelCertificate:
 
 @dataclass(frozen=True)
 class Certificate:
-    """Of a trial controller; `exact` is None where the continuous plant isn't known."""
+    """Certificate of a trial controller; `exact` is None where the continuous plant isn't known."""
 
     design: ModelCertificate
     exact: ModelCertificate | None
@@ -114,7 +114,7 @@ class Certificate:
 
 @dataclass(frozen=True)
 class Update:
-    """How learning acts on the error: K_3 z^shift, or norm-optimal learning on the nominal loop."""
+    """Effect of the error on learning: K_3 z^shift, or norm-optimal learning on the nominal loop."""
 
     shift: int
     K_3: float
@@ -142,7 +142,7 @@ def certify(
     filtered: Filtered,
     samples: int,
 ) -> Certificate:
-    """Of trials of so many samples; update None: no learning."""
+    """The certificate of a plant with these gains; update None: no learning."""
     random, random_exact = plant.random
 
     def of(
@@ -200,7 +200,7 @@ class _Sweep:
         ends: float | None = None,
         phi: float | None = None,
     ) -> Learning:
-        """With a filter, or without; growth with the trial's ends and Phi's radius where they are known."""
+        """Learning with this filter or none; judged by the trial's ends and Phi's radius too, if given."""
         w, K = self._w, self._update.gain
         sign = float(np.sign(K))
 

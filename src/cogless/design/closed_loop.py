@@ -34,14 +34,14 @@ class Linear:
 
 @dataclass(frozen=True)
 class Oscillation:
-    """What grows in an unstable loop."""
+    """An oscillation that grows in an unstable loop."""
 
     frequency: float  # Hz; 0: without oscillating
     rate: float  # 1/s, of its exponential
 
 
 def oscillation(loop: SpeedLoop, feedback: Linear) -> Oscillation | None:
-    """What grows fastest; None where the loop is stable."""
+    """The fastest growing oscillation; None where the loop is stable."""
     found = poles(loop, feedback)
     fastest = found[np.argmax(np.abs(found))]
     if abs(fastest) <= 1 + ROUNDING:
@@ -51,7 +51,7 @@ def oscillation(loop: SpeedLoop, feedback: Linear) -> Oscillation | None:
 
 
 def poles(loop: SpeedLoop, feedback: Linear) -> Complex:
-    """In z of the law's samples, those of integrators that nothing feeds back included."""
+    """Poles in z of the law's samples, those of integrators that nothing feeds back included."""
     whole, states = loop.step_of(loop.steps), REFERENCE
     samples = -(-loop.window // loop.steps)  # that the sensor looks back on
     size = states + 1 + samples  # x, the integral, angles of before

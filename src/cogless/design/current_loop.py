@@ -44,7 +44,7 @@ class CurrentLoop:
         return np.asarray(pi * gain / (z - math.exp(-x)) / z**self.delay)
 
     def margins(self) -> Margins:
-        """Of the open loop G."""
+        """Margins of the open loop G."""
         return _margins(self)
 
 
@@ -63,12 +63,16 @@ class IdealLoop:
 
 def current_loops(study: Study, scenario: str | None = None) -> dict[str, CurrentLoop]:
     """Both axes as the controller knows the motor, or as they are in a scenario; none of an ideal loop."""
-    here = study if scenario is None else for_scenario(study, scenario)
-    loop, inverter, T = here.drive.current_loop, here.drive.inverter, 1 / here.drive.rates.current_loop
+    study_here = study if scenario is None else for_scenario(study, scenario)
+    loop, inverter, T = (
+        study_here.drive.current_loop,
+        study_here.drive.inverter,
+        1 / study_here.drive.rates.current_loop,
+    )
     if isinstance(loop, IdealCurrentLoop) or inverter is None:
         return {}
-    belief = here.drive.belief.resolved(study.motor.star())
-    motor = belief if scenario is None else here.motor.star()
+    belief = study_here.drive.belief.resolved(study.motor.star())
+    motor = belief if scenario is None else study_here.motor.star()
     gains, delay = loop.gains(belief), inverter.computation_delay
     return {
         "q": CurrentLoop(gains["kp_q"], gains["ki_q"], motor.R_s, motor.L_q, T, delay),
@@ -77,7 +81,7 @@ def current_loops(study: Study, scenario: str | None = None) -> dict[str, Curren
 
 
 def weakness(margins: Margins) -> str | None:
-    """What is wrong with a current loop, in words; None where nothing is."""
+    """The weakness of a current loop, in words; None where it has none."""
     if not margins.stable:
         return "is unstable"
     if margins.phase_margin < LEAST:

@@ -1,4 +1,4 @@
-"""What a design needs and did not get, in one line."""
+"""The error of a design: what it needs and did not get, in one line."""
 
 from __future__ import annotations
 

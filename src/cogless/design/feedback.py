@@ -32,7 +32,7 @@ def linear_part(law: RobustIlc) -> tuple[float, float]:
 
 
 def unstable_feedback(study: Study, name: str) -> str | None:
-    """In which scenario the feedback is unstable, and at which frequency; None where in none."""
+    """The first scenario in which the feedback is unstable, and at which frequency; None if in none."""
     keys = [key for key in study.scenario if name in study.controllers_in(key)]
     for key in keys:
         speeds = {study.scenario[key].slowest, study.scenario[key].top_reference}

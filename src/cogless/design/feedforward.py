@@ -79,7 +79,7 @@ def polynomials(model: Model, C: Real) -> tuple[Real, Real]:
 
 
 def zeros(model: Model, C: Real) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
-    """Of the transfer function; without those at infinity."""
+    """Zeros of the transfer function, without those at infinity."""
     b = polynomials(model, C)[1][relative_degree(model, C) :]
     # a last coefficient that is only rounding is a zero at z = 0, which a delay takes care of
     b = np.where(np.abs(b) > 1e-13 * np.abs(b).max(), b, 0.0)
@@ -87,7 +87,7 @@ def zeros(model: Model, C: Real) -> np.ndarray[tuple[int], np.dtype[np.complex12
 
 
 def cancellable(zero: complex) -> bool:
-    """By the rule above."""
+    """Whether a zero may be cancelled, by the rule above."""
     if zero.real < 0:
         return abs(zero) <= RINGING
     return abs(zero) <= (CREEPING if abs(zero.imag) < 1e-9 else SWINGING)
@@ -123,6 +123,6 @@ def dynamic(model: Model, C: Real, K_1: Real) -> Feedforward:
 
 
 def _trim(polynomial: Real) -> Real:
-    """Without zeros at its end."""
+    """The polynomial without zeros at its end."""
     size = np.abs(polynomial).max()
     return np.asarray(polynomial[: 1 + int(np.flatnonzero(np.abs(polynomial) > 1e-14 * size)[-1])])

@@ -44,7 +44,7 @@ def growth(
     def ahead(e: Real) -> Real:
         return np.hstack([e[:, shift:], np.repeat(e[:, -1:], shift, axis=1)])
 
-    # what v ends with acts after the trial, unless a filter on v brings it forward
+    # the last samples of v act after the trial, unless a filter on v brings them forward
     idle = np.array([samples - int(np.flatnonzero(b)[0]) for _, b in transfer])
     acts = np.arange(samples) < (idle[:, None] if q_filter is None or filtered == "error" else samples)
     v = np.random.default_rng(0).normal(size=(len(loops), samples)) * acts

@@ -25,7 +25,7 @@ from cogless.study.trial_controller import UNCERTAIN, NormOptimalIlc, StateIlc, 
 ROUNDING = 1e-9
 Designs = dict[tuple[str, str], TrialDesign]
 
-# Where in a study the settings of a design stand; others at "plant" or "design".
+# Keys of a design's settings in a controller's table; others stand at "plant" or "design".
 OF_CONTROLLER = {
     "K_s": "K_s",
     "N": "N",
@@ -37,21 +37,20 @@ OF_CONTROLLER = {
     "feedforward": "feedforward",
 }
 OF_STATE_ILC = {"K_s": "K_stab", "K_3": "K_ilc"}
-# What a linear plant's are called.
+# Keys of a linear plant for settings of a design.
 OF_PLANT = {"range": "parameter", "nominal": "parameter", "output": "C", "period": "period"}
 
 
 def design_study(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     """A design for each (scenario, controller). Controllers with the same gains share their design.
 
-    One that has no K_3 to learn by is what there is without learning, and says why. StudyError names the file
-    and the key.
+    A design without a K_3 to learn by has the rest, and says why. StudyError names the file and the key.
     """
     return study.once(_design, tuple(runs))
 
 
 def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
-    with _told(study):
+    with _as_study_error(study):
         plant = uncertain_plant(study)
     designs: Designs = {}
     known: list[tuple[TrialSettings, TrialGains]] = []
@@ -59,7 +58,7 @@ def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     wanted = {run: settings_of(study, *run) for run in runs}
     # those that learn by K_3 first: the others need less of the same gains
     for (scenario, name), settings in sorted(wanted.items(), key=lambda item: not needs_K_3(item[1])):
-        with _told(study, scenario, name):
+        with _as_study_error(study, scenario, name):
             gains = next((g for other, g in known if same_gains(settings, other)), None)
             if gains is None:
                 gains = design_gains(plant, settings)
@@ -70,18 +69,18 @@ def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
         notes, no_K_3 = [*design.notes, *beyond], None
         if missing is not None:
             notes.append(str(missing))
-            no_K_3 = _named(missing, study, scenario, name)
+            no_K_3 = _study_error(missing, study, scenario, name)
         designs[scenario, name] = replace(design, notes=tuple(notes), beyond=beyond, no_K_3=no_K_3)
     return designs
 
 
 def _outside(study: TrialStudy, scenario: str) -> tuple[str, ...]:
-    """What is simulated beyond the ranges that the design holds for."""
+    """Warnings of values in a scenario outside the ranges that the design holds for."""
     found = []
-    for index, (first, here) in enumerate(study.scenario[scenario].phases):
+    for index, (first, conditions) in enumerate(study.scenario[scenario].phases):
         if study.plant is not None:
             known = study.plant.parameter
-            values: dict[str, float] = {k: v for k, v in (here.override or {}).items() if k in known}
+            values: dict[str, float] = {k: v for k, v in (conditions.override or {}).items() if k in known}
             ranges = {k: known[k].range or (known[k].nominal, known[k].nominal) for k in values}
         else:
             hardware = study.hardware(scenario)[index]
@@ -116,7 +115,7 @@ def uncertain_plant(study: TrialStudy) -> UncertainPlant:
 
 
 def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
-    """What the design of a controller needs besides the plant."""
+    """Settings of a controller's design: all that it needs besides the plant."""
     controller, design = study.controller[name], study.design
     own: dict[str, Any] = {}
     if isinstance(controller, StateIlc):
@@ -171,16 +170,16 @@ def same_gains(settings: TrialSettings, other: TrialSettings) -> bool:
 
 
 @contextmanager
-def _told(study: TrialStudy, scenario: str = "", controller: str = "") -> Iterator[None]:
+def _as_study_error(study: TrialStudy, scenario: str = "", controller: str = "") -> Iterator[None]:
     """A DesignError becomes a StudyError that names the file and the study's own key."""
     try:
         yield
     except DesignError as error:
-        raise _named(error, study, scenario, controller) from error
+        raise _study_error(error, study, scenario, controller) from error
 
 
-def _named(error: DesignError, study: TrialStudy, scenario: str, controller: str) -> StudyError:
-    """The same, with the file and the study's own key."""
+def _study_error(error: DesignError, study: TrialStudy, scenario: str, controller: str) -> StudyError:
+    """The StudyError of a DesignError, with the file and the study's own key."""
     text = str(error).removeprefix(f"{error.key}: ")
     if error.key == "samples":
         key = f"scenario.{scenario}.duration"

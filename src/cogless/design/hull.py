@@ -102,7 +102,7 @@ def _frame(corners: Real, everything: Real, flat: float = FLAT) -> _Frame:
 
 
 def _vertices(points: Real) -> tuple[int, ...]:
-    """Of full-dimensional points (count, d)."""
+    """Vertices of the hull of full-dimensional points (count, d)."""
     dimensions = points.shape[1]
     if dimensions == 0:
         return (0,)
@@ -121,7 +121,7 @@ def _vertices(points: Real) -> tuple[int, ...]:
 
 
 def _gauge(vertices: Real, points: Real) -> Real:
-    """By which factor the hull of the vertices has to grow about their mean to hold each point."""
+    """Factor by which the hull of the vertices has to grow about their mean to hold each point."""
     dimensions = points.shape[1]
     if dimensions == 0 or not len(points):
         return np.zeros(len(points))

@@ -42,7 +42,7 @@ FEWEST, MOST = 1024, 8192  # frequencies of a cost
 
 @dataclass(frozen=True)
 class Vertex:
-    """Of the mapped set (23)."""
+    """A vertex of the mapped set (23)."""
 
     A: Real
     B: Real  # (n, 1)
@@ -51,14 +51,14 @@ class Vertex:
 
     @classmethod
     def of(cls, loop: Loop, r: int) -> Vertex:
-        """(22)."""
+        """The vertex (22) of a closed loop."""
         power = np.linalg.matrix_power(loop.A, r - 1)
         ahead = loop.C[None, :] @ power
         return cls(loop.A, loop.B, ahead @ loop.A, float((ahead @ loop.B)[0, 0]))
 
     @property
     def entries(self) -> Real:
-        """All of it in one row."""
+        """All matrices in one row."""
         return np.concatenate([self.A.ravel(), self.B.ravel(), self.Gamma.ravel(), [self.Upsilon]])
 
     @classmethod
@@ -68,7 +68,7 @@ class Vertex:
         return cls(A, B.reshape(n, 1), Gamma.reshape(1, n), float(row[-1]))
 
     def phi(self, K_3: float) -> Real:
-        """(27)."""
+        """Phi (27)."""
         return np.block([[self.A, self.B * K_3], [-self.Gamma, np.array([[1 - self.Upsilon * K_3]])]])
 
 
@@ -86,7 +86,7 @@ class LearningGain:
 
 
 def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
-    """Vertices of a polytope that holds (23), whether it is their hull, and what is to be said of it."""
+    """Vertices of a polytope that holds (23), whether it is their hull, and a note on it."""
     corners = [Vertex.of(loop, r) for loop in loops]
     if r == 1 or len(loops) == 1:
         return corners, True, ""

@@ -86,12 +86,12 @@ class LearningLoop(ABC):
 
     @property
     def frozen(self) -> str | None:
-        """Why nothing is learned at this speed; None where it is."""
+        """The reason why nothing is learned at this speed; None where something is."""
         return None
 
     @property
     def doubt(self) -> str | None:
-        """Why small signals about this speed may not be all; None where the law gives no reason."""
+        """The reason why small signals about this speed may not be all; None where the law gives none."""
         return None
 
     @property
@@ -106,14 +106,14 @@ class LearningLoop(ABC):
 
     @property
     def feedback_before(self) -> Linear:
-        """What stands before the law learns."""
+        """The linear feedback before the law learns."""
         found = feedback_of(self.study, self.controller, self.omega_m)
         assert found is not None
         return found
 
     @cached_property
     def feedback(self) -> Linear:
-        """What stands while the law learns, without what learning adds at once."""
+        """The linear feedback while the law learns, without what learning adds at once."""
         return self.feedback_before
 
     @property
@@ -124,7 +124,7 @@ class LearningLoop(ABC):
 
     @cached_property
     def plant(self) -> SpeedLoop:
-        """What the law acts on, at this torque constant."""
+        """The speed loop that the law acts on, at this torque constant."""
         loop = speed_loop(self.study, self.scenario)
         return dataclasses.replace(loop, b=loop.b * self.torque)
 
@@ -141,7 +141,7 @@ class LearningLoop(ABC):
 
     @property
     def cells_per_second(self) -> float:
-        """What the Q filter counts, Hz: cells of a map, or samples of a delay line."""
+        """Rate of what the Q filter counts, Hz: cells of a map, or samples of a delay line."""
         return self.law.cells * self.periods_per_second if self.has_map else 1 / self.plant.period
 
     @property
@@ -150,7 +150,7 @@ class LearningLoop(ABC):
         return int((min(self.law.cells, self.cells_per_second / self.periods_per_second) - 1) / 2)
 
     def oscillation(self) -> Oscillation | None:
-        """What grows within the samples, with what learning adds at once; None where nothing does."""
+        """The oscillation that grows with what learning adds within a sample; None where none does."""
         return oscillation(self.plant, self.at_once)
 
     def q(self, f: ArrayLike, half_width: int | None = None) -> Real:
@@ -178,9 +178,9 @@ class LearningLoop(ABC):
         return np.abs(total / weights)
 
     def lines(self, f: ArrayLike, constant: bool) -> Real:
-        """What straight lines between samples filter, besides the images of a coarse map.
+        """Gain of straight lines between samples, besides the images of a coarse map.
 
-        In the mean over places between samples, of a delay line at a constant speed at its one place.
+        A mean over places between samples; for a delay line at a constant speed, at its one place.
         """
         f, rate = np.asarray(f, dtype=float), 1 / self.plant.period
         if self.has_map:
@@ -206,7 +206,7 @@ class LearningLoop(ABC):
         return np.asarray(value * np.exp(2j * np.pi * f * lead * self.plant.period) if lead else value)
 
     def residual(self, f: ArrayLike, constant: bool = True) -> Real:
-        """What stays, once settled, of the error that the feedback alone leaves.
+        """Share of the error under feedback alone that stays once learning has settled.
 
         What isn't of the period comes back shifted, and learning may double it.
         """
@@ -218,12 +218,12 @@ class LearningLoop(ABC):
 
     @property
     def highest(self) -> float:
-        """What samples and cells hold, Hz."""
+        """The highest frequency that samples and cells hold, Hz."""
         return 0.499 * min(self.cells_per_second, 1 / self.plant.period)
 
     @property
     def frequencies(self) -> Real:
-        """From the period's own frequency up to the highest, Hz."""
+        """Frequencies from the period's own up to the highest, Hz."""
         return np.linspace(self.periods_per_second, self.highest, POINTS)
 
     def worst(self) -> Worst:

@@ -26,7 +26,7 @@ FILTERS = 3  # widths of the Q filter in it
 
 
 def map_warning(study: Study, name: str) -> str | None:
-    """What a user should know of a map's size; None where there is no map, or it holds all known orders."""
+    """A warning of a map that is too small; None where there is no map, or it holds all known orders."""
     law, orders = study.controller[name], _orders(study, name)
     revolutions = revolutions_learned(study, name)
     if not isinstance(law, SpaceLearning | Learning) or not law.over_angle:

@@ -26,7 +26,7 @@ POINTS = 4001
 
 @dataclass(frozen=True)
 class Margins:
-    """Of a loop; NaN where it has no such crossing, and where it is unstable."""
+    """Stability margins of a loop; NaN where it has no such crossing, and where it is unstable."""
 
     stable: bool
     crossover: float  # rad/s, where the phase margin is
@@ -56,7 +56,7 @@ def _stable(L: Complex, integrators: int) -> bool:
 
 
 def _crossover(response: Callable[[Real], Complex], w: Real, L: Complex) -> tuple[float, complex]:
-    """Where |L| = 1 nearest to -1, and L there."""
+    """The frequency where |L| = 1 nearest to -1, and L there."""
     outside = np.abs(L) >= 1
     found = np.flatnonzero(outside[:-1] != outside[1:])
     if not len(found):
@@ -67,7 +67,7 @@ def _crossover(response: Callable[[Real], Complex], w: Real, L: Complex) -> tupl
 
 
 def _phase_crossover(response: Callable[[Real], Complex], w: Real, L: Complex) -> tuple[float, complex]:
-    """Where L is real and negative, nearest to -1 within the unit circle, and L there."""
+    """The frequency where L is real and negative, nearest to -1 within the unit circle, and L there."""
     a, b = L[:-2], L[1:-1]
     found = np.flatnonzero((np.sign(a.imag) != np.sign(b.imag)) & (a.real < 0) & (b.real < 0))
     share = a[found].imag / (a[found].imag - b[found].imag)
@@ -89,7 +89,7 @@ def _at(response: Callable[[Real], Complex], w: float) -> complex:
 
 
 def root(f: Callable[[float], float], a: float, b: float) -> float:
-    """Where f changes sign, by halving: importing scipy.optimize takes longer than a run does."""
+    """The zero of f between a and b, by halving: importing scipy.optimize takes longer than a run does."""
     rising = f(b) > f(a)
     for _ in range(60):
         middle = (a + b) / 2

@@ -40,7 +40,7 @@ class Model:
 
     @classmethod
     def of(cls, A: ArrayLike, B: ArrayLike, key: str = "vertex") -> Model:
-        """Checked for shape and for finite numbers; DesignError."""
+        """A model, checked for shape and for finite numbers; DesignError."""
         try:
             a, b = np.asarray(A, dtype=float), np.asarray(B, dtype=float)
         except (TypeError, ValueError):
@@ -72,7 +72,7 @@ def sampled(continuous: Model, period: float, how: Discretisation) -> Model:
 
 
 def exponential(M: Real) -> Real:
-    """Of a matrix, by its series: importing scipy.linalg takes longer than a run does."""
+    """Exponential of a matrix, by its series: importing scipy.linalg takes longer than a run does."""
     halvings = max(0, math.ceil(math.log2(max(float(np.abs(M).max()), 1e-300))) + 3)
     small = M / 2.0**halvings
     sum_, term = np.eye(len(M)), np.eye(len(M))

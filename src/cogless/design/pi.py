@@ -57,7 +57,7 @@ CURRENT, INTEGRAL, WAITING, OMEGA, THETA, REFERENCE = range(6)  # the state x, a
 
 @dataclass(frozen=True)
 class SpeedLoop:
-    """What the speed controller acts on."""
+    """The plant of the speed controller."""
 
     b: float  # rad/s^2/A, acceleration per current
     steps: int  # current-loop periods in one of the speed loop
@@ -66,7 +66,7 @@ class SpeedLoop:
 
     @property
     def period(self) -> float:
-        """Of the speed loop, s."""
+        """Speed-loop period, s."""
         return self.steps * self.current.period
 
     def plant(self, w: Real) -> Complex:
@@ -80,7 +80,7 @@ class SpeedLoop:
         return np.asarray((x[:, THETA] - theta_then) / (self.window * self.current.period))
 
     def angle(self, w: Real) -> Complex:
-        """From current reference to the angle at the sample, rad/A."""
+        """Response from current reference to the angle at the sample, rad/A."""
         return np.asarray(self._states(w)[:, THETA])
 
     def _states(self, w: Real) -> Complex:
@@ -140,16 +140,16 @@ def speed_loop(study: Study, scenario: str | None = None) -> SpeedLoop:
 
     Torque per current is the motor's mean; what a controller knows is the belief's.
     """
-    here = study if scenario is None else for_scenario(study, scenario)
-    rates, sensor, motor = here.drive.rates, here.drive.position_sensor, here.motor.star()
-    steps = window = here.drive.divider
+    study_here = study if scenario is None else for_scenario(study, scenario)
+    rates, sensor, motor = study_here.drive.rates, study_here.drive.position_sensor, study_here.motor.star()
+    steps = window = study_here.drive.divider
     K_t = motor.K_t if scenario is not None else motor.power_factor * motor.pole_pairs * study.belief.psi_f
     if isinstance(sensor, IdealSensor):
         window = 0
     elif isinstance(sensor, Resolver):
         window = sensor.window
     return SpeedLoop(
-        b=K_t / here.mechanics.inertia,
+        b=K_t / study_here.mechanics.inertia,
         steps=steps,
         window=window,
         current=current_loops(study, scenario).get("q") or IdealLoop(1 / rates.current_loop),

@@ -63,7 +63,7 @@ class UncertainPlant:
 
     @cached_property
     def random(self) -> tuple[list[Model], list[Model] | None]:
-        """The same for all certificates; among the discrete ones mixtures of the vertices, too."""
+        """Random models, the same for all certificates; the discrete ones include mixtures of vertices."""
         rng = np.random.default_rng(0)
         drawn, exact = self.draw(rng, CERTIFIED)
         rows = np.array([m.entries for m in self.vertices])
@@ -88,7 +88,7 @@ def from_parameters(
     discretisation: Discretisation | None = "euler",
     nominal: Parameters | None = None,
 ) -> UncertainPlant:
-    """From ranges of physical parameters; model maps them to the continuous (A_c, B_c). DesignError.
+    """The plant over ranges of physical parameters; `model` maps them to continuous (A_c, B_c). DesignError.
 
     `discretisation` None: model maps them to a discrete (A, B), of which no exactly sampled one is known.
     """
@@ -173,7 +173,7 @@ def from_vertices(
     discretisation: Discretisation = "euler",
     nominal: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> UncertainPlant:
-    """From the vertices [A_j B_j] of a polytope, discrete or continuous; nominal: their mean. DesignError."""
+    """The plant over a polytope of vertices [A_j B_j]; nominal: their mean by default. DesignError."""
     if not models:
         raise DesignError("vertex: expected at least one", "vertex")
     period = _check_period(period)
@@ -266,7 +266,7 @@ def _kept(
 
 
 def _finish(plant: UncertainPlant, tested: Sequence[tuple[str, Model]]) -> UncertainPlant:
-    """With its relative degree, which all plants that it is made for have to share, and the input's sign.
+    """The plant with the input's sign and its relative degree, which all plants it is made for must share.
 
     A bounding polytope holds more than those plants: what it adds may act in the other direction.
     """

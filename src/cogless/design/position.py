@@ -52,7 +52,7 @@ def feedback_at(study: Study, name: str, omega_m: float) -> Linear:
 
 
 def frame_ratio(study: Study, controller: SpaceLearning) -> int:
-    """What the law multiplies mechanical angles by."""
+    """Factor from mechanical angles to the law's."""
     electrical = isinstance(controller, SpacePosition) and controller.frame == "electrical"
     return study.motor.pole_pairs if electrical else 1
 
@@ -82,7 +82,7 @@ def open_loop(loop: SpeedLoop, feedback: Linear, w: Real) -> Complex:
 
 
 def position_margins(loop: SpeedLoop, feedback: Linear) -> Margins:
-    """Of L; unstable where its current loop is."""
+    """Margins of the open loop L; unstable where its current loop is."""
     if isinstance(loop.current, CurrentLoop) and not loop.current.margins().stable:
         return UNSTABLE
     integrators = 0
@@ -102,7 +102,7 @@ def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
     speed, angle, integral = ratio * loop.plant(w), ratio * loop.angle(w), loop.period * z / (z - 1)
 
     def stiffness(place: float) -> tuple[float, int]:
-        """Of the largest gain, and where on the grid its crossover is; 0 where no gain leaves the margin."""
+        """The largest gain, and where on the grid its crossover is; 0 where no gain leaves the margin."""
         L = (1 + place * (integral - half)) * (speed + place * angle)  # K = 1
         enough = np.append(np.unwrap(np.angle(-L)) >= tuning.phase_margin, False)
         begin = int(np.argmax(enough))

@@ -40,7 +40,7 @@ MONOTONE = 1e-9  # a factor that exceeds one by less is rounding, and harmless f
 
 @dataclass(frozen=True)
 class Loop:
-    """From v to y: A, B (n, 1), output C (n,)."""
+    """A loop from v to y: A, B (n, 1), output C (n,)."""
 
     A: Real
     B: Real
@@ -60,7 +60,7 @@ class Filter:
     a: Real
 
     def gain(self, w: Real) -> Real:
-        """At w in rad per sample."""
+        """Squared gain at w, rad per sample."""
         z = np.exp(-1j * w)
         return np.asarray(np.abs(np.polyval(self.b[::-1], z) / np.polyval(self.a[::-1], z)) ** 2)
 

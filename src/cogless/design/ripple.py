@@ -38,7 +38,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Sampled:
-    """What a speed sample consists of: an angle's counts, and the time that they are counted over."""
+    """A speed sample of an encoder: an angle's counts, and the time that they are counted over."""
 
     count: float  # rad
     window: float  # s
@@ -70,7 +70,7 @@ class Ripple:
 
     @property
     def ratio(self) -> float:
-        """What learning leaves of the feedback's ripple; 1 where neither has any."""
+        """Ratio of the ripple with learning to that of the feedback; 1 where neither has any."""
         return self.learned / self.without if self.without > 0 else 1.0
 
 
@@ -89,7 +89,7 @@ def ripple(loop: LearningLoop, duration: float) -> Ripple:
 
 
 def doubts(loops: Sequence[LearningLoop]) -> tuple[str, ...]:
-    """What makes small signals a poor guide at some of the speeds of a controller, a phrase each."""
+    """Reasons why small signals are a poor guide at some of the speeds of a controller, a phrase each."""
     found = [reason for loop in loops if (reason := loop.doubt) is not None][:1]
     slowest = min(loops, key=lambda loop: loop.omega_m)
     source = _sensor(slowest)

@@ -33,7 +33,7 @@ COASTS = 1.0  # rad
 
 
 def slow_warning(study: Study, name: str) -> str | None:
-    """What a user should know of the slowest speed that a controller holds; None where edges are enough."""
+    """A warning of the slowest speed that a controller holds; None where it has edges enough."""
     found = (_warning(study, name, key) for key in study.scenario if name in study.controllers_in(key))
     return next((line for line in found if line is not None), None)
 

@@ -1,4 +1,4 @@
-"""What the theorems of Verrelli 2016 ask of the gains of a law that learns in angle, beside what it has.
+"""Conditions of Verrelli 2016 on the gains of a law that learns in angle, beside the gains that it has.
 
 All in mechanical quantities; bounds from angle_functions.py, over all scenarios of a controller. The theorems
 speak of continuous time, an ideal current loop and no current limit; space_learning.py of the sampled loop.
@@ -69,7 +69,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Condition:
-    """What a gain has to be above."""
+    """A bound that a gain has to be above."""
 
     name: str
     asks: float  # A*s/rad; infinite where no gain is enough
@@ -77,7 +77,7 @@ class Condition:
     wants: str = ""  # without which no gain is enough
 
     def ratio(self, has: float) -> float:
-        """How many times that a gain is; above one it is met."""
+        """The gain as a multiple of the bound; above one it is met."""
         return has / self.asks if self.asks > 0 else math.inf
 
 
@@ -99,7 +99,7 @@ class Theorem:
         return self.bounds is not None and enough and not self.obstacles
 
     def verdict(self) -> str:
-        """In words."""
+        """The verdict in words."""
         met = [c for c in self.conditions if math.isfinite(c.asks)]
         never = [
             c.name + (f", which wants {c.wants}" if c.wants else "")
@@ -115,7 +115,7 @@ class Theorem:
 
 
 def theorem(study: Study, name: str) -> Theorem | None:
-    """Of a controller of the study; None where it doesn't learn, or in no scenario."""
+    """The theorem of a controller; None where it doesn't learn, or in no scenario."""
     law = study.controller[name]
     keys = [key for key in study.scenario if name in study.controllers_in(key)]
     if not isinstance(law, SpacePosition | SpaceSpeed) or not law.learning or not keys:
@@ -138,7 +138,7 @@ def theorem(study: Study, name: str) -> Theorem | None:
 def speed_conditions(
     bounds: Bounds, motion: Motion, law: SpaceSpeed, limits: tuple[float, ...]
 ) -> tuple[Condition, ...]:
-    """On k of law (4), see above; limits of all three functions, 0 of those that aren't learned."""
+    """Conditions on k of law (4), see above; limits of all three functions, 0 of those not learned."""
     eta, least = law.eta_bar, motion.slowest - law.eta_bar
     mu = (law.mu_alpha, law.mu_beta, law.mu_h)
     per = eta / least if least > 0 else math.inf
@@ -163,13 +163,13 @@ def speed_conditions(
 
 
 def _times(gain: float, per: float) -> float:
-    """What isn't learned has no part in it, however long it takes."""
+    """gain * per; 0 for a gain of 0, however long `per` is: nothing is learned."""
     return gain * per if gain else 0.0
 
 
 @dataclass(frozen=True)
 class PositionGains:
-    """Of law (6), mechanical, at a speed."""
+    """Gains of law (6), mechanical, at a speed."""
 
     k_theta: float  # 1/s
     k_omega: float  # A*s/rad, with v at that speed
@@ -177,7 +177,7 @@ class PositionGains:
 
 
 def mechanical_gains(study: Study, name: str, omega_m: float) -> PositionGains:
-    """Of a position controller, on mechanical angles whatever its frame."""
+    """Gains of a position controller, on mechanical angles whatever its frame."""
     law = study.controller[name]
     assert isinstance(law, SpacePosition)
     ratio, (k_theta, k_omega, _) = frame_ratio(study, law), position_gains(study, name)
@@ -186,7 +186,7 @@ def mechanical_gains(study: Study, name: str, omega_m: float) -> PositionGains:
 
 
 def position_conditions(bounds: Bounds, motion: Motion, gains: PositionGains) -> tuple[Condition, ...]:
-    """On k_omega + v of law (6), see above."""
+    """Conditions on k_omega + v of law (6), see above."""
     if gains.k_theta <= 0:
         return (Condition("what the proof needs, without k_theta", math.inf, needed=True),)
     squares, s_1, g_2 = error_terms(bounds, motion, gains.k_theta)
@@ -203,7 +203,7 @@ def position_conditions(bounds: Bounds, motion: Motion, gains: PositionGains) ->
 
 
 def error_terms(bounds: Bounds, motion: Motion, k_theta: float) -> tuple[float, float, float]:
-    """Of footnote 6 at the top speed: the sum of the squares in s_1 (g_1 / 5), s_1 and g_2."""
+    """Terms of footnote 6 at the top speed: the sum of the squares in s_1 (g_1 / 5), s_1 and g_2."""
     parts = (
         bounds.h_M * k_theta**2,
         bounds.k_h * motion.top_acceleration,
@@ -215,7 +215,7 @@ def error_terms(bounds: Bounds, motion: Motion, k_theta: float) -> tuple[float, 
 
 
 def learned_limits(study: Study, law: SpaceLearning, scenarios: Iterable[Scenario]) -> tuple[float, ...]:
-    """What alpha, beta and h saturate at, in the law's frame: its own, or what the current limit can do."""
+    """Limits of alpha, beta and h in the law's frame: its own, or what the current limit can do."""
     limit, ratio = study.drive.current_loop.current_limit, frame_ratio(study, law)
     scenarios = list(scenarios)
     speed = ratio * max(s.top_reference for s in scenarios)
@@ -237,14 +237,14 @@ def worst(found: list[Bounds | None]) -> Bounds | None:
 
 
 def _in_scenario(study: Study, key: str) -> list[AngleFunctions]:
-    """With the least and the largest load that it has."""
-    here = for_scenario(study, key)
-    experiment = here.scenario[key]
-    load = experiment.load or here.mechanics.load
+    """Functions of the angle in a scenario, with its least and with its largest load."""
+    study_here = for_scenario(study, key)
+    experiment = study_here.scenario[key]
+    load = experiment.load or study_here.mechanics.load
     levels = [load.torque, *(event.load for event in experiment.events)]
     by_time = load.time_table.torque if load.time_table else (0.0,)
     extremes = {min(levels) + min(by_time), max(levels) + max(by_time)}
-    return [angle_functions(here.motor.star(), here.mechanics, load, level) for level in extremes]
+    return [angle_functions(study_here.motor.star(), study_here.mechanics, load, level) for level in extremes]
 
 
 def _motion(scenarios: list[Scenario]) -> Motion:
@@ -292,7 +292,7 @@ def _in_the_way(
 
 
 def unfit(study: Study, name: str) -> str | None:
-    """That a period isn't one of motor or load, in the scenarios of a controller; None where it is."""
+    """A warning that the period isn't one of motor or load in a controller's scenarios; None where it is."""
     law = study.controller[name]
     keys = [key for key in study.scenario if name in study.controllers_in(key)]
     if not isinstance(law, SpaceLearning) or not law.learning:
@@ -320,7 +320,7 @@ def _tight_limits(study: Study, law: SpacePosition | SpaceSpeed, bounds: Bounds)
 
 
 def _changing_loads(study: Study, keys: list[str]) -> list[str]:
-    """A load that changes with time is no function of the angle."""
+    """Reasons why the load is no function of the angle: it changes with time."""
     for key in keys:
         scenario = study.scenario[key]
         if scenario.events or (scenario.load or study.mechanics.load).time_table:

@@ -58,7 +58,7 @@ class SpaceLoop(LearningLoop):
 
     @cached_property
     def feedback(self) -> Linear:
-        """What stands while the law learns: without the integral that it has handed over."""
+        """The linear feedback while the law learns: without the integral that it has handed over."""
         law, before = self.law, self.feedback_before
         handed = isinstance(law, SpacePosition) and law.hand_over
         return dataclasses.replace(before, k_i=0.0) if handed else before

@@ -30,7 +30,7 @@ class Common:
 
 
 def stabilise(models: Sequence[Model], T: Real) -> Common | None:
-    """None where there is no such gain. T: coordinates in which the states are of a size."""
+    """A stabilising gain, or None. T: coordinates in which the states are of a size."""
     for _ in range(TRIES):
         found = _solve(models, T)
         if found is None:

@@ -42,7 +42,7 @@ class StateFeedback:
 
 
 def augmented(model: Model, C: Real) -> Model:
-    """With the integrator psi(p) = psi(p-1) - y(p) as its last state: (7)."""
+    """The model with the integrator psi(p) = psi(p-1) - y(p) as its last state: (7)."""
     n = model.order
     A = np.zeros((n + 1, n + 1))
     A[:n, :n], A[n, :n], A[n, n] = model.A, -C, 1.0
@@ -179,7 +179,7 @@ def _with_the_cost(models: Sequence[Model], common: Common, Q: Real, R: float) -
 def solve_scaled(
     models: Sequence[Model], T: Real, Q: Real, R: float, gamma: Real
 ) -> tuple[StateFeedback | None, Real | None]:
-    """In x = T x~: what `check` accepts, and T in which Y~ would have been I, for another try."""
+    """A gain in x = T x~ that `check` accepts; and T in which Y~ would have been I, for another try."""
     import cvxpy as cp
 
     n, inverse = len(Q), np.linalg.inv(T)
@@ -228,7 +228,7 @@ def _uncontrollable(label: str, mode: complex, integral: bool) -> str:
 
 
 def _why(plant: UncertainPlant, models: Sequence[Model], T: Real, integral: bool) -> str:
-    """Which pair has no common gain, and how far the ranges would have to shrink."""
+    """The pair that has no common gain, and how far the ranges would have to shrink."""
     message = "range: expected ranges that one gain and one Lyapunov matrix can control"
     pair = _hopeless_pair(models, T)
     if pair is not None:

@@ -1,4 +1,4 @@
-"""What `cogless design` tells of each controller: its gains and the margins of its linear feedback."""
+"""Results of `cogless design` for each controller: its gains and the margins of its linear feedback."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def current_loop_summary(study: Study) -> dict[str, CurrentLoopDesign]:
 
 
 def to_dict(study: Study) -> dict[str, Any]:
-    """The same as plain types, SI, for JSON; a margin that the loop doesn't have is null."""
+    """The summary as plain types, SI, for JSON; a margin that the loop doesn't have is null."""
     return {
         "study": study.title,
         "current_loop": current_loop_dict(study),
@@ -139,7 +139,7 @@ def _theorem(theorem: Theorem) -> dict[str, Any]:
 
 
 def _space(study: Study, name: str, controller: SpacePosition | SpaceSpeed) -> Design:
-    """Of a law that learns in angle."""
+    """The design of a law that learns in angle."""
     rule, numbers, loop = None, _numbers(controller), speed_loop(study)
     if isinstance(controller, SpacePosition):
         rule = controller.tuning.rule if controller.tuning else None
@@ -188,7 +188,7 @@ def design(study: Study, name: str) -> Design:
 
 
 def _lead(study: Study, controller: Learning) -> Gain:
-    """As it is used: whole samples of the speed loop."""
+    """The lead as it is used: whole samples of the speed loop."""
     rate = study.drive.rates.speed_loop
     samples = round(controller.lead * rate)
     used = samples / rate

@@ -59,7 +59,7 @@ def design_table(study: Study) -> Group:
 
 
 def _theorems(study: Study, designs: dict[str, Design]) -> list[str]:
-    """What the proofs of laws that learn in angle ask, and the bounds behind it."""
+    """Notes on what the proofs of laws that learn in angle ask, and the bounds behind it."""
     notes: list[str] = []
     for name, design in designs.items():
         if design.theorem is not None:
@@ -77,7 +77,7 @@ def _bounds(bounds: Bounds) -> str:
 
 
 def _gains(gains: dict[str, Gain]) -> str:
-    """Those that are zero are left out: what they would do isn't there."""
+    """Gains in one line. Those that are zero are left out: what they would do isn't there."""
     return ", ".join(f"{key} {_shown(gain)}" for key, gain in gains.items() if gain.value or gain.note)
 
 

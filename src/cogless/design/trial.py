@@ -52,7 +52,7 @@ LOW_PASS = "expected a zero-phase low-pass filter on the learned signal"
 
 @dataclass(frozen=True)
 class TrialSettings:
-    """Of a trial controller. Sizes: n states of the plant, one more with the integrator."""
+    """Settings of a trial controller. Sizes: n states of the plant, one more with the integrator."""
 
     samples: int  # alpha, of a trial
     Q: ArrayLike  # (n + 1, n + 1), or (n, n) for a feedback that is designed without integral action
@@ -77,7 +77,7 @@ class TrialSettings:
 
 @dataclass(frozen=True)
 class TrialGains:
-    """What structures share."""
+    """Gains that all structures share."""
 
     kind: Kind
     K_s: Real
@@ -305,7 +305,7 @@ def _warnings(
     update: Update | None,
     settings: TrialSettings,
 ) -> list[str]:
-    """Where the error can grow along the trial or from trial to trial, and what prevents it."""
+    """Warnings where the error can grow along the trial or from trial to trial, and what prevents it."""
     notes = []
     for kind, models, part in (
         ("design", plant.vertices, certificate.design),
@@ -350,12 +350,12 @@ def _warnings(
 
 
 def _factor(value: float) -> str:
-    """Above one; never told as one."""
+    """Text of a factor above one, which is never rounded to one."""
     return f"1 + {value - 1:.1e}" if value - 1 < 1e-4 else f"{value:.7g}"
 
 
 def _exact_loops(plant: UncertainPlant, law: Gains) -> list[Loop]:
-    """Those that are stable."""
+    """Stable loops of the exactly sampled vertices."""
     models: tuple[Model, ...] = plant.exact_vertices or ()
     return [loop for loop in (law.closed(m, plant.C) for m in models) if loop.radius < 1]
 

@@ -1,4 +1,4 @@
-"""What `cogless design` tells of a study of trials: the plant, each controller's gains and certificate."""
+"""Results of `cogless design` for a study of trials: the plant, each controller's gains and certificate."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def summary(study: TrialStudy) -> TrialSummary:
 
 
 def to_dict(study: TrialStudy, found: TrialSummary) -> dict[str, Any]:
-    """All of it as plain types, SI, for JSON. Models are discrete; frequencies end in _Hz."""
+    """The summary as plain types, SI, for JSON. Models are discrete; frequencies end in _Hz."""
     plant = found.plant
     return {
         "study": study.title,
@@ -97,7 +97,7 @@ def design_dict(design: TrialDesign) -> dict[str, Any]:
 
 
 def words(design: TrialDesign) -> str:
-    """What the certificate says, in a line."""
+    """The certificate in one line."""
     said = []
     for model, found in _rows(design.certificate):
         learning = found.with_filter or found.without_filter
@@ -108,7 +108,7 @@ def words(design: TrialDesign) -> str:
 
 
 def warnings(design: TrialDesign) -> list[str]:
-    """What a user should know before trials, a line each."""
+    """Warnings before trials, a line each."""
     rows = [found for _, found in _rows(design.certificate)]
     learned = [found.with_filter or found.without_filter for found in rows]
     fine = all(found.stable for found in rows) and all(one is None or one.monotone for one in learned)

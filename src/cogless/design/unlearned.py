@@ -34,29 +34,29 @@ def revolutions_learned(study: Study, name: str) -> Fraction | None:
 
 
 def foreseen(study: Study, scenario: str, name: str) -> str | None:
-    """Why a controller will learn nothing in a scenario, by its reference; None where it may learn."""
-    law, here = study.controller[name], study.scenario[scenario]
+    """The reason why a controller will learn nothing along a reference; None where it may learn."""
+    law, experiment = study.controller[name], study.scenario[scenario]
     revolutions = revolutions_learned(study, name)
     if revolutions is None or not isinstance(law, Learning | SpaceLearning):
         return None
-    begun = starts_too_late(law, here.duration) or never(study, scenario, name)
+    begun = starts_too_late(law, experiment.duration) or never(study, scenario, name)
     if begun:
         return begun
-    way = course(here)
+    way = course(experiment)
     learns = way.time >= law.learning_start
     theta = np.cumsum(way.omega[learns]) * way.step
-    return too_short(law, revolutions, theta, here.duration - law.learning_start, way.omega[learns])
+    return too_short(law, revolutions, theta, experiment.duration - law.learning_start, way.omega[learns])
 
 
 def starts_too_late(law: Memory, end: float) -> str | None:
-    """Where learning begins when all is over, `end` in s."""
+    """The reason "learning begins when all is over"; `end` of the run in s. None where it begins before."""
     if law.learning_start < end:
         return None
     return f"learning_start is {law.learning_start:.3g} s, the run ends at {end:.3g} s"
 
 
 def never(study: Study, scenario: str, name: str) -> str | None:
-    """Why a controller's memory takes nothing at the scenario's top speed; None where it does."""
+    """The reason why a memory takes nothing at the scenario's top speed; None where it does."""
     law, top = study.controller[name], study.scenario[scenario].top_speed
     if isinstance(law, SpaceLearning):
         fast = study.scenario[scenario].top_reference
@@ -67,9 +67,9 @@ def never(study: Study, scenario: str, name: str) -> str | None:
 
 
 def too_short(law: Memory, revolutions: Fraction, theta: Real, time: float, omega_ref: Real) -> str | None:
-    """Where less than a period was turned since learning began, and nothing passed twice.
+    """The reason "less than a period was turned since learning began, nothing passed twice", or None.
 
-    Since then: `theta` in rad, mechanical; `time` in s; `omega_ref` in rad/s.
+    All since learning began: `theta` in rad, mechanical; `time` in s; `omega_ref` in rad/s.
     """
     period = 2 * math.pi * float(revolutions)
     rise = float(np.max(theta - np.minimum.accumulate(theta), initial=0.0))

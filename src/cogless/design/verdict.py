@@ -1,4 +1,4 @@
-"""What is known before a run of a law that learns: whether it settles along its scenarios' references.
+"""Verdict before a run of a law that learns: whether it settles along its scenarios' references.
 
 learning_loop.py has the factor at one speed and acceleration, with the plant as it is in a scenario. Along a
 reference, with f = (1, omega, a) and M the learning gains of the three functions delta of a law that learns
@@ -81,7 +81,7 @@ class Passing:
     unstable: bool
 
     def words(self, unit: str = ANGULAR_SPEED.unit) -> str:
-        """In a line; `unit`: of speeds."""
+        """The verdict on passing in one line; `unit`: of speeds."""
         what = "is unstable" if self.unstable else "grows"
         below, above = (units.format(x, unit, ANGULAR_SPEED, 2) for x in (self.below, MARGIN * self.below))
         found = f"below {below}, which it passes within {self.time:.2g} s, it {what} "
@@ -99,7 +99,7 @@ class Mean:
     sure: bool  # whether it grows for certain
 
     def words(self) -> str:
-        """In a line."""
+        """The mean in one line."""
         return f"in the mean {self.factor:.3g}x from {self.lowest:.0f} to {self.highest:.0f} Hz"
 
 
@@ -153,7 +153,7 @@ class Verdict:
         return speed + (f" in scenario {self.scenario}" if self.scenario else "")
 
     def short(self) -> str:
-        """What it is, without a remedy."""
+        """The verdict without a remedy."""
         if self.unstable is not None:
             with_what = "" if self.kind == "feedback unstable" else " with what learning adds at once"
             found = f"{self.kind}{with_what}, at {self.unstable.frequency:.0f} Hz{self.where}"
@@ -168,14 +168,14 @@ class Verdict:
         return f"{self.kind}, {factor}{self.where}{mean}"
 
     def words(self) -> str:
-        """All of it."""
+        """The whole verdict in one line."""
         passing = self.passing.words(self.unit) if self.passing else ""
         frozen = [f"frozen: {reason}" for reason in self.frozen]
         doubts = f"not sure: {', '.join(self.doubts)}" if self.doubts else ""
         return "; ".join(part for part in (self.short(), self.remedy(), passing, doubts, *frozen) if part)
 
     def remedy(self) -> str:
-        """What mends it; empty where nothing has to be."""
+        """The remedy; empty where nothing has to be mended."""
         if self.repair is not None:
             return self.repair.words()
         if self.kind == "feedback unstable":
@@ -202,18 +202,18 @@ class _At:
 
     @cached_property
     def unstable(self) -> Oscillation | None:
-        """At the mean torque constant."""
+        """The oscillation at the mean torque constant."""
         return self.loop.oscillation()
 
     @cached_property
     def oscillation(self) -> Oscillation | None:
-        """At any."""
+        """The fastest growing oscillation at any torque constant."""
         found = [o for loop in self.loops if (o := loop.oscillation()) is not None]
         return max(found, key=lambda o: o.rate, default=None)
 
     @cached_property
     def feedback(self) -> Oscillation | None:
-        """Of the feedback alone, before or after the hand-over."""
+        """The oscillation of the feedback alone, before or after the hand-over."""
         loop = self.loop
         return oscillation(loop.plant, loop.feedback_before) or oscillation(loop.plant, loop.feedback)
 
@@ -241,7 +241,7 @@ class _Motion:
 
     @property
     def loudest(self) -> _At:
-        """Where learning leaves most beside its feedback."""
+        """The point where learning leaves most beside its feedback."""
         return max((at for at, _ in self.judged), key=lambda at: ripple(at.loop, self.duration).ratio)
 
 
@@ -310,7 +310,7 @@ def loop_type(law: AnyController) -> type[LearningLoop] | None:
 
 
 def warnings(study: Study, name: str) -> list[str]:
-    """What a user should know before a run, a line each."""
+    """Warnings before a run, a line each."""
     found = verdict(study, name)
     lines: list[str] = []
     if found is None:
@@ -322,7 +322,7 @@ def warnings(study: Study, name: str) -> list[str]:
         lines.append(found.words())
     foreign = unfit(study, name)
     if foreign:
-        lines.append(f"{foreign}: what doesn't repeat is learnt only as far as it stays for a period")
+        lines.append(f"{foreign}: what doesn't repeat is learned only as far as it stays for a period")
     return lines
 
 
@@ -335,7 +335,7 @@ def judged(study: Study, scenario: str, name: str) -> list[LearningLoop]:
 
 
 def _motion(study: Study, scenario: str, name: str) -> _Motion:
-    """What is judged of a scenario; nothing where its reference is never fast enough to learn."""
+    """Points of a scenario to judge; none where its reference is never fast enough to learn."""
     law = study.controller[name]
     kind = loop_type(law)
     assert kind is not None and isinstance(law, PiIlc | RobustIlc | SpaceLearning)
@@ -379,10 +379,10 @@ def _motion(study: Study, scenario: str, name: str) -> _Motion:
 
 def _torques(study: Study, scenario: str) -> list[float]:
     """The least and the largest torque constant over the angle, and its mean; one where it has no ripple."""
-    here = for_scenario(study, scenario)
-    motor = here.motor.star()
+    study_here = for_scenario(study, scenario)
+    motor = study_here.motor.star()
     theta = np.linspace(0, 2 * math.pi / motor.pole_pairs, ANGLES, endpoint=False)
-    K_t = here.mechanics.inertia / angle_functions(motor, here.mechanics, Load()).h(theta)
+    K_t = study_here.mechanics.inertia / angle_functions(motor, study_here.mechanics, Load()).h(theta)
     found = K_t / motor.K_t
     least, most = float(np.min(found)), float(np.max(found))
     return [least, most, 1.0] if most > least + RIPPLE and least > 0 else [1.0]
@@ -399,15 +399,15 @@ def _places(omega: Real, alpha: Real, moving: NDArray[np.bool_]) -> Iterator[tup
     nearest = np.full(len(omega), -1)
     nearest[moving] = np.rint(np.log(omega[moving] / slowest) / spacing)
     for k, speed in enumerate(speeds.tolist()):
-        here = np.flatnonzero(nearest == k)
-        if not len(here):
+        near = np.flatnonzero(nearest == k)
+        if not len(near):
             continue
-        low, high = float(np.min(alpha[here])), float(np.max(alpha[here]))
+        low, high = float(np.min(alpha[near])), float(np.max(alpha[near]))
         levels = np.linspace(low, high, ACCELERATIONS if high > low else 1)
-        level = np.argmin(np.abs(alpha[here, None] - levels), axis=1)
+        level = np.argmin(np.abs(alpha[near, None] - levels), axis=1)
         for n, acceleration in enumerate(levels.tolist()):
             if np.any(level == n):
-                yield speed, acceleration, here[level == n]
+                yield speed, acceleration, near[level == n]
 
 
 def _passed(
@@ -440,7 +440,7 @@ def _passing(gone: list[_At], left: list[_At], time: float) -> Passing:
 
 
 def _mean(judged: Sequence[tuple[_At, float]]) -> Mean:
-    """Over one scenario. Sure where the bound from below is above one: a period has a mode to each order."""
+    """Mean over one scenario. Sure where the lower bound is above one: a period has a mode to each order."""
     constant = len(judged) == 1
     channels = 1 if constant else _channels(judged)
     highest = min(at.loop.highest / at.loop.periods_per_second for at, _ in judged)
@@ -465,7 +465,7 @@ def _mean(judged: Sequence[tuple[_At, float]]) -> Mean:
 
 
 def _channels(judged: Sequence[tuple[_At, float]]) -> int:
-    """How many functions of the angle are learned along a reference."""
+    """Number of functions of the angle that are learned along a reference."""
     law = judged[0][0].loop.study.controller[judged[0][0].loop.controller]
     if not isinstance(law, SpaceLearning):
         return 1
@@ -475,7 +475,7 @@ def _channels(judged: Sequence[tuple[_At, float]]) -> int:
 
 
 def _repair(found: list[_At]) -> Repair:
-    """The least change with which the factor is below one at all of them."""
+    """The least change with which the factor is below one at all of these speeds."""
     loops = [at.loop for at in found]
     learning = [loop for loop in loops if isinstance(loop, PeriodicLoop)]
     if learning:

@@ -1,4 +1,4 @@
-"""What a user should know of a controller before it runs, is exported, or comes onto a processor."""
+"""Warnings of a controller before it runs, is exported, or comes onto a processor."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cogless.study import AnyStudy, Study, TrialStudy
 
 
 def warnings(study: AnyStudy, scenario: str, name: str) -> list[str]:
-    """Of a controller and the current loop below it: a line each, which begins with the key."""
+    """Warnings of a controller and the current loop below it: a line each, which begins with the key."""
     if isinstance(study, TrialStudy):
         from cogless.design.from_study import design_study
         from cogless.design.trial_summary import warnings as trial_warnings

@@ -71,7 +71,7 @@ def _swap(made: Path, target: Path, old: Path) -> None:
 
 
 def _sums(folder: Path) -> dict[str, str] | None:
-    """Of the files of an earlier export; None where the folder is none."""
+    """Checksums of the files of an earlier export; None where the folder is none."""
     try:
         sums = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]
         return {str(name): str(value) for name, value in sums.items()}

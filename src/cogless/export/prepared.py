@@ -19,7 +19,7 @@ Reals = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """`memory`: the law's, as a run starts with it. `ticks`: current-loop periods of the scenario."""
+    """A controller to run. `memory`: the law's at first. `ticks`: current-loop periods of the scenario."""
 
     study: AnyStudy
     scenario: str
@@ -45,7 +45,7 @@ class Prepared:
 
 
 class Steps(Protocol):
-    """What stands in for a drive's controller, in C structs as bytes."""
+    """A stand-in for a drive's controller, in C structs as bytes."""
 
     def step(self, measurement: bytes, reference: bytes) -> bytes: ...
     def begin(self, trajectory: bytes) -> None: ...
@@ -54,7 +54,7 @@ class Steps(Protocol):
 
 @dataclass(eq=False)
 class Recording:
-    """What the controller was given and gave in each tick, as bytes of the C structs; its memory afterwards.
+    """Inputs and outputs of the controller in each tick, as bytes of the C structs; its memory afterwards.
 
     `begun`: each trial's trajectory, with the tick at which it began. `ended`: ticks before which one ended.
     """
@@ -96,9 +96,9 @@ class Recorder:
 
 
 def prepare(study: AnyStudy, scenario: str, controller: str) -> Prepared:
-    """StudyError: a name that is not there, a controller without a C form, a run that cannot start.
+    """Prepare a controller in a scenario; an anti-cogging table is learned first, in its commissioning run.
 
-    An anti-cogging table is learned first, in its commissioning run.
+    StudyError: a name that is not there, a controller without a C form, a run that cannot start.
     """
     _check(study, scenario, controller)
     with failures(study, scenario, controller):
@@ -140,14 +140,14 @@ def first_scenario(study: AnyStudy, controller: str, wanted: str | None = None) 
 
 
 def record(prepared: Prepared, ticks: int) -> Recording:
-    """So many periods of the ordinary simulation, as its controller sees them; StudyError."""
+    """Record so many periods of the ordinary simulation, as its controller sees them; StudyError."""
     recorder = Recorder(prepared)
     run(prepared, recorder, ticks)
     return recorder.finish()
 
 
 def run(prepared: Prepared, controller: Steps, ticks: int) -> None:
-    """So many periods of the plant with a controller in the place of its own; StudyError."""
+    """Run so many periods of the plant with a controller in the place of its own; StudyError."""
     state = prepared.drive.start()
     rows = prepared.engine.Recorder(prepared.drive, max(ticks, 1))
     with failures(prepared.study, prepared.scenario, prepared.controller):

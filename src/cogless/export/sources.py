@@ -40,7 +40,7 @@ def closure(needed: Iterable[str], *, code: bool = True) -> list[str]:
 
 
 def store() -> list[str]:
-    """What keeps maps in flash. Its headers name the structs of all laws: those come along without code."""
+    """Files that keep maps in flash. Their headers name the structs of all laws: those come without code."""
     headers = closure((f"{name}.h" for name in STORE), code=False)
     return sorted([*headers, *(f"{name}.c" for name in STORE)])
 

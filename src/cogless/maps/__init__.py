@@ -1,1 +1,1 @@
-"""What a law has learned, as firmware keeps it in flash: read, checked, written, printed."""
+"""Maps that a law has learned, as firmware keeps them in flash: read, checked, written, printed."""

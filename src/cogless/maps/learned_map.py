@@ -37,7 +37,7 @@ def study_identity(study: AnyStudy) -> int:
 
 
 def of_run(study: AnyStudy, stored: Mapping[str, Any] | None, motion: int = 0) -> StoredMap | None:
-    """What the engine says that a run has learned, as firmware stores it, within its limits; whose it is.
+    """The map that a run has learned, as firmware stores it, within its limits and with its owner.
 
     None where nothing is learned, or it is not tied to an angle. `motion`: identity of a trial's reference.
     """

@@ -29,7 +29,7 @@ def lines(found: list[Found], newest: Valid) -> list[str]:
 
 
 def rows(stored: StoredMap) -> list[tuple[str, str]]:
-    """What a map says of itself, then a row for each channel."""
+    """Rows of a map's header, then a row for each channel."""
     facts = [
         ("learned by", stored.law_name),
         ("motor", f"0x{stored.motor:08X}"),

@@ -34,7 +34,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Instructions:
-    """Of a tick: fewest, mean, most."""
+    """Instructions of a tick: fewest, mean, most."""
 
     least: int
     mean: float
@@ -43,7 +43,7 @@ class Instructions:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Of one controller. Instructions of all ticks, of those in which the law is due, and of the others.
+    """Comparison of one controller. Instructions: of all ticks, of those with the law due, of the others.
 
     Their mean by source file goes by where the compiler put them: what it inlined counts for the caller.
 
@@ -132,7 +132,7 @@ class _Watched:
 
 
 def _memory_difference(target: Target, wanted: Recording, ticks: int) -> Difference | None:
-    """In what is learned, at the end."""
+    """The difference in what is learned, at the end."""
     got = target.memory
     if got.tobytes() == wanted.memory.tobytes():
         return None

@@ -1,4 +1,4 @@
-"""What a linked image holds: its bytes, where its symbols are, and how much flash and RAM it takes."""
+"""A linked image: its bytes, where its symbols are, and how much flash and RAM it takes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Symbol:
 
 @dataclass(frozen=True)
 class Function:
-    """`file`: the source's name without its ending, of a static function, else None."""
+    """A function of an image; `file`: the source of a static one, without its ending, else None."""
 
     address: int
     name: str
@@ -26,7 +26,7 @@ class Function:
 
 @dataclass(frozen=True)
 class Image:
-    """`sections`: size by name. `segments`: what is loaded, by address."""
+    """A linked image. `sections`: size by name. `segments`: what is loaded, by address."""
 
     segments: Mapping[int, bytes]
     symbols: Mapping[str, Symbol]

@@ -72,7 +72,7 @@ class Processor:
         return int(self._uc.reg_read(self._arm.UC_ARM_REG_R0))
 
     def take_instructions(self, tally: Visits | None = None) -> int:
-        """How many were executed since this was asked last, and the blocks into the tally.
+        """Instructions executed since this was asked last; adds the blocks to the tally.
 
         Those that a condition skips within an IT block count: they are fetched.
         """
@@ -118,7 +118,7 @@ class Processor:
 
 
 def _pages(image: Image) -> list[tuple[int, int]]:
-    """What to map, in whole pages that do not overlap: the segments and the writable sections."""
+    """Whole pages to map, which do not overlap: the segments and the writable sections."""
     ends = [(address, address + len(data)) for address, data in image.segments.items()]
     ends += [(s.address, s.address + s.size) for s in image.symbols.values() if s.size]
     pages = sorted({page for start, end in ends for page in range(start // PAGE, -(-end // PAGE))})

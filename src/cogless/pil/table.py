@@ -6,7 +6,7 @@ from cogless.pil.compare import Comparison, Difference, Instructions
 
 
 def lines(found: Comparison) -> list[str]:
-    """What `cogless pil` prints."""
+    """Lines that `cogless pil` prints."""
     rows = [
         ("compared", f"{found.ticks} periods of {found.study}, {found.scenario}/{found.controller}"),
         ("result", "every output and what was learned: bit for bit equal"),

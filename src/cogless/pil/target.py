@@ -20,7 +20,7 @@ from cogless.pil.image import Image, read
 from cogless.pil.processor import Processor, Visits
 from cogless.pil.toolchain import Toolchain
 
-# All that comes and goes by memory, and what the linker must keep.
+# Memory by which numbers come and go, and functions that the linker must keep.
 EXCHANGE = """#include "{stem}.h"
 
 {name}_controller pil_controller;
@@ -103,7 +103,7 @@ class Target:
 
     @property
     def memory(self) -> Reals:
-        """What is learned, as it is in the processor's RAM."""
+        """Contents of the law's memory in the processor's RAM."""
         length = self._subject.memory_length
         if not length:
             return np.zeros(0, self._dtype)
@@ -117,7 +117,7 @@ class Target:
 
     @property
     def _memory(self) -> int:
-        """The controller's last member; nothing is behind it but padding."""
+        """Address of the law's memory, the controller's last member: behind it is nothing but padding."""
         symbol = self._image.symbols["pil_controller"]
         return symbol.address + symbol.size - self._subject.memory_length * self._dtype.itemsize
 
@@ -126,7 +126,7 @@ class Target:
 
 
 def build(prepared: Prepared, toolchain: Toolchain) -> tuple[Subject, Image]:
-    """The very files of an export, compiled for the processor; StudyError."""
+    """Compile the very files of an export for the processor; StudyError."""
     subject = subject_of(prepared)
     defines = ["COGLESS_DOUBLE"] if subject.precision == "d" else []
     with ExitStack() as stack:

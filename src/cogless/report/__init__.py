@@ -4,10 +4,20 @@ from pathlib import Path
 
 from cogless.report import faults, page, trials
 from cogless.report.comparison import Line, compare, speed_unit
-from cogless.report.verdict import Verdict, verdicts
+from cogless.report.verdict import ScenarioVerdict, verdicts
 from cogless.results import AnyResults, Results, TrialResults
 
-__all__ = ["Line", "Verdict", "broken", "compare", "lines", "render", "verdicts", "write", "write_plots"]
+__all__ = [
+    "Line",
+    "ScenarioVerdict",
+    "broken",
+    "compare",
+    "lines",
+    "render",
+    "verdicts",
+    "write",
+    "write_plots",
+]
 
 
 def lines(results: AnyResults, scenario: str) -> list[Line]:
@@ -19,7 +29,7 @@ def lines(results: AnyResults, scenario: str) -> list[Line]:
 
 
 def broken(results: AnyResults, scenario: str) -> str | None:
-    """What broke in a scenario and what came of it, in a sentence or two; None where nothing did."""
+    """Words for what broke in a scenario and what came of it, a sentence or two; None where nothing did."""
     if not isinstance(results, Results):
         return None
     found = faults.account(results, scenario, speed_unit(results))

@@ -1,4 +1,4 @@
-"""What the page's plots show, as plain data for report.js."""
+"""Data of the page's plots, plain values for report.js."""
 
 from __future__ import annotations
 

@@ -68,14 +68,14 @@ class Line:
 
     @property
     def title(self) -> str:
-        """Such as "speed ripple" or "speed orders: order 6 (electrical)"."""
+        """Words for the line as a title: "speed ripple" or "speed orders: order 6 (electrical)"."""
         if self.order is None:
             return self._words + self._in_frame
         return f"{self._words}: order {self.order:g} ({self.frame})"
 
     @property
     def quantity(self) -> str:
-        """What is measured, for a sentence: "speed order 6 (electrical)"."""
+        """Words for the quantity within a sentence: "speed order 6 (electrical)"."""
         if self.order is None:
             return self._words + self._in_frame
         signal = QUANTITIES.get(self.signal or "", self.signal)
@@ -83,13 +83,13 @@ class Line:
 
     @property
     def window(self) -> str:
-        """From when to when it was taken, such as "8 to 10 s"; "" where that isn't known."""
+        """The time window of the metric, such as "8 to 10 s"; "" where it isn't known."""
         return (
             " to ".join(f"{t:.3g}" if t < 1000 else f"{t:.0f}" for t in self.span) + " s" if self.span else ""
         )
 
     def not_held(self, controller: str) -> str:
-        """Where and how a controller missed the speed: "speed early, 0.5 to 2 s: mean 52 of 56 rpm"."""
+        """Place and extent of a missed speed, in words: "speed early, 0.5 to 2 s: mean 52 of 56 rpm"."""
         place = ", ".join(part for part in (self._words, self.window) if part)
         return f"{place}: {self.missed[controller]}"
 
@@ -99,7 +99,7 @@ class Line:
 
     @property
     def _in_frame(self) -> str:
-        """Said of angles and speeds that were taken electrically."""
+        """Words for the frame of angles and speeds that were taken electrically."""
         return " (electrical)" if self.frame == "electrical" else ""
 
     @property
@@ -117,7 +117,7 @@ class Line:
         return best if len(best) < len(self.values) else set()
 
     def _rank(self, value: float | None) -> float:
-        """Lower is better. Never to leave a band is the best, never to settle the worst."""
+        """Rank of a value, lower is better: never to leave a band is the best, never to settle the worst."""
         if value is None:
             return -math.inf if self.kind == "exceeds" else math.inf
         return value if self.better == "lower" else -value
@@ -160,7 +160,7 @@ def compare(results: Results, scenario: str) -> list[Line]:
 
 
 def remarks(study: StudyBase, lines: Sequence[Line]) -> list[str]:
-    """What a table's reader has to know of its controllers, a sentence without a full stop each."""
+    """Remarks on a table's controllers, a sentence without a full stop each."""
     idle = {c: why for line in lines for c, why in line.unlearned.items()}
     return [
         *(f"{study.label(c)} did not hold the speed in {how}" for c, how in misses(lines).items()),

@@ -21,7 +21,7 @@ from cogless.study.spoken import spoken_unit
 POINTS = 600
 
 NOTE = (
-    "By which factor what is learnt changes from period to period, at each frequency, by cogless design: "
+    "By which factor what is learned changes from period to period, at each frequency, by cogless design: "
     "below one it settles, above one it grows. Full: at the scenario's fastest speed, faint: at the slowest "
     "that is judged, both without acceleration. "
     "An upright line marks what grew in the run: the spectrum of its q current as learning goes on beside "

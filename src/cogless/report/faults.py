@@ -1,4 +1,4 @@
-"""What broke in a scenario, and what each controller made of it, in words."""
+"""Faults of a scenario in words: what broke, and what each controller made of it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cogless.results.fault_response import Fault, Response, faults_in, ripple, w
 from cogless.units import ANGULAR_SPEED, factor
 
 OVER = 1.05  # times its limit: more than a current loop's usual overshoot
-# Times the usual ripple: from turn to turn it changes by a tenth, and after what broke it should do no more.
+# Multiple of the usual ripple, which changes by a tenth from turn to turn, and by no more after a fault.
 WORSE = 1.25
 SMALL = 1e-4  # of the speed: a ripple below isn't called worse
 ALIKE = 0.05  # relative difference of speeds at which ripples are compared
@@ -35,7 +35,7 @@ class Told:
 
 @dataclass(frozen=True)
 class Account:
-    """Of a scenario. `tone`: "worse" or "even" is the best that its verdict may be; "better" is no bound."""
+    """Account of a scenario's faults. `tone`: the best that the verdict may be; "better" is no bound."""
 
     tone: str
     headline: str
@@ -43,7 +43,7 @@ class Account:
 
 
 def account(results: Results, scenario: str, unit: str) -> Account | None:
-    """What broke and what came of it; None where nothing breaks. `unit`: of speeds."""
+    """The account of what broke and what came of it; None where nothing breaks. `unit`: of speeds."""
     runs = [run for run in results.runs if run.scenario == scenario and run.faults]
     if not runs:
         return None
@@ -66,7 +66,7 @@ def account(results: Results, scenario: str, unit: str) -> Account | None:
 
 
 def what(fault: Fault) -> str:
-    """Such as "position sensor stuck for 0.5 s"."""
+    """Words for a fault, such as "position sensor stuck for 0.5 s"."""
     lasts = "to the end" if fault.lasting else f"for {_seconds(fault.end - fault.time)}"
     return f"{' and '.join(fault.words)} {lasts}"
 
@@ -126,7 +126,7 @@ def _outcome(results: Results, runs: Sequence[Run], unit: str) -> tuple[str, str
 
 
 def _sentence(results: Results, run: Run, response: Response, unit: str) -> str:
-    """Such as "check trips after 80 ms (angle stuck); output safe for 0.43 s; ...; ripple ...; ..."."""
+    """A sentence: "check trips after 80 ms (angle stuck); output safe for 0.43 s; ...; ripple ...; ..."."""
     parts = [_noticed(run, response)]
     for name, lasted in (
         ("output safe", response.safe),
@@ -175,7 +175,7 @@ def _over(response: Response) -> float:
 
 
 def _lost(run: Run, response: Response, unit: str) -> str | None:
-    """What the speed is instead of its reference, after the fault."""
+    """Words for the speed after the fault, where it isn't its reference; None where it is."""
     if response.after is None or not len(run.trace):
         return None
     return missed(run, run.trace.window(*response.after), unit)

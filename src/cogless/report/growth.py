@@ -30,10 +30,10 @@ class Growth:
 
 
 def growth(results: Results, run: Run) -> Growth | None:
-    """What grew in i_q since learning began, as it first shows: later, limits have a say in it.
+    """The line in i_q that grew since learning began, as it first shows: later, limits have a say in it.
 
-    A line grew that is beyond what it was when learning began, and beyond the baseline's, with what is an
-    octave about it. None where none did.
+    It is beyond what it was when learning began, and beyond the baseline's, each with an octave about it.
+    None where no line grew.
     """
     law = in_angle(results.study, run.controller)
     trace = run.trace
@@ -76,10 +76,7 @@ def _spectrum(x: Array) -> Array:
 
 
 def worsened(results: Results, scenario: str) -> dict[str, float]:
-    """Controllers that learn in angle whose error became larger than the baseline's, for good: since when.
-
-    In s.
-    """
+    """Controllers that learn in angle and are worse than the baseline, for good: since when, s."""
     runs = {run.controller: run for run in results.runs if run.scenario == scenario and len(run.trace) > 1}
     base = runs.pop(results.study.baseline, None)
     if base is None:
@@ -90,7 +87,7 @@ def worsened(results: Results, scenario: str) -> dict[str, float]:
 
 
 def worse_since(run: Run, other: Run, signal: str) -> float | None:
-    """Since when a run's error is larger than another's by more than a tie, for good, s.
+    """The time from which a run's error exceeds another's by more than a tie, for good, s.
 
     None where it isn't, or was so from the beginning.
     """
@@ -111,9 +108,9 @@ def _errors(run: Run, signal: str) -> Array:
 
 
 def sentences(results: Results, scenario: str, worse: Mapping[str, float]) -> list[str]:
-    """Who got worse while learning in angle, beside the baseline, and whether the criterion says so.
+    """Sentences on who got worse while learning in angle, and whether the criterion says so.
 
-    `worse`: as of `worsened`.
+    `worse`: the result of `worsened`.
     """
     study, found = results.study, []
     for run in results.runs:
@@ -134,7 +131,7 @@ def sentences(results: Results, scenario: str, worse: Mapping[str, float]) -> li
 
 
 def _expected(study: Study, name: str) -> str | None:
-    """What cogless design says of a law that doesn't settle; "" of one that does."""
+    """Words of cogless design for a law that doesn't settle; "" if it does, None if that isn't known."""
     try:
         found = verdict(study, name)
     except StudyError:

@@ -1,4 +1,4 @@
-"""The learnt maps for the page: current over angle at the end of a run."""
+"""The learned maps for the page: current over angle at the end of a run."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from cogless.results import Results, Run
 
 MOST = 1440  # points of a map
 
-NOTE = "The current that each controller has learnt over one revolution, as it stands at the end of the run."
+NOTE = "The current that each controller has learned over one revolution, as it stands at the end of the run."
 
 
 def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """Learnt current over one revolution, a chart for each frame, on a common grid of angle."""
+    """Learned current over one revolution, a chart for each frame, on a common grid of angle."""
     charts = []
     for frame in ("electrical", "mechanical"):
-        learnt = [run for run in runs if run.memory and run.memory["frame"] == frame]
-        learnt = [run for run in learnt if learns(results.study, run.controller)]
-        learnt = [run for run in learnt if len(run.memory["current"]) > 1]
-        if not learnt:
+        learned = [run for run in runs if run.memory and run.memory["frame"] == frame]
+        learned = [run for run in learned if learns(results.study, run.controller)]
+        learned = [run for run in learned if len(run.memory["current"]) > 1]
+        if not learned:
             continue
-        cells = min(MOST, max(len(run.memory["current"]) for run in learnt))
-        longest = max(_period(run) for run in learnt)
+        cells = min(MOST, max(len(run.memory["current"]) for run in learned))
+        longest = max(_period(run) for run in learned)
         grid = np.linspace(0, longest, cells + 1)
         series = [
             {
@@ -36,16 +36,16 @@ def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
                     np.interp(grid, run.memory["angle"], run.memory["current"], period=_period(run))
                 ),
             }
-            for run in learnt
+            for run in learned
         ]
         angle = np.round(np.rad2deg(grid), 3).tolist()
         charts.append(
-            {"title": "Learnt current", "x": f"{frame} angle (°)", "angle": angle, "series": series}
+            {"title": "Learned current", "x": f"{frame} angle (°)", "angle": angle, "series": series}
         )
     return charts
 
 
 def _period(run: Run) -> float:
-    """What a map is over, rad: a revolution, or the period that a law in angle learns."""
+    """Length of a map's angle, rad: a revolution, or the period that a law in angle learns."""
     angle = run.memory["angle"]
     return float(len(angle) * (angle[1] - angle[0]))

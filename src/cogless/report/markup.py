@@ -13,7 +13,7 @@ from typing import Any
 from cogless.report.faults import Told
 from cogless.report.palette import colours
 from cogless.report.settings import assumptions, settings
-from cogless.report.verdict import Verdict
+from cogless.report.verdict import ScenarioVerdict
 from cogless.results import AnyResults
 from cogless.versions import versions
 
@@ -27,7 +27,7 @@ def asset(name: str) -> str:
 def page(
     template: str,
     results: AnyResults,
-    found: Sequence[Verdict],
+    found: Sequence[ScenarioVerdict],
     data: dict[str, Any],
     parts: Callable[[str], Mapping[str, str]],
 ) -> str:
@@ -67,12 +67,12 @@ def page(
 
 
 def note(text: str) -> str:
-    """A remark."""
+    """A remark as HTML."""
     return f'<p class="note">{escape(text)}</p>'
 
 
 def reservations(sentences: Sequence[str]) -> str:
-    """What a table or plot does not show, or only with a reservation."""
+    """Notes on what a table or plot does not show, or only with a reservation."""
     return "".join(f'<p class="note missed">{escape(sentence)}</p>' for sentence in sentences)
 
 
@@ -90,7 +90,7 @@ def controller_heading(label: str, baseline: bool) -> str:
 def _scenario(
     template: str,
     results: AnyResults,
-    found: Sequence[Verdict],
+    found: Sequence[ScenarioVerdict],
     scenario: str,
     parts: Callable[[str], Mapping[str, str]],
 ) -> str:
@@ -117,13 +117,13 @@ def _scenario(
     )
 
 
-def _verdict(found: Sequence[Verdict], results: AnyResults) -> str:
+def _verdict(found: Sequence[ScenarioVerdict], results: AnyResults) -> str:
     if not found:
         return note("Nothing to judge by: no run has a metric that is better when lower.")
     items = []
     for verdict in found:
         details = escape(" ".join(verdict.details))
-        told = "".join(_told(told, results) for told in verdict.told)
+        told = "".join(_fault_lines(told, results) for told in verdict.told)
         items.append(
             f'<li class="{verdict.tone}">'
             f'<button type="button" class="name" data-select="{results.scenarios.index(verdict.scenario)}">'
@@ -133,7 +133,7 @@ def _verdict(found: Sequence[Verdict], results: AnyResults) -> str:
     return f'<ul class="verdicts">{"".join(items)}</ul>'
 
 
-def _told(told: Told, results: AnyResults) -> str:
+def _fault_lines(told: Told, results: AnyResults) -> str:
     """A fault, and a line for each controller."""
     colour = colours(results)
     heading = f'<p class="fault">{escape(told.heading)}</p>' if told.heading else ""

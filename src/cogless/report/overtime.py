@@ -14,7 +14,7 @@ from cogless.report.comparison import pretty
 from cogless.report.faults import spans
 from cogless.report.packing import Array, pack, thin
 from cogless.report.palette import place
-from cogless.report.paths import Error, errors, in_angle, learnt_terms
+from cogless.report.paths import Error, errors, in_angle, learned_terms
 from cogless.report.required_current import needed_current
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
@@ -68,7 +68,7 @@ def waveforms(results: Results, runs: Sequence[Run], speed_unit: str) -> dict[st
         *(Panel(e.title, e.signal, e.title.split(",")[0].lower(), e.unit, e) for e in errors(results, runs)),
         Panel("Current reference", "i_q_ref", "i_q_ref", "A"),
         Panel("Torque of the motor, cogging included", "tau_motor", "torque", "N*m"),
-        _learnt_panel(results, runs),
+        _learned_panel(results, runs),
         *_panels_in_angle(results, runs),
     ]
     share = len(panels) * len(results.runs)
@@ -76,10 +76,10 @@ def waveforms(results: Results, runs: Sequence[Run], speed_unit: str) -> dict[st
     return _times(results, runs, panels, [whole, *_details(results, runs[0], whole.points, share)])
 
 
-def _learnt_panel(results: Results, runs: Sequence[Run]) -> Panel:
+def _learned_panel(results: Results, runs: Sequence[Run]) -> Panel:
     needed = any(_in_angle(results, run) for run in runs) and needed_current(results, runs[0]) is not None
     about = "; dashed: the current that the motion needs" if needed else ""
-    return Panel(f"Learnt part of the current reference{about}", "learnt", "current", "A")
+    return Panel(f"Learned part of the current reference{about}", "learned", "current", "A")
 
 
 def _panels_in_angle(results: Results, runs: Sequence[Run]) -> list[Panel]:
@@ -147,7 +147,7 @@ def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 
 def marks(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """What breaks, from when to when, and in words."""
+    """Marks of what breaks: from when to when, s, and in words."""
     return [
         {"from": fault.time, "to": fault.end, "label": " and ".join(fault.words)}
         for fault in faults_in(results.study, runs[0].scenario)
@@ -155,7 +155,7 @@ def marks(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 
 def _beginnings(results: Results, runs: Sequence[Run], end: float) -> list[dict[str, Any]]:
-    """Where laws that learn in angle begin to, if that's not at the start."""
+    """Views of where laws that learn in angle begin to, if that's not at the start."""
     laws = [in_angle(results.study, run.controller) for run in runs]
     starts = sorted({law.learning_start for law in laws if law is not None and 0 < law.learning_start < end})
     return [
@@ -165,14 +165,14 @@ def _beginnings(results: Results, runs: Sequence[Run], end: float) -> list[dict[
 
 
 def _since(trace: Trace, revolutions: int) -> float | None:
-    """When the last so many revolutions of the reference begin, s; None where there are no more."""
+    """Time at which the last so many revolutions of the reference begin, s; None where it turns less."""
     turned = np.cumsum(np.abs(np.nan_to_num(trace["omega_ref"]))) * trace.period / (2 * math.pi)
     left = turned[-1] - turned
     return float(trace.time[int(np.argmax(left <= revolutions))]) if left[0] > revolutions else None
 
 
 def _started(runs: Sequence[Run], until: float) -> float:
-    """When the speed errors of all runs have come down to what they are later, before `until`, s."""
+    """Time by which the speed errors of all runs have come down to their later size, before `until`, s."""
     errors = [np.abs(run.trace["omega_error"][run.trace.window(0.0, until)]) for run in runs]
     errors = [np.where(np.isfinite(error), error, 0.0) for error in errors]
     calm = 1.2 * max(float(np.max(error[len(error) // 2 :], initial=0.0)) for error in errors)
@@ -224,18 +224,18 @@ def _times(
 def _series(
     results: Results, runs: Sequence[Run], panel: Panel, views: Sequence[View]
 ) -> list[dict[str, Any]]:
-    """A panel's signal of each run, of the speed the reference, of what is learnt in angle what is needed."""
+    """A panel's signal of each run; the speed has its reference, what is learned in angle what is needed."""
     drawn: list[tuple[float, dict[str, Any]]] = []
     signal, on_top = panel.signal, -math.inf
     for run in runs:
-        names = learnt_terms(results, run) if signal == "learnt" else [signal]
+        names = learned_terms(results, run) if signal == "learned" else [signal]
         if not names or names[0] not in run.trace:
             continue
         scale = panel.error.scale if panel.error else factor(panel.unit, SIGNALS[names[0]])
         if signal == "omega_m" and not drawn:
             reference = {"dash": True, **_packed(run.trace["omega_ref"] / scale, run.trace, views)}
             drawn.append((on_top, reference))
-        if signal == "learnt" and not drawn and _in_angle(results, run):
+        if signal == "learned" and not drawn and _in_angle(results, run):
             needed = needed_current(results, run)
             if needed is not None:
                 drawn.append((on_top, {"dash": True, "label": "needed", **_packed(needed, run.trace, views)}))
@@ -252,6 +252,6 @@ def _packed(x: Array, trace: Trace, views: Sequence[View]) -> dict[str, Any]:
 
 
 def _spread(x: Array) -> float:
-    """How far the second half of x spreads; 0 where it isn't finite."""
+    """Spread of the second half of x; 0 where it isn't finite."""
     spread = float(np.std(x[len(x) // 2 :])) if len(x) else 0.0
     return spread if math.isfinite(spread) else 0.0

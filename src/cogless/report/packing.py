@@ -13,9 +13,9 @@ Array = NDArray[np.float64]
 
 
 def thin(x: Array, points: int) -> tuple[Array, float]:
-    """At most `points` values with the peaks of x, and how many rows of x each stands for.
+    """Thin x to at most `points` values that keep its peaks; also how many rows of x each stands for.
 
-    Of each bucket the smallest and the largest value, in their order in time, so the result is evenly spaced;
+    Each bucket gives its smallest and largest value, in their order in time, so the result is evenly spaced;
     NaN where a bucket holds nothing else.
     """
     if len(x) <= points:

@@ -1,4 +1,4 @@
-"""Which controller has which colour and which place in the page's data."""
+"""Colours of controllers, and their places in the page's data."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a study that follows a varying reference asks of its report: which error, and who learns in angle."""
+"""Helpers for references that vary: which error the report shows, and who learns in angle."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from cogless.units import ANGLE, ANGULAR_SPEED, factor
 
 # The learned parts of each law's current reference.
 IN_ANGLE = ("term_alpha", "term_beta", "term_h")
-LEARNT = tuple(dict.fromkeys(term.signal for law in C_LAWS.values() for term in law.terms if term.learned))
+LEARNED = tuple(dict.fromkeys(term.signal for law in C_LAWS.values() for term in law.terms if term.learned))
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Error:
 
     @property
     def scale(self) -> float:
-        """What the signal is divided by."""
+        """The divisor from the signal's SI values to the displayed ones."""
         return factor(self.unit, SIGNALS[self.signal]) / self.ratio
 
     def of(self, trace: Trace) -> Array:
@@ -47,14 +47,14 @@ def learns(study: Study, controller: str) -> bool:
 
 
 def in_angle(study: Study, controller: str) -> SpaceLearning | None:
-    """A controller that learns in angle, and may."""
+    """The law of a controller that learns in angle and may; None for another."""
     law = study.controller[controller]
     return law if isinstance(law, SpaceLearning) and law.learns else None
 
 
-def learnt_terms(results: Results, run: Run) -> list[str]:
-    """The terms of a run that were learnt."""
-    return [n for n in LEARNT if n in run.trace] if learns(results.study, run.controller) else []
+def learned_terms(results: Results, run: Run) -> list[str]:
+    """The terms of a run that were learned."""
+    return [n for n in LEARNED if n in run.trace] if learns(results.study, run.controller) else []
 
 
 def travelled(study: Study, run: Run) -> Array:
@@ -85,7 +85,7 @@ def errors(results: Results, runs: Sequence[Run]) -> list[Error]:
 
 
 def _ratio(results: Results, scenario: str) -> int:
-    """What mechanical errors are multiplied by: in the frame that the scenario's metrics take them in."""
+    """Factor of mechanical errors: into the frame that the scenario's metrics take them in."""
     taken = [m for m in results.study.metrics_in(scenario) if m.kind != "order"]
     electrical = any(
         m.frame == "electrical" and m.signal in ("omega_error", "theta_error", "omega_m") for m in taken
@@ -94,7 +94,7 @@ def _ratio(results: Results, scenario: str) -> int:
 
 
 def periods(results: Results, run: Run) -> tuple[Array, float] | None:
-    """Of a law that learns in angle: whole periods travelled at each row, and one period, mechanical rad."""
+    """Periods travelled at each row, and one period, mechanical rad; None without learning in angle."""
     law = in_angle(results.study, run.controller)
     if law is None or len(run.trace) < 2:
         return None

@@ -1,4 +1,4 @@
-"""Plots over the angle for laws that learn in it: the error, and what is learnt, from period to period."""
+"""Plots over the angle for laws that learn in it: the error, and what is learned, from period to period."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from cogless.report.comparison import pretty
 from cogless.report.packing import Array, plain
 from cogless.report.palette import place
-from cogless.report.paths import errors, in_angle, learnt_terms, periods
+from cogless.report.paths import errors, in_angle, learned_terms, periods
 from cogless.results import Results, Run
 
 CELLS = 360
@@ -18,12 +18,12 @@ SHOWN = 5  # periods of a chart
 
 NOTE = (
     "Over the angle that the law counts, period by period: faint is early, full is late. What repeats from "
-    "line to line is what learning can remove; the learnt current is all of its learnt parts together."
+    "line to line is what learning can remove; the learned current is all of its learned parts together."
 )
 
 
 def over_angle(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """For each controller that learns in angle: its errors over the angle, and its learnt current."""
+    """Charts of each controller that learns in angle: its errors over the angle, and its learned current."""
     return [chart for run in runs for chart in _charts(results, run)]
 
 
@@ -42,12 +42,12 @@ def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
         "x": "angle within the period (°)",
         "angle": np.linspace(0, 360, CELLS + 1).tolist(),
     }
-    learnt = np.sum([run.trace[name] for name in learnt_terms(results, run)], axis=0)
+    learned = np.sum([run.trace[name] for name in learned_terms(results, run)], axis=0)
     drawn = [
         (e.title, e.of(run.trace), e.title.split(",")[0].lower(), pretty(e.unit))
         for e in errors(results, [run])
     ]
-    drawn.append(("Learnt current", learnt, "current", "A"))
+    drawn.append(("Learned current", learned, "current", "A"))
     where = place(results, run)
     return [
         {

@@ -1,4 +1,4 @@
-"""Still pictures of a study's results, as PNG: waveforms, order spectra, learnt maps."""
+"""Still pictures of a study's results, as PNG: waveforms, order spectra, learned maps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cogless.results import Results
 
 
 def write_plots(results: Results, directory: Path) -> list[Path]:
-    """Write SCENARIO-waveforms.png, -spectra.png and, if something was learnt, -map.png; return the paths.
+    """Write SCENARIO-waveforms.png, -spectra.png and, if something was learned, -map.png; return the paths.
 
     matplotlib is imported here: it takes longer than the pictures.
     """

@@ -13,7 +13,7 @@ from cogless.files import replacing
 
 Axes = NDArray[Any]  # of matplotlib, rows x columns
 
-# As in report.css, where --c0 is the baseline's.
+# Colours of report.css, where --c0 is the baseline's.
 PALETTE = ("#6a7380", "#0b6bcb", "#d9630c", "#13865a", "#9a3fb5", "#b58a00", "#c2255c", "#0c8599")
 REFERENCE: dict[str, Any] = {"color": "#1b1f24", "linestyle": "--", "linewidth": 0.9, "zorder": 5}  # on top
 STYLE: dict[Any, Any] = {

@@ -18,7 +18,7 @@ from cogless.study.metric import Metric
 from cogless.units import factor
 
 MOST = 0.5  # share of the square: the sensor's error dominates
-# What a law sees of each true signal.
+# Each true signal, and the one that a law sees of it.
 SEEN = {
     "omega_m": "omega_measured",
     "omega_error": "omega_error_measured",
@@ -37,7 +37,7 @@ SQUARES = {
 
 @dataclass(frozen=True)
 class Sensor:
-    """Of a line: the same of what the laws see, and the sensor's share of each true value's square."""
+    """The line as the laws see it, and the sensor's share of each true value's square."""
 
     seen: Line
     shares: Mapping[str, float]

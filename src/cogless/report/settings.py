@@ -27,7 +27,7 @@ def settings(study: StudyBase) -> str:
 
 
 def assumptions(study: StudyBase) -> str:
-    """What the author had to suppose, and why."""
+    """The table of what the author had to suppose, and why; "" without assumptions."""
     if not study.assumption:
         return ""
     rows = "".join(

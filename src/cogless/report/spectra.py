@@ -12,7 +12,7 @@ from cogless.report.comparison import pretty
 from cogless.report.overtime import near_reference
 from cogless.report.packing import Array, number, plain
 from cogless.report.palette import place
-from cogless.report.paths import learnt_terms, varies
+from cogless.report.paths import learned_terms, varies
 from cogless.report.speed_tracking import late
 from cogless.results import Results, Run
 from cogless.results.metrics import onward
@@ -76,7 +76,7 @@ def left_out(results: Results, scenario: str) -> list[str]:
 
 
 def turned_back(results: Results, scenario: str) -> str:
-    """Which controllers' spectra are of a part of their way, since the rotor turns back; "" where none is."""
+    """A note of spectra that are of a part of the way, since the rotor turns back; "" where none is."""
     found, when = [], ""
     for run in results.runs:
         theta = run.trace["theta_m"][late(results, run)]
@@ -108,7 +108,7 @@ def _left_out(results: Results, run: Run) -> str:
 
 
 def _when(results: Results, run: Run) -> str:
-    """Between which times a run's spectrum is taken."""
+    """Words for the times between which a run's spectrum is taken."""
     return "between {:.4g} and {:.4g} s".format(*run.trace.time[late(results, run)][[0, -1]])
 
 
@@ -144,7 +144,7 @@ def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array |
         return None, after
     turned = np.abs(theta[near[0] :] - theta[near[0]]) >= 2 * math.pi
     begun = slice(int(near[0]), int(near[0] + np.argmax(turned)) + 1)
-    if not np.any(turned) or begun.stop > rows.start or not learnt_terms(results, run):
+    if not np.any(turned) or begun.stop > rows.start or not learned_terms(results, run):
         return None, after
     return order_spectrum(theta[begun], x[begun], highest, pole_pairs), after
 

@@ -45,13 +45,13 @@ def rows_of(results: Results, metric: Metric, run: Run) -> slice:
 
 
 def span_of(results: Results, metric: Metric, run: Run) -> tuple[float, float] | None:
-    """From when to when a metric is taken in a run, s; None where the run has no trace."""
+    """The span in which a metric is taken in a run, s; None where the run has no trace."""
     time = run.trace.time[rows_of(results, metric, run)]
     return (float(time[0]), float(time[-1])) if len(time) else None
 
 
 def missed(run: Run, rows: slice, unit: str) -> str | None:
-    """What the speed was instead of its reference, such as "mean 0 of 60 rpm"; None: it was held.
+    """Words for a speed that missed its reference, such as "mean 0 of 60 rpm"; None: it was held.
 
     A start-up at the window's beginning isn't held against a run, nor a slow ripple: the speed must be off
     over the rows and over their second half.
@@ -65,7 +65,7 @@ def missed(run: Run, rows: slice, unit: str) -> str | None:
 
 
 def _off(reference: Array, speed: Array, unit: str, drift: float) -> str:
-    """How the speed is off its reference, both in `unit`; "" where it isn't."""
+    """Words for how the speed is off its reference, both in `unit`; "" where it isn't."""
     if not len(speed):
         return ""
     if not np.all(np.isfinite(speed)):

@@ -39,7 +39,7 @@ def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 
 def _spans(run: Run, bits: int) -> list[float]:
-    """From when to when a state held, s, one after the other."""
+    """Beginnings and ends of the times in which a state held, s, one after the other."""
     status = run.trace["status"]
     held = (np.where(np.isfinite(status), status, 0).astype(int) & bits) > 0
     edges = np.flatnonzero(np.diff(np.concatenate(([0], held.astype(int), [0]))))

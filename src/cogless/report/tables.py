@@ -12,7 +12,7 @@ from cogless.report.comparison import Line, compare, factor_text, remarks
 from cogless.report.markup import controller_heading, note, reservations, scrolled
 from cogless.report.packing import number
 from cogless.report.palette import colours
-from cogless.report.paths import LEARNT, learns
+from cogless.report.paths import LEARNED, learns
 from cogless.report.speed_tracking import late
 from cogless.results import AnyResults, Results, Run
 
@@ -64,7 +64,7 @@ def _terms(results: Results, run: Run, label: str) -> str:
     rows = late(results, run)
     names = [name for name in trace.names if name.startswith("term_")] if rows.stop > rows.start else []
     if not learns(results.study, run.controller):
-        names = [name for name in names if name not in LEARNT]
+        names = [name for name in names if name not in LEARNED]
     figures = [(float(np.sqrt(np.mean(trace[n][rows] ** 2))), float(np.std(trace[n][rows]))) for n in names]
     top, most = (_largest(column) for column in zip(*figures, strict=True)) if figures else (1.0, 1.0)
     body = "".join(

@@ -1,4 +1,4 @@
-"""Which runs learned nothing, and why: no praise of learning is due to them."""
+"""Runs that learned nothing, and why: no praise of learning is due to them."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from cogless.study.space_controller import SpaceLearning
 
 
 def unlearned(results: Results, run: Run) -> str | None:
-    """Why a run's law learned nothing that could act; None where it did, or the trace doesn't say.
+    """The reason why a run's law learned nothing that could act; None where it did, or the trace doesn't say.
 
-    By the angle that was turned since the status first said that learning wasn't frozen.
+    Judged by the angle that was turned since the status first said that learning wasn't frozen.
     """
     study, name, trace = results.study, run.controller, run.trace
     law, revolutions = study.controller[name], revolutions_learned(study, name)

@@ -28,11 +28,11 @@ SPEEDS = ("omega_m", "omega_measured", "omega_error")
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """`tone`: "better" where a law that learns is the best, "worse" where the baseline is, else "even".
+class ScenarioVerdict:
+    """Verdict on a scenario: a headline, details and, where something breaks, what is told of each fault.
 
-    Where something breaks it is no better than what comes of that, which the headline is about; `told` is of
-    each fault.
+    `tone`: "better" where a law that learns is the best, "worse" where the baseline is, else "even". With
+    faults the headline is their account's, and the tone no better than theirs.
     """
 
     scenario: str
@@ -63,7 +63,7 @@ class _Case:
 
     @cached_property
     def ranked(self) -> list[str]:
-        """Those that held the speed, learned if they should, and did not get worse in the end."""
+        """Controllers that held the speed, learned if they should, and did not get worse in the end."""
         return [c for c in self.held if c not in self.worsened and c not in self.unlearned]
 
     @cached_property
@@ -93,24 +93,24 @@ class _Case:
         return _listed([f"{self.label(c)} {self.line.text(c)}" for c in controllers])
 
 
-def verdicts(results: Results, speed_unit: str) -> list[Verdict]:
+def verdicts(results: Results, speed_unit: str) -> list[ScenarioVerdict]:
     """One for each scenario that has runs, and metrics or faults."""
     return [v for scenario in results.scenarios if (v := _verdict(results, scenario, speed_unit)) is not None]
 
 
-def _verdict(results: Results, scenario: str, speed_unit: str) -> Verdict | None:
+def _verdict(results: Results, scenario: str, speed_unit: str) -> ScenarioVerdict | None:
     compared, broken = _compared(results, scenario, speed_unit), account(results, scenario, speed_unit)
     if broken is None:
         return compared
     if compared is None:
         tone = "worse" if broken.tone == "worse" else "even"
-        return Verdict(scenario, tone, broken.headline, [], broken.told)
+        return ScenarioVerdict(scenario, tone, broken.headline, [], broken.told)
     tone = next(tone for tone in TONES if tone in (compared.tone, broken.tone))
     details = [compared.headline, *compared.details]
-    return Verdict(scenario, tone, broken.headline, details, broken.told)
+    return ScenarioVerdict(scenario, tone, broken.headline, details, broken.told)
 
 
-def _compared(results: Results, scenario: str, speed_unit: str) -> Verdict | None:
+def _compared(results: Results, scenario: str, speed_unit: str) -> ScenarioVerdict | None:
     """The controllers beside each other, by the scenario's metrics."""
     lines = [line for line in compare(results, scenario) if line.better == "lower"]
     run = next((run for run in results.runs if run.scenario == scenario), None)
@@ -138,11 +138,11 @@ def _compared(results: Results, scenario: str, speed_unit: str) -> Verdict | Non
     ]
     if len(line.values) < 2 or case.baseline not in line.values:
         details = ["There is nothing to compare.", own, *_unlearned(case), *_failures(case)]
-    return Verdict(scenario, tone, headline, [sentence for sentence in details if sentence])
+    return ScenarioVerdict(scenario, tone, headline, [sentence for sentence in details if sentence])
 
 
 def _by_what_is_seen(case: _Case, part: Sensor | None) -> tuple[_Case, str]:
-    """Where the sensor's own error dominates, the case by what the laws see, and a sentence that says so."""
+    """The case by what the laws see, and a sentence that says so, where the sensor's own error dominates."""
     blurred = [c for c in case.held if part is not None and part.dominates(c)]
     if part is None or not blurred:
         return case, ""
@@ -196,14 +196,14 @@ def _comparison(case: _Case) -> tuple[str, str]:
 
 
 def _has(line: Line, controller: str) -> str:
-    """What a controller does, such as "leaves 0.46 rpm of speed order 6 (electrical)"."""
+    """Words for what a controller does, such as "leaves 0.46 rpm of speed order 6 (electrical)"."""
     if line.kind == "dip":
         return f"is thrown off by {line.text(controller)} ({line.quantity})"
     return f"leaves {line.text(controller)} of {line.quantity}"
 
 
 def _have(case: _Case) -> str:
-    """What the winners do, such as "A and B tie: they leave 0.46 rpm and 0.47 rpm of speed ripple"."""
+    """Words for what the winners do: "A and B tie: they leave 0.46 rpm and 0.47 rpm of speed ripple"."""
     line, winners = case.line, case.winners
     if len(winners) == 1:
         return f"{case.label(winners[0])} {_has(line, winners[0])}"
@@ -214,9 +214,9 @@ def _have(case: _Case) -> str:
 
 
 def _decisive(lines: Sequence[Line], baseline: str, moves: bool) -> Line | None:
-    """What the verdict is about: the ripple of the speed, else the baseline's strongest order, else a dip.
+    """The line to judge by: the ripple of the speed, else the baseline's strongest order, else a dip.
 
-    Of what the baseline has, if anything. Where the reference `moves` the ripple is in the speed's error.
+    A line that the baseline has, if any. Where the reference `moves`, the ripple is in the speed's error.
     """
     lines = [line for line in lines if line.kind != "mean"]  # it may be negative
     lines = [line for line in lines if baseline in line.values] or lines
@@ -229,7 +229,7 @@ def _decisive(lines: Sequence[Line], baseline: str, moves: bool) -> Line | None:
 
 
 def _latest(results: Results, scenario: str, line: Line | None, lines: Sequence[Line]) -> Line | None:
-    """Of the same number in several windows, the last window's: what learning comes to."""
+    """The line of the last of several windows, for what learning comes to in the end."""
     if line is None or line.order is not None:
         return line
     alike = {other.name for other in lines if (other.kind, other.signal) == (line.kind, line.signal)}
@@ -258,7 +258,7 @@ def _orders(lines: Sequence[Line], controller: str) -> list[Line]:
 
 
 def _place(run: Run, speed_unit: str) -> str:
-    """ "At 60 rpm" where the reference stays constant, else "In the scenario's name"."""
+    """Words for the operating point: "At 60 rpm" for a constant reference, else "In SCENARIO"."""
     if _moves(run):
         return f"In {run.scenario}"
     speed = convert(float(run.trace["omega_ref"][-1]), speed_unit, ANGULAR_SPEED)
@@ -271,7 +271,7 @@ def _moves(run: Run) -> bool:
 
 
 def _strongest_order(case: _Case) -> str:
-    """After the whole ripple of the speed: what it's made of, with the best and with the baseline."""
+    """A sentence on the strongest order of the speed's ripple, with the best and with the baseline."""
     if not _is_total(case.line) or len(case.ranked) < 2:
         return ""
     compared = case.baseline if case.baseline in case.ranked else case.ranked[-1]
@@ -304,7 +304,7 @@ def _without_learning(case: _Case) -> str:
 
 
 def _against_the_next(case: _Case) -> str:
-    """Where the winner is clearly worse than the next one; where they tie, each against the other."""
+    """Sentences on what is clearly worse of the winner than of the next; of both where they tie."""
     first, second = case.ranked[:2]
     pairs = [(first, second)] if second not in case.winners else [(first, second), (second, first)]
     sentences = [_worse(case, *pair) for pair in pairs if pair[1] != case.baseline]
@@ -326,7 +326,7 @@ def _worse(case: _Case, controller: str, other: str) -> str:
 
 
 def _costs(case: _Case) -> str:
-    """Which other metrics get worse with the winner than with the baseline, and by how much."""
+    """A sentence on other metrics that get worse with the winner than with the baseline, and by how much."""
     best = next((c for c in case.winners if c != case.baseline), None)
     if best is None or case.baseline not in case.ranked:
         return ""
@@ -362,12 +362,12 @@ def _rest(case: _Case) -> str:
 
 
 def _unlearned(case: _Case) -> list[str]:
-    """Who learned nothing, and why."""
+    """Sentences on who learned nothing, and why."""
     return [f"{case.label(c)} learned nothing: {why}." for c, why in case.line.unlearned.items()]
 
 
 def _failures(case: _Case) -> list[str]:
-    """Who did not hold the speed, as far as the headline doesn't say so, and who never settled."""
+    """Sentences on who did not hold the speed, unless the headline says so, and who never settled."""
     told = set(case.line.missed) if not case.ranked else {case.baseline} & set(case.line.missed)
     since = case.line.span[0] if case.line.span else 0.0
     later = misses([line for line in case.lines if line.span and line.span[1] > since])

@@ -1,4 +1,4 @@
-"""What comes out of a study: traces, metrics, responses to faults, results.json."""
+"""Results of a study: traces, metrics, responses to faults, results.json."""
 
 from cogless.results.runs import AnyResults, Results, Run, TrialResults
 

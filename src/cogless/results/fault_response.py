@@ -1,4 +1,4 @@
-"""What a controller makes of what breaks in a scenario: how long it is safe, the ripple before and after.
+"""Responses of controllers to what breaks in a scenario: how long it is safe, the ripple before and after.
 
 All from a run's trace, to its rows: something shorter than their period may be missed.
 """
@@ -23,10 +23,7 @@ FEWEST = 10  # rows that a ripple is taken over
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that breaks for a while, s; faults that overlap are one.
-
-    `end`: at most the scenario's, which `lasting` says that it is.
-    """
+    """A time in which something is broken, s; overlapping ones are one. `lasting`: to the scenario's end."""
 
     time: float
     end: float
@@ -36,7 +33,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Response:
-    """What a run did from a fault's beginning until the next one's, or the end.
+    """Response of a run to a fault, from its beginning until the next one's, or the end.
 
     Times are in s, and are how long something lasted in all; `noticed_after`: from the fault to the first
     sign that the controller saw it. None: never, or unknown. `ripple`: rms of the speed error about its mean
@@ -59,10 +56,10 @@ class Response:
 
 
 def faults_in(study: Study, scenario: str) -> list[Fault]:
-    """What breaks in a scenario, in order of time; in a study with faults, loads that come and go, too."""
-    here = study.scenario[scenario]
-    end = here.duration
-    single = [Fault(f.time, min(f.end, end), (f.words,), f.end >= end) for f in here.faults]
+    """Faults of a scenario in order of time; in a study with faults, loads that come and go, too."""
+    experiment = study.scenario[scenario]
+    end = experiment.duration
+    single = [Fault(f.time, min(f.end, end), (f.words,), f.end >= end) for f in experiment.faults]
     single += [
         Fault(came.time, went.time, (f"load of {1e3 * came.load:.3g} mN·m",))
         for came, went in _knocks(study, scenario)
@@ -78,26 +75,26 @@ def faults_in(study: Study, scenario: str) -> list[Fault]:
 
 
 def without_faults(study: Study, scenario: str) -> str | None:
-    """The scenario that is the same but that nothing breaks in; None where there is none."""
-    here = study.scenario[scenario]
+    """The scenario that differs by having no faults; None where there is none."""
+    experiment = study.scenario[scenario]
     knocks = [event for pair in _knocks(study, scenario) for event in pair]
-    events = tuple(event for event in here.events if event not in knocks)
-    alike = here.model_copy(update={"faults": (), "events": events})
+    events = tuple(event for event in experiment.events if event not in knocks)
+    alike = experiment.model_copy(update={"faults": (), "events": events})
     return next((n for n, other in study.scenario.items() if n != scenario and other == alike), None)
 
 
 def _knocks(study: Study, scenario: str) -> list[tuple[Event, Event]]:
     """Loads that come, and go back to the usual one at the next event; none in a study without faults."""
-    here = study.scenario[scenario]
-    if not here.events or not any(other.faults for other in study.scenario.values()):
+    experiment = study.scenario[scenario]
+    if not experiment.events or not any(other.faults for other in study.scenario.values()):
         return []
-    usual = (here.load or for_scenario(study, scenario).mechanics.load).torque
-    pairs = zip(here.events, here.events[1:], strict=False)
+    usual = (experiment.load or for_scenario(study, scenario).mechanics.load).torque
+    pairs = zip(experiment.events, experiment.events[1:], strict=False)
     return [(came, went) for came, went in pairs if came.load != usual and went.load == usual]
 
 
 def responses(faults: Sequence[Fault], trace: Trace, current_limit: float, learns: bool) -> list[Response]:
-    """What a run did about each fault."""
+    """Responses of a run, one to each fault."""
     if len(trace) < FEWEST or not faults:
         return []
     ends = [*(fault.time for fault in faults[1:]), math.inf]
@@ -109,7 +106,7 @@ def responses(faults: Sequence[Fault], trace: Trace, current_limit: float, learn
 
 
 def _response(fault: Fault, trace: Trace, room: Span, limit: float, learns: bool) -> Response:
-    """`room`: since when and until when nothing else breaks, s."""
+    """Response to one fault; `room`: since when and until when nothing else breaks, s."""
     period, during = trace.period, _rows(trace, (fault.time, room[1]))
     time, status = trace.time[during], np.nan_to_num(trace["status"][during]).astype(int)
 
@@ -157,7 +154,7 @@ def _rows(trace: Trace, span: Span) -> slice:
 
 
 def ripple(trace: Trace, span: Span | None) -> float | None:
-    """Of the speed error about its mean, rad/s rms."""
+    """RMS of the speed error about its mean, rad/s."""
     if span is None:
         return None
     with np.errstate(all="ignore"):

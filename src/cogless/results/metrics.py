@@ -30,7 +30,7 @@ REFERENCES = {"omega_m": "omega_ref", "omega_measured": "omega_ref", "i_d": "i_d
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a metric needs to know of a run besides its trace."""
+    """Facts that a metric needs to know of a run besides its trace."""
 
     pole_pairs: int
     R_s: float  # ohm, of the star equivalent
@@ -41,19 +41,19 @@ class Conditions:
     @classmethod
     def of(cls, study: Study, scenario: str) -> Self:
         """The conditions of a scenario."""
-        here = for_scenario(study, scenario)
-        motor = here.motor.star()
+        study_here = for_scenario(study, scenario)
+        motor = study_here.motor.star()
         return cls(
             pole_pairs=motor.pole_pairs,
             R_s=motor.R_s,
             power_factor=motor.power_factor,
-            speed_period=1 / here.drive.rates.speed_loop,
-            events=tuple(event.time for event in here.scenario[scenario].events),
+            speed_period=1 / study_here.drive.rates.speed_loop,
+            events=tuple(event.time for event in study_here.scenario[scenario].events),
         )
 
 
 @dataclass(frozen=True)
-class Measurement:
+class MetricInput:
     """A metric about to be evaluated: the whole trace, the metric, the conditions and the metric's rows."""
 
     metric: Metric
@@ -107,12 +107,12 @@ def evaluate(metric: Metric, trace: Trace, conditions: Conditions) -> Value:
     StudyError: a signal that the trace doesn't have, an empty window, rows too sparse for chattering.
     """
     first, last = _window(metric, trace, conditions)
-    measurement = Measurement(metric, trace, conditions, trace.window(first, last))
+    metric_input = MetricInput(metric, trace, conditions, trace.window(first, last))
     if metric.signal is not None and metric.signal not in trace:
-        raise measurement.error(f"signal {metric.signal}: expected one of {', '.join(trace.names)}")
-    if measurement.rows.start == measurement.rows.stop:
-        raise measurement.error(f"window {first:g} s to {last:g} s holds no row of the trace")
-    return KINDS[metric.kind](measurement)
+        raise metric_input.error(f"signal {metric.signal}: expected one of {', '.join(trace.names)}")
+    if metric_input.rows.start == metric_input.rows.stop:
+        raise metric_input.error(f"window {first:g} s to {last:g} s holds no row of the trace")
+    return KINDS[metric.kind](metric_input)
 
 
 def _window(metric: Metric, trace: Trace, conditions: Conditions) -> tuple[float, float]:
@@ -128,32 +128,32 @@ def _window(metric: Metric, trace: Trace, conditions: Conditions) -> tuple[float
     return metric.event, min((t - trace.period for t in conditions.events if t > after), default=end)
 
 
-def peak_to_peak(m: Measurement) -> float:
+def peak_to_peak(m: MetricInput) -> float:
     """Largest minus smallest value, in the signal's unit."""
     return float(np.ptp(m.x))
 
 
-def rms(m: Measurement) -> float:
+def rms(m: MetricInput) -> float:
     """Root of the mean square, mean included, in the signal's unit."""
     return math.sqrt(float(np.mean(np.square(m.x))))
 
 
-def ripple_rms(m: Measurement) -> float:
+def ripple_rms(m: MetricInput) -> float:
     """Root of the mean square about the mean, in the signal's unit."""
     return float(np.std(m.x))
 
 
-def mean(m: Measurement) -> float:
+def mean(m: MetricInput) -> float:
     """Mean over time, in the signal's unit."""
     return float(np.mean(m.x))
 
 
-def maximum(m: Measurement) -> float:
+def maximum(m: MetricInput) -> float:
     """Largest magnitude, in the signal's unit."""
     return float(np.max(np.abs(m.x)))
 
 
-def order(m: Measurement) -> list[float]:
+def order(m: MetricInput) -> list[float]:
     """Amplitude (peak) of each order of an electrical or mechanical revolution, in the signal's unit.
 
     Tracked on angle, so a varying speed doesn't smear it; over the longest way in one direction, where the
@@ -168,12 +168,12 @@ def order(m: Measurement) -> list[float]:
         return [math.nan] * len(orders)
 
 
-def dip(m: Measurement) -> float:
+def dip(m: MetricInput) -> float:
     """Largest deviation after the event from the mean before it, in the signal's unit."""
     return float(np.max(np.abs(m.x - _mean_before(m))))
 
 
-def settling(m: Measurement) -> float | None:
+def settling(m: MetricInput) -> float | None:
     """Time from the event until the signal stays within the band, s; None when it never does.
 
     The band lies around the signal's reference, or, without one, around its mean before the event. A signal
@@ -188,8 +188,8 @@ def settling(m: Measurement) -> float | None:
     return max(0.0, float(time[outside[-1]]) - m.event)
 
 
-def overshoot(m: Measurement) -> float:
-    """How far the signal goes beyond where it ends, in the signal's unit; 0 where it doesn't.
+def overshoot(m: MetricInput) -> float:
+    """Distance that the signal goes beyond where it ends, in the signal's unit; 0 where it doesn't.
 
     It ends at its mean over the last quarter of the window, and goes there from its mean before the event.
     """
@@ -198,7 +198,7 @@ def overshoot(m: Measurement) -> float:
     return max(0.0, float(np.max(direction * (m.x - end))))
 
 
-def exceeds(m: Measurement) -> float | None:
+def exceeds(m: MetricInput) -> float | None:
     """Time at which the signal first leaves the band around its reference, s; None when it never does.
 
     A signal without a reference is held against its mean over the first tenth of the window.
@@ -207,13 +207,13 @@ def exceeds(m: Measurement) -> float | None:
     return float(m.trace.time[m.rows][outside[0]]) if len(outside) else None
 
 
-def copper_loss(m: Measurement) -> float:
+def copper_loss(m: MetricInput) -> float:
     """Mean copper loss R_s (i_d^2 + i_q^2) times the power factor, W."""
     i_d, i_q = m.trace["i_d"][m.rows], m.trace["i_q"][m.rows]
     return m.conditions.power_factor * m.conditions.R_s * float(np.mean(i_d * i_d + i_q * i_q))
 
 
-def chattering(m: Measurement) -> float:
+def chattering(m: MetricInput) -> float:
     """Mean |step| of the current reference i_q_ref from one speed-loop sample to the next, A."""
     time, period = m.trace.time[m.rows], m.conditions.speed_period
     if m.trace.period > period * (1 + 1e-6):
@@ -228,7 +228,7 @@ def chattering(m: Measurement) -> float:
     return float(np.mean(np.abs(np.diff(i_q_ref))))
 
 
-KINDS: dict[str, Callable[[Measurement], Value]] = {
+KINDS: dict[str, Callable[[MetricInput], Value]] = {
     "peak-to-peak": peak_to_peak,
     "rms": rms,
     "ripple-rms": ripple_rms,
@@ -288,7 +288,7 @@ def order_amplitudes(
     angle, x = _last_part(frame, x, min(turns, count * period) * 2 * math.pi)
     step = np.diff(angle)
     span = float(angle[-1] - angle[0])
-    # Without the mean, which would leak through the rounding of the ends.
+    # The mean would leak through the rounding of the ends.
     x = x - float(np.dot(step, x[1:] + x[:-1])) / (2 * span)
     amplitudes = []
     for n in orders:
@@ -312,7 +312,7 @@ def _last_part(angle: Array, x: Array, span: float) -> tuple[Array, Array]:
     )
 
 
-def _outside(m: Measurement, otherwise: Callable[[], float]) -> NDArray[np.intp]:
+def _outside(m: MetricInput, otherwise: Callable[[], float]) -> NDArray[np.intp]:
     """Rows outside the band around the signal's reference, or around `otherwise` without one."""
     if m.metric.band is None:
         raise m.error("expected a band")
@@ -326,7 +326,7 @@ def _outside(m: Measurement, otherwise: Callable[[], float]) -> NDArray[np.intp]
     return np.flatnonzero(np.abs(m.x - target) > m.metric.band)
 
 
-def _mean_before(m: Measurement) -> float:
+def _mean_before(m: MetricInput) -> float:
     """Mean of the signal before the event, over the last revolution.
 
     At most over half of the time since the event before, or since the start.

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def to_dict(results: AnyResults) -> dict[str, Any]:
-    """What results.json holds, from plain types only; a number that isn't finite becomes null ("never")."""
+    """Content of results.json, from plain types only; a number that isn't finite becomes null ("never")."""
     return {
         "study": results.study.name,
         "title": results.study.title,
@@ -56,7 +56,7 @@ def write(results: AnyResults, path: Path) -> None:
 
 
 def _definitions(results: AnyResults) -> dict[str, dict[str, Any]]:
-    """What each name in a run's metrics means: unit, kind, signal; orders and frame, or the floor."""
+    """Meaning of each name in a run's metrics: unit, kind, signal; orders and frame, or the floor."""
     definitions = {}
     for metric in results.study.metric:
         meaning: dict[str, Any] = {
@@ -73,7 +73,7 @@ def _definitions(results: AnyResults) -> dict[str, dict[str, Any]]:
 
 
 def _trials(results: TrialResults) -> dict[str, dict[str, Any]]:
-    """Of each scenario: how many trials of how many samples, and the first trial of each phase."""
+    """Plan of each scenario: how many trials of how many samples, and the first trial of each phase."""
     study = results.study
     return {
         name: {
@@ -92,7 +92,7 @@ def _design(design: TrialDesign) -> dict[str, Any]:
 
 
 def _memory(memory: Mapping[str, Any]) -> dict[str, Any]:
-    """What was learnt in short: enough to see that something was, and how much."""
+    """Summary of a memory: enough to see that something was learned, and how much."""
     if "learned" in memory:
         learned = np.asarray(memory["learned"], dtype=float)
         return {"samples": len(learned), "peak": _plain(float(np.max(np.abs(learned), initial=0.0)))}
@@ -108,7 +108,7 @@ def _memory(memory: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _quality(quality: Mapping[str, Any]) -> dict[str, Any]:
-    """As the controller sees it; null where it has not yet turned far enough to know."""
+    """Quality as the controller sees it; null where it has not yet turned far enough to know."""
     names = {"residual_rad_per_s": "residual"}
     names |= {name: name for name in ("progress", "improving", "worsening") if name in quality}
     return {key: quality[name] if quality["known"] else None for key, name in names.items()}

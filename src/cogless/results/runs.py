@@ -27,7 +27,7 @@ class Metrics(dict[str, Value]):
 class Run:
     """One controller in one scenario.
 
-    `memory` is what was learnt by the end, or empty: {"angle": rad, "current": A, "frame": "electrical" or
+    `memory` is what was learned by the end, or empty: {"angle": rad, "current": A, "frame": "electrical" or
     "mechanical"}, or of trials {"learned": a number each sample}. `metrics` are SI, by their name in
     results.json. `quality` is what the controller says of its own learning at the end, not of trials:
     {"known", "residual": rad/s} and, of a law that learns, {"progress", "improving", "worsening"}. `faults`
@@ -64,13 +64,13 @@ class AnyResults:
 
 @dataclass(frozen=True, eq=False)
 class Results(AnyResults):
-    """Of a speed study."""
+    """Results of a speed study."""
 
     study: Study
 
 
 @dataclass(frozen=True, eq=False)
 class TrialResults(AnyResults):
-    """Of a study of trials."""
+    """Results of a study of trials."""
 
     study: TrialStudy

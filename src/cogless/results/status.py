@@ -6,7 +6,7 @@ from enum import IntFlag
 
 
 class Status(IntFlag):
-    """What a step says of itself."""
+    """Status bits of a step."""
 
     SATURATED = 1
     FAULT = 2

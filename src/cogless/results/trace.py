@@ -30,13 +30,13 @@ ENERGIES = ("electrical", "copper", "friction", "load", "stored")
 # Every signal that is computed, not recorded: name -> (unit, the recorded ones that it needs, a function).
 DERIVED: dict[str, tuple[str, tuple[str, ...], Callable[..., Array]]] = {
     "omega_error": ("rad/s", ("omega_ref", "omega_m"), np.subtract),  # reference minus true speed
-    # as the controller sees it; and the sensor's own, measured minus true: the true error is their sum
+    # the error as the controller sees it, and the sensor's, measured minus true: the true error is their sum
     "omega_error_measured": ("rad/s", ("omega_ref", "omega_measured"), np.subtract),
     "omega_sensor_error": ("rad/s", ("omega_measured", "omega_m"), np.subtract),
     "i_amplitude": ("A", ("i_d", "i_q"), np.hypot),  # length of the current vector
-    # what the balance lacks: the integrator's error
+    # the balance's residual, which is the integrator's error
     "energy_residual": ("J", tuple(f"energy_{name}" for name in ENERGIES), _energy_residual),
-    # what the rotor gets from the motor, cogging included
+    # torque of the motor on the rotor, cogging included
     "tau_motor": ("N*m", ("tau_e", "tau_cogging"), np.add),
     "theta_error": ("rad", ("theta_ref", "theta_m"), np.subtract),  # reference minus true angle
     "theta_error_measured": ("rad", ("theta_ref", "theta_measured"), np.subtract),
@@ -124,7 +124,7 @@ class Trace:
 
 
 class RunWithTrace(Protocol):
-    """What `write_netcdf` needs of a run."""
+    """Parts of a run that `write_netcdf` needs."""
 
     @property
     def scenario(self) -> str: ...

@@ -23,7 +23,7 @@ SETTLED_SHARE = 1 / 2  # of a phase's trials, at its end, that final-rms is take
 
 
 @dataclass(frozen=True)
-class Measurement:
+class TrialMetricInput:
     """A metric about to be evaluated: `rows` is trials x rows of its signal."""
 
     metric: TrialMetric
@@ -47,25 +47,25 @@ def evaluate(metric: TrialMetric, trace: Trace, trials: int, starts: Sequence[in
 
     `starts`: the first trial of each phase, counted from 1.
     """
-    return KINDS[metric.kind](Measurement(metric, trace[metric.signal].reshape(trials, -1), starts))
+    return KINDS[metric.kind](TrialMetricInput(metric, trace[metric.signal].reshape(trials, -1), starts))
 
 
-def rms(m: Measurement) -> Values:
+def rms(m: TrialMetricInput) -> Values:
     """Root of the mean square of each trial, mean included, in the signal's unit."""
     return list(m.rms.tolist())
 
 
-def maximum(m: Measurement) -> Values:
+def maximum(m: TrialMetricInput) -> Values:
     """Largest magnitude of each trial, in the signal's unit."""
     return list(np.max(np.abs(m.rows), axis=1).tolist())
 
 
-def first_rms(m: Measurement) -> Values:
+def first_rms(m: TrialMetricInput) -> Values:
     """RMS of the first trial of each phase, in the signal's unit."""
     return [float(m.rms[phase.start]) for phase in m.phases]
 
 
-def final_rms(m: Measurement) -> Values:
+def final_rms(m: TrialMetricInput) -> Values:
     """RMS over the second half of each phase's trials, in the signal's unit."""
     found: Values = []
     for phase in m.phases:
@@ -74,8 +74,8 @@ def final_rms(m: Measurement) -> Values:
     return found
 
 
-def trials_to_floor(m: Measurement) -> Values:
-    """How many trials of each phase pass until the RMS is at the floor or below; infinite where none is.
+def trials_to_floor(m: TrialMetricInput) -> Values:
+    """Trials of each phase until the RMS is at the floor or below; infinite where none is.
 
     1: the first trial of the phase is there already. Noise may lift a later trial above the floor again.
     """
@@ -86,7 +86,7 @@ def trials_to_floor(m: Measurement) -> Values:
     return found
 
 
-KINDS: dict[str, Callable[[Measurement], Values]] = {
+KINDS: dict[str, Callable[[TrialMetricInput], Values]] = {
     "rms": rms,
     "maximum": maximum,
     "first-rms": first_rms,

@@ -1,4 +1,4 @@
-"""What runs of both kinds share: the engine's modules, going on in pieces, failures in one line."""
+"""Helpers of both kinds of runs: the engine's modules, going on in pieces, failures in one line."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from cogless.errors import StudyError
 from cogless.results.metrics import Value, result_name
 from cogless.run.simulate import run_study
 from cogless.study import Study, changed
-from cogless.study.calibration import Parameter
+from cogless.study.calibration import FitParameter
 from cogless.study.error_messages import MISSING, look_up, shown
 from cogless.study.metric import Metric
 from cogless.study.reading import split
@@ -142,7 +142,7 @@ def calibrate(study: Study, progress: Progress | None = None, jobs: int = 1) -> 
     return Fit(parameters, residuals, least, settled, fitted, interrupted)
 
 
-def _told(study: Study, scenario: str, controller: str) -> str:
+def _deciding_tables(study: Study, scenario: str, controller: str) -> str:
     """All that decides a run's metrics: the study's tables without other scenarios and controllers."""
     tables = {key: table for key, table in study.source.tables.items() if key != "calibration"}
     for table, name in (("scenario", scenario), ("controller", controller)):
@@ -154,7 +154,7 @@ def _with(study: Study, knobs: list[_Knob], x: NDArray[np.float64]) -> Study:
     return changed(study, {knob.key: knob.text(value) for knob, value in zip(knobs, x, strict=True)})
 
 
-def _knob(study: Study, index: int, parameter: Parameter) -> _Knob:
+def _knob(study: Study, index: int, parameter: FitParameter) -> _Knob:
     key, tables = parameter.key, study.source.tables
     try:
         present = look_up(tables, split(key))
@@ -194,7 +194,7 @@ def _residuals(study: Study, known: dict[str, dict[str, Value]], jobs: int) -> l
     """Targets against this study's metrics. A run that was made with the same tables isn't made again."""
     assert study.calibration is not None
     pairs = dict.fromkeys((target.scenario, target.controller) for target in study.calibration.targets)
-    names = {pair: _told(study, *pair) for pair in pairs}
+    names = {pair: _deciding_tables(study, *pair) for pair in pairs}
     missing = ["/".join(pair) for pair, name in names.items() if name not in known]
     if missing:
         results = run_study(study, missing, jobs=jobs)

@@ -29,24 +29,24 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
     belongs to the mechanics and without the scenario's load and events. Gains and beliefs, the current loop's
     too, are those of the study without overrides: what changes in a scenario, the controller isn't told.
     """
-    here = for_scenario(study, scenario)
-    experiment = here.scenario[scenario]
+    study_here = for_scenario(study, scenario)
+    experiment = study_here.scenario[scenario]
     run = mode == "run"
-    motor = here.motor.star()
-    load = experiment.load if run and experiment.load is not None else here.mechanics.load
+    motor = study_here.motor.star()
+    load = experiment.load if run and experiment.load is not None else study_here.mechanics.load
     return {
         "motor": motor_config(motor),
-        "mechanics": mechanics_config(here.mechanics),
+        "mechanics": mechanics_config(study_here.mechanics),
         "load": load_config(load),
         "events": [event.model_dump() for event in experiment.events] if run else [],
         "faults": [fault.model_dump() for fault in experiment.faults] if run else [],
         "reference": _reference(experiment.reference if run else Reference.model_validate("0 rpm")),
         "initial_speed": experiment.initial_speed if run else 0.0,
         "initial_angle": experiment.initial_angle if run else 0.0,
-        "seed": here.seed,
-        "energy": here.trace.energy,
-        "drive": drive_config(here.drive, study.motor.star(), here.drive.divider),
-        "controller": _controller(study, here, controller, mode),
+        "seed": study_here.seed,
+        "energy": study_here.trace.energy,
+        "drive": drive_config(study_here.drive, study.motor.star(), study_here.drive.divider),
+        "controller": _controller(study, study_here, controller, mode),
     }
 
 
@@ -107,7 +107,7 @@ def drive_config(drive: Drive | TrialDrive, motor: StarMotor, divider: int) -> d
     return config | {**loop.gains(belief), "decoupling": loop.decoupling, "inverter": inverter.model_dump()}
 
 
-def _controller(study: Study, here: Study, name: str, mode: Mode) -> dict[str, Any]:
+def _controller(study: Study, study_here: Study, name: str, mode: Mode) -> dict[str, Any]:
     controller = study.controller[name]
     if isinstance(controller, PythonLaw):
         return {"law": controller.law}
@@ -117,13 +117,13 @@ def _controller(study: Study, here: Study, name: str, mode: Mode) -> dict[str, A
     if isinstance(controller, Feedback):
         fields["kp"], fields["ki"] = gains(study, name)
     if isinstance(controller, Learning):
-        fields["lead"] = round(controller.lead * here.drive.rates.speed_loop)
+        fields["lead"] = round(controller.lead * study_here.drive.rates.speed_loop)
         if controller.limit is None:
             fields["limit"] = study.drive.current_loop.current_limit
     if isinstance(controller, AntiCogging):
         fields["mode"] = mode
     if isinstance(controller, SpaceLearning):
-        fields |= _space(study, here, controller)
+        fields |= _space(study, study_here, controller)
         if not controller.learning:
             fields["learning_start"] = NEVER
     if isinstance(controller, SpacePosition):
@@ -131,11 +131,11 @@ def _controller(study: Study, here: Study, name: str, mode: Mode) -> dict[str, A
     return fields
 
 
-def _space(study: Study, here: Study, controller: SpaceLearning) -> dict[str, Any]:
+def _space(study: Study, study_here: Study, controller: SpaceLearning) -> dict[str, Any]:
     """The memory of a law that learns in angle: its period, and limits where the study gives none."""
     ratio = frame_ratio(study, controller)
     revolutions = ratio * controller.period.revolutions(study.motor.pole_pairs)
-    limits = learned_limits(study, controller, here.scenario.values())
+    limits = learned_limits(study, controller, study_here.scenario.values())
     return {
         "ratio": ratio,
         "turns": revolutions.numerator,

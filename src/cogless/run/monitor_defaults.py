@@ -60,6 +60,6 @@ def monitor_config(
 
 
 def quality_config(drive: Drive | TrialDrive) -> dict[str, float]:
-    """What the residual ripple is taken over, SI."""
+    """Settings of the residual ripple, SI: the angle that it is taken over is a revolution by default."""
     quality = drive.quality
     return {**quality.model_dump(), "span": 2 * math.pi if quality.span is None else quality.span}

@@ -31,12 +31,12 @@ def make_law(study: Study, name: str) -> Any | None:
     file, _, class_name = controller.object.rpartition(":")
     path = _find(study, f"controller.{name}.object", file, controller.object)
     where = f'{study.source.path}: controller.{name}.object: "{controller.object}"'
-    with _told(where, path, "expected a file that loads; it may import what is installed or beside it"):
+    with _reporting(where, path, "expected a file that loads; it may import what is installed or beside it"):
         module = _module(path.resolve())
     maker = getattr(module, class_name, None)
     if maker is None:
         raise StudyError(f"{where}: expected {path.name} to define {class_name}")
-    with _told(where, path, "expected a class that takes the controller's params"):
+    with _reporting(where, path, "expected a class that takes the controller's params"):
         law = maker(**controller.params)
     if not callable(getattr(law, "step", None)):
         raise StudyError(f"{where}: expected a class with a method step(inputs)")
@@ -44,7 +44,7 @@ def make_law(study: Study, name: str) -> Any | None:
 
 
 @contextmanager
-def _told(where: str, path: Path, expected: str) -> Iterator[None]:
+def _reporting(where: str, path: Path, expected: str) -> Iterator[None]:
     try:
         yield
     except BaseException as error:

@@ -17,7 +17,7 @@ NAME = "cogless-run"
 
 
 def side_by_side(tasks: Sequence[Callable[[], T]], jobs: int, stop: Event) -> list[Future[T]]:
-    """What became of the tasks, in their order, so many at a time. Ctrl-C sets `stop`: then some aren't done.
+    """Outcomes of the tasks, in their order, so many at a time. Ctrl-C sets `stop`: then some aren't done.
 
     Python waits at its end for the threads of an executor; one whose task sleeps, or never returns, would
     keep the command from ending.

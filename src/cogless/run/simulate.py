@@ -50,7 +50,7 @@ def simulate(study: AnyStudy, scenario: str, controller: str, progress: Progress
     """Run one controller in one scenario and take its metrics.
 
     `progress` is called with the finished share, 0 to 1, about ten times a second. An anti-cogging table is
-    learnt first, in a commissioning run of its own. StudyError: an unknown name, a controller that fails.
+    learned first, in a commissioning run of its own. StudyError: an unknown name, a controller that fails.
     """
     _known(study, scenario, controller)
     run = _runner(study, [(scenario, controller)])
@@ -124,7 +124,7 @@ def _rollout(
 
 
 def _runner(study: AnyStudy, runs: Sequence[tuple[str, str]]) -> Runner:
-    """What runs a controller of this study in a scenario; what all these runs need is done first."""
+    """A function that runs a controller of this study in a scenario; does first what all these runs need."""
     if isinstance(study, TrialStudy):
         from cogless.run.trials import runner
 
@@ -171,9 +171,9 @@ def _simulate(study: Study, scenario: str, controller: str, progress: Progress, 
 
 
 def _run(study: Study, scenario: str, controller: str, progress: Progress, stop: Event) -> Run:
-    here = for_scenario(study, scenario)
-    rates = here.drive.rates
-    decimation = round(rates.current_loop / here.trace_rate)
+    study_here = for_scenario(study, scenario)
+    rates = study_here.drive.rates
+    decimation = round(rates.current_loop / study_here.trace_rate)
     engine, drive, ticks, table = drive_of(study, scenario, controller, stop)
     state = drive.start()
     if len(table):
@@ -188,8 +188,8 @@ def _run(study: Study, scenario: str, controller: str, progress: Progress, stop:
         where = f"{study.source.path}: controller.{controller}: scenario {scenario}"
         raise StudyError(f"{where}: {error}") from error
     quality = dict(drive.quality(state))
-    law = here.controller[controller]
-    limit = here.drive.current_loop.current_limit
+    law = study_here.controller[controller]
+    limit = study_here.drive.current_loop.current_limit
     broken = responses(faults_in(study, scenario), trace, limit, law.learns)
     if not law.learns:
         quality = {key: quality[key] for key in ("known", "residual")}
@@ -201,13 +201,13 @@ def _run(study: Study, scenario: str, controller: str, progress: Progress, stop:
 def drive_of(study: Study, scenario: str, controller: str, stop: Event) -> tuple[Any, Any, int, Any]:
     """The engine's module, the drive, its ticks, and the table that it starts with, A, or none: [].
 
-    An anti-cogging table is learnt here, in a commissioning run of its own.
+    An anti-cogging table is learned here, in a commissioning run of its own.
     """
     engine = import_module(ENGINES[study.drive.precision])
-    here = for_scenario(study, scenario)
-    ticks = round(here.scenario[scenario].duration * here.drive.rates.current_loop)
+    study_here = for_scenario(study, scenario)
+    ticks = round(study_here.scenario[scenario].duration * study_here.drive.rates.current_loop)
     table: Any = []
-    if isinstance(here.controller[controller], AntiCogging):
+    if isinstance(study_here.controller[controller], AntiCogging):
         table = _commission(engine, study, scenario, controller, stop)
     return engine, _drive(engine, study, scenario, controller, "run"), ticks, table
 
@@ -241,11 +241,11 @@ def _commission(engine: Any, study: Study, scenario: str, controller: str, stop:
     """The table that a slow run in both directions learns, A; StudyError if it takes three times its time."""
     law = study.controller[controller]
     assert isinstance(law, AntiCogging)
-    here = for_scenario(study, scenario)
+    study_here = for_scenario(study, scenario)
     drive = _drive(engine, study, scenario, controller, "learn")
     state = drive.start()
     expected = law.calibration.duration
-    rates = here.drive.rates
+    rates = study_here.drive.rates
     divider = round(rates.current_loop / rates.speed_loop)
     piece = divider * math.ceil(rates.speed_loop)  # 1 s
 

@@ -24,7 +24,7 @@ def engine_config(study: TrialStudy, scenario: str, controller: str, design: Tri
     """
     if design.no_K_3 is not None:
         raise design.no_K_3
-    here = study.scenario[scenario]
+    experiment = study.scenario[scenario]
     samples = study.samples(scenario)
     law = _law(study, controller, design)
     if study.plant is not None:
@@ -32,14 +32,14 @@ def engine_config(study: TrialStudy, scenario: str, controller: str, design: Tri
             "C": list(study.plant.C),
             "period": study.plant.period,
             "samples": samples,
-            "count": here.trials,
-            "phases": [_linear_phase(study, study.plant, scenario, *phase) for phase in here.phases],
+            "count": experiment.trials,
+            "phases": [_linear_phase(study, study.plant, scenario, *phase) for phase in experiment.phases],
             "controller": law,
         }
     assert study.drive is not None and study.motor is not None
-    phases = [_drive_phase(study, scenario, index, *phase) for index, phase in enumerate(here.phases)]
+    phases = [_drive_phase(study, scenario, index, *phase) for index, phase in enumerate(experiment.phases)]
     return {
-        "trials": {"samples": samples, "count": here.trials, "phases": phases},
+        "trials": {"samples": samples, "count": experiment.trials, "phases": phases},
         "seed": study.seed,
         "energy": False,
         "drive": drive_config(study.drive, study.motor.star(), study.drive.rates.divider),
@@ -74,37 +74,41 @@ def _law(study: TrialStudy, name: str, design: TrialDesign) -> dict[str, Any]:
 
 
 def _drive_phase(
-    study: TrialStudy, scenario: str, index: int, first: int, here: TrialConditions
+    study: TrialStudy, scenario: str, index: int, first: int, conditions: TrialConditions
 ) -> dict[str, Any]:
     hardware = study.hardware(scenario)[index]
-    reference = study.reference(scenario, here)
+    reference = study.reference(scenario, conditions)
     return {
         "from": first - 1,
         "reference": reference.tolist(),
-        "initial_angle": float(reference[0]) if here.initial_angle is None else here.initial_angle,
-        "initial_speed": here.initial_speed or 0.0,
+        "initial_angle": float(reference[0])
+        if conditions.initial_angle is None
+        else conditions.initial_angle,
+        "initial_speed": conditions.initial_speed or 0.0,
         "motor": motor_config(hardware.motor.star()),
         "mechanics": mechanics_config(hardware.mechanics),
         "load": load_config(hardware.load),
-        "load_steps": [{"sample": sample, "torque": torque} for sample, torque in here.load_steps or ()],
+        "load_steps": [
+            {"sample": sample, "torque": torque} for sample, torque in conditions.load_steps or ()
+        ],
     }
 
 
 def _linear_phase(
-    study: TrialStudy, plant: LinearPlant, scenario: str, first: int, here: TrialConditions
+    study: TrialStudy, plant: LinearPlant, scenario: str, first: int, conditions: TrialConditions
 ) -> dict[str, Any]:
-    A, B = plant.at(here.override or {})
+    A, B = plant.at(conditions.override or {})
     if plant.model == "continuous":
         model = sampled(Model.of(A, B), plant.period, "exact")
         A, B = model.A.tolist(), model.B[:, 0].tolist()
     load = np.zeros(study.samples(scenario))
-    for sample, amount in here.load_steps or ():
+    for sample, amount in conditions.load_steps or ():
         load[sample:] = amount
     return {
         "from": first - 1,
-        "reference": study.reference(scenario, here).tolist(),
+        "reference": study.reference(scenario, conditions).tolist(),
         "A": A,
         "B": B,
         "load": load.tolist(),
-        "initial_state": list(here.initial_state or (0.0,) * study.states),
+        "initial_state": list(conditions.initial_state or (0.0,) * study.states),
     }

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def runner(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Runner:
-    """What runs a controller of this study in a scenario, with all the controllers of these runs designed."""
+    """A function that runs a controller of this study in a scenario; designs all the controllers first."""
     return partial(_run, study, design_study(study, runs))
 
 
@@ -52,14 +52,15 @@ def _run(
         advance(drive, state, recorder, ticks, progress, stop)
     trace = trace_of(drive, recorder)
     memory = {key: np.asarray(value) for key, value in dict(drive.memory(state)).items()}
-    here = study.scenario[scenario]
-    # on the samples of the trial, whatever rows there are between
+    experiment = study.scenario[scenario]
+    # metrics are taken on the samples of the trial, whatever rows there are between
     sampled = dataclasses.replace(trace, data=trace.data[:: divider // decimation])
     metrics: dict[str, Value] = {
-        result_name(m): evaluate(m, sampled, here.trials, here.starts) for m in study.metrics_in(scenario)
+        result_name(m): evaluate(m, sampled, experiment.trials, experiment.starts)
+        for m in study.metrics_in(scenario)
     }
-    # for the reference that it was learned for, that of the last phase
-    motion = learned_map.motion_identity(study.reference(scenario, here.phases[-1][1]))
+    # the reference that it was learned for is that of the last phase
+    motion = learned_map.motion_identity(study.reference(scenario, experiment.phases[-1][1]))
     stored = learned_map.of_run(study, drive.stored(state), motion)
     return Run(scenario, controller, trace, memory, metrics, design, map=stored)
 

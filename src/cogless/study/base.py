@@ -1,4 +1,4 @@
-"""What every kind of study has: title, seed, assumptions, scenarios, controllers, metrics, and its source."""
+"""Base of every kind of study: title, seed, assumptions, scenarios, controllers, metrics, source."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Assumption(Table):
 
 @dataclass(frozen=True)
 class Source:
-    """Where a study came from: its file, its datasheet's, and its tables as read (texts with units)."""
+    """Source of a study: its file, its datasheet's, and its tables as read (texts with units)."""
 
     path: Path
     tables: dict[str, Any]
@@ -34,7 +34,7 @@ class Source:
 
 
 class StudyBase(Table):
-    """What studies of speed and studies of trials have in common."""
+    """The part that studies of speed and studies of trials have in common."""
 
     title: Line
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
@@ -48,7 +48,7 @@ class StudyBase(Table):
 
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> Self:
-        """What no table can check alone; `reading` says what."""
+        """Make the checks that no table can make alone; `reading` says which."""
         for check in info.context["checks"] if info.context else ():
             check(self)
         return self

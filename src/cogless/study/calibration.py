@@ -1,4 +1,4 @@
-"""What `cogless calibrate` fits: parameters of the study, to target values of its metrics."""
+"""Tables of `cogless calibrate`: parameters of the study to fit, to target values of its metrics."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Annotated, Any
 from pydantic import Field, field_validator
 
 from cogless.study.metric import Metric
-from cogless.study.table import Many, Quantity, Table, problem
+from cogless.study.table import Many, Quantity, Table, invalid
 
 
-class Parameter(Table):
+class FitParameter(Table):
     """A quantity to fit: a dotted key of the study, or of one scenario's overrides.
 
     Initial value and bounds are texts with a unit, or numbers in the unit that the study has at the key.
@@ -37,7 +37,7 @@ class Target(Table):
         wanted = self.value if isinstance(self.value, list) else [self.value]
         count = len(metric.order or ()) if metric.kind == "order" else 1
         if len(wanted) != count:
-            raise problem(f"expected {count} values", "value")
+            raise invalid(f"expected {count} values", "value")
         quantity = Quantity(metric.dimension, bare=not metric.dimension.unit)
         return tuple(quantity.read(value) for value in wanted)
 
@@ -45,12 +45,12 @@ class Target(Table):
 class Calibration(Table):
     """The fit: relative deviations from the targets, least squares."""
 
-    parameters: Many[Parameter]
+    parameters: Many[FitParameter]
     targets: Many[Target]
 
     @field_validator("parameters", "targets")
     @classmethod
     def _some(cls, value: tuple[Any, ...]) -> tuple[Any, ...]:
         if not value:
-            raise problem("expected one or more")
+            raise invalid("expected one or more")
         return value

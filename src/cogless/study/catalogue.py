@@ -1,4 +1,4 @@
-"""What `cogless list` shows: shipped studies and motors, and the laws that a controller can have."""
+"""Catalogue for `cogless list`: shipped studies and motors, and the laws that a controller can have."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What must hold between the tables of a study. Each check raises the error that names the key."""
+"""Checks between the tables of a study. Each raises the error that names the key."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cogless.study import fault_checks, numerics, signals, space_checks
 from cogless.study.controller import Learning
 from cogless.study.metric import Metric, result_name, whole_revolutions
 from cogless.study.scenario import Scenario
-from cogless.study.table import problem
+from cogless.study.table import invalid
 
 if TYPE_CHECKING:
     from cogless.study.base import StudyBase
@@ -29,7 +29,7 @@ def names(study: StudyBase) -> None:
     for table, entries in (("scenario", study.scenario), ("controller", study.controller)):
         for name in entries:
             if not NAME.fullmatch(name):
-                raise problem("expected a name of letters, digits, _, - and .", table, name)
+                raise invalid("expected a name of letters, digits, _, - and .", table, name)
 
 
 def references(study: StudyBase) -> None:
@@ -37,21 +37,21 @@ def references(study: StudyBase) -> None:
     for name, scenario in study.scenario.items():
         for index, controller in enumerate(scenario.controllers or ()):
             if controller not in study.controller:
-                raise problem(one_of(study.controller), "scenario", name, "controllers", index)
+                raise invalid(one_of(study.controller), "scenario", name, "controllers", index)
 
 
 def baseline(study: StudyBase) -> None:
     """One baseline at most."""
     marked = [name for name, controller in study.controller.items() if controller.baseline]
     if len(marked) > 1:
-        raise problem(f'expected one baseline, already "{marked[0]}"', "controller", marked[1], "baseline")
+        raise invalid(f'expected one baseline, already "{marked[0]}"', "controller", marked[1], "baseline")
 
 
 def trace_rate(study: Study) -> None:
     """Rows fall on current-loop ticks."""
     rate, ticks = study.trace.rate, study.drive.rates.current_loop
     if rate is not None and not math.isclose(ticks / rate, round(ticks / rate), rel_tol=1e-12):
-        raise problem(f"expected a rate that divides drive.rates.current_loop, {ticks:g} Hz", "trace", "rate")
+        raise invalid(f"expected a rate that divides drive.rates.current_loop, {ticks:g} Hz", "trace", "rate")
 
 
 def durations(study: Study) -> None:
@@ -60,13 +60,13 @@ def durations(study: Study) -> None:
         if scenario.duration * study.trace_rate < FEWEST_ROWS * (1 - 1e-9):
             least = f"{FEWEST_ROWS / study.trace_rate:g} s"
             expected = f"expected {least} or more, {FEWEST_ROWS} rows of the trace"
-            raise problem(expected, "scenario", name, "duration")
+            raise invalid(expected, "scenario", name, "duration")
 
 
 def energy(study: Study) -> None:
     """Energies are those of voltages."""
     if study.trace.energy and study.drive.ideal:
-        raise problem("expected false, since the current loop is ideal", "trace", "energy")
+        raise invalid("expected false, since the current loop is ideal", "trace", "energy")
 
 
 def metrics(study: Study) -> None:
@@ -77,47 +77,47 @@ def metrics(study: Study) -> None:
             if result_name(metric) == result_name(other) and all(both):
                 has = "has" if metric.name == other.name else f"has in results.json: {result_name(metric)}"
                 expected = f'expected a name that no other metric of scenario "{scenario}" {has}'
-                raise problem(expected, "metric", index, "name")
+                raise invalid(expected, "metric", index, "name")
         absent = signals.missing(study, metric.signal) if metric.signal else None
         if absent is not None:
-            raise problem(absent, "metric", index, "signal")
+            raise invalid(absent, "metric", index, "signal")
         if metric.kind == "copper-loss" and study.drive.ideal:
-            raise problem("expected another, since the current loop is ideal", "metric", index, "kind")
+            raise invalid("expected another, since the current loop is ideal", "metric", index, "kind")
         for other in study.metric[:index]:
             if result_name(metric) == result_name(other) and metric.meaning != other.meaning:
                 expected = "expected the kind, signal, order and frame of the other metric of this name"
-                raise problem(expected, "metric", index, "name")
+                raise invalid(expected, "metric", index, "name")
         if metric.kind == "chattering" and study.trace_rate < study.drive.rates.speed_loop * (1 - 1e-9):
             expected = f"expected another, or a trace.rate of {study.drive.rates.speed_loop:g} Hz or more"
-            raise problem(expected, "metric", index, "kind")
+            raise invalid(expected, "metric", index, "kind")
         for scenario in metric.scenarios or ():
             if scenario not in study.scenario:
-                raise problem(one_of(study.scenario), "metric", index, "scenarios", value=scenario)
+                raise invalid(one_of(study.scenario), "metric", index, "scenarios", value=scenario)
         _in_time(study, index, metric)
 
 
 def _in_time(study: Study, index: int, metric: Metric) -> None:
     event, known = metric.event, study.scenario.values()
     if event is not None and metric.scenarios is None and not any(s.has_event(event) for s in known):
-        raise problem("expected the time of an event of a scenario", "metric", index, "event")
+        raise invalid("expected the time of an event of a scenario", "metric", index, "event")
     for name, scenario in study.scenario.items():
         if not metric.applies_in(name, scenario):
             continue
         if metric.window is not None and metric.window[1] > scenario.duration:
             expected = f'expected a window within the {scenario.duration:g} s of scenario "{name}"'
-            raise problem(expected, "metric", index, "window")
+            raise invalid(expected, "metric", index, "window")
         if metric.last is not None and metric.last > scenario.duration:
             expected = f'expected at most the {scenario.duration:g} s of scenario "{name}"'
-            raise problem(expected, "metric", index, "last")
+            raise invalid(expected, "metric", index, "last")
         if event is not None and not scenario.has_event(event):
-            raise problem(f'expected the time of an event of scenario "{name}"', "metric", index, "event")
+            raise invalid(f'expected the time of an event of scenario "{name}"', "metric", index, "event")
         key, span = _span(metric, scenario)
         rate, rows = study.trace_rate, "rows of the trace"
         if metric.kind == "chattering":
             rate, rows = study.drive.rates.speed_loop, "samples of the speed loop"
         if span * rate < FEWEST_ROWS * (1 - 1e-9):
             expected = f"expected a window of {FEWEST_ROWS} or more {rows}"
-            raise problem(expected, "metric", index, key)
+            raise invalid(expected, "metric", index, key)
 
 
 def _span(metric: Metric, scenario: Scenario) -> tuple[str, float]:
@@ -132,7 +132,7 @@ def _span(metric: Metric, scenario: Scenario) -> tuple[str, float]:
 
 
 def orders(study: Study) -> None:
-    """At top speed every order lies below half the trace's rate, and is whole within the window."""
+    """Check that at top speed every order lies below half the trace's rate and is whole in the window."""
     half = study.trace_rate / 2
     for index, metric in enumerate(study.metric):
         for name, scenario in study.scenario.items():
@@ -145,10 +145,10 @@ def orders(study: Study) -> None:
             if turns * (span + 2 / study.trace_rate) < fewest:
                 expected = f"expected {fewest} or more {metric.frame} revolutions at the top speed"
                 made = f'of scenario "{name}", not {turns * span:.3g}'
-                raise problem(f"{expected} {made}", "metric", index, key)
+                raise invalid(f"{expected} {made}", "metric", index, key)
             if max(metric.order) * turns >= half:
                 limit = f"expected orders below {half / turns:.4g}, half the trace's {2 * half:g} Hz"
-                raise problem(f'{limit} at the top speed of scenario "{name}"', "metric", index, "order")
+                raise invalid(f'{limit} at the top speed of scenario "{name}"', "metric", index, "order")
 
 
 def leads(study: Study) -> None:
@@ -158,7 +158,7 @@ def leads(study: Study) -> None:
             longest = controller.cells // 4 / study.drive.rates.speed_loop
             if controller.lead > longest * (1 + 1e-9):
                 expected = f"expected at most {longest:.6g} s, a quarter of the memory's cells in samples"
-                raise problem(expected, "controller", name, "lead")
+                raise invalid(expected, "controller", name, "lead")
 
 
 def calibration(study: Study) -> None:
@@ -167,21 +167,21 @@ def calibration(study: Study) -> None:
         return
     for index, parameter in enumerate(study.calibration.parameters):
         if parameter.scenario is not None and parameter.scenario not in study.scenario:
-            raise problem(one_of(study.scenario), "calibration", "parameters", index, "scenario")
+            raise invalid(one_of(study.scenario), "calibration", "parameters", index, "scenario")
     for index, target in enumerate(study.calibration.targets):
         key = ("calibration", "targets", index)
         if target.scenario not in study.scenario:
-            raise problem(one_of(study.scenario), *key, "scenario")
+            raise invalid(one_of(study.scenario), *key, "scenario")
         if target.controller not in study.controllers_in(target.scenario):
-            raise problem(one_of(study.controllers_in(target.scenario)), *key, "controller")
+            raise invalid(one_of(study.controllers_in(target.scenario)), *key, "controller")
         scenario = study.scenario[target.scenario]
         taken = {m.name: m for m in study.metric if m.applies_in(target.scenario, scenario)}
         if target.metric not in taken:
-            raise problem(one_of(taken), *key, "metric")
+            raise invalid(one_of(taken), *key, "metric")
         try:
             target.values(taken[target.metric])
         except PydanticCustomError as error:
-            raise problem(error.message(), *key, "value") from None
+            raise invalid(error.message(), *key, "value") from None
 
 
 def one_of(names: Iterable[str]) -> str:
@@ -208,5 +208,5 @@ ALL: tuple[Check, ...] = (
     fault_checks.faults,
     calibration,
 )
-# Of the study as a whole, not of one scenario with its overrides.
+# Checks of the study as a whole, not of one scenario with its overrides.
 WHOLE: tuple[Check, ...] = (numerics.periods,)

@@ -24,7 +24,7 @@ from cogless.study.table import (
     StartTime,
     Table,
     check_sizes,
-    problem,
+    invalid,
 )
 
 
@@ -37,12 +37,12 @@ class Tuning(Table):
     @model_validator(mode="after")
     def _range(self) -> Self:
         if not 0.3 < self.phase_margin < 1.45:
-            raise problem('expected a phase margin from "20 deg" to "80 deg"', "phase_margin")
+            raise invalid('expected a phase margin from "20 deg" to "80 deg"', "phase_margin")
         return self
 
 
 class Base(Table):
-    """What every controller has."""
+    """A controller: the keys that every law has."""
 
     label: Line | None = None  # in tables and report; default: its name
     baseline: bool = False  # ratios are against it
@@ -75,7 +75,7 @@ class Feedback(Base):
         gains = (self.kp is not None, self.ki is not None)
         if gains not in ((True, True), (False, False)) or all(gains) == (self.tuning is not None):
             rule = '{ rule = "phase-margin", phase_margin = "60 deg" }'
-            raise problem(f"expected either kp and ki or tuning, such as {rule}")
+            raise invalid(f"expected either kp and ki or tuning, such as {rule}")
         return self
 
 
@@ -87,9 +87,9 @@ Cells = Annotated[int, Field(ge=4, le=MOST_SAMPLES)]
 def check_cells(cells: int, q_half_width: int, line: bool) -> None:
     """A map, or else a delay line, is not too large and holds its Q filter."""
     if not line and cells > MOST_CELLS:
-        raise problem(f"expected at most {MOST_CELLS}, since the memory is a map", "cells")
+        raise invalid(f"expected at most {MOST_CELLS}, since the memory is a map", "cells")
     if 2 * q_half_width + 1 > cells:
-        raise problem(f"expected a filter within the {cells} cells of the memory", "q_half_width")
+        raise invalid(f"expected a filter within the {cells} cells of the memory", "q_half_width")
 
 
 class Learning(Base):
@@ -164,12 +164,12 @@ class Commissioning(Table):
 
     @property
     def duration(self) -> float:
-        """How long the run should take, s."""
+        """Duration of the calibration run, s."""
         return 2 * (self.revolutions + SETTLING) * 2 * math.pi / self.speed
 
 
 class AntiCogging(Feedback):
-    """PI with a current table over the mechanical angle, learnt in a commissioning run."""
+    """PI with a current table over the mechanical angle, learned in a commissioning run."""
 
     law: Literal["anti-cogging"]
     cells: Annotated[int, Field(ge=4, le=MOST_CELLS)] = 720  # a revolution
@@ -182,7 +182,7 @@ class AntiCogging(Feedback):
 
 
 class OwnLaw(Base):
-    """What controllers of a user have."""
+    """A controller of a user: the keys that each has."""
 
     learning: bool = False  # nobody but the user knows
 

@@ -26,14 +26,14 @@ from cogless.study.table import (
     Voltage,
     check_precision,
     check_sizes,
-    problem,
+    invalid,
 )
 
 PERIODS_MAX = 5e8  # that the controller can count
 
 
 class Belief(Table):
-    """What the controller thinks the motor is, of one winding as in the motor table; default: the truth."""
+    """The motor as the controller believes it, of one winding as in the motor table; default: the truth."""
 
     R_s: Resistance | None = None  # ohm
     L_d: Inductance | None = None  # H
@@ -56,7 +56,7 @@ class Belief(Table):
 
 @dataclass(frozen=True)
 class StarBelief:
-    """What the controller thinks of the motor's star equivalent, all SI."""
+    """The motor's star equivalent as the controller believes it, all SI."""
 
     R_s: float  # ohm
     L_d: float  # H
@@ -65,7 +65,7 @@ class StarBelief:
 
 
 class Rates(Table):
-    """How often things happen. The speed loop runs at every n-th current-loop period."""
+    """Rates of the loops. The speed loop runs at every n-th current-loop period."""
 
     current_loop: Frequency  # Hz, whole
     speed_loop: Frequency  # Hz, whole, divides current_loop
@@ -75,10 +75,10 @@ class Rates(Table):
     def _divide(self) -> Self:
         for name in ("current_loop", "speed_loop"):
             if getattr(self, name) % 1:
-                raise problem('expected a whole number of Hz, such as "1 kHz"', name)
+                raise invalid('expected a whole number of Hz, such as "1 kHz"', name)
         if self.current_loop % self.speed_loop:
             expected = f"expected a rate that divides current_loop, {self.current_loop:g} Hz"
-            raise problem(expected, "speed_loop")
+            raise invalid(expected, "speed_loop")
         return self
 
 
@@ -100,7 +100,7 @@ class CurrentLoop(Table):
     def _gains_or_bandwidth(self) -> Self:
         gains = (self.kp is not None, self.ki is not None)
         if gains not in ((True, True), (False, False)) or all(gains) == (self.bandwidth is not None):
-            raise problem('expected either kp and ki or bandwidth, such as "800 Hz"')
+            raise invalid('expected either kp and ki or bandwidth, such as "800 Hz"')
         return self
 
     def gains(self, belief: StarBelief) -> dict[str, float]:
@@ -139,9 +139,9 @@ def require_inverter(loop: CurrentLoop | IdealCurrentLoop, inverter: Inverter | 
     """Refuse a real current loop without an inverter, and an ideal one with an inverter."""
     ideal = isinstance(loop, IdealCurrentLoop)
     if ideal and inverter is not None:
-        raise problem("expected none, since the current loop is ideal", "inverter")
+        raise invalid("expected none, since the current loop is ideal", "inverter")
     if not ideal and inverter is None:
-        raise problem("expected a table of bus_voltage, ...", "inverter", value="missing")
+        raise invalid("expected a table of bus_voltage, ...", "inverter", value="missing")
 
 
 def require_watchable(
@@ -151,10 +151,10 @@ def require_watchable(
     for name in ("speed_window", "bridge", "hold"):
         time = getattr(monitor, name)
         if time is not None and time * current_rate > PERIODS_MAX:
-            raise problem(f"expected {PERIODS_MAX / current_rate:g} s or less", "monitor", name)
+            raise invalid(f"expected {PERIODS_MAX / current_rate:g} s or less", "monitor", name)
     if not 1 <= quality.longest * law_rate <= PERIODS_MAX:
         expected = f"expected {1 / law_rate:g} s to {PERIODS_MAX / law_rate:g} s"
-        raise problem(expected, "quality", "longest")
+        raise invalid(expected, "quality", "longest")
     check_precision(monitor, precision, "monitor")
     check_precision(quality, precision, "quality")
 

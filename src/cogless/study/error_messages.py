@@ -16,7 +16,7 @@ from cogless.study.table import Key
 MISSING = object()
 MOST_TOLD = 20  # mistakes at a time
 
-# What pydantic's own checks expect, from the error's type and its context.
+# Expectations of pydantic's own checks, by the error's type, with its context.
 EXPECTED = {
     "int_type": "expected a whole number",
     "int_from_float": "expected a whole number",
@@ -74,7 +74,7 @@ def shown(value: Any) -> str:
 
 
 def _escaped(value: Any) -> str:
-    """As JSON, in one line and with whatever can be printed."""
+    """The value as JSON, in one line and with whatever can be printed."""
     text = json.dumps(value, ensure_ascii=False, default=str)
     return text if text.isprintable() else json.dumps(value, default=str).replace("\x7f", "\\u007f")
 
@@ -82,7 +82,7 @@ def _escaped(value: Any) -> str:
 def problems(error: ValidationError, tables: Any) -> list[Problem]:
     """Pydantic's findings on these tables, one a key, in the order of the file."""
     found = error.errors(include_url=False, include_input=False)
-    # Of an array that is too short, each missing index is a finding; the last one tells its length.
+    # Each missing index of an array that is too short is a finding; the last one tells its length.
     lengths = {d["loc"][:-1]: int(d["loc"][-1]) + 1 for d in found if d["type"] == "missing"}
     first = {d["loc"][:-1]: d for d in reversed(found) if d["type"] == "missing"}
     kept = [d for d in found if d["type"] != "missing" or first[d["loc"][:-1]] is d]
@@ -106,7 +106,7 @@ def _either(same: Sequence[Problem]) -> Problem:
 
 
 def _place(key: Key, tables: Any) -> list[int]:
-    """Where a key stands in the file, level by level; after all else of its table if it isn't there."""
+    """Place of a key in the file, level by level; after all else of its table if it isn't there."""
     place: list[int] = []
     for part in key:
         known = list(tables) if isinstance(tables, dict) else list(range(len(tables)))
@@ -150,7 +150,7 @@ def _existing(location: Key, tables: Any) -> Key:
 
 
 def look_up(tables: Any, key: Key) -> Any:
-    """What stands at a key, or MISSING."""
+    """The value at a key, or MISSING."""
     for part in key:
         if isinstance(tables, dict):
             tables = tables.get(str(part), MISSING)  # a name of digits, such as [scenario.60]

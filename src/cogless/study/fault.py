@@ -11,14 +11,14 @@ from cogless.study.table import Angle, Duration, Table, Time, Voltage
 
 
 class FaultBase(Table):
-    """What every fault has."""
+    """A fault: the keys that every kind has."""
 
     time: Time  # s, when it begins
     duration: Duration  # s
 
     @property
     def end(self) -> float:
-        """When it is over, s."""
+        """End of the fault, s."""
         return self.time + self.duration
 
 

@@ -5,24 +5,24 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cogless.study.fault import BusFault, CurrentFault, FaultBase
-from cogless.study.table import Key, problem
+from cogless.study.table import Key, invalid
 
 if TYPE_CHECKING:
     from cogless.study.study import Study
 
 
 def faults(study: Study) -> None:
-    """None of currents or bus with an ideal current loop, of a phase that isn't measured, or too short."""
+    """Refuse faults of what isn't measured (currents and bus of an ideal loop, a phase), or too short."""
     drive = study.drive
     for name, scenario in study.scenario.items():
         for index, fault in enumerate(scenario.faults):
             where = ("scenario", name, "faults", index)
             if drive.ideal and isinstance(fault, CurrentFault | BusFault):
                 expected = "expected a fault of the angle: an ideal current loop measures no more"
-                raise problem(expected, *where, "kind")
+                raise invalid(expected, *where, "kind")
             if isinstance(fault, CurrentFault) and fault.phase not in _measured(study):
                 expected = f"expected one of the measured phases {', '.join(_measured(study))}"
-                raise problem(expected, *where, "phase")
+                raise invalid(expected, *where, "phase")
             _measured_once(study, scenario.duration, fault, where)
 
 
@@ -31,10 +31,10 @@ def _measured_once(study: Study, end: float, fault: FaultBase, where: Key) -> No
     rate = study.drive.rates.current_loop
     period = f"{1 / rate:g} s, one period of the measurements"
     if fault.duration * rate < 1 - 1e-9:
-        raise problem(f"expected {period}, or more", *where, "duration")
+        raise invalid(f"expected {period}, or more", *where, "duration")
     if round(fault.time * rate) >= round(end * rate):
         expected = f"expected a time before the scenario's {end:g} s by {period}, or more"
-        raise problem(expected, *where, "time")
+        raise invalid(expected, *where, "time")
 
 
 def _measured(study: Study) -> str:

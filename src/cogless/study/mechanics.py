@@ -1,4 +1,4 @@
-"""What the motor turns: inertia, friction and load."""
+"""Mechanics that the motor turns: inertia, friction and load."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cogless.study.table import (
     Torque,
     TorqueMagnitude,
     ViscousFriction,
-    problem,
+    invalid,
 )
 
 
@@ -40,7 +40,7 @@ class AngleTable(Table):
     def _shape(self) -> Self:
         check_table("angle", self.angle, self.torque)
         if self.angle[-1] - self.angle[0] >= 2 * math.pi * (1 - 1e-9):
-            raise problem("expected less than one revolution from the first to the last angle", "angle")
+            raise invalid("expected less than one revolution from the first to the last angle", "angle")
         return self
 
 
@@ -59,9 +59,9 @@ class TimeTable(Table):
 def check_table(axis: str, points: Sequence[float], values: Sequence[float]) -> None:
     """Refuse a table that has no points, points that do not increase, or not one value for each."""
     if not points or any(b <= a for a, b in pairwise(points)):
-        raise problem("expected one or more values, each above the one before", axis)
+        raise invalid("expected one or more values, each above the one before", axis)
     if len(points) != len(values):
-        raise problem(f"expected as many values as {axis} has, {len(points)}", "torque")
+        raise invalid(f"expected as many values as {axis} has, {len(points)}", "torque")
 
 
 class Load(Table):
@@ -90,5 +90,5 @@ class Mechanics(Table):
     @model_validator(mode="after")
     def _breakaway(self) -> Self:
         if self.breakaway_friction is not None and self.breakaway_friction < self.coulomb_friction:
-            raise problem("expected no less than coulomb_friction", "breakaway_friction")
+            raise invalid("expected no less than coulomb_friction", "breakaway_friction")
         return self

@@ -12,10 +12,10 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from cogless import units
 from cogless.c_laws import C_LAWS
 from cogless.study.scenario import Scenario
-from cogless.study.table import Duration, Many, Quantity, Table, Time, problem
+from cogless.study.table import Duration, Many, Quantity, Table, Time, invalid
 from cogless.units import Dimension
 
-# With trace.energy: what went in since the start, where it went, what is stored, and what the balance lacks.
+# Energies, with trace.energy: what went in since the start, where it went, the store, the balance's residual.
 ENERGIES = ("electrical", "copper", "friction", "load", "stored", "residual")
 
 TERM_UNITS = {dimension.unit: dimension for dimension in (units.CURRENT, units.TIME)}
@@ -69,7 +69,7 @@ class Metric(Table):
     last: Duration | None = None  # s: in place of a window, so much of the end of each scenario
     scenarios: Many[str] | None = None  # default: all, or those that have the event
     order: Many[Annotated[float, Field(gt=0)]] | None = None
-    # of what the order is a multiple; of other kinds, in which angles and speeds are taken
+    # the revolution that the order is a multiple of; for other kinds, the frame of angles and speeds
     frame: Literal["electrical", "mechanical"] = "mechanical"
     event: Time | None = None  # s
     band: float | None = None  # half width, SI
@@ -91,7 +91,7 @@ class Metric(Table):
     @classmethod
     def _known_signal(cls, signal: str | None) -> str | None:
         if signal is not None and signal not in SIGNALS:
-            raise problem(f"expected a signal: {', '.join(SIGNALS)}")
+            raise invalid(f"expected a signal: {', '.join(SIGNALS)}")
         return signal
 
     @field_validator("band", mode="before")
@@ -111,7 +111,7 @@ class Metric(Table):
             except units.UnitError:
                 shown = dimension.example or dimension.unit
                 such = f', such as "{shown}"' if shown else ", none"
-                raise problem(f"expected a unit of {dimension.name}{such}") from None
+                raise invalid(f"expected a unit of {dimension.name}{such}") from None
         return unit
 
     @model_validator(mode="after")
@@ -124,15 +124,15 @@ class Metric(Table):
         }
         for key, needed in needs.items():
             if needed and getattr(self, key) in (None, ()):
-                raise problem(f'expected one, since kind is "{self.kind}"', key, value="missing")
+                raise invalid(f'expected one, since kind is "{self.kind}"', key, value="missing")
             if not needed and key != "event" and getattr(self, key) is not None:
-                raise problem(f'expected none, since kind is "{self.kind}"', key)
+                raise invalid(f'expected none, since kind is "{self.kind}"', key)
         if self.smooth is not None and self.kind not in AT_AN_EVENT:
-            raise problem(f'expected none, since kind is "{self.kind}"', "smooth")
+            raise invalid(f'expected none, since kind is "{self.kind}"', "smooth")
         if self.last is not None and (self.window, self.event) != (None, None):
-            raise problem("expected one of window, last and event", "last")
+            raise invalid("expected one of window, last and event", "last")
         if self.window is not None and self.window[1] <= self.window[0]:
-            raise problem("expected a window that ends after it begins", "window")
+            raise invalid("expected a window that ends after it begins", "window")
         return self
 
     def span(self, end: float) -> tuple[float, float] | None:
@@ -141,12 +141,12 @@ class Metric(Table):
 
     @property
     def meaning(self) -> tuple[Any, ...]:
-        """What metrics of one name, in different scenarios, have in common."""
+        """Properties that metrics of one name, in different scenarios, have in common."""
         return self.kind, self.signal, self.order, self.frame
 
     @property
     def dimension(self) -> Dimension:
-        """What the metric's value is."""
+        """Dimension of the metric's value."""
         return _dimension(self.kind, self.signal)
 
     def applies_in(self, name: str, scenario: Scenario) -> bool:
@@ -157,7 +157,7 @@ class Metric(Table):
 
 
 class Named(Protocol):
-    """What a metric's name in results.json is made of."""
+    """The parts of a metric that its name in results.json is made of."""
 
     @property
     def name(self) -> str: ...

@@ -1,4 +1,4 @@
-"""What a drive's controller watches its measurements by, and how it judges its learning."""
+"""Monitor of a drive's measurements, and judgement of its learning."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from cogless.study.table import (
     Span,
     Table,
     Time,
-    problem,
+    invalid,
 )
 
 
 class Monitor(Table):
-    """When a measurement is not plausible. Zero: not watched. Defaults follow from the drive."""
+    """Bounds of plausible measurements. Zero: not watched. Defaults follow from the drive."""
 
     omega_max: AngularSpeedMagnitude | None = None  # rad/s, mechanical
     angle_step: AngleMagnitude | None = None  # rad, mechanical
@@ -34,7 +34,7 @@ class Monitor(Table):
 
 
 class Quality(Table):
-    """Over what the residual ripple is taken, and which errors teach nothing."""
+    """Settings of the residual ripple: what it is taken over, and which errors teach nothing."""
 
     span: Span | None = None  # rad, mechanical; default: a revolution
     longest: Duration = 60.0  # s
@@ -44,5 +44,5 @@ class Quality(Table):
     @model_validator(mode="after")
     def _outlier(self) -> Self:
         if 0 < self.outlier < 1:
-            raise problem("expected 1 or more, or 0 for none", "outlier")
+            raise invalid("expected 1 or more, or 0 for none", "outlier")
         return self

@@ -1,4 +1,4 @@
-"""How a scenario's reference moves: samples of its speed and acceleration."""
+"""Motion of a scenario's reference: samples of its speed and acceleration."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Course:
 
 
 def course(scenario: Scenario) -> Course:
-    """Of a scenario's reference. Within their steps samples go by the golden ratio: no swing hides."""
+    """Course of a scenario's reference. Within their steps samples go by the golden ratio: no swing hides."""
     reference, end = scenario.reference, scenario.duration
     pieces = [b - a for (a, _), (b, _) in pairwise(reference.points or reference.moves)]
     pieces += [reference.smoothing] if reference.smoothing else []
@@ -45,7 +45,7 @@ def course(scenario: Scenario) -> Course:
 
 
 def _fastest(reference: Reference) -> float:
-    """Hz."""
+    """Frequency of the fastest part of the reference, Hz."""
     modulated = reference.frequency + abs(reference.depth) * reference.modulation
     return max([modulated, *(sine.frequency for sine in reference.sines)])
 
@@ -85,7 +85,7 @@ def _moves(reference: Reference, t: Real) -> tuple[Real, Real]:
 
 
 def _smoothed(t: Real, omega: Real, tau: float, initial_speed: float) -> tuple[Real, Real]:
-    """Behind two lags of tau, each exact for straight lines between samples."""
+    """Speed and acceleration behind two lags of tau, each exact for straight lines between samples."""
     first = _lagged(t, omega, tau, initial_speed)
     second = _lagged(t, first, tau, initial_speed)
     return second, (first - second) / tau

@@ -21,7 +21,7 @@ from cogless.study.table import (
     Table,
     Torque,
     TorqueConstant,
-    problem,
+    invalid,
 )
 
 Order = Annotated[int, Field(ge=1, le=10_000)]
@@ -48,7 +48,7 @@ class Cogging(Table):
     @model_validator(mode="after")
     def _one_amplitude(self) -> Self:
         if (self.torque is None) == (self.current is None):
-            raise problem('expected either torque, such as "4 mN*m", or current, such as "0.2 A"')
+            raise invalid('expected either torque, such as "4 mN*m", or current, such as "0.2 A"')
         return self
 
 
@@ -77,7 +77,7 @@ class Motor(Table):
     @model_validator(mode="after")
     def _one_flux(self) -> Self:
         if [self.psi_f, self.K_t, self.kv].count(None) != 2:
-            raise problem('expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"')
+            raise invalid('expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"')
         return self
 
     def star(self) -> StarMotor:

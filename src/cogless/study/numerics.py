@@ -1,4 +1,4 @@
-"""What the simulation can do: checks that a study fits the integrator, the inverter and the memory."""
+"""Checks that a study fits the simulation: the integrator, the inverter and the memory."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from cogless.study.controller import AntiCogging, Learning
-from cogless.study.table import problem
+from cogless.study.table import invalid
 
 if TYPE_CHECKING:
     from cogless.study.mechanics import Mechanics
@@ -34,7 +34,7 @@ def check_step(step: float, steps: int, found: Sequence[tuple[float, str]]) -> N
         needed = fastest * step * steps / LARGEST_STEP
         whole = f"{needed:.3g}" if needed > 1e6 else math.ceil(needed)
         expected = f"expected {whole} or more, since {what} changes within {1e6 / fastest:.3g} us"
-        raise problem(expected, "drive", "rates", "integration_steps", value=steps)
+        raise invalid(expected, "drive", "rates", "integration_steps", value=steps)
 
 
 def natural_rates(
@@ -68,7 +68,7 @@ def check_dead_time(dead_time: float, rate: float) -> None:
     """Refuse a dead time, s, of half a period of the current loop's rate, Hz, or more."""
     if dead_time >= 0.5 / rate:
         expected = f"expected less than half a period of the current loop, {0.5 / rate:.3g} s"
-        raise problem(expected, "drive", "inverter", "dead_time")
+        raise invalid(expected, "drive", "inverter", "dead_time")
 
 
 def size(study: Study) -> None:
@@ -77,7 +77,7 @@ def size(study: Study) -> None:
         if scenario.duration * study.trace_rate > MOST_ROWS:
             longest = MOST_ROWS / study.trace_rate
             expected = f"expected at most {longest:.6g} s with rows at {study.trace_rate:g} Hz (trace.rate)"
-            raise problem(expected, "scenario", name, "duration")
+            raise invalid(expected, "scenario", name, "duration")
 
 
 def commissioning(study: Study) -> None:
@@ -87,7 +87,7 @@ def commissioning(study: Study) -> None:
             longest, takes = MOST_ROWS / study.drive.rates.speed_loop, controller.calibration.duration
             if takes > longest:
                 expected = f"expected a run of at most {longest:.6g} s, not {takes:.3g} s"
-                raise problem(expected, "controller", name, "calibration", "speed")
+                raise invalid(expected, "controller", name, "calibration", "speed")
 
 
 def periods(study: Study) -> None:
@@ -104,12 +104,12 @@ def periods(study: Study) -> None:
         longest = max(samples)
         if controller.memory == "time" and min(samples) > controller.cells:
             expected = f"expected {math.ceil(min(samples))} or more, the samples of a period"
-            raise problem(expected, "controller", name, "cells", value=controller.cells)
+            raise invalid(expected, "controller", name, "cells", value=controller.cells)
         if longest < FEWEST_SAMPLES:
             expected = (
                 f"expected a longer one: it has {longest:.3g} samples, at least {FEWEST_SAMPLES} are needed"
             )
-            raise problem(expected, "controller", name, "period", value=controller.period)
+            raise invalid(expected, "controller", name, "period", value=controller.period)
         if controller.lead * rate > longest / FEWEST_SAMPLES:
             expected = f"expected at most {longest / FEWEST_SAMPLES / rate:.3g} s, a quarter of a period"
-            raise problem(expected, "controller", name, "lead")
+            raise invalid(expected, "controller", name, "lead")

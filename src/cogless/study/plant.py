@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from cogless.study.expression import ExpressionError, evaluate, names
-from cogless.study.table import Duration, Many, Table, problem
+from cogless.study.table import Duration, Many, Table, invalid
 
 MOST_STATES = 8  # of the control law, CGL_TRIAL_STATES
 
@@ -36,13 +36,13 @@ class Parameter(Table):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if self.range is None and self.value is None:
-            raise problem("expected value, range or both")
+            raise invalid("expected value, range or both")
         if self.range is not None and self.range[1] < self.range[0]:
-            raise problem("expected a range from the smallest to the largest value", "range")
+            raise invalid("expected a range from the smallest to the largest value", "range")
         if self.range is not None and self.value is not None:
             low, high = self.range
             if not low <= self.value <= high:
-                raise problem(f"expected a value within the range, {low:g} to {high:g}", "value")
+                raise invalid(f"expected a value within the range, {low:g} to {high:g}", "value")
         return self
 
     @property
@@ -77,12 +77,12 @@ class LinearPlant(Table):
     @model_validator(mode="after")
     def _shapes(self) -> Self:
         if (self.A is None) != (self.B is None) or (self.A is None) == (not self.vertex):
-            raise problem(
+            raise invalid(
                 "expected either A and B, or vertex", "A", value="missing" if self.A is None else None
             )
         n = len(self.C)
         if not 1 <= n <= MOST_STATES:
-            raise problem(f"expected 1 to {MOST_STATES} numbers, one a state", "C")
+            raise invalid(f"expected 1 to {MOST_STATES} numbers, one a state", "C")
         if self.A is not None and self.B is not None:
             self._check_shape(self.A, self.B)
             self._check_names()
@@ -90,17 +90,17 @@ class LinearPlant(Table):
         for index, vertex in enumerate(self.vertex):
             self._check_shape(vertex.A, vertex.B, "vertex", index)
         if self.vertex and self.parameter:
-            raise problem("expected none, since vertex gives numbers", "parameter")
+            raise invalid("expected none, since vertex gives numbers", "parameter")
         if self.states is not None and len(self.states) != n:
-            raise problem(f"expected {n} names, one a state", "states")
+            raise invalid(f"expected {n} names, one a state", "states")
         return self
 
     def _check_shape(self, A: Sequence[Sequence[Any]], B: Sequence[Any], *key: str | int) -> None:
         n = len(self.C)
         if len(A) != n or any(len(row) != n for row in A):
-            raise problem(f"expected {n} rows of {n}, as many as C has", *key, "A")
+            raise invalid(f"expected {n} rows of {n}, as many as C has", *key, "A")
         if len(B) != n:
-            raise problem(f"expected {n} numbers, as many as C has", *key, "B")
+            raise invalid(f"expected {n} numbers, as many as C has", *key, "B")
 
     def _check_names(self) -> None:
         assert self.A is not None and self.B is not None
@@ -110,11 +110,11 @@ class LinearPlant(Table):
             try:
                 unknown = names(entry) - self.parameter.keys() if isinstance(entry, str) else set()
             except ExpressionError as error:
-                raise problem(str(error), *key) from None
+                raise invalid(str(error), *key) from None
             if unknown:
                 known = ", ".join(self.parameter) or "none"
                 expected = f'expected known parameters ({known}), not "{min(unknown)}"'
-                raise problem(expected, *key)
+                raise invalid(expected, *key)
 
     def at(self, parameters: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
         """A and B at these parameters, the others nominal; of vertices the mean, or number "vertex"."""
@@ -139,4 +139,4 @@ def _number(entry: Entry, values: Mapping[str, float], *key: str | int) -> float
         return evaluate(entry, values) if isinstance(entry, str) else float(entry)
     except ExpressionError as error:
         at = ", ".join(f"{name} = {value:g}" for name, value in values.items())
-        raise problem(f"{error} at {at}", *key) from None
+        raise invalid(f"{error} at {at}", *key) from None

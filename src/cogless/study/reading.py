@@ -73,13 +73,13 @@ def for_scenario(study: Study, scenario: str) -> Study:
 
 
 def _in_scenario(study: Study, scenario: str) -> Study:
-    here = study.scenario[scenario]
-    if not here.override:
+    experiment = study.scenario[scenario]
+    if not experiment.override:
         return study
     prefix = f"scenario.{scenario}.override: "
-    tables = _overridden(study.source, here.override, prefix)
+    tables = _overridden(study.source, experiment.override, prefix)
     tables["scenario"] = {scenario: tables["scenario"][scenario]}
-    taken = [metric.applies_in(scenario, here) for metric in study.metric]
+    taken = [metric.applies_in(scenario, experiment) for metric in study.metric]
     tables["metric"] = [
         {key: value for key, value in metric.items() if key != "scenarios"}
         for metric in compress(tables.get("metric", []), taken)
@@ -103,7 +103,7 @@ def parse_change(text: str) -> tuple[str, Any]:
 
 
 def shipped(room: str) -> dict[str, Path]:
-    """What comes with cogless, by name. `room`: "studies" or "motors"."""
+    """Files that come with cogless, by name. `room`: "studies" or "motors"."""
     folders = [folder / room for folder in package_folders()]
     return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
 
@@ -266,7 +266,7 @@ def _checked(source: Source) -> AnyStudy:
 
 
 def _of_each(scenarios: Iterable[str], made: Callable[[str], Made]) -> dict[str, Made]:
-    """What is made of each scenario; the mistakes of all of them at once."""
+    """Results of `made` for each scenario; raises the mistakes of all of them at once."""
     found: dict[str, Made] = {}
     lines: list[str] = []
     for name in scenarios:
@@ -282,13 +282,13 @@ def _of_each(scenarios: Iterable[str], made: Callable[[str], Made]) -> dict[str,
 def _hardware(study: TrialStudy, scenario: str) -> tuple[Hardware, ...]:
     """A drive's motor, mechanics and load in each phase, checked; none of a linear plant."""
     found: list[Hardware] = []
-    for index, (_, here) in enumerate(study.scenario[scenario].phases if study.plant is None else ()):
+    for index, (_, conditions) in enumerate(study.scenario[scenario].phases if study.plant is None else ()):
         at = f".changes.{index - 1}" if index else ""
         prefix = f"scenario.{scenario}{at}.override: "
-        source = _replaced(study.source, _overridden(study.source, here.override or {}, prefix))
+        source = _replaced(study.source, _overridden(study.source, conditions.override or {}, prefix))
         motor = _part(Motor, "motor", source, prefix)
         mechanics = _part(Mechanics, "mechanics", source, prefix)
-        found.append(Hardware(motor, mechanics, here.load or mechanics.load))
+        found.append(Hardware(motor, mechanics, conditions.load or mechanics.load))
     return tuple(found)
 
 

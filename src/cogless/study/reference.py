@@ -1,4 +1,4 @@
-"""What speed, or what path, is asked of the drive: one of several forms."""
+"""References of the drive: a speed or a path, in one of several forms."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cogless.study.table import (
     Many,
     Table,
     Time,
-    problem,
+    invalid,
 )
 
 Kind = Literal["constant", "ramp", "profile", "sine", "fm", "sines", "moves", "file"]
@@ -77,11 +77,11 @@ class Reference(Table):
     def _one_form(self) -> Self:
         if self.model_fields_set - {"smoothing"} not in FORMS.values():
             forms = "; ".join(", ".join(sorted(form)) for form in FORMS.values())
-            raise problem(f"expected the keys of one form: {forms}")
+            raise invalid(f"expected the keys of one form: {forms}")
         for key in ("profile", "moves"):
             times = [time for time, _ in getattr(self, key)]
             if self.kind == key and (not times or any(b <= a for a, b in pairwise(times))):
-                raise problem("expected one or more points, each later than the one before", key)
+                raise invalid("expected one or more points, each later than the one before", key)
         return self
 
     @model_validator(mode="after")
@@ -92,7 +92,7 @@ class Reference(Table):
 
     @property
     def kind(self) -> Kind:
-        """Which of the forms this is."""
+        """The form that this is."""
         return next(kind for kind, keys in FORMS.items() if keys == self.model_fields_set - {"smoothing"})
 
     @property
@@ -101,7 +101,7 @@ class Reference(Table):
         return self._from_file or self.profile
 
     def speeds(self, initial_speed: float = 0.0) -> tuple[float, float]:
-        """Between which speeds it stays, from an initial speed on, signed, rad/s."""
+        """The speeds between which it stays, from an initial speed on, signed, rad/s."""
         ends = [initial_speed, self.speed] if self.kind == "ramp" else [self.speed]
         if self.points:
             ends = [speed for _, speed in self.points]
@@ -120,7 +120,7 @@ class Reference(Table):
         """The largest magnitude that its acceleration can take, from an initial speed on, rad/s^2."""
         turn = 2 * math.pi
         slopes = [abs((b - a) / (end - start)) for (start, a), (end, b) in pairwise(self.points)]
-        # of a polynomial of the fifth degree at rest at both ends: 10 / sqrt(3) of distance over time squared
+        # a polynomial of the fifth degree, at rest at both ends, has at most 10 / sqrt(3) distance / time^2
         moving = [
             10 / math.sqrt(3) * abs(b - a) / (end - start) ** 2
             for (start, a), (end, b) in pairwise(self.moves)
@@ -133,7 +133,7 @@ class Reference(Table):
         return max([waves, self.ramp, *slopes, *moving]) + abs(jump) / (math.e * (self.smoothing or 1.0))
 
     def _at_start(self) -> float:
-        """Its speed at time zero before the filter, rad/s; not of a ramp."""
+        """Speed at time zero before the filter, rad/s; not of a ramp."""
         for (start, a), (end, b) in pairwise(self.points):
             if start <= 0 < end:
                 return a - (b - a) * start / (end - start)

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from cogless import units
-from cogless.study.table import problem
+from cogless.study.table import invalid
 from cogless.units import Dimension
 
 HUGE = 1e9  # s or rad/s: beyond any reference
@@ -21,7 +21,7 @@ def points(path: Path) -> Points:
     try:
         rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
     except (OSError, ValueError):
-        raise problem(f"expected a readable file at {path}", "file") from None
+        raise invalid(f"expected a readable file at {path}", "file") from None
     found: list[tuple[float, float]] = []
     scales, expected = (1.0, 1.0), "expected time in s and speed in rad/s, with a comma between"
     for number, row in enumerate(rows, start=1):
@@ -34,22 +34,22 @@ def points(path: Path) -> Points:
             if number == 1:
                 scales = _scales(row)
                 continue
-            raise problem(f"{where}{_shown(*row)}: {expected}", "file") from None
+            raise invalid(f"{where}{_shown(*row)}: {expected}", "file") from None
         for value, text, (name, _) in zip((time, speed), row, COLUMNS, strict=True):
             if not abs(value) < HUGE:
-                raise problem(f"{where}{_shown(text)}: expected a finite {name}", "file")
+                raise invalid(f"{where}{_shown(text)}: expected a finite {name}", "file")
         if found and time * scales[0] <= found[-1][0]:
-            raise problem(f"{where}{_shown(row[0])}: expected a time after the line before", "file")
+            raise invalid(f"{where}{_shown(row[0])}: expected a time after the line before", "file")
         found.append((time * scales[0], speed * scales[1]))
     if not found:
-        raise problem("expected lines of time in s and speed in rad/s", "file")
+        raise invalid("expected lines of time in s and speed in rad/s", "file")
     return tuple(found)
 
 
 def _scales(heading: list[str]) -> tuple[float, float]:
-    """What times and speeds are multiplied by: the SI values of the units that a heading names."""
+    """Factors of times and speeds: the SI values of the units that a heading names."""
     if len(heading) != len(COLUMNS):
-        raise problem(
+        raise invalid(
             f"line 1: {_shown(*heading)}: expected two columns, time and speed, with a comma between", "file"
         )
     time, speed = (_scale(cell, *column) for cell, column in zip(heading, COLUMNS, strict=True))
@@ -62,11 +62,11 @@ def _scale(cell: str, name: str, dimension: Dimension) -> float:
         return 1.0 if unit is None else units.factor(unit, dimension)
     except units.UnitError:
         expected = f'expected a unit of {dimension.name}, such as "{name} [{dimension.unit}]"'
-        raise problem(f"line 1: {_shown(cell)}: {expected}", "file") from None
+        raise invalid(f"line 1: {_shown(cell)}: {expected}", "file") from None
 
 
 def _unit(cell: str) -> str | None:
-    """Of "speed [rpm]", "speed (rpm)", "speed rpm", "speed_rpm" and "speed/rpm"; None where there is none."""
+    """Unit in "speed [rpm]", "speed (rpm)", "speed rpm", "speed_rpm" and "speed/rpm"; None without one."""
     bracketed = BRACKETS.search(cell)
     if bracketed:
         return bracketed[1].strip()
@@ -76,6 +76,6 @@ def _unit(cell: str) -> str | None:
 
 
 def _shown(*cells: str) -> str:
-    """What stands in the file, in quotes, cut when long."""
+    """The cells as they stand in the file, in quotes, cut when long."""
     text = ",".join(cells)
     return f'"{text if len(text) <= 40 else text[:37] + "..."}"'

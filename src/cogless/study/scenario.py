@@ -19,7 +19,7 @@ from cogless.study.table import (
     Time,
     Torque,
     dotted_keys,
-    problem,
+    invalid,
 )
 
 
@@ -59,14 +59,14 @@ class Scenario(Table):
         for index, event in enumerate(self.events):
             if event.time > self.duration:
                 expected = f"expected a time within the scenario's {self.duration:g} s"
-                raise problem(expected, "events", index, "time")
+                raise invalid(expected, "events", index, "time")
             if event.time <= before:
-                raise problem("expected a time after the event before", "events", index, "time")
+                raise invalid("expected a time after the event before", "events", index, "time")
             before = event.time
         for key in self.override:
             if key.split(".")[0] not in ("motor", "drive", "mechanics") or key == "motor.datasheet":
                 expected = "expected a key of motor, drive or mechanics"
-                raise problem(expected, "override", key)
+                raise invalid(expected, "override", key)
         return self
 
     @model_validator(mode="after")
@@ -74,7 +74,7 @@ class Scenario(Table):
         for index, fault in enumerate(self.faults):
             if fault.time >= self.duration:
                 expected = f"expected a time within the scenario's {self.duration:g} s"
-                raise problem(expected, "faults", index, "time")
+                raise invalid(expected, "faults", index, "time")
         return self
 
     def has_event(self, time: float) -> bool:
@@ -83,7 +83,7 @@ class Scenario(Table):
 
     @property
     def speeds(self) -> tuple[float, float]:
-        """Between which speeds the reference stays, signed, rad/s."""
+        """The speeds between which the reference stays, signed, rad/s."""
         return self.reference.speeds(self.initial_speed)
 
     @property

@@ -1,4 +1,4 @@
-"""Which signals a study's runs have, and why one is missing."""
+"""Signals of a study's runs, and why one is missing."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OF_A_PATH = {"theta_ref", "theta_error", "theta_error_measured", "alpha_ref"}
 
 
 def terms(law: AnyController) -> set[str]:
-    """What a law records of its own."""
+    """Signals that a law records of its own."""
     found = {term.signal for term in C_LAWS[law.law].terms} if law.law in C_LAWS else set()
     if not isinstance(law, SpaceLearning):
         return found
@@ -25,7 +25,7 @@ def terms(law: AnyController) -> set[str]:
 
 
 def missing(study: Study, signal: str) -> str | None:
-    """What was expected in place of a signal that no run of the study has; None where one has it."""
+    """The message for a signal that no run of the study has; None where one has it."""
     if signal in OF_THE_CURRENT_LOOP and study.drive.ideal:
         return "expected another, since the current loop is ideal"
     if signal == "i_c" and study.motor.star().phases == 2:

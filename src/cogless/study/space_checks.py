@@ -1,4 +1,4 @@
-"""What a law that learns in angle needs of the motor, the reference and the rates."""
+"""Checks of a law that learns in angle against the motor, the reference and the rates."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from cogless.study.controller import MOST_SAMPLES
 from cogless.study.space_controller import SpaceLearning, SpacePosition
-from cogless.study.table import check_precision, problem
+from cogless.study.table import check_precision, invalid
 
 if TYPE_CHECKING:
     from cogless.study.study import Study
@@ -30,7 +30,7 @@ def space_laws(study: Study) -> None:
         by_rotor = not isinstance(law, SpacePosition) or law.index == "rotor"
         if by_rotor and (1 / revolutions).denominator != 1:
             expected = "expected a period that fits into a revolution of the rotor, not"
-            raise problem(f"{expected} {float(revolutions):.4g} of one", "controller", name, "period")
+            raise invalid(f"{expected} {float(revolutions):.4g} of one", "controller", name, "period")
         for key, scenario in study.scenario.items():
             if not law.learning or name not in study.controllers_in(key):
                 continue
@@ -39,23 +39,23 @@ def space_laws(study: Study) -> None:
                 samples = rate * turn / top
                 expected = f"expected a longer one: at the top speed of scenario {key} it has {samples:.3g} "
                 needed = f"samples, at least {FEWEST_SAMPLES} are needed"
-                raise problem(expected + needed, "controller", name, "period")
+                raise invalid(expected + needed, "controller", name, "period")
             if law.memory == "delay":
                 _delay_line(name, key, law, scenario.speeds[0], rate * turn)
 
 
 def _ratio(study: Study, law: SpaceLearning) -> int:
-    """What the law multiplies mechanical angles by."""
+    """Factor from mechanical angles to the law's."""
     return study.motor.pole_pairs if isinstance(law, SpacePosition) and law.frame == "electrical" else 1
 
 
 def _numbers(study: Study, name: str, law: SpaceLearning) -> None:
-    """What the controller's arithmetic can hold, and the equation for P_t."""
+    """Check what the controller's arithmetic can hold, and the equation for P_t."""
     # the Q filter adds up so many entries
     check_precision(law, study.drive.precision, "controller", name, terms=2 * law.q_half_width + 2)
     rate = study.drive.rates.speed_loop
     if law.memory == "delay" and law.delay_method == "ode" and law.k_pp >= rate:
-        raise problem(f"expected less than drive.rates.speed_loop, {rate:g} Hz", "controller", name, "k_pp")
+        raise invalid(f"expected less than drive.rates.speed_loop, {rate:g} Hz", "controller", name, "k_pp")
 
 
 def _angles(name: str, revolutions: Fraction, ratio: int) -> None:
@@ -63,21 +63,21 @@ def _angles(name: str, revolutions: Fraction, ratio: int) -> None:
     longest = int(ANGLE_MAX / (2 * math.pi * ratio))
     if revolutions.numerator > longest:
         expected = f"expected at most {longest} revolutions, until whole periods are whole revolutions, not"
-        raise problem(f"{expected} {revolutions.numerator}", "controller", name, "period")
+        raise invalid(f"{expected} {revolutions.numerator}", "controller", name, "period")
     if (ratio * revolutions).denominator > MOST_PARTS:
-        raise problem(f"expected at most {MOST_PARTS} parts", "controller", name, "period")
+        raise invalid(f"expected at most {MOST_PARTS} parts", "controller", name, "period")
 
 
 def _delay_line(name: str, scenario: str, law: SpaceLearning, slowest: float, reach: float) -> None:
     if slowest < law.omega_min:
         expected = f'expected "map": the reference of scenario {scenario} comes down to {slowest:.4g} rad/s, '
         needed = f"and a delay line needs omega_min, {law.omega_min:g} rad/s, or more"
-        raise problem(expected + needed, "controller", name, "memory")
+        raise invalid(expected + needed, "controller", name, "memory")
     samples = math.ceil(reach / slowest)
     if samples > MOST_SAMPLES:
         expected = f'expected "map": a period at the slowest speed of scenario {scenario} has {samples} '
         needed = f"samples, and a delay line at most {MOST_SAMPLES}"
-        raise problem(expected + needed, "controller", name, "memory")
+        raise invalid(expected + needed, "controller", name, "memory")
     if samples > law.cells:
         expected = f"expected {samples} or more, the samples of a period at the slowest speed of scenario"
-        raise problem(f"{expected} {scenario}", "controller", name, "cells", value=law.cells)
+        raise invalid(f"{expected} {scenario}", "controller", name, "cells", value=law.cells)

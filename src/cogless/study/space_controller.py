@@ -18,7 +18,7 @@ from cogless.study.table import (
     SpeedIntegralGain,
     StartTime,
     Table,
-    problem,
+    invalid,
 )
 
 Whole = Annotated[int, Field(ge=1, le=65535)]
@@ -65,7 +65,7 @@ class SpaceLearning(Base):
     @model_validator(mode="after")
     def _learns_something(self) -> Self:
         if self.learning and not (self.mu_alpha or self.mu_beta or self.mu_h):
-            raise problem("expected false, or a learning gain: mu_alpha, mu_beta or mu_h", "learning")
+            raise invalid("expected false, or a learning gain: mu_alpha, mu_beta or mu_h", "learning")
         return self
 
     @property
@@ -83,7 +83,7 @@ class SpaceLearning(Base):
 
     @property
     def channels(self) -> int:
-        """How many functions of the angle are learned: alpha; and beta; and h."""
+        """Number of functions of the angle that are learned: alpha; and beta; and h."""
         return 3 if self.mu_h else 2 if self.mu_beta else 1
 
 
@@ -108,7 +108,7 @@ class SpacePosition(SpaceLearning):
         given = (self.k_theta is not None, self.k_omega is not None)
         if given not in ((True, True), (False, False)) or all(given) == (self.tuning is not None):
             rule = '{ rule = "phase-margin", phase_margin = "60 deg" }'
-            raise problem(f"expected either k_theta and k_omega or tuning, such as {rule}")
+            raise invalid(f"expected either k_theta and k_omega or tuning, such as {rule}")
         return self
 
 

@@ -21,7 +21,7 @@ from cogless.study.table import (
     Many,
     Resistance,
     Table,
-    problem,
+    invalid,
 )
 
 FIRST_COGGING = 4  # j of the first L_fj
@@ -43,9 +43,9 @@ class StepMotor(Table):
     @model_validator(mode="after")
     def _magnet(self) -> Self:
         if not self.L_m or self.L_m[0] <= 0:
-            raise problem("expected L_m1, above zero, and the others after it", "L_m")
+            raise invalid("expected L_m1, above zero, and the others after it", "L_m")
         if abs(self.L_1) >= self.L_0:
-            raise problem("expected less than L_0", "L_1")
+            raise invalid("expected less than L_0", "L_1")
         return self
 
     @property

@@ -18,7 +18,7 @@ from cogless.study.table import Frequency, Many, Table
 
 
 class TraceSettings(Table):
-    """What is recorded."""
+    """Settings of what is recorded."""
 
     rate: Frequency | None = None  # Hz, divides the current-loop rate, the default
     energy: bool = False  # integrate and record the energies too
@@ -39,7 +39,7 @@ class Study(StudyBase):
 
     @property
     def belief(self) -> StarBelief:
-        """What the controller thinks of the motor."""
+        """The motor as the controller believes it."""
         return self.drive.belief.resolved(self.motor.star())
 
     @property
@@ -49,5 +49,5 @@ class Study(StudyBase):
 
     def metrics_in(self, scenario: str) -> tuple[Metric, ...]:
         """The metrics that apply to a scenario."""
-        here = self.scenario[scenario]
-        return tuple(metric for metric in self.metric if metric.applies_in(scenario, here))
+        experiment = self.scenario[scenario]
+        return tuple(metric for metric in self.metric if metric.applies_in(scenario, experiment))

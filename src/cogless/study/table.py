@@ -1,4 +1,4 @@
-"""What a study's tables are built on: frozen models that refuse unknown keys, and quantities with a unit."""
+"""Base of a study's tables: frozen models that refuse unknown keys, and quantities with a unit."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ T = TypeVar("T")
 Many = Annotated[tuple[T, ...], Field(strict=False)]
 
 
-def problem(expected: str, *key: str | int, value: Any = None) -> PydanticCustomError:
+def invalid(expected: str, *key: str | int, value: Any = None) -> PydanticCustomError:
     """An error of a validator: what was expected, at which key below the table in hand.
 
     `value` stands in the message where the file holds nothing at that key.
@@ -56,7 +56,7 @@ class Table(BaseModel):
         each other."""
         data = cls.spelled_out(data)
         if not isinstance(data, dict):
-            raise problem(f"expected a table of {', '.join(cls.model_fields)}")
+            raise invalid(f"expected a table of {', '.join(cls.model_fields)}")
         wrong = _wrong_keys(cls, data)
         if not wrong:
             return validate(data)
@@ -72,12 +72,12 @@ def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetai
     """Unknown keys, and missing ones that none of these may be meant for."""
     known = list(table.model_fields)
     near = {key: _near(key, known) for key in data if key not in known}
-    found = [problem(_suggestion(meant, known), key, value="unknown key") for key, meant in near.items()]
+    found = [invalid(_suggestion(meant, known), key, value="unknown key") for key, meant in near.items()]
     for key, field in table.model_fields.items():
         if field.is_required() and key not in data and key not in near.values():
             quantity = next((entry for entry in field.metadata if isinstance(entry, Quantity)), None)
             expected = quantity.expectation if quantity else "expected a value"
-            found.append(problem(expected, key, value="missing"))
+            found.append(invalid(expected, key, value="missing"))
     return [InitErrorDetails(type=error, input=data) for error in found]
 
 
@@ -102,7 +102,7 @@ def check_sizes(table: Table, *above: str) -> None:
         for number in value if isinstance(value, tuple) else (value,):
             if isinstance(number, float) and number and not SMALLEST <= abs(number) <= LARGEST:
                 size = f"{SMALLEST:g} to {LARGEST:g} in SI units"
-                raise problem(f"expected a size that single precision holds, {size}", *above, key)
+                raise invalid(f"expected a size that single precision holds, {size}", *above, key)
 
 
 RANGE = {"single": (1.2e-38, 3.4e38), "double": (2.3e-308, 1.7e308)}
@@ -116,7 +116,7 @@ def check_precision(table: Table, precision: str, *above: str, terms: int = 1) -
         value = getattr(table, key)
         if isinstance(value, float) and value and not smallest <= abs(value) <= most:
             expected = f"expected 0, or from {smallest:.1e} to {most:.1e}"
-            raise problem(f"{expected} in {precision} precision", *above, key)
+            raise invalid(f"{expected} in {precision} precision", *above, key)
 
 
 def dotted_keys(override: dict[str, Any]) -> dict[str, Any]:
@@ -162,16 +162,16 @@ class Quantity:
             try:
                 number = units.parse(value, self.dimension)
             except units.UnitError as error:
-                raise problem(str(error)) from None
+                raise invalid(str(error)) from None
         elif isinstance(value, bool) or not isinstance(value, int | float):
-            raise problem(self.expectation)
+            raise invalid(self.expectation)
         elif not self.bare:
-            raise problem(f"expected a text with a unit, such as {self.dimension.shown(_text(value))}")
+            raise invalid(f"expected a text with a unit, such as {self.dimension.shown(_text(value))}")
         else:
             number = float(value)
         below = number < 0 or (self.sign == ">" and number == 0)
         if not math.isfinite(number) or (self.sign and below):
-            raise problem(self.expectation)
+            raise invalid(self.expectation)
         return number
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -183,9 +183,9 @@ def _text(value: float) -> str:
 
 
 def _line(text: str) -> str:
-    """XML cannot hold control characters, and a message is one line."""
+    """Refuse control characters: XML can't hold them, and a message is one line."""
     if any(unicodedata.category(c) == "Cc" or c in "\ufffe\uffff" for c in text):
-        raise problem("expected one line, without control characters")
+        raise invalid("expected one line, without control characters")
     return text
 
 

@@ -1,4 +1,4 @@
-"""What must hold between the tables of a study of trials. Each check raises the error that names the key."""
+"""Checks between the tables of a study of trials. Each raises the error that names the key."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from cogless.study import checks, numerics
 from cogless.study.metric import result_name
-from cogless.study.table import problem
+from cogless.study.table import invalid
 from cogless.study.trial_controller import FilteredLaw, NormOptimalIlc, StateIlc
 from cogless.study.trial_metric import DRIVE_SIGNALS, ONLY_REAL, linear_signals
 from cogless.study.trial_scenario import TrialConditions, WithUnit
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 FEWEST_SAMPLES = 4  # of a trial
 MOST_SAMPLES = 65_535
 MOST_RANGES = 12  # 4096 corners
-# What a drive's study says, and a linear plant's.
+# Expected forms in the study of a drive, and of a linear plant.
 LOADS = ('a torque with a unit, such as [100, "1 N*m"]', "a number in the unit of u, such as [100, 1.0]")
 POSITIONS = ('an angle with a unit, such as ["1 s", "1 rad"]', 'a plain number, such as ["1 s", 1.0]')
 LARGEST_MATRIX = 4_000  # samples of a trial that is learned by a whole matrix
@@ -33,9 +33,9 @@ def plant(study: TrialStudy) -> None:
     drive = {"motor": study.motor, "mechanics": study.mechanics, "drive": study.drive}
     for key, table in drive.items():
         if study.plant is not None and table is not None:
-            raise problem("expected none, since there is a plant", key)
+            raise invalid("expected none, since there is a plant", key)
         if study.plant is None and table is None:
-            raise problem(
+            raise invalid(
                 "expected a table, or a plant in place of motor, mechanics and drive", key, value="missing"
             )
 
@@ -46,19 +46,19 @@ def corners(study: TrialStudy) -> None:
         return
     ends = {name: p.range for name, p in study.plant.parameter.items() if p.range is not None}
     if len(ends) > MOST_RANGES:
-        raise problem(f"expected at most {MOST_RANGES} parameters with a range", "plant", "parameter")
+        raise invalid(f"expected at most {MOST_RANGES} parameters with a range", "plant", "parameter")
     for corner in product(*ends.values()):
         try:
             study.plant.at(dict(zip(ends, corner, strict=True)))
         except PydanticCustomError as error:
             key = (error.context or {}).get("key", ())
-            raise problem(error.message(), "plant", *key) from None
+            raise invalid(error.message(), "plant", *key) from None
 
 
 def ranges(study: TrialStudy) -> None:
     """Uncertain parameters are those of the plant, in the place for them."""
     if study.plant is not None and study.design.range:
-        raise problem("expected none: ranges stand at plant.parameter", "design", "range")
+        raise invalid("expected none: ranges stand at plant.parameter", "design", "range")
 
 
 def samples(study: TrialStudy) -> None:
@@ -67,21 +67,21 @@ def samples(study: TrialStudy) -> None:
         count = scenario.duration / study.period
         if not math.isclose(count, round(count), rel_tol=1e-9):
             expected = f"expected a whole number of samples of {study.period:g} s"
-            raise problem(expected, "scenario", name, "duration")
+            raise invalid(expected, "scenario", name, "duration")
         if not FEWEST_SAMPLES <= round(count) <= MOST_SAMPLES:
             expected = f"expected {FEWEST_SAMPLES} to {MOST_SAMPLES} samples, not {round(count)}"
-            raise problem(expected, "scenario", name, "duration")
+            raise invalid(expected, "scenario", name, "duration")
         rows = round(count) * scenario.trials * max(1.0, study.period * (study.trace.rate or 0.0))
         if rows > numerics.MOST_ROWS:
             expected = f"expected at most {numerics.MOST_ROWS * scenario.trials / rows:.0f}, {rows:.3g} rows"
-            raise problem(f"{expected} of the trace are too many", "scenario", name, "trials")
+            raise invalid(f"{expected} of the trace are too many", "scenario", name, "trials")
         for controller in study.controllers_in(name):
             matrix = isinstance(study.controller[controller], NormOptimalIlc)
             if matrix and round(count) > LARGEST_MATRIX:
                 expected = (
                     f'expected at most {LARGEST_MATRIX} samples, since "{controller}" learns by a matrix'
                 )
-                raise problem(expected, "scenario", name, "duration")
+                raise invalid(expected, "scenario", name, "duration")
 
 
 def trace_rate(study: TrialStudy) -> None:
@@ -89,14 +89,14 @@ def trace_rate(study: TrialStudy) -> None:
     rate = study.trace.rate
     ticks = study.drive.rates.current_loop if study.drive is not None else 1 / study.period
     if rate is not None and not math.isclose(ticks / rate, round(ticks / rate), rel_tol=1e-12):
-        raise problem(f"expected a rate that divides {ticks:g} Hz", "trace", "rate")
+        raise invalid(f"expected a rate that divides {ticks:g} Hz", "trace", "rate")
     if rate is not None and not math.isclose(rate * study.period, round(rate * study.period), rel_tol=1e-9):
         expected = f"expected {1 / study.period:g} Hz or a multiple of it, rows for each sample of the trial"
-        raise problem(expected, "trace", "rate")
+        raise invalid(expected, "trace", "rate")
 
 
 def conditions(study: TrialStudy) -> None:
-    """What a phase says belongs to this kind of plant."""
+    """Check that what a phase says belongs to this kind of plant."""
     linear = study.plant is not None
     for name, scenario in study.scenario.items():
         count = study.samples(name)
@@ -105,21 +105,21 @@ def conditions(study: TrialStudy) -> None:
         for here, where in told:
             for key in ("load", "initial_angle", "initial_speed") if linear else ("initial_state",):
                 if getattr(here, key) is not None:
-                    raise problem(f"expected none, of a {'linear plant' if linear else 'drive'}", *where, key)
+                    raise invalid(f"expected none, of a {'linear plant' if linear else 'drive'}", *where, key)
             if here.initial_state is not None and len(here.initial_state) != study.states:
-                raise problem(f"expected {study.states} numbers, one a state", *where, "initial_state")
+                raise invalid(f"expected {study.states} numbers, one a state", *where, "initial_state")
             for index, (sample, amount) in enumerate(here.load_steps or ()):
                 if sample >= count:
                     expected = f"expected a sample of the trial, below {count}"
-                    raise problem(expected, *where, "load_steps", index)
+                    raise invalid(expected, *where, "load_steps", index)
                 if isinstance(amount, WithUnit) == linear:
-                    raise problem(f"expected {LOADS[linear]}", *where, "load_steps", index)
+                    raise invalid(f"expected {LOADS[linear]}", *where, "load_steps", index)
             for index, (time, position) in enumerate(here.reference.points if here.reference else ()):
                 if time > scenario.duration:
                     expected = f"expected a time within the trial, {scenario.duration:g} s"
-                    raise problem(expected, *where, "reference", index)
+                    raise invalid(expected, *where, "reference", index)
                 if isinstance(position, WithUnit) == linear:
-                    raise problem(f"expected {POSITIONS[linear]}", *where, "reference", index)
+                    raise invalid(f"expected {POSITIONS[linear]}", *where, "reference", index)
             for key, value in (here.override or {}).items():
                 _override(study, key, value, (*where, "override", key))
         for (_, here), (_, where) in zip(scenario.phases, told, strict=True):
@@ -132,28 +132,28 @@ def _start(study: TrialStudy, scenario: str, here: TrialConditions, where: tuple
         try:
             study.plant.at(here.override or {})
         except PydanticCustomError as error:
-            raise problem(error.message(), *where, "override") from None
+            raise invalid(error.message(), *where, "override") from None
     elif here.initial_angle is not None:
         begin = float(study.reference(scenario, here)[0])
         if abs(here.initial_angle - begin) >= math.pi:
             expected = f"expected less than half a turn from where the reference begins, {begin:.4g} rad"
-            raise problem(f"{expected}: the sensor doesn't tell turns", *where, "initial_angle")
+            raise invalid(f"{expected}: the sensor doesn't tell turns", *where, "initial_angle")
 
 
 def _override(study: TrialStudy, key: str, value: object, where: tuple[str | int, ...]) -> None:
     if study.plant is None:
         if key.split(".")[0] not in ("motor", "mechanics") or key == "motor.datasheet":
-            raise problem("expected a key of motor or mechanics, such as mechanics.inertia", *where)
+            raise invalid("expected a key of motor or mechanics, such as mechanics.inertia", *where)
     elif study.plant.vertex:
         count = len(study.plant.vertex)
         if key != "vertex" or isinstance(value, bool) or value not in range(1, count + 1):
-            raise problem(f"expected vertex = a number of 1 to {count}; without it the mean", *where)
+            raise invalid(f"expected vertex = a number of 1 to {count}; without it the mean", *where)
     elif key not in study.plant.parameter:
-        raise problem(
+        raise invalid(
             f"expected a parameter of the plant: {', '.join(study.plant.parameter) or 'none'}", *where
         )
     elif isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise problem("expected a number", *where)
+        raise invalid("expected a number", *where)
 
 
 def controllers(study: TrialStudy) -> None:
@@ -161,21 +161,21 @@ def controllers(study: TrialStudy) -> None:
     n, size = study.states, len(study.design.state_weight)
     whole = f"expected {n + 1} numbers: one a state, and the integrator's"
     if size not in (n, n + 1):
-        raise problem(whole, "design", "state_weight")
+        raise invalid(whole, "design", "state_weight")
     for name, controller in study.controller.items():
         if isinstance(controller, StateIlc):
             if controller.K_stab is not None and len(controller.K_stab) != n:
-                raise problem(f"expected {n} numbers, one a state", "controller", name, "K_stab")
+                raise invalid(f"expected {n} numbers, one a state", "controller", name, "K_stab")
         elif controller.K_s is not None and len(controller.K_s) not in (
             (n + 1,) if controller.integral else (n, n + 1)
         ):
-            raise problem(whole, "controller", name, "K_s")
+            raise invalid(whole, "controller", name, "K_s")
         elif controller.K_s is None and controller.integral and size == n:
-            raise problem(f'{whole}, which "{name}" has', "design", "state_weight")
+            raise invalid(f'{whole}, which "{name}" has', "design", "state_weight")
         q = controller.q_filter if isinstance(controller, FilteredLaw) else None
         if q is not None and q.cutoff >= 0.5 / study.period:
             expected = f"expected less than half the sampling rate, {0.5 / study.period:g} Hz"
-            raise problem(expected, "controller", name, "q_filter", "cutoff")
+            raise invalid(expected, "controller", name, "q_filter", "cutoff")
 
 
 def integration(study: TrialStudy) -> None:
@@ -197,12 +197,12 @@ def metrics(study: TrialStudy) -> None:
         known = {key: dimension for key, dimension in known.items() if key not in ONLY_REAL}
     for index, metric in enumerate(study.metric):
         if metric.signal not in known:
-            raise problem(f"expected a signal: {', '.join(known)}", "metric", index, "signal")
+            raise invalid(f"expected a signal: {', '.join(known)}", "metric", index, "signal")
         if result_name(metric) in [result_name(other) for other in study.metric[:index]]:
-            raise problem("expected a name that no other metric has", "metric", index, "name")
+            raise invalid("expected a name that no other metric has", "metric", index, "name")
         for scenario in metric.scenarios or ():
             if scenario not in study.scenario:
-                raise problem(checks.one_of(study.scenario), "metric", index, "scenarios", value=scenario)
+                raise invalid(checks.one_of(study.scenario), "metric", index, "scenarios", value=scenario)
 
 
 Check = Callable[["TrialStudy"], None]

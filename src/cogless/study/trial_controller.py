@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from cogless import units
 from cogless.study.controller import Base
-from cogless.study.table import LawFrequency, Many, Quantity, Table, problem
+from cogless.study.table import LawFrequency, Many, Quantity, Table, invalid
 
 Weight = Many[float] | Many[Many[float]]
 
@@ -24,14 +24,14 @@ class QFilter(Table):
 
 
 class TrialLaw(Base):
-    """What every law of trials has."""
+    """A law of trials: the keys that every one has."""
 
-    # of the learned signal, rad or the unit of y
+    # bound of the learned signal, rad or the unit of y
     learned_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
 
 
 class FilteredLaw(TrialLaw):
-    """What laws that learn by one gain have."""
+    """A law of trials that learns by one gain."""
 
     q_filter: QFilter | None = None
 
@@ -75,7 +75,7 @@ AnyTrialController = TrialIlc | StateIlc | NormOptimalIlc
 TrialController = Annotated[AnyTrialController, Field(discriminator="law")]
 
 
-# What a drive's design may vary.
+# Parameters of a drive that a design may vary.
 UNCERTAIN = {
     "mechanics.inertia": Quantity(units.INERTIA, ">"),
     "mechanics.viscous_friction": Quantity(units.VISCOUS_FRICTION, ">="),
@@ -111,31 +111,31 @@ class DesignSettings(Table):
     def _sizes(self) -> Self:
         rows = [row for row in self.state_weight if isinstance(row, tuple)]
         if rows and (len(rows) != len(self.state_weight) or any(len(r) != len(rows) for r in rows)):
-            raise problem("expected the diagonal, or as many rows as columns", "state_weight")
+            raise invalid("expected the diagonal, or as many rows as columns", "state_weight")
         size = len(self.state_weight)
         for key in ("initial_state", "initial_change"):
             start = getattr(self, key)
             if start is not None and len(start) != size:
-                raise problem(f"expected {size} numbers, as many as state_weight has", key)
+                raise invalid(f"expected {size} numbers, as many as state_weight has", key)
         if not any(self.initial_state):
-            raise problem("expected a number that isn't zero", "initial_state")
+            raise invalid("expected a number that isn't zero", "initial_state")
         Q = self.Q
         if not np.allclose(Q, Q.T, rtol=1e-9) or np.linalg.eigvalsh(Q)[0] <= 0:
-            raise problem("expected a positive definite weight", "state_weight")
+            raise invalid("expected a positive definite weight", "state_weight")
         return self
 
 
 def _range(key: str, ends: Any) -> tuple[float, ...]:
     if key not in UNCERTAIN:
-        raise problem(f"expected one of {', '.join(UNCERTAIN)}", key)
+        raise invalid(f"expected one of {', '.join(UNCERTAIN)}", key)
     if not isinstance(ends, list) or len(ends) != 2:
-        raise problem("expected the smallest and the largest value", key)
+        raise invalid("expected the smallest and the largest value", key)
     values = []
     for index, end in enumerate(ends):
         try:
             values.append(UNCERTAIN[key].read(end))
         except PydanticCustomError as error:
-            raise problem(error.message(), key, index) from None
+            raise invalid(error.message(), key, index) from None
     if values[1] < values[0]:
-        raise problem("expected a range from the smallest to the largest value", key)
+        raise invalid("expected a range from the smallest to the largest value", key)
     return tuple(values)

@@ -18,11 +18,11 @@ from cogless.study.drive import (
     require_watchable,
 )
 from cogless.study.monitor import Monitor, Quality
-from cogless.study.table import Frequency, Table, problem
+from cogless.study.table import Frequency, Table, invalid
 
 
 class TrialRates(Table):
-    """How often things happen. The position loop runs at every n-th current-loop period."""
+    """Rates of the loops. The position loop runs at every n-th current-loop period."""
 
     current_loop: Frequency  # Hz, whole
     position_loop: Frequency  # Hz, whole, divides current_loop
@@ -32,10 +32,10 @@ class TrialRates(Table):
     def _divide(self) -> Self:
         for name in ("current_loop", "position_loop"):
             if getattr(self, name) % 1:
-                raise problem('expected a whole number of Hz, such as "1 kHz"', name)
+                raise invalid('expected a whole number of Hz, such as "1 kHz"', name)
         if self.current_loop % self.position_loop:
             expected = f"expected a rate that divides current_loop, {self.current_loop:g} Hz"
-            raise problem(expected, "position_loop")
+            raise invalid(expected, "position_loop")
         return self
 
     @property

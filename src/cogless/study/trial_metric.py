@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from cogless import units
 from cogless.c_laws import C_LAWS
-from cogless.study.table import Many, Quantity, Table, problem
+from cogless.study.table import Many, Quantity, Table
 from cogless.units import Dimension
 
 TERMS = tuple(term.signal for term in C_LAWS["trial"].terms)
@@ -59,16 +59,16 @@ class TrialMetric(Table):
             try:
                 units.factor(unit, dimension)
             except units.UnitError:
-                raise problem(f"expected a unit of {dimension.name}, such as {dimension.shown(1)}") from None
+                raise invalid(f"expected a unit of {dimension.name}, such as {dimension.shown(1)}") from None
         return unit
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
         needed = self.kind == "trials-to-floor"
         if needed and self.floor is None:
-            raise problem(f'expected one, since kind is "{self.kind}"', "floor", value="missing")
+            raise invalid(f'expected one, since kind is "{self.kind}"', "floor", value="missing")
         if not needed and self.floor is not None:
-            raise problem(f'expected none, since kind is "{self.kind}"', "floor")
+            raise invalid(f'expected none, since kind is "{self.kind}"', "floor")
         if needed:
             assert self.threshold > 0
         return self
@@ -80,11 +80,11 @@ class TrialMetric(Table):
         try:
             return Quantity(dimension, ">", bare=dimension == units.NONE).read(self.floor)
         except PydanticCustomError as error:
-            raise problem(error.message(), "floor") from None
+            raise invalid(error.message(), "floor") from None
 
     @property
     def dimension(self) -> Dimension:
-        """What the metric's value is."""
+        """Dimension of the metric's value."""
         if self.kind == "trials-to-floor":
             return units.NONE
         return DRIVE_SIGNALS.get(self.signal, units.NONE)

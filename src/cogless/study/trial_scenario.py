@@ -20,7 +20,7 @@ from cogless.study.table import (
     Table,
     Time,
     dotted_keys,
-    problem,
+    invalid,
 )
 
 MOST_TRIALS = 100_000
@@ -31,7 +31,7 @@ class WithUnit(float):
 
 
 class EitherWay(Quantity):
-    """Of drives a text with a unit; of linear plants a plain number."""
+    """A quantity: for drives a text with a unit, for linear plants a plain number."""
 
     def read(self, value: Any) -> float:
         """The SI value, which remembers whether it had a unit."""
@@ -59,7 +59,7 @@ class PositionReference(Table):
     def _later(self) -> Self:
         times = [time for time, _ in self.points]
         if not times or any(b <= a for a, b in pairwise(times)):
-            raise problem("expected one or more points, each later than the one before", "points")
+            raise invalid("expected one or more points, each later than the one before", "points")
         return self
 
     def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -72,7 +72,7 @@ class PositionReference(Table):
 
 
 class TrialConditions(Table):
-    """What a trial is run under; in a change, what is left out stays as it was."""
+    """Conditions that a trial is run under; in a change, what is left out stays as it was."""
 
     reference: PositionReference | None = None
     load: Load | None = None  # of a drive; replaces mechanics.load
@@ -95,12 +95,12 @@ class TrialConditions(Table):
         steps = self.load_steps or ()
         for index in range(1, len(steps)):
             if steps[index][0] <= steps[index - 1][0]:
-                raise problem("expected a sample after that of the step before", "load_steps", index)
+                raise invalid("expected a sample after that of the step before", "load_steps", index)
         return self
 
 
 class Change(TrialConditions):
-    """From this trial on, something is different."""
+    """A change of conditions from this trial on."""
 
     trial: Annotated[int, Field(ge=2)]  # the first is 1
 
@@ -120,7 +120,7 @@ class TrialScenario(TrialConditions):
         for index, change in enumerate(self.changes):
             if not before < change.trial <= self.trials:
                 expected = f"expected a trial after {before}, at most {self.trials}"
-                raise problem(expected, "changes", index, "trial")
+                raise invalid(expected, "changes", index, "trial")
             before = change.trial
         return self
 

@@ -21,7 +21,7 @@ from cogless.study.trial_scenario import TrialConditions, TrialScenario
 
 
 class TrialTrace(Table):
-    """What is recorded."""
+    """Settings of what is recorded."""
 
     rate: Frequency | None = None  # Hz, divides the current loop's; default: a row each sample of the trial
 
@@ -47,7 +47,7 @@ class TrialStudy(StudyBase):
     scenario: Annotated[dict[str, TrialScenario], Field(min_length=1)]
     controller: Annotated[dict[str, TrialController], Field(min_length=1)]
     metric: Many[TrialMetric] = ()
-    # of each scenario's phases, of a drive
+    # a drive's hardware in each phase, by scenario
     _hardware: dict[str, tuple[Hardware, ...]] = PrivateAttr(default={})
 
     @property
@@ -60,7 +60,7 @@ class TrialStudy(StudyBase):
 
     @property
     def states(self) -> int:
-        """How many states the plant has: angle and speed of a drive."""
+        """Number of the plant's states: angle and speed of a drive."""
         return len(self.plant.C) if self.plant is not None else 2
 
     def samples(self, scenario: str) -> int:
@@ -75,9 +75,9 @@ class TrialStudy(StudyBase):
     def top_speed(self, scenario: str) -> float:
         """The largest speed that a drive's references ask for or begin with, rad/s."""
         found = [0.0]
-        for _, here in self.scenario[scenario].phases:
-            steps = np.abs(np.diff(self.reference(scenario, here))) / self.period
-            found += [abs(here.initial_speed or 0.0), float(np.max(steps))]
+        for _, conditions in self.scenario[scenario].phases:
+            steps = np.abs(np.diff(self.reference(scenario, conditions))) / self.period
+            found += [abs(conditions.initial_speed or 0.0), float(np.max(steps))]
         return max(found)
 
     def hardware(self, scenario: str) -> tuple[Hardware, ...]:

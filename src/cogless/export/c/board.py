@@ -1,4 +1,4 @@
-"""What a board must measure, do and keep: for the README and the example."""
+"""Texts on what a board must measure, do and keep: for the README and the example."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ METHODS = {
 
 
 def board(subject: Subject) -> dict[str, str]:
-    """The templates' places for it."""
+    """Words for the templates' places about the board."""
     hold = f"{1e3 * subject.drive_config['monitor']['hold']:.3g} ms"
     wanted = "omega_ref [rad/s] is what it turns at: 0 until you set it, and the motor stands."
     if subject.law_name == "trial":
@@ -35,7 +35,7 @@ def board(subject: Subject) -> dict[str, str]:
 
 
 def _outputs(subject: Subject) -> dict[str, str]:
-    """What the board takes: duty cycles, or a current."""
+    """Words for what the board takes: duty cycles, or a current."""
     law = "the law" if subject.divider == 1 else f"the law every {subject.divider} calls"
     if subject.foreign:
         return {
@@ -86,7 +86,7 @@ def _measured(subject: Subject) -> str:
 
 
 def _speed(subject: Subject) -> str:
-    """How the study measures it."""
+    """Words for how the study measures the speed."""
     drive = subject.study.drive
     sensor = drive.position_sensor if drive is not None else IdealSensor()
     if isinstance(sensor, Encoder):
@@ -100,7 +100,7 @@ def _speed(subject: Subject) -> str:
 
 
 def _maps(subject: Subject) -> str:
-    """How to keep what was learned; empty where it is not tied to an angle."""
+    """Words for keeping what was learned; empty where it is not tied to an angle."""
     if not subject.has_map:
         return ""
     trial, config = subject.law_name == "trial", subject.law_config

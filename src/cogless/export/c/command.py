@@ -18,7 +18,7 @@ from cogless.files import control_sources
 from cogless.study import AnyStudy
 from cogless.versions import versions
 
-# of the self-test: enough for the law to do something, few enough for a microcontroller's flash
+# periods of the self-test: enough for the law to do something, few enough for a microcontroller's flash
 TICKS, LAW_STEPS, MOST_TICKS = 400, 80, 2000
 ENTRY = "drive.h"  # what holds a controller together
 

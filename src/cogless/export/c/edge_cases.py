@@ -36,7 +36,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class _Inputs:
-    """What is measured and asked for: currents of the phases, NaN for what is missing."""
+    """Measurements and references of a step: currents of the phases, NaN for what is missing."""
 
     i_abc: tuple[float, float, float]
     omega_m: float
@@ -86,19 +86,19 @@ def fnv(words: Iterable[int], total: int = FNV_START) -> int:
 
 
 def _values(inputs: _Inputs) -> dict[str, Any]:
-    """By the paths of the C structs."""
+    """The inputs by the paths of the C structs."""
     values = {f"i_abc[{n}]": _held(current) for n, current in enumerate(inputs.i_abc)}
     values |= {name: _held(getattr(inputs, name)) for name in ("theta_m", "omega_m", "u_dc", "omega_ref")}
     return {**values, "learn": inputs.learn}
 
 
 def _held(value: float) -> float:
-    """What a float holds of it; NaN stays."""
+    """The value within what a float holds; NaN stays."""
     return math.copysign(LARGEST, value) if abs(value) > LARGEST else value
 
 
 def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
-    """What a stretch is about, its periods, by how many counts the angle jumps before it, step, inputs."""
+    """Stretches: subject, periods, the angle's jump before and step a period, both in counts, inputs."""
     config, monitor = subject.drive_config, subject.drive_config["monitor"]
     limit, law, ts = config["foc"]["current_limit"], subject.divider, monitor["ts"]
     hold, bridge, window = (_periods(monitor[key], ts) for key in ("hold", "bridge", "speed_window"))
@@ -168,5 +168,5 @@ def _bus(subject: Subject) -> float:
 
 
 def _periods(time: float, ts: float) -> int:
-    """As the monitor counts them, or the most that a stretch has."""
+    """Number of periods as the monitor counts them, or the most that a stretch has."""
     return min(math.ceil(time / ts * 0.999), MOST)

@@ -1,4 +1,4 @@
-"""What only some laws have: a calibration run, trials."""
+"""Parts that only some laws have: a calibration run, trials."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ TRIAL_ROW = (
 
 
 def extras(subject: Subject) -> dict[str, str]:
-    """The templates' places for them; empty for other laws."""
+    """Words for the templates' places for these parts; empty for other laws."""
     found = dict.fromkeys(
         ("more_declarations", "more_definitions", "more_rows", "example_declarations", "example_definitions"),
         "",
@@ -108,5 +108,5 @@ def extras(subject: Subject) -> dict[str, str]:
 
 
 def _without_comment(declaration: str) -> str:
-    """As a definition begins, whose comment stands at the declaration."""
+    """The beginning of a definition; its comment stands at the declaration."""
     return "\n" + declaration.partition("*/\n")[2]

@@ -1,4 +1,4 @@
-"""What a controller is called in C."""
+"""Names of a controller in C."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def identifier(controller: str) -> str:
 
 
 def stem(name: str) -> str:
-    """Of the controller's two files.
+    """File name of the controller's two files, without ending.
 
     The library has files that are called like laws, and some build tools put all objects into one folder.
     """

@@ -14,7 +14,7 @@ from cogless.export.layout import Leaf
 from cogless.export.prepared import Reals, Recording
 
 START_MEMORY = """
-/* What had been learned before. */
+/* Memory that had been learned before. */
 static const cgl_real memory_at_start[{length}] = {{
 {numbers}
 }};
@@ -50,7 +50,7 @@ BEGIN = "    {name}_begin_trial(controller, motion);\n"
 def self_test_words(
     subject: Subject, recording: Recording, memory: Reals, stretches: Sequence[Stretch]
 ) -> dict[str, str]:
-    """What the templates self_test.c and self_test_data.h have places for."""
+    """Words for the templates self_test.c and self_test_data.h."""
     measured = subject.layout.leaves("cgl_measurement")
     asked = subject.layout.leaves("cgl_reference")
     given = subject.layout.leaves("cgl_drive_output")
@@ -125,7 +125,7 @@ def words(leaves: list[Leaf], data: bytes) -> list[int]:
 
 
 def memory_sum(memory: Reals) -> int:
-    """As the C function of the self-test computes it, of float32 or float64 numbers."""
+    """Checksum as the C function of the self-test computes it, of float32 or float64 numbers."""
     bits = np.ascontiguousarray(memory).view(np.uint32 if memory.dtype == np.float32 else np.uint64)
     return fnv(bits.tolist())
 

@@ -100,7 +100,7 @@ def _words(subject: Subject) -> dict[str, str]:
 
 
 def _safe(text: str) -> str:
-    """For a comment."""
+    """The text made safe for a C comment."""
     return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *")
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from cogless.errors import StudyError
 from cogless.files import replacing
 
-# As the simulator itself is compiled: nothing is rounded otherwise there.
+# Options of the simulator itself: numbers are rounded alike.
 OPTIONS = ("-O2", "-fno-tree-vectorize", "-ffp-contract=off")
 COMPILERS = {"C": ("CC", ("cc", "gcc", "clang")), "C++": ("CXX", ("c++", "g++", "clang++"))}
 STANDARDS = {"C": "-std=c99", "C++": "-std=c++20"}
@@ -71,7 +71,7 @@ def link(parts: Sequence[Path], library: Path, language: str) -> None:
 
 
 def binary(version: int, identifier: str) -> str:
-    """Where the binary for this platform belongs in an FMU."""
+    """Path of the binary for this platform within an FMU."""
     system = {"linux": ("linux64", "linux", "so"), "darwin": ("darwin64", "darwin", "dylib")}
     if sys.platform not in system:
         raise StudyError(f"export --to fmu: {sys.platform}: expected Linux or macOS")

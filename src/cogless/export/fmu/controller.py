@@ -15,7 +15,7 @@ from cogless.export.c.names import stem
 from cogless.export.c.subject import Subject
 from cogless.export.c.texts import controller_texts
 from cogless.export.fmu.cpp import places
-from cogless.export.fmu.run import Run
+from cogless.export.fmu.run import FmuRun
 from cogless.export.fmu.unit import Unit, asset, in_precision, texts
 from cogless.export.fmu.variables import (
     CONTROLLER_INPUTS,
@@ -30,9 +30,9 @@ from cogless.export.fmu.variables import (
 from cogless.export.prepared import Reals
 from cogless.files import control_sources
 
-# What begins names that are not the controller's own.
+# Beginnings of names that are not the controller's own.
 TAKEN = ("fmu", "fmi", "controller", "motion")
-# In the order of cgl_drive_output.
+# Members of cgl_drive_output, in its order.
 OUTPUTS = ("duty_a", "duty_b", "duty_c", "i_d", "i_q", "u_d", "u_q", "i_d_ref", "i_q_ref", "status")
 # What the law's state points to in the controller.
 MEMORY = "controller->memory"
@@ -43,7 +43,7 @@ OF_TRIALS = {
 }
 
 
-def controller_unit(run: Run) -> Unit:
+def controller_unit(run: FmuRun) -> Unit:
     """The controller of a run, with what it had learned before."""
     subject = subject_of(run.prepared)
     if subject.name.lower().startswith(TAKEN):
@@ -66,7 +66,7 @@ def controller_unit(run: Run) -> Unit:
     )
 
 
-def _variables(run: Run) -> list[Variable]:
+def _variables(run: FmuRun) -> list[Variable]:
     variables = [TIME, *measurements("input", run.phases, run.bus_voltage), *references("input")]
     if run.bus_voltage is not None:
         variables += duties("output", run.phases)
@@ -80,8 +80,8 @@ def _variables(run: Run) -> list[Variable]:
     return [*variables, signal("i_q_ref", "A"), signal("status", "")]
 
 
-def _variables_h(run: Run, subject: Subject, variables: Sequence[Variable]) -> str:
-    """What controller_model.c needs of this controller."""
+def _variables_h(run: FmuRun, subject: Subject, variables: Sequence[Variable]) -> str:
+    """The header variables.h, which controller_model.c needs of this controller."""
     name = subject.name
     outputs = {f"OUT_{output.upper()}": output for output in OUTPUTS}
     pointers = {subject.law.cells: MEMORY} if subject.law.cells else {}
@@ -98,7 +98,7 @@ def _variables_h(run: Run, subject: Subject, variables: Sequence[Variable]) -> s
 
 /* Value references; 0 where there is no such variable. */
 {places(variables, CONTROLLER_INPUTS | outputs)}
-/* In the order of cgl_drive_output. */
+/* Outputs in the order of cgl_drive_output. */
 static const uint32_t output_place[] = {{{", ".join(outputs)}}};
 
 {_trials(run, subject)}{_taught(run, subject)}
@@ -111,8 +111,8 @@ static void controller_relink(CONTROLLER *controller, uint64_t tick)
 """
 
 
-def _taught(run: Run, subject: Subject) -> str:
-    """What the law had learned before."""
+def _taught(run: FmuRun, subject: Subject) -> str:
+    """C code that loads what the law had learned before."""
     memory = run.prepared.memory
     if not memory.any():
         body = table = ""
@@ -124,8 +124,8 @@ def _taught(run: Run, subject: Subject) -> str:
     )
 
 
-def _trials(run: Run, subject: Subject) -> str:
-    """Where trials begin and end; without trials, nowhere."""
+def _trials(run: FmuRun, subject: Subject) -> str:
+    """C code that begins and ends trials; does nothing without trials."""
     before = after = motions = ""
     if subject.law_name == "trial":
         motions = _motions(run.description["trials"], subject)

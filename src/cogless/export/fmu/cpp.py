@@ -1,4 +1,4 @@
-"""What an FMU's sources need that is of one study: its variables in C, the drive's description in C++."""
+"""Sources of one study's FMU: its variables in C, the drive's description in C++."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cogless.export.fmu.cpp import description_cpp, places
-from cogless.export.fmu.run import Run
+from cogless.export.fmu.run import FmuRun
 from cogless.export.fmu.unit import Unit, asset, in_precision, texts
 from cogless.export.fmu.variables import (
     CONTROLLER_INPUTS,
@@ -17,12 +17,12 @@ from cogless.export.fmu.variables import (
 )
 from cogless.files import control_sources
 
-# Of the engine, what belongs to Python.
+# Sources of the engine that only Python needs.
 PYTHON = ("bindings.cpp", "python_value.hpp", "linear_trials.cpp")
 
 EXTERNAL_CONTROL = "external_control"
 EXTERNAL_REFERENCE = "external_reference"
-# What drive_model.cpp asks for by its own names.
+# Variables that drive_model.cpp asks for by names of its own.
 PLACES = {
     "FMU_EXTERNAL_CONTROL": EXTERNAL_CONTROL,
     "FMU_EXTERNAL_REFERENCE": EXTERNAL_REFERENCE,
@@ -38,7 +38,7 @@ PLACES = {
 } | CONTROLLER_INPUTS
 
 
-def drive_unit(run: Run) -> Unit:
+def drive_unit(run: FmuRun) -> Unit:
     """The drive of a run."""
     signals = run.prepared.drive.signals
     variables = _variables(run, signals)
@@ -61,7 +61,7 @@ def drive_unit(run: Run) -> Unit:
     )
 
 
-def _variables(run: Run, signals: list[tuple[str, str]]) -> list[Variable]:
+def _variables(run: FmuRun, signals: list[tuple[str, str]]) -> list[Variable]:
     names = {name for name, _ in signals}
     phases, bus_voltage = run.phases, run.bus_voltage
     variables = [TIME]
@@ -87,10 +87,10 @@ def _variables(run: Run, signals: list[tuple[str, str]]) -> list[Variable]:
 
 
 def _places(variables: list[Variable], last: int) -> str:
-    """Where drive_model.cpp finds its variables. `last`: the tick at which trials end, 0 without trials."""
+    """The header by which drive_model.cpp finds its variables. `last`: tick that ends all trials, or 0."""
     first_signal = next(v.name for v in variables if v.causality == "output")
     return (
-        "// Of this FMU; generated.\n#pragma once\n\n#include <cstdint>\n#include <vector>\n\n"
+        "// Declarations of this FMU; generated.\n#pragma once\n\n#include <cstdint>\n#include <vector>\n\n"
         '#include "value.hpp"\n\n'
         "cogless::Value description();\nstd::vector<double> taught();\n\n"
         "// Value references; 0 where there is no such variable.\n"

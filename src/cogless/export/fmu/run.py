@@ -13,8 +13,8 @@ from cogless.study import AnyStudy, TrialStudy
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
-    """`description`: the engine's of it."""
+class FmuRun:
+    """A controller in a scenario; `description`: the engine's description of the run."""
 
     prepared: Prepared
     description: dict[str, Any]
@@ -33,12 +33,12 @@ class Run:
 
     @property
     def rate(self) -> int:
-        """Of the current loop, 1/s."""
+        """Rate of the current loop, 1/s."""
         return self.prepared.rate
 
     @property
     def duration(self) -> float:
-        """Of the scenario, s."""
+        """Duration of the scenario, s."""
         return self.prepared.ticks / self.rate
 
     @property
@@ -47,22 +47,22 @@ class Run:
 
     @property
     def phases(self) -> int:
-        """Of the motor."""
+        """Number of the motor's phases."""
         motor = self.description["trials"]["phases"][0] if self.trials else self.description
         return int(motor["motor"]["phases"])
 
     @property
     def bus_voltage(self) -> float | None:
-        """V; None of an ideal current loop."""
+        """Bus voltage, V; None with an ideal current loop."""
         drive = self.description["drive"]
         return None if drive["ideal_current"] else float(drive["inverter"]["bus_voltage"])
 
 
-def run_of(study: AnyStudy, controller: str, scenario: str | None) -> Run:
-    """StudyError: a name that is not there, a law without a C form, a plant that is no drive."""
+def run_of(study: AnyStudy, controller: str, scenario: str | None) -> FmuRun:
+    """The run of a controller. StudyError: no such name, a law without a C form, a plant that is no drive."""
     chosen = first_scenario(study, controller, scenario)
     prepared = prepare(study, chosen, controller)
     if isinstance(study, TrialStudy):
         design = design_study(study, [(chosen, controller)])[chosen, controller]
-        return Run(prepared, trial_engine.engine_config(study, chosen, controller, design))
-    return Run(prepared, engine.engine_config(study, chosen, controller))
+        return FmuRun(prepared, trial_engine.engine_config(study, chosen, controller, design))
+    return FmuRun(prepared, engine.engine_config(study, chosen, controller))

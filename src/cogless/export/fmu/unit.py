@@ -1,4 +1,4 @@
-"""What is put into one FMU, whichever model it has."""
+"""Contents of one FMU, whichever model it has."""
 
 from __future__ import annotations
 

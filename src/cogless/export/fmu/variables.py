@@ -9,7 +9,7 @@ from typing import Literal
 Kind = Literal["real", "integer", "boolean"]
 Causality = Literal["independent", "parameter", "input", "output"]
 
-# What is counted, not measured.
+# Signals that are counted, not measured.
 INTEGERS = ("status", "trial")
 
 # One line about each recorded signal; parts of a law's output are terms.
@@ -52,7 +52,7 @@ class Variable:
     start: float = 0.0
 
 
-# What a controller gets, inputs of its FMU and outputs of the drive's: the C names of their places.
+# Measurements of a controller, inputs of its FMU and outputs of the drive's: the C names of their places.
 CONTROLLER_INPUTS = {
     "FMU_I_A": "measured.i_a",
     "FMU_I_B": "measured.i_b",
@@ -83,7 +83,7 @@ def signal(name: str, unit: str) -> Variable:
 
 
 def measurements(causality: Causality, phases: int, bus_voltage: float | None) -> list[Variable]:
-    """What sensors deliver, once per current-loop period. No bus voltage: the current loop is ideal."""
+    """Measurements of one current-loop period. bus_voltage None: no currents, the current loop is ideal."""
     all_of_them = [
         real(causality, "measured.theta_m", "rad", "measured mechanical angle"),
         real(causality, "measured.omega_m", "rad/s", "measured mechanical speed"),
@@ -98,7 +98,7 @@ def measurements(causality: Causality, phases: int, bus_voltage: float | None) -
 
 
 def references(causality: Causality) -> list[Variable]:
-    """What a controller is asked for, once per current-loop period."""
+    """References that a controller is given once per current-loop period."""
     return [
         real(causality, "reference.theta_ref", "rad", "mechanical angle reference; laws of position read it"),
         real(causality, "reference.omega_ref", "rad/s", "mechanical speed reference"),

@@ -1,4 +1,4 @@
-"""What an FMU says of itself in XML: for FMI 2.0 and 3.0, and for 3.0 how it is built."""
+"""Description of an FMU in XML: for FMI 2.0 and 3.0, and for 3.0 how it is built."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ NO_INPUT = {"dependencies": ""}
 
 @dataclass(frozen=True)
 class Description:
-    """What both versions say of an FMU. `rate` in 1/s, `stop_time` in s, `sources` relative to sources/."""
+    """Content of an FMU's description. `rate` in 1/s, `stop_time` in s, `sources` relative to sources/."""
 
     identifier: str
     name: str

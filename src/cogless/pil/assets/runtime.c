@@ -1,4 +1,4 @@
-/* What compilers may call although the image has no C library. */
+/* Functions that compilers may call although the image has no C library. */
 #include <stddef.h>
 
 void *memcpy(void *restrict to, const void *restrict from, size_t count);

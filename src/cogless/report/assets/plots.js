@@ -1,5 +1,5 @@
 "use strict";
-// What the reports share: scenarios with their plots in cards that zoom together, buttons for scenarios and controllers.
+// Parts that the reports share: scenarios with their plots in cards that zoom together, buttons for scenarios and controllers.
 // `report`: {controllers: [{label, colour}], scenarios}; `draw` draws a scenario's data on its sheet.
 const reportPage = (report, draw) => {
   const hidden = new Set(); // controllers
@@ -144,7 +144,7 @@ const reportPage = (report, draw) => {
       }
     }
 
-    // After a controller was shown or hidden.
+    // Redraw after a controller was shown or hidden.
     function toggle(controller) {
       for (const { u, series } of plots) {
         series.forEach((s, k) => { if (s.controller === controller) u.setSeries(k + 1, { show: !hidden.has(controller) }); });

@@ -102,7 +102,7 @@
     ctx.restore();
   };
 
-  // What broke: its time shaded, and if `named` its name above.
+  // Marks of what broke: its time shaded, and if `named` its name above.
   const shade = (marks, named) => (o) => {
     const place = (u, { from, to }) => {
       const left = u.valToPos(from, "x", true);
@@ -133,7 +133,7 @@
     }, LABELS));
   };
 
-  // When each state of the controllers held: a lane for each, with a bar for each controller.
+  // Lanes of the controllers' states: a lane for each state, with a bar for each controller while it held.
   function drawStrip(sheet, parent, lanes, xs, marks) {
     const count = Math.max(...lanes.map((l) => l.runs.length));
     const [name, bar] = [16, 6];

@@ -6,7 +6,7 @@
   const FONT = "11px system-ui, sans-serif";
   const ROW = 15; // of marks' names, in pixels
 
-  // Which waveforms a sheet shows: of one controller several trials, or of one trial all controllers.
+  // Choice of a sheet's waveforms: of one controller several trials, or of one trial all controllers.
   const views = new Map(); // sheet -> {by: "trial" or "controller", trial, trials, controller}
 
   function draw(shown, sheet) {
@@ -48,7 +48,7 @@
     if (kept) zoomTo("trials", kept);
   }
 
-  // At least a decade.
+  // Range of an axis: at least a decade.
   function logRange(low, high, floor) {
     const levels = [low, high, floor].filter((v) => v > 0);
     if (!levels.length) return [0.1, 10];

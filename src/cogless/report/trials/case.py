@@ -73,7 +73,7 @@ class Case:
 
     @cached_property
     def growing(self) -> dict[str, tuple[Phase, float, float]]:
-        """Where learning diverges: the phase, and the RMS that grew in it, from and to (not finite: NaN)."""
+        """Phase in which each diverging controller diverges, and its RMS, from and to (not finite: NaN)."""
         found = {}
         for controller in self.rms:
             for phase in self.phases:
@@ -83,7 +83,7 @@ class Case:
         return found
 
     def _grown(self, rms: Array) -> tuple[float, float] | None:
-        """From and to, by the medians of the phase's quarters; growth below the floor is none."""
+        """Growth of the RMS, from and to, by the medians of the phase's quarters; None below the floor."""
         if not np.all(np.isfinite(rms)):
             return float(rms[0]), math.nan
         if len(rms) < FEWEST:
@@ -102,12 +102,12 @@ class Case:
         return int(np.any(status & Status.SATURATED, axis=1).sum())
 
     def label(self, controller: str) -> str:
-        """Its label; one with a comma in quotation marks, since sentences list them."""
+        """A controller's label, in quotation marks if it has a comma, since sentences list labels."""
         label = self.study.label(controller)
         return f"“{label}”" if "," in label else label
 
     def listed(self, controllers: Sequence[str]) -> str:
-        """Their labels, for a sentence."""
+        """Labels of controllers, for a sentence."""
         return listed([self.label(name) for name in controllers])
 
     def text(self, value: float) -> str:
@@ -124,7 +124,7 @@ def listed(parts: Sequence[str]) -> str:
 
 
 def case(results: TrialResults, scenario: str) -> Case | None:
-    """None: nothing to judge by."""
+    """The case to judge, or None."""
     study = results.study
     about = judged(study, scenario)
     runs = {run.controller: run for run in results.runs if run.scenario == scenario}

@@ -39,7 +39,7 @@ HEADINGS = (
 
 
 def models(certificate: Certificate) -> Iterator[tuple[str, ModelCertificate]]:
-    """What it speaks of: the design's models, and the plant sampled exactly, unless that is the same."""
+    """Models that it speaks of: the design's, and the plant sampled exactly unless that is the same."""
     names = {"euler": "Euler", "exact": "exactly sampled", None: "as given"}
     yield names[certificate.discretisation], certificate.design
     if certificate.exact is not None and certificate.discretisation != "exact":

@@ -32,7 +32,7 @@ class Judged:
 
     @property
     def quantity(self) -> str:
-        """Such as "measured error" or "tau_e"."""
+        """Words for the signal, such as "measured error" or "tau_e"."""
         return NAMES.get(self.signal, self.signal)
 
     def text(self, value: float) -> str:

@@ -35,7 +35,7 @@ def over_trials(results: TrialResults, scenario: str, runs: Sequence[Run]) -> di
 
 
 def _others(results: TrialResults, scenario: str, runs: Sequence[Run], about: Judged) -> list[dict[str, Any]]:
-    """Of each further metric with a number a trial."""
+    """Charts of each further metric with a number a trial."""
     charts = []
     for metric in results.study.metrics_in(scenario):
         if not metric.per_trial or (metric.kind, metric.signal) == ("rms", about.signal):

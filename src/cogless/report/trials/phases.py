@@ -23,12 +23,12 @@ class Phase:
 
     @property
     def name(self) -> str:
-        """For a mark or a button: "trial 31: load"."""
+        """The phase as a mark or a button: "trial 31: load"."""
         return f"trial {self.start}: {', '.join(self.changed)}" if self.changed else "start"
 
     @property
     def after(self) -> str:
-        """For a sentence: "after the load change (trial 31)"."""
+        """The phase within a sentence: "after the load change (trial 31)"."""
         words = [what.rpartition(".")[2].replace("_", " ") for what in self.changed]
         if not words:
             return "from the start"
@@ -38,13 +38,13 @@ class Phase:
 
     @property
     def chosen(self) -> list[int]:
-        """Its first, second, fifth and last trial, as far as it has them."""
+        """First, second, fifth and last trial of the phase, as far as it has them."""
         wanted = (self.start, self.start + 1, self.start + 4, self.stop - 1)
         return sorted({trial for trial in wanted if trial < self.stop})
 
 
 def phases(scenario: TrialScenario) -> list[Phase]:
-    """Those of a scenario, in order."""
+    """Phases of a scenario, in order."""
     changed = [(), *(_changed(change) for change in scenario.changes)]
     bounds = pairwise((*scenario.starts, scenario.trials + 1))
     return [Phase(start, stop, what) for (start, stop), what in zip(bounds, changed, strict=True)]
@@ -65,7 +65,7 @@ def zooms(found: Sequence[Phase]) -> list[dict[str, object]]:
 
 
 def _changed(change: Change) -> tuple[str, ...]:
-    """What a change tells, in words."""
+    """Words for what a change sets."""
     told = []
     if change.reference is not None:
         told.append("reference")

@@ -15,19 +15,19 @@ from cogless.report.packing import number
 from cogless.report.trials.case import Case, case, listed
 from cogless.report.trials.certificate import close_to_one, models
 from cogless.report.trials.phases import Phase
-from cogless.report.verdict import Verdict
+from cogless.report.verdict import ScenarioVerdict
 from cogless.results import TrialResults
 
 CLEARLY = 1.5  # times another's first trial: worth a sentence
 
 
-def verdicts(results: TrialResults) -> list[Verdict]:
+def verdicts(results: TrialResults) -> list[ScenarioVerdict]:
     """One for each scenario that has numbers."""
     cases = [case(results, scenario) for scenario in results.scenarios]
     return [_verdict(found) for found in cases if found is not None]
 
 
-def _verdict(c: Case) -> Verdict:
+def _verdict(c: Case) -> ScenarioVerdict:
     ranked = _ranked(c)
     best = ranked[0]
     tone, headline = _by_floor(c, ranked) if best in c.counts else _by_rms(c, ranked)
@@ -45,11 +45,12 @@ def _verdict(c: Case) -> Verdict:
         _at_the_limit(c),
         *_certificates(c),
     ]
-    return Verdict(c.scenario, tone, _capital(c, headline), [_capital(c, text) for text in details if text])
+    sentences = [_capital(c, text) for text in details if text]
+    return ScenarioVerdict(c.scenario, tone, _capital(c, headline), sentences)
 
 
 def _ranked(c: Case) -> list[str]:
-    """The best first: no divergence, the floor in the most phases, the fewest trials, the least RMS."""
+    """Controllers, the best first: no divergence, most floors reached, fewest trials, least RMS."""
 
     def rank(name: str) -> tuple[float, ...]:
         counts = c.counts.get(name, [])
@@ -106,7 +107,7 @@ def _by_rms(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
 
 
 def _left(c: Case, ranked: Sequence[str]) -> str:
-    """What the controller with the least RMS in its worst phase leaves, beside the baseline or the next."""
+    """A sentence on what the controller with the least worst RMS leaves, beside the baseline or the next."""
     base = c.study.baseline
     by_rms = sorted((n for n in ranked if n in c.final), key=lambda n: (n in c.growing, c.worst(n)))
     best = by_rms[0]
@@ -130,7 +131,7 @@ def _beside(c: Case, value: float, other: float, name: str) -> str:
 
 
 def _reach(c: Case, name: str, *, short: bool = False) -> str:
-    """When a controller is at the floor: "within 3 trials after every change"; short: beside another's."""
+    """Words for reaching the floor: "within 3 trials after every change"; short: beside another's."""
     counts, never = c.counts[name], c.never(name)
     if never:
         if len(never) == len(c.phases):
@@ -165,7 +166,7 @@ def _as_quick(c: Case, name: str, best: str) -> bool:
 
 
 def _behind(c: Case, name: str, best: str) -> str:
-    """Where another controller is behind the best: its slowest phase, its worst first trial."""
+    """A sentence on another controller behind the best: its slowest phase, its worst first trial."""
     told, where = "", None
     if name in c.counts and best in c.counts and name != c.study.baseline:
         told, where = _slower(c, name, best)
@@ -186,7 +187,7 @@ def _behind(c: Case, name: str, best: str) -> str:
 
 
 def _slower(c: Case, name: str, best: str) -> tuple[str, Phase | None]:
-    """Where a controller needs more trials than the best, and the phase with the largest difference."""
+    """Words for needing more trials than the best, and the phase with the largest difference."""
     behind = [
         (n - m, phase, n, m)
         for phase, n, m in zip(c.phases, c.counts[name], c.counts[best], strict=True)
@@ -204,7 +205,7 @@ def _slower(c: Case, name: str, best: str) -> tuple[str, Phase | None]:
 
 
 def _against_the_baseline(c: Case, best: str) -> str:
-    """What the best leaves at the end beside the baseline, and where a change finds it worse off."""
+    """Sentences on the best beside the baseline: what it leaves at the end, what a change finds worse."""
     base = c.study.baseline
     if best == base or base not in c.final or best not in c.final or best in c.growing:
         return ""
@@ -231,7 +232,7 @@ def _against_the_baseline(c: Case, best: str) -> str:
 
 
 def _leaves_floor(c: Case, name: str) -> str:
-    """The floor was reached early in a phase but isn't kept."""
+    """A sentence on a floor that was reached early in a phase but isn't kept; "" where all are."""
     if name not in c.counts or name not in c.final or c.about.floor is None or name in c.growing:
         return ""
     lost = [
@@ -247,7 +248,7 @@ def _leaves_floor(c: Case, name: str) -> str:
 
 
 def _grows(c: Case, name: str) -> str:
-    """Learning that diverges."""
+    """A sentence on learning that diverges."""
     phase, low, high = c.growing[name]
     verb = "diverges" if c.learns(name) else "grows worse"
     if not math.isfinite(high):
@@ -257,7 +258,7 @@ def _grows(c: Case, name: str) -> str:
 
 
 def _at_the_limit(c: Case) -> str:
-    """Whose input was at its limit, and so taught nothing there."""
+    """A sentence on controllers whose input was at its limit, and so taught nothing there."""
     limited = {name: trials for name in c.runs if (trials := c.limited(name))}
     if not limited:
         return ""
@@ -270,7 +271,7 @@ def _at_the_limit(c: Case) -> str:
 
 
 def _certificates(c: Case) -> list[str]:
-    """What they say of the controllers that learn: of the plant itself where it is known."""
+    """Sentences of the certificates of controllers that learn: on the plant itself where it is known."""
     sentences: list[str] = []
     certified: dict[tuple[str, int], list[str]] = {}
     for name, run in c.runs.items():
@@ -303,7 +304,7 @@ def _certificates(c: Case) -> list[str]:
 
 
 def _growing(found: ModelCertificate, learning: Learning) -> str:
-    """By which of its parts a certificate isn't one."""
+    """Words for the part by which a certificate isn't one."""
     if learning.norm > 1 + MONOTONE:
         where, factor = f"at {number(learning.frequency)} Hz its error", learning.norm
     elif found.growth is not None and found.growth > 1 + ENDS:
@@ -314,7 +315,7 @@ def _growing(found: ModelCertificate, learning: Learning) -> str:
 
 
 def _delay(c: Case) -> str:
-    """Whose loop a little more delay would make unstable."""
+    """A sentence on controllers whose loop a little more delay would make unstable."""
     designs = {name: run.design for name, run in c.runs.items() if run.design is not None}
     frail = []
     for name, design in designs.items():

@@ -78,7 +78,7 @@ def waveforms(results: TrialResults, scenario: str, runs: Sequence[Run]) -> dict
 
 
 def _panels(study: TrialStudy, scenario: str) -> list[tuple[str, str, str | None, str]]:
-    """The error is the one that the study is judged by, if that is one."""
+    """Panels of a study; their error is the one that the study is judged by, if that is one."""
     if study.plant is not None:
         return list(LINEAR)
     signal = judged(study, scenario).signal
@@ -114,7 +114,7 @@ def _series(
 def _references(
     run: Run, found: Sequence[Phase], signal: str | None, count: int, scale: float, points: int
 ) -> list[dict[str, Any]]:
-    """Of each phase; the plan is the same for all controllers."""
+    """References of each phase; the plan is the same for all controllers."""
     if signal is None:
         return []
     of_trials = _of_trials(run, signal, count)
@@ -122,12 +122,12 @@ def _references(
 
 
 def _of_trials(run: Run, signal: str, count: int) -> Array:
-    """Trials x rows."""
+    """A signal as trials x rows."""
     with np.errstate(over="ignore", invalid="ignore"):
         return run.trace[signal].reshape(count, -1)
 
 
 def _tamed(x: Array, scale: float) -> Array:
-    """In the display unit, NaN where it is too large to draw."""
+    """Signal in the display unit, NaN where it is too large to draw."""
     with np.errstate(invalid="ignore"):
         return np.where(np.abs(x) < HUGE, x, np.nan) / scale

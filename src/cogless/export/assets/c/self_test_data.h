@@ -23,7 +23,7 @@ static const ${bits} outputs[TICKS][OUTPUTS] = {
 ${outputs}
 };
 ${end_data}
-/* What a simulation without events never meets. After a fresh start, stretches of periods in which only the angle moves:
+/* Inputs that a simulation without events never meets. After a fresh start, stretches of periods in which only the angle moves:
  * it begins at `counts` and goes on by `step`. in: as bit patterns, but theta_m, to which the counts are added,
  * ${stretch_names}.
  * sum: FNV-1a of all outputs, word by word. */

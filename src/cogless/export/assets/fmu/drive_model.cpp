@@ -15,7 +15,7 @@
 #include "fmu.h"
 #include "state_bytes.hpp"
 
-// What an importer's duties stand for.
+// A controller whose output is an importer's duty cycles.
 class Outside : public cogless::Controller {
 public:
     cgl_drive_output output{};
@@ -38,7 +38,7 @@ namespace {
 using cogless::Drive;
 using cogless::DriveState;
 
-// What an optional variable is; 0 where this FMU has none.
+// Value of an optional variable; its place is 0 where this FMU has none.
 double of(const double value[], int place, double otherwise) { return place == 0 ? otherwise : value[place]; }
 
 void apply_inputs(const Drive& drive, DriveState& state, const double value[]) {
@@ -51,7 +51,7 @@ void apply_inputs(const Drive& drive, DriveState& state, const double value[]) {
 
 cgl_real real(double x) { return static_cast<cgl_real>(x); }
 
-// What the inputs ask of the inverter.
+// Output of a controller that the inputs ask for.
 cgl_drive_output asked_for(const double value[]) {
     cgl_drive_output output{};
     output.duty[0] = real(of(value, FMU_DUTY_A, 0.5));
@@ -62,7 +62,7 @@ cgl_drive_output asked_for(const double value[]) {
     return output;
 }
 
-// What a controller gets at the start of the period that was run.
+// Inputs of a controller at the start of the period that was run.
 void put_measurements(const DriveState& state, double value[]) {
     const cgl_measurement& now = state.sampled;
     const cgl_reference& asked = state.asked;
@@ -100,7 +100,7 @@ void run_ahead(fmu_model& model, double value[]) {
     put_measurements(model.next, value);
 }
 
-// A C function's outcome of something that may throw.
+// Runs something that may throw as a C function.
 template <class Action>
 bool attempt(char why[FMU_WHY], const Action& action) {
     try {

@@ -283,7 +283,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 point, fmi3Float64 size
     return status(done);
 }
 
-/* What this FMU does not do. */
+/* Functions that this FMU does not have. */
 
 fmi3Status fmi3EnterEventMode(fmi3Instance instance)
 {

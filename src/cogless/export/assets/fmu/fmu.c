@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* How far a communication point and step may be from a whole number of periods, in periods: importers add up times. */
+/* Tolerance of communication points and steps, in periods: importers add up times. */
 static const double point_slack = 1e-2, step_slack = 1e-3;
 
 static void set_start_values(fmu_instance *instance)
@@ -171,7 +171,7 @@ double *fmu_set(fmu_instance *instance, uint32_t reference, fmu_type type)
     return &instance->value[reference];
 }
 
-/* What the bytes of a state begin with; then come the values, then the model. */
+/* Head of a state's bytes; then come the values, then the model. */
 typedef struct {
     char token[64];
     double start_time;

@@ -1,4 +1,4 @@
-/* What both versions of the FMI standard and both kinds of model share: an instance with its variables, modes and time.
+/* Code of both versions of the FMI standard and both kinds of model: an instance with its variables, modes and time.
  *
  * A variable's value reference is its place in fmu_variables. Every value is held as a double. */
 #ifndef FMU_H
@@ -22,7 +22,7 @@ typedef struct {
     double start;
 } fmu_variable;
 
-/* Of this FMU; generated. The first variable is the time. */
+/* Variables of this FMU; generated. The first one is the time. */
 extern const char fmu_token[];
 extern const uint32_t fmu_rate; /* periods a second */
 extern const uint32_t fmu_variable_count;
@@ -34,7 +34,7 @@ enum { FMU_WHY = 320 }; /* bytes of a reason */
 typedef struct fmu_model fmu_model;
 fmu_model *fmu_model_new(char why[FMU_WHY]);
 void fmu_model_free(fmu_model *model);
-/* At time zero: takes parameters and inputs from `value`, puts the outputs there. May be called again. */
+/* Starts at time zero: takes parameters and inputs from `value`, puts the outputs there. May be called again. */
 bool fmu_model_start(fmu_model *model, double value[], char why[FMU_WHY]);
 /* One period, with the inputs in `value`, and the outputs at its end. */
 bool fmu_model_step(fmu_model *model, double value[], char why[FMU_WHY]);
@@ -69,7 +69,7 @@ bool fmu_terminate(fmu_instance *instance);
 bool fmu_reset(fmu_instance *instance);
 double fmu_time(const fmu_instance *instance);
 
-/* Where a variable's value is, to be read or to be set. Null where that's not possible. */
+/* Address of a variable's value, to be read or to be set. Null where that's not possible. */
 const double *fmu_get(fmu_instance *instance, uint32_t reference, fmu_type type);
 double *fmu_set(fmu_instance *instance, uint32_t reference, fmu_type type);
 
@@ -81,7 +81,7 @@ typedef struct {
 
 fmu_state *fmu_state_new(fmu_instance *instance, size_t size);
 void fmu_state_free(fmu_state *state);
-/* Into a state that is there, or, where that's null, a new one. */
+/* Saves an instance into a state that is there, or, where that's null, a new one. */
 bool fmu_save(fmu_instance *instance, fmu_state **state);
 bool fmu_load(fmu_instance *instance, const fmu_state *state);
 
