@@ -52,7 +52,7 @@ def self_test_ticks(subject: Subject, prepared: Prepared) -> int:
 
 
 def subject_of(prepared: Prepared, command: str = "") -> Subject:
-    """All that the texts are made from."""
+    """Gathers what the exported files are written from: study, gains, layout of the C structs, verdict."""
     headers = parse(sorted((sources.control() / "cogless").glob("*.h")))
     layout, config = Layout(headers, prepared.precision), prepared.config
     law = LAWS[config["law"]]
