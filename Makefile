@@ -19,6 +19,7 @@ $(VENV)/tools: pyproject.toml
 	touch $@
 
 $(VENV)/installed: $(VENV)/tools $(SOURCES)
+	@echo "Compiling cogless: some minutes"
 	$(BIN)/python -m pip install --quiet --no-build-isolation .
 	touch $@
 

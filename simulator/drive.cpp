@@ -74,7 +74,7 @@ int turns_of(const Law& law) {
         law);
 }
 
-// A duty cycle that anybody gave: 0 to 1; what is no number is no voltage.
+// Limits a duty cycle that came from outside to 0 to 1. One that is not a number becomes one half: no voltage.
 cgl_real possible(cgl_real duty) {
     return duty >= CGL_R(0.0) && duty <= CGL_R(1.0) ? duty : CGL_R(0.5) + cgl_clamp(duty - CGL_R(0.5), CGL_R(0.5));
 }

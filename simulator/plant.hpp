@@ -84,7 +84,7 @@ public:
                motor_.cogging_energy(z);
     }
 
-    // Advances x and z by h from the given time under a constant voltage, which counts where the currents are integrated.
+    // Advances x and z by h from the given time. The voltage is constant; without effect where currents are given.
     template <Detail detail>
     void step(PlantState& x, Powers::Values& z, Voltage u, double time, double h) const {
         constexpr int most_pieces = 16;  // a rotor that stops and breaks away again and again within one step

@@ -100,7 +100,8 @@ def _code() -> int:
             raise
         line = str(error.format_message()).rstrip(".")
         if line:
-            _say(f"{line}. See cogless --help.")
+            command = getattr(getattr(error, "ctx", None), "command_path", "cogless")
+            _say(f"{line}{'' if line.endswith('?') else '.'} See {command} --help.")
         return WRONG
     if code == INTERRUPTED:  # what typer makes of Ctrl-C in a command
         _say("Interrupted.")
@@ -464,9 +465,10 @@ def _print_tables(results: AnyResults) -> None:
         if broken is not None:
             console.print(broken, highlight=False, markup=False)
         console.print()
-    console.print(
-        f"* best; (x) times the value of {study.label(study.baseline)}", highlight=False, markup=False
-    )
+    shown = {run.controller for run in results.runs}
+    if len(shown) > 1:  # else there are no marks to explain
+        ratio = f"; (x) times the value of {study.label(study.baseline)}" if study.baseline in shown else ""
+        console.print(f"* best{ratio}", highlight=False, markup=False)
 
 
 def _print_warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:

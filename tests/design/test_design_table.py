@@ -75,9 +75,9 @@ def test_a_lead_is_shown_as_it_is_used() -> None:
     """The controller counts whole samples of the speed loop."""
     rates = {"current_loop": "20 kHz", "speed_loop": "4 kHz"}
     coarse = load("uomodri", {"drive.rates": rates})  # its lead is 0.6 ms
-    assert "lead 0.0005 s (2 samples, 0.0006 s rounded)" in printed(coarse)
+    assert "lead 0.0005 s (2 samples; 0.0006 s asked for)" in printed(coarse)
     lead = to_dict(coarse)["controllers"]["pi-ilc"]["gains"]["lead"]
-    assert lead == {"value": 0.0005, "unit": "s", "note": "2 samples, 0.0006 s rounded"}
+    assert lead == {"value": 0.0005, "unit": "s", "note": "2 samples; 0.0006 s asked for"}
     none = load("uomodri", {"drive.rates": rates, "controller.pi-ilc.lead": "0.1 ms"})
-    assert "lead 0 s (0 samples, 0.0001 s rounded)" in printed(none)
+    assert "lead 0 s (0 samples; 0.0001 s asked for)" in printed(none)
     assert re.search(r"lead 0\.0006 s(?! \()", printed(load("uomodri")))

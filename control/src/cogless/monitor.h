@@ -1,15 +1,20 @@
 /* Plausibility of a drive's measurements, looked at once per current-loop period before anything uses them.
  *
- * A rotor cannot jump: a step of the angle beyond omega_max ts + angle_step is the sensor's. It is taken out, so that
- * torque and commutation go on, and learning waits, since a map belongs to its angle, until the angle has jumped back or
- * cgl_monitor_trust() says that the new one is right. An angle that is missing (not finite, or jumping all the time) is
- * bridged by the last speed; where more of them than last `bridge` are missing, or the speed is not believed for as long,
- * the output is safe: no voltage. The first two angles that agree end a gap; the sensor is then off by as much as before
- * it, or right again, whichever is nearer to where the rotor should be, or else it has jumped; but where it was off and then
- * missing for longer than `bridge`, nothing tells, and the output stays safe until cgl_monitor_trust. An angle that stands still
- * while the reference turns on is doubted, and nothing learned; then it is stuck: safe output until it moves, the reference
- * stands still too, or both bounds of it have passed ten times more, for another try. An implausible current or bus voltage
- * gives a safe output. A safe output is held for `hold` after its cause.
+ * Jump: a step of the angle beyond omega_max ts + angle_step. No rotor turns so fast, so the sensor has jumped. The jump is
+ * taken out of the angle, and torque and commutation go on. Learning waits, since a map belongs to its angle, until the
+ * angle has jumped back or cgl_monitor_trust() says that the new one is right.
+ *
+ * Gap: angles that are missing, which means not finite, or jumping all the time. They are bridged by the last speed. With
+ * more of them than `bridge` has periods, or a speed that has not been believed for as long, the output is safe: no voltage.
+ * Two angles that agree end the gap. The sensor is then off by as much as before it or right again, whichever is nearer to
+ * where the rotor should be; if the rotor can be at neither, the sensor has jumped. After a gap longer than `bridge` of a
+ * sensor that was off before it nobody can tell: the output stays safe until cgl_monitor_trust().
+ *
+ * Stuck: an angle that stands still while the reference turns. First it is doubted, and nothing is learned. Beyond
+ * stuck_angle and stuck_time the output is safe, until the angle moves or the reference stands still. Each time both
+ * bounds have passed ten times more, there is another try.
+ *
+ * An implausible current or bus voltage gives a safe output, too. The output stays safe for `hold` after the last cause.
  *
  * At no voltage the current of a turning motor is that of a short circuit, up to psi_f / L_d. Open the bridge where the
  * output is safe (CGL_STATUS_OFF), if the hardware can. */

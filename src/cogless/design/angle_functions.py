@@ -81,7 +81,7 @@ class Series:
 
     @property
     def rises(self) -> Rises:
-        """Bounds of the function and its first three derivatives, from amplitudes."""
+        """Bounds of the function and of its derivatives: sums of amplitudes, which they never exceed."""
         sums = [sum(abs(c) * n**k for n, c in zip(self.orders, self.c, strict=True)) for k in range(4)]
         sums[0] += abs(self.constant)
         if self.table is not None:

@@ -194,7 +194,7 @@ def _lead(study: Study, controller: Learning) -> Gain:
     used = samples / rate
     if math.isclose(used, controller.lead, rel_tol=1e-9):
         return Gain(controller.lead, TIME.unit)
-    return Gain(used, TIME.unit, f"{samples} samples, {controller.lead:.4g} s rounded")
+    return Gain(used, TIME.unit, f"{samples} samples; {controller.lead:.4g} s asked for")
 
 
 def _numbers(controller: AnyController) -> dict[str, Gain]:

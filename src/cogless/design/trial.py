@@ -167,7 +167,11 @@ def needs_K_3(settings: TrialSettings) -> bool:
 def design_trial(
     plant: UncertainPlant, settings: TrialSettings, gains: TrialGains | None = None
 ) -> TrialDesign:
-    """A whole controller; gains: already designed for another structure. DesignError."""
+    """Designs a whole controller and its certificate.
+
+    `gains`: those already designed for another structure, to be used again; without them, designed here.
+    Raises DesignError where nothing can be designed.
+    """
     _check(plant, settings)
     gains = gains or design_gains(plant, settings)
     if gains.no_K_3 is not None and needs_K_3(settings):

@@ -389,7 +389,11 @@ def _torques(study: Study, scenario: str) -> list[float]:
 
 
 def _places(omega: Real, alpha: Real, moving: NDArray[np.bool_]) -> Iterator[tuple[float, float, Samples]]:
-    """Speeds from the slowest to the fastest, accelerations at each, and the samples nearest to them."""
+    """Yields the places at which a reference is judged: speed, acceleration, its samples nearest to both.
+
+    Speeds go from the slowest to the fastest in equal ratios, accelerations at each speed from the least to
+    the largest in equal steps. A place without samples is left out.
+    """
     slowest, fastest = float(np.min(omega[moving])), float(np.max(omega[moving]))
     count = 1
     if fastest > slowest * (1 + SAME):
@@ -475,7 +479,11 @@ def _channels(judged: Sequence[tuple[_At, float]]) -> int:
 
 
 def _repair(found: list[_At]) -> Repair:
-    """The least change with which the factor is below one at all of these speeds."""
+    """The mildest change that brings the factor below one at every place found.
+
+    The shortest lead, if one does it; else the narrowest Q filter; else forgetting. A law that learns in
+    angle has only the filter; where that doesn't do, nothing is proposed.
+    """
     loops = [at.loop for at in found]
     learning = [loop for loop in loops if isinstance(loop, PeriodicLoop)]
     if learning:

@@ -340,7 +340,7 @@ def _costs(case: _Case) -> str:
             more = f"+{100 * (ratio - 1):.0f} %" if ratio < 2 else f"{_times(ratio)} the"
             costs.append(f"{more} {line.quantity} ({line.text(best)})")
     if costs:
-        return f"{case.label(best)} costs {_listed(costs)}."
+        return f"Against {case.label(case.baseline)}, {case.label(best)} costs {_listed(costs)}."
     if not compared:
         return ""
     whose = f"with {case.label(best)} than with {case.label(case.baseline)}"
@@ -367,7 +367,7 @@ def _unlearned(case: _Case) -> list[str]:
 
 
 def _failures(case: _Case) -> list[str]:
-    """Sentences on who did not hold the speed, unless the headline says so, and who never settled."""
+    """Sentences on who did not hold the speed, unless the headline says so, and on who never settled."""
     told = set(case.line.missed) if not case.ranked else {case.baseline} & set(case.line.missed)
     since = case.line.span[0] if case.line.span else 0.0
     later = misses([line for line in case.lines if line.span and line.span[1] > since])

@@ -52,8 +52,10 @@ class Table(BaseModel):
     @model_validator(mode="wrap")
     @classmethod
     def _keys(cls, data: Any, validate: ModelWrapValidatorHandler[Self]) -> Self:
-        """All mistakes of a table at once: its keys, and their values. Wrong keys aren't checked against
-        each other."""
+        """Reports all mistakes of a table at once: wrong keys and wrong values.
+
+        What must hold between several keys is checked only where each key is right by itself.
+        """
         data = cls.spelled_out(data)
         if not isinstance(data, dict):
             raise invalid(f"expected a table of {', '.join(cls.model_fields)}")

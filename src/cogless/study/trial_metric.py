@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from cogless import units
 from cogless.c_laws import C_LAWS
-from cogless.study.table import Many, Quantity, Table
+from cogless.study.table import Many, Quantity, Table, invalid
 from cogless.units import Dimension
 
 TERMS = tuple(term.signal for term in C_LAWS["trial"].terms)

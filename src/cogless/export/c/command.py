@@ -53,7 +53,7 @@ def self_test_ticks(subject: Subject, prepared: Prepared) -> int:
 
 
 def subject_of(prepared: Prepared, command: str = "") -> Subject:
-    """All that the texts are made from."""
+    """Gathers what the exported files are written from: study, gains, layout of the C structs, verdict."""
     headers = parse(sorted((control_sources() / "cogless").glob("*.h")))
     layout, config = Layout(headers, prepared.precision), prepared.config
     law = C_LAWS[config["law"]]

@@ -49,7 +49,8 @@ const reportPage = (report, draw) => {
     // Beside each other there must be room for the longest number.
     ...(side === 2 && { space: (u, i, low, high, length) => {
       const apart = Math.max(high - low, 1e-12) / Math.max(1, length / 50);
-      return 16 + WIDE * Math.max(...[low, high].map((x) => tick(x, apart).length));
+      const between = low + (high - low) / Math.E; // not round: it has every digit that a number may need
+      return 16 + WIDE * Math.max(...[low, between, high].map((x) => tick(x, apart).length));
     } }),
     labelGap: 0, stroke: style("--soft"), values: ticks,
     grid: { stroke: style("--grid"), width: 1 }, ticks: { stroke: style("--grid"), width: 1, size: 4 },
