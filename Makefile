@@ -19,7 +19,7 @@ $(VENV)/tools: pyproject.toml
 	touch $@
 
 $(VENV)/installed: $(VENV)/tools $(SOURCES)
-	@echo "Compiling cogless: some minutes"
+	@echo "Installing cogless: the first time it compiles for some minutes"
 	$(BIN)/python -m pip install --quiet --no-build-isolation .
 	touch $@
 

@@ -25,40 +25,22 @@ bool follows_angle(const Law& law) {
 }
 
 std::vector<Signal> signals_of(const DriveConfig& config) {
-    const bool trials = config.trials.has_value(), electrical = !config.ideal_current;
+    const bool trials = config.trials.has_value(), electrical = !config.ideal_current, energy = config.energy;
+    const bool three_phases = motor_phases(config) == 3, path = follows_angle(config.law);
     std::vector<Signal> all;
-    const auto add = [&all](bool wanted, std::initializer_list<Signal> some) {
-        if (wanted) all.insert(all.end(), some);
-    };
-    add(true, {{"time", "s"}});
-    add(trials, {{"trial", ""}});
-    add(true, {{"theta_m", "rad"}, {"omega_m", "rad/s"}});
-    add(trials, {{"theta_ref", "rad"}, {"theta_measured", "rad"}});
-    add(!trials, {{"omega_ref", "rad/s"}});
-    add(follows_angle(config.law), {{"theta_ref", "rad"}, {"alpha_ref", "rad/s^2"}});
-    add(!trials, {{"theta_measured", "rad"}});
-    add(true, {{"omega_measured", "rad/s"}});
-    add(electrical, {{"i_d", "A"}});
-    add(true, {{"i_q", "A"}});
-    add(electrical && !trials, {{"i_d_ref", "A"}});
-    add(true, {{"i_q_ref", "A"}});
-    add(electrical, {{"i_a", "A"}, {"i_b", "A"}});
-    add(electrical && motor_phases(config) == 3, {{"i_c", "A"}});
-    add(electrical, {{"u_d", "V"}, {"u_q", "V"}});
-    add(true, {{"tau_e", "N*m"}, {"tau_cogging", "N*m"}, {"tau_load", "N*m"}, {"status", ""}});
-    std::visit(
-        [&all](const auto& law) {
-            if constexpr (requires { law.terms; }) {
-                for (const Term& term : law.terms) all.push_back({term.name, term.unit});
-            }
-        },
+#define CGL_SIGNAL(name, unit, about, when, value) \
+    if (when) all.push_back({name, unit});
+#define CGL_TERMS                                                                  \
+    std::visit(                                                                    \
+        [&all](const auto& law) {                                                  \
+            if constexpr (requires { law.terms; }) {                               \
+                for (const Term& term : law.terms) all.push_back({term.name, term.unit}); \
+            }                                                                      \
+        },                                                                         \
         config.law);
-    add(trials, {{"learned", "rad"}});
-    if (config.energy) {
-        for (const char* name : {"electrical", "copper", "friction", "load", "stored"}) {
-            all.push_back({std::string("energy_") + name, "J"});
-        }
-    }
+#include "signals.def"
+#undef CGL_SIGNAL
+#undef CGL_TERMS
     return all;
 }
 
@@ -402,41 +384,35 @@ template <std::size_t legs>
 void Drive::record(const DriveState& s, const Powers::Values& z, const Phase& phase, std::int64_t origin,
                    const Phases& current, double* row) const {
     const auto* trial_law = std::get_if<TrialLaw>(&config_.law);
-    const auto put = [&row](auto... values) { ((*row++ = static_cast<double>(values)), ...); };
+    const bool trials = trial_law != nullptr, path = follows_angle_, energy = config_.energy;
+    constexpr bool electrical = legs != 0, three_phases = legs == star_legs;
     const Torques torques = phase.plant.torques(s.plant, z, time(s.tick - origin));
     // The law sees the reference of its own sample until the next one; an error is told from where the reference is now.
     const std::int64_t since = s.tick % config_.speed_divider;
-    const bool held = since == 0 || trial_law != nullptr;
+    const bool held = since == 0 || trials;
     const Motion reference = held ? s.reference : reference_.after(s.reference, time(s.tick - since), time(since));
-
-    put(time(s.tick));
-    if (trial_law) put(s.tick / (config_.trials->samples * config_.speed_divider) + 1);
-    put(s.plant.theta_m, s.plant.omega_m, trial_law ? reference.theta : reference.omega);
-    if (follows_angle_) put(reference.theta, reference.alpha);
-    put(trial_law ? static_cast<double>(state_of(s.law, *trial_law).law.theta) : near(s.measured.theta_m, s.plant.theta_m),
-        s.measured.omega_m);
-    if constexpr (legs != 0) put(s.plant.i.d);
-    put(s.plant.i.q);
-    if (legs != 0 && !trial_law) put(s.output.i_d_ref);
-    put(s.output.i_q_ref);
-    if constexpr (legs != 0) {
-        put(current[0], current[1]);
-        if constexpr (legs == star_legs) put(current[2]);
-        put(s.output.u_d, s.output.u_q);
+    const std::int64_t trial = trials ? s.tick / (config_.trials->samples * config_.speed_divider) + 1 : 0;
+    double theta_measured = 0.0, learned = 0.0;
+    if (trials) {
+        const cgl_trial& law = state_of(s.law, *trial_law).law;
+        theta_measured = static_cast<double>(law.theta);
+        learned = static_cast<double>(law.v);
+    } else {
+        theta_measured = near(s.measured.theta_m, s.plant.theta_m);
     }
-    put(torques.electromagnetic, torques.cogging, torques.load, s.output.status);
-    std::visit(
-        [&](const auto& law) {
-            if constexpr (requires { law.terms; }) {
-                row = law.put_terms(state_of(s.law, law), row);
-            }
-        },
+#define CGL_SIGNAL(name, unit, about, when, value) \
+    if (when) *row++ = static_cast<double>(value);
+#define CGL_TERMS                                                     \
+    std::visit(                                                       \
+        [&](const auto& law) {                                        \
+            if constexpr (requires { law.terms; }) {                  \
+                row = law.put_terms(state_of(s.law, law), row);       \
+            }                                                         \
+        },                                                            \
         config_.law);
-    if (trial_law) put(state_of(s.law, *trial_law).law.v);
-    if (config_.energy) {
-        const Energy& e = s.plant.energy;
-        put(e.electrical, e.copper, e.friction, e.load, phase.plant.stored_energy(s.plant, z));
-    }
+#include "signals.def"
+#undef CGL_SIGNAL
+#undef CGL_TERMS
 }
 
 Learned Drive::learned(const DriveState& state) const {

@@ -6,9 +6,10 @@ from cogless.c_laws import C_LAWS
 from cogless.design.from_study import design_study
 from cogless.results import Results, Run, TrialResults
 from cogless.results.metrics import result_name
-from cogless.results.trace import DERIVED, Trace
+from cogless.results.trace import Trace
 from cogless.results.trial_metrics import evaluate
 from cogless.run.simulate import measure
+from cogless.signals import DERIVED
 from cogless.study import load
 from cogless.study.metric import SIGNALS
 

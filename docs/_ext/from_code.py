@@ -215,7 +215,7 @@ class LearningFactor(Parsed):
 class MetricSignals(Parsed):
     def run(self) -> list[nodes.Node]:
         from cogless.c_laws import C_LAWS
-        from cogless.results.trace import DERIVED
+        from cogless.signals import DERIVED
         from cogless.study.metric import SIGNALS
 
         laws = {"python": (), "library": ()} | {law.name: law.terms for law in C_LAWS.values()}
@@ -236,12 +236,12 @@ class MetricSignals(Parsed):
 
 class TrialSignals(Parsed):
     def run(self) -> list[nodes.Node]:
-        from cogless.results.trace import DERIVED
-        from cogless.study.trial_metric import DRIVE_SIGNALS, ONLY_REAL, linear_signals
+        from cogless.signals import DERIVED
+        from cogless.study.trial_metric import DRIVE_SIGNALS, IDEAL_SIGNALS, linear_signals
 
         by_unit: dict[str, list[str]] = {}
         for name, dimension in DRIVE_SIGNALS.items():
-            mark = f"`{name}`" + ("\\*" if name in DERIVED else "") + ("†" if name in ONLY_REAL else "")
+            mark = f"`{name}`" + ("\\*" if name in DERIVED else "") + ("" if name in IDEAL_SIGNALS else "†")
             by_unit.setdefault(dimension.unit or "bits", []).append(mark)
         lines = ["| of a drive, unit | signals |", "| --- | --- |"]
         lines += [f"| {unit.replace('*', '·')} | {', '.join(names)} |" for unit, names in by_unit.items()]

@@ -10,14 +10,11 @@ from hypothesis import strategies as st
 import cogless
 import studies
 from cogless.errors import StudyError
-from cogless.results.trace import DERIVED
 from cogless.run.drive_config import engine_config
 from cogless.study import changed, for_scenario, load
 from cogless.study.drive import Belief
-from cogless.study.metric import SIGNALS
 from cogless.study.motor import Motor
 from cogless.study.reading import parse_change, split, with_unit
-from cogless.study.trial_metric import DRIVE_SIGNALS, linear_signals
 
 MOTOR = """
 pole_pairs = 12
@@ -244,13 +241,6 @@ def test_an_override_does_not_retune_a_controller(tmp_path: Path) -> None:
     there, here = (engine_config(study, name, "fair") for name in ("step", "low"))
     assert there["mechanics"]["inertia"] == 5e-4
     assert there["controller"] == here["controller"]
-
-
-def test_signals_of_the_study_are_those_of_the_trace() -> None:
-    known = {**SIGNALS, **DRIVE_SIGNALS, **linear_signals(1)}
-    assert {name: known[name].unit for name in DERIVED} == {
-        name: unit for name, (unit, _, _) in DERIVED.items()
-    }
 
 
 # Shipped studies

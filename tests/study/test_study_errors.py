@@ -294,7 +294,7 @@ def test_chattering_needs_the_speed_loops_samples(tmp_path: Path) -> None:
 
 def test_an_unknown_signal_lists_what_there_is(tmp_path: Path) -> None:
     line = line_of(tmp_path, {"metric.0.signal": "omega"})
-    assert line.startswith('study.toml: metric.0.signal: "omega": expected a signal: theta_m, theta_ref, ')
+    assert line.startswith('study.toml: metric.0.signal: "omega": expected a signal: theta_m, omega_m, ')
 
 
 def lines_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BASE) -> list[str]:

@@ -5,7 +5,7 @@ Units: SI. Angles are mechanical and unwrapped (`theta_m`), speeds mechanical (`
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -14,35 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless.files import replacing
+from cogless.signals import DERIVED
 
 if TYPE_CHECKING:
     import xarray
 
 Array = NDArray[np.float64]
-
-
-def _energy_residual(electrical: Array, copper: Array, friction: Array, load: Array, stored: Array) -> Array:
-    return np.asarray(electrical - (copper + friction + load) - (stored - stored[0]))
-
-
-ENERGIES = ("electrical", "copper", "friction", "load", "stored")
-
-# Every signal that is computed, not recorded: name -> (unit, the recorded ones that it needs, a function).
-DERIVED: dict[str, tuple[str, tuple[str, ...], Callable[..., Array]]] = {
-    "omega_error": ("rad/s", ("omega_ref", "omega_m"), np.subtract),  # reference minus true speed
-    # the error as the controller sees it, and the sensor's, measured minus true: the true error is their sum
-    "omega_error_measured": ("rad/s", ("omega_ref", "omega_measured"), np.subtract),
-    "omega_sensor_error": ("rad/s", ("omega_measured", "omega_m"), np.subtract),
-    "i_amplitude": ("A", ("i_d", "i_q"), np.hypot),  # length of the current vector
-    # the balance's residual, which is the integrator's error
-    "energy_residual": ("J", tuple(f"energy_{name}" for name in ENERGIES), _energy_residual),
-    # torque of the motor on the rotor, cogging included
-    "tau_motor": ("N*m", ("tau_e", "tau_cogging"), np.add),
-    "theta_error": ("rad", ("theta_ref", "theta_m"), np.subtract),  # reference minus true angle
-    "theta_error_measured": ("rad", ("theta_ref", "theta_measured"), np.subtract),
-    "theta_sensor_error": ("rad", ("theta_measured", "theta_m"), np.subtract),
-    "y_error": ("", ("y_ref", "y"), np.subtract),  # of a linear plant
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,14 +44,14 @@ class Trace:
         if name in self.names:
             return np.asarray(self.data[:, self.names.index(name)])
         if name in self.derived:
-            _, needed, function = DERIVED[name]
-            return np.asarray(function(*(self[signal] for signal in needed)))
+            derived = DERIVED[name]
+            return np.asarray(derived.of(*(self[signal] for signal in derived.needs)))
         raise self._unknown(name)
 
     @property
     def derived(self) -> tuple[str, ...]:
         """Signals that are computed from what was recorded."""
-        return tuple(name for name, (_, needed, _) in DERIVED.items() if set(needed) <= set(self.names))
+        return tuple(name for name, derived in DERIVED.items() if set(derived.needs) <= set(self.names))
 
     def __contains__(self, name: object) -> bool:
         return name in self.names or name in self.derived
@@ -98,7 +75,7 @@ class Trace:
         if name in self.names:
             return self.units[self.names.index(name)]
         if name in self.derived:
-            return DERIVED[name][0]
+            return DERIVED[name].unit
         raise self._unknown(name)
 
     def _unknown(self, name: str) -> KeyError:

@@ -11,29 +11,16 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from cogless import units
 from cogless.c_laws import C_LAWS
+from cogless.signals import dimensions
 from cogless.study.scenario import Scenario
 from cogless.study.table import Duration, Many, Quantity, Table, Time, invalid
 from cogless.units import Dimension
 
 # Energies, with trace.energy: what went in since the start, where it went, the store, the balance's residual.
-ENERGIES = ("electrical", "copper", "friction", "load", "stored", "residual")
-
-TERM_UNITS = {dimension.unit: dimension for dimension in (units.CURRENT, units.TIME)}
-
-# Every signal that a run has, recorded or derived from recorded ones.
-SIGNALS: dict[str, Dimension] = {
-    **dict.fromkeys(("theta_m", "theta_ref", "theta_error"), units.ANGLE),
-    **dict.fromkeys(("theta_measured", "theta_error_measured", "theta_sensor_error"), units.ANGLE),
-    "alpha_ref": units.ANGULAR_ACCELERATION,
-    **dict.fromkeys(("omega_m", "omega_ref", "omega_error"), units.ANGULAR_SPEED),
-    **dict.fromkeys(("omega_measured", "omega_error_measured", "omega_sensor_error"), units.ANGULAR_SPEED),
-    **dict.fromkeys(("i_d", "i_q", "i_d_ref", "i_q_ref", "i_a", "i_b", "i_c", "i_amplitude"), units.CURRENT),
-    **dict.fromkeys(("u_d", "u_q"), units.VOLTAGE),
-    **dict.fromkeys(("tau_e", "tau_cogging", "tau_load", "tau_motor"), units.TORQUE),
-    "status": units.NONE,
-    **{f"energy_{name}": units.ENERGY for name in ENERGIES},
-    **{t.signal: TERM_UNITS[t.unit] for law in C_LAWS.values() if law.name != "trial" for t in law.terms},
-}
+# Every signal that a run of some drive may have, recorded or derived from recorded ones.
+SIGNALS = dimensions(
+    ("electrical", "three_phases", "path", "energy"), [name for name in C_LAWS if name != "trial"]
+)
 
 OWN_DIMENSIONS = {
     "copper-loss": units.POWER,

@@ -1,38 +1,53 @@
-"""Signals of a study's runs, and why one is missing."""
+"""Which signals a study's runs have, and why one is missing."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from cogless.c_laws import C_LAWS
+from cogless.signals import exists
 from cogless.study.space_controller import SpaceLearning
 
 if TYPE_CHECKING:
     from cogless.study.laws import AnyController
     from cogless.study.study import Study
 
-OF_THE_CURRENT_LOOP = {"i_d", "i_d_ref", "i_a", "i_b", "i_c", "i_amplitude", "u_d", "u_q"}
-OF_A_PATH = {"theta_ref", "theta_error", "theta_error_measured", "alpha_ref"}
+OF_A_LAW = "expected a signal that a controller of this study has"
+# What a signal may need of a drive (signals.def), and what to say where that is missing.
+NEEDED = {
+    "electrical": "expected another, since the current loop is ideal",
+    "three_phases": "expected another, since the motor has two phases",
+    "energy": "expected another, or trace.energy = true",
+    "path": OF_A_LAW,
+}
 
 
 def terms(law: AnyController) -> set[str]:
-    """Signals that a law records of its own."""
+    """The parts of its output that a law records."""
     found = {term.signal for term in C_LAWS[law.law].terms} if law.law in C_LAWS else set()
     if not isinstance(law, SpaceLearning):
         return found
     unused = {*("term_beta", "term_h")[law.channels - 1 :], *(() if law.memory == "delay" else ("P_t",))}
-    return (found - unused) | OF_A_PATH
+    return found - unused
+
+
+def kinds(study: Study) -> set[str]:
+    """What a study's drive has of what signals need."""
+    has = {
+        "electrical": not study.drive.ideal,
+        "three_phases": study.motor.star().phases == 3,
+        "energy": study.trace.energy,
+        "path": any(isinstance(law, SpaceLearning) for law in study.controller.values()),
+    }
+    return {kind for kind, there in has.items() if there}
 
 
 def missing(study: Study, signal: str) -> str | None:
-    """The message for a signal that no run of the study has; None where one has it."""
-    if signal in OF_THE_CURRENT_LOOP and study.drive.ideal:
-        return "expected another, since the current loop is ideal"
-    if signal == "i_c" and study.motor.star().phases == 2:
-        return "expected another, since the motor has two phases"
-    if signal.startswith("energy_"):
-        return None if study.trace.energy else "expected another, or trace.energy = true"
-    own = signal.startswith("term_") or signal == "P_t" or signal in OF_A_PATH
-    if own and not any(signal in terms(law) for law in study.controller.values()):
-        return "expected a signal that a controller of this study has"
-    return None
+    """What was expected in place of a signal that no run of the study has; None where one has it."""
+    if any(signal == term.signal for law in C_LAWS.values() for term in law.terms):
+        return None if any(signal in terms(law) for law in study.controller.values()) else OF_A_LAW
+    found = kinds(study)
+    if exists(signal, found):
+        return None
+    lacks = (kind for kind in NEEDED if kind not in found and not exists(signal, NEEDED.keys() - {kind}))
+    return NEEDED[next(lacks)]

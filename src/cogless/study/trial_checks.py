@@ -13,7 +13,7 @@ from cogless.study import checks, numerics
 from cogless.study.metric import result_name
 from cogless.study.table import invalid
 from cogless.study.trial_controller import FilteredLaw, NormOptimalIlc, StateIlc
-from cogless.study.trial_metric import DRIVE_SIGNALS, ONLY_REAL, linear_signals
+from cogless.study.trial_metric import DRIVE_SIGNALS, IDEAL_SIGNALS, linear_signals
 from cogless.study.trial_scenario import TrialConditions, WithUnit
 
 if TYPE_CHECKING:
@@ -192,9 +192,10 @@ def integration(study: TrialStudy) -> None:
 
 def metrics(study: TrialStudy) -> None:
     """Metrics have names of their own, and scenarios and signals that exist."""
-    known = DRIVE_SIGNALS if study.plant is None else linear_signals(study.states)
-    if study.drive is not None and study.drive.ideal:
-        known = {key: dimension for key, dimension in known.items() if key not in ONLY_REAL}
+    if study.drive is None:
+        known = linear_signals(study.states)
+    else:
+        known = IDEAL_SIGNALS if study.drive.ideal else DRIVE_SIGNALS
     for index, metric in enumerate(study.metric):
         if metric.signal not in known:
             raise invalid(f"expected a signal: {', '.join(known)}", "metric", index, "signal")

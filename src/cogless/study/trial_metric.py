@@ -9,30 +9,19 @@ from pydantic_core import PydanticCustomError
 
 from cogless import units
 from cogless.c_laws import C_LAWS
+from cogless.signals import dimensions
 from cogless.study.table import Many, Quantity, Table, invalid
 from cogless.units import Dimension
 
-TERMS = tuple(term.signal for term in C_LAWS["trial"].terms)
-
-# Every signal that a drive's trial has, recorded or derived from recorded ones.
-DRIVE_SIGNALS: dict[str, Dimension] = {
-    **dict.fromkeys(
-        ("theta_m", "theta_ref", "theta_measured", "theta_error", "theta_error_measured"), units.ANGLE
-    ),
-    **dict.fromkeys(("omega_m", "omega_measured"), units.ANGULAR_SPEED),
-    **dict.fromkeys(("i_d", "i_q", "i_q_ref", "i_a", "i_b", "i_c"), units.CURRENT),
-    **dict.fromkeys(("u_d", "u_q"), units.VOLTAGE),
-    **dict.fromkeys(("tau_e", "tau_cogging", "tau_load"), units.TORQUE),
-    **dict.fromkeys(TERMS, units.CURRENT),
-    "learned": units.ANGLE,
-    "status": units.NONE,
-}
-ONLY_REAL = ("i_d", "i_a", "i_b", "i_c", "u_d", "u_q")  # not with an ideal current loop
+# Every signal that a drive's trial may have, recorded or derived, and those with an ideal current loop.
+DRIVE_SIGNALS = dimensions(("trials", "electrical", "three_phases"), ["trial"])
+IDEAL_SIGNALS = dimensions(("trials",), ["trial"])
 
 
 def linear_signals(states: int) -> dict[str, Dimension]:
     """Every signal of a linear plant's trial; they have no unit."""
-    names = ("y_ref", "y", "y_error", "u", "load", *TERMS, "learned", "status")
+    terms = (term.signal for term in C_LAWS["trial"].terms)
+    names = ("y_ref", "y", "y_error", "u", "load", *terms, "learned", "status")
     return dict.fromkeys((*names, *(f"x_{i + 1}" for i in range(states))), units.NONE)
 
 

@@ -6,37 +6,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from cogless.signals import RECORDED
+
 Kind = Literal["real", "integer", "boolean"]
 Causality = Literal["independent", "parameter", "input", "output"]
 
 # Signals that are counted, not measured.
 INTEGERS = ("status", "trial")
 
-# One line about each recorded signal; parts of a law's output are terms.
-SIGNALS = {
-    "trial": "number of the trial, from 1",
-    "theta_m": "mechanical angle of the rotor, not wrapped",
-    "omega_m": "mechanical speed",
-    "theta_ref": "mechanical angle reference",
-    "theta_measured": "mechanical angle as the law sees it",
-    "omega_ref": "mechanical speed reference",
-    "alpha_ref": "derivative of the speed reference",
-    "omega_measured": "mechanical speed as the law sees it",
-    "i_d": "d-axis current",
-    "i_q": "q-axis current",
-    "i_d_ref": "d-axis current reference",
-    "i_q_ref": "q-axis current reference",
-    "i_a": "phase current",
-    "i_b": "phase current",
-    "i_c": "phase current",
-    "u_d": "d-axis voltage that the current loop asks for",
-    "u_q": "q-axis voltage that the current loop asks for",
-    "tau_e": "electromagnetic torque",
-    "tau_cogging": "cogging torque",
-    "tau_load": "load torque",
-    "status": "bits of the controller's status, CGL_STATUS_ in cogless/status.h",
-    "learned": "what the trial law has learned for this sample",
-}
 TERM = "part of the law's output"
 
 
@@ -78,7 +55,7 @@ def real(causality: Causality, name: str, unit: str, about: str, start: float = 
 def signal(name: str, unit: str) -> Variable:
     """A recorded signal as an output."""
     kind: Kind = "integer" if name in INTEGERS else "real"
-    about = SIGNALS.get(name, TERM if name.startswith("term_") else "")
+    about = RECORDED[name].about if name in RECORDED else TERM
     return Variable(name, kind, "output", about, unit)
 
 

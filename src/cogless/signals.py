@@ -1,0 +1,99 @@
+"""Every signal of a run: what the engine records, as its signals.def lists it, and what follows from that."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cogless import units
+from cogless.c_laws import C_LAWS
+from cogless.files import control_sources
+from cogless.units import Dimension
+
+ROW = re.compile(r'^CGL_SIGNAL\("(\w+)", "(.*?)", "(.*?)", ([\w ]+), .*\)$', re.MULTILINE)
+DIMENSIONS: dict[str, Dimension] = {
+    dimension.unit: dimension
+    for dimension in (
+        units.TIME,
+        units.ANGLE,
+        units.ANGULAR_SPEED,
+        units.ANGULAR_ACCELERATION,
+        units.CURRENT,
+        units.VOLTAGE,
+        units.TORQUE,
+        units.ENERGY,
+        units.NONE,
+    )
+}
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A signal that the engine records; `when`: the kinds of drive that have it (signals.def)."""
+
+    unit: str
+    about: str
+    when: str
+
+    def exists(self, kinds: Collection[str]) -> bool:
+        """Whether a drive of these kinds has it."""
+
+        def holds(word: str) -> bool:
+            return word == "true" or (word[4:] not in kinds if word.startswith("not ") else word in kinds)
+
+        return any(all(map(holds, each.split(" and "))) for each in self.when.split(" or "))
+
+
+@dataclass(frozen=True)
+class Derived:
+    """A signal that is computed of recorded ones."""
+
+    unit: str
+    needs: tuple[str, ...]
+    of: Callable[..., Any]
+
+
+def _recorded() -> dict[str, Recorded]:
+    text = (control_sources().parents[1] / "simulator" / "signals.def").read_text(encoding="utf-8")
+    return {name: Recorded(*row) for name, *row in ROW.findall(text)}
+
+
+def _residual(electrical: Any, copper: Any, friction: Any, load: Any, stored: Any) -> Any:
+    return np.asarray(electrical - (copper + friction + load) - (stored - stored[0]))
+
+
+RECORDED = _recorded()
+DERIVED = {
+    "omega_error": Derived("rad/s", ("omega_ref", "omega_m"), np.subtract),  # reference minus true speed
+    # the error as the controller sees it, and the sensor's, measured minus true: the true error is their sum
+    "omega_error_measured": Derived("rad/s", ("omega_ref", "omega_measured"), np.subtract),
+    "omega_sensor_error": Derived("rad/s", ("omega_measured", "omega_m"), np.subtract),
+    "i_amplitude": Derived("A", ("i_d", "i_q"), np.hypot),  # length of the current vector
+    # the balance's residual, which is the integrator's error
+    "energy_residual": Derived("J", tuple(n for n in RECORDED if n.startswith("energy_")), _residual),
+    # torque of the motor on the rotor, cogging included
+    "tau_motor": Derived("N*m", ("tau_e", "tau_cogging"), np.add),
+    "theta_error": Derived("rad", ("theta_ref", "theta_m"), np.subtract),  # reference minus true angle
+    "theta_error_measured": Derived("rad", ("theta_ref", "theta_measured"), np.subtract),
+    "theta_sensor_error": Derived("rad", ("theta_measured", "theta_m"), np.subtract),
+    "y_error": Derived("", ("y_ref", "y"), np.subtract),  # of a linear plant
+}
+
+
+def exists(name: str, kinds: Collection[str]) -> bool:
+    """Whether a drive of these kinds (signals.def) has a signal, recorded or derived."""
+    if name in DERIVED:
+        return all(exists(needed, kinds) for needed in DERIVED[name].needs)
+    return name in RECORDED and RECORDED[name].exists(kinds)
+
+
+def dimensions(kinds: Collection[str], laws: Collection[str]) -> dict[str, Dimension]:
+    """Every signal of drives of these kinds but the time, and the parts of the output of these laws."""
+    found = {name: each.unit for name, each in (RECORDED | DERIVED).items() if exists(name, kinds)}
+    del found["time"]
+    found |= {term.signal: term.unit for name in laws for term in C_LAWS[name].terms}
+    return {name: DIMENSIONS[unit] for name, unit in found.items()}
