@@ -803,7 +803,8 @@ static void check_monitor(const cgl_monitor_config *config, const cgl_monitor *m
     CHECK(monitor->blind <= limits->window + 1U && monitor->lost >= monitor->gap);
     CHECK(monitor->safe == (monitor->holding > 0U));
     CHECK(!(monitor->safe && monitor->trusted));
-    CHECK((monitor->status == 0U && monitor->gap == 0U && monitor->blind == 0U && monitor->standing == 0U)
+    CHECK((monitor->status == 0U && monitor->gap == 0U && monitor->blind == 0U && monitor->standing == 0U
+           && !monitor->was_stuck)
           == monitor->trusted);
     CHECK((monitor->blind > 0U) == (monitor->dark > 0U));
     CHECK(monitor->safe == ((monitor->status & (unsigned)CGL_STATUS_FAULT) != 0U));
