@@ -216,7 +216,9 @@ def test_an_order_that_no_run_yields_keeps_the_runs(
     assert "not finite" in (tmp_path / "report.html").read_text()
 
 
-COMMAND = [sys.executable, "-c", "from cogless.cli import main; main()"]
+# A shell's background jobs ignore Ctrl-C, and so would what they start.
+HEARS = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+COMMAND = [sys.executable, "-c", HEARS + "from cogless.cli import main; main()"]
 WAITS = {
     "steps": "pass",  # and is asked to stop between two
     "sleeps": "time.sleep(600)",

@@ -15,7 +15,7 @@ from typing import NamedTuple
 TOOLS = Path(sys.executable).parent
 LONGEST_TEST = 300  # s; one that takes longer has noticed
 LIKELY = 6  # files of tests that run before the rest is so much as collected
-MEMORY = 12 << 30  # bytes
+MEMORY = 12 << 30  # bytes that are written to: a browser reserves far more than it uses
 
 
 class Verdict(NamedTuple):
@@ -98,7 +98,7 @@ class Tree:
 
     def _tested(self, *arguments: str) -> tuple[int, str]:
         limits = ["-o", f"faulthandler_timeout={LONGEST_TEST}", "-o", "faulthandler_exit_on_timeout=true"]
-        pytest = ["prlimit", f"--as={MEMORY}", sys.executable, "-m", "pytest"]
+        pytest = ["prlimit", f"--data={MEMORY}", sys.executable, "-m", "pytest"]
         command = [*pytest, "-v", "--tb=no", "-p", "no:cacheprovider", *limits, *arguments]
         done = self._start(*command)
         return done.returncode, done.stdout
