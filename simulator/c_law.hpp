@@ -22,27 +22,26 @@
 
 namespace cogless {
 
+#define CGL_NAMES(law, stem, step_function)         \
+    using Config = cgl_##stem##_config;             \
+    using State = cgl_##stem;                       \
+    static constexpr const char* name = law;        \
+    static constexpr auto init = cgl_##stem##_init; \
+    static constexpr auto step = step_function;
 #define CGL_LAW_WITHOUT_MEMORY(law, stem, header, step_function) \
     struct stem##_row {                                          \
-        using Config = cgl_##stem##_config;                      \
-        using State = cgl_##stem;                                \
-        static constexpr const char* name = law;                 \
-        static constexpr auto init = cgl_##stem##_init;          \
-        static constexpr auto step = step_function;              \
+        CGL_NAMES(law, stem, step_function)                      \
     };
-#define CGL_LAW(law, stem, header, step_function, cells, entries)                            \
-    struct stem##_row {                                                                      \
-        using Config = cgl_##stem##_config;                                                  \
-        using State = cgl_##stem;                                                            \
-        static constexpr const char* name = law;                                             \
-        static constexpr auto init = cgl_##stem##_init;                                      \
-        static constexpr auto step = step_function;                                          \
-        static constexpr auto map_of = cgl_map_of_##stem;                                    \
-        static std::uint32_t length(const Config& c) { return entries; }                     \
+#define CGL_LAW(law, stem, header, step_function, cells, entries)                                \
+    struct stem##_row {                                                                          \
+        CGL_NAMES(law, stem, step_function)                                                      \
+        static constexpr auto map_of = cgl_map_of_##stem;                                        \
+        static std::uint32_t length(const Config& c) { return entries; }                         \
         static void set_memory(State& s, std::vector<cgl_real>& cell) { s.cells = cell.data(); } \
     };
 #define CGL_TERM(stem, signal, unit, member, share, when)
 #include "cogless/laws.def"
+#undef CGL_NAMES
 #undef CGL_LAW_WITHOUT_MEMORY
 #undef CGL_LAW
 #undef CGL_TERM
@@ -142,7 +141,6 @@ struct CLaw {
     Config config;
     int pole_pairs;
     bool calibrate = false;  // start with the calibration run of a law that has one
-    std::vector<Term> terms = terms_of<Row>(config);
 
     State start() const {
         State s{};
@@ -168,6 +166,7 @@ struct CLaw {
         if constexpr (HasMemory<Row>) law.memory_length = Row::length(config);
         return law;
     }
+    std::vector<Term> terms() const { return terms_of<Row>(config); }
     double* put_terms(const State& s, double* out) const { return cogless::put_terms<Row>(config, s.law, out); }
 
     static std::vector<cgl_real>& cells(State& s)

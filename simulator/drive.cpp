@@ -24,20 +24,24 @@ bool follows_angle(const Law& law) {
     return std::visit([]<class One>(const One&) { return FollowsAngle<One>; }, law);
 }
 
+// The signals of the parts of a law's output, if it has any.
+void append_terms(std::vector<Signal>& all, const Law& law) {
+    std::visit(
+        [&all](const auto& l) {
+            if constexpr (requires { l.terms(); }) {
+                for (const Term& term : l.terms()) all.push_back({term.name, term.unit});
+            }
+        },
+        law);
+}
+
 std::vector<Signal> signals_of(const DriveConfig& config) {
     const bool trials = config.trials.has_value(), electrical = !config.ideal_current, energy = config.energy;
     const bool three_phases = motor_phases(config) == 3, path = follows_angle(config.law);
     std::vector<Signal> all;
 #define CGL_SIGNAL(name, unit, about, when, value) \
     if (when) all.push_back({name, unit});
-#define CGL_TERMS                                                                  \
-    std::visit(                                                                    \
-        [&all](const auto& law) {                                                  \
-            if constexpr (requires { law.terms; }) {                               \
-                for (const Term& term : law.terms) all.push_back({term.name, term.unit}); \
-            }                                                                      \
-        },                                                                         \
-        config.law);
+#define CGL_TERMS append_terms(all, config.law);
 #include "signals.def"
 #undef CGL_SIGNAL
 #undef CGL_TERMS
@@ -79,6 +83,19 @@ auto& state_of(LawState& state, const One&) {
 template <class One>
 const auto& state_of(const LawState& state, const One&) {
     return *std::get_if<typename One::State>(&state);
+}
+
+// Writes those parts of the last step, and returns what is behind them.
+double* put_terms(const Law& law, const LawState& state, double* row) {
+    return std::visit(
+        [&](const auto& l) {
+            if constexpr (requires { l.terms(); }) {
+                return l.put_terms(state_of(state, l), row);
+            } else {
+                return row;
+            }
+        },
+        law);
 }
 
 }  // namespace
@@ -402,14 +419,7 @@ void Drive::record(const DriveState& s, const Powers::Values& z, const Phase& ph
     }
 #define CGL_SIGNAL(name, unit, about, when, value) \
     if (when) *row++ = static_cast<double>(value);
-#define CGL_TERMS                                                     \
-    std::visit(                                                       \
-        [&](const auto& law) {                                        \
-            if constexpr (requires { law.terms; }) {                  \
-                row = law.put_terms(state_of(s.law, law), row);       \
-            }                                                         \
-        },                                                            \
-        config_.law);
+#define CGL_TERMS row = put_terms(config_.law, s.law, row);
 #include "signals.def"
 #undef CGL_SIGNAL
 #undef CGL_TERMS

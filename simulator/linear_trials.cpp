@@ -12,7 +12,7 @@ std::vector<Signal> signals_of(const LinearTrialsConfig& config) {
     std::vector<Signal> all{{"time", "s"}, {"trial", ""}, {"y_ref", ""}, {"y", ""}, {"u", ""}, {"load", ""}};
     for (std::size_t n = 1; n <= config.C.size(); ++n) all.push_back({"x_" + std::to_string(n), ""});
     all.push_back({"status", ""});
-    for (const Term& term : config.law.terms) all.push_back({term.name, ""});
+    for (const Term& term : config.law.terms()) all.push_back({term.name, ""});
     all.push_back({"learned", ""});
     return all;
 }

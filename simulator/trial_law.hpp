@@ -20,7 +20,6 @@ struct TrialLaw {
     };
     cgl_trial_config config;
     std::shared_ptr<const std::vector<cgl_real>> learning_matrix;  // none, or where config points to
-    std::vector<Term> terms = terms_of<trial_row>(config);
 
     State start() const {
         State s{};
@@ -62,6 +61,7 @@ struct TrialLaw {
         return {trial_row::name, &config, sizeof config, trial_row::length(config)};
     }
     static std::vector<cgl_real>& cells(State& s) { return s.memory; }
+    std::vector<Term> terms() const { return terms_of<trial_row>(config); }
     double* put_terms(const State& s, double* out) const { return cogless::put_terms<trial_row>(config, s.law, out); }
     Learned learned(const State& s) const {
         return {std::vector<double>(s.memory.begin(), s.memory.begin() + config.samples), Over::trial};

@@ -22,7 +22,6 @@ class Term:
     signal: str
     unit: str
     learned: bool
-    always: bool  # whatever the configuration
 
 
 @dataclass(frozen=True)
@@ -86,8 +85,8 @@ def _laws() -> Iterator[CLaw]:
     terms: dict[str, list[Term]] = {}
     for kind, (stem, *row) in rows:
         if kind == "TERM":
-            signal, unit, _, share, when = row
-            terms.setdefault(stem, []).append(Term(signal, unit, share == "learned", when == "true"))
+            signal, unit, _, share, _ = row
+            terms.setdefault(stem, []).append(Term(signal, unit, share == "learned"))
     for kind, row in rows:
         if kind != "TERM":
             name, stem, header, step, *memory = row

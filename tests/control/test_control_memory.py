@@ -73,7 +73,7 @@ def random_inputs(rng, steps, real, faults):
 
 @pytest.mark.filterwarnings("ignore:invalid value")
 @pytest.mark.parametrize("kind", ["angle", "time"])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(12))
 def test_double_equals_the_reference(kind, seed):
     """Standstill, reversal, jumps, freezing, angles that are no numbers; the C's map equals the record's
     last values."""
@@ -92,7 +92,7 @@ def test_double_equals_the_reference(kind, seed):
 
 
 @pytest.mark.parametrize("kind", ["angle", "time"])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(8))
 def test_single_stays_within_rounding(kind, seed):
     """Rounding moves a place in the memory by delta = 2 eps times the place counted from the period's start
     (by angle: cells in a revolution; by time: samples), which costs delta times the step between neighbours

@@ -162,7 +162,7 @@ def status(library, reference) -> int:
 
 @pytest.mark.parametrize("law", ["position", "speed"])
 @pytest.mark.parametrize("kind", ["map", "ode", "inversion"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(8))
 def test_double_equals_the_reference(law, kind, seed):
     rng = np.random.default_rng(seed)
     library = control_library("double")
@@ -189,7 +189,7 @@ def test_double_equals_the_reference(law, kind, seed):
 
 @pytest.mark.parametrize("law", ["position", "speed"])
 @pytest.mark.parametrize("kind", ["map", "ode", "inversion"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(6))
 def test_single_stays_within_rounding(law, kind, seed):
     """As for the other learning laws (test_control_speed_laws.py): eps a step, at random, for the integral;
     and what is learned is read at a place that is off by the rounding of ratio theta and of the place, once a

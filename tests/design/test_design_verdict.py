@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -56,11 +57,11 @@ SWING = {"reference": {"offset": "0 rad/s", "amplitude": "0.5 rad/s", "frequency
 TURNING = {"reference": {"profile": [["0 s", "0.3 rad/s"], ["10 s", "0.3 rad/s"], ["12 s", "-0.3 rad/s"]]}}
 WIDE = {"reference.amplitude": "0.25 rad/s"}
 GRID: list[Changes] = [
-    *({"law.mu_h": mu_h} for mu_h in (0.1, 10.0)),
-    *({"law.mu_alpha": mu} for mu in (800.0, 25000.0)),
-    *({"law.q_half_width": q, "reference": f"{speed} rad/s"} for q, speed in ((0, 0.3), (5, -0.3))),
-    *({"law.q_half_width": q, "drive.inverter.computation_delay": 1} for q in (0, 12)),
-    *({"law.q_half_width": 20, "drive.rates.speed_loop": f"{rate} kHz"} for rate in (1, 5)),
+    *({"law.mu_h": mu_h} for mu_h in (0.1, 3.0, 10.0)),
+    *({"law.mu_alpha": mu} for mu in (800.0, 2500.0, 25000.0)),
+    *({"law.q_half_width": q, "reference": f"{speed} rad/s"} for q, speed in product((0, 5), (-0.3, 0.3))),
+    *({"law.q_half_width": q, "drive.inverter.computation_delay": 1} for q in (0, 5, 12)),
+    *({"law.q_half_width": 20, "drive.rates.speed_loop": f"{rate} kHz"} for rate in (1, 2, 5)),
     *({f"law.{key}": value} for key, value in (("v_0", 60.0), ("v_2", 0.5), ("k_v", 3e3), ("k_v", 2e4))),
     {"reference": {"speed": "0.3 rad/s", "ramp": "1 rad/s^2"}},
     {"law.q_half_width": 0},
@@ -90,7 +91,7 @@ def test_the_verdict_agrees_with_runs_over_a_grid() -> None:
         elif not found.kind.startswith("may"):
             assert late > SHOWS, (changes, found)
         seen[found.kind] = seen.get(found.kind, 0) + 1
-    assert seen["settles"] >= 7 and seen["unstable"] >= 3 and seen["grows"] >= 3
+    assert seen["settles"] >= 10 and seen["unstable"] >= 5 and seen["grows"] >= 3
     assert seen["feedback unstable"] == 2
 
 

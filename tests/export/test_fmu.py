@@ -141,8 +141,9 @@ def single(shared: None, tmp_path_factory: pytest.TempPathFactory) -> Exported:
 
 @pytest.fixture(scope="module")
 def trials(shared: None, tmp_path_factory: pytest.TempPathFactory) -> Exported:
-    """With a filter of what is learned, load steps, and another rotor in the end."""
+    """In double precision, with a filter of what is learned, load steps, and another rotor in the end."""
     changes = {
+        "drive.precision": "double",
         "scenario.move.trials": 4,
         "scenario.move.duration": "0.1 s",
         "scenario.move.reference": [["0.01 s", "0 rad"], ["0.08 s", "0.2 rad"]],

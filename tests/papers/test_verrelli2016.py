@@ -82,15 +82,15 @@ def test_learning_helps_on_a_fair_feedback_too(runs: dict[tuple[str, str], Run])
     assert learned["angle_after_rad"] < 0.3 * fair["angle_after_rad"]
 
 
-def test_a_quarter_of_an_hour_stays_bounded_and_no_worse() -> None:
+def test_one_hour_stays_bounded_and_no_worse() -> None:
     study = load(
         "verrelli2016",
-        {"trace.rate": "100 Hz", "metric": [], "scenario.two-minutes.duration": "900 s"},
+        {"trace.rate": "100 Hz", "metric": [], "scenario.two-minutes.duration": "3600 s"},
     )
     (run,) = run_study(study, ["two-minutes/filtered"]).runs
     error = 50 * run.trace["omega_error"]
     minute = np.ptp(error[run.trace.window(60, 120)])
-    last = np.ptp(error[run.trace.window(840, 900)])
+    last = np.ptp(error[run.trace.window(3540, 3600)])
     assert last <= minute < 0.08
 
 
