@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from cogless.report.comparison import pretty
 from cogless.report.packing import number
 from cogless.results import Run
-from cogless.results.metrics import result_name
-from cogless.results.trial_metrics import SETTLED_SHARE
+from cogless.results.metrics import SETTLED_SHARE, result_name
 from cogless.study import TrialStudy
-from cogless.study.trial_metric import DRIVE_SIGNALS, TrialMetric
+from cogless.study.metric import SIGNALS, Metric
 from cogless.units import factor
 
 Array = NDArray[np.float64]
@@ -28,7 +27,7 @@ class Judged:
     unit: str  # as it is printed; empty: none
     scale: float  # SI value of a unit
     floor: float | None
-    metrics: Sequence[TrialMetric]  # those of this signal
+    metrics: Sequence[Metric]  # those of this signal
 
     @property
     def quantity(self) -> str:
@@ -52,9 +51,9 @@ def judged(study: TrialStudy, scenario: str) -> Judged:
     metrics = [m for m in study.metrics_in(scenario) if m.better == "lower"]
     floors = [m for m in metrics if m.kind == "trials-to-floor"]
     chosen = [*floors, *(m for m in metrics if m.kind != "maximum")]
-    signal = chosen[0].signal if chosen else "theta_error" if study.plant is None else "y_error"
+    signal = (chosen and chosen[0].signal) or ("theta_error" if study.plant is None else "y_error")
     unit, scale = display_unit(study, signal)
-    floor = floors[0].threshold / scale if floors else None
+    floor = floors[0].floor / scale if floors and floors[0].floor else None
     return Judged(signal, unit, scale, floor, [m for m in metrics if m.signal == signal])
 
 
@@ -63,7 +62,7 @@ def display_unit(study: TrialStudy, signal: str) -> tuple[str, float]:
 
     One error is shown as another is.
     """
-    dimension = DRIVE_SIGNALS.get(signal) if study.plant is None else None
+    dimension = SIGNALS.get(signal) if study.plant is None else None
     if dimension is None:
         return "", 1.0
     alike = [m for m in study.metric if m.signal == signal or {m.signal, signal} <= NAMES.keys()]

@@ -7,6 +7,7 @@ import math
 from cogless.report.comparison import Line, pretty
 from cogless.results import TrialResults
 from cogless.results.metrics import result_name
+from cogless.study.metric import EACH_TRIAL
 from cogless.units import factor
 
 
@@ -16,7 +17,7 @@ def phase_lines(results: TrialResults, scenario: str) -> list[Line]:
     runs = [run for run in results.runs if run.scenario == scenario]
     lines = []
     for metric in study.metrics_in(scenario):
-        if metric.per_trial:
+        if metric.kind in EACH_TRIAL:
             continue
         dimension = metric.dimension
         unit = metric.unit or dimension.unit

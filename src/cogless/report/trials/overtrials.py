@@ -14,6 +14,7 @@ from cogless.report.trials.errors import Array, Judged, judged, rms_of_trials
 from cogless.report.trials.phases import phases, zooms
 from cogless.results import Run, TrialResults
 from cogless.results.metrics import result_name
+from cogless.study.metric import EACH_TRIAL
 from cogless.units import factor
 
 
@@ -38,7 +39,7 @@ def _others(results: TrialResults, scenario: str, runs: Sequence[Run], about: Ju
     """Charts of each further metric with a number a trial."""
     charts = []
     for metric in results.study.metrics_in(scenario):
-        if not metric.per_trial or (metric.kind, metric.signal) == ("rms", about.signal):
+        if metric.kind not in EACH_TRIAL or (metric.kind, metric.signal) == ("rms", about.signal):
             continue
         unit = metric.unit or metric.dimension.unit
         scale = factor(unit, metric.dimension) if metric.unit and metric.dimension.unit else 1.0
