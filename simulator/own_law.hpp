@@ -39,7 +39,6 @@ struct PluginLaw {
         step_function(s.data(), &input, &output);
         return {output.i_d_ref, output.i_q_ref, 0};
     }
-    LawConfig describe() const { return {"library"}; }
 };
 
 // A law written in Python; its object holds the state, and a copy of the drive's state shares it.
@@ -49,7 +48,6 @@ struct CallbackLaw {
 
     State start() const { return {}; }
     Command step(State&, const LawInput& in) const { return function(in); }
-    LawConfig describe() const { return {"python"}; }
 };
 
 }  // namespace cogless

@@ -19,7 +19,8 @@ Reals = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A controller to run. `memory`: the law's at first. `ticks`: current-loop periods of the scenario."""
+    """A controller to run. `memory`: the law's at first. `ticks`: current-loop periods of the scenario.
+    `description`: the engine's."""
 
     study: AnyStudy
     scenario: str
@@ -27,14 +28,9 @@ class Prepared:
     engine: Any
     drive: Any
     memory: Reals
-    config: dict[str, Any]  # Drive.controller_config()
+    description: dict[str, Any]
     ticks: int
     rate: int  # Hz, of the current loop
-
-    @property
-    def precision(self) -> str:
-        """ "f" for float, "d" for double."""
-        return "d" if self.engine.real_bits == 64 else "f"
 
     def start(self) -> Any:
         """The state at time zero, with what was learned before."""
@@ -105,20 +101,19 @@ def prepare(study: AnyStudy, scenario: str, controller: str) -> Prepared:
         if isinstance(study, TrialStudy):
             from cogless.run.trials import drive_of
 
-            engine, drive, ticks = drive_of(study, scenario, controller)
+            engine, drive, ticks, description = drive_of(study, scenario, controller)
             table: Any = []
             assert study.drive is not None
             rate = study.drive.rates.current_loop
         else:
             from cogless.run.simulate import drive_of as speed_drive_of
 
-            engine, drive, ticks, table = speed_drive_of(study, scenario, controller, Event())
+            engine, drive, ticks, table, description = speed_drive_of(study, scenario, controller, Event())
             rate = for_scenario(study, scenario).drive.rates.current_loop
     memory = drive.law_memory(drive.start())
     if len(table):
         memory = np.asarray(table, memory.dtype)
-    config = drive.controller_config()
-    return Prepared(study, scenario, controller, engine, drive, memory, config, ticks, round(rate))
+    return Prepared(study, scenario, controller, engine, drive, memory, description, ticks, round(rate))
 
 
 def first_scenario(study: AnyStudy, controller: str, wanted: str | None = None) -> str:

@@ -30,7 +30,7 @@ def no_load_speed(bus_voltage: float, motor: StarMotor, belief: StarBelief) -> f
 def monitor_config(
     drive: Drive | TrialDrive, motor: StarMotor, belief: StarBelief, divider: int
 ) -> dict[str, float]:
-    """Every bound of the monitor, SI; `motor`: its pole pairs and phases count, the rest is belief."""
+    """cgl_monitor_config; `motor`: its pole pairs and phases count, the rest is belief."""
     sensor, loop = drive.position_sensor, drive.current_loop
     period = 1 / drive.rates.current_loop
     step, window = 0.0, 0.0
@@ -49,6 +49,8 @@ def monitor_config(
         "current_sum": 0.0,
         "bridge": BRIDGE,
         "hold": HOLD,
+        "ts": period,
+        "phases": 0 if drive.ideal else motor.phases,
     }
     if drive.inverter is not None and not isinstance(loop, IdealCurrentLoop):
         derived["omega_max"] = SPEED_MARGIN * no_load_speed(drive.inverter.bus_voltage, motor, belief)
@@ -59,7 +61,8 @@ def monitor_config(
     return derived | given
 
 
-def quality_config(drive: Drive | TrialDrive) -> dict[str, float]:
-    """Settings of the residual ripple, SI: the angle that it is taken over is a revolution by default."""
+def quality_config(drive: Drive | TrialDrive, divider: int) -> dict[str, float]:
+    """cgl_quality_config: the angle that ripple is taken over is a revolution by default."""
     quality = drive.quality
-    return {**quality.model_dump(), "span": 2 * math.pi if quality.span is None else quality.span}
+    span = 2 * math.pi if quality.span is None else quality.span
+    return {**quality.model_dump(), "span": span, "ts": 1 / drive.rates.current_loop * divider}

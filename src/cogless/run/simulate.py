@@ -14,8 +14,6 @@ from itertools import islice
 from threading import Event
 from typing import Any, overload
 
-import numpy as np
-
 from cogless.errors import StudyError
 from cogless.maps import learned_map
 from cogless.results import AnyResults, Results, Run, TrialResults
@@ -174,7 +172,7 @@ def _run(study: Study, scenario: str, controller: str, progress: Progress, stop:
     study_here = for_scenario(study, scenario)
     rates = study_here.drive.rates
     decimation = round(rates.current_loop / study_here.trace_rate)
-    engine, drive, ticks, table = drive_of(study, scenario, controller, stop)
+    engine, drive, ticks, table, _ = drive_of(study, scenario, controller, stop)
     state = drive.start()
     if len(table):
         drive.load_memory(state, table)
@@ -193,13 +191,17 @@ def _run(study: Study, scenario: str, controller: str, progress: Progress, stop:
     broken = responses(faults_in(study, scenario), trace, limit, law.learns)
     if not law.learns:
         quality = {key: quality[key] for key in ("known", "residual")}
-    learned = _memory(drive, state)
-    stored = learned_map.of_run(study, drive.stored(state))
-    return Run(scenario, controller, trace, learned, metrics, quality=quality, faults=broken, map=stored)
+    stored = drive.stored(state)
+    memory = learned_map.memory_of(study_here, law, stored)
+    kept = learned_map.of_run(study, stored)
+    return Run(scenario, controller, trace, memory, metrics, quality=quality, faults=broken, map=kept)
 
 
-def drive_of(study: Study, scenario: str, controller: str, stop: Event) -> tuple[Any, Any, int, Any]:
-    """The engine's module, the drive, its ticks, and the table that it starts with, A, or none: [].
+def drive_of(
+    study: Study, scenario: str, controller: str, stop: Event
+) -> tuple[Any, Any, int, Any, dict[str, Any]]:
+    """The engine's module, the drive, its ticks, the table that it starts with, A, or none: [], and the
+    engine's description.
 
     An anti-cogging table is learned here, in a commissioning run of its own.
     """
@@ -209,32 +211,21 @@ def drive_of(study: Study, scenario: str, controller: str, stop: Event) -> tuple
     table: Any = []
     if isinstance(study_here.controller[controller], AntiCogging):
         table = _commission(engine, study, scenario, controller, stop)
-    return engine, _drive(engine, study, scenario, controller, "run"), ticks, table
+    drive, config = _drive(engine, study, scenario, controller, "run")
+    return engine, drive, ticks, table, config
 
 
-def _drive(engine: Any, study: Study, scenario: str, controller: str, mode: Mode) -> Any:
-    config, law = engine_config(study, scenario, controller, mode), make_law(study, controller)
+def _drive(
+    engine: Any, study: Study, scenario: str, controller: str, mode: Mode
+) -> tuple[Any, dict[str, Any]]:
+    law = make_law(study, controller)
     try:
-        return engine.Drive(config, law)
+        config = engine_config(study, scenario, controller, mode)
+        return engine.Drive(config, law), config
     except (ValueError, RuntimeError) as error:
         raise StudyError(
             f"{study.source.path}: controller.{controller}: scenario {scenario}: {error}"
         ) from error
-
-
-def _memory(drive: Any, state: Any) -> dict[str, Any]:
-    """The learned maps over their angle, rad of its frame; empty where the law learns none.
-
-    A space-learning law has its "period" too, rad of that angle, and "beta" and "h" as far as it learns them.
-    """
-    memory = dict(drive.memory(state))
-    if memory:
-        cells = len(memory["current"])
-        memory["angle"] = memory.get("period", 2 * math.pi) / cells * np.arange(cells)
-        for name in ("current", "beta", "h"):
-            if name in memory:
-                memory[name] = np.asarray(memory[name])
-    return memory
 
 
 def _commission(engine: Any, study: Study, scenario: str, controller: str, stop: Event) -> Any:
@@ -242,7 +233,7 @@ def _commission(engine: Any, study: Study, scenario: str, controller: str, stop:
     law = study.controller[controller]
     assert isinstance(law, AntiCogging)
     study_here = for_scenario(study, scenario)
-    drive = _drive(engine, study, scenario, controller, "learn")
+    drive, _ = _drive(engine, study, scenario, controller, "learn")
     state = drive.start()
     expected = law.calibration.duration
     rates = study_here.drive.rates
@@ -257,7 +248,7 @@ def _commission(engine: Any, study: Study, scenario: str, controller: str, stop:
         with failures(study, scenario, controller, when):
             advance(drive, state, recorder, piece, lambda share: None, stop)
         if not int(trace_of(drive, recorder)["status"][-1]) & Status.BUSY:
-            return drive.memory(state)["current"]
+            return drive.law_memory(state).tolist()
     line = f"{study.source.path}: controller.{controller}.calibration: scenario {scenario}"
     raise StudyError(f"{line}: not done after {3 * expected:.3g} s: expected kp and ki that hold its speed")
 

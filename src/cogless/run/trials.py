@@ -39,7 +39,7 @@ def _run(
     stop: Event,
 ) -> Run:
     design = designs[scenario, controller]
-    engine, drive, ticks = _drive(study, scenario, controller, design)
+    engine, drive, ticks, _ = _drive(study, scenario, controller, design)
     state = drive.start()
     divider = 1 if study.drive is None else study.drive.rates.divider
     decimation = divider if study.trace.rate is None else round(divider / (study.trace.rate * study.period))
@@ -51,7 +51,8 @@ def _run(
     with failures(study, scenario, controller, when):
         advance(drive, state, recorder, ticks, progress, stop)
     trace = trace_of(drive, recorder)
-    memory = {key: np.asarray(value) for key, value in dict(drive.memory(state)).items()}
+    learned = drive.stored(state)
+    memory = {} if learned is None else {"learned": np.asarray(learned["values"][0])}
     experiment = study.scenario[scenario]
     # metrics are taken on the samples of the trial, whatever rows there are between
     sampled = dataclasses.replace(trace, data=trace.data[:: divider // decimation])
@@ -61,24 +62,26 @@ def _run(
     }
     # the reference that it was learned for is that of the last phase
     motion = learned_map.motion_identity(study.reference(scenario, experiment.phases[-1][1]))
-    stored = learned_map.of_run(study, drive.stored(state), motion)
+    stored = learned_map.of_run(study, learned, motion)
     return Run(scenario, controller, trace, memory, metrics, design, map=stored)
 
 
-def drive_of(study: TrialStudy, scenario: str, controller: str) -> tuple[Any, Any, int]:
-    """The engine's module, the designed controller with its plant, its ticks; StudyError."""
+def drive_of(study: TrialStudy, scenario: str, controller: str) -> tuple[Any, Any, int, dict[str, Any]]:
+    """The engine's module, the designed controller with its plant, its ticks, its description; StudyError."""
     designs = design_study(study, [(scenario, controller)])
     return _drive(study, scenario, controller, designs[scenario, controller])
 
 
-def _drive(study: TrialStudy, scenario: str, controller: str, design: TrialDesign) -> tuple[Any, Any, int]:
+def _drive(
+    study: TrialStudy, scenario: str, controller: str, design: TrialDesign
+) -> tuple[Any, Any, int, dict[str, Any]]:
     engine = import_module(ENGINES["double" if study.drive is None else study.drive.precision])
-    config = engine_config(study, scenario, controller, design)
     divider = 1 if study.drive is None else study.drive.rates.divider
     ticks = study.samples(scenario) * study.scenario[scenario].trials * divider
     try:
+        config = engine_config(study, scenario, controller, design)
         drive = engine.LinearTrials(config) if study.plant is not None else engine.Drive(config)
     except (ValueError, RuntimeError) as error:
         where = f"controller.{controller}: scenario {scenario}"
         raise StudyError(f"{study.source.path}: {where}: {error}") from error
-    return engine, drive, ticks
+    return engine, drive, ticks, config

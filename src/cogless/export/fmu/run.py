@@ -5,19 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from cogless.design.from_study import design_study
 from cogless.export.prepared import Prepared, first_scenario, prepare
-from cogless.run import drive_config as engine
-from cogless.run import trial_config as trial_engine
-from cogless.study import AnyStudy, TrialStudy
+from cogless.study import AnyStudy
 
 
 @dataclass(frozen=True, eq=False)
 class FmuRun:
-    """A controller in a scenario; `description`: the engine's description of the run."""
+    """A controller in a scenario."""
 
     prepared: Prepared
-    description: dict[str, Any]
+
+    @property
+    def description(self) -> dict[str, Any]:
+        """The engine's description of the run."""
+        return self.prepared.description
 
     @property
     def study(self) -> Any:
@@ -54,15 +55,10 @@ class FmuRun:
     @property
     def bus_voltage(self) -> float | None:
         """Bus voltage, V; None with an ideal current loop."""
-        drive = self.description["drive"]
-        return None if drive["ideal_current"] else float(drive["inverter"]["bus_voltage"])
+        inverter = self.description["drive"].get("inverter")
+        return None if inverter is None else float(inverter["bus_voltage"])
 
 
 def run_of(study: AnyStudy, controller: str, scenario: str | None) -> FmuRun:
     """The run of a controller. StudyError: no such name, a law without a C form, a plant that is no drive."""
-    chosen = first_scenario(study, controller, scenario)
-    prepared = prepare(study, chosen, controller)
-    if isinstance(study, TrialStudy):
-        design = design_study(study, [(chosen, controller)])[chosen, controller]
-        return FmuRun(prepared, trial_engine.engine_config(study, chosen, controller, design))
-    return FmuRun(prepared, engine.engine_config(study, chosen, controller))
+    return FmuRun(prepare(study, first_scenario(study, controller, scenario), controller))
