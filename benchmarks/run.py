@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 import cogless
 from cogless import _simulator_f32 as native
+from cogless.c_layout import control_layout
 from cogless.design.from_study import design_study
 from cogless.run.drive_config import engine_config
 from cogless.run.trial_config import engine_config as trial_config
@@ -80,13 +81,16 @@ def ripple_config(changes: dict[str, Any]) -> dict[str, Any]:
 
 def yardstick_parameters(config: dict[str, Any]) -> str:
     """The same drive as the yardstick's "name value" pairs."""
-    motor, mechanics, drive, law = config["motor"], config["mechanics"], config["drive"], config["controller"]
-    sensors = drive["current_sensors"]
+    motor, mechanics, drive = config["motor"], config["mechanics"], config["drive"]
+    sensors, layout = drive["current_sensors"], control_layout("single")
+    control = layout.decode("cgl_drive_config", drive["control"])
+    law = layout.decode("cgl_pi_ilc_config", config["controller"]["config"])
     values: dict[str, float] = {
         **{name: motor[name] for name in ("pole_pairs", "R_s", "L_d", "L_q", "psi_f")},
         **{name: mechanics[name] for name in ("inertia", "viscous_friction", "coulomb_friction")},
-        **{name: drive[name] for name in ("kp_d", "ki_d", "kp_q", "ki_q", "current_limit", "speed_divider")},
-        **{name: law[name] for name in ("kp", "ki")},
+        **{name: control["foc"][name] for name in ("kp_d", "ki_d", "kp_q", "ki_q", "current_limit")},
+        "speed_divider": control["divider"],
+        **{name: law["pi"][name] for name in ("kp", "ki")},
         "load": config["load"]["torque"],
         "bus_voltage": drive["inverter"]["bus_voltage"],
         "dead_time": drive["inverter"]["dead_time"],
@@ -97,9 +101,7 @@ def yardstick_parameters(config: dict[str, Any]) -> str:
         "speed_reference": config["reference"]["speed"],
         "initial_speed": config["initial_speed"],
         "ilc_gain": law["gain"],
-        "ilc_forgetting": law["forgetting"],
-        "ilc_limit": law["limit"],
-        "ilc_cells": law["cells"],
+        **{f"ilc_{name}": law["memory"][name] for name in ("forgetting", "limit", "cells")},
         "ticks": TICKS,
     }
     for n, flux in enumerate(motor["flux_harmonics"]):
@@ -166,7 +168,7 @@ def engine() -> None:
     heading(f"Engine: ripple physics and learning on, {TICKS} ticks, {ROUNDS} alternating rounds")
     program = build_yardstick()
     averaged, switched = ripple_config({}), ripple_config({"drive.inverter.kind": "switched"})
-    decimation = averaged["drive"]["speed_divider"]
+    decimation = cogless.load(STUDY).drive.divider
 
     def yardstick_run(config: dict[str, Any]) -> Outcome:
         return run_yardstick(program, yardstick_parameters(config))

@@ -78,20 +78,11 @@ void advance_drive(const Drive& drive, DriveState& state, Recorder& recorder, st
     }
 }
 
-// A C struct from its bytes. Throws std::invalid_argument for another size.
-template <class Struct>
-Struct struct_of(const nb::bytes& bytes, const char* name) {
-    if (bytes.size() != sizeof(Struct)) {
-        throw std::invalid_argument(std::string(name) + ": expected " + std::to_string(sizeof(Struct)) + " bytes");
-    }
-    Struct value;
-    std::memcpy(&value, bytes.c_str(), sizeof value);
-    return value;
-}
+std::string_view view(const nb::bytes& bytes) { return {bytes.c_str(), bytes.size()}; }
 
 nb::bytes step_controller(const Drive& drive, DriveState& state, const nb::bytes& measurement, const nb::bytes& reference) {
-    const cgl_drive_output out = drive.step_controller(state, struct_of<cgl_measurement>(measurement, "measurement"),
-                                                       struct_of<cgl_reference>(reference, "reference"));
+    const cgl_drive_output out = drive.step_controller(state, struct_of<cgl_measurement>(view(measurement), "measurement"),
+                                                       struct_of<cgl_reference>(view(reference), "reference"));
     return nb::bytes(&out, sizeof out);
 }
 
@@ -99,24 +90,6 @@ void begin_trial(const Drive& drive, DriveState& state, const nb::bytes& traject
     std::vector<cgl_real> samples(trajectory.size() / sizeof(cgl_real));
     std::memcpy(samples.data(), trajectory.c_str(), samples.size() * sizeof(cgl_real));
     drive.begin_trial(state, samples);
-}
-
-// The configuration that the drive's controller is made of.
-nb::dict controller_config(const Drive& drive) {
-    const DriveConfig& config = drive.config();
-    const LawConfig law = std::visit([](const auto& l) { return l.describe(); }, config.law);
-    nb::dict result;
-    result["law"] = law.law;
-    result["drive"] = nb::bytes(&config.control, sizeof config.control);
-    result["law_config"] = law.bytes != nullptr ? nb::bytes(law.bytes, law.size) : nb::bytes("", 0);
-    result["memory_length"] = law.memory_length;
-    result["learning_matrix"] = nb::none();
-    if (const auto* trial = std::get_if<TrialLaw>(&config.law)) {
-        if (trial->learning_matrix) result["learning_matrix"] = array_of(*trial->learning_matrix);
-    }
-    const auto* table = std::get_if<AntiCoggingLaw>(&config.law);
-    result["calibrate"] = table != nullptr && table->calibrate;
-    return result;
 }
 
 Reals law_memory(const Drive& drive, DriveState& state) {
@@ -143,24 +116,6 @@ nb::dict quality_of(const Drive&, const DriveState& state) {
     result["progress"] = report.progress;
     result["improving"] = report.improving;
     result["worsening"] = report.worsening;
-    return result;
-}
-
-// Learned values, and the angle or the trial that they are over.
-template <class Engine, class State>
-nb::dict memory_of(const Engine& engine, const State& state) {
-    const Learned learned = engine.learned(state);
-    nb::dict result;
-    if (learned.values.empty()) return result;
-    if (learned.over == Over::trial) {
-        result["learned"] = learned.values;
-    } else {
-        result["frame"] = learned.over == Over::electrical ? "electrical" : "mechanical";
-        result["current"] = learned.values;
-        if (learned.period) result["period"] = *learned.period;
-        if (!learned.beta.empty()) result["beta"] = learned.beta;
-        if (!learned.h.empty()) result["h"] = learned.h;
-    }
     return result;
 }
 
@@ -239,7 +194,7 @@ CallbackLaw callback(const nb::object& controller) {
 
 // Binds an engine: the methods that all have.
 template <class Engine, class State>
-void bind_engine(nb::class_<Engine>& c, const char* memory) {
+void bind_engine(nb::class_<Engine>& c) {
     c.def_prop_ro("signals",
                   [](const Engine& engine) {
                       std::vector<std::pair<std::string, std::string>> all;
@@ -248,7 +203,6 @@ void bind_engine(nb::class_<Engine>& c, const char* memory) {
                   },
                   "(name, unit) of each recorded signal")
         .def("start", &Engine::start, "The state at time zero.")
-        .def("memory", &memory_of<Engine, State>, "state"_a, memory)
         .def("stored", &stored_of<Engine, State>, "state"_a,
              "What is learned as firmware stores it: 'values' of each channel, 'units', 'limits', 'law', 'turns', 'parts', "
              "'ratio', as in cgl_map; None where there is nothing to store.");
@@ -304,9 +258,7 @@ NB_MODULE(COGLESS_MODULE, m) {
                   new (self) Drive(read_config(value_of(config), callback(controller)));
               },
               "config"_a, "controller"_a.none() = nb::none());
-    bind_engine<Drive, DriveState>(
-        drive, "What is learned: {'frame', 'current'} over an angle, with {'period', 'beta', 'h'} by a space law as far as it"
-        " learns them, {'learned'} over a trial's samples, or {}.");
+    bind_engine<Drive, DriveState>(drive);
     drive.def("advance", &advance_drive, "state"_a, "recorder"_a, "ticks"_a, "controller"_a.none() = nb::none(),
               "Runs so many ticks. `controller` stands in for the drive's own: step(measurement, reference) -> output, with"
               " the C structs cgl_measurement, cgl_reference and cgl_drive_output as bytes; in trials begin(trajectory)"
@@ -316,10 +268,6 @@ NB_MODULE(COGLESS_MODULE, m) {
               " for. The plant stays as it is.")
         .def("begin_trial", &begin_trial, "state"_a, "trajectory"_a)
         .def("end_trial", &Drive::end_trial, "state"_a);
-    drive.def("controller_config", &controller_config,
-              "What the controller is made of: 'law', its name; 'drive' and 'law_config', the C structs as bytes, the latter"
-              " empty for a user's law; 'memory_length', entries of the caller's memory; 'learning_matrix' or None;"
-              " 'calibrate': the law starts with its calibration run.");
     drive.def("law_memory", &law_memory, "state"_a, "A copy of all of the law's memory, which in C is the caller's.");
     drive.def("load_memory", &load_memory, "state"_a, "values"_a,
               "Puts all of the law's memory in, such as an anti-cogging table.");
@@ -332,5 +280,5 @@ NB_MODULE(COGLESS_MODULE, m) {
                "config"_a);
     linear.def("advance", &LinearTrials::advance, "state"_a, "recorder"_a, "ticks"_a,
                nb::call_guard<nb::gil_scoped_release>(), "Runs so many ticks.");
-    bind_engine<LinearTrials, LinearTrialsState>(linear, "What is learned: {'learned'}, a trial's samples.");
+    bind_engine<LinearTrials, LinearTrialsState>(linear);
 }

@@ -6,19 +6,13 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <numbers>
 #include <numeric>
 #include <type_traits>
 #include <vector>
 
-#include "cogless/anti_cogging.h"
-#include "cogless/pi_ilc.h"
-#include "cogless/robust_ilc.h"
-#include "cogless/space_position.h"
-#include "cogless/space_speed.h"
-#include "cogless/speed_pi.h"
-#include "cogless/trial.h"
+#include "cogless/laws.def"
 #include "law.hpp"
+#include "section.hpp"
 
 namespace cogless {
 
@@ -39,26 +33,17 @@ namespace cogless {
         static std::uint32_t length(const Config& c) { return entries; }                         \
         static void set_memory(State& s, std::vector<cgl_real>& cell) { s.cells = cell.data(); } \
     };
-#define CGL_TERM(stem, signal, unit, member, share, when)
 #include "cogless/laws.def"
 #undef CGL_NAMES
-#undef CGL_LAW_WITHOUT_MEMORY
-#undef CGL_LAW
-#undef CGL_TERM
 
 // Calls take(signal, unit, value_of) for each part of what a law asks for that it has with this configuration.
 template <class Row, class Config, class Take>
 void each_term(const Config& c, Take take) {
-#define CGL_LAW_WITHOUT_MEMORY(law, stem, header, step_function)
-#define CGL_LAW(law, stem, header, step_function, cells, entries)
-#define CGL_TERM(stem, signal, unit, member, share, when)                                                       \
-    if constexpr (std::is_same_v<Row, stem##_row>) {                                                     \
-        if (when) take(signal, unit, [](const auto& s) { return static_cast<double>(s.member); });        \
+#define CGL_TERM(stem, signal, unit, member, share, when)                                          \
+    if constexpr (std::is_same_v<Row, stem##_row>) {                                               \
+        if (when) take(signal, unit, [](const auto& s) { return static_cast<double>(s.member); }); \
     }
 #include "cogless/laws.def"
-#undef CGL_LAW_WITHOUT_MEMORY
-#undef CGL_LAW
-#undef CGL_TERM
 }
 
 template <class Row>
@@ -78,6 +63,14 @@ double* put_terms(const typename Row::Config& config, const typename Row::State&
 template <class Row>
 concept HasMemory = requires(const typename Row::Config& c) { Row::length(c); };
 
+// Throws std::invalid_argument for a configuration whose memory would have no bound: init refuses it before it looks for one.
+template <HasMemory Row>
+void require_config(const typename Row::Config& config) {
+    typename Row::State unused;
+    const cgl_error error = Row::init(&config, &unused, nullptr, 0);
+    if (error != CGL_ERROR_MEMORY) require(error, Row::name);
+}
+
 // The law's state, with the caller's memory where it has one.
 template <class Row>
 struct CState {
@@ -89,58 +82,21 @@ struct CState<Row> {
     std::vector<cgl_real> cell;
 };
 
-// ---- what is learned over an angle
-
-// The map of a memory by angle over one period; nothing by time.
-inline Learned learned_map(const cgl_memory_config& config, const std::vector<cgl_real>& cell, double unit) {
-    Learned map;
-    if (config.kind != CGL_MEMORY_ANGLE) return map;
-    if (config.periods_per_rev > 1) map.over = Over::electrical;
-    for (std::uint32_t n = 0; n < config.cells; ++n) map.values.push_back(unit * static_cast<double>(cell[n]));
-    return map;
-}
-
-inline Learned learned_of(const cgl_pi_ilc_config& c, const std::vector<cgl_real>& cell, int) {
-    return learned_map(c.memory, cell, 1.0);
-}
-
-inline Learned learned_of(const cgl_robust_ilc_config& c, const std::vector<cgl_real>& cell, int) {
-    return learned_map(c.memory, cell, -1.0 / static_cast<double>(c.b));
-}
-
-inline Learned learned_of(const cgl_anti_cogging_config&, const std::vector<cgl_real>& cell, int) {
-    return {std::vector<double>(cell.begin(), cell.end()), Over::mechanical};
-}
-
-// Over the map's period, in the rotor's angle if that makes it one revolution, else in the electrical one where ratio is
-// that of electrical quantities.
-template <class Config>
-    requires requires(const Config& c) { c.memory.turns; }
-Learned learned_of(const Config& c, const std::vector<cgl_real>& cell, int pole_pairs) {
-    const cgl_space_memory_config& m = c.memory;
-    Learned map;
-    if (m.kind != CGL_SPACE_MAP) return map;
-    const double turns = static_cast<double>(m.turns) / m.parts, ratio = c.ratio;
-    const bool electrical = c.ratio != 1U && static_cast<int>(c.ratio) == pole_pairs && turns != ratio;
-    map.over = electrical ? Over::electrical : Over::mechanical;
-    map.period = 2.0 * std::numbers::pi * (electrical ? turns : turns / ratio);
-    std::vector<double>* const into[] = {&map.values, &map.beta, &map.h};
-    for (std::uint32_t n = 0; n < m.channels; ++n) {
-        const auto first = cell.begin() + static_cast<std::ptrdiff_t>(n * CGL_MEMORY_LENGTH(m.cells, m.q_half_width));
-        into[n]->assign(first, first + m.cells);
-    }
-    return map;
-}
-
-// ---- a law
-
 template <class Row>
 struct CLaw {
     using Config = typename Row::Config;
     using State = CState<Row>;
+    static constexpr const char* name = Row::name;
     Config config;
-    int pole_pairs;
-    bool calibrate = false;  // start with the calibration run of a law that has one
+    bool calibrate;  // start with the calibration run of a law that has one
+
+    // Throws std::invalid_argument for a configuration of another size or whose memory init refuses; of another value start()
+    // throws it.
+    static CLaw of(const Section& s) {
+        const CLaw law{s.packed<Config>("config"), s.has("calibrate") && s.get<bool>("calibrate")};
+        if constexpr (HasMemory<Row>) require_config<Row>(law.config);
+        return law;
+    }
 
     State start() const {
         State s{};
@@ -161,11 +117,6 @@ struct CLaw {
         Row::step(&config, &s.law, &in.c, &output);
         return from_c(output);
     }
-    LawConfig describe() const {
-        LawConfig law{Row::name, &config, sizeof config};
-        if constexpr (HasMemory<Row>) law.memory_length = Row::length(config);
-        return law;
-    }
     std::vector<Term> terms() const { return terms_of<Row>(config); }
     double* put_terms(const State& s, double* out) const { return cogless::put_terms<Row>(config, s.law, out); }
 
@@ -173,11 +124,6 @@ struct CLaw {
         requires HasMemory<Row>
     {
         return s.cell;
-    }
-    Learned learned(const State& s) const
-        requires HasMemory<Row>
-    {
-        return learned_of(config, s.cell, pole_pairs);
     }
     std::optional<Stored> stored(State s) const
         requires HasMemory<Row>

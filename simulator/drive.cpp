@@ -127,10 +127,13 @@ Drive::Drive(const DriveConfig& config)
     } else {
         cgl_foc unused;
         require(cgl_foc_init(&config_.control.foc, &unused), "current loop");
+        if (static_cast<int>(config_.control.foc.phases) != motor_phases(config_)) {
+            throw std::invalid_argument("drive.control: expected as many phases as the motor has");
+        }
     }
     cgl_drive unused;
     if (cgl_drive_init(&config_.control, &unused) != CGL_OK) {
-        throw std::invalid_argument("drive.monitor, drive.quality: a value is outside its range");
+        throw std::invalid_argument("drive.control: a value is outside its range");
     }
     if (config_.trials ? !takes_trials(config_.law) : std::holds_alternative<TrialLaw>(config_.law)) {
         throw std::invalid_argument("controller.law: expected \"trial\" or a law of your own with trials, \"trial\" only with them");
@@ -442,18 +445,6 @@ void Drive::record(const DriveState& s, const Powers::Values& z, const Phase& ph
 #include "signals.def"
 #undef CGL_SIGNAL
 #undef CGL_TERMS
-}
-
-Learned Drive::learned(const DriveState& state) const {
-    return std::visit(
-        [&state](const auto& law) {
-            if constexpr (requires { law.learned(state_of(state.law, law)); }) {
-                return law.learned(state_of(state.law, law));
-            } else {
-                return Learned{};
-            }
-        },
-        config_.law);
 }
 
 std::vector<cgl_real>* Drive::cells(DriveState& state) const {

@@ -116,7 +116,6 @@ public:
     void end_trial(DriveState& state) const;
 
     const DriveConfig& config() const { return config_; }
-    Learned learned(const DriveState& state) const;
     // The law's memory, which is the caller's in C; empty where it has none.
     std::vector<cgl_real>* cells(DriveState& state) const;
 

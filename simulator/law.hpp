@@ -36,28 +36,10 @@ struct LawInput {
 
 inline Command from_c(const cgl_law_output& out) { return {0.0, static_cast<double>(out.i_q_ref), out.status}; }
 
-// A law's configuration in C, byte by byte; empty for a user's own law. Pointers in it mean nothing elsewhere.
-struct LawConfig {
-    const char* law;
-    const void* bytes = nullptr;
-    std::size_t size = 0;
-    std::size_t memory_length = 0;  // entries of the caller's memory
-};
-
 // A part of what a law does, as a recorded signal.
 struct Term {
     const char* name;
     const char* unit = "A";
-};
-
-enum class Over { mechanical, electrical, trial };
-
-// What a law has learned: currents, A, over an angle, or a signal, rad, over a trial's samples.
-struct Learned {
-    std::vector<double> values;
-    Over over = Over::mechanical;
-    std::optional<double> period = {};       // rad of that angle; none: a revolution
-    std::vector<double> beta = {}, h = {};   // over the same angle: what speed and acceleration take, A s/rad and A s^2/rad
 };
 
 // What a law has learned as the control library describes it to be stored, and the entries of each channel.

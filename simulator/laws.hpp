@@ -1,6 +1,7 @@
 // Every law that a drive can run, and its state: those of laws.def, and a user's own.
 #pragma once
 
+#include <type_traits>
 #include <variant>
 
 #include "c_law.hpp"
@@ -9,20 +10,18 @@
 
 namespace cogless {
 
-using PiLaw = CLaw<pi_row>;
-using PiIlcLaw = CLaw<pi_ilc_row>;
-using RobustIlcLaw = CLaw<robust_ilc_row>;
-using AntiCoggingLaw = CLaw<anti_cogging_row>;
-using SpacePositionLaw = CLaw<space_position_row>;
-using SpaceSpeedLaw = CLaw<space_speed_row>;
+template <class Row>
+using LawOf = std::conditional_t<std::is_same_v<Row, trial_row>, TrialLaw, CLaw<Row>>;
 
 template <class... Laws>
 struct AnyOf {
     using Law = std::variant<Laws...>;
     using State = std::variant<typename Laws::State...>;
 };
-using AnyLaw = AnyOf<PiLaw, PiIlcLaw, RobustIlcLaw, AntiCoggingLaw, SpacePositionLaw, SpaceSpeedLaw, PluginLaw, CallbackLaw,
-                     TrialLaw>;
+using AnyLaw = AnyOf<
+#define CGL_LAW_WITHOUT_MEMORY(law, stem, header, step_function) LawOf<stem##_row>,
+#include "cogless/laws.def"
+    PluginLaw, CallbackLaw>;
 using Law = AnyLaw::Law;
 using LawState = AnyLaw::State;
 

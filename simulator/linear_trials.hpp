@@ -49,7 +49,6 @@ public:
     // std::invalid_argument, running none, where there are not so many trials.
     void advance(LinearTrialsState& state, Recorder& recorder, std::int64_t ticks) const;
 
-    Learned learned(const LinearTrialsState& state) const { return config_.law.learned(state.law); }
     const LinearTrialsConfig& config() const { return config_; }
 
 private:

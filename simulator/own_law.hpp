@@ -48,7 +48,6 @@ struct PluginLaw {
     void end(State& s) const {
         if (end_function != nullptr) end_function(s.data());
     }
-    LawConfig describe() const { return {"library"}; }
 };
 
 // A law written in Python; its object holds the state, and a copy of the drive's state shares it.
@@ -66,7 +65,6 @@ struct CallbackLaw {
     void end(State&) const {
         if (end_function) end_function();
     }
-    LawConfig describe() const { return {"python"}; }
 };
 
 }  // namespace cogless

@@ -43,6 +43,10 @@ inline Value value_of(nanobind::handle object) {
     if (nanobind::isinstance<nanobind::bool_>(object)) return nanobind::cast<bool>(object);
     if (nanobind::isinstance<nanobind::float_>(object)) return nanobind::cast<double>(object);
     if (nanobind::isinstance<nanobind::str>(object)) return nanobind::cast<std::string>(object);
+    if (nanobind::isinstance<nanobind::bytes>(object)) {
+        const auto bytes = nanobind::borrow<nanobind::bytes>(object);
+        return std::string(bytes.c_str(), bytes.size());
+    }
     if (nanobind::isinstance<nanobind::dict>(object)) return table_of(nanobind::borrow<nanobind::dict>(object));
     Matrix matrix;
     if (nanobind::try_cast(object, matrix)) {

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cmath>
+#include <cstring>
 #include <map>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -14,6 +16,19 @@
 #include "value.hpp"
 
 namespace cogless {
+
+// A C struct from its bytes, in this machine's layout (src/cogless/c_layout.py makes them: a bool in them is 0 or 1). Throws
+// std::invalid_argument for another size.
+template <class Struct>
+Struct struct_of(std::string_view bytes, const std::string& name) {
+    if (bytes.size() != sizeof(Struct)) {
+        throw std::invalid_argument(name + ": " + std::to_string(bytes.size()) + " bytes: expected " +
+                                    std::to_string(sizeof(Struct)));
+    }
+    Struct value;
+    std::memcpy(&value, bytes.data(), sizeof value);
+    return value;
+}
 
 // Looks into a description, which must outlive it.
 class Section {
@@ -37,7 +52,11 @@ public:
 
     double number(const char* key) const { return get<double>(key); }
     int integer(const char* key) const { return get<int>(key); }
-    cgl_real real(const char* key) const { return static_cast<cgl_real>(number(key)); }
+
+    template <class Struct>
+    Struct packed(const char* key) const {
+        return struct_of<Struct>(get<std::string>(key), name_ + key);
+    }
 
     // A list of so many finite numbers.
     std::vector<double> numbers(const char* key, std::size_t count) const {

@@ -1,6 +1,7 @@
 // The configuration of trials and of the law that learns between them.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -21,7 +22,7 @@ Trials read_trials(const Section& s);
 std::int64_t first_trial(const Section& phase, std::int64_t before, const Trials& trials);
 
 // states: of the plant that it controls.
-TrialLaw trial_law(const Section& s, std::uint32_t states, std::uint32_t samples);
+TrialLaw trial_law(const Section& s, std::size_t states, const Trials& trials);
 
 // Throws std::invalid_argument naming the key that's missing or of the wrong type, length or order; so do the others.
 LinearTrialsConfig read_linear_trials(const Value& description);

@@ -18,14 +18,31 @@ struct TrialLaw {
         std::vector<cgl_real> memory, reference;
         cgl_trial_input input;  // of the last step, where the plant is not a drive
     };
+    static constexpr const char* name = trial_row::name;
     cgl_trial_config config;
-    std::shared_ptr<const std::vector<cgl_real>> learning_matrix;  // none, or where config points to
+    std::shared_ptr<const std::vector<cgl_real>> learning_matrix = {};  // none, or where config points to
+
+    // Throws std::invalid_argument as CLaw does.
+    static TrialLaw of(const Section& s) {
+        TrialLaw law{s.packed<cgl_trial_config>("config")};
+        law.config.learning_matrix = nullptr;
+        require_config<trial_row>(law.config);
+        if (s.has("learning_matrix")) {
+            const auto matrix = s.get<Value::Matrix>("learning_matrix");
+            if (matrix.rows != law.config.samples || matrix.columns != law.config.samples) {
+                s.refuse("learning_matrix", "expected " + std::to_string(law.config.samples) + " rows and columns");
+            }
+            law.learning_matrix = std::make_shared<const std::vector<cgl_real>>(matrix.data.begin(), matrix.data.end());
+            law.config.learning_matrix = law.learning_matrix->data();
+        }
+        return law;
+    }
 
     State start() const {
         State s{};
         s.memory.resize(trial_row::length(config));
         s.reference.resize(config.samples);
-        require(cgl_trial_init(&config, &s.law, s.memory.data(), static_cast<std::uint32_t>(s.memory.size())), "trial");
+        require(cgl_trial_init(&config, &s.law, s.memory.data(), static_cast<std::uint32_t>(s.memory.size())), name);
         return s;
     }
 
@@ -57,15 +74,9 @@ struct TrialLaw {
         cgl_trial_end(&config, &s.law);
     }
 
-    LawConfig describe() const {
-        return {trial_row::name, &config, sizeof config, trial_row::length(config)};
-    }
     static std::vector<cgl_real>& cells(State& s) { return s.memory; }
     std::vector<Term> terms() const { return terms_of<trial_row>(config); }
     double* put_terms(const State& s, double* out) const { return cogless::put_terms<trial_row>(config, s.law, out); }
-    Learned learned(const State& s) const {
-        return {std::vector<double>(s.memory.begin(), s.memory.begin() + config.samples), Over::trial};
-    }
     std::optional<Stored> stored(State s) const {
         set_pointers(s);
         return stored_map<cgl_map_of_trial>(config, s.law);

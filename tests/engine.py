@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless import _simulator_f64
+from cogless.c_laws import C_LAWS
+from cogless.c_layout import Layout, control_layout
 
 Signals = dict[str, NDArray[np.float64]]
 
@@ -57,7 +59,16 @@ BASE: dict[str, Any] = {
             "sensors": 3,
         },
     },
-    "controller": {"law": "pi", "kp": 0.1, "ki": 1.0},
+    "controller": {"law": "pi", "config": {"kp": 0.1, "ki": 1.0}},
+}
+
+PI_ILC: dict[str, Any] = {
+    "law": "pi-ilc",
+    "config": {
+        "pi": {"kp": 0.1, "ki": 1.0},
+        "gain": 0.03,
+        "memory": {"cells": 128, "periods_per_rev": 4, "q_half_width": 2, "forgetting": 0.99, "limit": 5.0},
+    },
 }
 
 # flux harmonics and cogging, for a motor with everything
@@ -88,21 +99,82 @@ def config(change: dict[str, Any] | None = None) -> dict[str, Any]:
     return merged(BASE, change or {})
 
 
+def packed(layout: Layout, struct: str, values: dict[str, Any], ts: float, limit: float) -> bytes:
+    """A configuration in C: the members that are given, else the law's period, the current limit, zeros."""
+
+    def filled(table: dict[str, Any]) -> dict[str, Any]:
+        own = {key: value for key, value in (("ts", ts), ("limit", limit)) if table.get(key) == 0}
+        inner = {key: filled(value) for key, value in table.items() if isinstance(value, dict)}
+        return {**table, **own, **inner}
+
+    zeros = layout.decode(struct, bytes(layout.size(struct)))
+    return layout.pack(struct, filled(merged(zeros, values)))
+
+
+def described(settings: dict[str, Any], module: ModuleType = _simulator_f64) -> dict[str, Any]:
+    """The description that the engine takes: with the controller's configurations packed for it."""
+    layout = control_layout("double" if module.real_bits == 64 else "single")
+    drive, controller = settings["drive"], settings["controller"]
+    ts, limit = 1 / drive["current_rate"], drive["current_limit"]
+    law_ts = ts * drive["speed_divider"]
+    first = [*settings["trials"]["phases"], TRIAL_PHASE][0] if "trials" in settings else settings
+    motor = first["motor"]
+    phases, ideal = motor.get("phases", 3), drive.get("ideal_current", False)
+    foc = {key: drive[key] for key in ("kp_d", "ki_d", "kp_q", "ki_q", "decoupling")} | {
+        "advance": 1.5 if drive["inverter"]["computation_delay"] else 0.5,
+        **{key: drive["belief"][key] for key in ("L_d", "L_q", "psi_f")},
+    }
+    control = {
+        "pole_pairs": motor["pole_pairs"],
+        "divider": drive["speed_divider"],
+        "foreign": ideal,
+        "learn_saturated": "trials" in settings,
+        "foc": {**foc, "ts": ts, "current_limit": limit, "phases": phases},
+        "monitor": {"ts": ts, "phases": 0 if ideal else phases, **drive.get("monitor", {})},
+        "quality": {"span": 2 * np.pi, "longest": 60.0, "ts": law_ts, **drive.get("quality", {})},
+    }
+    drive = {**drive, "control": packed(layout, "cgl_drive_config", control, ts, limit)}
+    return {**settings, "drive": drive, "controller": law_of(controller, layout, law_ts, limit)}
+
+
+def law_of(controller: dict[str, Any], layout: Layout, ts: float, limit: float) -> dict[str, Any]:
+    if controller["law"] not in C_LAWS:
+        return controller
+    struct = C_LAWS[controller["law"]].config
+    return {**controller, "config": packed(layout, struct, controller["config"], ts, limit)}
+
+
+def unpacked(description: dict[str, Any], precision: str = "single") -> dict[str, Any]:
+    """The drive and the controller of an engine's description, their configurations decoded."""
+    layout, (drive, controller) = control_layout(precision), (description["drive"], description["controller"])
+    control = layout.decode("cgl_drive_config", drive["control"])
+    config = layout.decode(C_LAWS[controller["law"]].config, controller["config"])
+    return {"drive": {**drive, "control": control}, "controller": {**controller, "config": config}}
+
+
+def drive_of(module: ModuleType, settings: dict[str, Any], controller: object = None) -> Any:
+    """The engine's drive of such settings."""
+    return module.Drive(described(settings, module), controller)
+
+
 # mandra2019's feedback gains, A per rad, rad/s, rad; what else it has, a test adds
 TRIAL_LAW: dict[str, Any] = {
     "law": "trial",
-    "K_1": [-99.4484, -0.9270],
-    "K_2": 1.3916,
-    "N": 99.4484,
-    "C": [1.0, 0.0],
-    "through_integrator": True,
-    "K_3": 0.6942,
-    "shift": 2,
-    "feedforward": {"num": [], "den": [1.0], "preview": 0},
-    "q_filter": {"b": [], "a": []},
+    "config": {
+        "states": 2,
+        "k_1": [-99.4484, -0.9270],
+        "k_2": 1.3916,
+        "n": 99.4484,
+        "c": [1.0, 0.0],
+        "through_integrator": True,
+        "k_3": 0.6942,
+        "shift": 2,
+        "feedforward": {"numerator": 0, "denominator": 1, "preview": 0, "num": [], "den": [1.0]},
+        "q_filter": {"order": 0, "b": [], "a": []},
+        "limit": 20.0,
+        "learned_limit": 1.0,
+    },
     "learning_matrix": None,
-    "limit": 20.0,
-    "learned_limit": 1.0,
 }
 # its motor's torque constant, and its mechanics
 TRIAL_PHASE: dict[str, Any] = {
@@ -117,21 +189,22 @@ TRIAL_PHASE: dict[str, Any] = {
 
 
 def trial_config(
-    count: int, phases: list[dict[str, Any]], controller: dict[str, Any] | None = None, **drive: Any
+    count: int, phases: list[dict[str, Any]], law: dict[str, Any] | None = None, **drive: Any
 ) -> dict[str, Any]:
     """So many trials of the base drive, with an ideal current loop at 8 kHz and a law at 400 Hz. Each phase:
-    its changes, with its reference."""
+    its changes, with its reference. `law`: changes of its configuration."""
     rates = {"current_rate": 8000, "speed_divider": 20, "ideal_current": True}
+    samples = len(phases[0]["reference"])
     return {
         "trials": {
-            "samples": len(phases[0]["reference"]),
+            "samples": samples,
             "count": count,
             "phases": [merged(TRIAL_PHASE, phase) for phase in phases],
         },
         "seed": 0,
         "energy": False,
         "drive": merged(BASE["drive"], {**rates, **drive}),
-        "controller": merged(TRIAL_LAW, controller or {}),
+        "controller": merged(TRIAL_LAW, {"config": {"samples": samples, **(law or {})}}),
     }
 
 
@@ -154,4 +227,4 @@ def run(
     """Runs the base drive with changes, and returns its signals by name."""
     settings = config(change)
     ticks = round(seconds * settings["drive"]["current_rate"])
-    return signals(module.Drive(settings, controller), module, ticks, decimation)
+    return signals(drive_of(module, settings, controller), module, ticks, decimation)

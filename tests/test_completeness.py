@@ -111,7 +111,7 @@ def test_a_position_sensor_has_all_that_belongs_to_one(kind: str) -> None:
     places = {
         "simulator/config.cpp": '{{"{}", PositionSensorKind::',
         "simulator/position_sensor.hpp": "PositionSensorKind::{}",
-        "tests/simulator/test_sensors.py": '"{}"',
+        "tests/simulator/*.py": '"{}"',
         "docs/theory/sensors.md": "**{}**",
         "docs/guide/study-file.md": "study-table}} drive." + model,
     }

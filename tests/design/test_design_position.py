@@ -18,7 +18,6 @@ from cogless.design.closed_loop import Linear
 from cogless.design.current_loop import CurrentLoop as SampledLoop
 from cogless.design.pi import SpeedLoop, speed_loop
 from cogless.design.position import (
-    frame_ratio,
     open_loop,
     phase_margin_position,
     position_gains,
@@ -124,7 +123,8 @@ def test_around_a_pure_delay_the_place_is_that_in_closed_form() -> None:
 def test_gains_of_a_study_are_its_own_or_by_its_rule() -> None:
     study = load("verrelli2016")
     assert position_gains(study, "pi") == (5.0, 5.0, 50.0)
-    rule = phase_margin_position(speed_loop(study), frame_ratio(study, study.controller["fair"]), tuning(45))
+    ratio = study.controller["fair"].ratio(study.motor.pole_pairs)
+    rule = phase_margin_position(speed_loop(study), ratio, tuning(45))
     assert position_gains(study, "fair") == pytest.approx(rule)
 
 

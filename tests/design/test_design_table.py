@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from engine import unpacked
 from rich.console import Console
 
 from cogless import load
@@ -62,7 +63,8 @@ def test_a_lead_is_rounded_to_the_nearest_sample_everywhere(lead: str, samples: 
     rates = {"current_loop": "20 kHz", "speed_loop": "4 kHz"}
     study = load("uomodri", {"drive.rates": rates, "controller.pi-ilc.lead": lead})
     assert isinstance(study, Study)
-    assert engine_config(study, next(iter(study.scenario)), "pi-ilc")["controller"]["lead"] == samples
+    config = engine_config(study, next(iter(study.scenario)), "pi-ilc")
+    assert unpacked(config)["controller"]["config"]["memory"]["lead"] == samples
     assert PeriodicLoop(study, "pi-ilc", 1.0).lead == samples
     gain = to_dict(study)["controllers"]["pi-ilc"]["gains"]["lead"]
     assert gain["value"] == pytest.approx(samples / 4000) and gain["note"].startswith(f"{samples} samples")

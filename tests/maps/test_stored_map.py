@@ -286,6 +286,31 @@ def test_the_angle_of_a_position_law_is_the_rotors_times_its_ratio(
     assert angle[30] == pytest.approx(np.pi * mechanical[0] / mechanical[1])
 
 
+@pytest.mark.parametrize(
+    ("law", "frame", "revolutions"),
+    [
+        ({"period": {"of": "electrical"}}, "electrical", 1),
+        ({"period": {"of": "mechanical"}}, "mechanical", 1),
+        ({"period": {"of": "electrical", "turns": 2}}, "electrical", 2),
+        ({"frame": "mechanical", "period": {"of": "electrical"}}, "mechanical", 1 / 4),
+    ],
+)
+def test_currents_are_over_the_angle_that_the_law_counts(
+    tmp_path: Path, law: dict[str, object], frame: str, revolutions: float
+) -> None:
+    """But over the rotor's where that makes the period its revolution."""
+    law = {"law": "space-position", "k_theta": "5 1/s", "k_omega": 0.1, "mu_alpha": 5.0, "mu_beta": 0.1,
+           "cells": 60, **law}  # fmt: skip
+    study = studies.study(tmp_path, {"controller": {"space": law}, "scenario.step.controllers": ["space"]})
+    run = simulate(study, "step", "space")
+    assert run.map is not None
+    assert set(run.memory) == {"frame", "angle", "current", "beta"}
+    assert run.memory["frame"] == frame
+    assert run.memory["angle"][30] == pytest.approx(np.pi * revolutions)
+    for name, values in zip(("current", "beta"), run.map.values, strict=True):
+        assert np.array_equal(run.memory[name], values) and values.any()
+
+
 def test_maps_of_an_earlier_run_go_and_nothing_else(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from engine import unpacked
 
 import studies
 from cogless.c_laws import C_LAWS
@@ -173,8 +174,10 @@ def test_a_commissioning_run_that_does_not_get_round(tmp_path: Path) -> None:
 @pytest.mark.parametrize("law", [ILC, ROBUST], ids=["pi-ilc", "robust-ilc"])
 def test_a_learning_law_keeps_its_limit_and_its_terms(tmp_path: Path, law: dict[str, Any]) -> None:
     study = studies.study(tmp_path, {"controller.learning": law})
-    config = engine_config(study, "low", "learning")["controller"]
-    assert config["limit"] == study.drive.current_loop.current_limit
+    memory = unpacked(engine_config(study, "low", "learning"))["controller"]["config"]["memory"]
+    assert memory["limit"] == pytest.approx(
+        abs(study.controller["learning"].unit) * study.drive.current_loop.current_limit
+    )
     run = simulate(study, "low", "learning")
     terms = [name for name in run.trace.names if name.startswith("term_")]
     assert terms == [term.signal for term in C_LAWS[law["law"]].terms]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine import config, run
+from engine import config, drive_of, run
 
 import cogless
 from cogless import _simulator_f64
@@ -75,7 +75,7 @@ def test_python_and_library_laws_equal_the_built_in_one(library: str) -> None:
 
 def test_a_library_state_is_copied_with_the_drives(library: str) -> None:
     shared = {"law": "library", "library": library, "params": [0.1, 1.0]}
-    drive = _simulator_f64.Drive(config({**DISTURBED, "controller": shared}))
+    drive = drive_of(_simulator_f64, config({**DISTURBED, "controller": shared}))
     state = drive.start()
     results = []
     for s in (state, state.copy()):
@@ -88,9 +88,9 @@ def test_a_library_state_is_copied_with_the_drives(library: str) -> None:
 def test_refused_params_and_missing_library(library: str) -> None:
     shared = {"law": "library", "library": library, "params": [0.1]}
     with pytest.raises(ValueError, match="refuses these params"):
-        _simulator_f64.Drive(config({"controller": shared}))
+        drive_of(_simulator_f64, config({"controller": shared}))
     with pytest.raises(ValueError, match="cannot open shared object file"):
-        _simulator_f64.Drive(config({"controller": {**shared, "library": "/nowhere/law.so"}}))
+        drive_of(_simulator_f64, config({"controller": {**shared, "library": "/nowhere/law.so"}}))
 
 
 def test_a_law_that_returns_no_number_ends_the_run() -> None:

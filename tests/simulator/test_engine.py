@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine import RIPPLE, config, run
+from engine import PI_ILC, RIPPLE, config, drive_of, merged, run
 
 from cogless import _simulator_f32, _simulator_f64
 
@@ -27,19 +27,7 @@ BUSY: dict[str, Any] = {
         },
         "current_sensors": {"noise": 0.01, "bits": 12, "range": 20.0},
     },
-    "controller": {
-        "law": "pi-ilc",
-        "kp": 0.1,
-        "ki": 1.0,
-        "gain": 0.03,
-        "memory": "angle",
-        "period": "electrical",
-        "cells": 128,
-        "q_half_width": 2,
-        "lead": 0,
-        "forgetting": 0.99,
-        "limit": 5.0,
-    },
+    "controller": PI_ILC,
 }
 
 
@@ -55,7 +43,7 @@ def test_a_run_repeats_bit_for_bit() -> None:
 
 
 def test_a_run_in_pieces_is_the_same_run() -> None:
-    drive = _simulator_f64.Drive(config(BUSY))
+    drive = drive_of(_simulator_f64, config(BUSY))
     whole = rows(drive, drive.start(), 4000)
     state = drive.start()
     pieces = [rows(drive, state, n) for n in (1, 999, 7, 2993)]
@@ -63,7 +51,7 @@ def test_a_run_in_pieces_is_the_same_run() -> None:
 
 
 def test_a_copied_state_goes_on_alike_and_alone() -> None:
-    drive = _simulator_f64.Drive(config(BUSY))
+    drive = drive_of(_simulator_f64, config(BUSY))
     state = drive.start()
     rows(drive, state, 1500)
     copy = state.copy()
@@ -117,35 +105,23 @@ def test_references(reference: dict[str, Any], expected: Any) -> None:
 @pytest.mark.parametrize("law", ["pi-ilc", "robust-ilc"])
 def test_learning_by_angle_removes_cogging_that_the_feedback_leaves(law: str) -> None:
     gains: dict[str, Any] = {
-        "pi-ilc": {"kp": 0.3, "ki": 3.0, "gain": 0.1, "limit": 5.0},
+        "pi-ilc": {"pi": {"kp": 0.3, "ki": 3.0}, "gain": 0.1, "memory": {"limit": 5.0}},
         "robust-ilc": {
             "b": 0.3 / 5e-4,
             "c": 10.0,
-            "g": 0.0,
             "eta": 180.0,
             "q": 0.3,
-            "beta_1": 0.0,
             "beta_2": 200.0,
-            "gamma": 0.0,
-            "viscous": 0.0,
-            "coulomb": 0.0,
-            "limit": 20.0,
+            "memory": {"limit": 0.3 / 5e-4 * 20.0},
         },
     }[law]
-    memory = {
-        "memory": "angle",
-        "period": "electrical",
-        "cells": 256,
-        "q_half_width": 1,
-        "lead": 0,
-        "forgetting": 1.0,
-    }
+    memory = {"cells": 256, "periods_per_rev": 4, "q_half_width": 1, "forgetting": 1.0}
     change: dict[str, Any] = {
         "motor": {"cogging": [{"order": 24, "torque": 0.05, "phase": 0.0}]},
         "reference": {"speed": 3.0},
         "initial_speed": 3.0,
     }
-    x = run({**change, "controller": {"law": law, **gains, **memory}}, 12.0)
+    x = run({**change, "controller": {"law": law, "config": merged({"memory": memory}, gains)}}, 12.0)
     ripple = [np.ptp(x["omega_m"][(x["time"] > t) & (x["time"] < t + 0.5)]) for t in (0.02, 11.4)]
     assert ripple[1] < 0.1 * ripple[0]
 
@@ -153,12 +129,14 @@ def test_learning_by_angle_removes_cogging_that_the_feedback_leaves(law: str) ->
 def test_anti_cogging_commissioning_finds_the_table() -> None:
     law: dict[str, Any] = {
         "law": "anti-cogging",
-        "kp": 0.3,
-        "ki": 6.0,
-        "cells": 240,
-        "lead": 0.0,
-        "mode": "learn",
-        "calibration": {"speed": 1.0, "revolutions": 1, "position_gain": 20.0},
+        "calibrate": True,
+        "config": {
+            "pi": {"kp": 0.3, "ki": 6.0},
+            "cells": 240,
+            "speed": 1.0,
+            "revolutions": 1,
+            "position_gain": 20.0,
+        },
     }
     change = {
         "motor": {"cogging": [{"order": 24, "torque": 0.05, "phase": 0.3}]},
@@ -167,15 +145,14 @@ def test_anti_cogging_commissioning_finds_the_table() -> None:
         "initial_speed": 0.0,
         "controller": law,
     }
-    drive = _simulator_f64.Drive(config(change))
+    drive = drive_of(_simulator_f64, config(change))
     state = drive.start()
     recorder = _simulator_f64.Recorder(drive, 10)
     drive.advance(state, recorder, 160000)
     status = recorder.take()[:, [name for name, _ in drive.signals].index("status")].astype(int)
     assert status[0] & 8
     assert not status[-1] & 8
-    table = np.array(drive.memory(state)["current"])
+    table = np.array(drive.stored(state)["values"][0])
     angle = 2.0 * np.pi * np.arange(240) / 240
     expected = -0.05 / 0.3 * np.sin(24 * angle + 0.3)  # K_t = 1.5 * 4 * 0.05
-    assert drive.memory(state)["frame"] == "mechanical"
     assert table == pytest.approx(expected, abs=0.15 * 0.05 / 0.3)

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from control_library import control_library
-from engine import RIPPLE, config, trial_config
+from engine import PI_ILC, RIPPLE, config, described, drive_of, trial_config
 
 from cogless import _simulator_f32, _simulator_f64
+from cogless.c_laws import C_LAWS
+from cogless.c_layout import control_layout
 
 CHANGE: dict[str, Any] = {
     "motor": RIPPLE,
@@ -21,25 +23,20 @@ CHANGE: dict[str, Any] = {
         "monitor": {"omega_max": 500.0, "stuck_angle": 0.5, "current_max": 40.0, "bridge": 5e-3},
         "quality": {"outlier": 8.0, "floor": 0.1},
     },
-    "controller": {
-        "law": "pi-ilc", "kp": 0.1, "ki": 1.0, "gain": 0.03, "memory": "angle", "period": "electrical",
-        "cells": 128, "q_half_width": 2, "lead": 0, "forgetting": 0.99, "limit": 5.0,
-    },
-}  # fmt: skip
+    "controller": PI_ILC,
+}
 MODULES = {"float": _simulator_f32, "double": _simulator_f64}
 
 
 class Outside:
     """The control library, compiled apart, on the engine's measurements: what a microcontroller would do."""
 
-    def __init__(self, drive: Any, precision: str) -> None:
+    def __init__(self, description: dict[str, Any], memory_length: int, precision: str) -> None:
         self.library = control_library(precision)
-        parts = drive.controller_config()
-        assert parts["law"] == "pi-ilc"
-        self.config = self._struct("cgl_drive_config", parts["drive"])
-        self.law_config = self._struct("cgl_pi_ilc_config", parts["law_config"])
+        self.config = self._struct("cgl_drive_config", description["drive"]["control"])
+        self.law_config = self._struct("cgl_pi_ilc_config", description["controller"]["config"])
         self.drive, self.law = self.library.new("cgl_drive"), self.library.new("cgl_pi_ilc")
-        self.memory, pointer = self.library.array(np.zeros(parts["memory_length"]))
+        self.memory, pointer = self.library.array(np.zeros(memory_length))
         lib = self.library.lib
         assert lib.cgl_drive_init(self.config, self.drive) == lib.CGL_OK
         assert lib.cgl_pi_ilc_init(self.law_config, self.law, pointer, len(self.memory)) == lib.CGL_OK
@@ -74,8 +71,9 @@ def rows(drive: Any, module: Any, ticks: int, controller: object = None) -> tupl
 @pytest.mark.parametrize("ideal", [False, True])
 def test_the_same_code_outside_gives_the_same_run_bit_for_bit(precision: str, ideal: bool) -> None:
     change = {**CHANGE, "drive": {**CHANGE["drive"], "ideal_current": ideal}}
-    drive = MODULES[precision].Drive(config(change))
-    outside = Outside(drive, precision)
+    description = described(config(change), MODULES[precision])
+    drive = MODULES[precision].Drive(description)
+    outside = Outside(description, len(drive.law_memory(drive.start())), precision)
     own, state = rows(drive, MODULES[precision], 8000)
     other, unused = rows(drive, MODULES[precision], 8000, outside)
     for name in own:
@@ -119,7 +117,7 @@ class Idle:
 
 
 def test_what_a_controller_says_is_recorded_and_done() -> None:
-    drive = _simulator_f32.Drive(config())
+    drive = drive_of(_simulator_f32, config())
     got, _ = rows(drive, _simulator_f32, 500, Idle())
     assert (got["status"] == 4).all()
     assert (got["i_q_ref"] == 1.5).all()
@@ -128,7 +126,7 @@ def test_what_a_controller_says_is_recorded_and_done() -> None:
 
 def test_trials_begin_and_end_outside_too() -> None:
     reference = [0.0, 0.5, 1.0]
-    drive = _simulator_f32.Drive(trial_config(2, [{"reference": reference}]))
+    drive = drive_of(_simulator_f32, trial_config(2, [{"reference": reference}]))
     idle = Idle()
     rows(drive, _simulator_f32, 2 * 3 * 20, idle)
     trial = [f"begin {reference}", *["24 20"] * 60, "end"]
@@ -152,7 +150,7 @@ def test_a_controller_that_fails_ends_the_run(answer: Any, error: type[Exception
             self.calls += 1
             return output() if self.calls < 10 else answer()
 
-    drive, state = _simulator_f32.Drive(config()), None
+    drive, state = drive_of(_simulator_f32, config()), None
     state = drive.start()
     with pytest.raises(error, match=message):
         drive.advance(state, _simulator_f32.Recorder(drive, 1), 100, Failing())
@@ -161,49 +159,58 @@ def test_a_controller_that_fails_ends_the_run(answer: Any, error: type[Exception
 
 
 def test_a_controller_without_step_is_refused() -> None:
-    drive = _simulator_f32.Drive(config())
+    drive = drive_of(_simulator_f32, config())
     with pytest.raises(AttributeError, match="step"):
         drive.advance(drive.start(), _simulator_f32.Recorder(drive, 1), 1, 5)
 
 
 def test_the_memory_can_be_put_back() -> None:
-    drive = _simulator_f32.Drive(config(CHANGE))
+    drive = drive_of(_simulator_f32, config(CHANGE))
     _, state = rows(drive, _simulator_f32, 8000)
     learned, fresh = drive.law_memory(state), drive.start()
     drive.load_memory(fresh, learned)
     assert np.array_equal(drive.law_memory(fresh), learned)
     with pytest.raises(ValueError, match=f"{len(learned)} entries, not 3"):
         drive.load_memory(fresh, [1.0, 2.0, 3.0])
-    plain = _simulator_f32.Drive(config())
+    plain = drive_of(_simulator_f32, config())
     assert len(plain.law_memory(plain.start())) == 0
     with pytest.raises(ValueError, match="this law has no memory"):
         plain.load_memory(plain.start(), [1.0])
 
 
-def test_what_a_users_law_is_made_of() -> None:
-    class Law:
-        def step(self, now: Any) -> float:
-            return 0.0
+@pytest.mark.parametrize(("section", "key"), [("drive", "control"), ("controller", "config")])
+def test_a_configuration_of_another_size_is_refused(section: str, key: str) -> None:
+    """That of the other precision, say."""
+    single, double = (described(config(CHANGE), module) for module in MODULES.values())
+    there, here = (one[section][key] for one in (double, single))
+    with pytest.raises(ValueError, match=f"^{section}.{key}: {len(there)} bytes: expected {len(here)}$"):
+        _simulator_f32.Drive({**single, section: {**single[section], key: there}})
 
-    drive = _simulator_f32.Drive(config({"controller": {"law": "python"}}), Law())
-    parts = drive.controller_config()
-    assert (parts["law"], parts["law_config"], parts["memory_length"]) == ("python", b"", 0)
+
+@pytest.mark.parametrize("law", [name for name, law in C_LAWS.items() if law.cells])
+@pytest.mark.parametrize("byte", [0, 127, 255])
+def test_a_configuration_of_any_bytes_takes_no_memory_without_bound(law: str, byte: int) -> None:
+    size = control_layout("single").size(C_LAWS[law].config)
+    settings = trial_config(1, [{"reference": [0.0, 0.5, 1.0]}]) if law == "trial" else config()
+    description = described(settings, _simulator_f32)
+    description["controller"] = {"law": law, "config": bytes([byte]) * size}
+    with pytest.raises(ValueError, match=f"^{law}: a gain is outside its range$"):
+        _simulator_f32.Drive(description)
 
 
-def test_the_learning_matrix_comes_apart() -> None:
-    matrix = [[0.1, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.25]]
-    law = {"learning_matrix": np.array(matrix)}
-    drive = _simulator_f64.Drive(trial_config(1, [{"reference": [0.0, 0.5, 1.0]}], law))
-    parts = drive.controller_config()
-    assert parts["law"] == "trial"
-    assert parts["learning_matrix"].reshape(3, 3).tolist() == matrix
+def test_as_many_phases_as_the_motor_has() -> None:
+    description = described(config(), _simulator_f32)
+    with pytest.raises(ValueError, match="expected as many phases as the motor has"):
+        _simulator_f32.Drive({**description, "motor": {**description["motor"], "phases": 2}})
 
 
 def test_a_trial_of_the_controller_alone_starts_afresh() -> None:
     """Its current loop and its monitor, too: the same trial gives the same, to the bit."""
     library = control_library("float")
     trial = np.linspace(0.0, 1.0, 8)
-    drive = _simulator_f32.Drive(trial_config(3, [{"reference": trial}], {"K_3": 0.0}, ideal_current=False))
+    drive = drive_of(
+        _simulator_f32, trial_config(3, [{"reference": trial}], {"k_3": 0.0}, ideal_current=False)
+    )
     state = drive.start()
 
     def steps() -> list[bytes]:
@@ -239,7 +246,7 @@ class Duties:
 def test_a_duty_cycle_from_outside_is_one_that_there_is(precision: str, phases: int) -> None:
     """No more than the bus has; and no number, no voltage."""
     change = {"motor": {"phases": phases}, "drive": {"current_sensors": {"sensors": phases}}}
-    drive = MODULES[precision].Drive(config(change))
+    drive = drive_of(MODULES[precision], config(change))
 
     def currents(*duty: float) -> Any:
         return rows(drive, MODULES[precision], 100, Duties(list(duty), precision))[0]["i_a"]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine import RIPPLE, TRIAL_LAW, config, merged, signals, trial_config
+from engine import BASE, RIPPLE, TRIAL_LAW, config, drive_of, merged, signals, trial_config
 from reference.trial import Trial
 from scipy.linalg import expm
 from scipy.signal import butter
@@ -24,8 +24,14 @@ DOWNWARDS = 1.0 - 4.0 * (PHASE - np.sin(PHASE))
 B, A = butter(2, 30.0, fs=400.0)
 CONTROLLER: dict[str, Any] = {
     # (41)
-    "feedforward": {"num": [1 / 0.0028, -0.9564 / 0.0028, 0.2352 / 0.0028], "den": [1.0], "preview": 2},
-    "q_filter": {"b": B.tolist(), "a": A.tolist()},
+    "feedforward": {
+        "numerator": 3,
+        "denominator": 1,
+        "preview": 2,
+        "num": [1 / 0.0028, -0.9564 / 0.0028, 0.2352 / 0.0028],
+        "den": [1.0],
+    },
+    "q_filter": {"order": 2, "b": B.tolist(), "a": A.tolist()},
 }
 
 
@@ -52,24 +58,17 @@ def changes() -> dict[str, Any]:
     )
 
 
-def trial_law(c: dict[str, Any], samples: int) -> Trial:
+def trial_law(controller: dict[str, Any]) -> Trial:
+    c = controller["config"]
+    same = ("samples", "k_1", "k_2", "n", "c", "through_integrator", "k_3", "shift", "limit", "learned_limit")
     return Trial(
-        samples=samples,
-        k_1=c["K_1"],
-        k_2=c["K_2"],
-        n=c["N"],
-        c=c["C"],
-        through_integrator=c["through_integrator"],
-        k_3=c["K_3"],
-        shift=c["shift"],
-        limit=c["limit"],
-        learned_limit=c["learned_limit"],
+        **{key: c[key] for key in same},
         num=c["feedforward"]["num"],
         den=c["feedforward"]["den"],
         preview=c["feedforward"]["preview"],
         b=c["q_filter"]["b"],
         a=c["q_filter"]["a"],
-        learning_matrix=c["learning_matrix"],
+        learning_matrix=controller["learning_matrix"],
     )
 
 
@@ -80,7 +79,7 @@ def phase_of(phases: list[dict[str, Any]], trial: int) -> dict[str, Any]:
 def expected(settings: dict[str, Any]) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """The drive with perfect sensors and an ideal current loop, sampled exactly: signals by sample, and v."""
     trials, drive = settings["trials"], settings["drive"]
-    law = trial_law(settings["controller"], trials["samples"])
+    law = trial_law(settings["controller"])
     names = ("theta_m", "omega_m", "theta_ref", "i_q", "tau_e", "tau_load", "learned")
     x: dict[str, list[float]] = {name: [] for name in names}
     for trial in range(trials["count"]):
@@ -114,7 +113,7 @@ def rows(engine: Any, state: Any, ticks: int, decimation: int = 20) -> np.ndarra
 
 def test_the_whole_loop_is_the_exactly_sampled_one() -> None:
     settings = changes()
-    x = signals(_simulator_f64.Drive(settings), _simulator_f64, 9 * TICKS, decimation=20)
+    x = signals(drive_of(_simulator_f64, settings), _simulator_f64, 9 * TICKS, decimation=20)
     wanted, _ = expected(settings)
     for name, signal in wanted.items():
         assert x[name] == pytest.approx(signal, abs=1e-9 * np.abs(signal).max()), name
@@ -130,7 +129,7 @@ def test_the_whole_loop_is_the_exactly_sampled_one() -> None:
 
 def test_in_single_precision_it_is_the_same_to_rounding() -> None:
     settings = changes()
-    x = signals(_simulator_f32.Drive(settings), _simulator_f32, 9 * TICKS, decimation=20)
+    x = signals(drive_of(_simulator_f32, settings), _simulator_f32, 9 * TICKS, decimation=20)
     wanted, _ = expected(settings)
     # the current is the small difference of large terms
     rounding = 20 * np.finfo(np.float32).eps * np.abs(x["term_feedback"]).max()
@@ -143,21 +142,21 @@ def test_in_single_precision_it_is_the_same_to_rounding() -> None:
 
 def test_memory_is_the_learned_signal() -> None:
     settings = changes()
-    drive = _simulator_f64.Drive(settings)
+    drive = drive_of(_simulator_f64, settings)
     state = drive.start()
-    assert drive.memory(state) == {"learned": [0.0] * SAMPLES}
+    assert drive.stored(state)["values"] == [[0.0] * SAMPLES]
     rows(drive, state, 9 * TICKS)
     _, learned = expected(settings)
-    assert drive.memory(state)["learned"] == pytest.approx(learned, abs=1e-9)
+    assert drive.stored(state)["values"][0] == pytest.approx(learned, abs=1e-9)
 
 
 def test_the_learned_signal_changes_between_trials_only() -> None:
-    drive = _simulator_f64.Drive(changes())
+    drive = drive_of(_simulator_f64, changes())
     state = drive.start()
     rows(drive, state, TICKS - 1)
-    assert not np.any(drive.memory(state)["learned"])
+    assert not np.any(drive.stored(state)["values"][0])
     rows(drive, state, 1)
-    learned = drive.memory(state)["learned"]
+    learned = drive.stored(state)["values"][0]
     assert np.any(learned)
     x = dict(zip([name for name, _ in drive.signals], rows(drive, state, TICKS).T, strict=True))
     assert np.array_equal(x["learned"], learned)
@@ -165,7 +164,7 @@ def test_the_learned_signal_changes_between_trials_only() -> None:
 
 def test_an_angle_of_several_turns_is_measured_without_jumps() -> None:
     settings = trial_config(2, [phase(0, DOWNWARDS + 50.0)], CONTROLLER)
-    x = signals(_simulator_f64.Drive(settings), _simulator_f64, 2 * TICKS, decimation=20)
+    x = signals(drive_of(_simulator_f64, settings), _simulator_f64, 2 * TICKS, decimation=20)
     assert np.ptp(x["theta_m"]) > 4.0 * np.pi
     assert x["theta_measured"] == pytest.approx(x["theta_m"], abs=1e-12)
 
@@ -183,11 +182,11 @@ def test_each_trial_starts_afresh() -> None:
         settings = trial_config(
             3,
             [phase(0, THERE_AND_BACK, [(80, 0.4)], **fresh)],
-            {**CONTROLLER, "K_3": 0.0},
+            {**CONTROLLER, "k_3": 0.0},
             position_sensor={**sensor, "eccentricity": 1e-3, "eccentricity_phase": 0.0},
             **loop,
         )
-        x = signals(_simulator_f64.Drive(settings), _simulator_f64, 3 * TICKS)
+        x = signals(drive_of(_simulator_f64, settings), _simulator_f64, 3 * TICKS)
         for name in set(x) - {"time", "trial"}:
             first, second, third = x[name].reshape(3, TICKS)
             assert np.array_equal(first, second), name
@@ -198,11 +197,11 @@ def test_noise_goes_on_from_trial_to_trial() -> None:
     settings = trial_config(
         2,
         [phase(0, THERE_AND_BACK)],
-        {**CONTROLLER, "K_3": 0.0},
+        {**CONTROLLER, "k_3": 0.0},
         ideal_current=False,
         current_sensors={"noise": 0.05},
     )
-    x = signals(_simulator_f64.Drive(settings), _simulator_f64, 2 * TICKS)
+    x = signals(drive_of(_simulator_f64, settings), _simulator_f64, 2 * TICKS)
     first, second = x["i_q"].reshape(2, TICKS)
     assert not np.any(first[20:] == second[20:])
 
@@ -210,7 +209,7 @@ def test_noise_goes_on_from_trial_to_trial() -> None:
 def test_load_steps_follow_a_lag_within_the_trial() -> None:
     load = {"torque": 0.1, "lag": 0.03}
     settings = trial_config(2, [phase(0, THERE_AND_BACK, [(80, 0.5)], load=load)], CONTROLLER)
-    x = signals(_simulator_f64.Drive(settings), _simulator_f64, 2 * TICKS)
+    x = signals(drive_of(_simulator_f64, settings), _simulator_f64, 2 * TICKS)
     since = np.maximum(np.arange(TICKS) / 8000 - 80 / 400, 0.0)
     assert x["tau_load"] == pytest.approx(np.tile(0.5 - 0.4 * np.exp(-since / 0.03), 2), abs=1e-12)
 
@@ -223,7 +222,7 @@ def test_resolver_and_moving_average_are_the_papers(speed: float) -> None:
     sensor = {"kind": "resolver", "bits": 14, "window": 16}
     reference = 0.1 + speed * np.arange(SAMPLES) / 400
     settings = trial_config(2, [{"from": 0, "reference": reference, **heavy}], position_sensor=sensor)
-    x = signals(_simulator_f64.Drive(settings), _simulator_f64, 2 * TICKS)
+    x = signals(drive_of(_simulator_f64, settings), _simulator_f64, 2 * TICKS)
     step, tick = 2.0 * np.pi / 2**14, np.arange(TICKS)
 
     def seen(at: np.ndarray) -> np.ndarray:
@@ -244,7 +243,7 @@ def test_a_fast_current_loop_comes_close_to_the_ideal_one() -> None:
 
     def angle(**loop: Any) -> np.ndarray:
         settings = trial_config(2, [loaded], CONTROLLER, current_rate=80000, speed_divider=200, **loop)
-        x = signals(_simulator_f64.Drive(settings), _simulator_f64, 10 * 2 * TICKS, decimation=200)
+        x = signals(drive_of(_simulator_f64, settings), _simulator_f64, 10 * 2 * TICKS, decimation=200)
         return x["theta_m"]
 
     def real(bandwidth: float) -> np.ndarray:
@@ -259,7 +258,7 @@ def test_a_fast_current_loop_comes_close_to_the_ideal_one() -> None:
 
 
 def test_odd_pieces_are_the_same_run() -> None:
-    drive = _simulator_f64.Drive(changes())
+    drive = drive_of(_simulator_f64, changes())
     whole = rows(drive, drive.start(), 9 * TICKS, decimation=3)
     state = drive.start()
     pieces = [rows(drive, state, n, decimation=3) for n in (1, 4798, 1, 1, 20003, 9599, 0)]
@@ -270,37 +269,38 @@ def test_odd_pieces_are_the_same_run() -> None:
 
 @pytest.mark.parametrize("at", [2 * TICKS, 2 * TICKS + 77])
 def test_a_copied_state_goes_on_alike_and_alone(at: int) -> None:
-    first, second = _simulator_f64.Drive(changes()), _simulator_f64.Drive(changes())
+    first, second = drive_of(_simulator_f64, changes()), drive_of(_simulator_f64, changes())
     state = first.start()
     rows(first, state, at)
     copy = state.copy()
     whole = rows(first, state, 9 * TICKS - at)
-    learned = first.memory(state)["learned"]
+    learned = first.stored(state)["values"][0]
     del first, state  # a state does not lean on another, nor on the drive that made it
     assert copy.tick == at
     assert np.array_equal(whole, rows(second, copy, 9 * TICKS - at))
-    assert np.array_equal(learned, second.memory(copy)["learned"])
+    assert np.array_equal(learned, second.stored(copy)["values"][0])
 
 
 @pytest.mark.parametrize("module", [_simulator_f32, _simulator_f64])
 def test_a_matrix_learns_in_place_of_a_gain(module: ModuleType) -> None:
     matrix = 0.5 * np.eye(SAMPLES, k=2) + 0.1 * np.eye(SAMPLES, k=1)
-    settings = trial_config(2, [phase(0, THERE_AND_BACK)], {**CONTROLLER, "learning_matrix": matrix})
-    drive = module.Drive(settings)
+    settings = trial_config(2, [phase(0, THERE_AND_BACK)], CONTROLLER)
+    settings = merged(settings, {"controller": {"learning_matrix": matrix}})
+    drive = drive_of(module, settings)
     state = drive.start()
     recorder = module.Recorder(drive, 20)
     drive.advance(state, recorder, 2 * TICKS)
     _, learned = expected(settings)
     rounding = 1e-9 if module is _simulator_f64 else 1e-4
-    assert drive.memory(state)["learned"] == pytest.approx(learned, abs=rounding)
+    assert drive.stored(state)["values"][0] == pytest.approx(learned, abs=rounding)
 
 
 def test_signals_and_their_units() -> None:
     always = ["time", "trial", "theta_m", "omega_m", "theta_ref", "theta_measured", "omega_measured"]
     torques = ["tau_e", "tau_cogging", "tau_load", "status"]
     terms = ["term_feedback", "term_integral", "term_feedforward", "term_learned", "learned"]
-    ideal = _simulator_f64.Drive(changes())
-    real = _simulator_f64.Drive(merged(changes(), {"drive": {"ideal_current": False}}))
+    ideal = drive_of(_simulator_f64, changes())
+    real = drive_of(_simulator_f64, merged(changes(), {"drive": {"ideal_current": False}}))
     phases = ["i_a", "i_b", "i_c", "u_d", "u_q"]
     assert [name for name, _ in ideal.signals] == [*always, "i_q", "i_q_ref", *torques, *terms]
     assert [name for name, _ in real.signals] == [*always, "i_d", "i_q", "i_q_ref", *phases, *torques, *terms]
@@ -315,7 +315,7 @@ def test_signals_and_their_units() -> None:
 
 def test_energy_balance_within_each_trial() -> None:
     settings = trial_config(2, [phase(0, THERE_AND_BACK, [(80, 0.3)])], CONTROLLER, ideal_current=False)
-    x = signals(_simulator_f64.Drive({**settings, "energy": True}), _simulator_f64, 2 * TICKS)
+    x = signals(drive_of(_simulator_f64, {**settings, "energy": True}), _simulator_f64, 2 * TICKS)
     out = x["energy_copper"] + x["energy_friction"] + x["energy_load"] + x["energy_stored"]
     assert x["energy_electrical"] == pytest.approx(out, abs=1e-4 * x["energy_electrical"].max())
     assert x["energy_electrical"][TICKS] == 0.0
@@ -325,13 +325,13 @@ def test_growth_beyond_all_numbers_names_the_trial() -> None:
     # viscous friction so strong for its step that integrating it grows
     stiff = {"mechanics": {"inertia": 1e-9, "viscous_friction": 1.0}, "initial_speed": 1.0}
     settings = trial_config(3, [phase(0, THERE_AND_BACK), phase(1, THERE_AND_BACK, **stiff)], CONTROLLER)
-    drive = _simulator_f64.Drive(settings)
+    drive = drive_of(_simulator_f64, settings)
     with pytest.raises(RuntimeError, match=r"^trial 2: .*beyond all numbers"):
         signals(drive, _simulator_f64, 2 * TICKS)
 
 
 def test_there_are_no_more_trials_than_said() -> None:
-    drive = _simulator_f64.Drive(changes())
+    drive = drive_of(_simulator_f64, changes())
     state = drive.start()
     rows(drive, state, 9 * TICKS)
     with pytest.raises(ValueError, match="only 9 trials"):
@@ -347,8 +347,12 @@ def with_trials(**change: Any) -> dict[str, Any]:
     return {**settings, "trials": {**settings["trials"], **change}}
 
 
-def with_controller(**change: Any) -> dict[str, Any]:
-    return merged(changes(), {"controller": change})
+def with_law(**change: Any) -> dict[str, Any]:
+    return merged(changes(), {"controller": {"config": change}})
+
+
+def with_matrix(matrix: Any) -> dict[str, Any]:
+    return merged(changes(), {"controller": {"learning_matrix": matrix}})
 
 
 @pytest.mark.parametrize(
@@ -363,22 +367,26 @@ def with_controller(**change: Any) -> dict[str, Any]:
         (trial_config(1, [phase(0, [np.nan] * SAMPLES)]), r"reference: expected finite"),
         (trial_config(1, [phase(0, THERE_AND_BACK, [(SAMPLES, 1.0)])]), r"load_steps.0.sample"),
         (trial_config(1, [phase(0, THERE_AND_BACK, [(9, 1.0), (8, 1.0)])]), r"load_steps.1.sample"),
-        (trial_config(1, [phase(0, [0.0, 0.0])]), r"controller.shift: expected less than the samples"),
-        (trial_config(1, [phase(0, [0.0] * 9)], CONTROLLER), r"q_filter.a: expected trials longer than 9"),
-        (with_controller(K_1=[1.0]), r"controller.K_1: expected 2 numbers"),
-        (with_controller(C=[1.0] * 9), r"controller.C: expected at most 8 numbers"),
-        (with_controller(q_filter={"b": [1.0], "a": []}), r"q_filter.a: expected as many"),
-        (with_controller(feedforward={"num": [1.0] * 17}), r"feedforward.num: expected at most 16"),
-        (with_controller(learning_matrix=np.zeros((2, 3))), r"learning_matrix: expected 240 rows"),
-        (with_controller(learning_matrix=[1.0]), r"learning_matrix: wrong type"),
-        (with_controller(limit=-1.0), r"trial: a gain is outside its range"),
-        (with_controller(K_2=np.nan), r"trial: a gain is outside its range"),
-        (with_controller(law="pi", kp=1.0, ki=1.0), r'law: expected "trial" or a law of your own'),
-        (config({"controller": TRIAL_LAW}), r"trials: missing"),
+        (trial_config(1, [phase(0, [0.0, 0.0])]), r"trial: a gain is outside its range"),
+        (trial_config(1, [phase(0, [0.0] * 9)], CONTROLLER), r"trial: a gain is outside its range"),
+        (with_law(states=1), r"controller.config: expected 2 states"),
+        (with_law(samples=SAMPLES + 1), r"controller.config: expected 240 samples"),
+        (with_matrix(np.zeros((2, 3))), r"learning_matrix: expected 240 rows"),
+        (with_matrix([1.0]), r"learning_matrix: wrong type"),
+        (with_law(limit=-1.0), r"trial: a gain is outside its range"),
+        (with_law(k_2=np.nan), r"trial: a gain is outside its range"),
+        (
+            merged(changes(), {"controller": BASE["controller"]}),
+            r'law: expected "trial" or a law of your own',
+        ),
+        (
+            config({"controller": merged(TRIAL_LAW, {"config": {"samples": 9}})}),
+            r'"trial" only with them',
+        ),
         ({**changes(), "energy": True}, r"energy: not with an ideal current loop"),
         (merged(changes(), {"drive": {"current_limit": 0.0}}), r"current_limit: expected more than 0"),
     ],
 )
 def test_a_wrong_description_is_refused(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        _simulator_f64.Drive(settings)
+        drive_of(_simulator_f64, settings)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine import RIPPLE, config, run
+from engine import RIPPLE, config, drive_of, run
 
 from cogless import _simulator_f64
 
@@ -56,7 +56,7 @@ def test_signals_that_mean_nothing_are_absent() -> None:
 def test_a_speed_loop_settles_as_the_second_order_system_that_it_is() -> None:
     kp, ki, step = 0.02, 0.3, 1e-4
     rates = {"ideal_current": True, "current_rate": 10000, "speed_divider": 1}
-    x = run({"initial_speed": 0.0, "drive": rates, "controller": {"kp": kp, "ki": ki}}, 1.0)
+    x = run({"initial_speed": 0.0, "drive": rates, "controller": {"config": {"kp": kp, "ki": ki}}}, 1.0)
     damping, frequency = K_T * kp / J / 2, np.sqrt(K_T * ki / J)  # 6 and 13.4 rad/s
     ringing = np.sqrt(frequency**2 - damping**2)
     t = x["time"]
@@ -117,8 +117,8 @@ def test_a_load_by_angle_table_alone_acts() -> None:
 
 def test_what_contradicts_it_is_refused() -> None:
     with pytest.raises(ValueError, match="energy: not with an ideal current loop"):
-        _simulator_f64.Drive(config({"drive": {"ideal_current": True}, "energy": True}))
+        drive_of(_simulator_f64, config({"drive": {"ideal_current": True}, "energy": True}))
     with pytest.raises(ValueError, match=r"drive.current_limit: expected more than 0"):
-        _simulator_f64.Drive(config({"drive": {"ideal_current": True, "current_limit": 0.0}}))
+        drive_of(_simulator_f64, config({"drive": {"ideal_current": True, "current_limit": 0.0}}))
     with pytest.raises(RuntimeError, match="asked for i_d_ref"):
         run(IDEAL, 0.01, controller=Law(lambda time: (1.0, 0.0)))

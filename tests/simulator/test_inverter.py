@@ -61,7 +61,7 @@ def test_voltage_stays_within_the_hexagons_circle() -> None:
         "drive": {"inverter": {"bus_voltage": 12.0}},
         "reference": {"speed": 200.0},
         "initial_speed": 0.0,
-        "controller": {"kp": 5.0},
+        "controller": {"config": {"kp": 5.0}},
     }
     x = run(change, 1.0)
     u = np.hypot(x["u_d"], x["u_q"])

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
-from engine import signals
+from engine import law_of, signals
 from reference.trial import Trial
 
 from cogless import _simulator_f32, _simulator_f64
+from cogless.c_layout import control_layout
 
 SAMPLES = 150
 TIME = np.arange(SAMPLES) / SAMPLES
 RISE = 1.0 - np.cos(2.0 * np.pi * TIME)
 SHORT = np.minimum(TIME, 0.3)
 LOAD = 0.4 * (TIME > 0.5)
-NO_FILTER: dict[str, Any] = {"b": [], "a": []}
-SMOOTH: dict[str, Any] = {"b": [0.3, 0.3], "a": [1.0, -0.4]}
+NO_FILTER: dict[str, Any] = {"order": 0, "b": [], "a": []}
+SMOOTH: dict[str, Any] = {"order": 1, "b": [0.3, 0.3], "a": [1.0, -0.4]}
 
 # one state, relative degree 1; two with a zero at -1.2, outside the unit circle; four, relative degree 2
 FIRST = {"A": [[0.9]], "B": [0.2], "C": [1.0], "K_1": [-2.0], "shift": 1, "q_filter": NO_FILTER}
@@ -39,8 +41,8 @@ FOURTH = {
 }
 
 
-def description(plant: dict[str, Any], **controller: Any) -> dict[str, Any]:
-    """Seven trials with a change of load, of plant and of reference."""
+def description(plant: dict[str, Any], matrix: Any = None, **law: Any) -> dict[str, Any]:
+    """Seven trials with a change of load, of plant and of reference; for trials_of."""
     A, B = np.array(plant["A"]), np.array(plant["B"])
     start, other = [0.1] * len(B), [-0.2] * len(B)
     return {
@@ -55,38 +57,49 @@ def description(plant: dict[str, Any], **controller: Any) -> dict[str, Any]:
         ],
         "controller": {
             "law": "trial",
-            "K_1": plant["K_1"],
-            "K_2": 0.1,
-            "N": 1.5,
-            "C": plant["C"],
-            "through_integrator": True,
-            "K_3": 0.3,
-            "shift": plant["shift"],
-            "feedforward": {"num": [2.0, -1.0], "den": [1.0, -0.5], "preview": 1},
-            "q_filter": plant["q_filter"],
-            "learning_matrix": None,
-            "limit": 50.0,
-            "learned_limit": 10.0,
-            **controller,
+            "learning_matrix": matrix,
+            "config": {
+                "samples": SAMPLES,
+                "states": len(B),
+                "k_1": plant["K_1"],
+                "k_2": 0.1,
+                "n": 1.5,
+                "c": plant["C"],
+                "through_integrator": True,
+                "k_3": 0.3,
+                "shift": plant["shift"],
+                "feedforward": {
+                    "numerator": 2,
+                    "denominator": 2,
+                    "preview": 1,
+                    "num": [2.0, -1.0],
+                    "den": [1.0, -0.5],
+                },
+                "q_filter": plant["q_filter"],
+                "limit": 50.0,
+                "learned_limit": 10.0,
+                **law,
+            },
         },
     }
 
 
+def trials_of(settings: dict[str, Any], module: ModuleType = _simulator_f64) -> Any:
+    layout = control_layout("double" if module is _simulator_f64 else "single")
+    law = law_of(settings["controller"], layout, ts=0.0, limit=0.0)
+    return module.LinearTrials({**settings, "controller": law})
+
+
 def expected(settings: dict[str, Any]) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    c = settings["controller"]
-    same = ("through_integrator", "shift", "limit", "learned_limit", "learning_matrix")
+    c = settings["controller"]["config"]
+    same = ("samples", "k_1", "k_2", "n", "c", "k_3", "through_integrator", "shift", "limit", "learned_limit")
     law = Trial(
-        samples=SAMPLES,
-        k_1=c["K_1"],
-        k_2=c["K_2"],
-        n=c["N"],
-        c=c["C"],
-        k_3=c["K_3"],
-        **c["feedforward"],
-        **(c["q_filter"] if c["q_filter"]["b"] else {}),
         **{key: c[key] for key in same},
+        **{key: c["feedforward"][key] for key in ("num", "den", "preview")},
+        **({key: c["q_filter"][key] for key in ("b", "a")} if c["q_filter"]["b"] else {}),
+        learning_matrix=settings["controller"]["learning_matrix"],
     )
-    names = ["y_ref", "y", "u", "load", *(f"x_{n + 1}" for n in range(len(c["K_1"]))), "status", "learned"]
+    names = ["y_ref", "y", "u", "load", *(f"x_{n + 1}" for n in range(len(c["k_1"]))), "status", "learned"]
     rows = []
     for trial in range(settings["count"]):
         phase = [p for p in settings["phases"] if p["from"] <= trial][-1]
@@ -103,10 +116,10 @@ def expected(settings: dict[str, Any]) -> tuple[dict[str, np.ndarray], np.ndarra
 
 
 @pytest.mark.parametrize("plant", [FIRST, ZERO, FOURTH], ids=["order-1", "zero-outside", "order-4"])
-@pytest.mark.parametrize("controller", [{}, {"limit": 2.0}, {"learning_matrix": 0.2 * np.eye(SAMPLES, k=1)}])
+@pytest.mark.parametrize("controller", [{}, {"limit": 2.0}, {"matrix": 0.2 * np.eye(SAMPLES, k=1)}])
 def test_linear_trials_are_the_equations(plant: dict[str, Any], controller: dict[str, Any]) -> None:
     settings = description(plant, **controller)
-    engine = _simulator_f64.LinearTrials(settings)
+    engine = trials_of(settings)
     x = signals(engine, _simulator_f64, 7 * SAMPLES)
     wanted, learned = expected(settings)
     for name, signal in wanted.items():
@@ -115,27 +128,27 @@ def test_linear_trials_are_the_equations(plant: dict[str, Any], controller: dict
     assert x["time"] == pytest.approx(0.02 * np.arange(7 * SAMPLES), abs=1e-12)
     state = engine.start()
     engine.advance(state, _simulator_f64.Recorder(engine, 1000), 7 * SAMPLES)
-    assert engine.memory(state)["learned"] == pytest.approx(learned, abs=1e-12)
+    assert engine.stored(state)["values"][0] == pytest.approx(learned, abs=1e-12)
     assert np.any(learned)
 
 
 def test_in_single_precision_the_law_rounds_and_the_plant_does_not() -> None:
     settings = description(FOURTH)
-    single = signals(_simulator_f32.LinearTrials(settings), _simulator_f32, 7 * SAMPLES)
+    single = signals(trials_of(settings, _simulator_f32), _simulator_f32, 7 * SAMPLES)
     wanted, _ = expected(settings)
     assert single["y"] == pytest.approx(wanted["y"], abs=1e-5)
     assert not np.array_equal(single["y"], wanted["y"])
 
 
 def test_signals() -> None:
-    engine = _simulator_f64.LinearTrials(description(ZERO))
+    engine = trials_of(description(ZERO))
     terms = ["term_feedback", "term_integral", "term_feedforward", "term_learned", "learned"]
     names = ["time", "trial", "y_ref", "y", "u", "load", "x_1", "x_2", "status", *terms]
     assert engine.signals == [("time", "s"), *((name, "") for name in names[1:])]
 
 
 def test_pieces_and_copies_are_the_same_run() -> None:
-    engine = _simulator_f64.LinearTrials(description(ZERO))
+    engine = trials_of(description(ZERO))
 
     def rows(state: Any, ticks: int) -> np.ndarray:
         recorder = _simulator_f64.Recorder(engine, 1)
@@ -158,7 +171,7 @@ def test_pieces_and_copies_are_the_same_run() -> None:
 def test_growth_beyond_all_numbers_names_the_trial() -> None:
     settings = description(FIRST)
     settings["phases"][1]["A"] = [[1e3]]
-    engine = _simulator_f64.LinearTrials(settings)
+    engine = trials_of(settings)
     with pytest.raises(RuntimeError, match=r"^trial 4: .*beyond all numbers"):
         signals(engine, _simulator_f64, 7 * SAMPLES)
 
@@ -167,9 +180,9 @@ def test_growth_beyond_all_numbers_names_the_trial() -> None:
     ("change", "message"),
     [
         ({"C": []}, r"^C: expected 1 to 8 numbers"),
-        ({"C": [1.0, 0.0, 0.0]}, r"controller.K_1: expected 3 numbers"),
+        ({"C": [1.0, 0.0, 0.0]}, r"controller.config: expected 3 states"),
         ({"count": 3}, r"phases.1.from: expected less than the number of trials"),
-        ({"samples": 1}, r"controller.shift: expected less than the samples"),
+        ({"samples": 1}, r"controller.config: expected 1 samples"),
         ({"phases": []}, r"^phases: expected one or more"),
         ({"phases": [{"A": [[1.0]]}]}, r"phases.0.A: expected 2 rows and columns"),
         ({"phases": [{"A": [[1.0, 0.0], [np.inf, 0.0]]}]}, r"phases.0.A: expected finite numbers"),
@@ -184,4 +197,4 @@ def test_a_wrong_description_is_refused(change: dict[str, Any], message: str) ->
     if change.get("phases"):
         change = {"phases": [{**settings["phases"][0], **change["phases"][0]}]}
     with pytest.raises(ValueError, match=message):
-        _simulator_f64.LinearTrials({**settings, **change})
+        trials_of({**settings, **change})

@@ -101,7 +101,7 @@ def test_agrees_with_dop853_at_tight_tolerance_after_one_second() -> None:
             "ki_d": 30.0,
             "ki_q": 30.0,
         },
-        "controller": {"kp": 0.05, "ki": 0.3},
+        "controller": {"config": {"kp": 0.05, "ki": 0.3}},
     }
     settings = config(change)
     x = run(change, 1.001)

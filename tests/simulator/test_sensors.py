@@ -10,7 +10,7 @@ from engine import run
 
 TURN = 2.0 * np.pi
 # so heavy that it turns at constant speed
-STEADY: dict[str, Any] = {"mechanics": {"inertia": 1e6}, "controller": {"kp": 0.0, "ki": 0.0}}
+STEADY: dict[str, Any] = {"mechanics": {"inertia": 1e6}, "controller": {"config": {"kp": 0.0, "ki": 0.0}}}
 
 
 def measured(speed: float, sensor: dict[str, Any], seconds: float = 1.0) -> np.ndarray:

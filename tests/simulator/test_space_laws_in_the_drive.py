@@ -14,19 +14,24 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine import config, merged, run, signals
+from engine import config, drive_of, merged, run, signals
 from step_motor import N_R, SECTION_5
 
 from cogless import _simulator_f32, _simulator_f64
 
 TURN = 2.0 * np.pi
-MAP: dict[str, Any] = {"memory": "map", "cells": 256, "q_half_width": 2}
+MAP: dict[str, Any] = {"kind": "CGL_SPACE_MAP", "cells": 256, "q_half_width": 2}
+
+
+def law(memory: dict[str, Any] | None = None, **change: Any) -> dict[str, Any]:
+    """Changes of the law's configuration, and of its memory's."""
+    return {"config": {**change, "memory": memory or {}}}
 
 
 def section_5(
     seconds: float, change: dict[str, Any] | None = None, module: ModuleType = _simulator_f64
 ) -> dict[str, np.ndarray]:
-    engine = module.Drive(merged(SECTION_5, change or {}))
+    engine = drive_of(module, merged(SECTION_5, change or {}))
     return signals(engine, module, round(seconds * 10000))
 
 
@@ -54,9 +59,9 @@ def test_section_5_as_printed(module: ModuleType, drive: dict[str, Any]) -> None
     assert np.abs(x["i_q"]).max() < 9.0
 
 
-@pytest.mark.parametrize("method", ["ode", "inversion"])
+@pytest.mark.parametrize("method", ["CGL_DELAY_ODE", "CGL_DELAY_INVERSION"])
 def test_delay_satisfies_its_equation(method: str) -> None:
-    x = section_5(10.0, {"controller": {"method": method}})
+    x = section_5(10.0, {"controller": law({"method": method})})
     t, theta = x["time"], N_R * x["theta_ref"]
     late = t > 2.0
     assert np.interp(t[late] - x["P_t"][late], t, theta) == pytest.approx(theta[late] - TURN, abs=2e-3)
@@ -68,9 +73,9 @@ def test_the_printed_scheme_does_not_last() -> None:
     assert peak_to_peak(x, 28.0, 30.0)[0] > 0.5
 
 
-@pytest.mark.parametrize("law", [MAP, {"q_half_width": 20}])
-def test_a_q_filter_makes_it_last(law: dict[str, Any]) -> None:
-    x = section_5(120.0, {"controller": law})
+@pytest.mark.parametrize("memory", [MAP, {"q_half_width": 20}])
+def test_a_q_filter_makes_it_last(memory: dict[str, Any]) -> None:
+    x = section_5(120.0, {"controller": law(memory)})
     found = [peak_to_peak(x, t, t + 2.0)[0] for t in (20.0, 30.0, 58.0, 118.0)]
     assert found == pytest.approx([0.054, 0.041, 0.033, 0.024], rel=0.05)
     # it depends on where the arm is: over its revolution of 21 s the error stays level
@@ -82,7 +87,7 @@ def test_a_q_filter_makes_it_last(law: dict[str, Any]) -> None:
 
 
 def test_a_map_of_the_reference_by_the_rotor_serves_too() -> None:
-    x = section_5(10.0, {"controller": {**MAP, "index": "rotor"}})
+    x = section_5(10.0, {"controller": law(MAP, index="CGL_SPACE_BY_ROTOR")})
     assert peak_to_peak(x, 8.0, 10.0) == pytest.approx((0.0716, 0.0105), rel=0.03)
 
 
@@ -98,7 +103,7 @@ def test_terms_add_up_to_the_current() -> None:
 
 
 def test_signals_are_those_of_what_is_learned() -> None:
-    one = section_5(0.01, {"controller": {**MAP, "limits": [15.0]}})
+    one = section_5(0.01, {"controller": law({**MAP, "channels": 1})})
     assert [name for name in one if name.startswith(("term", "P_t"))] == [
         "term_proportional",
         "term_integral",
@@ -110,23 +115,7 @@ def test_signals_are_those_of_what_is_learned() -> None:
 def learned(engine: Any, seconds: float) -> dict[str, Any]:
     state = engine.start()
     engine.advance(state, _simulator_f64.Recorder(engine, 100), round(seconds * 10000))
-    return dict(engine.memory(state))
-
-
-@pytest.mark.parametrize(
-    ("period", "frame", "width"),
-    [
-        ({"turns": 1, "parts": 1}, "electrical", TURN),
-        ({"turns": N_R, "parts": 1}, "mechanical", TURN),
-        ({"turns": 2, "parts": 1}, "electrical", 2 * TURN),
-        ({"ratio": 1, "turns": 1, "parts": N_R}, "mechanical", TURN / N_R),
-    ],
-)
-def test_memory_says_over_what_it_is(period: dict[str, Any], frame: str, width: float) -> None:
-    memory = learned(_simulator_f64.Drive(merged(SECTION_5, {"controller": {**MAP, **period}})), 0.01)
-    assert memory["frame"] == frame
-    assert memory["period"] == pytest.approx(width)
-    assert len(memory["current"]) == len(memory["beta"]) == len(memory["h"]) == 256
+    return dict(engine.stored(state))
 
 
 def test_the_map_is_the_current_that_the_ripple_needs() -> None:
@@ -137,54 +126,48 @@ def test_the_map_is_the_current_that_the_ripple_needs() -> None:
         "mechanics": {"viscous_friction": 0.0},
         "drive": {"ideal_current": True},
         "reference": {"kind": "constant", "speed": 1.5},
-        "controller": {**MAP, "limits": [15.0], "turns": N_R, "cells": 600, "learning_start": 0.0},
+        "controller": {**law({**MAP, "channels": 1, "turns": N_R, "cells": 600}), "learning_start": 0.0},
     }
     settings = merged(SECTION_5, change)
     settings["reference"], settings["initial_speed"] = change["reference"], 1.5
-    memory = learned(_simulator_f64.Drive(settings), 60.0)
+    memory = learned(drive_of(_simulator_f64, settings), 60.0)
     angle = TURN / 600 * np.arange(600)
     needed = 0.2 * np.sin(3 * angle + 0.4) / (N_R * 5e-3)
-    assert np.array(memory["current"]) == pytest.approx(needed, abs=0.02)
-    assert "beta" not in memory
+    assert np.array(memory["values"]) == pytest.approx(needed[None], abs=0.02)
 
 
 def test_a_copied_state_learns_alone() -> None:
-    engine = _simulator_f64.Drive(merged(SECTION_5, {"controller": {**MAP, "learning_start": 0.0}}))
+    engine = drive_of(_simulator_f64, merged(SECTION_5, {"controller": {**law(MAP), "learning_start": 0.0}}))
     state = engine.start()
     engine.advance(state, _simulator_f64.Recorder(engine, 10), 20000)
     copy = state.copy()
-    before = engine.memory(copy)
+    before = engine.stored(copy)
     rows = []
     for s in (state, copy):
         recorder = _simulator_f64.Recorder(engine, 10)
         engine.advance(s, recorder, 10000)
         rows.append(recorder.take())
         if s is state:
-            assert engine.memory(copy) == before
+            assert engine.stored(copy) == before
     assert np.array_equal(*rows)
 
 
 def test_speed_law_learns_on_the_rotors_angle() -> None:
-    law: dict[str, Any] = {
+    speed: dict[str, Any] = {
         "law": "space-speed",
-        "k": 60.0,
-        "mu_alpha": 20.0,
-        "mu_beta": 0.0,
-        "mu_h": 0.0,
-        "eta_bar": 0.2,
-        "omega_min": 0.05,
-        "ratio": N_R,
-        "memory": "map",
-        "cells": 1200,
-        "turns": N_R,
-        "parts": 1,
-        "q_half_width": 2,
-        "limits": [15.0],
+        "config": {
+            "k": 60.0,
+            "mu_alpha": 20.0,
+            "eta_bar": 0.2,
+            "omega_min": 0.05,
+            "ratio": N_R,
+            "memory": {**MAP, "channels": 1, "cells": 1200, "turns": N_R, "parts": 1, "limit": [15.0]},
+        },
     }
-    settings = merged(SECTION_5, {"controller": law, "drive": {"ideal_current": True}})
+    settings = merged(SECTION_5, {"controller": speed, "drive": {"ideal_current": True}})
     settings["reference"] = {"kind": "sine", "offset": 1.0, "amplitude": 0.2, "frequency": 0.3}
     settings["initial_speed"] = 1.0
-    engine = _simulator_f64.Drive(settings)
+    engine = drive_of(_simulator_f64, settings)
     x = signals(engine, _simulator_f64, 600000, 10)
     error = x["omega_m"] - x["omega_ref"]
     first, last = (np.sqrt(np.mean(error[(x["time"] > a) & (x["time"] < a + 7)] ** 2)) for a in (0.0, 52.0))
@@ -195,16 +178,9 @@ def test_speed_law_learns_on_the_rotors_angle() -> None:
 
 
 def test_what_is_outside_its_range_is_refused() -> None:
-    for change, words in (
-        ({"limits": []}, "controller.limits: expected one to three"),
-        ({"limits": [1.0] * 4}, "controller.limits: expected one to three"),
-        ({"k_theta": -1.0}, "a gain is outside its range"),
-        ({"index": "stator"}, "controller.index: unknown"),
-        ({"turns": 0, "ratio": 0}, "controller.turns: expected 1 or more"),
-        ({"index": "rotor", "turns": 100}, "controller.turns: expected whole periods in a revolution"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            _simulator_f64.Drive(merged(SECTION_5, {"controller": change}))
+    for change in (law({"channels": 0}), law({"channels": 4}), law(k_theta=-1.0), law({"turns": 0}, ratio=0)):
+        with pytest.raises(ValueError, match="space-position: a gain is outside its range"):
+            drive_of(_simulator_f64, merged(SECTION_5, {"controller": change}))
 
 
 # a library made before the inputs ended with theta_ref and alpha_ref, and one that reads them
@@ -262,8 +238,8 @@ def test_libraries_of_both_versions_are_loaded(tmp_path: Path) -> None:
     found = []
     for n, source in enumerate((FIRST_VERSION, SECOND_VERSION)):
         (folder := tmp_path / str(n)).mkdir()
-        law = {"law": "library", "library": compiled(source, folder), "params": []}
-        found.append(run({**change, "controller": law}, 0.5))
+        shared = {"law": "library", "library": compiled(source, folder), "params": []}
+        found.append(run({**change, "controller": shared}, 0.5))
     first, second = found
     t, w = first["time"], TURN * 5.0
     assert first["i_q_ref"] == pytest.approx(first["omega_ref"] + 1.0)
@@ -271,19 +247,19 @@ def test_libraries_of_both_versions_are_loaded(tmp_path: Path) -> None:
     assert second["i_d_ref"] == pytest.approx(2.0 * w * np.cos(w * t), abs=1e-12)
     later = compiled(SECOND_VERSION.replace("return COGLESS_PLUGIN_VERSION", "return 3U"), tmp_path)
     with pytest.raises(ValueError, match="plugin version is 3, expected 1 or 2"):
-        _simulator_f64.Drive(config({"controller": {"law": "library", "library": later, "params": []}}))
+        drive_of(_simulator_f64, config({"controller": {"law": "library", "library": later, "params": []}}))
 
 
 def test_integral_action_stays_until_there_is_something_to_hand_over_to() -> None:
     """A load at standstill is held, although learning is permitted: below omega_min nothing is learned."""
     change: dict[str, Any] = {
         "load": {"torque": 1.7, "harmonics": []},
-        "controller": {**MAP, "learning_start": 0.0},
+        "controller": {**law(MAP), "learning_start": 0.0},
         "initial_speed": 0.0,
     }
     settings = merged(SECTION_5, change)
     settings["reference"] = {"kind": "profile", "times": [6.0, 7.0], "speeds": [0.0, 0.3]}
-    x = signals(_simulator_f64.Drive(settings), _simulator_f64, 90000, 10)
+    x = signals(drive_of(_simulator_f64, settings), _simulator_f64, 90000, 10)
     error = N_R * (x["theta_ref"] - x["theta_m"])
     still = (x["time"] > 5.0) & (x["time"] < 6.0)
     assert np.abs(error[still]).max() < 1e-6

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine import merged, run, signals
+from engine import drive_of, merged, run, signals
 from scipy.integrate import solve_ivp
 from step_motor import DRIVE, I_F, L_0, L_F4, L_M, N_R, N_T, SECTION_5, D, J, R, motor
 
@@ -157,7 +157,7 @@ def test_energy_balance_closes_with_the_fourth_power_of_the_step() -> None:
         "energy": True,
         "reference": {"kind": "sine", "offset": 1.0, "amplitude": 0.7, "frequency": 2.0},
         "initial_speed": 1.0,
-        "controller": {"kp": 60.0, "ki": 100.0},
+        "controller": {"config": {"kp": 60.0, "ki": 100.0}},
     }
     gains = {"current_rate": 2000, "kp_d": 0.3, "kp_q": 0.3, "ki_d": 100.0, "ki_q": 100.0}
     residuals = [
@@ -171,7 +171,10 @@ def test_energy_balance_closes_with_the_fourth_power_of_the_step() -> None:
 
 def test_energy_balance_with_bridges_that_switch() -> None:
     change = {**STEP, "energy": True, "drive": {**DRIVE, "inverter": {"kind": "switched", "dead_time": 1e-6}}}
-    x = run({**change, "initial_speed": 0.5, "reference": {"speed": 0.5}, "controller": {"kp": 60.0}}, 0.5)
+    x = run(
+        {**change, "initial_speed": 0.5, "reference": {"speed": 0.5}, "controller": {"config": {"kp": 60.0}}},
+        0.5,
+    )
     assert residual(x) < 1e-6 * x["energy_electrical"].max()
 
 
@@ -250,7 +253,7 @@ def test_voltage_reaches_the_bus_and_not_beyond() -> None:
         "drive": {**DRIVE, "inverter": {"bus_voltage": 6.0, "computation_delay": 0}},
         "reference": {"speed": 30.0},
         "initial_speed": 0.0,
-        "controller": {"kp": 100.0},
+        "controller": {"config": {"kp": 100.0}},
     }
     x = run(change, 1.0)
     u = np.hypot(x["u_d"], x["u_q"])
@@ -287,8 +290,10 @@ def test_switched_currents_approach_the_averaged_ones_as_the_carrier_rises() -> 
         runs = []
         for kind in ("averaged", "switched"):
             drive = {"current_rate": rate, "inverter": {"kind": kind, "bus_voltage": 24.0}}
-            change = merged(SECTION_5, {"drive": drive, "controller": {"cells": 60000}})
-            runs.append(signals(_simulator_f64.Drive(change), _simulator_f64, rate))
+            change = merged(
+                SECTION_5, {"drive": drive, "controller": {"config": {"memory": {"cells": 60000}}}}
+            )
+            runs.append(signals(drive_of(_simulator_f64, change), _simulator_f64, rate))
         errors.append(np.sqrt(np.mean((runs[1]["i_q"] - runs[0]["i_q"])[rate // 2 :] ** 2)))
     assert all(coarse > 1.7 * fine for coarse, fine in pairwise(errors)), errors
 

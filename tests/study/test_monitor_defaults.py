@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from engine import unpacked
 
 from cogless import changed
 from cogless.design.from_study import design_study
@@ -56,7 +57,7 @@ def watched(name: str, changes: dict[str, Any] | None = None) -> dict[str, float
     study = changed(load(name), changes or {})
     scenario = next(iter(study.scenario))
     config = engine_config(study, scenario, study.controllers_in(scenario)[0])
-    monitor: dict[str, float] = config["drive"]["monitor"]
+    monitor: dict[str, float] = unpacked(config, study.drive.precision)["drive"]["control"]["monitor"]
     return monitor
 
 
@@ -74,6 +75,8 @@ def test_defaults_follow_from_the_drive() -> None:
             "current_sum": 2.0,
             "bridge": 5e-3,
             "hold": 1e-2,
+            "ts": 1 / 20_000,
+            "phases": 3,
         }
     )
 
@@ -88,7 +91,7 @@ def test_two_phases_reach_the_whole_bus_and_an_ideal_current_loop_has_no_bound()
 def test_what_a_study_gives_counts() -> None:
     given = watched("uomodri", {"drive.monitor.omega_max": "60 rpm", "drive.monitor.hold": "1 ms"})
     assert given["omega_max"] == pytest.approx(2 * math.pi)
-    assert given["hold"] == 1e-3
+    assert given["hold"] == pytest.approx(1e-3)
     assert given["current_max"] == 8
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine import config, run, signals
+from engine import config, drive_of, merged, run, signals
 from step_motor import LAW
 
 from cogless import _simulator_f64
@@ -19,19 +19,13 @@ MOVES: dict[str, Any] = {"kind": "moves", "times": [1.0, 3.0, 4.0, 50.0], "angle
 
 def follow(reference: dict[str, Any], seconds: float, rate: int = 1000, **more: Any) -> dict[str, np.ndarray]:
     """A rotor that a position law doesn't move; every tick records the reference."""
-    idle = {
-        **LAW,
-        "k_omega": 0.0,
-        "k_theta": 0.0,
-        "k_i": 0.0,
-        "memory": "map",
-        "cells": 8,
-        "learning_start": 1e9,
-    }
+    memory = {"kind": "CGL_SPACE_MAP", "cells": 8}
+    gains = {"k_omega": 0.0, "k_theta": 0.0, "k_i": 0.0}
+    idle = merged(LAW, {"config": {**gains, "memory": memory}, "learning_start": 1e9})
     drive = {"ideal_current": True, "current_rate": rate, "speed_divider": 1}
     settings = config({"initial_speed": 0.0, "drive": drive, "controller": idle, **more})
     settings["reference"] = reference
-    engine = _simulator_f64.Drive(settings)
+    engine = drive_of(_simulator_f64, settings)
     return signals(engine, _simulator_f64, round(seconds * rate) + 1)
 
 

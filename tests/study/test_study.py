@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 
 import pytest
+from engine import unpacked
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -192,20 +193,21 @@ def test_forms_of_a_reference(tmp_path: Path, reference: object, kind: str, top_
 
 
 def test_the_engine_is_told_everything_in_si(tmp_path: Path) -> None:
-    config = engine_config(studies.study(tmp_path, {"mechanics.coulomb_friction": "3 mN*m"}), "step", "pi")
+    study = studies.study(tmp_path, {"mechanics.coulomb_friction": "3 mN*m"})
+    config = engine_config(study, "step", "pi")
     assert config["motor"]["cogging"] == [{"order": 24, "torque": 0.004, "phase": 0.0}]
     assert config["mechanics"]["breakaway_friction"] == config["mechanics"]["coulomb_friction"] == 0.003
     assert config["events"] == [{"time": 0.1, "load": 0.2}, {"time": 0.2, "load": 0.0}]
-    drive = config["drive"]
-    assert (drive["current_rate"], drive["speed_divider"]) == (15000, 15)
-    assert drive["kp_q"] == pytest.approx(2 * math.pi * 800 * 0.03)
-    assert drive["ki_d"] == pytest.approx(2 * math.pi * 800 * 15.42)
-    assert drive["current_sensors"]["offset"] == [0.05, 0.0, 0.0]
-    assert config["controller"] == {
-        "law": "pi",
-        "kp": pytest.approx(0.1432394),
-        "ki": pytest.approx(2.8647889),
-    }
+    assert config["drive"]["current_sensors"]["offset"] == [0.05, 0.0, 0.0]
+    found = unpacked(config)
+    drive, control = found["drive"], found["drive"]["control"]
+    assert (drive["current_rate"], control["divider"]) == (15000, 15)
+    assert control["foc"]["kp_q"] == pytest.approx(2 * math.pi * 800 * 0.03)
+    assert control["foc"]["ki_d"] == pytest.approx(2 * math.pi * 800 * 15.42)
+    assert found["controller"]["law"] == "pi"
+    assert found["controller"]["config"] == pytest.approx(
+        {"kp": 0.1432394, "ki": 2.8647889, "ts": 1e-3, "limit": study.drive.current_loop.current_limit}
+    )
 
 
 def test_the_load_of_a_scenario_replaces_that_of_the_mechanics(tmp_path: Path) -> None:
@@ -231,8 +233,8 @@ def test_a_commissioning_run_has_no_load_of_the_scenario(tmp_path: Path) -> None
     )
     config = engine_config(study, "step", "table", "learn")
     assert (config["events"], config["load"]["torque"], config["initial_speed"]) == ([], 0.1, 0.0)
-    assert config["controller"]["mode"] == "learn"
-    assert engine_config(study, "step", "table")["controller"]["mode"] == "run"
+    assert config["controller"]["calibrate"]
+    assert not engine_config(study, "step", "table")["controller"]["calibrate"]
 
 
 def test_an_override_does_not_retune_a_controller(tmp_path: Path) -> None:
@@ -298,13 +300,14 @@ def test_a_scenarios_override_is_not_told_to_the_controller(tmp_path: Path) -> N
     assert {**warm["drive"]} == {**cold["drive"]}
     told = {**hot, "drive.belief.L_q": "60 mH"}
     config = engine_config(studies.study(tmp_path, {"scenario.low.override": told}), "low", "pi")
-    assert config["drive"]["belief"]["L_q"] == 0.06
+    assert unpacked(config)["drive"]["control"]["foc"]["L_q"] == pytest.approx(0.06)
 
 
 def test_a_lead_is_a_time_at_any_rate(tmp_path: Path) -> None:
     learning = {"law": "pi-ilc", "kp": 0.1, "ki": 1, "gain": 0.01, "lead": "3 ms", "cells": 256}
     faster = {"scenario.low.override": {"drive.rates.speed_loop": "3 kHz"}, "controller.learning": learning}
-    assert engine_config(studies.study(tmp_path, faster), "low", "learning")["controller"]["lead"] == 9
+    config = engine_config(studies.study(tmp_path, faster), "low", "learning")
+    assert unpacked(config)["controller"]["config"]["memory"]["lead"] == 9
 
 
 def test_an_override_is_judged_by_its_own_scenario(tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ from cogless.design.pi import SpeedLoop, speed_loop
 from cogless.errors import StudyError
 from cogless.study import Study
 from cogless.study.controller import Tuning
-from cogless.study.space_controller import SpaceLearning, SpacePosition
+from cogless.study.space_controller import SpacePosition
 
 POINTS = 2000  # frequencies
 PLACES = 200  # of the zeros
@@ -46,15 +46,9 @@ def feedback_at(study: Study, name: str, omega_m: float) -> Linear:
     """A position law's feedback before it learns, at a speed, with v and k_v."""
     law = study.controller[name]
     assert isinstance(law, SpacePosition)
-    ratio, (k_theta, k_omega, k_i) = frame_ratio(study, law), position_gains(study, name)
+    ratio, (k_theta, k_omega, k_i) = law.ratio(study.motor.pole_pairs), position_gains(study, name)
     v = law.v_0 + law.v_2 * (ratio * omega_m) ** 2
     return Linear(ratio, k_omega + v, k_theta, k_i, law.k_v)
-
-
-def frame_ratio(study: Study, controller: SpaceLearning) -> int:
-    """Factor from mechanical angles to the law's."""
-    electrical = isinstance(controller, SpacePosition) and controller.frame == "electrical"
-    return study.motor.pole_pairs if electrical else 1
 
 
 def position_gains(study: Study, name: str) -> Gains:
@@ -64,7 +58,7 @@ def position_gains(study: Study, name: str) -> Gains:
     if controller.tuning is None:
         return controller.k_theta or 0.0, controller.k_omega or 0.0, controller.k_i
     require_damped(study, name)
-    ratio = frame_ratio(study, controller)
+    ratio = controller.ratio(study.motor.pole_pairs)
     try:
         return phase_margin_position(speed_loop(study), ratio, controller.tuning)
     except ValueError as error:

@@ -49,7 +49,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from cogless.design.angle_functions import AngleFunctions, Bounds, angle_functions
-from cogless.design.position import frame_ratio, position_gains
+from cogless.design.position import position_gains
 from cogless.study import Study
 from cogless.study.reading import for_scenario
 from cogless.study.scenario import Scenario
@@ -180,7 +180,7 @@ def mechanical_gains(study: Study, name: str, omega_m: float) -> PositionGains:
     """Gains of a position controller, on mechanical angles whatever its frame."""
     law = study.controller[name]
     assert isinstance(law, SpacePosition)
-    ratio, (k_theta, k_omega, _) = frame_ratio(study, law), position_gains(study, name)
+    ratio, (k_theta, k_omega, _) = law.ratio(study.motor.pole_pairs), position_gains(study, name)
     v = law.v_0 + law.v_2 * (ratio * omega_m) ** 2
     return PositionGains(k_theta, ratio * (k_omega + v), ratio * law.k_v)
 
@@ -216,7 +216,7 @@ def error_terms(bounds: Bounds, motion: Motion, k_theta: float) -> tuple[float, 
 
 def learned_limits(study: Study, law: SpaceLearning, scenarios: Iterable[Scenario]) -> tuple[float, ...]:
     """Limits of alpha, beta and h in the law's frame: its own, or what the current limit can do."""
-    limit, ratio = study.drive.current_loop.current_limit, frame_ratio(study, law)
+    limit, ratio = study.drive.current_loop.current_limit, law.ratio(study.motor.pole_pairs)
     scenarios = list(scenarios)
     speed = ratio * max(s.top_reference for s in scenarios)
     acceleration = ratio * max(s.top_acceleration for s in scenarios)
@@ -308,7 +308,7 @@ def _unfit(study: Study, law: SpaceLearning, functions: list[AngleFunctions]) ->
 
 def _tight_limits(study: Study, law: SpacePosition | SpaceSpeed, bounds: Bounds) -> list[str]:
     """Limits below what has to be learned; beta counts the frame's speed."""
-    ratio = frame_ratio(study, law)
+    ratio = law.ratio(study.motor.pole_pairs)
     asked = (bounds.k_alpha1, bounds.k_beta1 / ratio, bounds.h_M / ratio)
     limits = learned_limits(study, law, study.scenario.values())
     keys = ("alpha_limit", "beta_limit", "h_limit")

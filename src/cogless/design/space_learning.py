@@ -22,7 +22,6 @@ import numpy as np
 from cogless.design.angle_functions import functions_in
 from cogless.design.closed_loop import Linear
 from cogless.design.learning_loop import LearningLoop
-from cogless.design.position import frame_ratio
 from cogless.study.space_controller import SpacePosition, SpaceSpeed
 from cogless.study.spoken import speed_text
 
@@ -41,7 +40,7 @@ class SpaceLoop(LearningLoop):
 
     @property
     def gamma(self) -> tuple[float, float]:
-        ratio = frame_ratio(self.study, self.law)
+        ratio = self.law.ratio(self.study.motor.pole_pairs)
         omega, a = abs(ratio * self.omega_m), ratio * self.alpha_m
         return (self.law.mu_alpha + self.law.mu_beta * omega**2 + self.law.mu_h * a**2) / omega, 0.0
 

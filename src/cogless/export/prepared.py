@@ -22,12 +22,6 @@ class Prepared(Plan):
     """The plan of a run whose controller has a C form. `memory`: the law's at first."""
 
     memory: Reals = field(default_factory=lambda: np.zeros(0, np.float32))
-    config: dict[str, Any] = field(default_factory=dict)  # Drive.controller_config()
-
-    @property
-    def precision(self) -> str:
-        """ "f" for float, "d" for double."""
-        return "d" if self.engine.real_bits == 64 else "f"
 
     @property
     def duration(self) -> float:
@@ -48,8 +42,8 @@ class Prepared(Plan):
     @property
     def bus_voltage(self) -> float | None:
         """Bus voltage, V; None with an ideal current loop."""
-        drive = self.description["drive"]
-        return None if drive["ideal_current"] else float(drive["inverter"]["bus_voltage"])
+        inverter = self.description["drive"].get("inverter")
+        return None if inverter is None else float(inverter["bus_voltage"])
 
 
 class Steps(Protocol):
@@ -111,8 +105,8 @@ def prepare(study: AnyStudy, scenario: str, controller: str) -> Prepared:
     _check(study, scenario, controller)
     with failures(study, scenario, controller):
         planned = plan(study, scenario, controller)
-    memory, config = planned.drive.law_memory(planned.start()), planned.drive.controller_config()
-    return Prepared(**{f.name: getattr(planned, f.name) for f in fields(Plan)}, memory=memory, config=config)
+    memory = planned.drive.law_memory(planned.start())
+    return Prepared(**{f.name: getattr(planned, f.name) for f in fields(Plan)}, memory=memory)
 
 
 def first_scenario(study: AnyStudy, controller: str, wanted: str | None = None) -> str:

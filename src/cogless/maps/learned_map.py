@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cogless.maps.stored_map import StoredMap
-from cogless.study import AnyStudy
+from cogless.study import AnyStudy, TrialStudy, for_scenario
 from cogless.study.motor import StarMotor
 
 
@@ -34,6 +34,29 @@ def motion_identity(reference: ArrayLike) -> int:
 def study_identity(study: AnyStudy) -> int:
     """The identity of a study's motor as it stands there, without overrides; 0 without a motor."""
     return 0 if study.motor is None else motor_identity(study.motor.star())
+
+
+def memory_of(
+    study: AnyStudy, scenario: str, controller: str, stored: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    """What a law has learned, as `Run.memory`: of a trial, or as currents over their angle; empty without.
+
+    A map of a whole revolution is over the mechanical angle, even of a law that counts the electrical one.
+    """
+    if stored is None:
+        return {}
+    values = np.asarray(stored["values"])
+    if isinstance(study, TrialStudy):
+        return {"learned": values[0]}
+    law, poles = study.controller[controller], for_scenario(study, scenario).motor.pole_pairs
+    period = Fraction(stored["turns"], stored["parts"])  # revolutions
+    ratio = 1 if period == 1 else law.ratio(poles)
+    unit = float(np.float32(law.unit)) if study.drive.precision == "single" else law.unit  # as the law has it
+    cells = values.shape[1]
+    angle = 2 * np.pi * float(ratio * period) / cells * np.arange(cells)
+    names = ("current", "beta", "h")[: len(values)]
+    frame = "mechanical" if ratio == 1 else "electrical"
+    return {"frame": frame, "angle": angle, **dict(zip(names, 1 / unit * values, strict=True))}
 
 
 def of_run(study: AnyStudy, stored: Mapping[str, Any] | None, motion: int = 0) -> StoredMap | None:

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from cogless.c_layout import Layout
 from cogless.export.c.subject import Subject
-from cogless.export.layout import Layout
 from cogless.export.prepared import Prepared, Recording, prepare, record, run
 from cogless.pil.image import Image
 from cogless.pil.target import Target, build

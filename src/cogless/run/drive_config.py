@@ -1,23 +1,28 @@
-"""A study in the engine's words: one plain nested dict of SI numbers, for one controller in one scenario."""
+"""A study in the engine's words: one plain nested dict of SI numbers, for one controller in one scenario.
+
+The controller's configuration in it is that of the control library, as bytes (cogless.c_layout).
+"""
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any, Literal
 
+from cogless.c_laws import C_LAWS
+from cogless.c_layout import control_layout
 from cogless.design.pi import gains
-from cogless.design.position import frame_ratio, position_gains
+from cogless.design.position import position_gains
 from cogless.design.space_bounds import learned_limits
 from cogless.run.monitor_defaults import monitor_config, quality_config
 from cogless.study import AnyStudy, Study, for_scenario
-from cogless.study.controller import AntiCogging, Feedback, Learning, LibraryLaw, OwnLaw
+from cogless.study.controller import Feedback, LawLoop, Learning, LibraryLaw, PythonLaw
 from cogless.study.drive import Drive, IdealCurrentLoop, sensor_fields
+from cogless.study.laws import AnyController
 from cogless.study.mechanics import Load, Mechanics
 from cogless.study.motor import StarMotor
 from cogless.study.reference import Reference
 from cogless.study.space_controller import SpaceLearning, SpacePosition
 
-NEVER = 1e18  # s
+UNUSED_OF_FOC = ("kp_d", "ki_d", "kp_q", "ki_q", "advance", "L_d", "L_q", "psi_f")
 Mode = Literal["run", "learn"]
 
 
@@ -44,7 +49,7 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
         "initial_angle": experiment.initial_angle if run else 0.0,
         "seed": study_here.seed,
         "energy": study_here.trace.energy,
-        "drive": drive_config(study_here.drive, study.motor.star()),
+        "drive": drive_config(study_here.drive, study.motor.star(), motor),
         "controller": _controller(study, study_here, controller, mode),
     }
 
@@ -82,71 +87,82 @@ def _reference(reference: Reference) -> dict[str, Any]:
     }
 
 
-def drive_config(drive: Drive, motor: StarMotor) -> dict[str, Any]:
-    """A drive. `motor`: the study's, which a belief falls back on."""
-    loop, inverter = drive.current_loop, drive.inverter
-    belief = drive.belief.resolved(motor)
+def drive_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[str, Any]:
+    """A drive. `motor`: the study's, which a belief falls back on. `driven`: as it is in this run."""
+    values = control_config(drive, motor, driven)
     config = {
         "current_rate": round(drive.rates.current_loop),
-        "speed_divider": drive.rates.divider,
         "integration_steps": drive.rates.integration_steps,
-        "current_limit": loop.current_limit,
-        "ideal_current": drive.ideal,
-        "belief": dataclasses.asdict(belief),
+        "control": control_layout(drive.precision).pack("cgl_drive_config", values),
         "position_sensor": sensor_fields(drive.position_sensor),
         "current_sensors": lists(drive.current_sensors.model_dump()),
+    }
+    return config if drive.inverter is None else config | {"inverter": drive.inverter.model_dump()}
+
+
+def control_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[str, Any]:
+    """cgl_drive_config. With an ideal current loop nothing but the limit is used of foc."""
+    loop, inverter = drive.current_loop, drive.inverter
+    belief = drive.belief.resolved(motor)
+    foc: dict[str, Any] = dict.fromkeys(UNUSED_OF_FOC, 0.0) | {"decoupling": False, "phases": 0}
+    if not isinstance(loop, IdealCurrentLoop) and inverter is not None:
+        foc = {
+            **loop.gains(belief),
+            "advance": 1.5 if inverter.computation_delay else 0.5,
+            "decoupling": loop.decoupling,
+            "L_d": belief.L_d,
+            "L_q": belief.L_q,
+            "psi_f": belief.psi_f,
+            "phases": driven.phases,
+        }
+    return {
+        "pole_pairs": driven.pole_pairs,
+        "divider": drive.rates.divider,
+        "foreign": drive.ideal,
+        "learn_saturated": drive.rates.position_loop is not None,
+        "foc": {**foc, "ts": 1 / drive.rates.current_loop, "current_limit": loop.current_limit},
         "monitor": monitor_config(drive, motor, belief),
         "quality": quality_config(drive),
     }
-    if isinstance(loop, IdealCurrentLoop) or inverter is None:
-        return config
-    return config | {**loop.gains(belief), "decoupling": loop.decoupling, "inverter": inverter.model_dump()}
 
 
 def _controller(study: Study, study_here: Study, name: str, mode: Mode) -> dict[str, Any]:
-    controller = study.controller[name]
-    if isinstance(controller, OwnLaw):
+    law = _filled(study, study_here, name)
+    if isinstance(law, PythonLaw | LibraryLaw):
         return own_law_config(study, name)
-    fields = lists(controller.model_dump(exclude={"label", "baseline", "tuning"}))
-    if isinstance(controller, Feedback):
-        fields["kp"], fields["ki"] = gains(study, name)
-    if isinstance(controller, Learning):
-        fields["lead"] = round(controller.lead * study_here.drive.rates.outer_loop)
-        if controller.limit is None:
-            fields["limit"] = study.drive.current_loop.current_limit
-    if isinstance(controller, AntiCogging):
-        fields["mode"] = mode
-    if isinstance(controller, SpaceLearning):
-        fields |= _space(study, study_here, controller)
-        if not controller.learning:
-            fields["learning_start"] = NEVER
-    if isinstance(controller, SpacePosition):
-        fields["k_theta"], fields["k_omega"], fields["k_i"] = position_gains(study, name)
-    return fields
+    drive = study_here.drive
+    loop = LawLoop(
+        current_rate=round(drive.rates.current_loop),
+        divider=drive.rates.divider,
+        current_limit=drive.current_loop.current_limit,
+        pole_pairs=study_here.motor.pole_pairs,
+    )
+    config = control_layout(study.drive.precision).pack(C_LAWS[law.law].config, law.c_config(loop))
+    return {"law": law.law, "config": config, "calibrate": mode == "learn", "learning_start": law.learns_from}
 
 
 def own_law_config(study: AnyStudy, name: str) -> dict[str, Any]:
     """A user's law: a Python object comes to the engine by itself."""
-    controller = study.controller[name]
-    if not isinstance(controller, LibraryLaw):
+    law = study.controller[name]
+    if not isinstance(law, LibraryLaw):
         return {"law": "python"}
-    library = str((study.source.path.parent / controller.library).resolve())
-    return {"law": controller.law, "library": library, "params": list(controller.params)}
+    library = (study.source.path.parent / law.library).resolve()
+    return {"law": law.law, "library": str(library), "params": list(law.params)}
 
 
-def _space(study: Study, study_here: Study, controller: SpaceLearning) -> dict[str, Any]:
-    """The memory of a law that learns in angle: its period, and limits where the study gives none."""
-    ratio = frame_ratio(study, controller)
-    revolutions = ratio * controller.period.revolutions(study.motor.pole_pairs)
-    limits = learned_limits(study, controller, study_here.scenario.values())
-    return {
-        "ratio": ratio,
-        "turns": revolutions.numerator,
-        "parts": revolutions.denominator,
-        "method": controller.delay_method,
-        "limits": list(limits[: controller.channels]),
-        "limit": study.drive.current_loop.current_limit,
-    }
+def _filled(study: Study, study_here: Study, name: str) -> AnyController:
+    """A controller with the gains that its rule gives, and the limits that it leaves to the drive."""
+    law, found = study.controller[name], dict[str, Any]()
+    if isinstance(law, Feedback):
+        found = dict(zip(("kp", "ki"), gains(study, name), strict=True))
+    if isinstance(law, Learning) and law.limit is None:
+        found["limit"] = study.drive.current_loop.current_limit
+    if isinstance(law, SpaceLearning):
+        limits = learned_limits(study, law, study_here.scenario.values())
+        found = dict(zip(("alpha_limit", "beta_limit", "h_limit"), limits, strict=True))
+    if isinstance(law, SpacePosition):
+        found |= zip(("k_theta", "k_omega", "k_i"), position_gains(study, name), strict=True)
+    return law.model_copy(update=found)
 
 
 def lists(table: dict[str, Any]) -> dict[str, Any]:

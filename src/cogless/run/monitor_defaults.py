@@ -27,7 +27,7 @@ def no_load_speed(bus_voltage: float, motor: StarMotor, belief: StarBelief) -> f
 
 
 def monitor_config(drive: Drive, motor: StarMotor, belief: StarBelief) -> dict[str, float]:
-    """Every bound of the monitor, SI; `motor`: its pole pairs and phases count, the rest is belief."""
+    """cgl_monitor_config; `motor`: its pole pairs and phases count, the rest is belief."""
     sensor, loop = drive.position_sensor, drive.current_loop
     period = 1 / drive.rates.current_loop
     step, window = 0.0, 0.0
@@ -46,6 +46,8 @@ def monitor_config(drive: Drive, motor: StarMotor, belief: StarBelief) -> dict[s
         "current_sum": 0.0,
         "bridge": BRIDGE,
         "hold": HOLD,
+        "ts": period,
+        "phases": 0 if drive.ideal else motor.phases,
     }
     if drive.inverter is not None and not isinstance(loop, IdealCurrentLoop):
         derived["omega_max"] = SPEED_MARGIN * no_load_speed(drive.inverter.bus_voltage, motor, belief)
@@ -57,6 +59,7 @@ def monitor_config(drive: Drive, motor: StarMotor, belief: StarBelief) -> dict[s
 
 
 def quality_config(drive: Drive) -> dict[str, float]:
-    """Settings of the residual ripple, SI: the angle that it is taken over is a revolution by default."""
+    """cgl_quality_config: the angle that ripple is taken over is a revolution by default."""
     quality = drive.quality
-    return {**quality.model_dump(), "span": 2 * math.pi if quality.span is None else quality.span}
+    span = 2 * math.pi if quality.span is None else quality.span
+    return {**quality.model_dump(), "span": span, "ts": 1 / drive.rates.current_loop * drive.rates.divider}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib import import_module
 from threading import Event
@@ -33,12 +35,12 @@ class Plan:
     scenario: str
     controller: str
     engine: Any
+    drive: Any  # or the engine's linear plant
     description: dict[str, Any]
     ticks: int
     rate: float  # ticks a second: of the current loop, or of a linear plant's samples
     divider: int  # ticks in a sample of the law
     decimation: int  # ticks in a row of the trace
-    drive: Any = None  # or the engine's linear plant
     design: TrialDesign | None = None
     table: Any = ()
 
@@ -77,21 +79,33 @@ def plan(
     return replace(made, table=_commissioned(study, scenario, controller, stop or Event()))
 
 
+@contextmanager
+def _refusals(study: AnyStudy, scenario: str, controller: str) -> Iterator[None]:
+    """What the control library or the engine refuses, in one line."""
+    try:
+        yield
+    except (ValueError, RuntimeError) as error:
+        where = f"controller.{controller}: scenario {scenario}"
+        raise StudyError(f"{study.source.path}: {where}: {error}") from error
+
+
 def _speed(study: Study, scenario: str, controller: str, mode: Mode) -> Plan:
-    study_here = for_scenario(study, scenario)
-    rates = study_here.drive.rates
-    return _made(
-        Plan(
-            study,
-            scenario,
-            controller,
-            import_module(ENGINES[study.drive.precision]),
-            engine_config(study, scenario, controller, mode),
-            ticks=round(study_here.scenario[scenario].duration * rates.current_loop),
-            rate=round(rates.current_loop),
-            divider=rates.divider,
-            decimation=round(rates.current_loop / study_here.trace_rate),
-        )
+    study_here, engine = for_scenario(study, scenario), import_module(ENGINES[study.drive.precision])
+    rates, law = study_here.drive.rates, make_law(study, controller)
+    with _refusals(study, scenario, controller):
+        description = engine_config(study, scenario, controller, mode)
+        drive = engine.Drive(description, law)
+    return Plan(
+        study,
+        scenario,
+        controller,
+        engine,
+        drive,
+        description,
+        ticks=round(study_here.scenario[scenario].duration * rates.current_loop),
+        rate=round(rates.current_loop),
+        divider=rates.divider,
+        decimation=round(rates.current_loop / study_here.trace_rate),
     )
 
 
@@ -100,34 +114,24 @@ def _trials(study: TrialStudy, scenario: str, controller: str, design: TrialDesi
     if study.drive is not None:
         precision, divider = study.drive.precision, study.drive.rates.divider
         rate = round(study.drive.rates.current_loop)
-    rows = divider if study.trace.rate is None else round(divider / (study.trace.rate * study.period))
-    return _made(
-        Plan(
-            study,
-            scenario,
-            controller,
-            import_module(ENGINES[precision]),
-            trial_config(study, scenario, controller, design),
-            ticks=study.samples(scenario) * study.scenario[scenario].trials * divider,
-            rate=rate,
-            divider=divider,
-            decimation=rows,
-            design=design,
-        )
+    engine, law = import_module(ENGINES[precision]), make_law(study, controller)
+    with _refusals(study, scenario, controller):
+        description = trial_config(study, scenario, controller, design)
+        linear = study.plant is not None
+        drive = engine.LinearTrials(description) if linear else engine.Drive(description, law)
+    return Plan(
+        study,
+        scenario,
+        controller,
+        engine,
+        drive,
+        description,
+        ticks=study.samples(scenario) * study.scenario[scenario].trials * divider,
+        rate=rate,
+        divider=divider,
+        decimation=divider if study.trace.rate is None else round(rate / study.trace.rate),
+        design=design,
     )
-
-
-def _made(planned: Plan) -> Plan:
-    """The plan with its engine's drive, or linear plant."""
-    study, name, engine = planned.study, planned.controller, planned.engine
-    law = make_law(study, name)
-    try:
-        if isinstance(study, TrialStudy) and study.plant is not None:
-            return replace(planned, drive=engine.LinearTrials(planned.description))
-        return replace(planned, drive=engine.Drive(planned.description, law))
-    except (ValueError, RuntimeError) as error:
-        where = f"{study.source.path}: controller.{name}: scenario {planned.scenario}"
-        raise StudyError(f"{where}: {error}") from error
 
 
 def _commissioned(study: Study, scenario: str, controller: str, stop: Event) -> Any:
@@ -142,6 +146,6 @@ def _commissioned(study: Study, scenario: str, controller: str, stop: Event) -> 
         with failures(study, scenario, controller, lambda: f", commissioning run,{made.when(state.tick)}"):
             advance(drive, state, recorder, piece, lambda share: None, stop)
         if not int(trace_of(drive, recorder)["status"][-1]) & Status.BUSY:
-            return drive.memory(state)["current"]
+            return drive.law_memory(state).tolist()
     line = f"{study.source.path}: controller.{controller}.calibration: scenario {scenario}"
     raise StudyError(f"{line}: not done after {3 * expected:.3g} s: expected kp and ki that hold its speed")

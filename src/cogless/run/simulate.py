@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -11,9 +10,7 @@ from fnmatch import fnmatchcase
 from functools import partial
 from itertools import islice
 from threading import Event
-from typing import Any, overload
-
-import numpy as np
+from typing import overload
 
 from cogless.design.from_study import Designs, design_study
 from cogless.errors import StudyError
@@ -184,32 +181,19 @@ def _made(planned: Plan, progress: Progress, stop: Event) -> Run:
     except StudyError as error:
         where = f"{study.source.path}: controller.{controller}: scenario {scenario}"
         raise StudyError(f"{where}: {error}") from error
-    learned, stored = _memory(drive, state), learned_map.of_run(study, drive.stored(state), motion)
+    law, learned = study.controller[controller], drive.stored(state)
+    memory = learned_map.memory_of(study, scenario, controller, learned)
+    stored = learned_map.of_run(study, learned, motion)
     if isinstance(study, TrialStudy):
-        return Run(scenario, controller, trace, learned, metrics, planned.design, map=stored)
-    law, limit = study.controller[controller], for_scenario(study, scenario).drive.current_loop.current_limit
+        return Run(scenario, controller, trace, memory, metrics, planned.design, map=stored)
+    limit = for_scenario(study, scenario).drive.current_loop.current_limit
     quality = dict(drive.quality(state))
     if not law.learns:
         quality = {key: quality[key] for key in ("known", "residual")}
     broken = responses(faults_in(study, scenario), trace, limit, law.learns)
-    return Run(scenario, controller, trace, learned, metrics, quality=quality, faults=broken, map=stored)
+    return Run(scenario, controller, trace, memory, metrics, quality=quality, faults=broken, map=stored)
 
 
-def _memory(drive: Any, state: Any) -> dict[str, Any]:
-    """The learned maps over their angle, rad of its frame, or what is learned of a trial; empty without.
-
-    A space-learning law has its "period" too, rad of that angle, and "beta" and "h" as far as it learns them.
-    """
-    memory = dict(drive.memory(state))
-    if "learned" in memory:
-        memory["learned"] = np.asarray(memory["learned"])
-    elif memory:
-        cells = len(memory["current"])
-        memory["angle"] = memory.get("period", 2 * math.pi) / cells * np.arange(cells)
-        for name in ("current", "beta", "h"):
-            if name in memory:
-                memory[name] = np.asarray(memory[name])
-    return memory
 
 
 def _collected(

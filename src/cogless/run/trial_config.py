@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cogless.c_layout import control_layout
 from cogless.design.model import Model, sampled
 from cogless.run.drive_config import drive_config, load_config, mechanics_config, motor_config, own_law_config
 from cogless.study.trial_controller import TrialLaw
@@ -29,7 +30,7 @@ def engine_config(
         raise design.no_K_3
     experiment = study.scenario[scenario]
     samples = study.samples(scenario)
-    law = own_law_config(study, controller) if design is None else _law(study, controller, design)
+    law = own_law_config(study, controller) if design is None else _law(study, scenario, controller, design)
     if study.plant is not None:
         return {
             "C": list(study.plant.C),
@@ -45,37 +46,47 @@ def engine_config(
         "trials": {"samples": samples, "count": experiment.trials, "phases": phases},
         "seed": study.seed,
         "energy": study.trace.energy,
-        "drive": drive_config(study.drive, study.motor.star()),
+        "drive": drive_config(study.drive, study.motor.star(), study.hardware(scenario)[0].motor.star()),
         "faults": [fault.model_dump() for fault in experiment.faults],
         "controller": law,
     }
 
 
-def _law(study: TrialStudy, name: str, design: TrialDesign) -> dict[str, Any]:
+def _law(study: TrialStudy, scenario: str, name: str, design: TrialDesign) -> dict[str, Any]:
     law, ahead, q = study.controller[name], design.feedforward, design.q_filter
     assert isinstance(law, TrialLaw)
     num, den, preview = (ahead.num, ahead.den, ahead.preview) if ahead else ((), (), 0)
+    b, a = (q.b, q.a) if q else ((), ())
     if study.plant is not None:
-        limit = study.plant.input_limit
+        limit, precision = study.plant.input_limit, "double"
     else:
         assert study.drive is not None
-        limit = study.drive.current_loop.current_limit
-    return {
-        "law": "trial",
-        "K_1": list(design.K_1),
-        "K_2": design.K_2,
-        "N": design.N,
-        "C": list(design.C),
+        limit, precision = study.drive.current_loop.current_limit, study.drive.precision
+    values = {
+        "samples": study.samples(scenario),
+        "states": study.states,
+        "k_1": design.K_1,
+        "k_2": design.K_2,
+        "n": design.N,
+        "c": design.C,
         "through_integrator": design.through_integrator,
-        "K_3": design.K_3,
+        "k_3": design.K_3,
         "shift": design.shift,
-        "feedforward": {"num": list(num), "den": list(den), "preview": preview},
-        "q_filter": {"b": list(q.b) if q else [], "a": list(q.a) if q else []},
+        "feedforward": {
+            "numerator": len(num),
+            "denominator": len(den),
+            "preview": preview,
+            "num": num,
+            "den": den,
+        },
+        "q_filter": {"order": max(len(b) - 1, 0), "b": b, "a": a},
         "filter_signal": design.filtered == "signal",
-        "learning_matrix": design.learning_matrix,
+        "learning_matrix": None,  # apart, below
         "limit": limit,
         "learned_limit": law.learned_limit,
     }
+    config = control_layout(precision).pack("cgl_trial_config", values)
+    return {"law": "trial", "config": config, "learning_matrix": design.learning_matrix}
 
 
 def _drive_phase(

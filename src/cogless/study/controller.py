@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Any, Literal, Self
 
@@ -41,8 +42,31 @@ class Tuning(Table):
         return self
 
 
+@dataclass(frozen=True)
+class LawLoop:
+    """The loop that a law runs in: what its configuration in C takes from the drive."""
+
+    current_rate: int  # Hz, of the current loop
+    divider: int  # its periods in a period of the law
+    current_limit: float  # A
+    pole_pairs: int
+
+    @property
+    def ts(self) -> float:
+        """Period of the law, s."""
+        return 1 / self.current_rate * self.divider
+
+    def samples(self, time: float) -> int:
+        """Periods of the law in a time, s."""
+        return round(time * (self.current_rate / self.divider))
+
+
 class Base(Table):
-    """A controller: the keys that every law has."""
+    """A controller: the keys that every law has.
+
+    A law of the control library has a method c_config(loop), which gives its configuration in C, the members
+    by name; a rule's gains and default limits have been filled in before.
+    """
 
     label: Line | None = None  # in tables and report; default: its name
     baseline: bool = False  # ratios are against it
@@ -56,6 +80,20 @@ class Base(Table):
     def learned(self) -> bool:
         """Whether what it asks for is learned in part, in this run or before."""
         return self.learns
+
+    @property
+    def learns_from(self) -> float:
+        """The time from which on it may learn, s."""
+        return 0.0
+
+    @property
+    def unit(self) -> float:
+        """Entry of its memory that asks for a current of 1 A."""
+        return 1.0
+
+    def ratio(self, pole_pairs: int) -> int:
+        """Factor from mechanical angles to those that it learns over."""
+        return 1
 
     @model_validator(mode="after")
     def _sizes(self) -> Self:
@@ -77,6 +115,10 @@ class Feedback(Base):
             rule = '{ rule = "phase-margin", phase_margin = "60 deg" }'
             raise invalid(f"expected either kp and ki or tuning, such as {rule}")
         return self
+
+    def pi_config(self, loop: LawLoop) -> dict[str, Any]:
+        """cgl_pi_config."""
+        return {"kp": self.kp, "ki": self.ki, "ts": loop.ts, "limit": loop.current_limit}
 
 
 MOST_CELLS = 65_535  # of a map
@@ -111,16 +153,37 @@ class Learning(Base):
 
     def revolutions(self, pole_pairs: int) -> Fraction:
         """Mechanical revolutions in a period of what is learned."""
-        return Fraction(1, pole_pairs if self.period == "electrical" else 1)
+        return Fraction(1, self.ratio(pole_pairs))
 
     @property
     def learns(self) -> bool:
         return True
 
+    @property
+    def learns_from(self) -> float:
+        return self.learning_start
+
+    def ratio(self, pole_pairs: int) -> int:
+        return pole_pairs if self.period == "electrical" else 1
+
     @model_validator(mode="after")
     def _cells_fit(self) -> Self:
         check_cells(self.cells, self.q_half_width, self.memory == "time")
         return self
+
+    def memory_config(self, loop: LawLoop) -> dict[str, Any]:
+        """cgl_memory_config."""
+        assert self.limit is not None
+        return {
+            "kind": f"CGL_MEMORY_{self.memory.upper()}",
+            "cells": self.cells,
+            "periods_per_rev": self.ratio(loop.pole_pairs),
+            "q_half_width": self.q_half_width,
+            "lead": loop.samples(self.lead),
+            "forgetting": self.forgetting,
+            "limit": abs(self.unit) * self.limit,
+            "ts": loop.ts,
+        }
 
 
 class Pi(Feedback):
@@ -128,12 +191,18 @@ class Pi(Feedback):
 
     law: Literal["pi"]
 
+    def c_config(self, loop: LawLoop) -> dict[str, Any]:
+        return self.pi_config(loop)
+
 
 class PiIlc(Feedback, Learning):
     """PI with P-type iterative learning (Liu 2018, law 29)."""
 
     law: Literal["pi-ilc"]
     gain: SpeedGain  # A*s/rad, learning
+
+    def c_config(self, loop: LawLoop) -> dict[str, Any]:
+        return {"pi": self.pi_config(loop), "gain": self.gain, "memory": self.memory_config(loop)}
 
 
 class RobustIlc(Learning):
@@ -150,6 +219,15 @@ class RobustIlc(Learning):
     gamma: RateGainPerTime  # 1/s^2
     viscous: RateGain = 0.0  # 1/s: B(x) = viscous omega + coulomb sgn(omega)
     coulomb: AccelerationGain = 0.0  # rad/s^2
+
+    @property
+    def unit(self) -> float:
+        return -self.b
+
+    def c_config(self, loop: LawLoop) -> dict[str, Any]:
+        same = {"b", "c", "g", "eta", "q", "beta_1", "beta_2", "gamma", "viscous", "coulomb"}
+        memory = self.memory_config(loop)
+        return {**self.model_dump(include=same), "ts": loop.ts, "limit": loop.current_limit, "memory": memory}
 
 
 SETTLING = 1 / 8  # revolutions that a commissioning run takes before it records, each way
@@ -179,6 +257,10 @@ class AntiCogging(Feedback):
     @property
     def learned(self) -> bool:
         return True
+
+    def c_config(self, loop: LawLoop) -> dict[str, Any]:
+        run = self.calibration.model_dump()
+        return {"pi": self.pi_config(loop), "cells": self.cells, "lead": self.lead, **run}
 
 
 class OwnLaw(Base):

@@ -24,9 +24,9 @@ def space_laws(study: Study) -> None:
     for name, law in study.controller.items():
         if not isinstance(law, SpaceLearning):
             continue
-        revolutions = law.period.revolutions(study.motor.pole_pairs)
+        revolutions = law.revolutions(study.motor.pole_pairs)
         _numbers(study, name, law)
-        _angles(name, revolutions, _ratio(study, law))
+        _angles(name, revolutions, law.ratio(study.motor.pole_pairs))
         by_rotor = not isinstance(law, SpacePosition) or law.index == "rotor"
         if by_rotor and (1 / revolutions).denominator != 1:
             expected = "expected a period that fits into a revolution of the rotor, not"
@@ -42,11 +42,6 @@ def space_laws(study: Study) -> None:
                 raise invalid(expected + needed, "controller", name, "period")
             if law.memory == "delay":
                 _delay_line(name, key, law, scenario.speeds[0], rate * turn)
-
-
-def _ratio(study: Study, law: SpaceLearning) -> int:
-    """Factor from mechanical angles to the law's."""
-    return study.motor.pole_pairs if isinstance(law, SpacePosition) and law.frame == "electrical" else 1
 
 
 def _numbers(study: Study, name: str, law: SpaceLearning) -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
 from cogless import units
-from cogless.study.controller import Base, Cells, Tuning, check_cells
+from cogless.study.controller import Base, Cells, LawLoop, Tuning, check_cells
 from cogless.study.table import (
     CurrentBound,
     LawSpeed,
@@ -21,6 +21,7 @@ from cogless.study.table import (
     invalid,
 )
 
+NEVER = 1e18  # s
 Whole = Annotated[int, Field(ge=1, le=65535)]
 
 
@@ -73,6 +74,10 @@ class SpaceLearning(Base):
         return self.learning
 
     @property
+    def learns_from(self) -> float:
+        return self.learning_start if self.learning else NEVER
+
+    @property
     def over_angle(self) -> bool:
         """Whether what is learned is a map over the angle, not what was done a period of time ago."""
         return self.memory == "map"
@@ -85,6 +90,23 @@ class SpaceLearning(Base):
     def channels(self) -> int:
         """Number of functions of the angle that are learned: alpha; and beta; and h."""
         return 3 if self.mu_h else 2 if self.mu_beta else 1
+
+    def memory_config(self, loop: LawLoop) -> dict[str, Any]:
+        """cgl_space_memory_config."""
+        period = self.ratio(loop.pole_pairs) * self.revolutions(loop.pole_pairs)
+        limits = (self.alpha_limit, self.beta_limit, self.h_limit)
+        return {
+            "kind": f"CGL_SPACE_{self.memory.upper()}",
+            "channels": self.channels,
+            "cells": self.cells,
+            "turns": period.numerator,
+            "parts": period.denominator,
+            "q_half_width": self.q_half_width,
+            "limit": limits[: self.channels],
+            "method": f"CGL_DELAY_{self.delay_method.upper()}",
+            "k_pp": self.k_pp,
+            "ts": loop.ts,
+        }
 
 
 class SpacePosition(SpaceLearning):
@@ -111,6 +133,20 @@ class SpacePosition(SpaceLearning):
             raise invalid(f"expected either k_theta and k_omega or tuning, such as {rule}")
         return self
 
+    def ratio(self, pole_pairs: int) -> int:
+        return pole_pairs if self.frame == "electrical" else 1
+
+    def c_config(self, loop: LawLoop) -> dict[str, Any]:
+        same = {"k_theta", "k_omega", "k_i", "k_v", "v_0", "v_2", "mu_alpha", "mu_beta", "mu_h"}
+        return {
+            **self.model_dump(include=same | {"hand_over", "ramp", "omega_min"}),
+            "ratio": self.ratio(loop.pole_pairs),
+            "index": f"CGL_SPACE_BY_{self.index.upper()}",
+            "ts": loop.ts,
+            "limit": loop.current_limit,
+            "memory": self.memory_config(loop),
+        }
+
 
 class SpaceSpeed(SpaceLearning):
     """Speed control that learns in angle (Verrelli 2016, law 4); all of its quantities are mechanical."""
@@ -118,3 +154,12 @@ class SpaceSpeed(SpaceLearning):
     law: Literal["space-speed"]
     k: SpeedGain  # A*s/rad
     eta_bar: LawSpeed  # rad/s: learning rests while the speed's error is larger
+
+    def c_config(self, loop: LawLoop) -> dict[str, Any]:
+        same = {"k", "mu_alpha", "mu_beta", "mu_h", "eta_bar", "omega_min"}
+        return {
+            **self.model_dump(include=same),
+            "limit": loop.current_limit,
+            "ratio": self.ratio(loop.pole_pairs),
+            "memory": self.memory_config(loop),
+        }

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from cogless.c_laws import C_LAWS
+from cogless.c_layout import control_layout
 from cogless.export import folder, sources
 from cogless.export.c.edge_cases import awkward
 from cogless.export.c.figures import figures
 from cogless.export.c.names import identifier
 from cogless.export.c.subject import Subject, study_hash
 from cogless.export.c.texts import texts
-from cogless.export.headers import parse
-from cogless.export.layout import Layout
 from cogless.export.prepared import Prepared, Recording, first_scenario, prepare, record
 from cogless.files import control_sources
 from cogless.study import AnyStudy
@@ -54,23 +55,24 @@ def self_test_ticks(subject: Subject, prepared: Prepared) -> int:
 
 def subject_of(prepared: Prepared, command: str = "") -> Subject:
     """Gathers what the exported files are written from: study, gains, layout of the C structs, verdict."""
-    headers = parse(sorted((control_sources() / "cogless").glob("*.h")))
-    layout, config = Layout(headers, prepared.precision), prepared.config
-    law = C_LAWS[config["law"]]
+    drive, controller = prepared.description["drive"], prepared.description["controller"]
+    law, matrix = C_LAWS[controller["law"]], controller.get("learning_matrix")
+    assert prepared.study.drive is not None
+    layout = control_layout(prepared.study.drive.precision)
     found, verdict = figures(prepared.study, prepared.scenario, prepared.controller)
     return Subject(
         study=prepared.study,
         scenario=prepared.scenario,
         controller=prepared.controller,
         name=identifier(prepared.controller),
-        law_name=config["law"],
+        law_name=law.name,
         law=law,
         layout=layout,
-        drive_config=layout.decode("cgl_drive_config", config["drive"]),
-        law_config=layout.decode(law.config, config["law_config"]),
+        drive_config=layout.decode("cgl_drive_config", drive["control"]),
+        law_config=layout.decode(law.config, controller["config"]),
         rate=round(prepared.rate),
-        memory_length=config["memory_length"],
-        learning_matrix=config["learning_matrix"],
+        memory_length=len(prepared.memory),
+        learning_matrix=None if matrix is None else np.asarray(matrix, prepared.memory.dtype).ravel(),
         figures=found,
         verdict=verdict,
         command=command,

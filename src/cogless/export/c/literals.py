@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.export.headers import Field, Headers
+from cogless.c_headers import Field, Headers
 
 WIDTH = 120
 INDENT = 4

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cogless.c_layout import Leaf
 from cogless.export.c.edge_cases import COUNTS, FNV_PRIME, FNV_START, Stretch, fnv
 from cogless.export.c.literals import array
 from cogless.export.c.subject import Subject
-from cogless.export.layout import Leaf
 from cogless.export.prepared import Reals, Recording
 
 START_MEMORY = """

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cogless.c_headers import Headers
 from cogless.c_laws import CLaw
-from cogless.export.headers import Headers
-from cogless.export.layout import Layout
+from cogless.c_layout import Layout
 from cogless.results.results_json import as_json
 from cogless.study import AnyStudy
 

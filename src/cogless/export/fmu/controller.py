@@ -51,7 +51,7 @@ def controller_unit(run: Prepared) -> Unit:
     library = control_sources() / "cogless"
     closure = sources.closure([ENTRY, subject.law.header])
     files = texts((library / name for name in closure), "cogless/")
-    files = in_precision(files, "double" if run.precision == "d" else "single") | controller_texts(subject)
+    files = in_precision(files, run.engine.real_bits) | controller_texts(subject)
     files["controller_model.c"] = asset("controller_model.c")
     files["controller_variables.h"] = _variables_h(run, subject, variables)
     return Unit(

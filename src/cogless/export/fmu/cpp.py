@@ -63,6 +63,8 @@ def value(of: Any, depth: int = 1) -> str:
         return f"Value({of}{'' if abs(of) < 2**31 else 'LL' if abs(of) < 2**63 else 'ULL'})"
     if isinstance(of, float):
         return f"Value({number(of)})"
+    if isinstance(of, bytes):  # three digits each, so that no character behind one belongs to it
+        return f'Value(std::string("{"".join(f"{chr(92)}{byte:03o}" for byte in of)}", {len(of)}))'
     if isinstance(of, str):
         return f"Value({json.dumps(of)})"
     if isinstance(of, np.ndarray) and of.ndim == 2:

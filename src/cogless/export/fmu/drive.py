@@ -45,7 +45,7 @@ def drive_unit(run: Prepared) -> Unit:
     simulator = control_sources().parents[1] / "simulator"
     sources = texts((control_sources() / "cogless").iterdir(), "cogless/")
     sources |= texts(path for path in simulator.iterdir() if path.name not in PYTHON)
-    sources = in_precision(sources, "double" if run.precision == "d" else "single")
+    sources = in_precision(sources, run.engine.real_bits)
     sources["drive_model.cpp"] = asset("drive_model.cpp")
     sources["drive_variables.hpp"] = _places(variables, run.ticks if run.trials else 0)
     memory = run.memory

@@ -41,8 +41,8 @@ def texts(files: Iterable[Path], under: str = "") -> dict[str, str]:
     return {under + path.name: path.read_text(encoding="utf-8") for path in sorted(files)}
 
 
-def in_precision(sources: dict[str, str], precision: str) -> dict[str, str]:
-    """The control library's sources in "single" or "double": no compiler's option is needed then."""
-    if precision == "single":
+def in_precision(sources: dict[str, str], bits: int) -> dict[str, str]:
+    """The control library's sources in numbers of 32 or 64 bits: no compiler's option is needed then."""
+    if bits == 32:
         return sources
     return sources | {"cogless/real.h": DOUBLE + sources["cogless/real.h"]}

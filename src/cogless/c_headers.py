@@ -5,7 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+
+from cogless.files import control_sources
 
 STRUCT = re.compile(r"typedef struct \{(.*?)\n\} (\w+);", re.DOTALL)
 ENUM = re.compile(r"typedef enum \{(.*?)\} (\w+);", re.DOTALL)
@@ -39,6 +42,12 @@ class Headers:
     enums: Mapping[str, Mapping[str, int]]
 
 
+@cache
+def control_headers() -> Headers:
+    """Those of the control library that comes with cogless."""
+    return parse(sorted((control_sources() / "cogless").glob("*.h")))
+
+
 def parse(headers: Iterable[Path]) -> Headers:
     """Read the headers. ValueError: something in a struct that this reader does not know."""
     texts = [path.read_text(encoding="utf-8") for path in headers]
@@ -50,8 +59,8 @@ def parse(headers: Iterable[Path]) -> Headers:
 
 def _members(struct: str, body: str, numbers: Mapping[str, int]) -> tuple[Field, ...]:
     fields: list[Field] = []
-    place, count = 0, 0
-    while body[place:].strip():
+    place, count, body = 0, 0, body.rstrip()
+    while place < len(body):
         found = MEMBER.match(body, place)
         if found is None:
             raise ValueError(f"{struct}: not readable: {body[place:].strip()[:40]!r}")

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
-from cogless.export.headers import Field, Headers
+from cogless.c_headers import Field, Headers, control_headers
 
 PLAIN = {"bool": "?", "uint32_t": "I", "int32_t": "i", "unsigned": "I", "int": "i"}
 SAME_BITS = {"f": "I", "d": "Q", "?": "?", "I": "I", "i": "I"}
@@ -58,6 +59,16 @@ class Layout:
             raise ValueError(f"{name}: {len(data)} bytes: expected {self.size(name)}")
         return self._struct(name, data, 0)
 
+    def pack(self, name: str, values: Mapping[str, Any]) -> bytes:
+        """A struct's bytes from its members, all of them, as `decode` gives them.
+
+        A list may be shorter than its array: the rest is zero. ValueError names the member that is missing,
+        unknown, or none of its type.
+        """
+        data = bytearray(self.size(name))
+        self._put(name, values, data, 0, name)
+        return bytes(data)
+
     def leaves(self, name: str) -> list[Leaf]:
         """Every number of a struct without pointers, in order."""
         return list(self._leaves(name, "", 0))
@@ -76,12 +87,12 @@ class Layout:
     def _struct(self, name: str, data: bytes, start: int) -> dict[str, Any]:
         values: dict[str, Any] = {}
         for field, offset in self._offsets(name):
-            at, size = start + offset, self.size(field.type)
+            at = start + offset
             if field.pointer:
                 values[field.name] = None
             elif field.length is not None:
-                items = range(field.length)
-                values[field.name] = [self._value(field.type, data, at + n * size) for n in items]
+                places = range(at, at + self._bytes(field), self.size(field.type))
+                values[field.name] = [self._value(field.type, data, place) for place in places]
             else:
                 values[field.name] = self._value(field.type, data, at)
         return values
@@ -96,6 +107,44 @@ class Layout:
             if number == value:
                 return constant
         raise ValueError(f"{name}: {value}: no such constant")
+
+    def _put(self, name: str, value: Any, data: bytearray, at: int, where: str) -> None:
+        if name in self.headers.structs:
+            self._put_members(name, value, data, at, where)
+            return
+        try:
+            number = self.headers.enums[name][value] if name in self.headers.enums else value
+            if isinstance(value, bool) != (name == "bool"):
+                raise TypeError
+            struct.pack_into(f"={self._format(name)}", data, at, number)  # "=": no overflow to infinity
+        except (struct.error, OverflowError, TypeError, KeyError):
+            raise ValueError(f"{where}: {value!r}: expected {self._expected(name)}") from None
+
+    def _put_members(self, name: str, values: Any, data: bytearray, at: int, where: str) -> None:
+        fields = self.headers.structs[name]
+        odd = {field.name for field in fields} ^ values.keys()
+        if odd:
+            member = min(odd)
+            raise ValueError(f"{where}.{member}: {'unknown' if member in values else 'missing'}")
+        for field, offset in self._offsets(name):
+            value, place = values[field.name], f"{where}.{field.name}"
+            if field.pointer:
+                if value is not None:
+                    raise ValueError(f"{place}: expected None, since it is a pointer")
+                continue
+            items = [value] if field.length is None else list(value)
+            if len(items) > (field.length or 1):
+                raise ValueError(f"{place}: {len(items)} entries: expected at most {field.length}")
+            size = self.size(field.type)
+            for n, item in enumerate(items):
+                self._put(field.type, item, data, at + offset + n * size, place)
+
+    def _expected(self, name: str) -> str:
+        if name in self.headers.enums:
+            return f"one of {', '.join(self.headers.enums[name])}"
+        if name == "cgl_real":
+            return f"a number that {'single' if self.real == 'f' else 'double'} precision holds"
+        return {"bool": "true or false"}.get(name, f"a whole number that {name} holds")
 
     def _offsets(self, name: str) -> Iterator[tuple[Field, int]]:
         end = 0
@@ -117,6 +166,12 @@ class Layout:
         if name == "cgl_real":
             return self.real
         return "I" if name in self.headers.enums else PLAIN[name]
+
+
+@cache
+def control_layout(precision: str) -> Layout:
+    """The control library's structs in "single" or "double" precision."""
+    return Layout(control_headers(), {"single": "f", "double": "d"}[precision])
 
 
 def _up(offset: int, alignment: int) -> int:
