@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from control_library import control_library
 from reference.anti_cogging import AntiCogging
+from reference.limits import is_angle
 from reference.motion import rounded
 from reference.pi import Pi
 
@@ -99,7 +100,7 @@ def test_double_equals_the_reference(seed):
     scale = (
         reference.pi.limit + reference.pi.kp * reference.position_gain * 2 * math.pi * reference.revolutions
     )
-    after, learn, paused = 0, True, 0
+    after, learn, seen, lib = 0, True, 0, c.library.lib
     for n in range(60_000):
         omega, theta, i = motor.measured(float)
         if rng.random() < 0.003:
@@ -108,17 +109,24 @@ def test_double_equals_the_reference(seed):
             motor.theta += rng.uniform(-0.3, 0.3)
         omega_ref = math.nan if n % 777 == 0 else math.sin(n / 300)
         learn = rng.random() > (0.001 if learn else 0.1)
+        recording = reference.calibrating
         got = c.step(omega_ref, omega, theta, i, learn)
         expected = reference.step(omega_ref, omega, theta, i, learn)
-        paused += bool(c.output.status & c.library.lib.CGL_STATUS_FROZEN)
         assert abs(got - expected) <= 1e-12 * scale, n
-        assert c.calibrating == reference.calibrating, n
+        known = is_angle(theta) and math.isfinite(omega + (i if recording else omega_ref))
+        assert c.output.status == (
+            lib.CGL_STATUS_SATURATED * reference.pi.saturated
+            | lib.CGL_STATUS_FAULT * (not known)
+            | lib.CGL_STATUS_FROZEN * (recording and not learn)
+            | lib.CGL_STATUS_BUSY * reference.calibrating
+        ), n
+        seen |= c.output.status
         motor.move(got)
         after += not c.calibrating
         if after == 2000:
             break
     assert after == 2000
-    assert paused > 0
+    assert seen == 15
     assert max(abs(c.table - reference.table)) <= 1e-12
     assert abs(c.friction - reference.friction) <= 1e-12
 

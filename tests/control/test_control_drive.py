@@ -212,6 +212,24 @@ def test_a_busy_law_follows_a_speed_of_its_own(precision):
 
 
 @PRECISIONS
+def test_a_reset_drive_does_as_a_new_one(precision):
+    """Reset while a missing angle is bridged, after windows of another ripple and with grown integrals."""
+    quality = QUALITY | {"span": 0.5, "outlier": 5.0}
+    used, new = (Controller(precision, quality=quality) for _ in range(2))
+    for n in range(500):
+        used.tick(omega_ref=50 + n % 20)
+    used.ticks(20, theta_m=math.nan)
+    assert used.has("ANGLE_LOST") and used.drive.quality.windows > 1
+    used.lib.cgl_drive_reset(used.drive)
+    used.theta = new.theta
+    for n in range(300):
+        got, expected = (c.tick(omega_ref=50 + n % 7) for c in (used, new))
+        assert (got.status, list(got.duty), got.u_q) == (expected.status, list(expected.duty), expected.u_q)
+        kept, fresh = used.drive.quality, new.drive.quality
+        assert (kept.windows, kept.ripple, kept.trend) == (fresh.windows, fresh.ripple, fresh.trend)
+
+
+@PRECISIONS
 def test_an_outlier_is_not_learned_from(precision):
     quality = QUALITY | {"span": 0.5, "outlier": 5.0, "floor": 1.0}
     controller = Controller(precision, foc=NO_INTEGRAL, quality=quality)

@@ -91,6 +91,25 @@ def test_double_equals_the_reference(kind, seed):
         assert max(map(abs, expected_map)) > 1e-3
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_corrections_up_to_a_quarter_of_the_period_ago(seed):
+    """A fast rotor that speeds up and slows down: its lead passes many cells at once, or turns back."""
+    rng, library = np.random.default_rng(seed), control_library("double")
+    cells, lead = int(rng.choice([9, 16, 61])), int(rng.choice([1, 2]))
+    reference = AngleMemory(cells, 1, int(rng.choice([0, 2])), 0.9, 1.0, lead)
+    memory = CMemory(library, reference)
+    theta, speed, learn = rng.uniform(0, 6), 0.0, library.ffi.new("bool *")
+    for n in range(400):
+        if n % 5 == 0:
+            speed = 0.25 / lead * rng.choice([1.02, 0.98, rng.uniform(0.1, 0.95)]) * 2 * math.pi
+        theta = (theta + speed) % (2 * math.pi)
+        correction = rng.uniform(-0.3, 0.3) if rng.random() < 0.97 else 1.5
+        learn[0] = True
+        got = library.lib.cgl_memory_step(memory.config, memory.state, theta, 0.0, correction, learn)
+        expected = reference.update(reference.recall(theta, 0.0).filtered, correction)
+        assert abs(got - expected) <= 1e-12, n
+
+
 @pytest.mark.parametrize("kind", ["angle", "time"])
 @pytest.mark.parametrize("seed", range(8))
 def test_single_stays_within_rounding(kind, seed):

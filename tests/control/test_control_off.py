@@ -1,4 +1,4 @@
-"""A law that is off: no output, integrals that start anew, and what is learned as it was."""
+"""A law that is off gives nothing, its integrals start anew, what is learned stays; a reset one is new."""
 
 import math
 from operator import attrgetter
@@ -113,6 +113,22 @@ def test_integrals_start_anew(precision, name, integral):
     assert 0 < abs(value(law.state)) < 0.1 * abs(wound_up)
 
 
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize("name", LAWS)
+def test_a_reset_law_does_as_a_new_one(precision, name):
+    library = control_library(precision)
+    law, new = Law(library, name), Law(library, name)
+    worn = [law.step(base=0.6) for _ in range(1000)]
+    if name == "speed_pi":
+        library.lib.cgl_pi_reset(law.state)
+    else:
+        getattr(library.lib, f"cgl_{name}_reset")(law.config, law.state)
+    law.n = 0
+    again = [law.step() for _ in range(1000)]
+    assert again == [new.step() for _ in range(1000)] != worn
+    assert np.array_equal(law.cell, new.cell) and terms(law.state) == terms(new.state)
+
+
 def test_a_calibration_begins_anew_after_it():
     library = control_library("double")
     law = Law(library, "anti_cogging")
@@ -166,6 +182,16 @@ def test_a_drive_of_trials_unwraps_its_angle(start):
     library.lib.cgl_trial_end(plain.config, plain.state)
     assert drive.memory[:50] == pytest.approx(plain.memory[:50], abs=1e-12)
     assert drive.memory[:50].any()
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+def test_without_a_trial_there_is_no_output(precision):
+    library = control_library(precision)
+    trial, frozen = Trial(library), library.lib.CGL_STATUS_FROZEN
+    assert trial.step(0.1)[0] != 0
+    library.lib.cgl_trial_reset(trial.config, trial.state)
+    assert trial.step(0.1) == (0.0, frozen)
+    assert trial.step(0.1, off=True) == (0.0, frozen | library.lib.CGL_STATUS_OFF)
 
 
 @pytest.mark.parametrize("precision", ["float", "double"])

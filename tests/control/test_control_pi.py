@@ -111,12 +111,14 @@ def test_reset_forgets(precision):
 
 
 @pytest.mark.parametrize("precision", ["float", "double"])
-@pytest.mark.parametrize("omega_ref, omega_m, fault", [(1.0, 0.0, 0), (math.nan, 0.0, 2), (0.0, math.inf, 2)])
-def test_speed_pi_is_the_pi_of_the_speed_error(precision, omega_ref, omega_m, fault):
+@pytest.mark.parametrize(
+    "omega_ref, omega_m, status", [(1.0, 0.0, 0), (0.0, 9.0, 1), (math.nan, 0.0, 2), (0.0, math.inf, 2)]
+)
+def test_speed_pi_is_the_pi_of_the_speed_error(precision, omega_ref, omega_m, status):
     library = control_library(precision)
     law = CPi(library, Pi(kp=0.5, ki=50.0, ts=1e-3, limit=2.0))
     out = library.new("cgl_law_output")
     inputs = library.new("cgl_law_input", omega_ref=omega_ref, omega_m=omega_m)
     library.lib.cgl_speed_pi_step(law.config, law.state, inputs, out)
-    assert out.status == fault
+    assert out.status == status
     assert out.i_q_ref == CPi(library, Pi(kp=0.5, ki=50.0, ts=1e-3, limit=2.0)).step(omega_ref - omega_m)

@@ -167,6 +167,17 @@ def test_two_per_cent_a_window_is_improving_or_worsening(precision, rate, changi
 
 
 @PRECISIONS
+@pytest.mark.parametrize("sign", [1, -1])
+def test_two_per_cent_exactly_is_neither(precision, sign):
+    library = control_library(precision)
+    c, still = CQuality(library, **FIELDS), library.real(0.04)  # of the square
+    c.state.trend = sign * still
+    assert not (c.read().improving or c.read().worsening)
+    c.state.trend = sign * np.nextafter(still, library.real(1))
+    assert (c.read().improving, c.read().worsening) == (sign < 0, sign > 0)
+
+
+@PRECISIONS
 def test_a_standing_rotor_ends_a_window_after_a_time(precision):
     library = control_library(precision)
     c = CQuality(library, **FIELDS)

@@ -68,6 +68,7 @@ def test_duplicate_and_inner_vertices_are_dropped() -> None:
     plant = from_vertices(models, [1], 1e-3)
     assert [float(m.B[0, 0]) for m in plant.vertices] == [1.0, 2.0]
     assert plant.labels == ("vertex 1", "vertex 2")
+    assert plant.exact_hull  # a mixture of vertices is what the plant may be
 
 
 @settings(max_examples=60, deadline=None)

@@ -190,13 +190,20 @@ def test_every_plot_over_time_has_its_axis_named():
 
 def test_the_page_has_the_angle_and_the_criterion(made):
     (drawn,) = charts.data(made, "rad/s")["scenarios"]
-    titles = [panel["title"] for panel in drawn["waveforms"]["panels"]]
-    assert any(title.startswith("Time of the last period") for title in titles)
-    assert {"q current", "d current", "Angle error, electrical"} <= set(titles)
+    named = {panel["title"]: panel["quantity"] for panel in drawn["waveforms"]["panels"]}
+    assert any(title.startswith("Time of the last period") for title in named)
+    assert {"q current", "d current"} <= set(named)
+    assert named["Angle error, electrical"] == "angle error"  # the frame is in the title alone
+    assert {chart["quantity"] for chart in drawn["angle"]} == {"speed error", "angle error", "current"}
     assert len(drawn["angle"]) == 2 * 3 and len(drawn["angle"][0]["series"]) >= 3
+    for chart in drawn["angle"]:  # faint is early, full is late, and each is to be seen
+        fades = [s["fade"] for s in chart["series"]]
+        assert 0.2 < fades[0] < 0.5 and min(np.diff(fades)) > 0 and fades[-1] == 1
     assert drawn["angle"][0]["x"] == "angle within the period (°)"  # a longer one is cut off on a phone
     assert " over one electrical revolution: " in drawn["angle"][0]["title"]
     assert [s["controller"] for s in drawn["criterion"]["series"]] == [1, 1, 2, 2]
+    slow, fast = ((float(s["label"].split()[0]), s["fade"]) for s in drawn["criterion"]["series"][:2])
+    assert slow[0] < fast[0] and slow[1] < fast[1] == 1
     highest = [max(v for v in s["values"] if v is not None) for s in drawn["criterion"]["series"]]
     assert max(highest[:2]) == pytest.approx(1.71, abs=0.01) and max(highest[2:]) < 1
     assert len(drawn["maps"][0]["series"]) == 1  # neither of the PI nor of the delay line

@@ -371,6 +371,11 @@ def test_long_trials_are_thinned(made, monkeypatch):
     assert waves["start"] + waves["step"] * (len(values) - 1) == pytest.approx(0.25, abs=0.02)
 
 
+def test_trials_stay_readable_however_many_runs_share_the_page(made):
+    waves = waveforms.waveforms(replace(made, runs=made.runs * 500), "move", made.runs)
+    assert len(unpack(waves["panels"][1]["series"][0]["trials"]["1"])) == len(made.runs[0].trace) / 60
+
+
 def test_certificate_on_the_page(made):
     page = render(made)
     for text in (

@@ -118,6 +118,8 @@ def test_expressions_that_have_no_value(text: str, line: str) -> None:
             "scenario.move.reference.points: expected one or more points, each later than the one before"),
         (DRIVE, "scenario.move.changes.0.trial", 1, "scenario.move.changes.0.trial: 1: expected a "
             "number of 2 or more"),
+        (DRIVE, "scenario.move.changes.0.trial", 13,
+            "scenario.move.changes.0.trial: 13: expected a trial after 1, at most 12"),
         (DRIVE, "scenario.move.changes.1.trial", 5,
             "scenario.move.changes.1.trial: 5: expected a trial after 5, at most 12"),
         (DRIVE, "scenario.move.changes.1.trial", 13,

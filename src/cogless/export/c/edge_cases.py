@@ -41,8 +41,8 @@ class _Inputs:
     i_abc: tuple[float, float, float]
     omega_m: float
     omega_ref: float
+    u_dc: float
     theta_m: float = 0.0
-    u_dc: float = 0.0
     learn: bool = True
 
 
@@ -112,9 +112,8 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
         """A vector of this length on the beta axis."""
         return (0.0, length, 0.0) if monitor["phases"] == 2 else (0.0, SIDE * length, -SIDE * length)
 
-    plain = _Inputs(
-        currents(0.3 * min(limit, monitor["current_max"] or limit)), speed, 1.01 * speed, u_dc=_bus(subject)
-    )
+    length = 0.3 * min(limit, monitor["current_max"] or limit)
+    plain = _Inputs(currents(length), speed, 1.01 * speed, _bus(subject))
     up = replace(plain, omega_ref=HUGE, omega_m=-speed)
     plan = [
         ("a small error", whole // 2, 0, step, plain),
