@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from cogless.errors import StudyError
 from cogless.report.comparison import SAME
 from cogless.report.packing import Array
 from cogless.report.paths import errors, in_angle
+from cogless.report.verdict import called
 from cogless.results import Results, Run
 from cogless.study import Study
 
@@ -35,7 +36,7 @@ def growth(results: Results, run: Run) -> Growth | None:
     It is beyond what it was when learning began, and beyond the baseline's, each with an octave about it.
     None where no line grew.
     """
-    law = in_angle(results.study, run.controller)
+    law = in_angle(results, run)
     trace = run.trace
     if law is None or len(trace) < 64 or not trace.period:
         return None
@@ -75,13 +76,13 @@ def _spectrum(x: Array) -> Array:
     return np.asarray(2 * np.abs(np.fft.rfft((x - straight) * window)) / window.sum())
 
 
-def worsened(results: Results, scenario: str) -> dict[str, float]:
+def worsened(results: Results, runs: Sequence[Run]) -> dict[str, float]:
     """Controllers that learn in angle and are worse than the baseline, for good: since when, s."""
-    runs = {run.controller: run for run in results.runs if run.scenario == scenario and len(run.trace) > 1}
-    base = runs.pop(results.study.baseline, None)
+    runs = [run for run in runs if len(run.trace) > 1]
+    base = next((run for run in runs if run.controller == results.study.baseline), None)
     if base is None:
         return {}
-    learning = [run for name, run in runs.items() if in_angle(results.study, name) is not None]
+    learning = [run for run in runs if run is not base and in_angle(results, run)]
     since = {r.controller: worse_since(r, base, errors(results, [r])[0].signal) for r in learning}
     return {name: time for name, time in since.items() if time is not None}
 
@@ -107,26 +108,25 @@ def _errors(run: Run, signal: str) -> Array:
     return np.asarray(np.ptp(x[: whole * rows].reshape(whole, -1), axis=1)) if whole else np.zeros(0)
 
 
-def sentences(results: Results, scenario: str, worse: Mapping[str, float]) -> list[str]:
+def sentences(results: Results, runs: Sequence[Run], worse: Mapping[str, float]) -> list[str]:
     """Sentences on who got worse while learning in angle, and whether the criterion says so.
 
     `worse`: the result of `worsened`.
     """
     study, found = results.study, []
-    for run in results.runs:
-        name = run.controller
-        if run.scenario != scenario or in_angle(study, name) is None:
+    for run in runs:
+        name, line = run.controller, growth(results, run)
+        if in_angle(results, run) is None:
             continue
-        line = growth(results, run)
         grows = _expected(study, name)
         rising = f"grows at {line.frequency:.0f} Hz" if line is not None else ""
         if name in worse:
-            label = f"Worse with time: {study.label(name)}"
-            than = f"{label} is no worse than {study.label(study.baseline)} until {worse[name]:.0f} s"
+            label = f"Worse with time: {called(study, name)}"
+            than = f"{label} is no worse than {called(study, study.baseline)} until {worse[name]:.0f} s"
             cause = f"; its current {rising}" if rising else ""
             found.append(f"{than}, then worse{cause}{_said(grows)}.")
-        elif line is not None and grows:
-            found.append(f"The current of {study.label(name)} {rising}{_said(grows)}.")
+        elif rising and grows:
+            found.append(f"The current of {called(study, name)} {rising}{_said(grows)}.")
     return found
 
 

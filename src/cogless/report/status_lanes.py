@@ -9,7 +9,6 @@ import numpy as np
 
 from cogless.report.packing import Array
 from cogless.report.palette import place
-from cogless.report.paths import learns
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
 from cogless.results.status import NOTICED, SAFE, Status
@@ -30,7 +29,9 @@ def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         return []
     lanes = []
     for bits, name in STATES.items():
-        able = [run for run in runs if bits != Status.FROZEN or learns(results.study, run.controller)]
+        able = [
+            run for run in runs if bits != Status.FROZEN or results.study.controller[run.controller].learned
+        ]
         held = {place(results, run): spans for run in able if (spans := _spans(run, bits))}
         if held:
             drawn = [{"controller": controller, "spans": held[controller]} for controller in sorted(held)]

@@ -1,8 +1,7 @@
 "use strict";
-(() => {
-  const report = JSON.parse(document.getElementById("data").textContent);
-  const page = reportPage(report, draw);
-  const { style, colour, make, number, quantity, unpack } = page;
+// Plots of a scenario of trials; `page`: what every scenario's plots share.
+const trialsPlots = (page) => {
+  const { report, style, colour, make, number, quantity, unpack } = page;
   const FONT = "11px system-ui, sans-serif";
   const ROW = 15; // of marks' names, in pixels
 
@@ -22,7 +21,7 @@
 
   // --- over the trials
 
-  function overTrials({ part, panel, zoomTo }, { charts, trials, marks, zooms }, kept) {
+  function overTrials({ part, panel, zoomTo, zoomButtons }, { charts, trials, marks, zooms }, kept) {
     part("over-trials").hidden = !charts.length;
     const parent = part("over-trials").querySelector(".panels");
     charts.forEach((chart, i) => {
@@ -42,9 +41,7 @@
       });
       if (chart.note) make("p", parent, chart.note, "note");
     });
-    const buttons = part("over-trials").querySelector(".zooms");
-    buttons.textContent = "";
-    for (const z of zooms) make("button", buttons, z.name).onclick = () => zoomTo("trials", z);
+    zoomButtons(part("over-trials"), "trials", zooms);
     if (kept) zoomTo("trials", kept);
   }
 
@@ -222,5 +219,5 @@
     }
   }
 
-  page.begin();
-})();
+  return draw;
+};

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cogless.report.comparison import pretty
-from cogless.report.packing import number
+from cogless.report.packing import Array, number
 from cogless.results import Run
 from cogless.results.metrics import result_name
 from cogless.results.trial_metrics import SETTLED_SHARE
@@ -17,7 +16,7 @@ from cogless.study import TrialStudy
 from cogless.study.trial_metric import DRIVE_SIGNALS, TrialMetric
 from cogless.units import factor
 
-Array = NDArray[np.float64]
+NAMES = {"theta_error": "error", "theta_error_measured": "measured error", "y_error": "error"}
 
 
 @dataclass(frozen=True)
@@ -40,13 +39,6 @@ class Judged:
         return f"{number(value)} {self.unit}".rstrip()
 
 
-NAMES = {
-    "theta_error": "error",
-    "theta_error_measured": "measured error",
-    "y_error": "error",
-}
-
-
 def judged(study: TrialStudy, scenario: str) -> Judged:
     """The signal of the first metric with a floor, else of the first metric of an RMS, else the error."""
     metrics = [m for m in study.metrics_in(scenario) if m.better == "lower"]
@@ -64,13 +56,12 @@ def display_unit(study: TrialStudy, signal: str) -> tuple[str, float]:
     One error is shown as another is.
     """
     dimension = DRIVE_SIGNALS.get(signal) if study.plant is None else None
-    if dimension is None:
+    if dimension is None or not dimension.unit:
         return "", 1.0
-    alike = [m for m in study.metric if m.signal == signal or {m.signal, signal} <= NAMES.keys()]
-    same = [m for m in alike if m.unit and m.kind != "trials-to-floor"]
-    same.sort(key=lambda m: m.signal != signal)
-    unit = same[0].unit if same else None
-    return pretty(unit or dimension.unit), factor(unit, dimension) if unit else 1.0
+    told = {m.signal: m.unit for m in reversed(study.metric) if m.unit and m.kind != "trials-to-floor"}
+    alike = [told[name] for name in NAMES if name in told and signal in NAMES]
+    unit = told.get(signal) or next(iter(alike), dimension.unit)
+    return pretty(unit), factor(unit, dimension)
 
 
 def rms_of_trials(about: Judged, run: Run, trials: int) -> Array | None:
@@ -78,16 +69,17 @@ def rms_of_trials(about: Judged, run: Run, trials: int) -> Array | None:
     for metric in about.metrics:
         if metric.kind == "rms" and result_name(metric) in run.metrics:
             return np.asarray(run.metrics[result_name(metric)], dtype=float) / about.scale
-    rows = len(run.trace)
-    if not rows or rows % trials or about.signal not in run.trace:
+    if not len(run.trace) or len(run.trace) % trials or about.signal not in run.trace:
         return None
-    with np.errstate(over="ignore", invalid="ignore"):
-        x = run.trace[about.signal].reshape(trials, -1)
-        return np.asarray(np.sqrt(np.mean(np.square(x), axis=1))) / about.scale
+    return root_mean_square(run.trace[about.signal].reshape(trials, -1)) / about.scale
 
 
 def settled(rms: Array) -> float:
     """RMS over the second half of a phase's trials, as the metric final-rms takes it."""
-    last = rms[-max(1, round(SETTLED_SHARE * len(rms))) :]
+    return float(root_mean_square(rms[-max(1, round(SETTLED_SHARE * len(rms))) :]))
+
+
+def root_mean_square(x: Array) -> Array:
+    """RMS along the last axis; infinite where a square is too large for a number."""
     with np.errstate(over="ignore", invalid="ignore"):
-        return float(np.sqrt(np.mean(np.square(last))))
+        return np.asarray(np.sqrt(np.mean(np.square(x), axis=-1)))

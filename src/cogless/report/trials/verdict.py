@@ -1,6 +1,6 @@
 """The verdict on a scenario of trials: which controller needs the fewest trials after each change.
 
-From the numbers alone, whichever way they fall; without a floor to reach, by the RMS that is left.
+Without a floor to reach, by the RMS that is left.
 """
 
 from __future__ import annotations
@@ -12,22 +12,18 @@ from cogless.design.certificate import ENDS, Learning, ModelCertificate
 from cogless.design.response import MONOTONE
 from cogless.report.comparison import SAME
 from cogless.report.packing import number
-from cogless.report.trials.case import Case, case, listed
-from cogless.report.trials.certificate import close_to_one, models
+from cogless.report.trials.case import Case, case
+from cogless.report.trials.certificate import Model, close_to_one, models
 from cogless.report.trials.phases import Phase
-from cogless.report.verdict import ScenarioVerdict
-from cogless.results import TrialResults
-
-CLEARLY = 1.5  # times another's first trial: worth a sentence
+from cogless.report.verdict import CLEARLY, ScenarioVerdict, listed, over, times
+from cogless.results import Run, TrialResults
 
 
-def verdicts(results: TrialResults) -> list[ScenarioVerdict]:
-    """One for each scenario that has numbers."""
-    cases = [case(results, scenario) for scenario in results.scenarios]
-    return [_verdict(found) for found in cases if found is not None]
-
-
-def _verdict(c: Case) -> ScenarioVerdict:
+def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | None:
+    """The verdict on a scenario that has numbers."""
+    c = case(results, runs)
+    if c is None:
+        return None
     ranked = _ranked(c)
     best = ranked[0]
     tone, headline = _by_floor(c, ranked) if best in c.counts else _by_rms(c, ranked)
@@ -77,16 +73,13 @@ def _by_floor(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
         return "even", f"{c.label(best)} {are_there}."
     if ties == ranked:
         return "even", f"All controllers are alike: they {are_there}."
-    names = c.listed(ties)
     if base in ties:
         second = next(name for name in ranked if name not in ties)
         after = f"the next, {c.label(second)}, {_reach(c, second, short=True)}"
-        if ties == [base]:
-            return "worse", f"No controller beats {c.label(base)}: it {are_there}; {after}."
-        return "even", f"{names} {are_there}; {after}."
+        first = f"No controller beats {c.label(base)}: it" if ties == [base] else c.labels(ties)
+        return c.tone(ties), f"{first} {are_there}; {after}."
     against = f"; {c.label(base)} {_reach(c, base, short=True)}" if base in c.counts else ""
-    tone = "better" if all(c.learns(name) for name in ties) and not c.never(best) else "even"
-    return tone, f"{names} {are_there}{against}."
+    return "even" if c.never(best) else c.tone(ties), f"{c.labels(ties)} {are_there}{against}."
 
 
 def _by_rms(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
@@ -97,13 +90,10 @@ def _by_rms(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
     sentence = _left(c, ranked)
     if len(ranked) < 2 or base not in c.final:
         return "even", sentence
-    if c.worst(base) <= (1 + SAME) * c.worst(best):
-        return (
-            ("worse", f"No controller beats {c.label(base)}. {sentence}")
-            if best == base
-            else ("even", sentence)
-        )
-    return "better" if c.learns(best) else "even", sentence
+    if best == base:
+        return "worse", f"No controller beats {c.label(base)}. {sentence}"
+    ties = c.worst(base) <= (1 + SAME) * c.worst(best)
+    return c.tone([best, base] if ties else [best]), sentence
 
 
 def _left(c: Case, ranked: Sequence[str]) -> str:
@@ -126,8 +116,10 @@ def _beside(c: Case, value: float, other: float, name: str) -> str:
     if not math.isfinite(other):
         return f"against {told}"
     if value > (1 + SAME) * other:
-        return f"{_times(value, other)} more than {told}"
-    return f"{_times(other, value)} less than {told}" if other > (1 + SAME) * value else f"as much as {told}"
+        return f"{times(over(value, other))} more than {told}"
+    if other > (1 + SAME) * value:
+        return f"{times(over(other, value))} less than {told}"
+    return f"as much as {told}"
 
 
 def _reach(c: Case, name: str, *, short: bool = False) -> str:
@@ -181,7 +173,7 @@ def _behind(c: Case, name: str, best: str) -> str:
     if ratio >= CLEARLY:
         there = "there" if phase == where else phase.after
         values = f"{c.about.text(c.first(name, phase))} against {c.about.text(c.first(best, phase))}"
-        worse = f"first trial {there} is {_times(ratio, 1)} worse ({values})"
+        worse = f"first trial {there} is {times(ratio)} worse ({values})"
         return f"{c.label(name)} {told}; its {worse}." if told else f"With {c.label(name)} the {worse}."
     return f"{c.label(name)} {told}." if told else ""
 
@@ -226,7 +218,7 @@ def _against_the_baseline(c: Case, best: str) -> str:
         values = f"{c.text(c.first(best, phase))} against {c.text(c.first(base, phase))}"
         sentences.append(
             f"What it has learned does not fit at first: in the first trial {phase.after} its error is "
-            f"{_times(ratio, 1)} that of {c.label(base)} ({values})."
+            f"{times(ratio)} that of {c.label(base)} ({values})."
         )
     return " ".join(sentences)
 
@@ -273,7 +265,7 @@ def _at_the_limit(c: Case) -> str:
 def _certificates(c: Case) -> list[str]:
     """Sentences of the certificates of controllers that learn: on the plant itself where it is known."""
     sentences: list[str] = []
-    certified: dict[tuple[str, int], list[str]] = {}
+    certified: dict[tuple[Model, int], list[str]] = {}
     for name, run in c.runs.items():
         if run.design is None:
             continue
@@ -282,10 +274,12 @@ def _certificates(c: Case) -> list[str]:
         if not found.stable:
             sentences.append(
                 f"{c.label(name)} is not certified: along the trial its loop is unstable for {found.worst} "
-                f"(largest pole {close_to_one(found.radius)}; {_of(model)})."
+                f"(largest pole {close_to_one(found.radius)}; {model.words})."
             )
         elif learning is not None and not learning.monotone:
-            sentences.append(f"{c.label(name)} is not certified: {_growing(found, learning)} ({_of(model)}).")
+            sentences.append(
+                f"{c.label(name)} is not certified: {_growing(found, learning)} ({model.words})."
+            )
         elif learning is not None and run.design.beyond:
             sentences.append(f"Of {c.label(name)} the certificate doesn't speak: {run.design.beyond[0]}.")
         elif learning is not None and name in c.growing:
@@ -298,7 +292,7 @@ def _certificates(c: Case) -> list[str]:
     for (model, plants), names in certified.items():
         sentences.append(
             f"Certified: while nothing changes, no frequency of the error grows from trial to trial with "
-            f"{c.listed(names)} ({_of(model)}, at its corners and at {plants} random plants)."
+            f"{c.labels(names)} ({model.words}, at its corners and at {plants} random plants)."
         )
     return [*sentences, _delay(c)]
 
@@ -324,12 +318,8 @@ def _delay(c: Case) -> str:
             frail.append(name)
     if not frail:
         return ""
-    whose = "no loop is" if len(frail) == len(designs) > 1 else f"the loop of {c.listed(frail)} is not"
+    whose = "no loop is" if len(frail) == len(designs) > 1 else f"the loop of {c.labels(frail)} is not"
     return f"With one more sample of delay at the input {whose} stable at every corner."
-
-
-def _of(model: str) -> str:
-    return {"Euler": "Euler model", "as given": "models as given"}.get(model, "exactly sampled plant")
 
 
 # --- words
@@ -337,13 +327,6 @@ def _of(model: str) -> str:
 
 def _where(found: Sequence[Phase]) -> str:
     return listed([phase.after for phase in found])
-
-
-def _times(value: float, other: float) -> str:
-    ratio = value / other if other else math.inf
-    if not math.isfinite(ratio):
-        return "infinitely"
-    return f"{number(ratio) if ratio < 100 else f'{ratio:.0f}'} times"
 
 
 def _capital(c: Case, text: str) -> str:

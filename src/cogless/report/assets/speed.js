@@ -1,8 +1,7 @@
 "use strict";
-(() => {
-  const report = JSON.parse(document.getElementById("data").textContent);
-  const page = reportPage(report, draw);
-  const { colour, make, number, unpack, hidden } = page;
+// Plots of a scenario of speed; `page`: what every scenario's plots share.
+const speedPlots = (page) => {
+  const { colour, number, unpack, hidden } = page;
   const BAR = 3; // px, at least
   const AXES = 80; // px beside a plot, about
   const FILLED = 0.78; // of an order's place by its bars
@@ -200,9 +199,7 @@
       const xs = drawTimes(sheet, panels("waveforms"), shown.waveforms, "time", (i) => ({ adapt: shade(shown.marks, i === 0) }));
       if (shown.strip.length) drawStrip(sheet, panels("waveforms"), shown.strip, xs, shown.marks);
     }
-    const zooms = part("waveforms").querySelector(".zooms");
-    zooms.textContent = "";
-    for (const z of shown.zooms) make("button", zooms, z.name).onclick = () => zoomTo("time", z);
+    sheet.zoomButtons(part("waveforms"), "time", shown.zooms);
     const named = (name) => shown.zooms.find((z) => z.name === name);
     const first = wanted ?? shown.zooms.find((z) => z.first) ?? named("after start-up") ?? shown.zooms[0];
     if (first) zoomTo("time", first);
@@ -225,8 +222,8 @@
         title: a.title, x: a.x, y: page.quantity(a.quantity, a.unit), xs: a.angle, series: a.series, group: "angle", readX: (x) => `${number(x)}°`,
       });
 
-    part("criterion").hidden = !shown.criterion;
-    if (shown.criterion) drawCriterion(sheet, panels("criterion"), shown.criterion);
+    part("criterion").hidden = !shown.criterion.length;
+    for (const c of shown.criterion) drawCriterion(sheet, panels("criterion"), c);
 
     part("events").hidden = !shown.events.length;
     shown.events.forEach((e, i) => drawTimes(sheet, panels("events"), e, "event" + i, () => ({ height: 210 })));
@@ -235,5 +232,5 @@
     part("spectra").querySelector(".log").onchange = sheet.redraw;
   }
 
-  page.begin();
-})();
+  return draw;
+};

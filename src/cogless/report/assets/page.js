@@ -1,7 +1,7 @@
 "use strict";
-// Parts that the reports share: scenarios with their plots in cards that zoom together, buttons for scenarios and controllers.
-// `report`: {controllers: [{label, colour}], scenarios}; `draw` draws a scenario's data on its sheet.
-const reportPage = (report, draw) => {
+// The page: scenarios with their plots in cards that zoom together, buttons for scenarios and controllers.
+(() => {
+  const report = JSON.parse(document.getElementById("data").textContent); // {controllers: [{label, colour}], scenarios}
   const hidden = new Set(); // controllers
   let chosen = 0; // scenario
 
@@ -118,6 +118,13 @@ const reportPage = (report, draw) => {
     // Show a part of all plots of a group.
     const zoomTo = (group, { from, to }) => plots.find((p) => p.group === group)?.u.setScale("x", { min: from, max: to });
 
+    // Buttons of a section for parts of a group's plots.
+    function zoomButtons(section, group, zooms) {
+      const buttons = section.querySelector(".zooms");
+      buttons.textContent = "";
+      for (const z of zooms) make("button", buttons, z.name).onclick = () => zoomTo(group, z);
+    }
+
     // Remove the plots in `parent`, or all of them.
     function clear(parent = article) {
       plots = plots.filter(({ u, card }) => {
@@ -131,7 +138,7 @@ const reportPage = (report, draw) => {
 
     function redraw() {
       clear();
-      draw(shown, self);
+      draw[shown.kind](shown, self);
       resize();
     }
 
@@ -153,10 +160,12 @@ const reportPage = (report, draw) => {
       }
     }
 
-    const self = { article, shown, part, panel, zoomed, zoomTo, clear, redraw, resize, toggle };
+    const self = { article, shown, part, panel, zoomed, zoomTo, zoomButtons, clear, redraw, resize, toggle };
     return self;
   }
 
+  const page = { report, hidden, style, colour, make, number, quantity, unpack };
+  const draw = { speed: speedPlots(page), trials: trialsPlots(page) };
   const sheets = [...document.querySelectorAll("article.scenario")].map(sheet);
 
   function select(index) {
@@ -191,5 +200,5 @@ const reportPage = (report, draw) => {
     select(0);
   }
 
-  return { style, colour, make, number, quantity, unpack, hidden, begin };
-};
+  begin();
+})();
