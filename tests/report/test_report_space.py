@@ -183,7 +183,7 @@ def test_at_varying_speed_the_rms_of_the_error_counts(made):
 def test_every_plot_over_time_has_its_axis_named():
     """They are cards of their own, not a stack."""
     assert re.search(
-        r"decoded\.forEach\(\(p, i\) => sheet\.panel\(parent, \{\s*title: p\.title, x: chart\.x,",
+        r"decoded\.forEach\(\(p, i\) => sheet\.panel\(parent, \{\s*\.\.\.about\(\{ x: chart\.x,",
         asset("speed.js"),
     )
 

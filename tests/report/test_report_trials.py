@@ -384,7 +384,11 @@ def test_certificate_on_the_page(made):
     ):
         assert text in page
     design, exact = data_of(page)["scenarios"][0]["certificate"]
-    assert (design["title"], exact["title"]) == ("Design model (Euler)", "Plant, exactly sampled")
+    about = "|F| of the worst plant, without Q filter dashed"
+    assert (design["title"], exact["title"]) == (
+        f"Design model (Euler): {about}",
+        f"Plant, exactly sampled: {about}",
+    )
     learning = made.runs[1].design.certificate.exact
     assert [(s["controller"], s.get("dash", False)) for s in exact["series"]] == [
         (1, False),

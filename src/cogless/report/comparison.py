@@ -69,24 +69,21 @@ class Line:
     @property
     def title(self) -> str:
         """Words for the line as a title: "speed ripple" or "speed orders: order 6 (electrical)"."""
-        if self.order is None:
-            return self._words + self._in_frame
-        return f"{self._words}: order {self.order:g} ({self.frame})"
+        return self.quantity if self.order is None else f"{self._words}: order {self.order:g} ({self.frame})"
 
     @property
     def quantity(self) -> str:
         """Words for the quantity within a sentence: "speed order 6 (electrical)"."""
-        if self.order is None:
-            return self._words + self._in_frame
+        if self.order is None:  # angles and speeds that were taken electrically say so
+            return self._words + (" (electrical)" if self.frame == "electrical" else "")
         signal = QUANTITIES.get(self.signal or "", self.signal)
         return f"{signal} order {self.order:g} ({self.frame})"
 
     @property
     def window(self) -> str:
         """The time window of the metric, such as "8 to 10 s"; "" where it isn't known."""
-        return (
-            " to ".join(f"{t:.3g}" if t < 1000 else f"{t:.0f}" for t in self.span) + " s" if self.span else ""
-        )
+        times = [f"{t:.3g}" if t < 1000 else f"{t:.0f}" for t in self.span or ()]
+        return f"{' to '.join(times)} s" if times else ""
 
     def not_held(self, controller: str) -> str:
         """Place and extent of a missed speed, in words: "speed early, 0.5 to 2 s: mean 52 of 56 rpm"."""
@@ -96,11 +93,6 @@ class Line:
     @property
     def _words(self) -> str:
         return self.name.replace("_", " ").replace("-", " ")
-
-    @property
-    def _in_frame(self) -> str:
-        """Words for the frame of angles and speeds that were taken electrically."""
-        return " (electrical)" if self.frame == "electrical" else ""
 
     @property
     def best(self) -> set[str]:

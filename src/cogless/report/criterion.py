@@ -56,4 +56,5 @@ def criterion(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         for run in runs
         if (found := growth(results, run)) is not None and found.frequency > 0  # on a log axis
     ]
-    return [{"frequency": plain(f), "series": series, "marks": marks}]
+    about = {"title": "Factor per period", "x": "frequency (Hz)", "quantity": "factor", "unit": ""}
+    return [{**about, "frequency": plain(f), "series": series, "marks": marks}]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from cogless.report.comparison import speed_unit
 from cogless.report.packing import number
 from cogless.report.paths import varies
 from cogless.report.speed_tracking import missed
-from cogless.report.verdict import Told, times
+from cogless.report.verdict import ScenarioVerdict, Told, times
 from cogless.results import Results, Run
 from cogless.results.fault_response import Fault, Response, faults_in, ripple, without_faults
 from cogless.units import ANGULAR_SPEED, factor
@@ -27,17 +26,11 @@ UNBROKEN = r"(?<=\d) (?=(m?s|A|of \d)\b)| (?=\(rpm)"  # spaces where no line end
 SHOWN = 3  # faults of a scenario in its verdict; all are in results.json
 
 
-@dataclass(frozen=True)
-class Account:
-    """Account of a scenario's faults. `tone`: the best that the verdict may be; "better" is no bound."""
+def account(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
+    """What broke in a scenario and what came of it; None where nothing breaks.
 
-    tone: str
-    headline: str
-    told: Sequence[Told]
-
-
-def account(results: Results, runs: Sequence[Run]) -> Account | None:
-    """The account of what broke in a scenario and what came of it; None where nothing breaks."""
+    `tone`: the best that the scenario's may be; "better" is no bound.
+    """
     runs = [run for run in runs if run.faults]
     if not runs:
         return None
@@ -56,7 +49,7 @@ def account(results: Results, runs: Sequence[Run]) -> Account | None:
         told.append(Told(f"{others} in results.json.", []))
     broke = words[0] if len(faults) == 1 else f"{len(faults)} faults, the first at {words[0]}"
     tone, outcome = _outcome(results, runs)
-    return Account(tone, f"{broke}. {outcome}".rstrip(), told)
+    return ScenarioVerdict(runs[0].scenario, tone, f"{broke}. {outcome}".rstrip(), [], told)
 
 
 def what(fault: Fault) -> str:

@@ -44,7 +44,14 @@ def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         ]
         angle = np.round(np.rad2deg(grid), 3).tolist()
         charts.append(
-            {"title": "Learned current", "x": f"{frame} angle (°)", "angle": angle, "series": series}
+            {
+                "title": "Learned current",
+                "x": f"{frame} angle (°)",
+                "quantity": "current",
+                "unit": "A",
+                "angle": angle,
+                "series": series,
+            }
         )
     return charts
 

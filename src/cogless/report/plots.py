@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Sequence
 from typing import Any
 
 from cogless.report.packing import Array, unpack
-from cogless.report.png import REFERENCE, Data, Looks, Picture, Plot, quantity, times
+from cogless.report.png import REFERENCE, Data, Looks, Picture, Plot, plot, stack, times
 
 
 def _waveforms(data: Data, looks: Looks) -> list[list[Plot]]:
@@ -18,27 +18,22 @@ def _waveforms(data: Data, looks: Looks) -> list[list[Plot]]:
     names += [name for name in (fault,) if name in zooms]
     return [
         [
-            Plot(
-                partial(_panel, data, panel, zooms[name], looks),
-                f"{waves['x']}, {name}",
-                quantity(panel),
-                panel["title"],
-            )
+            plot(panel, f"{waves['x']}, {name}", _panel, waves, zooms[name], data["marks"], looks)
             for name in names
         ]
         for panel in waves["panels"]
     ]
 
 
-def _panel(data: Data, panel: Data, zoom: Data, looks: Looks, ax: Any) -> None:
+def _panel(panel: Data, waves: Data, zoom: Data, marks: Sequence[Data], looks: Looks, ax: Any) -> None:
     begin, end = zoom["from"], zoom["to"]
     for series in panel["series"]:
-        grid, y = _finest(data["waveforms"], series, zoom)
+        grid, y = _finest(waves, series, zoom)
         x = times(grid, y)
         inside = (x >= begin) & (x <= end)
         look = REFERENCE if series.get("dash") else looks[series["controller"]]
         ax.plot(x[inside], y[inside], **look)
-    for mark in data["marks"]:
+    for mark in marks:
         if mark["from"] < end and mark["to"] > begin:
             ax.axvspan(max(mark["from"], begin), min(mark["to"], end), color="#b3401f", alpha=0.13)
 
@@ -54,13 +49,6 @@ def _finest(waves: Data, series: Data, zoom: Data) -> tuple[Data, Array]:
     return waves, unpack(series["values"])
 
 
-def _spectra(data: Data, looks: Looks) -> list[list[Plot]]:
-    return [
-        [Plot(partial(_bars, chart, looks), chart["x"], quantity(chart), chart["title"])]
-        for chart in data["spectra"]
-    ]
-
-
 def _bars(chart: Data, looks: Looks, ax: Any) -> None:
     places = range(len(chart["orders"]))
     width = 0.78 / len(chart["series"])
@@ -73,10 +61,6 @@ def _bars(chart: Data, looks: Looks, ax: Any) -> None:
     ax.grid(axis="x", visible=False)
 
 
-def _maps(data: Data, looks: Looks) -> list[list[Plot]]:
-    return [[Plot(partial(_map, chart, looks), chart["x"], "current (A)")] for chart in data["maps"]]
-
-
 def _map(chart: Data, looks: Looks, ax: Any) -> None:
     for series in chart["series"]:
         ax.plot(chart["angle"], series["values"], **looks[series["controller"]])
@@ -84,6 +68,6 @@ def _map(chart: Data, looks: Looks, ax: Any) -> None:
 
 PICTURES = {
     "waveforms": Picture(_waveforms, 1.7, (2, 1)),
-    "spectra": Picture(_spectra, 2.6),
-    "map": Picture(_maps, 2.6),
+    "spectra": Picture(lambda data, looks: stack(data["spectra"], _bars, looks), 2.6),
+    "map": Picture(lambda data, looks: stack(data["maps"], _map, looks), 2.6),
 }

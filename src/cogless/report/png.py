@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -11,14 +13,13 @@ from typing import Any
 import numpy as np
 
 from cogless.files import replacing
+from cogless.report.markup import asset
 from cogless.report.packing import Array
 from cogless.results import AnyResults
 
 Data = dict[str, Any]  # of a scenario, or of a plot in it
 Looks = Sequence[dict[str, Any]]  # colour and label of each controller, for matplotlib
 
-# Colours of report.css, where --c0 is the baseline's.
-PALETTE = ("#6a7380", "#0b6bcb", "#d9630c", "#13865a", "#9a3fb5", "#b58a00", "#c2255c", "#0c8599")
 REFERENCE: dict[str, Any] = {"color": "#1b1f24", "linestyle": "--", "linewidth": 0.9, "zorder": 5}  # on top
 STYLE: dict[Any, Any] = {
     "font.size": 9,
@@ -65,7 +66,8 @@ def write_plots(
     """
     import matplotlib
 
-    looks = [{"color": PALETTE[c["colour"]], "label": c["label"]} for c in drawn["controllers"]]
+    palette = re.findall(r"--c\d: (#\w+);", asset("report.css"))  # the light colours come first
+    looks = [{"color": palette[c["colour"]], "label": c["label"]} for c in drawn["controllers"]]
     written = []
     with matplotlib.rc_context(STYLE):
         for scenario, data in zip(results.scenarios, drawn["scenarios"], strict=True):
@@ -108,6 +110,12 @@ def times(grid: Mapping[str, Any], values: Array) -> Array:
     return np.asarray(grid["start"] + grid["step"] * np.arange(len(values)))
 
 
-def quantity(about: Mapping[str, Any]) -> str:
-    """The label of a panel's y axis."""
-    return f"{about['quantity']} ({about['unit']})" if about["unit"] else str(about["quantity"])
+def plot(chart: Data, x: str, draw: Callable[..., None], *arguments: Any) -> Plot:
+    """A chart or panel of the page, drawn by draw(chart, *arguments, axes)."""
+    y = f"{chart['quantity']} ({chart['unit']})" if chart["unit"] else chart["quantity"]
+    return Plot(partial(draw, chart, *arguments), x, y, chart["title"])
+
+
+def stack(charts: Sequence[Data], draw: Callable[..., None], *arguments: Any) -> list[list[Plot]]:
+    """Charts of the page below each other."""
+    return [[plot(chart, chart["x"], draw, *arguments)] for chart in charts]

@@ -13,7 +13,7 @@ from cogless.report.growth import sentences as growing
 from cogless.report.growth import worsened
 from cogless.report.paths import varies
 from cogless.report.sensor import Sensor, sensor
-from cogless.report.verdict import CLEARLY, TONES, Contest, ScenarioVerdict, listed, over, times
+from cogless.report.verdict import CLEARLY, Contest, ScenarioVerdict, listed, over, times, worst
 from cogless.results import Results, Run
 from cogless.study import Study
 from cogless.units import ANGULAR_SPEED, convert
@@ -73,13 +73,10 @@ def verdict(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     compared, broken = _compared(results, runs), account(results, runs)
     if broken is None:
         return compared
-    scenario = runs[0].scenario
     if compared is None:
-        tone = "worse" if broken.tone == "worse" else "even"
-        return ScenarioVerdict(scenario, tone, broken.headline, [], broken.told)
-    tone = next(tone for tone in TONES if tone in (compared.tone, broken.tone))
+        return replace(broken, tone=worst(broken.tone, "even"))
     details = [compared.headline, *compared.details]
-    return ScenarioVerdict(scenario, tone, broken.headline, details, broken.told)
+    return replace(broken, tone=worst(broken.tone, compared.tone), details=details)
 
 
 def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:

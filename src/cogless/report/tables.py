@@ -10,7 +10,7 @@ import numpy as np
 
 from cogless.report.comparison import Line, factor_text, remarks
 from cogless.report.markup import headings, key, note, reservations, rows, table, tint
-from cogless.report.packing import number
+from cogless.report.packing import number, rms
 from cogless.report.paths import LEARNED
 from cogless.report.speed_tracking import late
 from cogless.results import AnyResults, Results, Run
@@ -54,7 +54,7 @@ def _terms(results: Results, run: Run) -> str:
     terms = [run.trace[name][part] for name in names]
     if not terms or not len(terms[0]):
         return ""
-    totals = [float(np.sqrt(np.mean(x**2))) for x in terms]
+    totals = [float(rms(x)) for x in terms]
     varying = [float(np.std(x)) for x in terms]
     body = rows(
         (name.removeprefix("term_").replace("_", " "), total + changes)

@@ -65,6 +65,11 @@ class Contest:
         return "better" if all(self.learns(name) for name in winners) else "even"
 
 
+def worst(*tones: str) -> str:
+    """The worst of some tones."""
+    return min(tones, key=TONES.index)
+
+
 def called(study: StudyBase, controller: str) -> str:
     """A controller's label, in quotation marks if it has a comma, since sentences list labels."""
     label = study.label(controller)

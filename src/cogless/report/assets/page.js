@@ -16,7 +16,8 @@
     return element;
   };
   const number = (x) => (x == null ? "–" : Math.abs(x) >= 1e5 || (x !== 0 && Math.abs(x) < 1e-4) ? x.toExponential(2) : String(Number(x.toPrecision(4))));
-  const quantity = (name, unit) => (unit ? `${name} (${unit})` : name);
+  // Title and axes of a chart.
+  const about = ({ title, x, quantity, unit }) => ({ title, x, y: unit ? `${quantity} (${unit})` : quantity });
 
   // Packed series: base64 of little-endian 16-bit integers; the lowest integer stands for a gap.
   const unpack = ({ data, scale, offset }) => {
@@ -164,7 +165,7 @@
     return self;
   }
 
-  const page = { report, hidden, style, colour, make, number, quantity, unpack };
+  const page = { report, hidden, style, colour, make, about, number, unpack };
   const draw = { speed: speedPlots(page), trials: trialsPlots(page) };
   const sheets = [...document.querySelectorAll("article.scenario")].map(sheet);
 

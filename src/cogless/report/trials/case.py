@@ -9,7 +9,10 @@ from functools import cached_property
 
 import numpy as np
 
+from cogless.design.certificate import ModelCertificate
+from cogless.design.trial import TrialDesign
 from cogless.report.packing import Array
+from cogless.report.trials.certificate import Model, models
 from cogless.report.trials.errors import Judged, judged, rms_of_trials, settled
 from cogless.report.trials.phases import Phase, phases
 from cogless.report.verdict import Contest
@@ -102,7 +105,24 @@ class Case(Contest):
 
     def text(self, value: float) -> str:
         """An RMS with its unit."""
-        return self.about.text(value) if math.isfinite(value) else "not finite"
+        return self.about.text(value)
+
+    def worst_first(self, controller: str, other: str) -> tuple[float, Phase, str]:
+        """The first trial after a change that is the most times another's: how many, where, both values."""
+        ratios = [
+            (self.first(controller, phase) / self.first(other, phase), phase)
+            for phase in self.phases[1:]
+            if self.first(other, phase) > 0 and math.isfinite(self.first(controller, phase))
+        ]
+        ratio, phase = max(ratios, key=lambda found: found[0], default=(0.0, self.phases[0]))
+        mine, base = (self.text(self.first(name, phase)) for name in (controller, other))
+        return ratio, phase, f"{mine} against {base}"
+
+    @cached_property
+    def certified(self) -> dict[str, tuple[TrialDesign, Model, ModelCertificate]]:
+        """Designs, with their certificates on the plant itself where it is known."""
+        designs = {name: run.design for name, run in self.runs.items() if run.design is not None}
+        return {name: (design, *[*models(design.certificate)][-1]) for name, design in designs.items()}
 
     def learns(self, controller: str) -> bool:
         return bool(getattr(self.study.controller[controller], "learning", True))

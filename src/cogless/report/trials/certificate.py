@@ -89,7 +89,15 @@ def _chart(results: TrialResults, title: str, found: Sequence[tuple[Run, Learnin
         | ({"dash": True} if dash else {})
         for run, learning, dash in found
     ]
-    return {"title": title, "frequency": plain(frequency), "series": series}
+    dashed = ", without Q filter dashed" if any(dash for _, _, dash in found) else ""
+    return {
+        "title": f"{title}: |F| of the worst plant{dashed}",
+        "x": "frequency (Hz)",
+        "quantity": "|F|, factor a trial",
+        "unit": "",
+        "frequency": plain(frequency),
+        "series": series,
+    }
 
 
 def close_to_one(value: float) -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from cogless.report.comparison import pretty
-from cogless.report.packing import Array, number
+from cogless.report.packing import Array, number, rms
 from cogless.results import Run
 from cogless.results.metrics import result_name
 from cogless.results.trial_metrics import SETTLED_SHARE
@@ -36,7 +37,7 @@ class Judged:
 
     def text(self, value: float) -> str:
         """A value in `unit`, with it."""
-        return f"{number(value)} {self.unit}".rstrip()
+        return f"{number(value)} {self.unit}".rstrip() if math.isfinite(value) else "not finite"
 
 
 def judged(study: TrialStudy, scenario: str) -> Judged:
@@ -71,15 +72,9 @@ def rms_of_trials(about: Judged, run: Run, trials: int) -> Array | None:
             return np.asarray(run.metrics[result_name(metric)], dtype=float) / about.scale
     if not len(run.trace) or len(run.trace) % trials or about.signal not in run.trace:
         return None
-    return root_mean_square(run.trace[about.signal].reshape(trials, -1)) / about.scale
+    return rms(run.trace[about.signal].reshape(trials, -1)) / about.scale
 
 
-def settled(rms: Array) -> float:
+def settled(of_trials: Array) -> float:
     """RMS over the second half of a phase's trials, as the metric final-rms takes it."""
-    return float(root_mean_square(rms[-max(1, round(SETTLED_SHARE * len(rms))) :]))
-
-
-def root_mean_square(x: Array) -> Array:
-    """RMS along the last axis; infinite where a square is too large for a number."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        return np.asarray(np.sqrt(np.mean(np.square(x), axis=-1)))
+    return float(rms(of_trials[-max(1, round(SETTLED_SHARE * len(of_trials))) :]))

@@ -60,4 +60,5 @@ def _chart(
                 told = f"{count} trial{'s' if count > 1 else ''} {what}"
                 untold.append(f"{results.study.label(run.controller)}, {told}")
     note = f"Not on a logarithmic axis: {'; '.join(untold)}." if untold else ""
-    return {"title": title, "quantity": quantity, "unit": unit, "series": series, "note": note}
+    about = {"title": title, "x": "trial", "quantity": quantity, "unit": unit}
+    return {**about, "series": series, "note": note}

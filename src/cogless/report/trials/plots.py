@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from functools import partial
 from textwrap import fill
 from typing import Any
 
 import numpy as np
 
 from cogless.report.packing import unpack
-from cogless.report.png import REFERENCE, Data, Looks, Picture, Plot, quantity, times
+from cogless.report.png import REFERENCE, Data, Looks, Picture, Plot, plot, stack, times
 
 MOST_COLUMNS = 4  # phases whose first trial is drawn
 FAINT = "#5c6570"
 
 
 def _rms(data: Data, looks: Looks) -> list[list[Plot]]:
-    over = data["over_trials"]
-    return [
-        [Plot(partial(_over_trials, chart, over["marks"], looks), "trial", quantity(chart), chart["title"])]
-        for chart in over["charts"]
-    ]
+    return stack(data["over_trials"]["charts"], _over_trials, data["over_trials"]["marks"], looks)
 
 
 def _over_trials(chart: Data, marks: list[Data], looks: Looks, ax: Any) -> None:
@@ -43,40 +38,20 @@ def _trials(data: Data, looks: Looks) -> list[list[Plot]]:
     waves = data["waveforms"]
     return [
         [
-            Plot(
-                partial(_trial, waves, panel, column, looks),
-                fill(f"{waves['x']}; {phase['name']}", 32),
-                quantity(panel),
-                panel["title"],
-            )
+            plot(panel, fill(f"{waves['x']}; {phase['name']}", 32), _trial, waves, column, looks)
             for column, phase in enumerate(waves["phases"][:MOST_COLUMNS])
         ]
         for panel in waves["panels"]
     ]
 
 
-def _trial(waves: Data, panel: Data, column: int, looks: Looks, ax: Any) -> None:
+def _trial(panel: Data, waves: Data, column: int, looks: Looks, ax: Any) -> None:
     first = str(waves["phases"][column]["trials"][0])
     curves = [(series["trials"][first], looks[series["controller"]]) for series in panel["series"]]
     curves += [(packed, REFERENCE) for packed in panel["references"][column : column + 1]]
     for packed, look in curves:
         y = unpack(packed)
         ax.plot(times(waves, y), y, **look)
-
-
-def _certificates(data: Data, looks: Looks) -> list[list[Plot]]:
-    about = "worst plant; without Q filter dashed"
-    return [
-        [
-            Plot(
-                partial(_factors, chart, looks),
-                "frequency (Hz)",
-                "|F|, factor a trial",
-                f"{chart['title']}: {about}",
-            )
-        ]
-        for chart in data["certificate"]
-    ]
 
 
 def _factors(chart: Data, looks: Looks, ax: Any) -> None:
@@ -91,5 +66,5 @@ def _factors(chart: Data, looks: Looks, ax: Any) -> None:
 PICTURES = {
     "rms": Picture(_rms, 3.4),
     "trials": Picture(_trials, 1.7),
-    "certificate": Picture(_certificates, 2.6),
+    "certificate": Picture(lambda data, looks: stack(data["certificate"], _factors, looks), 2.6),
 }
