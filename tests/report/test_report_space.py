@@ -66,7 +66,7 @@ def test_growth_is_told_from_what_is_learned(made):
     pi, _, filtered = made.runs
     assert growth(made, filtered) is None and growth(made, pi) is None
     grown = with_line(filtered, 300, 1.0, 9.0)
-    assert growth(made, grown).frequency == pytest.approx(300, abs=2)
+    assert growth(made, grown) == pytest.approx(300, abs=2)
     assert worse_since(grown, pi, "omega_error") == 8.0  # windows of 2 s
     assert worse_since(filtered, pi, "omega_error") is None
 

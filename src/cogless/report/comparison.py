@@ -151,9 +151,11 @@ def compare(results: Results, scenario: str) -> list[Line]:
         taken = [run for run in runs if result_name(metric) in run.metrics]
         if taken:
             named = [(metric.name, order) for order in metric.order or (None,)]
-            not_held, span = _missed(results, metric, taken), span_of(results, metric, taken[0])
-            found = lines_of(results.study, metric, taken, named)
-            lines += [replace(line, missed=not_held, unlearned=idle, span=span) for line in found]
+            unit, span = speed_unit(results), span_of(results, metric, taken[0])
+            found = {run.controller: missed(run, rows_of(results, metric, run), unit) for run in taken}
+            not_held = {controller: pretty(text) for controller, text in found.items() if text}
+            own = lines_of(results.study, metric, taken, named)
+            lines += [replace(line, missed=not_held, unlearned=idle, span=span) for line in own]
     return lines
 
 
@@ -201,12 +203,6 @@ def shown_in(study: StudyBase, metric: Metric | TrialMetric) -> tuple[str, float
     """The unit in which a metric is shown, as it is printed, and its SI value."""
     unit, dimension = metric.unit or spoken_unit(study, metric.dimension), metric.dimension
     return pretty(unit), factor(unit, dimension) if dimension.unit else 1.0
-
-
-def _missed(results: Results, metric: Metric, runs: Sequence[Run]) -> dict[str, str]:
-    unit = speed_unit(results)
-    found = {run.controller: missed(run, rows_of(results, metric, run), unit) for run in runs}
-    return {controller: pretty(text) for controller, text in found.items() if text}
 
 
 def factor_text(ratio: float) -> str:

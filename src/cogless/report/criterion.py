@@ -52,9 +52,9 @@ def criterion(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         for run, loop, fade in loops
     ]
     marks = [
-        {"controller": place(results, run), "at": found.frequency}
+        {"controller": place(results, run), "at": grown}
         for run in runs
-        if (found := growth(results, run)) is not None and found.frequency > 0  # on a log axis
+        if (grown := growth(results, run))  # on a log axis
     ]
     about = {"title": "Factor per period", "x": "frequency (Hz)", "quantity": "factor", "unit": ""}
     return [{**about, "frequency": plain(f), "series": series, "marks": marks}]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,16 +21,8 @@ SHARE = 5e-3  # of i_q's RMS: a line below it isn't seen
 SEGMENT = 2048  # rows of a spectrum
 
 
-@dataclass(frozen=True)
-class Growth:
-    """The line of i_q's spectrum that grew, Hz; `highest`: up to where the trace shows lines, Hz."""
-
-    frequency: float
-    highest: float
-
-
-def growth(results: Results, run: Run) -> Growth | None:
-    """The line in i_q that grew since learning began, as it first shows: later, limits have a say in it.
+def growth(results: Results, run: Run) -> float | None:
+    """The line in i_q that grew since learning began, Hz, as it first shows: later, limits have a say in it.
 
     It is beyond what it was when learning began, and beyond the baseline's, each with an octave about it.
     None where no line grew.
@@ -53,8 +44,7 @@ def growth(results: Results, run: Run) -> Growth | None:
         after = _spectrum(x)
         grown = (after > GREW * usual) & (after > floor)
         if np.any(grown):
-            k = int(np.argmax(np.where(grown, after, 0.0)))
-            return Growth(k / (rows * trace.period), 0.5 / trace.period)
+            return float(np.argmax(np.where(grown, after, 0.0)) / (rows * trace.period))
     return None
 
 
@@ -119,7 +109,7 @@ def sentences(results: Results, runs: Sequence[Run], worse: Mapping[str, float])
         if in_angle(results, run) is None:
             continue
         grows = _expected(study, name)
-        rising = f"grows at {line.frequency:.0f} Hz" if line is not None else ""
+        rising = f"grows at {line:.0f} Hz" if line is not None else ""
         if name in worse:
             label = f"Worse with time: {called(study, name)}"
             than = f"{label} is no worse than {called(study, study.baseline)} until {worse[name]:.0f} s"

@@ -26,7 +26,7 @@ def note(text: str) -> str:
 
 def reservations(sentences: Sequence[str]) -> str:
     """Notes on what a table or plot does not show, or only with a reservation."""
-    return "".join(f'<p class="note missed">{escape(sentence)}</p>' for sentence in sentences)
+    return "".join(f'<p class="note missed">{escape(sentence)}</p>' for sentence in sentences if sentence)
 
 
 def tint(results: AnyResults, controller: str) -> str:

@@ -67,17 +67,12 @@ def _signal(run: Run) -> str:
     return "omega_error" if varies(run.trace["omega_ref"][len(run.trace) // 2 :]) else "omega_m"
 
 
-def left_out(results: Results, runs: Sequence[Run]) -> list[str]:
-    """A sentence for each controller that has no spectrum, and why."""
-    return [text for run in runs if (text := _left_out(results, run))]
-
-
 def turned_back(results: Results, runs: Sequence[Run]) -> str:
     """A note of spectra that are of a part of the way, since the rotor turns back; "" where none is."""
     found, when = [], ""
     for run in runs:
         theta = run.trace["theta_m"][late(results, run)]
-        if len(theta) > 1 and not _left_out(results, run):
+        if len(theta) > 1 and not left_out(results, run):
             when = _when(results, run)
             if _way(theta) - _turns(theta) > BACK * _way(theta):
                 found.append(f"{results.study.label(run.controller)} {_turned(theta)}")
@@ -86,7 +81,8 @@ def turned_back(results: Results, runs: Sequence[Run]) -> str:
     return f"The rotor turns back {when}. Only its longest way in one direction counts: {'; '.join(found)}."
 
 
-def _left_out(results: Results, run: Run) -> str:
+def left_out(results: Results, run: Run) -> str:
+    """A sentence on a controller that has no spectrum, and why; "" where it has one."""
     rows, pole_pairs = late(results, run), results.study.motor.pole_pairs
     theta, x = run.trace["theta_m"][rows], run.trace[_signal(run)][rows]
     if len(theta) < 2 or order_spectrum(theta, x, pole_pairs, pole_pairs) is not None:

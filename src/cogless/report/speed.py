@@ -37,7 +37,7 @@ def _parts(results: Results, runs: Runs) -> dict[str, str]:
     return {
         "tables": line_table(results, runs, compare(results, runs[0].scenario)),
         "spectra_note": note(" ".join((spectra.NOTE, spectra.turned_back(results, runs)))),
-        "spectra_left_out": reservations(spectra.left_out(results, runs)),
+        "spectra_left_out": reservations([spectra.left_out(results, run) for run in runs]),
         "map_note": note(maps.NOTE),
         "angle_note": note(periods.NOTE),
         "criterion_note": note(criterion.NOTE),

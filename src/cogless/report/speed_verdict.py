@@ -83,12 +83,13 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     """The controllers beside each other, by the scenario's metrics."""
     scenario, baseline = runs[0].scenario, results.study.baseline
     lines = [line for line in compare(results, scenario) if line.better == "lower"]
-    moves = len(runs[0].trace) > 0 and _moves(runs[0])
+    reference = runs[0].trace["omega_ref"]
+    moves = len(reference) > 0 and varies(reference[len(reference) // 4 :])  # a start-up aside
     line = _latest(results, scenario, _decisive(lines, baseline, moves), lines)
     if line is None:
         return None
     worse = {} if baseline in line.missed else worsened(results, runs)
-    where = f"In {scenario}" if moves or not len(runs[0].trace) else _speed(results, runs[0])
+    where = f"In {scenario}" if moves or not len(reference) else _speed(results, float(reference[-1]))
     case = _Case(results.study, where, lines, line, worse)
     case, own = _by_what_is_seen(case, sensor(results, scenario, line))
     tone, headline = _headline(case)
@@ -216,15 +217,10 @@ def _orders(lines: Sequence[Line], controller: str) -> list[Line]:
     return sorted(orders, key=lambda line: -(line.values[controller] or 0.0))
 
 
-def _speed(results: Results, run: Run) -> str:
+def _speed(results: Results, reference: float) -> str:
     """Words for a constant reference: "At 60 rpm"."""
-    speed = convert(float(run.trace["omega_ref"][-1]), speed_unit(results), ANGULAR_SPEED)
-    return f"At {speed:.4g} {pretty(speed_unit(results))}"
-
-
-def _moves(run: Run) -> bool:
-    """Whether the reference varies, a start-up aside."""
-    return varies(run.trace["omega_ref"][len(run.trace) // 4 :])
+    unit = speed_unit(results)
+    return f"At {convert(reference, unit, ANGULAR_SPEED):.4g} {pretty(unit)}"
 
 
 def _strongest_order(case: _Case) -> str:

@@ -15,7 +15,8 @@ FAINT = "#5c6570"
 
 
 def _rms(data: Data, looks: Looks) -> list[list[Plot]]:
-    return stack(data["over_trials"]["charts"], _over_trials, data["over_trials"]["marks"], looks)
+    over = data["over_trials"]
+    return stack(over["charts"], _over_trials, over["marks"], looks)
 
 
 def _over_trials(chart: Data, marks: list[Data], looks: Looks, ax: Any) -> None:

@@ -46,28 +46,27 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
         return {"panels": [], "phases": [], "note": ""}
     every = phases(study.scenario[scenario])
     found = every[:MOST_PHASES]
-    chosen = sum(len(phase.chosen) for phase in found)
-    points = max(FEWEST, POINTS // (len(DRIVE) * len(results.runs) * chosen))
+    chosen = [trial for phase in found for trial in phase.chosen]
+    points = max(FEWEST, POINTS // (len(DRIVE) * len(results.runs) * len(chosen)))
+
+    def packed(run: Run, signal: str, scale: float, trials: Sequence[int]) -> list[dict[str, Any]]:
+        x = _of_trials(run, signal, count)
+        return [pack(thin(x[trial - 1] / scale, points)[0]) for trial in trials]
+
     panels = []
     for title, signal, reference, quantity in _panels(study, scenario):
         unit, scale = display_unit(study, signal)
-
-        def packed(run: Run, name: str, trials: Sequence[int], scale: float = scale) -> dict[str, Any]:
-            x = _of_trials(run, name, count) / scale
-            return {str(trial): pack(thin(x[trial - 1], points)[0]) for trial in trials}
-
-        series = [
-            {
-                "controller": place(results, run),
-                "trials": packed(run, signal, [trial for phase in found for trial in phase.chosen]),
-            }
-            for run in runs
-            if _shown(run, signal, count)
-        ]
+        series = []
+        for run in runs:
+            if _shown(run, signal, count):
+                values = dict(zip(map(str, chosen), packed(run, signal, scale, chosen), strict=True))
+                series.append({"controller": place(results, run), "trials": values})
+        if not series:
+            continue
         # the plan is the same for all controllers
-        plan = packed(runs[0], reference, [phase.start for phase in found]) if reference else {}
+        plan = packed(runs[0], reference, scale, [p.start for p in found]) if reference else []
         about = {"title": title, "quantity": quantity, "unit": unit}
-        panels.append({**about, "references": list(plan.values()), "series": series})
+        panels.append({**about, "references": plan, "series": series})
     period = runs[0].trace.period
     step = thin(_of_trials(runs[0], "time", count)[0], points)[1] * period
     return {
@@ -75,7 +74,7 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
         "start": (step - period) / 2,
         "step": step,
         "phases": [{"name": phase.name, "trials": phase.chosen} for phase in found],
-        "panels": [panel for panel in panels if panel["series"]],
+        "panels": panels,
         "note": f"Of the first {MOST_PHASES} of {len(every)} phases." if len(every) > MOST_PHASES else "",
     }
 
