@@ -63,10 +63,6 @@ class Case(Contest):
         counts = self.counts[controller]
         return [phase for phase, n in zip(self.phases, counts, strict=True) if not math.isfinite(n)]
 
-    def slowest(self, controller: str) -> float:
-        """The most trials to the floor in any phase."""
-        return max(self.counts[controller])
-
     def worst(self, controller: str) -> float:
         """The largest final RMS of all phases; infinite where one isn't finite or known."""
         return max(
@@ -122,7 +118,7 @@ class Case(Contest):
     def certified(self) -> dict[str, tuple[TrialDesign, Model, ModelCertificate]]:
         """Designs, with their certificates on the plant itself where it is known."""
         designs = {name: run.design for name, run in self.runs.items() if run.design is not None}
-        return {name: (design, *[*models(design.certificate)][-1]) for name, design in designs.items()}
+        return {name: (design, *list(models(design.certificate))[-1]) for name, design in designs.items()}
 
     def learns(self, controller: str) -> bool:
         return bool(getattr(self.study.controller[controller], "learning", True))
