@@ -205,10 +205,10 @@ void make_recorder(Recorder* self, const Engine& engine, std::int64_t decimation
     new (self) Recorder(engine.signals().size(), decimation, rows);
 }
 
-// The user's law, an object with step(input); without one an empty law.
+// The user's law, an object with step(input), and maybe begin_trial(theta_ref) and end_trial(); without one an empty law.
 CallbackLaw callback(const nb::object& controller) {
     if (controller.is_none()) return {};
-    return {[step = nb::object(controller.attr("step"))](const LawInput& in) {
+    CallbackLaw law{[step = nb::object(controller.attr("step"))](const LawInput& in) {
         const nb::gil_scoped_acquire gil;
         const nb::object result = step(in);
         Command command;
@@ -222,6 +222,19 @@ CallbackLaw callback(const nb::object& controller) {
         }
         return command;
     }};
+    if (nb::hasattr(controller, "begin_trial")) {
+        law.begin_function = [begin = nb::object(controller.attr("begin_trial"))](const std::vector<cgl_real>& theta_ref) {
+            const nb::gil_scoped_acquire gil;
+            begin(std::vector<double>(theta_ref.begin(), theta_ref.end()));
+        };
+    }
+    if (nb::hasattr(controller, "end_trial")) {
+        law.end_function = [end = nb::object(controller.attr("end_trial"))] {
+            const nb::gil_scoped_acquire gil;
+            end();
+        };
+    }
+    return law;
 }
 
 // Binds an engine: the methods that all have.

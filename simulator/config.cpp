@@ -352,8 +352,8 @@ DriveConfig read_config(const Value& description, const CallbackLaw& own) {
     } else {
         result.phases = {single_phase(top, current_rate)};
         result.reference = reference(top.section("reference"));
-        if (top.has("faults")) result.faults = faults(top, current_rate);
     }
+    if (top.has("faults")) result.faults = faults(top, current_rate);
     result.ideal_current = drive.has("ideal_current") && drive.get<bool>("ideal_current");
     result.control.pole_pairs = static_cast<std::uint32_t>(result.phases.front().motor.pole_pairs);
     result.control.divider = static_cast<std::uint32_t>(speed_divider);

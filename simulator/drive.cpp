@@ -24,6 +24,14 @@ bool follows_angle(const Law& law) {
     return std::visit([]<class One>(const One&) { return FollowsAngle<One>; }, law);
 }
 
+// A law that may learn from one trial to the next.
+template <class One>
+concept TakesTrials = requires(const One& law, typename One::State& s) { law.end(s); };
+
+bool takes_trials(const Law& law) {
+    return std::visit([]<class One>(const One&) { return TakesTrials<One>; }, law);
+}
+
 // The signals of the parts of a law's output, if it has any.
 void append_terms(std::vector<Signal>& all, const Law& law) {
     std::visit(
@@ -36,7 +44,8 @@ void append_terms(std::vector<Signal>& all, const Law& law) {
 }
 
 std::vector<Signal> signals_of(const DriveConfig& config) {
-    const bool trials = config.trials.has_value(), electrical = !config.ideal_current, energy = config.energy;
+    const bool trials = config.trials.has_value(), trial_law = std::holds_alternative<TrialLaw>(config.law);
+    const bool electrical = !config.ideal_current, energy = config.energy;
     const bool three_phases = motor_phases(config) == 3, path = follows_angle(config.law);
     std::vector<Signal> all;
 #define CGL_SIGNAL(name, unit, about, when, value) \
@@ -123,8 +132,8 @@ Drive::Drive(const DriveConfig& config)
     if (cgl_drive_init(&config_.control, &unused) != CGL_OK) {
         throw std::invalid_argument("drive.monitor, drive.quality: a value is outside its range");
     }
-    if (config_.trials.has_value() != std::holds_alternative<TrialLaw>(config_.law)) {
-        throw std::invalid_argument("controller.law: expected \"trial\" with trials, and only with them");
+    if (config_.trials ? !takes_trials(config_.law) : std::holds_alternative<TrialLaw>(config_.law)) {
+        throw std::invalid_argument("controller.law: expected \"trial\" or a law of your own with trials, \"trial\" only with them");
     }
     start_of(config_.law);
     for (const PhaseConfig& p : config_.phases) {
@@ -170,24 +179,22 @@ void Drive::add_load(DriveState& s, double torque) const {
 
 void Drive::advance(DriveState& s, Recorder& recorder, std::int64_t ticks, Controller* other) const {
     recorder.reserve(ticks);
-    if (const auto* law = std::get_if<TrialLaw>(&config_.law)) {
-        advance_trials(s, recorder, *law, s.tick + ticks, other);
+    if (config_.trials) {
+        advance_trials(s, recorder, s.tick + ticks, other);
     } else {
         advance_within(s, recorder, phases_.front(), 0, s.tick + ticks, other);
     }
 }
 
-void Drive::advance_trials(DriveState& s, Recorder& recorder, const TrialLaw& law, std::int64_t end,
-                           Controller* other) const {
+void Drive::advance_trials(DriveState& s, Recorder& recorder, std::int64_t end, Controller* other) const {
     const std::int64_t length = config_.trials->samples * config_.speed_divider;
     require_trials(*config_.trials, (end + config_.speed_divider - 1) / config_.speed_divider);
-    auto& law_state = state_of(s.law, law);
     while (s.tick < end) {
         const std::int64_t trial = s.tick / length, origin = trial * length;
         const Phase& phase = phases_[phase_of(config_.phases, trial)];
         if (s.tick == origin) {
             restart(s, phase);
-            law.begin(law_state, phase.config.trajectory);
+            begin_law(s, phase.config.trajectory);
             if (other != nullptr) other->begin(phase.config.trajectory);
         }
         try {
@@ -196,7 +203,7 @@ void Drive::advance_trials(DriveState& s, Recorder& recorder, const TrialLaw& la
             fail_in_trial(trial, error.what());
         }
         if (s.tick == origin + length) {
-            law.end(law_state);  // learns nothing where another controller took the trial's steps
+            end_trial(s);  // learns nothing where another controller took the trial's steps
             if (other != nullptr) other->end();
         }
     }
@@ -210,15 +217,26 @@ cgl_drive_output Drive::step_controller(DriveState& s, const cgl_measurement& no
 }
 
 void Drive::begin_trial(DriveState& s, const std::vector<cgl_real>& trajectory) const {
-    const auto& law = std::get<TrialLaw>(config_.law);
-    if (trajectory.size() != law.config.samples) throw std::invalid_argument("trajectory: expected a number for each sample");
+    const std::size_t samples = config_.trials ? static_cast<std::size_t>(config_.trials->samples) : 0U;
+    if (trajectory.size() != samples) throw std::invalid_argument("trajectory: expected a number for each sample");
     cgl_drive_reset(&s.control);
-    law.begin(state_of(s.law, law), trajectory);
+    begin_law(s, trajectory);
+}
+
+void Drive::begin_law(DriveState& s, const std::vector<cgl_real>& trajectory) const {
+    std::visit(
+        [&]<class One>(const One& law) {
+            if constexpr (TakesTrials<One>) law.begin(state_of(s.law, law), trajectory);
+        },
+        config_.law);
 }
 
 void Drive::end_trial(DriveState& s) const {
-    const auto& law = std::get<TrialLaw>(config_.law);
-    law.end(state_of(s.law, law));
+    std::visit(
+        [&]<class One>(const One& law) {
+            if constexpr (TakesTrials<One>) law.end(state_of(s.law, law));
+        },
+        config_.law);
 }
 
 void Drive::advance_within(DriveState& s, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
@@ -400,8 +418,9 @@ void Drive::advance_plant(DriveState& s, Powers::Values& z, const Phase& phase, 
 template <std::size_t legs>
 void Drive::record(const DriveState& s, const Powers::Values& z, const Phase& phase, std::int64_t origin,
                    const Phases& current, double* row) const {
-    const auto* trial_law = std::get_if<TrialLaw>(&config_.law);
-    const bool trials = trial_law != nullptr, path = follows_angle_, energy = config_.energy;
+    const auto* learning = std::get_if<TrialLaw>(&config_.law);
+    const bool trials = config_.trials.has_value(), trial_law = learning != nullptr;
+    const bool path = follows_angle_, energy = config_.energy;
     constexpr bool electrical = legs != 0, three_phases = legs == star_legs;
     const Torques torques = phase.plant.torques(s.plant, z, time(s.tick - origin));
     // The law sees the reference of its own sample until the next one; an error is told from where the reference is now.
@@ -410,8 +429,8 @@ void Drive::record(const DriveState& s, const Powers::Values& z, const Phase& ph
     const Motion reference = held ? s.reference : reference_.after(s.reference, time(s.tick - since), time(since));
     const std::int64_t trial = trials ? s.tick / (config_.trials->samples * config_.speed_divider) + 1 : 0;
     double theta_measured = 0.0, learned = 0.0;
-    if (trials) {
-        const cgl_trial& law = state_of(s.law, *trial_law).law;
+    if (trial_law) {
+        const cgl_trial& law = state_of(s.law, *learning).law;
         theta_measured = static_cast<double>(law.theta);
         learned = static_cast<double>(law.v);
     } else {

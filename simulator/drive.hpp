@@ -45,14 +45,14 @@ struct PhaseConfig {
 
 struct DriveConfig {
     std::vector<PhaseConfig> phases;  // one, or with trials as many as there are, by `from`
-    std::optional<Trials> trials;     // with a TrialLaw, and only with it
+    std::optional<Trials> trials;     // with a law that can begin and end them, and always with the trial law
     bool ideal_current;               // then inverter, current sensors and all of control.foc but its limit are left out
     InverterConfig inverter;
     CurrentSensorsConfig current_sensors;
     PositionSensorConfig position_sensor;
     ReferenceConfig reference;  // without trials
     cgl_drive_config control;
-    std::vector<Fault> faults;  // without trials
+    std::vector<Fault> faults;  // by the tick since the start
     Law law;
     std::int64_t current_rate;   // Hz
     std::int64_t speed_divider;  // current-loop periods in a period of the law
@@ -129,10 +129,10 @@ private:
         PositionSensor::State position_start;
     };
 
+    void begin_law(DriveState& state, const std::vector<cgl_real>& trajectory) const;
     // Puts everything but law and noise at the phase's start.
     void restart(DriveState& state, const Phase& phase) const;
-    void advance_trials(DriveState& state, Recorder& recorder, const TrialLaw& law, std::int64_t end,
-                        Controller* other) const;
+    void advance_trials(DriveState& state, Recorder& recorder, std::int64_t end, Controller* other) const;
     void advance_within(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
                         Controller* other) const;
 

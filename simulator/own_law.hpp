@@ -20,6 +20,8 @@ struct PluginLaw {
     decltype(&cogless_plugin_state_size) state_size;
     decltype(&cogless_plugin_init) init;
     decltype(&cogless_plugin_step) step_function;
+    decltype(&cogless_plugin_begin_trial) begin_function;  // or null, as the next one
+    decltype(&cogless_plugin_end_trial) end_function;
     std::vector<double> params;
     double ts;
 
@@ -39,6 +41,13 @@ struct PluginLaw {
         step_function(s.data(), &input, &output);
         return {output.i_d_ref, output.i_q_ref, 0};
     }
+    void begin(State& s, const std::vector<cgl_real>& reference) const {
+        const std::vector<double> theta_ref(reference.begin(), reference.end());
+        if (begin_function != nullptr) begin_function(s.data(), theta_ref.data(), theta_ref.size());
+    }
+    void end(State& s) const {
+        if (end_function != nullptr) end_function(s.data());
+    }
     LawConfig describe() const { return {"library"}; }
 };
 
@@ -46,9 +55,17 @@ struct PluginLaw {
 struct CallbackLaw {
     struct State {};
     std::function<Command(const LawInput&)> function;
+    std::function<void(const std::vector<cgl_real>&)> begin_function = {};  // of a trial; or empty, as the next one
+    std::function<void()> end_function = {};
 
     State start() const { return {}; }
     Command step(State&, const LawInput& in) const { return function(in); }
+    void begin(State&, const std::vector<cgl_real>& reference) const {
+        if (begin_function) begin_function(reference);
+    }
+    void end(State&) const {
+        if (end_function) end_function();
+    }
     LawConfig describe() const { return {"python"}; }
 };
 

@@ -16,8 +16,11 @@ inline PluginLaw open_plugin(const std::string& path, std::vector<double> params
     if (handle == nullptr) throw std::invalid_argument(dlerror());
     PluginLaw law;
     law.library = std::shared_ptr<void>(handle, [](void* h) { dlclose(h); });
-    const auto find = [&](const char* name, auto& function) {
+    const auto look_for = [&](const char* name, auto& function) {
         function = reinterpret_cast<std::decay_t<decltype(function)>>(dlsym(handle, name));
+    };
+    const auto find = [&](const char* name, auto& function) {
+        look_for(name, function);
         if (function == nullptr) throw std::invalid_argument("the library does not export " + std::string(name));
     };
     decltype(&cogless_plugin_version) version;
@@ -29,6 +32,8 @@ inline PluginLaw open_plugin(const std::string& path, std::vector<double> params
     find("cogless_plugin_state_size", law.state_size);
     find("cogless_plugin_init", law.init);
     find("cogless_plugin_step", law.step_function);
+    look_for("cogless_plugin_begin_trial", law.begin_function);
+    look_for("cogless_plugin_end_trial", law.end_function);
     law.params = std::move(params);
     law.ts = ts;
     return law;

@@ -5,9 +5,7 @@ import numpy as np
 from cogless.c_laws import C_LAWS
 from cogless.design.from_study import design_study
 from cogless.results import Results, Run, TrialResults
-from cogless.results.metrics import result_name
 from cogless.results.trace import Trace
-from cogless.results.trial_metrics import evaluate
 from cogless.run.simulate import measure
 from cogless.signals import DERIVED
 from cogless.study import load
@@ -290,12 +288,8 @@ def trial_trace(the_study, rms, scenario="move", learns=True):
 
 
 def trial_run(the_study, controller, rms, design=None, scenario="move"):
-    described = the_study.scenario[scenario]
     recorded = trial_trace(the_study, rms, scenario, controller != "none")
-    metrics = {
-        result_name(m): evaluate(m, recorded, described.trials, described.starts)
-        for m in the_study.metrics_in(scenario)
-    }
+    metrics = measure(the_study, scenario, recorded)
     return Run(scenario, controller, recorded, {}, metrics, design)
 
 

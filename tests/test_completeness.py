@@ -1,4 +1,4 @@
-"""Every row of laws.def has all that belongs to a law; what is missing is named."""
+"""Every law, metric and sensor has all that belongs to it; what is missing is named."""
 
 import re
 from pathlib import Path
@@ -6,19 +6,36 @@ from typing import get_args
 
 import pytest
 
+from cogless import load
 from cogless.c_laws import C_LAWS, CLaw
+from cogless.results.metrics import KINDS
+from cogless.study.drive import PositionSensor
 from cogless.study.laws import AnyController
+from cogless.study.metric import EACH_PHASE, Metric
+from cogless.study.reading import changes_from
+from cogless.study.trial_controller import TrialLaw
 
 ROOT = Path(__file__).parents[1]
 CONTROL, LIBRARY = ROOT / "control", ROOT / "control" / "src" / "cogless"
 FIELDS = [model.model_fields["law"] for model in get_args(AnyController)]
 MODELS = {name for field in FIELDS for name in get_args(field.annotation)}
 OF_TRIALS = "trial"  # has a study of its own, which says nothing of its gains: design does
+FIGURE = re.compile(r"^```{run-figure} (\S+) (.+)\n(?::set: ((?:.+\n)*?)(?=\n|[^ ]))?", re.M)
 STEP = re.compile(r"void (cgl_\w+_step)\(const cgl_\w+_config \*\w+, cgl_\w+ \*\w+,\s+const cgl_law_input")
 
 
 def text(path: Path) -> str:
     return path.read_text(encoding="utf-8") if path.is_file() else ""
+
+
+def drawn(page: str) -> set[str]:
+    """The laws whose runs a page of the docs shows, by their names in laws.def."""
+    shown = set()
+    for name, runs, changes in FIGURE.findall(page):
+        study = load(name, changes_from(change for change in changes.splitlines() if change))
+        laws = (study.controller[run.rpartition("/")[2]] for run in runs.split())
+        shown |= {OF_TRIALS if isinstance(law, TrialLaw) else law.law for law in laws}
+    return shown
 
 
 def missing(law: CLaw) -> list[str]:
@@ -37,7 +54,8 @@ def missing(law: CLaw) -> list[str]:
         f"control/proof/{stem}.c: {init}": init in text(CONTROL / "proof" / f"{stem}.c"),
         f'control/proof/run.py: Run("{stem}")': f'Run("{stem}"' in text(CONTROL / "proof" / "run.py"),
         f"control/fuzz/law_{stem}.c: {init}": init in text(CONTROL / "fuzz" / f"law_{stem}.c"),
-        f"docs/laws/{law.name}.md": bool(text(ROOT / "docs" / "laws" / f"{law.name}.md")),
+        f"docs/laws/{law.name}.md": bool(page := text(ROOT / "docs" / "laws" / f"{law.name}.md")),
+        f"docs/laws/{law.name}.md: its run-figure": law.name in drawn(page),
         "src/cogless/study/laws.py: its model": law.name in (*MODELS, OF_TRIALS),
         "tests/study/test_law_ranges.py: its gains": f'"{law.name}": ' in ranges or law.name == OF_TRIALS,
     }
@@ -51,7 +69,7 @@ def test_a_law_has_all_that_belongs_to_one(name: str) -> None:
 
 def test_what_is_missing_is_named() -> None:
     lacks = missing(CLaw("none", "none", "none.h", "cgl_none_step", "cell", "4U", ()))
-    assert len(lacks) == 11 and "docs/laws/none.md" in lacks
+    assert len(lacks) == 12 and "docs/laws/none.md" in lacks
 
 
 def test_every_law_of_the_headers_has_a_row() -> None:
@@ -63,3 +81,42 @@ def test_codes_of_stored_maps_are_in_the_order_of_the_rows() -> None:
     codes = re.findall(r"CGL_MAP_LAW_(\w+) = (\d+)", text(LIBRARY / "map.h"))
     stored = ["other", *(law.stem for law in C_LAWS.values() if law.cells)]
     assert [(name.lower(), int(code)) for name, code in codes] == [(s, n) for n, s in enumerate(stored)]
+
+
+def lacks(name: str, places: dict[str, str]) -> list[str]:
+    """The places that don't speak of a name."""
+    return [place for place, words in places.items() if words.format(name) not in written(place)]
+
+
+def written(place: str) -> str:
+    """All texts of a file, or of those that a pattern of files stands for."""
+    return "".join(map(text, sorted(ROOT.glob(place))))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_kind_of_metric_has_all_that_belongs_to_one(kind: str) -> None:
+    page, about = "trial-studies" if kind in EACH_PHASE else "metrics", KINDS[kind].__doc__ or ""
+    places = {f"docs/guide/{page}.md": "### `{}`", "tests/results/test_*metrics.py": '"{}"'}
+    assert lacks(kind, places) == []
+    assert re.search(r"signal's unit|Trials of|, (A|W|s)\b", about), "its docstring names no unit"
+    assert kind in get_args(Metric.model_fields["kind"].annotation)
+
+
+SENSORS = [one.model_fields["kind"].annotation for one in get_args(get_args(PositionSensor)[0])]
+
+
+@pytest.mark.parametrize("kind", [get_args(annotation)[0] for annotation in SENSORS])
+def test_a_position_sensor_has_all_that_belongs_to_one(kind: str) -> None:
+    model = "IdealSensor" if kind == "ideal" else kind.title()
+    places = {
+        "simulator/config.cpp": '{{"{}", PositionSensorKind::',
+        "simulator/position_sensor.hpp": "PositionSensorKind::{}",
+        "tests/simulator/test_sensors.py": '"{}"',
+        "docs/theory/sensors.md": "**{}**",
+        "docs/guide/study-file.md": "study-table}} drive." + model,
+    }
+    assert lacks(kind, places) == []
+
+
+def test_a_kind_that_is_nowhere_is_missed() -> None:
+    assert lacks("none-such", {"docs/guide/metrics.md": "### `{}`"}) == ["docs/guide/metrics.md"]

@@ -236,31 +236,35 @@ class MetricSignals(Parsed):
 
 class TrialSignals(Parsed):
     def run(self) -> list[nodes.Node]:
-        from cogless.signals import DERIVED
-        from cogless.study.trial_metric import DRIVE_SIGNALS, IDEAL_SIGNALS, linear_signals
+        from cogless.signals import DERIVED, dimensions
+        from cogless.study.signals import linear
 
+        ideal, laws = ("trials", "trial_law"), ["trial"]
         by_unit: dict[str, list[str]] = {}
-        for name, dimension in DRIVE_SIGNALS.items():
-            mark = f"`{name}`" + ("\\*" if name in DERIVED else "") + ("" if name in IDEAL_SIGNALS else "†")
+        for name, dimension in dimensions((*ideal, "electrical", "three_phases"), laws).items():
+            dagger = "" if name in dimensions(ideal, laws) else "†"
+            mark = f"`{name}`" + ("\\*" if name in DERIVED else "") + dagger
             by_unit.setdefault(dimension.unit or "bits", []).append(mark)
         lines = ["| of a drive, unit | signals |", "| --- | --- |"]
         lines += [f"| {unit.replace('*', '·')} | {', '.join(names)} |" for unit, names in by_unit.items()]
-        plain = [f"`{name}`" + ("\\*" if name in DERIVED else "") for name in linear_signals(0)]
+        plain = [f"`{name}`" + ("\\*" if name in DERIVED else "") for name in linear(0)]
         lines += ["", "| of a linear plant |", "| --- |", f"| {', '.join(plain)}, `x_1`, `x_2`, ... |"]
         return self.parse(lines)
 
 
 def check(app: Any, env: Any) -> None:
     """Every model and every kind of metric has its place, and nothing else has."""
-    from cogless.results import metrics, trial_metrics
+    from cogless.results.metrics import KINDS
+    from cogless.study.metric import EACH_PHASE, EACH_TRIAL
 
     wanted = {full_name(model) for kind in (Study, TrialStudy) for model in models_of(kind)}
     for name in sorted(wanted - getattr(env, "cogless_documented", set())):
         log.warning("guide: no study-table for the model %s", name)
-    for page, kinds in (("metrics", metrics.KINDS), ("trial-studies", trial_metrics.KINDS)):
+    of_trials = {*EACH_TRIAL, *EACH_PHASE}
+    for page, kinds in (("metrics", KINDS.keys() - EACH_PHASE), ("trial-studies", of_trials)):
         text = (env.srcdir / "guide" / f"{page}.md").read_text(encoding="utf-8")
         headings = set(re.findall(r"^### `([a-z-]+)`$", text, re.MULTILINE))
-        for name in sorted(set(kinds) ^ headings):
+        for name in sorted(kinds ^ headings):
             log.warning(
                 "guide/%s: %s is %s", page, name, "not told" if name in kinds else "no kind of metric"
             )

@@ -344,11 +344,8 @@ def calibrate(study: StudyArgument, changes: SetOption = None, jobs: JobsOption 
     """
     from cogless.run.calibrate import calibrate as fit_study
     from cogless.run.calibrate import residual_rows
-    from cogless.study import TrialStudy
 
     loaded = _load(study, changes)
-    if isinstance(loaded, TrialStudy):
-        raise StudyError(f"{loaded.source.path}: calibration: expected a study of speed, not of trials")
     with _console(stderr=True).status("Fitting") as status:
         fit = fit_study(
             loaded, lambda n, d: status.update(f"Fitting: {n} evaluations, {100 * d:.2f} % off"), jobs

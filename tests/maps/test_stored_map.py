@@ -3,7 +3,6 @@
 import struct
 from dataclasses import replace
 from pathlib import Path
-from threading import Event
 from zlib import crc32
 
 import numpy as np
@@ -17,7 +16,8 @@ from cogless import StudyError, load, run_study
 from cogless.maps import learned_map, stored_map
 from cogless.maps.stored_map import MapError, StoredMap, decode
 from cogless.results.map_files import runs_that_learned
-from cogless.run.simulate import drive_of, simulate
+from cogless.run.plan import plan
+from cogless.run.simulate import simulate
 
 EXAMPLE = StoredMap(
     values=np.array([[0.5, -1.0, 0.25, 0.0]], dtype=np.float32),
@@ -250,11 +250,9 @@ def test_the_stored_map_is_the_laws_own_memory(tmp_path: Path, name: str, precis
     """To the bit: the control library says what its entries are, and nothing is worked out anew."""
     study = studies.study(tmp_path, {"drive.precision": precision, **TABLE}, studies.BASE + LAWS)
     run = simulate(study, "low", name)
-    engine, drive, ticks, table = drive_of(study, "low", name, Event())
-    state = drive.start()
-    if len(table):
-        drive.load_memory(state, table)
-    drive.advance(state, engine.Recorder(drive, 1000), ticks)
+    planned = plan(study, "low", name)
+    drive, state = planned.drive, planned.start()
+    drive.advance(state, planned.engine.Recorder(drive, 1000), planned.ticks)
     if name in ("by-time", "pi"):
         assert drive.stored(state) is None and run.map is None
         return

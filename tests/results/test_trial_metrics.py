@@ -7,25 +7,29 @@ import math
 import numpy as np
 import pytest
 
+from cogless.results.metrics import Conditions, Value, evaluate
 from cogless.results.trace import Trace
-from cogless.results.trial_metrics import Values, evaluate
-from cogless.study.trial_metric import TrialMetric
+from cogless.study.metric import Metric
 
 ROWS = np.array([[3.0, -3, 3, -3], [1, 1, -1, -1], [0, 0, 0, 0.5], [8, 0, 0, 0], [2, 2, 2, 2], [0.1] * 4])
 
 
-def value(kind: str, starts: tuple[int, ...] = (1, 4), floor: str | None = None) -> Values:
-    metric = TrialMetric.model_validate(
+def value(kind: str, starts: tuple[int, ...] = (1, 4), floor: str | None = None) -> Value:
+    metric = Metric.model_validate(
         {"name": "m", "kind": kind, "signal": "theta_error", **({"floor": floor} if floor else {})}
     )
     ref = ROWS.ravel()
-    trace = Trace(("time", "theta_ref", "theta_m"), ("s", "rad", "rad"), np.column_stack([ref, ref, 0 * ref]))
-    return evaluate(metric, trace, len(ROWS), starts)
+    columns = np.column_stack([np.arange(ref.size), ref, 0 * ref])
+    trace = Trace(("time", "theta_ref", "theta_m"), ("s", "rad", "rad"), columns)
+    return evaluate(metric, trace, Conditions(trials=len(ROWS), starts=starts))
 
 
 def test_each_trial_has_its_own_number() -> None:
     assert value("rms") == pytest.approx([3, 1, 0.25, 4, 2, 0.1])
     assert value("maximum") == pytest.approx([3, 1, 0.5, 8, 2, 0.1])
+    assert value("mean") == pytest.approx([0, 0, 0.125, 2, 2, 0.1])
+    assert value("ripple-rms") == pytest.approx([3, 1, 0.2165, 3.4641, 0, 0], abs=1e-4)
+    assert value("peak-to-peak") == pytest.approx([6, 2, 0.5, 8, 0, 0])
 
 
 def test_phases_begin_with_the_first_trial_and_with_each_change() -> None:
@@ -44,6 +48,6 @@ def test_trials_to_the_floor_counts_from_the_change() -> None:
 def test_a_floor_has_a_unit_and_is_above_zero() -> None:
     for floor in ("0 rad", "1 A", 1.0):
         with pytest.raises(ValueError, match=r"expected an angle|expected a text with a unit"):
-            TrialMetric.model_validate(
+            Metric.model_validate(
                 {"name": "m", "kind": "trials-to-floor", "signal": "theta_error", "floor": floor}
             )

@@ -410,7 +410,7 @@ def test_a_missing_law_is_noticed_before_any_run(
     tmp_path: Path, law: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "laws.py").write_text(LAWS, encoding="utf-8")
-    monkeypatch.setattr(room, "_simulate", lambda *_: pytest.fail("ran"))
+    monkeypatch.setattr(room, "advance", lambda *_: pytest.fail("ran"))
     with pytest.raises(StudyError, match=r"controller\.mine\.(object|library): ") as error:
         run_study(studies.study(tmp_path, {"controller.mine": law}))
     assert not isinstance(error.value, RunError)

@@ -373,7 +373,7 @@ def with_controller(**change: Any) -> dict[str, Any]:
         (with_controller(learning_matrix=[1.0]), r"learning_matrix: wrong type"),
         (with_controller(limit=-1.0), r"trial: a gain is outside its range"),
         (with_controller(K_2=np.nan), r"trial: a gain is outside its range"),
-        (with_controller(law="pi", kp=1.0, ki=1.0), r'controller.law: expected "trial" with trials'),
+        (with_controller(law="pi", kp=1.0, ki=1.0), r'law: expected "trial" or a law of your own'),
         (config({"controller": TRIAL_LAW}), r"trials: missing"),
         ({**changes(), "energy": True}, r"energy: not with an ideal current loop"),
         (merged(changes(), {"drive": {"current_limit": 0.0}}), r"current_limit: expected more than 0"),

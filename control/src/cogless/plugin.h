@@ -1,6 +1,6 @@
 /* The interface of a speed law in a user's own shared library, which the simulator loads (law = "library").
  *
- * The library exports the four functions below, in C, by these names. The state is plain memory that the caller provides,
+ * The library exports the first four functions below, in C, by these names; the others may be missing. The state is plain memory that the caller provides,
  * copies and discards as it likes: keep no pointers in it and nothing outside it. */
 #ifndef COGLESS_PLUGIN_H
 #define COGLESS_PLUGIN_H
@@ -46,6 +46,11 @@ COGLESS_PLUGIN_EXPORT int cogless_plugin_init(void *state, const double *params,
 /* One speed-loop period. */
 COGLESS_PLUGIN_EXPORT void cogless_plugin_step(void *state, const cogless_plugin_input *in,
                                                cogless_plugin_output *out);
+
+/* In trials, where they are there: before the first period of a trial, with the angle reference of each [rad], and after its
+ * last. In between in->theta_ref is that reference as it is, not within a turn. */
+COGLESS_PLUGIN_EXPORT void cogless_plugin_begin_trial(void *state, const double *theta_ref, size_t samples);
+COGLESS_PLUGIN_EXPORT void cogless_plugin_end_trial(void *state);
 
 #ifdef __cplusplus
 }

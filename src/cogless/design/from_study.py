@@ -20,7 +20,7 @@ from cogless.design.trial import (
 from cogless.errors import StudyError
 from cogless.study import TrialStudy
 from cogless.study.plant import LinearPlant
-from cogless.study.trial_controller import UNCERTAIN, NormOptimalIlc, StateIlc, TrialIlc
+from cogless.study.trial_controller import UNCERTAIN, NormOptimalIlc, StateIlc, TrialIlc, TrialLaw
 
 ROUNDING = 1e-9
 Designs = dict[tuple[str, str], TrialDesign]
@@ -42,7 +42,7 @@ OF_PLANT = {"range": "parameter", "nominal": "parameter", "output": "C", "period
 
 
 def design_study(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
-    """A design for each (scenario, controller). Controllers with the same gains share their design.
+    """A design for each (scenario, controller) with a law of trials. Those with the same gains share theirs.
 
     A design without a K_3 to learn by has the rest, and says why. StudyError names the file and the key.
     """
@@ -55,7 +55,7 @@ def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     designs: Designs = {}
     known: list[tuple[TrialSettings, TrialGains]] = []
     outside = {scenario: _outside(study, scenario) for scenario, _ in runs}
-    wanted = {run: settings_of(study, *run) for run in runs}
+    wanted = {run: settings_of(study, *run) for run in runs if isinstance(study.controller[run[1]], TrialLaw)}
     # those that learn by K_3 first: the others need less of the same gains
     for (scenario, name), settings in sorted(wanted.items(), key=lambda item: not needs_K_3(item[1])):
         with _as_study_error(study, scenario, name):
@@ -122,6 +122,7 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         own = {"kind": "state", "structure": "input", "integral": False, "feedforward": False}
         own |= {"K_s": controller.K_stab, "K_3": controller.K_ilc}
     else:
+        assert isinstance(controller, TrialIlc | NormOptimalIlc)
         own = {"structure": controller.acts_on, "integral": controller.integral}
         own |= {"feedforward": controller.feedforward, "K_s": controller.K_s, "N": controller.N}
     if isinstance(controller, TrialIlc):

@@ -55,7 +55,7 @@ def sampled(study: Study, scenario: str) -> Sampled | None:
     sensor = drive.position_sensor
     if isinstance(sensor, Encoder):
         timed = sensor.speed_method != "M"
-        return Sampled(math.tau / (4 * sensor.lines), 1 / drive.rates.speed_loop, timed)
+        return Sampled(math.tau / (4 * sensor.lines), 1 / drive.rates.outer_loop, timed)
     if isinstance(sensor, Resolver):
         return Sampled(math.tau / 2**sensor.bits, sensor.window / drive.rates.current_loop, False)
     return None

@@ -189,7 +189,7 @@ def design(study: Study, name: str) -> Design:
 
 def _lead(study: Study, controller: Learning) -> Gain:
     """The lead as it is used: whole samples of the speed loop."""
-    rate = study.drive.rates.speed_loop
+    rate = study.drive.rates.outer_loop
     samples = round(controller.lead * rate)
     used = samples / rate
     if math.isclose(used, controller.lead, rel_tol=1e-9):

@@ -34,7 +34,9 @@ def summary(study: TrialStudy) -> TrialSummary:
         for name in study.controllers_in(scenario):
             first.setdefault(name, scenario)
     designs = design_study(study, [(scenario, name) for name, scenario in first.items()])
-    in_order = {name: designs[first[name], name] for name in study.controller if name in first}
+    in_order = {
+        name: designs[first[name], name] for name in study.controller if (first.get(name), name) in designs
+    }
     return TrialSummary(uncertain_plant(study), in_order)
 
 

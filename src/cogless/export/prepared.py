@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from threading import Event
+from dataclasses import dataclass, field, fields
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,37 +10,46 @@ from numpy.typing import NDArray
 
 from cogless.errors import StudyError
 from cogless.run.advance import failures
-from cogless.study import AnyStudy, TrialStudy, for_scenario
+from cogless.run.plan import Plan, plan
+from cogless.study import AnyStudy, TrialStudy
 from cogless.study.controller import LibraryLaw, PythonLaw
 
 Reals = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
-    """A controller to run. `memory`: the law's at first. `ticks`: current-loop periods of the scenario."""
+class Prepared(Plan):
+    """The plan of a run whose controller has a C form. `memory`: the law's at first."""
 
-    study: AnyStudy
-    scenario: str
-    controller: str
-    engine: Any
-    drive: Any
-    memory: Reals
-    config: dict[str, Any]  # Drive.controller_config()
-    ticks: int
-    rate: int  # Hz, of the current loop
+    memory: Reals = field(default_factory=lambda: np.zeros(0, np.float32))
+    config: dict[str, Any] = field(default_factory=dict)  # Drive.controller_config()
 
     @property
     def precision(self) -> str:
         """ "f" for float, "d" for double."""
         return "d" if self.engine.real_bits == 64 else "f"
 
-    def start(self) -> Any:
-        """The state at time zero, with what was learned before."""
-        state = self.drive.start()
-        if len(self.memory):
-            self.drive.load_memory(state, self.memory.tolist())
-        return state
+    @property
+    def duration(self) -> float:
+        """Duration of the run, s."""
+        return self.ticks / self.rate
+
+    @property
+    def trials(self) -> bool:
+        """Whether the run is one of trials."""
+        return "trials" in self.description
+
+    @property
+    def phases(self) -> int:
+        """Number of the motor's phases."""
+        motor = self.description["trials"]["phases"][0] if self.trials else self.description
+        return int(motor["motor"]["phases"])
+
+    @property
+    def bus_voltage(self) -> float | None:
+        """Bus voltage, V; None with an ideal current loop."""
+        drive = self.description["drive"]
+        return None if drive["ideal_current"] else float(drive["inverter"]["bus_voltage"])
 
 
 class Steps(Protocol):
@@ -102,23 +110,9 @@ def prepare(study: AnyStudy, scenario: str, controller: str) -> Prepared:
     """
     _check(study, scenario, controller)
     with failures(study, scenario, controller):
-        if isinstance(study, TrialStudy):
-            from cogless.run.trials import drive_of
-
-            engine, drive, ticks = drive_of(study, scenario, controller)
-            table: Any = []
-            assert study.drive is not None
-            rate = study.drive.rates.current_loop
-        else:
-            from cogless.run.simulate import drive_of as speed_drive_of
-
-            engine, drive, ticks, table = speed_drive_of(study, scenario, controller, Event())
-            rate = for_scenario(study, scenario).drive.rates.current_loop
-    memory = drive.law_memory(drive.start())
-    if len(table):
-        memory = np.asarray(table, memory.dtype)
-    config = drive.controller_config()
-    return Prepared(study, scenario, controller, engine, drive, memory, config, ticks, round(rate))
+        planned = plan(study, scenario, controller)
+    memory, config = planned.drive.law_memory(planned.start()), planned.drive.controller_config()
+    return Prepared(**{f.name: getattr(planned, f.name) for f in fields(Plan)}, memory=memory, config=config)
 
 
 def first_scenario(study: AnyStudy, controller: str, wanted: str | None = None) -> str:

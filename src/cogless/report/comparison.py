@@ -17,7 +17,6 @@ from cogless.results.metrics import result_name
 from cogless.study.base import StudyBase
 from cogless.study.metric import Metric
 from cogless.study.spoken import spoken_unit
-from cogless.study.trial_metric import TrialMetric
 from cogless.units import ANGULAR_SPEED, factor
 
 SAME = 0.05  # relative difference that isn't called one
@@ -181,7 +180,7 @@ def speed_unit(results: Results) -> str:
 
 def lines_of(
     study: StudyBase,
-    metric: Metric | TrialMetric,
+    metric: Metric,
     runs: Sequence[Run],
     named: Iterable[tuple[str, float | None]],
 ) -> list[Line]:
@@ -189,7 +188,7 @@ def lines_of(
     unit, scale = shown_in(study, metric)
     # exceeds is the time for which a band was kept; "lower" is only the default of a metric.
     later = metric.kind == "exceeds" and "better" not in metric.model_fields_set
-    about = getattr(metric, "frame", "mechanical"), "higher" if later else metric.better, unit
+    about = metric.frame, "higher" if later else metric.better, unit
     values = {run.controller: run.metrics[result_name(metric)] for run in runs}
     lines = []
     for place, (name, order) in enumerate(named):
@@ -199,7 +198,7 @@ def lines_of(
     return lines
 
 
-def shown_in(study: StudyBase, metric: Metric | TrialMetric) -> tuple[str, float]:
+def shown_in(study: StudyBase, metric: Metric) -> tuple[str, float]:
     """The unit in which a metric is shown, as it is printed, and its SI value."""
     unit, dimension = metric.unit or spoken_unit(study, metric.dimension), metric.dimension
     return pretty(unit), factor(unit, dimension) if dimension.unit else 1.0

@@ -1,6 +1,7 @@
 """Metrics: numbers from a trace, over declared windows. Values are SI; None: a step that never settles.
 
-One small function a kind, in the registry KINDS; `evaluate` finds the window and calls it.
+One small function a kind, in the registry KINDS; `evaluate` finds the window and calls it. In trials a
+metric has one number a trial or one a phase, from one change to the next.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 
 from cogless.errors import StudyError
 from cogless.results.trace import Trace
-from cogless.study import Study, for_scenario
+from cogless.study import AnyStudy, TrialStudy, for_scenario
 from cogless.study.metric import SIGNALS, Metric, whole_revolutions
 from cogless.study.metric import result_name as result_name
 from cogless.units import ANGLE, ANGULAR_SPEED
@@ -26,28 +28,35 @@ Value = float | None | list[float]
 # The signal that a signal should follow; any other should return to its mean from before the event.
 ERRORS = ("omega_error", "omega_error_measured")  # which should be zero
 REFERENCES = {"omega_m": "omega_ref", "omega_measured": "omega_ref", "i_d": "i_d_ref", "i_q": "i_q_ref"}
+SETTLED_SHARE = 1 / 2  # of a phase's trials, at its end, that final-rms is taken over
 
 
 @dataclass(frozen=True)
 class Conditions:
     """Facts that a metric needs to know of a run besides its trace."""
 
-    pole_pairs: int
-    R_s: float  # ohm, of the star equivalent
-    power_factor: float  # as the star equivalent's
-    speed_period: float  # s, of the speed loop
+    pole_pairs: int = 1
+    R_s: float = math.nan  # ohm, of the star equivalent
+    power_factor: float = math.nan  # as the star equivalent's
+    speed_period: float = math.nan  # s, of the speed loop
     events: tuple[float, ...] = ()  # s, times of the scenario's events
+    trials: int | None = None
+    starts: tuple[int, ...] = ()  # the phases' first trials, counted from 1
 
     @classmethod
-    def of(cls, study: Study, scenario: str) -> Self:
+    def of(cls, study: AnyStudy, scenario: str) -> Self:
         """The conditions of a scenario."""
+        if isinstance(study, TrialStudy):
+            poles = 1 if study.motor is None else study.motor.pole_pairs
+            experiment = study.scenario[scenario]
+            return cls(pole_pairs=poles, trials=experiment.trials, starts=experiment.starts)
         study_here = for_scenario(study, scenario)
         motor = study_here.motor.star()
         return cls(
             pole_pairs=motor.pole_pairs,
             R_s=motor.R_s,
             power_factor=motor.power_factor,
-            speed_period=1 / study_here.drive.rates.speed_loop,
+            speed_period=1 / study_here.drive.rates.outer_loop,
             events=tuple(event.time for event in study_here.scenario[scenario].events),
         )
 
@@ -69,8 +78,10 @@ class MetricInput:
 
     @property
     def x(self) -> Array:
-        """The signal in the metric's rows."""
+        """The signal in the metric's rows; in trials its rows are the trials."""
         x = self.whole(self.signal)
+        if self.conditions.trials is not None:
+            return x.reshape(self.conditions.trials, -1)
         return x[self.rows] if self.metric.smooth is None else self._smooth(x, self.metric.smooth)[self.rows]
 
     def whole(self, signal: str) -> Array:
@@ -89,6 +100,12 @@ class MetricInput:
         return np.asarray((total[last] - total[first]) / (last - first))
 
     @property
+    def phases(self) -> list[slice]:
+        """The trials of each phase."""
+        starts = (*self.conditions.starts, (self.conditions.trials or 0) + 1)
+        return [slice(a - 1, b - 1) for a, b in pairwise(starts)]
+
+    @property
     def event(self) -> float:
         """Time of the metric's event, s."""
         if self.metric.event is None:
@@ -102,7 +119,7 @@ class MetricInput:
 def evaluate(metric: Metric, trace: Trace, conditions: Conditions) -> Value:
     """Value of a metric on a trace, SI; None for a step that never settles.
 
-    A list for kind "order", of NaN where the rotor turned too little.
+    A list for kind "order", of NaN where the rotor turned too little, and in trials.
 
     StudyError: a signal that the trace doesn't have, an empty window, rows too sparse for chattering.
     """
@@ -112,7 +129,9 @@ def evaluate(metric: Metric, trace: Trace, conditions: Conditions) -> Value:
         raise metric_input.error(f"signal {metric.signal}: expected one of {', '.join(trace.names)}")
     if metric_input.rows.start == metric_input.rows.stop:
         raise metric_input.error(f"window {first:g} s to {last:g} s holds no row of the trace")
-    return KINDS[metric.kind](metric_input)
+    with np.errstate(over="ignore"):  # a square too large for a number is infinite
+        value = KINDS[metric.kind](metric_input)
+    return value if value is None or isinstance(value, list) else np.asarray(value).tolist()
 
 
 def _window(metric: Metric, trace: Trace, conditions: Conditions) -> tuple[float, float]:
@@ -128,29 +147,29 @@ def _window(metric: Metric, trace: Trace, conditions: Conditions) -> tuple[float
     return metric.event, min((t - trace.period for t in conditions.events if t > after), default=end)
 
 
-def peak_to_peak(m: MetricInput) -> float:
+def peak_to_peak(m: MetricInput) -> Array:
     """Largest minus smallest value, in the signal's unit."""
-    return float(np.ptp(m.x))
+    return np.asarray(np.ptp(m.x, axis=-1))
 
 
-def rms(m: MetricInput) -> float:
+def rms(m: MetricInput) -> Array:
     """Root of the mean square, mean included, in the signal's unit."""
-    return math.sqrt(float(np.mean(np.square(m.x))))
+    return np.asarray(np.sqrt(np.mean(np.square(m.x), axis=-1)))
 
 
-def ripple_rms(m: MetricInput) -> float:
+def ripple_rms(m: MetricInput) -> Array:
     """Root of the mean square about the mean, in the signal's unit."""
-    return float(np.std(m.x))
+    return np.asarray(np.std(m.x, axis=-1))
 
 
-def mean(m: MetricInput) -> float:
+def mean(m: MetricInput) -> Array:
     """Mean over time, in the signal's unit."""
-    return float(np.mean(m.x))
+    return np.asarray(np.mean(m.x, axis=-1))
 
 
-def maximum(m: MetricInput) -> float:
+def maximum(m: MetricInput) -> Array:
     """Largest magnitude, in the signal's unit."""
-    return float(np.max(np.abs(m.x)))
+    return np.asarray(np.max(np.abs(m.x), axis=-1))
 
 
 def order(m: MetricInput) -> list[float]:
@@ -228,7 +247,36 @@ def chattering(m: MetricInput) -> float:
     return float(np.mean(np.abs(np.diff(i_q_ref))))
 
 
-KINDS: dict[str, Callable[[MetricInput], Value]] = {
+def first_rms(m: MetricInput) -> list[float]:
+    """RMS of the first trial of each phase, in the signal's unit."""
+    values = rms(m)
+    return [float(values[phase.start]) for phase in m.phases]
+
+
+def final_rms(m: MetricInput) -> list[float]:
+    """RMS over the second half of each phase's trials, in the signal's unit."""
+    found, values = [], rms(m)
+    for phase in m.phases:
+        last = values[phase][-max(1, round(SETTLED_SHARE * (phase.stop - phase.start))) :]
+        found.append(float(np.sqrt(np.mean(np.square(last)))))
+    return found
+
+
+def trials_to_floor(m: MetricInput) -> list[float]:
+    """Trials of each phase until the RMS is at the floor or below; infinite where none is.
+
+    1: the first trial of the phase is there already. Noise may lift a later trial above the floor again.
+    """
+    if m.metric.floor is None:
+        raise m.error("expected a floor")
+    found, values = [], rms(m)
+    for phase in m.phases:
+        below = np.flatnonzero(values[phase] <= m.metric.floor)
+        found.append(float(below[0] + 1) if len(below) else math.inf)
+    return found
+
+
+KINDS: dict[str, Callable[[MetricInput], Value | Array]] = {
     "peak-to-peak": peak_to_peak,
     "rms": rms,
     "ripple-rms": ripple_rms,
@@ -241,6 +289,9 @@ KINDS: dict[str, Callable[[MetricInput], Value]] = {
     "exceeds": exceeds,
     "copper-loss": copper_loss,
     "chattering": chattering,
+    "first-rms": first_rms,
+    "final-rms": final_rms,
+    "trials-to-floor": trials_to_floor,
 }
 
 

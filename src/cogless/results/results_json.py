@@ -67,7 +67,7 @@ def _definitions(results: AnyResults) -> dict[str, dict[str, Any]]:
         if metric.kind == "order":
             meaning |= {"order": list(metric.order or ()), "frame": metric.frame}
         if metric.kind == "trials-to-floor":
-            meaning["floor"] = metric.threshold
+            meaning["floor"] = metric.floor
         definitions[result_name(metric)] = meaning
     return definitions
 

@@ -1,4 +1,4 @@
-"""Helpers of both kinds of runs: the engine's modules, going on in pieces, failures in one line."""
+"""Helpers of a run: the engine's modules, going on in pieces, failures in one line."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from threading import Event
 from typing import Any
 
 from cogless.errors import StudyError
-from cogless.results.runs import Run
 from cogless.results.trace import Trace
 from cogless.run.own_law import describe, is_failure, law_file
 from cogless.study import AnyStudy
@@ -18,7 +17,6 @@ ENGINES = {"single": "cogless._simulator_f32", "double": "cogless._simulator_f64
 PIECE = 0.1  # s of wall time between two looks at progress and Ctrl-C
 
 Progress = Callable[[float], None]
-Runner = Callable[[str, str, Progress, Event], Run]
 
 
 class Stopped(Exception):  # noqa: N818, it isn't an error

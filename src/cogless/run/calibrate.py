@@ -18,7 +18,7 @@ from cogless import units
 from cogless.errors import StudyError
 from cogless.results.metrics import Value, result_name
 from cogless.run.simulate import run_study
-from cogless.study import Study, changed
+from cogless.study import AnyStudy, changed
 from cogless.study.calibration import FitParameter
 from cogless.study.error_messages import MISSING, look_up, shown
 from cogless.study.metric import Metric
@@ -54,7 +54,7 @@ class Residual:
     scenario: str
     controller: str
     metric: str
-    order: float | None
+    part: float | None  # the order, or the place of the trial or phase, from 1
     wanted: float
     got: float
 
@@ -70,7 +70,7 @@ class Fit:
     residuals: tuple[Residual, ...]
     deviation: float
     settled: bool
-    study: Study
+    study: AnyStudy
     interrupted: bool = False
 
 
@@ -90,7 +90,7 @@ class _Knob:
         return f"{number!r} {self.unit}" if self.unit else number
 
 
-def calibrate(study: Study, progress: Progress | None = None, jobs: int = 1) -> Fit:
+def calibrate(study: AnyStudy, progress: Progress | None = None, jobs: int = 1) -> Fit:
     """Fit what the study's [calibration] names; only the runs that its targets name are made.
 
     `progress` gets the number of evaluations and the least deviation so far. Ctrl-C ends the fit early: the
@@ -142,7 +142,7 @@ def calibrate(study: Study, progress: Progress | None = None, jobs: int = 1) -> 
     return Fit(parameters, residuals, least, settled, fitted, interrupted)
 
 
-def _deciding_tables(study: Study, scenario: str, controller: str) -> str:
+def _deciding_tables(study: AnyStudy, scenario: str, controller: str) -> str:
     """All that decides a run's metrics: the study's tables without other scenarios and controllers."""
     tables = {key: table for key, table in study.source.tables.items() if key != "calibration"}
     for table, name in (("scenario", scenario), ("controller", controller)):
@@ -150,11 +150,11 @@ def _deciding_tables(study: Study, scenario: str, controller: str) -> str:
     return json.dumps(tables, sort_keys=True, default=str)
 
 
-def _with(study: Study, knobs: list[_Knob], x: NDArray[np.float64]) -> Study:
+def _with(study: AnyStudy, knobs: list[_Knob], x: NDArray[np.float64]) -> AnyStudy:
     return changed(study, {knob.key: knob.text(value) for knob, value in zip(knobs, x, strict=True)})
 
 
-def _knob(study: Study, index: int, parameter: FitParameter) -> _Knob:
+def _knob(study: AnyStudy, index: int, parameter: FitParameter) -> _Knob:
     key, tables = parameter.key, study.source.tables
     try:
         present = look_up(tables, split(key))
@@ -190,7 +190,7 @@ def _knob(study: Study, index: int, parameter: FitParameter) -> _Knob:
     return _Knob(key, unit, start, abs(start) or width, lower, upper)
 
 
-def _residuals(study: Study, known: dict[str, dict[str, Value]], jobs: int) -> list[Residual]:
+def _residuals(study: AnyStudy, known: dict[str, dict[str, Value]], jobs: int) -> list[Residual]:
     """Targets against this study's metrics. A run that was made with the same tables isn't made again."""
     assert study.calibration is not None
     pairs = dict.fromkeys((target.scenario, target.controller) for target in study.calibration.targets)
@@ -206,20 +206,20 @@ def _residuals(study: Study, known: dict[str, dict[str, Value]], jobs: int) -> l
         metric = _metric(study, target.scenario, target.metric)
         value = known[names[target.scenario, target.controller]].get(result_name(metric))
         got = value if isinstance(value, list) else [math.nan if value is None else value]
-        orders = metric.order if metric.kind == "order" and metric.order else (None,)
-        for order, wanted, number in zip(orders, target.values(metric), got, strict=True):
+        places = metric.order or (range(1, len(got) + 1) if isinstance(value, list) else (None,))
+        for part, wanted, number in zip(places, target.values(metric, len(got)), got, strict=True):
             if not math.isfinite(number):
                 place = f"{target.scenario}/{target.controller}"
                 raise StudyError(f"{study.source.path}: calibration: {target.metric} of {place} has no value")
-            found.append(Residual(target.scenario, target.controller, target.metric, order, wanted, number))
+            found.append(Residual(target.scenario, target.controller, target.metric, part, wanted, number))
     return found
 
 
-def _metric(study: Study, scenario: str, name: str) -> Metric:
+def _metric(study: AnyStudy, scenario: str, name: str) -> Metric:
     return next(metric for metric in study.metrics_in(scenario) if metric.name == name)
 
 
-def _relative(study: Study, residuals: list[Residual]) -> list[float]:
+def _relative(study: AnyStudy, residuals: list[Residual]) -> list[float]:
     """Deviations by the size of their target, the largest of a list; a target of zero counts as it is."""
     assert study.calibration is not None
     sizes: dict[tuple[str, str, str], float] = {}
@@ -243,6 +243,6 @@ def residual_rows(fit: Fit) -> list[tuple[str, str, str, str, str]]:
         unit = metric.unit or metric.dimension.unit
         wanted, got = (units.format(value, unit, metric.dimension, digits=4) for value in (r.wanted, r.got))
         share = f"{100 * (r.got / r.wanted - 1):+.1f} %" if r.wanted else ""
-        name = r.metric if r.order is None else f"{r.metric} {r.order:g}"
+        name = r.metric if r.part is None else f"{r.metric} {r.part:g}"
         rows.append((f"{r.scenario}/{r.controller}", name, wanted, got, share))
     return rows

@@ -9,14 +9,13 @@ from cogless.design.pi import gains
 from cogless.design.position import frame_ratio, position_gains
 from cogless.design.space_bounds import learned_limits
 from cogless.run.monitor_defaults import monitor_config, quality_config
-from cogless.study import Study, for_scenario
-from cogless.study.controller import AntiCogging, Feedback, Learning, LibraryLaw, PythonLaw
+from cogless.study import AnyStudy, Study, for_scenario
+from cogless.study.controller import AntiCogging, Feedback, Learning, LibraryLaw, OwnLaw
 from cogless.study.drive import Drive, IdealCurrentLoop, sensor_fields
 from cogless.study.mechanics import Load, Mechanics
 from cogless.study.motor import StarMotor
 from cogless.study.reference import Reference
 from cogless.study.space_controller import SpaceLearning, SpacePosition
-from cogless.study.trial_drive import TrialDrive
 
 NEVER = 1e18  # s
 Mode = Literal["run", "learn"]
@@ -45,7 +44,7 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
         "initial_angle": experiment.initial_angle if run else 0.0,
         "seed": study_here.seed,
         "energy": study_here.trace.energy,
-        "drive": drive_config(study_here.drive, study.motor.star(), study_here.drive.divider),
+        "drive": drive_config(study_here.drive, study.motor.star()),
         "controller": _controller(study, study_here, controller, mode),
     }
 
@@ -83,23 +82,20 @@ def _reference(reference: Reference) -> dict[str, Any]:
     }
 
 
-def drive_config(drive: Drive | TrialDrive, motor: StarMotor, divider: int) -> dict[str, Any]:
-    """A drive with the outer loop at every `divider`-th current-loop period.
-
-    `motor`: the study's, which a belief falls back on.
-    """
+def drive_config(drive: Drive, motor: StarMotor) -> dict[str, Any]:
+    """A drive. `motor`: the study's, which a belief falls back on."""
     loop, inverter = drive.current_loop, drive.inverter
     belief = drive.belief.resolved(motor)
     config = {
         "current_rate": round(drive.rates.current_loop),
-        "speed_divider": divider,
+        "speed_divider": drive.rates.divider,
         "integration_steps": drive.rates.integration_steps,
         "current_limit": loop.current_limit,
         "ideal_current": drive.ideal,
         "belief": dataclasses.asdict(belief),
         "position_sensor": sensor_fields(drive.position_sensor),
         "current_sensors": lists(drive.current_sensors.model_dump()),
-        "monitor": monitor_config(drive, motor, belief, divider),
+        "monitor": monitor_config(drive, motor, belief),
         "quality": quality_config(drive),
     }
     if isinstance(loop, IdealCurrentLoop) or inverter is None:
@@ -109,15 +105,13 @@ def drive_config(drive: Drive | TrialDrive, motor: StarMotor, divider: int) -> d
 
 def _controller(study: Study, study_here: Study, name: str, mode: Mode) -> dict[str, Any]:
     controller = study.controller[name]
-    if isinstance(controller, PythonLaw):
-        return {"law": controller.law}
+    if isinstance(controller, OwnLaw):
+        return own_law_config(study, name)
     fields = lists(controller.model_dump(exclude={"label", "baseline", "tuning"}))
-    if isinstance(controller, LibraryLaw):
-        fields["library"] = str((study.source.path.parent / controller.library).resolve())
     if isinstance(controller, Feedback):
         fields["kp"], fields["ki"] = gains(study, name)
     if isinstance(controller, Learning):
-        fields["lead"] = round(controller.lead * study_here.drive.rates.speed_loop)
+        fields["lead"] = round(controller.lead * study_here.drive.rates.outer_loop)
         if controller.limit is None:
             fields["limit"] = study.drive.current_loop.current_limit
     if isinstance(controller, AntiCogging):
@@ -129,6 +123,15 @@ def _controller(study: Study, study_here: Study, name: str, mode: Mode) -> dict[
     if isinstance(controller, SpacePosition):
         fields["k_theta"], fields["k_omega"], fields["k_i"] = position_gains(study, name)
     return fields
+
+
+def own_law_config(study: AnyStudy, name: str) -> dict[str, Any]:
+    """A user's law: a Python object comes to the engine by itself."""
+    controller = study.controller[name]
+    if not isinstance(controller, LibraryLaw):
+        return {"law": "python"}
+    library = str((study.source.path.parent / controller.library).resolve())
+    return {"law": controller.law, "library": library, "params": list(controller.params)}
 
 
 def _space(study: Study, study_here: Study, controller: SpaceLearning) -> dict[str, Any]:

@@ -10,7 +10,6 @@ import math
 
 from cogless.study.drive import Drive, Encoder, IdealCurrentLoop, Resolver, StarBelief
 from cogless.study.motor import StarMotor
-from cogless.study.trial_drive import TrialDrive
 
 SPEED_MARGIN = 1.5  # of the no-load speed
 CURRENT_MARGIN = 2.0  # of the current limit
@@ -27,16 +26,14 @@ def no_load_speed(bus_voltage: float, motor: StarMotor, belief: StarBelief) -> f
     return reach / (motor.pole_pairs * belief.psi_f)
 
 
-def monitor_config(
-    drive: Drive | TrialDrive, motor: StarMotor, belief: StarBelief, divider: int
-) -> dict[str, float]:
+def monitor_config(drive: Drive, motor: StarMotor, belief: StarBelief) -> dict[str, float]:
     """Every bound of the monitor, SI; `motor`: its pole pairs and phases count, the rest is belief."""
     sensor, loop = drive.position_sensor, drive.current_loop
     period = 1 / drive.rates.current_loop
     step, window = 0.0, 0.0
     if isinstance(sensor, Encoder):
         # a jump is in the counts of one period of the law, whose speed is used for the next
-        step, window = 2 * math.pi / (4 * sensor.lines), 2 * divider * period
+        step, window = 2 * math.pi / (4 * sensor.lines), 2 * drive.rates.divider * period
     elif isinstance(sensor, Resolver):
         step, window = 2 * math.pi / 2**sensor.bits, sensor.window * period
     derived = {
@@ -59,7 +56,7 @@ def monitor_config(
     return derived | given
 
 
-def quality_config(drive: Drive | TrialDrive) -> dict[str, float]:
+def quality_config(drive: Drive) -> dict[str, float]:
     """Settings of the residual ripple, SI: the angle that it is taken over is a revolution by default."""
     quality = drive.quality
     return {**quality.model_dump(), "span": 2 * math.pi if quality.span is None else quality.span}

@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import Any
 
 from cogless.errors import StudyError
-from cogless.study import AnyStudy, Study
+from cogless.study import AnyStudy
 from cogless.study.controller import LibraryLaw, PythonLaw
 
 RETURNS = "step() returns i_q_ref or (i_d_ref, i_q_ref)"
@@ -21,7 +21,7 @@ LOADING = threading.RLock()  # sys.path and sys.modules belong to all threads
 NOT_A_NUMBER = "std::bad_cast"  # what the engine says of a value that it can't use
 
 
-def make_law(study: Study, name: str) -> Any | None:
+def make_law(study: AnyStudy, name: str) -> Any | None:
     """A fresh object of a python controller, else None. StudyError: no file, no class, no step()."""
     controller = study.controller[name]
     if isinstance(controller, LibraryLaw):
@@ -125,7 +125,7 @@ def _fields(error: BaseException) -> str:
     return f": expected one of {', '.join(name for name in vars(type(inputs)) if not name.startswith('_'))}"
 
 
-def _find(study: Study, key: str, file: str, shown: str | None = None) -> Path:
+def _find(study: AnyStudy, key: str, file: str, shown: str | None = None) -> Path:
     """A file of the user's, relative to the study."""
     path = study.source.path.parent / file
     if not path.is_file():

@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from functools import partial
-from importlib import import_module
 from itertools import islice
 from threading import Event
 from typing import Any, overload
 
 import numpy as np
 
+from cogless.design.from_study import Designs, design_study
 from cogless.errors import StudyError
 from cogless.maps import learned_map
 from cogless.results import AnyResults, Results, Run, TrialResults
 from cogless.results.fault_response import faults_in, responses
 from cogless.results.metrics import Conditions, Value, evaluate, result_name
-from cogless.results.status import Status
 from cogless.results.trace import Trace
-from cogless.run.advance import ENGINES, Progress, Runner, Stopped, advance, failures, trace_of
-from cogless.run.drive_config import Mode, engine_config
-from cogless.run.own_law import make_law
+from cogless.run.advance import Progress, Stopped, advance, failures, trace_of
+from cogless.run.plan import Plan, plan
 from cogless.run.side_by_side import side_by_side
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
-from cogless.study.controller import AntiCogging, OwnLaw
+from cogless.study.controller import OwnLaw
 
 StudyProgress = Callable[[str, str, float], None]
 
@@ -53,8 +51,8 @@ def simulate(study: AnyStudy, scenario: str, controller: str, progress: Progress
     learned first, in a commissioning run of its own. StudyError: an unknown name, a controller that fails.
     """
     _known(study, scenario, controller)
-    run = _runner(study, [(scenario, controller)])
-    return run(scenario, controller, progress or (lambda share: None), Event())
+    designs = _prepare(study, [(scenario, controller)])
+    return _run(study, designs, scenario, controller, progress or (lambda share: None), Event())
 
 
 @overload
@@ -102,43 +100,36 @@ def _rollout(
 ) -> list[AnyResults]:
     stop = Event()
 
-    def one(runner: Runner, scenario: str, controller: str) -> Run:
+    def one(study: AnyStudy, designs: Designs, scenario: str, controller: str) -> Run:
         def report(share: float) -> None:
             if progress is not None:
                 progress(scenario, controller, share)
 
-        run = runner(scenario, controller, report, stop)
+        run = _run(study, designs, scenario, controller, report, stop)
         if keep_traces:
             return run
-        return dataclasses.replace(run, trace=dataclasses.replace(run.trace, data=run.trace.data[:0].copy()))
+        return replace(run, trace=replace(run.trace, data=run.trace.data[:0].copy()))
 
     pairs = [runs_of(study, only) for study in studies]
-    runners = [_runner(study, of_study) for study, of_study in zip(studies, pairs, strict=True)]
+    prepared = [_prepare(study, of_study) for study, of_study in zip(studies, pairs, strict=True)]
     tasks = [
-        partial(one, runner, *pair)
-        for runner, of_study in zip(runners, pairs, strict=True)
+        partial(one, study, designs, *pair)
+        for study, designs, of_study in zip(studies, prepared, pairs, strict=True)
         for pair in of_study
     ]
     futures = iter(side_by_side(tasks, jobs, stop))
     return _collected(studies, [list(islice(futures, len(of_study))) for of_study in pairs], stop.is_set())
 
 
-def _runner(study: AnyStudy, runs: Sequence[tuple[str, str]]) -> Runner:
-    """A function that runs a controller of this study in a scenario; does first what all these runs need."""
-    if isinstance(study, TrialStudy):
-        from cogless.run.trials import runner
+def _prepare(study: AnyStudy, runs: Sequence[tuple[str, str]]) -> Designs:
+    """Do first what all these runs need: the designs of trials, and each user's controller once.
 
-        return runner(study, runs)
-    _try_laws(study, runs)
-    return partial(_simulate, study)
-
-
-def _try_laws(study: Study, runs: Sequence[tuple[str, str]]) -> None:
-    """Make each user's controller once, so that a missing file or class is found before the first run."""
-    engine = import_module(ENGINES[study.drive.precision])
+    So a missing file or class is found before the first run.
+    """
     for controller, scenario in {controller: scenario for scenario, controller in reversed(runs)}.items():
         if isinstance(study.controller[controller], OwnLaw):
-            _drive(engine, study, scenario, controller, "run")
+            plan(study, scenario, controller)
+    return design_study(study, runs) if isinstance(study, TrialStudy) else {}
 
 
 def runs_of(study: AnyStudy, only: Sequence[str] | None = None) -> list[tuple[str, str]]:
@@ -155,7 +146,7 @@ def runs_of(study: AnyStudy, only: Sequence[str] | None = None) -> list[tuple[st
     return [run for run in runs if any(fnmatchcase("/".join(run), pattern) for pattern in only)]
 
 
-def measure(study: Study, scenario: str, trace: Trace) -> dict[str, Value]:
+def measure(study: AnyStudy, scenario: str, trace: Trace) -> dict[str, Value]:
     """The scenario's metrics on a trace, SI, by name in results.json; without those whose signal it lacks."""
     conditions = Conditions.of(study, scenario)
     return {
@@ -165,101 +156,60 @@ def measure(study: Study, scenario: str, trace: Trace) -> dict[str, Value]:
     }
 
 
-def _simulate(study: Study, scenario: str, controller: str, progress: Progress, stop: Event) -> Run:
+def _run(
+    study: AnyStudy, designs: Designs, scenario: str, controller: str, progress: Progress, stop: Event
+) -> Run:
     with failures(study, scenario, controller):
-        return _run(study, scenario, controller, progress, stop)
+        planned = plan(study, scenario, controller, stop, designs.get((scenario, controller)))
+        return _made(planned, progress, stop)
 
 
-def _run(study: Study, scenario: str, controller: str, progress: Progress, stop: Event) -> Run:
-    study_here = for_scenario(study, scenario)
-    rates = study_here.drive.rates
-    decimation = round(rates.current_loop / study_here.trace_rate)
-    engine, drive, ticks, table = drive_of(study, scenario, controller, stop)
-    state = drive.start()
-    if len(table):
-        drive.load_memory(state, table)
-    recorder = engine.Recorder(drive, decimation, ticks // decimation + 1)
-    with failures(study, scenario, controller, lambda: f" at {state.tick / rates.current_loop:.6g} s"):
-        advance(drive, state, recorder, ticks, progress, stop)
+def _made(planned: Plan, progress: Progress, stop: Event) -> Run:
+    study, scenario, controller = planned.study, planned.scenario, planned.controller
+    drive, state = planned.drive, planned.start()
+    recorder = planned.engine.Recorder(drive, planned.decimation, planned.ticks // planned.decimation + 1)
+    with failures(study, scenario, controller, lambda: planned.when(state.tick)):
+        advance(drive, state, recorder, planned.ticks, progress, stop)
     trace = trace_of(drive, recorder)
+    rows, motion = trace, 0
+    if isinstance(study, TrialStudy):
+        # metrics are taken on the samples of the trial, whatever rows there are between
+        rows = replace(trace, data=trace.data[:: planned.divider // planned.decimation])
+        # the reference that it was learned for is that of the last phase
+        motion = learned_map.motion_identity(
+            study.reference(scenario, study.scenario[scenario].phases[-1][1])
+        )
     try:
-        metrics = measure(study, scenario, trace)
+        metrics = measure(study, scenario, rows)
     except StudyError as error:
         where = f"{study.source.path}: controller.{controller}: scenario {scenario}"
         raise StudyError(f"{where}: {error}") from error
+    learned, stored = _memory(drive, state), learned_map.of_run(study, drive.stored(state), motion)
+    if isinstance(study, TrialStudy):
+        return Run(scenario, controller, trace, learned, metrics, planned.design, map=stored)
+    law, limit = study.controller[controller], for_scenario(study, scenario).drive.current_loop.current_limit
     quality = dict(drive.quality(state))
-    law = study_here.controller[controller]
-    limit = study_here.drive.current_loop.current_limit
-    broken = responses(faults_in(study, scenario), trace, limit, law.learns)
     if not law.learns:
         quality = {key: quality[key] for key in ("known", "residual")}
-    learned = _memory(drive, state)
-    stored = learned_map.of_run(study, drive.stored(state))
+    broken = responses(faults_in(study, scenario), trace, limit, law.learns)
     return Run(scenario, controller, trace, learned, metrics, quality=quality, faults=broken, map=stored)
 
 
-def drive_of(study: Study, scenario: str, controller: str, stop: Event) -> tuple[Any, Any, int, Any]:
-    """The engine's module, the drive, its ticks, and the table that it starts with, A, or none: [].
-
-    An anti-cogging table is learned here, in a commissioning run of its own.
-    """
-    engine = import_module(ENGINES[study.drive.precision])
-    study_here = for_scenario(study, scenario)
-    ticks = round(study_here.scenario[scenario].duration * study_here.drive.rates.current_loop)
-    table: Any = []
-    if isinstance(study_here.controller[controller], AntiCogging):
-        table = _commission(engine, study, scenario, controller, stop)
-    return engine, _drive(engine, study, scenario, controller, "run"), ticks, table
-
-
-def _drive(engine: Any, study: Study, scenario: str, controller: str, mode: Mode) -> Any:
-    config, law = engine_config(study, scenario, controller, mode), make_law(study, controller)
-    try:
-        return engine.Drive(config, law)
-    except (ValueError, RuntimeError) as error:
-        raise StudyError(
-            f"{study.source.path}: controller.{controller}: scenario {scenario}: {error}"
-        ) from error
-
-
 def _memory(drive: Any, state: Any) -> dict[str, Any]:
-    """The learned maps over their angle, rad of its frame; empty where the law learns none.
+    """The learned maps over their angle, rad of its frame, or what is learned of a trial; empty without.
 
     A space-learning law has its "period" too, rad of that angle, and "beta" and "h" as far as it learns them.
     """
     memory = dict(drive.memory(state))
-    if memory:
+    if "learned" in memory:
+        memory["learned"] = np.asarray(memory["learned"])
+    elif memory:
         cells = len(memory["current"])
         memory["angle"] = memory.get("period", 2 * math.pi) / cells * np.arange(cells)
         for name in ("current", "beta", "h"):
             if name in memory:
                 memory[name] = np.asarray(memory[name])
     return memory
-
-
-def _commission(engine: Any, study: Study, scenario: str, controller: str, stop: Event) -> Any:
-    """The table that a slow run in both directions learns, A; StudyError if it takes three times its time."""
-    law = study.controller[controller]
-    assert isinstance(law, AntiCogging)
-    study_here = for_scenario(study, scenario)
-    drive = _drive(engine, study, scenario, controller, "learn")
-    state = drive.start()
-    expected = law.calibration.duration
-    rates = study_here.drive.rates
-    divider = round(rates.current_loop / rates.speed_loop)
-    piece = divider * math.ceil(rates.speed_loop)  # 1 s
-
-    def when() -> str:
-        return f", commissioning run, at {state.tick / rates.current_loop:.6g} s"
-
-    while state.tick < 3 * expected * rates.current_loop:
-        recorder = engine.Recorder(drive, divider)
-        with failures(study, scenario, controller, when):
-            advance(drive, state, recorder, piece, lambda share: None, stop)
-        if not int(trace_of(drive, recorder)["status"][-1]) & Status.BUSY:
-            return drive.memory(state)["current"]
-    line = f"{study.source.path}: controller.{controller}.calibration: scenario {scenario}"
-    raise StudyError(f"{line}: not done after {3 * expected:.3g} s: expected kp and ki that hold its speed")
 
 
 def _collected(

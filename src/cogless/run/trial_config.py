@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cogless.design.model import Model, sampled
-from cogless.run.drive_config import drive_config, load_config, mechanics_config, motor_config
+from cogless.run.drive_config import drive_config, load_config, mechanics_config, motor_config, own_law_config
+from cogless.study.trial_controller import TrialLaw
 
 if TYPE_CHECKING:
     from cogless.design.trial import TrialDesign
@@ -16,17 +17,19 @@ if TYPE_CHECKING:
     from cogless.study.trial_scenario import TrialConditions
 
 
-def engine_config(study: TrialStudy, scenario: str, controller: str, design: TrialDesign) -> dict[str, Any]:
-    """The engine's description of one run: each phase complete, gains from the design.
+def engine_config(
+    study: TrialStudy, scenario: str, controller: str, design: TrialDesign | None
+) -> dict[str, Any]:
+    """The engine's description of one run: each phase complete, gains from the design, of a law of trials.
 
     Gains and beliefs are those of the study without overrides: what changes between trials, the controller
     isn't told. StudyError: the design lacks its learning gain.
     """
-    if design.no_K_3 is not None:
+    if design is not None and design.no_K_3 is not None:
         raise design.no_K_3
     experiment = study.scenario[scenario]
     samples = study.samples(scenario)
-    law = _law(study, controller, design)
+    law = own_law_config(study, controller) if design is None else _law(study, controller, design)
     if study.plant is not None:
         return {
             "C": list(study.plant.C),
@@ -41,14 +44,16 @@ def engine_config(study: TrialStudy, scenario: str, controller: str, design: Tri
     return {
         "trials": {"samples": samples, "count": experiment.trials, "phases": phases},
         "seed": study.seed,
-        "energy": False,
-        "drive": drive_config(study.drive, study.motor.star(), study.drive.rates.divider),
+        "energy": study.trace.energy,
+        "drive": drive_config(study.drive, study.motor.star()),
+        "faults": [fault.model_dump() for fault in experiment.faults],
         "controller": law,
     }
 
 
 def _law(study: TrialStudy, name: str, design: TrialDesign) -> dict[str, Any]:
-    ahead, q = design.feedforward, design.q_filter
+    law, ahead, q = study.controller[name], design.feedforward, design.q_filter
+    assert isinstance(law, TrialLaw)
     num, den, preview = (ahead.num, ahead.den, ahead.preview) if ahead else ((), (), 0)
     if study.plant is not None:
         limit = study.plant.input_limit
@@ -69,7 +74,7 @@ def _law(study: TrialStudy, name: str, design: TrialDesign) -> dict[str, Any]:
         "filter_signal": design.filtered == "signal",
         "learning_matrix": design.learning_matrix,
         "limit": limit,
-        "learned_limit": study.controller[name].learned_limit,
+        "learned_limit": law.learned_limit,
     }
 
 

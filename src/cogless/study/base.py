@@ -9,8 +9,10 @@ from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
+from cogless.study.calibration import Calibration
 from cogless.study.controller import Base
-from cogless.study.table import Line, Many, Table
+from cogless.study.metric import Metric
+from cogless.study.table import Frequency, Line, Many, Table
 
 K = TypeVar("K", bound=Hashable)
 T = TypeVar("T")
@@ -33,6 +35,14 @@ class Source:
     own_motor_keys: frozenset[str] = frozenset()  # keys of [motor] that the study itself sets
 
 
+class TraceSettings(Table):
+    """Settings of what is recorded."""
+
+    # Hz, divides the current-loop rate; default: that rate, or in trials a row each sample of the trial
+    rate: Frequency | None = None
+    energy: bool = False  # integrate and record the energies too
+
+
 class StudyBase(Table):
     """The part that studies of speed and studies of trials have in common."""
 
@@ -40,9 +50,11 @@ class StudyBase(Table):
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
     description: str = ""
     assumption: Many[Assumption] = ()
+    trace: TraceSettings = TraceSettings()
     scenario: Mapping[str, Any]
     controller: Mapping[str, Base]
-    metric: tuple[Any, ...]
+    metric: Many[Metric] = ()
+    calibration: Calibration | None = None
     _source: Source = PrivateAttr()
     _made: dict[Hashable, Any] = PrivateAttr(default_factory=dict)
 
@@ -85,3 +97,11 @@ class StudyBase(Table):
         """Names of the controllers that run in a scenario."""
         chosen = self.scenario[scenario].controllers
         return tuple(self.controller) if chosen is None else tuple(chosen)
+
+    def metrics_in(self, scenario: str) -> tuple[Metric, ...]:
+        """The metrics that are taken in a scenario."""
+        return tuple(m for m in self.metric if m.applies_in(scenario, self.scenario[scenario]))
+
+    def values_of(self, metric: Metric, scenario: str) -> int:
+        """How many values a metric has: one, of kind "order" one an order."""
+        return len(metric.order or ()) if metric.kind == "order" else 1

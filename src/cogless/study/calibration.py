@@ -24,7 +24,7 @@ class FitParameter(Table):
 
 
 class Target(Table):
-    """The value that a metric should have; a list for kind "order"."""
+    """The value that a metric should have; a list for kind "order", and in trials."""
 
     scenario: str
     controller: str
@@ -32,10 +32,9 @@ class Target(Table):
     value: Any
     weight: Annotated[float, Field(gt=0)] = 1.0
 
-    def values(self, metric: Metric) -> tuple[float, ...]:
+    def values(self, metric: Metric, count: int) -> tuple[float, ...]:
         """SI values, as many as the metric has; raises the error that names what was expected."""
         wanted = self.value if isinstance(self.value, list) else [self.value]
-        count = len(metric.order or ()) if metric.kind == "order" else 1
         if len(wanted) != count:
             raise invalid(f"expected {count} values", "value")
         quantity = Quantity(metric.dimension, bare=not metric.dimension.unit)

@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable
-from itertools import product
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from pydantic_core import PydanticCustomError
 
-from cogless.study import fault_checks, numerics, signals, space_checks
+from cogless.study import fault_checks, metric_checks, numerics, space_checks
 from cogless.study.controller import Learning
-from cogless.study.metric import Metric, result_name, whole_revolutions
-from cogless.study.scenario import Scenario
-from cogless.study.table import invalid
+from cogless.study.drive import OUTER_LOOPS
+from cogless.study.metric_checks import FEWEST_ROWS
+from cogless.study.table import invalid, one_of
+from cogless.study.trial_study import TrialStudy
 
 if TYPE_CHECKING:
     from cogless.study.base import StudyBase
     from cogless.study.study import Study
 
-FEWEST_ROWS = 10  # in a metric's window
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
@@ -63,105 +62,31 @@ def durations(study: Study) -> None:
             raise invalid(expected, "scenario", name, "duration")
 
 
-def energy(study: Study) -> None:
+def energy(study: Study | TrialStudy) -> None:
     """Energies are those of voltages."""
-    if study.trace.energy and study.drive.ideal:
-        raise invalid("expected false, since the current loop is ideal", "trace", "energy")
+    if study.trace.energy and (study.drive is None or study.drive.ideal):
+        why = "there is no drive" if study.drive is None else "the current loop is ideal"
+        raise invalid(f"expected false, since {why}", "trace", "energy")
 
 
-def metrics(study: Study) -> None:
-    """Metrics have their own name in each scenario, and scenarios, windows, events, signals that exist."""
-    for index, metric in enumerate(study.metric):
-        for scenario, other in product(study.scenario, study.metric[:index]):
-            both = (m.applies_in(scenario, study.scenario[scenario]) for m in (metric, other))
-            if result_name(metric) == result_name(other) and all(both):
-                has = "has" if metric.name == other.name else f"has in results.json: {result_name(metric)}"
-                expected = f'expected a name that no other metric of scenario "{scenario}" {has}'
-                raise invalid(expected, "metric", index, "name")
-        absent = signals.missing(study, metric.signal) if metric.signal else None
-        if absent is not None:
-            raise invalid(absent, "metric", index, "signal")
-        if metric.kind == "copper-loss" and study.drive.ideal:
-            raise invalid("expected another, since the current loop is ideal", "metric", index, "kind")
-        for other in study.metric[:index]:
-            if result_name(metric) == result_name(other) and metric.meaning != other.meaning:
-                expected = "expected the kind, signal, order and frame of the other metric of this name"
-                raise invalid(expected, "metric", index, "name")
-        if metric.kind == "chattering" and study.trace_rate < study.drive.rates.speed_loop * (1 - 1e-9):
-            expected = f"expected another, or a trace.rate of {study.drive.rates.speed_loop:g} Hz or more"
-            raise invalid(expected, "metric", index, "kind")
-        for scenario in metric.scenarios or ():
-            if scenario not in study.scenario:
-                raise invalid(one_of(study.scenario), "metric", index, "scenarios", value=scenario)
-        _in_time(study, index, metric)
-
-
-def _in_time(study: Study, index: int, metric: Metric) -> None:
-    event, known = metric.event, study.scenario.values()
-    if event is not None and metric.scenarios is None and not any(s.has_event(event) for s in known):
-        raise invalid("expected the time of an event of a scenario", "metric", index, "event")
-    for name, scenario in study.scenario.items():
-        if not metric.applies_in(name, scenario):
-            continue
-        if metric.window is not None and metric.window[1] > scenario.duration:
-            expected = f'expected a window within the {scenario.duration:g} s of scenario "{name}"'
-            raise invalid(expected, "metric", index, "window")
-        if metric.last is not None and metric.last > scenario.duration:
-            expected = f'expected at most the {scenario.duration:g} s of scenario "{name}"'
-            raise invalid(expected, "metric", index, "last")
-        if event is not None and not scenario.has_event(event):
-            raise invalid(f'expected the time of an event of scenario "{name}"', "metric", index, "event")
-        key, span = _span(metric, scenario)
-        rate, rows = study.trace_rate, "rows of the trace"
-        if metric.kind == "chattering":
-            rate, rows = study.drive.rates.speed_loop, "samples of the speed loop"
-        if span * rate < FEWEST_ROWS * (1 - 1e-9):
-            expected = f"expected a window of {FEWEST_ROWS} or more {rows}"
-            raise invalid(expected, "metric", index, key)
-
-
-def _span(metric: Metric, scenario: Scenario) -> tuple[str, float]:
-    """The key that decides a metric's window in a scenario, and the window's length, s."""
-    declared = metric.span(scenario.duration)
-    if declared is not None:
-        return ("window" if metric.last is None else "last"), declared[1] - declared[0]
-    if metric.event is None:
-        return "window", scenario.duration
-    later = [e.time for e in scenario.events if e.time > metric.event and not e.is_at(metric.event)]
-    return "event", min(later, default=scenario.duration) - metric.event
-
-
-def orders(study: Study) -> None:
-    """Check that at top speed every order lies below half the trace's rate and is whole in the window."""
-    half = study.trace_rate / 2
-    for index, metric in enumerate(study.metric):
-        for name, scenario in study.scenario.items():
-            if not metric.order or not metric.applies_in(name, scenario):
-                continue
-            poles = study.motor.pole_pairs if metric.frame == "electrical" else 1
-            turns = poles * scenario.top_speed / (2 * math.pi)
-            key, span = _span(metric, scenario)
-            fewest = whole_revolutions(metric.order)
-            if turns * (span + 2 / study.trace_rate) < fewest:
-                expected = f"expected {fewest} or more {metric.frame} revolutions at the top speed"
-                made = f'of scenario "{name}", not {turns * span:.3g}'
-                raise invalid(f"{expected} {made}", "metric", index, key)
-            if max(metric.order) * turns >= half:
-                limit = f"expected orders below {half / turns:.4g}, half the trace's {2 * half:g} Hz"
-                raise invalid(f'{limit} at the top speed of scenario "{name}"', "metric", index, "order")
+def outer_loop(study: Study | TrialStudy) -> None:
+    """The loop around the current loop is that of speed, or of position in trials."""
+    wanted, other = OUTER_LOOPS[::-1] if isinstance(study, TrialStudy) else OUTER_LOOPS
+    if study.drive is not None and getattr(study.drive.rates, wanted) is None:
+        raise invalid(f"expected {wanted} in its place", "drive", "rates", other)
 
 
 def leads(study: Study) -> None:
     """A learning law's lead lies within a quarter of its memory."""
     for name, controller in study.controller.items():
         if isinstance(controller, Learning):
-            longest = controller.cells // 4 / study.drive.rates.speed_loop
+            longest = controller.cells // 4 / study.drive.rates.outer_loop
             if controller.lead > longest * (1 + 1e-9):
                 expected = f"expected at most {longest:.6g} s, a quarter of the memory's cells in samples"
                 raise invalid(expected, "controller", name, "lead")
 
 
-def calibration(study: Study) -> None:
+def calibration(study: StudyBase) -> None:
     """Targets name runs and metrics that exist, and have values of the metric's kind."""
     if study.calibration is None:
         return
@@ -179,30 +104,32 @@ def calibration(study: Study) -> None:
         if target.metric not in taken:
             raise invalid(one_of(taken), *key, "metric")
         try:
-            target.values(taken[target.metric])
+            metric = taken[target.metric]
+            target.values(metric, study.values_of(metric, target.scenario))
         except PydanticCustomError as error:
             raise invalid(error.message(), *key, "value") from None
 
 
-def one_of(names: Iterable[str]) -> str:
-    known = ", ".join(f'"{name}"' for name in names)
-    return f"expected one of {known}"
-
-
 Check = Callable[["Study"], None]
-ALL: tuple[Check, ...] = (
+# Checks of studies of trials, too.
+BOTH: tuple[Callable[[Any], None], ...] = (
     names,
     references,
     baseline,
+    outer_loop,
+    energy,
+    metric_checks.metrics,
+)
+ALL: tuple[Check, ...] = (
+    *BOTH,
     trace_rate,
     durations,
     numerics.integration,
     numerics.dead_time,
     numerics.size,
     numerics.commissioning,
-    energy,
-    metrics,
-    orders,
+    metric_checks.windows,
+    metric_checks.orders,
     leads,
     space_checks.space_laws,
     fault_checks.faults,

@@ -30,6 +30,7 @@ from cogless.study.table import (
 )
 
 PERIODS_MAX = 5e8  # that the controller can count
+OUTER_LOOPS = ("speed_loop", "position_loop")
 
 
 class Belief(Table):
@@ -65,21 +66,36 @@ class StarBelief:
 
 
 class Rates(Table):
-    """Rates of the loops. The speed loop runs at every n-th current-loop period."""
+    """Rates of the loops. The outer loop runs at every n-th current-loop period."""
 
     current_loop: Frequency  # Hz, whole
-    speed_loop: Frequency  # Hz, whole, divides current_loop
+    # the outer loop: of speed, or of position in trials; Hz, whole, divides current_loop
+    speed_loop: Frequency | None = None
+    position_loop: Frequency | None = None
     integration_steps: Annotated[int, Field(ge=1, le=10_000)] = 1  # RK4 steps in a current-loop period
 
     @model_validator(mode="after")
     def _divide(self) -> Self:
-        for name in ("current_loop", "speed_loop"):
+        given = [name for name in OUTER_LOOPS if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise invalid("expected either speed_loop or, in trials, position_loop")
+        for name in ("current_loop", *given):
             if getattr(self, name) % 1:
                 raise invalid('expected a whole number of Hz, such as "1 kHz"', name)
-        if self.current_loop % self.speed_loop:
+        if self.current_loop % self.outer_loop:
             expected = f"expected a rate that divides current_loop, {self.current_loop:g} Hz"
-            raise invalid(expected, "speed_loop")
+            raise invalid(expected, given[0])
         return self
+
+    @property
+    def outer_loop(self) -> float:
+        """Rate of the loop that the control law runs in, Hz."""
+        return self.speed_loop or self.position_loop or math.nan
+
+    @property
+    def divider(self) -> int:
+        """Current-loop periods in a period of the outer loop."""
+        return round(self.current_loop / self.outer_loop)
 
 
 class CurrentLoop(Table):
@@ -133,30 +149,6 @@ def _kind(data: Any) -> str:
 AnyCurrentLoop = Annotated[
     Annotated[CurrentLoop, Tag("pi")] | Annotated[IdealCurrentLoop, Tag("ideal")], Discriminator(_kind)
 ]
-
-
-def require_inverter(loop: CurrentLoop | IdealCurrentLoop, inverter: Inverter | None) -> None:
-    """Refuse a real current loop without an inverter, and an ideal one with an inverter."""
-    ideal = isinstance(loop, IdealCurrentLoop)
-    if ideal and inverter is not None:
-        raise invalid("expected none, since the current loop is ideal", "inverter")
-    if not ideal and inverter is None:
-        raise invalid("expected a table of bus_voltage, ...", "inverter", value="missing")
-
-
-def require_watchable(
-    monitor: Monitor, quality: Quality, precision: str, current_rate: float, law_rate: float
-) -> None:
-    """Refuse numbers that the controller can't hold, and times that it can't count in its periods."""
-    for name in ("speed_window", "bridge", "hold"):
-        time = getattr(monitor, name)
-        if time is not None and time * current_rate > PERIODS_MAX:
-            raise invalid(f"expected {PERIODS_MAX / current_rate:g} s or less", "monitor", name)
-    if not 1 <= quality.longest * law_rate <= PERIODS_MAX:
-        expected = f"expected {1 / law_rate:g} s to {PERIODS_MAX / law_rate:g} s"
-        raise invalid(expected, "quality", "longest")
-    check_precision(monitor, precision, "monitor")
-    check_precision(quality, precision, "quality")
 
 
 class Inverter(Table):
@@ -221,16 +213,27 @@ class Drive(Table):
     quality: Quality = Quality()
 
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        require_inverter(self.current_loop, self.inverter)
-        rates = self.rates
-        require_watchable(self.monitor, self.quality, self.precision, rates.current_loop, rates.speed_loop)
+    def _bridge(self) -> Self:
+        if self.ideal and self.inverter is not None:
+            raise invalid("expected none, since the current loop is ideal", "inverter")
+        if not self.ideal and self.inverter is None:
+            raise invalid("expected a table of bus_voltage, ...", "inverter", value="missing")
         return self
 
-    @property
-    def divider(self) -> int:
-        """Current-loop periods in a speed-loop period."""
-        return round(self.rates.current_loop / self.rates.speed_loop)
+    @model_validator(mode="after")
+    def _watchable(self) -> Self:
+        """Refuse numbers that the controller can't hold, and times that it can't count in its periods."""
+        rate, law_rate = self.rates.current_loop, self.rates.outer_loop
+        for name in ("speed_window", "bridge", "hold"):
+            time = getattr(self.monitor, name)
+            if time is not None and time * rate > PERIODS_MAX:
+                raise invalid(f"expected {PERIODS_MAX / rate:g} s or less", "monitor", name)
+        if not 1 <= self.quality.longest * law_rate <= PERIODS_MAX:
+            expected = f"expected {1 / law_rate:g} s to {PERIODS_MAX / law_rate:g} s"
+            raise invalid(expected, "quality", "longest")
+        check_precision(self.monitor, self.precision, "monitor")
+        check_precision(self.quality, self.precision, "quality")
+        return self
 
     @property
     def ideal(self) -> bool:

@@ -9,34 +9,32 @@ from cogless.study.table import Key, invalid
 
 if TYPE_CHECKING:
     from cogless.study.study import Study
+    from cogless.study.trial_study import TrialStudy
 
 
-def faults(study: Study) -> None:
+def faults(study: Study | TrialStudy) -> None:
     """Refuse faults of what isn't measured (currents and bus of an ideal loop, a phase), or too short."""
-    drive = study.drive
+    drive, motor = study.drive, study.motor
     for name, scenario in study.scenario.items():
         for index, fault in enumerate(scenario.faults):
             where = ("scenario", name, "faults", index)
+            if drive is None or motor is None:
+                raise invalid("expected none, of a drive", "scenario", name, "faults")
             if drive.ideal and isinstance(fault, CurrentFault | BusFault):
                 expected = "expected a fault of the angle: an ideal current loop measures no more"
                 raise invalid(expected, *where, "kind")
-            if isinstance(fault, CurrentFault) and fault.phase not in _measured(study):
-                expected = f"expected one of the measured phases {', '.join(_measured(study))}"
+            measured = "ab" if motor.star().phases == 2 or drive.current_sensors.sensors == 2 else "abc"
+            if isinstance(fault, CurrentFault) and fault.phase not in measured:
+                expected = f"expected one of the measured phases {', '.join(measured)}"
                 raise invalid(expected, *where, "phase")
-            _measured_once(study, scenario.duration, fault, where)
+            _measured_once(drive.rates.current_loop, scenario.run_time, fault, where)
 
 
-def _measured_once(study: Study, end: float, fault: FaultBase, where: Key) -> None:
+def _measured_once(rate: float, end: float, fault: FaultBase, where: Key) -> None:
     """Measurements come once a period of the current loop: one at least must show the fault."""
-    rate = study.drive.rates.current_loop
     period = f"{1 / rate:g} s, one period of the measurements"
     if fault.duration * rate < 1 - 1e-9:
         raise invalid(f"expected {period}, or more", *where, "duration")
     if round(fault.time * rate) >= round(end * rate):
         expected = f"expected a time before the scenario's {end:g} s by {period}, or more"
         raise invalid(expected, *where, "time")
-
-
-def _measured(study: Study) -> str:
-    two = study.motor.star().phases == 2 or study.drive.current_sensors.sensors == 2
-    return "ab" if two else "abc"

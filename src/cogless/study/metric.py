@@ -1,8 +1,9 @@
-"""A metric: which number is taken from which signal, over which time."""
+"""A metric: which number is taken from which signal, over which time or trials."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from fractions import Fraction
 from typing import Annotated, Any, Literal, Protocol, Self
@@ -12,28 +13,36 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from cogless import units
 from cogless.c_laws import C_LAWS
 from cogless.signals import dimensions
-from cogless.study.scenario import Scenario
 from cogless.study.table import Duration, Many, Quantity, Table, Time, invalid
 from cogless.units import Dimension
 
-# Energies, with trace.energy: what went in since the start, where it went, the store, the balance's residual.
-# Every signal that a run of some drive may have, recorded or derived from recorded ones.
-SIGNALS = dimensions(
-    ("electrical", "three_phases", "path", "energy"), [name for name in C_LAWS if name != "trial"]
-)
+# Every signal that some run may have, recorded or derived from recorded ones; a linear plant's have no unit.
+SIGNALS = {
+    **dict.fromkeys(("y_ref", "y", "y_error", "u", "load"), units.NONE),
+    **dimensions(("electrical", "three_phases", "path", "energy"), C_LAWS),
+    **dimensions(("electrical", "three_phases", "energy", "trials", "trial_law"), ()),
+}
 
 OWN_DIMENSIONS = {
+    "trials-to-floor": units.NONE,
     "copper-loss": units.POWER,
     "chattering": units.CURRENT,
     "settling": units.TIME,
     "exceeds": units.TIME,
 }
+STATE = re.compile(r"x_\d+")
 AT_AN_EVENT = ("dip", "settling", "overshoot")
 WITH_A_BAND = ("settling", "exceeds")
+EACH_TRIAL = ("rms", "ripple-rms", "mean", "maximum", "peak-to-peak")  # in a study of trials
+EACH_PHASE = ("first-rms", "final-rms", "trials-to-floor")  # only there
 
 
 class Metric(Table):
-    """One declared metric. Times in s, band in the signal's SI unit."""
+    """One declared metric. Times in s, band and floor in the signal's SI unit.
+
+    In a study of trials rms, ripple-rms, mean, maximum and peak-to-peak are one number a trial; first-rms,
+    final-rms and trials-to-floor one number a phase, which begins with the first trial and with each change.
+    """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
     kind: Literal[
@@ -49,6 +58,9 @@ class Metric(Table):
         "exceeds",
         "copper-loss",
         "chattering",
+        "first-rms",
+        "final-rms",
+        "trials-to-floor",
     ]
     signal: str | None = None  # not for copper-loss and chattering; omega_m at an event
     # s; default: from the event to the next one, else all
@@ -60,6 +72,7 @@ class Metric(Table):
     frame: Literal["electrical", "mechanical"] = "mechanical"
     event: Time | None = None  # s
     band: float | None = None  # half width, SI
+    floor: float | None = None  # of trials-to-floor, SI
     smooth: Duration | None = None  # s: averaged over this time first, so that ripple doesn't count
     unit: str | None = None  # in tables and report; default: SI
     better: Literal["lower", "higher", "none"] = "lower"
@@ -74,25 +87,21 @@ class Metric(Table):
             data = {**data, "order": [data["order"]]}
         return data
 
-    @field_validator("signal")
+    @field_validator("band", "floor", mode="before")
     @classmethod
-    def _known_signal(cls, signal: str | None) -> str | None:
-        if signal is not None and signal not in SIGNALS:
-            raise invalid(f"expected a signal: {', '.join(SIGNALS)}")
-        return signal
-
-    @field_validator("band", mode="before")
-    @classmethod
-    def _band(cls, band: Any, info: ValidationInfo) -> Any:
-        signal = info.data.get("signal")
-        return Quantity(SIGNALS[signal], ">", bare=not SIGNALS[signal].unit).read(band) if signal else None
+    def _in_signals_unit(cls, value: Any, info: ValidationInfo) -> Any:
+        dimension = _dimension("", info.data.get("signal"))
+        if value is None:
+            return None
+        if dimension is None:
+            return 1.0  # the study refuses the signal
+        return Quantity(dimension, ">", bare=not dimension.unit).read(value)
 
     @field_validator("unit")
     @classmethod
     def _unit(cls, unit: str | None, info: ValidationInfo) -> str | None:
-        kind, signal = info.data.get("kind"), info.data.get("signal")
-        if unit is not None and (kind in OWN_DIMENSIONS or signal is not None):
-            dimension = _dimension(str(kind), signal)
+        dimension = _dimension(str(info.data.get("kind")), info.data.get("signal"))
+        if unit is not None and dimension is not None:
             try:
                 units.factor(unit, dimension)
             except units.UnitError:
@@ -108,6 +117,7 @@ class Metric(Table):
             "order": self.kind == "order",
             "event": self.kind in AT_AN_EVENT,
             "band": self.kind in WITH_A_BAND,
+            "floor": self.kind == "trials-to-floor",
         }
         for key, needed in needs.items():
             if needed and getattr(self, key) in (None, ()):
@@ -134,13 +144,19 @@ class Metric(Table):
     @property
     def dimension(self) -> Dimension:
         """Dimension of the metric's value."""
-        return _dimension(self.kind, self.signal)
+        return _dimension(self.kind, self.signal) or units.NONE
 
-    def applies_in(self, name: str, scenario: Scenario) -> bool:
+    def applies_in(self, name: str, scenario: WithEvents) -> bool:
         """Whether the metric is taken in a scenario: where it says so, else wherever its event is."""
         if self.scenarios is not None:
             return name in self.scenarios
         return self.event is None or scenario.has_event(self.event)
+
+
+class WithEvents(Protocol):
+    """The part of a scenario that decides which metrics are taken in it."""
+
+    def has_event(self, time: float) -> bool: ...
 
 
 class Named(Protocol):
@@ -163,5 +179,9 @@ def whole_revolutions(orders: Iterable[float]) -> int:
     return math.lcm(*(Fraction(n).limit_denominator(1000).denominator for n in orders))
 
 
-def _dimension(kind: str, signal: str | None) -> Dimension:
-    return OWN_DIMENSIONS.get(kind) or SIGNALS[signal or ""]
+def _dimension(kind: str, signal: str | None) -> Dimension | None:
+    """None of a signal that no run has: the study says which there are. A linear plant may have any state."""
+    if kind in OWN_DIMENSIONS:
+        return OWN_DIMENSIONS[kind]
+    state = signal is not None and STATE.fullmatch(signal)
+    return units.NONE if state else SIGNALS.get(signal or "")

@@ -84,7 +84,7 @@ def commissioning(study: Study) -> None:
     """A table's commissioning run ends within a lifetime."""
     for name, controller in study.controller.items():
         if isinstance(controller, AntiCogging):
-            longest, takes = MOST_ROWS / study.drive.rates.speed_loop, controller.calibration.duration
+            longest, takes = MOST_ROWS / study.drive.rates.outer_loop, controller.calibration.duration
             if takes > longest:
                 expected = f"expected a run of at most {longest:.6g} s, not {takes:.3g} s"
                 raise invalid(expected, "controller", name, "calibration", "speed")
@@ -92,7 +92,7 @@ def commissioning(study: Study) -> None:
 
 def periods(study: Study) -> None:
     """A learning law learns at one of its scenarios' top speeds at least."""
-    rate = study.drive.rates.speed_loop
+    rate = study.drive.rates.outer_loop
     for name, controller in study.controller.items():
         if not isinstance(controller, Learning):
             continue

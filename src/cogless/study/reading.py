@@ -20,7 +20,7 @@ from cogless import units
 from cogless.errors import StudyError
 from cogless.files import package_folders, reason
 from cogless.study import checks, trial_checks
-from cogless.study.base import Source
+from cogless.study.base import Source, StudyBase
 from cogless.study.error_messages import MISSING, Problem, dotted, look_up, problems, shown, study_error
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
@@ -30,7 +30,7 @@ from cogless.study.trial_study import Hardware, TrialStudy, is_trial_study
 
 Changes = Mapping[str, Any]
 AnyStudy = Study | TrialStudy
-AStudy = TypeVar("AStudy", Study, TrialStudy)
+AStudy = TypeVar("AStudy", bound=StudyBase)
 Model = TypeVar("Model", bound=Table)
 Made = TypeVar("Made")
 MAGNET = {"psi_f", "K_t", "kv"}  # three ways to say the same: one given replaces the others

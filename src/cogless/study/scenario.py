@@ -34,19 +34,41 @@ class Event(Table):
         return math.isclose(self.time, time, abs_tol=1e-9)
 
 
-class Scenario(Table):
+class Experiment(Table):
+    """The part that a scenario of speed and one of trials have in common."""
+
+    duration: Duration  # s, of the run, or of one trial
+    faults: Many[Fault] = ()  # of sensors and supply; their time counts from the start of the run
+    controllers: Many[str] | None = None  # default: all
+
+    @property
+    def run_time(self) -> float:
+        """Duration of a run, s."""
+        return self.duration
+
+    @model_validator(mode="after")
+    def _faults(self) -> Self:
+        for index, fault in enumerate(self.faults):
+            if fault.time >= self.run_time:
+                expected = f"expected a time within the scenario's {self.run_time:g} s"
+                raise invalid(expected, "faults", index, "time")
+        return self
+
+    def has_event(self, time: float) -> bool:
+        """Whether an event is at a time, s."""
+        return False
+
+
+class Scenario(Experiment):
     """One experiment."""
 
-    duration: Duration  # s
     reference: Reference
     initial_speed: AngularSpeed = 0.0  # rad/s, mechanical
     initial_angle: Angle = 0.0  # rad, mechanical
     load: Load | None = None  # replaces mechanics.load
     events: Many[Event] = ()
-    faults: Many[Fault] = ()  # of sensors and supply
     # changes of motor, drive and mechanics for this scenario only
     override: dict[str, Any] = Field(default={})
-    controllers: Many[str] | None = None  # default: all
 
     @field_validator("override")
     @classmethod
@@ -69,16 +91,7 @@ class Scenario(Table):
                 raise invalid(expected, "override", key)
         return self
 
-    @model_validator(mode="after")
-    def _faults(self) -> Self:
-        for index, fault in enumerate(self.faults):
-            if fault.time >= self.duration:
-                expected = f"expected a time within the scenario's {self.duration:g} s"
-                raise invalid(expected, "faults", index, "time")
-        return self
-
     def has_event(self, time: float) -> bool:
-        """Whether an event is at a time, s."""
         return any(event.is_at(time) for event in self.events)
 
     @property

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from cogless import units
 from cogless.c_laws import C_LAWS
-from cogless.signals import exists
+from cogless.signals import dimensions, exists
 from cogless.study.space_controller import SpaceLearning
+from cogless.study.trial_controller import TrialLaw
+from cogless.study.trial_study import TrialStudy
+from cogless.units import Dimension
 
 if TYPE_CHECKING:
-    from cogless.study.laws import AnyController
+    from cogless.study.controller import Base
     from cogless.study.study import Study
 
 OF_A_LAW = "expected a signal that a controller of this study has"
@@ -19,35 +23,54 @@ NEEDED = {
     "three_phases": "expected another, since the motor has two phases",
     "energy": "expected another, or trace.energy = true",
     "path": OF_A_LAW,
+    "trial_law": OF_A_LAW,
 }
 
 
-def terms(law: AnyController) -> set[str]:
+def terms(law: Base) -> set[str]:
     """The parts of its output that a law records."""
-    found = {term.signal for term in C_LAWS[law.law].terms} if law.law in C_LAWS else set()
+    name = "trial" if isinstance(law, TrialLaw) else getattr(law, "law", "")
+    found = {term.signal for term in C_LAWS[name].terms} if name in C_LAWS else set()
     if not isinstance(law, SpaceLearning):
         return found
     unused = {*("term_beta", "term_h")[law.channels - 1 :], *(() if law.memory == "delay" else ("P_t",))}
     return found - unused
 
 
-def kinds(study: Study) -> set[str]:
+def kinds(study: Study | TrialStudy) -> set[str]:
     """What a study's drive has of what signals need."""
+    motor, trials = study.motor, isinstance(study, TrialStudy)
     has = {
-        "electrical": not study.drive.ideal,
-        "three_phases": study.motor.star().phases == 3,
+        "electrical": study.drive is not None and not study.drive.ideal,
+        "three_phases": motor is not None and motor.star().phases == 3,
         "energy": study.trace.energy,
         "path": any(isinstance(law, SpaceLearning) for law in study.controller.values()),
+        "trials": trials,
+        "trial_law": any(isinstance(law, TrialLaw) for law in study.controller.values()),
     }
     return {kind for kind, there in has.items() if there}
 
 
-def missing(study: Study, signal: str) -> str | None:
+def linear(states: int) -> dict[str, Dimension]:
+    """Every signal of a linear plant's trial; they have no unit."""
+    own = (term.signal for term in C_LAWS["trial"].terms)
+    names = ("y_ref", "y", "y_error", "u", "load", *own, "learned", "status")
+    return dict.fromkeys((*names, *(f"x_{i + 1}" for i in range(states))), units.NONE)
+
+
+def missing(study: Study | TrialStudy, signal: str) -> str | None:
     """What was expected in place of a signal that no run of the study has; None where one has it."""
-    if any(signal == term.signal for law in C_LAWS.values() for term in law.terms):
-        return None if any(signal in terms(law) for law in study.controller.values()) else OF_A_LAW
+    if isinstance(study, TrialStudy) and study.plant is not None:
+        known = linear(study.states)
+        return None if signal in known else f"expected a signal: {', '.join(known)}"
     found = kinds(study)
-    if exists(signal, found):
+    possible = NEEDED.keys() | (found & {"trials"})
+    known = dimensions(possible, [name for name in C_LAWS if (name == "trial") == ("trials" in found)])
+    if signal not in known:
+        return f"expected a signal: {', '.join(known)}"
+    if any(signal in terms(law) for law in study.controller.values()) or exists(signal, found):
         return None
-    lacks = (kind for kind in NEEDED if kind not in found and not exists(signal, NEEDED.keys() - {kind}))
+    if any(signal == term.signal for law in C_LAWS.values() for term in law.terms):
+        return OF_A_LAW
+    lacks = (kind for kind in NEEDED if kind not in found and not exists(signal, possible - {kind}))
     return NEEDED[next(lacks)]

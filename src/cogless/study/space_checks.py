@@ -20,7 +20,7 @@ MOST_PARTS = 65535  # of a revolution of the law's angle
 
 def space_laws(study: Study) -> None:
     """Periods that fit the motor; a delay line long enough, for a speed that never comes near zero."""
-    rate = study.drive.rates.speed_loop
+    rate = study.drive.rates.outer_loop
     for name, law in study.controller.items():
         if not isinstance(law, SpaceLearning):
             continue
@@ -53,7 +53,7 @@ def _numbers(study: Study, name: str, law: SpaceLearning) -> None:
     """Check what the controller's arithmetic can hold, and the equation for P_t."""
     # the Q filter adds up so many entries
     check_precision(law, study.drive.precision, "controller", name, terms=2 * law.q_half_width + 2)
-    rate = study.drive.rates.speed_loop
+    rate = study.drive.rates.outer_loop
     if law.memory == "delay" and law.delay_method == "ode" and law.k_pp >= rate:
         raise invalid(f"expected less than drive.rates.speed_loop, {rate:g} Hz", "controller", name, "k_pp")
 

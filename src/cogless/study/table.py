@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Self, TypeVar
 
@@ -234,3 +234,9 @@ CurrentBound = Annotated[float, Quantity(units.CURRENT, ">", bare=True)]
 StartTime = Annotated[float, Quantity(units.TIME, ">=", bare=True)]
 PhaseMargin = Annotated[float, Quantity(units.ANGLE, ">", bare=True)]
 NumberGain = Annotated[float, Field(ge=0)]
+
+
+def one_of(names: Iterable[str]) -> str:
+    """What was expected: one of these names."""
+    known = ", ".join(f'"{name}"' for name in names)
+    return f"expected one of {known}"

@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING
 
 from pydantic_core import PydanticCustomError
 
-from cogless.study import checks, numerics
-from cogless.study.metric import result_name
+from cogless.study import checks, fault_checks, metric_checks, numerics
 from cogless.study.table import invalid
-from cogless.study.trial_controller import FilteredLaw, NormOptimalIlc, StateIlc
-from cogless.study.trial_metric import DRIVE_SIGNALS, IDEAL_SIGNALS, linear_signals
+from cogless.study.trial_controller import FilteredLaw, NormOptimalIlc, StateIlc, TrialLaw
 from cogless.study.trial_scenario import TrialConditions, WithUnit
 
 if TYPE_CHECKING:
@@ -163,7 +161,11 @@ def controllers(study: TrialStudy) -> None:
     if size not in (n, n + 1):
         raise invalid(whole, "design", "state_weight")
     for name, controller in study.controller.items():
-        if isinstance(controller, StateIlc):
+        if not isinstance(controller, TrialLaw):
+            if study.plant is not None:
+                expected = "expected a law of trials, since a law of your own needs a drive"
+                raise invalid(expected, "controller", name, "law")
+        elif isinstance(controller, StateIlc):
             if controller.K_stab is not None and len(controller.K_stab) != n:
                 raise invalid(f"expected {n} numbers, one a state", "controller", name, "K_stab")
         elif controller.K_s is not None and len(controller.K_s) not in (
@@ -190,28 +192,10 @@ def integration(study: TrialStudy) -> None:
         numerics.check_dead_time(study.drive.inverter.dead_time, rates.current_loop)
 
 
-def metrics(study: TrialStudy) -> None:
-    """Metrics have names of their own, and scenarios and signals that exist."""
-    if study.drive is None:
-        known = linear_signals(study.states)
-    else:
-        known = IDEAL_SIGNALS if study.drive.ideal else DRIVE_SIGNALS
-    for index, metric in enumerate(study.metric):
-        if metric.signal not in known:
-            raise invalid(f"expected a signal: {', '.join(known)}", "metric", index, "signal")
-        if result_name(metric) in [result_name(other) for other in study.metric[:index]]:
-            raise invalid("expected a name that no other metric has", "metric", index, "name")
-        for scenario in metric.scenarios or ():
-            if scenario not in study.scenario:
-                raise invalid(checks.one_of(study.scenario), "metric", index, "scenarios", value=scenario)
-
-
 Check = Callable[["TrialStudy"], None]
 ALL: tuple[Check, ...] = (
-    checks.names,
-    checks.references,
-    checks.baseline,
     plant,
+    *checks.BOTH,
     corners,
     ranges,
     samples,
@@ -219,5 +203,7 @@ ALL: tuple[Check, ...] = (
     conditions,
     controllers,
     integration,
-    metrics,
+    metric_checks.of_trials,
+    fault_checks.faults,
+    checks.calibration,
 )

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from cogless import units
-from cogless.study.controller import Base
+from cogless.study.controller import Base, LibraryLaw, PythonLaw
 from cogless.study.table import LawFrequency, Many, Quantity, Table, invalid
 
 Weight = Many[float] | Many[Many[float]]
@@ -71,7 +71,7 @@ class NormOptimalIlc(TrialLaw):
     change_weight: Annotated[float, Field(gt=0)] = 0.01  # of the learned signal's change; the error's is 1
 
 
-AnyTrialController = TrialIlc | StateIlc | NormOptimalIlc
+AnyTrialController = TrialIlc | StateIlc | NormOptimalIlc | PythonLaw | LibraryLaw
 TrialController = Annotated[AnyTrialController, Field(discriminator="law")]
 
 

@@ -11,10 +11,10 @@ from pydantic import Field, field_validator, model_validator
 
 from cogless import units
 from cogless.study.mechanics import Load
+from cogless.study.scenario import Experiment
 from cogless.study.table import (
     Angle,
     AngularSpeed,
-    Duration,
     Many,
     Quantity,
     Table,
@@ -105,14 +105,12 @@ class Change(TrialConditions):
     trial: Annotated[int, Field(ge=2)]  # the first is 1
 
 
-class TrialScenario(TrialConditions):
-    """One experiment: so many trials of so long, and what changes between them."""
+class TrialScenario(TrialConditions, Experiment):
+    """One experiment: so many trials of so long, a whole number of samples, and what changes between them."""
 
-    duration: Duration  # s, of one trial: a whole number of samples
     trials: Annotated[int, Field(ge=1, le=MOST_TRIALS)]
     reference: PositionReference
     changes: Many[Change] = ()
-    controllers: Many[str] | None = None  # default: all
 
     @model_validator(mode="after")
     def _changes(self) -> Self:
@@ -123,6 +121,10 @@ class TrialScenario(TrialConditions):
                 raise invalid(expected, "changes", index, "trial")
             before = change.trial
         return self
+
+    @property
+    def run_time(self) -> float:
+        return self.trials * self.duration
 
     @property
     def phases(self) -> tuple[tuple[int, TrialConditions], ...]:

@@ -10,20 +10,13 @@ from numpy.typing import NDArray
 from pydantic import Field, PrivateAttr
 
 from cogless.study.base import StudyBase
+from cogless.study.drive import Drive
 from cogless.study.mechanics import Load, Mechanics
+from cogless.study.metric import EACH_TRIAL, Metric
 from cogless.study.motor import Motor
 from cogless.study.plant import LinearPlant
-from cogless.study.table import Frequency, Many, Table
 from cogless.study.trial_controller import DesignSettings, TrialController
-from cogless.study.trial_drive import TrialDrive
-from cogless.study.trial_metric import TrialMetric
 from cogless.study.trial_scenario import TrialConditions, TrialScenario
-
-
-class TrialTrace(Table):
-    """Settings of what is recorded."""
-
-    rate: Frequency | None = None  # Hz, divides the current loop's; default: a row each sample of the trial
 
 
 @dataclass(frozen=True)
@@ -38,15 +31,13 @@ class Hardware:
 class TrialStudy(StudyBase):
     """A validated study of trials, all SI. Made by `cogless.study.load`."""
 
-    trace: TrialTrace = TrialTrace()
     plant: LinearPlant | None = None  # in place of motor, mechanics and drive
     motor: Motor | None = None
     mechanics: Mechanics | None = None
-    drive: TrialDrive | None = None
+    drive: Drive | None = None
     design: DesignSettings
     scenario: Annotated[dict[str, TrialScenario], Field(min_length=1)]
     controller: Annotated[dict[str, TrialController], Field(min_length=1)]
-    metric: Many[TrialMetric] = ()
     # a drive's hardware in each phase, by scenario
     _hardware: dict[str, tuple[Hardware, ...]] = PrivateAttr(default={})
 
@@ -56,7 +47,7 @@ class TrialStudy(StudyBase):
         if self.plant is not None:
             return self.plant.period
         assert self.drive is not None
-        return 1 / self.drive.rates.position_loop
+        return 1 / self.drive.rates.outer_loop
 
     @property
     def states(self) -> int:
@@ -80,13 +71,14 @@ class TrialStudy(StudyBase):
             found += [abs(conditions.initial_speed or 0.0), float(np.max(steps))]
         return max(found)
 
+    def values_of(self, metric: Metric, scenario: str) -> int:
+        """How many values a metric has: one a trial, or one a phase."""
+        experiment = self.scenario[scenario]
+        return experiment.trials if metric.kind in EACH_TRIAL else len(experiment.starts)
+
     def hardware(self, scenario: str) -> tuple[Hardware, ...]:
         """Motor, mechanics and load of each phase of a drive's scenario."""
         return self._hardware[scenario]
-
-    def metrics_in(self, scenario: str) -> tuple[TrialMetric, ...]:
-        """The metrics that are taken in a scenario."""
-        return tuple(m for m in self.metric if m.scenarios is None or scenario in m.scenarios)
 
 
 AnyTables = dict[str, Any]

@@ -13,8 +13,8 @@ from cogless.export.fmu.build import COMPILERS, OPTIONS, binary, compiler, link,
 from cogless.export.fmu.controller import controller_unit
 from cogless.export.fmu.cpp import variables_c
 from cogless.export.fmu.drive import drive_unit
-from cogless.export.fmu.run import run_of
 from cogless.export.fmu.unit import Unit, asset, texts
+from cogless.export.prepared import first_scenario, prepare
 from cogless.export.sources import licence
 from cogless.files import writable
 from cogless.study import AnyStudy
@@ -31,7 +31,7 @@ def write_fmus(study: AnyStudy, controller: str, scenario: str | None, folder: P
     `scenario`: what the drive goes through, default the first that has the controller. StudyError: an
     unknown name, a law without a C form, no compiler.
     """
-    run = run_of(study, controller, scenario)
+    run = prepare(study, first_scenario(study, controller, scenario), controller)
     for language in COMPILERS:
         compiler(language)
     with writable(folder):

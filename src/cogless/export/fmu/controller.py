@@ -15,7 +15,6 @@ from cogless.export.c.names import stem
 from cogless.export.c.subject import Subject
 from cogless.export.c.texts import controller_texts
 from cogless.export.fmu.cpp import places
-from cogless.export.fmu.run import FmuRun
 from cogless.export.fmu.unit import Unit, asset, in_precision, texts
 from cogless.export.fmu.variables import (
     CONTROLLER_INPUTS,
@@ -27,7 +26,7 @@ from cogless.export.fmu.variables import (
     references,
     signal,
 )
-from cogless.export.prepared import Reals
+from cogless.export.prepared import Prepared, Reals
 from cogless.files import control_sources
 
 # Beginnings of names that are not the controller's own.
@@ -43,30 +42,30 @@ OF_TRIALS = {
 }
 
 
-def controller_unit(run: FmuRun) -> Unit:
+def controller_unit(run: Prepared) -> Unit:
     """The controller of a run, with what it had learned before."""
-    subject = subject_of(run.prepared)
+    subject = subject_of(run)
     if subject.name.lower().startswith(TAKEN):
         subject = replace(subject, name=f"my_{subject.name}")
     variables = _variables(run)
     library = control_sources() / "cogless"
     closure = sources.closure([ENTRY, subject.law.header])
     files = texts((library / name for name in closure), "cogless/")
-    files = in_precision(files, run.study.drive.precision) | controller_texts(subject)
+    files = in_precision(files, "double" if run.precision == "d" else "single") | controller_texts(subject)
     files["controller_model.c"] = asset("controller_model.c")
     files["controller_variables.h"] = _variables_h(run, subject, variables)
     return Unit(
         name=f"{run.controller}-controller",
         about=f"{run.study.title}: the controller {run.controller}",
         language="C",
-        rate=run.rate,
+        rate=round(run.rate),
         stop_time=run.duration,
         variables=variables,
         sources=files,
     )
 
 
-def _variables(run: FmuRun) -> list[Variable]:
+def _variables(run: Prepared) -> list[Variable]:
     variables = [TIME, *measurements("input", run.phases, run.bus_voltage), *references("input")]
     if run.bus_voltage is not None:
         variables += duties("output", run.phases)
@@ -80,7 +79,7 @@ def _variables(run: FmuRun) -> list[Variable]:
     return [*variables, signal("i_q_ref", "A"), signal("status", "")]
 
 
-def _variables_h(run: FmuRun, subject: Subject, variables: Sequence[Variable]) -> str:
+def _variables_h(run: Prepared, subject: Subject, variables: Sequence[Variable]) -> str:
     """The header variables.h, which controller_model.c needs of this controller."""
     name = subject.name
     outputs = {f"OUT_{output.upper()}": output for output in OUTPUTS}
@@ -111,9 +110,9 @@ static void controller_relink(CONTROLLER *controller, uint64_t tick)
 """
 
 
-def _taught(run: FmuRun, subject: Subject) -> str:
+def _taught(run: Prepared, subject: Subject) -> str:
     """C code that loads what the law had learned before."""
-    memory = run.prepared.memory
+    memory = run.memory
     if not memory.any():
         body = table = ""
     else:
@@ -124,7 +123,7 @@ def _taught(run: FmuRun, subject: Subject) -> str:
     )
 
 
-def _trials(run: FmuRun, subject: Subject) -> str:
+def _trials(run: Prepared, subject: Subject) -> str:
     """C code that begins and ends trials; does nothing without trials."""
     before = after = motions = ""
     if subject.law_name == "trial":

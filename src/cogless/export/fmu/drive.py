@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from cogless.export.fmu.cpp import description_cpp, places
-from cogless.export.fmu.run import FmuRun
 from cogless.export.fmu.unit import Unit, asset, in_precision, texts
 from cogless.export.fmu.variables import (
     CONTROLLER_INPUTS,
@@ -15,6 +14,7 @@ from cogless.export.fmu.variables import (
     references,
     signal,
 )
+from cogless.export.prepared import Prepared
 from cogless.files import control_sources
 
 # Sources of the engine that only Python needs.
@@ -38,30 +38,30 @@ PLACES = {
 } | CONTROLLER_INPUTS
 
 
-def drive_unit(run: FmuRun) -> Unit:
+def drive_unit(run: Prepared) -> Unit:
     """The drive of a run."""
-    signals = run.prepared.drive.signals
+    signals = run.drive.signals
     variables = _variables(run, signals)
     simulator = control_sources().parents[1] / "simulator"
     sources = texts((control_sources() / "cogless").iterdir(), "cogless/")
     sources |= texts(path for path in simulator.iterdir() if path.name not in PYTHON)
-    sources = in_precision(sources, run.study.drive.precision)
+    sources = in_precision(sources, "double" if run.precision == "d" else "single")
     sources["drive_model.cpp"] = asset("drive_model.cpp")
-    sources["drive_variables.hpp"] = _places(variables, run.prepared.ticks if run.trials else 0)
-    memory = run.prepared.memory
+    sources["drive_variables.hpp"] = _places(variables, run.ticks if run.trials else 0)
+    memory = run.memory
     sources["description.cpp"] = description_cpp(run.description, memory.tolist() if memory.any() else [])
     return Unit(
         name=f"{run.controller}-drive",
         about=f"{run.study.title}: the drive with {run.controller} in {run.scenario}",
         language="C++",
-        rate=run.rate,
+        rate=round(run.rate),
         stop_time=run.duration,
         variables=variables,
         sources=sources,
     )
 
 
-def _variables(run: FmuRun, signals: list[tuple[str, str]]) -> list[Variable]:
+def _variables(run: Prepared, signals: list[tuple[str, str]]) -> list[Variable]:
     names = {name for name, _ in signals}
     phases, bus_voltage = run.phases, run.bus_voltage
     variables = [TIME]

@@ -13,6 +13,7 @@ from cogless.report.trials.gains import gain_table
 from cogless.report.trials.plots import PICTURES
 from cogless.report.trials.verdict import verdict
 from cogless.results import TrialResults
+from cogless.study.metric import EACH_TRIAL
 
 __all__ = ["TRIALS"]
 
@@ -23,7 +24,7 @@ def _lines(results: TrialResults, scenario: str) -> list[Line]:
     starts = study.scenario[scenario].starts
     lines: list[Line] = []
     for metric in study.metrics_in(scenario):
-        if not metric.per_trial:
+        if metric.kind not in EACH_TRIAL:
             named = [(f"{metric.name}, from trial {start}", None) for start in starts]
             lines += lines_of(study, metric, runs, named)
     return lines

@@ -11,10 +11,9 @@ import numpy as np
 from cogless.report.comparison import pretty
 from cogless.report.packing import Array, number, rms
 from cogless.results import Run
-from cogless.results.metrics import result_name
-from cogless.results.trial_metrics import SETTLED_SHARE
+from cogless.results.metrics import SETTLED_SHARE, result_name
 from cogless.study import TrialStudy
-from cogless.study.trial_metric import DRIVE_SIGNALS, TrialMetric
+from cogless.study.metric import SIGNALS, Metric
 from cogless.units import factor
 
 NAMES = {"theta_error": "error", "theta_error_measured": "measured error", "y_error": "error"}
@@ -28,7 +27,7 @@ class Judged:
     unit: str  # as it is printed; empty: none
     scale: float  # SI value of a unit
     floor: float | None
-    metrics: Sequence[TrialMetric]  # those of this signal
+    metrics: Sequence[Metric]  # those of this signal
 
     @property
     def quantity(self) -> str:
@@ -45,9 +44,9 @@ def judged(study: TrialStudy, scenario: str) -> Judged:
     metrics = [m for m in study.metrics_in(scenario) if m.better == "lower"]
     floors = [m for m in metrics if m.kind == "trials-to-floor"]
     chosen = [*floors, *(m for m in metrics if m.kind != "maximum")]
-    signal = chosen[0].signal if chosen else "theta_error" if study.plant is None else "y_error"
+    signal = (chosen and chosen[0].signal) or ("theta_error" if study.plant is None else "y_error")
     unit, scale = display_unit(study, signal)
-    floor = floors[0].threshold / scale if floors else None
+    floor = floors[0].floor / scale if floors and floors[0].floor else None
     return Judged(signal, unit, scale, floor, [m for m in metrics if m.signal == signal])
 
 
@@ -56,7 +55,7 @@ def display_unit(study: TrialStudy, signal: str) -> tuple[str, float]:
 
     One error is shown as another is.
     """
-    dimension = DRIVE_SIGNALS.get(signal) if study.plant is None else None
+    dimension = SIGNALS.get(signal) if study.plant is None else None
     if dimension is None or not dimension.unit:
         return "", 1.0
     told = {m.signal: m.unit for m in reversed(study.metric) if m.unit and m.kind != "trials-to-floor"}

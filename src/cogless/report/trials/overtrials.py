@@ -14,6 +14,7 @@ from cogless.report.trials.errors import judged, rms_of_trials
 from cogless.report.trials.phases import phases, zooms
 from cogless.results import Run, TrialResults
 from cogless.results.metrics import result_name
+from cogless.study.metric import EACH_TRIAL
 
 
 def over_trials(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
@@ -26,7 +27,7 @@ def over_trials(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
     if about.floor is not None:
         charts[0] |= {"floor": about.floor, "floor_name": f"floor {about.text(about.floor)}"}
     for metric in study.metrics_in(scenario):
-        if metric.per_trial and (metric.kind, metric.signal) != ("rms", about.signal):
+        if metric.kind in EACH_TRIAL and (metric.kind, metric.signal) != ("rms", about.signal):
             unit, scale = shown_in(study, metric)
             taken = {run.controller: run.metrics.get(result_name(metric)) for run in runs}
             values = {c: np.asarray(v, dtype=float) / scale for c, v in taken.items() if v is not None}

@@ -13,7 +13,7 @@ from cogless.report.trials.errors import NAMES, display_unit, judged
 from cogless.report.trials.phases import phases
 from cogless.results import Run, TrialResults
 from cogless.study import TrialStudy
-from cogless.study.trial_metric import DRIVE_SIGNALS
+from cogless.study.metric import SIGNALS
 
 POINTS = 900_000  # of all waveforms of a page, at 2.7 bytes each
 FEWEST = 200  # of one waveform
@@ -84,7 +84,7 @@ def _panels(study: TrialStudy, scenario: str) -> list[tuple[str, str, str | None
     if study.plant is not None:
         return list(LINEAR)
     signal = judged(study, scenario).signal
-    error = signal if signal in NAMES and signal in DRIVE_SIGNALS else "theta_error"
+    error = signal if signal in NAMES and signal in SIGNALS else "theta_error"
     title = "Position error as measured" if error == "theta_error_measured" else "Position error"
     return [(title, error, None, q) if s == "theta_error" else (t, s, r, q) for t, s, r, q in DRIVE]
 

@@ -1,0 +1,119 @@
+"""Checks of a study's metrics. Each raises the error that names the key."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+from typing import TYPE_CHECKING
+
+from cogless.study import signals
+from cogless.study.metric import EACH_PHASE, EACH_TRIAL, Metric, result_name, whole_revolutions
+from cogless.study.table import invalid, one_of
+
+if TYPE_CHECKING:
+    from cogless.study.scenario import Scenario
+    from cogless.study.study import Study
+    from cogless.study.trial_study import TrialStudy
+
+FEWEST_ROWS = 10  # in a metric's window
+OVER_TIME = ("window", "last", "event", "smooth", "order")  # keys of metrics, not in trials
+
+
+def metrics(study: Study | TrialStudy) -> None:
+    """Metrics have their own name in each scenario, and signals and scenarios that exist."""
+    for index, metric in enumerate(study.metric):
+        for scenario, other in product(study.scenario, study.metric[:index]):
+            both = (m.applies_in(scenario, study.scenario[scenario]) for m in (metric, other))
+            if result_name(metric) == result_name(other) and all(both):
+                has = "has" if metric.name == other.name else f"has in results.json: {result_name(metric)}"
+                expected = f'expected a name that no other metric of scenario "{scenario}" {has}'
+                raise invalid(expected, "metric", index, "name")
+        absent = signals.missing(study, metric.signal) if metric.signal else None
+        if absent is not None:
+            raise invalid(absent, "metric", index, "signal")
+        for other in study.metric[:index]:
+            if result_name(metric) == result_name(other) and metric.meaning != other.meaning:
+                expected = "expected the kind, signal, order and frame of the other metric of this name"
+                raise invalid(expected, "metric", index, "name")
+        for scenario in metric.scenarios or ():
+            if scenario not in study.scenario:
+                raise invalid(one_of(study.scenario), "metric", index, "scenarios", value=scenario)
+
+
+def windows(study: Study) -> None:
+    """Metrics are of runs over time, with rows enough in their windows, and events that exist."""
+    for index, metric in enumerate(study.metric):
+        if metric.kind in EACH_PHASE:
+            raise invalid("expected another, since there are no trials", "metric", index, "kind")
+        if metric.kind == "copper-loss" and study.drive.ideal:
+            raise invalid("expected another, since the current loop is ideal", "metric", index, "kind")
+        if metric.kind == "chattering" and study.trace_rate < study.drive.rates.outer_loop * (1 - 1e-9):
+            expected = f"expected another, or a trace.rate of {study.drive.rates.outer_loop:g} Hz or more"
+            raise invalid(expected, "metric", index, "kind")
+        _in_time(study, index, metric)
+
+
+def _in_time(study: Study, index: int, metric: Metric) -> None:
+    event, known = metric.event, study.scenario.values()
+    if event is not None and metric.scenarios is None and not any(s.has_event(event) for s in known):
+        raise invalid("expected the time of an event of a scenario", "metric", index, "event")
+    for name, scenario in study.scenario.items():
+        if not metric.applies_in(name, scenario):
+            continue
+        if metric.window is not None and metric.window[1] > scenario.duration:
+            expected = f'expected a window within the {scenario.duration:g} s of scenario "{name}"'
+            raise invalid(expected, "metric", index, "window")
+        if metric.last is not None and metric.last > scenario.duration:
+            expected = f'expected at most the {scenario.duration:g} s of scenario "{name}"'
+            raise invalid(expected, "metric", index, "last")
+        if event is not None and not scenario.has_event(event):
+            raise invalid(f'expected the time of an event of scenario "{name}"', "metric", index, "event")
+        key, span = _span(metric, scenario)
+        rate, rows = study.trace_rate, "rows of the trace"
+        if metric.kind == "chattering":
+            rate, rows = study.drive.rates.outer_loop, "samples of the speed loop"
+        if span * rate < FEWEST_ROWS * (1 - 1e-9):
+            expected = f"expected a window of {FEWEST_ROWS} or more {rows}"
+            raise invalid(expected, "metric", index, key)
+
+
+def _span(metric: Metric, scenario: Scenario) -> tuple[str, float]:
+    """The key that decides a metric's window in a scenario, and the window's length, s."""
+    declared = metric.span(scenario.duration)
+    if declared is not None:
+        return ("window" if metric.last is None else "last"), declared[1] - declared[0]
+    if metric.event is None:
+        return "window", scenario.duration
+    later = [e.time for e in scenario.events if e.time > metric.event and not e.is_at(metric.event)]
+    return "event", min(later, default=scenario.duration) - metric.event
+
+
+def orders(study: Study) -> None:
+    """Check that at top speed every order lies below half the trace's rate and is whole in the window."""
+    half = study.trace_rate / 2
+    for index, metric in enumerate(study.metric):
+        for name, scenario in study.scenario.items():
+            if not metric.order or not metric.applies_in(name, scenario):
+                continue
+            poles = study.motor.pole_pairs if metric.frame == "electrical" else 1
+            turns = poles * scenario.top_speed / (2 * math.pi)
+            key, span = _span(metric, scenario)
+            fewest = whole_revolutions(metric.order)
+            if turns * (span + 2 / study.trace_rate) < fewest:
+                expected = f"expected {fewest} or more {metric.frame} revolutions at the top speed"
+                made = f'of scenario "{name}", not {turns * span:.3g}'
+                raise invalid(f"{expected} {made}", "metric", index, key)
+            if max(metric.order) * turns >= half:
+                limit = f"expected orders below {half / turns:.4g}, half the trace's {2 * half:g} Hz"
+                raise invalid(f'{limit} at the top speed of scenario "{name}"', "metric", index, "order")
+
+
+def of_trials(study: TrialStudy) -> None:
+    """Metrics are one number a trial or a phase."""
+    for index, metric in enumerate(study.metric):
+        if metric.kind not in EACH_TRIAL + EACH_PHASE:
+            known = ", ".join(EACH_TRIAL + EACH_PHASE)
+            raise invalid(f"expected a kind for trials: {known}", "metric", index, "kind")
+        for key in OVER_TIME:
+            if getattr(metric, key) is not None:
+                raise invalid("expected none, in trials", "metric", index, key)
