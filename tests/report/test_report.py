@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 import synthetic
 
-from cogless.report import Line, compare, overtime, render, verdicts, write
-from cogless.report.comparison import factor_text, misses, speed_unit
+from cogless.report import Line, compare, overtime, render, verdicts, write, write_plots
+from cogless.report.comparison import factor_text, misses
 from cogless.report.packing import number, pack, thin, unpack
-from cogless.report.plots import write_plots
 from cogless.report.spectra import order_spectrum
 from cogless.report.speed_tracking import missed
 from cogless.results import Results, Run
@@ -146,7 +145,7 @@ def test_factor():
 
 
 def test_verdict_leads_with_the_whole_ripple(made):
-    low, step = verdicts(made, "rpm")
+    low, step = verdicts(made)
     assert low.tone == "better"
     assert low.headline == (
         "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple, 7.52 times less than PI as published (11.8 rpm)."
@@ -165,7 +164,7 @@ def test_verdict_is_of_the_baselines_strongest_order_where_no_ripple_is_taken(ma
     def without(run):
         return replace(run, metrics={n: v for n, v in run.metrics.items() if n != "speed_ripple_rad_s"})
 
-    low = verdicts(Results(made.study, [without(run) for run in made.runs]), "rpm")[0]
+    low = verdicts(Results(made.study, [without(run) for run in made.runs]))[0]
     assert low.headline == (
         "At 60 rpm, PI-ILC leaves 0.461 rpm of speed order 6 (electrical), "
         "10.4 times less than PI as published (4.80 rpm)."
@@ -192,7 +191,7 @@ def test_the_verdict_speaks_as_the_study_does(tmp_path, reference, unit, expecte
     """In its metrics' unit, else in its reference's."""
     text = synthetic.STUDY.replace('"60 rpm"', f'"{reference}"').replace('unit = "rpm"', unit)
     results = synthetic.results(synthetic.study(tmp_path, text), rate=2000)
-    found = verdicts(results, speed_unit(results))[0]
+    found = verdicts(results)[0]
     assert found.headline.startswith(expected)
     assert {line.unit for line in compare(results, "low-speed") if line.signal == "omega_m"} == {
         expected.split(",")[0].split()[-1]
@@ -205,17 +204,17 @@ def ripple(value):
 
 def test_verdict_of_a_tie(made):
     """Within 5 % nobody wins."""
-    low = verdicts(with_metrics(made, pi=ripple(1.0), fair_pi=ripple(0.104), pi_ilc=ripple(0.1)), "rpm")[0]
+    low = verdicts(with_metrics(made, pi=ripple(1.0), fair_pi=ripple(0.104), pi_ilc=ripple(0.1)))[0]
     assert low.tone == "even"  # one of the two doesn't learn
     assert low.headline == (
         "At 60 rpm, PI-ILC and PI re-tuned tie: they leave 0.955 rpm and 0.993 rpm of speed ripple, "
         "about 10.0 times less than PI as published (9.55 rpm)."
     )
     assert "less than the best without learning" not in " ".join(low.details)
-    low = verdicts(with_metrics(made, pi=ripple(0.104), fair_pi=ripple(1.0), pi_ilc=ripple(0.1)), "rpm")[0]
+    low = verdicts(with_metrics(made, pi=ripple(0.104), fair_pi=ripple(1.0), pi_ilc=ripple(0.1)))[0]
     assert low.tone == "even"
     assert low.headline.startswith("At 60 rpm, PI-ILC and PI as published tie: they leave")
-    low = verdicts(with_metrics(made, pi=ripple(1.0), fair_pi=ripple(0.106), pi_ilc=ripple(0.1)), "rpm")[0]
+    low = verdicts(with_metrics(made, pi=ripple(1.0), fair_pi=ripple(0.106), pi_ilc=ripple(0.1)))[0]
     assert low.tone == "better" and low.headline.startswith("At 60 rpm, PI-ILC leaves 0.955 rpm")
 
 
@@ -224,7 +223,7 @@ def test_verdict_names_the_costs(made):
     costly = with_metrics(
         made, pi_ilc={"copper_loss_W": 1.03 * pi["copper_loss_W"], "chattering_A": 4.1 * pi["chattering_A"]}
     )
-    details = " ".join(verdicts(costly, "rpm")[0].details)
+    details = " ".join(verdicts(costly)[0].details)
     assert "PI-ILC costs +3 % copper loss (" in details
     assert "and 4.10 times the chattering (" in details
     assert "None of the" not in details
@@ -235,11 +234,11 @@ def test_verdict_names_where_the_next_is_clearly_better(made):
     worse = with_metrics(
         made, pi={"torque_ripple_N_m": 0.04}, pi_ilc={"torque_ripple_N_m": 0.05}, fair_pi=torque
     )
-    details = " ".join(verdicts(worse, "rpm")[0].details)
+    details = " ".join(verdicts(worse)[0].details)
     expected = "PI-ILC has 2.50 times the torque ripple (50.0 mN·m against 20.0 mN·m)."
     assert f"Against PI re-tuned, {expected}" in details
     slightly = with_metrics(made, pi_ilc={"torque_ripple_N_m": 0.025}, fair_pi=torque)
-    assert "Against PI re-tuned" not in " ".join(verdicts(slightly, "rpm")[0].details)
+    assert "Against PI re-tuned" not in " ".join(verdicts(slightly)[0].details)
 
 
 @pytest.mark.parametrize(
@@ -260,13 +259,13 @@ def test_verdict_counts_in_good_grammar(made, kept, sentence):
     def only(run):
         return replace(run, metrics={name: run.metrics[name] for name in kept if name in run.metrics})
 
-    details = verdicts(Results(made.study, [only(run) for run in made.runs[:3]]), "rpm")[0].details
+    details = verdicts(Results(made.study, [only(run) for run in made.runs[:3]]))[0].details
     assert [d for d in details if "worse" in d] == ([sentence] if sentence else [])
 
 
 def test_verdict_is_honest_when_learning_loses(made):
     worse = with_metrics(made, pi=ripple(0.5), pi_ilc=ripple(0.9), fair_pi=ripple(0.8))
-    low = verdicts(worse, "rpm")[0]
+    low = verdicts(worse)[0]
     assert low.tone == "worse"
     assert low.headline.startswith("At 60 rpm, no controller beats PI as published: it leaves 4.77 rpm of")
     assert low.headline.endswith("the next, PI re-tuned, 7.64 rpm (worse: 1.60 times as much).")
@@ -274,26 +273,26 @@ def test_verdict_is_honest_when_learning_loses(made):
 
 
 def test_verdict_with_zeros(made):
-    low = verdicts(with_metrics(made, pi_ilc=ripple(0.0)), "rpm")[0]
+    low = verdicts(with_metrics(made, pi_ilc=ripple(0.0)))[0]
     assert low.tone == "better"
     assert "PI-ILC leaves 0 rpm of" in low.headline and "against PI as" in low.headline
-    low = verdicts(with_metrics(made, pi=ripple(0.0)), "rpm")[0]
+    low = verdicts(with_metrics(made, pi=ripple(0.0)))[0]
     assert low.tone == "worse" and low.headline.endswith("(worse).")
     none = ripple(0.0)
-    low = verdicts(with_metrics(made, pi=none, pi_ilc=none, fair_pi=none), "rpm")[0]
+    low = verdicts(with_metrics(made, pi=none, pi_ilc=none, fair_pi=none))[0]
     assert low.tone == "even"
 
 
 def test_verdict_when_nothing_changes(made):
     same = ripple(0.5)
-    low = verdicts(with_metrics(made, pi=same, pi_ilc=same, fair_pi=same), "rpm")[0]
+    low = verdicts(with_metrics(made, pi=same, pi_ilc=same, fair_pi=same))[0]
     assert low.tone == "even" and "all are alike" in low.headline
 
 
 def test_verdict_without_baseline_or_runs(made):
     alone = Results(made.study, [run for run in made.runs if run.controller == "pi-ilc"], interrupted=True)
-    assert "nothing to compare" in " ".join(verdicts(alone, "rpm")[0].details)
-    assert verdicts(Results(made.study, []), "rpm") == []
+    assert "nothing to compare" in " ".join(verdicts(alone)[0].details)
+    assert verdicts(Results(made.study, [])) == []
 
 
 # --- a speed that isn't held
@@ -320,7 +319,7 @@ def test_a_controller_that_stalls_wins_nothing(made):
         assert line.missed == {"pi-ilc": "mean 0 of 60 rpm"}
         assert "pi-ilc" not in line.best and line.ratio("pi-ilc", "pi") is None
     assert compare(stalled, "low-speed")[0].best == {"fair-pi"}
-    low, step = verdicts(stalled, "rpm")
+    low, step = verdicts(stalled)
     assert low.headline.startswith("At 60 rpm, PI re-tuned leaves 5.17 rpm of speed ripple, 2.28 times less")
     assert "PI-ILC did not hold the speed in speed ripple, 8 to 10 s: mean 0 of 60 rpm." in low.details
     assert step.headline.startswith("At 60 rpm, PI re-tuned is thrown off by")
@@ -338,15 +337,15 @@ def test_how_far_off_a_speed_may_be(made, speed, held):
 
 
 def test_verdict_when_the_baseline_or_everybody_stalls(made):
-    low = verdicts(with_speed(made, {"pi": 0.5}), "rpm")[0]
+    low = verdicts(with_speed(made, {"pi": 0.5}))[0]
     assert low.tone == "better"
     assert low.headline == (
         "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple; "
         "PI as published did not hold the speed (mean 30 of 60 rpm, 8 to 10 s)."
     )
-    low = verdicts(with_speed(made, {"pi-ilc": 0.5, "fair-pi": 0.5}), "rpm")[0]
+    low = verdicts(with_speed(made, {"pi-ilc": 0.5, "fair-pi": 0.5}))[0]
     assert (low.tone, "only PI as published holds the speed" in low.headline) == ("worse", True)
-    low = verdicts(with_speed(made, {"pi": 0.5, "fair-pi": 0.0, "pi-ilc": np.nan}), "rpm")[0]
+    low = verdicts(with_speed(made, {"pi": 0.5, "fair-pi": 0.0, "pi-ilc": np.nan}))[0]
     assert low.tone == "worse"
     assert low.headline == (
         "At 60 rpm, no controller holds the speed from 8 to 10 s: PI as published mean 30 of 60 rpm, "
@@ -379,7 +378,7 @@ def test_verdict_is_about_what_the_baseline_has(made):
         else r
         for r in other.runs
     ]
-    low = verdicts(replace(other, runs=runs), "rpm")[0]
+    low = verdicts(replace(other, runs=runs))[0]
     assert low.tone == "better" and low.headline.endswith(
         "of speed error, 8.74 times less than PI as published (3.47 rpm)."
     )
@@ -390,14 +389,14 @@ def test_the_whole_error_goes_before_an_order(made):
     order = (
         'name = "orders"\nkind = "order"\nsignal = "omega_m"\norder = 6\nframe = "electrical"\nlast = "2 s"'
     )
-    low = verdicts(ripple_of(made, order, RMS + 'last = "2 s"'), "rpm")[0]
+    low = verdicts(ripple_of(made, order, RMS + 'last = "2 s"'))[0]
     assert "of speed error" in low.headline
     assert "Of the strongest order, 6 (electrical): PI-ILC" in " ".join(low.details)
 
 
 def test_of_several_windows_the_last_counts(made):
     early = RMS.replace("speed_error", "speed_early") + 'window = ["1 s", "2 s"]'
-    low = verdicts(ripple_of(made, early, RMS + 'last = "2 s"'), "rpm")[0]
+    low = verdicts(ripple_of(made, early, RMS + 'last = "2 s"'))[0]
     assert "of speed error" in low.headline
 
 
@@ -407,10 +406,10 @@ def test_a_miss_names_its_window_and_one_before_the_verdicts_is_none(made):
     early = RMS.replace("speed_error", "speed_early") + 'window = ["0.5 s", "2 s"]'
     results = ripple_of(slow, RMS + 'last = "2 s"', early)
     assert misses(compare(results, "low-speed")) == {"pi-ilc": "speed early, 0.5 to 2 s: mean 30 of 60 rpm"}
-    low = verdicts(results, "rpm")[0]
+    low = verdicts(results)[0]
     assert low.headline.startswith("At 60 rpm, PI-ILC leaves") and "hold" not in " ".join(low.details)
     # where that's the window of the verdict, it counts
-    low = verdicts(ripple_of(slow, early), "rpm")[0]
+    low = verdicts(ripple_of(slow, early))[0]
     assert "PI-ILC did not hold the speed in speed early, 0.5 to 2 s: mean 30 of 60 rpm." in low.details
 
 

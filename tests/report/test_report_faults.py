@@ -11,8 +11,7 @@ import pytest
 
 import cogless
 import studies
-from cogless.report import broken, render, verdicts
-from cogless.report.plots import write_plots
+from cogless.report import broken, render, verdicts, write_plots
 from cogless.results import Results
 
 DROPOUT = {"kind": "angle-missing", "time": "0.3 s", "duration": "20 ms"}
@@ -52,7 +51,7 @@ def changed(results, **values):
 
 
 def verdict_on(results):
-    return next(verdict for verdict in verdicts(results, "rpm") if verdict.scenario == "faulty")
+    return next(verdict for verdict in verdicts(results) if verdict.scenario == "faulty")
 
 
 def without_twin(results):
@@ -88,7 +87,7 @@ def test_the_verdict_says_what_broke_and_what_came_of_it(made):
 
 
 def test_nothing_broken_nothing_said(made):
-    low = verdicts(made, "rpm")[0]
+    low = verdicts(made)[0]
     assert low.scenario == "low" and low.told == () and "broke" not in low.headline
     assert broken(made, "low") is None
     assert broken(made, "faulty") == verdict_on(made).headline
@@ -169,7 +168,7 @@ def test_without_traces_the_verdict_has_what_is_known(made):
 def test_a_study_without_metrics_has_its_faults(made):
     study = made.study.model_copy(update={"metric": ()})
     bare = Results(study, [replace(run, metrics={}) for run in made.runs])
-    assert [verdict.scenario for verdict in verdicts(bare, "rpm")] == ["faulty"]
+    assert [verdict.scenario for verdict in verdicts(bare)] == ["faulty"]
 
 
 # --- plots

@@ -101,7 +101,7 @@ def test_laws_that_follow_a_sensor_leave_its_error(made):
     for one in made.runs:
         seen = np.sqrt(np.mean(one.trace["theta_error_measured"][-1001:] ** 2))
         assert part.seen.values[one.controller] == pytest.approx(np.rad2deg(seen), rel=1e-6)
-    (found,) = verdicts(made, "rpm")
+    (found,) = verdicts(made)
     assert "all are alike" not in found.headline and "angle error as measured" in found.headline
     start = "Most of the true angle error is the sensor's own error, which no law can see"
     assert found.details[0].startswith(start)
@@ -131,7 +131,7 @@ def test_without_an_error_of_the_sensor_nothing_is_said(ripples):
     part = sensor(ripples, "low-speed", line)
     assert line.name == "speed_ripple" and set(part.shares.values()) == {0.0}
     assert part.seen.values == line.values
-    assert "sensor" not in " ".join(verdicts(ripples, "rpm")[0].details)
+    assert "sensor" not in " ".join(verdicts(ripples)[0].details)
 
 
 def test_steps_of_an_encoder_are_no_error_that_a_law_leaves(ripples):
@@ -172,7 +172,7 @@ def test_shares_of_orders_too(ripples, place):
 
 def test_where_the_sensor_dominates_all_are_compared_by_what_they_see(ripples):
     """Truly the ILC is the best by far; of what is seen the PI leaves least."""
-    found = verdicts(with_sensor(ripples, {"pi": 0.999, "fair-pi": 0.9, "pi-ilc": 0.9}), "rpm")[0]
+    found = verdicts(with_sensor(ripples, {"pi": 0.999, "fair-pi": 0.9, "pi-ilc": 0.9}))[0]
     assert found.tone == "worse"
     assert (
         "no controller beats PI as published: it leaves 0.0118 rpm of speed ripple as meas" in found.headline
@@ -183,7 +183,7 @@ def test_where_the_sensor_dominates_all_are_compared_by_what_they_see(ripples):
 
 
 def test_where_it_dominates_some_the_true_error_decides(ripples):
-    found = verdicts(with_sensor(ripples, {"pi-ilc": 0.98, "pi": 0.01, "fair-pi": 0.01}), "rpm")[0]
+    found = verdicts(with_sensor(ripples, {"pi-ilc": 0.98, "pi": 0.01, "fair-pi": 0.01}))[0]
     assert found.headline.startswith("At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple, 7.52 times less")
     assert found.details[0].endswith(
         "(its share of the square): PI-ILC 1.57 rpm (100 %). As measured there is left: PI-ILC 0.0314 rpm."
@@ -192,7 +192,7 @@ def test_where_it_dominates_some_the_true_error_decides(ripples):
 
 def test_of_one_controller(ripples):
     alone = Results(ripples.study, [run for run in ripples.runs if run.controller == "pi-ilc"])
-    found = verdicts(with_sensor(alone, {"pi-ilc": 0.98}), "rpm")[0]
+    found = verdicts(with_sensor(alone, {"pi-ilc": 0.98}))[0]
     assert found.headline == "At 60 rpm, speed ripple: PI-ILC 1.57 rpm."
     assert found.details[1].startswith("Most of the true speed ripple is the sensor's own error")
 

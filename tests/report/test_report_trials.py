@@ -10,12 +10,11 @@ import pytest
 import synthetic
 from test_report import Checker, data_of
 
-from cogless.report import lines, render, trials, write, write_plots
+from cogless.report import lines, page, render, verdicts, write, write_plots
 from cogless.report.packing import unpack
 from cogless.report.trials import overtrials, waveforms
 from cogless.report.trials.certificate import close_to_one
 from cogless.report.trials.phases import phases, zooms
-from cogless.report.trials.verdict import verdicts
 from cogless.results import Run, TrialResults
 from cogless.results.results_json import to_dict
 from cogless.results.trace import Trace
@@ -334,7 +333,7 @@ def test_a_logarithmic_axis_has_no_place_for_zero(study):
     rms = synthetic.rms_of_trials(study, "ilc")
     rms[[3, 4]], rms[7] = 0.0, np.nan
     made = synthetic.trial_results(study, {"ilc": rms}, designed=False)
-    chart = overtrials.over_trials(made, "move", made.runs)["charts"][0]
+    chart = overtrials.over_trials(made, made.runs)["charts"][0]
     values = unpack(chart["series"][1]["values"])
     assert np.flatnonzero(np.isnan(values)).tolist() == [3, 4, 7]
     assert chart["note"] == (
@@ -365,7 +364,7 @@ def test_chosen_trials_hold_what_the_trace_has(made, study):
 def test_long_trials_are_thinned(made, monkeypatch):
     monkeypatch.setattr(waveforms, "POINTS", 1)
     monkeypatch.setattr(waveforms, "FEWEST", 20)
-    waves = waveforms.waveforms(made, "move", made.runs)
+    waves = waveforms.waveforms(made, made.runs)
     values = unpack(waves["panels"][1]["series"][0]["trials"]["1"])
     assert len(values) <= 20
     assert waves["start"] + waves["step"] * (len(values) - 1) == pytest.approx(0.25, abs=0.02)
@@ -390,7 +389,11 @@ def test_certificate_on_the_page(made):
     ):
         assert text in page
     design, exact = data_of(page)["scenarios"][0]["certificate"]
-    assert (design["title"], exact["title"]) == ("Design model (Euler)", "Plant, exactly sampled")
+    about = "|F| of the worst plant, without Q filter dashed"
+    assert (design["title"], exact["title"]) == (
+        f"Design model (Euler): {about}",
+        f"Plant, exactly sampled: {about}",
+    )
     learning = made.runs[1].design.certificate.exact
     assert [(s["controller"], s.get("dash", False)) for s in exact["series"]] == [
         (1, False),
@@ -460,10 +463,10 @@ def test_the_file_is_whole_or_not_at_all(made, tmp_path, monkeypatch):
     write(made, path)
     whole = path.read_text()
 
-    def fails(results):
+    def fails(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(trials.page, "render", fails)
+    monkeypatch.setattr(page, "render", fails)
     with pytest.raises(KeyboardInterrupt):
         write(made, path)
     assert path.read_text() == whole and list(tmp_path.iterdir()) == [path]

@@ -13,7 +13,6 @@ from engine import unpacked
 import studies
 from cogless.c_laws import C_LAWS
 from cogless.errors import StudyError
-from cogless.report.paths import learns
 from cogless.results import Results
 from cogless.results.results_json import to_dict
 from cogless.run import side_by_side
@@ -426,7 +425,7 @@ def test_a_law_of_ones_own_learns_where_it_says_so(tmp_path: Path) -> None:
     mine = {"law": "python", "object": "laws.py:Pi"}
     laws = {"mine": mine, "taught": {**mine, "learning": True}, "ilc": ILC, "table": TABLE}
     study = studies.study(tmp_path, {f"controller.{name}": law for name, law in laws.items()})
-    assert [learns(study, name) for name in ("pi", *laws)] == [False, False, True, True, True]
+    assert [study.controller[name].learned for name in ("pi", *laws)] == [False, False, True, True, True]
     goes_on = {name: study.controller[name].learns for name in laws}
     assert goes_on == {"mine": False, "taught": True, "ilc": True, "table": False}
     runs = run_study(study, ["low/mine", "low/taught"]).runs

@@ -12,7 +12,6 @@ import studies
 from cogless import cli
 from cogless.design.unlearned import foreseen
 from cogless.report import compare, render, verdicts
-from cogless.report.comparison import speed_unit
 from cogless.report.unlearned import unlearned
 from cogless.results import Results
 from cogless.run import simulate
@@ -78,7 +77,7 @@ def run_of(results, scenario, controller):
 
 
 def verdict_of(results, scenario):
-    return next(v for v in verdicts(results, speed_unit(results)) if v.scenario == scenario)
+    return next(v for v in verdicts(results) if v.scenario == scenario)
 
 
 def test_less_than_a_period_is_not_learning_however_good_its_number(made):

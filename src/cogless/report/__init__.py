@@ -2,10 +2,14 @@
 
 from pathlib import Path
 
-from cogless.report import faults, page, trials
-from cogless.report.comparison import Line, compare, speed_unit
-from cogless.report.verdict import ScenarioVerdict, verdicts
-from cogless.results import AnyResults, Results, TrialResults
+from cogless.files import replacing
+from cogless.report import page, png
+from cogless.report.comparison import Line, compare, runs_in
+from cogless.report.sections import Sections
+from cogless.report.speed import SPEED
+from cogless.report.trials import TRIALS
+from cogless.report.verdict import ScenarioVerdict
+from cogless.results import AnyResults, TrialResults
 
 __all__ = [
     "Line",
@@ -20,44 +24,40 @@ __all__ = [
 ]
 
 
+def _sections(results: AnyResults) -> Sections:
+    """The sections of the kind of study that the results are of."""
+    return TRIALS if isinstance(results, TrialResults) else SPEED
+
+
 def lines(results: AnyResults, scenario: str) -> list[Line]:
     """Controllers against metrics, one line a number, whichever kind of study it is."""
-    if isinstance(results, TrialResults):
-        return trials.phase_lines(results, scenario)
-    assert isinstance(results, Results)
-    return compare(results, scenario)
+    return _sections(results).lines(results, scenario)
+
+
+def verdicts(results: AnyResults) -> list[ScenarioVerdict]:
+    """The verdict on each scenario that has something to judge by."""
+    return page.verdicts(results, _sections(results))
 
 
 def broken(results: AnyResults, scenario: str) -> str | None:
     """Words for what broke in a scenario and what came of it, a sentence or two; None where nothing did."""
-    if not isinstance(results, Results):
-        return None
-    found = faults.account(results, scenario, speed_unit(results))
-    return found.headline if found is not None else None
+    found = _sections(results).verdict(results, runs_in(results, scenario))
+    return found.headline if found is not None and found.told else None
 
 
 def render(results: AnyResults) -> str:
     """The report as one HTML text that needs nothing else."""
-    if isinstance(results, TrialResults):
-        return trials.render(results)
-    assert isinstance(results, Results)
-    return page.render(results)
+    return page.render(results, _sections(results))
 
 
 def write(results: AnyResults, path: Path) -> None:
     """Write the report, whole or not at all."""
-    if isinstance(results, TrialResults):
-        trials.write(results, path)
-    else:
-        assert isinstance(results, Results)
-        page.write(results, path)
+    with replacing(path) as temporary:
+        temporary.write_text(render(results), encoding="utf-8")
 
 
 def write_plots(results: AnyResults, directory: Path) -> list[Path]:
     """Write the still pictures and return their paths."""
-    if isinstance(results, TrialResults):
-        return trials.write_plots(results, directory)
-    from cogless.report import plots
-
-    assert isinstance(results, Results)
-    return plots.write_plots(results, directory)
+    sections = _sections(results)
+    drawn = page.data(page.drawable(results), sections)
+    return png.write_plots(results, drawn, sections.pictures, directory)

@@ -6,15 +6,14 @@ The report's table, the verdict and the terminal's table all come from here.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from cogless.report.packing import number
 from cogless.report.speed_tracking import missed, rows_of, span_of
 from cogless.report.unlearned import unlearned
-from cogless.results import Results, Run
+from cogless.results import AnyResults, Results, Run
 from cogless.results.metrics import result_name
-from cogless.study import Study
 from cogless.study.base import StudyBase
 from cogless.study.metric import Metric
 from cogless.study.spoken import spoken_unit
@@ -69,24 +68,21 @@ class Line:
     @property
     def title(self) -> str:
         """Words for the line as a title: "speed ripple" or "speed orders: order 6 (electrical)"."""
-        if self.order is None:
-            return self._words + self._in_frame
-        return f"{self._words}: order {self.order:g} ({self.frame})"
+        return self.quantity if self.order is None else f"{self._words}: order {self.order:g} ({self.frame})"
 
     @property
     def quantity(self) -> str:
         """Words for the quantity within a sentence: "speed order 6 (electrical)"."""
-        if self.order is None:
-            return self._words + self._in_frame
+        if self.order is None:  # angles and speeds that were taken electrically say so
+            return self._words + (" (electrical)" if self.frame == "electrical" else "")
         signal = QUANTITIES.get(self.signal or "", self.signal)
         return f"{signal} order {self.order:g} ({self.frame})"
 
     @property
     def window(self) -> str:
         """The time window of the metric, such as "8 to 10 s"; "" where it isn't known."""
-        return (
-            " to ".join(f"{t:.3g}" if t < 1000 else f"{t:.0f}" for t in self.span) + " s" if self.span else ""
-        )
+        times = [f"{t:.3g}" if t < 1000 else f"{t:.0f}" for t in self.span or ()]
+        return f"{' to '.join(times)} s" if times else ""
 
     def not_held(self, controller: str) -> str:
         """Place and extent of a missed speed, in words: "speed early, 0.5 to 2 s: mean 52 of 56 rpm"."""
@@ -96,11 +92,6 @@ class Line:
     @property
     def _words(self) -> str:
         return self.name.replace("_", " ").replace("-", " ")
-
-    @property
-    def _in_frame(self) -> str:
-        """Words for the frame of angles and speeds that were taken electrically."""
-        return " (electrical)" if self.frame == "electrical" else ""
 
     @property
     def best(self) -> set[str]:
@@ -146,16 +137,24 @@ class Line:
         return self.number(controller) + (f" {self.unit}".rstrip() if value is not None else "")
 
 
+def runs_in(results: AnyResults, scenario: str) -> list[Run]:
+    """The runs of a scenario."""
+    return [run for run in results.runs if run.scenario == scenario]
+
+
 def compare(results: Results, scenario: str) -> list[Line]:
     """The lines of a scenario, in the study's order of metrics; an order metric has a line for each order."""
-    runs = [run for run in results.runs if run.scenario == scenario]
+    runs = runs_in(results, scenario)
     lines, idle = [], {run.controller: why for run in runs if (why := unlearned(results, run))}
     for metric in results.study.metrics_in(scenario):
         taken = [run for run in runs if result_name(metric) in run.metrics]
         if taken:
-            not_held, span = _missed(results, metric, taken), span_of(results, metric, taken[0])
-            found = _lines(results.study, metric, taken)
-            lines += [replace(line, missed=not_held, unlearned=idle, span=span) for line in found]
+            named = [(metric.name, order) for order in metric.order or (None,)]
+            unit, span = speed_unit(results), span_of(results, metric, taken[0])
+            found = {run.controller: missed(run, rows_of(results, metric, run), unit) for run in taken}
+            not_held = {controller: pretty(text) for controller, text in found.items() if text}
+            own = lines_of(results.study, metric, taken, named)
+            lines += [replace(line, missed=not_held, unlearned=idle, span=span) for line in own]
     return lines
 
 
@@ -179,26 +178,30 @@ def speed_unit(results: Results) -> str:
     return spoken_unit(results.study, ANGULAR_SPEED)
 
 
-def _lines(study: Study, metric: Metric, runs: Sequence[Run]) -> list[Line]:
-    unit = metric.unit or spoken_unit(study, metric.dimension)
-    scale = factor(unit, metric.dimension) if unit != metric.dimension.unit else 1.0
+def lines_of(
+    study: StudyBase,
+    metric: Metric,
+    runs: Sequence[Run],
+    named: Iterable[tuple[str, float | None]],
+) -> list[Line]:
+    """A metric's lines, each with its name and order: as many as the metric has numbers."""
+    unit, scale = shown_in(study, metric)
     # exceeds is the time for which a band was kept; "lower" is only the default of a metric.
     later = metric.kind == "exceeds" and "better" not in metric.model_fields_set
-    better = "higher" if later else metric.better
+    about = metric.frame, "higher" if later else metric.better, unit
     values = {run.controller: run.metrics[result_name(metric)] for run in runs}
     lines = []
-    for place, order in enumerate(list(metric.order or ()) if metric.kind == "order" else [None]):
+    for place, (name, order) in enumerate(named):
         column = {c: v[place] if isinstance(v, list) else v for c, v in values.items()}
         shown = {c: v / scale if v is not None and math.isfinite(v) else None for c, v in column.items()}
-        about = (metric.name, metric.kind, metric.signal, order, metric.frame, better, pretty(unit))
-        lines.append(Line(*about, shown))
+        lines.append(Line(name, metric.kind, metric.signal, order, *about, shown))
     return lines
 
 
-def _missed(results: Results, metric: Metric, runs: Sequence[Run]) -> dict[str, str]:
-    unit = speed_unit(results)
-    found = {run.controller: missed(run, rows_of(results, metric, run), unit) for run in runs}
-    return {controller: pretty(text) for controller, text in found.items() if text}
+def shown_in(study: StudyBase, metric: Metric) -> tuple[str, float]:
+    """The unit in which a metric is shown, as it is printed, and its SI value."""
+    unit, dimension = metric.unit or spoken_unit(study, metric.dimension), metric.dimension
+    return pretty(unit), factor(unit, dimension) if dimension.unit else 1.0
 
 
 def factor_text(ratio: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,12 @@ from cogless import units
 from cogless.design.learning_loop import LearningLoop
 from cogless.design.verdict import judged
 from cogless.errors import StudyError
+from cogless.report.comparison import speed_unit
 from cogless.report.growth import growth
 from cogless.report.packing import plain
 from cogless.report.palette import place
 from cogless.report.paths import in_angle
 from cogless.results import Results, Run
-from cogless.study.spoken import spoken_unit
 
 POINTS = 600
 
@@ -29,35 +30,31 @@ NOTE = (
 )
 
 
-def criterion(results: Results, runs: Sequence[Run]) -> dict[str, Any] | None:
-    """Factors over frequency, on a common grid; None where no controller learns in angle."""
+def criterion(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """A chart of factors over frequency, on a common grid; none where no controller learns in angle."""
     loops: list[tuple[Run, LearningLoop, float]] = []
     for run in runs:
-        if in_angle(results.study, run.controller) is None:
-            continue
-        try:
-            ends = judged(results.study, run.scenario, run.controller)
-        except StudyError:
-            continue
-        loops += [(run, loop, 1.0 if loop is ends[-1] else 0.4) for loop in ends]
+        if in_angle(results, run):
+            with suppress(StudyError):
+                ends = judged(results.study, run.scenario, run.controller)
+                loops += [(run, loop, 1.0 if loop is ends[-1] else 0.4) for loop in ends]
     if not loops:
-        return None
-    f = np.geomspace(
-        min(loop.frequencies[0] for _, loop, _ in loops),
-        max(loop.frequencies[-1] for _, loop, _ in loops),
-        POINTS,
-    )
-    unit = spoken_unit(results.study, units.ANGULAR_SPEED)
-    series: list[dict[str, Any]] = []
-    for run, loop, fade in loops:
-        factor = np.where(f <= loop.highest, loop.factor(f), np.nan)
-        label = units.format(loop.omega_m, unit, units.ANGULAR_SPEED, digits=3)
-        series.append(
-            {"controller": place(results, run), "label": label, "fade": fade, "values": plain(factor)}
-        )
-    marks = [
-        {"controller": place(results, run), "at": found.frequency}
-        for run in runs
-        if (found := growth(results, run)) is not None and found.frequency > 0  # on a log axis
+        return []
+    lowest = min(loop.frequencies[0] for _, loop, _ in loops)
+    f = np.geomspace(lowest, max(loop.frequencies[-1] for _, loop, _ in loops), POINTS)
+    series = [
+        {
+            "controller": place(results, run),
+            "label": units.format(loop.omega_m, speed_unit(results), units.ANGULAR_SPEED, digits=3),
+            "fade": fade,
+            "values": plain(np.where(f <= loop.highest, loop.factor(f), np.nan)),
+        }
+        for run, loop, fade in loops
     ]
-    return {"frequency": plain(f), "series": series, "marks": marks}
+    marks = [
+        {"controller": place(results, run), "at": grown}
+        for run in runs
+        if (grown := growth(results, run))  # on a log axis
+    ]
+    about = {"title": "Factor per period", "x": "frequency (Hz)", "quantity": "factor", "unit": ""}
+    return [{**about, "frequency": plain(f), "series": series, "marks": marks}]

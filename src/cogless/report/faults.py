@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from cogless.report.comparison import speed_unit
 from cogless.report.packing import number
 from cogless.report.paths import varies
 from cogless.report.speed_tracking import missed
+from cogless.report.verdict import ScenarioVerdict, Told, times
 from cogless.results import Results, Run
 from cogless.results.fault_response import Fault, Response, faults_in, ripple, without_faults
 from cogless.units import ANGULAR_SPEED, factor
@@ -25,44 +26,30 @@ UNBROKEN = r"(?<=\d) (?=(m?s|A|of \d)\b)| (?=\(rpm)"  # spaces where no line end
 SHOWN = 3  # faults of a scenario in its verdict; all are in results.json
 
 
-@dataclass(frozen=True)
-class Told:
-    """A fault, and a sentence about each controller."""
+def account(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
+    """What broke in a scenario and what came of it; None where nothing breaks.
 
-    heading: str
-    sentences: Sequence[tuple[str, str]]
-
-
-@dataclass(frozen=True)
-class Account:
-    """Account of a scenario's faults. `tone`: the best that the verdict may be; "better" is no bound."""
-
-    tone: str
-    headline: str
-    told: Sequence[Told]
-
-
-def account(results: Results, scenario: str, unit: str) -> Account | None:
-    """The account of what broke and what came of it; None where nothing breaks. `unit`: of speeds."""
-    runs = [run for run in results.runs if run.scenario == scenario and run.faults]
+    `tone`: the best that the scenario's may be; "better" is no bound.
+    """
+    runs = [run for run in runs if run.faults]
     if not runs:
         return None
     faults = [response.fault for response in runs[0].faults]
-    first = f"{_seconds(faults[0].time)}: {what(faults[0])}"
-    broke = first if len(faults) == 1 else f"{len(faults)} faults, the first at {first}"
-    tone, outcome = _outcome(results, runs, unit)
+    words = [f"{_seconds(fault.time)}: {what(fault)}" for fault in faults]
     told = [
         Told(
-            f"{_seconds(fault.time)}: {what(fault)}" if len(faults) > 1 else "",
-            [(run.controller, _sentence(results, run, run.faults[place], unit)) for run in runs],
+            words[place] if len(faults) > 1 else "",
+            [(run.controller, _sentence(results, run, run.faults[place])) for run in runs],
         )
-        for place, fault in enumerate(faults[:SHOWN])
+        for place in range(min(SHOWN, len(faults)))
     ]
-    if len(faults) > SHOWN:
-        more = len(faults) - SHOWN
+    more = len(faults) - SHOWN
+    if more > 0:
         others = "One more fault is" if more == 1 else f"{more} more faults are"
         told.append(Told(f"{others} in results.json.", []))
-    return Account(tone, f"{broke}. {outcome}".rstrip(), told)
+    broke = words[0] if len(faults) == 1 else f"{len(faults)} faults, the first at {words[0]}"
+    tone, outcome = _outcome(results, runs)
+    return ScenarioVerdict(runs[0].scenario, tone, f"{broke}. {outcome}".rstrip(), [], told)
 
 
 def what(fault: Fault) -> str:
@@ -71,11 +58,12 @@ def what(fault: Fault) -> str:
     return f"{' and '.join(fault.words)} {lasts}"
 
 
-def spans(results: Results, scenario: str, start: float, end: float) -> list[tuple[Fault, float, float]]:
+def spans(
+    results: Results, runs: Sequence[Run], start: float, end: float
+) -> list[tuple[Fault, float, float]]:
     """Each fault, with from when to when one looks at it, s: a little before, and a turn or more after."""
     found = []
-    runs = [run for run in results.runs if run.scenario == scenario]
-    for place, fault in enumerate(faults_in(results.study, scenario)):
+    for place, fault in enumerate(faults_in(results.study, runs[0].scenario)):
         if not start <= fault.time < end:
             continue
         length = fault.end - fault.time
@@ -87,61 +75,63 @@ def spans(results: Results, scenario: str, start: float, end: float) -> list[tup
     return found
 
 
-def _outcome(results: Results, runs: Sequence[Run], unit: str) -> tuple[str, str]:
+def _outcome(results: Results, runs: Sequence[Run]) -> tuple[str, str]:
     """Tone and a sentence: who was over the limit, lost the speed or has more ripple, if anybody."""
-    label = results.study.label
     over, lost, worse = [], [], []
     judged, cases = 0, sum(len(run.faults) for run in runs)
     for run in runs:
-        peaks = [(_over(response), response) for response in run.faults]
-        top, peak = max(peaks, key=lambda pair: pair[0])
-        if top > OVER:
-            current = f"{number(peak.largest_current or 0.0)} A" if math.isfinite(top) else "no number"
-            over.append(f"{label(run.controller)} {current} of {peak.current_limit:.3g} A")
-        how = next((text for response in run.faults if (text := _lost(run, response, unit))), None)
+        label = results.study.label(run.controller)
+        peak = max(run.faults, key=_over)
+        if _over(peak) > OVER:
+            current = (
+                f"{number(peak.largest_current or 0.0)} A" if math.isfinite(_over(peak)) else "no number"
+            )
+            over.append(f"{label} {current} of {peak.current_limit:.3g} A")
+        how = next((text for response in run.faults if (text := _lost(results, run, response))), None)
         if how is not None:
-            lost.append(f"{label(run.controller)} ({how})")
+            lost.append(f"{label} ({how})")
             continue
         ratios = [_times_usual(results, run, response) for response in run.faults]
         known = [ratio for ratio in ratios if ratio is not None]
         judged += len(known)
         if max(known, default=0.0) > WORSE:
-            worse.append(f"{label(run.controller)} {number(max(known))} times")
-    sentences = []
-    if over:
-        sentences.append(f"The current is beyond its limit: {', '.join(over)}.")
-    if lost:
-        sentences.append(f"Afterwards the speed is not held: {', '.join(lost)}.")
-    than = "without the fault" if _twin(results, runs[0]) is not None else "before"
-    if worse:
-        sentences.append(f"Afterwards there is more ripple than {than}: {', '.join(worse)}.")
+            worse.append(f"{label} {times(max(known))}")
+    twin = _twin(results, runs[0])
+    than = "without the fault" if twin else "before"
+    sentences = [
+        f"{found}: {', '.join(whose)}."
+        for found, whose in (
+            ("The current is beyond its limit", over),
+            ("Afterwards the speed is not held", lost),
+            (f"Afterwards there is more ripple than {than}", worse),
+        )
+        if whose
+    ]
     if sentences:
         return "worse" if over or lost else "even", " ".join(sentences)
-    usual = (
-        f"the ripple is about what it is {than}" if than != "before" else "the ripple is about what it was"
-    )
+    usual = f"Afterwards the ripple is about what it {'is without the fault' if twin else 'was'}"
     if judged == cases:
-        return "better", f"Afterwards {usual}."
-    return "even", f"Afterwards {usual}, where that can be told." if judged else ""
+        return "better", f"{usual}."
+    return "even", f"{usual}, where that can be told." if judged else ""
 
 
-def _sentence(results: Results, run: Run, response: Response, unit: str) -> str:
+def _sentence(results: Results, run: Run, response: Response) -> str:
     """A sentence: "check trips after 80 ms (angle stuck); output safe for 0.43 s; ...; ripple ...; ..."."""
-    parts = [_noticed(run, response)]
-    for name, lasted in (
-        ("output safe", response.safe),
-        ("learning paused", response.not_learning or 0.0),
-        ("output at its limit", response.saturated),
-    ):
-        if lasted:
-            parts.append(f"{name} for {_seconds(lasted)}")
-    parts.append(f"speed off by up to {_speed(response.largest_error, unit)} {unit}")
-    how = _lost(run, response, unit)
-    parts.append(f"afterwards {how}" if how else _ripples(results, run, response, unit))
+    unit, how = speed_unit(results), _lost(results, run, response)
+    states = {
+        "output safe": response.safe,
+        "learning paused": response.not_learning or 0.0,
+        "output at its limit": response.saturated,
+    }
+    parts = [
+        _noticed(run, response),
+        *(f"{name} for {_seconds(lasted)}" for name, lasted in states.items() if lasted),
+        f"speed off by up to {_speed(response.largest_error, unit)} {unit}",
+        f"afterwards {how}" if how else _ripples(results, run, response),
+    ]
     if response.largest_current is not None:
-        parts.append(
-            f"largest current {number(response.largest_current)} A of {response.current_limit:.3g} A"
-        )
+        current = number(response.largest_current)
+        parts.append(f"largest current {current} A of {response.current_limit:.3g} A")
     return re.sub(UNBROKEN, "\N{NO-BREAK SPACE}", "; ".join(part for part in parts if part)) + "."
 
 
@@ -154,10 +144,10 @@ def _noticed(run: Run, response: Response) -> str:
     return f"check trips {when} ({', '.join(response.noticed)})"
 
 
-def _ripples(results: Results, run: Run, response: Response, unit: str) -> str:
-    before, after = response.ripple_before, response.ripple_after
-    twin = _without(results, run, response)
-    known = {"before": before, "after": after, "without the fault": twin if after is not None else None}
+def _ripples(results: Results, run: Run, response: Response) -> str:
+    unit, after = speed_unit(results), response.ripple_after
+    twin = _without(results, run, response) if after is not None else None
+    known = {"before": response.ripple_before, "after": after, "without the fault": twin}
     parts = [f"{_speed(value, unit)} {name}" for name, value in known.items() if value is not None]
     return f"ripple {', '.join(parts)} ({unit})" if parts else ""
 
@@ -174,11 +164,11 @@ def _over(response: Response) -> float:
     return current / response.current_limit if math.isfinite(current) else math.inf
 
 
-def _lost(run: Run, response: Response, unit: str) -> str | None:
+def _lost(results: Results, run: Run, response: Response) -> str | None:
     """Words for the speed after the fault, where it isn't its reference; None where it is."""
     if response.after is None or not len(run.trace):
         return None
-    return missed(run, run.trace.window(*response.after), unit)
+    return missed(run, run.trace.window(*response.after), speed_unit(results))
 
 
 def _times_usual(results: Results, run: Run, response: Response) -> float | None:
@@ -191,9 +181,8 @@ def _times_usual(results: Results, run: Run, response: Response) -> float | None
     if usual is None and response.before is not None:
         early = speed[run.trace.window(*response.before)]
         both = np.concatenate((early, late))
-        usual = (
-            None if varies(early) or np.ptp(both) > ALIKE * np.max(np.abs(both)) else response.ripple_before
-        )
+        alike = not varies(early) and np.ptp(both) <= ALIKE * np.max(np.abs(both))
+        usual = response.ripple_before if alike else None
     if usual is None or not math.isfinite(after):
         return None
     if after <= SMALL * float(np.mean(np.abs(late))):

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from cogless.errors import StudyError
 from cogless.report.comparison import SAME
 from cogless.report.packing import Array
 from cogless.report.paths import errors, in_angle
+from cogless.report.verdict import called
 from cogless.results import Results, Run
 from cogless.study import Study
 
@@ -21,21 +21,13 @@ SHARE = 5e-3  # of i_q's RMS: a line below it isn't seen
 SEGMENT = 2048  # rows of a spectrum
 
 
-@dataclass(frozen=True)
-class Growth:
-    """The line of i_q's spectrum that grew, Hz; `highest`: up to where the trace shows lines, Hz."""
-
-    frequency: float
-    highest: float
-
-
-def growth(results: Results, run: Run) -> Growth | None:
-    """The line in i_q that grew since learning began, as it first shows: later, limits have a say in it.
+def growth(results: Results, run: Run) -> float | None:
+    """The line in i_q that grew since learning began, Hz, as it first shows: later, limits have a say in it.
 
     It is beyond what it was when learning began, and beyond the baseline's, each with an octave about it.
     None where no line grew.
     """
-    law = in_angle(results.study, run.controller)
+    law = in_angle(results, run)
     trace = run.trace
     if law is None or len(trace) < 64 or not trace.period:
         return None
@@ -52,8 +44,7 @@ def growth(results: Results, run: Run) -> Growth | None:
         after = _spectrum(x)
         grown = (after > GREW * usual) & (after > floor)
         if np.any(grown):
-            k = int(np.argmax(np.where(grown, after, 0.0)))
-            return Growth(k / (rows * trace.period), 0.5 / trace.period)
+            return float(np.argmax(np.where(grown, after, 0.0)) / (rows * trace.period))
     return None
 
 
@@ -75,13 +66,13 @@ def _spectrum(x: Array) -> Array:
     return np.asarray(2 * np.abs(np.fft.rfft((x - straight) * window)) / window.sum())
 
 
-def worsened(results: Results, scenario: str) -> dict[str, float]:
+def worsened(results: Results, runs: Sequence[Run]) -> dict[str, float]:
     """Controllers that learn in angle and are worse than the baseline, for good: since when, s."""
-    runs = {run.controller: run for run in results.runs if run.scenario == scenario and len(run.trace) > 1}
-    base = runs.pop(results.study.baseline, None)
+    runs = [run for run in runs if len(run.trace) > 1]
+    base = next((run for run in runs if run.controller == results.study.baseline), None)
     if base is None:
         return {}
-    learning = [run for name, run in runs.items() if in_angle(results.study, name) is not None]
+    learning = [run for run in runs if run is not base and in_angle(results, run)]
     since = {r.controller: worse_since(r, base, errors(results, [r])[0].signal) for r in learning}
     return {name: time for name, time in since.items() if time is not None}
 
@@ -107,26 +98,25 @@ def _errors(run: Run, signal: str) -> Array:
     return np.asarray(np.ptp(x[: whole * rows].reshape(whole, -1), axis=1)) if whole else np.zeros(0)
 
 
-def sentences(results: Results, scenario: str, worse: Mapping[str, float]) -> list[str]:
+def sentences(results: Results, runs: Sequence[Run], worse: Mapping[str, float]) -> list[str]:
     """Sentences on who got worse while learning in angle, and whether the criterion says so.
 
     `worse`: the result of `worsened`.
     """
     study, found = results.study, []
-    for run in results.runs:
-        name = run.controller
-        if run.scenario != scenario or in_angle(study, name) is None:
+    for run in runs:
+        name, line = run.controller, growth(results, run)
+        if in_angle(results, run) is None:
             continue
-        line = growth(results, run)
         grows = _expected(study, name)
-        rising = f"grows at {line.frequency:.0f} Hz" if line is not None else ""
+        rising = f"grows at {line:.0f} Hz" if line is not None else ""
         if name in worse:
-            label = f"Worse with time: {study.label(name)}"
-            than = f"{label} is no worse than {study.label(study.baseline)} until {worse[name]:.0f} s"
+            label = f"Worse with time: {called(study, name)}"
+            than = f"{label} is no worse than {called(study, study.baseline)} until {worse[name]:.0f} s"
             cause = f"; its current {rising}" if rising else ""
             found.append(f"{than}, then worse{cause}{_said(grows)}.")
-        elif line is not None and grows:
-            found.append(f"The current of {study.label(name)} {rising}{_said(grows)}.")
+        elif rising and grows:
+            found.append(f"The current of {called(study, name)} {rising}{_said(grows)}.")
     return found
 
 

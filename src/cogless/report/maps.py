@@ -9,7 +9,6 @@ import numpy as np
 
 from cogless.report.packing import plain
 from cogless.report.palette import place
-from cogless.report.paths import learns
 from cogless.results import Results, Run
 
 MOST = 1440  # points of a map
@@ -21,9 +20,14 @@ def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     """Learned current over one revolution, a chart for each frame, on a common grid of angle."""
     charts = []
     for frame in ("electrical", "mechanical"):
-        learned = [run for run in runs if run.memory and run.memory["frame"] == frame]
-        learned = [run for run in learned if learns(results.study, run.controller)]
-        learned = [run for run in learned if len(run.memory["current"]) > 1]
+        learned = [
+            run
+            for run in runs
+            if run.memory
+            and run.memory["frame"] == frame
+            and len(run.memory["current"]) > 1
+            and results.study.controller[run.controller].learned
+        ]
         if not learned:
             continue
         cells = min(MOST, max(len(run.memory["current"]) for run in learned))
@@ -40,7 +44,14 @@ def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         ]
         angle = np.round(np.rad2deg(grid), 3).tolist()
         charts.append(
-            {"title": "Learned current", "x": f"{frame} angle (°)", "angle": angle, "series": series}
+            {
+                "title": "Learned current",
+                "x": f"{frame} angle (°)",
+                "quantity": "current",
+                "unit": "A",
+                "angle": angle,
+                "series": series,
+            }
         )
     return charts
 

@@ -8,19 +8,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cogless.report.comparison import pretty
+from cogless.report.comparison import pretty, speed_unit
 from cogless.report.faults import spans
 from cogless.report.packing import Array, pack, thin
 from cogless.report.palette import place
-from cogless.report.paths import Error, errors, in_angle, learned_terms
+from cogless.report.paths import Panel, errors, in_angle, learned_terms
 from cogless.report.required_current import needed_current
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
 from cogless.results.trace import Trace
-from cogless.study.metric import SIGNALS
-from cogless.units import factor
 
 POINTS = 560_000  # of all waveforms of a page, at 2.7 bytes each
 MOST, FEWEST = 20_000, 1_500  # of one waveform
@@ -30,18 +27,6 @@ BUTTONS = 6  # for faults
 FAULTS_FINE = 2  # faults of a scenario with finer points
 EVENT_POINTS = 1_200
 EVENT_SPAN = (-0.1, 1.5)  # s about an event
-NEAR = 0.05  # of the reference: the drive is up to speed
-
-
-@dataclass(frozen=True)
-class Panel:
-    """A signal over time, all runs in one plot; of an error, in its own frame."""
-
-    title: str
-    signal: str
-    quantity: str
-    unit: str
-    error: Error | None = None
 
 
 @dataclass(frozen=True)
@@ -61,47 +46,35 @@ class View:
         return {"start": float(time[0]) + (step - trace.period) / 2, "step": step}
 
 
-def waveforms(results: Results, runs: Sequence[Run], speed_unit: str) -> dict[str, Any]:
+def waveforms(results: Results, runs: Sequence[Run]) -> dict[str, Any]:
     """Panels over the whole run, finer where one zooms in: at faults, over the last revolutions."""
+    if not runs:
+        return {"panels": []}
+    spatial = any(in_angle(results, run) for run in runs)
+    needed = spatial and needed_current(results, runs[0]) is not None
+    about = "; dashed: the current that the motion needs" if needed else ""
     panels = [
-        Panel("Speed, reference dashed", "omega_m", "speed", speed_unit),
-        *(Panel(e.title, e.signal, e.title.split(",")[0].lower(), e.unit, e) for e in errors(results, runs)),
+        Panel("Speed, reference dashed", "omega_m", "speed", speed_unit(results)),
+        *errors(results, runs),
         Panel("Current reference", "i_q_ref", "i_q_ref", "A"),
         Panel("Torque of the motor, cogging included", "tau_motor", "torque", "N*m"),
-        _learned_panel(results, runs),
-        *_panels_in_angle(results, runs),
+        Panel(f"Learned part of the current reference{about}", "learned", "current", "A"),
     ]
+    if spatial:
+        panels += [Panel(f"{axis} current", f"i_{axis}", f"i_{axis}", "A") for axis in "qd"]
+        if any("P_t" in run.trace for run in runs):
+            panels.append(Panel("Time of the last period, P_t, by the delay memory", "P_t", "P_t", "s"))
     share = len(panels) * len(results.runs)
     whole = View(None, max(FEWEST, min(MOST, POINTS // share)))
-    return _times(results, runs, panels, [whole, *_details(results, runs[0], whole.points, share)])
+    return _times(results, runs, panels, [whole, *_details(results, runs, whole.points, share)])
 
 
-def _learned_panel(results: Results, runs: Sequence[Run]) -> Panel:
-    needed = any(_in_angle(results, run) for run in runs) and needed_current(results, runs[0]) is not None
-    about = "; dashed: the current that the motion needs" if needed else ""
-    return Panel(f"Learned part of the current reference{about}", "learned", "current", "A")
-
-
-def _panels_in_angle(results: Results, runs: Sequence[Run]) -> list[Panel]:
-    """Currents of both axes and the time that a period takes, where a law learns in angle."""
-    if not any(_in_angle(results, run) for run in runs):
-        return []
-    found = [Panel("q current", "i_q", "i_q", "A"), Panel("d current", "i_d", "i_d", "A")]
-    if any("P_t" in run.trace for run in runs):
-        found.append(Panel("Time of the last period, P_t, by the delay memory", "P_t", "P_t", "s"))
-    return found
-
-
-def _in_angle(results: Results, run: Run) -> bool:
-    return in_angle(results.study, run.controller) is not None
-
-
-def _details(results: Results, run: Run, coarse: int, share: int) -> list[View]:
+def _details(results: Results, runs: Sequence[Run], coarse: int, share: int) -> list[View]:
     """The first faults and the last revolutions, where the `coarse` points of the whole run are too few."""
-    time = run.trace.time
+    time = runs[0].trace.time
     start, end = float(time[0]), float(time[-1])
-    found = [(since, until) for _, since, until in spans(results, run.scenario, start, end)[:FAULTS_FINE]]
-    last = _since(run.trace, READABLE)
+    found = [(since, until) for _, since, until in spans(results, runs, start, end)[:FAULTS_FINE]]
+    last = _since(runs[0].trace, READABLE)
     found += [(last, end)] if last is not None else []
     fine = max(FEWEST, min(MOST_FINE, POINTS_FINE // share // max(1, len(found))))
     views: list[View] = []
@@ -119,31 +92,34 @@ def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     """
     time = runs[0].trace.time
     start, end = float(time[0]), float(time[-1])
+    found: list[dict[str, Any]] = []
+
+    def add(name: str, since: float, until: float) -> None:
+        found.append({"name": name, "from": max(start, since), "to": min(end, until)})
+
     changes = [e.time for e in results.study.scenario[runs[0].scenario].events if e.time < end]
-    found: list[dict[str, Any]] = [{"name": "whole run", "from": start, "to": end}]
+    broken = spans(results, runs, start, end)
+    add("whole run", start, end)
     started = _started(runs, min([end, *changes]))
     if started > start:
-        found.append({"name": "after start-up", "from": started, "to": end})
+        add("after start-up", started, end)
     for name, count in (("last two revolutions", READABLE), ("last revolution", 1)):
         since = _since(runs[0].trace, count)
         if since is not None:
-            found.append({"name": name, "from": since, "to": end})
-    broken = spans(results, runs[0].scenario, start, end)
-    if broken:
-        name = f"fault at {broken[0][0].time:g} s"
-        found.append({"name": name, "from": broken[0][1], "to": broken[0][2], "first": True})
-    elif not changes and _since(runs[0].trace, MANY) is not None:
+            add(name, since, end)
+    if not broken and not changes and _since(runs[0].trace, MANY) is not None:
         found[-2]["first"] = True
-    found += [
-        {"name": f"fault at {fault.time:g} s", "from": since, "to": until}
-        for fault, since, until in broken[1:BUTTONS]
-    ]
-    found += _beginnings(results, runs, end)
-    changes = [t for t in changes if not any(fault.time <= t <= fault.end for fault, _, _ in broken)]
-    return found + [
-        {"name": f"event at {change:g} s", "from": max(start, change - 0.1), "to": min(end, change + 1.0)}
-        for change in changes
-    ]
+    for fault, since, until in broken[:BUTTONS]:
+        add(f"fault at {fault.time:g} s", since, until)
+        if fault is broken[0][0]:
+            found[-1]["first"] = True
+    laws = [in_angle(results, run) for run in runs]
+    for begun in sorted({law.learning_start for law in laws if law and 0 < law.learning_start < end}):
+        add(f"learning begins at {begun:g} s", begun - 2, begun + 5)
+    for change in changes:
+        if not any(fault.time <= change <= fault.end for fault, _, _ in broken):
+            add(f"event at {change:g} s", change - 0.1, change + 1)
+    return found
 
 
 def marks(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
@@ -151,16 +127,6 @@ def marks(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     return [
         {"from": fault.time, "to": fault.end, "label": " and ".join(fault.words)}
         for fault in faults_in(results.study, runs[0].scenario)
-    ]
-
-
-def _beginnings(results: Results, runs: Sequence[Run], end: float) -> list[dict[str, Any]]:
-    """Views of where laws that learn in angle begin to, if that's not at the start."""
-    laws = [in_angle(results.study, run.controller) for run in runs]
-    starts = sorted({law.learning_start for law in laws if law is not None and 0 < law.learning_start < end})
-    return [
-        {"name": f"learning begins at {t:g} s", "from": max(0.0, t - 2), "to": min(end, t + 5)}
-        for t in starts
     ]
 
 
@@ -180,7 +146,7 @@ def _started(runs: Sequence[Run], until: float) -> float:
     return float(runs[0].trace.time[last])
 
 
-def events(results: Results, runs: Sequence[Run], speed_unit: str) -> list[dict[str, Any]]:
+def events(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     """Speed and current reference about each event."""
     changes = results.study.scenario[runs[0].scenario].events
     last = float(runs[0].trace.time[-1])
@@ -189,7 +155,7 @@ def events(results: Results, runs: Sequence[Run], speed_unit: str) -> list[dict[
     for event, end in zip(changes, ends, strict=False):
         name = f"load to {event.load:.3g} N·m at {event.time:g} s"
         panels = [
-            Panel(f"Speed, {name}", "omega_m", "speed", speed_unit),
+            Panel(f"Speed, {name}", "omega_m", "speed", speed_unit(results)),
             Panel(f"Current reference, {name}", "i_q_ref", "i_q_ref", "A"),
         ]
         before, after = EVENT_SPAN
@@ -201,22 +167,15 @@ def events(results: Results, runs: Sequence[Run], speed_unit: str) -> list[dict[
     return charts
 
 
-def near_reference(run: Run) -> NDArray[np.bool_]:
-    """Rows with the speed within 5 % of its reference."""
-    near: NDArray[np.bool_] = np.abs(run.trace["omega_error"]) <= NEAR * np.abs(run.trace["omega_ref"])
-    return near
-
-
 def _times(
     results: Results, runs: Sequence[Run], panels: Sequence[Panel], views: Sequence[View]
 ) -> dict[str, Any]:
     """Panels over time, with points of each view."""
-    drawn = []
-    for panel in panels:
-        series = _series(results, runs, panel, views)
-        if series:
-            about = {"title": panel.title, "quantity": panel.quantity, "unit": pretty(panel.unit)}
-            drawn.append({**about, "series": series})
+    drawn = [
+        {"title": panel.title, "quantity": panel.quantity, "unit": pretty(panel.unit), "series": series}
+        for panel in panels
+        if (series := _series(results, runs, panel, views))
+    ]
     whole, *details = [view.grid(runs[0].trace) for view in views]
     return {"panels": drawn, "x": "time (s)", **whole, "details": details}
 
@@ -226,20 +185,19 @@ def _series(
 ) -> list[dict[str, Any]]:
     """A panel's signal of each run; the speed has its reference, what is learned in angle what is needed."""
     drawn: list[tuple[float, dict[str, Any]]] = []
-    signal, on_top = panel.signal, -math.inf
+    on_top = -math.inf
     for run in runs:
-        names = learned_terms(results, run) if signal == "learned" else [signal]
+        names = learned_terms(results, run) if panel.signal == "learned" else [panel.signal]
         if not names or names[0] not in run.trace:
             continue
-        scale = panel.error.scale if panel.error else factor(panel.unit, SIGNALS[names[0]])
-        if signal == "omega_m" and not drawn:
-            reference = {"dash": True, **_packed(run.trace["omega_ref"] / scale, run.trace, views)}
+        if panel.signal == "omega_m" and not drawn:
+            reference = {"dash": True, **_packed(run.trace["omega_ref"] / panel.scale, run.trace, views)}
             drawn.append((on_top, reference))
-        if signal == "learned" and not drawn and _in_angle(results, run):
+        if panel.signal == "learned" and not drawn and in_angle(results, run):
             needed = needed_current(results, run)
             if needed is not None:
                 drawn.append((on_top, {"dash": True, "label": "needed", **_packed(needed, run.trace, views)}))
-        x = np.sum([run.trace[name] for name in names], axis=0) / scale
+        x = np.sum([run.trace[name] for name in names], axis=0) / panel.scale
         series = {"controller": place(results, run), **_packed(x, run.trace, views)}
         drawn.append((_spread(x[views[0].rows(run.trace)]), series))
     # The widest is drawn first, so that it doesn't hide the others.

@@ -53,6 +53,12 @@ def unpack(packed: dict[str, Any]) -> Array:
     return np.asarray(packed["offset"] + packed["scale"] * np.where(integers == -32768, np.nan, integers))
 
 
+def rms(x: Array) -> Array:
+    """Root of the mean square along the last axis; infinite where a square is too large for a number."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(np.sqrt(np.mean(np.square(x), axis=-1)))
+
+
 def plain(values: Array) -> list[float | None]:
     """Few numbers for JSON: five digits, null where not finite."""
     return [float(f"{v:.5g}") if math.isfinite(v) else None for v in values.tolist()]

@@ -1,39 +1,133 @@
-"""The report: one HTML file that needs nothing else. The template and its style and script are in assets/."""
+"""The page: one HTML file that needs nothing else. Its templates, style and scripts are in assets/."""
 
 from __future__ import annotations
 
-from pathlib import Path
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from html import escape
+from string import Template
+from typing import Any
 
-from cogless.files import replacing
-from cogless.report import charts, criterion, maps, markup, periods, spectra
-from cogless.report.comparison import speed_unit
-from cogless.report.tables import metric_table, term_tables
-from cogless.report.verdict import verdicts
-from cogless.results import Results
+import numpy as np
+
+from cogless.report.comparison import runs_in
+from cogless.report.markup import asset, key, note, tint
+from cogless.report.palette import colours, place
+from cogless.report.sections import Sections
+from cogless.report.settings import assumptions, settings
+from cogless.report.verdict import ScenarioVerdict, Told
+from cogless.results import AnyResults, Run
+from cogless.versions import versions
+
+HUGE = 1e30  # far beyond any drive
 
 
-def write(results: Results, path: Path) -> None:
-    """Write the report, whole or not at all."""
-    with replacing(path) as temporary:
-        temporary.write_text(render(results), encoding="utf-8")
-
-
-def render(results: Results) -> str:
-    """The report as HTML. All of the user's text is escaped."""
-    results = charts.drawable(results)
-    unit = speed_unit(results)
-    return markup.page(
-        "report",
-        results,
-        verdicts(results, unit),
-        charts.data(results, unit),
-        lambda scenario: {
-            "tables": metric_table(results, scenario),
-            "spectra_note": markup.note(" ".join((spectra.NOTE, spectra.turned_back(results, scenario)))),
-            "spectra_left_out": markup.reservations(spectra.left_out(results, scenario)),
-            "map_note": markup.note(maps.NOTE),
-            "angle_note": markup.note(periods.NOTE),
-            "criterion_note": markup.note(criterion.NOTE),
-            "terms": term_tables(results, scenario),
-        },
+def render(results: AnyResults, sections: Sections) -> str:
+    """The page as one text. All of the user's text is escaped."""
+    results, study = drawable(results), results.study
+    found = verdicts(results, sections)
+    text = json.dumps(data(results, sections), separators=(",", ":"), allow_nan=False)
+    return Template(asset("page.html")).substitute(
+        scenarios="".join(_scenario(results, sections, found, name) for name in results.scenarios),
+        title=escape(study.title),
+        description=f'<p class="description">{escape(study.description)}</p>' if study.description else "",
+        interrupted='<p class="warning">Interrupted: not all runs are here.</p>'
+        if results.interrupted
+        else "",
+        verdict=_verdict(found, results),
+        tabs="".join(
+            f'<button type="button" data-select="{i}">{escape(name)}</button>'
+            for i, name in enumerate(results.scenarios)
+        ),
+        chips="".join(
+            f'<button type="button" aria-pressed="true" {tint(results, name)}>'
+            f"{escape(study.label(name))}</button>"
+            for name in colours(results)
+        ),
+        assumptions=assumptions(study),
+        settings=settings(study),
+        seed=study.seed,
+        made=escape(", ".join(f"{name} {version}" for name, version in versions().items())),
+        version=escape(versions()["cogless"]),
+        data=text.replace("<", "\\u003c"),  # no text of the user's may end the script element
+        css=asset("report.css"),
+        js=asset("speed.js") + asset("trials.js") + asset("page.js"),
+        uplot_css=asset("uplot.min.css"),
+        uplot_js=asset("uplot.min.js"),
     )
+
+
+def verdicts(results: AnyResults, sections: Sections) -> list[ScenarioVerdict]:
+    """One for each scenario that has something to judge by."""
+    found = (sections.verdict(results, runs_in(results, scenario)) for scenario in results.scenarios)
+    return [verdict for verdict in found if verdict is not None]
+
+
+def data(results: AnyResults, sections: Sections) -> dict[str, Any]:
+    """All that the scripts and the pictures draw, plain values; of results that can be drawn."""
+    colour = colours(results)
+    scenarios = []
+    for scenario in results.scenarios:
+        runs = runs_in(results, scenario)
+        shown = {"kind": sections.kind, "controllers": [place(results, run) for run in runs]}
+        scenarios.append(shown | sections.charts(results, runs))
+    controllers = [{"label": results.study.label(name), "colour": colour[name]} for name in colour]
+    return {"controllers": controllers, "scenarios": scenarios}
+
+
+def drawable(results: AnyResults) -> AnyResults:
+    """The results with NaN for what isn't finite or is too large to draw."""
+    return replace(results, runs=[_drawable(run) for run in results.runs])
+
+
+def _drawable(run: Run) -> Run:
+    values = run.trace.data
+    # a NaN makes both comparisons false
+    if not values.size or (values.min() > -HUGE and values.max() < HUGE):
+        return run
+    with np.errstate(invalid="ignore"):
+        tamed = np.where(np.abs(values) < HUGE, values, np.nan)
+    return replace(run, trace=replace(run.trace, data=tamed))
+
+
+def _scenario(
+    results: AnyResults, sections: Sections, found: Sequence[ScenarioVerdict], scenario: str
+) -> str:
+    """A scenario's part of the page; printed, it has its name, verdict and colours above it."""
+    study, where, runs = results.study, results.scenarios.index(scenario), runs_in(results, scenario)
+    headlines = [verdict.headline for verdict in found if verdict.scenario == scenario]
+    ran = {run.controller for run in runs}
+    return Template(asset("scenario.html")).substitute(
+        parts=Template(asset(f"{sections.kind}-scenario.html")).substitute(
+            sections.parts(results, runs), baseline=escape(study.label(study.baseline))
+        ),
+        place=where,
+        hidden=" hidden" if where else "",
+        name=escape(scenario),
+        headline="".join(f'<p class="headline">{escape(headline)}</p>' for headline in headlines),
+        legend="".join(key(results, name) for name in colours(results) if name in ran),
+    )
+
+
+def _verdict(found: Sequence[ScenarioVerdict], results: AnyResults) -> str:
+    if not found:
+        return note("Nothing to judge by: no run has a metric that is better when lower.")
+    items = []
+    for verdict in found:
+        details = escape(" ".join(verdict.details))
+        told = "".join(_fault_lines(told, results) for told in verdict.told)
+        items.append(
+            f'<li class="{verdict.tone}">'
+            f'<button type="button" class="name" data-select="{results.scenarios.index(verdict.scenario)}">'
+            f"{escape(verdict.scenario)}</button>"
+            f'<p class="headline">{escape(verdict.headline)}</p>{told}<p class="details">{details}</p></li>'
+        )
+    return f'<ul class="verdicts">{"".join(items)}</ul>'
+
+
+def _fault_lines(told: Told, results: AnyResults) -> str:
+    """A fault, and a line for each controller."""
+    heading = f'<p class="fault">{escape(told.heading)}</p>' if told.heading else ""
+    rows = "".join(f"{key(results, c, 'dt')}<dd>{escape(text)}</dd>" for c, text in told.sentences)
+    return heading + (f'<dl class="told">{rows}</dl>' if rows else "")

@@ -1,4 +1,4 @@
-"""Helpers for references that vary: which error the report shows, and who learns in angle."""
+"""Signals as the report draws them, its errors where references vary, and who learns in angle."""
 
 from __future__ import annotations
 
@@ -12,54 +12,49 @@ from cogless.c_laws import C_LAWS
 from cogless.report.packing import Array
 from cogless.results import Results, Run
 from cogless.results.trace import Trace
-from cogless.study import Study
 from cogless.study.metric import SIGNALS
 from cogless.study.space_controller import SpaceLearning, SpacePosition
 from cogless.study.spoken import spoken_unit
-from cogless.units import ANGLE, ANGULAR_SPEED, factor
+from cogless.units import ANGLE, ANGULAR_SPEED, CURRENT, factor
 
 # The learned parts of each law's current reference.
-IN_ANGLE = ("term_alpha", "term_beta", "term_h")
 LEARNED = tuple(dict.fromkeys(term.signal for law in C_LAWS.values() for term in law.terms if term.learned))
 
 
 @dataclass(frozen=True)
-class Error:
-    """An error that the page draws in `unit`: `ratio` times the mechanical one, `title` names its frame."""
+class Panel:
+    """A signal drawn in `unit`: `ratio` times the recorded one; "learned" is all learned terms together."""
 
-    signal: str
-    ratio: int
     title: str
+    signal: str
+    quantity: str
     unit: str
+    ratio: int = 1
 
     @property
     def scale(self) -> float:
         """The divisor from the signal's SI values to the displayed ones."""
-        return factor(self.unit, SIGNALS[self.signal]) / self.ratio
+        return factor(self.unit, SIGNALS.get(self.signal, CURRENT)) / self.ratio
 
     def of(self, trace: Trace) -> Array:
         return np.asarray(trace[self.signal] / self.scale)
 
 
-def learns(study: Study, controller: str) -> bool:
-    """Whether what a controller asks for is learned in part."""
-    return study.controller[controller].learned
-
-
-def in_angle(study: Study, controller: str) -> SpaceLearning | None:
-    """The law of a controller that learns in angle and may; None for another."""
-    law = study.controller[controller]
+def in_angle(results: Results, run: Run) -> SpaceLearning | None:
+    """The law of a run that learns in angle and may; None for another."""
+    law = results.study.controller[run.controller]
     return law if isinstance(law, SpaceLearning) and law.learns else None
 
 
 def learned_terms(results: Results, run: Run) -> list[str]:
     """The terms of a run that were learned."""
-    return [n for n in LEARNED if n in run.trace] if learns(results.study, run.controller) else []
+    learned = results.study.controller[run.controller].learned
+    return [name for name in LEARNED if learned and name in run.trace]
 
 
-def travelled(study: Study, run: Run) -> Array:
+def travelled(results: Results, run: Run) -> Array:
     """The angle that a run's law counts, rad: the rotor's, or its reference's."""
-    law = study.controller[run.controller]
+    law = results.study.controller[run.controller]
     rotor = not isinstance(law, SpacePosition) or law.index == "rotor"
     return run.trace["theta_m" if rotor else "theta_ref"]
 
@@ -69,37 +64,38 @@ def varies(reference: Array) -> bool:
     return len(reference) == 0 or bool(np.ptp(reference) > 1e-6 * max(1e-9, np.max(np.abs(reference))))
 
 
-def errors(results: Results, runs: Sequence[Run]) -> list[Error]:
-    """Speed error, and angle error where a law holds the angle; none where a constant speed is asked for."""
+def errors(results: Results, runs: Sequence[Run]) -> list[Panel]:
+    """Speed error, and angle error where a law holds the angle; none where a constant speed is asked for.
+
+    They are in the frame that the scenario's metrics take them in.
+    """
     study = results.study
     laws = [study.controller[run.controller] for run in runs]
     if not any(isinstance(law, SpaceLearning) for law in laws) and not varies(runs[0].trace["omega_ref"]):
         return []
-    ratio = _ratio(results, runs[0].scenario)
-    frame = ", electrical" if ratio > 1 else ""
-    speed, angle = (spoken_unit(study, dimension) for dimension in (ANGULAR_SPEED, ANGLE))
-    found = [Error("omega_error", ratio, f"Speed error{frame}", speed)]
-    if any(isinstance(law, SpacePosition) for law in laws):
-        found.append(Error("theta_error", ratio, f"Angle error{frame}", angle))
-    return found
-
-
-def _ratio(results: Results, scenario: str) -> int:
-    """Factor of mechanical errors: into the frame that the scenario's metrics take them in."""
-    taken = [m for m in results.study.metrics_in(scenario) if m.kind != "order"]
     electrical = any(
-        m.frame == "electrical" and m.signal in ("omega_error", "theta_error", "omega_m") for m in taken
+        m.frame == "electrical" and m.signal in ("omega_error", "theta_error", "omega_m")
+        for m in study.metrics_in(runs[0].scenario)
+        if m.kind != "order"
     )
-    return results.study.motor.pole_pairs if electrical else 1
+    ratio = study.motor.pole_pairs if electrical else 1
+    frame = ", electrical" if ratio > 1 else ""
+    found = [("Speed error", "omega_error", ANGULAR_SPEED)]
+    if any(isinstance(law, SpacePosition) for law in laws):
+        found.append(("Angle error", "theta_error", ANGLE))
+    return [
+        Panel(title + frame, signal, title.lower(), spoken_unit(study, dimension), ratio)
+        for title, signal, dimension in found
+    ]
 
 
-def periods(results: Results, run: Run) -> tuple[Array, float] | None:
-    """Periods travelled at each row, and one period, mechanical rad; None without learning in angle."""
-    law = in_angle(results.study, run.controller)
+def periods(results: Results, run: Run) -> Array | None:
+    """Periods travelled at each row; None without learning in angle."""
+    law = in_angle(results, run)
     if law is None or len(run.trace) < 2:
         return None
-    period = 2 * math.pi * float(law.period.revolutions(results.study.motor.pole_pairs))
-    theta = travelled(results.study, run)
+    theta = travelled(results, run)
     if not np.all(np.isfinite(theta)):
         return None
-    return np.abs(theta - theta[0]) / period, period
+    revolutions = float(law.period.revolutions(results.study.motor.pole_pairs))
+    return np.asarray(np.abs(theta - theta[0]) / (2 * math.pi * revolutions))

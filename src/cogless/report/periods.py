@@ -12,6 +12,7 @@ from cogless.report.packing import Array, plain
 from cogless.report.palette import place
 from cogless.report.paths import errors, in_angle, learned_terms, periods
 from cogless.results import Results, Run
+from cogless.study.space_controller import Period
 
 CELLS = 360
 SHOWN = 5  # periods of a chart
@@ -28,36 +29,25 @@ def over_angle(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 
 def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
-    travelled = periods(results, run)
-    law = in_angle(results.study, run.controller)
-    if travelled is None or law is None:
+    turns, law = periods(results, run), in_angle(results, run)
+    if turns is None or law is None:
         return []
-    turns, _ = travelled
     begun = turns[min(run.trace.window(0.0, law.learning_start).stop, len(turns) - 1)]
     chosen = _chosen(float(begun), float(turns[-1]))
     if not chosen or np.any(np.diff(turns) < 0):  # it turns back: not a function of the angle
         return []
-    label = results.study.label(run.controller)
-    about = {
-        "x": "angle within the period (°)",
-        "angle": np.linspace(0, 360, CELLS + 1).tolist(),
-    }
     learned = np.sum([run.trace[name] for name in learned_terms(results, run)], axis=0)
-    drawn = [
-        (e.title, e.of(run.trace), e.title.split(",")[0].lower(), pretty(e.unit))
-        for e in errors(results, [run])
-    ]
-    drawn.append(("Learned current", learned, "current", "A"))
-    where = place(results, run)
+    drawn = [(e.title, e.of(run.trace), e.quantity, e.unit) for e in errors(results, [run])]
     return [
         {
-            **about,
-            "title": f"{title} over {_period(law)}: {label}",
+            "title": f"{title} over {_period(law.period)}: {results.study.label(run.controller)}",
+            "x": "angle within the period (°)",
+            "angle": np.linspace(0, 360, CELLS + 1).tolist(),
             "quantity": quantity,
-            "unit": unit,
+            "unit": pretty(unit),
             "series": [
                 {
-                    "controller": where,
+                    "controller": place(results, run),
                     "label": f"period {k + 1}",
                     "fade": 0.25 + 0.75 * i / max(1, len(chosen) - 1),
                     "values": plain(_within(turns, x, k)),
@@ -65,7 +55,7 @@ def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
                 for i, k in enumerate(chosen)
             ],
         }
-        for title, x, quantity, unit in drawn
+        for title, x, quantity, unit in [*drawn, ("Learned current", learned, "current", "A")]
     ]
 
 
@@ -84,7 +74,6 @@ def _within(turns: Array, x: Array, period: int) -> Array:
     return np.asarray(np.interp(period + np.linspace(0, 1, CELLS + 1), turns[rows], x[rows]))
 
 
-def _period(law: Any) -> str:
-    period = law.period
+def _period(period: Period) -> str:
     share = f"{period.turns}/{period.parts} of " if (period.turns, period.parts) != (1, 1) else ""
     return f"{share}one {period.of} revolution"

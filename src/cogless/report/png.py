@@ -1,23 +1,31 @@
-"""Still pictures, as PNG: what the reports' pictures have in common."""
+"""Still pictures, as PNG: plots in rows and columns, of the data that the page draws too."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from textwrap import fill
 from typing import Any
 
-from numpy.typing import NDArray
+import numpy as np
 
 from cogless.files import replacing
+from cogless.report.markup import asset
+from cogless.report.packing import Array
+from cogless.results import AnyResults
 
-Axes = NDArray[Any]  # of matplotlib, rows x columns
+Data = dict[str, Any]  # of a scenario, or of a plot in it
+Looks = Sequence[dict[str, Any]]  # colour and label of each controller, for matplotlib
 
-# Colours of report.css, where --c0 is the baseline's.
-PALETTE = ("#6a7380", "#0b6bcb", "#d9630c", "#13865a", "#9a3fb5", "#b58a00", "#c2255c", "#0c8599")
 REFERENCE: dict[str, Any] = {"color": "#1b1f24", "linestyle": "--", "linewidth": 0.9, "zorder": 5}  # on top
 STYLE: dict[Any, Any] = {
     "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.titlelocation": "left",
+    "axes.xmargin": 0,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
@@ -30,41 +38,84 @@ STYLE: dict[Any, Any] = {
 }
 
 
-def look(controller: dict[str, Any]) -> dict[str, Any]:
-    """A controller's colour and label, for matplotlib."""
-    return {"color": PALETTE[controller["colour"]], "label": controller["label"]}
+@dataclass(frozen=True)
+class Plot:
+    """One plot; `draw` fills its axes, of matplotlib."""
+
+    draw: Callable[[Any], None]
+    x: str = ""
+    y: str = ""
+    title: str = ""
 
 
-def save(
-    path: Path,
-    title: str,
-    shape: tuple[int, int],
-    height: float,
-    draw: Callable[[Axes], None],
-    widths: Sequence[float] | None = None,
-) -> bool:
-    """Make a figure of rows and columns of axes, let `draw` fill them, write it. False: nothing to draw.
+@dataclass(frozen=True)
+class Picture:
+    """A kind of picture: its rows of plots, their height in inches, and the columns' widths to each other."""
 
-    `height`: of a row, inches; `widths`: of the columns to each other.
+    rows: Callable[[Data, Looks], list[list[Plot]]]
+    height: float
+    widths: tuple[int, ...] = ()  # default: the same
+
+
+def write_plots(
+    results: AnyResults, drawn: Data, pictures: Mapping[str, Picture], directory: Path
+) -> list[Path]:
+    """Write SCENARIO-KIND.png of each kind of picture that has a plot; return the paths.
+
+    `drawn`: the page's data. matplotlib is imported here: it takes longer than the pictures.
     """
+    import matplotlib
+
+    palette = re.findall(r"--c\d: (#\w+);", asset("report.css"))  # the light colours come first
+    looks = [{"color": palette[c["colour"]], "label": c["label"]} for c in drawn["controllers"]]
+    written = []
+    with matplotlib.rc_context(STYLE):
+        for scenario, data in zip(results.scenarios, drawn["scenarios"], strict=True):
+            for kind, picture in pictures.items():
+                rows = picture.rows(data, looks)
+                if rows and rows[0]:
+                    written.append(directory / f"{scenario}-{kind}.png")
+                    _save(written[-1], f"{results.study.title}: {scenario}", rows, picture)
+    return written
+
+
+def _save(path: Path, title: str, rows: Sequence[Sequence[Plot]], picture: Picture) -> None:
     from matplotlib.figure import Figure
 
-    rows, columns = shape
-    if not rows or not columns:
-        return False
-    figure = Figure(figsize=(9 if columns == 1 else 12, 0.9 + height * rows), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, width_ratios=widths)
-    draw(axes)
-    wide = 8 * int(figure.get_figwidth())  # characters
-    figure.suptitle(fill(title, wide), x=0.01, ha="left", fontweight="bold")
+    columns = len(rows[0])
+    width = 9 if columns == 1 else 12
+    figure = Figure(figsize=(width, 0.9 + picture.height * len(rows)), layout="constrained")
+    widths = picture.widths[:columns] or None
+    axes = figure.subplots(len(rows), columns, squeeze=False, width_ratios=widths)
     handles: dict[str, Any] = {}
-    for ax in axes.flat:
+    for (row, column), ax in np.ndenumerate(axes):
+        plot = rows[row][column]
+        plot.draw(ax)
+        # said once: below each other's x, and what the plots of a row are of
+        if row + 1 == len(rows) or rows[row + 1][column].x != plot.x:
+            ax.set_xlabel(plot.x)
+        if not column:
+            ax.set(ylabel=plot.y, title=plot.title)
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
-    columns = max(
-        1, min(len(handles), 12 * int(figure.get_figwidth()) // (6 + max(map(len, handles), default=0)))
-    )
-    figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=columns)
+    figure.suptitle(fill(title, 8 * width), x=0.01, ha="left", fontweight="bold")
+    abreast = min(len(handles), 12 * width // (6 + max(map(len, handles), default=0)))
+    figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=max(1, abreast))
     with replacing(path) as temporary:
         figure.savefig(temporary, format="png")
-    return True
+
+
+def times(grid: Mapping[str, Any], values: Array) -> Array:
+    """Times of values on an even grid, s."""
+    return np.asarray(grid["start"] + grid["step"] * np.arange(len(values)))
+
+
+def plot(chart: Data, x: str, draw: Callable[..., None], *arguments: Any) -> Plot:
+    """A chart or panel of the page, drawn by draw(chart, *arguments, axes)."""
+    y = f"{chart['quantity']} ({chart['unit']})" if chart["unit"] else chart["quantity"]
+    return Plot(partial(draw, chart, *arguments), x, y, chart["title"])
+
+
+def stack(charts: Sequence[Data], draw: Callable[..., None], *arguments: Any) -> list[list[Plot]]:
+    """Charts of the page below each other."""
+    return [[plot(chart, chart["x"], draw, *arguments)] for chart in charts]

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from cogless.report.comparison import Line
+from cogless.report.comparison import Line, runs_in
 from cogless.results import Results, Run
 from cogless.results.metrics import Conditions, evaluate
 from cogless.study.metric import Metric
@@ -52,14 +52,14 @@ class Sensor:
 
 
 def sensor(results: Results, scenario: str, line: Line) -> Sensor | None:
-    """The sensor's part of a line; None where that is no error, or zero, or a trace is gone."""
+    """The sensor's part of a scenario's line; None where it is no error, or zero, or a trace is gone."""
     metric = next((m for m in results.study.metrics_in(scenario) if m.name == line.name), None)
     if metric is None or metric.signal not in SEEN or metric.kind not in SQUARES:
         return None
     conditions, measured = Conditions.of(results.study, scenario), SEEN[metric.signal]
     seen, shares = {}, {}
-    for run in results.runs:
-        if run.scenario != scenario or line.values.get(run.controller) is None:
+    for run in runs_in(results, scenario):
+        if line.values.get(run.controller) is None:
             continue
         if not len(run.trace) or measured not in run.trace:
             return None

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from html import escape
 from typing import Any
 
+from cogless.report.markup import rows
 from cogless.study.base import StudyBase
 
 SHOWN_ELSEWHERE = ("title", "description", "assumption", "seed")
@@ -15,13 +16,11 @@ def settings(study: StudyBase) -> str:
     """One small table for each table of the study, as its file and datasheet have it."""
     groups = []
     for name, table in _groups(study.source.tables):
-        rows = "".join(
-            f"<tr><th>{escape(key)}</th><td>{escape(text)}</td></tr>" for key, text in _rows(table)
-        )
-        if rows:
+        body = rows((key, f"<td>{escape(text)}</td>") for key, text in _texts(table))
+        if body:
             groups.append(
                 f'<div class="group"><h3><code>[{escape(name)}]</code></h3>'
-                f'<div class="boxed"><table>{rows}</table></div></div>'
+                f'<div class="boxed"><table>{body}</table></div></div>'
             )
     return f'<div class="settings">{"".join(groups)}</div>'
 
@@ -30,12 +29,12 @@ def assumptions(study: StudyBase) -> str:
     """The table of what the author had to suppose, and why; "" without assumptions."""
     if not study.assumption:
         return ""
-    rows = "".join(
+    body = "".join(
         f"<tr><th><code>{escape(a.about)}</code></th><td>{escape(a.reason)}</td></tr>"
         for a in study.assumption
     )
     head = "<thead><tr><th>Assumption about</th><th>because</th></tr></thead>"
-    return f'<h3>Assumptions</h3><div class="boxed"><table>{head}<tbody>{rows}</tbody></table></div>'
+    return f'<h3>Assumptions</h3><div class="boxed"><table>{head}<tbody>{body}</tbody></table></div>'
 
 
 def _groups(tables: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -55,10 +54,10 @@ def _summary(row: dict[str, Any]) -> str:
     return "; ".join(f"{key} {_text(value)}" for key, value in row.items() if key != "name")
 
 
-def _rows(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+def _texts(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
     for key, value in table.items():
         if isinstance(value, dict) and value:
-            yield from _rows(value, f"{prefix}{key}.")
+            yield from _texts(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", _text(value)
 

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cogless.report.comparison import pretty
-from cogless.report.overtime import near_reference
+from cogless.report.comparison import pretty, speed_unit
 from cogless.report.packing import Array, number, plain
 from cogless.report.palette import place
 from cogless.report.paths import learned_terms, varies
@@ -19,6 +18,7 @@ from cogless.results.metrics import onward
 from cogless.units import ANGULAR_SPEED, factor
 
 SHOWN_ORDERS = 24
+NEAR = 0.05  # of the reference: the drive is up to speed
 BACK = 0.01  # of a rotor's way: less is no turning back
 
 NOTE = (
@@ -27,11 +27,11 @@ NOTE = (
 )
 
 
-def spectra(results: Results, runs: Sequence[Run], speed_unit: str) -> list[dict[str, Any]]:
+def spectra(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     """Speed by electrical and by mechanical order: late in the run, and where each controller began."""
-    pole_pairs = results.study.motor.pole_pairs
-    scale = factor(speed_unit, ANGULAR_SPEED)
-    highest = min((_highest(results, run) for run in runs), default=0)
+    pole_pairs, unit = results.study.motor.pole_pairs, speed_unit(results)
+    scale = factor(unit, ANGULAR_SPEED)
+    highest = min(_highest(results, run) for run in runs)
     both = [(place(results, run), *_before_and_after(results, run, highest)) for run in runs]
     found = [(where, early, after) for where, early, after in both if after is not None]
     if not found:
@@ -40,29 +40,26 @@ def spectra(results: Results, runs: Sequence[Run], speed_unit: str) -> list[dict
     electrical = np.arange(1, min(12, (len(peaks) - 1) // pole_pairs) + 1)
     strongest = np.argsort(np.nan_to_num(peaks))[::-1][:SHOWN_ORDERS]
     mechanical = np.sort(strongest[peaks[strongest] > 1e-3 * np.nanmax(peaks)])
-    charts = []
-    varying = any(_signal(run) == "omega_error" for run in runs)
-    for frame, orders, step in (("electrical", electrical, pole_pairs), ("mechanical", mechanical, 1)):
-        if len(orders) == 0 or (frame == "mechanical" and pole_pairs == 1):
-            continue
-        series = []
-        for where, early, after in found:
-            one = {"controller": where, "values": plain(after[orders * step] / scale)}
-            if early is not None:
-                one["early"] = plain(early[orders * step] / scale)
-            series.append(one)
-        title = f"{'Speed error' if varying else 'Speed'} by {frame} order" + (
-            ", the strongest" if frame == "mechanical" else ""
-        )
-        x = f"order of the {frame} revolution"
-        axis = {
-            "title": title,
-            "x": x,
-            "quantity": f"speed {'error ' if varying else ''}amplitude",
-            "unit": pretty(speed_unit),
+    frames = [("electrical", electrical, pole_pairs, "")]
+    if pole_pairs > 1:
+        frames.append(("mechanical", mechanical, 1, ", the strongest"))
+    drawn = "speed error" if any(_signal(run) == "omega_error" for run in runs) else "speed"
+    return [
+        {
+            "title": f"{drawn.capitalize()} by {frame} order{which}",
+            "x": f"order of the {frame} revolution",
+            "quantity": f"{drawn} amplitude",
+            "unit": pretty(unit),
+            "orders": orders.tolist(),
+            "series": [
+                {"controller": where, "values": plain(after[orders * step] / scale)}
+                | ({} if early is None else {"early": plain(early[orders * step] / scale)})
+                for where, early, after in found
+            ],
         }
-        charts.append({**axis, "orders": orders.tolist(), "series": series})
-    return charts
+        for frame, orders, step, which in frames
+        if len(orders)
+    ]
 
 
 def _signal(run: Run) -> str:
@@ -70,46 +67,39 @@ def _signal(run: Run) -> str:
     return "omega_error" if varies(run.trace["omega_ref"][len(run.trace) // 2 :]) else "omega_m"
 
 
-def left_out(results: Results, scenario: str) -> list[str]:
-    """A sentence for each controller that has no spectrum, and why."""
-    return [text for run in results.runs if run.scenario == scenario and (text := _left_out(results, run))]
-
-
-def turned_back(results: Results, scenario: str) -> str:
+def turned_back(results: Results, runs: Sequence[Run]) -> str:
     """A note of spectra that are of a part of the way, since the rotor turns back; "" where none is."""
     found, when = [], ""
-    for run in results.runs:
+    for run in runs:
         theta = run.trace["theta_m"][late(results, run)]
-        if run.scenario == scenario and len(theta) > 1 and not _left_out(results, run):
-            way, turns = _way(theta), _turns(theta)
+        if len(theta) > 1 and not left_out(results, run):
             when = _when(results, run)
-            if way - turns > BACK * way:
-                of = f"{number(turns)} of {number(way)} revolutions"
-                found.append(f"{results.study.label(run.controller)} {of}")
+            if _way(theta) - _turns(theta) > BACK * _way(theta):
+                found.append(f"{results.study.label(run.controller)} {_turned(theta)}")
     if not found:
         return ""
     return f"The rotor turns back {when}. Only its longest way in one direction counts: {'; '.join(found)}."
 
 
-def _left_out(results: Results, run: Run) -> str:
-    trace, rows = run.trace, late(results, run)
-    label, theta = results.study.label(run.controller), trace["theta_m"][rows]
-    if len(theta) < 2:
+def left_out(results: Results, run: Run) -> str:
+    """A sentence on a controller that has no spectrum, and why; "" where it has one."""
+    rows, pole_pairs = late(results, run), results.study.motor.pole_pairs
+    theta, x = run.trace["theta_m"][rows], run.trace[_signal(run)][rows]
+    if len(theta) < 2 or order_spectrum(theta, x, pole_pairs, pole_pairs) is not None:
         return ""
-    x, pole_pairs, when = trace[_signal(run)][rows], results.study.motor.pole_pairs, _when(results, run)
+    why = f"it turns less than an electrical revolution in one direction, {_turned(theta)}"
     if not np.all(np.isfinite(theta) & np.isfinite(x)):
-        return f"{label} has no bars: {when} not all of its numbers are finite."
-    if order_spectrum(theta, x, pole_pairs, pole_pairs) is not None:
-        return ""
-    turned = f"{number(_turns(theta))} of {number(_way(theta))} revolutions"
-    return (
-        f"{label} has no bars: {when} it turns less than an electrical revolution in one direction, {turned}."
-    )
+        why = "not all of its numbers are finite"
+    return f"{results.study.label(run.controller)} has no bars: {_when(results, run)} {why}."
 
 
 def _when(results: Results, run: Run) -> str:
     """Words for the times between which a run's spectrum is taken."""
     return "between {:.4g} and {:.4g} s".format(*run.trace.time[late(results, run)][[0, -1]])
+
+
+def _turned(theta: Array) -> str:
+    return f"{number(_turns(theta))} of {number(_way(theta))} revolutions"
 
 
 def _way(theta: Array) -> float:
@@ -132,14 +122,13 @@ def _highest(results: Results, run: Run) -> int:
 
 def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array | None, Array | None]:
     """Amplitudes where a controller that learns began, for a revolution, and late in the run."""
-    trace, rows = run.trace, late(results, run)
-    pole_pairs = results.study.motor.pole_pairs
-    theta, x = trace["theta_m"], trace[_signal(run)]
+    rows, pole_pairs = late(results, run), results.study.motor.pole_pairs
+    theta, x = run.trace["theta_m"], run.trace[_signal(run)]
     if rows.stop - rows.start < 2:
         return None, None
     after = order_spectrum(theta[rows], x[rows], highest, pole_pairs)
     # It began where the speed first came near the reference.
-    near = np.flatnonzero(near_reference(run))
+    near = np.flatnonzero(np.abs(run.trace["omega_error"]) <= NEAR * np.abs(run.trace["omega_ref"]))
     if after is None or len(near) == 0:
         return None, after
     turned = np.abs(theta[near[0] :] - theta[near[0]]) >= 2 * math.pi

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from cogless.report.packing import Array, number
+from cogless.report.packing import Array, number, rms
 from cogless.results import Results, Run
 from cogless.study.metric import Metric
 from cogless.units import ANGULAR_SPEED, factor
@@ -75,11 +73,7 @@ def _off(reference: Array, speed: Array, unit: str, drift: float) -> str:
         off = abs(got - wanted) > FAR * size
         shown = got if abs(got) > 1e-3 * size else 0.0
         return f"mean {shown:.4g} of {wanted:.4g} {unit}" if off else ""
-    error, amplitude = _rms(reference - speed), _rms(reference)
+    error, amplitude = float(rms(reference - speed)), float(rms(reference))
     if error <= (LOST * amplitude or drift):
         return ""
     return f"error {number(error)} {unit} rms, reference {number(amplitude)} {unit} rms"
-
-
-def _rms(x: Array) -> float:
-    return math.sqrt(float(np.mean(np.square(x))))

@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cogless.report.packing import Array
 from cogless.report.palette import place
-from cogless.report.paths import learns
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
 from cogless.results.status import NOTICED, SAFE, Status
@@ -30,7 +28,9 @@ def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         return []
     lanes = []
     for bits, name in STATES.items():
-        able = [run for run in runs if bits != Status.FROZEN or learns(results.study, run.controller)]
+        able = [
+            run for run in runs if bits != Status.FROZEN or results.study.controller[run.controller].learned
+        ]
         held = {place(results, run): spans for run in able if (spans := _spans(run, bits))}
         if held:
             drawn = [{"controller": controller, "spans": held[controller]} for controller in sorted(held)]
@@ -47,12 +47,7 @@ def _spans(run: Run, bits: int) -> list[float]:
     from_, to = time[edges[::2]], time[edges[1::2] - 1] + period
     gap = 2 * period
     while len(from_) > MOST:
-        from_, to = _closed(from_, to, gap)
+        wide = from_[1:] - to[:-1] > gap
+        from_, to = from_[np.concatenate(([True], wide))], to[np.concatenate((wide, [True]))]
         gap *= 2
     return [round(float(t), 6) for pair in zip(from_, to, strict=True) for t in pair]
-
-
-def _closed(from_: Array, to: Array, gap: float) -> tuple[Array, Array]:
-    """Spans without the gaps that are shorter."""
-    wide = from_[1:] - to[:-1] > gap
-    return from_[np.concatenate(([True], wide))], to[np.concatenate((wide, [True]))]

@@ -8,84 +8,70 @@ from html import escape
 
 import numpy as np
 
-from cogless.report.comparison import Line, compare, factor_text, remarks
-from cogless.report.markup import controller_heading, note, reservations, scrolled
-from cogless.report.packing import number
-from cogless.report.palette import colours
-from cogless.report.paths import LEARNED, learns
+from cogless.report.comparison import Line, factor_text, remarks
+from cogless.report.markup import headings, key, note, reservations, rows, table, tint
+from cogless.report.packing import number, rms
+from cogless.report.paths import LEARNED
 from cogless.report.speed_tracking import late
 from cogless.results import AnyResults, Results, Run
 
 
-def metric_table(results: Results, scenario: str) -> str:
-    """Metrics down, controllers across; best marked, ratio to the baseline."""
-    lines = compare(results, scenario)
-    return line_table(results, scenario, lines) + reservations(remarks(results.study, lines))
+def line_table(results: AnyResults, runs: Sequence[Run], lines: Sequence[Line]) -> str:
+    """A scenario's lines down, its controllers across; best marked, ratio to the baseline."""
+    scenario, controllers = runs[0].scenario, [run.controller for run in runs]
+    head = f"<th>{escape(scenario)}</th>{headings(results, controllers)}"
+    body = rows((line.title, _cells(line, controllers, results.study.baseline)) for line in lines)
+    found = table("numbers", f"Numbers of {scenario}", head, body)
+    found = found or note(f"No metric is taken in {scenario}.")
+    return found + reservations(remarks(results.study, lines))
 
 
-def line_table(results: AnyResults, scenario: str, lines: Sequence[Line]) -> str:
-    """A scenario's lines down, its controllers across."""
-    if not lines:
-        return note(f"No metric is taken in {scenario}.")
-    label, baseline = results.study.label, results.study.baseline
-    controllers = [run.controller for run in results.runs if run.scenario == scenario]
-    head = "".join(controller_heading(label(c), c == baseline) for c in controllers)
-    body = "".join(_row(line, controllers, baseline) for line in lines)
-    table = f"<thead><tr><th>{escape(scenario)}</th>{head}</tr></thead><tbody>{body}</tbody>"
-    return scrolled(f'<table class="numbers">{table}</table>', f"Numbers of {scenario}")
+def _cells(line: Line, controllers: Sequence[str], baseline: str) -> str:
+    cells = []
+    for controller in controllers:
+        ratio = line.ratio(controller, baseline) if controller != baseline else None
+        factor = f' <span class="ratio">{factor_text(ratio)}</span>' if ratio is not None else ""
+        sort = "best" if controller in line.best else "missed" if controller in line.missed else ""
+        value = escape(line.text(controller))
+        cells.append(f'<td class="{sort}"><span class="value">{value}</span>{factor}</td>')
+    return "".join(cells)
 
 
-def term_tables(results: Results, scenario: str) -> str:
+def term_tables(results: Results, runs: Sequence[Run]) -> str:
     """RMS of each term of each law late in the run, and of its varying part; empty where there are none."""
-    runs = [run for run in results.runs if run.scenario == scenario]
-    tables = "".join(_terms(results, run, results.study.label(run.controller)) for run in runs)
+    tables = "".join(_terms(results, run) for run in runs)
     about = note(
-        f"RMS of each term of the current reference late in {scenario}; the varying part is about its mean, "
-        "so it leaves out what only carries the load."
+        f"RMS of each term of the current reference late in {runs[0].scenario}; the varying part is about "
+        "its mean, so it leaves out what only carries the load."
     )
     return about + tables if tables else ""
 
 
-def _row(line: Line, controllers: list[str], baseline: str) -> str:
-    cells = []
-    for controller in controllers:
-        ratio = line.ratio(controller, baseline)
-        factor = f' <span class="ratio">{factor_text(ratio)}</span>' if ratio is not None else ""
-        if controller == baseline:
-            factor = ""
-        sort = "best" if controller in line.best else "missed" if controller in line.missed else ""
-        value = escape(line.text(controller))
-        cells.append(f'<td class="{sort}"><span class="value">{value}</span>{factor}</td>')
-    return f"<tr><th>{escape(line.title)}</th>{''.join(cells)}</tr>"
-
-
-def _terms(results: Results, run: Run, label: str) -> str:
-    trace = run.trace
-    rows = late(results, run)
-    names = [name for name in trace.names if name.startswith("term_")] if rows.stop > rows.start else []
-    if not learns(results.study, run.controller):
-        names = [name for name in names if name not in LEARNED]
-    figures = [(float(np.sqrt(np.mean(trace[n][rows] ** 2))), float(np.std(trace[n][rows]))) for n in names]
-    top, most = (_largest(column) for column in zip(*figures, strict=True)) if figures else (1.0, 1.0)
-    body = "".join(
-        f"<tr><th>{escape(name.removeprefix('term_').replace('_', ' '))}</th>"
-        f'<td class="figure">{number(rms)} A</td><td class="wide">{_meter(rms / top)}</td>'
-        f'<td class="figure">{number(varying)} A</td><td class="wide">{_meter(varying / most)}</td></tr>'
-        for name, (rms, varying) in zip(names, figures, strict=True)
-    )
-    if not body:
+def _terms(results: Results, run: Run) -> str:
+    part, controller = late(results, run), run.controller
+    out = () if results.study.controller[controller].learned else LEARNED
+    names = [name for name in run.trace.names if name.startswith("term_") and name not in out]
+    terms = [run.trace[name][part] for name in names]
+    if not terms or not len(terms[0]):
         return ""
+    totals = [float(rms(x)) for x in terms]
+    varying = [float(np.std(x)) for x in terms]
+    body = rows(
+        (name.removeprefix("term_").replace("_", " "), total + changes)
+        for name, total, changes in zip(names, _meters(totals), _meters(varying), strict=True)
+    )
     head = '<th>term</th><th class="figure">RMS</th><th></th><th class="figure">varying part</th><th></th>'
-    colour = colours(results)[run.controller]
-    style = f'style="--colour:var(--c{colour})"'
-    table = f'<table class="terms" {style}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
-    return f'<h3 class="key" {style}>{escape(label)}</h3>' + scrolled(table, f"Terms of {label}")
+    about = f"Terms of {results.study.label(controller)}"
+    found = table("terms", about, head, body, attributes=f" {tint(results, controller)}")
+    return key(results, controller, "h3") + found
 
 
-def _largest(figures: Sequence[float]) -> float:
-    return max(filter(math.isfinite, figures), default=0.0) or 1.0
-
-
-def _meter(share: float) -> str:
-    share = share if math.isfinite(share) else 0.0
-    return f'<div class="meter" style="width:{100 * share:.1f}%"></div>'
+def _meters(figures: Sequence[float]) -> list[str]:
+    """Cells of each figure, A, and of a bar as long as it is large."""
+    top = max(filter(math.isfinite, figures), default=0.0) or 1.0
+    shares = [figure / top if math.isfinite(figure) else 0.0 for figure in figures]
+    return [
+        f'<td class="figure">{number(figure)} A</td>'
+        f'<td class="wide"><div class="meter" style="width:{100 * share:.1f}%"></div></td>'
+        for figure, share in zip(figures, shares, strict=True)
+    ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cogless.design.unlearned import never, revolutions_learned, starts_too_late, too_short
-from cogless.report.paths import learns, travelled
+from cogless.report.paths import travelled
 from cogless.results import Results, Run
 from cogless.results.status import Status
 from cogless.study.controller import Learning
@@ -19,11 +19,11 @@ def unlearned(results: Results, run: Run) -> str | None:
     """
     study, name, trace = results.study, run.controller, run.trace
     law, revolutions = study.controller[name], revolutions_learned(study, name)
-    if revolutions is None or not isinstance(law, Learning | SpaceLearning):
+    if revolutions is None or not isinstance(law, Learning | SpaceLearning) or not law.learned:
         return None
-    if not learns(study, name) or len(trace) < 2 or "status" not in trace:
+    if len(trace) < 2 or "status" not in trace:
         return None
-    theta, status = travelled(study, run), trace["status"]
+    theta, status = travelled(results, run), trace["status"]
     if not np.all(np.isfinite(theta) & np.isfinite(status)):
         return None
     learning = (status.astype(int) & Status.FROZEN) == 0

@@ -1,8 +1,7 @@
 "use strict";
-(() => {
-  const report = JSON.parse(document.getElementById("data").textContent);
-  const page = reportPage(report, draw);
-  const { style, colour, make, number, quantity, unpack } = page;
+// Plots of a scenario of trials; `page`: what every scenario's plots share.
+const trialsPlots = (page) => {
+  const { report, style, colour, make, about, number, unpack } = page;
   const FONT = "11px system-ui, sans-serif";
   const ROW = 15; // of marks' names, in pixels
 
@@ -22,14 +21,14 @@
 
   // --- over the trials
 
-  function overTrials({ part, panel, zoomTo }, { charts, trials, marks, zooms }, kept) {
+  function overTrials({ part, panel, zoomTo, zoomButtons }, { charts, trials, marks, zooms }, kept) {
     part("over-trials").hidden = !charts.length;
     const parent = part("over-trials").querySelector(".panels");
     charts.forEach((chart, i) => {
       const xs = Array.from({ length: trials }, (_, k) => k + 1);
       const series = chart.series.map((s) => ({ controller: s.controller, values: unpack(s.values).map((v) => (v == null ? null : 10 ** v)) }));
       panel(parent, {
-        title: chart.title, x: "trial", y: quantity(chart.quantity, chart.unit), xs, series, height: i ? 230 : 360, group: "trials",
+        ...about(chart), xs, series, height: i ? 230 : 360, group: "trials",
         readX: (k) => `trial ${k}`,
         adapt: (o) => {
           o.scales.y = { distr: 3, range: (u, low, high) => logRange(low, high, chart.floor) };
@@ -42,9 +41,7 @@
       });
       if (chart.note) make("p", parent, chart.note, "note");
     });
-    const buttons = part("over-trials").querySelector(".zooms");
-    buttons.textContent = "";
-    for (const z of zooms) make("button", buttons, z.name).onclick = () => zoomTo("trials", z);
+    zoomButtons(part("over-trials"), "trials", zooms);
     if (kept) zoomTo("trials", kept);
   }
 
@@ -124,7 +121,7 @@
     const { shown, zoomed, zoomTo } = sheet;
     const { phases, note } = shown.waveforms;
     const view = views.get(sheet);
-    const [kinds, chooser, about, panels] = [".views", ".chooser", ".about", ".panels"].map((name) => sheet.part("waveforms").querySelector(name));
+    const [kinds, chooser, told, panels] = [".views", ".chooser", ".about", ".panels"].map((name) => sheet.part("waveforms").querySelector(name));
     kinds.textContent = chooser.textContent = "";
     const again = (change) => () => {
       change();
@@ -144,7 +141,7 @@
     choice(kinds, "one trial, all controllers", byTrial, () => { view.by = "trial"; });
     choice(kinds, "one controller, several trials", !byTrial, () => { view.by = "controller"; });
     const chosen = [...view.trials].sort((a, b) => a - b).join(", ");
-    about.textContent = (byTrial
+    told.textContent = (byTrial
       ? `Trial ${view.trial}, all controllers. `
       : `${report.controllers[view.controller].label}, trials ${chosen || view.trial}, the earliest palest. A phase's name chooses all of its trials. `) +
       `Of each phase there are the first, second, fifth and last trial. ${note}`;
@@ -191,7 +188,7 @@
       for (const r of distinct) series.push({ dash: true, label: "reference", values: unpack(r) }); // on top
       const xs = Array.from({ length: Math.max(...series.map((s) => s.values.length)) }, (_, k) => start + k * step);
       panel(parent, {
-        title: p.title, x: i === known.length - 1 ? x : "", y: quantity(p.quantity, p.unit), xs, series, group: "waves", readX: (t) => `${t.toFixed(4)} s`,
+        ...about({ x: i === known.length - 1 ? x : "", ...p }), xs, series, group: "waves", readX: (t) => `${t.toFixed(4)} s`,
       });
     });
   }
@@ -210,9 +207,8 @@
     for (const chart of charts) {
       const xs = chart.frequency;
       const series = chart.series.map((s) => ({ ...s, values: unpack(s.values), label: s.dash && "unfiltered" }));
-      const dashed = series.some((s) => s.dash) ? ", without Q filter dashed" : "";
       panel(part("certificate").querySelector(".panels"), {
-        title: `${chart.title}: |F| of the worst plant${dashed}`, x: "frequency (Hz)", y: "|F|, factor a trial", xs, series, height: 260, readX: (f) => `${number(f)} Hz`,
+        ...about(chart), xs, series, height: 260, readX: (f) => `${number(f)} Hz`,
         adapt: (o) => {
           o.scales.x = { time: false, distr: 3, range: (u, low, high) => [low, high] };
           o.scales.y = { range: (u, low, high) => [0, 1.1 * Math.max(1, high ?? 1)] };
@@ -222,5 +218,5 @@
     }
   }
 
-  page.begin();
-})();
+  return draw;
+};

@@ -9,8 +9,13 @@ from functools import cached_property
 
 import numpy as np
 
-from cogless.report.trials.errors import Array, Judged, judged, rms_of_trials, settled
+from cogless.design.certificate import ModelCertificate
+from cogless.design.trial import TrialDesign
+from cogless.report.packing import Array
+from cogless.report.trials.certificate import Model, models
+from cogless.report.trials.errors import Judged, judged, rms_of_trials, settled
 from cogless.report.trials.phases import Phase, phases
+from cogless.report.verdict import Contest
 from cogless.results import Run, TrialResults
 from cogless.results.metrics import result_name
 from cogless.results.status import Status
@@ -23,7 +28,7 @@ QUARTERS = 4
 
 
 @dataclass(frozen=True)
-class Case:
+class Case(Contest):
     """Controllers with their numbers in each phase; counts are infinite where the floor is never reached."""
 
     study: TrialStudy
@@ -36,12 +41,9 @@ class Case:
     @cached_property
     def counts(self) -> dict[str, list[float]]:
         """Trials to the floor; empty where no metric says."""
-        for metric in self.about.metrics:
-            if metric.kind == "trials-to-floor":
-                name = result_name(metric)
-                found = {c: run.metrics[name] for c, run in self.runs.items() if name in run.metrics}
-                return {c: values for c, values in found.items() if isinstance(values, list)}
-        return {}
+        floors = [result_name(metric) for metric in self.about.metrics if metric.kind == "trials-to-floor"]
+        found = {c: run.metrics.get(name) for name in floors[:1] for c, run in self.runs.items()}
+        return {c: values for c, values in found.items() if isinstance(values, list)}
 
     @cached_property
     def final(self) -> dict[str, list[float]]:
@@ -61,10 +63,6 @@ class Case:
         counts = self.counts[controller]
         return [phase for phase, n in zip(self.phases, counts, strict=True) if not math.isfinite(n)]
 
-    def slowest(self, controller: str) -> float:
-        """The most trials to the floor in any phase."""
-        return max(self.counts[controller])
-
     def worst(self, controller: str) -> float:
         """The largest final RMS of all phases; infinite where one isn't finite or known."""
         return max(
@@ -74,12 +72,12 @@ class Case:
     @cached_property
     def growing(self) -> dict[str, tuple[Phase, float, float]]:
         """Phase in which each diverging controller diverges, and its RMS, from and to (not finite: NaN)."""
-        found = {}
+        found: dict[str, tuple[Phase, float, float]] = {}
         for controller in self.rms:
             for phase in self.phases:
                 grown = self._grown(self.of(controller, phase))
-                if grown is not None and controller not in found:
-                    found[controller] = (phase, *grown)
+                if grown is not None:
+                    found.setdefault(controller, (phase, *grown))
         return found
 
     def _grown(self, rms: Array) -> tuple[float, float] | None:
@@ -101,41 +99,37 @@ class Case:
         status = trace["status"].reshape(self.study.scenario[self.scenario].trials, -1).astype(int)
         return int(np.any(status & Status.SATURATED, axis=1).sum())
 
-    def label(self, controller: str) -> str:
-        """A controller's label, in quotation marks if it has a comma, since sentences list labels."""
-        label = self.study.label(controller)
-        return f"“{label}”" if "," in label else label
-
-    def listed(self, controllers: Sequence[str]) -> str:
-        """Labels of controllers, for a sentence."""
-        return listed([self.label(name) for name in controllers])
-
     def text(self, value: float) -> str:
         """An RMS with its unit."""
-        return self.about.text(value) if math.isfinite(value) else "not finite"
+        return self.about.text(value)
+
+    def worst_first(self, controller: str, other: str) -> tuple[float, Phase, str]:
+        """The first trial after a change that is the most times another's: how many, where, both values."""
+        ratios = [
+            (self.first(controller, phase) / self.first(other, phase), phase)
+            for phase in self.phases[1:]
+            if self.first(other, phase) > 0 and math.isfinite(self.first(controller, phase))
+        ]
+        ratio, phase = max(ratios, key=lambda found: found[0], default=(0.0, self.phases[0]))
+        mine, base = (self.text(self.first(name, phase)) for name in (controller, other))
+        return ratio, phase, f"{mine} against {base}"
+
+    @cached_property
+    def certified(self) -> dict[str, tuple[TrialDesign, Model, ModelCertificate]]:
+        """Designs, with their certificates on the plant itself where it is known."""
+        designs = {name: run.design for name, run in self.runs.items() if run.design is not None}
+        return {name: (design, *list(models(design.certificate))[-1]) for name, design in designs.items()}
 
     def learns(self, controller: str) -> bool:
         return bool(getattr(self.study.controller[controller], "learning", True))
 
 
-def listed(parts: Sequence[str]) -> str:
-    """ "a, b and c"."""
-    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
-
-
-def case(results: TrialResults, scenario: str) -> Case | None:
+def case(results: TrialResults, runs: Sequence[Run]) -> Case | None:
     """The case to judge, or None."""
-    study = results.study
-    about = judged(study, scenario)
-    runs = {run.controller: run for run in results.runs if run.scenario == scenario}
-    trials = study.scenario[scenario].trials
-    rms = {c: rms_of_trials(about, run, trials) for c, run in runs.items()}
-    found = Case(
-        study,
-        scenario,
-        about,
-        phases(study.scenario[scenario]),
-        runs,
-        {c: values for c, values in rms.items() if values is not None},
-    )
+    study, scenario = results.study, runs[0].scenario
+    about, described = judged(study, scenario), study.scenario[scenario]
+    rms = {run.controller: rms_of_trials(about, run, described.trials) for run in runs}
+    known = {c: values for c, values in rms.items() if values is not None}
+    by_name = {run.controller: run for run in runs}
+    found = Case(study, scenario, about, phases(described), by_name, known)
     return found if found.counts or found.rms else None

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from html import escape
 from typing import Any
 
 import numpy as np
 
 from cogless.design.certificate import ENDS, Certificate, Learning, ModelCertificate
-from cogless.report.markup import scrolled
+from cogless.report.markup import NONE, key, table
 from cogless.report.packing import number, pack, plain
-from cogless.report.palette import colours, place
+from cogless.report.palette import place
 from cogless.results import Run, TrialResults
 
 NOTE = (
@@ -24,7 +25,8 @@ NOTE = (
 )
 ROUNDING = 1e-4  # of K_3
 MINUS = "−"  # noqa: RUF001
-NONE = "–"  # noqa: RUF001
+STABLE = ("stable", "unstable")
+GROWS = ("doesn't grow", "may grow")
 HEADINGS = (
     "Controller",
     "Model",
@@ -38,36 +40,47 @@ HEADINGS = (
 )
 
 
-def models(certificate: Certificate) -> Iterator[tuple[str, ModelCertificate]]:
+@dataclass(frozen=True)
+class Model:
+    """A kind of model that a certificate is of: as the table, a chart's title and a sentence name it."""
+
+    name: str
+    title: str
+    words: str
+
+
+MODELS = {
+    "euler": Model("Euler", "Design model (Euler)", "Euler model"),
+    "exact": Model("exactly sampled", "Plant, exactly sampled", "exactly sampled plant"),
+    None: Model("as given", "Models as given", "models as given"),
+}
+
+
+def models(certificate: Certificate) -> Iterator[tuple[Model, ModelCertificate]]:
     """Models that it speaks of: the design's, and the plant sampled exactly unless that is the same."""
-    names = {"euler": "Euler", "exact": "exactly sampled", None: "as given"}
-    yield names[certificate.discretisation], certificate.design
+    yield MODELS[certificate.discretisation], certificate.design
     if certificate.exact is not None and certificate.discretisation != "exact":
-        yield names["exact"], certificate.exact
+        yield MODELS["exact"], certificate.exact
 
 
-def certificate_table(results: TrialResults, scenario: str) -> str:
+def certificate_table(results: TrialResults, runs: Sequence[Run]) -> str:
     """A row for each controller and kind of model; empty where no run has a certificate."""
-    runs = [run for run in results.runs if run.scenario == scenario and run.design is not None]
-    rows = "".join(_rows(results, run) for run in runs)
+    bodies = [_rows(results, run) for run in runs if run.design is not None]
     head = "".join(f"<th>{heading}</th>" for heading in HEADINGS)
-    table = f'<table class="proof"><thead><tr>{head}</tr></thead>{rows}</table>'
-    return scrolled(table, f"Certificates in {scenario}") if rows else ""
+    return table("proof", f"Certificates in {runs[0].scenario}", head, *bodies)
 
 
 def curves(results: TrialResults, runs: Sequence[Run]) -> list[dict[str, Any]]:
     """A chart for each kind of model: |F| over frequency of each controller that learns."""
-    charts: dict[str, list[tuple[Run, Learning, bool]]] = {}
+    charts: dict[Model, list[tuple[Run, Learning, bool]]] = {}
     for run in runs:
         for name, model in models(run.design.certificate) if run.design is not None else ():
-            unfiltered, filtered = model.without_filter, model.with_filter
-            for learning, dash in ((filtered or unfiltered, False), (unfiltered if filtered else None, True)):
-                if learning is not None:
-                    charts.setdefault(name, []).append((run, learning, dash))
-    return [_chart(results, name, found) for name, found in charts.items()]
+            both = [found for found in (model.with_filter, model.without_filter) if found is not None]
+            charts.setdefault(name, []).extend((run, found, found is not both[0]) for found in both)
+    return [_chart(results, name.title, found) for name, found in charts.items() if found]
 
 
-def _chart(results: TrialResults, name: str, found: Sequence[tuple[Run, Learning, bool]]) -> dict[str, Any]:
+def _chart(results: TrialResults, title: str, found: Sequence[tuple[Run, Learning, bool]]) -> dict[str, Any]:
     """All curves on the frequencies of any; without zero, since the axis is logarithmic."""
     frequency = np.unique(np.concatenate([learning.curve[0] for _, learning, _ in found]))
     frequency = frequency[frequency > 0]
@@ -76,7 +89,15 @@ def _chart(results: TrialResults, name: str, found: Sequence[tuple[Run, Learning
         | ({"dash": True} if dash else {})
         for run, learning, dash in found
     ]
-    return {"title": _title(name), "frequency": plain(frequency), "series": series}
+    dashed = ", without Q filter dashed" if any(dash for _, _, dash in found) else ""
+    return {
+        "title": f"{title}: |F| of the worst plant{dashed}",
+        "x": "frequency (Hz)",
+        "quantity": "|F|, factor a trial",
+        "unit": "",
+        "frequency": plain(frequency),
+        "series": series,
+    }
 
 
 def close_to_one(value: float) -> str:
@@ -89,57 +110,33 @@ def close_to_one(value: float) -> str:
     return number(value)
 
 
-def _title(name: str) -> str:
-    return {"Euler": "Design model (Euler)", "as given": "Models as given"}.get(
-        name, "Plant, exactly sampled"
-    )
-
-
 def _rows(results: TrialResults, run: Run) -> str:
     assert run.design is not None
     found, K_3 = list(models(run.design.certificate)), run.design.K_3
-    colour = colours(results)[run.controller]
-    label = escape(results.study.label(run.controller))
-    body = []
-    for index, (name, model) in enumerate(found):
-        key = f'<span class="key" style="--colour:var(--c{colour})">{label}</span>'
-        first = f'<th rowspan="{len(found)}">{key}</th>'
+    first = f'<th rowspan="{len(found)}">{key(results, run.controller)}</th>'
+    body: list[str] = []
+    for name, model in found:
+        limits = _limit(model.without_filter, K_3) + _limit(model.with_filter, K_3, " with Q filter")
         cells = [
-            f"<td>{name}</td>",
-            _cell(
-                close_to_one(model.radius),
-                model.stable,
-                "stable" if model.stable else "unstable",
-                model.worst,
-            ),
-            _cell(
-                close_to_one(model.delayed_radius),
-                model.delayed_stable,
-                "stable" if model.delayed_stable else "unstable",
-            ),
-            f"<td>{NONE if model.phi_radius is None else _value(close_to_one(model.phi_radius))}</td>",
+            f"<td>{name.name}</td>",
+            _cell(model.radius, model.stable, STABLE, model.worst),
+            _cell(model.delayed_radius, model.delayed_stable, STABLE),
+            _cell(model.phi_radius),
             _learning(model.without_filter),
             _learning(model.with_filter),
-            _growth(model.growth),
-            f"<td>{_limit(model.without_filter, K_3)}{_limit(model.with_filter, K_3, ' with Q filter')}</td>",
+            _cell(model.growth, model.growth is not None and model.growth <= 1 + ENDS, GROWS),
+            f"<td>{limits}</td>",
         ]
-        body.append(f"<tr>{first if index == 0 else ''}{''.join(cells)}</tr>")
-    return f"<tbody>{''.join(body)}</tbody>"
+        body.append(f"<tr>{'' if body else first}{''.join(cells)}</tr>")
+    return "".join(body)
 
 
 def _learning(learning: Learning | None) -> str:
     if learning is None:
-        return f"<td>{NONE}</td>"
-    word = "contracting" if learning.contracting else "monotone" if learning.monotone else "may grow"
-    at = f"at {number(learning.frequency)} Hz"
-    return _cell(close_to_one(learning.norm), learning.monotone, word, learning.worst, at)
-
-
-def _growth(growth: float | None) -> str:
-    if growth is None:
-        return f"<td>{NONE}</td>"
-    grows = growth > 1 + ENDS
-    return _cell(close_to_one(growth), not grows, "may grow" if grows else "doesn't grow")
+        return _cell(None)
+    words = ("contracting" if learning.contracting else "monotone", "may grow")
+    at = f'<br><span class="small">at {number(learning.frequency)} Hz</span>'
+    return _cell(learning.norm, learning.monotone, words, learning.worst, at)
 
 
 def _limit(learning: Learning | None, K_3: float, where: str = "") -> str:
@@ -150,14 +147,16 @@ def _limit(learning: Learning | None, K_3: float, where: str = "") -> str:
     return f'<span class="small"><br>{limit}{where}</span>' if where else limit
 
 
-def _value(text: str) -> str:
-    return f'<span class="value">{text}</span>'
-
-
-def _cell(value: str, good: bool, word: str, plant: str = "", detail: str = "") -> str:
-    """A number and what it means; the plant that has it is told under the pointer."""
+def _cell(
+    factor: float | None,
+    good: bool = True,
+    words: tuple[str, str] | None = None,
+    plant: str = "",
+    detail: str = "",
+) -> str:
+    """A factor and what it means, if good and if bad; the plant that has it is told under the pointer."""
+    if factor is None:
+        return f"<td>{NONE}</td>"
     title = f' title="{escape(plant)}"' if plant else ""
-    small = f'<br><span class="small">{escape(detail)}</span>' if detail else ""
-    return (
-        f'<td{title}>{_value(value)} <span class="tag {"good" if good else "bad"}">{word}</span>{small}</td>'
-    )
+    tag = f' <span class="tag {"good" if good else "bad"}">{words[not good]}</span>' if words else ""
+    return f'<td{title}><span class="value">{close_to_one(factor)}</span>{tag}{detail}</td>'

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cogless.report.comparison import pretty
-from cogless.report.packing import number
+from cogless.report.packing import Array, number, rms
 from cogless.results import Run
 from cogless.results.metrics import SETTLED_SHARE, result_name
 from cogless.study import TrialStudy
 from cogless.study.metric import SIGNALS, Metric
 from cogless.units import factor
 
-Array = NDArray[np.float64]
+NAMES = {"theta_error": "error", "theta_error_measured": "measured error", "y_error": "error"}
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,7 @@ class Judged:
 
     def text(self, value: float) -> str:
         """A value in `unit`, with it."""
-        return f"{number(value)} {self.unit}".rstrip()
-
-
-NAMES = {
-    "theta_error": "error",
-    "theta_error_measured": "measured error",
-    "y_error": "error",
-}
+        return f"{number(value)} {self.unit}".rstrip() if math.isfinite(value) else "not finite"
 
 
 def judged(study: TrialStudy, scenario: str) -> Judged:
@@ -63,13 +56,12 @@ def display_unit(study: TrialStudy, signal: str) -> tuple[str, float]:
     One error is shown as another is.
     """
     dimension = SIGNALS.get(signal) if study.plant is None else None
-    if dimension is None:
+    if dimension is None or not dimension.unit:
         return "", 1.0
-    alike = [m for m in study.metric if m.signal == signal or {m.signal, signal} <= NAMES.keys()]
-    same = [m for m in alike if m.unit and m.kind != "trials-to-floor"]
-    same.sort(key=lambda m: m.signal != signal)
-    unit = same[0].unit if same else None
-    return pretty(unit or dimension.unit), factor(unit, dimension) if unit else 1.0
+    told = {m.signal: m.unit for m in reversed(study.metric) if m.unit and m.kind != "trials-to-floor"}
+    alike = [told[name] for name in NAMES if name in told and signal in NAMES]
+    unit = told.get(signal) or next(iter(alike), dimension.unit)
+    return pretty(unit), factor(unit, dimension)
 
 
 def rms_of_trials(about: Judged, run: Run, trials: int) -> Array | None:
@@ -77,16 +69,11 @@ def rms_of_trials(about: Judged, run: Run, trials: int) -> Array | None:
     for metric in about.metrics:
         if metric.kind == "rms" and result_name(metric) in run.metrics:
             return np.asarray(run.metrics[result_name(metric)], dtype=float) / about.scale
-    rows = len(run.trace)
-    if not rows or rows % trials or about.signal not in run.trace:
+    if not len(run.trace) or len(run.trace) % trials or about.signal not in run.trace:
         return None
-    with np.errstate(over="ignore", invalid="ignore"):
-        x = run.trace[about.signal].reshape(trials, -1)
-        return np.asarray(np.sqrt(np.mean(np.square(x), axis=1))) / about.scale
+    return rms(run.trace[about.signal].reshape(trials, -1)) / about.scale
 
 
-def settled(rms: Array) -> float:
+def settled(of_trials: Array) -> float:
     """RMS over the second half of a phase's trials, as the metric final-rms takes it."""
-    last = rms[-max(1, round(SETTLED_SHARE * len(rms))) :]
-    with np.errstate(over="ignore", invalid="ignore"):
-        return float(np.sqrt(np.mean(np.square(last))))
+    return float(rms(of_trials[-max(1, round(SETTLED_SHARE * len(of_trials))) :]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from html import escape
 
 import numpy as np
@@ -10,32 +10,25 @@ from numpy.typing import NDArray
 
 from cogless.design.lmi import Check
 from cogless.design.trial import TrialDesign
-from cogless.report.markup import controller_heading, note, scrolled
+from cogless.report.markup import NONE, headings, note, rows, table
 from cogless.report.packing import number
-from cogless.results import TrialResults
+from cogless.results import Run, TrialResults
 from cogless.study import TrialStudy
 
-NONE = "–"  # noqa: RUF001
 
-
-def gain_table(results: TrialResults, scenario: str) -> str:
+def gain_table(results: TrialResults, runs: Sequence[Run]) -> str:
     """Gains down, controllers across; empty where no run has a design."""
-    study = results.study
-    runs = [run for run in results.runs if run.scenario == scenario]
     designs = {run.controller: run.design for run in runs if run.design is not None}
-    columns = {name: dict(_gains(study, design)) for name, design in designs.items()}
-    keys = list(dict.fromkeys(key for column in columns.values() for key in column))
-    head = "".join(controller_heading(study.label(name), name == study.baseline) for name in columns)
-    body = "".join(
-        f"<tr><th>{escape(key)}</th>"
-        + "".join(f"<td>{escape(column.get(key, NONE))}</td>" for column in columns.values())
-        + "</tr>"
-        for key in keys
+    columns = [dict(_gains(results.study, design)) for design in designs.values()]
+    names = dict.fromkeys(name for column in columns for name in column)
+    body = rows(
+        (name, "".join(f"<td>{escape(column.get(name, NONE))}</td>" for column in columns)) for name in names
     )
-    table = f'<table class="gains"><thead><tr><th></th>{head}</tr></thead><tbody>{body}</tbody></table>'
+    head = f"<th></th>{headings(results, designs)}"
     told = dict.fromkeys(text for design in designs.values() for text in design.notes)
-    notes = "".join(note(f"{text}.") for text in told)
-    return scrolled(table, f"Gains in {scenario}") + notes if body else ""
+    return table("gains", f"Gains in {runs[0].scenario}", head, body) + "".join(
+        note(f"{text}.") for text in told
+    )
 
 
 def _gains(study: TrialStudy, design: TrialDesign) -> Iterator[tuple[str, str]]:

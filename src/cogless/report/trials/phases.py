@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+from cogless.report.verdict import listed
 from cogless.study.trial_scenario import Change, TrialScenario
 
 ZOOM = 30  # trials
@@ -32,9 +33,8 @@ class Phase:
         words = [what.rpartition(".")[2].replace("_", " ") for what in self.changed]
         if not words:
             return "from the start"
-        if len(words) == 1:
-            return f"after the {words[0]} change (trial {self.start})"
-        return f"after the change of {', '.join(words[:-1])} and {words[-1]} (trial {self.start})"
+        change = f"{words[0]} change" if len(words) == 1 else f"change of {listed(words)}"
+        return f"after the {change} (trial {self.start})"
 
     @property
     def chosen(self) -> list[int]:

@@ -1,6 +1,6 @@
 """The verdict on a scenario of trials: which controller needs the fewest trials after each change.
 
-From the numbers alone, whichever way they fall; without a floor to reach, by the RMS that is left.
+Without a floor to reach, by the RMS that is left.
 """
 
 from __future__ import annotations
@@ -12,22 +12,18 @@ from cogless.design.certificate import ENDS, Learning, ModelCertificate
 from cogless.design.response import MONOTONE
 from cogless.report.comparison import SAME
 from cogless.report.packing import number
-from cogless.report.trials.case import Case, case, listed
-from cogless.report.trials.certificate import close_to_one, models
+from cogless.report.trials.case import Case, case
+from cogless.report.trials.certificate import Model, close_to_one
 from cogless.report.trials.phases import Phase
-from cogless.report.verdict import ScenarioVerdict
-from cogless.results import TrialResults
-
-CLEARLY = 1.5  # times another's first trial: worth a sentence
+from cogless.report.verdict import CLEARLY, ScenarioVerdict, listed, over, times
+from cogless.results import Run, TrialResults
 
 
-def verdicts(results: TrialResults) -> list[ScenarioVerdict]:
-    """One for each scenario that has numbers."""
-    cases = [case(results, scenario) for scenario in results.scenarios]
-    return [_verdict(found) for found in cases if found is not None]
-
-
-def _verdict(c: Case) -> ScenarioVerdict:
+def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | None:
+    """The verdict on a scenario that has numbers."""
+    c = case(results, runs)
+    if c is None:
+        return None
     ranked = _ranked(c)
     best = ranked[0]
     tone, headline = _by_floor(c, ranked) if best in c.counts else _by_rms(c, ranked)
@@ -66,8 +62,8 @@ def _ranked(c: Case) -> list[str]:
 
 def _by_floor(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
     """Tone and first sentence where a metric names a floor."""
-    best, base = ranked[0], c.study.baseline
-    floor = f"the floor of {c.about.text(c.about.floor or 0.0)} RMS"
+    best, base = ranked[0], c.baseline
+    floor = f"the floor of {c.text(c.about.floor or 0.0)} RMS"
     if len(c.never(best)) == len(c.phases):
         none = "No controller reaches" if len(ranked) > 1 else f"{c.label(best)} never reaches"
         return "worse", f"{none} {floor}.{f' {_left(c, ranked)}' if best in c.rms else ''}"
@@ -77,42 +73,36 @@ def _by_floor(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
         return "even", f"{c.label(best)} {are_there}."
     if ties == ranked:
         return "even", f"All controllers are alike: they {are_there}."
-    names = c.listed(ties)
     if base in ties:
         second = next(name for name in ranked if name not in ties)
         after = f"the next, {c.label(second)}, {_reach(c, second, short=True)}"
-        if ties == [base]:
-            return "worse", f"No controller beats {c.label(base)}: it {are_there}; {after}."
-        return "even", f"{names} {are_there}; {after}."
+        first = f"No controller beats {c.label(base)}: it" if ties == [base] else c.labels(ties)
+        return c.tone(ties), f"{first} {are_there}; {after}."
     against = f"; {c.label(base)} {_reach(c, base, short=True)}" if base in c.counts else ""
-    tone = "better" if all(c.learns(name) for name in ties) and not c.never(best) else "even"
-    return tone, f"{names} {are_there}{against}."
+    return "even" if c.never(best) else c.tone(ties), f"{c.labels(ties)} {are_there}{against}."
 
 
 def _by_rms(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
     """Tone and first sentence where no metric names a floor: by the worst phase's final RMS."""
-    best, base = ranked[0], c.study.baseline
+    best, base = ranked[0], c.baseline
     if not math.isfinite(c.worst(best)):
         return "worse", "No error stays finite."
     sentence = _left(c, ranked)
     if len(ranked) < 2 or base not in c.final:
         return "even", sentence
-    if c.worst(base) <= (1 + SAME) * c.worst(best):
-        return (
-            ("worse", f"No controller beats {c.label(base)}. {sentence}")
-            if best == base
-            else ("even", sentence)
-        )
-    return "better" if c.learns(best) else "even", sentence
+    if best == base:
+        return "worse", f"No controller beats {c.label(base)}. {sentence}"
+    ties = c.worst(base) <= (1 + SAME) * c.worst(best)
+    return c.tone([best, base] if ties else [best]), sentence
 
 
 def _left(c: Case, ranked: Sequence[str]) -> str:
     """A sentence on what the controller with the least worst RMS leaves, beside the baseline or the next."""
-    base = c.study.baseline
+    base = c.baseline
     by_rms = sorted((n for n in ranked if n in c.final), key=lambda n: (n in c.growing, c.worst(n)))
     best = by_rms[0]
     each = "each phase with at most" if len(c.phases) > 1 else "with"
-    sentence = _capital(c, f"{c.label(best)} ends {each} {c.about.text(c.worst(best))} RMS")
+    sentence = _capital(c, f"{c.label(best)} ends {each} {c.text(c.worst(best))} RMS")
     if best != base and base in c.final:
         return f"{sentence}, {_beside(c, c.worst(best), c.worst(base), base)}."
     if len(by_rms) > 1:
@@ -126,8 +116,10 @@ def _beside(c: Case, value: float, other: float, name: str) -> str:
     if not math.isfinite(other):
         return f"against {told}"
     if value > (1 + SAME) * other:
-        return f"{_times(value, other)} more than {told}"
-    return f"{_times(other, value)} less than {told}" if other > (1 + SAME) * value else f"as much as {told}"
+        return f"{times(over(value, other))} more than {told}"
+    if other > (1 + SAME) * value:
+        return f"{times(over(other, value))} less than {told}"
+    return f"as much as {told}"
 
 
 def _reach(c: Case, name: str, *, short: bool = False) -> str:
@@ -138,7 +130,8 @@ def _reach(c: Case, name: str, *, short: bool = False) -> str:
             return "never is"
         if short and never == list(c.phases[1:]):
             return "never is after a change"
-        return f"in {len(c.phases) - len(never)} of {len(c.phases)} phases, but never {_where(never)}"
+        where = listed([phase.after for phase in never])
+        return f"in {len(c.phases) - len(never)} of {len(c.phases)} phases, but never {where}"
     most = max(counts)
     if short:
         return f"takes {'up to ' if len(counts) > 1 else ''}{most:.0f}"
@@ -168,20 +161,12 @@ def _as_quick(c: Case, name: str, best: str) -> bool:
 def _behind(c: Case, name: str, best: str) -> str:
     """A sentence on another controller behind the best: its slowest phase, its worst first trial."""
     told, where = "", None
-    if name in c.counts and best in c.counts and name != c.study.baseline:
+    if name in c.counts and best in c.counts and name != c.baseline:
         told, where = _slower(c, name, best)
-    if not c.learns(name):
-        return f"{c.label(name)} {told}." if told else ""
-    ratios = [
-        (c.first(name, phase) / c.first(best, phase), phase)
-        for phase in c.phases[1:]
-        if c.first(best, phase) > 0 and math.isfinite(c.first(name, phase))
-    ]
-    ratio, phase = max(ratios, key=lambda found: found[0], default=(0.0, c.phases[0]))
-    if ratio >= CLEARLY:
+    ratio, phase, values = c.worst_first(name, best)
+    if c.learns(name) and ratio >= CLEARLY:
         there = "there" if phase == where else phase.after
-        values = f"{c.about.text(c.first(name, phase))} against {c.about.text(c.first(best, phase))}"
-        worse = f"first trial {there} is {_times(ratio, 1)} worse ({values})"
+        worse = f"first trial {there} is {times(ratio)} worse ({values})"
         return f"{c.label(name)} {told}; its {worse}." if told else f"With {c.label(name)} the {worse}."
     return f"{c.label(name)} {told}." if told else ""
 
@@ -197,7 +182,7 @@ def _slower(c: Case, name: str, best: str) -> tuple[str, Phase | None]:
     if len(never) == len(c.phases):
         return "never reaches the floor", None
     if never:
-        return f"never reaches it {_where(never)}", never[0]
+        return f"never reaches it {listed([phase.after for phase in never])}", never[0]
     if not behind:
         return "", None
     _, phase, n, m = max(behind, key=lambda found: found[0])
@@ -206,27 +191,19 @@ def _slower(c: Case, name: str, best: str) -> tuple[str, Phase | None]:
 
 def _against_the_baseline(c: Case, best: str) -> str:
     """Sentences on the best beside the baseline: what it leaves at the end, what a change finds worse."""
-    base = c.study.baseline
+    base = c.baseline
     if best == base or base not in c.final or best not in c.final or best in c.growing:
         return ""
     sentences = []
     mine, other = c.final[best][-1], c.final[base][-1]
     if best in c.counts and len(c.never(best)) < len(c.phases) and math.isfinite(mine):
         end = "In the last phase" if len(c.phases) > 1 else "At the end"
-        sentences.append(
-            f"{end} {c.label(best)} leaves {c.about.text(mine)} RMS, {_beside(c, mine, other, base)}."
-        )
-    worse = [
-        (c.first(best, phase) / c.first(base, phase), phase)
-        for phase in c.phases[1:]
-        if c.first(base, phase) > 0
-    ]
-    ratio, phase = max(worse, key=lambda found: found[0], default=(0.0, c.phases[0]))
+        sentences.append(f"{end} {c.label(best)} leaves {c.text(mine)} RMS, {_beside(c, mine, other, base)}.")
+    ratio, phase, values = c.worst_first(best, base)
     if ratio >= CLEARLY:
-        values = f"{c.text(c.first(best, phase))} against {c.text(c.first(base, phase))}"
         sentences.append(
             f"What it has learned does not fit at first: in the first trial {phase.after} its error is "
-            f"{_times(ratio, 1)} that of {c.label(base)} ({values})."
+            f"{times(ratio)} that of {c.label(base)} ({values})."
         )
     return " ".join(sentences)
 
@@ -236,15 +213,15 @@ def _leaves_floor(c: Case, name: str) -> str:
     if name not in c.counts or name not in c.final or c.about.floor is None or name in c.growing:
         return ""
     lost = [
-        (rms, phase.start, phase)
+        (rms, phase.after)
         for phase, n, rms in zip(c.phases, c.counts[name], c.final[name], strict=True)
         if rms > (1 + SAME) * c.about.floor and n <= (phase.stop - phase.start) / 2
     ]
     if not lost:
         return ""
-    rms, _, phase = max(lost)
-    later = f"in the second half of the trials {phase.after}"
-    return f"{c.label(name)} does not stay at the floor: {c.about.text(rms)} RMS {later}."
+    rms, after = max(lost, key=lambda found: found[0])
+    later = f"{c.text(rms)} RMS in the second half of the trials {after}"
+    return f"{c.label(name)} does not stay at the floor: {later}."
 
 
 def _grows(c: Case, name: str) -> str:
@@ -253,7 +230,7 @@ def _grows(c: Case, name: str) -> str:
     verb = "diverges" if c.learns(name) else "grows worse"
     if not math.isfinite(high):
         return f"{c.label(name)} {verb} {phase.after}: its error doesn't stay finite."
-    to = f"from {c.about.text(low)} to {c.about.text(high)} by trial {phase.stop - 1}"
+    to = f"from {c.text(low)} to {c.text(high)} by trial {phase.stop - 1}"
     return f"{c.label(name)} {verb} {phase.after}: its RMS grows {to}."
 
 
@@ -273,32 +250,31 @@ def _at_the_limit(c: Case) -> str:
 def _certificates(c: Case) -> list[str]:
     """Sentences of the certificates of controllers that learn: on the plant itself where it is known."""
     sentences: list[str] = []
-    certified: dict[tuple[str, int], list[str]] = {}
-    for name, run in c.runs.items():
-        if run.design is None:
-            continue
-        *_, (model, found) = models(run.design.certificate)
-        learning = found.with_filter or found.without_filter
+    proven: dict[tuple[Model, int], list[str]] = {}
+    for name, (design, model, found) in c.certified.items():
+        label, learning = c.label(name), found.with_filter or found.without_filter
         if not found.stable:
             sentences.append(
-                f"{c.label(name)} is not certified: along the trial its loop is unstable for {found.worst} "
-                f"(largest pole {close_to_one(found.radius)}; {_of(model)})."
+                f"{label} is not certified: along the trial its loop is unstable for {found.worst} "
+                f"(largest pole {close_to_one(found.radius)}; {model.words})."
             )
-        elif learning is not None and not learning.monotone:
-            sentences.append(f"{c.label(name)} is not certified: {_growing(found, learning)} ({_of(model)}).")
-        elif learning is not None and run.design.beyond:
-            sentences.append(f"Of {c.label(name)} the certificate doesn't speak: {run.design.beyond[0]}.")
-        elif learning is not None and name in c.growing:
+        elif learning is None:
+            continue
+        elif not learning.monotone:
+            sentences.append(f"{label} is not certified: {_growing(found, learning)} ({model.words}).")
+        elif design.beyond:
+            sentences.append(f"Of {label} the certificate doesn't speak: {design.beyond[0]}.")
+        elif name in c.growing:
             sentences.append(
-                f"The certificate of {c.label(name)} says that the error doesn't grow, but it knows no "
+                f"The certificate of {label} says that the error doesn't grow, but it knows no "
                 "current loop, no sensor and no limit: the run counts."
             )
-        elif learning is not None:
-            certified.setdefault((model, run.design.certificate.samples), []).append(name)
-    for (model, plants), names in certified.items():
+        else:
+            proven.setdefault((model, design.certificate.samples), []).append(name)
+    for (model, plants), names in proven.items():
         sentences.append(
             f"Certified: while nothing changes, no frequency of the error grows from trial to trial with "
-            f"{c.listed(names)} ({_of(model)}, at its corners and at {plants} random plants)."
+            f"{c.labels(names)} ({model.words}, at its corners and at {plants} random plants)."
         )
     return [*sentences, _delay(c)]
 
@@ -316,34 +292,12 @@ def _growing(found: ModelCertificate, learning: Learning) -> str:
 
 def _delay(c: Case) -> str:
     """A sentence on controllers whose loop a little more delay would make unstable."""
-    designs = {name: run.design for name, run in c.runs.items() if run.design is not None}
-    frail = []
-    for name, design in designs.items():
-        *_, (_, found) = models(design.certificate)
-        if found.stable and not found.delayed_stable:
-            frail.append(name)
+    found = {name: model for name, (_, _, model) in c.certified.items()}
+    frail = [name for name, model in found.items() if model.stable and not model.delayed_stable]
     if not frail:
         return ""
-    whose = "no loop is" if len(frail) == len(designs) > 1 else f"the loop of {c.listed(frail)} is not"
+    whose = "no loop is" if len(frail) == len(found) > 1 else f"the loop of {c.labels(frail)} is not"
     return f"With one more sample of delay at the input {whose} stable at every corner."
-
-
-def _of(model: str) -> str:
-    return {"Euler": "Euler model", "as given": "models as given"}.get(model, "exactly sampled plant")
-
-
-# --- words
-
-
-def _where(found: Sequence[Phase]) -> str:
-    return listed([phase.after for phase in found])
-
-
-def _times(value: float, other: float) -> str:
-    ratio = value / other if other else math.inf
-    if not math.isfinite(ratio):
-        return "infinitely"
-    return f"{number(ratio) if ratio < 100 else f'{ratio:.0f}'} times"
 
 
 def _capital(c: Case, text: str) -> str:

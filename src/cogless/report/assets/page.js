@@ -1,7 +1,7 @@
 "use strict";
-// Parts that the reports share: scenarios with their plots in cards that zoom together, buttons for scenarios and controllers.
-// `report`: {controllers: [{label, colour}], scenarios}; `draw` draws a scenario's data on its sheet.
-const reportPage = (report, draw) => {
+// The page: scenarios with their plots in cards that zoom together, buttons for scenarios and controllers.
+(() => {
+  const report = JSON.parse(document.getElementById("data").textContent); // {controllers: [{label, colour}], scenarios}
   const hidden = new Set(); // controllers
   let chosen = 0; // scenario
 
@@ -16,7 +16,8 @@ const reportPage = (report, draw) => {
     return element;
   };
   const number = (x) => (x == null ? "–" : Math.abs(x) >= 1e5 || (x !== 0 && Math.abs(x) < 1e-4) ? x.toExponential(2) : String(Number(x.toPrecision(4))));
-  const quantity = (name, unit) => (unit ? `${name} (${unit})` : name);
+  // Title and axes of a chart.
+  const about = ({ title, x, quantity, unit }) => ({ title, x, y: unit ? `${quantity} (${unit})` : quantity });
 
   // Packed series: base64 of little-endian 16-bit integers; the lowest integer stands for a gap.
   const unpack = ({ data, scale, offset }) => {
@@ -118,6 +119,13 @@ const reportPage = (report, draw) => {
     // Show a part of all plots of a group.
     const zoomTo = (group, { from, to }) => plots.find((p) => p.group === group)?.u.setScale("x", { min: from, max: to });
 
+    // Buttons of a section for parts of a group's plots.
+    function zoomButtons(section, group, zooms) {
+      const buttons = section.querySelector(".zooms");
+      buttons.textContent = "";
+      for (const z of zooms) make("button", buttons, z.name).onclick = () => zoomTo(group, z);
+    }
+
     // Remove the plots in `parent`, or all of them.
     function clear(parent = article) {
       plots = plots.filter(({ u, card }) => {
@@ -131,7 +139,7 @@ const reportPage = (report, draw) => {
 
     function redraw() {
       clear();
-      draw(shown, self);
+      draw[shown.kind](shown, self);
       resize();
     }
 
@@ -153,10 +161,12 @@ const reportPage = (report, draw) => {
       }
     }
 
-    const self = { article, shown, part, panel, zoomed, zoomTo, clear, redraw, resize, toggle };
+    const self = { article, shown, part, panel, zoomed, zoomTo, zoomButtons, clear, redraw, resize, toggle };
     return self;
   }
 
+  const page = { report, hidden, style, colour, make, about, number, unpack };
+  const draw = { speed: speedPlots(page), trials: trialsPlots(page) };
   const sheets = [...document.querySelectorAll("article.scenario")].map(sheet);
 
   function select(index) {
@@ -191,5 +201,5 @@ const reportPage = (report, draw) => {
     select(0);
   }
 
-  return { style, colour, make, number, quantity, unpack, hidden, begin };
-};
+  begin();
+})();

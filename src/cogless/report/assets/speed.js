@@ -1,8 +1,7 @@
 "use strict";
-(() => {
-  const report = JSON.parse(document.getElementById("data").textContent);
-  const page = reportPage(report, draw);
-  const { colour, make, number, unpack, hidden } = page;
+// Plots of a scenario of speed; `page`: what every scenario's plots share.
+const speedPlots = (page) => {
+  const { about, colour, number, unpack, hidden } = page;
   const BAR = 3; // px, at least
   const AXES = 80; // px beside a plot, about
   const FILLED = 0.78; // of an order's place by its bars
@@ -79,7 +78,7 @@
       xs = joined(xs, at);
     }
     decoded.forEach((p, i) => sheet.panel(parent, {
-      title: p.title, x: chart.x, y: page.quantity(p.quantity, p.unit), xs, series: padded(p.series, xs.length), group,
+      ...about({ x: chart.x, ...p }), xs, series: padded(p.series, xs.length), group,
       readX: (t) => `${t.toFixed(4)} s`, ...options(i),
     }));
     return xs;
@@ -163,10 +162,11 @@
   }
 
   // Factors over frequency against one, and upright lines where something grew.
-  function drawCriterion(sheet, parent, { frequency, series, marks }) {
+  function drawCriterion(sheet, parent, chart) {
+    const { frequency, series, marks } = chart;
     const one = { values: frequency.map(() => 1), dash: true, label: "limit" };
     sheet.panel(parent, {
-      title: "Factor per period", x: "frequency (Hz)", y: "factor", xs: frequency, series: [...series, one], height: 260, readX: (f) => `${number(f)} Hz`,
+      ...about(chart), xs: frequency, series: [...series, one], height: 260, readX: (f) => `${number(f)} Hz`,
       adapt: (o) => {
         o.scales.x.distr = 3;
         o.axes[0].values = (_, ticks) => ticks.map((f) => (f != null && Math.abs(Math.log10(f) % 1) < 1e-6 ? number(f) : ""));
@@ -200,9 +200,7 @@
       const xs = drawTimes(sheet, panels("waveforms"), shown.waveforms, "time", (i) => ({ adapt: shade(shown.marks, i === 0) }));
       if (shown.strip.length) drawStrip(sheet, panels("waveforms"), shown.strip, xs, shown.marks);
     }
-    const zooms = part("waveforms").querySelector(".zooms");
-    zooms.textContent = "";
-    for (const z of shown.zooms) make("button", zooms, z.name).onclick = () => zoomTo("time", z);
+    sheet.zoomButtons(part("waveforms"), "time", shown.zooms);
     const named = (name) => shown.zooms.find((z) => z.name === name);
     const first = wanted ?? shown.zooms.find((z) => z.first) ?? named("after start-up") ?? shown.zooms[0];
     if (first) zoomTo("time", first);
@@ -210,23 +208,23 @@
     part("spectra").hidden = !shown.spectra.length && !part("spectra").querySelector(".missed");
     for (const s of shown.spectra)
       bars(sheet, panels("spectra"), {
-        title: s.title, x: s.x, y: page.quantity(s.quantity, s.unit), xs: s.orders, series: s.series, height: 230, readX: (n) => `order ${n}`,
+        ...about(s), xs: s.orders, series: s.series, height: 230, readX: (n) => `order ${n}`,
       });
 
     part("map").hidden = !shown.maps.length;
     for (const m of shown.maps)
       panel(panels("map"), {
-        title: m.title, x: m.x, y: "current (A)", xs: m.angle, series: m.series, height: 230, readX: (a) => `${number(a)}°`,
+        ...about(m), xs: m.angle, series: m.series, height: 230, readX: (a) => `${number(a)}°`,
       });
 
     part("angle").hidden = !shown.angle.length;
     for (const a of shown.angle)
       panel(panels("angle"), {
-        title: a.title, x: a.x, y: page.quantity(a.quantity, a.unit), xs: a.angle, series: a.series, group: "angle", readX: (x) => `${number(x)}°`,
+        ...about(a), xs: a.angle, series: a.series, group: "angle", readX: (x) => `${number(x)}°`,
       });
 
-    part("criterion").hidden = !shown.criterion;
-    if (shown.criterion) drawCriterion(sheet, panels("criterion"), shown.criterion);
+    part("criterion").hidden = !shown.criterion.length;
+    for (const c of shown.criterion) drawCriterion(sheet, panels("criterion"), c);
 
     part("events").hidden = !shown.events.length;
     shown.events.forEach((e, i) => drawTimes(sheet, panels("events"), e, "event" + i, () => ({ height: 210 })));
@@ -235,5 +233,5 @@
     part("spectra").querySelector(".log").onchange = sheet.redraw;
   }
 
-  page.begin();
-})();
+  return draw;
+};

@@ -1,0 +1,338 @@
+"""The verdict on a scenario of speed: by the ripple that is left of it, or the error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from cogless.report.comparison import SAME, Line, compare, misses, pretty, speed_unit
+from cogless.report.faults import account
+from cogless.report.growth import sentences as growing
+from cogless.report.growth import worsened
+from cogless.report.paths import varies
+from cogless.report.sensor import Sensor, sensor
+from cogless.report.verdict import CLEARLY, Contest, ScenarioVerdict, listed, over, times, worst
+from cogless.results import Results, Run
+from cogless.study import Study
+from cogless.units import ANGULAR_SPEED, convert
+
+COST = 0.01  # a metric that gets worse by less isn't called a cost
+MOST = 3  # metrics in a sentence about another controller
+
+TOTALS = ("ripple-rms", "peak-to-peak")
+SPEEDS = ("omega_m", "omega_measured", "omega_error")
+
+
+@dataclass(frozen=True)
+class _Case(Contest):
+    """A scenario: the metrics that are better when lower, and the one that the verdict is about."""
+
+    study: Study
+    where: str
+    lines: Sequence[Line]
+    line: Line
+    worsened: Mapping[str, float]  # controllers whose error is larger than the baseline's for good: since, s
+
+    @property
+    def unlearned(self) -> list[str]:
+        """Controllers that held the speed and whose law learned nothing; never the baseline."""
+        return [c for c in self.held if c in self.line.unlearned and c != self.baseline]
+
+    @cached_property
+    def ranked(self) -> list[str]:
+        """Controllers that held the speed, learned if they should, and did not get worse in the end."""
+        return [c for c in self.held if c not in self.worsened and c not in self.unlearned]
+
+    @cached_property
+    def held(self) -> list[str]:
+        """Controllers that held the speed and have a number, the best first."""
+        numbers = {c: v for c, v in self.line.values.items() if v is not None and c not in self.line.missed}
+        return sorted(numbers, key=lambda c: (numbers[c], c))
+
+    @cached_property
+    def winners(self) -> list[str]:
+        """The best controller, and those that tie with it."""
+        return [c for c in self.ranked if self.against(c, self.ranked[0]) <= 1 + SAME]
+
+    def against(self, controller: str, other: str) -> float:
+        """A controller's value over another's; infinite where only the other has nothing."""
+        return over(self.line.values[controller] or 0.0, self.line.values[other] or 0.0)
+
+    def learns(self, controller: str) -> bool:
+        return super().learns(controller) and controller not in self.line.unlearned
+
+    def shown(self, controllers: Sequence[str], line: Line | None = None) -> str:
+        """Controllers with their values, for a list; `line`: of another number."""
+        return listed([f"{self.label(c)} {(line or self.line).text(c)}" for c in controllers])
+
+
+def verdict(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
+    """The verdict on a scenario that has metrics or faults."""
+    compared, broken = _compared(results, runs), account(results, runs)
+    if broken is None:
+        return compared
+    if compared is None:
+        return replace(broken, tone=worst(broken.tone, "even"))
+    details = [compared.headline, *compared.details]
+    return replace(broken, tone=worst(broken.tone, compared.tone), details=details)
+
+
+def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
+    """The controllers beside each other, by the scenario's metrics."""
+    scenario, baseline = runs[0].scenario, results.study.baseline
+    lines = [line for line in compare(results, scenario) if line.better == "lower"]
+    reference = runs[0].trace["omega_ref"]
+    moves = len(reference) > 0 and varies(reference[len(reference) // 4 :])  # a start-up aside
+    line = _latest(results, scenario, _decisive(lines, baseline, moves), lines)
+    if line is None:
+        return None
+    worse = {} if baseline in line.missed else worsened(results, runs)
+    where = f"In {scenario}" if moves or not len(reference) else _speed(results, float(reference[-1]))
+    case = _Case(results.study, where, lines, line, worse)
+    case, own = _by_what_is_seen(case, sensor(results, scenario, line))
+    tone, headline = _headline(case)
+    unlearned = [f"{case.label(c)} learned nothing: {why}." for c, why in case.line.unlearned.items()]
+    if len(line.values) < 2 or baseline not in line.values:
+        details = ["There is nothing to compare.", own, *unlearned, *_failures(case)]
+    else:
+        details = [own, *unlearned, *growing(results, runs, worse), _strongest_order(case)]
+        if len(case.ranked) > 1:
+            details += [_without_learning(case), _against_the_next(case), _costs(case)]
+        details += [_rest(case), *_failures(case)]
+    return ScenarioVerdict(scenario, tone, headline, [sentence for sentence in details if sentence])
+
+
+def _by_what_is_seen(case: _Case, part: Sensor | None) -> tuple[_Case, str]:
+    """The case by what the laws see, and a sentence that says so, where the sensor's own error dominates."""
+    blurred = [c for c in case.held if part is not None and part.dominates(c)]
+    if part is None or not blurred:
+        return case, ""
+    values = listed([f"{case.label(c)} {case.line.text(c)} ({part.percent(c)})" for c in blurred])
+    whose = "the sensor's own error, which no law can see (its share of the square)"
+    own = f"Most of the true {case.line.quantity} is {whose}: {values}."
+    if len(case.ranked) < 2 or not set(case.ranked) <= set(blurred):
+        return case, f"{own} As measured there is left: {case.shown(blurred, part.seen)}."
+    lines = [part.seen if line is case.line else line for line in case.lines]
+    return replace(case, line=part.seen, lines=lines), own
+
+
+def _headline(case: _Case) -> tuple[str, str]:
+    """Tone and first sentence."""
+    line, base, ranked, label = case.line, case.baseline, case.ranked, case.label
+    if line.missed and not case.held:
+        speeds = ", ".join(f"{label(c)} {speed}" for c, speed in line.missed.items())
+        return "worse", f"{case.where}, no controller holds the speed from {line.window}: {speeds}."
+    if not ranked or len(line.values) < 2 or (base not in ranked and base not in line.missed):
+        return "even", f"{case.where}, {line.quantity}: {case.shown([*line.values])}."
+    if ranked == [base] and case.held == [base]:
+        return "worse", f"{case.where}, only {label(base)} holds the speed: it {_has(line, line.text(base))}."
+    if ranked == [base] and {base, *case.unlearned} == set(case.held):
+        return "even", f"{case.where}, nothing was learned: {case.shown(case.held)} of {line.quantity}."
+    if ranked == [base]:
+        return (
+            "worse",
+            f"{case.where}, no controller stays better than {label(base)}: it {_has(line, line.text(base))}.",
+        )
+    return _comparison(case)
+
+
+def _comparison(case: _Case) -> tuple[str, str]:
+    """Tone and first sentence where the baseline or others held the speed."""
+    line, base, ranked, winners = case.line, case.baseline, case.ranked, case.winners
+    tone = case.tone(winners)
+    if base not in ranked:
+        end = f"; {case.label(base)} did not hold the speed ({line.missed[base]}, {line.window})."
+        return tone, f"{case.where}, {_have(case)}{end}"
+    if winners == ranked == case.held and not line.missed:
+        return tone, f"{case.where}, all are alike: {case.shown(winners)} of {line.quantity}."
+    if winners == [base]:
+        best = ranked[1]
+        return tone, (
+            f"{case.where}, no controller beats {case.label(base)}: it {_has(line, line.text(base))}; "
+            f"the next, {case.label(best)}, {line.text(best)} ({_change(case.against(best, base))})."
+        )
+    if base in winners:
+        return tone, f"{case.where}, {_have(case)}."
+    about = "" if len(winners) == 1 else "about "
+    ratio = case.against(winners[0], base)
+    less = f"{about}{times(1 / ratio)} less than" if ratio else f"{about}against"
+    return tone, f"{case.where}, {_have(case)}, {less} {case.label(base)} ({line.text(base)})."
+
+
+def _has(line: Line, values: str, several: bool = False) -> str:
+    """Words for what a controller does, such as "leaves 0.46 rpm of speed order 6 (electrical)"."""
+    if line.kind == "dip":
+        return f"{'are' if several else 'is'} thrown off by {values} ({line.quantity})"
+    return f"{'leave' if several else 'leaves'} {values} of {line.quantity}"
+
+
+def _have(case: _Case) -> str:
+    """Words for what the winners do: "A and B tie: they leave 0.46 rpm and 0.47 rpm of speed ripple"."""
+    several, values = len(case.winners) > 1, listed([case.line.text(c) for c in case.winners])
+    tie = " tie: they" if several else ""
+    return f"{case.labels(case.winners)}{tie} {_has(case.line, values, several)}"
+
+
+def _decisive(lines: Sequence[Line], baseline: str, moves: bool) -> Line | None:
+    """The line to judge by: the ripple of the speed, else the baseline's strongest order, else a dip.
+
+    A line that the baseline has, if any. Where the reference `moves`, the ripple is in the speed's error.
+    """
+    lines = [line for line in lines if line.kind != "mean"]  # it may be negative
+    lines = [line for line in lines if baseline in line.values] or lines
+    totals = [line for line in lines if _is_total(line) and (line.signal == "omega_error" or not moves)]
+    totals.sort(key=lambda line: (line.kind == "rms") != moves)
+    orders = _orders(lines, baseline)
+    dips = [line for line in lines if line.kind == "dip"]
+    ripples = [line for line in lines if line.kind in TOTALS]
+    return next(iter([*totals, *orders, *dips, *ripples, *lines]), None)
+
+
+def _latest(results: Results, scenario: str, line: Line | None, lines: Sequence[Line]) -> Line | None:
+    """The line of the last of several windows, for what learning comes to in the end."""
+    if line is None or line.order is not None:
+        return line
+    alike = {other.name for other in lines if (other.kind, other.signal) == (line.kind, line.signal)}
+    duration = results.study.scenario[scenario].duration
+    spans = {m.name: m.span(duration) for m in results.study.metrics_in(scenario) if m.name in alike}
+    ends = {name: span[1] for name, span in spans.items() if span is not None}
+    if len(ends) < 2:
+        return line
+    last = max(ends, key=lambda name: ends[name])
+    return next(other for other in lines if other.name == last)
+
+
+def _is_total(line: Line) -> bool:
+    """Whether a line is the whole ripple, or the whole error, of the speed."""
+    error = (line.kind, line.signal) == ("rms", "omega_error")
+    return error or (line.kind in TOTALS and line.signal in SPEEDS)
+
+
+def _orders(lines: Sequence[Line], controller: str) -> list[Line]:
+    """The orders of the first order metric, the strongest with this controller first."""
+    first = next((line.name for line in lines if line.kind == "order"), None)
+    orders = [line for line in lines if line.name == first and line.values.get(controller) is not None]
+    return sorted(orders, key=lambda line: -(line.values[controller] or 0.0))
+
+
+def _speed(results: Results, reference: float) -> str:
+    """Words for a constant reference: "At 60 rpm"."""
+    unit = speed_unit(results)
+    return f"At {convert(reference, unit, ANGULAR_SPEED):.4g} {pretty(unit)}"
+
+
+def _strongest_order(case: _Case) -> str:
+    """A sentence on the strongest order of the speed's ripple, with the best and with the baseline."""
+    if not _is_total(case.line) or len(case.ranked) < 2:
+        return ""
+    compared = case.baseline if case.baseline in case.ranked else case.ranked[-1]
+    orders = _orders([line for line in case.lines if line.signal in SPEEDS], compared)
+    if not orders:
+        return ""
+    names = dict.fromkeys([*case.winners, *case.ranked[:2], compared])
+    shown = case.shown([c for c in names if c in orders[0].values], orders[0])
+    return f"Of the strongest order, {orders[0].order:g} ({orders[0].frame}): {shown}."
+
+
+def _without_learning(case: _Case) -> str:
+    """The fair bar: the winner beside the best feedback that doesn't learn, unless that's the baseline."""
+    best, line = case.winners[0], case.line
+    plain = [c for c in case.ranked if not case.learns(c)]
+    learning = [c for c in case.ranked if case.learns(c)]
+    if best == case.baseline or not plain or not learning or {plain[0], learning[0]} <= set(case.winners):
+        return ""
+    label, rival = case.label, plain[0]
+    if best == rival:
+        nearest = learning[0]
+        return (
+            f"{label(best)} doesn't learn; the best that does is {label(nearest)} with {line.text(nearest)}."
+        )
+    ratio = line.ratio(rival, best)
+    if rival == case.baseline or ratio is None:
+        return ""
+    plainly = f"the best without learning, {label(rival)} ({line.text(rival)})"
+    return f"{label(best)} has {times(ratio)} less than {plainly}."
+
+
+def _against_the_next(case: _Case) -> str:
+    """Sentences on what is clearly worse of the winner than of the next; of both where they tie."""
+    first, second = case.ranked[:2]
+    pairs = [(first, second)] if second not in case.winners else [(first, second), (second, first)]
+    sentences = [_worse(case, *pair) for pair in pairs if pair[1] != case.baseline]
+    return " ".join(sentence for sentence in sentences if sentence)
+
+
+def _worse(case: _Case, controller: str, other: str) -> str:
+    """The other metrics in which a controller is clearly worse than another, the worst first."""
+    part = _is_total(case.line)  # then the orders of the speed are parts of what was judged already
+    others = [line for line in case.lines if line is not case.line]
+    others = [line for line in others if not (part and line.kind == "order" and line.signal in SPEEDS)]
+    ratios = [(line.ratio(controller, other) or 0.0, line) for line in others]
+    worst = sorted((pair for pair in ratios if pair[0] >= CLEARLY), key=lambda pair: -pair[0])
+    parts = [
+        f"{times(ratio)} the {line.quantity} ({line.text(controller)} against {line.text(other)})"
+        for ratio, line in worst[:MOST]
+    ]
+    return f"Against {case.label(other)}, {case.label(controller)} has {listed(parts)}." if parts else ""
+
+
+def _costs(case: _Case) -> str:
+    """A sentence on other metrics that get worse with the winner than with the baseline, and by how much."""
+    best = next((c for c in case.winners if c != case.baseline), None)
+    if best is None or case.baseline not in case.ranked:
+        return ""
+    costs, compared = [], 0
+    for line in case.lines:
+        ratio = line.ratio(best, case.baseline)
+        if line is case.line or ratio is None:
+            continue
+        compared += 1
+        if ratio > 1 + COST:
+            more = f"+{100 * (ratio - 1):.0f} %" if ratio < 2 else f"{times(ratio)} the"
+            costs.append(f"{more} {line.quantity} ({line.text(best)})")
+    if costs:
+        return f"Against {case.label(case.baseline)}, {case.label(best)} costs {listed(costs)}."
+    if not compared:
+        return ""
+    whose = f"with {case.label(best)} than with {case.label(case.baseline)}"
+    other = "The other number isn't" if compared == 1 else f"None of the {compared} other numbers is"
+    return f"{other} worse {whose}."
+
+
+def _rest(case: _Case) -> str:
+    """The ranked controllers that the headline doesn't name, in one sentence."""
+    base = case.baseline
+    named = {base, *case.winners, *(case.ranked[:2] if case.winners == [base] else ())}
+    others = [c for c in case.ranked if c not in named]
+    if not others:
+        return ""
+    if base not in case.ranked:
+        return f"The others: {case.shown(others)}."
+    parts = [f"{case.label(c)} {case.line.text(c)} ({_change(case.against(c, base))})" for c in others]
+    return f"The others against {case.label(base)}: {listed(parts)}."
+
+
+def _failures(case: _Case) -> list[str]:
+    """Sentences on who did not hold the speed, unless the headline says so, and on who never settled."""
+    told = set(case.line.missed) if not case.ranked else {case.baseline} & set(case.line.missed)
+    since = case.line.span[0] if case.line.span else 0.0
+    later = misses([line for line in case.lines if line.span and line.span[1] > since])
+    found = later | {c: case.line.not_held(c) for c in case.line.missed}
+    sentences = [
+        f"{case.label(c)} did not hold the speed in {how}." for c, how in found.items() if c not in told
+    ]
+    for line in case.lines:
+        unsettled = [case.label(c) for c, v in line.values.items() if v is None and c not in line.missed]
+        if line.kind == "settling" and unsettled:
+            sentences.append(f"In {line.quantity}, {listed(unsettled)} never settled.")
+    return sentences
+
+
+def _change(ratio: float) -> str:
+    if abs(ratio - 1) <= SAME:
+        return "as much"
+    if ratio < 1:
+        return f"{times(1 / ratio)} less" if ratio else "nothing left"
+    return f"worse: {times(ratio)} as much" if math.isfinite(ratio) else "worse"
