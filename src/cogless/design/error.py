@@ -6,11 +6,9 @@ from cogless.errors import StudyError
 
 
 class DesignError(StudyError):
-    """A design that cannot be made, or a solution that does not hold.
+    """A design that cannot be made, or a solution that does not hold; begins with its `key` and a colon."""
 
-    `key` names the setting that is at fault: `state_weight`, `range.inertia`, `vertex`, ...; "" for none.
-    """
-
-    def __init__(self, message: str, key: str = "") -> None:
-        super().__init__(message)
-        self.key = key
+    @property
+    def key(self) -> str:
+        """The setting that is at fault: `state_weight`, `range.inertia`, `vertex`, ..."""
+        return str(self).partition(":")[0]

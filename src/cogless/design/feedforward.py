@@ -54,17 +54,14 @@ def static_gain(model: Model, C: Real, K_1: Real) -> float:
     to_rest = np.eye(model.order) - closed.A
     if np.linalg.cond(to_rest) > 1e14:
         raise DesignError(
-            "static_gain: expected a closed loop without a pole at z = 1 when the integrator is off; "
-            "its gain at zero "
-            "frequency isn't finite",
-            "static_gain",
+            "static_gain: expected a closed loop without a pole at z = 1 when the integrator is off; its "
+            "gain at zero frequency isn't finite"
         )
     x = np.linalg.solve(to_rest, closed.B[:, 0])
     gain = float(C @ x)
     if abs(gain) <= 1e-9 * float(np.abs(C) @ np.abs(x)):
         raise DesignError(
-            "static_gain: expected a plant with a gain at zero frequency; its zero at z = 1 leaves none",
-            "static_gain",
+            "static_gain: expected a plant with a gain at zero frequency; its zero at z = 1 leaves none"
         )
     return 1 / gain
 
@@ -107,15 +104,14 @@ def dynamic(model: Model, C: Real, K_1: Real) -> Feedforward:
     uncancelled = np.real(np.poly(kept))
     at_rest = float(uncancelled.sum())
     if abs(at_rest) < 1e-9 * float(np.abs(uncancelled).sum()):
-        raise DesignError("feedforward: expected a plant without a zero at z = 1", "feedforward")
+        raise DesignError("feedforward: expected a plant without a zero at z = 1")
     loudest = float(np.abs(uncancelled).sum()) ** 2 / at_rest**2
     if loudest > LOUD:
         worst = min(kept, key=lambda zero: abs(zero - 1))
         where = worst if worst.imag else worst.real
         raise DesignError(
             f"feedforward: expected false: the zero at z = {where:.4g} can't be cancelled, and without that "
-            f"the feedforward amplifies up to {loudest:.3g} times",
-            "feedforward",
+            f"the feedforward amplifies up to {loudest:.3g} times"
         )
     num = np.convolve(a, uncancelled[::-1]) / (b[r] * at_rest**2)
     method: Literal["zero-phase error tracking"] = "zero-phase error tracking"

@@ -192,5 +192,5 @@ def _study_error(error: DesignError, study: TrialStudy, scenario: str, controlle
     elif study.plant is not None and error.key in OF_PLANT:
         key = f"plant.{OF_PLANT[error.key]}"
     else:
-        key = f"design.{error.key}".rstrip(".")
+        key = f"design.{error.key}"
     return StudyError(f"{study.source.path}: {key}: {text}")

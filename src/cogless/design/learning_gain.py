@@ -107,8 +107,7 @@ def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
         widened,
         False,
         f"the set (23) bends out of its vertices' hull by {100 * hull.outside:.2g} % of its size: a "
-        "bounding polytope "
-        f"of {len(widened)} vertices is used",
+        f"bounding polytope of {len(widened)} vertices is used",
     )
 
 
@@ -121,15 +120,14 @@ def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: floa
     """K_3 for closed loops from v to y; DesignError where no gain is stable along the trial."""
     n = len(nominal.A)
     if f.shape != (n,) or not np.all(np.isfinite(f)):
-        raise DesignError(f"initial_change: expected {n} finite numbers", "initial_change")
+        raise DesignError(f"initial_change: expected {n} finite numbers")
     if not (np.isfinite(g) and g > 0):
-        raise DesignError(f"initial_error: {g:g}: expected a number above zero", "initial_error")
-    _require_stable(loops)
+        raise DesignError(f"initial_error: {g:g}: expected a number above zero")
     bundle = Bundle([*loops, nominal], r)
     G = bundle(bundle.grid)
     start, worst = best_gain(G)
     if worst >= 1 - 1e-9:
-        raise DesignError(_impossible(direction(G) * G, bundle.grid, nominal), "q_filter")
+        raise DesignError(_impossible(direction(G) * G, bundle.grid, nominal))
     vertices, affine, note = mapped(loops, r)
     T = _scaling(nominal, r, start, worst)
     tries = (_solve(vertices, spread * T, f, g, 1 / start) for spread in (1.0, 0.3, 3.0))
@@ -137,8 +135,7 @@ def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: floa
     if found is None:
         raise DesignError(
             f"K_3: no certificate by (35), although with a gain of {start:.4g} no vertex and frequency keeps "
-            f"more than {worst:.4g} of its error; expected a smaller range, or K_3 as a number",
-            "K_3",
+            f"more than {worst:.4g} of its error; expected a smaller range, or K_3 as a number"
         )
     K_3, bounds, result, status = found
     return LearningGain(K_3, bounds, result, status, affine, len(vertices), note)
@@ -187,14 +184,6 @@ def cost(vertex: Vertex, K_3: float, f: Real, g: float) -> float:
         return np.inf
     sums = [np.abs(F * g + sign * free) ** 2 / left for sign in (-1.0, 1.0)]
     return max(float(row.sum() - (row[0] + row[-1]) / 2) / points for row in sums)
-
-
-def _require_stable(loops: Sequence[Loop]) -> None:
-    for k, loop in enumerate(loops):
-        if loop.radius >= 1:
-            raise DesignError(
-                f"vertex: expected feedback that is stable at vertex {k + 1}, before it learns", "vertex"
-            )
 
 
 def _impossible(G: Complex, w: Real, nominal: Loop) -> str:

@@ -44,13 +44,13 @@ class Model:
         try:
             a, b = np.asarray(A, dtype=float), np.asarray(B, dtype=float)
         except (TypeError, ValueError):
-            raise DesignError(f"{key}: expected matrices of numbers", key) from None
+            raise DesignError(f"{key}: expected matrices of numbers") from None
         if a.ndim != 2 or a.shape[0] != a.shape[1] or not len(a):
-            raise DesignError(f"{key}: A is {_shape(a)}, expected as many rows as columns", key)
+            raise DesignError(f"{key}: A is {_shape(a)}, expected as many rows as columns")
         if b.shape not in ((len(a),), (len(a), 1)):
-            raise DesignError(f"{key}: B is {_shape(b)}, expected {len(a)} x 1", key)
+            raise DesignError(f"{key}: B is {_shape(b)}, expected {len(a)} x 1")
         if not (np.all(np.isfinite(a)) and np.all(np.isfinite(b))):
-            raise DesignError(f"{key}: expected finite numbers in A and B", key)
+            raise DesignError(f"{key}: expected finite numbers in A and B")
         return cls(a, b.reshape(-1, 1))
 
     @classmethod

@@ -21,11 +21,10 @@ def butterworth(cutoff: float, order: int, period: float) -> Filter:
     if not (math.isfinite(cutoff) and 0 < cutoff < half):
         raise DesignError(
             f"q_filter: {cutoff:g} Hz: expected a cutoff above zero and below {half:g} Hz, half the "
-            "sampling rate",
-            "q_filter",
+            "sampling rate"
         )
     if order < 1:
-        raise DesignError(f"q_filter: order {order}: expected at least 1", "q_filter")
+        raise DesignError(f"q_filter: order {order}: expected at least 1")
     from scipy.signal import butter
 
     b, a = butter(order, cutoff * period * 2)

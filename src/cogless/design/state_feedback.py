@@ -58,17 +58,15 @@ def weights(Q: Real, R: float, gamma: Real, size: int) -> None:
     """Checks their sizes and signs; DesignError."""
     if Q.shape != (size, size):
         shape = " x ".join(map(str, Q.shape))
-        raise DesignError(f"state_weight: {shape}: expected {size} x {size}", "state_weight")
+        raise DesignError(f"state_weight: {shape}: expected {size} x {size}")
     if not np.all(np.isfinite(Q)) or not np.allclose(Q, Q.T, rtol=1e-9) or np.linalg.eigvalsh(Q)[0] <= 0:
-        raise DesignError(
-            "state_weight: expected a symmetric matrix that is positive definite", "state_weight"
-        )
+        raise DesignError("state_weight: expected a symmetric matrix that is positive definite")
     if not (np.isfinite(R) and R > 0):
-        raise DesignError(f"input_weight: {R:g}: expected a number above zero", "input_weight")
+        raise DesignError(f"input_weight: {R:g}: expected a number above zero")
     if gamma.shape != (size,) or not np.all(np.isfinite(gamma)):
-        raise DesignError(f"initial_state: expected {size} finite numbers", "initial_state")
+        raise DesignError(f"initial_state: expected {size} finite numbers")
     if not np.any(gamma):
-        raise DesignError("initial_state: expected one that isn't zero", "initial_state")
+        raise DesignError("initial_state: expected one that isn't zero")
 
 
 def guaranteed_cost(plant: UncertainPlant, Q: Real, R: float, gamma: Real, integral: bool) -> StateFeedback:
@@ -79,13 +77,13 @@ def guaranteed_cost(plant: UncertainPlant, Q: Real, R: float, gamma: Real, integ
     for label, model in zip(plant.labels, models, strict=True):
         mode = uncontrollable_mode(model.A, model.B)
         if mode is not None:
-            raise DesignError(_uncontrollable(label, mode, integral), "vertex")
+            raise DesignError(_uncontrollable(label, mode, integral))
     centre = _centre(plant, integral)
     T = riccati_scaling(centre, Q, R)
     rough = np.diag(1 / np.sqrt(np.diag(Q))) if T is None else T
     common = stabilise(models, rough)
     if common is None:
-        raise DesignError(_why(plant, models, rough, integral), "range")
+        raise DesignError(_why(plant, models, rough, integral))
     for scaling in (T, _with_the_cost(models, common, Q, R)):
         for _ in range(RESCALED):
             if scaling is None:
@@ -95,8 +93,7 @@ def guaranteed_cost(plant: UncertainPlant, Q: Real, R: float, gamma: Real, integ
                 return found
     raise DesignError(
         "state_weight: no gain found by the solver, although one gain can control the ranges; expected "
-        "weights that differ less from each other, or smaller ranges",
-        "state_weight",
+        "weights that differ less from each other, or smaller ranges"
     )
 
 
@@ -220,9 +217,8 @@ def _uncontrollable(label: str, mode: complex, integral: bool) -> str:
     at = f"{mode.real:.6g}" if abs(mode.imag) < 1e-9 else f"{mode.real:.6g}{mode.imag:+.6g}j"
     if integral and abs(mode - 1) < 1e-5:
         return (
-            f"vertex: expected a plant that integral action can control; at {label} the input can't "
-            "move the mode at "
-            "z = 1 (no gain at zero frequency)"
+            f"vertex: expected a plant that integral action can control; at {label} the input can't move the "
+            "mode at z = 1 (no gain at zero frequency)"
         )
     return f"vertex: expected a controllable plant; at {label} the input can't move the mode at z = {at}"
 

@@ -22,9 +22,8 @@ if Q weighs the integrator; if Q doesn't, the feedback is designed without.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -35,7 +34,7 @@ from cogless.design.error import DesignError
 from cogless.design.feedforward import Feedforward, dynamic, static_gain
 from cogless.design.learning_gain import LearningGain, learning_gain
 from cogless.design.lifted import norm_optimal
-from cogless.design.model import Model, Real
+from cogless.design.model import Real
 from cogless.design.polytope import UncertainPlant
 from cogless.design.q_filter import PROPOSED, SHIFTS, better_shift, butterworth, workable_cutoff
 from cogless.design.response import MONOTONE, Bundle, Filter, Filtered, Loop, best_gain
@@ -79,7 +78,6 @@ class TrialSettings:
 class TrialGains:
     """Gains that all structures share."""
 
-    kind: Kind
     K_s: Real
     integral: bool  # K_s has a gain for the integrator
     N: float
@@ -89,7 +87,6 @@ class TrialGains:
     feedback: StateFeedback | None  # None where K_s was given
     learning: LearningGain | None  # None where K_3 was given, or is not by (35)
     notes: tuple[str, ...]
-    timings: dict[str, float] = field(compare=False)  # s
 
 
 @dataclass(frozen=True)
@@ -111,18 +108,16 @@ class TrialDesign:
     gains: TrialGains
     certificate: Certificate
     notes: tuple[str, ...]
-    timings: dict[str, float] = field(compare=False)  # s, of each step, with those of the gains
     beyond: tuple[str, ...] = ()  # what is simulated outside the ranges that all this holds for
     no_K_3: StudyError | None = None  # why it can't learn though it should; then it doesn't run
 
 
 def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
     """Feedback, feedforward and learning gain, or why there is none; DesignError."""
-    clock = _Clock()
     n = plant.order
     _check(plant, settings)
     Q, gamma, f = (np.asarray(value, dtype=float) for value in (settings.Q, settings.gamma, settings.f))
-    integral = _weighs_integrator(Q, n) and settings.kind != "state"
+    integral = len(Q) > n and settings.kind != "state"
     size = n + integral
     if settings.kind == "state":
         Q, gamma, f = Q[:n, :n], gamma[:n], f[:n]
@@ -134,15 +129,13 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
     else:
         K_s = np.asarray(settings.K_s, dtype=float).ravel()
         if K_s.shape != (size,) or not np.all(np.isfinite(K_s)):
-            raise DesignError(f"K_s: expected {size} finite numbers", "K_s")
-    clock.lap("state feedback")
+            raise DesignError(f"K_s: expected {size} finite numbers")
     N = settings.N
     if N is None:
         N = 1.0 if settings.kind == "state" else static_gain(plant.nominal, plant.C, K_s[:n])
     ahead = None
     if settings.feedforward and settings.kind != "state":
         ahead = dynamic(plant.nominal, plant.C, K_s[:n])
-    clock.lap("feedforward")
     K_3, learned, no_K_3 = settings.K_3, None, None
     if K_3 is None and needs_K_3(settings):
         law = _law(K_s, n, N, integral, settings.kind != "state")
@@ -153,10 +146,7 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
             if error.key not in NO_K_3:
                 raise
             no_K_3 = error
-    clock.lap("learning gain")
-    return TrialGains(
-        settings.kind, K_s, integral, N, ahead, K_3, no_K_3, feedback, learned, tuple(notes), clock.laps
-    )
+    return TrialGains(K_s, integral, N, ahead, K_3, no_K_3, feedback, learned, tuple(notes))
 
 
 def needs_K_3(settings: TrialSettings) -> bool:
@@ -176,7 +166,6 @@ def design_trial(
     gains = gains or design_gains(plant, settings)
     if gains.no_K_3 is not None and needs_K_3(settings):
         raise gains.no_K_3
-    clock = _Clock()
     n, shift = plant.order, settings.shift or plant.relative_degree
     integral = gains.integral and settings.integral
     through = settings.structure == "input-and-integrator" and integral and settings.learning
@@ -191,14 +180,12 @@ def design_trial(
         # the fair bar: the model that is nearest to the drive
         nominal = law.closed(plant.exact_nominal or plant.nominal, plant.C)
         if nominal.radius >= 1:
-            raise DesignError("K_s: expected feedback that is stable at the nominal plant", "K_s")
+            raise DesignError("K_s: expected feedback that is stable at the nominal plant")
         matrix = norm_optimal(nominal, settings.samples, settings.change_weight)
         update = Update(shift, 0.0, settings.change_weight, nominal)
-        clock.lap("learning matrix")
     elif settings.learning and K_3:
         update = Update(shift, K_3)
     certificate = certify(plant, law, update, q_filter, settings.filtered, settings.samples)
-    clock.lap("certificate")
     return TrialDesign(
         kind=settings.kind,
         K_1=law.K_1,
@@ -215,7 +202,6 @@ def design_trial(
         gains=gains,
         certificate=certificate,
         notes=(*gains.notes, *_warnings(plant, law, certificate, update, settings)),
-        timings={**gains.timings, **clock.laps},
     )
 
 
@@ -233,25 +219,25 @@ def _learning_gain(
     for label, loop in zip(plant.labels, loops, strict=True):
         if loop.radius >= 1:
             raise DesignError(
-                f"K_s: expected feedback that is stable at {label}; its largest pole is {loop.radius:.4g}",
-                "K_s",
+                f"K_s: expected feedback that is stable at {label}; its largest pole is {loop.radius:.4g}"
             )
     try:
         if shift != r:
             line = f"shift: {shift}: no gain shrinks the error at every frequency; {LOW_PASS}"
-            raise DesignError(line, "shift")
+            raise DesignError(line)
         found = learning_gain(loops, law.closed(plant.nominal, plant.C), r, f, settings.g)
         return found.K_3, found, found.note
     except DesignError as error:
         if error.key not in ("q_filter", "shift"):
             raise
         _check_sign(plant, law, settings)
-        everywhere = [*loops, *_exact_loops(plant, law)]
+        exact = [law.closed(m, plant.C) for m in plant.exact_vertices or ()]
+        everywhere = [*loops, *(loop for loop in exact if loop.radius < 1)]
         by_frequency = _by_frequency(everywhere, plant, settings, shift)
         if by_frequency is not None:
             K_3, note = by_frequency
             return K_3, None, note
-        raise DesignError(f"{error}{_low_pass(everywhere, plant, settings, shift)}", error.key) from None
+        raise DesignError(f"{error}{_low_pass(everywhere, plant, settings, shift)}") from None
 
 
 def _check_sign(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> None:
@@ -265,7 +251,7 @@ def _check_sign(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> N
     if expected * settings.N < 0:
         side = "above" if expected > 0 else "below"
         raise DesignError(
-            f"N: {settings.N:g}: expected a number {side} zero, as the loop's gain at zero frequency is", "N"
+            f"N: {settings.N:g}: expected a number {side} zero, as the loop's gain at zero frequency is"
         )
 
 
@@ -358,63 +344,35 @@ def _factor(value: float) -> str:
     return f"1 + {value - 1:.1e}" if value - 1 < 1e-4 else f"{value:.7g}"
 
 
-def _exact_loops(plant: UncertainPlant, law: Gains) -> list[Loop]:
-    """Stable loops of the exactly sampled vertices."""
-    models: tuple[Model, ...] = plant.exact_vertices or ()
-    return [loop for loop in (law.closed(m, plant.C) for m in models) if loop.radius < 1]
-
-
-def _weighs_integrator(Q: Real, n: int) -> bool:
-    return Q.shape == (n + 1, n + 1)
-
-
 def _check(plant: UncertainPlant, settings: TrialSettings) -> None:
     n, r = plant.order, plant.relative_degree
     if settings.shift is not None and not r <= settings.shift <= LARGEST_SHIFT:
         expected = f"expected {r}, the relative degree, to {LARGEST_SHIFT}"
-        raise DesignError(f"shift: {settings.shift}: {expected}", "shift")
+        raise DesignError(f"shift: {settings.shift}: {expected}")
     if settings.shift is not None and settings.samples <= settings.shift:
         expected = f"expected less than the {settings.samples} samples"
-        raise DesignError(f"shift: {settings.shift}: {expected}", "shift")
+        raise DesignError(f"shift: {settings.shift}: {expected}")
     if settings.samples <= r:
         raise DesignError(
-            f"samples: {settings.samples}: expected a trial longer than the relative degree, {r}", "samples"
+            f"samples: {settings.samples}: expected a trial longer than the relative degree, {r}"
         )
     Q = np.asarray(settings.Q, dtype=float)
     if Q.shape not in ((n, n), (n + 1, n + 1)):
         shape = " x ".join(map(str, Q.shape))
         expected = " or ".join(f"{size} x {size}" for size in (n, n + 1))
-        raise DesignError(f"state_weight: {shape}: expected {expected}", "state_weight")
-    if settings.integral and settings.kind != "state" and not _weighs_integrator(Q, n):
-        raise DesignError(
-            f"state_weight: expected {n + 1} x {n + 1}, with a weight for the integrator", "state_weight"
-        )
+        raise DesignError(f"state_weight: {shape}: expected {expected}")
+    if settings.integral and settings.kind != "state" and len(Q) == n:
+        raise DesignError(f"state_weight: expected {n + 1} x {n + 1}, with a weight for the integrator")
     for key, value in (("initial_state", settings.gamma), ("initial_change", settings.f)):
         if np.shape(value) != (len(Q),):
-            raise DesignError(f"{key}: expected {len(Q)} numbers, as many as the state weight has rows", key)
+            raise DesignError(f"{key}: expected {len(Q)} numbers, as many as the state weight has rows")
     for key, number in (("N", settings.N), ("K_3", settings.K_3)):
         if number is not None and not np.isfinite(number):
-            raise DesignError(f"{key}: expected a finite number", key)
+            raise DesignError(f"{key}: expected a finite number")
     if not (np.isfinite(settings.change_weight) and settings.change_weight > 0):
-        raise DesignError(
-            f"change_weight: {settings.change_weight:g}: expected a number above zero", "change_weight"
-        )
+        raise DesignError(f"change_weight: {settings.change_weight:g}: expected a number above zero")
     if settings.cutoff is not None and settings.samples <= 3 * (settings.filter_order + 1):
         raise DesignError(
             f"samples: {settings.samples}: expected more than {3 * (settings.filter_order + 1)} for "
-            "the filter's ends",
-            "samples",
+            "the filter's ends"
         )
-
-
-class _Clock:
-    """Seconds between laps."""
-
-    def __init__(self) -> None:
-        self.laps: dict[str, float] = {}
-        self._last = time.perf_counter()
-
-    def lap(self, name: str) -> None:
-        now = time.perf_counter()
-        self.laps[name] = now - self._last
-        self._last = now
