@@ -7,14 +7,13 @@ import math
 from typing import Any, get_args
 
 from cogless.design.current_loop import current_loops, weakness
-from cogless.design.feedback import linear_part
 from cogless.design.margins import Margins
 from cogless.design.pi import gains, margins, speed_loop
 from cogless.design.position import feedback_at, position_gains, position_margins
 from cogless.design.space_bounds import Theorem, theorem
 from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study
-from cogless.study.controller import Feedback, Learning, RobustIlc
+from cogless.study.controller import Feedback, Learning
 from cogless.study.laws import AnyController
 from cogless.study.space_controller import SpaceLearning, SpacePosition, SpaceSpeed
 from cogless.study.table import Quantity
@@ -173,14 +172,12 @@ def design(study: Study, name: str) -> Design:
     if isinstance(controller, SpacePosition | SpaceSpeed):
         return _space(study, name, controller)
     rule: str | None = None
-    pi: tuple[float, float] | None = None
+    pi = controller.linear
     numbers = _numbers(controller)
     if isinstance(controller, Feedback):
         rule = controller.tuning.rule if controller.tuning else None
         pi = gains(study, name)
         numbers = {"kp": Gain(pi[0], "A*s/rad"), "ki": Gain(pi[1], "A/rad"), **numbers}
-    elif isinstance(controller, RobustIlc):
-        pi = linear_part(controller)
     loop = margins(speed_loop(study), *pi) if pi else None
     if isinstance(controller, Learning):
         numbers["lead"] = _lead(study, controller)

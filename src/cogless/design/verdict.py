@@ -45,7 +45,7 @@ from cogless.design.ripple import doubts, ripple
 from cogless.design.space_bounds import unfit
 from cogless.design.space_learning import SpaceLoop
 from cogless.study import Study, for_scenario
-from cogless.study.controller import PiIlc, RobustIlc
+from cogless.study.controller import Learning
 from cogless.study.laws import AnyController
 from cogless.study.mechanics import Load
 from cogless.study.motion import course
@@ -304,7 +304,7 @@ def _verdict(study: Study, name: str) -> Verdict | None:
 
 def loop_type(law: AnyController) -> type[LearningLoop] | None:
     """The loop of a law that learns; None of one that doesn't."""
-    if isinstance(law, PiIlc | RobustIlc):
+    if isinstance(law, Learning):
         return PeriodicLoop
     return SpaceLoop if isinstance(law, SpaceLearning) and law.learning else None
 
@@ -338,7 +338,7 @@ def _motion(study: Study, scenario: str, name: str) -> _Motion:
     """Points of a scenario to judge; none where its reference is never fast enough to learn."""
     law = study.controller[name]
     kind = loop_type(law)
-    assert kind is not None and isinstance(law, PiIlc | RobustIlc | SpaceLearning)
+    assert kind is not None and isinstance(law, Learning | SpaceLearning)
     way = course(study.scenario[scenario])
     learns = way.time >= law.learning_start
     omega, alpha = np.abs(way.omega[learns]), np.abs(way.alpha[learns])
