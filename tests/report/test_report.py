@@ -174,7 +174,7 @@ def test_verdict_is_of_the_baselines_strongest_order_where_no_ripple_is_taken(ma
 
 def test_the_strongest_order_is_that_of_the_worst_where_the_baseline_has_no_number(made):
     winner = {"speed_orders_rad_s": [0.06, 0.006, 0.048]}
-    low = verdicts(with_metrics(made, pi={"speed_ripple_rad_s": np.nan}, pi_ilc=winner), "rpm")[0]
+    low = verdicts(with_metrics(made, pi={"speed_ripple_rad_s": np.nan}, pi_ilc=winner))[0]
     assert "Of the strongest order, 6 (electrical): PI-ILC 0.458 rpm and PI re-tuned 1.90 rpm." in low.details
 
 

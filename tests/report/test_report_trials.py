@@ -371,7 +371,7 @@ def test_long_trials_are_thinned(made, monkeypatch):
 
 
 def test_trials_stay_readable_however_many_runs_share_the_page(made):
-    waves = waveforms.waveforms(replace(made, runs=made.runs * 500), "move", made.runs)
+    waves = waveforms.waveforms(replace(made, runs=made.runs * 500), made.runs)
     assert len(unpack(waves["panels"][1]["series"][0]["trials"]["1"])) == len(made.runs[0].trace) / 60
 
 
