@@ -82,9 +82,9 @@ def test_double_equals_the_reference(seed):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_single_stays_within_rounding(seed):
-    """A sine of order h is off by h times the rounding of an angle; coefficients walk by that of what they add
-    and of themselves. Where the output lies within rounding of its limit the two may part for a reason; there
-    the comparison ends, and that has to come late."""
+    """A sine of order h is off by h times the rounding of an angle; coefficients walk by that of what they
+    add and of themselves. Where the output lies within rounding of its limit the two may part for a reason;
+    there the comparison ends, and that has to come late."""
     rng, library = np.random.default_rng(200 + seed), control_library("float")
     reference = random_law(rng, np.float32)
     c, h = CPiAfc(library, reference), reference.orders
@@ -104,7 +104,7 @@ def test_single_stays_within_rounding(seed):
 
 
 class Motor:
-    """Inertia under a current, with torque ripple in amperes at some orders, and a measured speed that is late."""
+    """Inertia under a current, with torque ripple at some orders, A, and a measured speed that is late."""
 
     def __init__(self, speed, ripple, b=400.0, delay=2, theta=0.3):
         self.theta, self.omega, self.ripple, self.b = theta, speed, ripple, b
@@ -159,7 +159,7 @@ def test_a_delay_needs_its_lead():
 
 
 def test_a_resonator_at_the_order_at_constant_speed():
-    """What Messner and Bodson show, sampled: gain ts (cos l - cos(W - l) / z) / (1 - 2 cos W / z + 1 / z^2)."""
+    """What Messner and Bodson show, sampled: g (cos l - cos(W - l) / z) / (1 - 2 cos W / z + 1 / z^2)."""
     omega, h, gain, lead = 10.0, 24, 2.0, 2e-3
     W, turned = h * omega * TS, h * omega * lead
     c = CPiAfc(control_library("double"), law([h], gain, lead, limit=1e3, pi=(0.0, 0.0, 1e4)))

@@ -45,6 +45,7 @@ from cogless.design.margins import Complex, Real
 from cogless.design.pi import SpeedLoop, speed_loop
 from cogless.study import Study
 from cogless.study.controller import Learning
+from cogless.study.pi_afc import PiAfc
 from cogless.study.space_controller import SpaceLearning
 
 SETTLED = 1.0 + 1e-3  # a factor a period that is as good as settling
@@ -76,7 +77,7 @@ class LearningLoop(ABC):
 
     @property
     @abstractmethod
-    def law(self) -> Learning | SpaceLearning:
+    def law(self) -> Learning | SpaceLearning | PiAfc:
         """The controller; TypeError: not one that learns so."""
 
     @property
@@ -115,6 +116,10 @@ class LearningLoop(ABC):
     def feedback(self) -> Linear:
         """The linear feedback while the law learns, without what learning adds at once."""
         return self.feedback_before
+
+    def gain(self, w: Real) -> Complex:
+        """The learning gain at w in rad/s."""
+        return pi(w, self.plant.period, *self.gamma)
 
     @property
     def at_once(self) -> Linear:
@@ -159,6 +164,10 @@ class LearningLoop(ABC):
         part = np.asarray(f, dtype=float) / self.cells_per_second
         return np.asarray(self.forgetting * np.abs(np.sinc(n * part) / np.sinc(part)))
 
+    def recalled(self, f: ArrayLike, constant: bool) -> Real:
+        """The share of what was learned that comes back after a period, at frequencies f in Hz."""
+        return self.q(f) * self.lines(f, constant)
+
     def factor(self, f: ArrayLike) -> Real:
         """Factor a period of what is learned at frequencies f in Hz."""
         return self.q(f) * self.unfiltered(f)
@@ -196,12 +205,16 @@ class LearningLoop(ABC):
         x = self.x(f, lead)
         return np.asarray(1 - x if lead else 1 / (1 + x))
 
+    def closed(self, f: Real) -> Complex:
+        """G S at frequencies f in Hz, 0 or more."""
+        return _closed_at(self.plant, self.feedback, f.tobytes()).reshape(f.shape)
+
     def x(self, f: ArrayLike, lead: int | None = None) -> Complex:
         """X, with the lead, at frequencies f in Hz."""
         f, lead = np.asarray(f, dtype=float), self.lead if lead is None else lead
         positive = np.abs(f)
-        closed = _closed_at(self.plant, self.feedback, positive.tobytes()).reshape(f.shape)
-        value = pi(2 * math.pi * positive, self.plant.period, *self.gamma) * closed
+        closed = self.closed(positive)
+        value = self.gain(2 * math.pi * positive) * closed
         value = np.where(f >= 0, value, np.conj(value))
         return np.asarray(value * np.exp(2j * np.pi * f * lead * self.plant.period) if lead else value)
 
@@ -220,6 +233,20 @@ class LearningLoop(ABC):
     def highest(self) -> float:
         """The highest frequency that samples and cells hold, Hz."""
         return 0.499 * min(self.cells_per_second, 1 / self.plant.period)
+
+    @property
+    def orders(self) -> Real | None:
+        """The orders of the period that it learns; None of a law that learns all."""
+        return None
+
+    def settling_leads(self) -> set[int]:
+        """The leads, in samples, with which it would settle."""
+        return set()
+
+    @property
+    def sure(self) -> bool:
+        """Whether what is learned grows for certain at this speed, were it constant."""
+        return False
 
     @property
     def frequencies(self) -> Real:
