@@ -1,5 +1,7 @@
 """Every law, metric and sensor has all that belongs to it; what is missing is named."""
 
+import ast
+import functools
 import re
 from pathlib import Path
 from typing import get_args
@@ -24,6 +26,13 @@ FIGURE = re.compile(r"^```{run-figure} (\S+) (.+)\n(?::set: (.+\n(?: +.+\n)*))?"
 STEP = re.compile(r"void (cgl_\w+_step)\(const cgl_\w+_config \*\w+, cgl_\w+ \*\w+,\s+const cgl_law_input")
 
 
+# Lists that have a controller of every law: their place, and where a row has its study and its controller.
+LISTS = {
+    ("docs/pil_tables.py", "CASES"): (1, 3),
+    ("tests/export/test_export_c.py", "CONTROLLERS"): (0, 1),
+}
+
+
 def text(path: Path) -> str:
     return path.read_text(encoding="utf-8") if path.is_file() else ""
 
@@ -38,22 +47,52 @@ def drawn(page: str) -> set[str]:
     return shown
 
 
+@functools.cache
+def listed(place: str, name: str) -> set[str]:
+    """The laws in one of the lists; a controller that its study hasn't is named after its law."""
+    study_at, controller_at = LISTS[place, name]
+    found = set()
+    for node in ast.walk(ast.parse(text(ROOT / place))):
+        if isinstance(node, ast.AnnAssign) and ast.unparse(node.target) == name:
+            assert isinstance(node.value, ast.List)
+            for row in node.value.elts:
+                assert isinstance(row, ast.Tuple)
+                study, controller = (ast.literal_eval(row.elts[at]) for at in (study_at, controller_at))
+                law = load(study).controller.get(controller)
+                found.add(OF_TRIALS if isinstance(law, TrialLaw) else law.law if law else controller)
+    return found
+
+
 def missing(law: CLaw) -> list[str]:
     """What a law lacks, each as its place."""
     stem, header = law.stem, text(LIBRARY / law.header)
     reference = "".join(map(text, sorted((ROOT / "tests" / "reference").glob("*.py"))))
-    name = "".join(word.capitalize() for word in stem.split("_"))
+    class_name = "".join(word.capitalize() for word in stem.split("_"))
     map_of, init = text(LIBRARY / "map.h"), f"{law.state}_init("
     ranges = text(ROOT / "tests" / "study" / "test_law_ranges.py")
+    stepped = law.step.removeprefix("cgl_").removesuffix("_step")
+    off, inits, stored = (
+        text(ROOT / "tests" / "control" / f"test_control_{of}.py") for of in ("off", "init", "map_store")
+    )
     has = {
         f"control/src/cogless/{law.header}: {law.step}": law.step in STEP.findall(header),
         f"control/src/cogless/{stem}.c: {init}": init in text(LIBRARY / f"{stem}.c"),
+        f"control/src/cogless.h: {law.header}": f"/{law.header}" in text(LIBRARY.parent / "cogless.h"),
         f"control/src/cogless/map.h: {law.map}": law.cells is None or law.map in map_of,
-        f"tests/reference/: class {name}": re.search(rf"^class {name}\b", reference, re.M) is not None,
+        f"tests/reference/: class {class_name}": re.search(rf"^class {class_name}\b", reference, re.M)
+        is not None,
         f"control/tests/random_inputs.c: {init}": init in text(CONTROL / "tests" / "random_inputs.c"),
         f"control/proof/{stem}.c: {init}": init in text(CONTROL / "proof" / f"{stem}.c"),
         f'control/proof/run.py: Run("{stem}")': f'Run("{stem}"' in text(CONTROL / "proof" / "run.py"),
         f"control/fuzz/law_{stem}.c: {init}": init in text(CONTROL / "fuzz" / f"law_{stem}.c"),
+        f'tests/control/test_control_init.py: "{stem}"': f'"{stem}": (' in inits,
+        f'tests/control/test_control_off.py: "{stepped}"': f'"{stepped}": ' in off or law.step in off,
+        f'tests/control/test_control_map_store.py: "{law.name}"': (
+            law.cells is None or f'"{law.name}": ' in stored or law.map in stored
+        ),
+        f"control/PROOF.md: `{stem}`": f"`{stem}`" in text(CONTROL / "PROOF.md"),
+        f"docs/index.md: laws/{law.name}": f"\nlaws/{law.name}\n" in text(ROOT / "docs" / "index.md"),
+        **{f"{place}: {name}": law.name in listed(place, name) for place, name in LISTS},
         f"docs/laws/{law.name}.md": bool(page := text(ROOT / "docs" / "laws" / f"{law.name}.md")),
         f"docs/laws/{law.name}.md: its run-figure": law.name in drawn(page),
         "src/cogless/study/laws.py: its model": law.name in (*MODELS, OF_TRIALS),
@@ -69,7 +108,7 @@ def test_a_law_has_all_that_belongs_to_one(name: str) -> None:
 
 def test_what_is_missing_is_named() -> None:
     lacks = missing(CLaw("none", "none", "none.h", "cgl_none_step", "cell", "4U", ()))
-    assert len(lacks) == 12 and "docs/laws/none.md" in lacks
+    assert len(lacks) == 20 and "docs/laws/none.md" in lacks
 
 
 def test_every_law_of_the_headers_has_a_row() -> None:

@@ -101,10 +101,9 @@ def _speed(subject: Subject) -> str:
 
 def _maps(subject: Subject) -> str:
     """Words for keeping what was learned; empty where it is not tied to an angle."""
-    if not subject.has_map:
+    if subject.map is None:
         return ""
-    trial, config = subject.law.name == "trial", subject.law_config
-    memory = config.get("memory", config)
+    trial, (channels, cells) = subject.law.name == "trial", subject.map
     asset = files("cogless.export").joinpath("assets", "c", "maps.md")
     rests = "Before it reference.learn = false, for a step of the law or more; afterwards true again."
     return Template(asset.read_text(encoding="utf-8")).substitute(
@@ -112,6 +111,6 @@ def _maps(subject: Subject) -> str:
         map_of=subject.law.map,
         motion=", .motion" if trial else "",
         when_to_save="Between two trials." if trial else f"From the main loop. {rests}",
-        channels=memory.get("channels", 1),
-        cells=config["samples"] if trial else memory["cells"],
+        channels=channels,
+        cells=cells,
     )

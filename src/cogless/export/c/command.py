@@ -59,6 +59,7 @@ def subject_of(prepared: Prepared, command: str = "") -> Subject:
     law, matrix = C_LAWS[controller["law"]], controller.get("learning_matrix")
     assert prepared.study.drive is not None
     layout = control_layout(prepared.study.drive.precision)
+    stored = prepared.drive.stored(prepared.start())
     found, verdict = figures(prepared.study, prepared.scenario, prepared.controller)
     return Subject(
         study=prepared.study,
@@ -71,7 +72,7 @@ def subject_of(prepared: Prepared, command: str = "") -> Subject:
         law_config=layout.decode(law.config, controller["config"]),
         rate=round(prepared.rate),
         memory_length=len(prepared.memory),
-        has_map=prepared.drive.stored(prepared.start()) is not None,
+        map=None if stored is None else np.shape(stored["values"]),
         learning_matrix=None if matrix is None else np.asarray(matrix, prepared.memory.dtype).ravel(),
         figures=found,
         verdict=verdict,
@@ -86,6 +87,6 @@ def contents(subject: Subject, prepared: Prepared, recording: Recording) -> dict
     written = texts(subject, recording, prepared.memory, stretches)
     made = {name: text.encode() for name, text in written.items()}
     library = control_sources() / "cogless"
-    names = {*sources.closure([ENTRY, subject.law.header]), *(sources.store() if subject.has_map else ())}
+    names = {*sources.closure([ENTRY, subject.law.header]), *(sources.store() if subject.map else ())}
     copied = {f"cogless/{name}": (library / name).read_bytes() for name in names}
     return made | copied | {"cogless/LICENSE": sources.licence().read_bytes()}

@@ -31,7 +31,7 @@ class Subject:
     law_config: dict[str, Any]
     rate: int  # Hz, of the current loop
     memory_length: int  # entries of the law's memory
-    has_map: bool  # what it learns can be stored
+    map: tuple[int, int] | None  # channels and cells of what it learns; None: that can't be stored
     learning_matrix: NDArray[np.floating[Any]] | None
     figures: list[tuple[str, str]]  # what `cogless design` finds
     verdict: str  # what it says of learning
