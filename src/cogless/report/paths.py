@@ -34,7 +34,8 @@ class Panel:
     @property
     def scale(self) -> float:
         """The divisor from the signal's SI values to the displayed ones."""
-        return factor(self.unit, SIGNALS.get(self.signal, CURRENT)) / self.ratio
+        dimension = CURRENT if self.signal == "learned" else SIGNALS[self.signal]
+        return factor(self.unit, dimension) / self.ratio
 
     def of(self, trace: Trace) -> Array:
         return np.asarray(trace[self.signal] / self.scale)
