@@ -39,7 +39,7 @@ class Bounds:
 
     h_m: float  # A*s^2/rad, the least of h
     h_M: float  # A*s^2/rad, the largest
-    k_h: float  # A*s^2/rad^2, of |h'|
+    k_h: float  # A*s^2/rad^2, of |h'|; the paper's g_d, of the derivative of 1 / g
     k_alpha1: float  # A, of |alpha|
     k_alpha2: float  # A/rad, of |alpha'|
     k_beta1: float  # A*s/rad, of |beta|
@@ -54,11 +54,6 @@ class Bounds:
     def g(self) -> tuple[float, float]:
         """g- and g+, the least and the largest of 1 / h."""
         return 1 / self.h_M, 1 / self.h_m
-
-    @property
-    def g_d(self) -> float:
-        """Bound of the derivative of 1 / g, which is h."""
-        return self.k_h
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,8 @@
 """The learning gain K_3 by the linear matrix inequality of Mandra 2019, (21) to (35).
 
-With eta the change of the state from one trial to the next and e shifted by r samples, learning is the
-repetitive process
-
-    eta(p+1) = A eta + B K_3 e_k,   e_{k+1} = -Gamma eta + (1 - Upsilon K_3) e_k
-    Gamma = C A^r,  Upsilon = C A^(r-1) B
-
-stable along the trial where Phi^T P Phi - P < 0. The gain with the smallest bound beta_1 + beta_2 has
-Lyapunov matrices diag(Y_1j, Y_2j)^-1 that differ by vertex, and W = K_3 G_2 with scalars W, G_2. Read in the
-paper: the second Gamma-hat in (24) and T-hat in (32) are Upsilon-hat.
-
-What is bounded: each trial that starts with eta(0) = f adds at most beta_1 to the sum of all later errors'
-squares, each sample of the first trial with e_0 = g at most beta_2. One of each, then, at most their sum.
-
-Gamma and Upsilon are affine in the polytope for r = 1, and for more where the powers of A allow it; that is
-tested at mixtures of the vertices. Where they are not, the polytope is widened until it holds the mixtures.
+docs/theory/trial-design.md#learning-as-a-repetitive-process has the inequalities, and what is bounded: each
+trial that starts with eta(0) = f adds at most beta_1 to the sum of all later errors' squares, each sample of
+the first trial with e_0 = g at most beta_2. One of each, then, at most their sum.
 
 Scaling. The block e_{k+1} of (28) with U is a bounded-real condition with the supply p |e_k|^2 - (1 + p)
 |e_{k+1}|^2, which needs max |F|^2 <= p / (1 + p). So a frequency sweep for the K_3 with the smallest max |F|

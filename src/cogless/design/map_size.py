@@ -27,7 +27,8 @@ FILTERS = 3  # widths of the Q filter in it
 
 def map_warning(study: Study, name: str) -> str | None:
     """A warning of a map that is too small; None where there is no map, or it holds all known orders."""
-    law, orders = study.controller[name], _orders(study, name)
+    law = study.controller[name]
+    orders = {n for key in study.scenarios_of(name) for n in functions_in(study, key).orders}
     revolutions = revolutions_learned(study, name)
     if not isinstance(law, SpaceLearning | Learning) or not law.over_angle:
         return None
@@ -53,12 +54,3 @@ def kept(cells: float, half_width: int) -> float:
     width = 2 * half_width + 1
     filtered = np.sinc(width / cells) / np.sinc(1 / cells)
     return float(abs(filtered) * np.sinc(1 / cells) ** 2)
-
-
-def _orders(study: Study, name: str) -> set[int]:
-    """Mechanical orders that motor and load have in the scenarios of a controller."""
-    found: set[int] = set()
-    for key in study.scenario:
-        if name in study.controllers_in(key):
-            found |= functions_in(study, key).orders
-    return found

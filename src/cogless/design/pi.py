@@ -1,39 +1,22 @@
-"""Speed PI by phase margin: the fair bar that learning laws stand beside.
+"""Speed PI by phase margin: the fair bar that learning laws stand beside. Derived in docs/laws/pi.md.
 
-The speed loop, from its error to its measured speed, sampled with period T:
+The speed loop, from its error to its measured speed, sampled with period T = N T_c:
 
     L = (kp + ki T z / (z - 1)) P(jw),    z = exp(jwT)
 
-P, from current reference to measured speed, is exact for small signals without friction and with the
-back-EMF decoupled. Between two speed samples the reference is constant, and the sampled current loop
-(current_loop.py), the inertia (omega' = b i, b = K_t / J, belief over true inertia) and the angle (theta' =
-omega) take N = T / T_c steps of a current-loop period T_c, each x' = A x + B i_ref, exactly. n steps make
-x_n = A^n x + B_n i_ref, and from sample to sample X(z) = (z - A^N)^-1 B_N. The measured speed is that of the
-sensor:
+P, from current reference to measured speed, is that of N exact steps of a current-loop period,
+x' = A x + B i_ref, from sample to sample X(z) = (z - A^N)^-1 B_N. The measured speed is omega of an ideal
+sensor, otherwise (theta now - theta W steps ago) / (W T_c): W = m N - r steps ago (0 <= r < N) theta was
+z^-m (A^r X + B_r). An encoder timed from edge to edge (T) is at most the T / 2 late that is taken here while
+two edges come in a period.
 
-    ideal       omega
-    otherwise   (theta now - theta W steps ago) / (W T_c)
+The rule puts the crossover w_c where the phase is largest. With K = kp + ki T / 2, T_i = K / ki,
+w' = tan(wT / 2) / (T / 2), T_e = -arg(jw P(jw)) / w and x = w' T_i
 
-which is the mean of omega over the last W current-loop periods. W = m N - r steps ago (0 <= r < N) theta was
-z^-m (A^r X + B_r). A resolver's W is its window. An encoder's is N: by M exactly, by MT nearly (its mean
-ends at the last edge). By T the mean is over one edge and ends at the last, on average one edge period late:
-at most the T / 2 taken here while two edges come in a period.
+    T_e = T_i / (1 + x^2),    PM = atan x - x / (1 + x^2)
 
-The rule. With z / (z - 1) = 1 / 2 + 1 / (2j tan(wT / 2)), K = kp + ki T / 2 and w' = tan(wT / 2) / (T / 2)
-the phase is that of a continuous PI before an integrator and a delay:
-
-    arg L(w) = -180 deg + atan(w' T_i) - w T_e,  T_e = -arg(jw P(jw)) / w,  T_i = K / ki
-
-The symmetrical optimum puts the crossover w_c where the phase is largest: d/dw = 0 gives
-T_e = T_i / (1 + x^2) with x = w' T_i (for w' = w, which it nearly is, and for a constant T_e). There
-
-    PM = atan x - x / (1 + x^2)
-
-which grows with x from 0 to 90 deg: the wanted margin gives x, then w_c = x / ((1 + x^2) T_e), then
-T_i = x / w_c', and |L(w_c)| = 1 gives the gain. T_e depends on w_c weakly: a few rounds of substitution
-settle it.
-
-Source: C. Kessler, "Das symmetrische Optimum", Regelungstechnik 6 (1958), here for a delay in place of a lag.
+The margin gives x, then w_c = x / ((1 + x^2) T_e), T_i = x / w_c', and |L(w_c)| = 1 the gain. T_e depends on
+w_c weakly: a few rounds of substitution settle it.
 """
 
 from __future__ import annotations
@@ -70,7 +53,7 @@ class SpeedLoop:
         return self.steps * self.current.period
 
     def plant(self, w: Real) -> Complex:
-        """P(jw), see above."""
+        """P(jw)."""
         z, x = np.exp(1j * w * self.period), self._states(w)
         if self.window == 0:
             return np.asarray(x[:, OMEGA])
@@ -84,14 +67,14 @@ class SpeedLoop:
         return np.asarray(self._states(w)[:, THETA])
 
     def _states(self, w: Real) -> Complex:
-        """X(jw), see above."""
+        """X(jw)."""
         z = np.exp(1j * w * self.period)
         whole = self.step_of(self.steps)
         A, B = whole[:REFERENCE, :REFERENCE], whole[:REFERENCE, REFERENCE:]
         return np.asarray(np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)[:, :, 0])
 
     def response(self, w: Real, kp: float, ki: float) -> Complex:
-        """L(jw), see above."""
+        """L(jw)."""
         z = np.exp(1j * w * self.period)
         return np.asarray((kp + ki * self.period * z / (z - 1)) * self.plant(w))
 

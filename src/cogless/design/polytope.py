@@ -1,11 +1,8 @@
 """An uncertain plant as a polytope of discrete models, (1) and (2) of Mandra 2019, and the set it stands for.
 
-    x(p+1) = A(lambda) x(p) + B(lambda) (u(p) - d(p)),  y = C x,  [A B](lambda) = sum lambda_j [A_j B_j]
-
-Made from ranges of physical parameters, or from vertices. The corners of a box of ranges map to vertices;
-their hull is minimal. Whether it holds the images of all parameters is tested on samples, because it need
-not: exact sampling and parameters that enter nonlinearly bend the set. Where it doesn't, the polytope is one
-that does, and `note` says so.
+docs/theory/trial-design.md#the-plant-as-a-polytope. Made from physical ranges, or from vertices.
+Whether the corners' hull holds the images of all parameters is tested on samples. Where it doesn't, the
+polytope is one that does, and `note` says so.
 """
 
 from __future__ import annotations
@@ -225,8 +222,8 @@ def _plant(
         vertices=tuple(designs),
         labels=tuple(labels),
         nominal=centre,
-        exact_vertices=exacts and tuple(exacts),
-        exact_nominal=exact_centre and exact_centre[0],
+        exact_vertices=None if exacts is None else tuple(exacts),
+        exact_nominal=None if exact_centre is None else exact_centre[0],
         relative_degree=degree,
         exact_hull=exact_hull,
         note=note,

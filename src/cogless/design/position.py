@@ -1,24 +1,16 @@
 """Position feedback of the laws that learn in angle, and its fair tuning by phase margin.
 
-Verrelli 2016, Section 5: the law acts on omega_t = omega - omega_ref + k_theta (theta - theta_ref) with a
-proportional and an integral gain, so that its loop, from current to what it feeds back, is
+The loop, from current to omega_t = omega - omega_ref + k_theta (theta - theta_ref), is
 
     L = (k_omega + k_i T z / (z - 1)) (P_omega + k_theta P_theta),    z = exp(jwT)
 
-with the exact plants P of pi.py; where it has them, v(omega) counts with k_omega, and k_v adds k_v P_theta.
-All angles are multiplied by `ratio`, mechanical to the frame of the gains.
+with the plants P of pi.py; where it has them, v(omega) counts with k_omega, and k_v adds k_v P_theta. All
+angles are multiplied by `ratio`, mechanical to the frame of the gains.
 
-The rule: the stiffest loop of the wanted phase margin. Both zeros are put at one place, k_i / K = k_theta,
-with K = k_omega + k_i T / 2; the stiffness against a slow load is K k_theta k_i / K. Around the double lag of
-an integrator and a delay T_e, x = w / k_theta,
-
-    arg L(w) = -270 deg + 2 atan x - w T_e
-
-the phase rises with w and falls again. The largest gain of a place puts the crossover w where the phase has
-fallen to the margin. A higher place is stiffer at the same gain, but leaves less gain and at last no margin:
-a search over places finds the stiffest. (A delay T_e that is one over all frequencies would have it where
-3 x = (1 + x^2) w T_e. A current loop's isn't: that of verrelli2016 falls from 2 ms to 0.6 ms, and this place,
-with the first crossover of the margin, would be 4 to 6 times too soft at 45 deg.)
+The rule is the stiffest loop of the wanted margin, both zeros at one place, k_i / K = k_theta with
+K = k_omega + k_i T / 2 (docs/theory/learning-in-angle.md#a-fair-pi). The formula for a delay that is one over
+all frequencies isn't enough: the current loop of verrelli2016 falls from 2 ms to 0.6 ms, and that place would
+be 4 to 6 times too soft at 45 deg.
 """
 
 from __future__ import annotations
@@ -72,7 +64,7 @@ def position_gains(study: Study, name: str) -> Gains:
 
 
 def open_loop(loop: SpeedLoop, feedback: Linear, w: Real) -> Complex:
-    """L, see above."""
+    """L."""
     z = np.exp(1j * w * loop.period)
     angle = loop.angle(w)
     C = feedback.k + feedback.k_i * loop.period * z / (z - 1)

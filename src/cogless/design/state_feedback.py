@@ -1,15 +1,9 @@
 """Guaranteed-cost state feedback, with or without integral action: (9) to (13) of Mandra 2019.
 
-u = K x with one Lyapunov matrix Y^-1 for all vertices, W = K Y, the smallest bound beta on the cost (8) from
-x(0) = gamma:
-
-    [Y  *  *  *; A_j Y + B_j W  Y  *  *; Y  0  Q^-1  *; W  0  0  1/R] >= 0,   [beta  gamma^T; gamma  Y] >= 0
-
-solved in x = T x~, T^-T T^-1 being X, the nominal Riccati solution, and with Q^-1 and 1/R scaled to
-one by congruence. Then Y~ is near I whatever the units. The result counts only if `check` accepts it.
-
-Whether there is a gain at all doesn't depend on Q and R: [Y  *; A_j Y + B_j W  Y] > 0 decides that
-(stabilise.py). Where ranges are so wide that the solver fails at the cost, the gain of that scales it.
+docs/theory/trial-design.md#state-feedback-with-a-guaranteed-cost: u = K x with one Lyapunov matrix Y^-1 for
+all vertices, W = K Y, and the smallest bound beta on the cost from x(0) = gamma, solved in x = T x~ with Q^-1
+and 1/R scaled to one by congruence. T^-T T^-1 is X, the nominal Riccati solution; where ranges are so wide
+that the solver fails with it, the gain of stabilise.py makes T. The result counts only if `check` accepts it.
 """
 
 from __future__ import annotations
@@ -17,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -78,7 +73,7 @@ def guaranteed_cost(plant: UncertainPlant, Q: Real, R: float, gamma: Real, integ
         mode = uncontrollable_mode(model.A, model.B)
         if mode is not None:
             raise DesignError(_uncontrollable(label, mode, integral))
-    centre = _centre(plant, integral)
+    centre = augmented(plant.nominal, plant.C) if integral else plant.nominal
     T = riccati_scaling(centre, Q, R)
     rough = np.diag(1 / np.sqrt(np.diag(Q))) if T is None else T
     common = stabilise(models, rough)
@@ -112,20 +107,11 @@ def check(
     y, root = inverse @ Y @ inverse.T, np.linalg.cholesky(T.T @ Q @ T).T
     y = (y + y.T) / 2
     k = K.reshape(1, n) @ T
-    zero, blocks, cost = np.zeros, [], 0.0
+    blocks, cost = [], 0.0
     for model in models:
         closed = inverse @ (model.A @ T + model.B @ k) @ y
         q, w = root @ y, np.sqrt(R) * k @ y
-        blocks.append(
-            np.block(
-                [
-                    [y, closed.T, q.T, w.T],
-                    [closed, y, zero((n, n)), zero((n, 1))],
-                    [q, zero((n, n)), np.eye(n), zero((n, 1))],
-                    [w, zero((1, n)), zero((1, n)), np.eye(1)],
-                ]
-            )
-        )
+        blocks.append(np.block(_of_the_cost(y, closed, q, w)))
         loop = model.A + model.B @ K.reshape(1, n)
         if np.abs(np.linalg.eigvals(loop)).max() >= 1:
             cost = np.inf
@@ -138,6 +124,17 @@ def check(
     blocks.append(np.block([[np.eye(1), start[None, :]], [start[:, None], y]]))
     smallest = smallest_share(blocks)
     return Check(smallest, cost, bound, smallest >= -TOLERANCE and cost <= bound * (1 + 1e-5))
+
+
+def _of_the_cost(Y: Any, closed: Any, q: Any, w: Any) -> list[list[Any]]:
+    """The rows of (9), with Q^-1 and 1/R scaled to one: of numbers, or of a solver's variables."""
+    n, zero = Y.shape[0], np.zeros
+    return [
+        [Y, closed.T, q.T, w.T],
+        [closed, Y, zero((n, n)), zero((n, 1))],
+        [q, zero((n, n)), np.eye(n), zero((n, 1))],
+        [w, zero((1, n)), zero((1, n)), np.eye(1)],
+    ]
 
 
 def riccati_scaling(model: Model, Q: Real, R: float) -> Real | None:
@@ -155,10 +152,6 @@ def riccati_scaling(model: Model, Q: Real, R: float) -> Real | None:
     except (np.linalg.LinAlgError, ValueError):
         return None
     return np.asarray(np.linalg.inv(lower.T))
-
-
-def _centre(plant: UncertainPlant, integral: bool) -> Model:
-    return augmented(plant.nominal, plant.C) if integral else plant.nominal
 
 
 def _with_the_cost(models: Sequence[Model], common: Common, Q: Real, R: float) -> Real:
@@ -186,19 +179,10 @@ def solve_scaled(
     start = start / size
     Y, W = cp.Variable((n, n), symmetric=True), cp.Variable((1, n))
     beta = cp.Variable((1, 1))
-    zero = np.zeros
     constraints = [cp.bmat([[beta, start[None, :]], [start[:, None], Y]]) >> 0]
     for model in models:
         closed = (inverse @ model.A @ T) @ Y + (inverse @ model.B / np.sqrt(R)) @ W
-        block = cp.bmat(
-            [
-                [Y, closed.T, (root @ Y).T, W.T],
-                [closed, Y, zero((n, n)), zero((n, 1))],
-                [root @ Y, zero((n, n)), np.eye(n), zero((n, 1))],
-                [W, zero((1, n)), zero((1, n)), np.eye(1)],
-            ]
-        )
-        constraints.append(block >> 0)
+        constraints.append(cp.bmat(_of_the_cost(Y, closed, root @ Y, W)) >> 0)
     status = minimise(beta[0, 0], constraints)
     if Y.value is None or W.value is None:
         return None, None
