@@ -100,6 +100,11 @@ class ModelCertificate:
     with_filter: Learning | None  # None without a filter, too
     growth: float | None  # factor a trial in the end, with the filter if any and the trial's ends: finite.py
 
+    @property
+    def learning(self) -> Learning | None:
+        """Learning as it is done: with the filter, if there is one."""
+        return self.with_filter or self.without_filter
+
 
 @dataclass(frozen=True)
 class Certificate:

@@ -20,15 +20,13 @@ def feedback_of(study: Study, name: str, omega_m: float = 0.0) -> Linear | None:
     if isinstance(law, Feedback):
         kp, ki = gains(study, name)
     elif isinstance(law, RobustIlc):
-        kp, ki = linear_part(law)
+        kp, ki = (
+            (law.c + law.eta) / law.b,
+            law.c * law.eta / law.b,
+        )  # (c e + eta S) / b, S = e + c integral(e)
     else:
         return None
     return Linear(1, kp, k_i=ki)
-
-
-def linear_part(law: RobustIlc) -> tuple[float, float]:
-    """kp and ki of robust ILC: (c e + eta S) / b with S = e + c integral(e)."""
-    return (law.c + law.eta) / law.b, law.c * law.eta / law.b
 
 
 def unstable_feedback(study: Study, name: str) -> str | None:

@@ -78,9 +78,9 @@ def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
     corners = [Vertex.of(loop, r) for loop in loops]
     if r == 1 or len(loops) == 1:
         return corners, True, ""
-    shares = np.vstack(
-        [np.random.default_rng(0).dirichlet(np.ones(len(loops)), MIXTURES), _middles(len(loops))]
-    )
+    unit = np.eye(len(loops))
+    middles = [(unit[i] + unit[j]) / 2 for i in range(len(loops)) for j in range(i)]
+    shares = [*np.random.default_rng(0).dirichlet(np.ones(len(loops)), MIXTURES), *middles]
     A, B = np.array([loop.A for loop in loops]), np.array([loop.B for loop in loops])
     rows = []
     for share in shares:
@@ -91,17 +91,8 @@ def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
         return [corners[k] for k in hull.kept], True, ""
     n = len(loops[0].A)
     widened = [Vertex.from_entries(row, n) for row in hull.vertices]
-    return (
-        widened,
-        False,
-        f"the set (23) bends out of its vertices' hull by {100 * hull.outside:.2g} % of its size: a "
-        f"bounding polytope of {len(widened)} vertices is used",
-    )
-
-
-def _middles(count: int) -> Real:
-    unit = np.eye(count)
-    return np.array([(unit[i] + unit[j]) / 2 for i in range(count) for j in range(i)])
+    note = f"the set (23) bends out of its vertices' hull by {100 * hull.outside:.2g} % of its size: a "
+    return widened, False, f"{note}bounding polytope of {len(widened)} vertices is used"
 
 
 def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: float) -> LearningGain:

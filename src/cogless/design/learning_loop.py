@@ -32,7 +32,7 @@ from numpy.typing import ArrayLike
 from cogless.design.closed_loop import Linear, Oscillation, oscillation
 from cogless.design.feedback import feedback_of
 from cogless.design.margins import Complex, Real
-from cogless.design.pi import SpeedLoop, speed_loop
+from cogless.design.pi import SpeedLoop, pi_response, speed_loop
 from cogless.study import Study
 from cogless.study.controller import Learning
 from cogless.study.space_controller import SpaceLearning
@@ -173,18 +173,14 @@ class LearningLoop(ABC):
 
     def kept(self, f: ArrayLike, lead: int | None = None) -> Complex:
         """The share of what was recalled that the loop leaves, at a sample, at frequencies f in Hz."""
-        lead = self.lead if lead is None else lead
-        x = self.x(f, lead)
-        return np.asarray(1 - x if lead else 1 / (1 + x))
-
-    def x(self, f: ArrayLike, lead: int | None = None) -> Complex:
-        """X, with the lead, at frequencies f in Hz."""
         f, lead = np.asarray(f, dtype=float), self.lead if lead is None else lead
         positive = np.abs(f)
         closed = _closed_at(self.plant, self.feedback, positive.tobytes()).reshape(f.shape)
-        value = pi(2 * math.pi * positive, self.plant.period, *self.gamma) * closed
-        value = np.where(f >= 0, value, np.conj(value))
-        return np.asarray(value * np.exp(2j * np.pi * f * lead * self.plant.period) if lead else value)
+        x = pi_response(2 * math.pi * positive, self.plant.period, *self.gamma) * closed
+        x = np.where(f >= 0, x, np.conj(x))
+        if lead:
+            return np.asarray(1 - x * np.exp(2j * np.pi * f * lead * self.plant.period))
+        return np.asarray(1 / (1 + x))
 
     def residual(self, f: ArrayLike, constant: bool = True) -> Real:
         """Share of the error under feedback alone that stays once learning has settled.
@@ -215,14 +211,6 @@ class LearningLoop(ABC):
         return Worst(float(factors[k]), float(f[k]))
 
 
-def pi(w: Real, T: float, k: float, k_i: float) -> Complex:
-    """k + k_i T z / (z - 1) at w in rad/s."""
-    if not k_i:
-        return np.full(np.shape(w), k, dtype=complex)
-    z = np.exp(1j * w * T)
-    return np.asarray(k + k_i * T * z / (z - 1))
-
-
 def opened(feedback: Linear, P_omega: Complex, P_theta: Complex) -> Complex:
     """G."""
     return np.asarray(feedback.ratio * (P_omega + feedback.k_theta * P_theta))
@@ -230,7 +218,7 @@ def opened(feedback: Linear, P_omega: Complex, P_theta: Complex) -> Complex:
 
 def sensitivity(loop: SpeedLoop, feedback: Linear, w: Real, P_omega: Complex, P_theta: Complex) -> Complex:
     """S; both plants at w in rad/s."""
-    C = pi(w, loop.period, feedback.k, feedback.k_i)
+    C = pi_response(w, loop.period, feedback.k, feedback.k_i)
     around = C * opened(feedback, P_omega, P_theta) + feedback.k_v * feedback.ratio * P_theta
     return np.asarray(1 / (1 + around))
 

@@ -38,6 +38,14 @@ from cogless.study.drive import IdealSensor, Resolver
 CURRENT, INTEGRAL, WAITING, OMEGA, THETA, REFERENCE = range(6)  # the state x, and behind it i_ref
 
 
+def pi_response(w: Real, T: float, k: float, k_i: float) -> Complex:
+    """k + k_i T z / (z - 1) at w in rad/s."""
+    if not k_i:
+        return np.full(np.shape(w), k, dtype=complex)
+    z = np.exp(1j * w * T)
+    return np.asarray(k + k_i * T * z / (z - 1))
+
+
 @dataclass(frozen=True)
 class SpeedLoop:
     """The plant of the speed controller."""
@@ -75,8 +83,7 @@ class SpeedLoop:
 
     def response(self, w: Real, kp: float, ki: float) -> Complex:
         """L(jw)."""
-        z = np.exp(1j * w * self.period)
-        return np.asarray((kp + ki * self.period * z / (z - 1)) * self.plant(w))
+        return np.asarray(pi_response(w, self.period, kp, ki) * self.plant(w))
 
     def step_of(self, periods: int) -> Real:
         """x and i_ref so many current-loop periods later."""

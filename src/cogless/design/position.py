@@ -23,7 +23,7 @@ import numpy as np
 from cogless.design.closed_loop import Linear
 from cogless.design.current_loop import CurrentLoop, require_damped
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
-from cogless.design.pi import SpeedLoop, speed_loop
+from cogless.design.pi import SpeedLoop, pi_response, speed_loop
 from cogless.errors import StudyError
 from cogless.study import Study
 from cogless.study.controller import Tuning
@@ -65,12 +65,9 @@ def position_gains(study: Study, name: str) -> Gains:
 
 def open_loop(loop: SpeedLoop, feedback: Linear, w: Real) -> Complex:
     """L."""
-    z = np.exp(1j * w * loop.period)
-    angle = loop.angle(w)
-    C = feedback.k + feedback.k_i * loop.period * z / (z - 1)
-    return np.asarray(
-        feedback.ratio * (C * (loop.plant(w) + feedback.k_theta * angle) + feedback.k_v * angle)
-    )
+    angle, C = loop.angle(w), pi_response(w, loop.period, feedback.k, feedback.k_i)
+    held = C * (loop.plant(w) + feedback.k_theta * angle)
+    return np.asarray(feedback.ratio * (held + feedback.k_v * angle))
 
 
 def position_margins(loop: SpeedLoop, feedback: Linear) -> Margins:

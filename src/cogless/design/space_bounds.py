@@ -47,7 +47,6 @@ import math
 import operator
 from collections.abc import Iterable
 from dataclasses import dataclass
-from fractions import Fraction
 
 from cogless.design.angle_functions import AngleFunctions, Bounds, angle_functions
 from cogless.design.closed_loop import Linear
@@ -102,11 +101,7 @@ class Theorem:
     def verdict(self) -> str:
         """The verdict in words."""
         met = [c for c in self.conditions if math.isfinite(c.asks)]
-        never = [
-            c.name + (f", which wants {c.wants}" if c.wants else "")
-            for c in self.conditions
-            if not math.isfinite(c.asks)
-        ]
+        never = [c.name + (c.wants and f", which wants {c.wants}") for c in self.conditions if c not in met]
         asked = ", ".join(f"{c.ratio(self.has):.2g} of {c.name} ({c.asks:.3g})" for c in met)
         words = f"{self.section}: {self.gain} = {self.has:.3g}"
         words += (f" is {asked}" if met else "") + ("," if met and never else "")
@@ -258,9 +253,8 @@ def _in_the_way(
         found.append("it learns over the rotor's angle")
     if motion.top_acceleration > 0:
         friction = bounds is not None and bounds.k_beta1 > 0
-        missing = [
-            k for k, gone in (("mu_beta", friction and not law.mu_beta), ("mu_h", not law.mu_h)) if gone
-        ]
+        missing = ["mu_beta"] if friction and not law.mu_beta else []
+        missing += [] if law.mu_h else ["mu_h"]
         if missing:
             found.append(f"the speed varies without {' and '.join(missing)}")
     if bounds is not None:
@@ -280,7 +274,8 @@ def unfit(study: Study, name: str) -> str | None:
 def _unfit(study: Study, law: SpaceLearning, functions: list[AngleFunctions]) -> str | None:
     revolutions = law.period.revolutions(study.motor.pole_pairs)
     others = sorted({n for each in functions for n in each.orders if (n * revolutions).denominator != 1})
-    return f"its period, {_share(revolutions)}, isn't one of order {others[0]}" if others else None
+    share = "a revolution" if revolutions == 1 else f"{revolutions} of a revolution"
+    return f"its period, {share}, isn't one of order {others[0]}" if others else None
 
 
 def _tight_limits(study: Study, law: SpacePosition | SpaceSpeed, bounds: Bounds) -> list[str]:
@@ -307,7 +302,3 @@ def _changing_loads(study: Study, keys: list[str]) -> list[str]:
 
 def _either(names: list[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
-
-
-def _share(revolutions: Fraction) -> str:
-    return "a revolution" if revolutions == 1 else f"{revolutions} of a revolution"

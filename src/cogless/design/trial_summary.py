@@ -18,6 +18,14 @@ from cogless.study import TrialStudy
 if TYPE_CHECKING:
     from rich.console import Group
 
+NO_GAIN = 5e-5  # a largest K_3 that the table would print as zero
+
+LEGEND = (
+    "along the trial: the loop's largest pole; one more sample: the same with another sample of delay at the "
+    "input;\nfrom trial to trial: no frequency of the error grows by more than this, over vertices and "
+    "random plants;\nwith the ends: growth of the error in tried trials, with the filter if there is one"
+)
+
 
 @dataclass(frozen=True)
 class TrialSummary:
@@ -102,9 +110,8 @@ def words(design: TrialDesign) -> str:
     """The certificate in one line."""
     said = []
     for model, found in _rows(design.certificate):
-        learning = found.with_filter or found.without_filter
         none = "no K_3" if design.no_K_3 else "no learning"
-        does = _verdict(learning) if learning else none
+        does = _verdict(found.learning) if found.learning else none
         said.append(f"{model} model: {does if found.stable else 'unstable along the trial'}")
     return f"from trial to trial, {'; '.join(said)}"
 
@@ -112,8 +119,7 @@ def words(design: TrialDesign) -> str:
 def warnings(design: TrialDesign) -> list[str]:
     """Warnings before trials, a line each."""
     rows = [found for _, found in _rows(design.certificate)]
-    learned = [found.with_filter or found.without_filter for found in rows]
-    fine = all(found.stable for found in rows) and all(one is None or one.monotone for one in learned)
+    fine = all(each.stable and (each.learning is None or each.learning.monotone) for each in rows)
     return [] if fine and design.no_K_3 is None else [words(design)]
 
 
@@ -193,16 +199,9 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
     for heading in ("controller", "K_s", "N", "K_3", "feedforward", "filter", "checked"):
         gains.add_column(heading, overflow="fold")
     proof = Table(title="Certificate", title_justify="left", title_style="bold", box=None, pad_edge=False)
-    headings = (
-        "controller",
-        "model",
-        "along the trial",
-        "one more sample",
-        "from trial to trial",
-        "filtered",
-        "with the ends",
-    )
-    for heading in (*headings, "largest K_3"):
+    for heading in ("controller", "model", "along the trial", "one more sample", "from trial to trial"):
+        proof.add_column(heading)
+    for heading in ("filtered", "with the ends", "largest K_3"):
         proof.add_column(heading)
     for name, design in found.designs.items():
         gains.add_row(study.label(name), *_gains(design))
@@ -212,15 +211,6 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
     lines = [Text(f"Note: {note}.") for note in notes]
     legend = Text(LEGEND, style="dim")
     return Group(Text(about), Text(), gains, Text(), proof, Text(), legend, *lines)
-
-
-NO_GAIN = 5e-5  # a largest K_3 that the table would print as zero
-
-LEGEND = (
-    "along the trial: the loop's largest pole; one more sample: the same with another sample of delay at the "
-    "input;\nfrom trial to trial: no frequency of the error grows by more than this, over vertices and "
-    "random plants;\nwith the ends: growth of the error in tried trials, with the filter if there is one"
-)
 
 
 def _gains(design: TrialDesign) -> tuple[str, ...]:

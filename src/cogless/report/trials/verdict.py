@@ -278,7 +278,7 @@ def _certificates(c: Case) -> list[str]:
         if run.design is None:
             continue
         *_, (model, found) = models(run.design.certificate)
-        learning = found.with_filter or found.without_filter
+        learning = found.learning
         if not found.stable:
             sentences.append(
                 f"{c.label(name)} is not certified: along the trial its loop is unstable for {found.worst} "
