@@ -1,12 +1,10 @@
 """h, alpha and beta of Verrelli 2016, model (1), and the bounds of its assumption A.3, from a motor's values.
 
-With i_d = 0 a motor's torque is K(theta) i_q + cogging(theta), so that model (1) reads, all mechanical,
+With i_d = 0 a motor's torque is K(theta) i_q + cogging(theta), and, all mechanical,
 
     h = J / K        alpha = (T_L - cogging) / K        beta = D / K
 
-for any flux harmonics; with those of a step motor it is the paper's. L_0 and L_1 act through i_d alone.
-Without flux harmonics (a PMSM) h and beta are constants. Coulomb friction counts as a load: the paper's
-speeds are above zero.
+Coulomb friction counts as a load: the paper's speeds are above zero.
 
 The bounds hold, and are tight: the extremes on a grid over a revolution, and as margin what a function can
 rise above the grid point next to its extreme, f'' / 2 (grid / 2)^2, f'' bounded by sums of amplitudes.

@@ -9,6 +9,8 @@ control/src/cogless/foc.c (forward Euler), exact for the averaged inverter at st
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -19,6 +21,7 @@ from cogless.errors import StudyError
 from cogless.study import Study, for_scenario
 from cogless.study.drive import IdealCurrentLoop
 
+NO_MARGIN = "expected a faster and better damped current loop for this margin"
 LEAST = math.radians(30)  # phase margin below which a speed loop should not be put around it
 
 
@@ -84,11 +87,16 @@ def weakness(margins: Margins) -> str | None:
     return None
 
 
-def require_damped(study: Study, name: str) -> None:
-    """StudyError where no speed loop can be tuned around the current loop."""
+@contextmanager
+def tuned(study: Study, name: str) -> Iterator[None]:
+    """Around a rule for gains: StudyError where the current loop, or the rule's ValueError, leaves none."""
     for axis, loop in current_loops(study).items():
         wrong = weakness(loop.margins())
         if wrong:
             expected = f"expected {math.degrees(LEAST):.0f} deg of phase margin or more"
             found = f"to tune controller.{name} around it; its {axis} axis {wrong}"
             raise StudyError(f"{study.source.path}: drive.current_loop: {expected} {found}")
+    try:
+        yield
+    except ValueError as error:
+        raise StudyError(f"{study.source.path}: controller.{name}.tuning: {error}") from None

@@ -20,10 +20,8 @@ def feedback_of(study: Study, name: str, omega_m: float = 0.0) -> Linear | None:
     if isinstance(law, Feedback):
         kp, ki = gains(study, name)
     elif isinstance(law, RobustIlc):
-        kp, ki = (
-            (law.c + law.eta) / law.b,
-            law.c * law.eta / law.b,
-        )  # (c e + eta S) / b, S = e + c integral(e)
+        # (c e + eta S) / b with S = e + c integral(e)
+        kp, ki = (law.c + law.eta) / law.b, law.c * law.eta / law.b
     else:
         return None
     return Linear(1, kp, k_i=ki)

@@ -1,9 +1,7 @@
 """Smallest sets of vertices around points, in as many dimensions as the points really have.
 
-Points are rows. Entries are compared after scaling by their spread, so that units do not matter. Entries that
-depend on each other affinely leave an affine hull of fewer dimensions (rank of the scaled points), in which
-Qhull finds the vertices; one dimension has two ends, and none has one point. Qhull's work grows with the
-dimension's power: above `QHULL_DIMENSIONS` all distinct points stay.
+Points are rows, scaled by their spread, so that units do not matter: docs/theory/trial-design.md.
+Qhull's work grows with the dimension's power: above `QHULL_DIMENSIONS` all distinct points stay.
 
 `enclose` answers what a nonlinear map does to a polytope: the images of the corners need not contain the
 images of the inside. Where they don't, the hull of the corners is inflated about its centre and widened by a

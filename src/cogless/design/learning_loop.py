@@ -173,14 +173,18 @@ class LearningLoop(ABC):
 
     def kept(self, f: ArrayLike, lead: int | None = None) -> Complex:
         """The share of what was recalled that the loop leaves, at a sample, at frequencies f in Hz."""
+        lead = self.lead if lead is None else lead
+        x = self.x(f, lead)
+        return np.asarray(1 - x if lead else 1 / (1 + x))
+
+    def x(self, f: ArrayLike, lead: int | None = None) -> Complex:
+        """X, with the lead, at frequencies f in Hz."""
         f, lead = np.asarray(f, dtype=float), self.lead if lead is None else lead
         positive = np.abs(f)
         closed = _closed_at(self.plant, self.feedback, positive.tobytes()).reshape(f.shape)
-        x = pi_response(2 * math.pi * positive, self.plant.period, *self.gamma) * closed
-        x = np.where(f >= 0, x, np.conj(x))
-        if lead:
-            return np.asarray(1 - x * np.exp(2j * np.pi * f * lead * self.plant.period))
-        return np.asarray(1 / (1 + x))
+        value = pi_response(2 * math.pi * positive, self.plant.period, *self.gamma) * closed
+        value = np.where(f >= 0, value, np.conj(value))
+        return np.asarray(value * np.exp(2j * np.pi * f * lead * self.plant.period) if lead else value)
 
     def residual(self, f: ArrayLike, constant: bool = True) -> Real:
         """Share of the error under feedback alone that stays once learning has settled.

@@ -1,12 +1,8 @@
 """Whether a map over the angle has cells enough for the orders that motor and load are known to have.
 
 A map's value between two cells is on the straight line between them. Of a wave of c cells lines bring out the
-share sinc^2(1 / c), and below 2 cells a wave the cells show another, slower one. The Q filter, a mean over
-2 n + 1 cells, keeps in each period
-
-    Q = sin((2 n + 1) pi / c) / ((2 n + 1) sin(pi / c))
-
-which is 0.83 for a wave three times as wide as the filter, and close to nothing for one as wide.
+share sinc^2(1 / c), and below 2 cells a wave the cells show another, slower one. The Q filter, a mean, keeps
+0.83 of a wave three times as wide as itself in each period, and close to nothing of one as wide.
 """
 
 from __future__ import annotations

@@ -27,10 +27,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from cogless.design.current_loop import CurrentLoop, IdealLoop, current_loops, require_damped
+from cogless.design.current_loop import NO_MARGIN, CurrentLoop, IdealLoop, current_loops, tuned
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.design.model import exponential
-from cogless.errors import StudyError
 from cogless.study import Study, for_scenario
 from cogless.study.controller import Feedback, Tuning
 from cogless.study.drive import IdealSensor, Resolver
@@ -152,11 +151,8 @@ def gains(study: Study, name: str) -> tuple[float, float]:
     assert isinstance(controller, Feedback)
     if controller.tuning is None:
         return controller.kp or 0.0, controller.ki or 0.0
-    require_damped(study, name)
-    try:
+    with tuned(study, name):
         design = phase_margin_pi(speed_loop(study), controller.tuning)
-    except ValueError as error:
-        raise StudyError(f"{study.source.path}: controller.{name}.tuning: {error}") from None
     return design.kp, design.ki
 
 
@@ -178,7 +174,7 @@ def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
             if math.isclose(design.margins.phase_margin, tuning.phase_margin, rel_tol=1e-6):
                 return design
             break
-    raise ValueError("expected a faster and better damped current loop for this margin")
+    raise ValueError(NO_MARGIN)
 
 
 def margins(loop: SpeedLoop, kp: float, ki: float) -> Margins:

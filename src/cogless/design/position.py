@@ -21,10 +21,9 @@ from functools import lru_cache
 import numpy as np
 
 from cogless.design.closed_loop import Linear
-from cogless.design.current_loop import CurrentLoop, require_damped
+from cogless.design.current_loop import NO_MARGIN, CurrentLoop, tuned
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.design.pi import SpeedLoop, pi_response, speed_loop
-from cogless.errors import StudyError
 from cogless.study import Study
 from cogless.study.controller import Tuning
 from cogless.study.space_controller import SpaceLearning, SpacePosition
@@ -55,12 +54,9 @@ def position_gains(study: Study, name: str) -> Gains:
     assert isinstance(controller, SpacePosition)
     if controller.tuning is None:
         return controller.k_theta or 0.0, controller.k_omega or 0.0, controller.k_i
-    require_damped(study, name)
-    ratio = frame_ratio(study, controller)
-    try:
-        return phase_margin_position(speed_loop(study), ratio, controller.tuning)
-    except ValueError as error:
-        raise StudyError(f"{study.source.path}: controller.{name}.tuning: {error}") from None
+    with tuned(study, name):
+        found = phase_margin_position(speed_loop(study), frame_ratio(study, controller), controller.tuning)
+    return found
 
 
 def open_loop(loop: SpeedLoop, feedback: Linear, w: Real) -> Complex:
@@ -119,4 +115,4 @@ def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
         # A current loop with a resonance crosses once more, further up.
         if margins.stable and math.isclose(margins.phase_margin, tuning.phase_margin, rel_tol=1e-3):
             return feedback.k_theta, feedback.k, feedback.k_i
-    raise ValueError("expected a faster and better damped current loop for this margin")
+    raise ValueError(NO_MARGIN)

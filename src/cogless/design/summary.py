@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from cogless.design.current_loop import current_loops, weakness
 from cogless.design.feedback import feedback_of
-from cogless.design.margins import Margins
+from cogless.design.margins import Margins, finite
 from cogless.design.pi import gains, speed_loop
 from cogless.design.position import position_gains, position_margins
 from cogless.design.space_bounds import Theorem, theorem
@@ -106,10 +106,10 @@ def _gains(gains: dict[str, Gain]) -> dict[str, Any]:
 def _margins(margins: Margins) -> dict[str, Any]:
     return {
         "stable": margins.stable,
-        "crossover_rad_s": _plain(margins.crossover),
-        "phase_margin_rad": _plain(margins.phase_margin),
-        "gain_margin": _plain(margins.gain_margin),
-        "phase_crossover_rad_s": _plain(margins.phase_crossover),
+        "crossover_rad_s": finite(margins.crossover),
+        "phase_margin_rad": finite(margins.phase_margin),
+        "gain_margin": finite(margins.gain_margin),
+        "phase_crossover_rad_s": finite(margins.phase_crossover),
     }
 
 
@@ -131,8 +131,8 @@ def _theorem(theorem: Theorem) -> dict[str, Any]:
     return {
         "bounds": theorem.bounds and dataclasses.asdict(theorem.bounds),
         "has": theorem.has,
-        "asks": {condition.name: _plain(condition.asks) for condition in theorem.conditions},
-        "ratio": {condition.name: _plain(condition.ratio(theorem.has)) for condition in theorem.conditions},
+        "asks": {condition.name: finite(condition.asks) for condition in theorem.conditions},
+        "ratio": {condition.name: finite(condition.ratio(theorem.has)) for condition in theorem.conditions},
         "holds": theorem.holds,
         "verdict": theorem.verdict(),
     }
@@ -146,12 +146,8 @@ def design(study: Study, name: str) -> Design:
         kp, ki = gains(study, name)
         own = {"kp": Gain(kp, "A*s/rad"), "ki": Gain(ki, "A/rad")}
     elif isinstance(controller, SpacePosition):
-        k_theta, k_omega, k_i = position_gains(study, name)
-        own = {
-            "k_theta": Gain(k_theta, "1/s"),
-            "k_omega": Gain(k_omega, "A*s/rad"),
-            "k_i": Gain(k_i, "A/rad"),
-        }
+        units = {"k_theta": "1/s", "k_omega": "A*s/rad", "k_i": "A/rad"}
+        own = {k: Gain(v, u) for (k, u), v in zip(units.items(), position_gains(study, name), strict=True)}
     numbers = own | {key: gain for key, gain in _numbers(controller).items() if key not in own}
     if isinstance(controller, Learning):
         numbers["lead"] = _lead(study, controller)
@@ -218,7 +214,3 @@ def _unit(annotations: list[Any]) -> str:
         if inner:
             return inner
     return ""
-
-
-def _plain(value: float) -> float | None:
-    return value if math.isfinite(value) else None

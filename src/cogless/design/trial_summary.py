@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from cogless.design.certificate import Certificate, Learning, ModelCertificate
 from cogless.design.from_study import design_study, uncertain_plant
 from cogless.design.lmi import Check
+from cogless.design.margins import finite
 from cogless.design.model import Model
 from cogless.design.polytope import UncertainPlant
 from cogless.design.trial import TrialDesign
@@ -138,9 +138,9 @@ def _model(model: Model) -> dict[str, Any]:
 def _check(check: Check, status: str) -> dict[str, Any]:
     return {
         "passed": check.passed,
-        "smallest_eigenvalue_share": _finite(check.smallest),
-        "true_cost": _finite(check.cost),
-        "bound": _finite(check.bound),
+        "smallest_eigenvalue_share": finite(check.smallest),
+        "true_cost": finite(check.cost),
+        "bound": finite(check.bound),
         "solver_says": status,
     }
 
@@ -169,18 +169,14 @@ def _models(models: ModelCertificate) -> dict[str, Any]:
 
 def _learning(learning: Learning) -> dict[str, Any]:
     return {
-        "norm": _finite(learning.norm),
+        "norm": finite(learning.norm),
         "norm_at_Hz": learning.frequency,
         "norm_at": learning.worst,
-        "norm_of_the_nominal_plant": _finite(learning.nominal),
+        "norm_of_the_nominal_plant": finite(learning.nominal),
         "monotone": learning.monotone,
         "contracting": learning.contracting,
         "largest_K_3": learning.K_3_limit,
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def table(study: TrialStudy, found: TrialSummary) -> Group:
