@@ -114,7 +114,6 @@ class Certificate:
     exact: ModelCertificate | None
     discretisation: Discretisation | None  # of the design's models
     samples: int  # random plants
-    filtered: Filtered
 
 
 @dataclass(frozen=True)
@@ -182,7 +181,7 @@ def certify(
         corners = plant.exact_vertices
         names = plant.labels if plant.exact_hull else [f"corner {k + 1}" for k in range(len(corners))]
         exact = of(corners, names, random_exact, plant.exact_nominal)
-    return Certificate(design, exact, plant.discretisation, len(random), filtered)
+    return Certificate(design, exact, plant.discretisation, len(random))
 
 
 class _Sweep:

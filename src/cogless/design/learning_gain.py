@@ -69,7 +69,6 @@ class LearningGain:
     check: Check
     status: str
     affine: bool  # the mapped set is the hull of its vertices
-    vertices: int  # of the mapped set
     note: str
 
 
@@ -98,7 +97,7 @@ def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
 def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: float) -> LearningGain:
     """K_3 for closed loops from v to y; DesignError where no gain is stable along the trial."""
     n = len(nominal.A)
-    if f.shape != (n,) or not np.all(np.isfinite(f)):
+    if not np.all(np.isfinite(f)):
         raise DesignError(f"initial_change: expected {n} finite numbers")
     if not (np.isfinite(g) and g > 0):
         raise DesignError(f"initial_error: {g:g}: expected a number above zero")
@@ -117,7 +116,7 @@ def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: floa
             f"more than {worst:.4g} of its error; expected a smaller range, or K_3 as a number"
         )
     K_3, bounds, result, status = found
-    return LearningGain(K_3, bounds, result, status, affine, len(vertices), note)
+    return LearningGain(K_3, bounds, result, status, affine, note)
 
 
 def check(

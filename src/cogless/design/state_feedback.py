@@ -31,8 +31,7 @@ class StateFeedback:
     """u(p) = K_s chi(p)."""
 
     K_s: Real  # (n,) or, with integral action, (n + 1,)
-    bound: float  # beta: on the cost from gamma at any plant in the polytope
-    check: Check
+    check: Check  # its bound is beta, on the cost from gamma at any plant in the polytope
     status: str  # the solver's own word
 
 
@@ -49,25 +48,21 @@ def with_integrator(plant: UncertainPlant, integral: bool) -> list[Model]:
     return [augmented(m, plant.C) for m in plant.vertices] if integral else list(plant.vertices)
 
 
-def weights(Q: Real, R: float, gamma: Real, size: int) -> None:
-    """Checks their sizes and signs; DesignError."""
-    if Q.shape != (size, size):
-        shape = " x ".join(map(str, Q.shape))
-        raise DesignError(f"state_weight: {shape}: expected {size} x {size}")
+def weights(Q: Real, R: float, gamma: Real) -> None:
+    """Checks their signs; DesignError."""
     if not np.all(np.isfinite(Q)) or not np.allclose(Q, Q.T, rtol=1e-9) or np.linalg.eigvalsh(Q)[0] <= 0:
         raise DesignError("state_weight: expected a symmetric matrix that is positive definite")
     if not (np.isfinite(R) and R > 0):
         raise DesignError(f"input_weight: {R:g}: expected a number above zero")
-    if gamma.shape != (size,) or not np.all(np.isfinite(gamma)):
-        raise DesignError(f"initial_state: expected {size} finite numbers")
+    if not np.all(np.isfinite(gamma)):
+        raise DesignError(f"initial_state: expected {len(Q)} finite numbers")
     if not np.any(gamma):
         raise DesignError("initial_state: expected one that isn't zero")
 
 
 def guaranteed_cost(plant: UncertainPlant, Q: Real, R: float, gamma: Real, integral: bool) -> StateFeedback:
     """The gains with the smallest bound; DesignError where there are none, with what would help."""
-    size = plant.order + integral
-    weights(Q, R, gamma, size)
+    weights(Q, R, gamma)
     models = with_integrator(plant, integral)
     for label, model in zip(plant.labels, models, strict=True):
         mode = uncontrollable_mode(model.A, model.B)
@@ -193,7 +188,7 @@ def solve_scaled(
     # the bound that this Y really gives, not the solver's
     bound = float(start @ np.linalg.solve(y, start)) * size**2 * (1 + 1e-9)
     result = check(models, Q, R, gamma, K, T @ y @ T.T, T, bound)
-    found = StateFeedback(K, bound, result, status) if result.passed else None
+    found = StateFeedback(K, result, status) if result.passed else None
     return found, T @ np.linalg.cholesky(y)
 
 
