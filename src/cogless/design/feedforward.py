@@ -107,8 +107,8 @@ def dynamic(model: Model, C: Real, K_1: Real) -> Feedforward:
             f"the feedforward amplifies up to {loudest:.3g} times"
         )
     num = np.convolve(a, uncancelled[::-1]) / (b[r] * at_rest**2)
-    method: Literal["zero-phase error tracking"] = "zero-phase error tracking"
-    return Feedforward(_trim(num), _trim(cancelled), r + len(kept), method, tuple(complex(z) for z in kept))
+    zeros_left, preview = tuple(complex(zero) for zero in kept), r + len(kept)
+    return Feedforward(_trim(num), _trim(cancelled), preview, "zero-phase error tracking", zeros_left)
 
 
 def _trim(polynomial: Real) -> Real:

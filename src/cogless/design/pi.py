@@ -163,7 +163,8 @@ def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
     half = loop.period / 2
     w = 1e-3 * math.pi / loop.period
     for _ in range(100):
-        before, w = w, x / ((1 + x * x) * max(delay_of(loop, w), 1e-300))
+        T_e = -float(np.angle(1j * loop.plant(np.array([w]))[0])) / w  # what P lags more than an integrator
+        before, w = w, x / ((1 + x * x) * max(T_e, 1e-300))
         if w >= math.pi / loop.period:
             break
         if math.isclose(w, before, rel_tol=1e-12):
@@ -183,8 +184,3 @@ def margins(loop: SpeedLoop, kp: float, ki: float) -> Margins:
         return UNSTABLE
     integrators = 1 + (ki > 0) if kp or ki else 0
     return margins_of(lambda w: loop.response(w, kp, ki), loop.period, integrators)
-
-
-def delay_of(loop: SpeedLoop, w: float) -> float:
-    """T_e at a frequency: what P lags more than an integrator, as a time."""
-    return -float(np.angle(1j * loop.plant(np.array([w]))[0])) / w

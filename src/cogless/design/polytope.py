@@ -45,11 +45,12 @@ class UncertainPlant:
     relative_degree: int  # r
     exact_hull: bool  # the vertices are the hull of the corners and hold all samples
     note: str
-    sample: Draw = field(repr=False, compare=False)  # so many random plants from within the uncertainty
+    #: draws so many discrete models from within the uncertainty, and the same plants exactly sampled
+    sample: Draw = field(repr=False, compare=False)
 
     @property
     def order(self) -> int:
-        """n."""
+        """Number of states, n."""
         return self.nominal.order
 
     @cached_property
