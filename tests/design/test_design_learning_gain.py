@@ -236,7 +236,7 @@ def test_a_zero_outside_the_unit_circle_is_named() -> None:
 @pytest.mark.parametrize(
     ("f", "g", "key", "message"),
     [
-        (np.zeros(2), 0.1, "initial_change", "initial_change: expected 3 finite numbers"),
+        (np.full(3, np.nan), 0.1, "initial_change", "initial_change: expected 3 finite numbers"),
         (START, 0.0, "initial_error", "initial_error: 0: expected a number above zero"),
     ],
 )

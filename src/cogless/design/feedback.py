@@ -20,20 +20,16 @@ def feedback_of(study: Study, name: str, omega_m: float = 0.0) -> Linear | None:
     if isinstance(law, Feedback):
         kp, ki = gains(study, name)
     elif isinstance(law, RobustIlc):
-        kp, ki = linear_part(law)
+        # (c e + eta S) / b with S = e + c integral(e)
+        kp, ki = (law.c + law.eta) / law.b, law.c * law.eta / law.b
     else:
         return None
     return Linear(1, kp, k_i=ki)
 
 
-def linear_part(law: RobustIlc) -> tuple[float, float]:
-    """kp and ki of robust ILC: (c e + eta S) / b with S = e + c integral(e)."""
-    return (law.c + law.eta) / law.b, law.c * law.eta / law.b
-
-
 def unstable_feedback(study: Study, name: str) -> str | None:
     """The first scenario in which the feedback is unstable, and at which frequency; None if in none."""
-    keys = [key for key in study.scenario if name in study.controllers_in(key)]
+    keys = study.scenarios_of(name)
     for key in keys:
         speeds = {study.scenario[key].slowest, study.scenario[key].top_reference}
         for feedback in (feedback_of(study, name, omega_m) for omega_m in sorted(speeds)):
