@@ -15,6 +15,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from afc_tables import figure_changes
 from marked import replaced, table
 
 from cogless import load
@@ -37,6 +38,7 @@ CASES: list[Case] = [
     ("robust learning, map", "liu2018", "60-rpm", "robust-ilc", {}),
     ("robust learning, 15 cells a step", "liu2018", "900-rpm", "robust-ilc", {}),
     ("anti-cogging table", "uomodri", None, "table", {}),
+    ("PI and thirteen orders", "uomodri", None, "pi-afc", figure_changes()),
     ("space-learning speed, map", "verrelli2016-speed", None, "learning", SINGLE),
     ("space-learning position, map", "verrelli2016", None, "filtered", SINGLE),
     ("space-learning position, by delay", "verrelli2016", None, "printed", SINGLE),

@@ -88,7 +88,7 @@ struct CLaw {
     using State = CState<Row>;
     static constexpr const char* name = Row::name;
     Config config;
-    bool calibrate;  // start with the calibration run of a law that has one
+    bool calibrate = false;  // start with the calibration run of a law that has one
 
     // Throws std::invalid_argument for a configuration of another size or whose memory init refuses; of another value start()
     // throws it.

@@ -12,19 +12,17 @@
 
 namespace cogless {
 
-struct TrialLaw {
-    struct State {
-        cgl_trial law;
-        std::vector<cgl_real> memory, reference;
+struct TrialLaw : CLaw<trial_row> {
+    struct State : CState<trial_row> {
+        std::vector<cgl_real> reference;
         cgl_trial_input input;  // of the last step, where the plant is not a drive
     };
-    static constexpr const char* name = trial_row::name;
-    cgl_trial_config config;
-    std::shared_ptr<const std::vector<cgl_real>> learning_matrix = {};  // none, or where config points to
+    std::shared_ptr<const std::vector<cgl_real>> learning_matrix;  // none, or where config points to
 
     // Throws std::invalid_argument as CLaw does.
     static TrialLaw of(const Section& s) {
-        TrialLaw law{s.packed<cgl_trial_config>("config")};
+        TrialLaw law;
+        law.config = s.packed<cgl_trial_config>("config");
         law.config.learning_matrix = nullptr;
         require_config<trial_row>(law.config);
         if (s.has("learning_matrix")) {
@@ -38,13 +36,7 @@ struct TrialLaw {
         return law;
     }
 
-    State start() const {
-        State s{};
-        s.memory.resize(trial_row::length(config));
-        s.reference.resize(config.samples);
-        require(cgl_trial_init(&config, &s.law, s.memory.data(), static_cast<std::uint32_t>(s.memory.size())), name);
-        return s;
-    }
+    State start() const { return {CLaw::start(), std::vector<cgl_real>(config.samples), {}}; }
 
     // reference: one number for each sample.
     void begin(State& s, const std::vector<cgl_real>& reference) const {
@@ -74,17 +66,9 @@ struct TrialLaw {
         cgl_trial_end(&config, &s.law);
     }
 
-    static std::vector<cgl_real>& cells(State& s) { return s.memory; }
-    std::vector<Term> terms() const { return terms_of<trial_row>(config); }
-    double* put_terms(const State& s, double* out) const { return cogless::put_terms<trial_row>(config, s.law, out); }
-    std::optional<Stored> stored(State s) const {
-        set_pointers(s);
-        return stored_map<cgl_map_of_trial>(config, s.law);
-    }
-
 private:
     void set_pointers(State& s) const {
-        s.law.learned = s.memory.data();
+        s.law.learned = s.cell.data();
         s.law.error = s.law.learned + config.samples;
         s.law.y_ref = s.reference.data();
     }

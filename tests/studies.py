@@ -22,6 +22,16 @@ rate = "1 kHz"
 rates = { current_loop = "2 kHz", speed_loop = "1 kHz" }
 current_loop = { kind = "ideal", current_limit = "3 A" }
 """
+# Changes that add a law of chosen orders to `uomodri`, whose ripple these are.
+AFC: dict[str, Any] = {
+    "controller.pi-afc": {
+        "law": "pi-afc",
+        "tuning": {"rule": "phase-margin", "phase_margin": "60 deg"},
+        "orders": [12, 18, 24, 36, 54, 72, 90, 144],
+        "gain": "3 A/rad",
+        "lead": "0.6 ms",
+    }
+}
 BASE = """
 title = "A small drive"
 [motor]

@@ -20,7 +20,7 @@ CONTROL, LIBRARY = ROOT / "control", ROOT / "control" / "src" / "cogless"
 FIELDS = [model.model_fields["law"] for model in get_args(AnyController)]
 MODELS = {name for field in FIELDS for name in get_args(field.annotation)}
 OF_TRIALS = "trial"  # has a study of its own, which says nothing of its gains: design does
-FIGURE = re.compile(r"^```{run-figure} (\S+) (.+)\n(?::set: ((?:.+\n)*?)(?=\n|[^ ]))?", re.M)
+FIGURE = re.compile(r"^```{run-figure} (\S+) (.+)\n(?::set: (.+\n(?: +.+\n)*))?", re.M)
 STEP = re.compile(r"void (cgl_\w+_step)\(const cgl_\w+_config \*\w+, cgl_\w+ \*\w+,\s+const cgl_law_input")
 
 

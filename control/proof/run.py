@@ -41,6 +41,7 @@ PARTS = {
     "pi_ilc": "pi memory pi_ilc",
     "robust_ilc": "memory robust_ilc",
     "anti_cogging": "angle pi anti_cogging",
+    "pi_afc": "angle pi pi_afc",
     "space_position": "angle space_memory space_position",
     "space_speed": "space_memory space_speed",
     "trial": "angle feedforward polynomial zero_phase trial",
@@ -50,7 +51,7 @@ PARTS = {
 # Functions whose paths are kept apart further than others': those whose answer says what is valid.
 PRECISE = """
     is_valid cgl_map_is_valid cgl_pi_init cgl_memory_init cgl_pi_ilc_init cgl_robust_ilc_init
-    cgl_anti_cogging_init cgl_space_memory_init cgl_space_position_init cgl_space_speed_init
+    cgl_anti_cogging_init cgl_pi_afc_init cgl_space_memory_init cgl_space_position_init cgl_space_speed_init
     cgl_feedforward_init cgl_zero_phase_init cgl_trial_init cgl_trial_reset cgl_trial_end correct step
     cgl_trial_step cgl_trial_drive_step cgl_space_speed_step cgl_space_position_step cgl_robust_ilc_step
     pass_cells pass_cell read_rows sum_rows cgl_space_memory_recall write_waiting write_bytes check_step
@@ -64,6 +65,7 @@ EXTRA = {
 DOUBLE = {"COGLESS_DOUBLE": ""}
 LIMITED = {"LIMIT": "3.0"}
 DELAY = {"DELAY": ""}
+ORDERS = {"ORDERS": "3"}
 WORDS = {"COGLESS_DOUBLE": "double", "Q_HALF_WIDTH": "q", "SAMPLES": "samples"}
 
 
@@ -93,6 +95,7 @@ RUNS = [  # the longest first
     Run("space_position", MAP | DELAY | LIMITED | {"CHANNELS": "1"}),
     Run("space_speed", MAP | LIMITED), Run("space_speed", MAP | DELAY),
     Run("anti_cogging", sizes(8, 0)), Run("anti_cogging", sizes(8, 0) | LIMITED),
+    Run("pi_afc", ORDERS), Run("pi_afc", ORDERS | LIMITED),
     Run("trial", {"SAMPLES": "4", "ORDER": "0", "TAPS": "0"}),
     Run("trial", {"SAMPLES": "8", "ORDER": "1", "TAPS": "3"} | LIMITED),
     Run("monitor", {}), Run("monitor", DOUBLE), Run("quality", {}), Run("quality", DOUBLE),
@@ -107,6 +110,8 @@ MUTANTS = [
     ("duties.h", "duty[2] = CGL_R(0.5) + cgl_clamp(between - side, CGL_R(0.5));",
      "duty[2] = CGL_R(0.5) + (between - side);", Run("foc", {})),
     ("foc.c", "cgl_is_angle(in->theta_e) && ", "", Run("foc", {})),  # NaN gets through to a conversion
+    ("pi_afc.c", "sum += a[k] * cosine + b[k] * sine;\n    }\n    return cgl_clamp(sum, config->limit);",
+     "sum += a[k] * cosine + b[k] * sine;\n    }\n    return sum;", Run("pi_afc", ORDERS | LIMITED)),
     ("memory.c", "head = head < last ? head + 1U : 0U;", "head = head <= last ? head + 1U : 0U;",
      Run("pi_ilc", MAP)),
 ]  # fmt: skip

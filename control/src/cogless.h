@@ -14,6 +14,7 @@
 #include "cogless/modulation.h"
 #include "cogless/monitor.h"
 #include "cogless/pi.h"
+#include "cogless/pi_afc.h"
 #include "cogless/pi_ilc.h"
 #include "cogless/polynomial.h"
 #include "cogless/quality.h"

@@ -10,6 +10,7 @@
 #include "cogless/drive.h"
 #include "cogless/foc.h"
 #include "cogless/modulation.h"
+#include "cogless/pi_afc.h"
 #include "cogless/pi_ilc.h"
 #include "cogless/polynomial.h"
 #include "cogless/robust_ilc.h"
@@ -349,6 +350,56 @@ static void try_anti_cogging(void)
     }
     check_cells(config.cells, config.pi.limit);
     check_fence(config.cells);
+}
+
+static cgl_pi_afc_config random_pi_afc(void)
+{
+    cgl_pi_afc_config config;
+    config.pi = random_pi();
+    config.orders = 1U + random_below(CGL_PI_AFC_ORDERS);
+    uint32_t order = 0U;
+    for (uint32_t k = 0; k < CGL_PI_AFC_ORDERS; ++k) {
+        order += random_below(60) ? 1U + random_below(40) : random_bits() >> random_below(32);
+        config.order[k] = order;
+    }
+    config.gain = random_gain(CGL_R(10.0));
+    config.lead = random_below(2) ? CGL_R(0.0) : random_gain(CGL_R(1.0e-2));
+    config.omega_min = random_gain(CGL_R(1.0));
+    config.limit = random_gain(CGL_R(2.0));
+    return config;
+}
+
+static void try_pi_afc(void)
+{
+    cgl_pi_afc_config config;
+    cgl_pi_afc law;
+    uint32_t length;
+    do {
+        config = random_pi_afc();
+        length = CGL_PI_AFC_LENGTH(config.orders);
+    } while (cgl_pi_afc_init(&config, &law, fence(length), length) != CGL_OK);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        cgl_law_input in;
+        cgl_law_output out;
+        next_input(&in, step);
+        cgl_real before[CGL_PI_AFC_LENGTH(CGL_PI_AFC_ORDERS)];
+        memcpy(before, fenced + GUARD, length * sizeof before[0]);
+        cgl_pi_afc_step(&config, &law, &in, &out);
+        check_off(&in, &out);
+        const bool frozen = (out.status & (unsigned)CGL_STATUS_FROZEN) != 0U;
+        CHECK(frozen == !law.learning && (frozen || (out.status & (unsigned)CGL_STATUS_FAULT) == 0U));
+        CHECK(memcmp(before, fenced + GUARD, (frozen ? length : 0U) * sizeof before[0]) == 0);
+        CHECK(memcmp(before + 2U * config.orders, law.coefficient + 2U * config.orders,
+                     config.orders * sizeof before[0]) == 0);
+        CHECK(within(out.i_q_ref, config.pi.limit));
+        CHECK(within(law.learned, config.limit));
+        CHECK(within(law.pi.integral, config.pi.limit));
+        check_cells(2U * config.orders, config.limit);
+        if (random_below(1000) == 0U) {
+            cgl_pi_afc_reset(&config, &law);
+        }
+    }
+    check_fence(length);
 }
 
 /* ---- learning in space ---- */
@@ -975,6 +1026,13 @@ static void try_any_config(void)
         CHECK(table.cells <= length);
     }
     check_fence(length);
+    cgl_pi_afc_config orders = random_pi_afc();
+    *(random_below(2) ? &orders.orders : &orders.order[random_below(CGL_PI_AFC_ORDERS)]) = random_bits() >> random_below(32);
+    cgl_pi_afc by_order;
+    if (cgl_pi_afc_init(&orders, &by_order, fence(length), length) == CGL_OK) {
+        CHECK(CGL_PI_AFC_LENGTH(orders.orders) <= length);
+    }
+    check_fence(length);
     static cgl_real matrix[SAMPLES_MAX * SAMPLES_MAX];
     cgl_trial_config trial = random_trial(matrix);
     trial.learning_matrix = NULL; /* its length is the caller's word */
@@ -1002,6 +1060,7 @@ void random_inputs(long configs)
         try_space_position();
         try_space_speed();
         try_anti_cogging();
+        try_pi_afc();
         try_zero_phase();
         try_trial();
         try_monitor();

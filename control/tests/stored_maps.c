@@ -315,6 +315,37 @@ static void refuse_numbers(void)
     }
 }
 
+/* Amplitudes belong to orders: of others they mean nothing. */
+static void refuse_other_orders(void)
+{
+    static flash all;
+    owner o, found;
+    flash_clear(&all, 4U);
+    const cgl_map_store_config config = flash_config(&all, MOTOR);
+    make(&o, 2U, 3U);
+    learn(&o, 1U);
+    o.map.unit[0] = CGL_MAP_UNIT_ORDER;
+    o.map.limit[0] = CGL_R(100.0);
+    for (uint32_t n = 0; n < 3U; ++n) {
+        *at(&o, n) = (cgl_real)(6U + 12U * n);
+    }
+    cgl_map_store store = started(&config);
+    CHECK(save(&config, &store, &o) == CGL_MAP_OK);
+    for (uint32_t other = 0; other < 4U; ++other) {
+        make(&found, 2U, 3U);
+        found.map = o.map;
+        found.map.entry = found.memory;
+        for (uint32_t n = 0; n < 3U; ++n) {
+            *at(&found, n) = *at(&o, n) + (n == other ? CGL_R(1.0) : CGL_R(0.0));
+        }
+        const cgl_real before = *at(&found, 4U);
+        store = started(&config);
+        CHECK(cgl_map_store_load(&config, &store, &found.map) == (other < 3U ? CGL_MAP_OTHER_LAYOUT : CGL_MAP_OK));
+        const cgl_real wanted = other < 3U ? before : *at(&o, 4U);
+        CHECK(*at(&found, 4U) >= wanted && *at(&found, 4U) <= wanted);
+    }
+}
+
 static void refuse_configs(void)
 {
     static flash all;
@@ -560,6 +591,7 @@ void stored_maps(void)
     refuse_configs();
     refuse_with_reason();
     refuse_numbers();
+    refuse_other_orders();
     number_saves();
     outrank_all();
     spare_the_own();

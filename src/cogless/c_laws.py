@@ -12,7 +12,6 @@ from cogless.files import control_sources
 COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 ROW = re.compile(r"^CGL_(\w+)\((.*?)\)$", re.DOTALL | re.MULTILINE)
 MEMBER = re.compile(r"\bc\.([\w.]+)")
-BY_TIME = ("CGL_MEMORY_TIME", "CGL_SPACE_DELAY")
 
 
 @dataclass(frozen=True)
@@ -51,10 +50,6 @@ class CLaw:
     def map(self) -> str:
         """The function that makes a stored map of what it learned."""
         return f"cgl_map_of_{self.stem}"
-
-    def has_map(self, config: Mapping[str, Any]) -> bool:
-        """Whether what it learns with this config, as decoded, can be stored: it is not by time."""
-        return self.length is not None and config.get("memory", {}).get("kind") not in BY_TIME
 
     def entries(self, config: Mapping[str, Any]) -> str | None:
         """`length` for a config as decoded; whole numbers are unsigned."""

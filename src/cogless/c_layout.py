@@ -118,7 +118,7 @@ class Layout:
                 raise TypeError
             struct.pack_into(f"={self._format(name)}", data, at, number)  # "=": no overflow to infinity
         except (struct.error, OverflowError, TypeError, KeyError):
-            raise ValueError(f"{where}: {value!r}: expected {self._expected(name)}") from None
+            raise ValueError(f"{where}: {value!r}: expected a value of {name}") from None
 
     def _put_members(self, name: str, values: Any, data: bytearray, at: int, where: str) -> None:
         fields = self.headers.structs[name]
@@ -138,13 +138,6 @@ class Layout:
             size = self.size(field.type)
             for n, item in enumerate(items):
                 self._put(field.type, item, data, at + offset + n * size, place)
-
-    def _expected(self, name: str) -> str:
-        if name in self.headers.enums:
-            return f"one of {', '.join(self.headers.enums[name])}"
-        if name == "cgl_real":
-            return f"a number that {'single' if self.real == 'f' else 'double'} precision holds"
-        return {"bool": "true or false"}.get(name, f"a whole number that {name} holds")
 
     def _offsets(self, name: str) -> Iterator[tuple[Field, int]]:
         end = 0

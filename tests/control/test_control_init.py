@@ -47,6 +47,15 @@ BAD_ANTI_COGGING = {
     "position_gain": NOT_NEGATIVE,
     "lead": NOT_NEGATIVE,
 }
+PI_AFC = {"orders": 3, "order": [6, 12, 18], "gain": 5.0, "lead": 1e-3, "omega_min": 0.1, "limit": 1.0}
+BAD_PI_AFC = {
+    "orders": [0, 17, 0x80000000, 0xFFFFFFFF],
+    "order": [[0, 6, 12], [6, 6, 12], [12, 6, 18], [6, 12, 65536], [6, 0xFFFFFFFF, 12]],
+    "gain": NOT_NEGATIVE,
+    "lead": NOT_NEGATIVE,
+    "omega_min": POSITIVE,
+    "limit": POSITIVE,
+}
 FEEDFORWARD = {"numerator": 3, "denominator": 2, "preview": 2, "num": [1.0, -0.5, 0.2], "den": [1.0, -0.5]}
 BAD_FEEDFORWARD = {
     "numerator": [17, 0x80000000, 0xFFFFFFFF],
@@ -153,6 +162,10 @@ CONFIGS = {
         [c | {"pi": PI} for c in cases(ANTI_COGGING, BAD_ANTI_COGGING)]
         + [ANTI_COGGING | {"pi": p} for p in cases(PI, BAD_PI)],
     ),
+    "pi_afc": (
+        PI_AFC | {"pi": PI},
+        [c | {"pi": PI} for c in cases(PI_AFC, BAD_PI_AFC)] + [PI_AFC | {"pi": p} for p in cases(PI, BAD_PI)],
+    ),
     "feedforward": (FEEDFORWARD, cases(FEEDFORWARD, BAD_FEEDFORWARD)),
     "trial": (
         TRIAL | {"feedforward": FEEDFORWARD, "q_filter": Q_FILTER},
@@ -164,7 +177,7 @@ CONFIGS = {
 # pointers, which a table of values cannot give
 ELSEWHERE = {"trial": {"learning_matrix"}}
 # entries that the good config needs
-WITH_MEMORY = {"memory": 68, "pi_ilc": 68, "robust_ilc": 68, "anti_cogging": 64, "trial": 46,
+WITH_MEMORY = {"memory": 68, "pi_ilc": 68, "robust_ilc": 68, "anti_cogging": 64, "pi_afc": 9, "trial": 46,
                "space_memory": 48, "space_position": 48, "space_speed": 48}  # fmt: skip
 
 

@@ -31,6 +31,7 @@ LAWS: dict[str, dict[str, Any]] = {
     "pi_ilc": {"pi": PI, "gain": 0.05, "memory": MEMORY},
     "robust_ilc": ROBUST | {"memory": MEMORY | {"limit": 300.0}},
     "anti_cogging": {"pi": PI, "cells": 64, "speed": 1.0, "revolutions": 1},
+    "pi_afc": {"pi": PI, "orders": 2, "order": [1, 3], "gain": 5.0, "omega_min": 0.1, "limit": 2.0},
     "space_position": POSITION | {"memory": SPACE},
     "space_speed": SPEED | {"memory": SPACE},
 }
@@ -95,6 +96,7 @@ def test_off_gives_nothing_and_keeps_what_is_learned(precision, name):
     [
         ("speed_pi", "integral"),
         ("pi_ilc", "pi.integral"),
+        ("pi_afc", "pi.integral"),
         ("anti_cogging", "pi.integral"),
         ("robust_ilc", "error_integral"),
         ("robust_ilc", "adapted"),

@@ -40,6 +40,7 @@ CONTROLLERS: list[tuple[str, str, dict[str, Any]]] = [
     ("liu2018-varying", "time", {}),
     ("liu2018", "robust-ilc", {"drive.precision": "double"}),
     ("uomodri", "table", {"scenario.1-rev-s.duration": "1.2 s", "metric": []}),
+    ("uomodri", "pi-afc", studies.AFC),
     ("verrelli2016", "filtered", {"drive.precision": "single"}),
     ("verrelli2016", "printed", {}),
     ("verrelli2016-speed", "learning", {"drive.precision": "single"}),

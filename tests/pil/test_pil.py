@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 from commands import cogless
 
+import studies
 from cogless import load
 from cogless.errors import StudyError
 from cogless.export.prepared import prepare
@@ -36,6 +37,7 @@ COMPILERS = [
 needs_both = pytest.mark.skipif(not (EMULATOR and COMPILERS), reason="no emulator or no cross compiler")
 CASES: list[tuple[str, str, str, dict[str, Any], int]] = [
     ("liu2018", "900-rpm", "robust-ilc", {}, 3000),
+    ("uomodri", "1-rev-s", "pi-afc", studies.AFC, 3000),
     ("verrelli2016", "twelve-seconds", "printed", {}, 300),  # double precision
     ("mandra2019", "table-1", "ilc", {}, 21_000),  # 20,000 in a trial
 ]

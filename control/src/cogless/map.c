@@ -104,3 +104,15 @@ CGL_SELDOM cgl_map_result cgl_map_of_trial(const cgl_trial_config *config, const
     map->turns = map->parts = 0U;
     return checked(map);
 }
+
+CGL_SELDOM cgl_map_result cgl_map_of_pi_afc(const cgl_pi_afc_config *config, const cgl_pi_afc *law, cgl_map *map)
+{
+    fill(map, CGL_MAP_LAW_PI_AFC, law->coefficient, config->orders, CGL_MAP_UNIT_COSINE_CURRENT, config->limit);
+    map->channels = 3U;
+    map->unit[1] = CGL_MAP_UNIT_SINE_CURRENT;
+    map->limit[1] = config->limit;
+    map->unit[2] = CGL_MAP_UNIT_ORDER;
+    map->limit[2] = (cgl_real)CGL_PI_AFC_ORDER_MAX;
+    map->learning = &law->learning;
+    return checked(map);
+}

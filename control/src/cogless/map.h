@@ -1,13 +1,14 @@
 /* A learned map: numbers with their meaning, which map_store saves and loads.
  *
  * Entry n of a channel belongs to the mechanical angle 2 pi n turns / (parts cells), a map over `turns / parts` of a
- * revolution, or to sample n of a trial. */
+ * revolution; to sample n of a trial; or, where a channel has orders, to order n of them in that period. */
 #ifndef COGLESS_MAP_H
 #define COGLESS_MAP_H
 
 #include <stdint.h>
 
 #include "anti_cogging.h"
+#include "pi_afc.h"
 #include "pi_ilc.h"
 #include "real.h"
 #include "robust_ilc.h"
@@ -30,7 +31,8 @@ enum {
     CGL_MAP_LAW_ANTI_COGGING = 3,
     CGL_MAP_LAW_SPACE_POSITION = 4,
     CGL_MAP_LAW_SPACE_SPEED = 5,
-    CGL_MAP_LAW_TRIAL = 6
+    CGL_MAP_LAW_TRIAL = 6,
+    CGL_MAP_LAW_PI_AFC = 7
 };
 
 enum {
@@ -39,7 +41,10 @@ enum {
     CGL_MAP_UNIT_CURRENT_PER_SPEED = 2,        /* A s/rad */
     CGL_MAP_UNIT_CURRENT_PER_ACCELERATION = 3, /* A s^2/rad */
     CGL_MAP_UNIT_ACCELERATION = 4,             /* rad/s^2 */
-    CGL_MAP_UNIT_OF_THE_TRIAL = 5              /* as the trial law's config has it */
+    CGL_MAP_UNIT_OF_THE_TRIAL = 5,             /* as the trial law's config has it */
+    CGL_MAP_UNIT_COSINE_CURRENT = 6,           /* A: amplitude of the cosine of an order */
+    CGL_MAP_UNIT_SINE_CURRENT = 7,             /* A: of its sine */
+    CGL_MAP_UNIT_ORDER = 8                     /* the orders that the entries belong to; a load asks for the same */
 };
 
 /* Results of saving and loading: why something is not saved or not loaded. */
@@ -51,7 +56,7 @@ typedef enum {
     CGL_MAP_OTHER_VERSION = 4, /* of the format */
     CGL_MAP_OTHER_MOTOR = 5,
     CGL_MAP_OTHER_MOTION = 6,  /* a trial of another reference */
-    CGL_MAP_OTHER_LAYOUT = 7,  /* cells, channels, period, ratio or unit differ */
+    CGL_MAP_OTHER_LAYOUT = 7,  /* cells, channels, period, ratio, unit or orders differ */
     CGL_MAP_BAD_VALUE = 8,     /* an entry is not finite or beyond the limit that it has now */
     CGL_MAP_FLASH_FAILED = 9,  /* one of the caller's functions failed, or what was written reads otherwise */
     CGL_MAP_CHANGED = 10,      /* the law went on learning while the map was saved */
@@ -85,6 +90,7 @@ cgl_map_result cgl_map_of_space_position(const cgl_space_position_config *config
                                          cgl_map *map);
 cgl_map_result cgl_map_of_space_speed(const cgl_space_speed_config *config, const cgl_space_speed *law, cgl_map *map);
 cgl_map_result cgl_map_of_trial(const cgl_trial_config *config, const cgl_trial *law, cgl_map *map);
+cgl_map_result cgl_map_of_pi_afc(const cgl_pi_afc_config *config, const cgl_pi_afc *law, cgl_map *map);
 
 /* Whether every field is within its range. */
 bool cgl_map_is_valid(const cgl_map *map);

@@ -201,7 +201,7 @@ CGL_SELDOM static cgl_map_result check_header(const cgl_map_store_config *config
     return CGL_MAP_OK;
 }
 
-/* The entries in the buffer: whether they are within their limits; and into the map. */
+/* The entries in the buffer: whether they are within their limits, and orders the law's; and into the map. */
 CGL_SELDOM static void take_entries(cgl_map_store *store, uint32_t count, bool into)
 {
     const cgl_map *map = store->map;
@@ -213,9 +213,11 @@ CGL_SELDOM static void take_entries(cgl_map_store *store, uint32_t count, bool i
         uint32_t c;
         cgl_real *entry = entry_at(map, place / 4U, &c);
         const float number = number_of(get(store->buffer + n));
-        const float limit = (float)map->limit[c];
+        const float limit = (float)map->limit[c], own = (float)*entry;
         if (!(number >= -limit && number <= limit)) { /* nor is NaN */
             store->bad_value = true;
+        } else if (map->unit[c] == (uint32_t)CGL_MAP_UNIT_ORDER) {
+            store->other_order = store->other_order || number < own || number > own;
         } else if (into) {
             *entry = cgl_clamp((cgl_real)number, map->limit[c]);
         }
@@ -242,7 +244,7 @@ CGL_SELDOM static void begin_check(cgl_map_store *store, uint32_t slot)
     store->position = 0U;
     store->crc = 0U;
     store->sequence = 0U;
-    store->bad_value = false;
+    store->bad_value = store->other_order = false;
 }
 
 /* A piece of a slot, from begin_check on; CGL_MAP_BUSY until the end. */
@@ -267,7 +269,10 @@ CGL_SELDOM static cgl_map_result check_step(const cgl_map_store_config *config, 
         return CGL_MAP_DAMAGED;
     }
     const cgl_map_result mark = marked ? check_mark(config, store) : CGL_MAP_OK;
-    return mark != CGL_MAP_OK ? mark : (store->bad_value ? CGL_MAP_BAD_VALUE : CGL_MAP_OK);
+    return mark != CGL_MAP_OK    ? mark
+           : store->other_order ? CGL_MAP_OTHER_LAYOUT
+           : store->bad_value   ? CGL_MAP_BAD_VALUE
+                                : CGL_MAP_OK;
 }
 
 static void note(cgl_map_store *store, cgl_map_result result)
@@ -303,7 +308,7 @@ CGL_SELDOM static cgl_map_result check(const cgl_map_store_config *config, cgl_m
 static void forget(const cgl_map *map)
 {
     for (uint32_t c = 0; c < map->channels; ++c) {
-        for (uint32_t n = 0; n < map->cells; ++n) {
+        for (uint32_t n = 0; n < map->cells && map->unit[c] != (uint32_t)CGL_MAP_UNIT_ORDER; ++n) {
             map->entry[c * map->stride + n] = CGL_R(0.0);
         }
     }

@@ -80,6 +80,7 @@ typedef struct {
     uint32_t wanted;        /* CRC of the new header */
     uint32_t sequence;      /* in the header */
     bool bad_value;         /* an entry so far was */
+    bool other_order;       /* an order so far was not the law's */
     bool fits[2];           /* a load would take this slot, if the other one were empty */
     uint32_t sequences[2];  /* of headers that are right, whether the slot fits or not; else 0 */
     uint32_t crcs[2];       /* of the entries of slots that fit */

@@ -6,8 +6,8 @@ from cogless.design.closed_loop import Linear, oscillation
 from cogless.design.pi import gains, speed_loop
 from cogless.design.position import feedback_at
 from cogless.study import Study
-from cogless.study.controller import Feedback, RobustIlc
-from cogless.study.space_controller import SpacePosition, SpaceSpeed
+from cogless.study.controller import Feedback
+from cogless.study.space_controller import SpacePosition
 
 
 def feedback_of(study: Study, name: str, omega_m: float = 0.0) -> Linear | None:
@@ -15,16 +15,8 @@ def feedback_of(study: Study, name: str, omega_m: float = 0.0) -> Linear | None:
     law = study.controller[name]
     if isinstance(law, SpacePosition):
         return feedback_at(study, name, omega_m)
-    if isinstance(law, SpaceSpeed):
-        return Linear(1, law.k)
-    if isinstance(law, Feedback):
-        kp, ki = gains(study, name)
-    elif isinstance(law, RobustIlc):
-        # (c e + eta S) / b with S = e + c integral(e)
-        kp, ki = (law.c + law.eta) / law.b, law.c * law.eta / law.b
-    else:
-        return None
-    return Linear(1, kp, k_i=ki)
+    pi = gains(study, name) if isinstance(law, Feedback) else law.linear
+    return None if pi is None else Linear(1, pi[0], k_i=pi[1])
 
 
 def unstable_feedback(study: Study, name: str) -> str | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from cogless.design.learning_loop import SETTLED, LearningLoop
-from cogless.study.controller import PiIlc, RobustIlc
+from cogless.study.controller import Learning
 from cogless.study.spoken import speed_text
 
 LONGEST_LEAD = 30  # samples that are tried
@@ -19,9 +19,9 @@ class PeriodicLoop(LearningLoop):
     """PI-ILC or robust ILC at a constant speed."""
 
     @property
-    def law(self) -> PiIlc | RobustIlc:
+    def law(self) -> Learning:
         law = self.study.controller[self.controller]
-        if not isinstance(law, PiIlc | RobustIlc):
+        if not isinstance(law, Learning):
             raise TypeError(f"controller {self.controller}: expected pi-ilc or robust-ilc")
         return law
 
@@ -35,11 +35,7 @@ class PeriodicLoop(LearningLoop):
 
     @property
     def gamma(self) -> tuple[float, float]:
-        """The learning gain as a PI's kp and ki: f of robust ILC learns on S = e + c integral(e)."""
-        if isinstance(self.law, PiIlc):
-            return self.law.gain, 0.0
-        gain = self.law.q * self.law.beta_2 / self.law.b
-        return gain, gain * self.law.c
+        return self.law.learning_gain
 
     @property
     def frozen(self) -> str | None:

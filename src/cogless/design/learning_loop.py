@@ -35,6 +35,7 @@ from cogless.design.margins import Complex, Real
 from cogless.design.pi import SpeedLoop, pi_response, speed_loop
 from cogless.study import Study
 from cogless.study.controller import Learning
+from cogless.study.pi_afc import PiAfc
 from cogless.study.space_controller import SpaceLearning
 
 SETTLED = 1.0 + 1e-3  # a factor a period that is as good as settling
@@ -66,7 +67,7 @@ class LearningLoop(ABC):
 
     @property
     @abstractmethod
-    def law(self) -> Learning | SpaceLearning:
+    def law(self) -> Learning | SpaceLearning | PiAfc:
         """The controller; TypeError: not one that learns so."""
 
     @property
@@ -106,6 +107,16 @@ class LearningLoop(ABC):
         """The linear feedback while the law learns, without what learning adds at once."""
         return self.feedback_before
 
+    def gain(self, w: Real) -> Complex:
+        """The learning gain at w in rad/s."""
+        return pi_response(w, self.plant.period, *self.gamma)
+
+    @property
+    def at_once(self) -> Linear:
+        """The feedback with what learning adds within the same sample."""
+        kp, ki = (0.0, 0.0) if self.lead else self.gamma
+        return dataclasses.replace(self.feedback, k=self.feedback.k + kp, k_i=self.feedback.k_i + ki)
+
     @cached_property
     def plant(self) -> SpeedLoop:
         """The speed loop that the law acts on, at this torque constant."""
@@ -130,15 +141,17 @@ class LearningLoop(ABC):
 
     def oscillation(self) -> Oscillation | None:
         """The oscillation that grows with what learning adds within a sample; None where none does."""
-        kp, ki = (0.0, 0.0) if self.lead else self.gamma
-        found = self.feedback
-        return oscillation(self.plant, dataclasses.replace(found, k=found.k + kp, k_i=found.k_i + ki))
+        return oscillation(self.plant, self.at_once)
 
     def q(self, f: ArrayLike, half_width: int | None = None) -> Real:
         """Forgetting and the Q filter; with another filter of so many cells or samples on each side."""
         n = 2 * (self.law.q_half_width if half_width is None else half_width) + 1
         part = np.asarray(f, dtype=float) / self.cells_per_second
         return np.asarray(self.forgetting * np.abs(np.sinc(n * part) / np.sinc(part)))
+
+    def recalled(self, f: ArrayLike, constant: bool) -> Real:
+        """The share of what was learned that comes back after a period, at frequencies f in Hz."""
+        return self.q(f) * self.lines(f, constant)
 
     def factor(self, f: ArrayLike) -> Real:
         """Factor a period of what is learned at frequencies f in Hz."""
@@ -177,12 +190,15 @@ class LearningLoop(ABC):
         x = self.x(f, lead)
         return np.asarray(1 - x if lead else 1 / (1 + x))
 
+    def closed(self, f: Real) -> Complex:
+        """G S at frequencies f in Hz, 0 or more."""
+        return _closed_at(self.plant, self.feedback, f.tobytes()).reshape(f.shape)
+
     def x(self, f: ArrayLike, lead: int | None = None) -> Complex:
         """X, with the lead, at frequencies f in Hz."""
         f, lead = np.asarray(f, dtype=float), self.lead if lead is None else lead
         positive = np.abs(f)
-        closed = _closed_at(self.plant, self.feedback, positive.tobytes()).reshape(f.shape)
-        value = pi_response(2 * math.pi * positive, self.plant.period, *self.gamma) * closed
+        value = self.gain(2 * math.pi * positive) * self.closed(positive)
         value = np.where(f >= 0, value, np.conj(value))
         return np.asarray(value * np.exp(2j * np.pi * f * lead * self.plant.period) if lead else value)
 
@@ -201,6 +217,20 @@ class LearningLoop(ABC):
     def highest(self) -> float:
         """The highest frequency that samples and cells hold, Hz."""
         return 0.499 * min(self.cells_per_second, 1 / self.plant.period)
+
+    @property
+    def orders(self) -> Real | None:
+        """The orders of the period that it learns; None of a law that learns all."""
+        return None
+
+    def settling_leads(self) -> set[int]:
+        """The leads, in samples, with which it would settle."""
+        return set()
+
+    @property
+    def sure(self) -> bool:
+        """Whether what is learned grows for certain at this speed, were it constant."""
+        return False
 
     @property
     def frequencies(self) -> Real:

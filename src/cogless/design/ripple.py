@@ -140,7 +140,7 @@ def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, 
     density = density * (np.abs(1 - np.exp(-1j * w * source.window)) ** 2 if shared else 2.0)
     P_t, S = _responses(loop, f)
     C = ratio * pi_response(w, T, loop.feedback.k, loop.feedback.k_i)
-    V, q = ratio * pi_response(w, T, *loop.gamma) * S, loop.q(f) * loop.lines(f, True)
+    V, q = ratio * loop.gain(w) * S, loop.q(f) * loop.lines(f, True)
     rho = np.minimum(q * np.abs(loop.kept(f)), 1 - 1e-9) ** 2
     times = (1 - rho**periods) / (1 - rho)
     if loop.lead:

@@ -1,7 +1,7 @@
 """Whether a law can learn in a scenario at all, or did in a run: what is learned acts a period later.
 
 Until then a law that learns is one without a memory, whose gain may be higher: what it leaves says nothing of
-its learning.
+its learning. What learns orders acts at once.
 """
 
 from __future__ import annotations
@@ -13,21 +13,23 @@ import numpy as np
 
 from cogless.design.learning import PeriodicLoop
 from cogless.design.margins import Real
+from cogless.design.order_learning import OrderLoop
 from cogless.study import Study
 from cogless.study.controller import Learning
 from cogless.study.motion import course
+from cogless.study.pi_afc import PiAfc
 from cogless.study.space_controller import SpaceLearning
 
 ALMOST = 0.995  # of a period, which rounds to one
 NO_STEP = 1e-6  # of a speed: it is constant
 
-Memory = Learning | SpaceLearning
+Memory = Learning | SpaceLearning | PiAfc
 
 
 def revolutions_learned(study: Study, name: str) -> Fraction | None:
     """Mechanical revolutions in the period that a controller learns over; None where it has none."""
     law = study.controller[name]
-    if isinstance(law, Learning) or (isinstance(law, SpaceLearning) and law.learning):
+    if isinstance(law, Learning | PiAfc) or (isinstance(law, SpaceLearning) and law.learning):
         return law.revolutions(study.motor.pole_pairs)
     return None
 
@@ -36,7 +38,7 @@ def foreseen(study: Study, scenario: str, name: str) -> str | None:
     """The reason why a controller will learn nothing along a reference; None where it may learn."""
     law, experiment = study.controller[name], study.scenario[scenario]
     revolutions = revolutions_learned(study, name)
-    if revolutions is None or not isinstance(law, Learning | SpaceLearning):
+    if revolutions is None or not isinstance(law, Memory):
         return None
     begun = starts_too_late(law, experiment.duration) or never(study, scenario, name)
     if begun:
@@ -60,9 +62,10 @@ def never(study: Study, scenario: str, name: str) -> str | None:
     if isinstance(law, SpaceLearning):
         fast = study.scenario[scenario].top_reference
         return "the reference never reaches omega_min" if fast < law.omega_min else None
-    if not isinstance(law, Learning) or not top:
+    if not isinstance(law, Learning | PiAfc) or not top:
         return None
-    return PeriodicLoop(study, name, top, scenario=scenario).frozen
+    kind = PeriodicLoop if isinstance(law, Learning) else OrderLoop
+    return kind(study, name, top, scenario=scenario).frozen
 
 
 def too_short(law: Memory, revolutions: Fraction, theta: Real, time: float, omega_ref: Real) -> str | None:
@@ -70,6 +73,8 @@ def too_short(law: Memory, revolutions: Fraction, theta: Real, time: float, omeg
 
     All since learning began: `theta` in rad, mechanical; `time` in s; `omega_ref` in rad/s.
     """
+    if isinstance(law, PiAfc):
+        return None
     period = 2 * math.pi * float(revolutions)
     rise = float(np.max(theta - np.minimum.accumulate(theta), initial=0.0))
     fall = float(np.max(np.maximum.accumulate(theta) - theta, initial=0.0))

@@ -32,14 +32,16 @@ from cogless.design.closed_loop import Oscillation, oscillation
 from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import SETTLED, LearningLoop, Worst
 from cogless.design.margins import Real
+from cogless.design.order_learning import OrderLoop
 from cogless.design.ripple import doubts, ripple
 from cogless.design.space_bounds import unfit
 from cogless.design.space_learning import SpaceLoop
 from cogless.study import Study, for_scenario
-from cogless.study.controller import PiIlc, RobustIlc
+from cogless.study.controller import Learning
 from cogless.study.laws import AnyController
 from cogless.study.mechanics import Load
 from cogless.study.motion import course
+from cogless.study.pi_afc import PiAfc
 from cogless.study.space_controller import SpaceLearning
 from cogless.study.spoken import spoken_unit
 from cogless.units import ANGULAR_SPEED
@@ -57,6 +59,7 @@ WORSE = 1.25  # times the feedback's ripple, above which learning harms
 MARGIN = 2  # of omega_min over the speed that is unstable; mu goes with 1 / |omega|: a gain margin
 TINY = 1e-30  # under a logarithm
 
+STOPPING = SpaceLearning | PiAfc  # those that have an omega_min
 Samples = NDArray[np.intp]
 
 Kind = Literal["settles", "may grow", "grows", "may be unstable", "unstable", "feedback unstable", "rests"]
@@ -101,6 +104,7 @@ class Repair:
     lead: float | None = None  # s
     q_half_width: int | None = None
     forgetting: float | None = None
+    otherwise: str = "no Q filter alone repairs it, lower its learning gains too"
 
     def words(self) -> str:
         """The remedy in one line."""
@@ -110,7 +114,7 @@ class Repair:
             return f"q_half_width = {self.q_half_width} repairs it"
         if self.forgetting is not None:
             return f"no lead or Q filter alone repairs it, forgetting = {self.forgetting:g} does"
-        return "no Q filter alone repairs it, lower its learning gains too"
+        return self.otherwise
 
 
 @dataclass(frozen=True)
@@ -125,7 +129,7 @@ class Verdict:
     varies: bool = False  # the speed
     mean: Mean | None = None  # of what grows, where the speed varies
     repair: Repair | None = None  # of what grows
-    rests: bool = False  # it has an omega_min, below which learning rests
+    rests: bool = False  # a lower speed is worse, and it has an omega_min, below which learning rests
     passing: Passing | None = None
     frozen: tuple[str, ...] = ()  # why nothing is learned, at speeds where nothing is
     ratio: float = 1.0  # of what settles: the speed's ripple with it over that of its feedback alone
@@ -288,8 +292,10 @@ def _verdict(study: Study, name: str) -> Verdict | None:
 
 def loop_type(law: AnyController) -> type[LearningLoop] | None:
     """The loop of a law that learns; None of one that doesn't."""
-    if isinstance(law, PiIlc | RobustIlc):
+    if isinstance(law, Learning):
         return PeriodicLoop
+    if isinstance(law, PiAfc):
+        return OrderLoop
     return SpaceLoop if isinstance(law, SpaceLearning) and law.learning else None
 
 
@@ -322,14 +328,16 @@ def _motion(study: Study, scenario: str, name: str) -> _Motion:
     """Points of a scenario to judge; none where its reference is never fast enough to learn."""
     law = study.controller[name]
     kind = loop_type(law)
-    assert kind is not None and isinstance(law, PiIlc | RobustIlc | SpaceLearning)
+    assert kind is not None and isinstance(law, Learning | PiAfc | SpaceLearning)
     way = course(study.scenario[scenario])
     learns = way.time >= law.learning_start
     omega, alpha = np.abs(way.omega[learns]), np.abs(way.alpha[learns])
     slowest = float(np.max(omega, initial=0.0)) / SLOWEST
     weighed = np.zeros(len(alpha))
-    if isinstance(law, SpaceLearning):
-        slowest, weighed = law.omega_min, alpha if law.mu_h else weighed
+    if isinstance(law, STOPPING):
+        slowest = law.omega_min
+    if isinstance(law, SpaceLearning) and law.mu_h:
+        weighed = alpha
     moving = (omega >= slowest) & (omega > 0)
     if not np.any(moving):
         return _Motion(())
@@ -355,7 +363,7 @@ def _motion(study: Study, scenario: str, name: str) -> _Motion:
     angles = [float(np.sum(turned[at.samples][~passed[at.samples]])) for at in left]
     shares = np.array(angles) / sum(angles)
     gone = [at for at in found if at not in left]
-    stops = isinstance(law, SpaceLearning)  # by omega_min; the others' gains are the same at all speeds
+    stops = isinstance(law, STOPPING)  # the others' gains are the same at all speeds
     passing = _passing(gone, left, longest * way.step) if gone and stops else None
     duration = len(omega) * way.step
     return _Motion(tuple(zip(left, shares.tolist(), strict=True)), passing, reasons, duration)
@@ -432,23 +440,28 @@ def _mean(judged: Sequence[tuple[_At, float]]) -> Mean:
     constant = len(judged) == 1
     channels = 1 if constant else _channels(judged)
     highest = min(at.loop.highest / at.loop.periods_per_second for at, _ in judged)
-    orders = np.linspace(1, max(highest, 1), ORDERS)
-    rate, bound = np.zeros(ORDERS), np.zeros(ORDERS)
+    orders, window = np.linspace(1, max(highest, 1), ORDERS), 1
+    chosen = [at.loop.orders for at, _ in judged if at.loop.orders is not None]
+    if chosen:
+        orders = max(chosen, key=len)  # those of the slowest
+    else:
+        window += math.ceil(1 / max(orders[1] - orders[0], 1 / ORDERS))
+    rate, bound = np.zeros(len(orders)), np.zeros(len(orders))
     for at, share in judged:
         f = orders * at.loop.periods_per_second
-        recalled = np.log(at.loop.q(f) * at.loop.lines(f, constant) + TINY)
+        recalled = np.log(at.loop.recalled(f, constant) + TINY)
         kept = np.log([loop.unfiltered(f) + TINY for loop in at.loops])
         rate += share * (recalled + kept[-1])
         bound += share * (recalled + np.min(kept, axis=0) / channels)
-    window = 1 + math.ceil(1 / max(orders[1] - orders[0], 1 / ORDERS))
-    least = np.min(np.lib.stride_tricks.sliding_window_view(bound, min(window, ORDERS)), axis=1)
+    least = np.min(np.lib.stride_tricks.sliding_window_view(bound, min(window, len(bound))), axis=1)
     k = int(np.argmax(rate))
     a_second = [at.loop.periods_per_second for at, _ in judged]
     return Mean(
         math.exp(rate[k]),
         float(orders[k]) * min(a_second),
         float(orders[k]) * max(a_second),
-        float(np.max(least)) > math.log(SETTLED),
+        float(np.max(least)) > math.log(SETTLED)
+        or (constant and all(loop.sure for loop in judged[0][0].loops)),
     )
 
 
@@ -469,11 +482,11 @@ def _repair(found: list[_At]) -> Repair:
     angle has only the filter; where that doesn't do, nothing is proposed.
     """
     loops = [at.loop for at in found]
-    learning = [loop for loop in loops if isinstance(loop, PeriodicLoop)]
-    if learning:
-        common = set.intersection(*(loop.settling_leads() for loop in learning))
-        if common:
-            return Repair(lead=min(common) * loops[0].plant.period)
+    common = set.intersection(*(loop.settling_leads() for loop in loops))
+    if common:
+        return Repair(lead=min(common) * loops[0].plant.period)
+    if isinstance(loops[0], OrderLoop):
+        return Repair(otherwise="no lead alone repairs it, lower its gain too")
     parts = []
     for at in found:
         f = at.loop.frequencies
@@ -484,7 +497,7 @@ def _repair(found: list[_At]) -> Repair:
     for n in range(widest + 1):
         if all(np.all(loop.q(f, n) * without <= SETTLED) for loop, f, without in parts):
             return Repair(q_half_width=n)
-    if not learning:
+    if not isinstance(loops[0], PeriodicLoop):
         return Repair()
     peak = max(float(np.max(loop.q(f) / loop.forgetting * without)) for loop, f, without in parts)
     return Repair(forgetting=math.floor(100 * SETTLED / peak) / 100)

@@ -9,11 +9,15 @@ from typing import Any
 from zlib import crc32
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from cogless.maps.stored_map import StoredMap
+from cogless.maps.stored_map import ORDER, StoredMap
 from cogless.study import AnyStudy, TrialStudy, for_scenario
 from cogless.study.motor import StarMotor
+
+POINTS = 8  # in a wave of the highest order
+
+Reals = NDArray[np.float64]
 
 
 def motor_identity(motor: StarMotor) -> int:
@@ -48,6 +52,8 @@ def memory_of(
     values = np.asarray(stored["values"])
     if isinstance(study, TrialStudy):
         return {"learned": values[0]}
+    if ORDER in stored["units"]:
+        return _over_angle(*values)
     law, poles = study.controller[controller], for_scenario(study, scenario).motor.pole_pairs
     period = Fraction(stored["turns"], stored["parts"])  # revolutions
     ratio = 1 if period == 1 else law.ratio(poles)
@@ -57,6 +63,14 @@ def memory_of(
     names = ("current", "beta", "h")[: len(values)]
     frame = "mechanical" if ratio == 1 else "electrical"
     return {"frame": frame, "angle": angle, **dict(zip(names, 1 / unit * values, strict=True))}
+
+
+def _over_angle(a: Reals, b: Reals, orders: Reals) -> dict[str, Any]:
+    """The current of orders with these amplitudes over a mechanical revolution, as `memory_of`."""
+    cells = POINTS * round(float(np.max(orders)))
+    angle = 2 * np.pi / cells * np.arange(cells)
+    waves = (x * np.cos(h * angle) + y * np.sin(h * angle) for x, y, h in zip(a, b, orders, strict=True))
+    return {"frame": "mechanical", "angle": angle, "current": sum(waves)}
 
 
 def of_run(study: AnyStudy, stored: Mapping[str, Any] | None, motion: int = 0) -> StoredMap | None:

@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 
 from cogless.errors import StudyError
-from cogless.maps.stored_map import Found, StoredMap, Valid
+from cogless.maps.stored_map import ORDER, Found, StoredMap, Valid
 
 HEX = 16
 
@@ -35,7 +35,7 @@ def rows(stored: StoredMap) -> list[tuple[str, str]]:
         ("motor", f"0x{stored.motor:08X}"),
         ("save", str(stored.sequence)),
         ("period", _period(stored)),
-        ("cells" if stored.turns else "samples", str(stored.cells)),
+        ("orders" if ORDER in stored.units else "cells" if stored.turns else "samples", str(stored.cells)),
     ]
     if stored.motion:
         facts.insert(2, ("motion", f"0x{stored.motion:08X}"))
@@ -43,6 +43,9 @@ def rows(stored: StoredMap) -> list[tuple[str, str]]:
         facts.append(("rad of the units", f"of {stored.ratio} theta_m"))
     for c, values in enumerate(np.asarray(stored.values, dtype=np.float64)):
         what, unit, _ = stored.unit(c)
+        if stored.units[c] == ORDER:
+            facts.append((what, ", ".join(f"{value:g}" for value in values)))
+            continue
         rms, peak = math.sqrt(float(np.mean(values**2))), float(np.max(np.abs(values)))
         figures = f"rms {rms:.4g}, peak {peak:.4g}, limit {stored.limits[c]:.4g}"
         facts.append((what, f"{figures} {unit}".rstrip()))
@@ -59,9 +62,9 @@ def _period(stored: StoredMap) -> str:
 
 
 def to_csv(stored: StoredMap) -> str:
-    """A header, then a row for each entry: mechanical angle or sample, and each channel."""
+    """A header, then a row for each entry: mechanical angle, number of the sample or order, each channel."""
     angle = stored.angle
-    first = "sample" if angle is None else "theta_m_rad"
+    first = "theta_m_rad" if angle is not None else "n" if stored.turns else "sample"
     text = [",".join([first, *(stored.unit(c)[2] for c in range(stored.channels))])]
     for n in range(stored.cells):
         place = str(n) if angle is None else f"{angle[n]:.9g}"

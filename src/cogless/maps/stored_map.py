@@ -29,7 +29,11 @@ UNITS = (
     ("current per acceleration", "A*s^2/rad", "current_per_acceleration_A_s2_rad"),
     ("acceleration", "rad/s^2", "acceleration_rad_s2"),
     ("signal of the trial", "", "signal"),
+    ("amplitude of the cosine", "A", "cosine_A"),
+    ("amplitude of the sine", "A", "sine_A"),
+    ("order", "", "order"),
 )
+ORDER = 8  # code of the unit
 
 Array = NDArray[np.float32]
 # Everything but the header's CRC.
@@ -44,9 +48,10 @@ class MapError(StudyError):
 class StoredMap:
     """What a law has learned, and of which motor.
 
-    Entry [c, n] of `values` is channel c at the mechanical angle 2 pi n turns / (parts cells), rad, or at
-    sample n of a trial, which has turns = parts = 0. The rad in units is that of `ratio` times the mechanical
-    angle. `units`: a code for each channel, an index of UNITS; `limits`: entries are within +-limit.
+    Entry [c, n] of `values` is channel c at the mechanical angle 2 pi n turns / (parts cells), rad, at sample
+    n of a trial, which has turns = parts = 0, or of the order that a channel of orders has there. The rad in
+    units is that of `ratio` times the mechanical angle. `units`: a code for each channel, an index of UNITS;
+    `limits`: entries are within +-limit.
     """
 
     values: Array
@@ -84,8 +89,8 @@ class StoredMap:
 
     @property
     def angle(self) -> NDArray[np.float64] | None:
-        """Mechanical angle of each entry, rad; None of a trial."""
-        if self.turns == 0:
+        """Mechanical angle of each entry, rad; None of a trial and of orders."""
+        if self.turns == 0 or ORDER in self.units:
             return None
         step = 2 * np.pi * self.turns / (self.parts * self.cells)
         return step * np.arange(self.cells, dtype=np.float64)

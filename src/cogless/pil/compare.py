@@ -161,7 +161,7 @@ def _comparison(
         study=prepared.study.name,
         scenario=prepared.scenario,
         controller=prepared.controller,
-        law=subject.law_name,
+        law=subject.law.name,
         ticks=len(counts),
         difference=difference,
         all=_instructions(counts),

@@ -148,9 +148,9 @@ def build(prepared: Prepared, toolchain: Toolchain) -> tuple[Subject, Image]:
 
 
 def _exchange(subject: Subject) -> str:
-    trials = subject.law_name == "trial"
+    trials = subject.law.name == "trial"
     functions = ["init", "reset", "step", *(["begin_trial", "end_trial"] if trials else [])]
-    functions += ["calibrate"] if subject.law_name == "anti-cogging" else []
+    functions += ["calibrate"] if subject.law.name == "anti-cogging" else []
     return EXCHANGE.format(
         stem=stem(subject.name),
         name=subject.name,

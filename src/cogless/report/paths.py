@@ -55,9 +55,7 @@ def learned_terms(results: Results, run: Run) -> list[str]:
 
 def travelled(results: Results, run: Run) -> Array:
     """The angle that a run's law counts, rad: the rotor's, or its reference's."""
-    law = results.study.controller[run.controller]
-    rotor = not isinstance(law, SpacePosition) or law.index == "rotor"
-    return run.trace["theta_m" if rotor else "theta_ref"]
+    return run.trace["theta_m" if results.study.controller[run.controller].by_rotor else "theta_ref"]
 
 
 def varies(reference: Array) -> bool:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cogless.design.unlearned import never, revolutions_learned, starts_too_late, too_short
+from cogless.design.unlearned import Memory, never, revolutions_learned, starts_too_late, too_short
 from cogless.report.paths import travelled
 from cogless.results import Results, Run
 from cogless.results.status import Status
-from cogless.study.controller import Learning
-from cogless.study.space_controller import SpaceLearning
 
 
 def unlearned(results: Results, run: Run) -> str | None:
@@ -19,7 +17,7 @@ def unlearned(results: Results, run: Run) -> str | None:
     """
     study, name, trace = results.study, run.controller, run.trace
     law, revolutions = study.controller[name], revolutions_learned(study, name)
-    if revolutions is None or not isinstance(law, Learning | SpaceLearning) or not law.learned:
+    if revolutions is None or not isinstance(law, Memory) or not law.learned:
         return None
     if len(trace) < 2 or "status" not in trace:
         return None

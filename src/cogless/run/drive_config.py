@@ -15,14 +15,13 @@ from cogless.design.space_bounds import learned_limits
 from cogless.run.monitor_defaults import monitor_config, quality_config
 from cogless.study import AnyStudy, Study, for_scenario
 from cogless.study.controller import Feedback, LawLoop, Learning, LibraryLaw, PythonLaw
-from cogless.study.drive import Drive, IdealCurrentLoop, sensor_fields
+from cogless.study.drive import Drive, sensor_fields
 from cogless.study.laws import AnyController
-from cogless.study.mechanics import Load, Mechanics
+from cogless.study.mechanics import Mechanics
 from cogless.study.motor import StarMotor
 from cogless.study.reference import Reference
 from cogless.study.space_controller import SpaceLearning, SpacePosition
 
-UNUSED_OF_FOC = ("kp_d", "ki_d", "kp_q", "ki_q", "advance", "L_d", "L_q", "psi_f")
 Mode = Literal["run", "learn"]
 
 
@@ -41,7 +40,7 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
     return {
         "motor": motor_config(motor),
         "mechanics": mechanics_config(study_here.mechanics),
-        "load": load_config(load),
+        "load": load.model_dump(),
         "events": [event.model_dump() for event in experiment.events] if run else [],
         "faults": [fault.model_dump() for fault in experiment.faults] if run else [],
         "reference": _reference(experiment.reference if run else Reference.model_validate("0 rpm")),
@@ -71,16 +70,12 @@ def mechanics_config(mechanics: Mechanics) -> dict[str, Any]:
     return numbers
 
 
-def load_config(load: Load) -> dict[str, Any]:
-    return lists(load.model_dump())
-
-
 def _reference(reference: Reference) -> dict[str, Any]:
     numbers = reference.model_dump(exclude={"profile", "moves", "file"})
     moves = reference.kind == "moves"
     return {
         "kind": "profile" if reference.kind == "file" else reference.kind,
-        **lists(numbers),
+        **numbers,
         "times": [time for time, _ in (reference.moves if moves else reference.points)],
         "speeds": [speed for _, speed in reference.points],
         "angles": [angle for _, angle in reference.moves],
@@ -95,32 +90,30 @@ def drive_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[str,
         "integration_steps": drive.rates.integration_steps,
         "control": control_layout(drive.precision).pack("cgl_drive_config", values),
         "position_sensor": sensor_fields(drive.position_sensor),
-        "current_sensors": lists(drive.current_sensors.model_dump()),
+        "current_sensors": drive.current_sensors.model_dump(),
     }
     return config if drive.inverter is None else config | {"inverter": drive.inverter.model_dump()}
 
 
 def control_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[str, Any]:
-    """cgl_drive_config. With an ideal current loop nothing but the limit is used of foc."""
-    loop, inverter = drive.current_loop, drive.inverter
-    belief = drive.belief.resolved(motor)
-    foc: dict[str, Any] = dict.fromkeys(UNUSED_OF_FOC, 0.0) | {"decoupling": False, "phases": 0}
-    if not isinstance(loop, IdealCurrentLoop) and inverter is not None:
-        foc = {
-            **loop.gains(belief),
-            "advance": 1.5 if inverter.computation_delay else 0.5,
-            "decoupling": loop.decoupling,
-            "L_d": belief.L_d,
-            "L_q": belief.L_q,
-            "psi_f": belief.psi_f,
-            "phases": driven.phases,
-        }
+    """cgl_drive_config. An ideal current loop uses nothing of foc but its limit."""
+    loop, belief = drive.current_loop, drive.belief.resolved(motor)
     return {
         "pole_pairs": driven.pole_pairs,
         "divider": drive.rates.divider,
         "foreign": drive.ideal,
         "learn_saturated": drive.rates.position_loop is not None,
-        "foc": {**foc, "ts": 1 / drive.rates.current_loop, "current_limit": loop.current_limit},
+        "foc": {
+            **loop.gains(belief),
+            "ts": 1 / drive.rates.current_loop,
+            "current_limit": loop.current_limit,
+            "advance": 1.5 if drive.inverter is not None and drive.inverter.computation_delay else 0.5,
+            "decoupling": loop.decoupling,
+            "L_d": belief.L_d,
+            "L_q": belief.L_q,
+            "psi_f": belief.psi_f,
+            "phases": driven.phases,
+        },
         "monitor": monitor_config(drive, motor, belief),
         "quality": quality_config(drive),
     }
@@ -163,14 +156,3 @@ def _filled(study: Study, study_here: Study, name: str) -> AnyController:
     if isinstance(law, SpacePosition):
         found |= zip(("k_theta", "k_omega", "k_i"), position_gains(study, name), strict=True)
     return law.model_copy(update=found)
-
-
-def lists(table: dict[str, Any]) -> dict[str, Any]:
-    """The table with lists for tuples, all the way down."""
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, dict):
-            return lists(value)
-        return [plain(item) for item in value] if isinstance(value, tuple | list) else value
-
-    return {key: plain(value) for key, value in table.items()}

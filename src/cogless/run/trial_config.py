@@ -8,7 +8,7 @@ import numpy as np
 
 from cogless.c_layout import control_layout
 from cogless.design.model import Model, sampled
-from cogless.run.drive_config import drive_config, load_config, mechanics_config, motor_config, own_law_config
+from cogless.run.drive_config import drive_config, mechanics_config, motor_config, own_law_config
 from cogless.study.trial_controller import TrialLaw
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def _drive_phase(
         "initial_speed": conditions.initial_speed or 0.0,
         "motor": motor_config(hardware.motor.star()),
         "mechanics": mechanics_config(hardware.mechanics),
-        "load": load_config(hardware.load),
+        "load": hardware.load.model_dump(),
         "load_steps": [
             {"sample": sample, "torque": torque} for sample, torque in conditions.load_steps or ()
         ],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Any, Literal, Self
@@ -87,6 +88,16 @@ class Base(Table):
         return 0.0
 
     @property
+    def linear(self) -> tuple[float, float] | None:
+        """kp and ki of its speed feedback before it learns, as far as they are its own: A*s/rad, A/rad."""
+        return None
+
+    @property
+    def by_rotor(self) -> bool:
+        """Whether it learns over the rotor's angle, not its reference's."""
+        return True
+
+    @property
     def unit(self) -> float:
         """Entry of its memory that asks for a current of 1 A."""
         return 1.0
@@ -163,6 +174,11 @@ class Learning(Base):
     def learns_from(self) -> float:
         return self.learning_start
 
+    @property
+    @abstractmethod
+    def learning_gain(self) -> tuple[float, float]:
+        """What is learned from an error, as a PI's kp and ki: A*s/rad, A/rad."""
+
     def ratio(self, pole_pairs: int) -> int:
         return pole_pairs if self.period == "electrical" else 1
 
@@ -201,6 +217,10 @@ class PiIlc(Feedback, Learning):
     law: Literal["pi-ilc"]
     gain: SpeedGain  # A*s/rad, learning
 
+    @property
+    def learning_gain(self) -> tuple[float, float]:
+        return self.gain, 0.0
+
     def c_config(self, loop: LawLoop) -> dict[str, Any]:
         return {"pi": self.pi_config(loop), "gain": self.gain, "memory": self.memory_config(loop)}
 
@@ -219,6 +239,17 @@ class RobustIlc(Learning):
     gamma: RateGainPerTime  # 1/s^2
     viscous: RateGain = 0.0  # 1/s: B(x) = viscous omega + coulomb sgn(omega)
     coulomb: AccelerationGain = 0.0  # rad/s^2
+
+    @property
+    def linear(self) -> tuple[float, float]:
+        """Of (c e + eta S) / b with S = e + c integral(e)."""
+        return (self.c + self.eta) / self.b, self.c * self.eta / self.b
+
+    @property
+    def learning_gain(self) -> tuple[float, float]:
+        """f learns on S."""
+        gain = self.q * self.beta_2 / self.b
+        return gain, gain * self.c
 
     @property
     def unit(self) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -134,6 +134,11 @@ class IdealCurrentLoop(Table):
 
     kind: Literal["ideal"]
     current_limit: CurrentLimit  # A
+    decoupling: ClassVar[bool] = False
+
+    def gains(self, belief: StarBelief) -> dict[str, float]:
+        """Nothing is asked of the current controllers."""
+        return dict.fromkeys(("kp_d", "ki_d", "kp_q", "ki_q"), 0.0)
 
     @model_validator(mode="after")
     def _sizes(self) -> Self:

@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from cogless.study.controller import MOST_SAMPLES
-from cogless.study.space_controller import SpaceLearning, SpacePosition
+from cogless.study.space_controller import SpaceLearning
 from cogless.study.table import check_precision, invalid
 
 if TYPE_CHECKING:
@@ -27,8 +27,7 @@ def space_laws(study: Study) -> None:
         revolutions = law.revolutions(study.motor.pole_pairs)
         _numbers(study, name, law)
         _angles(name, revolutions, law.ratio(study.motor.pole_pairs))
-        by_rotor = not isinstance(law, SpacePosition) or law.index == "rotor"
-        if by_rotor and (1 / revolutions).denominator != 1:
+        if law.by_rotor and (1 / revolutions).denominator != 1:
             expected = "expected a period that fits into a revolution of the rotor, not"
             raise invalid(f"{expected} {float(revolutions):.4g} of one", "controller", name, "period")
         for key, scenario in study.scenario.items():

@@ -133,6 +133,10 @@ class SpacePosition(SpaceLearning):
             raise invalid(f"expected either k_theta and k_omega or tuning, such as {rule}")
         return self
 
+    @property
+    def by_rotor(self) -> bool:
+        return self.index == "rotor"
+
     def ratio(self, pole_pairs: int) -> int:
         return pole_pairs if self.frame == "electrical" else 1
 
@@ -154,6 +158,10 @@ class SpaceSpeed(SpaceLearning):
     law: Literal["space-speed"]
     k: SpeedGain  # A*s/rad
     eta_bar: LawSpeed  # rad/s: learning rests while the speed's error is larger
+
+    @property
+    def linear(self) -> tuple[float, float]:
+        return self.k, 0.0
 
     def c_config(self, loop: LawLoop) -> dict[str, Any]:
         same = {"k", "mu_alpha", "mu_beta", "mu_h", "eta_bar", "omega_min"}

@@ -19,11 +19,11 @@ def board(subject: Subject) -> dict[str, str]:
     """Words for the templates' places about the board."""
     hold = f"{1e3 * subject.drive_config['monitor']['hold']:.3g} ms"
     wanted = "omega_ref [rad/s] is what it turns at: 0 until you set it, and the motor stands."
-    if subject.law_name == "trial":
+    if subject.law.name == "trial":
         wanted = (
             "The motion is given for a whole trial; omega_ref [rad/s], its derivative, is for the checks."
         )
-    elif subject.law_name == "space-position":
+    elif subject.law.name == "space-position":
         wanted = "theta_ref [rad], omega_ref and alpha_ref, its derivatives: 0 until you set them."
     words = {
         "measured": _measured(subject),
@@ -103,7 +103,7 @@ def _maps(subject: Subject) -> str:
     """Words for keeping what was learned; empty where it is not tied to an angle."""
     if not subject.has_map:
         return ""
-    trial, config = subject.law_name == "trial", subject.law_config
+    trial, config = subject.law.name == "trial", subject.law_config
     memory = config.get("memory", config)
     asset = files("cogless.export").joinpath("assets", "c", "maps.md")
     rests = "Before it reference.learn = false, for a step of the law or more; afterwards true again."

@@ -41,7 +41,7 @@ def export_c(
         "sha256": study_hash(study),
         "scenario": subject.scenario,
         "controller": controller,
-        "law": subject.law_name,
+        "law": subject.law.name,
         "version": versions()["cogless"],
     }
     folder.write(target, contents(subject, prepared, recording), about)
@@ -65,13 +65,13 @@ def subject_of(prepared: Prepared, command: str = "") -> Subject:
         scenario=prepared.scenario,
         controller=prepared.controller,
         name=identifier(prepared.controller),
-        law_name=law.name,
         law=law,
         layout=layout,
         drive_config=layout.decode("cgl_drive_config", drive["control"]),
         law_config=layout.decode(law.config, controller["config"]),
         rate=round(prepared.rate),
         memory_length=len(prepared.memory),
+        has_map=prepared.drive.stored(prepared.start()) is not None,
         learning_matrix=None if matrix is None else np.asarray(matrix, prepared.memory.dtype).ravel(),
         figures=found,
         verdict=verdict,

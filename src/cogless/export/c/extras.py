@@ -83,7 +83,7 @@ def extras(subject: Subject) -> dict[str, str]:
         ("more_declarations", "more_definitions", "more_rows", "example_declarations", "example_definitions"),
         "",
     )
-    if subject.law_name == "anti-cogging":
+    if subject.law.name == "anti-cogging":
         found = {
             "more_declarations": f"{CALIBRATE};\n",
             "more_definitions": _without_comment(CALIBRATE) + CALIBRATE_BODY,
@@ -91,7 +91,7 @@ def extras(subject: Subject) -> dict[str, str]:
             "example_declarations": CALIBRATE_DECLARATIONS,
             "example_definitions": CALIBRATE_EXAMPLE,
         }
-    elif subject.law_name == "trial":
+    elif subject.law.name == "trial":
         found = {
             "more_declarations": f"{BEGIN};\n{END};\n",
             "more_definitions": _without_comment(BEGIN) + BEGIN_BODY + _without_comment(END) + END_BODY,

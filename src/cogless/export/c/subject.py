@@ -25,13 +25,13 @@ class Subject:
     scenario: str
     controller: str
     name: str  # in C
-    law_name: str  # in the engine
     law: CLaw
     layout: Layout
     drive_config: dict[str, Any]  # cgl_drive_config, decoded
     law_config: dict[str, Any]
     rate: int  # Hz, of the current loop
     memory_length: int  # entries of the law's memory
+    has_map: bool  # what it learns can be stored
     learning_matrix: NDArray[np.floating[Any]] | None
     figures: list[tuple[str, str]]  # what `cogless design` finds
     verdict: str  # what it says of learning
@@ -50,11 +50,6 @@ class Subject:
     def divider(self) -> int:
         """Current-loop periods in a period of the law."""
         return int(self.drive_config["divider"])
-
-    @property
-    def has_map(self) -> bool:
-        """Whether what it learns can be stored."""
-        return self.law.has_map(self.law_config)
 
     @property
     def foreign(self) -> bool:

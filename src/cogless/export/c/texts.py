@@ -70,7 +70,7 @@ def _words(subject: Subject) -> dict[str, str]:
         "hash": study_hash(s.study),
         "version": versions()["cogless"],
         "command": s.command,
-        "law": str(getattr(s.study.controller[s.controller], "law", s.law_name)),
+        "law": str(getattr(s.study.controller[s.controller], "law", s.law.name)),
         "precision": "double: define COGLESS_DOUBLE for every file" if double else "single",
         "precision_check": _precision_check(double),
         "double_flag": " and `-DCOGLESS_DOUBLE`" if double else "",
@@ -114,9 +114,9 @@ def _precision_check(double: bool) -> str:
 
 
 def _reset_comment(subject: Subject) -> str:
-    if subject.law_name == "pi":
+    if subject.law.name == "pi":
         return "As after init."
-    if subject.law_name == "anti-cogging":
+    if subject.law.name == "anti-cogging":
         return "As after init, but the table stays."
     return "As after init: forgets what was learned, too."
 

@@ -84,7 +84,7 @@ def _variables_h(run: Prepared, subject: Subject, variables: Sequence[Variable])
     name = subject.name
     outputs = {f"OUT_{output.upper()}": output for output in OUTPUTS}
     pointers = {subject.law.cells: MEMORY} if subject.law.cells else {}
-    pointers |= OF_TRIALS if subject.law_name == "trial" else {}
+    pointers |= OF_TRIALS if subject.law.name == "trial" else {}
     links = "".join(f"    controller->law.{member} = {target};\n" for member, target in pointers.items())
     return f"""/* The controller of this FMU; generated. */
 #include <string.h>
@@ -126,7 +126,7 @@ def _taught(run: Prepared, subject: Subject) -> str:
 def _trials(run: Prepared, subject: Subject) -> str:
     """C code that begins and ends trials; does nothing without trials."""
     before = after = motions = ""
-    if subject.law_name == "trial":
+    if subject.law.name == "trial":
         motions = _motions(run.description["trials"], subject)
         due, name = "    if (tick % TRIAL_TICKS == 0)", subject.name
         before = f"{due} {name}_begin_trial(controller, motion_of(tick));\n"

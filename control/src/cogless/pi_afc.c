@@ -1,0 +1,109 @@
+#include "pi_afc.h"
+
+#include "angle.h"
+#include "sine.h"
+
+CGL_SELDOM static bool is_rising(const cgl_pi_afc_config *config)
+{
+    uint32_t below = 0U;
+    for (uint32_t k = 0; k < config->orders; ++k) {
+        if (config->order[k] <= below || config->order[k] > CGL_PI_AFC_ORDER_MAX) {
+            return false;
+        }
+        below = config->order[k];
+    }
+    return true;
+}
+
+CGL_SELDOM cgl_error cgl_pi_afc_init(const cgl_pi_afc_config *config, cgl_pi_afc *law, cgl_real *coefficient, uint32_t length)
+{
+    if (!(config->orders >= 1U && config->orders <= CGL_PI_AFC_ORDERS && is_rising(config)
+          && cgl_is_not_negative(config->gain) && cgl_is_not_negative(config->lead)
+          && cgl_is_positive(config->omega_min) && cgl_is_positive(config->limit))) {
+        return CGL_ERROR_CONFIG;
+    }
+    if (coefficient == 0 || length < CGL_PI_AFC_LENGTH(config->orders)) {
+        return CGL_ERROR_MEMORY;
+    }
+    const cgl_error error = cgl_pi_init(&config->pi, &law->pi);
+    law->coefficient = coefficient;
+    for (uint32_t k = 0; k < config->orders; ++k) {
+        coefficient[2U * config->orders + k] = (cgl_real)config->order[k];
+    }
+    cgl_pi_afc_reset(config, law);
+    return error;
+}
+
+CGL_SELDOM void cgl_pi_afc_reset(const cgl_pi_afc_config *config, cgl_pi_afc *law)
+{
+    cgl_pi_reset(&law->pi);
+    for (uint32_t n = 0; n < 2U * config->orders; ++n) {
+        law->coefficient[n] = CGL_R(0.0);
+    }
+    law->learned = CGL_R(0.0);
+    law->learning = false;
+}
+
+/* Sine and cosine of order h of an angle, 0 <= turns < 1, of which only the part behind the point counts. */
+static void sincos_of_order(cgl_real h, cgl_real turns, cgl_real *sine, cgl_real *cosine)
+{
+    cgl_sincos_of_angle(CGL_TWO_PI * cgl_rest(h * turns), sine, cosine);
+}
+
+/* The orders' sum at an angle, after what `correction` [A] adds to each at the angle that it belongs to. */
+static cgl_real sum_of_orders(const cgl_pi_afc_config *config, cgl_pi_afc *law, cgl_real turns, cgl_real turns_before,
+                              cgl_real moved, cgl_real correction)
+{
+    cgl_real *const a = law->coefficient, *const b = a + config->orders;
+    cgl_real sum = CGL_R(0.0), sine, cosine;
+    for (uint32_t k = 0; k < config->orders; ++k) {
+        const cgl_real h = (cgl_real)config->order[k];
+        if (cgl_abs(h * moved) >= CGL_PI) {
+            continue;
+        }
+        if (law->learning) {
+            sincos_of_order(h, turns_before, &sine, &cosine);
+            a[k] = cgl_clamp(a[k] + correction * cosine, config->limit);
+            b[k] = cgl_clamp(b[k] + correction * sine, config->limit);
+        }
+        sincos_of_order(h, turns, &sine, &cosine);
+        sum += a[k] * cosine + b[k] * sine;
+    }
+    return cgl_clamp(sum, config->limit);
+}
+
+/* A step in which something is at its limit, not plausible, or not learning. */
+CGL_SELDOM static void step_otherwise(const cgl_pi_afc_config *config, cgl_pi_afc *law, cgl_real error, bool plausible,
+                                      cgl_law_output *out)
+{
+    out->i_q_ref = cgl_pi_step(&config->pi, &law->pi, error, law->learned);
+    out->status = (law->pi.saturated ? (unsigned)CGL_STATUS_SATURATED : 0U)
+                  | (law->learning ? 0U : (unsigned)CGL_STATUS_FROZEN) | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
+}
+
+void cgl_pi_afc_step(const cgl_pi_afc_config *config, cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *out)
+{
+    if (in->off) {
+        cgl_pi_reset(&law->pi);
+        law->learned = CGL_R(0.0);
+        law->learning = false;
+        cgl_law_off(out);
+        return;
+    }
+    const cgl_real error = in->omega_ref - in->omega_m, before = in->theta_m - in->omega_ref * config->lead;
+    const bool is_angle = cgl_is_angle(in->theta_m), plausible = cgl_is_finite(error) && is_angle;
+    law->learning = in->learn && plausible && cgl_is_angle(before) && !law->pi.saturated
+                    && cgl_abs(in->omega_ref) >= config->omega_min;
+    law->learned = CGL_R(0.0);
+    if (is_angle) {
+        const cgl_real turns = cgl_fraction(in->theta_m * (CGL_R(1.0) / CGL_TWO_PI));
+        const cgl_real turns_before = cgl_fraction(before * (CGL_R(1.0) / CGL_TWO_PI));
+        law->learned = sum_of_orders(config, law, turns, turns_before, in->omega_ref * config->pi.ts,
+                                     cgl_clamp(config->gain * config->pi.ts * error, CGL_REAL_MAX));
+    }
+    if (law->learning && cgl_pi_step_free(&config->pi, &law->pi, error, law->learned, &out->i_q_ref)) {
+        out->status = 0U;
+    } else {
+        step_otherwise(config, law, error, plausible, out);
+    }
+}

@@ -1,0 +1,57 @@
+/* PI speed control with adaptive feedforward cancellation beside it: Fourier coefficients of chosen orders of the mechanical
+ * angle, learned while the rotor turns (Espindola-Lopez 2016; Messner and Bodson 1995):
+ *
+ *   i_q_ref = PI + sum_k (a_k cos(h_k theta) + b_k sin(h_k theta)),    e = omega_ref - omega
+ *   a_k += gain ts e cos(h_k (theta - omega_ref lead)),    b_k likewise with sin
+ *
+ * At a constant speed that is a resonator at each order's frequency, in parallel with the PI. */
+#ifndef COGLESS_PI_AFC_H
+#define COGLESS_PI_AFC_H
+
+#include <stdint.h>
+
+#include "pi.h"
+#include "law.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define CGL_PI_AFC_ORDERS 16U
+#define CGL_PI_AFC_ORDER_MAX 65535U
+
+/* Entries of the caller's memory: a_k, b_k, and the orders, by which a stored map tells whose they are. */
+#define CGL_PI_AFC_LENGTH(orders) (3U * (orders))
+
+typedef struct {
+    cgl_pi_config pi;                  /* kp [A s/rad], ki [A/rad], ts [s], limit of the sum [A] */
+    uint32_t orders;                   /* how many there are, 1 to CGL_PI_AFC_ORDERS */
+    uint32_t order[CGL_PI_AFC_ORDERS]; /* orders of a mechanical revolution, rising, 1 to CGL_PI_AFC_ORDER_MAX */
+    cgl_real gain;                     /* learning gain [A/rad], >= 0 */
+    cgl_real lead;                     /* the error of now tells of where the rotor was this long ago: the time from the current
+                                          to the measured speed [s], >= 0; default 0 */
+    cgl_real omega_min;                /* learning freezes while |omega_ref| is below [rad/s], > 0 */
+    cgl_real limit;                    /* each coefficient, and the sum, stay within +-limit [A], > 0 */
+} cgl_pi_afc_config;
+
+typedef struct {
+    cgl_pi pi;
+    cgl_real *coefficient; /* caller's memory: `orders` a_k [A], then b_k [A], then h_k */
+    cgl_real learned;      /* the learned part of the last step [A] */
+    bool learning;         /* the last step learned */
+} cgl_pi_afc;
+
+/* `coefficient`: CGL_PI_AFC_LENGTH(orders) entries, which the state keeps using; they are cleared. */
+cgl_error cgl_pi_afc_init(const cgl_pi_afc_config *config, cgl_pi_afc *law, cgl_real *coefficient, uint32_t length);
+void cgl_pi_afc_reset(const cgl_pi_afc_config *config, cgl_pi_afc *law);
+
+/* Learning freezes, and what was learned acts on, while in->learn is false, |omega_ref| is below omega_min, the output was at
+ * its limit, an input is not finite, or an angle is beyond CGL_ANGLE_MAX. An order that passes in less than two samples
+ * neither acts nor is learned. While in->off learning is frozen too, and the output and the PI's integral are 0. */
+void cgl_pi_afc_step(const cgl_pi_afc_config *config, cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *out);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,66 @@
+"""The real motor's ripple under chosen orders and under a map, for docs/laws/pi-afc.md.
+
+python docs/afc_tables.py            print the table
+python docs/afc_tables.py --write    put it into the page
+
+The controller is that of the page's figure.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from marked import RPM, number, replaced, table
+
+import cogless
+from cogless.study.reading import changes_from
+
+PAGE = Path(__file__).parent / "laws" / "pi-afc.md"
+CONTROLLERS = ("pi", "pi-ilc", "pi-afc")
+SCENARIOS = {"slow": "0.25", "1-rev-s": "1", "fast": "4"}
+SENSORS: dict[str, dict[str, Any]] = {
+    "as in the study": {},
+    "without dead time": {"drive.inverter.dead_time": "0 s"},
+    "without dead time, perfect sensors": {
+        "drive.inverter.dead_time": "0 s",
+        "drive.position_sensor": {"kind": "ideal"},
+        "drive.current_sensors": {},
+    },
+}
+
+
+def figure_changes() -> dict[str, Any]:
+    """The figure's change of the study."""
+    found = re.search(r"^:set: (.*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    assert found is not None
+    return changes_from([found[1]])
+
+
+def rows() -> list[list[str]]:
+    made = []
+    for text, changes in SENSORS.items():
+        study = cogless.load("uomodri", {**changes, **figure_changes()})
+        only = [f"{scenario}/{name}" for scenario in SCENARIOS for name in CONTROLLERS]
+        metrics = {(r.scenario, r.controller): r.metrics for r in cogless.run_study(study, only).runs}
+        for scenario, speed in SCENARIOS.items():
+            found = [metrics[scenario, name] for name in CONTROLLERS]
+            values = [f["speed_order_rad_s"][0] for f in found] + [f["speed_ripple_rad_s"] for f in found]
+            made.append([text, speed, *(number(value / RPM, 2) for value in values)])
+    return made
+
+
+def main() -> None:
+    laws = ["PI", "PI-ILC", "PI-AFC"]
+    head = ["", "rev/s", *(f"{law}, order 72" for law in laws), *(f"{law}, rms" for law in laws)]
+    lines = table(head, rows())
+    if "--write" in sys.argv:
+        PAGE.write_text(replaced(PAGE.read_text(encoding="utf-8"), {"afc": lines}), encoding="utf-8")
+    else:
+        print(*lines, sep="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,67 @@
+"""PI with adaptive feedforward cancellation, as a study has it."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from cogless.study.controller import Feedback, LawLoop
+from cogless.study.table import CurrentBound, LawSpeed, Many, SpeedIntegralGain, StartTime, invalid
+
+Order = Annotated[int, Field(ge=1, le=65_535)]  # CGL_PI_AFC_ORDER_MAX
+
+
+class PiAfc(Feedback):
+    """PI with adaptive feedforward cancellation: amplitudes of chosen orders, learned over the angle."""
+
+    law: Literal["pi-afc"]
+    orders: Annotated[Many[Order], Field(min_length=1, max_length=16)]  # CGL_PI_AFC_ORDERS; mechanical
+    gain: SpeedIntegralGain  # A/rad, learning
+    lead: StartTime = 0.0  # s: from current to measured speed
+    omega_min: LawSpeed = 0.01  # rad/s, mechanical: below it learning rests, what was learned acts on
+    learning_start: StartTime = 0.0  # s
+    limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
+
+    @property
+    def learns(self) -> bool:
+        return True
+
+    @property
+    def learns_from(self) -> float:
+        return self.learning_start
+
+    @property
+    def over_angle(self) -> bool:
+        """Whether what is learned belongs to the angle."""
+        return True
+
+    @property
+    def cells(self) -> int:
+        """Places of a revolution that its orders tell apart."""
+        return 2 * self.orders[-1]
+
+    @property
+    def q_half_width(self) -> int:
+        """Places on each side of its Q filter: it has none."""
+        return 0
+
+    def revolutions(self, pole_pairs: int) -> Fraction:
+        """Mechanical revolutions in a period of what is learned."""
+        return Fraction(1)
+
+    @model_validator(mode="after")
+    def _rising(self) -> Self:
+        if any(b <= a for a, b in zip(self.orders, self.orders[1:], strict=False)):
+            raise invalid("expected orders that rise, each once", "orders")
+        return self
+
+    def c_config(self, loop: LawLoop) -> dict[str, Any]:
+        return {
+            "pi": self.pi_config(loop),
+            "orders": len(self.orders),
+            "order": self.orders,
+            **self.model_dump(include={"gain", "lead", "omega_min"}),
+            "limit": loop.current_limit if self.limit is None else self.limit,
+        }

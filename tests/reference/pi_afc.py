@@ -1,0 +1,45 @@
+"""PI speed control with adaptive feedforward cancellation: Fourier coefficients learned over the angle."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .limits import clip, is_angle
+from .pi import Pi
+
+
+@dataclass
+class PiAfc:
+    pi: Pi
+    orders: np.ndarray
+    gain: float
+    lead: float
+    omega_min: float
+    limit: float
+    a: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    b: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    learned: float = 0.0
+    learning: bool = False
+
+    def __post_init__(self) -> None:
+        self.a, self.b = np.zeros(len(self.orders)), np.zeros(len(self.orders))
+
+    def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:
+        e, ts = omega_ref - omega_m, self.pi.ts
+        before = theta_m - omega_ref * self.lead
+        self.learning = learn and math.isfinite(e) and is_angle(theta_m) and is_angle(before)
+        self.learning = self.learning and abs(omega_ref) >= self.omega_min and not self.pi.saturated
+        if not is_angle(theta_m):
+            self.learned = 0.0
+            return self.pi.step(e, 0.0)
+        # an order that passes in less than two samples is left out
+        sampled = ~(self.orders * abs(omega_ref) * ts >= math.pi)
+        if self.learning:
+            a = self.a + self.gain * ts * e * np.cos(self.orders * before)
+            b = self.b + self.gain * ts * e * np.sin(self.orders * before)
+            self.a = np.where(sampled, np.clip(a, -self.limit, self.limit), self.a)
+            self.b = np.where(sampled, np.clip(b, -self.limit, self.limit), self.b)
+        terms = self.a * np.cos(self.orders * theta_m) + self.b * np.sin(self.orders * theta_m)
+        self.learned = clip(float(np.sum(terms[sampled])), self.limit)
+        return self.pi.step(e, self.learned)
