@@ -32,8 +32,9 @@ build: $(VENV)/installed ## cogless in .venv
 demo: $(VENV)/installed ## the main job: a motor that cogs, under four controllers
 	$(BIN)/cogless run uomodri -o results/uomodri --plots
 
+# to rewrite the asserts takes each worker 7 s where Python may not keep what it compiles
 test: $(VENV)/tested ## the whole test suite
-	$(BIN)/python -m pytest -q -n 2 --dist loadfile
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -q -n 2 --dist loadfile
 
 lint: $(VENV)/installed ## ruff, mypy, and which room imports which
 	$(BIN)/python -m pip install --quiet '.[lint]' --no-build-isolation

@@ -118,14 +118,14 @@ struct CLaw {
         return from_c(output);
     }
     std::vector<Term> terms() const { return terms_of<Row>(config); }
-    double* put_terms(const State& s, double* out) const { return cogless::put_terms<Row>(config, s.law, out); }
+    double* put_terms(const auto& s, double* out) const { return cogless::put_terms<Row>(config, s.law, out); }
 
-    static std::vector<cgl_real>& cells(State& s)
+    static std::vector<cgl_real>& cells(auto& s)
         requires HasMemory<Row>
     {
         return s.cell;
     }
-    std::optional<Stored> stored(State s) const
+    std::optional<Stored> stored(auto s) const
         requires HasMemory<Row>
     {
         Row::set_memory(s.law, s.cell);

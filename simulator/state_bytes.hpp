@@ -94,9 +94,9 @@ void archive(Archive& a, State& s) {
 
 template <class Archive>
 void archive(Archive& a, TrialLaw::State& s) {
-    auto& [law, memory, reference, input] = s;
+    auto& [law, cell, reference, input] = s;
     archive(a, law);
-    archive(a, memory);
+    archive(a, cell);
     archive(a, reference);
     archive(a, input);
 }

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "c_law.hpp"
@@ -13,8 +14,9 @@
 namespace cogless {
 
 struct TrialLaw : CLaw<trial_row> {
-    struct State : CState<trial_row> {
-        std::vector<cgl_real> reference;
+    struct State {
+        cgl_trial law;
+        std::vector<cgl_real> cell, reference;
         cgl_trial_input input;  // of the last step, where the plant is not a drive
     };
     std::shared_ptr<const std::vector<cgl_real>> learning_matrix;  // none, or where config points to
@@ -36,7 +38,10 @@ struct TrialLaw : CLaw<trial_row> {
         return law;
     }
 
-    State start() const { return {CLaw::start(), std::vector<cgl_real>(config.samples), {}}; }
+    State start() const {
+        CLaw::State s = CLaw::start();
+        return {s.law, std::move(s.cell), std::vector<cgl_real>(config.samples), {}};
+    }
 
     // reference: one number for each sample.
     void begin(State& s, const std::vector<cgl_real>& reference) const {

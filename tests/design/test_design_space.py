@@ -17,9 +17,9 @@ from rich.console import Console
 
 from cogless import load, run_study
 from cogless.design.angle_functions import AngleFunctions, Bounds, angle_functions
+from cogless.design.closed_loop import Linear
 from cogless.design.space_bounds import (
     Motion,
-    PositionGains,
     error_terms,
     learned_limits,
     position_conditions,
@@ -147,7 +147,7 @@ def test_bounds_of_a_pmsm_with_cogging_are_those_in_closed_form() -> None:
     bounds = functions.bounds()
     assert bounds is not None
     assert (bounds.h_m, bounds.h_M) == pytest.approx((1e-4 / K_t, 1e-4 / K_t), rel=1e-12)
-    assert (bounds.k_h, bounds.k_beta2, bounds.g_d) == (0.0, 0.0, 0.0)
+    assert (bounds.k_h, bounds.k_beta2) == (0.0, 0.0)
     assert bounds.k_beta1 == pytest.approx(3e-5 / K_t)
     assert bounds.k_alpha1 == pytest.approx((0.01 + 0.002 + 4e-3) / K_t, rel=1e-4)
     assert bounds.k_alpha2 == pytest.approx(84 * 4e-3 / K_t, rel=1e-4)
@@ -248,7 +248,7 @@ def test_no_k_is_enough_where_eta_bar_reaches_the_slowest_reference() -> None:
 def test_what_law_6_needs_is_where_its_proof_begins_to_hold(k_v: float) -> None:
     bounds, motion = Bounds(0.2, 0.35, 5.0, 8.0, 30.0, 0.01, 0.15), Motion(0.2, 0.4, 1.0)
     k_theta = 5.0
-    footnote, needs = position_conditions(bounds, motion, PositionGains(k_theta, 0.0, k_v))
+    footnote, needs = position_conditions(bounds, motion, Linear(1, 0.0, k_theta, k_v=k_v))
     squares, s_1, g_2 = error_terms(bounds, motion, k_theta)
     drift = bounds.k_h * motion.top_speed / 2
 

@@ -61,7 +61,7 @@ def library_object(name: str, *flags: str) -> bytes:
     """A source of the control library compiled, once for all exports that have a copy of it."""
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / "made.o"
-        subprocess.run(["cc", *FLAGS, *flags, "-c", LIBRARY / name, "-o", made], check=True)
+        subprocess.run(["cc", *FLAGS, *STRICT, *flags, "-c", LIBRARY / name, "-o", made], check=True)
         return made.read_bytes()
 
 
@@ -83,7 +83,7 @@ def is_double(exported: Path) -> list[str]:
 def compiled(exported: Path, *flags: str) -> Path:
     """The self-test of an export."""
     program, double = exported.parent / "self_test", is_double(exported)
-    library = [library_part(source, *flags, *double) for source in (exported / "cogless").glob("*.c")]
+    library = [library_part(source, *double) for source in (exported / "cogless").glob("*.c")]
     own = [exported / "self_test.c", *exported.glob("*_controller.c")]
     subprocess.run(["cc", *FLAGS, *flags, *double, "-o", program, *own, *library], check=True)
     return program

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import os
 import re
 import shutil
 import subprocess
@@ -16,6 +17,7 @@ import fmpy
 import numpy as np
 import pytest
 import trial_studies
+from control_library import BUILT
 from fmpy.validation import validate_fmu
 from fmus import Slave
 from numpy.typing import NDArray
@@ -77,6 +79,7 @@ signal = "omega_m"
 """
 
 ROOT = Path(__file__).parents[2]
+OWN = "drive_variables.hpp"  # of each drive; the engine has none of it
 ENGINE = {path.name for path in (*ROOT.glob("simulator/*.cpp"), *ROOT.glob("control/src/cogless/*.c"))}
 CURRENTS = ("i_d", "i_q", "i_a", "i_b", "i_c")
 PLANT = ("theta_m", "omega_m", "omega_ref", *CURRENTS, "tau_e", "tau_cogging", "tau_load")
@@ -107,24 +110,31 @@ def exported(folder: Path, study: AnyStudy, controller: str) -> Exported:
 
 
 @pytest.fixture(scope="module")
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Engine and control library, of which every FMU has the same sources, are compiled once.
+def shared() -> Iterator[None]:
+    """What every FMU of these tests has alike is compiled once, and kept; the engine's C++ as one unit.
 
     Without optimising: that takes half as long, and the numbers are the same bits.
     """
-    made: dict[bytes, Path] = {}
-    place, compile_all = tmp_path_factory.mktemp("shared"), export.objects
+    compile_all = export.objects
 
     def objects(sources: Iterable[Path], folder: Path) -> list[Path]:
-        found = {}
-        for source in sources:
-            headers = [h for h in sorted(source.parent.rglob("*.h*")) if h.name != "drive_variables.hpp"]
-            key = hashlib.sha256(b"".join(each.read_bytes() for each in (source, *headers))).digest()
-            (compiled,) = [made[key]] if key in made else compile_all([source], folder)
-            found[source] = compiled
-            if source.name in ENGINE and key not in made:
-                made[key] = shutil.copy(compiled, place / f"{len(made)}.o")
-        return list(found.values())
+        sources = list(sources)
+        engine = [source for source in sources if source.name in ENGINE and source.suffix == ".cpp"]
+        texts = "".join(source.read_text() for source in engine)
+        for n, source in enumerate(engine):
+            source.write_text("" if n else texts)
+        return [compiled(source, folder) for source in sources]
+
+    def compiled(source: Path, folder: Path) -> Path:
+        headers = sorted(source.parent.rglob("*.h*"))
+        read = [source, *(h for h in headers if h.name != OWN or source.name not in ENGINE)]
+        texts = [" ".join(build.OPTIONS).encode(), *(each.read_bytes() for each in read)]
+        kept = BUILT / f"{source.stem}-{hashlib.sha256(b''.join(texts)).hexdigest()[:16]}.o"
+        if not kept.exists():
+            BUILT.mkdir(parents=True, exist_ok=True)
+            (made,) = compile_all([source], folder)
+            shutil.copy(made, BUILT / f"{os.getpid()}.o").replace(kept)
+        return kept
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(export, "objects", objects)

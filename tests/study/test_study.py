@@ -198,7 +198,7 @@ def test_the_engine_is_told_everything_in_si(tmp_path: Path) -> None:
     assert config["motor"]["cogging"] == [{"order": 24, "torque": 0.004, "phase": 0.0}]
     assert config["mechanics"]["breakaway_friction"] == config["mechanics"]["coulomb_friction"] == 0.003
     assert config["events"] == [{"time": 0.1, "load": 0.2}, {"time": 0.2, "load": 0.0}]
-    assert config["drive"]["current_sensors"]["offset"] == [0.05, 0.0, 0.0]
+    assert config["drive"]["current_sensors"]["offset"] == (0.05, 0.0, 0.0)
     found = unpacked(config)
     drive, control = found["drive"], found["drive"]["control"]
     assert (drive["current_rate"], control["divider"]) == (15000, 15)
@@ -217,7 +217,7 @@ def test_the_load_of_a_scenario_replaces_that_of_the_mechanics(tmp_path: Path) -
     )
     low = engine_config(study, "low", "pi")["load"]
     assert (low["torque"], low["lag"], low["time_table"]) == (0.0, 0.03, None)
-    assert low["angle_table"] == {"angle": [0.0, pytest.approx(math.pi)], "torque": [0.0, 0.1]}
+    assert low["angle_table"] == {"angle": (0.0, pytest.approx(math.pi)), "torque": (0.0, 0.1)}
     assert engine_config(study, "step", "pi")["load"]["torque"] == 0.1
 
 

@@ -1,12 +1,10 @@
 """h, alpha and beta of Verrelli 2016, model (1), and the bounds of its assumption A.3, from a motor's values.
 
-With i_d = 0 a motor's torque is K(theta) i_q + cogging(theta), so that model (1) reads, all mechanical,
+With i_d = 0 a motor's torque is K(theta) i_q + cogging(theta), and, all mechanical,
 
     h = J / K        alpha = (T_L - cogging) / K        beta = D / K
 
-for any flux harmonics; with those of a step motor it is the paper's. L_0 and L_1 act through i_d alone.
-Without flux harmonics (a PMSM) h and beta are constants. Coulomb friction counts as a load: the paper's
-speeds are above zero.
+Coulomb friction counts as a load: the paper's speeds are above zero.
 
 The bounds hold, and are tight: the extremes on a grid over a revolution, and as margin what a function can
 rise above the grid point next to its extreme, f'' / 2 (grid / 2)^2, f'' bounded by sums of amplitudes.
@@ -39,7 +37,7 @@ class Bounds:
 
     h_m: float  # A*s^2/rad, the least of h
     h_M: float  # A*s^2/rad, the largest
-    k_h: float  # A*s^2/rad^2, of |h'|
+    k_h: float  # A*s^2/rad^2, of |h'|; the paper's g_d, of the derivative of 1 / g
     k_alpha1: float  # A, of |alpha|
     k_alpha2: float  # A/rad, of |alpha'|
     k_beta1: float  # A*s/rad, of |beta|
@@ -54,11 +52,6 @@ class Bounds:
     def g(self) -> tuple[float, float]:
         """g- and g+, the least and the largest of 1 / h."""
         return 1 / self.h_M, 1 / self.h_m
-
-    @property
-    def g_d(self) -> float:
-        """Bound of the derivative of 1 / g, which is h."""
-        return self.k_h
 
 
 @dataclass(frozen=True)

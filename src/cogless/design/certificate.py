@@ -100,6 +100,11 @@ class ModelCertificate:
     with_filter: Learning | None  # None without a filter, too
     growth: float | None  # factor a trial in the end, with the filter if any and the trial's ends: finite.py
 
+    @property
+    def learning(self) -> Learning | None:
+        """Learning as it is done: with the filter, if there is one."""
+        return self.with_filter or self.without_filter
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -109,7 +114,6 @@ class Certificate:
     exact: ModelCertificate | None
     discretisation: Discretisation | None  # of the design's models
     samples: int  # random plants
-    filtered: Filtered
 
 
 @dataclass(frozen=True)
@@ -164,9 +168,9 @@ def certify(
             if update.ratio is None:
                 few = [*loops[: len(corners)], loops[-1]]
                 ends = float(growth(few, update.K_3, update.shift, q_filter, filtered, samples).max())
-            plain = sweep.learning(None, filtered, ends if q_filter is None else None, phi)
+            plain = sweep.learning(None, filtered, (ends or 0.0) if q_filter is None else 0.0, phi or 0.0)
             if q_filter is not None:
-                filters = sweep.learning(q_filter, filtered, ends)
+                filters = sweep.learning(q_filter, filtered, ends or 0.0)
         return ModelCertificate(
             float(radii[k]), names[k], stable, delayed, delayed < 1, phi, plain, filters, ends
         )
@@ -177,30 +181,22 @@ def certify(
         corners = plant.exact_vertices
         names = plant.labels if plant.exact_hull else [f"corner {k + 1}" for k in range(len(corners))]
         exact = of(corners, names, random_exact, plant.exact_nominal)
-    return Certificate(design, exact, plant.discretisation, len(random), filtered)
+    return Certificate(design, exact, plant.discretisation, len(random))
 
 
 class _Sweep:
     """K and G of plants over frequency; on the grid once for all filters."""
 
     def __init__(self, loops: Sequence[Loop], names: Sequence[str], update: Update, period: float) -> None:
-        self._bundle, self._names, self._update, self._period = (
-            Bundle(loops, update.shift),
-            names,
-            update,
-            period,
-        )
+        self._bundle, self._names = Bundle(loops, update.shift), names
+        self._update, self._hertz = update, 1 / (2 * np.pi * period)
         self._w = self._bundle.grid
         self._G = update.on(self._bundle(self._w), self._w)
 
     def learning(
-        self,
-        q_filter: Filter | None,
-        filtered: Filtered,
-        ends: float | None = None,
-        phi: float | None = None,
+        self, q_filter: Filter | None, filtered: Filtered, ends: float, phi: float = 0.0
     ) -> Learning:
-        """Learning with this filter or none; judged by the trial's ends and Phi's radius too, if given."""
+        """Learning with this filter or none; judged by the trial's ends and Phi's radius too; 0: not."""
         w, K = self._w, self._update.gain
         sign = float(np.sign(K))
 
@@ -223,17 +219,16 @@ class _Sweep:
         K_3_limit = None
         if self._update.ratio is None:
             K_3_limit = -sign * peak(limit, w, -gain_limits(sign * self._G, H(w), filtered))[0]
-        hertz = 1 / (2 * np.pi * self._period)
         order = np.argsort(np.append(w, at))
-        curve = np.append(w, at)[order] * hertz, np.append(on_grid.max(axis=0), norm)[order]
-        shrinks_at_ends = ends is None or ends <= 1 + ENDS
+        curve = np.append(w, at)[order] * self._hertz, np.append(on_grid.max(axis=0), norm)[order]
+        shrinks_at_ends = ends <= 1 + ENDS
         return Learning(
             norm,
-            at * hertz,
+            at * self._hertz,
             self._names[which],
             nominal,
-            norm <= 1 + MONOTONE and shrinks_at_ends and (phi is None or phi <= 1 + AT_ONE),
-            norm < 1 - MONOTONE and shrinks_at_ends and (phi is None or phi < 1),
+            norm <= 1 + MONOTONE and shrinks_at_ends and phi <= 1 + AT_ONE,
+            norm < 1 - MONOTONE and shrinks_at_ends and phi < 1,
             K_3_limit,
             curve,
         )

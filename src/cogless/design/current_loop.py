@@ -1,16 +1,16 @@
 """The current loop of one axis, sampled with period T_c, as the drive runs it.
 
-The winding R, L under a voltage that is constant within a period and acts `delay` periods after the current
-was sampled, with the controller's integral of control/src/cogless/foc.c (forward Euler):
+The winding R, L under a voltage that acts `delay` periods after the current was sampled, with the integral of
+control/src/cogless/foc.c (forward Euler), exact for the averaged inverter at standstill:
 
     G = (kp + ki T_c / (z - 1)) z^-delay (1 - a) / (R (z - a)),    a = exp(-R T_c / L),    z = exp(jw T_c)
-
-Exact for the averaged inverter at standstill; the back-EMF is taken as decoupled.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -21,6 +21,7 @@ from cogless.errors import StudyError
 from cogless.study import Study, for_scenario
 from cogless.study.drive import IdealCurrentLoop
 
+NO_MARGIN = "expected a faster and better damped current loop for this margin"
 LEAST = math.radians(30)  # phase margin below which a speed loop should not be put around it
 
 
@@ -36,7 +37,7 @@ class CurrentLoop:
     delay: int  # periods, from sampling the current to the voltage
 
     def response(self, w: Real) -> Complex:
-        """G(jw), see above."""
+        """G(jw)."""
         z = np.exp(1j * w * self.period)
         x = self.R * self.period / self.L
         gain = self.period / self.L * (-math.expm1(-x) / x if x > 0 else 1.0)
@@ -64,14 +65,11 @@ class IdealLoop:
 def current_loops(study: Study, scenario: str | None = None) -> dict[str, CurrentLoop]:
     """Both axes as the controller knows the motor, or as they are in a scenario; none of an ideal loop."""
     study_here = study if scenario is None else for_scenario(study, scenario)
-    loop, inverter, T = (
-        study_here.drive.current_loop,
-        study_here.drive.inverter,
-        1 / study_here.drive.rates.current_loop,
-    )
+    drive = study_here.drive
+    loop, inverter, T = drive.current_loop, drive.inverter, 1 / drive.rates.current_loop
     if isinstance(loop, IdealCurrentLoop) or inverter is None:
         return {}
-    belief = study_here.drive.belief.resolved(study.motor.star())
+    belief = drive.belief.resolved(study.motor.star())
     motor = belief if scenario is None else study_here.motor.star()
     gains, delay = loop.gains(belief), inverter.computation_delay
     return {
@@ -89,11 +87,16 @@ def weakness(margins: Margins) -> str | None:
     return None
 
 
-def require_damped(study: Study, name: str) -> None:
-    """StudyError where no speed loop can be tuned around the current loop."""
+@contextmanager
+def tuned(study: Study, name: str) -> Iterator[None]:
+    """Around a rule for gains: StudyError where the current loop, or the rule's ValueError, leaves none."""
     for axis, loop in current_loops(study).items():
         wrong = weakness(loop.margins())
         if wrong:
             expected = f"expected {math.degrees(LEAST):.0f} deg of phase margin or more"
             found = f"to tune controller.{name} around it; its {axis} axis {wrong}"
             raise StudyError(f"{study.source.path}: drive.current_loop: {expected} {found}")
+    try:
+        yield
+    except ValueError as error:
+        raise StudyError(f"{study.source.path}: controller.{name}.tuning: {error}") from None

@@ -21,7 +21,7 @@ def feedback_of(study: Study, name: str, omega_m: float = 0.0) -> Linear | None:
 
 def unstable_feedback(study: Study, name: str) -> str | None:
     """The first scenario in which the feedback is unstable, and at which frequency; None if in none."""
-    keys = [key for key in study.scenario if name in study.controllers_in(key)]
+    keys = study.scenarios_of(name)
     for key in keys:
         speeds = {study.scenario[key].slowest, study.scenario[key].top_reference}
         for feedback in (feedback_of(study, name, omega_m) for omega_m in sorted(speeds)):

@@ -1,19 +1,12 @@
 """Static and dynamic feedforward around the nominal closed loop: (40), (41) of Mandra 2019 and Tomizuka 1987.
 
-From w to y with u = K_1 x + w, without the integrator, with polynomials A, B_a, B_u that begin with one,
+docs/theory/trial-design.md#feedforward derives both. From w to y with u = K_1 x + w, without the integrator,
+with polynomials A, B_a, B_u that begin with one and B_u, of degree s, of the zeros that can't be cancelled:
 
     G = b z^-r B_a(z^-1) B_u(z^-1) / A(z^-1)
-
-N = 1 / G(1). Perfect tracking inverts all of G and looks ahead by r. Zeros that can't be cancelled are in
-B_u, of degree s: zero-phase-error tracking puts B_u(z) / B_u(1)^2 there, looking ahead by r + s:
-
     f(p) = A(z^-1) z^-s B_u(z) / (b B_a(z^-1) B_u(1)^2)  y_ref(p + r + s)
 
-so that from y_ref to y |B_u|^2 / B_u(1)^2 is left, which has no phase and is one at zero frequency.
-A zero is cancelled if it is stable and its ringing dies fast enough: any 0 < z < 1, where the inverse only
-creeps; |z| <= `SWINGING` elsewhere in the right half plane; |z| <= `RINGING` in the left, where it alternates
-(sampling zeros lie there). Uncancelled zeros next to z = 1 leave a feedforward that amplifies by up to
-|B_u|^2 / B_u(1)^2: refused above `LOUD`.
+A zero is cancelled if it is stable and its ringing dies fast enough: see `cancellable`.
 """
 
 from __future__ import annotations
@@ -29,7 +22,7 @@ from cogless.design.model import Model, Real, markov, relative_degree
 CREEPING = 1 - 1e-6
 SWINGING = 0.99
 RINGING = 0.9
-LOUD = 1e3
+LOUD = 1e3  # times that uncancelled zeros next to z = 1 may amplify
 
 
 @dataclass(frozen=True)
@@ -114,8 +107,8 @@ def dynamic(model: Model, C: Real, K_1: Real) -> Feedforward:
             f"the feedforward amplifies up to {loudest:.3g} times"
         )
     num = np.convolve(a, uncancelled[::-1]) / (b[r] * at_rest**2)
-    method: Literal["zero-phase error tracking"] = "zero-phase error tracking"
-    return Feedforward(_trim(num), _trim(cancelled), r + len(kept), method, tuple(complex(z) for z in kept))
+    zeros_left, preview = tuple(complex(zero) for zero in kept), r + len(kept)
+    return Feedforward(_trim(num), _trim(cancelled), preview, "zero-phase error tracking", zeros_left)
 
 
 def _trim(polynomial: Real) -> Real:

@@ -1,9 +1,8 @@
 """Learning over a trial of so many samples, ends included, by trying it: what frequencies can't say.
 
-A filter that runs forward and backward extends the signal at both ends (SciPy's and MATLAB's filtfilt: turned
-about its last sample), and the shift repeats the last error. There the update is no section of the infinite
-operator, and may grow although every frequency shrinks. So the change of v is sent through the update,
-without reference, from noise.
+At both ends the filter extends the signal (filtfilt turns it about its last sample) and the shift repeats the
+last error: the update may grow there although every frequency shrinks. So the change of v is sent through the
+update, without reference, from noise.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 from cogless.design.error import DesignError
@@ -19,6 +19,8 @@ from cogless.design.trial import (
 )
 from cogless.errors import StudyError
 from cogless.study import TrialStudy
+from cogless.study.mechanics import Mechanics
+from cogless.study.motor import Motor
 from cogless.study.plant import LinearPlant
 from cogless.study.trial_controller import UNCERTAIN, NormOptimalIlc, StateIlc, TrialIlc, TrialLaw
 
@@ -26,16 +28,7 @@ ROUNDING = 1e-9
 Designs = dict[tuple[str, str], TrialDesign]
 
 # Keys of a design's settings in a controller's table; others stand at "plant" or "design".
-OF_CONTROLLER = {
-    "K_s": "K_s",
-    "N": "N",
-    "K_3": "K_3",
-    "shift": "shift",
-    "change_weight": "change_weight",
-    "q_filter": "q_filter",
-    "static_gain": "N",
-    "feedforward": "feedforward",
-}
+OF_CONTROLLER = ("K_s", "N", "K_3", "shift", "change_weight", "q_filter", "static_gain", "feedforward")
 OF_STATE_ILC = {"K_s": "K_stab", "K_3": "K_ilc"}
 # Keys of a linear plant for settings of a design.
 OF_PLANT = {"range": "parameter", "nominal": "parameter", "output": "C", "period": "period"}
@@ -84,9 +77,7 @@ def _outside(study: TrialStudy, scenario: str) -> tuple[str, ...]:
             ranges = {k: known[k].range or (known[k].nominal, known[k].nominal) for k in values}
         else:
             hardware = study.hardware(scenario)[index]
-            mechanics, K_t = hardware.mechanics, hardware.motor.star().K_t
-            everything = (mechanics.inertia, mechanics.viscous_friction, K_t)
-            values = dict(zip(UNCERTAIN, everything, strict=True))
+            values = _uncertain(hardware.mechanics, hardware.motor)
             ranges = dict(study.design.range)
         for key, (low, high) in ranges.items():
             if not low * (1 - ROUNDING) <= values[key] <= high * (1 + ROUNDING):
@@ -100,40 +91,36 @@ def uncertain_plant(study: TrialStudy) -> UncertainPlant:
     if study.plant is not None:
         return _linear(study.plant, study)
     assert study.motor is not None and study.mechanics is not None
-    mechanics, discretisation = study.mechanics, study.design.discretisation
-    values = {
-        "mechanics.inertia": mechanics.inertia,
-        "mechanics.viscous_friction": mechanics.viscous_friction,
-        "motor.K_t": study.motor.star().K_t,
-    }
+    values = _uncertain(study.mechanics, study.motor)
 
     def model(ranged: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
         J, B, K_t = (ranged.get(key, value) for key, value in values.items())
         return [[0.0, 1.0], [0.0, -B / J]], [0.0, K_t / J]
 
-    return from_parameters(model, study.design.range, [1.0, 0.0], study.period, discretisation)
+    return from_parameters(model, study.design.range, [1.0, 0.0], study.period, study.design.discretisation)
+
+
+def _uncertain(mechanics: Mechanics, motor: Motor) -> dict[str, float]:
+    """The parameters of a drive that a design may vary."""
+    numbers = (mechanics.inertia, mechanics.viscous_friction, motor.star().K_t)
+    return dict(zip(UNCERTAIN, numbers, strict=True))
 
 
 def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
     """Settings of a controller's design: all that it needs besides the plant."""
     controller, design = study.controller[name], study.design
-    own: dict[str, Any] = {}
+    assert isinstance(controller, TrialIlc | StateIlc | NormOptimalIlc)
+    same = {field.name for field in fields(TrialSettings)}
+    own: dict[str, Any] = {key: value for key, value in controller if key in same}
     if isinstance(controller, StateIlc):
         own = {"kind": "state", "structure": "input", "integral": False, "feedforward": False}
         own |= {"K_s": controller.K_stab, "K_3": controller.K_ilc}
     else:
-        assert isinstance(controller, TrialIlc | NormOptimalIlc)
-        own = {"structure": controller.acts_on, "integral": controller.integral}
-        own |= {"feedforward": controller.feedforward, "K_s": controller.K_s, "N": controller.N}
-    if isinstance(controller, TrialIlc):
-        own |= {"learning": controller.learning, "K_3": controller.K_3, "shift": controller.shift}
-    q = None
+        own["structure"] = controller.acts_on
     if isinstance(controller, NormOptimalIlc):
-        own |= {"kind": "norm-optimal", "change_weight": controller.change_weight}
-    else:
-        assert isinstance(controller, TrialIlc | StateIlc)
+        own["kind"] = "norm-optimal"
+    elif controller.q_filter is not None:
         q = controller.q_filter
-    if q is not None:
         own |= {"cutoff": q.cutoff, "filter_order": q.order, "filtered": q.acts_on}
     return TrialSettings(
         samples=study.samples(scenario),
@@ -185,8 +172,8 @@ def _study_error(error: DesignError, study: TrialStudy, scenario: str, controlle
     if error.key == "samples":
         key = f"scenario.{scenario}.duration"
     elif error.key in OF_CONTROLLER and controller:
-        own = OF_STATE_ILC if isinstance(study.controller[controller], StateIlc) else OF_CONTROLLER
-        key = f"controller.{controller}.{own.get(error.key, OF_CONTROLLER[error.key])}"
+        own = OF_STATE_ILC if isinstance(study.controller[controller], StateIlc) else {"static_gain": "N"}
+        key = f"controller.{controller}.{own.get(error.key, error.key)}"
     elif study.plant is not None and error.key.startswith("vertex"):
         key = "plant.vertex" if study.plant.vertex else "plant"
     elif study.plant is not None and error.key in OF_PLANT:

@@ -1,9 +1,7 @@
 """Smallest sets of vertices around points, in as many dimensions as the points really have.
 
-Points are rows. Entries are compared after scaling by their spread, so that units do not matter. Entries that
-depend on each other affinely leave an affine hull of fewer dimensions (rank of the scaled points), in which
-Qhull finds the vertices; one dimension has two ends, and none has one point. Qhull's work grows with the
-dimension's power: above `QHULL_DIMENSIONS` all distinct points stay.
+Points are rows, scaled by their spread, so that units do not matter: docs/theory/trial-design.md.
+Qhull's work grows with the dimension's power: above `QHULL_DIMENSIONS` all distinct points stay.
 
 `enclose` answers what a nonlinear map does to a polytope: the images of the corners need not contain the
 images of the inside. Where they don't, the hull of the corners is inflated about its centre and widened by a
@@ -14,11 +12,15 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from cogless.design.margins import Real
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
+
 QHULL_DIMENSIONS = 6
 FLAT = 1e-8  # singular value beside the largest below which a direction is none
 THIN = 0.1  # the same, below which a direction is boxed instead of inflated
@@ -38,9 +40,7 @@ class _Frame:
 
     def of(self, points: Real) -> tuple[Real, Real]:
         """Coordinates and what lies off the affine hull, scaled."""
-        scaled = np.where(
-            self.scale > 0, (points - self.origin) / np.where(self.scale > 0, self.scale, 1.0), 0.0
-        )
+        scaled = _scaled(points, self.origin, self.scale)
         inside = scaled @ self.basis.T
         return inside, scaled - inside @ self.basis
 
@@ -94,11 +94,25 @@ def _frame(corners: Real, everything: Real, flat: float = FLAT) -> _Frame:
     origin = corners.mean(axis=0)
     spread = np.ptp(everything, axis=0) / 2
     scale = np.where(spread > CONSTANT * np.abs(everything).max(axis=0), spread, 0.0)
-    scaled = np.where(scale > 0, (corners - origin) / np.where(scale > 0, scale, 1.0), 0.0)
-    _, values, rows = np.linalg.svd(scaled, full_matrices=False)
-    return _Frame(
-        origin, scale, rows[: int(np.sum(values > max(flat * float(values.max(initial=0.0)), FLAT)))]
-    )
+    _, values, rows = np.linalg.svd(_scaled(corners, origin, scale), full_matrices=False)
+    thick = values > max(flat * float(values.max(initial=0.0)), FLAT)
+    return _Frame(origin, scale, rows[: int(np.sum(thick))])
+
+
+def _scaled(points: Real, origin: Real, scale: Real) -> Real:
+    return np.where(scale > 0, (points - origin) / np.where(scale > 0, scale, 1.0), 0.0)
+
+
+def _qhull(points: Real) -> ConvexHull | None:
+    """The hull of full-dimensional points; None where Qhull can't make it."""
+    if points.shape[1] > QHULL_DIMENSIONS:
+        return None
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return ConvexHull(points)
+    except QhullError:
+        return None
 
 
 def _vertices(points: Real) -> tuple[int, ...]:
@@ -110,14 +124,8 @@ def _vertices(points: Real) -> tuple[int, ...]:
         return tuple(sorted({int(points[:, 0].argmin()), int(points[:, 0].argmax())}))
     _, first = np.unique(np.round(points / INSIDE), axis=0, return_index=True)
     distinct = np.sort(first)
-    if dimensions <= QHULL_DIMENSIONS:
-        from scipy.spatial import ConvexHull, QhullError
-
-        try:
-            return tuple(int(k) for k in np.sort(distinct[ConvexHull(points[distinct]).vertices]))
-        except QhullError:
-            pass
-    return tuple(int(k) for k in distinct)
+    hull = _qhull(points[distinct])
+    return tuple((distinct if hull is None else np.sort(distinct[hull.vertices])).tolist())
 
 
 def _gauge(vertices: Real, points: Real) -> Real:
@@ -130,16 +138,10 @@ def _gauge(vertices: Real, points: Real) -> Real:
         up, down = vertices.max() - centre[0], centre[0] - vertices.min()
         from_centre = points[:, 0] - centre[0]
         return np.asarray(np.maximum(from_centre / up, -from_centre / down))
-    if dimensions <= QHULL_DIMENSIONS:
-        from scipy.spatial import ConvexHull, QhullError
-
-        try:
-            facets = ConvexHull(vertices).equations
-        except QhullError:
-            pass
-        else:
-            normals, offsets = facets[:, :-1], facets[:, -1]
-            return np.asarray(((points - centre) @ normals.T / (-offsets - normals @ centre)).max(axis=1))
+    hull = _qhull(vertices)
+    if hull is not None:
+        normals, offsets = hull.equations[:, :-1], hull.equations[:, -1]
+        return np.asarray(((points - centre) @ normals.T / (-offsets - normals @ centre)).max(axis=1))
     from scipy.optimize import nnls
 
     tie = 1e-5  # so small that the sum of the weights hardly matters, but it decides between representations

@@ -1,20 +1,8 @@
 """The learning gain K_3 by the linear matrix inequality of Mandra 2019, (21) to (35).
 
-With eta the change of the state from one trial to the next and e shifted by r samples, learning is the
-repetitive process
-
-    eta(p+1) = A eta + B K_3 e_k,   e_{k+1} = -Gamma eta + (1 - Upsilon K_3) e_k
-    Gamma = C A^r,  Upsilon = C A^(r-1) B
-
-stable along the trial where Phi^T P Phi - P < 0. The gain with the smallest bound beta_1 + beta_2 has
-Lyapunov matrices diag(Y_1j, Y_2j)^-1 that differ by vertex, and W = K_3 G_2 with scalars W, G_2. Read in the
-paper: the second Gamma-hat in (24) and T-hat in (32) are Upsilon-hat.
-
-What is bounded: each trial that starts with eta(0) = f adds at most beta_1 to the sum of all later errors'
-squares, each sample of the first trial with e_0 = g at most beta_2. One of each, then, at most their sum.
-
-Gamma and Upsilon are affine in the polytope for r = 1, and for more where the powers of A allow it; that is
-tested at mixtures of the vertices. Where they are not, the polytope is widened until it holds the mixtures.
+docs/theory/trial-design.md#learning-as-a-repetitive-process has the inequalities, and what is bounded: each
+trial that starts with eta(0) = f adds at most beta_1 to the sum of all later errors' squares, each sample of
+the first trial with e_0 = g at most beta_2. One of each, then, at most their sum.
 
 Scaling. The block e_{k+1} of (28) with U is a bounded-real condition with the supply p |e_k|^2 - (1 + p)
 |e_{k+1}|^2, which needs max |F|^2 <= p / (1 + p). So a frequency sweep for the K_3 with the smallest max |F|
@@ -81,7 +69,6 @@ class LearningGain:
     check: Check
     status: str
     affine: bool  # the mapped set is the hull of its vertices
-    vertices: int  # of the mapped set
     note: str
 
 
@@ -90,9 +77,9 @@ def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
     corners = [Vertex.of(loop, r) for loop in loops]
     if r == 1 or len(loops) == 1:
         return corners, True, ""
-    shares = np.vstack(
-        [np.random.default_rng(0).dirichlet(np.ones(len(loops)), MIXTURES), _middles(len(loops))]
-    )
+    unit = np.eye(len(loops))
+    middles = [(unit[i] + unit[j]) / 2 for i in range(len(loops)) for j in range(i)]
+    shares = [*np.random.default_rng(0).dirichlet(np.ones(len(loops)), MIXTURES), *middles]
     A, B = np.array([loop.A for loop in loops]), np.array([loop.B for loop in loops])
     rows = []
     for share in shares:
@@ -103,23 +90,14 @@ def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
         return [corners[k] for k in hull.kept], True, ""
     n = len(loops[0].A)
     widened = [Vertex.from_entries(row, n) for row in hull.vertices]
-    return (
-        widened,
-        False,
-        f"the set (23) bends out of its vertices' hull by {100 * hull.outside:.2g} % of its size: a "
-        f"bounding polytope of {len(widened)} vertices is used",
-    )
-
-
-def _middles(count: int) -> Real:
-    unit = np.eye(count)
-    return np.array([(unit[i] + unit[j]) / 2 for i in range(count) for j in range(i)])
+    note = f"the set (23) bends out of its vertices' hull by {100 * hull.outside:.2g} % of its size: a "
+    return widened, False, f"{note}bounding polytope of {len(widened)} vertices is used"
 
 
 def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: float) -> LearningGain:
     """K_3 for closed loops from v to y; DesignError where no gain is stable along the trial."""
     n = len(nominal.A)
-    if f.shape != (n,) or not np.all(np.isfinite(f)):
+    if not np.all(np.isfinite(f)):
         raise DesignError(f"initial_change: expected {n} finite numbers")
     if not (np.isfinite(g) and g > 0):
         raise DesignError(f"initial_error: {g:g}: expected a number above zero")
@@ -138,7 +116,7 @@ def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: floa
             f"more than {worst:.4g} of its error; expected a smaller range, or K_3 as a number"
         )
     K_3, bounds, result, status = found
-    return LearningGain(K_3, bounds, result, status, affine, len(vertices), note)
+    return LearningGain(K_3, bounds, result, status, affine, note)
 
 
 def check(

@@ -7,25 +7,15 @@ back, T the period of the samples:
     G = ratio (P_omega + k_theta P_theta),    C = k + k_i T z / (z - 1)
     S = 1 / (1 + C G + k_v ratio P_theta),    X = Gamma G S
 
-What was learned of a frequency comes back a period later, through forgetting and the Q filter, Q. Of what
-comes back the loop keeps, at a sample,
+    factor |Q kept|,    kept = 1 / (1 + X), or 1 - X exp(jw n T) with a lead of n samples
 
-    without a lead, what is found acts at once                                  1 / (1 + X)
-    with a lead of n samples, the error of now corrects what acted n before     1 - X exp(jw n T)
-
-    factor |Q kept|
-
-Below one at every frequency, learning settles, given that the loop is stable with what it adds at once.
-
-A map with fewer cells than samples can't tell f from f + m f_c, f_c cells a second: its straight lines
-between cells bring out all of them, with weights sinc^2(f / f_c + m) that add up to one, and each comes back:
+derived in docs/theory/learning.md and learning-in-angle.md. A map with fewer cells than samples can't tell f
+from f + m f_c, f_c cells a second, and brings out all of them, with weights that add up to one:
 
     factor |Q sum_m sinc^2(f / f_c + m) kept(f + m f_c)|
 
-What straight lines between samples filter besides, of a delay line or of a map finer than samples, is left
-out of the factor, an upper bound; `lines` has its mean over the places between them.
-
-The plant is as it is in a scenario, or, without one, as the controller knows it.
+What straight lines between samples filter besides is left out of the factor, an upper bound; `lines` has its
+mean over the places between them.
 """
 
 from __future__ import annotations
@@ -42,7 +32,7 @@ from numpy.typing import ArrayLike
 from cogless.design.closed_loop import Linear, Oscillation, oscillation
 from cogless.design.feedback import feedback_of
 from cogless.design.margins import Complex, Real
-from cogless.design.pi import SpeedLoop, speed_loop
+from cogless.design.pi import SpeedLoop, pi_response, speed_loop
 from cogless.study import Study
 from cogless.study.controller import Learning
 from cogless.study.pi_afc import PiAfc
@@ -119,7 +109,7 @@ class LearningLoop(ABC):
 
     def gain(self, w: Real) -> Complex:
         """The learning gain at w in rad/s."""
-        return pi(w, self.plant.period, *self.gamma)
+        return pi_response(w, self.plant.period, *self.gamma)
 
     @property
     def at_once(self) -> Linear:
@@ -140,14 +130,9 @@ class LearningLoop(ABC):
         return abs(self.omega_m) / (2 * math.pi * revolutions)
 
     @property
-    def has_map(self) -> bool:
-        """Whether it learns over the angle; otherwise over time."""
-        return self.law.over_angle
-
-    @property
     def cells_per_second(self) -> float:
         """Rate of what the Q filter counts, Hz: cells of a map, or samples of a delay line."""
-        return self.law.cells * self.periods_per_second if self.has_map else 1 / self.plant.period
+        return self.law.cells * self.periods_per_second if self.law.over_angle else 1 / self.plant.period
 
     @property
     def widest_filter(self) -> int:
@@ -175,7 +160,7 @@ class LearningLoop(ABC):
     def unfiltered(self, f: ArrayLike, lead: int | None = None) -> Real:
         """The factor for Q = 1; with another lead, in samples."""
         f, rate, cells = np.asarray(f, dtype=float), 1 / self.plant.period, self.cells_per_second
-        if not self.has_map or cells >= rate:
+        if not self.law.over_angle or cells >= rate:
             return np.abs(self.kept(f, lead))
         total, weights = np.zeros(f.shape, dtype=complex), np.zeros(f.shape)
         images = min(math.ceil(rate / 2 / cells), IMAGES)
@@ -192,7 +177,7 @@ class LearningLoop(ABC):
         A mean over places between samples; for a delay line at a constant speed, at its one place.
         """
         f, rate = np.asarray(f, dtype=float), 1 / self.plant.period
-        if self.has_map:
+        if self.law.over_angle:
             return np.asarray(np.sinc(f / rate) ** 2 * np.sinc(f / max(self.cells_per_second, rate)) ** 2)
         turn = np.exp(-2j * np.pi * f / rate)
         places = [rate / self.periods_per_second % 1] if constant else PLACES
@@ -213,8 +198,7 @@ class LearningLoop(ABC):
         """X, with the lead, at frequencies f in Hz."""
         f, lead = np.asarray(f, dtype=float), self.lead if lead is None else lead
         positive = np.abs(f)
-        closed = self.closed(positive)
-        value = self.gain(2 * math.pi * positive) * closed
+        value = self.gain(2 * math.pi * positive) * self.closed(positive)
         value = np.where(f >= 0, value, np.conj(value))
         return np.asarray(value * np.exp(2j * np.pi * f * lead * self.plant.period) if lead else value)
 
@@ -261,14 +245,6 @@ class LearningLoop(ABC):
         return Worst(float(factors[k]), float(f[k]))
 
 
-def pi(w: Real, T: float, k: float, k_i: float) -> Complex:
-    """k + k_i T z / (z - 1) at w in rad/s."""
-    if not k_i:
-        return np.full(np.shape(w), k, dtype=complex)
-    z = np.exp(1j * w * T)
-    return np.asarray(k + k_i * T * z / (z - 1))
-
-
 def opened(feedback: Linear, P_omega: Complex, P_theta: Complex) -> Complex:
     """G."""
     return np.asarray(feedback.ratio * (P_omega + feedback.k_theta * P_theta))
@@ -276,7 +252,7 @@ def opened(feedback: Linear, P_omega: Complex, P_theta: Complex) -> Complex:
 
 def sensitivity(loop: SpeedLoop, feedback: Linear, w: Real, P_omega: Complex, P_theta: Complex) -> Complex:
     """S; both plants at w in rad/s."""
-    C = pi(w, loop.period, feedback.k, feedback.k_i)
+    C = pi_response(w, loop.period, feedback.k, feedback.k_i)
     around = C * opened(feedback, P_omega, P_theta) + feedback.k_v * feedback.ratio * P_theta
     return np.asarray(1 / (1 + around))
 

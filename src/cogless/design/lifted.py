@@ -1,12 +1,7 @@
-"""Norm-optimal learning in lifted form, for comparison.
+"""Norm-optimal learning in lifted form: docs/theory/trial-design.md#norm-optimal-learning.
 
-Over a trial of alpha samples the nominal closed loop from v to y is a lower triangular Toeplitz matrix G of
-its impulse response, with r rows of zeros above. The v that minimises w |e_{k+1}|^2 + q |v_{k+1} - v_k|^2 is
-
-    v_{k+1} = v_k + L e_k,   L = (w G^T G + q I)^-1 w G^T
-
-With w, q the weights of error and change; only their ratio q / w matters. Over a long trial that is
-F = 1 - conj(G_0) G / (|G_0|^2 + q / w) in frequency.
+Over a trial the nominal closed loop from v to y is a lower triangular Toeplitz matrix G of its impulse
+response, and v_{k+1} = v_k + L e_k with L = (G^T G + q I)^-1 G^T, q the weight of v's change.
 """
 
 from __future__ import annotations

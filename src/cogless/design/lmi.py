@@ -46,8 +46,5 @@ def minimise(objective: Any, constraints: list[Any]) -> str:
 
 def smallest_share(blocks: Sequence[Real]) -> float:
     """The smallest eigenvalue of any symmetric block, each as a share of its largest."""
-    shares = []
-    for block in blocks:
-        values = np.linalg.eigvalsh((block + block.T) / 2)
-        shares.append(values[0] / max(float(np.abs(values).max()), 1e-300))
-    return float(min(shares))
+    spectra = [np.linalg.eigvalsh((block + block.T) / 2) for block in blocks]
+    return float(min(values[0] / max(float(np.abs(values).max()), 1e-300) for values in spectra))

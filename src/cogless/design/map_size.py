@@ -1,12 +1,8 @@
 """Whether a map over the angle has cells enough for the orders that motor and load are known to have.
 
 A map's value between two cells is on the straight line between them. Of a wave of c cells lines bring out the
-share sinc^2(1 / c), and below 2 cells a wave the cells show another, slower one. The Q filter, a mean over
-2 n + 1 cells, keeps in each period
-
-    Q = sin((2 n + 1) pi / c) / ((2 n + 1) sin(pi / c))
-
-which is 0.83 for a wave three times as wide as the filter, and close to nothing for one as wide.
+share sinc^2(1 / c), and below 2 cells a wave the cells show another, slower one. The Q filter, a mean, keeps
+0.83 of a wave three times as wide as itself in each period, and close to nothing of one as wide.
 """
 
 from __future__ import annotations
@@ -27,7 +23,8 @@ FILTERS = 3  # widths of the Q filter in it
 
 def map_warning(study: Study, name: str) -> str | None:
     """A warning of a map that is too small; None where there is no map, or it holds all known orders."""
-    law, orders = study.controller[name], _orders(study, name)
+    law = study.controller[name]
+    orders = {n for key in study.scenarios_of(name) for n in functions_in(study, key).orders}
     revolutions = revolutions_learned(study, name)
     if not isinstance(law, SpaceLearning | Learning) or not law.over_angle:
         return None
@@ -53,12 +50,3 @@ def kept(cells: float, half_width: int) -> float:
     width = 2 * half_width + 1
     filtered = np.sinc(width / cells) / np.sinc(1 / cells)
     return float(abs(filtered) * np.sinc(1 / cells) ** 2)
-
-
-def _orders(study: Study, name: str) -> set[int]:
-    """Mechanical orders that motor and load have in the scenarios of a controller."""
-    found: set[int] = set()
-    for key in study.scenario:
-        if name in study.controllers_in(key):
-            found |= functions_in(study, key).orders
-    return found

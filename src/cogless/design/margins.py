@@ -38,6 +38,11 @@ class Margins:
 UNSTABLE = Margins(False, math.nan, math.nan, math.nan, math.nan)
 
 
+def finite(value: float) -> float | None:
+    """A number as JSON has it: null where there is none."""
+    return value if math.isfinite(value) else None
+
+
 def margins_of(response: Callable[[Real], Complex], period: float, integrators: int) -> Margins:
     """Margins of L = response(w), sampled with period and with so many poles at z = 1."""
     w = np.geomspace(1e-4, 1, POINTS) * math.pi / period

@@ -1,39 +1,22 @@
-"""Speed PI by phase margin: the fair bar that learning laws stand beside.
+"""Speed PI by phase margin: the fair bar that learning laws stand beside. Derived in docs/laws/pi.md.
 
-The speed loop, from its error to its measured speed, sampled with period T:
+The speed loop, from its error to its measured speed, sampled with period T = N T_c:
 
     L = (kp + ki T z / (z - 1)) P(jw),    z = exp(jwT)
 
-P, from current reference to measured speed, is exact for small signals without friction and with the
-back-EMF decoupled. Between two speed samples the reference is constant, and the sampled current loop
-(current_loop.py), the inertia (omega' = b i, b = K_t / J, belief over true inertia) and the angle (theta' =
-omega) take N = T / T_c steps of a current-loop period T_c, each x' = A x + B i_ref, exactly. n steps make
-x_n = A^n x + B_n i_ref, and from sample to sample X(z) = (z - A^N)^-1 B_N. The measured speed is that of the
-sensor:
+P, from current reference to measured speed, is that of N exact steps of a current-loop period,
+x' = A x + B i_ref, from sample to sample X(z) = (z - A^N)^-1 B_N. The measured speed is omega of an ideal
+sensor, otherwise (theta now - theta W steps ago) / (W T_c): W = m N - r steps ago (0 <= r < N) theta was
+z^-m (A^r X + B_r). An encoder timed from edge to edge (T) is at most the T / 2 late that is taken here while
+two edges come in a period.
 
-    ideal       omega
-    otherwise   (theta now - theta W steps ago) / (W T_c)
+The rule puts the crossover w_c where the phase is largest. With K = kp + ki T / 2, T_i = K / ki,
+w' = tan(wT / 2) / (T / 2), T_e = -arg(jw P(jw)) / w and x = w' T_i
 
-which is the mean of omega over the last W current-loop periods. W = m N - r steps ago (0 <= r < N) theta was
-z^-m (A^r X + B_r). A resolver's W is its window. An encoder's is N: by M exactly, by MT nearly (its mean
-ends at the last edge). By T the mean is over one edge and ends at the last, on average one edge period late:
-at most the T / 2 taken here while two edges come in a period.
+    T_e = T_i / (1 + x^2),    PM = atan x - x / (1 + x^2)
 
-The rule. With z / (z - 1) = 1 / 2 + 1 / (2j tan(wT / 2)), K = kp + ki T / 2 and w' = tan(wT / 2) / (T / 2)
-the phase is that of a continuous PI before an integrator and a delay:
-
-    arg L(w) = -180 deg + atan(w' T_i) - w T_e,  T_e = -arg(jw P(jw)) / w,  T_i = K / ki
-
-The symmetrical optimum puts the crossover w_c where the phase is largest: d/dw = 0 gives
-T_e = T_i / (1 + x^2) with x = w' T_i (for w' = w, which it nearly is, and for a constant T_e). There
-
-    PM = atan x - x / (1 + x^2)
-
-which grows with x from 0 to 90 deg: the wanted margin gives x, then w_c = x / ((1 + x^2) T_e), then
-T_i = x / w_c', and |L(w_c)| = 1 gives the gain. T_e depends on w_c weakly: a few rounds of substitution
-settle it.
-
-Source: C. Kessler, "Das symmetrische Optimum", Regelungstechnik 6 (1958), here for a delay in place of a lag.
+The margin gives x, then w_c = x / ((1 + x^2) T_e), T_i = x / w_c', and |L(w_c)| = 1 the gain. T_e depends on
+w_c weakly: a few rounds of substitution settle it.
 """
 
 from __future__ import annotations
@@ -44,15 +27,22 @@ from functools import lru_cache
 
 import numpy as np
 
-from cogless.design.current_loop import CurrentLoop, IdealLoop, current_loops, require_damped
+from cogless.design.current_loop import NO_MARGIN, CurrentLoop, IdealLoop, current_loops, tuned
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.design.model import exponential
-from cogless.errors import StudyError
 from cogless.study import Study, for_scenario
 from cogless.study.controller import Feedback, Tuning
 from cogless.study.drive import IdealSensor, Resolver
 
 CURRENT, INTEGRAL, WAITING, OMEGA, THETA, REFERENCE = range(6)  # the state x, and behind it i_ref
+
+
+def pi_response(w: Real, T: float, k: float, k_i: float) -> Complex:
+    """k + k_i T z / (z - 1) at w in rad/s."""
+    if not k_i:
+        return np.full(np.shape(w), k, dtype=complex)
+    z = np.exp(1j * w * T)
+    return np.asarray(k + k_i * T * z / (z - 1))
 
 
 @dataclass(frozen=True)
@@ -70,7 +60,7 @@ class SpeedLoop:
         return self.steps * self.current.period
 
     def plant(self, w: Real) -> Complex:
-        """P(jw), see above."""
+        """P(jw)."""
         z, x = np.exp(1j * w * self.period), self._states(w)
         if self.window == 0:
             return np.asarray(x[:, OMEGA])
@@ -84,16 +74,15 @@ class SpeedLoop:
         return np.asarray(self._states(w)[:, THETA])
 
     def _states(self, w: Real) -> Complex:
-        """X(jw), see above."""
+        """X(jw)."""
         z = np.exp(1j * w * self.period)
         whole = self.step_of(self.steps)
         A, B = whole[:REFERENCE, :REFERENCE], whole[:REFERENCE, REFERENCE:]
         return np.asarray(np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)[:, :, 0])
 
     def response(self, w: Real, kp: float, ki: float) -> Complex:
-        """L(jw), see above."""
-        z = np.exp(1j * w * self.period)
-        return np.asarray((kp + ki * self.period * z / (z - 1)) * self.plant(w))
+        """L(jw)."""
+        return np.asarray(pi_response(w, self.period, kp, ki) * self.plant(w))
 
     def step_of(self, periods: int) -> Real:
         """x and i_ref so many current-loop periods later."""
@@ -162,11 +151,8 @@ def gains(study: Study, name: str) -> tuple[float, float]:
     assert isinstance(controller, Feedback)
     if controller.tuning is None:
         return controller.kp or 0.0, controller.ki or 0.0
-    require_damped(study, name)
-    try:
+    with tuned(study, name):
         design = phase_margin_pi(speed_loop(study), controller.tuning)
-    except ValueError as error:
-        raise StudyError(f"{study.source.path}: controller.{name}.tuning: {error}") from None
     return design.kp, design.ki
 
 
@@ -177,7 +163,8 @@ def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
     half = loop.period / 2
     w = 1e-3 * math.pi / loop.period
     for _ in range(100):
-        before, w = w, x / ((1 + x * x) * max(delay_of(loop, w), 1e-300))
+        T_e = -float(np.angle(1j * loop.plant(np.array([w]))[0])) / w  # what P lags more than an integrator
+        before, w = w, x / ((1 + x * x) * max(T_e, 1e-300))
         if w >= math.pi / loop.period:
             break
         if math.isclose(w, before, rel_tol=1e-12):
@@ -188,7 +175,7 @@ def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
             if math.isclose(design.margins.phase_margin, tuning.phase_margin, rel_tol=1e-6):
                 return design
             break
-    raise ValueError("expected a faster and better damped current loop for this margin")
+    raise ValueError(NO_MARGIN)
 
 
 def margins(loop: SpeedLoop, kp: float, ki: float) -> Margins:
@@ -197,8 +184,3 @@ def margins(loop: SpeedLoop, kp: float, ki: float) -> Margins:
         return UNSTABLE
     integrators = 1 + (ki > 0) if kp or ki else 0
     return margins_of(lambda w: loop.response(w, kp, ki), loop.period, integrators)
-
-
-def delay_of(loop: SpeedLoop, w: float) -> float:
-    """T_e at a frequency: what P lags more than an integrator, as a time."""
-    return -float(np.angle(1j * loop.plant(np.array([w]))[0])) / w

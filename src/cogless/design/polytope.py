@@ -1,11 +1,8 @@
 """An uncertain plant as a polytope of discrete models, (1) and (2) of Mandra 2019, and the set it stands for.
 
-    x(p+1) = A(lambda) x(p) + B(lambda) (u(p) - d(p)),  y = C x,  [A B](lambda) = sum lambda_j [A_j B_j]
-
-Made from ranges of physical parameters, or from vertices. The corners of a box of ranges map to vertices;
-their hull is minimal. Whether it holds the images of all parameters is tested on samples, because it need
-not: exact sampling and parameters that enter nonlinearly bend the set. Where it doesn't, the polytope is one
-that does, and `note` says so.
+docs/theory/trial-design.md#the-plant-as-a-polytope. Made from physical ranges, or from vertices.
+Whether the corners' hull holds the images of all parameters is tested on samples. Where it doesn't, the
+polytope is one that does, and `note` says so.
 """
 
 from __future__ import annotations
@@ -48,11 +45,12 @@ class UncertainPlant:
     relative_degree: int  # r
     exact_hull: bool  # the vertices are the hull of the corners and hold all samples
     note: str
-    sample: Draw = field(repr=False, compare=False)  # so many random plants from within the uncertainty
+    #: draws so many discrete models from within the uncertainty, and the same plants exactly sampled
+    sample: Draw = field(repr=False, compare=False)
 
     @property
     def order(self) -> int:
-        """n."""
+        """Number of states, n."""
         return self.nominal.order
 
     @cached_property
@@ -225,8 +223,8 @@ def _plant(
         vertices=tuple(designs),
         labels=tuple(labels),
         nominal=centre,
-        exact_vertices=tuple(exacts) if exacts else None,
-        exact_nominal=exact_centre[0] if exact_centre else None,
+        exact_vertices=None if exacts is None else tuple(exacts),
+        exact_nominal=None if exact_centre is None else exact_centre[0],
         relative_degree=degree,
         exact_hull=exact_hull,
         note=note,

@@ -1,24 +1,16 @@
 """Position feedback of the laws that learn in angle, and its fair tuning by phase margin.
 
-Verrelli 2016, Section 5: the law acts on omega_t = omega - omega_ref + k_theta (theta - theta_ref) with a
-proportional and an integral gain, so that its loop, from current to what it feeds back, is
+The loop, from current to omega_t = omega - omega_ref + k_theta (theta - theta_ref), is
 
     L = (k_omega + k_i T z / (z - 1)) (P_omega + k_theta P_theta),    z = exp(jwT)
 
-with the exact plants P of pi.py; where it has them, v(omega) counts with k_omega, and k_v adds k_v P_theta.
-All angles are multiplied by `ratio`, mechanical to the frame of the gains.
+with the plants P of pi.py; where it has them, v(omega) counts with k_omega, and k_v adds k_v P_theta. All
+angles are multiplied by `ratio`, mechanical to the frame of the gains.
 
-The rule: the stiffest loop of the wanted phase margin. Both zeros are put at one place, k_i / K = k_theta,
-with K = k_omega + k_i T / 2; the stiffness against a slow load is K k_theta k_i / K. Around the double lag of
-an integrator and a delay T_e, x = w / k_theta,
-
-    arg L(w) = -270 deg + 2 atan x - w T_e
-
-the phase rises with w and falls again. The largest gain of a place puts the crossover w where the phase has
-fallen to the margin. A higher place is stiffer at the same gain, but leaves less gain and at last no margin:
-a search over places finds the stiffest. (A delay T_e that is one over all frequencies would have it where
-3 x = (1 + x^2) w T_e. A current loop's isn't: that of verrelli2016 falls from 2 ms to 0.6 ms, and this place,
-with the first crossover of the margin, would be 4 to 6 times too soft at 45 deg.)
+The rule is the stiffest loop of the wanted margin, both zeros at one place, k_i / K = k_theta with
+K = k_omega + k_i T / 2 (docs/theory/learning-in-angle.md#a-fair-pi). The formula for a delay that is one over
+all frequencies isn't enough: the current loop of verrelli2016 falls from 2 ms to 0.6 ms, and that place would
+be 4 to 6 times too soft at 45 deg.
 """
 
 from __future__ import annotations
@@ -29,10 +21,9 @@ from functools import lru_cache
 import numpy as np
 
 from cogless.design.closed_loop import Linear
-from cogless.design.current_loop import CurrentLoop, require_damped
+from cogless.design.current_loop import NO_MARGIN, CurrentLoop, tuned
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
-from cogless.design.pi import SpeedLoop, speed_loop
-from cogless.errors import StudyError
+from cogless.design.pi import SpeedLoop, pi_response, speed_loop
 from cogless.study import Study
 from cogless.study.controller import Tuning
 from cogless.study.space_controller import SpacePosition
@@ -57,22 +48,17 @@ def position_gains(study: Study, name: str) -> Gains:
     assert isinstance(controller, SpacePosition)
     if controller.tuning is None:
         return controller.k_theta or 0.0, controller.k_omega or 0.0, controller.k_i
-    require_damped(study, name)
     ratio = controller.ratio(study.motor.pole_pairs)
-    try:
-        return phase_margin_position(speed_loop(study), ratio, controller.tuning)
-    except ValueError as error:
-        raise StudyError(f"{study.source.path}: controller.{name}.tuning: {error}") from None
+    with tuned(study, name):
+        found = phase_margin_position(speed_loop(study), ratio, controller.tuning)
+    return found
 
 
 def open_loop(loop: SpeedLoop, feedback: Linear, w: Real) -> Complex:
-    """L, see above."""
-    z = np.exp(1j * w * loop.period)
-    angle = loop.angle(w)
-    C = feedback.k + feedback.k_i * loop.period * z / (z - 1)
-    return np.asarray(
-        feedback.ratio * (C * (loop.plant(w) + feedback.k_theta * angle) + feedback.k_v * angle)
-    )
+    """L."""
+    angle, C = loop.angle(w), pi_response(w, loop.period, feedback.k, feedback.k_i)
+    held = C * (loop.plant(w) + feedback.k_theta * angle)
+    return np.asarray(feedback.ratio * (held + feedback.k_v * angle))
 
 
 def position_margins(loop: SpeedLoop, feedback: Linear) -> Margins:
@@ -124,4 +110,4 @@ def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
         # A current loop with a resonance crosses once more, further up.
         if margins.stable and math.isclose(margins.phase_margin, tuning.phase_margin, rel_tol=1e-3):
             return feedback.k_theta, feedback.k, feedback.k_i
-    raise ValueError("expected a faster and better damped current loop for this margin")
+    raise ValueError(NO_MARGIN)

@@ -1,20 +1,13 @@
 """The trial-to-trial operator (20) of Mandra 2019 in the frequency domain, for many plants at once.
 
 From the learned v to the output, r samples ahead: G(w) = C z^r (zI - A)^-1 B at z = exp(jw), w in rad per
-sample. With the gain K and a zero-phase filter of gain H >= 0 (a filter run forward and backward: |filter|^2)
-the error obeys
+sample. With the gain K and a zero-phase filter of gain H >= 0 the error obeys e_{k+1} = F e_k + ...
 
-    e_{k+1} = F e_k + ...    no filter        F = 1 - K G
-                             on the error     F = 1 - K G H          v <- v + K H e
-                             on the signal    F = H (1 - K G)        v <- H (v + K e)
+    no filter        F = 1 - K G
+    on the error     F = 1 - K G H          v <- v + K H e
+    on the signal    F = H (1 - K G)        v <- H (v + K e)
 
-Filtering the error alone can't bring |F| below one where Re G < 0, unless H is zero there: v grows there
-without end, though slowly. Filtering the signal does, and leaves the error that H takes out of v.
-
-Without a filter, and where r is the model's relative degree, the operator over a finite trial is a section of
-the infinite one, so its norm, and with it the ratio of two successive errors' RMS, never exceeds max |F|. A
-filter's ends are none, nor is a shift beyond the relative degree, as of a plant that is sampled exactly
-(r = 1) under a shift of 2: finite.py.
+What max |F| says of a finite trial: docs/theory/trial-design.md#the-certificate.
 """
 
 from __future__ import annotations

@@ -24,8 +24,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.angle_functions import functions_in
-from cogless.design.learning_loop import LearningLoop, pi, plants, sensitivity
+from cogless.design.learning_loop import LearningLoop, plants, sensitivity
 from cogless.design.margins import Complex, Real
+from cogless.design.pi import pi_response
 from cogless.study import Study, for_scenario
 from cogless.study.drive import Encoder, Resolver
 from cogless.study.spoken import speed_text
@@ -138,7 +139,7 @@ def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, 
     shared = source.window >= T * (1 - ROUNDING)  # an angle that two samples have in common, with other signs
     density = density * (np.abs(1 - np.exp(-1j * w * source.window)) ** 2 if shared else 2.0)
     P_t, S = _responses(loop, f)
-    C = ratio * pi(w, T, loop.feedback.k, loop.feedback.k_i)
+    C = ratio * pi_response(w, T, loop.feedback.k, loop.feedback.k_i)
     V, q = ratio * loop.gain(w) * S, loop.q(f) * loop.lines(f, True)
     rho = np.minimum(q * np.abs(loop.kept(f)), 1 - 1e-9) ** 2
     times = (1 - rho**periods) / (1 - rho)

@@ -1,16 +1,9 @@
 """Whether a position sensor's edges come often enough for the loop around them.
 
-At a speed omega an edge of q rad comes every T_e = q / omega. pi.py takes the measured speed to be the mean
-over a sample, T / 2 late. Timed from edge to edge (T, MT) it is, where fewer than one edge comes in a sample,
-the mean over the last T_e, and T_e / 2 old in the mean: T_e late, which costs w_c (T_e - T / 2) of the phase
-margin at the crossover w_c. Where that is more than the margin the rotor goes from edge to edge and stops.
-
-The speed between the last two edges stands until the next is overdue, then falls as q / t. Where intervals t
-and r t < t alternate, its mean is (1 + r - ln r) / 2 times the true one: 1.10 at r = 1 / 2, 1.22 at 1 / 3. A
-loop that holds that mean lets the rotor turn slower by so much.
-
-Counted over a sample (M), or over a resolver's window, the mean is right, but comes in single counts: where
-w_c T_e is above one, the rotor coasts from one to the next.
+docs/theory/sensors.md#few-edges derives it. Where edges come every T_e, longer than a sample T, a speed timed
+from edge to edge is T_e late, beside the T / 2 of pi.py: that costs w_c (T_e - T / 2) of the phase margin at
+the crossover w_c. One counted over a time comes in single counts: where w_c T_e is above one, the rotor
+coasts from one to the next.
 """
 
 from __future__ import annotations
@@ -34,7 +27,7 @@ COASTS = 1.0  # rad
 
 def slow_warning(study: Study, name: str) -> str | None:
     """A warning of the slowest speed that a controller holds; None where it has edges enough."""
-    found = (_warning(study, name, key) for key in study.scenario if name in study.controllers_in(key))
+    found = (_warning(study, name, key) for key in study.scenarios_of(name))
     return next((line for line in found if line is not None), None)
 
 

@@ -44,14 +44,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import operator
 from collections.abc import Iterable
 from dataclasses import dataclass
-from fractions import Fraction
 
 from cogless.design.angle_functions import AngleFunctions, Bounds, angle_functions
-from cogless.design.position import position_gains
-from cogless.study import Study
-from cogless.study.reading import for_scenario
+from cogless.design.closed_loop import Linear
+from cogless.design.position import feedback_at, position_gains
+from cogless.study import Study, for_scenario
 from cogless.study.scenario import Scenario
 from cogless.study.space_controller import SpaceLearning, SpacePosition, SpaceSpeed
 
@@ -101,11 +101,7 @@ class Theorem:
     def verdict(self) -> str:
         """The verdict in words."""
         met = [c for c in self.conditions if math.isfinite(c.asks)]
-        never = [
-            c.name + (f", which wants {c.wants}" if c.wants else "")
-            for c in self.conditions
-            if not math.isfinite(c.asks)
-        ]
+        never = [c.name + (c.wants and f", which wants {c.wants}") for c in self.conditions if c not in met]
         asked = ", ".join(f"{c.ratio(self.has):.2g} of {c.name} ({c.asks:.3g})" for c in met)
         words = f"{self.section}: {self.gain} = {self.has:.3g}"
         words += (f" is {asked}" if met else "") + ("," if met and never else "")
@@ -117,11 +113,16 @@ class Theorem:
 def theorem(study: Study, name: str) -> Theorem | None:
     """The theorem of a controller; None where it doesn't learn, or in no scenario."""
     law = study.controller[name]
-    keys = [key for key in study.scenario if name in study.controllers_in(key)]
+    keys = study.scenarios_of(name)
     if not isinstance(law, SpacePosition | SpaceSpeed) or not law.learning or not keys:
         return None
     functions = [each for key in keys for each in _in_scenario(study, key)]
-    motion = _motion([study.scenario[key] for key in keys])
+    scenarios = [study.scenario[key] for key in keys]
+    motion = Motion(
+        min(s.slowest for s in scenarios),
+        max(s.top_reference for s in scenarios),
+        max(s.top_acceleration for s in scenarios),
+    )
     found = worst([each.bounds() for each in functions])
     obstacles = [*_in_the_way(study, name, law, functions, found, motion), *_changing_loads(study, keys)]
     if found is None:
@@ -130,9 +131,10 @@ def theorem(study: Study, name: str) -> Theorem | None:
         limits = learned_limits(study, law, study.scenario.values())
         conditions = speed_conditions(found, motion, law, limits) if found else ()
         return Theorem("law (4), section 3", "k", law.k, found, conditions, tuple(obstacles))
-    gains = mechanical_gains(study, name, motion.top_speed)
-    conditions = position_conditions(found, motion, gains) if found else ()
-    return Theorem("law (6), section 4", "k_omega + v", gains.k_omega, found, conditions, tuple(obstacles))
+    feedback = feedback_at(study, name, motion.top_speed)
+    conditions = position_conditions(found, motion, feedback) if found else ()
+    has = feedback.ratio * feedback.k
+    return Theorem("law (6), section 4", "k_omega + v", has, found, conditions, tuple(obstacles))
 
 
 def speed_conditions(
@@ -146,14 +148,12 @@ def speed_conditions(
     f_plus, (g_minus, g_plus) = math.hypot(*f), bounds.g
     spread, delta = g_plus / g_minus, bounds.delta
     printed = spread * (2 * delta + _times(max(mu), per)) * f_plus / eta
-    learned = math.hypot(
-        *(gain * each for gain, each in zip(mu, f, strict=True))
-    )  # mu f+ where all mu are one
+    learned = math.hypot(*map(operator.mul, mu, f))  # mu f+ where all mu are one
     corrected = spread * ((1 + math.sqrt(law.channels)) * delta + _times(learned, per)) * f_plus / eta
     each = (bounds.k_alpha1, bounds.k_beta1, bounds.h_M)
     parts = zip(mu, f, limits, each, strict=True)
     own = sum((_times(gain * x, per) + limit + bound) * x for gain, x, limit, bound in parts) / eta
-    drift = bounds.g_d * (eta + motion.top_speed) / 2
+    drift = bounds.k_h * (eta + motion.top_speed) / 2
     return (
         Condition("the printed bound", printed),
         Condition("the corrected one", corrected),
@@ -167,35 +167,15 @@ def _times(gain: float, per: float) -> float:
     return gain * per if gain else 0.0
 
 
-@dataclass(frozen=True)
-class PositionGains:
-    """Gains of law (6), mechanical, at a speed."""
-
-    k_theta: float  # 1/s
-    k_omega: float  # A*s/rad, with v at that speed
-    k_v: float  # A/rad
-
-
-def mechanical_gains(study: Study, name: str, omega_m: float) -> PositionGains:
-    """Gains of a position controller, on mechanical angles whatever its frame."""
-    law = study.controller[name]
-    assert isinstance(law, SpacePosition)
-    ratio, (k_theta, k_omega, _) = law.ratio(study.motor.pole_pairs), position_gains(study, name)
-    v = law.v_0 + law.v_2 * (ratio * omega_m) ** 2
-    return PositionGains(k_theta, ratio * (k_omega + v), ratio * law.k_v)
-
-
-def position_conditions(bounds: Bounds, motion: Motion, gains: PositionGains) -> tuple[Condition, ...]:
+def position_conditions(bounds: Bounds, motion: Motion, feedback: Linear) -> tuple[Condition, ...]:
     """Conditions on k_omega + v of law (6), see above."""
-    if gains.k_theta <= 0:
+    k_theta, k_v = feedback.k_theta, feedback.ratio * feedback.k_v
+    if k_theta <= 0:
         return (Condition("what the proof needs, without k_theta", math.inf, needed=True),)
-    squares, s_1, g_2 = error_terms(bounds, motion, gains.k_theta)
+    squares, s_1, g_2 = error_terms(bounds, motion, k_theta)
     drift = bounds.k_h * motion.top_speed / 2
-    printed = 5 * squares / (2 * gains.k_theta * gains.k_v) if gains.k_v > 0 else math.inf
-    if 2 * gains.k_v < s_1:
-        cross = (s_1 - gains.k_v) / gains.k_theta
-    else:
-        cross = s_1**2 / (4 * gains.k_theta * gains.k_v)
+    printed = 5 * squares / (2 * k_theta * k_v) if k_v > 0 else math.inf
+    cross = (s_1 - k_v) / k_theta if 2 * k_v < s_1 else s_1**2 / (4 * k_theta * k_v)
     return (
         Condition("what footnote 6 asks", printed + g_2 + drift, wants="k_v"),
         Condition("what the proof needs", cross + g_2 + drift, needed=True),
@@ -247,14 +227,6 @@ def _in_scenario(study: Study, key: str) -> list[AngleFunctions]:
     return [angle_functions(study_here.motor.star(), study_here.mechanics, load, level) for level in extremes]
 
 
-def _motion(scenarios: list[Scenario]) -> Motion:
-    return Motion(
-        min(s.slowest for s in scenarios),
-        max(s.top_reference for s in scenarios),
-        max(s.top_acceleration for s in scenarios),
-    )
-
-
 def _in_the_way(
     study: Study,
     name: str,
@@ -281,9 +253,8 @@ def _in_the_way(
         found.append("it learns over the rotor's angle")
     if motion.top_acceleration > 0:
         friction = bounds is not None and bounds.k_beta1 > 0
-        missing = [
-            k for k, gone in (("mu_beta", friction and not law.mu_beta), ("mu_h", not law.mu_h)) if gone
-        ]
+        missing = ["mu_beta"] if friction and not law.mu_beta else []
+        missing += [] if law.mu_h else ["mu_h"]
         if missing:
             found.append(f"the speed varies without {' and '.join(missing)}")
     if bounds is not None:
@@ -294,16 +265,17 @@ def _in_the_way(
 def unfit(study: Study, name: str) -> str | None:
     """A warning that the period isn't one of motor or load in a controller's scenarios; None where it is."""
     law = study.controller[name]
-    keys = [key for key in study.scenario if name in study.controllers_in(key)]
     if not isinstance(law, SpaceLearning) or not law.learning:
         return None
-    return _unfit(study, law, [each for key in keys for each in _in_scenario(study, key)])
+    functions = [each for key in study.scenarios_of(name) for each in _in_scenario(study, key)]
+    return _unfit(study, law, functions)
 
 
 def _unfit(study: Study, law: SpaceLearning, functions: list[AngleFunctions]) -> str | None:
     revolutions = law.period.revolutions(study.motor.pole_pairs)
     others = sorted({n for each in functions for n in each.orders if (n * revolutions).denominator != 1})
-    return f"its period, {_share(revolutions)}, isn't one of order {others[0]}" if others else None
+    share = "a revolution" if revolutions == 1 else f"{revolutions} of a revolution"
+    return f"its period, {share}, isn't one of order {others[0]}" if others else None
 
 
 def _tight_limits(study: Study, law: SpacePosition | SpaceSpeed, bounds: Bounds) -> list[str]:
@@ -330,7 +302,3 @@ def _changing_loads(study: Study, keys: list[str]) -> list[str]:
 
 def _either(names: list[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
-
-
-def _share(revolutions: Fraction) -> str:
-    return "a revolution" if revolutions == 1 else f"{revolutions} of a revolution"

@@ -1,14 +1,11 @@
-"""Learning in angle at one speed (Verrelli 2016), as a learning loop.
+"""Learning in angle at one speed (Verrelli 2016), as a learning loop: docs/theory/learning-in-angle.md.
 
-The theorems hold for continuous time without a current loop. Sampled, at a speed omega and an acceleration a
-of the frame that hardly change within what the loop remembers, i_hat_k = Q i_hat_{k-1} - mu omega_t, with
-omega_t what the law feeds back, and the learning gains of (6), whose functions see 1, omega and a, are one:
+At a speed omega and an acceleration a of the frame i_hat_k = Q i_hat_{k-1} - mu omega_t, with omega_t what
+the law feeds back, and the learning gains of (6), whose functions see 1, omega and a, are one:
 
     mu = mu_alpha / |omega| + mu_beta |omega| + mu_h a^2 / |omega|
 
-C is k_omega + v, with the integral unless it is handed over; of law (4), G = P_omega and C = k. The factor is
-above one where G S has turned by more than a quarter: where current loop, sampling and delay have the word,
-some hundred Hz. Without Q nothing keeps it below one there.
+C is k_omega + v, with the integral unless it is handed over; of law (4), G = P_omega and C = k.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
     [Y  *; A_j Y + B_j W  Y] >= t I,   Y <= I,   t as large as possible
 
-Homogeneous in Y and W, so that it always has a solution; t is above zero where there is a gain. Since t
-depends on the coordinates, the gain itself decides: where Y is I, |A_j + B_j K| < 1 at each vertex.
+always has a solution. Since t depends on the coordinates, the gain itself decides: where Y is I,
+|A_j + B_j K| < 1 at each vertex.
 """
 
 from __future__ import annotations

@@ -1,15 +1,9 @@
 """Guaranteed-cost state feedback, with or without integral action: (9) to (13) of Mandra 2019.
 
-u = K x with one Lyapunov matrix Y^-1 for all vertices, W = K Y, the smallest bound beta on the cost (8) from
-x(0) = gamma:
-
-    [Y  *  *  *; A_j Y + B_j W  Y  *  *; Y  0  Q^-1  *; W  0  0  1/R] >= 0,   [beta  gamma^T; gamma  Y] >= 0
-
-solved in x = T x~, T^-T T^-1 being X, the nominal Riccati solution, and with Q^-1 and 1/R scaled to
-one by congruence. Then Y~ is near I whatever the units. The result counts only if `check` accepts it.
-
-Whether there is a gain at all doesn't depend on Q and R: [Y  *; A_j Y + B_j W  Y] > 0 decides that
-(stabilise.py). Where ranges are so wide that the solver fails at the cost, the gain of that scales it.
+docs/theory/trial-design.md#state-feedback-with-a-guaranteed-cost: u = K x with one Lyapunov matrix Y^-1 for
+all vertices, W = K Y, and the smallest bound beta on the cost from x(0) = gamma, solved in x = T x~ with Q^-1
+and 1/R scaled to one by congruence. T^-T T^-1 is X, the nominal Riccati solution; where ranges are so wide
+that the solver fails with it, the gain of stabilise.py makes T. The result counts only if `check` accepts it.
 """
 
 from __future__ import annotations
@@ -17,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -36,8 +31,7 @@ class StateFeedback:
     """u(p) = K_s chi(p)."""
 
     K_s: Real  # (n,) or, with integral action, (n + 1,)
-    bound: float  # beta: on the cost from gamma at any plant in the polytope
-    check: Check
+    check: Check  # its bound is beta, on the cost from gamma at any plant in the polytope
     status: str  # the solver's own word
 
 
@@ -54,31 +48,27 @@ def with_integrator(plant: UncertainPlant, integral: bool) -> list[Model]:
     return [augmented(m, plant.C) for m in plant.vertices] if integral else list(plant.vertices)
 
 
-def weights(Q: Real, R: float, gamma: Real, size: int) -> None:
-    """Checks their sizes and signs; DesignError."""
-    if Q.shape != (size, size):
-        shape = " x ".join(map(str, Q.shape))
-        raise DesignError(f"state_weight: {shape}: expected {size} x {size}")
+def weights(Q: Real, R: float, gamma: Real) -> None:
+    """Checks their signs; DesignError."""
     if not np.all(np.isfinite(Q)) or not np.allclose(Q, Q.T, rtol=1e-9) or np.linalg.eigvalsh(Q)[0] <= 0:
         raise DesignError("state_weight: expected a symmetric matrix that is positive definite")
     if not (np.isfinite(R) and R > 0):
         raise DesignError(f"input_weight: {R:g}: expected a number above zero")
-    if gamma.shape != (size,) or not np.all(np.isfinite(gamma)):
-        raise DesignError(f"initial_state: expected {size} finite numbers")
+    if not np.all(np.isfinite(gamma)):
+        raise DesignError(f"initial_state: expected {len(Q)} finite numbers")
     if not np.any(gamma):
         raise DesignError("initial_state: expected one that isn't zero")
 
 
 def guaranteed_cost(plant: UncertainPlant, Q: Real, R: float, gamma: Real, integral: bool) -> StateFeedback:
     """The gains with the smallest bound; DesignError where there are none, with what would help."""
-    size = plant.order + integral
-    weights(Q, R, gamma, size)
+    weights(Q, R, gamma)
     models = with_integrator(plant, integral)
     for label, model in zip(plant.labels, models, strict=True):
         mode = uncontrollable_mode(model.A, model.B)
         if mode is not None:
             raise DesignError(_uncontrollable(label, mode, integral))
-    centre = _centre(plant, integral)
+    centre = augmented(plant.nominal, plant.C) if integral else plant.nominal
     T = riccati_scaling(centre, Q, R)
     rough = np.diag(1 / np.sqrt(np.diag(Q))) if T is None else T
     common = stabilise(models, rough)
@@ -112,20 +102,11 @@ def check(
     y, root = inverse @ Y @ inverse.T, np.linalg.cholesky(T.T @ Q @ T).T
     y = (y + y.T) / 2
     k = K.reshape(1, n) @ T
-    zero, blocks, cost = np.zeros, [], 0.0
+    blocks, cost = [], 0.0
     for model in models:
         closed = inverse @ (model.A @ T + model.B @ k) @ y
         q, w = root @ y, np.sqrt(R) * k @ y
-        blocks.append(
-            np.block(
-                [
-                    [y, closed.T, q.T, w.T],
-                    [closed, y, zero((n, n)), zero((n, 1))],
-                    [q, zero((n, n)), np.eye(n), zero((n, 1))],
-                    [w, zero((1, n)), zero((1, n)), np.eye(1)],
-                ]
-            )
-        )
+        blocks.append(np.block(_of_the_cost(y, closed, q, w)))
         loop = model.A + model.B @ K.reshape(1, n)
         if np.abs(np.linalg.eigvals(loop)).max() >= 1:
             cost = np.inf
@@ -138,6 +119,17 @@ def check(
     blocks.append(np.block([[np.eye(1), start[None, :]], [start[:, None], y]]))
     smallest = smallest_share(blocks)
     return Check(smallest, cost, bound, smallest >= -TOLERANCE and cost <= bound * (1 + 1e-5))
+
+
+def _of_the_cost(Y: Any, closed: Any, q: Any, w: Any) -> list[list[Any]]:
+    """The rows of (9), with Q^-1 and 1/R scaled to one: of numbers, or of a solver's variables."""
+    n, zero = Y.shape[0], np.zeros
+    return [
+        [Y, closed.T, q.T, w.T],
+        [closed, Y, zero((n, n)), zero((n, 1))],
+        [q, zero((n, n)), np.eye(n), zero((n, 1))],
+        [w, zero((1, n)), zero((1, n)), np.eye(1)],
+    ]
 
 
 def riccati_scaling(model: Model, Q: Real, R: float) -> Real | None:
@@ -155,10 +147,6 @@ def riccati_scaling(model: Model, Q: Real, R: float) -> Real | None:
     except (np.linalg.LinAlgError, ValueError):
         return None
     return np.asarray(np.linalg.inv(lower.T))
-
-
-def _centre(plant: UncertainPlant, integral: bool) -> Model:
-    return augmented(plant.nominal, plant.C) if integral else plant.nominal
 
 
 def _with_the_cost(models: Sequence[Model], common: Common, Q: Real, R: float) -> Real:
@@ -186,19 +174,10 @@ def solve_scaled(
     start = start / size
     Y, W = cp.Variable((n, n), symmetric=True), cp.Variable((1, n))
     beta = cp.Variable((1, 1))
-    zero = np.zeros
     constraints = [cp.bmat([[beta, start[None, :]], [start[:, None], Y]]) >> 0]
     for model in models:
         closed = (inverse @ model.A @ T) @ Y + (inverse @ model.B / np.sqrt(R)) @ W
-        block = cp.bmat(
-            [
-                [Y, closed.T, (root @ Y).T, W.T],
-                [closed, Y, zero((n, n)), zero((n, 1))],
-                [root @ Y, zero((n, n)), np.eye(n), zero((n, 1))],
-                [W, zero((1, n)), zero((1, n)), np.eye(1)],
-            ]
-        )
-        constraints.append(block >> 0)
+        constraints.append(cp.bmat(_of_the_cost(Y, closed, root @ Y, W)) >> 0)
     status = minimise(beta[0, 0], constraints)
     if Y.value is None or W.value is None:
         return None, None
@@ -209,7 +188,7 @@ def solve_scaled(
     # the bound that this Y really gives, not the solver's
     bound = float(start @ np.linalg.solve(y, start)) * size**2 * (1 + 1e-9)
     result = check(models, Q, R, gamma, K, T @ y @ T.T, T, bound)
-    found = StateFeedback(K, bound, result, status) if result.passed else None
+    found = StateFeedback(K, result, status) if result.passed else None
     return found, T @ np.linalg.cholesky(y)
 
 

@@ -7,15 +7,16 @@ import math
 from typing import Any, get_args
 
 from cogless.design.current_loop import current_loops, weakness
-from cogless.design.margins import Margins
-from cogless.design.pi import gains, margins, speed_loop
-from cogless.design.position import feedback_at, position_gains, position_margins
+from cogless.design.feedback import feedback_of
+from cogless.design.margins import Margins, finite
+from cogless.design.pi import gains, speed_loop
+from cogless.design.position import position_gains, position_margins
 from cogless.design.space_bounds import Theorem, theorem
 from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study
 from cogless.study.controller import Feedback, Learning
 from cogless.study.laws import AnyController
-from cogless.study.space_controller import SpaceLearning, SpacePosition, SpaceSpeed
+from cogless.study.space_controller import SpaceLearning, SpacePosition
 from cogless.study.table import Quantity
 from cogless.units import TIME
 
@@ -105,10 +106,10 @@ def _gains(gains: dict[str, Gain]) -> dict[str, Any]:
 def _margins(margins: Margins) -> dict[str, Any]:
     return {
         "stable": margins.stable,
-        "crossover_rad_s": _plain(margins.crossover),
-        "phase_margin_rad": _plain(margins.phase_margin),
-        "gain_margin": _plain(margins.gain_margin),
-        "phase_crossover_rad_s": _plain(margins.phase_crossover),
+        "crossover_rad_s": finite(margins.crossover),
+        "phase_margin_rad": finite(margins.phase_margin),
+        "gain_margin": finite(margins.gain_margin),
+        "phase_crossover_rad_s": finite(margins.phase_crossover),
     }
 
 
@@ -130,58 +131,47 @@ def _theorem(theorem: Theorem) -> dict[str, Any]:
     return {
         "bounds": theorem.bounds and dataclasses.asdict(theorem.bounds),
         "has": theorem.has,
-        "asks": {condition.name: _plain(condition.asks) for condition in theorem.conditions},
-        "ratio": {condition.name: _plain(condition.ratio(theorem.has)) for condition in theorem.conditions},
+        "asks": {condition.name: finite(condition.asks) for condition in theorem.conditions},
+        "ratio": {condition.name: finite(condition.ratio(theorem.has)) for condition in theorem.conditions},
         "holds": theorem.holds,
         "verdict": theorem.verdict(),
     }
 
 
-def _space(study: Study, name: str, controller: SpacePosition | SpaceSpeed) -> Design:
-    """The design of a law that learns in angle."""
-    rule, numbers, loop = None, _numbers(controller), speed_loop(study)
-    if isinstance(controller, SpacePosition):
-        rule = controller.tuning.rule if controller.tuning else None
-        found = position_gains(study, name)
-        units = ("1/s", "A*s/rad", "A/rad")
-        own = {k: Gain(v, u) for k, v, u in zip(("k_theta", "k_omega", "k_i"), found, units, strict=True)}
-        numbers = own | {key: gain for key, gain in numbers.items() if key not in own}
-        margins_ = _weakest(study, name)
-    else:
-        margins_ = margins(loop, controller.k, 0.0)
-    known = verdict(study, name)
-    proof = theorem(study, name)
+def design(study: Study, name: str) -> Design:
+    """One controller of a study."""
+    controller = study.controller[name]
+    own: dict[str, Gain] = {}
+    if isinstance(controller, Feedback):
+        kp, ki = gains(study, name)
+        own = {"kp": Gain(kp, "A*s/rad"), "ki": Gain(ki, "A/rad")}
+    elif isinstance(controller, SpacePosition):
+        units = {"k_theta": "1/s", "k_omega": "A*s/rad", "k_i": "A/rad"}
+        own = {k: Gain(v, u) for (k, u), v in zip(units.items(), position_gains(study, name), strict=True)}
+    numbers = own | {key: gain for key, gain in _numbers(controller).items() if key not in own}
+    if isinstance(controller, Learning):
+        numbers["lead"] = _lead(study, controller)
+    tuning = controller.tuning if isinstance(controller, Feedback | SpacePosition) else None
+    known, proof = verdict(study, name), theorem(study, name)
     if proof is not None and known is not None and known.kind not in ("settles", "rests"):
         # the proof is of continuous time
         sampled = f"but sampled: {known.short()}"
         proof = dataclasses.replace(proof, obstacles=(*proof.obstacles, sampled))
-    return Design(controller.law, rule, numbers, margins_, known, proof)
+    rule = tuning.rule if tuning else None
+    return Design(controller.law, rule, numbers, _weakest(study, name), known, proof)
 
 
-def _weakest(study: Study, name: str) -> Margins:
-    """A position law's margins at its slowest or fastest reference, where v differs: the lesser ones."""
-    scenarios = [study.scenario[key] for key in study.scenario if name in study.controllers_in(key)]
+def _weakest(study: Study, name: str) -> Margins | None:
+    """Margins at the slowest or fastest reference, where a position law's v differs: the lesser ones."""
+    scenarios = [study.scenario[key] for key in study.scenarios_of(name)]
     speeds = {speed for s in scenarios for speed in (s.slowest, s.top_reference)} or {0.0}
-    found = [position_margins(speed_loop(study), feedback_at(study, name, speed)) for speed in speeds]
-    return min(found, key=lambda m: m.phase_margin if m.stable and math.isfinite(m.phase_margin) else -1.0)
+    feedbacks = dict.fromkeys(feedback_of(study, name, speed) for speed in speeds)
+    found = [position_margins(speed_loop(study), feedback) for feedback in feedbacks if feedback]
 
+    def least(m: Margins) -> float:
+        return m.phase_margin if m.stable and math.isfinite(m.phase_margin) else -1.0
 
-def design(study: Study, name: str) -> Design:
-    """One controller of a study."""
-    controller = study.controller[name]
-    if isinstance(controller, SpacePosition | SpaceSpeed):
-        return _space(study, name, controller)
-    rule: str | None = None
-    pi = controller.linear
-    numbers = _numbers(controller)
-    if isinstance(controller, Feedback):
-        rule = controller.tuning.rule if controller.tuning else None
-        pi = gains(study, name)
-        numbers = {"kp": Gain(pi[0], "A*s/rad"), "ki": Gain(pi[1], "A/rad"), **numbers}
-    loop = margins(speed_loop(study), *pi) if pi else None
-    if isinstance(controller, Learning):
-        numbers["lead"] = _lead(study, controller)
-    return Design(controller.law, rule, numbers, loop, verdict(study, name))
+    return min(found, key=least, default=None)
 
 
 def _lead(study: Study, controller: Learning) -> Gain:
@@ -224,7 +214,3 @@ def _unit(annotations: list[Any]) -> str:
         if inner:
             return inner
     return ""
-
-
-def _plain(value: float) -> float | None:
-    return value if math.isfinite(value) else None

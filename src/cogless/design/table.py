@@ -9,12 +9,7 @@ from typing import TYPE_CHECKING
 from cogless import units
 from cogless.design.angle_functions import Bounds
 from cogless.design.margins import Margins
-from cogless.design.summary import (
-    Design,
-    Gain,
-    current_loop_summary,
-    summary,
-)
+from cogless.design.summary import Design, Gain, current_loop_summary, summary
 from cogless.design.warnings import loop_warnings, notes, told_apart
 from cogless.study import Study
 

@@ -1,19 +1,10 @@
 """A trial controller from an uncertain plant and weights: gains, and what is certain about them.
 
-The law (psi(-1) = 0; f(p) from the reference; e(p) = y_ref(p) - y(p)):
-
-    psi(p) = psi(p-1) + y_ref(p) + [v(p) where through_integrator] - y(p)
-    u(p)   = K_1 x(p) + K_2 psi(p-1) + f(p) + N v(p)
-    v(p)  <- v(p) + K_3 e(p + shift)      after the trial; or v <- v + L e
-
-`kind`:
+docs/laws/trial.md has the law, docs/theory/trial-design.md the design of each `kind`:
 
     robust         Mandra 2019, Fig. 1: (9) to (13), (32) to (35), (41)
-    state          the older law (3), by the same inequalities: state feedback without integral action, the
-                   learned signal into the input. u_k + K_stab (x_{k+1} - x_k) + K_ILC e_k telescopes into
-                   the law above
-    norm-optimal   the feedback of `robust`, and L that is optimal for the nominal plant, which is sampled
-                   exactly where the continuous one is known
+    state          the older law (3), by the same inequalities, without integral action
+    norm-optimal   the feedback of `robust`, and v <- v + L e instead of v <- v + K_3 e(p + shift)
 
 Structures share K_s, N, the feedforward and K_3, as in the paper: design them once with `design_gains` and
 pass them to `design_trial` for each. K_3 is designed for Fig. 1. Without integral action K_2 is switched off,
@@ -133,9 +124,8 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
     N = settings.N
     if N is None:
         N = 1.0 if settings.kind == "state" else static_gain(plant.nominal, plant.C, K_s[:n])
-    ahead = None
-    if settings.feedforward and settings.kind != "state":
-        ahead = dynamic(plant.nominal, plant.C, K_s[:n])
+    forward = settings.feedforward and settings.kind != "state"
+    ahead = dynamic(plant.nominal, plant.C, K_s[:n]) if forward else None
     K_3, learned, no_K_3 = settings.K_3, None, None
     if K_3 is None and needs_K_3(settings):
         law = _law(K_s, n, N, integral, settings.kind != "state")
@@ -297,26 +287,19 @@ def _warnings(
 ) -> list[str]:
     """Warnings where the error can grow along the trial or from trial to trial, and what prevents it."""
     notes = []
-    for kind, models, part in (
-        ("design", plant.vertices, certificate.design),
-        ("exact", plant.exact_vertices or (), certificate.exact),
-    ):
-        if part is not None and not part.stable:
-            notes.append(
-                f"{kind} model: unstable along the trial at {part.worst}, with a pole of {part.radius:.4g}"
-                + (
-                    "; expected a shorter period, or exact discretisation"
-                    if certificate.design.stable
-                    else ""
-                )
-            )
-        learning = part and (part.with_filter or part.without_filter)
-        if update is None or part is None or not learning:
+    exact = certificate.exact
+    parts = [("design", plant.vertices, certificate.design)]
+    parts += [("exact", plant.exact_vertices or (), exact)] if exact is not None else []
+    for kind, models, part in parts:
+        if not part.stable:
+            note = f"{kind} model: unstable along the trial at {part.worst}, with a pole of {part.radius:.4g}"
+            helps = "; expected a shorter period, or exact discretisation"
+            notes.append(note + (helps if certificate.design.stable else ""))
+        learning = part.learning
+        if update is None or learning is None or learning.monotone:
             continue
-        if update.ratio is not None and kind == "design" and certificate.exact is not None:
+        if update.ratio is not None and kind == "design" and exact is not None:
             continue  # L is made for the exact one
-        if learning.monotone:
-            continue
         note = f"{kind} model: the error can grow by a factor of "
         if learning.norm > 1 + MONOTONE:
             note += f"{_factor(learning.norm)} a trial at {learning.frequency:.4g} Hz"
@@ -371,8 +354,6 @@ def _check(plant: UncertainPlant, settings: TrialSettings) -> None:
             raise DesignError(f"{key}: expected a finite number")
     if not (np.isfinite(settings.change_weight) and settings.change_weight > 0):
         raise DesignError(f"change_weight: {settings.change_weight:g}: expected a number above zero")
-    if settings.cutoff is not None and settings.samples <= 3 * (settings.filter_order + 1):
-        raise DesignError(
-            f"samples: {settings.samples}: expected more than {3 * (settings.filter_order + 1)} for "
-            "the filter's ends"
-        )
+    ends = 3 * (settings.filter_order + 1)
+    if settings.cutoff is not None and settings.samples <= ends:
+        raise DesignError(f"samples: {settings.samples}: expected more than {ends} for the filter's ends")

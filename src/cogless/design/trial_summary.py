@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from cogless.design.certificate import Certificate, Learning, ModelCertificate
 from cogless.design.from_study import design_study, uncertain_plant
 from cogless.design.lmi import Check
+from cogless.design.margins import finite
 from cogless.design.model import Model
 from cogless.design.polytope import UncertainPlant
 from cogless.design.trial import TrialDesign
@@ -17,6 +17,14 @@ from cogless.study import TrialStudy
 
 if TYPE_CHECKING:
     from rich.console import Group
+
+NO_GAIN = 5e-5  # a largest K_3 that the table would print as zero
+
+LEGEND = (
+    "along the trial: the loop's largest pole; one more sample: the same with another sample of delay at the "
+    "input;\nfrom trial to trial: no frequency of the error grows by more than this, over vertices and "
+    "random plants;\nwith the ends: growth of the error in tried trials, with the filter if there is one"
+)
 
 
 @dataclass(frozen=True)
@@ -102,9 +110,8 @@ def words(design: TrialDesign) -> str:
     """The certificate in one line."""
     said = []
     for model, found in _rows(design.certificate):
-        learning = found.with_filter or found.without_filter
         none = "no K_3" if design.no_K_3 else "no learning"
-        does = _verdict(learning) if learning else none
+        does = _verdict(found.learning) if found.learning else none
         said.append(f"{model} model: {does if found.stable else 'unstable along the trial'}")
     return f"from trial to trial, {'; '.join(said)}"
 
@@ -112,8 +119,7 @@ def words(design: TrialDesign) -> str:
 def warnings(design: TrialDesign) -> list[str]:
     """Warnings before trials, a line each."""
     rows = [found for _, found in _rows(design.certificate)]
-    learned = [found.with_filter or found.without_filter for found in rows]
-    fine = all(found.stable for found in rows) and all(one is None or one.monotone for one in learned)
+    fine = all(each.stable and (each.learning is None or each.learning.monotone) for each in rows)
     return [] if fine and design.no_K_3 is None else [words(design)]
 
 
@@ -132,9 +138,9 @@ def _model(model: Model) -> dict[str, Any]:
 def _check(check: Check, status: str) -> dict[str, Any]:
     return {
         "passed": check.passed,
-        "smallest_eigenvalue_share": _finite(check.smallest),
-        "true_cost": _finite(check.cost),
-        "bound": _finite(check.bound),
+        "smallest_eigenvalue_share": finite(check.smallest),
+        "true_cost": finite(check.cost),
+        "bound": finite(check.bound),
         "solver_says": status,
     }
 
@@ -163,18 +169,14 @@ def _models(models: ModelCertificate) -> dict[str, Any]:
 
 def _learning(learning: Learning) -> dict[str, Any]:
     return {
-        "norm": _finite(learning.norm),
+        "norm": finite(learning.norm),
         "norm_at_Hz": learning.frequency,
         "norm_at": learning.worst,
-        "norm_of_the_nominal_plant": _finite(learning.nominal),
+        "norm_of_the_nominal_plant": finite(learning.nominal),
         "monotone": learning.monotone,
         "contracting": learning.contracting,
         "largest_K_3": learning.K_3_limit,
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def table(study: TrialStudy, found: TrialSummary) -> Group:
@@ -193,16 +195,9 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
     for heading in ("controller", "K_s", "N", "K_3", "feedforward", "filter", "checked"):
         gains.add_column(heading, overflow="fold")
     proof = Table(title="Certificate", title_justify="left", title_style="bold", box=None, pad_edge=False)
-    headings = (
-        "controller",
-        "model",
-        "along the trial",
-        "one more sample",
-        "from trial to trial",
-        "filtered",
-        "with the ends",
-    )
-    for heading in (*headings, "largest K_3"):
+    for heading in ("controller", "model", "along the trial", "one more sample", "from trial to trial"):
+        proof.add_column(heading)
+    for heading in ("filtered", "with the ends", "largest K_3"):
         proof.add_column(heading)
     for name, design in found.designs.items():
         gains.add_row(study.label(name), *_gains(design))
@@ -212,15 +207,6 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
     lines = [Text(f"Note: {note}.") for note in notes]
     legend = Text(LEGEND, style="dim")
     return Group(Text(about), Text(), gains, Text(), proof, Text(), legend, *lines)
-
-
-NO_GAIN = 5e-5  # a largest K_3 that the table would print as zero
-
-LEGEND = (
-    "along the trial: the loop's largest pole; one more sample: the same with another sample of delay at the "
-    "input;\nfrom trial to trial: no frequency of the error grows by more than this, over vertices and "
-    "random plants;\nwith the ends: growth of the error in tried trials, with the filter if there is one"
-)
 
 
 def _gains(design: TrialDesign) -> tuple[str, ...]:

@@ -10,9 +10,9 @@ import math
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cogless.design.learning import PeriodicLoop
+from cogless.design.margins import Real
 from cogless.design.order_learning import OrderLoop
 from cogless.study import Study
 from cogless.study.controller import Learning
@@ -23,7 +23,6 @@ from cogless.study.space_controller import SpaceLearning
 ALMOST = 0.995  # of a period, which rounds to one
 NO_STEP = 1e-6  # of a speed: it is constant
 
-Real = NDArray[np.float64]
 Memory = Learning | SpaceLearning | PiAfc
 
 

@@ -1,33 +1,24 @@
 """Verdict before a run of a law that learns: whether it settles along its scenarios' references.
 
 learning_loop.py has the factor at one speed and acceleration, with the plant as it is in a scenario. Along a
-reference, with f = (1, omega, a) and M the learning gains of the three functions delta of a law that learns
-in angle (space_learning.py; of the others f = 1), a period makes of what it finds of a frequency
+reference (docs/theory/learning-in-angle.md#along-a-reference)
 
-    delta_k = Q (I - M f f' / |omega| S / (1 + mu S)) delta_{k-1}
+    - it settles if the factor is below one at all its speeds and accelerations;
+    - it grows if the mean of log(Q^n / (1 + mu S)) over the angle, taken at a fixed order of the period, is
+      above zero: a lower bound of n times the rate, for n functions learned. At a constant speed n is one.
 
-In the norm of M^-1/2 that is a matrix with the values Q, Q and Q / (1 + mu S), whatever f is, so that
+Between them it may grow. Stability comes first: where 1 + mu S is unstable there is no factor. A reference
+that stands or turns back passes such speeds within less than a period, and nothing that was learned there
+comes back before it's over: so much is said, and what happens next isn't judged.
 
-    - if the factor is below one at all speeds and accelerations of the reference, it settles;
-    - its determinant is Q^n / (1 + mu S), so that the mean of its logarithm over the angle, taken at a fixed
-      order of the period, is a lower bound of n times the rate of growth: if that is above zero, it grows.
-
-At a constant speed n is one and both are the same. Between them it may grow: where the reference is often at
-the speeds that are worst. All of that for references that hardly change within what the loop remembers.
-
-Stability comes first: where 1 + mu S is unstable there is no factor. mu goes with 1 / |omega|, so that this
-happens at low speed. A reference that stands or turns back passes such speeds within less than a period, and
-nothing that was learned there comes back before it's over: it bursts in passing, up to the limits. So much is
-said, and what happens next isn't judged.
-
-Where the torque constant ripples over the angle the loop's gain does. "Settles" and "grows" are said of its
-least and its largest value, "unstable" of its mean; what lies between "may be".
+Where the torque constant ripples, "settles" and "grows" are said of its least and its largest value,
+"unstable" of its mean; what lies between "may be".
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -205,18 +196,12 @@ class _At:
         return max((loop.worst() for loop in self.loops), key=lambda worst: worst.factor)
 
     @cached_property
-    def unstable(self) -> Oscillation | None:
-        """The oscillation at the mean torque constant."""
-        return self.loop.oscillation()
-
-    @cached_property
     def oscillation(self) -> Oscillation | None:
         """The fastest growing oscillation at any torque constant."""
         found = [o for loop in self.loops if (o := loop.oscillation()) is not None]
         return max(found, key=lambda o: o.rate, default=None)
 
-    @cached_property
-    def feedback(self) -> Oscillation | None:
+    def of_feedback(self) -> Oscillation | None:
         """The oscillation of the feedback alone, before or after the hand-over."""
         loop = self.loop
         return oscillation(loop.plant, loop.feedback_before) or oscillation(loop.plant, loop.feedback)
@@ -256,7 +241,7 @@ def verdict(study: Study, name: str) -> Verdict | None:
 
 def _verdict(study: Study, name: str) -> Verdict | None:
     law = study.controller[name]
-    keys = [key for key in study.scenario if name in study.controllers_in(key)]
+    keys = study.scenarios_of(name)
     if loop_type(law) is None or not keys:
         return None
     motions = [_motion(study, key, name) for key in keys]
@@ -280,18 +265,17 @@ def _verdict(study: Study, name: str) -> Verdict | None:
         scenario = at.loop.scenario if len(plants) > 1 else None
         return replace(base, omega_m=at.loop.omega_m, scenario=scenario, **more)
 
-    alone = [(at, each) for at in found if (each := at.feedback) is not None]
-    if alone:
-        at, each = max(alone, key=lambda pair: pair[1].rate)
-        return of(at, kind="feedback unstable", unstable=each)
-    sure = [(at, at.unstable) for at in found]
-    unsure = [(at, at.oscillation) for at in found]
-    for some in (sure, unsure):
-        grow = [(at, each) for at, each in some if each is not None]
+    instabilities: dict[Kind, Callable[[_At], Oscillation | None]] = {
+        "feedback unstable": _At.of_feedback,
+        "unstable": lambda at: at.loop.oscillation(),
+        "may be unstable": lambda at: at.oscillation,
+    }
+    kind: Kind
+    for kind, growing in instabilities.items():
+        grow = [(at, each) for at in found if (each := growing(at)) is not None]
         if grow:
             at, fastest = max(grow, key=lambda pair: pair[1].rate)
-            what: Kind = "unstable" if some is sure else "may be unstable"
-            return of(at, kind=what, unstable=fastest)
+            return of(at, kind=kind, unstable=fastest)
     most = max(found, key=lambda at: at.worst.factor)
     if most.worst.factor <= SETTLED:
         loud, ratio = max(((m, m.ratio) for m in motions if m.judged), key=lambda pair: pair[1])
@@ -301,7 +285,7 @@ def _verdict(study: Study, name: str) -> Verdict | None:
     means = [_mean(motion.judged) for motion in learning]
     mean = max(means, key=lambda m: m.factor)
     sure_of = [mean.sure and not motion.frozen for mean, motion in zip(means, learning, strict=True)]
-    kind: Kind = "grows" if any(sure_of) and not base.doubts else "may grow"
+    kind = "grows" if any(sure_of) and not base.doubts else "may grow"
     shown = mean if kind == "grows" and mean.highest > mean.lowest else None
     return of(most, kind=kind, worst=most.worst, mean=shown, repair=_repair(found))
 

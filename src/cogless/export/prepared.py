@@ -115,7 +115,7 @@ def first_scenario(study: AnyStudy, controller: str, wanted: str | None = None) 
     if controller not in study.controller:
         known = ", ".join(study.controller)
         raise StudyError(f'{path}: controller: "{controller}": expected one of {known}')
-    runs_in = [name for name in study.scenario if controller in study.controllers_in(name)]
+    runs_in = study.scenarios_of(controller)
     if wanted is None:
         if not runs_in:
             raise StudyError(f"{path}: controller.{controller}: runs in no scenario: expected one with it")

@@ -98,6 +98,10 @@ class StudyBase(Table):
         chosen = self.scenario[scenario].controllers
         return tuple(self.controller) if chosen is None else tuple(chosen)
 
+    def scenarios_of(self, controller: str) -> list[str]:
+        """Names of the scenarios that a controller runs in."""
+        return [name for name in self.scenario if controller in self.controllers_in(name)]
+
     def metrics_in(self, scenario: str) -> tuple[Metric, ...]:
         """The metrics that are taken in a scenario."""
         return tuple(m for m in self.metric if m.applies_in(scenario, self.scenario[scenario]))

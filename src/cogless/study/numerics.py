@@ -97,7 +97,7 @@ def periods(study: Study) -> None:
         if not isinstance(controller, Learning):
             continue
         per_turn = study.motor.pole_pairs if controller.period == "electrical" else 1
-        speeds = [s.top_speed for key, s in study.scenario.items() if name in study.controllers_in(key)]
+        speeds = [study.scenario[key].top_speed for key in study.scenarios_of(name)]
         samples = [rate * 2 * math.pi / (per_turn * speed) for speed in speeds if speed > 0]
         if not samples:
             continue

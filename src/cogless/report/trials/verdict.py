@@ -252,7 +252,7 @@ def _certificates(c: Case) -> list[str]:
     sentences: list[str] = []
     proven: dict[tuple[Model, int], list[str]] = {}
     for name, (design, model, found) in c.certified.items():
-        label, learning = c.label(name), found.with_filter or found.without_filter
+        label, learning = c.label(name), found.learning
         if not found.stable:
             sentences.append(
                 f"{label} is not certified: along the trial its loop is unstable for {found.worst} "
