@@ -272,4 +272,4 @@ def _closed_at(loop: SpeedLoop, feedback: Linear, frequencies: bytes) -> Complex
 def plants(loop: SpeedLoop) -> tuple[Real, Complex, Complex]:
     """Frequencies, Hz, and both plants of pi.py there."""
     f = np.geomspace(LOWEST, 0.5 / loop.period, GRID)
-    return f, loop.plant(2 * math.pi * f), loop.angle(2 * math.pi * f)
+    return f, *loop.plant(2 * math.pi * f)

@@ -69,31 +69,23 @@ class SpeedLoop:
         """Speed-loop period, s."""
         return self.steps * self.current.period
 
-    def plant(self, w: Real) -> Complex:
-        """P(jw), see above."""
-        z, x = np.exp(1j * w * self.period), self._states(w)
+    def plant(self, w: Real) -> tuple[Complex, Complex]:
+        """P(jw), see above, and the response from current reference to the angle at the sample, rad/A."""
+        z, whole = np.exp(1j * w * self.period), self.step_of(self.steps)
+        A, B = whole[:REFERENCE, :REFERENCE], whole[:REFERENCE, REFERENCE:]
+        x = np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)[:, :, 0]
         if self.window == 0:
-            return np.asarray(x[:, OMEGA])
+            return np.asarray(x[:, OMEGA]), np.asarray(x[:, THETA])
         samples = -(-self.window // self.steps)
         then = self.step_of(samples * self.steps - self.window)[THETA]
         theta_then = (x @ then[:REFERENCE] + then[REFERENCE]) / z**samples
-        return np.asarray((x[:, THETA] - theta_then) / (self.window * self.current.period))
-
-    def angle(self, w: Real) -> Complex:
-        """Response from current reference to the angle at the sample, rad/A."""
-        return np.asarray(self._states(w)[:, THETA])
-
-    def _states(self, w: Real) -> Complex:
-        """X(jw), see above."""
-        z = np.exp(1j * w * self.period)
-        whole = self.step_of(self.steps)
-        A, B = whole[:REFERENCE, :REFERENCE], whole[:REFERENCE, REFERENCE:]
-        return np.asarray(np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)[:, :, 0])
+        turned = x[:, THETA] - theta_then
+        return np.asarray(turned / (self.window * self.current.period)), np.asarray(x[:, THETA])
 
     def response(self, w: Real, kp: float, ki: float) -> Complex:
         """L(jw), see above."""
         z = np.exp(1j * w * self.period)
-        return np.asarray((kp + ki * self.period * z / (z - 1)) * self.plant(w))
+        return np.asarray((kp + ki * self.period * z / (z - 1)) * self.plant(w)[0])
 
     def step_of(self, periods: int) -> Real:
         """x and i_ref so many current-loop periods later."""
@@ -201,4 +193,4 @@ def margins(loop: SpeedLoop, kp: float, ki: float) -> Margins:
 
 def delay_of(loop: SpeedLoop, w: float) -> float:
     """T_e at a frequency: what P lags more than an integrator, as a time."""
-    return -float(np.angle(1j * loop.plant(np.array([w]))[0])) / w
+    return -float(np.angle(1j * loop.plant(np.array([w]))[0][0])) / w

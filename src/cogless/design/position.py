@@ -74,10 +74,10 @@ def position_gains(study: Study, name: str) -> Gains:
 def open_loop(loop: SpeedLoop, feedback: Linear, w: Real) -> Complex:
     """L, see above."""
     z = np.exp(1j * w * loop.period)
-    angle = loop.angle(w)
+    speed, angle = loop.plant(w)
     C = feedback.k + feedback.k_i * loop.period * z / (z - 1)
     return np.asarray(
-        feedback.ratio * (C * (loop.plant(w) + feedback.k_theta * angle) + feedback.k_v * angle)
+        feedback.ratio * (C * (speed + feedback.k_theta * angle) + feedback.k_v * angle)
     )
 
 
@@ -99,7 +99,8 @@ def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
     half = loop.period / 2
     w = np.geomspace(1e-3, 1, POINTS) * math.pi / loop.period
     z = np.exp(1j * w * loop.period)
-    speed, angle, integral = ratio * loop.plant(w), ratio * loop.angle(w), loop.period * z / (z - 1)
+    speed, angle = (ratio * part for part in loop.plant(w))
+    integral = loop.period * z / (z - 1)
 
     def stiffness(place: float) -> tuple[float, int]:
         """The largest gain, and where on the grid its crossover is; 0 where no gain leaves the margin."""
