@@ -132,6 +132,10 @@ def speed_loop(study: Study, scenario: str | None = None) -> SpeedLoop:
 
     Torque per current is the motor's mean; what a controller knows is the belief's.
     """
+    return study.once(_speed_loop, scenario)
+
+
+def _speed_loop(study: Study, scenario: str | None) -> SpeedLoop:
     study_here = study if scenario is None else for_scenario(study, scenario)
     rates, sensor, motor = study_here.drive.rates, study_here.drive.position_sensor, study_here.motor.star()
     steps = window = study_here.drive.divider
