@@ -126,8 +126,8 @@ def shared() -> Iterator[None]:
         return [compiled(source, folder) for source in sources]
 
     def compiled(source: Path, folder: Path) -> Path:
-        headers = sorted(source.parent.rglob("*.h*"))
-        read = [source, *(h for h in headers if h.name != OWN or source.name not in ENGINE)]
+        included = (each for each in sorted(source.parent.rglob("*.*")) if each.suffix not in (".c", ".cpp"))
+        read = [source, *(each for each in included if each.name != OWN or source.name not in ENGINE)]
         texts = [" ".join(build.OPTIONS).encode(), *(each.read_bytes() for each in read)]
         kept = BUILT / f"{source.stem}-{hashlib.sha256(b''.join(texts)).hexdigest()[:16]}.o"
         if not kept.exists():

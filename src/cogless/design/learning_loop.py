@@ -162,14 +162,10 @@ class LearningLoop(ABC):
         f, rate, cells = np.asarray(f, dtype=float), 1 / self.plant.period, self.cells_per_second
         if not self.law.over_angle or cells >= rate:
             return np.abs(self.kept(f, lead))
-        total, weights = np.zeros(f.shape, dtype=complex), np.zeros(f.shape)
         images = min(math.ceil(rate / 2 / cells), IMAGES)
-        for m in range(-images, images + 1):
-            image = f + m * cells
-            weight = np.where(np.abs(image) <= rate / 2, np.sinc(image / cells) ** 2, 0.0)
-            total += weight * self.kept(image, lead)
-            weights += weight
-        return np.abs(total / weights)
+        image = np.add.outer(np.arange(-images, images + 1) * cells, f)
+        weight = np.where(np.abs(image) <= rate / 2, np.sinc(image / cells) ** 2, 0.0)
+        return np.asarray(np.abs((weight * self.kept(image, lead)).sum(axis=0) / weight.sum(axis=0)))
 
     def lines(self, f: ArrayLike, constant: bool) -> Real:
         """Gain of straight lines between samples, besides the images of a coarse map.
@@ -275,4 +271,4 @@ def _closed_at(loop: SpeedLoop, feedback: Linear, frequencies: bytes) -> Complex
 def plants(loop: SpeedLoop) -> tuple[Real, Complex, Complex]:
     """Frequencies, Hz, and both plants of pi.py there."""
     f = np.geomspace(LOWEST, 0.5 / loop.period, GRID)
-    return f, loop.plant(2 * math.pi * f), loop.angle(2 * math.pi * f)
+    return f, *loop.plant(2 * math.pi * f)

@@ -98,6 +98,8 @@ def root(f: Callable[[float], float], a: float, b: float) -> float:
     rising = f(b) > f(a)
     for _ in range(60):
         middle = (a + b) / 2
+        if not a < middle < b:
+            break
         if (f(middle) > 0) == rising:
             b = middle
         else:

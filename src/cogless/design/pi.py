@@ -59,30 +59,22 @@ class SpeedLoop:
         """Speed-loop period, s."""
         return self.steps * self.current.period
 
-    def plant(self, w: Real) -> Complex:
-        """P(jw)."""
-        z, x = np.exp(1j * w * self.period), self._states(w)
+    def plant(self, w: Real) -> tuple[Complex, Complex]:
+        """P(jw), and the response from current reference to the angle at the sample, rad/A."""
+        z, whole = np.exp(1j * w * self.period), self.step_of(self.steps)
+        A, B = whole[:REFERENCE, :REFERENCE], whole[:REFERENCE, REFERENCE:]
+        x = np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)[:, :, 0]
         if self.window == 0:
-            return np.asarray(x[:, OMEGA])
+            return np.asarray(x[:, OMEGA]), np.asarray(x[:, THETA])
         samples = -(-self.window // self.steps)
         then = self.step_of(samples * self.steps - self.window)[THETA]
         theta_then = (x @ then[:REFERENCE] + then[REFERENCE]) / z**samples
-        return np.asarray((x[:, THETA] - theta_then) / (self.window * self.current.period))
-
-    def angle(self, w: Real) -> Complex:
-        """Response from current reference to the angle at the sample, rad/A."""
-        return np.asarray(self._states(w)[:, THETA])
-
-    def _states(self, w: Real) -> Complex:
-        """X(jw)."""
-        z = np.exp(1j * w * self.period)
-        whole = self.step_of(self.steps)
-        A, B = whole[:REFERENCE, :REFERENCE], whole[:REFERENCE, REFERENCE:]
-        return np.asarray(np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)[:, :, 0])
+        turned = x[:, THETA] - theta_then
+        return np.asarray(turned / (self.window * self.current.period)), np.asarray(x[:, THETA])
 
     def response(self, w: Real, kp: float, ki: float) -> Complex:
         """L(jw)."""
-        return np.asarray(pi_response(w, self.period, kp, ki) * self.plant(w))
+        return np.asarray(pi_response(w, self.period, kp, ki) * self.plant(w)[0])
 
     def step_of(self, periods: int) -> Real:
         """x and i_ref so many current-loop periods later."""
@@ -129,6 +121,10 @@ def speed_loop(study: Study, scenario: str | None = None) -> SpeedLoop:
 
     Torque per current is the motor's mean; what a controller knows is the belief's.
     """
+    return study.once(_speed_loop, scenario)
+
+
+def _speed_loop(study: Study, scenario: str | None) -> SpeedLoop:
     study_here = study if scenario is None else for_scenario(study, scenario)
     rates, sensor, motor = study_here.drive.rates, study_here.drive.position_sensor, study_here.motor.star()
     steps = window = study_here.drive.rates.divider
@@ -163,7 +159,7 @@ def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
     half = loop.period / 2
     w = 1e-3 * math.pi / loop.period
     for _ in range(100):
-        T_e = -float(np.angle(1j * loop.plant(np.array([w]))[0])) / w  # what P lags more than an integrator
+        T_e = -float(np.angle(1j * loop.plant(np.array([w]))[0][0])) / w  # what P lags more than 1 / s
         before, w = w, x / ((1 + x * x) * max(T_e, 1e-300))
         if w >= math.pi / loop.period:
             break

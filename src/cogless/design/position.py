@@ -56,8 +56,8 @@ def position_gains(study: Study, name: str) -> Gains:
 
 def open_loop(loop: SpeedLoop, feedback: Linear, w: Real) -> Complex:
     """L."""
-    angle, C = loop.angle(w), pi_response(w, loop.period, feedback.k, feedback.k_i)
-    held = C * (loop.plant(w) + feedback.k_theta * angle)
+    (speed, angle), C = loop.plant(w), pi_response(w, loop.period, feedback.k, feedback.k_i)
+    held = C * (speed + feedback.k_theta * angle)
     return np.asarray(feedback.ratio * (held + feedback.k_v * angle))
 
 
@@ -79,7 +79,8 @@ def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
     half = loop.period / 2
     w = np.geomspace(1e-3, 1, POINTS) * math.pi / loop.period
     z = np.exp(1j * w * loop.period)
-    speed, angle, integral = ratio * loop.plant(w), ratio * loop.angle(w), loop.period * z / (z - 1)
+    speed, angle = (ratio * part for part in loop.plant(w))
+    integral = loop.period * z / (z - 1)
 
     def stiffness(place: float) -> tuple[float, int]:
         """The largest gain, and where on the grid its crossover is; 0 where no gain leaves the margin."""
