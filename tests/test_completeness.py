@@ -22,7 +22,7 @@ CONTROL, LIBRARY = ROOT / "control", ROOT / "control" / "src" / "cogless"
 FIELDS = [model.model_fields["law"] for model in get_args(AnyController)]
 MODELS = {name for field in FIELDS for name in get_args(field.annotation)}
 OF_TRIALS = "trial"  # has a study of its own, which says nothing of its gains: design does
-FIGURE = re.compile(r"^```{run-figure} (\S+) (.+)\n(?::set: (.+\n(?: +.+\n)*))?", re.M)
+FIGURE = re.compile(r"^```{run-figure} (\S+) (.+)\n(?::set:((?:.*\n)(?: .+\n)*))?", re.M)
 STEP = re.compile(r"void (cgl_\w+_step)\(const cgl_\w+_config \*\w+, cgl_\w+ \*\w+,\s+const cgl_law_input")
 
 
@@ -41,9 +41,9 @@ def drawn(page: str) -> set[str]:
     """The laws whose runs a page of the docs shows, by their names in laws.def."""
     shown = set()
     for name, runs, changes in FIGURE.findall(page):
-        study = load(name, changes_from(change for change in changes.splitlines() if change))
-        laws = (study.controller[run.rpartition("/")[2]] for run in runs.split())
-        shown |= {OF_TRIALS if isinstance(law, TrialLaw) else law.law for law in laws}
+        study = load(name, changes_from(filter(str.strip, changes.splitlines())))
+        laws = [study.controller.get(run.rpartition("/")[2]) for run in runs.split()]
+        shown |= {OF_TRIALS if isinstance(law, TrialLaw) else law.law for law in laws if law}
     return shown
 
 
@@ -69,6 +69,7 @@ def missing(law: CLaw) -> list[str]:
     reference = "".join(map(text, sorted((ROOT / "tests" / "reference").glob("*.py"))))
     class_name = "".join(word.capitalize() for word in stem.split("_"))
     map_of, init = text(LIBRARY / "map.h"), f"{law.state}_init("
+    reset = f"void {law.state}_reset(const {law.config} *"
     ranges = text(ROOT / "tests" / "study" / "test_law_ranges.py")
     stepped = law.step.removeprefix("cgl_").removesuffix("_step")
     off, inits, stored = (
@@ -78,6 +79,8 @@ def missing(law: CLaw) -> list[str]:
         f"control/src/cogless/{law.header}: {law.step}": law.step in STEP.findall(header),
         f"control/src/cogless/{stem}.c: {init}": init in text(LIBRARY / f"{stem}.c"),
         f"control/src/cogless.h: {law.header}": f"/{law.header}" in text(LIBRARY.parent / "cogless.h"),
+        f"control/src/cogless/{stem}.h: {reset}config, ...": stem == "pi"
+        or reset in text(LIBRARY / f"{stem}.h"),
         f"control/src/cogless/map.h: {law.map}": law.cells is None or law.map in map_of,
         f"tests/reference/: class {class_name}": re.search(rf"^class {class_name}\b", reference, re.M)
         is not None,
@@ -103,12 +106,23 @@ def missing(law: CLaw) -> list[str]:
 
 @pytest.mark.parametrize("name", C_LAWS)
 def test_a_law_has_all_that_belongs_to_one(name: str) -> None:
-    assert missing(C_LAWS[name]) == []
+    lacking = "\n".join(missing(C_LAWS[name]))
+    assert not lacking, f"{name} lacks\n{lacking}"
 
 
 def test_what_is_missing_is_named() -> None:
     lacks = missing(CLaw("none", "none", "none.h", "cgl_none_step", "cell", "4U", ()))
-    assert len(lacks) == 20 and "docs/laws/none.md" in lacks
+    assert len(lacks) == 21 and "docs/laws/none.md" in lacks
+
+
+@pytest.mark.parametrize(
+    ("option", "keys"),
+    [("", []), (":set: a.b = 1\n", ["a.b"]), (":set:\n  a.b = 1\n  c.d = x\n", ["a.b", "c.d"])],
+)
+def test_changes_of_a_figure_are_read(option: str, keys: list[str]) -> None:
+    page = f"```{{run-figure}} uomodri 1-rev-s/pi\n{option}A caption.\n```\n"
+    ((_, _, changes),) = FIGURE.findall(page)
+    assert list(changes_from(filter(str.strip, changes.splitlines()))) == keys
 
 
 def test_every_law_of_the_headers_has_a_row() -> None:

@@ -35,6 +35,7 @@ LAWS: dict[str, dict[str, Any]] = {
     "space_position": POSITION | {"memory": SPACE},
     "space_speed": SPEED | {"memory": SPACE},
 }
+WITHOUT_MEMORY = {"speed_pi"}
 
 
 def terms(state) -> dict[str, float]:
@@ -54,7 +55,7 @@ class Law:
         self.config = library.new(f"{base}_config", **LAWS[name])
         self.state = library.new(base)
         self.cell, pointer = library.array(np.zeros(200))
-        memory = () if name == "speed_pi" else (pointer, 200)
+        memory = () if name in WITHOUT_MEMORY else (pointer, 200)
         assert getattr(library.lib, f"{base}_init")(self.config, self.state, *memory) == library.lib.CGL_OK
         self.out = library.new("cgl_law_output")
         self.n = 0
@@ -82,7 +83,7 @@ def test_off_gives_nothing_and_keeps_what_is_learned(precision, name):
     law.step(off=True)
     assert not any(terms(law.state).values())
     learned = law.cell.copy()
-    assert learned.any() == (name != "speed_pi")
+    assert learned.any() == (name not in WITHOUT_MEMORY)
     for _ in range(700):
         assert law.step(off=True) == (0.0, library.lib.CGL_STATUS_OFF | library.lib.CGL_STATUS_FROZEN)
     assert np.array_equal(law.cell, learned)

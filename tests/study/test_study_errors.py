@@ -1,15 +1,17 @@
 """A mistake in a study is one line that names the file, the key, the value and what was expected."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
 import studies
 from cogless.errors import StudyError
 from cogless.study import load
+from cogless.study.laws import AnyController
 from cogless.study.reading import parse_change
 
+LAWS = [get_args(model.model_fields["law"].annotation)[0] for model in get_args(AnyController)]
 PI = {"law": "pi", "kp": 1, "ki": 1}
 ILC = {**PI, "law": "pi-ilc", "gain": 0}
 TABLE = {**PI, "law": "anti-cogging", "calibration": {"speed": "2 rpm", "position_gain": "20 1/s"}}
@@ -121,8 +123,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         # controllers
         ("controller.pi.law", "pid",
             'controller.pi.law: "pid": expected one of '
-            '"pi", "pi-ilc", "robust-ilc", "anti-cogging", "space-position", "space-speed", "python", '
-            '"library"'),
+            + ", ".join(f'"{name}"' for name in LAWS)),
         ("controller.pi", {"kp": 1}, "controller.pi.law: missing: expected one that says which kind it is"),
         ("controller.fair.kp", 1,
             "controller.fair: expected either kp and ki or tuning, such as "

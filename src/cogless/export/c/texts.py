@@ -18,6 +18,7 @@ from cogless.export.prepared import Reals, Recording
 from cogless.versions import versions
 
 FLAGS = "-std=c99 -O2 -ffp-contract=off"
+LEARNING = "frozen while `reference.learn` is false, and whenever the controller finds a reason"
 
 
 def texts(
@@ -87,6 +88,7 @@ def _words(subject: Subject) -> dict[str, str]:
         "drive_config": initialiser(s.headers, "cgl_drive_config", s.drive_config, s.precision),
         "init_call": f"{state}_init(&{name}_law_config, &controller->law{memory})",
         "reset_call": f"{state}_reset({config}&controller->law)",
+        "learning": LEARNING if entries else "none",
         "reset_comment": _reset_comment(s),
         "memory_define": f"#define {length} {entries} /* numbers */\n" if entries else "",
         "memory_member": f"    cgl_real memory[{length}]; /* what is learned */\n" if entries else "",
@@ -114,7 +116,7 @@ def _precision_check(double: bool) -> str:
 
 
 def _reset_comment(subject: Subject) -> str:
-    if subject.law.name == "pi":
+    if subject.law.cells is None:
         return "As after init."
     if subject.law.name == "anti-cogging":
         return "As after init, but the table stays."
