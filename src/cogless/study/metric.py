@@ -69,7 +69,7 @@ class Metric(Table):
     last: Duration | None = None  # s: instead of a window, the last part of each scenario
     scenarios: Many[str] | None = None  # default: all, or those that have the event
     order: Many[Annotated[float, Field(gt=0)]] | None = None
-    # revolution that an order refers to; for other kinds, frame of angles and speeds: electrical or mechanical
+    # revolution that an order refers to; for other kinds, frame of angles and speeds
     frame: Literal["electrical", "mechanical"] = "mechanical"
     event: Time | None = None  # s
     band: float | None = None  # half width, SI

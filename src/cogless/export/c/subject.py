@@ -1,4 +1,4 @@
-"""All that the texts of an export are made from."""
+"""All data from which the files of an export are written."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cogless.study import AnyStudy
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A controller of a study, configured: as the engine runs it in a scenario."""
+    """A controller of a study with its configuration, as the engine runs it in a scenario."""
 
     study: AnyStudy
     scenario: str
@@ -33,9 +33,9 @@ class Subject:
     memory_length: int  # entries of the law's memory
     has_map: bool  # what it learns can be stored
     learning_matrix: NDArray[np.floating[Any]] | None
-    figures: list[tuple[str, str]]  # what `cogless design` finds
-    verdict: str  # what it says of learning
-    command: str  # that made it
+    figures: list[tuple[str, str]]  # name and value, as from `cogless design`
+    verdict: str  # of `cogless design`, on learning
+    command: str  # command line of this export
 
     @property
     def headers(self) -> Headers:
@@ -53,7 +53,7 @@ class Subject:
 
     @property
     def foreign(self) -> bool:
-        """The current loop is somebody else's: the controller asks for a current."""
+        """Whether the current loop isn't part of the export: then the controller outputs a current."""
         return bool(self.drive_config["foreign"])
 
 
