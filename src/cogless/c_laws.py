@@ -56,8 +56,10 @@ class CLaw:
         return f"cgl_map_of_{self.stem}"
 
     def entries(self, config: Mapping[str, Any]) -> str | None:
-        """`length` with the numbers of a decoded configuration put in; whole numbers get the suffix U of
-        C."""
+        """The C expression `length` with the numbers of a decoded configuration put in.
+
+        Whole numbers get C's suffix U. None if `length` is None.
+        """
 
         def value(found: re.Match[str]) -> str:
             member: Any = config
@@ -69,7 +71,8 @@ class CLaw:
 
 
 def _arguments(text: str) -> Iterator[str]:
-    """Yield the arguments of a row: its text, split at each comma that isn't within inner parentheses."""
+    """Yield the arguments of a macro call in laws.def: its text, split at commas outside inner
+    parentheses."""
     depth, start = 0, 0
     for place, character in enumerate(text):
         depth += {"(": 1, ")": -1}.get(character, 0)

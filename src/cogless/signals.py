@@ -76,7 +76,7 @@ DERIVED = {
     "omega_error_measured": Derived("rad/s", ("omega_ref", "omega_measured"), np.subtract),
     "omega_sensor_error": Derived("rad/s", ("omega_measured", "omega_m"), np.subtract),
     "i_amplitude": Derived("A", ("i_d", "i_q"), np.hypot),  # length of the current vector
-    # residual of the energy balance: it is the error of the numerical integration
+    # residual of the energy balance, which is the error of the numerical integration
     "energy_residual": Derived("J", tuple(n for n in RECORDED if n.startswith("energy_")), _residual),
     # torque of the motor on the rotor, including cogging
     "tau_motor": Derived("N*m", ("tau_e", "tau_cogging"), np.add),

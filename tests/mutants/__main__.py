@@ -51,7 +51,7 @@ class Log:
 
 
 def judge(draw: Iterator[tuple[str, Change]], free: SimpleQueue[Tree], log: Log) -> dict[str, Any]:
-    """Judge the first mutant of a draw that compiles, and to something else than the original."""
+    """Judge the first mutant of a draw that compiles to other code than the original."""
     tree, begin = free.get(), monotonic()
     try:
         for file, change in draw:

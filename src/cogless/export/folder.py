@@ -25,7 +25,7 @@ def check(folder: Path) -> None:
         return
     sums = _sums(folder)
     paths = folder.rglob("*")
-    for path in paths if sums is None else sorted(paths):  # unsorted, since / has many files
+    for path in paths if sums is None else sorted(paths):  # no sums: any file is refused, so no sorting
         name = path.relative_to(folder).as_posix()
         if path.is_dir() or name == MANIFEST:
             continue
@@ -38,8 +38,10 @@ def check(folder: Path) -> None:
 
 
 def write(folder: Path, files: Mapping[str, bytes], about: Mapping[str, Any]) -> None:
-    """Write these files (by path in the folder) and a manifest with `about` and their checksums;
-    StudyError."""
+    """Write these files (by path in the folder) and a manifest with `about` and their checksums.
+
+    StudyError: the folder can't be written, or it holds something else than an unchanged export.
+    """
     check(folder)
     manifest = {**about, "files": {name: _sum(data) for name, data in sorted(files.items())}}
     text = json.dumps(manifest, indent=2, ensure_ascii=False) + "\n"

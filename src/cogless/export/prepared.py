@@ -130,15 +130,20 @@ def first_scenario(study: AnyStudy, controller: str, wanted: str | None = None) 
 
 
 def record(prepared: Prepared, ticks: int) -> Recording:
-    """Simulate `ticks` periods with the drive's own controller, and record its inputs and outputs;
-    StudyError."""
+    """Simulate `ticks` periods with the drive's own controller, and record its inputs and outputs.
+
+    StudyError: the controller fails.
+    """
     recorder = Recorder(prepared)
     run(prepared, recorder, ticks)
     return recorder.finish()
 
 
 def run(prepared: Prepared, controller: Steps, ticks: int) -> None:
-    """Simulate `ticks` periods of the plant with `controller` in place of the drive's own; StudyError."""
+    """Simulate `ticks` periods of the plant with `controller` in place of the drive's own.
+
+    StudyError: the controller fails.
+    """
     state = prepared.drive.start()
     rows = prepared.engine.Recorder(prepared.drive, max(ticks, 1))
     with failures(prepared.study, prepared.scenario, prepared.controller):

@@ -62,9 +62,9 @@ def _period(stored: StoredMap) -> str:
 
 
 def to_csv(stored: StoredMap) -> str:
-    """The map as CSV: a heading, then a row per entry: its place, and the value of each channel.
+    """The map as CSV: a heading, then a row per entry with its place and the value of each channel.
 
-    The place is a mechanical angle, the number of a sample, or of an order.
+    The place is a mechanical angle, or the number of a sample or order.
     """
     angle = stored.angle
     first = "theta_m_rad" if angle is not None else "n" if stored.turns else "sample"

@@ -48,8 +48,8 @@ class Comparison:
     Instructions per tick are counted over all ticks, over those in which the law runs, and over the others.
     By source file they are means; a function that the compiler inlined counts for its caller's file.
 
-    Sizes are in bytes. `flash`: code and constants; `constants`: those of the configuration among them.
-    `ram`: the controller's struct; `memory`: the part of it that the law learns into.
+    Sizes are in bytes. `flash`: code and constants; `constants`: the part of it that is the controller's
+    configuration. `ram`: the controller's struct; `memory`: the part of it that the law learns into.
     """
 
     study: str
@@ -81,9 +81,9 @@ def compare(
     toolchain: Toolchain,
     progress: Progress = lambda share: None,
 ) -> Comparison:
-    """Run the simulation, then the processor in closed loop with the same plant; StudyError.
+    """Run the simulation, then the processor in closed loop with the same plant, and compare them.
 
-    `ticks`: default 100,000, and at most those of the scenario.
+    `ticks`: default 100,000, and at most those of the scenario. StudyError: one of the two fails.
     """
     prepared = prepare(study, scenario, controller)
     ticks = min(ticks or TICKS, prepared.ticks)

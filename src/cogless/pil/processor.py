@@ -47,7 +47,7 @@ class Processor:
         self._uc.mem_map(STACK_TOP - STACK_SIZE, STACK_SIZE)
         self._uc.mem_write(STACK_TOP - STACK_SIZE, bytes([PAINT]) * STACK_SIZE)
         visit = self._visits.append
-        # called for every block (instructions without a jump between them) that is run
+        # the hook is called for each block (instructions without a jump between them) that is run
         self._uc.hook_add(unicorn.UC_HOOK_BLOCK, lambda uc, address, size, data: visit((address, size)))
         self._uc.reg_write(arm.UC_ARM_REG_C1_C0_2, COPROCESSORS_ON)
         self._uc.reg_write(arm.UC_ARM_REG_FPEXC, FPU_ON)

@@ -127,7 +127,7 @@ class Target:
 
 
 def build(prepared: Prepared, toolchain: Toolchain) -> tuple[Subject, Image]:
-    """Compile the files of an export, unchanged, for the Cortex-M4F; StudyError."""
+    """Compile the files of an export, unchanged, for the Cortex-M4F; StudyError if that fails."""
     subject = subject_of(prepared)
     defines = ["COGLESS_DOUBLE"] if subject.precision == "d" else []
     with ExitStack() as stack:

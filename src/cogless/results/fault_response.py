@@ -18,12 +18,12 @@ from cogless.study.scenario import Event
 
 Span = tuple[float, float]  # s
 
-FEWEST = 10  # rows that a ripple is taken over
+FEWEST = 10  # fewest rows from which a ripple is computed
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A time span (s) in which something is faulty; overlapping faults are merged.
+    """A time span (s) in which a fault is present; overlapping faults are merged into one.
 
     `lasting`: the fault lasts to the scenario's end.
     """

@@ -28,7 +28,7 @@ Value = float | None | list[float]
 # Signals with a target. Any other signal should return to its mean from before the event.
 ERRORS = ("omega_error", "omega_error_measured")  # target: zero
 REFERENCES = {"omega_m": "omega_ref", "omega_measured": "omega_ref", "i_d": "i_d_ref", "i_q": "i_q_ref"}
-SETTLED_SHARE = 1 / 2  # last part of a phase's trials, which final-rms uses
+SETTLED_SHARE = 1 / 2  # share of a phase's trials, at its end, that final-rms uses
 
 
 @dataclass(frozen=True)

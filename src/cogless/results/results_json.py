@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 
 def to_dict(results: AnyResults) -> dict[str, Any]:
-    """Content of results.json, in plain types only; a number that isn't finite becomes null, "never"."""
+    """Content of results.json, in plain types only; a number that isn't finite becomes null, meaning
+    "never"."""
     return {
         "study": results.study.name,
         "title": results.study.title,

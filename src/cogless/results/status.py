@@ -21,7 +21,7 @@ class Status(IntFlag):
     OFF = 1024
 
 
-SAFE = Status.FAULT | Status.OFF  # the controller's output is a safe one
+SAFE = Status.FAULT | Status.OFF  # the controller holds its safe output
 NOTICED = {  # what the monitor found wrong
     Status.ANGLE_LOST: "angle missing",
     Status.ANGLE_SHIFTED: "angle shifted",

@@ -146,7 +146,8 @@ def calibrate(study: AnyStudy, progress: Progress | None = None, jobs: int = 1) 
 
 
 def _deciding_tables(study: AnyStudy, scenario: str, controller: str) -> str:
-    """All tables that decide a run's metrics, as a text: those without other scenarios and controllers."""
+    """Text of all tables that decide a run's metrics: the study's, without other scenarios and
+    controllers."""
     tables = {key: table for key, table in study.source.tables.items() if key != "calibration"}
     for table, name in (("scenario", scenario), ("controller", controller)):
         tables[table] = {name: tables[table][name]}

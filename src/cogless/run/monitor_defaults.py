@@ -22,7 +22,8 @@ HOLD = 10e-3  # s
 
 
 def no_load_speed(bus_voltage: float, motor: StarMotor, belief: StarBelief) -> float:
-    """Mechanical no-load speed, rad/s, at which the assumed flux induces the largest voltage of the bus."""
+    """Mechanical speed, rad/s, at which the assumed flux induces the largest voltage that the bus can
+    supply."""
     reach = bus_voltage if motor.phases == 2 else bus_voltage / math.sqrt(3)
     return reach / (motor.pole_pairs * belief.psi_f)
 
@@ -36,7 +37,7 @@ def monitor_config(drive: Drive, motor: StarMotor, belief: StarBelief) -> dict[s
     period = 1 / drive.rates.current_loop
     step, window = 0.0, 0.0
     if isinstance(sensor, Encoder):
-        # the counts of one period of the law contain a jump; the speed from them is used for the next
+        # an angle jump is in the counts of one law period, and the speed from them is used in the next period
         step, window = 2 * math.pi / (4 * sensor.lines), 2 * drive.rates.divider * period
     elif isinstance(sensor, Resolver):
         step, window = 2 * math.pi / 2**sensor.bits, sensor.window * period

@@ -152,10 +152,10 @@ class Learning(Base):
 
     memory: Literal["time", "angle"] = "angle"
     period: Literal["electrical", "mechanical"] = "mechanical"
-    cells: Cells = 1024  # of a map over angle; over time: samples, at most
+    cells: Cells = 1024  # entries of a map over angle, or most samples of a delay line
     forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0  # share of the memory that is kept per period
     q_half_width: Annotated[int, Field(ge=0)] = 0  # cells on each side of the centre of the boxcar Q filter
-    lead: StartTime = 0.0  # s: the present error corrects the output of this long ago
+    lead: StartTime = 0.0  # s: the present error corrects what was output this long ago
     learning_start: StartTime = 0.0  # s
     limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
 

@@ -29,7 +29,7 @@ from cogless.study.table import (
     invalid,
 )
 
-PERIODS_MAX = 5e8  # largest number that the controller can count
+PERIODS_MAX = 5e8  # largest number of periods that the controller counts
 OUTER_LOOPS = ("speed_loop", "position_loop")
 
 
@@ -177,7 +177,7 @@ class Encoder(Table):
 
     kind: Literal["encoder"]
     lines: Annotated[int, Field(ge=1, le=10_000_000)]  # a revolution
-    speed_method: Literal["M", "T", "MT"] = "M"  # counts per period; time per count; both
+    speed_method: Literal["M", "T", "MT"] = "M"  # M: counts per period; T: time per count; MT: both
     timer: Frequency = 100e6  # Hz, for T and MT
     eccentricity: Angle = 0.0  # rad, amplitude of the error once per revolution
     eccentricity_phase: Angle = 0.0  # rad
@@ -228,7 +228,8 @@ class Drive(Table):
 
     @model_validator(mode="after")
     def _watchable(self) -> Self:
-        """Refuse monitor settings that the controller can't hold as numbers or count in its periods."""
+        """Refuse monitor and quality settings that the controller's numbers or counters of periods can't
+        hold."""
         rate, law_rate = self.rates.current_loop, self.rates.outer_loop
         for name in ("speed_window", "bridge", "hold"):
             time = getattr(self.monitor, name)

@@ -122,7 +122,7 @@ def _problem(details: Any, tables: Any, length: int | None) -> Problem:
     key = _existing(details["loc"], tables) + tuple(context.get("key", ()))
     kind = details["type"]
     if kind.startswith("union_tag"):
-        key = (*key, context["discriminator"].strip("'_()"))  # such as "'law'", or "_kind()", a function
+        key = (*key, context["discriminator"].strip("'_()"))  # as pydantic writes it: "'law'" or "_kind()"
     value = look_up(tables, key)
     absent = "missing" if kind.startswith("union_tag") else str(context.get("value") or "")
     told = value is not MISSING and not (kind == "study" and isinstance(value, dict))

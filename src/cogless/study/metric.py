@@ -63,7 +63,7 @@ class Metric(Table):
         "final-rms",
         "trials-to-floor",
     ]
-    signal: str | None = None  # not for copper-loss, chattering; dip, settling, overshoot: default omega_m
+    signal: str | None = None  # not for copper-loss and chattering; default at an event: omega_m
     # s; default: from the metric's event to the next one, or without an event the whole run
     window: tuple[Time, Time] | None = Field(default=None, strict=False)
     last: Duration | None = None  # s: instead of a window, the last part of each scenario

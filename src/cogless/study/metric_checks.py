@@ -41,8 +41,7 @@ def metrics(study: Study | TrialStudy) -> None:
 
 
 def windows(study: Study) -> None:
-    """Check that the metrics of a speed study have a kind for it, enough rows in their windows, and their
-    events."""
+    """Check the metrics of a speed study: their kind, enough rows in their windows, and events that exist."""
     for index, metric in enumerate(study.metric):
         if metric.kind in EACH_PHASE:
             raise invalid("expected another, since there are no trials", "metric", index, "kind")

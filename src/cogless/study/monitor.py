@@ -34,7 +34,8 @@ class Monitor(Table):
 
 
 class Quality(Table):
-    """Settings of the residual ripple: its window, and which speed errors are outliers, so aren't learned."""
+    """Settings of the residual ripple: its window, and which speed errors are outliers, excluded from
+    learning."""
 
     span: Span | None = None  # rad, mechanical, turned per window; default: a revolution
     longest: Duration = 60.0  # s

@@ -1,4 +1,4 @@
-"""Check that a study suits the simulation: the integrator, the inverter and the size of the memory."""
+"""Check that a study suits the simulation: integration step, inverter's dead time, size of a trace."""
 
 from __future__ import annotations
 

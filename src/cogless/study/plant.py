@@ -1,4 +1,4 @@
-"""The linear plant of a study of trials without a motor: matrices over uncertain parameters, or vertices.
+"""A linear plant for studies of trials: matrices with uncertain parameters, or matrices at each vertex.
 
 x' = A x + B (u - d), y = C x        continuous
 x(p+1) = A x(p) + B (u(p) - d(p))    discrete

@@ -38,7 +38,7 @@ def terms(law: Base) -> set[str]:
 
 
 def kinds(study: Study | TrialStudy) -> set[str]:
-    """Properties in NEEDED, and "trials", that a study's drive has."""
+    """Properties that a study's drive has, out of the keys of NEEDED and "trials"."""
     motor, trials = study.motor, isinstance(study, TrialStudy)
     has = {
         "electrical": study.drive is not None and not study.drive.ideal,

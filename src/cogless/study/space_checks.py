@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 FEWEST_SAMPLES = 4  # of a period
 ANGLE_MAX = 1e5  # rad, CGL_ANGLE_MAX of control/src/cogless/angle.h
-MOST_PARTS = 65535  # of the law's revolution, as denominator of its period
+MOST_PARTS = 65535  # largest denominator of a period in revolutions of the law's angle
 
 
 def space_laws(study: Study) -> None:
@@ -47,8 +47,8 @@ def space_laws(study: Study) -> None:
 
 
 def _numbers(study: Study, name: str, law: SpaceLearning) -> None:
-    """Check that the controller's number type can hold the law's keys, and the gain of the equation for
-    P_t."""
+    """Check that the law's numbers fit the controller's number type, and that k_pp is below the loop's
+    rate."""
     # `terms`: the Q filter adds up this many entries
     check_precision(law, study.drive.precision, "controller", name, terms=2 * law.q_half_width + 2)
     rate = study.drive.rates.outer_loop
@@ -59,7 +59,8 @@ def _numbers(study: Study, name: str, law: SpaceLearning) -> None:
 def _angles(name: str, revolutions: Fraction, ratio: int) -> None:
     """Check that the reference angle stays small enough.
 
-    The controller counts it up to the angle where whole revolutions are whole periods of the learned signal.
+    The controller counts it up to the smallest angle that is a whole number of revolutions and of learned
+    periods.
     """
     longest = int(ANGLE_MAX / (2 * math.pi * ratio))
     if revolutions.numerator > longest:

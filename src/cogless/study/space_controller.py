@@ -44,12 +44,13 @@ class SpaceLearning(Base):
     learning: bool = True
     learning_start: StartTime = 0.0  # s
     period: Period = Period()
-    memory: Literal["map", "delay"] = "map"  # map over the angle; or samples over time, delayed by P_t
+    memory: Literal["map", "delay"] = "map"  # map over the angle, or delay line over time; P_t is its delay
     delay_method: Literal["ode", "inversion"] = "ode"  # how P_t is found
-    k_pp: Annotated[float, Quantity(units.RATE, ">", bare=True)] = 10.0  # 1/s, of the equation for P_t
+    k_pp: Annotated[float, Quantity(units.RATE, ">", bare=True)] = 10.0  # 1/s, gain of the ODE for P_t
     cells: Cells = 1024  # cells of the map; samples of the delay line's longest period
     q_half_width: Annotated[int, Field(ge=0)] = 5  # cells, or samples, on each side of the Q filter; 0: none
-    mu_alpha: Annotated[float, Quantity(units.CURRENT, ">=", bare=True)] = 0.0  # A, in the frame's angle
+    # learning gains of alpha, beta and h; a rad in their units is of the angle that the law uses
+    mu_alpha: Annotated[float, Quantity(units.CURRENT, ">=", bare=True)] = 0.0  # A
     mu_beta: Annotated[float, Quantity(units.SPEED_LEARNING, ">=", bare=True)] = 0.0  # A*s^2/rad^2
     mu_h: Annotated[float, Quantity(units.ACCELERATION_LEARNING, ">=", bare=True)] = 0.0  # A*s^4/rad^2
     alpha_limit: CurrentBound | None = None  # A; default: the current limit

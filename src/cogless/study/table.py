@@ -46,7 +46,7 @@ class Table(BaseModel):
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
-        """The full table for a value in short form, such as a plain number in place of a table."""
+        """The full table for a value in short form, such as a text in place of a table."""
         return data
 
     @model_validator(mode="wrap")
@@ -71,7 +71,7 @@ class Table(BaseModel):
 
 
 def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetails]:
-    """Errors for unknown keys, and for missing keys that aren't likely to be a misspelt unknown one."""
+    """Errors for unknown keys, and for missing keys unless an unknown key looks like their misspelling."""
     known = list(table.model_fields)
     near = {key: _near(key, known) for key in data if key not in known}
     found = [invalid(_suggestion(meant, known), key, value="unknown key") for key, meant in near.items()]
@@ -111,7 +111,7 @@ RANGE = {"single": (1.2e-38, 3.4e38), "double": (2.3e-308, 1.7e308)}
 
 
 def check_precision(table: Table, precision: str, *above: str, terms: int = 1) -> None:
-    """Refuse numbers that the controller's number type can't hold, or can't hold a sum of `terms` of."""
+    """Refuse numbers that the controller's number type can't hold, or whose sum of `terms` would overflow."""
     smallest, largest = RANGE[precision]
     most = largest / terms
     for key in type(table).model_fields:
@@ -241,6 +241,6 @@ NumberGain = Annotated[float, Field(ge=0)]
 
 
 def one_of(names: Iterable[str]) -> str:
-    """Error text: expected one of these names."""
+    """The text of an error: "expected one of", followed by these names."""
     known = ", ".join(f'"{name}"' for name in names)
     return f"expected one of {known}"

@@ -56,7 +56,7 @@ class StateIlc(FilteredLaw):
 
     law: Literal["state-ilc"]
     K_stab: Many[float] | None = None  # of the states; default: from the LMIs without integral action
-    K_ilc: float | None = None  # default: by the LMIs (32) to (35)
+    K_ilc: float | None = None  # learning gain; default: from the LMIs (32) to (35)
 
 
 class NormOptimalIlc(TrialLaw):
@@ -68,7 +68,8 @@ class NormOptimalIlc(TrialLaw):
     feedforward: bool = True
     K_s: Many[float] | None = None
     N: float | None = None
-    change_weight: Annotated[float, Field(gt=0)] = 0.01  # of the learned signal's change; of the error: 1
+    # weight of the learned signal's change in the cost, where the error's weight is 1
+    change_weight: Annotated[float, Field(gt=0)] = 0.01
 
 
 AnyTrialController = TrialIlc | StateIlc | NormOptimalIlc | PythonLaw | LibraryLaw
@@ -89,7 +90,7 @@ class DesignSettings(Table):
     discretisation: Literal["euler", "exact"] = "euler"
     state_weight: Weight  # Q of (8), for states and integrator: its diagonal, or all its rows
     input_weight: Annotated[float, Field(gt=0)]  # R of (8)
-    initial_state: Many[float]  # gamma of (10): initial states and integrator for the cost
+    initial_state: Many[float]  # gamma of (10): states and integrator where the cost begins
     initial_change: Many[float] | None = None  # f of (31); default: initial_state
     initial_error: Annotated[float, Field(gt=0)] = 0.1  # g of (31)
     range: dict[str, tuple[float, float]] = Field(default={})  # of a drive's parameters, as in UNCERTAIN

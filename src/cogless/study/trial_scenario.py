@@ -128,8 +128,8 @@ class TrialScenario(TrialConditions, Experiment):
 
     @property
     def phases(self) -> tuple[tuple[int, TrialConditions], ...]:
-        """First trial (counted from 1) and complete conditions of each phase, the trials between two
-        changes."""
+        """First trial (counted from 1) and complete conditions of each phase (the trials between two
+        changes)."""
         now = TrialConditions.model_construct(
             **{key: getattr(self, key) for key in TrialConditions.model_fields}
         )
@@ -144,7 +144,7 @@ class TrialScenario(TrialConditions, Experiment):
                 told["override"] = {**(now.override or {}), **told["override"]}
                 reloads = any(key.startswith("mechanics.load") for key in change.override or ())
                 if reloads and change.load is None:
-                    told["load"] = None  # this override is newer than the load
+                    told["load"] = None  # the override's load is the newer one
             now = now.model_copy(update=told)
             found.append((change.trial, now))
         return tuple(found)

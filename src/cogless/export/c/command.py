@@ -27,10 +27,11 @@ ENTRY = "drive.h"  # header of the drive's controller
 def export_c(
     study: AnyStudy, controller: str, target: Path, scenario: str | None = None, command: str = ""
 ) -> Subject:
-    """Write a controller as C, completely or not at all, and return the data it was written from; StudyError.
+    """Write a controller as C, completely or not at all, and return the data it was written from.
 
     `scenario`: the one in which the self-test is recorded, default the first that has the controller.
-    `command`: the command line that made the export, for its README.
+    `command`: the command line that made the export, for its README. StudyError: the export can't be made or
+    written.
     """
     folder.check(target)
     prepared = prepare(study, first_scenario(study, controller, scenario), controller)

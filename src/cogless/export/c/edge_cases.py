@@ -34,7 +34,7 @@ class Stretch:
     periods: int
     counts: int  # the angle at its first period
     step: int
-    inputs: tuple[int, ...]  # bit patterns of measurement and reference; theta_m's is added to the counts
+    inputs: tuple[int, ...]  # bit patterns of measurement and reference; that of theta_m is an offset
     sum: int
 
 
@@ -51,10 +51,9 @@ class _Inputs:
 
 
 def awkward(subject: Subject, prepared: Prepared, motion: bytes | None) -> list[Stretch]:
-    """Run the engine's controller through unusual inputs from its initial state; their stretches with
-    checksums.
+    """Stretches of unusual inputs, with checksums of the controller's outputs.
 
-    `motion`: the reference of a trial, for a law of trials.
+    The engine's controller is run through them from its initial state. `motion`: reference of a trial.
     """
     state = prepared.drive.start()
     if motion is not None:

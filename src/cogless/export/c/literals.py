@@ -1,4 +1,4 @@
-"""Write the values of a configuration as C initialisers, which compile to the same bits again."""
+"""Write the values of a configuration as C initialisers, which compile to exactly the same bits."""
 
 from __future__ import annotations
 

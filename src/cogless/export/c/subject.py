@@ -33,8 +33,8 @@ class Subject:
     memory_length: int  # entries of the law's memory
     has_map: bool  # what it learns can be stored
     learning_matrix: NDArray[np.floating[Any]] | None
-    figures: list[tuple[str, str]]  # name and value, as from `cogless design`
-    verdict: str  # of `cogless design`, on learning
+    figures: list[tuple[str, str]]  # name and value, as `cogless design` shows them
+    verdict: str  # what `cogless design` says about learning
     command: str  # command line of this export
 
     @property
@@ -43,12 +43,12 @@ class Subject:
 
     @property
     def precision(self) -> str:
-        """ "f" for float, "d" for double."""
+        """Type of the library's real numbers: "f" for float, "d" for double."""
         return self.layout.real
 
     @property
     def divider(self) -> int:
-        """Current-loop periods in a period of the law."""
+        """Current-loop periods per period of the law."""
         return int(self.drive_config["divider"])
 
     @property

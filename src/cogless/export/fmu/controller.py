@@ -29,7 +29,7 @@ from cogless.export.fmu.variables import (
 from cogless.export.prepared import Prepared, Reals
 from cogless.files import control_sources
 
-# Names of other things in the FMU's code begin with these, so the controller's must not.
+# Prefixes of other names in the FMU's code, with which the controller's name must not begin.
 TAKEN = ("fmu", "fmi", "controller", "motion")
 # Members of the C struct cgl_drive_output, in its order.
 OUTPUTS = ("duty_a", "duty_b", "duty_c", "i_d", "i_q", "u_d", "u_q", "i_d_ref", "i_q_ref", "status")
@@ -80,7 +80,7 @@ def _variables(run: Prepared) -> list[Variable]:
 
 
 def _variables_h(run: Prepared, subject: Subject, variables: Sequence[Variable]) -> str:
-    """Text of the header controller_variables.h, by which controller_model.c knows this controller."""
+    """Text of the header controller_variables.h, which adapts controller_model.c to this controller."""
     name = subject.name
     outputs = {f"OUT_{output.upper()}": output for output in OUTPUTS}
     pointers = {subject.law.cells: MEMORY} if subject.law.cells else {}

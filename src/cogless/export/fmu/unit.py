@@ -44,7 +44,7 @@ def texts(files: Iterable[Path], under: str = "") -> dict[str, str]:
 def in_precision(sources: dict[str, str], bits: int) -> dict[str, str]:
     """The control library's sources for numbers of 32 or 64 bits.
 
-    For 64 bits real.h defines the macro itself, so that no compiler option is needed.
+    For 64 bits, real.h itself defines the macro COGLESS_DOUBLE, so that no compiler option is needed.
     """
     if bits == 32:
         return sources
