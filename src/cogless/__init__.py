@@ -1,4 +1,4 @@
-"""Controllers that remove torque ripple from permanent-magnet drives: simulated, designed and compared."""
+"""Simulate, design and compare controllers that remove torque ripple from permanent-magnet drives."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from cogless.run.simulate import rollout, run_study
     from cogless.study import Study, TrialStudy, changed, for_scenario, load
 
-# Loaded when first used, so that importing cogless stays quick.
+# Module of each public name. It is imported at first use, so that importing cogless stays quick.
 _HOMES = {
     "StudyError": "cogless.errors",
     "Results": "cogless.results",

@@ -1,4 +1,7 @@
-"""The structs of the control library, read from its headers: the one place where their fields stand."""
+"""Read the struct and enum definitions of the control library from its C headers.
+
+The headers are the only place where the fields are declared.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from cogless.files import control_sources
 STRUCT = re.compile(r"typedef struct \{(.*?)\n\} (\w+);", re.DOTALL)
 ENUM = re.compile(r"typedef enum \{(.*?)\} (\w+);", re.DOTALL)
 NUMBER = re.compile(r"^#define (\w+) (\d+)U?$", re.MULTILINE)
-# a comment of its own, or a declaration with the comment behind it
+# a comment on its own, or a declaration and the comment that follows it
 MEMBER = re.compile(r"\s*(?:/\*.*?\*/|([^;{}/]+);(?:[ \t]*/\*(.*?)\*/)?)", re.DOTALL)
 FUNCTION = re.compile(r"\w+ \(\*(\w+)\)\(.*\)", re.DOTALL)
 DECLARATION = re.compile(r"(?:const )?(\w+) (.+)", re.DOTALL)
@@ -23,20 +26,26 @@ COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 
 @dataclass(frozen=True)
 class Field:
-    """A member of a struct; `length` of an array, else None. `comment`: unit and meaning, on the first of a
-    declaration."""
+    """A member of a C struct.
+
+    `length`: number of entries of an array, None if it isn't one. `comment`: unit and meaning from the
+    header; only the first member of a declaration has it.
+    """
 
     name: str
     type: str
     length: int | None
     pointer: bool
     comment: str
-    declaration: int  # members of one declaration share it
+    declaration: int  # its number in the struct; members of one declaration share it
 
 
 @dataclass(frozen=True)
 class Headers:
-    """Structs by name, their members in order; enums by name, constant -> value."""
+    """Definitions in the C headers.
+
+    `structs`: name -> members, in order. `enums`: name -> constant -> value.
+    """
 
     structs: Mapping[str, tuple[Field, ...]]
     enums: Mapping[str, Mapping[str, int]]
@@ -44,12 +53,12 @@ class Headers:
 
 @cache
 def control_headers() -> Headers:
-    """Those of the control library that comes with cogless."""
+    """Definitions in the headers of the control library that is installed with cogless."""
     return parse(sorted((control_sources() / "cogless").glob("*.h")))
 
 
 def parse(headers: Iterable[Path]) -> Headers:
-    """Read the headers. ValueError: something in a struct that this reader does not know."""
+    """Read structs and enums from header files. ValueError: a struct member that this parser can't read."""
     texts = [path.read_text(encoding="utf-8") for path in headers]
     numbers = {name: int(value) for text in texts for name, value in NUMBER.findall(text)}
     structs = {name: _members(name, body, numbers) for text in texts for body, name in STRUCT.findall(text)}
@@ -89,7 +98,7 @@ def _members(struct: str, body: str, numbers: Mapping[str, int]) -> tuple[Field,
 
 
 def _length(text: str, numbers: Mapping[str, int]) -> int:
-    """Of an array: a number, a macro, or a sum of them."""
+    """Length of an array, which is written as a number, a macro, or a sum of these."""
     return sum(numbers[term] if term in numbers else int(term) for term in text.replace(" ", "").split("+"))
 
 

@@ -1,4 +1,4 @@
-"""The control library's laws, as its laws.def lists them: names in C, memory, what is recorded of each."""
+"""Laws of the control library, read from its laws.def: names in C, memory, recorded parts of the output."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MEMBER = re.compile(r"\bc\.([\w.]+)")
 
 @dataclass(frozen=True)
 class Term:
-    """A part of what a law asks for, as it is recorded."""
+    """A part of a law's output that is recorded as a signal. `learned`: whether it is the learned part."""
 
     signal: str
     unit: str
@@ -25,8 +25,12 @@ class Term:
 
 @dataclass(frozen=True)
 class CLaw:
-    """A law's names in C. `cells`: where its state points to the caller's memory; `length`: entries of that
-    memory, an expression with members of the config c; both None where the law keeps all in its state."""
+    """Names of a law in C, and its memory.
+
+    `cells`: member of the law's state that points to memory which the caller provides. `length`: number of
+    entries of that memory, a C expression in members of the configuration `c`. Both are None if the law needs
+    no memory besides its state.
+    """
 
     name: str
     stem: str
@@ -38,21 +42,24 @@ class CLaw:
 
     @property
     def state(self) -> str:
-        """The type of its state; its functions' names begin likewise."""
+        """C type of the law's state; the names of the law's functions begin with it."""
         return f"cgl_{self.stem}"
 
     @property
     def config(self) -> str:
-        """The type of its configuration."""
+        """C type of the law's configuration."""
         return f"{self.state}_config"
 
     @property
     def map(self) -> str:
-        """The function that makes a stored map of what it learned."""
+        """Name of the C function that makes a stored map from what the law has learned."""
         return f"cgl_map_of_{self.stem}"
 
     def entries(self, config: Mapping[str, Any]) -> str | None:
-        """`length` for a config as decoded; whole numbers are unsigned."""
+        """The C expression `length` with the numbers of a decoded configuration put in.
+
+        Whole numbers get C's suffix U. None if `length` is None.
+        """
 
         def value(found: re.Match[str]) -> str:
             member: Any = config
@@ -64,7 +71,8 @@ class CLaw:
 
 
 def _arguments(text: str) -> Iterator[str]:
-    """A row's arguments: what stands between commas that are in no inner parentheses."""
+    """Yield the arguments of a macro call in laws.def: its text, split at commas outside inner
+    parentheses."""
     depth, start = 0, 0
     for place, character in enumerate(text):
         depth += {"(": 1, ")": -1}.get(character, 0)

@@ -1,4 +1,4 @@
-"""Structs of the control library as bytes, in the layout of the machine that this runs on."""
+"""Convert structs of the control library to bytes and back, in the memory layout of this machine."""
 
 from __future__ import annotations
 
@@ -17,8 +17,11 @@ POINTER = struct.calcsize("P")
 
 @dataclass(frozen=True)
 class Leaf:
-    """A number within a struct: its path, such as "pi.kp" or "i_abc[1]", its place in bytes, its format for
-    the struct module."""
+    """A single number within a struct.
+
+    `path`: its name, such as "pi.kp" or "i_abc[1]". `offset`: bytes from the struct's start. `format`: its
+    format code for Python's struct module.
+    """
 
     path: str
     type: str
@@ -26,23 +29,26 @@ class Leaf:
     format: str
 
     def value(self, data: bytes) -> float:
-        """As a number."""
+        """The number, read from the struct's bytes."""
         return float(struct.unpack_from(self.format, data, self.offset)[0])
 
     def bits(self, data: bytes) -> int:
-        """As a bit pattern; a bool is 0 or 1."""
+        """The number's bit pattern, read from the struct's bytes; for a bool 0 or 1."""
         return int(struct.unpack_from(SAME_BITS[self.format], data, self.offset)[0])
 
 
 @dataclass(frozen=True)
 class Layout:
-    """The structs of one build of the library. `real`: "f" for float, "d" for double."""
+    """Memory layout of the structs in one build of the library.
+
+    `real`: format of the library's real numbers, "f" for float, "d" for double.
+    """
 
     headers: Headers
     real: str
 
     def size(self, name: str) -> int:
-        """Bytes of a type, padding included."""
+        """Size of a type in bytes, padding included."""
         if name not in self.headers.structs:
             return struct.calcsize(self._format(name))
         end = 0
@@ -51,26 +57,27 @@ class Layout:
         return _up(end, self._alignment(name))
 
     def decode(self, name: str, data: bytes) -> dict[str, Any]:
-        """A struct's members by name: numbers, names of enum constants, dicts of structs, lists of arrays.
+        """Decode a struct's bytes to its members by name.
 
-        A pointer is None: what it points to is not in the bytes. ValueError: another size.
+        A member is a number, the name of an enum constant, a dict (struct) or a list (array). A pointer is
+        None, since the bytes don't contain what it points to. ValueError: `data` has the wrong size.
         """
         if len(data) != self.size(name):
             raise ValueError(f"{name}: {len(data)} bytes: expected {self.size(name)}")
         return self._struct(name, data, 0)
 
     def pack(self, name: str, values: Mapping[str, Any]) -> bytes:
-        """A struct's bytes from its members, all of them, as `decode` gives them.
+        """Encode a struct's members, in the form that `decode` returns, as bytes. All must be given.
 
         A list may be shorter than its array: the rest is zero. ValueError names the member that is missing,
-        unknown, or none of its type.
+        unknown or of the wrong type.
         """
         data = bytearray(self.size(name))
         self._put(name, values, data, 0, name)
         return bytes(data)
 
     def leaves(self, name: str) -> list[Leaf]:
-        """Every number of a struct without pointers, in order."""
+        """Every number of a struct, in memory order; the struct must have no pointers."""
         return list(self._leaves(name, "", 0))
 
     def _leaves(self, name: str, prefix: str, start: int) -> Iterator[Leaf]:
@@ -116,7 +123,7 @@ class Layout:
             number = self.headers.enums[name][value] if name in self.headers.enums else value
             if isinstance(value, bool) != (name == "bool"):
                 raise TypeError
-            struct.pack_into(f"={self._format(name)}", data, at, number)  # "=": no overflow to infinity
+            struct.pack_into(f"={self._format(name)}", data, at, number)  # "=": overflow raises
         except (struct.error, OverflowError, TypeError, KeyError):
             raise ValueError(f"{where}: {value!r}: expected a value of {name}") from None
 
@@ -163,7 +170,7 @@ class Layout:
 
 @cache
 def control_layout(precision: str) -> Layout:
-    """The control library's structs in "single" or "double" precision."""
+    """Layout of the control library's structs in "single" or "double" precision."""
     return Layout(control_headers(), {"single": "f", "double": "d"}[precision])
 
 

@@ -1,4 +1,4 @@
-"""The command line: parses, calls, prints."""
+"""The command line: parses arguments, calls the library, prints results."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from cogless.run.simulate import StudyProgress
     from cogless.study import AnyStudy
 
-# The designs' matrices are small: BLAS threads would only wait for each other.
+# The matrices of the designs are so small that several BLAS threads would only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-WIDE = 240  # columns where the output is no terminal, so that files and pipes get whole lines
+WIDE = 240  # columns if the output is no terminal, so that lines in files and pipes aren't wrapped
 DIFFERENT, WRONG, INTERRUPTED = 1, 2, 130
 
 app = typer.Typer(
@@ -73,15 +73,15 @@ CORES = os.cpu_count() or 1
 
 
 def main() -> None:
-    """Entry point: a user's mistake is a line on stderr and exit 2, Ctrl-C is exit 130."""
+    """Entry point. A user's mistake prints a line on stderr and exits with 2; Ctrl-C exits with 130."""
     code = _flushed(_code())
     if left_behind():
-        os._exit(code)  # Python would stop the threads that it finds in the engine, and crash
+        os._exit(code)  # sys.exit would stop threads within the engine, and crash
     sys.exit(code)
 
 
 def _code() -> int:
-    """Run the command; its exit code."""
+    """Run the command and return its exit code."""
     try:
         code = app(prog_name="cogless", standalone_mode=False)
     except SystemExit as end:
@@ -96,26 +96,26 @@ def _code() -> int:
         _say(f"{error.filename or 'output'}: {reason(error)}")
         return WRONG
     except Exception as error:
-        if not hasattr(error, "format_message"):  # not of typer's own kind
+        if not hasattr(error, "format_message"):  # not an exception of typer
             raise
         line = str(error.format_message()).rstrip(".")
         if line:
             command = getattr(getattr(error, "ctx", None), "command_path", "cogless")
             _say(f"{line}{'' if line.endswith('?') else '.'} See {command} --help.")
         return WRONG
-    if code == INTERRUPTED:  # what typer makes of Ctrl-C in a command
+    if code == INTERRUPTED:  # typer returns this after Ctrl-C in a command
         _say("Interrupted.")
     return code if isinstance(code, int) else 0
 
 
 def _flushed(code: int) -> int:
-    """The exit code once all is printed: of a full disk another one, and a line."""
+    """Flush stdout and return the exit code: `code`, or WRONG if the output can't be written (full disk)."""
     try:
         if sys.stdout is not None:
             sys.stdout.flush()
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # where the rest goes at the end
-        if code != WRONG and not isinstance(error, BrokenPipeError):  # who read it has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the flush at exit
+        if code != WRONG and not isinstance(error, BrokenPipeError):  # the reader closed the pipe: no message
             _say(f"output: {reason(error)}")
         return WRONG
     return code
@@ -181,11 +181,11 @@ def run(
         if results.runs:
             try:
                 _write(results, folder, plots)
-            except StudyError as error:  # a full disk: the tables at least are printed
+            except StudyError as error:  # such as a full disk; the tables are still printed
                 failures.append(error)
     if results.runs:
         _print_tables(results)
-        if not isinstance(loaded, TrialStudy):  # whose certificates are in the report
+        if not isinstance(loaded, TrialStudy):  # trial studies have certificates in the report
             _print_warnings(loaded, [(run.scenario, run.controller) for run in results.runs])
         if not any(not isinstance(failure, RunError) for failure in failures):
             print(f"Report: {folder / 'report.html'}")
@@ -372,7 +372,7 @@ def calibrate(study: StudyArgument, changes: SetOption = None, jobs: JobsOption 
 
 
 def _command(name: str, study: str, changes: list[str] | None, options: list[str]) -> str:
-    """The command line as one would type it."""
+    """The whole command line, quoted for a shell."""
     sets = [word for change in changes or () for word in ("--set", change)]
     return shlex.join(["cogless", name, study, *options, *sets])
 
@@ -426,7 +426,7 @@ def _write(results: AnyResults, folder: Path, plots: bool) -> None:
     from cogless import report
     from cogless.results import map_files, results_json, trace
 
-    # maps are for flashing: none of an earlier run stays beside these results
+    # maps are written to flash memory, so those of an earlier run must not stay beside these results
     map_files.remove_all(map_files.runs_that_learned(folder / "results.json"), folder / "maps")
     results_json.write(results, folder / "results.json")
     about = {"title": results.study.title, "seed": results.study.seed}
@@ -463,13 +463,13 @@ def _print_tables(results: AnyResults) -> None:
             console.print(broken, highlight=False, markup=False)
         console.print()
     shown = {run.controller for run in results.runs}
-    if len(shown) > 1:  # else there are no marks to explain
+    if len(shown) > 1:  # with one controller there are no marks to explain
         ratio = f"; (x) times the value of {study.label(study.baseline)}" if study.baseline in shown else ""
         console.print(f"* best{ratio}", highlight=False, markup=False)
 
 
 def _print_warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
-    """Print what is known of controllers, by scenario and name, before they run; each line once."""
+    """Print the design's warnings about the controllers of these runs (scenario, name), each line once."""
     from cogless.design.warnings import warnings
 
     of_each = {name: scenario for scenario, name in runs}
@@ -478,7 +478,7 @@ def _print_warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
 
 
 def _cell(line: Line, controller: str, baseline: str) -> Text:
-    """A number, its ratio to the baseline, and a mark: * is the best, ! did not hold the speed."""
+    """A table cell: value, ratio to the baseline, and a mark (* is best, ! failed to hold the speed)."""
     from rich.text import Text
 
     from cogless.report.packing import number
@@ -492,7 +492,7 @@ def _cell(line: Line, controller: str, baseline: str) -> Text:
 
 @contextmanager
 def _run_progress(runs: int) -> Iterator[StudyProgress]:
-    """Progress on a terminal's stderr; nothing elsewhere."""
+    """Show the progress of all runs on stderr if it is a terminal; yield the function that reports it."""
     console = _console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -508,7 +508,8 @@ def _run_progress(runs: int) -> Iterator[StudyProgress]:
 
 @contextmanager
 def _share_progress(what: str) -> Iterator[Callable[[float], None]]:
-    """Progress of one thing on a terminal's stderr; nothing elsewhere."""
+    """Show the progress of one task on stderr if it is a terminal; yield the function that takes its
+    share."""
     console = _console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -522,5 +523,5 @@ def _console(**options: Any) -> Console:
 
 
 def _say(line: str) -> None:
-    with suppress(OSError):  # stderr has no room either
+    with suppress(OSError):  # stderr can't be written either
         print(line, file=sys.stderr)

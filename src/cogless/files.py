@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all; where those are that come with cogless."""
+"""Write files completely or not at all, and find the files that are installed with cogless."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from cogless.errors import StudyError
 
 
 def package_folders() -> list[Path]:
-    """Folders of the cogless package: more than one while it is developed, say."""
+    """Folders of the cogless package; there may be several, for example in a development install."""
     return [Path(folder) for folder in sys.modules["cogless"].__path__]
 
 
 def control_sources() -> Path:
-    """The folder that holds cogless/*.h and cogless/*.c of the control library, as installed."""
+    """The installed folder that contains cogless/*.h and cogless/*.c of the control library."""
     for folder in package_folders():
         found = folder / "sources" / "control" / "src"
         if found.is_dir():
@@ -27,7 +27,7 @@ def control_sources() -> Path:
 
 
 def reason(error: OSError) -> str:
-    """The system's words for an error, to stand within a line."""
+    """The operating system's text for an error, in lower case, for use within a message."""
     return error.strerror.lower() if error.strerror else str(error)
 
 
@@ -35,7 +35,7 @@ def reason(error: OSError) -> str:
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside `path`; move it there on success, remove it on any error or interrupt.
 
-    StudyError: it can't be written, on a full disk say.
+    StudyError: the file can't be written, for example on a full disk.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
@@ -50,10 +50,10 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def writable(directory: Path) -> Iterator[None]:
-    """Create `directory` where it's missing and try to write in it; StudyError if that fails.
+    """Create `directory` if it is missing, and try to write in it; StudyError if that fails.
 
-    Entered before a run, so that no result is computed that could not be kept. What was created and is still
-    empty in the end is removed.
+    A run is made within this context, so that no result is computed that can't be saved. At the end, folders
+    that were created here and are still empty are removed.
     """
     missing = [folder for folder in (directory, *directory.parents) if not folder.exists()]
     try:
@@ -61,7 +61,7 @@ def writable(directory: Path) -> Iterator[None]:
         with tempfile.TemporaryFile(dir=directory):
             pass
     except OSError as error:
-        # a folder in which none can be made, such as /proc
+        # its parent allows no new folders, such as /proc
         why = "can't be made there" if isinstance(error, FileNotFoundError) else reason(error)
         raise StudyError(f"{directory}: {why}: expected a directory that can be written") from error
     try:

@@ -1,4 +1,4 @@
-"""Every signal of a run: what the engine records, as its signals.def lists it, and what follows from that."""
+"""All signals of a run: those that the engine records (simulator/signals.def) and those derived from them."""
 
 from __future__ import annotations
 
@@ -33,14 +33,17 @@ DIMENSIONS: dict[str, Dimension] = {
 
 @dataclass(frozen=True)
 class Recorded:
-    """A signal that the engine records; `when`: the kinds of drive that have it (signals.def)."""
+    """A signal that the engine records.
+
+    `about`: its meaning. `when`: condition on the kinds of drive that have the signal, as in signals.def.
+    """
 
     unit: str
     about: str
     when: str
 
     def exists(self, kinds: Collection[str]) -> bool:
-        """Whether a drive of these kinds has it."""
+        """Whether a drive of these kinds has the signal."""
 
         def holds(word: str) -> bool:
             return word == "true" or (word[4:] not in kinds if word.startswith("not ") else word in kinds)
@@ -50,7 +53,7 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Derived:
-    """A signal that is computed of recorded ones."""
+    """A signal that is computed from recorded signals: the function `of`, with the signals `needs`."""
 
     unit: str
     needs: tuple[str, ...]
@@ -69,13 +72,13 @@ def _residual(electrical: Any, copper: Any, friction: Any, load: Any, stored: An
 RECORDED = _recorded()
 DERIVED = {
     "omega_error": Derived("rad/s", ("omega_ref", "omega_m"), np.subtract),  # reference minus true speed
-    # the error as the controller sees it, and the sensor's, measured minus true: the true error is their sum
+    # error that the controller sees, and sensor error (measured minus true): their sum is the true error
     "omega_error_measured": Derived("rad/s", ("omega_ref", "omega_measured"), np.subtract),
     "omega_sensor_error": Derived("rad/s", ("omega_measured", "omega_m"), np.subtract),
     "i_amplitude": Derived("A", ("i_d", "i_q"), np.hypot),  # length of the current vector
-    # the balance's residual, which is the integrator's error
+    # residual of the energy balance, which is the error of the numerical integration
     "energy_residual": Derived("J", tuple(n for n in RECORDED if n.startswith("energy_")), _residual),
-    # torque of the motor on the rotor, cogging included
+    # torque of the motor on the rotor, including cogging
     "tau_motor": Derived("N*m", ("tau_e", "tau_cogging"), np.add),
     "theta_error": Derived("rad", ("theta_ref", "theta_m"), np.subtract),  # reference minus true angle
     "theta_error_measured": Derived("rad", ("theta_ref", "theta_measured"), np.subtract),
@@ -85,14 +88,14 @@ DERIVED = {
 
 
 def exists(name: str, kinds: Collection[str]) -> bool:
-    """Whether a drive of these kinds (signals.def) has a signal, recorded or derived."""
+    """Whether a drive of these kinds (signals.def) has this recorded or derived signal."""
     if name in DERIVED:
         return all(exists(needed, kinds) for needed in DERIVED[name].needs)
     return name in RECORDED and RECORDED[name].exists(kinds)
 
 
 def dimensions(kinds: Collection[str], laws: Collection[str]) -> dict[str, Dimension]:
-    """Every signal of drives of these kinds but the time, and the parts of the output of these laws."""
+    """Dimension of every signal of drives of these kinds, except time, and of these laws' recorded parts."""
     found = {name: each.unit for name, each in (RECORDED | DERIVED).items() if exists(name, kinds)}
     del found["time"]
     found |= {term.signal: term.unit for name in laws for term in C_LAWS[name].terms}

@@ -1,8 +1,8 @@
-"""Text with a unit to an SI number and back: the only place that knows pint.
+"""Convert texts with a unit to SI numbers and back. No other module uses pint.
 
-The registry holds what drives are described with and nothing else, so it is built in a few milliseconds.
-Angle is a dimension of its own here (pint takes rad as a plain number): that is how "60 rpm" and "60 Hz"
-are told apart.
+The registry defines only the units that describe drives, so it is built in a few milliseconds. Angle is a
+dimension of its own here (in pint's own registry rad is a plain number), so "60 rpm" and "60 Hz" can be told
+apart.
 """
 
 from __future__ import annotations
@@ -59,7 +59,11 @@ class UnitError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Dimension:
-    """A kind of quantity: name, SI unit, the unit shown in errors, other SI units taken as equal."""
+    """A kind of quantity.
+
+    `unit`: its SI unit. `example`: the unit shown in error messages, default `unit`. `also`: other SI units
+    that are accepted as equal to `unit`.
+    """
 
     name: str
     unit: str
@@ -67,7 +71,7 @@ class Dimension:
     also: tuple[str, ...] = ()
 
     def shown(self, number: object) -> str:
-        """An example of a text of this dimension: the number with the usual unit."""
+        """A sample text for error messages: the number with the unit `example`."""
         return f'"{number} {self.example or self.unit}"'
 
 
@@ -90,7 +94,7 @@ INERTIA = Dimension("an inertia", "kg*m^2")
 VISCOUS_FRICTION = Dimension("a viscous friction", "N*m*s/rad", also=("N*m*s",))
 CURRENT_GAIN = Dimension("a gain of the current loop", "V/A")
 CURRENT_INTEGRAL_GAIN = Dimension("an integral gain of the current loop", "V/A/s")
-LAW_SPEED = Dimension("an angular speed", "rad/s")  # of a law, which tables show in rad/s
+LAW_SPEED = Dimension("an angular speed", "rad/s")  # in a controller's table; messages show rad/s, not rpm
 SPEED_GAIN = Dimension("a gain of the speed loop", "A*s/rad", "A/rpm")
 SPEED_INTEGRAL_GAIN = Dimension("an integral gain of the speed loop", "A/rad", "A/rpm/s")
 CURRENT_TO_ACCELERATION = Dimension("an acceleration per current", "rad/s^2/A", "rpm/s/A")
@@ -118,24 +122,24 @@ def parse(text: str, dimension: Dimension) -> float:
 
 
 def unit_of(text: str) -> str:
-    """The unit of a text such as "60 rpm"; empty where there is none or the text is no quantity."""
+    """The unit of a text such as "60 rpm"; empty if it has none or the text is no quantity."""
     found = NUMBER.fullmatch(text)
     return found.group(2) if found else ""
 
 
 def is_known(unit: str) -> bool:
-    """Whether a word is a unit, of whatever dimension."""
+    """Whether a word is the name of a unit, of any dimension."""
     with ONE_AT_A_TIME:
         return _quantity(unit) is not None
 
 
 def convert(value_si: float, unit: str, dimension: Dimension) -> float:
-    """An SI value in another unit of its dimension."""
+    """Convert an SI value to another unit of its dimension."""
     return value_si / factor(unit, dimension)
 
 
 def number_in(text: str, unit: str) -> float:
-    """The number of a text such as "0.1 N*m" in another unit of its dimension; UnitError if it has none."""
+    """The number of a text such as "0.1 N*m", converted to `unit`; UnitError if that is impossible."""
     found = NUMBER.fullmatch(text)
     with ONE_AT_A_TIME:
         here, there = _quantity(unit_of(text)), _quantity(unit)
@@ -145,13 +149,13 @@ def number_in(text: str, unit: str) -> float:
 
 
 def format(value_si: float, unit: str, dimension: Dimension, digits: int = 6) -> str:
-    """An SI value as a text in that unit, such as "60 rpm"."""
+    """An SI value as a text in the given unit, such as "60 rpm"."""
     return f"{convert(value_si, unit, dimension):.{digits}g} {unit}"
 
 
 @cache
 def factor(unit: str, dimension: Dimension) -> float:
-    """Size of one `unit` in SI units of the dimension; UnitError for another dimension or unknown unit."""
+    """Factor from `unit` to the SI unit of the dimension; UnitError: other dimension or unknown unit."""
     with ONE_AT_A_TIME:
         return _factor(unit, dimension)
 
@@ -168,16 +172,16 @@ def _factor(unit: str, dimension: Dimension) -> float:
 
 
 def _quantity(unit: str) -> Any:
-    # Numbers are refused beyond exponents of one digit: what pint is given here is a unit, not a formula.
+    # The only numbers allowed are "1 /" and one-digit exponents: pint shall parse units here, not formulas.
     if not UNIT.fullmatch(unit):
         return None
     try:
         return 1.0 * _registry().parse_expression(unit) * _registry().dimensionless
-    except Exception:  # pint, its tokenizer and Python's own arithmetic each have their own
+    except Exception:  # pint, its tokenizer and Python's arithmetic raise various exceptions
         return None
 
 
-@cache  # within the lock of who asks: two registries know nothing of each other's units
+@cache  # callers hold the lock, so only one is built: units of two registries don't mix
 def _registry() -> pint.UnitRegistry[float]:
     import pint
 

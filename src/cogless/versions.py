@@ -1,4 +1,4 @@
-"""Versions of what computes the numbers."""
+"""Versions of the software that computes the numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import cache
 
 @cache
 def versions() -> dict[str, str]:
-    """Versions of what computes the numbers."""
+    """Versions of cogless, Python and NumPy, which compute the numbers."""
     from importlib.metadata import PackageNotFoundError, version
 
     try:

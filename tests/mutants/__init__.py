@@ -1,1 +1,2 @@
-"""Mutants: small faults, one at a time, to see whether a test notices (docs/contributing.md)."""
+"""Mutation test: put one small fault at a time into the code, see if a test notices
+(docs/contributing.md)."""

@@ -25,9 +25,10 @@ FOLDER = ROOT / "build" / "mutants"
 
 
 class Log:
-    """What was judged, a line each, so that a run goes on where it was stopped.
+    """Log of judged mutants, one line each, so that an interrupted run can be continued.
 
-    A kill stands while its file is the same, a survivor while the tests are, too.
+    A killed mutant's entry is valid as long as its source file is unchanged; that of a survivor only as long
+    as the tests are unchanged, too.
     """
 
     def __init__(self, path: Path) -> None:
@@ -50,7 +51,7 @@ class Log:
 
 
 def judge(draw: Iterator[tuple[str, Change]], free: SimpleQueue[Tree], log: Log) -> dict[str, Any]:
-    """The verdict on the draw's first mutant that builds, and differs from the original then."""
+    """Judge the first mutant of a draw that compiles to other code than the original."""
     tree, begin = free.get(), monotonic()
     try:
         for file, change in draw:
@@ -79,7 +80,7 @@ def told(entry: dict[str, Any]) -> None:
     by = f" by {entry['by']}" if entry["by"] else ""
     place = f"{entry['file']}:{entry['line']}"
     line = f"{entry['outcome']}{by} in {entry['seconds']} s\n    {place}: {entry['change']}\n"
-    print(line, end="", flush=True)  # at once: other threads print, too
+    print(line, end="", flush=True)  # in one call, since other threads print, too
 
 
 def main() -> None:

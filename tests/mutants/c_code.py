@@ -1,4 +1,4 @@
-"""The mutants of C and C++: found among the tokens; whether one is valid, the compiler says."""
+"""Mutants of C and C++, made from the tokens of the code; the compiler decides which are valid."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _TOKEN = re.compile(
     re.VERBOSE | re.DOTALL | re.MULTILINE,
 )
 _BINARY = {"+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!=", "&&", "||", "+=", "-=", "*=", "/="}
-# a statement that begins so is none that can be left out, or one that only tells what is wrong
+# Statements that begin with these can't be left out; those of _TEXTS aren't changed at all.
 _TEXTS = {"throw", "static_assert", "assert", "using", "template"}
 _KEPT = {"return", "if", "for", "while", "do", "switch", "case", "default", "break", "continue", "goto"}
 _KEPT |= {"else", "typedef", "struct", "class", "enum", "namespace"} | _TEXTS
@@ -66,7 +66,7 @@ def _changes(text: str, tokens: list[Token]) -> Iterator[Change]:
 
 
 def _statements(tokens: list[Token]) -> Iterator[Change]:
-    """Assignments and calls left out, and returns of nothing."""
+    """Mutants that leave out an assignment or a call, or return 0 or {} instead of a value."""
     for n, token in enumerate(tokens):
         before = tokens[n - 1].text if n else "}"
         if before == ")":
@@ -89,7 +89,8 @@ def _statements(tokens: list[Token]) -> Iterator[Change]:
 
 
 def _declares(statement: list[Token]) -> bool:
-    """Whether a statement is a declaration: two words before any =, with nothing like a dot between them."""
+    """Whether a statement is a declaration: it has two words before any "=", with no dot or "->" in
+    between."""
     head = list(takewhile(lambda token: token.text not in _AFTER_NAMES, statement))
     words = [n for n, token in enumerate(head) if token.kind == "word"]
     between = [{t.text for t in head[a + 1 : b]} for a, b in pairwise(words)]
@@ -97,7 +98,7 @@ def _declares(statement: list[Token]) -> bool:
 
 
 def _spared(tokens: list[Token]) -> Iterator[int]:
-    """Where the tokens of statements begin that only tell what is wrong, or name types."""
+    """Start of each token in statements that only report errors or name types, which aren't changed."""
     n = 0
     while n < len(tokens):
         if tokens[n].text in _TEXTS:
@@ -108,7 +109,7 @@ def _spared(tokens: list[Token]) -> Iterator[int]:
 
 
 def _until_semicolon(tokens: list[Token], n: int) -> int | None:
-    """The semicolon that ends the statement beginning at n; None where a bracket ends first."""
+    """Index of the semicolon that ends the statement at token n; None if a bracket ends first."""
     depth = 0
     for last in range(n, len(tokens)):
         sign = tokens[last].text if tokens[last].kind == "op" else ""

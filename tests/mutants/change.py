@@ -1,4 +1,4 @@
-"""One mutant of a file: some of its text replaced."""
+"""One mutant of a file: a piece of its text is replaced."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ OPPOSITE |= {new: old for old, new in OPPOSITE.items()}
 
 @dataclass(frozen=True)
 class Change:
-    """`new` in place of text[start:end]."""
+    """Replacement of text[start:end] by `new`."""
 
     start: int
     end: int
@@ -28,7 +28,7 @@ class Change:
         return text.count("\n", 0, self.start) + 1
 
     def described(self, text: str) -> str:
-        """The line that it begins in, as it was and as it is."""
+        """The line in which the change begins, before and after it."""
         first = text.rfind("\n", 0, self.start) + 1
         before = text[first:].partition("\n")[0]
         after = self.applied(text)[first:].partition("\n")[0]
@@ -36,7 +36,8 @@ class Change:
 
 
 def other_numbers(literal: str) -> Iterator[str]:
-    """k + 1, 0 and 2 k of a number in code, as far as they differ, in its notation and with its suffix."""
+    """Replacements for a number k in code: k + 1, 0 and 2 k, except k itself, in the same notation and
+    type."""
     plain = literal.replace("'", "").replace("_", "")
     hexadecimal = re.fullmatch(r"(0[xX][0-9a-fA-F]+)([uUlL]*)", plain)
     whole = re.fullmatch(r"(\d+)([uUlL]*)", plain)

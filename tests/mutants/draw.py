@@ -1,4 +1,4 @@
-"""Which mutants a run judges: by seed, spread evenly over all lines that can have one."""
+"""Draw the mutants that a run judges: by seed, evenly over all lines that can have a mutant."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ROOMS = (("src/cogless", (".py",)), ("simulator", (".cpp", ".hpp")), ("control/s
 
 
 def sources(root: Path, wanted: Sequence[str]) -> list[str]:
-    """The files of all rooms, by their paths from the root; only those in `wanted` paths, if any."""
+    """Source files in ROOMS, as paths from the root; if `wanted` isn't empty, only those in its paths."""
     files = [
         path.relative_to(root).as_posix()
         for room, endings in ROOMS
@@ -28,7 +28,8 @@ def changes(file: str, text: str) -> list[Change]:
 
 
 def drawn(root: Path, wanted: Sequence[str], count: int, seed: int) -> list[Iterator[tuple[str, Change]]]:
-    """So many draws, in an order by chance: a mutant, and then others nearby, should it not compile."""
+    """Make `count` draws in random order. Each yields a mutant, then others nearby in case it doesn't
+    compile."""
     texts = {file: (root / file).read_text() for file in sources(root, wanted)}
     at: dict[tuple[str, int], list[Change]] = {}
     for file, text in texts.items():

@@ -1,4 +1,4 @@
-"""The tests' files, those first that are most likely to notice a mutant."""
+"""Put the test files in order: first those that are most likely to notice a mutant."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def files_for(root: Path, file: str, function: str) -> list[str]:
-    """All files of tests; first those that are named like the file, import it, or name the function."""
+    """All test files; first those that have a similar name, import the file, or name the function."""
     path = Path(file)
     words = set(re.split(r"[/_]", path.with_suffix("").as_posix())) - {"src", "cogless", "control"}
     imports = re.compile(rf"^(?:from|import) .*\b{path.stem}\b", re.MULTILINE)
@@ -27,7 +27,7 @@ def files_for(root: Path, file: str, function: str) -> list[str]:
 
 
 def function_at(file: str, text: str, position: int) -> str:
-    """The name of the function that begins last before a place; nothing where there is none."""
+    """Name of the last function that begins before a position in a file; empty if there is none."""
     python, other = r"^ *def (\w+)", r"^[ ]{0,4}[A-Za-z_][\w:<>*&, ]*?[ *&](?:\w+::)*(\w+)\([^;]*$"
     found = re.findall(python if file.endswith(".py") else other, text[:position], re.MULTILINE)
     return found[-1] if found else ""

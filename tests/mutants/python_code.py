@@ -1,4 +1,4 @@
-"""The mutants of Python: found in its syntax tree, made in its text, so that all else stays as it is."""
+"""Mutants of Python: found in the syntax tree, made in the text, so that all other text stays the same."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mutants.change import OPPOSITE, Change, other_numbers
 SIGNS: dict[type[ast.AST], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 SIGNS |= {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 SIGNS |= {ast.And: "and", ast.Or: "or"}
-# what no run depends on: assertions (zip's strict is one), errors' texts, types
+# Results don't depend on these: assertions (such as strict of zip), texts of errors, types.
 LEFT_ALONE = (ast.Raise, ast.Assert, ast.JoinedStr, ast.Import, ast.ImportFrom)
 TYPES = ("annotation", "returns", "decorator_list")
 
@@ -32,7 +32,7 @@ class _Sites:
             self.begins.append(self.begins[-1] + len(line.decode()))
 
     def at(self, line: int, column: int) -> int:
-        """Where a place of the tree, whose columns are bytes, is in the text."""
+        """Position in the text of a place in the syntax tree, whose columns are counted in bytes."""
         return self.begins[line - 1] + len(self.lines[line - 1][:column].decode())
 
     def start(self, node: ast.expr | ast.stmt) -> int:
@@ -42,7 +42,8 @@ class _Sites:
         return self.at(node.end_lineno or 0, node.end_col_offset or 0)
 
     def of(self, node: ast.AST, again: frozenset[str] = frozenset()) -> Iterator[Change]:
-        """The mutants of a node and of all in it; `again`: names that its function assigns more than once."""
+        """Mutants of a node and of all nodes within it. `again`: names that its function assigns more than
+        once."""
         if isinstance(node, LEFT_ALONE) or (isinstance(node, ast.keyword) and node.arg == "strict"):
             return
         if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
@@ -85,7 +86,7 @@ class _Sites:
                     yield self.whole(node, other)
             case ast.Return(ast.expr() as value) if self.text[self.start(value) : self.end(value)] != "None":
                 yield self.whole(value, "None")
-        # without the only assignment of a name every test fails
+        # a name's only assignment stays: without it every test fails
         match node:
             case ast.Assign([ast.Name(id=name)]) | ast.AugAssign(ast.Name(id=name)) if name not in again:
                 pass
@@ -98,7 +99,7 @@ class _Sites:
         return Change(self.start(node), self.end(node), new)
 
     def sign(self, left: ast.expr, op: ast.AST, right: ast.expr) -> Iterator[Change]:
-        """The operator between two operands, where nothing else is but brackets and comments."""
+        """Mutants of the operator between two operands, with only brackets and comments around it."""
         sign = SIGNS.get(type(op))
         if sign is not None:
             first = self.end(left)

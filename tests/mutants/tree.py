@@ -1,4 +1,4 @@
-"""A copy of the tree, built and tested beside the one that is worked on."""
+"""A copy of the source tree in which mutants are built and tested."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 TOOLS = Path(sys.executable).parent
-LONGEST_TEST = 300  # s; one that takes longer has noticed
-LIKELY = 6  # files of tests that run before the rest is so much as collected
-MEMORY = 12 << 30  # bytes that are written to: a browser reserves far more than it uses
+LONGEST_TEST = 300  # s; a test that takes longer counts as failed
+LIKELY = 6  # test files that run first; pytest collects the others only if these pass
+MEMORY = 12 << 30  # bytes of data; a limit of address space would stop a browser, which reserves much
 
 
 class Verdict(NamedTuple):
@@ -51,7 +51,7 @@ class Tree:
         self._put(self.root / file, text.encode())
 
     def build(self) -> bool:
-        """Builds and installs what has changed; whether that went well."""
+        """Build and install what has changed; return whether that succeeded."""
         sources = self.root / "src" / "cogless"
         for source in sources.rglob("*"):
             if source.is_file():
@@ -60,7 +60,8 @@ class Tree:
         return built and self._ran("cmake", "--install", self.module, "--prefix", self.site)
 
     def takes(self, file: str, text: str) -> bool:
-        """Builds with another text of a file; whether it compiles, and not to what the original does."""
+        """Build with another text of a file; return whether it compiles, to other machine code than
+        before."""
         self.write(file, text)
         if not file.endswith(".py"):
             return self.build() and self._machine_code() != self.unchanged
@@ -71,14 +72,14 @@ class Tree:
         return self.build()
 
     def judge(self, file: str, tests: list[str]) -> Verdict:
-        """Runs tests until one fails; of the C library its own before them."""
+        """Run tests until one fails; for a file of the C library its own tests run first."""
         if file.startswith("control"):
             for library in self.libraries:
                 if not self._ran("ctest", "--test-dir", library, "--timeout", str(LONGEST_TEST)):
                     return Verdict("killed", "control/tests")
         for some in (tests[:LIKELY], tests[LIKELY:]):
             code, output = self._tested("-x", *some) if some else (0, "")
-            if code in (4, 5):  # none of pytest's codes for a test that fails
+            if code in (4, 5):  # usage error, or no tests found: not a failing test
                 raise RuntimeError(output)
             if code != 0:
                 outcome = "time-out" if "Timeout (" in output else "killed"
@@ -86,13 +87,14 @@ class Tree:
         return Verdict("survived", "")
 
     def stop(self) -> None:
-        """Ends what runs, from another thread; whoever waits for it gets an InterruptedError."""
+        """End the running process, from another thread; the thread that waits for it gets an
+        InterruptedError."""
         self.stopped = True
         if self.process is not None:
             _end(self.process)
 
     def failing(self, tests: list[str]) -> list[str]:
-        """Which of some tests fail in the tree as it is."""
+        """Those of these tests that fail in the unchanged tree."""
         _, output = self._tested(*tests)
         return re.findall(r"^(?:FAILED|ERROR) (\S+)", output, re.MULTILINE)
 
@@ -118,7 +120,7 @@ class Tree:
         return {path: sha256(path.read_bytes()).digest() for path in self.module.rglob("*.o")}
 
     def _start(self, *command: str | Path) -> subprocess.CompletedProcess[str]:
-        """Runs a command in the copy; what it leaves running ends with it."""
+        """Run a command in the copy, and end all processes that it leaves running."""
         environment = {**os.environ, "PYTHONPATH": str(self.site), "PYTHONUNBUFFERED": "1"}
         process = subprocess.Popen(
             [str(part) for part in command], cwd=self.root, env=environment, text=True, errors="replace",
@@ -132,7 +134,10 @@ class Tree:
         return subprocess.CompletedProcess(process.args, process.returncode, output)
 
     def _put(self, path: Path, content: bytes) -> None:
-        """Writes a file where it differs, lest all be built again; Python tells times to the second only."""
+        """Write a file only if its content changes, so that not everything is built again.
+
+        Its .pyc files are removed, since Python compares times only to the second.
+        """
         if not path.is_file() or path.read_bytes() != content:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
@@ -141,7 +146,7 @@ class Tree:
 
 
 def _end(process: subprocess.Popen[str]) -> None:
-    """With all that it started."""
+    """End a process and all processes that it started."""
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
 

@@ -1,1 +1,1 @@
-"""A controller of a study as it goes into firmware or into another simulator."""
+"""Export a study's controller, as C for firmware or as FMU for other simulators."""

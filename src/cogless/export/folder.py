@@ -1,4 +1,4 @@
-"""A folder that appears whole or not at all, and replaces only what an export wrote."""
+"""Write a folder completely or not at all; only files of an earlier export are replaced."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ MANIFEST = "export.json"
 
 
 def check(folder: Path) -> None:
-    """StudyError where the folder holds something that an export did not write, or that was changed since."""
+    """Raise StudyError if the folder holds a file that no export wrote, or that was changed since."""
     if folder.exists() and not folder.is_dir():
         raise StudyError(f"{folder}: is a file: expected a new or empty folder, or an earlier export")
     if not folder.exists() or not any(folder.iterdir()):
         return
     sums = _sums(folder)
     paths = folder.rglob("*")
-    for path in paths if sums is None else sorted(paths):  # the first file is enough, in / say
+    for path in paths if sums is None else sorted(paths):  # no sums: any file is refused, so no sorting
         name = path.relative_to(folder).as_posix()
         if path.is_dir() or name == MANIFEST:
             continue
@@ -38,7 +38,10 @@ def check(folder: Path) -> None:
 
 
 def write(folder: Path, files: Mapping[str, bytes], about: Mapping[str, Any]) -> None:
-    """Write the files, by path in the folder, and a manifest with `about` and their sums; StudyError."""
+    """Write these files (by path in the folder) and a manifest with `about` and their checksums.
+
+    StudyError: the folder can't be written, or it holds something else than an unchanged export.
+    """
     check(folder)
     manifest = {**about, "files": {name: _sum(data) for name, data in sorted(files.items())}}
     text = json.dumps(manifest, indent=2, ensure_ascii=False) + "\n"
@@ -57,7 +60,7 @@ def write(folder: Path, files: Mapping[str, bytes], about: Mapping[str, Any]) ->
 
 
 def _swap(made: Path, target: Path, old: Path) -> None:
-    """Put the new folder in place of the old one, which comes back where that fails."""
+    """Replace the old folder by the new one; if that fails, the old one is put back."""
     if not target.exists():
         os.rename(made, target)
         return
@@ -71,7 +74,7 @@ def _swap(made: Path, target: Path, old: Path) -> None:
 
 
 def _sums(folder: Path) -> dict[str, str] | None:
-    """Checksums of the files of an earlier export; None where the folder is none."""
+    """Checksums of the files of an earlier export; None if the folder isn't an export."""
     try:
         sums = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]
         return {str(name): str(value) for name, value in sums.items()}

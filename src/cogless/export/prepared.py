@@ -1,4 +1,4 @@
-"""A controller of a study on the engine, ready to be run, described and recorded."""
+"""Prepare a study's controller for export, on the engine, and record its inputs and outputs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Reals = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Prepared(Plan):
-    """The plan of a run whose controller has a C form. `memory`: the law's at first."""
+    """The plan of a run whose controller exists in C. `memory`: contents of the law's memory at the start."""
 
     memory: Reals = field(default_factory=lambda: np.zeros(0, np.float32))
 
@@ -30,7 +30,7 @@ class Prepared(Plan):
 
     @property
     def trials(self) -> bool:
-        """Whether the run is one of trials."""
+        """Whether it is a run of trials."""
         return "trials" in self.description
 
     @property
@@ -47,7 +47,7 @@ class Prepared(Plan):
 
 
 class Steps(Protocol):
-    """A stand-in for a drive's controller, in C structs as bytes."""
+    """Interface of an object that replaces a drive's controller; C structs are passed as bytes."""
 
     def step(self, measurement: bytes, reference: bytes) -> bytes: ...
     def begin(self, trajectory: bytes) -> None: ...
@@ -56,9 +56,11 @@ class Steps(Protocol):
 
 @dataclass(eq=False)
 class Recording:
-    """Inputs and outputs of the controller in each tick, as bytes of the C structs; its memory afterwards.
+    """Inputs and outputs of the controller in each tick, as bytes of the C structs, and its memory at the
+    end.
 
-    `begun`: each trial's trajectory, with the tick at which it began. `ended`: ticks before which one ended.
+    `begun`: the trajectory of each trial, with the tick at which the trial began. `ended`: ticks before which
+    a trial ended.
     """
 
     measurements: list[bytes] = field(default_factory=list)
@@ -70,7 +72,7 @@ class Recording:
 
 
 class Recorder:
-    """The drive's own controller, which writes down what passes."""
+    """The drive's own controller, whose inputs and outputs are recorded."""
 
     def __init__(self, prepared: Prepared) -> None:
         self._drive, self._state = prepared.drive, prepared.start()
@@ -100,7 +102,7 @@ class Recorder:
 def prepare(study: AnyStudy, scenario: str, controller: str) -> Prepared:
     """Prepare a controller in a scenario; an anti-cogging table is learned first, in its commissioning run.
 
-    StudyError: a name that is not there, a controller without a C form, a run that cannot start.
+    StudyError: an unknown name, a controller without a C form, a run that can't start.
     """
     _check(study, scenario, controller)
     with failures(study, scenario, controller):
@@ -110,7 +112,7 @@ def prepare(study: AnyStudy, scenario: str, controller: str) -> Prepared:
 
 
 def first_scenario(study: AnyStudy, controller: str, wanted: str | None = None) -> str:
-    """The wanted scenario, or the first in which the controller runs; StudyError."""
+    """The `wanted` scenario, else the first in which the controller runs; StudyError if there is none."""
     path = study.source.path
     if controller not in study.controller:
         known = ", ".join(study.controller)
@@ -128,14 +130,20 @@ def first_scenario(study: AnyStudy, controller: str, wanted: str | None = None) 
 
 
 def record(prepared: Prepared, ticks: int) -> Recording:
-    """Record so many periods of the ordinary simulation, as its controller sees them; StudyError."""
+    """Simulate `ticks` periods with the drive's own controller, and record its inputs and outputs.
+
+    StudyError: the controller fails.
+    """
     recorder = Recorder(prepared)
     run(prepared, recorder, ticks)
     return recorder.finish()
 
 
 def run(prepared: Prepared, controller: Steps, ticks: int) -> None:
-    """Run so many periods of the plant with a controller in the place of its own; StudyError."""
+    """Simulate `ticks` periods of the plant with `controller` in place of the drive's own.
+
+    StudyError: the controller fails.
+    """
     state = prepared.drive.start()
     rows = prepared.engine.Recorder(prepared.drive, max(ticks, 1))
     with failures(prepared.study, prepared.scenario, prepared.controller):

@@ -14,12 +14,13 @@ INCLUDE = re.compile(r'^#include "(?:cogless/)?(\w+\.h)"', re.MULTILINE)
 
 
 def licence() -> Path:
-    """The licence that goes with every copy of them."""
+    """Path of the licence that must accompany every copy of the C sources."""
     return control_sources().parent / "LICENSE"
 
 
 def closure(needed: Iterable[str], *, code: bool = True) -> list[str]:
-    """Names of the headers, of all that they include, and of the .c files beside them; sorted.
+    """Names of these headers, of all headers that they include, and of the .c files that belong to them;
+    sorted.
 
     `needed`: headers, such as "drive.h". `code` false: headers only.
     """
@@ -40,13 +41,16 @@ def closure(needed: Iterable[str], *, code: bool = True) -> list[str]:
 
 
 def store() -> list[str]:
-    """Files that keep maps in flash. Their headers name the structs of all laws: those come without code."""
+    """Files that store maps in flash: .c files, and all headers that they include.
+
+    The headers name the structs of all laws; the .c files of those laws aren't needed.
+    """
     headers = closure((f"{name}.h" for name in STORE), code=False)
     return sorted([*headers, *(f"{name}.c" for name in STORE)])
 
 
 def defined_in() -> dict[str, str]:
-    """Function of the control library -> the name of its .c file, without the ending."""
+    """For each function of the control library, the name of the .c file that defines it, without suffix."""
     files = sorted((control_sources() / "cogless").glob("*.c"))
     return {
         name: path.stem for path in files for name in DEFINITION.findall(path.read_text(encoding="utf-8"))

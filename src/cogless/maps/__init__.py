@@ -1,1 +1,1 @@
-"""Maps that a law has learned, as firmware keeps them in flash: read, checked, written, printed."""
+"""Maps that a law has learned, in the format of firmware's flash memory: read, checked, written, printed."""

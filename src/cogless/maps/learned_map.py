@@ -1,4 +1,4 @@
-"""The stored map of what a run's law has learned; the identities that cogless gives motors and motions."""
+"""Make the stored map of what a run's law has learned, and the identities of motors and motions."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from cogless.maps.stored_map import ORDER, StoredMap
 from cogless.study import AnyStudy, TrialStudy, for_scenario
 from cogless.study.motor import StarMotor
 
-POINTS = 8  # in a wave of the highest order
+POINTS = 8  # per wave of the highest order
 
 Reals = NDArray[np.float64]
 
 
 def motor_identity(motor: StarMotor) -> int:
-    """32 bits that tell motors of studies apart: a CRC-32 over all their numbers (control/SPEC.md)."""
+    """Identity of a motor, 32 bits: a CRC-32 over all its parameters (control/SPEC.md)."""
     data = struct.pack("<II4d", motor.pole_pairs, motor.phases, motor.R_s, motor.L_d, motor.L_q, motor.psi_f)
     for flux in motor.flux_harmonics:
         data += struct.pack("<I4d", flux.order, flux.d, flux.q, flux.d_phase, flux.q_phase)
@@ -31,21 +31,22 @@ def motor_identity(motor: StarMotor) -> int:
 
 
 def motion_identity(reference: ArrayLike) -> int:
-    """32 bits that tell a trial's references apart: a CRC-32 over its samples as float32."""
+    """Identity of a trial's reference, 32 bits: a CRC-32 over its samples as float32."""
     return crc32(np.asarray(reference, dtype="<f4").tobytes())
 
 
 def study_identity(study: AnyStudy) -> int:
-    """The identity of a study's motor as it stands there, without overrides; 0 without a motor."""
+    """Identity of the study's motor without overrides; 0 if it has no motor."""
     return 0 if study.motor is None else motor_identity(study.motor.star())
 
 
 def memory_of(
     study: AnyStudy, scenario: str, controller: str, stored: Mapping[str, Any] | None
 ) -> dict[str, Any]:
-    """What a law has learned, as `Run.memory`: of a trial, or as currents over their angle; empty without.
+    """What a law has learned, in the form of `Run.memory`; empty if nothing.
 
-    A map of a whole revolution is over the mechanical angle, even of a law that counts the electrical one.
+    For a law of trials it is the learned signal, else currents over their angle. A map over a whole
+    mechanical revolution gets the mechanical angle, even if the law uses the electrical angle.
     """
     if stored is None:
         return {}
@@ -66,7 +67,10 @@ def memory_of(
 
 
 def _over_angle(a: Reals, b: Reals, orders: Reals) -> dict[str, Any]:
-    """The current of orders with these amplitudes over a mechanical revolution, as `memory_of`."""
+    """Current over a mechanical revolution from the amplitudes of its orders, in the form of `Run.memory`.
+
+    a: amplitudes of the cosines, b: of the sines.
+    """
     cells = POINTS * round(float(np.max(orders)))
     angle = 2 * np.pi / cells * np.arange(cells)
     waves = (x * np.cos(h * angle) + y * np.sin(h * angle) for x, y, h in zip(a, b, orders, strict=True))
@@ -74,9 +78,10 @@ def _over_angle(a: Reals, b: Reals, orders: Reals) -> dict[str, Any]:
 
 
 def of_run(study: AnyStudy, stored: Mapping[str, Any] | None, motion: int = 0) -> StoredMap | None:
-    """The map that a run has learned, as firmware stores it, within its limits and with its owner.
+    """The map that a run has learned, as firmware stores it: clipped to its limits, with the motor's
+    identity.
 
-    None where nothing is learned, or it is not tied to an angle. `motion`: identity of a trial's reference.
+    None if nothing is learned, or it isn't tied to an angle. `motion`: identity of a trial's reference.
     """
     if stored is None:
         return None

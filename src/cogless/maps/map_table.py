@@ -1,4 +1,4 @@
-"""Stored maps as a person reads them: lines of text, and a table of entries."""
+"""Show stored maps to a person: as lines of text, and as a table of their entries."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ HEX = 16
 
 
 def lines(found: list[Found], newest: Valid) -> list[str]:
-    """Every map that was found; the newest in full."""
+    """Lines about every map that was found; the newest one in detail."""
     text = []
     for place in found:
         where = f"At byte {place.offset}: " if len(found) > 1 else ""
@@ -29,7 +29,7 @@ def lines(found: list[Found], newest: Valid) -> list[str]:
 
 
 def rows(stored: StoredMap) -> list[tuple[str, str]]:
-    """Rows of a map's header, then a row for each channel."""
+    """Name and value of the map's header fields, then a row for each channel."""
     facts = [
         ("learned by", stored.law_name),
         ("motor", f"0x{stored.motor:08X}"),
@@ -62,7 +62,10 @@ def _period(stored: StoredMap) -> str:
 
 
 def to_csv(stored: StoredMap) -> str:
-    """A header, then a row for each entry: mechanical angle, number of the sample or order, each channel."""
+    """The map as CSV: a heading, then a row per entry with its place and the value of each channel.
+
+    The place is a mechanical angle, or the number of a sample or order.
+    """
     angle = stored.angle
     first = "theta_m_rad" if angle is not None else "n" if stored.turns else "sample"
     text = [",".join([first, *(stored.unit(c)[2] for c in range(stored.channels))])]
@@ -73,7 +76,7 @@ def to_csv(stored: StoredMap) -> str:
 
 
 def identity(text: str) -> int:
-    """A motor's identity from the command line: hexadecimal after 0x, otherwise decimal."""
+    """Parse a motor's identity on the command line: hexadecimal after 0x, otherwise decimal."""
     try:
         number = int(text, HEX if text.lower().startswith("0x") else 10)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Learned maps in the format that firmware keeps in flash: read, checked, written. control/SPEC.md has it."""
+"""Read, check and write learned maps in the format that firmware keeps in flash (see control/SPEC.md)."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ MAGIC, VERSION, HEADER, MARK = b"CGLM", 1, 64, b"DONE"
 FLOAT32 = 1  # the only number type
 LONGEST_WRITE = 256  # bytes
 
-LAWS = ("other", *(law.name for law in C_LAWS.values() if law.cells))  # by their code
-# Code of a channel's unit: what the channel is, its unit, and its column's name.
+LAWS = ("other", *(law.name for law in C_LAWS.values() if law.cells))  # index: code of the law
+# Index: code of a channel's unit. Entry: what the channel is, its unit, and its column's name.
 UNITS = (
     ("none", "", "none"),
     ("current", "A", "current_A"),
@@ -36,22 +36,22 @@ UNITS = (
 ORDER = 8  # code of the unit
 
 Array = NDArray[np.float32]
-# Everything but the header's CRC.
+# All of the header except its CRC.
 _FIELDS = struct.Struct("<4sHHIIIBBHIIIHB3sH3fI")
 
 
 class MapError(StudyError):
-    """Why some bytes are no valid map, in one line."""
+    """Bytes that aren't a valid map; the message says why, in one line."""
 
 
 @dataclass(frozen=True, eq=False)
 class StoredMap:
-    """What a law has learned, and of which motor.
+    """What a law has learned, with the identity of its motor.
 
-    Entry [c, n] of `values` is channel c at the mechanical angle 2 pi n turns / (parts cells), rad, at sample
-    n of a trial, which has turns = parts = 0, or of the order that a channel of orders has there. The rad in
-    units is that of `ratio` times the mechanical angle. `units`: a code for each channel, an index of UNITS;
-    `limits`: entries are within +-limit.
+    Entry [c, n] of `values` is entry n of channel c. It belongs to the mechanical angle 2 pi n turns / (parts
+    cells), rad; or, if turns = parts = 0, to sample n of a trial; or to the order in entry n of the channel
+    of orders. A rad in a unit is a rad of `ratio` times the mechanical angle. `units`: a code for each
+    channel, an index of UNITS. `limits`: entries of each channel are within +-limit.
     """
 
     values: Array
@@ -63,8 +63,8 @@ class StoredMap:
     ratio: int = 1
     motor: int = 0  # identity, 32 bits
     motion: int = 0  # of a trial: identity of its reference
-    sequence: int = 1  # of the saves: the newer map has the higher one
-    write_size: int = 8  # bytes: the mark begins at a multiple of it
+    sequence: int = 1  # number of the save: a newer map has a higher one
+    write_size: int = 8  # bytes: the mark at the end begins at a multiple of it
 
     def __post_init__(self) -> None:
         values = np.atleast_2d(np.asarray(self.values, dtype=np.float32))
@@ -89,7 +89,7 @@ class StoredMap:
 
     @property
     def angle(self) -> NDArray[np.float64] | None:
-        """Mechanical angle of each entry, rad; None of a trial and of orders."""
+        """Mechanical angle of each entry, rad; None for a trial and for orders."""
         if self.turns == 0 or ORDER in self.units:
             return None
         step = 2 * np.pi * self.turns / (self.parts * self.cells)
@@ -101,7 +101,7 @@ class StoredMap:
         return UNITS[code] if code < len(UNITS) else (f"unit {code}", "", f"unit_{code}")
 
     def __bytes__(self) -> bytes:
-        """The bytes as they are in flash, from the slot's first one to the end of the mark."""
+        """The map's bytes in flash, from the start of its slot to the end of the mark behind the entries."""
         limits = [*np.asarray(self.limits, dtype=np.float32), 0.0, 0.0][:3]
         entries = self.values.astype("<f4").tobytes()
         entries += b"\xff" * (-(HEADER + len(entries)) % self.write_size)
@@ -130,7 +130,7 @@ class StoredMap:
 
 
 def decode(data: bytes, offset: int = 0) -> StoredMap:
-    """The map that begins at a byte of `data`; what follows it doesn't matter. MapError: why it is none."""
+    """Decode the map that begins at `offset`; bytes after it are ignored. MapError: it isn't a valid map."""
     whole = memoryview(data)[offset:]
     if bytes(whole[:4]) != MAGIC:
         raise MapError(f'no map: expected "{MAGIC.decode()}" in the beginning')
@@ -181,21 +181,21 @@ def decode(data: bytes, offset: int = 0) -> StoredMap:
 
 
 class Found(NamedTuple):
-    """A place in a dump of flash that begins like a map: the map, or why it is none."""
+    """A place in a dump of flash that begins like a map: the map, or the error that says why it isn't one."""
 
     offset: int
     map: StoredMap | MapError
 
 
 class Valid(NamedTuple):
-    """A place with a map."""
+    """A valid map in a dump of flash, and its place."""
 
     offset: int
     map: StoredMap
 
 
 def find(data: bytes) -> list[Found]:
-    """Every map in a dump of flash, whole slots or more."""
+    """Find every map in a dump of flash, which contains whole slots."""
     return list(_find(data))
 
 
@@ -213,7 +213,10 @@ def _find(data: bytes) -> Iterator[Found]:
 
 
 def newest(found: list[Found]) -> Valid | None:
-    """The valid map of the last save; numbers wrap around at 2^32. A load takes it, if it fits the law."""
+    """The valid map that was saved last, by its number, which wraps around at 2^32; None if there is none.
+
+    It is the one that firmware loads, if it fits the law.
+    """
     valid = [Valid(place.offset, place.map) for place in found if isinstance(place.map, StoredMap)]
     best = valid[0] if valid else None
     for other in valid[1:]:
@@ -223,7 +226,7 @@ def newest(found: list[Found]) -> Valid | None:
 
 
 def read(path: Path) -> list[Found]:
-    """Every map in a file; MapError if there is no beginning of one, StudyError if it can't be read."""
+    """Find every map in a file. MapError: nothing in it begins like a map; StudyError: it can't be read."""
     try:
         data = Path(path).read_bytes()
     except OSError as error:
@@ -235,7 +238,7 @@ def read(path: Path) -> list[Found]:
 
 
 def write(path: Path, content: bytes) -> None:
-    """Write a map's bytes, or its table's, whole or not at all; StudyError if that can't be."""
+    """Write the bytes of a map or of its table, completely or not at all; StudyError if that fails."""
     with replacing(Path(path)) as temporary:
         temporary.write_bytes(content)
 

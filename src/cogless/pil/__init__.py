@@ -1,1 +1,1 @@
-"""Processor in the loop: the exported controller on an emulated Cortex-M4F, closed with the native plant."""
+"""Processor in the loop: the exported controller runs on an emulated Cortex-M4F, with the simulated plant."""

@@ -1,4 +1,4 @@
-"""The processor against the simulation, bit for bit, and what it costs."""
+"""Compare the emulated processor with the simulation bit for bit, and count instructions and memory."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from cogless.pil.toolchain import Toolchain
 from cogless.study import AnyStudy
 
 TICKS = 100_000
-PIECE = 1000  # ticks between two looks at progress
+PIECE = 1000  # ticks between two reports of progress
 
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
 class Difference:
-    """The first thing that is not equal: in which tick, from 0, which member or entry, and both values."""
+    """The first value that differs: its tick, from 0, its struct member or memory entry, and both values."""
 
     tick: int
     field: str
@@ -34,7 +34,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Instructions:
-    """Instructions of a tick: fewest, mean, most."""
+    """Number of instructions per tick: fewest, mean, most."""
 
     least: int
     mean: float
@@ -43,12 +43,13 @@ class Instructions:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Comparison of one controller. Instructions: of all ticks, of those with the law due, of the others.
+    """Result for one controller: first difference from the simulation, instructions, memory.
 
-    Their mean by source file goes by where the compiler put them: what it inlined counts for the caller.
+    Instructions per tick are counted over all ticks, over those in which the law runs, and over the others.
+    By source file they are means; a function that the compiler inlined counts for its caller's file.
 
-    `flash`: code and constants, of which `constants` are the configured ones. `ram`: the controller's struct,
-    of which `memory` is what the law learns into. All in bytes.
+    Sizes are in bytes. `flash`: code and constants; `constants`: the part of it that is the controller's
+    configuration. `ram`: the controller's struct; `memory`: the part of it that the law learns into.
     """
 
     study: str
@@ -80,9 +81,9 @@ def compare(
     toolchain: Toolchain,
     progress: Progress = lambda share: None,
 ) -> Comparison:
-    """Run the simulation, then the processor in closed loop with the same plant; StudyError.
+    """Run the simulation, then the processor in closed loop with the same plant, and compare them.
 
-    `ticks`: default 100,000, and no more than the scenario has.
+    `ticks`: default 100,000, and at most those of the scenario. StudyError: one of the two fails.
     """
     prepared = prepare(study, scenario, controller)
     ticks = min(ticks or TICKS, prepared.ticks)
@@ -96,7 +97,7 @@ def compare(
 
 
 class _Watched:
-    """A target, compared tick by tick with what the simulation had."""
+    """A target whose outputs are compared with those of the simulation, tick by tick."""
 
     def __init__(
         self, target: Target, layout: Layout, wanted: Recording, ticks: int, progress: Progress
@@ -123,7 +124,7 @@ class _Watched:
         self._target.end()
 
     def _compare(self, struct: str, wanted: bytes, got: bytes) -> None:
-        """Number by number: padding has no meaning."""
+        """Compare two structs number by number, since their padding may differ."""
         for leaf in () if self.difference else self._layout.leaves(struct):
             a, b = leaf.bits(wanted), leaf.bits(got)
             if a != b:
@@ -132,7 +133,7 @@ class _Watched:
 
 
 def _memory_difference(target: Target, wanted: Recording, ticks: int) -> Difference | None:
-    """The difference in what is learned, at the end."""
+    """The first difference between the memories of the law at the end; None if they are equal."""
     got = target.memory
     if got.tobytes() == wanted.memory.tobytes():
         return None

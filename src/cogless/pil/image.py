@@ -1,4 +1,4 @@
-"""A linked image: its bytes, where its symbols are, and how much flash and RAM it takes."""
+"""A linked program image: its bytes, its symbols, and the flash that it takes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ class Symbol:
 
 @dataclass(frozen=True)
 class Function:
-    """A function of an image; `file`: the source of a static one, without its ending, else None."""
+    """A function of an image. `file`: source of a static function, without suffix; None for other
+    functions."""
 
     address: int
     name: str
@@ -26,7 +27,7 @@ class Function:
 
 @dataclass(frozen=True)
 class Image:
-    """A linked image. `sections`: size by name. `segments`: what is loaded, by address."""
+    """A linked program image. `segments`: bytes to load, by address. `sections`: sizes by name."""
 
     segments: Mapping[int, bytes]
     symbols: Mapping[str, Symbol]

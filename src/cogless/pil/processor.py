@@ -12,7 +12,7 @@ from cogless.pil.image import Function, Image
 
 PAGE = 0x1000
 STACK_TOP, STACK_SIZE = 0x20200000, 0x10000
-RETURN = 0x00001000  # where a called function returns to; nothing is there
+RETURN = 0x00001000  # return address of a called function; no code is there
 PAINT = 0xA5
 FPU_ON = 0x40000000
 COPROCESSORS_ON = 0xF << 20  # CPACR: full access to the FPU
@@ -21,13 +21,13 @@ Visits = Counter[tuple[int, int]]  # address and size of a block -> how often it
 
 
 def require() -> None:
-    """StudyError where the emulator is not installed."""
+    """Raise StudyError if the emulator isn't installed."""
     if not all(importlib.util.find_spec(name) for name in ("unicorn", "elftools")):
         raise StudyError("pil: no emulator: expected unicorn and pyelftools (pip install 'cogless[pil]')")
 
 
 class Processor:
-    """The image in its flash and RAM; registers and stack begin anew with each call."""
+    """An emulated processor with an image in its flash and RAM; each call starts with an empty stack."""
 
     def __init__(self, image: Image) -> None:
         import unicorn
@@ -47,7 +47,7 @@ class Processor:
         self._uc.mem_map(STACK_TOP - STACK_SIZE, STACK_SIZE)
         self._uc.mem_write(STACK_TOP - STACK_SIZE, bytes([PAINT]) * STACK_SIZE)
         visit = self._visits.append
-        # a block hook is called for every block that is run: straight code without a jump
+        # the hook is called for each block (instructions without a jump between them) that is run
         self._uc.hook_add(unicorn.UC_HOOK_BLOCK, lambda uc, address, size, data: visit((address, size)))
         self._uc.reg_write(arm.UC_ARM_REG_C1_C0_2, COPROCESSORS_ON)
         self._uc.reg_write(arm.UC_ARM_REG_FPEXC, FPU_ON)
@@ -72,9 +72,9 @@ class Processor:
         return int(self._uc.reg_read(self._arm.UC_ARM_REG_R0))
 
     def take_instructions(self, tally: Visits | None = None) -> int:
-        """Instructions executed since this was asked last; adds the blocks to the tally.
+        """Number of instructions since the last call of this method; the blocks are added to `tally`.
 
-        Those that a condition skips within an IT block count: they are fetched.
+        Instructions that an IT block skips are counted, too, since they are fetched.
         """
         lengths, total = self._lengths, 0
         for visit in self._visits:
@@ -87,7 +87,7 @@ class Processor:
         return total
 
     def by_function(self, tally: Visits) -> dict[Function, int]:
-        """Instructions of a tally by the function that they stand in."""
+        """Instructions in a tally, summed for each function that contains them."""
         functions = self._image.functions
         addresses = [function.address for function in functions]
         found: dict[Function, int] = {}
@@ -104,12 +104,15 @@ class Processor:
 
     @property
     def stack(self) -> int:
-        """Bytes of stack that were ever used."""
+        """Largest use of the stack so far, bytes."""
         painted = self.read(STACK_TOP - STACK_SIZE, STACK_SIZE)
         return len(painted.lstrip(bytes([PAINT])))
 
     def _count(self, address: int, size: int) -> int:
-        """Thumb instructions in a block: 4 bytes where the upper five bits are 11101, 11110 or 11111."""
+        """Number of Thumb instructions in a block.
+
+        An instruction has 4 bytes if its upper five bits are 11101, 11110 or 11111, else 2.
+        """
         code, count, place = self.read(address, size), 0, 0
         while place < size:
             place += 4 if code[place + 1] >> 3 in (0b11101, 0b11110, 0b11111) else 2
@@ -118,7 +121,7 @@ class Processor:
 
 
 def _pages(image: Image) -> list[tuple[int, int]]:
-    """Whole pages to map, which do not overlap: the segments and the writable sections."""
+    """Address ranges of whole pages, without overlap, that contain all segments and symbols."""
     ends = [(address, address + len(data)) for address, data in image.segments.items()]
     ends += [(s.address, s.address + s.size) for s in image.symbols.values() if s.size]
     pages = sorted({page for start, end in ends for page in range(start // PAGE, -(-end // PAGE))})

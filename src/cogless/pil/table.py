@@ -1,4 +1,4 @@
-"""A comparison as lines of text."""
+"""Show a comparison as lines of text."""
 
 from __future__ import annotations
 

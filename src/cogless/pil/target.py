@@ -1,4 +1,4 @@
-"""The exported controller as an image for the Cortex-M4F, and on the processor as a drive's controller."""
+"""The exported controller, compiled for the Cortex-M4F and run on its emulation as a drive's controller."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from cogless.pil.image import Image, read
 from cogless.pil.processor import Processor, Visits
 from cogless.pil.toolchain import Toolchain
 
-# Memory by which numbers come and go, and functions that the linker must keep.
+# C source: memory for inputs and outputs, and references to functions, so that the linker keeps them.
 EXCHANGE = """#include "{stem}.h"
 
 {name}_controller pil_controller;
@@ -39,10 +39,10 @@ COMPILERS = "compiler's library"
 
 
 class Target:
-    """The controller of a subject on the processor: what `Drive.advance` takes as a controller.
+    """The exported controller on the emulated processor, as an object that `Drive.advance` takes.
 
-    `counts`, `ends`: instructions of each step, of each end of a trial. A trial begins with the law,
-    and is whole periods of it long.
+    `counts`, `ends`: instructions of each step, and of each end of a trial. The law runs in the first tick of
+    a trial, and a trial is a whole number of its periods long.
     """
 
     def __init__(self, subject: Subject, image: Image, memory: Reals) -> None:
@@ -85,7 +85,7 @@ class Target:
         self.ends.append(self._processor.take_instructions())
 
     def by_source(self) -> tuple[dict[str, float], dict[str, float]]:
-        """Mean instructions by source file, in the ticks in which the law is due, and in the others."""
+        """Mean instructions per tick by source file, for ticks in which the law runs, and for the others."""
         due = -(-len(self.counts) // self._subject.divider)
         return self._by_source(self._with_law, due), self._by_source(
             self._without_law, len(self.counts) - due
@@ -112,12 +112,13 @@ class Target:
 
     @property
     def stack(self) -> int:
-        """Bytes of stack that were ever used."""
+        """Largest use of the stack so far, bytes."""
         return self._processor.stack
 
     @property
     def _memory(self) -> int:
-        """Address of the law's memory, the controller's last member: behind it is nothing but padding."""
+        """Address of the law's memory. It ends where the controller's struct ends, since it is the last
+        member."""
         symbol = self._image.symbols["pil_controller"]
         return symbol.address + symbol.size - self._subject.memory_length * self._dtype.itemsize
 
@@ -126,7 +127,7 @@ class Target:
 
 
 def build(prepared: Prepared, toolchain: Toolchain) -> tuple[Subject, Image]:
-    """Compile the very files of an export for the processor; StudyError."""
+    """Compile the files of an export, unchanged, for the Cortex-M4F; StudyError if that fails."""
     subject = subject_of(prepared)
     defines = ["COGLESS_DOUBLE"] if subject.precision == "d" else []
     with ExitStack() as stack:

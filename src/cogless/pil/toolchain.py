@@ -1,4 +1,4 @@
-"""The cross compiler: Debian's gcc for ARM, or else the one within PyPI's ziglang."""
+"""The cross compiler: gcc for ARM from Debian, or else the one in ziglang from PyPI."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ COMMON = (
     "-fno-asynchronous-unwind-tables",
 )
 FOR_GCC = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
-# plain cortex_m4 would silently compute in software
+# with plain cortex_m4, floating point would silently be computed in software
 FOR_ZIG = ("-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m4+vfp4d16sp", "-fno-sanitize=all")
 LINK = ("-Wl,--gc-sections", "-Wl,--entry=pil_functions")
 
@@ -58,7 +58,8 @@ class Toolchain:
 
 
 def find(wanted: str | None = None) -> Toolchain:
-    """The compiler that is there, gcc first, or the `wanted` one of "gcc" and "zig"; StudyError."""
+    """The installed compiler, gcc first, or the `wanted` one of "gcc" and "zig"; StudyError if there is
+    none."""
     if wanted in (None, "gcc") and shutil.which(GCC):
         return Toolchain(
             (GCC,), _version((GCC, "--version"), "gcc"), (*FOR_GCC, *COMMON), ("-nostdlib", "-lgcc")

@@ -1,6 +1,6 @@
-"""Responses of controllers to what breaks in a scenario: how long it is safe, the ripple before and after.
+"""Responses of controllers to faults in a scenario: duration of the safe output, ripple before and after.
 
-All from a run's trace, to its rows: something shorter than their period may be missed.
+All is computed from the rows of a run's trace, so an event shorter than their period may be missed.
 """
 
 from __future__ import annotations
@@ -18,12 +18,15 @@ from cogless.study.scenario import Event
 
 Span = tuple[float, float]  # s
 
-FEWEST = 10  # rows that a ripple is taken over
+FEWEST = 10  # fewest rows from which a ripple is computed
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A time in which something is broken, s; overlapping ones are one. `lasting`: to the scenario's end."""
+    """A time span (s) in which a fault is present; overlapping faults are merged into one.
+
+    `lasting`: the fault lasts to the scenario's end.
+    """
 
     time: float
     end: float
@@ -33,11 +36,12 @@ class Fault:
 
 @dataclass(frozen=True)
 class Response:
-    """Response of a run to a fault, from its beginning until the next one's, or the end.
+    """Response of a run to a fault, from the fault's beginning to that of the next fault, or to the end.
 
-    Times are in s, and are how long something lasted in all; `noticed_after`: from the fault to the first
-    sign that the controller saw it. None: never, or unknown. `ripple`: rms of the speed error about its mean
-    over one turn of the reference, rad/s, in the spans `before` and `after`.
+    `safe`, `not_learning`, `saturated`: total duration of that state, s. `noticed_after`: time from the fault
+    to the controller's first sign that it noticed it, s. `ripple_before`, `ripple_after`: RMS of the speed
+    error about its mean over one turn of the reference, rad/s, in the spans `before` and `after`. None:
+    never, or unknown.
     """
 
     fault: Fault
@@ -56,7 +60,7 @@ class Response:
 
 
 def faults_in(study: Study, scenario: str) -> list[Fault]:
-    """Faults of a scenario in order of time; in a study with faults, loads that come and go, too."""
+    """Faults of a scenario in order of time. In a study with faults, temporary loads count as faults, too."""
     experiment = study.scenario[scenario]
     end = experiment.duration
     single = [Fault(f.time, min(f.end, end), (f.words,), f.end >= end) for f in experiment.faults]
@@ -75,7 +79,7 @@ def faults_in(study: Study, scenario: str) -> list[Fault]:
 
 
 def without_faults(study: Study, scenario: str) -> str | None:
-    """The scenario that differs by having no faults; None where there is none."""
+    """Name of the scenario that is the same but has no faults; None if there is none."""
     experiment = study.scenario[scenario]
     knocks = [event for pair in _knocks(study, scenario) for event in pair]
     events = tuple(event for event in experiment.events if event not in knocks)
@@ -84,7 +88,10 @@ def without_faults(study: Study, scenario: str) -> str | None:
 
 
 def _knocks(study: Study, scenario: str) -> list[tuple[Event, Event]]:
-    """Loads that come, and go back to the usual one at the next event; none in a study without faults."""
+    """Pairs of events that set another load, and then the usual one again.
+
+    Empty in a study without faults.
+    """
     experiment = study.scenario[scenario]
     if not experiment.events or not any(other.faults for other in study.scenario.values()):
         return []
@@ -94,7 +101,7 @@ def _knocks(study: Study, scenario: str) -> list[tuple[Event, Event]]:
 
 
 def responses(faults: Sequence[Fault], trace: Trace, current_limit: float, learns: bool) -> list[Response]:
-    """Responses of a run, one to each fault."""
+    """Responses of a run, one per fault."""
     if len(trace) < FEWEST or not faults:
         return []
     ends = [*(fault.time for fault in faults[1:]), math.inf]
@@ -106,7 +113,7 @@ def responses(faults: Sequence[Fault], trace: Trace, current_limit: float, learn
 
 
 def _response(fault: Fault, trace: Trace, room: Span, limit: float, learns: bool) -> Response:
-    """Response to one fault; `room`: since when and until when nothing else breaks, s."""
+    """Response to one fault. `room`: from the end of the previous fault to the start of the next one, s."""
     period, during = trace.period, _rows(trace, (fault.time, room[1]))
     time, status = trace.time[during], np.nan_to_num(trace["status"][during]).astype(int)
 
@@ -135,7 +142,7 @@ def _response(fault: Fault, trace: Trace, room: Span, limit: float, learns: bool
 
 
 def _last_turn(trace: Trace, room: Span) -> Span | None:
-    """The last turn of the reference within a span, up to its last row; None if there is none."""
+    """Span of the last whole turn of the reference within `room`; None if it turns less than that."""
     rows = _rows(trace, room)
     time = trace.time[rows]
     if len(time) < FEWEST:
@@ -148,7 +155,7 @@ def _last_turn(trace: Trace, room: Span) -> Span | None:
 
 
 def _rows(trace: Trace, span: Span) -> slice:
-    """Rows of a span without its end."""
+    """Rows of the trace within a span, whose end is excluded."""
     first, last = np.searchsorted(trace.time, np.array(span) - 1e-6 * trace.period)
     return slice(int(first), int(last))
 

@@ -1,4 +1,4 @@
-"""Learned maps of a study's runs on disk, as firmware stores them: one file a run."""
+"""Files of the maps that a study's runs have learned, as firmware stores them: one file per run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ def write_all(results: AnyResults, folder: Path) -> None:
 
 
 def remove_all(runs: Iterable[tuple[str, str]], folder: Path) -> None:
-    """Remove what `write_all` wrote for runs, (scenario, controller), and folders that are empty then."""
+    """Remove the files that `write_all` wrote for these runs (scenario, controller), and folders left
+    empty."""
     for scenario, controller in runs:
         path = _file(folder, scenario, controller)
         path.unlink(missing_ok=True)
@@ -36,8 +37,10 @@ def _file(folder: Path, scenario: str, controller: str) -> Path:
 
 
 def runs_that_learned(path: Path) -> list[tuple[str, str]]:
-    """(scenario, controller) of the runs in a results.json that learned a map or a trial's signal; none where
-    it is not there or not readable."""
+    """Pairs (scenario, controller) of the runs in a results.json that learned a map or a trial's signal.
+
+    Empty if the file is missing or can't be read.
+    """
     try:
         runs = json.loads(path.read_text(encoding="utf-8"))["runs"]
         names = [(run["scenario"], run["controller"]) for run in runs if run["memory"]]

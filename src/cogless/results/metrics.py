@@ -1,7 +1,7 @@
-"""Metrics: numbers from a trace, over declared windows. Values are SI; None: a step that never settles.
+"""Compute metrics from a trace, over declared windows. Values are SI; None is a step that never settles.
 
-One small function a kind, in the registry KINDS; `evaluate` finds the window and calls it. In trials a
-metric has one number a trial or one a phase, from one change to the next.
+Each kind of metric is a function in the registry KINDS; `evaluate` finds the window and calls it. In a study
+of trials, a metric has one number per trial, or one per phase, from one change to the next.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from cogless.units import ANGLE, ANGULAR_SPEED
 Array = NDArray[np.float64]
 Value = float | None | list[float]
 
-# The signal that a signal should follow; any other should return to its mean from before the event.
-ERRORS = ("omega_error", "omega_error_measured")  # which should be zero
+# Signals with a target. Any other signal should return to its mean from before the event.
+ERRORS = ("omega_error", "omega_error_measured")  # target: zero
 REFERENCES = {"omega_m": "omega_ref", "omega_measured": "omega_ref", "i_d": "i_d_ref", "i_q": "i_q_ref"}
-SETTLED_SHARE = 1 / 2  # of a phase's trials, at its end, that final-rms is taken over
+SETTLED_SHARE = 1 / 2  # share of a phase's trials, at its end, that final-rms uses
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """Facts that a metric needs to know of a run besides its trace."""
+    """Data of a run that metrics need besides its trace."""
 
     pole_pairs: int = 1
     R_s: float = math.nan  # ohm, of the star equivalent
@@ -63,7 +63,7 @@ class Conditions:
 
 @dataclass(frozen=True)
 class MetricInput:
-    """A metric about to be evaluated: the whole trace, the metric, the conditions and the metric's rows."""
+    """Input to a metric's function: metric, whole trace, conditions, and rows in the metric's window."""
 
     metric: Metric
     trace: Trace
@@ -78,20 +78,22 @@ class MetricInput:
 
     @property
     def x(self) -> Array:
-        """The signal in the metric's rows; in trials its rows are the trials."""
+        """The signal in the metric's window; in trials a matrix with one row per trial."""
         x = self.whole(self.signal)
         if self.conditions.trials is not None:
             return x.reshape(self.conditions.trials, -1)
         return x[self.rows] if self.metric.smooth is None else self._smooth(x, self.metric.smooth)[self.rows]
 
     def whole(self, signal: str) -> Array:
-        """A signal of the whole trace; angles and speeds in the metric's frame."""
+        """A signal over the whole trace; angles and speeds in the metric's frame, electrical or
+        mechanical."""
         x = self.trace[signal]
         turned = SIGNALS.get(signal) in (ANGLE, ANGULAR_SPEED) and self.metric.kind != "order"
         return self.conditions.pole_pairs * x if turned and self.metric.frame == "electrical" else x
 
     def _smooth(self, x: Array, span: float) -> Array:
-        """Centred mean over `span` s, without what comes after the metric's window."""
+        """Centred moving average over `span` s. Rows in the metric's window use none that come after the
+        window."""
         half = round(span / self.trace.period / 2)
         total = np.concatenate(([0.0], np.cumsum(x)))
         row = np.arange(len(x))
@@ -101,7 +103,7 @@ class MetricInput:
 
     @property
     def phases(self) -> list[slice]:
-        """The trials of each phase."""
+        """Slices with the trials of each phase."""
         starts = (*self.conditions.starts, (self.conditions.trials or 0) + 1)
         return [slice(a - 1, b - 1) for a, b in pairwise(starts)]
 
@@ -119,7 +121,7 @@ class MetricInput:
 def evaluate(metric: Metric, trace: Trace, conditions: Conditions) -> Value:
     """Value of a metric on a trace, SI; None for a step that never settles.
 
-    A list for kind "order", of NaN where the rotor turned too little, and in trials.
+    A list for kind "order", with NaN if the rotor turned too little, and a list in trials.
 
     StudyError: a signal that the trace doesn't have, an empty window, rows too sparse for chattering.
     """
@@ -129,20 +131,20 @@ def evaluate(metric: Metric, trace: Trace, conditions: Conditions) -> Value:
         raise metric_input.error(f"signal {metric.signal}: expected one of {', '.join(trace.names)}")
     if metric_input.rows.start == metric_input.rows.stop:
         raise metric_input.error(f"window {first:g} s to {last:g} s holds no row of the trace")
-    with np.errstate(over="ignore"):  # a square too large for a number is infinite
+    with np.errstate(over="ignore"):  # a square that overflows becomes infinite
         value = KINDS[metric.kind](metric_input)
     return value if value is None or isinstance(value, list) else np.asarray(value).tolist()
 
 
 def _window(metric: Metric, trace: Trace, conditions: Conditions) -> tuple[float, float]:
-    """The metric's window, s: as declared, else from its event to the next one, else the whole trace."""
+    """The metric's window, s: as declared, else from its event to the next event, else the whole trace."""
     end = float(trace.time[-1]) if len(trace) else 0.0
     declared = metric.span(end)
     if declared is not None:
         return declared
     if metric.event is None:
         return 0.0, end
-    # The row of the next event already carries that event.
+    # The row at the next event already shows its effect, so the window ends one row before.
     after = metric.event + trace.period / 2
     return metric.event, min((t - trace.period for t in conditions.events if t > after), default=end)
 
@@ -175,8 +177,8 @@ def maximum(m: MetricInput) -> Array:
 def order(m: MetricInput) -> list[float]:
     """Amplitude (peak) of each order of an electrical or mechanical revolution, in the signal's unit.
 
-    Tracked on angle, so a varying speed doesn't smear it; over the longest way in one direction, where the
-    rotor turns back. NaN where it turned too little for one: a rotor that stalls has no orders.
+    It is computed over the angle, so a varying speed doesn't smear it. If the rotor reverses, only the
+    longest way in one direction is used. NaN if the rotor turned too little, for example because it stalls.
     """
     orders = list(m.metric.order or ())
     try:
@@ -196,7 +198,7 @@ def settling(m: MetricInput) -> float | None:
     """Time from the event until the signal stays within the band, s; None when it never does.
 
     The band lies around the signal's reference, or, without one, around its mean before the event. A signal
-    still outside in the last twentieth of the window hasn't settled: it crosses the band again and again.
+    that is outside the band in the last twentieth of the window hasn't settled: it keeps crossing the band.
     """
     time = m.trace.time[m.rows]
     outside = _outside(m, lambda: _mean_before(m))
@@ -208,9 +210,10 @@ def settling(m: MetricInput) -> float | None:
 
 
 def overshoot(m: MetricInput) -> float:
-    """Distance that the signal goes beyond where it ends, in the signal's unit; 0 where it doesn't.
+    """Distance by which the signal exceeds its final value, in the signal's unit; 0 if it doesn't.
 
-    It ends at its mean over the last quarter of the window, and goes there from its mean before the event.
+    The final value is the mean over the last quarter of the window. The direction is that from the mean
+    before the event to the final value.
     """
     end = float(np.mean(m.x[-max(1, len(m.x) // 4) :]))
     direction = math.copysign(1.0, end - _mean_before(m))
@@ -220,14 +223,14 @@ def overshoot(m: MetricInput) -> float:
 def exceeds(m: MetricInput) -> float | None:
     """Time at which the signal first leaves the band around its reference, s; None when it never does.
 
-    A signal without a reference is held against its mean over the first tenth of the window.
+    A signal without a reference is compared with its mean over the first tenth of the window.
     """
     outside = _outside(m, lambda: float(np.mean(m.x[: max(1, len(m.x) // 10)])))
     return float(m.trace.time[m.rows][outside[0]]) if len(outside) else None
 
 
 def copper_loss(m: MetricInput) -> float:
-    """Mean copper loss R_s (i_d^2 + i_q^2) times the power factor, W."""
+    """Mean copper loss R_s (i_d^2 + i_q^2), times 3/2 for three phases or 1 for two, W."""
     i_d, i_q = m.trace["i_d"][m.rows], m.trace["i_q"][m.rows]
     return m.conditions.power_factor * m.conditions.R_s * float(np.mean(i_d * i_d + i_q * i_q))
 
@@ -263,9 +266,10 @@ def final_rms(m: MetricInput) -> list[float]:
 
 
 def trials_to_floor(m: MetricInput) -> list[float]:
-    """Trials of each phase until the RMS is at the floor or below; infinite where none is.
+    """Trials of each phase until the RMS is at the floor or below; infinite if it never is.
 
-    1: the first trial of the phase is there already. Noise may lift a later trial above the floor again.
+    A value of 1 means that the phase's first trial is there already. Noise may lift a later trial above the
+    floor again.
     """
     if m.metric.floor is None:
         raise m.error("expected a floor")
@@ -298,9 +302,9 @@ KINDS: dict[str, Callable[[MetricInput], Value | Array]] = {
 def onward(theta: Array, x: Array) -> tuple[Array, Array]:
     """Angle and x over the longest way in one direction: from one extreme of the angle to the other.
 
-    Of an angle that was passed several times on it, the last passage stays: what depends on the direction,
-    such as the speed itself, would else be mixed of both. All rows of a rotor that never turns back.
-    ValueError: no rows, or an angle that isn't finite.
+    If an angle was passed several times on this way, only its last passage is kept. Else a signal that
+    depends on the direction, such as the speed itself, would be a mix of both directions. If the rotor never
+    reverses, all rows are returned. ValueError: no rows, or an angle that isn't finite.
     """
     if not len(theta) or not np.all(np.isfinite(theta)):
         raise ValueError("expected one angle or more, all finite")
@@ -316,10 +320,12 @@ def order_amplitudes(
 ) -> list[float]:
     """Amplitudes of x at orders of a revolution, in x's unit.
 
-    Fourier integral over angle, by trapezoid, over the last whole revolutions of the way `onward`: mechanical
-    ones where there is one (every order of the motor is whole over it, so none leaks into another), else
-    electrical ones. An order that is not whole takes as many revolutions as make it so. theta_m: unwrapped
-    mechanical angle, rad, in either direction.
+    They are Fourier integrals over the angle, by the trapezoidal rule, over the last whole revolutions of the
+    way that `onward` gives. Mechanical revolutions are used if there is a whole one: it contains whole
+    periods of every order of the motor, so none leaks into another. Else electrical orders use electrical
+    revolutions. An order that isn't an integer needs as many revolutions as make whole periods of it.
+    `theta_m`: unwrapped mechanical angle, rad, in either direction.
+
     ValueError: less than one such revolution, or an angle that isn't finite.
     """
     theta_m, x = onward(theta_m, x)
@@ -327,7 +333,7 @@ def order_amplitudes(
     whole = whole_revolutions(orders)
     periods = [math.lcm(whole, pole_pairs), whole] if electrical else [whole]
     turns = abs(float(frame[-1] - frame[0])) / (2 * math.pi)
-    # A window that was meant to hold exactly n revolutions may miss the last by a row.
+    # A window meant to hold exactly n revolutions may be short of the last one by a row.
     row = turns / max(1, len(frame) - 1)
     for period in periods:
         count = math.floor((turns + 2 * row) / period)
@@ -339,7 +345,7 @@ def order_amplitudes(
     angle, x = _last_part(frame, x, min(turns, count * period) * 2 * math.pi)
     step = np.diff(angle)
     span = float(angle[-1] - angle[0])
-    # The mean would leak through the rounding of the ends.
+    # Remove the mean: it would leak into the orders if the span isn't exactly whole revolutions.
     x = x - float(np.dot(step, x[1:] + x[:-1])) / (2 * span)
     amplitudes = []
     for n in orders:
@@ -364,7 +370,8 @@ def _last_part(angle: Array, x: Array, span: float) -> tuple[Array, Array]:
 
 
 def _outside(m: MetricInput, otherwise: Callable[[], float]) -> NDArray[np.intp]:
-    """Rows outside the band around the signal's reference, or around `otherwise` without one."""
+    """Indices of the rows outside the band around the signal's reference, or around otherwise() if it has
+    none."""
     if m.metric.band is None:
         raise m.error("expected a band")
     target: Array | float
@@ -378,9 +385,10 @@ def _outside(m: MetricInput, otherwise: Callable[[], float]) -> NDArray[np.intp]
 
 
 def _mean_before(m: MetricInput) -> float:
-    """Mean of the signal before the event, over the last revolution.
+    """Mean of the signal over the last revolution before the event.
 
-    At most over half of the time since the event before, or since the start.
+    If a revolution takes longer, it is the mean over the second half of the time since the previous event, or
+    since the start.
     """
     event, trace = m.event, m.trace
     previous = max((t for t in m.conditions.events if t < event - trace.period / 2), default=0.0)

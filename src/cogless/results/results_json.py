@@ -1,4 +1,4 @@
-"""results.json: settings, and of each run its metrics and what it learned, in short."""
+"""Write results.json: the study's settings, and each run's metrics with a summary of what it learned."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 
 def to_dict(results: AnyResults) -> dict[str, Any]:
-    """Content of results.json, from plain types only; a number that isn't finite becomes null ("never")."""
+    """Content of results.json, in plain types only; a number that isn't finite becomes null, meaning
+    "never"."""
     return {
         "study": results.study.name,
         "title": results.study.title,
@@ -49,14 +50,15 @@ def to_dict(results: AnyResults) -> dict[str, Any]:
 
 
 def write(results: AnyResults, path: Path) -> None:
-    """Write results.json, whole or not at all."""
+    """Write results.json, completely or not at all."""
     text = json.dumps(to_dict(results), indent=2, allow_nan=False, ensure_ascii=False)
     with replacing(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
 def _definitions(results: AnyResults) -> dict[str, dict[str, Any]]:
-    """Meaning of each name in a run's metrics: unit, kind, signal; orders and frame, or the floor."""
+    """Definition of each metric by its name in the runs: kind, unit, signal; also orders and frame, or the
+    floor."""
     definitions = {}
     for metric in results.study.metric:
         meaning: dict[str, Any] = {
@@ -73,7 +75,7 @@ def _definitions(results: AnyResults) -> dict[str, dict[str, Any]]:
 
 
 def _trials(results: TrialResults) -> dict[str, dict[str, Any]]:
-    """Plan of each scenario: how many trials of how many samples, and the first trial of each phase."""
+    """Number of trials, samples per trial, and first trial of each phase, by scenario."""
     study = results.study
     return {
         name: {
@@ -92,7 +94,7 @@ def _design(design: TrialDesign) -> dict[str, Any]:
 
 
 def _memory(memory: Mapping[str, Any]) -> dict[str, Any]:
-    """Summary of a memory: enough to see that something was learned, and how much."""
+    """Summary of what a law has learned: number of entries, peak, and for a current its RMS."""
     if "learned" in memory:
         learned = np.asarray(memory["learned"], dtype=float)
         return {"samples": len(learned), "peak": _plain(float(np.max(np.abs(learned), initial=0.0)))}
@@ -108,14 +110,15 @@ def _memory(memory: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _quality(quality: Mapping[str, Any]) -> dict[str, Any]:
-    """Quality as the controller sees it; null where it has not yet turned far enough to know."""
+    """Quality of learning as the controller computes it; null if the motor hasn't turned far enough for
+    it."""
     names = {"residual_rad_per_s": "residual"}
     names |= {name: name for name in ("progress", "improving", "worsening") if name in quality}
     return {key: quality[name] if quality["known"] else None for key, name in names.items()}
 
 
 def _fault(response: Response) -> dict[str, Any]:
-    """A fault and what the run did about it; null: never, or nothing that could be taken."""
+    """A fault and the response of the run to it; null: it never happened, or couldn't be computed."""
     fault = response.fault
     return {
         "what": list(fault.words),
@@ -137,7 +140,7 @@ def _fault(response: Response) -> dict[str, Any]:
 
 
 def as_json(value: Any) -> Any:
-    """A study's tables; what JSON doesn't have (a date, an infinite parameter) becomes a text."""
+    """A study's tables as JSON values; a value that JSON doesn't have (a date, infinity) becomes a text."""
     if isinstance(value, dict):
         return {key: as_json(inner) for key, inner in value.items()}
     if isinstance(value, list):

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Metrics(dict[str, Value]):
-    """Metrics by name; a KeyError names those there are."""
+    """Metrics by name; a KeyError lists the available names."""
 
     def __missing__(self, name: str) -> Value:
         raise KeyError(f"no metric {name!r}; there are {', '.join(self) or 'none'}")
@@ -28,10 +28,10 @@ class Run:
     """One controller in one scenario.
 
     `memory` is what was learned by the end, or empty: {"angle": rad, "current": A, "frame": "electrical" or
-    "mechanical"}, or of trials {"learned": a number each sample}. `metrics` are SI, by their name in
-    results.json. `quality` is what the controller says of its own learning at the end, not of trials:
-    {"known", "residual": rad/s} and, of a law that learns, {"progress", "improving", "worsening"}. `faults`
-    is what it did about each fault of its scenario.
+    "mechanical"}, or in trials {"learned": one number per sample}. `metrics` are SI values by their name in
+    results.json. `quality` is the controller's own measure of its learning at the end, empty in trials:
+    {"known", "residual": rad/s}, and for a law that learns also {"progress", "improving", "worsening"}.
+    `faults` are the responses to each fault of the scenario.
     """
 
     scenario: str
@@ -40,7 +40,7 @@ class Run:
     memory: Mapping[str, Any] = field(default_factory=dict)
     metrics: Mapping[str, Value] = field(default_factory=dict)
     design: TrialDesign | None = None  # of a study of trials: gains and certificate
-    quality: Mapping[str, Any] = field(default_factory=dict)  # of learning, as the controller sees it
+    quality: Mapping[str, Any] = field(default_factory=dict)  # of learning, as the controller computes it
     faults: Sequence[Response] = ()
     map: StoredMap | None = None  # what was learned, as firmware stores it
 
@@ -50,7 +50,7 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class AnyResults:
-    """A study of whichever kind and what came out of it; `interrupted`: not all of its runs are here."""
+    """A study of either kind and its finished runs. `interrupted`: some of its runs are missing."""
 
     study: AnyStudy
     runs: Sequence[Run]

@@ -1,4 +1,4 @@
-"""The bits of a controller's status, as control/src/cogless/status.h has them, and their names."""
+"""Bits of a controller's status, as defined in control/src/cogless/status.h, and their names."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import IntFlag
 
 
 class Status(IntFlag):
-    """Status bits of a step."""
+    """Status bits that a controller returns with each step."""
 
     SATURATED = 1
     FAULT = 2
@@ -21,7 +21,7 @@ class Status(IntFlag):
     OFF = 1024
 
 
-SAFE = Status.FAULT | Status.OFF  # a safe output is held
+SAFE = Status.FAULT | Status.OFF  # the controller holds its safe output
 NOTICED = {  # what the monitor found wrong
     Status.ANGLE_LOST: "angle missing",
     Status.ANGLE_SHIFTED: "angle shifted",

@@ -24,7 +24,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """Recorded signals. `data` is rows x signals, used as it comes (no copy), and holds a signal "time"."""
+    """Recorded signals of a run.
+
+    `data`: a row per time, a column per signal, used without a copy; one of the signals is "time".
+    """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -40,7 +43,7 @@ class Trace:
             )
 
     def __getitem__(self, name: str) -> Array:
-        """One signal, recorded (a view) or derived (a new array); KeyError names those there are."""
+        """One signal, recorded (a view) or derived (a new array); KeyError lists the available signals."""
         if name in self.names:
             return np.asarray(self.data[:, self.names.index(name)])
         if name in self.derived:
@@ -114,11 +117,11 @@ class RunWithTrace(Protocol):
 def write_netcdf(
     path: Path, runs: Iterable[RunWithTrace], attributes: Mapping[str, Any] | None = None
 ) -> None:
-    """Write all runs to one netCDF-4 file, one group per "scenario/controller"; whole or not at all.
+    """Write all runs to one netCDF-4 file, one group per "scenario/controller", completely or not at all.
 
     `time` and `theta_m` are stored in double precision, since both grow without bound; the others in single.
     `attributes` go to the file's root. `xarray.open_dataset(path, group="scenario/controller")` opens a run.
-    StudyError: it can't be written.
+    StudyError: the file can't be written.
     """
     import netCDF4
 
@@ -128,7 +131,7 @@ def write_netcdf(
                 file.setncatts(dict(attributes or {}))
                 for run in runs:
                     _write_group(file.createGroup(f"{run.scenario}/{run.controller}"), run.trace)
-        except RuntimeError as error:  # "NetCDF: HDF error" on a full disk
+        except RuntimeError as error:  # on a full disk: "NetCDF: HDF error"
             raise OSError(f"{error}, is the disk full?") from error
 
 

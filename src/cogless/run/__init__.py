@@ -1,1 +1,1 @@
-"""Study to engine to runs: one controller in one scenario, or thousands side by side."""
+"""Run studies on the simulation engine: one controller in one scenario, or thousands of runs in parallel."""

@@ -1,4 +1,4 @@
-"""Helpers of a run: the engine's modules, going on in pieces, failures in one line."""
+"""Helpers of a run: the engine's modules, simulation in short pieces, failures as one-line errors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cogless.run.own_law import describe, is_failure, law_file
 from cogless.study import AnyStudy
 
 ENGINES = {"single": "cogless._simulator_f32", "double": "cogless._simulator_f64"}
-PIECE = 0.1  # s of wall time between two looks at progress and Ctrl-C
+PIECE = 0.1  # s of wall time between two reports of progress and checks for Ctrl-C
 
 Progress = Callable[[float], None]
 
@@ -27,7 +27,7 @@ class Stopped(Exception):  # noqa: N818, it isn't an error
 def failures(
     study: AnyStudy, scenario: str, controller: str, when: Callable[[], str] = str
 ) -> Iterator[None]:
-    """Whatever fails in a run becomes a StudyError of one line. `when`: its time, or ""."""
+    """Turn any failure in a run into a StudyError of one line. `when`: returns the time in the run, or ""."""
     try:
         yield
     except BaseException as error:
@@ -39,7 +39,7 @@ def failures(
 
 
 def advance(drive: Any, state: Any, recorder: Any, ticks: int, progress: Progress, stop: Event) -> None:
-    """Run the ticks in pieces of about PIECE, looking at progress and stop in between."""
+    """Run the ticks in pieces of about PIECE; in between, report progress and check whether to stop."""
     done, piece = 0, 1000
     while done < ticks:
         if stop.is_set():
@@ -54,6 +54,6 @@ def advance(drive: Any, state: Any, recorder: Any, ticks: int, progress: Progres
 
 
 def trace_of(drive: Any, recorder: Any) -> Trace:
-    """The rows so far, handed over."""
+    """Take the rows recorded so far from the recorder, as a trace."""
     names, units = zip(*drive.signals, strict=True)
     return Trace(names, units, recorder.take())

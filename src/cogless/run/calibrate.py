@@ -1,6 +1,8 @@
-"""Fit parameters of a study to target values of its metrics, such as ripple amplitudes to a published table.
+"""Fit parameters of a study to target values of its metrics, such as ripple amplitudes from a published
+table.
 
-Least squares over the relative deviations, by scipy's trust region; each evaluation runs the study itself.
+The fit minimizes the squares of the relative deviations with scipy's trust-region solver. Each evaluation
+runs the study.
 """
 
 from __future__ import annotations
@@ -24,8 +26,8 @@ from cogless.study.error_messages import MISSING, look_up, shown
 from cogless.study.metric import Metric
 from cogless.study.reading import split
 
-# Relative steps for derivatives, one fit after the other, each from the best so far: an encoder makes metrics
-# bumpy, so wide secants find the valley and narrow ones its floor.
+# Relative steps for numerical derivatives. There is one fit per step, each from the best point so far. An
+# encoder makes metrics uneven: large steps find the valley, small ones its lowest point.
 STEPS = (0.3, 0.1, 0.02)
 TOLERANCE = 1e-4  # relative change of the parameters that ends a fit
 ROUNDS = 20  # of each fit
@@ -35,7 +37,7 @@ Progress = Callable[[int, float], None]
 
 @dataclass(frozen=True)
 class Fitted:
-    """A parameter with its value after the fit, as a text in the study's own unit."""
+    """A fitted parameter: key, and values before and after the fit, as texts in the study's own unit."""
 
     key: str
     before: str
@@ -43,27 +45,28 @@ class Fitted:
 
     @property
     def toml(self) -> str:
-        """A line for the study, or for --set."""
+        """A line for the study's file, or for --set."""
         return f"{self.key} = {self.after}"
 
 
 @dataclass(frozen=True)
 class Residual:
-    """A target against what the fitted study gives, SI."""
+    """A target value and the value that the fitted study gives, both SI."""
 
     scenario: str
     controller: str
     metric: str
-    part: float | None  # the order, or the place of the trial or phase, from 1
+    part: float | None  # the order, or the number of the trial or phase, from 1
     wanted: float
     got: float
 
 
 @dataclass(frozen=True)
 class Fit:
-    """The outcome: parameters, targets, rms of the relative deviations, and whether the fit settled.
+    """Outcome of a fit.
 
-    `interrupted`: Ctrl-C ended it; this is the best so far.
+    `deviation`: RMS of the relative deviations. `settled`: whether the last fit converged. `interrupted`:
+    Ctrl-C ended the fit, so these are the best values so far.
     """
 
     parameters: tuple[Fitted, ...]
@@ -76,7 +79,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class _Knob:
-    """A parameter as the fit sees it: x = 1 is where it starts."""
+    """A parameter as the solver sees it: its value is x times `scale`."""
 
     key: str
     unit: str
@@ -91,11 +94,11 @@ class _Knob:
 
 
 def calibrate(study: AnyStudy, progress: Progress | None = None, jobs: int = 1) -> Fit:
-    """Fit what the study's [calibration] names; only the runs that its targets name are made.
+    """Fit the parameters in the study's [calibration]; only the runs that its targets name are simulated.
 
-    `progress` gets the number of evaluations and the least deviation so far. Ctrl-C ends the fit early: the
-    best so far is returned, with `interrupted` set. StudyError: no calibration, a key that holds no number, a
-    metric without a value.
+    `progress` is called with the number of evaluations and the smallest deviation so far. Ctrl-C ends the fit
+    early: the best values so far are returned, with `interrupted` set. StudyError: no calibration, a key that
+    holds no number, a metric without a value.
     """
     if study.calibration is None:
         raise StudyError(
@@ -132,7 +135,7 @@ def calibrate(study: AnyStudy, progress: Progress | None = None, jobs: int = 1) 
             settled = fit.status > 0
     except KeyboardInterrupt:
         if not math.isfinite(least):
-            raise  # before the first evaluation: nothing to give
+            raise  # no evaluation is done, so there is no result
         settled, interrupted = False, True
     fitted = _with(study, knobs, best)
     parameters = tuple(
@@ -143,7 +146,8 @@ def calibrate(study: AnyStudy, progress: Progress | None = None, jobs: int = 1) 
 
 
 def _deciding_tables(study: AnyStudy, scenario: str, controller: str) -> str:
-    """All that decides a run's metrics: the study's tables without other scenarios and controllers."""
+    """Text of all tables that decide a run's metrics: the study's, without other scenarios and
+    controllers."""
     tables = {key: table for key, table in study.source.tables.items() if key != "calibration"}
     for table, name in (("scenario", scenario), ("controller", controller)):
         tables[table] = {name: tables[table][name]}
@@ -191,7 +195,10 @@ def _knob(study: AnyStudy, index: int, parameter: FitParameter) -> _Knob:
 
 
 def _residuals(study: AnyStudy, known: dict[str, dict[str, Value]], jobs: int) -> list[Residual]:
-    """Targets against this study's metrics. A run that was made with the same tables isn't made again."""
+    """Targets and values of this study's metrics.
+
+    `known`: metrics of earlier runs; a run with the same tables as one of them isn't repeated.
+    """
     assert study.calibration is not None
     pairs = dict.fromkeys((target.scenario, target.controller) for target in study.calibration.targets)
     names = {pair: _deciding_tables(study, *pair) for pair in pairs}
@@ -220,7 +227,11 @@ def _metric(study: AnyStudy, scenario: str, name: str) -> Metric:
 
 
 def _relative(study: AnyStudy, residuals: list[Residual]) -> list[float]:
-    """Deviations by the size of their target, the largest of a list; a target of zero counts as it is."""
+    """Weighted relative deviations from the targets.
+
+    Each is divided by the magnitude of its target, or of the largest target in a list. If that is zero, it
+    isn't divided.
+    """
     assert study.calibration is not None
     sizes: dict[tuple[str, str, str], float] = {}
     for r in residuals:
@@ -236,7 +247,7 @@ def _relative(study: AnyStudy, residuals: list[Residual]) -> list[float]:
 
 
 def residual_rows(fit: Fit) -> list[tuple[str, str, str, str, str]]:
-    """Run, metric, wanted, got and deviation of each target, in display units."""
+    """Rows of a table: run, metric, target, value and deviation, in display units."""
     rows = []
     for r in fit.residuals:
         metric = _metric(fit.study, r.scenario, r.metric)

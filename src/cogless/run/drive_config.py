@@ -1,6 +1,6 @@
-"""A study in the engine's words: one plain nested dict of SI numbers, for one controller in one scenario.
+"""Describe a run for the engine: a nested dict of SI numbers for one controller in one scenario.
 
-The controller's configuration in it is that of the control library, as bytes (cogless.c_layout).
+The controller's configuration in it is the C struct of the control library, as bytes (cogless.c_layout).
 """
 
 from __future__ import annotations
@@ -28,9 +28,10 @@ Mode = Literal["run", "learn"]
 def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "run") -> dict[str, Any]:
     """The engine's description of one run.
 
-    `mode` "learn": the commissioning run of an anti-cogging table, from standstill, with the load that
-    belongs to the mechanics and without the scenario's load and events. Gains and beliefs, the current loop's
-    too, are those of the study without overrides: what changes in a scenario, the controller isn't told.
+    `mode` "learn" is the commissioning run of an anti-cogging table. It starts at standstill, with the load
+    in [mechanics], without the scenario's load and events. Gains and assumed motor parameters, those of the
+    current loop too, are computed from the study without overrides: the controller isn't told what changes in
+    a scenario.
     """
     study_here = for_scenario(study, scenario)
     experiment = study_here.scenario[scenario]
@@ -83,7 +84,11 @@ def _reference(reference: Reference) -> dict[str, Any]:
 
 
 def drive_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[str, Any]:
-    """A drive. `motor`: the study's, which a belief falls back on. `driven`: as it is in this run."""
+    """The engine's description of a drive.
+
+    `motor`: the study's motor, from which parameters that a belief leaves out are taken. `driven`: the motor
+    in this run, with overrides.
+    """
     values = control_config(drive, motor, driven)
     config = {
         "current_rate": round(drive.rates.current_loop),
@@ -96,7 +101,8 @@ def drive_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[str,
 
 
 def control_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[str, Any]:
-    """cgl_drive_config. An ideal current loop uses nothing of foc but its limit."""
+    """Members of the C struct cgl_drive_config. With an ideal current loop, only the limit in `foc` is
+    used."""
     loop, belief = drive.current_loop, drive.belief.resolved(motor)
     return {
         "pole_pairs": driven.pole_pairs,
@@ -135,7 +141,8 @@ def _controller(study: Study, study_here: Study, name: str, mode: Mode) -> dict[
 
 
 def own_law_config(study: AnyStudy, name: str) -> dict[str, Any]:
-    """A user's law: a Python object comes to the engine by itself."""
+    """The engine's description of a user's law. A Python object isn't in it: it is passed to the engine
+    separately."""
     law = study.controller[name]
     if not isinstance(law, LibraryLaw):
         return {"law": "python"}
@@ -144,7 +151,7 @@ def own_law_config(study: AnyStudy, name: str) -> dict[str, Any]:
 
 
 def _filled(study: Study, study_here: Study, name: str) -> AnyController:
-    """A controller with the gains that its rule gives, and the limits that it leaves to the drive."""
+    """A controller with the gains from its tuning rule and the default limits from the drive filled in."""
     law, found = study.controller[name], dict[str, Any]()
     if isinstance(law, Feedback):
         found = dict(zip(("kp", "ki"), gains(study, name), strict=True))

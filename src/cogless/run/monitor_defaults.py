@@ -1,7 +1,8 @@
-"""Plausibility checks of a drive's measurements in numbers: what a study leaves open follows from the drive.
+"""Bounds for the plausibility checks of a drive's measurements; those left out of the study get defaults.
 
-Derived from what the controller believes and the sensors' data alone, never from scenarios: a firmware has to
-set them before it knows what it will be asked for. docs/laws/monitor.md has the reasons.
+The defaults depend only on the parameters that the controller assumes and on the sensors' data, never on
+scenarios: firmware must set them before it knows which motions will be asked for. docs/laws/monitor.md gives
+the reasons.
 """
 
 from __future__ import annotations
@@ -21,18 +22,22 @@ HOLD = 10e-3  # s
 
 
 def no_load_speed(bus_voltage: float, motor: StarMotor, belief: StarBelief) -> float:
-    """Mechanical speed, rad/s, at which the believed flux induces all the voltage that the bus has."""
+    """Mechanical speed, rad/s, at which the assumed flux induces the largest voltage that the bus can
+    supply."""
     reach = bus_voltage if motor.phases == 2 else bus_voltage / math.sqrt(3)
     return reach / (motor.pole_pairs * belief.psi_f)
 
 
 def monitor_config(drive: Drive, motor: StarMotor, belief: StarBelief) -> dict[str, float]:
-    """cgl_monitor_config; `motor`: its pole pairs and phases count, the rest is belief."""
+    """Members of the C struct cgl_monitor_config.
+
+    Only pole pairs and phases are taken from `motor`; its other parameters are those in `belief`.
+    """
     sensor, loop = drive.position_sensor, drive.current_loop
     period = 1 / drive.rates.current_loop
     step, window = 0.0, 0.0
     if isinstance(sensor, Encoder):
-        # a jump is in the counts of one period of the law, whose speed is used for the next
+        # an angle jump is in the counts of one law period, and the speed from them is used in the next period
         step, window = 2 * math.pi / (4 * sensor.lines), 2 * drive.rates.divider * period
     elif isinstance(sensor, Resolver):
         step, window = 2 * math.pi / 2**sensor.bits, sensor.window * period
@@ -59,7 +64,7 @@ def monitor_config(drive: Drive, motor: StarMotor, belief: StarBelief) -> dict[s
 
 
 def quality_config(drive: Drive) -> dict[str, float]:
-    """cgl_quality_config: the angle that ripple is taken over is a revolution by default."""
+    """Members of the C struct cgl_quality_config. By default the ripple's window is one revolution."""
     quality = drive.quality
     span = 2 * math.pi if quality.span is None else quality.span
     return {**quality.model_dump(), "span": span, "ts": 1 / drive.rates.current_loop * drive.rates.divider}

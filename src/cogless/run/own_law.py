@@ -1,4 +1,5 @@
-"""Controllers of a user: find the Python class or the library, make the object, say where it failed."""
+"""Controllers of a user: find the Python class or shared library, create the object, report where it
+failed."""
 
 from __future__ import annotations
 
@@ -17,12 +18,12 @@ from cogless.study import AnyStudy
 from cogless.study.controller import LibraryLaw, PythonLaw
 
 RETURNS = "step() returns i_q_ref or (i_d_ref, i_q_ref)"
-LOADING = threading.RLock()  # sys.path and sys.modules belong to all threads
-NOT_A_NUMBER = "std::bad_cast"  # what the engine says of a value that it can't use
+LOADING = threading.RLock()  # guards sys.path and sys.modules, which all threads share
+NOT_A_NUMBER = "std::bad_cast"  # the engine's message about a returned value that it can't use
 
 
 def make_law(study: AnyStudy, name: str) -> Any | None:
-    """A fresh object of a python controller, else None. StudyError: no file, no class, no step()."""
+    """Create a new object of a Python controller; None for others. StudyError: no file, class or step()."""
     controller = study.controller[name]
     if isinstance(controller, LibraryLaw):
         _find(study, f"controller.{name}.library", controller.library)
@@ -54,7 +55,7 @@ def _reporting(where: str, path: Path, expected: str) -> Iterator[None]:
 
 
 def _module(path: Path) -> ModuleType:
-    """The file as a fresh module, and fresh modules of what it imports from its folder."""
+    """Load the file as a new module. Modules that it imports from its own folder are new, too."""
     name = f"cogless_law_{path.stem}_{hash(path):x}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
@@ -63,14 +64,14 @@ def _module(path: Path) -> ModuleType:
     folder = str(path.parent)
     with LOADING:
         before = set(sys.modules)
-        sys.modules[name] = module  # where a dataclass looks for its annotations' names
+        sys.modules[name] = module  # dataclasses look up their annotations' names here
         sys.path.insert(0, folder)
         try:
             spec.loader.exec_module(module)
         finally:
             with suppress(ValueError):
                 sys.path.remove(folder)
-            # Another study may have a helper of the same name.
+            # Forget these modules: another study may have a helper of the same name.
             for other in set(sys.modules) - before - {name}:
                 if _is_beside(sys.modules[other], other, path.parent):
                     del sys.modules[other]
@@ -78,7 +79,7 @@ def _module(path: Path) -> ModuleType:
 
 
 def _is_beside(module: ModuleType, name: str, folder: Path) -> bool:
-    """Whether a module came from a folder itself, not from an environment that happens to be within."""
+    """Whether a module was loaded from this folder itself, not from a virtual environment within it."""
     places = [getattr(module, "__file__", None), *getattr(module, "__path__", ())]
     file = next((Path(place).resolve() for place in places if place), None)
     if file is None or not file.is_relative_to(folder):
@@ -87,7 +88,7 @@ def _is_beside(module: ModuleType, name: str, folder: Path) -> bool:
 
 
 def law_file(study: AnyStudy, name: str) -> Path | None:
-    """The file of a python controller."""
+    """The file of a Python controller; None for other controllers."""
     controller = study.controller[name]
     if not isinstance(controller, PythonLaw):
         return None
@@ -95,14 +96,15 @@ def law_file(study: AnyStudy, name: str) -> Path | None:
 
 
 def is_failure(error: BaseException) -> bool:
-    """Whether an exception is a law's own; a KeyboardInterrupt in the main thread is Ctrl-C."""
+    """Whether an exception is a failure of the law. A KeyboardInterrupt in the main thread isn't: it is
+    Ctrl-C."""
     if isinstance(error, KeyboardInterrupt):
         return threading.current_thread() is not threading.main_thread()
     return True
 
 
 def describe(error: BaseException, path: Path | None) -> str:
-    """An exception in one line, with the line of the user's file that it came from."""
+    """An exception as text in one line, with the line number in the user's file that it came from."""
     message = " ".join(str(error).split())
     if message in (NOT_A_NUMBER, RETURNS):
         return f"{path.name}: {RETURNS}" if path else RETURNS
@@ -111,14 +113,14 @@ def describe(error: BaseException, path: Path | None) -> str:
 
 
 def _line(error: BaseException, path: Path | None) -> str:
-    """The last line of the user's file that an exception passed through."""
+    """File name and last line of the user's file that an exception passed through; empty if there is none."""
     frames = traceback.extract_tb(error.__traceback__) if path else []
     lines = [f.lineno for f in frames if path and Path(f.filename).resolve() == path.resolve()]
     return f"{path.name} line {lines[-1]}: " if path and lines else ""
 
 
 def _fields(error: BaseException) -> str:
-    """The fields of a law's inputs, after a wrong one."""
+    """List of the valid fields, if the exception is about an unknown field of a law's inputs; else empty."""
     inputs = error.obj if isinstance(error, AttributeError) else None
     if type(inputs).__name__ != "LawInput":
         return ""
@@ -126,7 +128,7 @@ def _fields(error: BaseException) -> str:
 
 
 def _find(study: AnyStudy, key: str, file: str, shown: str | None = None) -> Path:
-    """A file of the user's, relative to the study."""
+    """Path of a user's file, which is given relative to the study; StudyError if there is none."""
     path = study.source.path.parent / file
     if not path.is_file():
         raise StudyError(f'{study.source.path}: {key}: "{shown or file}": expected a file at {path}')

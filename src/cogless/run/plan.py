@@ -1,4 +1,4 @@
-"""Plan of a run: one controller in one scenario, as the engine takes it."""
+"""Plan of a run: one controller in one scenario, prepared for the engine."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from cogless.study.trial_controller import TrialLaw
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A run before it begins.
+    """A run that is ready to start.
 
-    `engine`: its module. `description`: the run in its words. `table`: what the law's memory starts with, A,
-    or empty. `design`: of a law of trials.
+    `engine`: the engine's Python module. `description`: the run as the engine reads it. `table`: contents of
+    the law's memory at the start, A, or empty. `design`: gains of a law of trials, else None.
     """
 
     study: AnyStudy
@@ -38,21 +38,21 @@ class Plan:
     drive: Any  # or the engine's linear plant
     description: dict[str, Any]
     ticks: int
-    rate: float  # ticks a second: of the current loop, or of a linear plant's samples
-    divider: int  # ticks in a sample of the law
-    decimation: int  # ticks in a row of the trace
+    rate: float  # ticks per second: current-loop periods, or samples of a linear plant
+    divider: int  # ticks per sample of the law
+    decimation: int  # ticks per row of the trace
     design: TrialDesign | None = None
     table: Any = ()
 
     def start(self) -> Any:
-        """The state at time zero, with what was learned before."""
+        """The state at time zero, with `table` loaded into the law's memory."""
         state = self.drive.start()
         if len(self.table):
             self.drive.load_memory(state, self.table)
         return state
 
     def when(self, tick: int) -> str:
-        """The time of a tick, in a message."""
+        """The time of a tick, or its trial, as text for a message."""
         if isinstance(self.study, TrialStudy):
             return f" in trial {tick // (self.divider * self.study.samples(self.scenario)) + 1}"
         return f" at {tick / self.rate:.6g} s"
@@ -65,9 +65,9 @@ def plan(
     stop: Event | None = None,
     design: TrialDesign | None = None,
 ) -> Plan:
-    """Plan a run. An anti-cogging table is learned here, in a commissioning run of its own. StudyError.
+    """Plan a run. An anti-cogging table is learned here, in a separate commissioning run.
 
-    `design`: of a law of trials, where it is made already.
+    `design`: the design of a law of trials, if it is already made. StudyError: the run can't be prepared.
     """
     if isinstance(study, TrialStudy):
         if design is None and isinstance(study.controller[controller], TrialLaw):
@@ -81,7 +81,7 @@ def plan(
 
 @contextmanager
 def _refusals(study: AnyStudy, scenario: str, controller: str) -> Iterator[None]:
-    """What the control library or the engine refuses, in one line."""
+    """Turn an error of the control library or the engine into a StudyError of one line."""
     try:
         yield
     except (ValueError, RuntimeError) as error:
@@ -135,7 +135,10 @@ def _trials(study: TrialStudy, scenario: str, controller: str, design: TrialDesi
 
 
 def _commissioned(study: Study, scenario: str, controller: str, stop: Event) -> Any:
-    """The table that a slow run in both directions learns, A; StudyError if it takes three times its time."""
+    """Learn an anti-cogging table, A, in a slow run in both directions.
+
+    StudyError: the run isn't done after three times the expected duration.
+    """
     law = study.controller[controller]
     assert isinstance(law, AntiCogging)
     made = _speed(study, scenario, controller, "learn")

@@ -1,4 +1,4 @@
-"""Tasks on threads of their own, which Ctrl-C ends, or leaves behind where they don't end."""
+"""Run tasks in parallel threads. Ctrl-C ends them; threads that don't end are abandoned."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from threading import Event, Thread
 from typing import TypeVar
 
 T = TypeVar("T")
-GRACE = 1.0  # s that running tasks have to end once Ctrl-C is pressed
+GRACE = 1.0  # s that running tasks are given to end after Ctrl-C
 NAME = "cogless-run"
 
 
 def side_by_side(tasks: Sequence[Callable[[], T]], jobs: int, stop: Event) -> list[Future[T]]:
-    """Outcomes of the tasks, in their order, so many at a time. Ctrl-C sets `stop`: then some aren't done.
+    """Run tasks in threads, `jobs` at a time, and return their futures in order.
 
-    Python waits at its end for the threads of an executor; one whose task sleeps, or never returns, would
-    keep the command from ending.
+    Ctrl-C sets `stop`; then some futures aren't done. The threads are daemons rather than an executor's,
+    since Python waits for an executor's threads at exit. A task that sleeps or never returns would keep the
+    command from ending.
     """
     futures: list[Future[T]] = [Future() for _ in tasks]
     waiting = deque(zip(tasks, futures, strict=True))
@@ -49,12 +50,12 @@ def side_by_side(tasks: Sequence[Callable[[], T]], jobs: int, stop: Event) -> li
 
 
 def left_behind() -> bool:
-    """Whether a task is still under way."""
+    """Whether a thread of a task is still running."""
     return any(thread.name == NAME for thread in threading.enumerate())
 
 
 def _join(threads: Sequence[Thread]) -> None:
-    """Wait for these to end, all together no longer than GRACE."""
+    """Wait for these threads to end, for at most GRACE in total."""
     end = time.monotonic() + GRACE
     for thread in threads:
         if thread.is_alive():

@@ -29,10 +29,10 @@ StudyProgress = Callable[[str, str, float], None]
 
 
 class RunError(StudyError):
-    """A run that could not be finished: its controller returned NaN, say. The others are kept.
+    """A run that failed, for example because its controller returned NaN. The other runs are kept.
 
-    `results`: the finished runs of the first study that has such a run. `all_results`: those of every study
-    of a rollout, in its order; those that lack a run have `interrupted` set.
+    `results`: finished runs of the first study with a failed run. `all_results`: finished runs of every study
+    of a rollout, in its order; studies that lack a run have `interrupted` set.
     """
 
     def __init__(self, message: str, results: AnyResults, all_results: Sequence[AnyResults]) -> None:
@@ -42,10 +42,10 @@ class RunError(StudyError):
 
 
 def simulate(study: AnyStudy, scenario: str, controller: str, progress: Progress | None = None) -> Run:
-    """Run one controller in one scenario and take its metrics.
+    """Run one controller in one scenario and compute its metrics.
 
     `progress` is called with the finished share, 0 to 1, about ten times a second. An anti-cogging table is
-    learned first, in a commissioning run of its own. StudyError: an unknown name, a controller that fails.
+    learned first, in a separate commissioning run. StudyError: an unknown name, a controller that fails.
     """
     _known(study, scenario, controller)
     designs = _prepare(study, [(scenario, controller)])
@@ -63,10 +63,10 @@ def run_study(
 def run_study(
     study: AnyStudy, only: Sequence[str] | None = None, progress: StudyProgress | None = None, jobs: int = 1
 ) -> AnyResults:
-    """Run every controller in every scenario, or what `only` names: SCENARIO/CONTROLLER, with * and ?.
+    """Run every controller in every scenario, or only the runs that match `only`.
 
-    Ctrl-C ends it early: the finished runs are returned, with `interrupted` set. RunError: some run could
-    not be finished; the others are.
+    `only`: patterns SCENARIO/CONTROLLER, with * and ?. Ctrl-C ends it early: the finished runs are returned,
+    with `interrupted` set. RunError: a run failed; all others are finished.
     """
     (results,) = _rollout([study], only, progress, jobs, keep_traces=True)
     return results
@@ -79,11 +79,11 @@ def rollout(
     *,
     keep_traces: bool = True,
 ) -> list[AnyResults]:
-    """Run many studies, such as variations of one, side by side on threads; results in their order.
+    """Run many studies, such as variations of one, in parallel threads; return results in their order.
 
-    `jobs`: runs at a time, default one a core. Without `keep_traces` each run's trace is let go, empty, once
-    its metrics are taken, so that thousands fit into memory. Ctrl-C as in run_study. RunError: some run
-    could not be finished; all the others are, and in its `all_results`.
+    `jobs`: number of runs at a time, default one per core. Without `keep_traces`, each run's trace is emptied
+    once its metrics are computed, so that thousands of runs fit into memory. Ctrl-C as in run_study.
+    RunError: a run failed; all others are finished, and in its `all_results`.
     """
     return _rollout(studies, only, None, jobs or os.cpu_count() or 1, keep_traces)
 
@@ -119,7 +119,7 @@ def _rollout(
 
 
 def _prepare(study: AnyStudy, runs: Sequence[tuple[str, str]]) -> Designs:
-    """Do first what all these runs need: the designs of trials, and each user's controller once.
+    """Compute the designs for these runs of trials, and load each user's controller once.
 
     So a missing file or class is found before the first run.
     """
@@ -130,7 +130,7 @@ def _prepare(study: AnyStudy, runs: Sequence[tuple[str, str]]) -> Designs:
 
 
 def runs_of(study: AnyStudy, only: Sequence[str] | None = None) -> list[tuple[str, str]]:
-    """(scenario, controller) of each run that is asked for, in the study's order."""
+    """Pairs (scenario, controller) of the runs that match `only`, or of all runs, in the study's order."""
     runs = [(scenario, name) for scenario in study.scenario for name in study.controllers_in(scenario)]
     if not only:
         return runs
@@ -144,7 +144,10 @@ def runs_of(study: AnyStudy, only: Sequence[str] | None = None) -> list[tuple[st
 
 
 def measure(study: AnyStudy, scenario: str, trace: Trace) -> dict[str, Value]:
-    """The scenario's metrics on a trace, SI, by name in results.json; without those whose signal it lacks."""
+    """Compute a scenario's metrics from a trace: SI values by their name in results.json.
+
+    Metrics whose signal the trace lacks are left out.
+    """
     conditions = Conditions.of(study, scenario)
     return {
         result_name(metric): evaluate(metric, trace, conditions)
@@ -170,9 +173,9 @@ def _made(planned: Plan, progress: Progress, stop: Event) -> Run:
     trace = trace_of(drive, recorder)
     rows, motion = trace, 0
     if isinstance(study, TrialStudy):
-        # metrics are taken on the samples of the trial, whatever rows there are between
+        # metrics use one row per sample of the trial, without the rows in between
         rows = replace(trace, data=trace.data[:: planned.divider // planned.decimation])
-        # the reference that it was learned for is that of the last phase
+        # the map is stored with the last phase's reference, for which it was learned
         motion = learned_map.motion_identity(
             study.reference(scenario, study.scenario[scenario].phases[-1][1])
         )

@@ -1,4 +1,4 @@
-"""A study of trials in the engine's words: one plain nested dict for one controller in one scenario."""
+"""Describe a run of trials for the engine: a nested dict for one controller in one scenario."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ if TYPE_CHECKING:
 def engine_config(
     study: TrialStudy, scenario: str, controller: str, design: TrialDesign | None
 ) -> dict[str, Any]:
-    """The engine's description of one run: each phase complete, gains from the design, of a law of trials.
+    """The engine's description of one run, with the complete conditions of each phase.
 
-    Gains and beliefs are those of the study without overrides: what changes between trials, the controller
-    isn't told. StudyError: the design lacks its learning gain.
+    `design`: gains of a law of trials; None for a user's law. Gains and assumed motor parameters come from
+    the study without overrides: the controller isn't told what changes between trials. StudyError: the design
+    has no learning gain.
     """
     if design is not None and design.no_K_3 is not None:
         raise design.no_K_3

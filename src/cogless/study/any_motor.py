@@ -1,4 +1,4 @@
-"""Either kind of motor, told apart by `kind`; a synchronous motor where it isn't said."""
+"""A motor of either kind, synchronous or step motor, according to its key `kind`; default: synchronous."""
 
 from __future__ import annotations
 

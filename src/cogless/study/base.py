@@ -1,4 +1,4 @@
-"""Base of every kind of study: title, seed, assumptions, scenarios, controllers, metrics, source."""
+"""Base of both kinds of study: title, seed, assumptions, scenarios, controllers, metrics, source."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 class Assumption(Table):
-    """Something that the study's author had to suppose."""
+    """Something that the study's author had to assume, and the reason."""
 
     about: str
     reason: str
@@ -27,24 +27,25 @@ class Assumption(Table):
 
 @dataclass(frozen=True)
 class Source:
-    """Source of a study: its file, its datasheet's, and its tables as read (texts with units)."""
+    """Source of a study: path of its file, its tables as read (values as texts with units), datasheet
+    path."""
 
     path: Path
     tables: dict[str, Any]
     datasheet: Path | None = None
-    own_motor_keys: frozenset[str] = frozenset()  # keys of [motor] that the study itself sets
+    own_motor_keys: frozenset[str] = frozenset()  # keys of [motor] set in the study, not by the datasheet
 
 
 class TraceSettings(Table):
-    """Settings of what is recorded."""
+    """Settings of the trace, the signals recorded in a run."""
 
-    # Hz, divides the current-loop rate; default: that rate, or in trials a row each sample of the trial
+    # Hz, must divide the current-loop rate; default: that rate, or in trials one row per sample
     rate: Frequency | None = None
-    energy: bool = False  # integrate and record the energies too
+    energy: bool = False  # also integrate and record the energies
 
 
 class StudyBase(Table):
-    """The part that studies of speed and studies of trials have in common."""
+    """Tables that speed studies and studies of trials have in common."""
 
     title: Line
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
@@ -60,7 +61,7 @@ class StudyBase(Table):
 
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> Self:
-        """Make the checks that no table can make alone; `reading` says which."""
+        """Run the checks that concern several tables; the module `reading` passes them in the context."""
         for check in info.context["checks"] if info.context else ():
             check(self)
         return self
@@ -71,7 +72,7 @@ class StudyBase(Table):
         return self._source
 
     def once(self, make: Callable[[Self, K], T], of: K) -> T:
-        """make(self, of), made when it is first asked for: what takes long and is asked for again."""
+        """Return make(self, of). It is computed at the first call and kept, since it takes long."""
         key = (make, of)
         if key not in self._made:
             self._made[key] = make(self, of)
@@ -80,17 +81,17 @@ class StudyBase(Table):
 
     @property
     def name(self) -> str:
-        """The file's name without its ending."""
+        """The file's name without suffix."""
         return self._source.path.stem
 
     @property
     def baseline(self) -> str:
-        """Name of the controller that ratios are against."""
+        """Name of the baseline controller: ratios in tables are relative to its values."""
         marked = [name for name, controller in self.controller.items() if controller.baseline]
         return marked[0] if marked else next(iter(self.controller))
 
     def label(self, controller: str) -> str:
-        """A controller's name in tables and report."""
+        """Name of a controller as shown in tables and report."""
         return self.controller[controller].label or controller
 
     def controllers_in(self, scenario: str) -> tuple[str, ...]:
@@ -103,9 +104,9 @@ class StudyBase(Table):
         return [name for name in self.scenario if controller in self.controllers_in(name)]
 
     def metrics_in(self, scenario: str) -> tuple[Metric, ...]:
-        """The metrics that are taken in a scenario."""
+        """The metrics that are evaluated in a scenario."""
         return tuple(m for m in self.metric if m.applies_in(scenario, self.scenario[scenario]))
 
     def values_of(self, metric: Metric, scenario: str) -> int:
-        """How many values a metric has: one, of kind "order" one an order."""
+        """Number of values of a metric: one, or for kind "order" one per order."""
         return len(metric.order or ()) if metric.kind == "order" else 1

@@ -1,4 +1,4 @@
-"""Tables of `cogless calibrate`: parameters of the study to fit, to target values of its metrics."""
+"""Tables for `cogless calibrate`: parameters of a study to fit, and target values of its metrics."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from cogless.study.table import Many, Quantity, Table, invalid
 
 
 class FitParameter(Table):
-    """A quantity to fit: a dotted key of the study, or of one scenario's overrides.
+    """A parameter to fit: a dotted key of the study, or of one scenario's overrides.
 
-    Initial value and bounds are texts with a unit, or numbers in the unit that the study has at the key.
+    Initial value and bounds are texts with a unit, or numbers in the unit that the study uses at this key.
     """
 
     key: str
@@ -24,7 +24,7 @@ class FitParameter(Table):
 
 
 class Target(Table):
-    """The value that a metric should have; a list for kind "order", and in trials."""
+    """The value that a metric should have in a run; a list for kind "order" and in studies of trials."""
 
     scenario: str
     controller: str
@@ -33,7 +33,7 @@ class Target(Table):
     weight: Annotated[float, Field(gt=0)] = 1.0
 
     def values(self, metric: Metric, count: int) -> tuple[float, ...]:
-        """SI values, as many as the metric has; raises the error that names what was expected."""
+        """The target values in SI; raises an error if there aren't `count` of them or one is invalid."""
         wanted = self.value if isinstance(self.value, list) else [self.value]
         if len(wanted) != count:
             raise invalid(f"expected {count} values", "value")
@@ -42,7 +42,7 @@ class Target(Table):
 
 
 class Calibration(Table):
-    """The fit: relative deviations from the targets, least squares."""
+    """A fit of parameters by least squares of the relative deviations from the targets."""
 
     parameters: Many[FitParameter]
     targets: Many[Target]

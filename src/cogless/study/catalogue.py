@@ -11,7 +11,7 @@ from cogless.study.trial_controller import AnyTrialController
 
 
 def catalogue() -> dict[str, dict[str, str]]:
-    """Heading -> name -> one line about it."""
+    """Entries of the catalogue: heading -> name -> description in one line."""
     return {
         "Studies": {name: str(read(path).get("title", "")) for name, path in shipped("studies").items()},
         "Motors": {name: _first_comment(path) for name, path in shipped("motors").items()},

@@ -1,4 +1,4 @@
-"""Checks between the tables of a study. Each raises the error that names the key."""
+"""Checks that concern several tables of a study. Each raises an error that names the wrong key."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 def names(study: StudyBase) -> None:
-    """Names go into files and command lines."""
+    """Check that names of scenarios and controllers can be used in file names and on the command line."""
     for table, entries in (("scenario", study.scenario), ("controller", study.controller)):
         for name in entries:
             if not NAME.fullmatch(name):
@@ -32,7 +32,7 @@ def names(study: StudyBase) -> None:
 
 
 def references(study: StudyBase) -> None:
-    """Scenarios name controllers that exist."""
+    """Check that the controllers which scenarios name exist."""
     for name, scenario in study.scenario.items():
         for index, controller in enumerate(scenario.controllers or ()):
             if controller not in study.controller:
@@ -40,21 +40,21 @@ def references(study: StudyBase) -> None:
 
 
 def baseline(study: StudyBase) -> None:
-    """One baseline at most."""
+    """Check that at most one controller is the baseline."""
     marked = [name for name, controller in study.controller.items() if controller.baseline]
     if len(marked) > 1:
         raise invalid(f'expected one baseline, already "{marked[0]}"', "controller", marked[1], "baseline")
 
 
 def trace_rate(study: Study) -> None:
-    """Rows fall on current-loop ticks."""
+    """Check that trace rows coincide with current-loop periods."""
     rate, ticks = study.trace.rate, study.drive.rates.current_loop
     if rate is not None and not math.isclose(ticks / rate, round(ticks / rate), rel_tol=1e-12):
         raise invalid(f"expected a rate that divides drive.rates.current_loop, {ticks:g} Hz", "trace", "rate")
 
 
 def durations(study: Study) -> None:
-    """Every scenario has rows enough for a metric."""
+    """Check that every scenario has enough trace rows for a metric."""
     for name, scenario in study.scenario.items():
         if scenario.duration * study.trace_rate < FEWEST_ROWS * (1 - 1e-9):
             least = f"{FEWEST_ROWS / study.trace_rate:g} s"
@@ -63,21 +63,22 @@ def durations(study: Study) -> None:
 
 
 def energy(study: Study | TrialStudy) -> None:
-    """Energies are those of voltages."""
+    """Refuse to record energies where there are no voltages: without a drive, or with an ideal current
+    loop."""
     if study.trace.energy and (study.drive is None or study.drive.ideal):
         why = "there is no drive" if study.drive is None else "the current loop is ideal"
         raise invalid(f"expected false, since {why}", "trace", "energy")
 
 
 def outer_loop(study: Study | TrialStudy) -> None:
-    """The loop around the current loop is that of speed, or of position in trials."""
+    """Check that the outer loop is the speed loop, or in a study of trials the position loop."""
     wanted, other = OUTER_LOOPS[::-1] if isinstance(study, TrialStudy) else OUTER_LOOPS
     if study.drive is not None and getattr(study.drive.rates, wanted) is None:
         raise invalid(f"expected {wanted} in its place", "drive", "rates", other)
 
 
 def leads(study: Study) -> None:
-    """A learning law's lead lies within a quarter of its memory."""
+    """Check that a learning law's lead is at most a quarter of its memory."""
     for name, controller in study.controller.items():
         if isinstance(controller, Learning):
             longest = controller.cells // 4 / study.drive.rates.outer_loop
@@ -87,7 +88,7 @@ def leads(study: Study) -> None:
 
 
 def calibration(study: StudyBase) -> None:
-    """Targets name runs and metrics that exist, and have values of the metric's kind."""
+    """Check that targets name existing runs and metrics, and that their values suit the metric's kind."""
     if study.calibration is None:
         return
     for index, parameter in enumerate(study.calibration.parameters):
@@ -111,7 +112,7 @@ def calibration(study: StudyBase) -> None:
 
 
 Check = Callable[["Study"], None]
-# Checks of studies of trials, too.
+# Checks for both kinds of study.
 BOTH: tuple[Callable[[Any], None], ...] = (
     names,
     references,
@@ -135,5 +136,5 @@ ALL: tuple[Check, ...] = (
     fault_checks.faults,
     calibration,
 )
-# Checks of the study as a whole, not of one scenario with its overrides.
+# Checks of the whole study only; the others are also made for each scenario with its overrides.
 WHOLE: tuple[Check, ...] = (numerics.periods,)

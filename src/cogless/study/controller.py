@@ -1,4 +1,4 @@
-"""The controllers that a study compares: the speed laws, told apart by `law`."""
+"""Controllers of a speed study; the key `law` of a table tells which control law it configures."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from cogless.study.table import (
 
 
 class Tuning(Table):
-    """A rule that gives kp and ki; see cogless.design.pi for the rule."""
+    """A rule that computes kp and ki; cogless.design.pi describes it."""
 
     rule: Literal["phase-margin"]
     phase_margin: PhaseMargin  # rad
@@ -45,10 +45,10 @@ class Tuning(Table):
 
 @dataclass(frozen=True)
 class LawLoop:
-    """The loop that a law runs in: what its configuration in C takes from the drive."""
+    """The loop that a law runs in: data of the drive that the law's C configuration needs."""
 
     current_rate: int  # Hz, of the current loop
-    divider: int  # its periods in a period of the law
+    divider: int  # current-loop periods per period of the law
     current_limit: float  # A
     pole_pairs: int
 
@@ -58,52 +58,53 @@ class LawLoop:
         return 1 / self.current_rate * self.divider
 
     def samples(self, time: float) -> int:
-        """Periods of the law in a time, s."""
+        """Convert a time in s to a number of periods of the law."""
         return round(time * (self.current_rate / self.divider))
 
 
 class Base(Table):
     """A controller: the keys that every law has.
 
-    A law of the control library has a method c_config(loop), which gives its configuration in C, the members
-    by name; a rule's gains and default limits have been filled in before.
+    A law of the control library also has a method c_config(loop), which returns its C configuration, member
+    by name. Gains from a tuning rule and default limits are filled in before it is called.
     """
 
     label: Line | None = None  # in tables and report; default: its name
-    baseline: bool = False  # ratios are against it
+    baseline: bool = False  # ratios in tables are relative to it
 
     @property
     def learns(self) -> bool:
-        """Whether it goes on learning while it runs."""
+        """Whether it keeps learning during a run."""
         return False
 
     @property
     def learned(self) -> bool:
-        """Whether what it asks for is learned in part, in this run or before."""
+        """Whether a part of its output is learned, in this run or before it."""
         return self.learns
 
     @property
     def learns_from(self) -> float:
-        """The time from which on it may learn, s."""
+        """Time from which it may learn, s."""
         return 0.0
 
     @property
     def linear(self) -> tuple[float, float] | None:
-        """kp and ki of its speed feedback before it learns, as far as they are its own: A*s/rad, A/rad."""
+        """kp [A*s/rad] and ki [A/rad] of its speed feedback without learning; None if its keys don't fix
+        them."""
         return None
 
     @property
     def by_rotor(self) -> bool:
-        """Whether it learns over the rotor's angle, not its reference's."""
+        """Whether it learns over the rotor's angle; if not, over the angle of its reference."""
         return True
 
     @property
     def unit(self) -> float:
-        """Entry of its memory that asks for a current of 1 A."""
+        """The entry of its memory that results in a current of 1 A."""
         return 1.0
 
     def ratio(self, pole_pairs: int) -> int:
-        """Factor from mechanical angles to those that it learns over."""
+        """Factor from the mechanical angle to the angle that it learns over."""
         return 1
 
     @model_validator(mode="after")
@@ -113,7 +114,7 @@ class Base(Table):
 
 
 class Feedback(Base):
-    """The speed PI: kp and ki, or the rule that gives them."""
+    """A speed PI controller: kp and ki, or the rule that computes them."""
 
     kp: SpeedGain | None = None  # A*s/rad
     ki: SpeedIntegralGain | None = None  # A/rad
@@ -128,7 +129,7 @@ class Feedback(Base):
         return self
 
     def pi_config(self, loop: LawLoop) -> dict[str, Any]:
-        """cgl_pi_config."""
+        """Members of the C struct cgl_pi_config."""
         return {"kp": self.kp, "ki": self.ki, "ts": loop.ts, "limit": loop.current_limit}
 
 
@@ -138,7 +139,8 @@ Cells = Annotated[int, Field(ge=4, le=MOST_SAMPLES)]
 
 
 def check_cells(cells: int, q_half_width: int, line: bool) -> None:
-    """A map, or else a delay line, is not too large and holds its Q filter."""
+    """Check that a memory isn't too large and is longer than its Q filter. `line`: a delay line, else a
+    map."""
     if not line and cells > MOST_CELLS:
         raise invalid(f"expected at most {MOST_CELLS}, since the memory is a map", "cells")
     if 2 * q_half_width + 1 > cells:
@@ -150,20 +152,20 @@ class Learning(Base):
 
     memory: Literal["time", "angle"] = "angle"
     period: Literal["electrical", "mechanical"] = "mechanical"
-    cells: Cells = 1024  # of the map over angle; capacity in samples over time
-    forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0  # share of the memory that is kept in each period
-    q_half_width: Annotated[int, Field(ge=0)] = 0  # cells on each side of the Q filter's boxcar
-    lead: StartTime = 0.0  # s: what acted so long ago is corrected by the error of now
+    cells: Cells = 1024  # entries of a map over angle, or most samples of a delay line
+    forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0  # share of the memory that is kept per period
+    q_half_width: Annotated[int, Field(ge=0)] = 0  # cells on each side of the centre of the boxcar Q filter
+    lead: StartTime = 0.0  # s: the present error corrects what was output this long ago
     learning_start: StartTime = 0.0  # s
     limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
 
     @property
     def over_angle(self) -> bool:
-        """Whether what is learned is a map over the angle, not what was done a period of time ago."""
+        """Whether the memory is a map over the angle; if not, it is a delay line over time."""
         return self.memory == "angle"
 
     def revolutions(self, pole_pairs: int) -> Fraction:
-        """Mechanical revolutions in a period of what is learned."""
+        """Length of the learned period in mechanical revolutions."""
         return Fraction(1, self.ratio(pole_pairs))
 
     @property
@@ -177,7 +179,7 @@ class Learning(Base):
     @property
     @abstractmethod
     def learning_gain(self) -> tuple[float, float]:
-        """What is learned from an error, as a PI's kp and ki: A*s/rad, A/rad."""
+        """Learning gains on the speed error and its integral, like a PI's kp [A*s/rad] and ki [A/rad]."""
 
     def ratio(self, pole_pairs: int) -> int:
         return pole_pairs if self.period == "electrical" else 1
@@ -188,7 +190,7 @@ class Learning(Base):
         return self
 
     def memory_config(self, loop: LawLoop) -> dict[str, Any]:
-        """cgl_memory_config."""
+        """Members of the C struct cgl_memory_config."""
         assert self.limit is not None
         return {
             "kind": f"CGL_MEMORY_{self.memory.upper()}",
@@ -229,7 +231,7 @@ class RobustIlc(Learning):
     """Robust iterative learning by adaptive sliding mode (Liu 2018, law 19)."""
 
     law: Literal["robust-ilc"]
-    b: CurrentToAcceleration  # rad/s^2/A, as the controller believes
+    b: CurrentToAcceleration  # rad/s^2/A, value that the controller assumes
     c: RateGain  # 1/s
     g: AccelerationGain  # rad/s^2, switching
     eta: RateGain  # 1/s
@@ -242,12 +244,12 @@ class RobustIlc(Learning):
 
     @property
     def linear(self) -> tuple[float, float]:
-        """Of (c e + eta S) / b with S = e + c integral(e)."""
+        """kp and ki of the feedback (c e + eta S) / b with S = e + c integral(e), e the speed error."""
         return (self.c + self.eta) / self.b, self.c * self.eta / self.b
 
     @property
     def learning_gain(self) -> tuple[float, float]:
-        """f learns on S."""
+        """Gains on e and integral(e): the memory f learns from S = e + c integral(e)."""
         gain = self.q * self.beta_2 / self.b
         return gain, gain * self.c
 
@@ -261,7 +263,7 @@ class RobustIlc(Learning):
         return {**self.model_dump(include=same), "ts": loop.ts, "limit": loop.current_limit, "memory": memory}
 
 
-SETTLING = 1 / 8  # revolutions that a commissioning run takes before it records, each way
+SETTLING = 1 / 8  # revolutions in each direction before a commissioning run begins to record
 
 
 class Commissioning(Table):
@@ -273,7 +275,7 @@ class Commissioning(Table):
 
     @property
     def duration(self) -> float:
-        """Duration of the calibration run, s."""
+        """Duration of the commissioning run, s."""
         return 2 * (self.revolutions + SETTLING) * 2 * math.pi / self.speed
 
 
@@ -282,7 +284,7 @@ class AntiCogging(Feedback):
 
     law: Literal["anti-cogging"]
     cells: Annotated[int, Field(ge=4, le=MOST_CELLS)] = 720  # a revolution
-    lead: StartTime = 0.0  # s: looked up where the rotor will be by then
+    lead: StartTime = 0.0  # s: the table is read at the angle expected after this time
     calibration: Commissioning
 
     @property
@@ -295,9 +297,9 @@ class AntiCogging(Feedback):
 
 
 class OwnLaw(Base):
-    """A controller of a user: the keys that each has."""
+    """The keys of every controller that a user has written himself."""
 
-    learning: bool = False  # nobody but the user knows
+    learning: bool = False  # whether it learns, which only the user knows
 
     @property
     def learns(self) -> bool:

@@ -1,4 +1,4 @@
-"""The drive: rates, current loop, inverter, sensors, and what the controller believes of the motor."""
+"""The drive: rates, current loop, inverter, sensors, and the motor parameters that the controller assumes."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from cogless.study.table import (
     invalid,
 )
 
-PERIODS_MAX = 5e8  # that the controller can count
+PERIODS_MAX = 5e8  # largest number of periods that the controller counts
 OUTER_LOOPS = ("speed_loop", "position_loop")
 
 
 class Belief(Table):
-    """The motor as the controller believes it, of one winding as in the motor table; default: the truth."""
+    """Motor parameters that the controller assumes, per winding as in [motor]; default: the true values."""
 
     R_s: Resistance | None = None  # ohm
     L_d: Inductance | None = None  # H
@@ -42,7 +42,8 @@ class Belief(Table):
     psi_f: FluxLinkage | None = None  # Wb
 
     def resolved(self, motor: StarMotor) -> StarBelief:
-        """The belief about the star equivalent."""
+        """The assumed parameters converted to the star equivalent; those that are left out are the true
+        ones."""
 
         def believed(value: float | None, factor: float, truth: float) -> float:
             return truth if value is None else factor * value
@@ -57,7 +58,7 @@ class Belief(Table):
 
 @dataclass(frozen=True)
 class StarBelief:
-    """The motor's star equivalent as the controller believes it, all SI."""
+    """Parameters of the motor's star equivalent that the controller assumes, all SI."""
 
     R_s: float  # ohm
     L_d: float  # H
@@ -69,10 +70,10 @@ class Rates(Table):
     """Rates of the loops. The outer loop runs at every n-th current-loop period."""
 
     current_loop: Frequency  # Hz, whole
-    # the outer loop: of speed, or of position in trials; Hz, whole, divides current_loop
+    # outer loop (speed, or position in trials): a whole number of Hz that divides current_loop
     speed_loop: Frequency | None = None
     position_loop: Frequency | None = None
-    integration_steps: Annotated[int, Field(ge=1, le=10_000)] = 1  # RK4 steps in a current-loop period
+    integration_steps: Annotated[int, Field(ge=1, le=10_000)] = 1  # RK4 steps per current-loop period
 
     @model_validator(mode="after")
     def _divide(self) -> Self:
@@ -89,23 +90,23 @@ class Rates(Table):
 
     @property
     def outer_loop(self) -> float:
-        """Rate of the loop that the control law runs in, Hz."""
+        """Rate of the outer loop, in which the control law runs, Hz."""
         return self.speed_loop or self.position_loop or math.nan
 
     @property
     def divider(self) -> int:
-        """Current-loop periods in a period of the outer loop."""
+        """Number of current-loop periods per outer-loop period."""
         return round(self.current_loop / self.outer_loop)
 
 
 class CurrentLoop(Table):
-    """The current controllers of both axes: kp and ki, or a bandwidth that they follow from."""
+    """The current controllers of the d and q axis, given by kp and ki, or by a bandwidth."""
 
     kp: CurrentGain | None = None  # V/A
     ki: CurrentIntegralGain | None = None  # V/A/s
-    bandwidth: Frequency | None = None  # Hz: kp = w L, ki = w R_s of the belief, w = 2 pi bandwidth
+    bandwidth: Frequency | None = None  # Hz: kp = w L, ki = w R_s with the assumed L, R_s; w = 2 pi bandwidth
     decoupling: bool = True
-    current_limit: CurrentLimit  # A, length of the reference vector
+    current_limit: CurrentLimit  # A, limit of the reference vector's length
 
     @model_validator(mode="after")
     def _sizes(self) -> Self:
@@ -120,7 +121,7 @@ class CurrentLoop(Table):
         return self
 
     def gains(self, belief: StarBelief) -> dict[str, float]:
-        """kp_d, kp_q in V/A; ki_d, ki_q in V/A/s."""
+        """Gains of both axes: kp_d, kp_q in V/A; ki_d, ki_q in V/A/s."""
         if self.bandwidth is None:
             kp, ki = self.kp or 0.0, self.ki or 0.0
             return {"kp_d": kp, "ki_d": ki, "kp_q": kp, "ki_q": ki}
@@ -130,14 +131,14 @@ class CurrentLoop(Table):
 
 
 class IdealCurrentLoop(Table):
-    """The current is its reference, at once."""
+    """An ideal current loop: the current equals its reference at once."""
 
     kind: Literal["ideal"]
     current_limit: CurrentLimit  # A
     decoupling: ClassVar[bool] = False
 
     def gains(self, belief: StarBelief) -> dict[str, float]:
-        """Nothing is asked of the current controllers."""
+        """Zero gains, since an ideal loop has no current controllers."""
         return dict.fromkeys(("kp_d", "ki_d", "kp_q", "ki_q"), 0.0)
 
     @model_validator(mode="after")
@@ -157,7 +158,7 @@ AnyCurrentLoop = Annotated[
 
 
 class Inverter(Table):
-    """The inverter: averaged over a period, or with centre-aligned edges at the current loop's rate."""
+    """The inverter: voltage averaged over each current-loop period, or switched with centre-aligned edges."""
 
     kind: Literal["averaged", "switched"] = "averaged"
     bus_voltage: Voltage  # V
@@ -166,24 +167,24 @@ class Inverter(Table):
 
 
 class IdealSensor(Table):
-    """Angle and speed as they are."""
+    """An ideal sensor, which gives the true angle and speed."""
 
     kind: Literal["ideal"] = "ideal"
 
 
 class Encoder(Table):
-    """Incremental encoder in quadrature: four counts a line."""
+    """Incremental encoder with quadrature signals: four counts per line."""
 
     kind: Literal["encoder"]
     lines: Annotated[int, Field(ge=1, le=10_000_000)]  # a revolution
-    speed_method: Literal["M", "T", "MT"] = "M"  # counts a period, time a count, both
+    speed_method: Literal["M", "T", "MT"] = "M"  # M: counts per period; T: time per count; MT: both
     timer: Frequency = 100e6  # Hz, for T and MT
-    eccentricity: Angle = 0.0  # rad, amplitude of the once-a-turn error
+    eccentricity: Angle = 0.0  # rad, amplitude of the error once per revolution
     eccentricity_phase: Angle = 0.0  # rad
 
 
 class Resolver(Table):
-    """Resolver and its converter; speed as a moving average."""
+    """Resolver and its digital converter; the speed is a moving average over `window`."""
 
     kind: Literal["resolver"]
     bits: Annotated[int, Field(ge=1, le=32)] = 14
@@ -194,7 +195,7 @@ PositionSensor = Annotated[IdealSensor | Encoder | Resolver, Field(discriminator
 
 
 class CurrentSensors(Table):
-    """Phase current sensors, the errors each phase has, and the converter behind them."""
+    """Phase current sensors with an error per phase, and their analog-to-digital converter."""
 
     offset: tuple[Current, Current, Current] = Field(default=(0.0, 0.0, 0.0), strict=False)  # A
     gain_error: tuple[float, float, float] = Field(default=(0.0, 0.0, 0.0), strict=False)
@@ -205,7 +206,7 @@ class CurrentSensors(Table):
 
 
 class Drive(Table):
-    """Power electronics, sensors and the inner loop."""
+    """Power electronics, sensors, current loop and monitor."""
 
     precision: Literal["single", "double"] = "single"
     belief: Belief = Belief()
@@ -227,7 +228,8 @@ class Drive(Table):
 
     @model_validator(mode="after")
     def _watchable(self) -> Self:
-        """Refuse numbers that the controller can't hold, and times that it can't count in its periods."""
+        """Refuse monitor and quality settings that the controller's numbers or counters of periods can't
+        hold."""
         rate, law_rate = self.rates.current_loop, self.rates.outer_loop
         for name in ("speed_window", "bridge", "hold"):
             time = getattr(self.monitor, name)
@@ -242,11 +244,11 @@ class Drive(Table):
 
     @property
     def ideal(self) -> bool:
-        """Whether the current loop is."""
+        """Whether the current loop is ideal."""
         return isinstance(self.current_loop, IdealCurrentLoop)
 
 
 def sensor_fields(sensor: IdealSensor | Encoder | Resolver) -> dict[str, Any]:
-    """The fields of every kind of sensor in one table, as the engine reads them; defaults where unused."""
+    """Fields of all kinds of sensor in one table, as the engine reads them; unused ones have defaults."""
     absent = {**Encoder(kind="encoder", lines=1).model_dump(), **Resolver(kind="resolver").model_dump()}
     return {**absent, **sensor.model_dump()}

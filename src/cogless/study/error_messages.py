@@ -1,4 +1,4 @@
-"""Pydantic's findings as lines for a person: `FILE: key: VALUE: expected ...`."""
+"""Turn pydantic's errors into lines that a person can read: `FILE: key: VALUE: expected ...`."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from cogless.errors import StudyError
 from cogless.study.table import Key
 
 MISSING = object()
-MOST_TOLD = 20  # mistakes at a time
+MOST_TOLD = 20  # mistakes in one message, at most
 
-# Expectations of pydantic's own checks, by the error's type, with its context.
+# Messages for pydantic's own checks, by type of error; pydantic's context fills in the braces.
 EXPECTED = {
     "int_type": "expected a whole number",
     "int_from_float": "expected a whole number",
@@ -46,20 +46,20 @@ PATTERNS = {
 
 @dataclass(frozen=True)
 class Problem:
-    """One mistake: where, what stands there, and what was expected."""
+    """One mistake: its key, the value at that key, and what was expected."""
 
     key: Key
     value: str
     expected: str
 
     def line(self, file: Path | str, prefix: str = "") -> str:
-        """The line that is printed."""
+        """The line to print. `prefix`: stands before the key."""
         key = prefix + dotted(self.key)
         return ": ".join(part for part in (str(file), key, self.value, self.expected) if part)
 
 
 def dotted(key: Key) -> str:
-    """A key as one writes it in TOML, list indices as numbers."""
+    """A key as written in TOML, with list indices as numbers."""
     return ".".join(_escaped(part) if _in_quotes(part) else part for part in map(str, key))
 
 
@@ -68,21 +68,21 @@ def _in_quotes(part: str) -> bool:
 
 
 def shown(value: Any) -> str:
-    """A value as one writes it in TOML, cut when long."""
+    """A value as written in TOML, shortened to 60 characters."""
     text = _escaped(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
 
 def _escaped(value: Any) -> str:
-    """The value as JSON, in one line and with whatever can be printed."""
+    """The value as JSON in one line; characters that can't be printed are escaped."""
     text = json.dumps(value, ensure_ascii=False, default=str)
     return text if text.isprintable() else json.dumps(value, default=str).replace("\x7f", "\\u007f")
 
 
 def problems(error: ValidationError, tables: Any) -> list[Problem]:
-    """Pydantic's findings on these tables, one a key, in the order of the file."""
+    """Pydantic's errors in these tables as problems, one per key, in the order of the file."""
     found = error.errors(include_url=False, include_input=False)
-    # Each missing index of an array that is too short is a finding; the last one tells its length.
+    # Pydantic reports every missing index of a short array; the last one tells the length that is needed.
     lengths = {d["loc"][:-1]: int(d["loc"][-1]) + 1 for d in found if d["type"] == "missing"}
     first = {d["loc"][:-1]: d for d in reversed(found) if d["type"] == "missing"}
     kept = [d for d in found if d["type"] != "missing" or first[d["loc"][:-1]] is d]
@@ -94,19 +94,19 @@ def problems(error: ValidationError, tables: Any) -> list[Problem]:
 
 
 def study_error(lines: Sequence[str]) -> StudyError:
-    """One error of all these mistakes, a line each."""
+    """A single StudyError with all these lines, cut off after MOST_TOLD."""
     more = len(lines) - MOST_TOLD
     return StudyError("\n".join([*lines[:MOST_TOLD], *([f"and {more} more mistakes"] if more > 0 else [])]))
 
 
 def _either(same: Sequence[Problem]) -> Problem:
-    """One problem of what each type that a key may have expected there."""
+    """Merge the problems at one key, which pydantic reports once for each type that it accepts there."""
     first, *others = dict.fromkeys(problem.expected for problem in same)
     return replace(same[0], expected=" or ".join([first, *(o.removeprefix("expected ") for o in others)]))
 
 
 def _place(key: Key, tables: Any) -> list[int]:
-    """Place of a key in the file, level by level; after all else of its table if it isn't there."""
+    """Position of a key in the file at each level, for sorting; a missing key comes last in its table."""
     place: list[int] = []
     for part in key:
         known = list(tables) if isinstance(tables, dict) else list(range(len(tables)))
@@ -122,7 +122,7 @@ def _problem(details: Any, tables: Any, length: int | None) -> Problem:
     key = _existing(details["loc"], tables) + tuple(context.get("key", ()))
     kind = details["type"]
     if kind.startswith("union_tag"):
-        key = (*key, context["discriminator"].strip("'_()"))  # "'law'", or a function's name, "_kind()"
+        key = (*key, context["discriminator"].strip("'_()"))  # as pydantic writes it: "'law'" or "_kind()"
     value = look_up(tables, key)
     absent = "missing" if kind.startswith("union_tag") else str(context.get("value") or "")
     told = value is not MISSING and not (kind == "study" and isinstance(value, dict))
@@ -138,12 +138,13 @@ def _expected(kind: str, context: dict[str, Any], message: str) -> str:
 
 
 def _existing(location: Key, tables: Any) -> Key:
-    """The part of pydantic's location that is in the file: it also names tags of unions and made-up keys."""
+    """The part of pydantic's location that is in the file, without names of union members and other
+    additions."""
     key: list[str | int] = []
     for index, part in enumerate(location):
         inner, after = look_up(tables, (part,)), location[index + 1 : index + 2]
         beside = after and not isinstance(inner, dict | list) and look_up(tables, after) is not MISSING
-        if inner is not MISSING and not beside:  # a tag may be a key too: law = "library"
+        if inner is not MISSING and not beside:  # a name in a union may also be a key: law = "library"
             key.append(part)
             tables = inner
     return tuple(key)
@@ -153,7 +154,7 @@ def look_up(tables: Any, key: Key) -> Any:
     """The value at a key, or MISSING."""
     for part in key:
         if isinstance(tables, dict):
-            tables = tables.get(str(part), MISSING)  # a name of digits, such as [scenario.60]
+            tables = tables.get(str(part), MISSING)  # a key may consist of digits, such as [scenario.60]
         elif isinstance(tables, list) and isinstance(part, int) and part < len(tables):
             tables = tables[part]
         else:

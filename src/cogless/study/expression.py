@@ -1,4 +1,4 @@
-"""Arithmetic in a study: texts such as "-B / J" over named parameters. Nothing else is run."""
+"""Evaluate arithmetic in a study: texts such as "-B / J" over named parameters. No other code is run."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ LONGEST = 200  # characters
 
 
 class ExpressionError(ValueError):
-    """A text that is no arithmetic, or has no value; the message starts with "expected"."""
+    """A text that isn't arithmetic or has no value; the message starts with "expected"."""
 
 
 def names(text: str) -> set[str]:
-    """The names in an expression; ExpressionError where it isn't arithmetic."""
+    """Names of the parameters in an expression; ExpressionError if it isn't arithmetic."""
     return {node.id for node in ast.walk(_tree(text)) if isinstance(node, ast.Name)}
 
 
 def evaluate(text: str, values: Mapping[str, float]) -> float:
-    """The value; ExpressionError for an unknown name, a division by zero, a value that isn't finite."""
+    """Value of an expression; ExpressionError: unknown name, division by zero, or a value that isn't
+    finite."""
     try:
         value = _value(_tree(text), values)
     except (ArithmeticError, ValueError) as error:

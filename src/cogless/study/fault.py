@@ -1,4 +1,4 @@
-"""Faults of sensors and supply that a scenario has, each for some time."""
+"""Faults of sensors and supply voltage in a scenario, each for a limited time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class FaultBase(Table):
 
 
 class AngleFault(FaultBase):
-    """The position sensor gives no number, or goes on giving the last angle."""
+    """The position sensor gives no number, or keeps giving the last angle."""
 
     kind: Literal["angle-missing", "angle-stuck"]
 
@@ -33,7 +33,7 @@ class AngleFault(FaultBase):
 
 
 class AngleJump(FaultBase):
-    """The position sensor is off by an angle."""
+    """The position sensor's angle has a constant error."""
 
     kind: Literal["angle-jump"]
     angle: Angle  # rad, mechanical
@@ -56,7 +56,7 @@ class CurrentFault(FaultBase):
 
 
 class BusFault(FaultBase):
-    """The bus has another voltage, which is measured."""
+    """The bus has another voltage, and the controller measures it."""
 
     kind: Literal["bus-voltage"]
     voltage: Voltage  # V

@@ -1,4 +1,4 @@
-"""Faults must be of something that the drive has, and last long enough to be measured."""
+"""Check that a fault is in something that the drive has, and lasts long enough to be measured."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ if TYPE_CHECKING:
 
 
 def faults(study: Study | TrialStudy) -> None:
-    """Refuse faults of what isn't measured (currents and bus of an ideal loop, a phase), or too short."""
+    """Refuse faults in something that the drive doesn't measure, and faults that are too short.
+
+    An ideal current loop measures neither currents nor bus voltage. With two sensors, phase c isn't measured.
+    """
     drive, motor = study.drive, study.motor
     for name, scenario in study.scenario.items():
         for index, fault in enumerate(scenario.faults):
@@ -31,7 +34,7 @@ def faults(study: Study | TrialStudy) -> None:
 
 
 def _measured_once(rate: float, end: float, fault: FaultBase, where: Key) -> None:
-    """Measurements come once a period of the current loop: one at least must show the fault."""
+    """Refuse a fault that no measurement would show; they are taken once per current-loop period."""
     period = f"{1 / rate:g} s, one period of the measurements"
     if fault.duration * rate < 1 - 1e-9:
         raise invalid(f"expected {period}, or more", *where, "duration")

@@ -1,4 +1,4 @@
-"""Every law that a study of speed or of a path can have."""
+"""All control laws that a speed study can use, including laws for position."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from cogless.study.table import (
 
 
 class LoadHarmonic(Table):
-    """tau_load += torque sin(order theta_m + phase). Order of a mechanical turn."""
+    """A part of the load torque: torque sin(order theta_m + phase), with theta_m the mechanical angle."""
 
     order: Annotated[int, Field(ge=1, le=10_000)]
     torque: Torque  # N*m
@@ -45,7 +45,7 @@ class AngleTable(Table):
 
 
 class TimeTable(Table):
-    """Torque over time, linear between points, the ends held."""
+    """Torque over time, linear between points, constant before the first and after the last point."""
 
     time: Many[Time]  # s
     torque: Many[Torque]  # N*m
@@ -57,7 +57,7 @@ class TimeTable(Table):
 
 
 def check_table(axis: str, points: Sequence[float], values: Sequence[float]) -> None:
-    """Refuse a table that has no points, points that do not increase, or not one value for each."""
+    """Refuse a table without points, with points that don't increase, or without one value per point."""
     if not points or any(b <= a for a, b in pairwise(points)):
         raise invalid("expected one or more values, each above the one before", axis)
     if len(points) != len(values):
@@ -65,7 +65,7 @@ def check_table(axis: str, points: Sequence[float], values: Sequence[float]) -> 
 
 
 class Load(Table):
-    """A load torque: the parts add up. The constant part follows its target with a first-order lag."""
+    """A load torque, the sum of its parts. The constant part follows its set value with a first-order lag."""
 
     torque: Torque = 0.0  # N*m
     lag: Time = 0.0  # s
@@ -79,7 +79,7 @@ class Load(Table):
 
 
 class Mechanics(Table):
-    """Everything that turns with the rotor."""
+    """Inertia, friction and load of everything that turns with the rotor."""
 
     inertia: Inertia  # kg*m^2, rotor and load together
     viscous_friction: ViscousFriction = 0.0  # N*m*s/rad

@@ -1,4 +1,4 @@
-"""A metric: which number is taken from which signal, over which time or trials."""
+"""A metric: which number is computed from which signal, over which time or trials."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cogless.signals import dimensions
 from cogless.study.table import Duration, Many, Quantity, Table, Time, invalid
 from cogless.units import Dimension
 
-# Every signal that some run may have, recorded or derived from recorded ones; a linear plant's have no unit.
+# Dimension of every signal that a run may have, recorded or derived; a linear plant's have no unit.
 SIGNALS = {
     **dict.fromkeys(("y_ref", "y", "y_error", "u", "load"), units.NONE),
     **dimensions(("electrical", "three_phases", "path", "energy"), C_LAWS),
@@ -38,10 +38,11 @@ EACH_PHASE = ("first-rms", "final-rms", "trials-to-floor")  # only there
 
 
 class Metric(Table):
-    """One declared metric. Times in s, band and floor in the signal's SI unit.
+    """A metric that a study declares. Times in s, band and floor in the signal's SI unit.
 
-    In a study of trials rms, ripple-rms, mean, maximum and peak-to-peak are one number a trial; first-rms,
-    final-rms and trials-to-floor one number a phase, which begins with the first trial and with each change.
+    In a study of trials, rms, ripple-rms, mean, maximum and peak-to-peak have one number per trial;
+    first-rms, final-rms and trials-to-floor have one number per phase. A phase begins with the first trial
+    and with each change.
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
@@ -62,18 +63,18 @@ class Metric(Table):
         "final-rms",
         "trials-to-floor",
     ]
-    signal: str | None = None  # not for copper-loss and chattering; omega_m at an event
-    # s; default: from the event to the next one, else all
+    signal: str | None = None  # not for copper-loss and chattering; default at an event: omega_m
+    # s; default: from the metric's event to the next one, or without an event the whole run
     window: tuple[Time, Time] | None = Field(default=None, strict=False)
-    last: Duration | None = None  # s: in place of a window, so much of the end of each scenario
+    last: Duration | None = None  # s: instead of a window, the last part of each scenario
     scenarios: Many[str] | None = None  # default: all, or those that have the event
     order: Many[Annotated[float, Field(gt=0)]] | None = None
-    # the revolution that the order is a multiple of; for other kinds, the frame of angles and speeds
+    # revolution that an order refers to; for other kinds, frame of angles and speeds
     frame: Literal["electrical", "mechanical"] = "mechanical"
     event: Time | None = None  # s
     band: float | None = None  # half width, SI
     floor: float | None = None  # of trials-to-floor, SI
-    smooth: Duration | None = None  # s: averaged over this time first, so that ripple doesn't count
+    smooth: Duration | None = None  # s: the signal is averaged over this time first, to remove ripple
     unit: str | None = None  # in tables and report; default: SI
     better: Literal["lower", "higher", "none"] = "lower"
 
@@ -94,7 +95,7 @@ class Metric(Table):
         if value is None:
             return None
         if dimension is None:
-            return 1.0  # the study refuses the signal
+            return 1.0  # any number: a check of the study refuses the signal
         return Quantity(dimension, ">", bare=not dimension.unit).read(value)
 
     @field_validator("unit")
@@ -133,12 +134,12 @@ class Metric(Table):
         return self
 
     def span(self, end: float) -> tuple[float, float] | None:
-        """The declared window in a run that ends at `end`, s; None where none is declared."""
+        """The declared window in a run that ends at `end`, s; None if none is declared."""
         return self.window if self.last is None else (max(0.0, end - self.last), end)
 
     @property
     def meaning(self) -> tuple[Any, ...]:
-        """Properties that metrics of one name, in different scenarios, have in common."""
+        """Properties that metrics of the same name in different scenarios must have in common."""
         return self.kind, self.signal, self.order, self.frame
 
     @property
@@ -147,20 +148,21 @@ class Metric(Table):
         return _dimension(self.kind, self.signal) or units.NONE
 
     def applies_in(self, name: str, scenario: WithEvents) -> bool:
-        """Whether the metric is taken in a scenario: where it says so, else wherever its event is."""
+        """Whether the metric is evaluated in a scenario: one that it names, or by default one that has its
+        event."""
         if self.scenarios is not None:
             return name in self.scenarios
         return self.event is None or scenario.has_event(self.event)
 
 
 class WithEvents(Protocol):
-    """The part of a scenario that decides which metrics are taken in it."""
+    """The part of a scenario that decides which metrics are evaluated in it."""
 
     def has_event(self, time: float) -> bool: ...
 
 
 class Named(Protocol):
-    """The parts of a metric that its name in results.json is made of."""
+    """The parts of a metric that make up its name in results.json."""
 
     @property
     def name(self) -> str: ...
@@ -169,18 +171,22 @@ class Named(Protocol):
 
 
 def result_name(metric: Named) -> str:
-    """Name in results.json: the metric's name, ended by its SI unit ("speed_ripple_rad_s", "torque_N_m")."""
+    """Name in results.json: the metric's name followed by its SI unit ("speed_ripple_rad_s",
+    "torque_N_m")."""
     suffix = "_" + metric.dimension.unit.replace("*", "_").replace("/", "_").replace("^", "")
     return metric.name if suffix == "_" or metric.name.endswith(suffix) else metric.name + suffix
 
 
 def whole_revolutions(orders: Iterable[float]) -> int:
-    """The fewest revolutions over which every order is whole."""
+    """The smallest number of revolutions that contains whole periods of every order."""
     return math.lcm(*(Fraction(n).limit_denominator(1000).denominator for n in orders))
 
 
 def _dimension(kind: str, signal: str | None) -> Dimension | None:
-    """None of a signal that no run has: the study says which there are. A linear plant may have any state."""
+    """Dimension of a metric; None for a signal that no run has, which a check of the study refuses.
+
+    Any state x_1, x_2, ... is accepted, since a linear plant may have it.
+    """
     if kind in OWN_DIMENSIONS:
         return OWN_DIMENSIONS[kind]
     state = signal is not None and STATE.fullmatch(signal)

@@ -1,4 +1,4 @@
-"""Checks of a study's metrics. Each raises the error that names the key."""
+"""Checks of a study's metrics. Each raises an error that names the wrong key."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from cogless.study.trial_study import TrialStudy
 
 FEWEST_ROWS = 10  # in a metric's window
-OVER_TIME = ("window", "last", "event", "smooth", "order")  # keys of metrics, not in trials
+OVER_TIME = ("window", "last", "event", "smooth", "order")  # keys that metrics of trials don't have
 
 
 def metrics(study: Study | TrialStudy) -> None:
-    """Metrics have their own name in each scenario, and signals and scenarios that exist."""
+    """Check that metrics have unique names in each scenario, and signals and scenarios that exist."""
     for index, metric in enumerate(study.metric):
         for scenario, other in product(study.scenario, study.metric[:index]):
             both = (m.applies_in(scenario, study.scenario[scenario]) for m in (metric, other))
@@ -41,7 +41,7 @@ def metrics(study: Study | TrialStudy) -> None:
 
 
 def windows(study: Study) -> None:
-    """Metrics are of runs over time, with rows enough in their windows, and events that exist."""
+    """Check the metrics of a speed study: their kind, enough rows in their windows, and events that exist."""
     for index, metric in enumerate(study.metric):
         if metric.kind in EACH_PHASE:
             raise invalid("expected another, since there are no trials", "metric", index, "kind")
@@ -89,7 +89,11 @@ def _span(metric: Metric, scenario: Scenario) -> tuple[str, float]:
 
 
 def orders(study: Study) -> None:
-    """Check that at top speed every order lies below half the trace's rate and is whole in the window."""
+    """Check the orders of metrics at the top speed.
+
+    Each order's frequency must be below half the trace's rate, and the window must hold a whole period of
+    each.
+    """
     half = study.trace_rate / 2
     for index, metric in enumerate(study.metric):
         for name, scenario in study.scenario.items():
@@ -109,7 +113,8 @@ def orders(study: Study) -> None:
 
 
 def of_trials(study: TrialStudy) -> None:
-    """Metrics are one number a trial or a phase."""
+    """Check that each metric of a study of trials gives one number per trial or phase, and has no time
+    window."""
     for index, metric in enumerate(study.metric):
         if metric.kind not in EACH_TRIAL + EACH_PHASE:
             known = ", ".join(EACH_TRIAL + EACH_PHASE)

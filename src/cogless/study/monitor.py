@@ -1,4 +1,4 @@
-"""Monitor of a drive's measurements, and judgement of its learning."""
+"""Settings of the monitor that checks a drive's measurements, and of the measure of learning quality."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from cogless.study.table import (
 
 
 class Monitor(Table):
-    """Bounds of plausible measurements. Zero: not watched. Defaults follow from the drive."""
+    """Bounds of plausible measurements. Zero: not checked. The defaults are derived from the drive."""
 
     omega_max: AngularSpeedMagnitude | None = None  # rad/s, mechanical
     angle_step: AngleMagnitude | None = None  # rad, mechanical
@@ -34,11 +34,12 @@ class Monitor(Table):
 
 
 class Quality(Table):
-    """Settings of the residual ripple: what it is taken over, and which errors teach nothing."""
+    """Settings of the residual ripple: its window, and which speed errors are outliers, excluded from
+    learning."""
 
-    span: Span | None = None  # rad, mechanical; default: a revolution
+    span: Span | None = None  # rad, mechanical, turned per window; default: a revolution
     longest: Duration = 60.0  # s
-    outlier: NumberGain = 0.0  # times the usual error; 0: none
+    outlier: NumberGain = 0.0  # bound, in multiples of the usual error; 0: none
     floor: AngularSpeedMagnitude = 0.0  # rad/s
 
     @model_validator(mode="after")

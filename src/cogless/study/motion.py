@@ -1,4 +1,4 @@
-"""Motion of a scenario's reference: samples of its speed and acceleration."""
+"""Sample the motion of a scenario's reference: speed and acceleration over time."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from cogless.study.scenario import Scenario
 
 Real = NDArray[np.float64]
 FEWEST, MOST = 4000, 200_000  # samples
-A_SWING, A_PIECE = 40, 10  # samples of the fastest sine; of the shortest piece, of smoothing
+A_SWING, A_PIECE = 40, 10  # samples per period of the fastest sine; per shortest piece or smoothing time
 GOLDEN = (math.sqrt(5) - 1) / 2
 TURN = 2 * math.pi
 
 
 @dataclass(frozen=True)
 class Course:
-    """Samples in the order of time, each of which stands for `step`."""
+    """Samples in order of time; each represents an interval of `step` s."""
 
     time: Real  # s
     omega: Real  # rad/s, mechanical
@@ -30,7 +30,11 @@ class Course:
 
 
 def course(scenario: Scenario) -> Course:
-    """Course of a scenario's reference. Within their steps samples go by the golden ratio: no swing hides."""
+    """Sample a scenario's reference over its duration.
+
+    The position of each sample within its step follows multiples of the golden ratio. With even steps, an
+    oscillation at the sampling rate could be missed.
+    """
     reference, end = scenario.reference, scenario.duration
     pieces = [b - a for (a, _), (b, _) in pairwise(reference.points or reference.moves)]
     pieces += [reference.smoothing] if reference.smoothing else []
@@ -51,7 +55,7 @@ def _fastest(reference: Reference) -> float:
 
 
 def _unfiltered(reference: Reference, initial_speed: float, t: Real) -> tuple[Real, Real]:
-    """Speed and acceleration at times t."""
+    """Reference speed and acceleration at times t, ahead of the smoothing filter."""
     r = reference
     if r.kind == "ramp":
         change = r.speed - initial_speed
@@ -85,7 +89,10 @@ def _moves(reference: Reference, t: Real) -> tuple[Real, Real]:
 
 
 def _smoothed(t: Real, omega: Real, tau: float, initial_speed: float) -> tuple[Real, Real]:
-    """Speed and acceleration behind two lags of tau, each exact for straight lines between samples."""
+    """Speed and acceleration after two first-order lags of time constant tau.
+
+    Each lag is computed exactly for an input that is linear between samples.
+    """
     first = _lagged(t, omega, tau, initial_speed)
     second = _lagged(t, first, tau, initial_speed)
     return second, (first - second) / tau

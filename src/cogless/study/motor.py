@@ -1,4 +1,4 @@
-"""The motor: a permanent-magnet synchronous machine in dq, with what makes its torque ripple."""
+"""The motor: a permanent-magnet synchronous machine in dq, with cogging and flux harmonics."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ Order = Annotated[int, Field(ge=1, le=10_000)]
 
 
 class FluxHarmonic(Table):
-    """psi_d += d cos(order theta_e + d_phase); psi_q += q sin(order theta_e + q_phase). Electrical order."""
+    """Harmonics of the flux linkage, added to psi_d and psi_q; the order is electrical.
+
+    psi_d += d cos(order theta_e + d_phase), psi_q += q sin(order theta_e + q_phase).
+    """
 
     order: Order
     d: FluxAmplitude = 0.0  # Wb
@@ -38,11 +41,11 @@ class FluxHarmonic(Table):
 
 
 class Cogging(Table):
-    """tau_cogging += torque sin(order theta_m + phase). Mechanical order."""
+    """A harmonic of the cogging torque: torque sin(order theta_m + phase). The order is mechanical."""
 
     order: Order
     torque: Torque | None = None  # N*m
-    current: Current | None = None  # A, as measured by holding: torque = K_t current
+    current: Current | None = None  # A, measured as the holding current: torque = K_t current
     phase: Angle = 0.0  # rad
 
     @model_validator(mode="after")
@@ -53,14 +56,14 @@ class Cogging(Table):
 
 
 class Motor(Table):
-    """A synchronous motor as its datasheet has it.
+    """A synchronous motor, described as in its datasheet.
 
-    R_s, L_d, L_q and flux linkages are of one winding; K_t is of the line current's peak; phases are of the
-    star equivalent's angle.
+    R_s, L_d, L_q and flux linkages are those of one winding. K_t refers to the peak of the line current.
+    Phase angles of harmonics refer to the star equivalent's angle.
     """
 
     kind: Literal["pmsm"] = "pmsm"
-    datasheet: str | None = None  # already read: its fields are here
+    datasheet: str | None = None  # its file; its fields are already merged in here
     pole_pairs: Annotated[int, Field(ge=1, le=1000)]
     R_s: Resistance  # ohm
     L_d: Inductance  # H
@@ -81,13 +84,16 @@ class Motor(Table):
         return self
 
     def star(self) -> StarMotor:
-        """The star equivalent: a delta's R/3, L/3, psi/sqrt(3); K_t and cogging currents resolved."""
+        """The star equivalent: a delta winding has R/3, L/3, psi/sqrt(3).
+
+        K_t and kv are converted to psi_f, and cogging currents to torques.
+        """
         delta = self.winding == "delta"
         impedance, flux = (1 / 3, 1 / math.sqrt(3)) if delta else (1.0, 1.0)
         if self.psi_f is not None:
             K_t = 1.5 * self.pole_pairs * flux * self.psi_f
         elif self.kv is not None:
-            K_t = math.sqrt(3) / 2 / self.kv  # the line voltage sqrt(3) pole_pairs psi_f omega_m
+            K_t = math.sqrt(3) / 2 / self.kv  # peak line voltage: sqrt(3) pole_pairs psi_f omega_m
         else:
             K_t = self.K_t or 0.0
         return StarMotor(
@@ -119,7 +125,7 @@ class StarMotor:
     L_q: float  # H
     psi_f: float  # Wb
     K_t: float  # N*m/A
-    impedance_factor: float  # of this equivalent to one winding
+    impedance_factor: float  # R and L of this equivalent over those of one winding
     flux_factor: float
     flux_harmonics: tuple[FluxHarmonic, ...]
     cogging: tuple[Cogging, ...]
@@ -127,5 +133,5 @@ class StarMotor:
 
     @property
     def power_factor(self) -> float:
-        """Power over u . i in the rotor's frame: 3/2 of three phases, 1 of two."""
+        """Electrical power divided by u . i in dq coordinates: 3/2 for three phases, 1 for two."""
         return 0.5 * self.phases

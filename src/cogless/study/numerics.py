@@ -1,4 +1,4 @@
-"""Checks that a study fits the simulation: the integrator, the inverter and the memory."""
+"""Check that a study suits the simulation: integration step, inverter's dead time, size of a trace."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from cogless.study.motor import StarMotor
     from cogless.study.study import Study
 
-LARGEST_STEP = 0.5  # of RK4, in time constants: it is unstable at 2.8, and 0.04 % off a step at 0.5
-FEWEST_SAMPLES = 4  # of a learning law's period; also, its lead is at most one part in so many
-MOST_ROWS = 20_000_000  # of one run's trace; with 8 bytes for each of some 25 signals, 4 GB
+LARGEST_STEP = 0.5  # RK4 step in time constants: at 0.5 its error is 0.04 % per step, at 2.8 it is unstable
+FEWEST_SAMPLES = 4  # per learned period, at least; the lead may be at most the period / FEWEST_SAMPLES
+MOST_ROWS = 20_000_000  # of one run's trace: 4 GB with some 25 signals of 8 bytes each
 
 
 def integration(study: Study) -> None:
-    """The integrator's step is short against whatever is fastest in the plant."""
+    """Check that the integration step is short compared with the fastest time constant of the plant."""
     rates = study.drive.rates
     top = max(scenario.top_speed for scenario in study.scenario.values())
     found = natural_rates(study.motor.star(), study.mechanics, top, electrical=not study.drive.ideal)
@@ -28,7 +28,7 @@ def integration(study: Study) -> None:
 
 
 def check_step(step: float, steps: int, found: Sequence[tuple[float, str]]) -> None:
-    """Refuse an RK4 step, s, of so many a current-loop period, that is too long for these natural rates."""
+    """Refuse an RK4 step (s) that is too long for these natural rates. `steps`: per current-loop period."""
     fastest, what = max(found)
     if fastest * step > LARGEST_STEP:
         needed = fastest * step * steps / LARGEST_STEP
@@ -40,7 +40,7 @@ def check_step(step: float, steps: int, found: Sequence[tuple[float, str]]) -> N
 def natural_rates(
     motor: StarMotor, mechanics: Mechanics, top: float, *, electrical: bool = True
 ) -> list[tuple[float, str]]:
-    """Natural rates of the plant, 1/s, and what has them. `top`: the largest mechanical speed, rad/s."""
+    """Natural rates of the plant, 1/s, each with its cause. `top`: the largest mechanical speed, rad/s."""
     inductance, inertia = min(motor.L_d, motor.L_q), mechanics.inertia
     swing = motor.K_t * motor.pole_pairs * motor.psi_f / (inertia * inductance)
     flux_orders = [h.order * motor.pole_pairs for h in motor.flux_harmonics]
@@ -59,20 +59,20 @@ def natural_rates(
 
 
 def dead_time(study: Study) -> None:
-    """Dead time leaves time to switch."""
+    """Check that the dead time leaves time to switch within a current-loop period."""
     if study.drive.inverter is not None:
         check_dead_time(study.drive.inverter.dead_time, study.drive.rates.current_loop)
 
 
 def check_dead_time(dead_time: float, rate: float) -> None:
-    """Refuse a dead time, s, of half a period of the current loop's rate, Hz, or more."""
+    """Refuse a dead time (s) of half a current-loop period or more. `rate`: of the current loop, Hz."""
     if dead_time >= 0.5 / rate:
         expected = f"expected less than half a period of the current loop, {0.5 / rate:.3g} s"
         raise invalid(expected, "drive", "inverter", "dead_time")
 
 
 def size(study: Study) -> None:
-    """A run's trace fits into memory."""
+    """Check that a run's trace fits into memory."""
     for name, scenario in study.scenario.items():
         if scenario.duration * study.trace_rate > MOST_ROWS:
             longest = MOST_ROWS / study.trace_rate
@@ -81,7 +81,7 @@ def size(study: Study) -> None:
 
 
 def commissioning(study: Study) -> None:
-    """A table's commissioning run ends within a lifetime."""
+    """Check that the commissioning run of an anti-cogging table isn't too long to simulate."""
     for name, controller in study.controller.items():
         if isinstance(controller, AntiCogging):
             longest, takes = MOST_ROWS / study.drive.rates.outer_loop, controller.calibration.duration
@@ -91,7 +91,10 @@ def commissioning(study: Study) -> None:
 
 
 def periods(study: Study) -> None:
-    """A learning law learns at one of its scenarios' top speeds at least."""
+    """Check that each learning law can learn at the top speed of one of its scenarios, at least.
+
+    There its period must hold enough samples, fit into the memory, and be long compared with the lead.
+    """
     rate = study.drive.rates.outer_loop
     for name, controller in study.controller.items():
         if not isinstance(controller, Learning):

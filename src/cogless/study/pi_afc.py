@@ -1,4 +1,4 @@
-"""PI with adaptive feedforward cancellation, as a study has it."""
+"""Keys of the law "PI with adaptive feedforward cancellation" in a study."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class PiAfc(Feedback):
     law: Literal["pi-afc"]
     orders: Annotated[Many[Order], Field(min_length=1, max_length=16)]  # CGL_PI_AFC_ORDERS; mechanical
     gain: SpeedIntegralGain  # A/rad, learning
-    lead: StartTime = 0.0  # s: from current to measured speed
-    omega_min: LawSpeed = 0.01  # rad/s, mechanical: below it learning rests, what was learned acts on
+    lead: StartTime = 0.0  # s: delay from the current to the measured speed
+    omega_min: LawSpeed = 0.01  # rad/s, mechanical: below it learning pauses, but the learned part stays on
     learning_start: StartTime = 0.0  # s
     limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
 
@@ -34,21 +34,21 @@ class PiAfc(Feedback):
 
     @property
     def over_angle(self) -> bool:
-        """Whether what is learned belongs to the angle."""
+        """Whether the memory is over the angle; true for this law."""
         return True
 
     @property
     def cells(self) -> int:
-        """Places of a revolution that its orders tell apart."""
+        """Number of map cells per revolution that would resolve its highest order: two per wave."""
         return 2 * self.orders[-1]
 
     @property
     def q_half_width(self) -> int:
-        """Places on each side of its Q filter: it has none."""
+        """Half width of the Q filter; zero, since this law has none."""
         return 0
 
     def revolutions(self, pole_pairs: int) -> Fraction:
-        """Mechanical revolutions in a period of what is learned."""
+        """Length of the learned period in mechanical revolutions."""
         return Fraction(1)
 
     @model_validator(mode="after")

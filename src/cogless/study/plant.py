@@ -1,7 +1,9 @@
-"""The plant of a study of trials that has no motor: matrices over uncertain parameters, or their vertices.
+"""A linear plant for studies of trials: matrices with uncertain parameters, or matrices at each vertex.
 
 x' = A x + B (u - d), y = C x        continuous
 x(p+1) = A x(p) + B (u(p) - d(p))    discrete
+
+x: states, u: input, d: load (disturbance of the input), y: output.
 """
 
 from __future__ import annotations
@@ -47,7 +49,8 @@ class Parameter(Table):
 
     @property
     def nominal(self) -> float:
-        """The value that the feedforward is designed for, and that trials have unless they say otherwise."""
+        """The value that the feedforward is designed for, and that trials have unless an override changes
+        it."""
         if self.value is not None:
             return self.value
         assert self.range is not None
@@ -55,7 +58,7 @@ class Parameter(Table):
 
 
 class PlantVertex(Table):
-    """One corner of the uncertainty, in numbers."""
+    """Matrices at one vertex of the set of possible plants, as numbers."""
 
     A: Rows
     B: Many[float]
@@ -117,7 +120,10 @@ class LinearPlant(Table):
                 raise invalid(expected, *key)
 
     def at(self, parameters: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
-        """A and B at these parameters, the others nominal; of vertices the mean, or number "vertex"."""
+        """A and B for these parameter values; parameters that are left out are nominal.
+
+        For a plant of vertices: those of vertex number parameters["vertex"], from 1, else the mean of all.
+        """
         if self.vertex:
             number = parameters.get("vertex")
             chosen = self.vertex if number is None else (self.vertex[int(number) - 1],)
@@ -130,7 +136,7 @@ class LinearPlant(Table):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The states' names."""
+        """Names of the states."""
         return self.states or tuple(f"x_{i + 1}" for i in range(len(self.C)))
 
 

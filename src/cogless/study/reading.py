@@ -1,4 +1,4 @@
-"""Find and read a study: its file or a shipped name, its datasheet, changes to it, overrides."""
+"""Find and read a study, by file or shipped name, with its datasheet, changes and scenario overrides."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ AnyStudy = Study | TrialStudy
 AStudy = TypeVar("AStudy", bound=StudyBase)
 Model = TypeVar("Model", bound=Table)
 Made = TypeVar("Made")
-MAGNET = {"psi_f", "K_t", "kv"}  # three ways to say the same: one given replaces the others
+MAGNET = {"psi_f", "K_t", "kv"}  # three keys for the magnet's flux: setting one replaces the others
 DEEPEST = 32  # levels of tables and arrays
 LONGEST_NAME = 1000  # characters of a path in a message
-# A key of more parts takes tomllib time and memory that grow with their square.
+# tomllib needs time and memory that grow with the square of the number of a key's parts.
 PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*"""
 LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:{PART}\.[ \t]*){{{DEEPEST}}}{PART}""", re.ASCII)
 INDEX = re.compile(r"\d{1,9}", re.ASCII)
 
 
 def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
-    """Read a study by path or shipped name; StudyError says what is wrong, a line each.
+    """Read a study by path or shipped name. StudyError lists its mistakes, one per line.
 
-    `changes` replace values by dotted key, such as {"controller.pi.kp": 0.02}. A number put where the study
-    has a text with a unit takes that unit.
+    `changes` replace values by dotted key, such as {"controller.pi.kp": 0.02}. A plain number takes the unit
+    of the text that it replaces.
     """
     path = find(study, "studies", "study")
     tables = read(path)
@@ -60,7 +60,7 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
 
 
 def changed(study: AStudy, changes: Changes) -> AStudy:
-    """The same study with other values at some dotted keys, as in `load`."""
+    """A copy of the study with other values at some dotted keys; `changes` as in `load`."""
     tables = _overridden(study.source, changes)
     of_its_kind = _checked(_replaced(study.source, tables))
     assert isinstance(of_its_kind, type(study))
@@ -68,7 +68,10 @@ def changed(study: AStudy, changes: Changes) -> AStudy:
 
 
 def for_scenario(study: Study, scenario: str) -> Study:
-    """The study as it is within a scenario: with its overrides, and without the other scenarios."""
+    """The study with a scenario's overrides applied and without the other scenarios.
+
+    If the scenario has no overrides, the study itself.
+    """
     return study._scenarios.get(scenario, study)
 
 
@@ -89,7 +92,7 @@ def _in_scenario(study: Study, scenario: str) -> Study:
 
 
 def parse_change(text: str) -> tuple[str, Any]:
-    """Key and value of a `--set KEY=VALUE`; a VALUE that is no TOML is a text."""
+    """Key and value of the text KEY=VALUE of a `--set` option; a VALUE that isn't valid TOML is a string."""
     key, separator, value = text.partition("=")
     if not separator or not key.strip():
         raise StudyError(f"--set: {shown(text)}: expected KEY=VALUE, such as controller.pi.kp=0.02")
@@ -103,13 +106,16 @@ def parse_change(text: str) -> tuple[str, Any]:
 
 
 def shipped(room: str) -> dict[str, Path]:
-    """Files that come with cogless, by name. `room`: "studies" or "motors"."""
+    """Files that come with cogless: name -> path. `room`: "studies" or "motors"."""
     folders = [folder / room for folder in package_folders()]
     return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
 
 
 def find(name: str | Path, room: str, what: str, beside: Path | None = None, where: str = "") -> Path:
-    """The file of a shipped name or of a path, relative to the folder `beside`. `where`: who names it."""
+    """Find a file by shipped name, or by path relative to the folder `beside`.
+
+    `room`: folder of shipped files. `what`: kind of file. `where`: file and key that name it, for messages.
+    """
     known = shipped(room)
     if str(name) in known:
         return known[str(name)]
@@ -126,7 +132,7 @@ def find(name: str | Path, room: str, what: str, beside: Path | None = None, whe
 
 
 def read(path: Path) -> dict[str, Any]:
-    """The tables of a TOML file."""
+    """Read the tables of a TOML file."""
     try:
         return _toml(path.read_text(encoding="utf-8-sig"))
     except UnicodeDecodeError as error:
@@ -139,7 +145,7 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def _toml(text: str) -> dict[str, Any]:
-    """The tables of a TOML text; ValueError says in one line why it is none."""
+    """Parse a TOML text to tables; ValueError says in one line why it can't be read."""
     too_deep = f"expected at most {DEEPEST} levels of tables and arrays"
     long = LONG_KEY.search(text)
     if long:
@@ -159,7 +165,10 @@ def _toml(text: str) -> dict[str, Any]:
 
 
 def put(tables: dict[str, Any], key: str, value: Any) -> None:
-    """Put a value at a dotted key, making tables on the way; a number takes the unit of what it replaces."""
+    """Set the value at a dotted key, and create missing tables on the way.
+
+    A plain number takes the unit of the text that it replaces.
+    """
     path = split(key)
     inner: Any = tables
     for depth, part in enumerate(path[:-1]):
@@ -167,7 +176,7 @@ def put(tables: dict[str, Any], key: str, value: Any) -> None:
         if found is MISSING and isinstance(inner, dict):
             found = inner[str(part)] = {}
         elif isinstance(found, str):
-            # A short form, such as reference = "60 rpm", has no keys of its own.
+            # A short form such as reference = "60 rpm" is a text, which has no keys.
             raise StudyError(f"{key}: {shown(value)}: expected a table at {dotted(path[: depth + 1])}")
         inner = found
     last = path[-1]
@@ -181,7 +190,7 @@ def put(tables: dict[str, Any], key: str, value: Any) -> None:
 
 
 def split(key: str) -> Key:
-    """The parts of a dotted key; whole numbers are indices; parts with dots stand in double quotes."""
+    """Parts of a dotted key. Whole numbers become list indices; a part with dots is in double quotes."""
     parts: list[str | int] = []
     for index, piece in enumerate(key.split('"')):
         if index % 2:
@@ -196,7 +205,7 @@ def split(key: str) -> Key:
 
 
 def with_unit(value: Any, old: Any) -> Any:
-    """The value, with the unit of the text it replaces where it is a bare number."""
+    """The new value; a plain number becomes a text with the unit of the text that it replaces."""
     if isinstance(value, list) and isinstance(old, list) and old:
         return [with_unit(item, old[min(index, len(old) - 1)]) for index, item in enumerate(value)]
     bare = isinstance(value, int | float) and not isinstance(value, bool)
@@ -215,7 +224,7 @@ def _apply(tables: dict[str, Any], changes: Changes) -> None:
 
 
 def _overridden(source: Source, changes: Changes, prefix: str = "") -> dict[str, Any]:
-    """The tables of a study with other values. `prefix`: where in the file these stand."""
+    """A copy of a study's tables with other values. `prefix`: their place in the file, for messages."""
     tables = copy.deepcopy(source.tables)
     try:
         _apply(tables, changes)
@@ -227,7 +236,7 @@ def _overridden(source: Source, changes: Changes, prefix: str = "") -> dict[str,
 
 
 def _check_names(path: Path, tables: dict[str, Any], changes: Changes) -> None:
-    """A change of a value must not make a controller or scenario; only one of all its values may."""
+    """Refuse a change to an unknown controller or scenario, unless the changes define it as a whole."""
     for table, needed in (("controller", "law"), ("scenario", "duration")):
         known = tables.get(table)
         for key, value in changes.items():
@@ -266,7 +275,7 @@ def _checked(source: Source) -> AnyStudy:
 
 
 def _of_each(scenarios: Iterable[str], made: Callable[[str], Made]) -> dict[str, Made]:
-    """Results of `made` for each scenario; raises the mistakes of all of them at once."""
+    """Call `made` for each scenario; a single StudyError lists the mistakes of all scenarios."""
     found: dict[str, Made] = {}
     lines: list[str] = []
     for name in scenarios:
@@ -280,7 +289,7 @@ def _of_each(scenarios: Iterable[str], made: Callable[[str], Made]) -> dict[str,
 
 
 def _hardware(study: TrialStudy, scenario: str) -> tuple[Hardware, ...]:
-    """A drive's motor, mechanics and load in each phase, checked; none of a linear plant."""
+    """Motor, mechanics and load of a drive in each phase, checked; empty for a linear plant."""
     found: list[Hardware] = []
     for index, (_, conditions) in enumerate(study.scenario[scenario].phases if study.plant is None else ()):
         at = f".changes.{index - 1}" if index else ""
@@ -321,7 +330,7 @@ def _error(found: list[Problem], source: Source, prefix: str) -> StudyError:
 
 
 def _line(problem: Problem, source: Source, prefix: str) -> str:
-    """A mistake, in the study or in its datasheet."""
+    """Message about a mistake, with the file that has it: the study or its datasheet."""
     key = problem.key
     in_datasheet = source.datasheet and not prefix and key[:1] == ("motor",) and len(key) > 1
     if in_datasheet and source.datasheet and key[1] not in source.own_motor_keys:
@@ -330,5 +339,5 @@ def _line(problem: Problem, source: Source, prefix: str) -> str:
 
 
 def changes_from(texts: Iterable[str]) -> dict[str, Any]:
-    """All `--set KEY=VALUE` of a command line; a later one wins."""
+    """All `--set KEY=VALUE` options of a command line as a dict; of equal keys the last counts."""
     return dict(parse_change(text) for text in texts)

@@ -1,4 +1,4 @@
-"""References of the drive: a speed or a path, in one of several forms."""
+"""References of the drive: a speed, or moves from angle to angle, in one of several forms."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ FORMS: dict[Kind, set[str]] = {
 
 
 class Sine(Table):
-    """A part of a speed: amplitude sin(2 pi frequency t + phase)."""
+    """A sinusoidal part of a speed reference: amplitude sin(2 pi frequency t + phase)."""
 
     amplitude: AngularSpeed  # rad/s
     frequency: Frequency  # Hz
@@ -42,10 +42,11 @@ class Sine(Table):
 
 
 class Reference(Table):
-    """The mechanical speed reference, in one form; its angle is the integral from the initial angle on.
+    """The mechanical speed reference, in one of several forms.
 
-    constant, ramp, profile; offset + amplitude sin(2 pi f t), where depth and modulation are given with
-    + depth sin(2 pi modulation t) in the argument; a sum of sines; smooth moves from angle to angle; a file.
+    Its integral, which begins at the initial angle, is the angle reference. Forms: a constant; a ramp; a
+    profile; offset + amplitude sin(2 pi f t); the same with frequency modulation, offset + amplitude sin(2 pi
+    f t + depth sin(2 pi modulation t)); a sum of sines; smooth moves from angle to angle; a file.
     """
 
     speed: AngularSpeed = 0.0  # rad/s
@@ -54,12 +55,12 @@ class Reference(Table):
     offset: AngularSpeed = 0.0  # rad/s
     amplitude: AngularSpeed = 0.0  # rad/s
     frequency: Frequency = 0.0  # Hz
-    depth: float = 0.0  # of frequency modulation: its index, a ratio
+    depth: float = 0.0  # index of the frequency modulation, a ratio
     modulation: Frequency = 0.0  # Hz, of frequency modulation
     sines: Many[Sine] = ()
-    moves: Many[tuple[Time, Angle]] = ()  # s, rad; at rest at each, polynomials of the fifth degree between
-    file: str | None = None  # CSV of time and speed, in s and rad/s or its heading's units; beside the study
-    smoothing: Time = 0.0  # s, of a critically damped filter on the speed, so that it is differentiable
+    moves: Many[tuple[Time, Angle]] = ()  # s, rad; at rest at each point, fifth-degree polynomials between
+    file: str | None = None  # CSV of time [s] and speed [rad/s], or in its heading's units; beside the study
+    smoothing: Time = 0.0  # s, of a critically damped filter that makes the speed differentiable
     _from_file: Points = PrivateAttr(default=())
 
     @classmethod
@@ -92,35 +93,41 @@ class Reference(Table):
 
     @property
     def kind(self) -> Kind:
-        """The form that this is."""
+        """Name of the form that this reference has."""
         return next(kind for kind, keys in FORMS.items() if keys == self.model_fields_set - {"smoothing"})
 
     @property
     def points(self) -> Points:
-        """Time, s, and speed, rad/s, of a profile or of a file."""
+        """Points (time in s, speed in rad/s) of a profile or a file; empty for other forms."""
         return self._from_file or self.profile
 
     def speeds(self, initial_speed: float = 0.0) -> tuple[float, float]:
-        """The speeds between which it stays, from an initial speed on, signed, rad/s."""
+        """Lowest and highest speed that the reference can take, signed, rad/s.
+
+        `initial_speed`, rad/s: where a ramp and the smoothing filter start.
+        """
         ends = [initial_speed, self.speed] if self.kind == "ramp" else [self.speed]
         if self.points:
             ends = [speed for _, speed in self.points]
         elif self.moves:
-            # a polynomial of the fifth degree, at rest at both ends, is 15/8 of its mean speed at most
+            # a fifth-degree polynomial at rest at both ends has at most 15/8 of its mean speed
             means = [(b - a) / (end - start) for (start, a), (end, b) in pairwise(self.moves)]
             ends = [0.0, *(15 / 8 * mean for mean in means)]
         waves = abs(self.amplitude) + sum(abs(sine.amplitude) for sine in self.sines)
-        start = [initial_speed] if self.smoothing else []  # the filter's, whose output stays between
+        start = [initial_speed] if self.smoothing else []  # where the filter starts
         return (
             min([*start, min(ends) + self.offset - waves]),
             max([*start, max(ends) + self.offset + waves]),
         )
 
     def top_acceleration(self, initial_speed: float = 0.0) -> float:
-        """The largest magnitude that its acceleration can take, from an initial speed on, rad/s^2."""
+        """Largest magnitude that the reference's acceleration can take, rad/s^2.
+
+        `initial_speed`, rad/s: where the smoothing filter starts.
+        """
         turn = 2 * math.pi
         slopes = [abs((b - a) / (end - start)) for (start, a), (end, b) in pairwise(self.points)]
-        # a polynomial of the fifth degree, at rest at both ends, has at most 10 / sqrt(3) distance / time^2
+        # a fifth-degree polynomial at rest at both ends has at most 10 / sqrt(3) distance / time^2
         moving = [
             10 / math.sqrt(3) * abs(b - a) / (end - start) ** 2
             for (start, a), (end, b) in pairwise(self.moves)
@@ -129,11 +136,11 @@ class Reference(Table):
         waves = abs(self.amplitude) * rate
         waves += sum(turn * abs(sine.amplitude) * sine.frequency for sine in self.sines)
         jump = self._at_start() - initial_speed if self.smoothing and self.kind != "ramp" else 0.0
-        # the answer of the filter, critically damped, to a step is 1 / (e smoothing) at its steepest
+        # the critically damped filter's response to a unit step has the largest slope 1 / (e smoothing)
         return max([waves, self.ramp, *slopes, *moving]) + abs(jump) / (math.e * (self.smoothing or 1.0))
 
     def _at_start(self) -> float:
-        """Speed at time zero before the filter, rad/s; not of a ramp."""
+        """Speed at time zero, ahead of the smoothing filter, rad/s. Not for a ramp."""
         for (start, a), (end, b) in pairwise(self.points):
             if start <= 0 < end:
                 return a - (b - a) * start / (end - start)

@@ -17,7 +17,7 @@ Points = tuple[tuple[float, float], ...]
 
 
 def points(path: Path) -> Points:
-    """Time, s, and speed, rad/s, of each line; raises the error that names the line and what stands there."""
+    """Time (s) and speed (rad/s) of each line; raises an error that names the line and quotes it."""
     try:
         rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
     except (OSError, ValueError):
@@ -47,7 +47,7 @@ def points(path: Path) -> Points:
 
 
 def _scales(heading: list[str]) -> tuple[float, float]:
-    """Factors of times and speeds: the SI values of the units that a heading names."""
+    """Factors that convert times and speeds to SI, from the units that a heading names."""
     if len(heading) != len(COLUMNS):
         raise invalid(
             f"line 1: {_shown(*heading)}: expected two columns, time and speed, with a comma between", "file"
@@ -71,11 +71,11 @@ def _unit(cell: str) -> str | None:
     if bracketed:
         return bracketed[1].strip()
     last = (re.split(r"[\s_]+", cell.strip()) or [""])[-1]
-    # a single letter is rather an index than a unit
+    # a single letter is more likely an index than a unit
     return next((w for w in (last, last.partition("/")[2]) if len(w) > 1 and units.is_known(w)), None)
 
 
 def _shown(*cells: str) -> str:
-    """The cells as they stand in the file, in quotes, cut when long."""
+    """The cells as written in the file, in quotes, shortened to 40 characters."""
     text = ",".join(cells)
     return f'"{text if len(text) <= 40 else text[:37] + "..."}"'

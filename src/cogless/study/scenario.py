@@ -1,4 +1,4 @@
-"""A scenario: what is asked of the drive, for how long, against which load."""
+"""A scenario of a speed study: reference, load, faults and duration of an experiment."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from cogless.study.table import (
 
 
 class Event(Table):
-    """A change during the run: the constant part of the load gets a new target."""
+    """A change during a run: the constant part of the load gets a new set value."""
 
     time: Time  # s
     load: Torque  # N*m
 
     def is_at(self, time: float) -> bool:
-        """Whether two times are one, in whatever units they were written."""
+        """Whether the event is at this time, s, apart from rounding in the conversion of units."""
         return math.isclose(self.time, time, abs_tol=1e-9)
 
 
 class Experiment(Table):
-    """The part that a scenario of speed and one of trials have in common."""
+    """Keys that a scenario of a speed study and one of trials have in common."""
 
     duration: Duration  # s, of the run, or of one trial
-    faults: Many[Fault] = ()  # of sensors and supply; their time counts from the start of the run
+    faults: Many[Fault] = ()  # of sensors and supply; their times are from the start of the run
     controllers: Many[str] | None = None  # default: all
 
     @property
@@ -55,12 +55,12 @@ class Experiment(Table):
         return self
 
     def has_event(self, time: float) -> bool:
-        """Whether an event is at a time, s."""
+        """Whether the scenario has an event at this time, s."""
         return False
 
 
 class Scenario(Experiment):
-    """One experiment."""
+    """An experiment of a speed study."""
 
     reference: Reference
     initial_speed: AngularSpeed = 0.0  # rad/s, mechanical
@@ -96,26 +96,26 @@ class Scenario(Experiment):
 
     @property
     def speeds(self) -> tuple[float, float]:
-        """The speeds between which the reference stays, signed, rad/s."""
+        """Lowest and highest speed of the reference, signed, rad/s."""
         return self.reference.speeds(self.initial_speed)
 
     @property
     def slowest(self) -> float:
-        """The smallest magnitude of the reference's speed, rad/s; 0 where it stands or turns back."""
+        """Smallest magnitude of the reference's speed, rad/s; 0 if it stops or reverses."""
         low, high = self.speeds
         return 0.0 if low <= 0 <= high else min(abs(low), abs(high))
 
     @property
     def top_reference(self) -> float:
-        """The largest magnitude of the reference's speed, rad/s."""
+        """Largest magnitude of the reference's speed, rad/s."""
         return max(map(abs, self.speeds))
 
     @property
     def top_acceleration(self) -> float:
-        """The largest magnitude of the reference's acceleration, rad/s^2."""
+        """Largest magnitude of the reference's acceleration, rad/s^2."""
         return self.reference.top_acceleration(self.initial_speed)
 
     @property
     def top_speed(self) -> float:
-        """The largest speed that is asked for or begun with, rad/s."""
+        """Largest magnitude of the reference's speed and of the initial speed, rad/s."""
         return max(self.top_reference, abs(self.initial_speed))

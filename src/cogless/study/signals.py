@@ -1,4 +1,4 @@
-"""Which signals a study's runs have, and why one is missing."""
+"""Find out which signals the runs of a study have, and why a signal is missing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from cogless.study.study import Study
 
 OF_A_LAW = "expected a signal that a controller of this study has"
-# What a signal may need of a drive (signals.def), and what to say where that is missing.
+# Properties of a drive that a signal may need (signals.def), and the error text if the drive lacks one.
 NEEDED = {
     "electrical": "expected another, since the current loop is ideal",
     "three_phases": "expected another, since the motor has two phases",
@@ -28,7 +28,7 @@ NEEDED = {
 
 
 def terms(law: Base) -> set[str]:
-    """The parts of its output that a law records."""
+    """Names of the recorded parts of a law's output."""
     name = "trial" if isinstance(law, TrialLaw) else getattr(law, "law", "")
     found = {term.signal for term in C_LAWS[name].terms} if name in C_LAWS else set()
     if not isinstance(law, SpaceLearning):
@@ -38,7 +38,7 @@ def terms(law: Base) -> set[str]:
 
 
 def kinds(study: Study | TrialStudy) -> set[str]:
-    """What a study's drive has of what signals need."""
+    """Properties that a study's drive has, out of the keys of NEEDED and "trials"."""
     motor, trials = study.motor, isinstance(study, TrialStudy)
     has = {
         "electrical": study.drive is not None and not study.drive.ideal,
@@ -52,14 +52,14 @@ def kinds(study: Study | TrialStudy) -> set[str]:
 
 
 def linear(states: int) -> dict[str, Dimension]:
-    """Every signal of a linear plant's trial; they have no unit."""
+    """All signals of a linear plant in trials; they have no unit."""
     own = (term.signal for term in C_LAWS["trial"].terms)
     names = ("y_ref", "y", "y_error", "u", "load", *own, "learned", "status")
     return dict.fromkeys((*names, *(f"x_{i + 1}" for i in range(states))), units.NONE)
 
 
 def missing(study: Study | TrialStudy, signal: str) -> str | None:
-    """What was expected in place of a signal that no run of the study has; None where one has it."""
+    """Error text for a signal that no run of the study has; None if a run has it."""
     if isinstance(study, TrialStudy) and study.plant is not None:
         known = linear(study.states)
         return None if signal in known else f"expected a signal: {', '.join(known)}"

@@ -1,4 +1,4 @@
-"""Checks of a law that learns in angle against the motor, the reference and the rates."""
+"""Check a law that learns over the angle against the motor, the reference and the rates."""
 
 from __future__ import annotations
 
@@ -15,11 +15,14 @@ if TYPE_CHECKING:
 
 FEWEST_SAMPLES = 4  # of a period
 ANGLE_MAX = 1e5  # rad, CGL_ANGLE_MAX of control/src/cogless/angle.h
-MOST_PARTS = 65535  # of a revolution of the law's angle
+MOST_PARTS = 65535  # largest denominator of a period in revolutions of the law's angle
 
 
 def space_laws(study: Study) -> None:
-    """Periods that fit the motor; a delay line long enough, for a speed that never comes near zero."""
+    """Check that the learned period suits the motor and the speeds, and that a delay line is long enough.
+
+    A delay line also needs a reference speed that doesn't come near zero.
+    """
     rate = study.drive.rates.outer_loop
     for name, law in study.controller.items():
         if not isinstance(law, SpaceLearning):
@@ -44,8 +47,9 @@ def space_laws(study: Study) -> None:
 
 
 def _numbers(study: Study, name: str, law: SpaceLearning) -> None:
-    """Check what the controller's arithmetic can hold, and the equation for P_t."""
-    # the Q filter adds up so many entries
+    """Check that the law's numbers fit the controller's number type, and that k_pp is below the loop's
+    rate."""
+    # `terms`: the Q filter adds up this many entries
     check_precision(law, study.drive.precision, "controller", name, terms=2 * law.q_half_width + 2)
     rate = study.drive.rates.outer_loop
     if law.memory == "delay" and law.delay_method == "ode" and law.k_pp >= rate:
@@ -53,7 +57,11 @@ def _numbers(study: Study, name: str, law: SpaceLearning) -> None:
 
 
 def _angles(name: str, revolutions: Fraction, ratio: int) -> None:
-    """A reference's angle counts up to where revolutions and periods meet again."""
+    """Check that the reference angle stays small enough.
+
+    The controller counts it up to the smallest angle that is a whole number of revolutions and of learned
+    periods.
+    """
     longest = int(ANGLE_MAX / (2 * math.pi * ratio))
     if revolutions.numerator > longest:
         expected = f"expected at most {longest} revolutions, until whole periods are whole revolutions, not"

@@ -1,4 +1,5 @@
-"""The laws that learn in angle (Verrelli 2016): of position, law (6) and its sampled form; of speed, (4)."""
+"""Laws that learn over the angle (Verrelli 2016): for position law (6) and its sampled form, for speed law
+(4)."""
 
 from __future__ import annotations
 
@@ -26,37 +27,38 @@ Whole = Annotated[int, Field(ge=1, le=65535)]
 
 
 class Period(Table):
-    """The period of what is learned: turns / parts of a revolution."""
+    """The period of what is learned: turns / parts of an electrical or mechanical revolution."""
 
     of: Literal["electrical", "mechanical"] = "electrical"
     turns: Whole = 1
     parts: Whole = 1
 
     def revolutions(self, pole_pairs: int) -> Fraction:
-        """Mechanical revolutions in a period."""
+        """Length of the period in mechanical revolutions."""
         return Fraction(self.turns, self.parts * (pole_pairs if self.of == "electrical" else 1))
 
 
 class SpaceLearning(Base):
-    """The memory of a law that learns in angle."""
+    """The memory of a law that learns over the angle."""
 
     learning: bool = True
     learning_start: StartTime = 0.0  # s
     period: Period = Period()
-    memory: Literal["map", "delay"] = "map"  # over the angle; or samples over time, delayed by P_t
+    memory: Literal["map", "delay"] = "map"  # map over the angle, or delay line over time; P_t is its delay
     delay_method: Literal["ode", "inversion"] = "ode"  # how P_t is found
-    k_pp: Annotated[float, Quantity(units.RATE, ">", bare=True)] = 10.0  # 1/s, of the equation for P_t
-    cells: Cells = 1024  # of the map; of the delay line, its longest period
+    k_pp: Annotated[float, Quantity(units.RATE, ">", bare=True)] = 10.0  # 1/s, gain of the ODE for P_t
+    cells: Cells = 1024  # cells of the map; samples of the delay line's longest period
     q_half_width: Annotated[int, Field(ge=0)] = 5  # cells, or samples, on each side of the Q filter; 0: none
-    mu_alpha: Annotated[float, Quantity(units.CURRENT, ">=", bare=True)] = 0.0  # A, in the frame's angle
+    # learning gains of alpha, beta and h; a rad in their units is of the angle that the law uses
+    mu_alpha: Annotated[float, Quantity(units.CURRENT, ">=", bare=True)] = 0.0  # A
     mu_beta: Annotated[float, Quantity(units.SPEED_LEARNING, ">=", bare=True)] = 0.0  # A*s^2/rad^2
     mu_h: Annotated[float, Quantity(units.ACCELERATION_LEARNING, ">=", bare=True)] = 0.0  # A*s^4/rad^2
     alpha_limit: CurrentBound | None = None  # A; default: the current limit
-    # A*s/rad; default: the current limit at the top speed
+    # A*s/rad; default: the current limit over the reference's top speed
     beta_limit: Annotated[float, Quantity(units.SPEED_GAIN, ">", bare=True)] | None = None
-    # A*s^2/rad; default: the current limit at the top acceleration
+    # A*s^2/rad; default: the current limit over the reference's top acceleration
     h_limit: Annotated[float, Quantity(units.CURRENT_PER_ACCELERATION, ">", bare=True)] | None = None
-    omega_min: LawSpeed = 0.01  # rad/s, mechanical: below it learning rests, what was learned acts on
+    omega_min: LawSpeed = 0.01  # rad/s, mechanical: below it learning pauses, but the learned part stays on
 
     @model_validator(mode="after")
     def _cells_fit(self) -> Self:
@@ -79,20 +81,20 @@ class SpaceLearning(Base):
 
     @property
     def over_angle(self) -> bool:
-        """Whether what is learned is a map over the angle, not what was done a period of time ago."""
+        """Whether the memory is a map over the angle; if not, it is a delay line over time."""
         return self.memory == "map"
 
     def revolutions(self, pole_pairs: int) -> Fraction:
-        """Mechanical revolutions in a period of what is learned."""
+        """Length of the learned period in mechanical revolutions."""
         return self.period.revolutions(pole_pairs)
 
     @property
     def channels(self) -> int:
-        """Number of functions of the angle that are learned: alpha; and beta; and h."""
+        """Number of learned functions of the angle: 1 is alpha, 2 adds beta, 3 adds h."""
         return 3 if self.mu_h else 2 if self.mu_beta else 1
 
     def memory_config(self, loop: LawLoop) -> dict[str, Any]:
-        """cgl_space_memory_config."""
+        """Members of the C struct cgl_space_memory_config."""
         period = self.ratio(loop.pole_pairs) * self.revolutions(loop.pole_pairs)
         limits = (self.alpha_limit, self.beta_limit, self.h_limit)
         return {
@@ -113,7 +115,7 @@ class SpacePosition(SpaceLearning):
     """Position control that learns in angle, with hand-over from integral action (Verrelli 2016, law 6)."""
 
     law: Literal["space-position"]
-    frame: Literal["electrical", "mechanical"] = "electrical"  # of the angles that the gains count
+    frame: Literal["electrical", "mechanical"] = "electrical"  # of the angle that the gains multiply
     k_theta: RateGain | None = None  # 1/s
     k_omega: SpeedGain | None = None  # A*s/rad
     k_i: SpeedIntegralGain = 0.0  # A/rad, until learning takes over
@@ -123,7 +125,7 @@ class SpacePosition(SpaceLearning):
     v_2: Annotated[float, Quantity(units.CUBIC_SPEED_GAIN, ">=", bare=True)] = 0.0  # A*s^3/rad^3
     hand_over: bool = True  # integral action fades out as learning fades in
     ramp: StartTime = 1.0  # s
-    index: Literal["reference", "rotor"] = "reference"  # whose angle the memory counts
+    index: Literal["reference", "rotor"] = "reference"  # the angle that the memory is over
 
     @model_validator(mode="after")
     def _gains_or_rule(self) -> Self:
@@ -157,7 +159,7 @@ class SpaceSpeed(SpaceLearning):
 
     law: Literal["space-speed"]
     k: SpeedGain  # A*s/rad
-    eta_bar: LawSpeed  # rad/s: learning rests while the speed's error is larger
+    eta_bar: LawSpeed  # rad/s: learning pauses while the speed error is larger
 
     @property
     def linear(self) -> tuple[float, float]:

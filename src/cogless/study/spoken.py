@@ -1,4 +1,4 @@
-"""The units in which a study speaks of speeds and angles, so that whoever wrote rpm reads rpm."""
+"""Units in which speeds and angles are shown: a user who wrote rpm in his study reads rpm."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from cogless.study.base import StudyBase
 from cogless.units import ANGLE, ANGULAR_SPEED, Dimension, UnitError, factor, unit_of
 
 SPOKEN = (ANGULAR_SPEED, ANGLE)
-TOLD_IN = ("scenario", "drive")  # tables: a motor's phases and a controller's gains say nothing of a run
+TOLD_IN = ("scenario", "drive")  # tables whose units describe a run, unlike a motor's or a controller's
 
 
 def spoken_unit(study: StudyBase, dimension: Dimension) -> str:
-    """The unit of the first such metric, else of the first such quantity in the scenarios or the drive.
+    """Unit in which to show a quantity: an angle or a speed as in the study, others in SI.
 
-    SI where the study has neither, and of what is no speed and no angle.
+    For an angle or a speed it is the unit of the first metric of this dimension, else of the first such
+    quantity in the scenarios or the drive, else the SI unit.
     """
     if dimension not in SPOKEN:
         return dimension.unit
@@ -26,12 +27,12 @@ def spoken_unit(study: StudyBase, dimension: Dimension) -> str:
 
 
 def speed_text(study: StudyBase, omega_m: float, digits: int = 4) -> str:
-    """The magnitude of a speed in rad/s, as the study speaks."""
+    """Magnitude of a speed as a text, in the unit that the study uses. `omega_m`: in rad/s."""
     return units.format(abs(omega_m), spoken_unit(study, ANGULAR_SPEED), ANGULAR_SPEED, digits)
 
 
 def _texts(value: Any) -> Iterator[str]:
-    """Every text of a table and of the tables and lists in it."""
+    """Every string in a table, including the tables and lists within it."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, dict | list | tuple):

@@ -1,7 +1,7 @@
 """The permanent-magnet step motor with non-sinusoidal flux (Verrelli 2016, sections 2 and 5).
 
-Two phases. Torque and speed voltages are those of a PMSM with flux harmonics of electrical order j - 1 that
-are alike in both axes, so that the same plant serves both:
+The motor has two phases. Its torque and speed voltages are those of a PMSM with flux harmonics of electrical
+order j - 1 whose amplitudes are the same in both axes. So the same plant model simulates both kinds of motor:
 
     torque = N_r i_f (sum_j j L_mj cos((1 - j) N_r theta) i_q + sum_j j L_mj sin((1 - j) N_r theta) i_d)
              + 2 N_r L_1 i_d i_q - N_r i_f^2 / 2 sum_j j L_fj sin(j N_r theta)
@@ -28,10 +28,10 @@ FIRST_COGGING = 4  # j of the first L_fj
 
 
 class StepMotor(Table):
-    """A step motor as the papers on it have it."""
+    """A step motor, with the parameters that papers on it use."""
 
     kind: Literal["step"]
-    datasheet: str | None = None  # already read: its fields are here
+    datasheet: str | None = None  # its file; its fields are already merged in here
     teeth: Annotated[int, Field(ge=1, le=1000)]  # N_r, of the rotor
     R_s: Resistance  # ohm, of a phase
     L_0: Inductance  # H, self inductance of a phase
@@ -54,7 +54,7 @@ class StepMotor(Table):
         return self.teeth
 
     def star(self) -> StarMotor:
-        """The motor in the words of the plant: two phases, with flux harmonics of order j - 1."""
+        """The equivalent two-phase motor for the plant model, with flux harmonics of order j - 1."""
         psi_f = self.i_f * self.L_m[0]
         harmonics = [
             FluxHarmonic.model_construct(order=j - 1, d=self.i_f * L, q=self.i_f * L)

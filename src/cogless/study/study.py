@@ -1,4 +1,4 @@
-"""A whole study: a drive, the controllers on it, the scenarios they go through, the metrics."""
+"""A speed study: a drive, the controllers to compare, the scenarios that they run in, the metrics."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class Study(StudyBase):
     drive: Drive
     scenario: Annotated[dict[str, Scenario], Field(min_length=1)]
     controller: Annotated[dict[str, Controller], Field(min_length=1)]
-    _scenarios: dict[str, Study] = PrivateAttr(default={})  # as they are with their overrides
+    _scenarios: dict[str, Study] = PrivateAttr(default={})  # scenario -> study with its overrides applied
 
     @property
     def belief(self) -> StarBelief:
-        """The motor as the controller believes it."""
+        """Motor parameters that the controller assumes, for the star equivalent."""
         return self.drive.belief.resolved(self.motor.star())
 
     @property

@@ -27,14 +27,14 @@ from cogless.units import Dimension
 Key = tuple[str | int, ...]
 T = TypeVar("T")
 
-# An array of a study file. TOML has lists only, so this one place isn't strict about the type.
+# An array of a study file. TOML has only lists, so here a list is accepted for a tuple in spite of `strict`.
 Many = Annotated[tuple[T, ...], Field(strict=False)]
 
 
 def invalid(expected: str, *key: str | int, value: Any = None) -> PydanticCustomError:
-    """An error of a validator: what was expected, at which key below the table in hand.
+    """Make the error of a validator: what was expected, at which key within the table that it validates.
 
-    `value` stands in the message where the file holds nothing at that key.
+    `value`: shown in the message if the file has nothing at that key.
     """
     return PydanticCustomError("study", "{expected}", {"expected": expected, "key": key, "value": value})
 
@@ -46,15 +46,15 @@ class Table(BaseModel):
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
-        """The table that a short form stands for."""
+        """The full table for a value in short form, such as a text in place of a table."""
         return data
 
     @model_validator(mode="wrap")
     @classmethod
     def _keys(cls, data: Any, validate: ModelWrapValidatorHandler[Self]) -> Self:
-        """Reports all mistakes of a table at once: wrong keys and wrong values.
+        """Report all mistakes of a table at once: wrong keys and wrong values.
 
-        What must hold between several keys is checked only where each key is right by itself.
+        Conditions between several keys are checked only if each key is right by itself.
         """
         data = cls.spelled_out(data)
         if not isinstance(data, dict):
@@ -71,7 +71,7 @@ class Table(BaseModel):
 
 
 def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetails]:
-    """Unknown keys, and missing ones that none of these may be meant for."""
+    """Errors for unknown keys, and for missing keys unless an unknown key looks like their misspelling."""
     known = list(table.model_fields)
     near = {key: _near(key, known) for key in data if key not in known}
     found = [invalid(_suggestion(meant, known), key, value="unknown key") for key, meant in near.items()]
@@ -84,7 +84,7 @@ def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetai
 
 
 def _again(details: ErrorDetails) -> InitErrorDetails:
-    """A finding of pydantic's, to be raised once more."""
+    """Convert an error that pydantic reported, so that it can be raised again."""
     context = details.get("ctx", {})
     own = PydanticCustomError("study", "{expected}", context) if details["type"] == "study" else None
     return InitErrorDetails(
@@ -92,11 +92,11 @@ def _again(details: ErrorDetails) -> InitErrorDetails:
     )
 
 
-SMALLEST, LARGEST = 1e-15, 1e15  # SI: single precision holds them, and what laws make of two of them
+SMALLEST, LARGEST = 1e-15, 1e15  # SI: single precision holds these, and products and quotients of two of them
 
 
 def check_sizes(table: Table, *above: str) -> None:
-    """Refuse numbers that the control laws, in single precision, would take for zero or infinite."""
+    """Refuse numbers that become zero or infinite in a control law, which computes in single precision."""
     for key in type(table).model_fields:
         value = getattr(table, key)
         if isinstance(value, Table):
@@ -111,7 +111,7 @@ RANGE = {"single": (1.2e-38, 3.4e38), "double": (2.3e-308, 1.7e308)}
 
 
 def check_precision(table: Table, precision: str, *above: str, terms: int = 1) -> None:
-    """Refuse numbers that the controller's arithmetic can't hold, or that it can't add up so many of."""
+    """Refuse numbers that the controller's number type can't hold, or whose sum of `terms` would overflow."""
     smallest, largest = RANGE[precision]
     most = largest / terms
     for key in type(table).model_fields:
@@ -122,7 +122,10 @@ def check_precision(table: Table, precision: str, *above: str, terms: int = 1) -
 
 
 def dotted_keys(override: dict[str, Any]) -> dict[str, Any]:
-    """{"mechanics": {"inertia": x}}, which TOML makes of mechanics.inertia, as {"mechanics.inertia": x}."""
+    """Flatten nested tables of an override to dotted keys.
+
+    TOML reads mechanics.inertia as {"mechanics": {"inertia": x}}; this becomes {"mechanics.inertia": x}.
+    """
     flat: dict[str, Any] = {}
     for key, value in override.items():
         within = "." not in key and isinstance(value, dict)
@@ -131,7 +134,7 @@ def dotted_keys(override: dict[str, Any]) -> dict[str, Any]:
 
 
 def _near(key: str, known: Sequence[str]) -> str | None:
-    """The known key that an unknown one is probably meant for."""
+    """The known key that an unknown one was probably meant to be; None if none is similar."""
     near = difflib.get_close_matches(key, known, n=1)
     return next(iter(near), None) or next((name for name in known if name.lower() == key.lower()), None)
 
@@ -144,7 +147,8 @@ def _suggestion(near: str | None, known: Sequence[str]) -> str:
 class Quantity:
     """Pydantic annotation: a text with a unit becomes an SI float.
 
-    `sign` is "", ">" or ">=" (zero). `bare` accepts a plain number too, as SI: in a controller's tables.
+    `sign`: "" for any number, ">" for above zero, ">=" for zero or more. `bare`: a plain number is accepted,
+    too, as SI, as in controllers' tables.
     """
 
     dimension: Dimension
@@ -159,7 +163,7 @@ class Quantity:
         return f"expected {self.dimension.name}{sort}, such as {self.dimension.shown(1)}"
 
     def read(self, value: Any) -> float:
-        """The SI value; raises the error that names what was expected."""
+        """The SI value; raises an error that says what was expected."""
         if isinstance(value, str) and self.dimension.unit:
             try:
                 number = units.parse(value, self.dimension)
@@ -221,7 +225,7 @@ ViscousFriction = Annotated[float, Quantity(units.VISCOUS_FRICTION, ">=")]
 CurrentGain = Annotated[float, Quantity(units.CURRENT_GAIN, ">=")]
 CurrentIntegralGain = Annotated[float, Quantity(units.CURRENT_INTEGRAL_GAIN, ">=")]
 
-# The rule of plain numbers: in a controller's tables they are SI, everywhere else a quantity has its unit.
+# Rule for plain numbers: in controllers' tables they are in SI; everywhere else a unit is required.
 SpeedGain = Annotated[float, Quantity(units.SPEED_GAIN, ">=", bare=True)]
 SpeedIntegralGain = Annotated[float, Quantity(units.SPEED_INTEGRAL_GAIN, ">=", bare=True)]
 CurrentToAcceleration = Annotated[float, Quantity(units.CURRENT_TO_ACCELERATION, ">", bare=True)]
@@ -237,6 +241,6 @@ NumberGain = Annotated[float, Field(ge=0)]
 
 
 def one_of(names: Iterable[str]) -> str:
-    """What was expected: one of these names."""
+    """The text of an error: "expected one of", followed by these names."""
     known = ", ".join(f'"{name}"' for name in names)
     return f"expected one of {known}"

@@ -1,4 +1,4 @@
-"""Checks between the tables of a study of trials. Each raises the error that names the key."""
+"""Checks that concern several tables of a study of trials. Each raises an error that names the wrong key."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 FEWEST_SAMPLES = 4  # of a trial
 MOST_SAMPLES = 65_535
 MOST_RANGES = 12  # 4096 corners
-# Expected forms in the study of a drive, and of a linear plant.
+# How a load or position is written: first in a drive's study, then in a linear plant's.
 LOADS = ('a torque with a unit, such as [100, "1 N*m"]', "a number in the unit of u, such as [100, 1.0]")
 POSITIONS = ('an angle with a unit, such as ["1 s", "1 rad"]', 'a plain number, such as ["1 s", 1.0]')
-LARGEST_MATRIX = 4_000  # samples of a trial that is learned by a whole matrix
+LARGEST_MATRIX = 4_000  # samples of a trial, at most, for a law that learns by a whole matrix
 
 
 def plant(study: TrialStudy) -> None:
-    """A plant, or a whole drive."""
+    """Check that the study has either a linear plant, or motor, mechanics and drive."""
     drive = {"motor": study.motor, "mechanics": study.mechanics, "drive": study.drive}
     for key, table in drive.items():
         if study.plant is not None and table is not None:
@@ -39,7 +39,7 @@ def plant(study: TrialStudy) -> None:
 
 
 def corners(study: TrialStudy) -> None:
-    """A plant's matrices have values at every corner of its parameters' ranges."""
+    """Check that a plant's matrices have values at every corner of its parameters' ranges."""
     if study.plant is None or study.plant.vertex:
         return
     ends = {name: p.range for name, p in study.plant.parameter.items() if p.range is not None}
@@ -54,13 +54,13 @@ def corners(study: TrialStudy) -> None:
 
 
 def ranges(study: TrialStudy) -> None:
-    """Uncertain parameters are those of the plant, in the place for them."""
+    """Refuse design.range for a linear plant, whose parameters' ranges belong in plant.parameter."""
     if study.plant is not None and study.design.range:
         raise invalid("expected none: ranges stand at plant.parameter", "design", "range")
 
 
 def samples(study: TrialStudy) -> None:
-    """A trial is a whole number of samples, neither too few nor too many."""
+    """Check that a trial is a whole number of samples, neither too few nor too many."""
     for name, scenario in study.scenario.items():
         count = scenario.duration / study.period
         if not math.isclose(count, round(count), rel_tol=1e-9):
@@ -83,7 +83,8 @@ def samples(study: TrialStudy) -> None:
 
 
 def trace_rate(study: TrialStudy) -> None:
-    """Rows fall on samples of the fastest loop."""
+    """Check that trace rows coincide with samples of the fastest loop, and that each sample of a trial has
+    one."""
     rate = study.trace.rate
     ticks = study.drive.rates.current_loop if study.drive is not None else 1 / study.period
     if rate is not None and not math.isclose(ticks / rate, round(ticks / rate), rel_tol=1e-12):
@@ -94,7 +95,7 @@ def trace_rate(study: TrialStudy) -> None:
 
 
 def conditions(study: TrialStudy) -> None:
-    """Check that what a phase says belongs to this kind of plant."""
+    """Check that the conditions of each phase suit the kind of plant, drive or linear plant."""
     linear = study.plant is not None
     for name, scenario in study.scenario.items():
         count = study.samples(name)
@@ -125,7 +126,10 @@ def conditions(study: TrialStudy) -> None:
 
 
 def _start(study: TrialStudy, scenario: str, here: TrialConditions, where: tuple[str | int, ...]) -> None:
-    """The plant of a phase has values; the angle that it starts from is one that the law can tell."""
+    """Check that a phase's plant has values, and that the sensor can resolve its initial angle.
+
+    The sensor doesn't count turns, so the start must be within half a turn of the reference.
+    """
     if study.plant is not None:
         try:
             study.plant.at(here.override or {})
@@ -155,7 +159,7 @@ def _override(study: TrialStudy, key: str, value: object, where: tuple[str | int
 
 
 def controllers(study: TrialStudy) -> None:
-    """Gains that are given have one number a state, and weights fit them."""
+    """Check that given gains and the state weight have one number per state, and one for an integrator."""
     n, size = study.states, len(study.design.state_weight)
     whole = f"expected {n + 1} numbers: one a state, and the integrator's"
     if size not in (n, n + 1):
@@ -181,7 +185,7 @@ def controllers(study: TrialStudy) -> None:
 
 
 def integration(study: TrialStudy) -> None:
-    """The integrator's step is short against whatever is fastest in the plant."""
+    """Check that the integration step is short compared with the fastest time constant of the plant."""
     if study.drive is None or study.motor is None or study.mechanics is None:
         return
     rates = study.drive.rates

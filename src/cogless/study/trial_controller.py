@@ -1,4 +1,4 @@
-"""The controllers of a study of trials, told apart by `law`, and what they are designed for."""
+"""Controllers of a study of trials, one class per `law`, and the settings for their design."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ Weight = Many[float] | Many[Many[float]]
 
 
 class QFilter(Table):
-    """A Butterworth low-pass, run forwards and backwards after each trial: it shifts no phase."""
+    """A Butterworth low-pass, run forwards and backwards after each trial, so that it has no phase shift."""
 
     cutoff: LawFrequency  # Hz
     order: Annotated[int, Field(ge=1, le=4)] = 2
-    acts_on: Literal["error", "signal"] = "error"  # the error before it is learned, or the learned signal
+    acts_on: Literal["error", "signal"] = "error"  # filter the error to learn from, or the learned signal
 
 
 class TrialLaw(Base):
-    """A law of trials: the keys that every one has."""
+    """The keys that every law of trials has."""
 
     # bound of the learned signal, rad or the unit of y
     learned_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
 
 
 class FilteredLaw(TrialLaw):
-    """A law of trials that learns by one gain."""
+    """A law of trials that learns with a single gain, and may have a Q filter."""
 
     q_filter: QFilter | None = None
 
@@ -44,9 +44,9 @@ class TrialIlc(FilteredLaw):
     integral: bool = True
     learning: bool = True
     feedforward: bool = True
-    K_s: Many[float] | None = None  # of the states and the integrator; default: by the LMIs (9) to (13)
-    N: float | None = None  # static feedforward; default: one over the DC gain
-    K_3: float | None = None  # default: by the LMIs (32) to (35)
+    K_s: Many[float] | None = None  # of the states and the integrator; default: from LMIs (9) to (13)
+    N: float | None = None  # static feedforward gain; default: 1 / DC gain
+    K_3: float | None = None  # learning gain; default: from the LMIs (32) to (35)
     # samples by which the error is ahead of the learned signal; default: the relative degree
     shift: Annotated[int, Field(ge=1, le=32)] | None = None
 
@@ -55,8 +55,8 @@ class StateIlc(FilteredLaw):
     """The older law (3) of Mandra 2019: it corrects the last trial's input, and has no feedforward."""
 
     law: Literal["state-ilc"]
-    K_stab: Many[float] | None = None  # of the states; default: by the LMIs without integral action
-    K_ilc: float | None = None  # default: by the LMIs (32) to (35)
+    K_stab: Many[float] | None = None  # of the states; default: from the LMIs without integral action
+    K_ilc: float | None = None  # learning gain; default: from the LMIs (32) to (35)
 
 
 class NormOptimalIlc(TrialLaw):
@@ -68,14 +68,15 @@ class NormOptimalIlc(TrialLaw):
     feedforward: bool = True
     K_s: Many[float] | None = None
     N: float | None = None
-    change_weight: Annotated[float, Field(gt=0)] = 0.01  # of the learned signal's change; the error's is 1
+    # weight of the learned signal's change in the cost, where the error's weight is 1
+    change_weight: Annotated[float, Field(gt=0)] = 0.01
 
 
 AnyTrialController = TrialIlc | StateIlc | NormOptimalIlc | PythonLaw | LibraryLaw
 TrialController = Annotated[AnyTrialController, Field(discriminator="law")]
 
 
-# Parameters of a drive that a design may vary.
+# Parameters of a drive for which a design may have a range.
 UNCERTAIN = {
     "mechanics.inertia": Quantity(units.INERTIA, ">"),
     "mechanics.viscous_friction": Quantity(units.VISCOUS_FRICTION, ">="),
@@ -84,12 +85,12 @@ UNCERTAIN = {
 
 
 class DesignSettings(Table):
-    """Weights and starts of the designs by LMI, and the ranges of a drive's parameters."""
+    """Settings of the design by LMIs: weights, initial conditions, ranges of a drive's parameters."""
 
     discretisation: Literal["euler", "exact"] = "euler"
-    state_weight: Weight  # Q of (8): of the states and the integrator; its diagonal, or its rows
+    state_weight: Weight  # Q of (8), for states and integrator: its diagonal, or all its rows
     input_weight: Annotated[float, Field(gt=0)]  # R of (8)
-    initial_state: Many[float]  # gamma of (10): states and integrator from which the cost counts
+    initial_state: Many[float]  # gamma of (10): states and integrator where the cost begins
     initial_change: Many[float] | None = None  # f of (31); default: initial_state
     initial_error: Annotated[float, Field(gt=0)] = 0.1  # g of (31)
     range: dict[str, tuple[float, float]] = Field(default={})  # of a drive's parameters, as in UNCERTAIN

@@ -1,4 +1,4 @@
-"""A scenario of trials: one motion repeated, with changes of reference, load, plant and start between."""
+"""A scenario of trials: a repeated motion; reference, load, plant and start may change between trials."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ MOST_TRIALS = 100_000
 
 
 class WithUnit(float):
-    """A number that stands in the study with a unit."""
+    """A number that was written in the study with a unit."""
 
 
 class EitherWay(Quantity):
-    """A quantity: for drives a text with a unit, for linear plants a plain number."""
+    """A quantity that is a text with a unit for drives, and a plain number for linear plants."""
 
     def read(self, value: Any) -> float:
-        """The SI value, which remembers whether it had a unit."""
+        """The SI value; a WithUnit if it was written with a unit."""
         number = super().read(value)
         return WithUnit(number) if isinstance(value, str) else number
 
@@ -44,7 +44,7 @@ LoadTorque = Annotated[float, EitherWay(units.TORQUE, bare=True)]
 
 
 class PositionReference(Table):
-    """Moves from point to point without a jolt: polynomials of the fifth degree, at rest at both ends."""
+    """Smooth moves from point to point: polynomials of fifth degree, at rest at both ends."""
 
     points: Many[tuple[Time, Position]]  # s, rad; the ends are held
 
@@ -63,7 +63,7 @@ class PositionReference(Table):
         return self
 
     def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The reference at some times, rad."""
+        """The reference at these times (s), in rad or in the unit of y."""
         value = np.full(time.shape, self.points[0][1])
         for (begin, from_), (end, to) in pairwise(self.points):
             s = np.clip((time - begin) / (end - begin), 0.0, 1.0)
@@ -72,18 +72,18 @@ class PositionReference(Table):
 
 
 class TrialConditions(Table):
-    """Conditions that a trial is run under; in a change, what is left out stays as it was."""
+    """Conditions of a trial. In a change, a key that is left out keeps its earlier value."""
 
     reference: PositionReference | None = None
     load: Load | None = None  # of a drive; replaces mechanics.load
-    # (sample, torque of a drive in N*m or disturbance in the unit of u): from that sample on
+    # (sample, load from it on): torque of a drive in N*m, or disturbance of a linear plant in the unit of u
     load_steps: (
         Many[Annotated[tuple[Annotated[int, Field(ge=0)], LoadTorque], Field(strict=False)]] | None
     ) = None
     initial_angle: Angle | None = None  # rad, mechanical; default: where the reference begins
     initial_speed: AngularSpeed | None = None  # rad/s, mechanical; default 0
     initial_state: Many[float] | None = None  # of a linear plant; default 0
-    override: dict[str, Any] | None = None  # of motor and mechanics; of a linear plant, values of parameters
+    override: dict[str, Any] | None = None  # of motor and mechanics, or of a linear plant's parameters
 
     @field_validator("override")
     @classmethod
@@ -100,13 +100,13 @@ class TrialConditions(Table):
 
 
 class Change(TrialConditions):
-    """A change of conditions from this trial on."""
+    """New conditions from trial number `trial` on."""
 
     trial: Annotated[int, Field(ge=2)]  # the first is 1
 
 
 class TrialScenario(TrialConditions, Experiment):
-    """One experiment: so many trials of so long, a whole number of samples, and what changes between them."""
+    """An experiment of `trials` trials, each a whole number of samples long, with changes in between."""
 
     trials: Annotated[int, Field(ge=1, le=MOST_TRIALS)]
     reference: PositionReference
@@ -128,7 +128,8 @@ class TrialScenario(TrialConditions, Experiment):
 
     @property
     def phases(self) -> tuple[tuple[int, TrialConditions], ...]:
-        """(first trial, counted from 1, and its conditions in full) of each stretch without a change."""
+        """First trial (counted from 1) and complete conditions of each phase (the trials between two
+        changes)."""
         now = TrialConditions.model_construct(
             **{key: getattr(self, key) for key in TrialConditions.model_fields}
         )
@@ -143,12 +144,12 @@ class TrialScenario(TrialConditions, Experiment):
                 told["override"] = {**(now.override or {}), **told["override"]}
                 reloads = any(key.startswith("mechanics.load") for key in change.override or ())
                 if reloads and change.load is None:
-                    told["load"] = None  # the later one counts
+                    told["load"] = None  # the override's load is the newer one
             now = now.model_copy(update=told)
             found.append((change.trial, now))
         return tuple(found)
 
     @property
     def starts(self) -> tuple[int, ...]:
-        """The first trial, counted from 1, of each phase."""
+        """First trial of each phase, counted from 1."""
         return (1, *(change.trial for change in self.changes))

@@ -51,20 +51,20 @@ class TrialStudy(StudyBase):
 
     @property
     def states(self) -> int:
-        """Number of the plant's states: angle and speed of a drive."""
+        """Number of the plant's states; for a drive two, angle and speed."""
         return len(self.plant.C) if self.plant is not None else 2
 
     def samples(self, scenario: str) -> int:
-        """Samples in a trial."""
+        """Number of samples in a trial."""
         return round(self.scenario[scenario].duration / self.period)
 
     def reference(self, scenario: str, conditions: TrialConditions) -> NDArray[np.float64]:
-        """The reference of a phase at each sample, rad or the unit of y."""
+        """The reference of a phase at each sample, in rad or in the unit of y."""
         assert conditions.reference is not None
         return conditions.reference.at(self.period * np.arange(self.samples(scenario), dtype=np.float64))
 
     def top_speed(self, scenario: str) -> float:
-        """The largest speed that a drive's references ask for or begin with, rad/s."""
+        """Largest magnitude of speed in a drive's references and initial conditions, rad/s."""
         found = [0.0]
         for _, conditions in self.scenario[scenario].phases:
             steps = np.abs(np.diff(self.reference(scenario, conditions))) / self.period
@@ -72,7 +72,7 @@ class TrialStudy(StudyBase):
         return max(found)
 
     def values_of(self, metric: Metric, scenario: str) -> int:
-        """How many values a metric has: one a trial, or one a phase."""
+        """Number of values of a metric: one per trial, or one per phase."""
         experiment = self.scenario[scenario]
         return experiment.trials if metric.kind in EACH_TRIAL else len(experiment.starts)
 
@@ -85,7 +85,7 @@ AnyTables = dict[str, Any]
 
 
 def is_trial_study(tables: AnyTables) -> bool:
-    """Whether a study's tables are of trials: they have a plant, a design, or trials."""
+    """Whether these tables describe a study of trials: they have a plant, a design, or trials."""
     scenarios = tables.get("scenario")
     found = scenarios.values() if isinstance(scenarios, dict) else ()
     told = "plant" in tables or "design" in tables

@@ -1,1 +1,1 @@
-"""A controller of a study as C: its constants, a step, an example, a test against the simulation."""
+"""Export a study's controller as C: constants, step function, example, and test against the simulation."""

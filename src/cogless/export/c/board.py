@@ -1,4 +1,4 @@
-"""Texts on what a board must measure, do and keep: for the README and the example."""
+"""Texts for README and example: what the user's board must measure, do and store."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ METHODS = {
 
 
 def board(subject: Subject) -> dict[str, str]:
-    """Words for the templates' places about the board."""
+    """Texts that fill the templates' placeholders about the board."""
     hold = f"{1e3 * subject.drive_config['monitor']['hold']:.3g} ms"
     wanted = "omega_ref [rad/s] is what it turns at: 0 until you set it, and the motor stands."
     if subject.law.name == "trial":
@@ -35,7 +35,7 @@ def board(subject: Subject) -> dict[str, str]:
 
 
 def _outputs(subject: Subject) -> dict[str, str]:
-    """Words for what the board takes: duty cycles, or a current."""
+    """Texts about what the board gets from the controller: duty cycles, or a current reference."""
     law = "the law" if subject.divider == 1 else f"the law every {subject.divider} calls"
     if subject.foreign:
         return {
@@ -68,7 +68,7 @@ def _outputs(subject: Subject) -> dict[str, str]:
 
 
 def _measured(subject: Subject) -> str:
-    """Signs, zero and units of the measurements."""
+    """Table rows with the signs, zero points and units of the measurements."""
     two = subject.drive_config["foc"]["phases"] == 2
     forward = "from a towards b" if two else "in the order a, b, c"
     theta_e = f"theta_e = {subject.drive_config['pole_pairs']} theta_m"
@@ -86,7 +86,7 @@ def _measured(subject: Subject) -> str:
 
 
 def _speed(subject: Subject) -> str:
-    """Words for how the study measures the speed."""
+    """Text on how the study's sensor measures the speed."""
     drive = subject.study.drive
     sensor = drive.position_sensor if drive is not None else IdealSensor()
     if isinstance(sensor, Encoder):
@@ -100,7 +100,7 @@ def _speed(subject: Subject) -> str:
 
 
 def _maps(subject: Subject) -> str:
-    """Words for keeping what was learned; empty where it is not tied to an angle."""
+    """Text on how to store what was learned; empty if it isn't tied to an angle."""
     if subject.map is None:
         return ""
     trial, (channels, cells) = subject.law.name == "trial", subject.map

@@ -1,4 +1,4 @@
-"""The folder that `cogless export --to c` writes."""
+"""Write the folder of `cogless export --to c`."""
 
 from __future__ import annotations
 
@@ -21,16 +21,17 @@ from cogless.versions import versions
 
 # periods of the self-test: enough for the law to do something, few enough for a microcontroller's flash
 TICKS, LAW_STEPS, MOST_TICKS = 400, 80, 2000
-ENTRY = "drive.h"  # what holds a controller together
+ENTRY = "drive.h"  # header of the drive's controller
 
 
 def export_c(
     study: AnyStudy, controller: str, target: Path, scenario: str | None = None, command: str = ""
 ) -> Subject:
-    """Write the controller as C, whole or not at all; StudyError. Returns what was written.
+    """Write a controller as C, completely or not at all, and return the data it was written from.
 
-    `scenario`: where the self-test is recorded, default the first that has the controller. `command`: what to
-    say in the README that made it.
+    `scenario`: the one in which the self-test is recorded, default the first that has the controller.
+    `command`: the command line that made the export, for its README. StudyError: the export can't be made or
+    written.
     """
     folder.check(target)
     prepared = prepare(study, first_scenario(study, controller, scenario), controller)
@@ -49,12 +50,12 @@ def export_c(
 
 
 def self_test_ticks(subject: Subject, prepared: Prepared) -> int:
-    """Periods that the self-test repeats."""
+    """Number of current-loop periods that the self-test repeats."""
     return min(max(TICKS, LAW_STEPS * subject.divider), MOST_TICKS, prepared.ticks)
 
 
 def subject_of(prepared: Prepared, command: str = "") -> Subject:
-    """Gathers what the exported files are written from: study, gains, layout of the C structs, verdict."""
+    """Collect the data for the exported files: study, gains, layout of the C structs, verdict."""
     drive, controller = prepared.description["drive"], prepared.description["controller"]
     law, matrix = C_LAWS[controller["law"]], controller.get("learning_matrix")
     assert prepared.study.drive is not None
@@ -81,7 +82,7 @@ def subject_of(prepared: Prepared, command: str = "") -> Subject:
 
 
 def contents(subject: Subject, prepared: Prepared, recording: Recording) -> dict[str, bytes]:
-    """Path in the folder -> what is in the file."""
+    """Contents of the exported files, by their path in the folder."""
     motion = recording.begun[0][1] if recording.begun else None
     stretches = awkward(subject, prepared, motion)
     written = texts(subject, recording, prepared.memory, stretches)

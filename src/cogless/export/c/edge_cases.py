@@ -1,4 +1,5 @@
-"""Awkward inputs for the self-test: what an eventless recording never meets, limits and faults above all."""
+"""Unusual inputs for the self-test, above all limits and faults, which an ordinary recording doesn't
+contain."""
 
 from __future__ import annotations
 
@@ -13,30 +14,33 @@ import numpy as np
 from cogless.export.c.subject import Subject
 from cogless.export.prepared import Prepared
 
-COUNTS = 1 << 20  # of the angle in a revolution: a float holds them all
+COUNTS = 1 << 20  # steps of the angle per revolution; a float represents each of them exactly
 NEAR, BEYOND = 0.97, 1.03  # of a bound
 HUGE = 1e6  # rad/s
 LARGEST = 3e38
 MOST = 5_000  # periods of a stretch
-SIDE = math.sqrt(3) / 2  # of phase b in a vector on the beta axis
+SIDE = math.sqrt(3) / 2  # share of phase b in a vector on the beta axis
 FNV_START, FNV_PRIME = 2166136261, 16777619
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """Periods in which nothing but the angle moves, by `step` counts. `sum`: FNV-1a of all outputs."""
+    """Successive periods in which only the angle changes, by `step` counts per period.
+
+    `sum`: FNV-1a checksum of all outputs.
+    """
 
     about: str
     periods: int
     counts: int  # the angle at its first period
     step: int
-    inputs: tuple[int, ...]  # bit patterns of measurement and reference; what theta_m adds to its counts
+    inputs: tuple[int, ...]  # bit patterns of measurement and reference; that of theta_m is an offset
     sum: int
 
 
 @dataclass(frozen=True)
 class _Inputs:
-    """Measurements and references of a step: currents of the phases, NaN for what is missing."""
+    """Measurements and references of a step. `i_abc`: phase currents. NaN: a measurement is missing."""
 
     i_abc: tuple[float, float, float]
     omega_m: float
@@ -47,7 +51,10 @@ class _Inputs:
 
 
 def awkward(subject: Subject, prepared: Prepared, motion: bytes | None) -> list[Stretch]:
-    """Stretches from a fresh start, with what the engine's controller gives. `motion`: of a trial."""
+    """Stretches of unusual inputs, with checksums of the controller's outputs.
+
+    The engine's controller is run through them from its initial state. `motion`: reference of a trial.
+    """
     state = prepared.drive.start()
     if motion is not None:
         prepared.drive.begin_trial(state, motion)
@@ -79,26 +86,29 @@ def awkward(subject: Subject, prepared: Prepared, motion: bytes | None) -> list[
 
 
 def fnv(words: Iterable[int], total: int = FNV_START) -> int:
-    """FNV-1a by words, those of 64 bits folded into 32: as the self-test computes it."""
+    """FNV-1a checksum over words, as the self-test computes it; a word of 64 bits is folded into 32."""
     for word in words:
         total = ((total ^ word ^ (word >> 32)) & 0xFFFFFFFF) * FNV_PRIME & 0xFFFFFFFF
     return total
 
 
 def _values(inputs: _Inputs) -> dict[str, Any]:
-    """The inputs by the paths of the C structs."""
+    """Values of the inputs, by their paths in the C structs."""
     values = {f"i_abc[{n}]": _held(current) for n, current in enumerate(inputs.i_abc)}
     values |= {name: _held(getattr(inputs, name)) for name in ("theta_m", "omega_m", "u_dc", "omega_ref")}
     return {**values, "learn": inputs.learn}
 
 
 def _held(value: float) -> float:
-    """The value within what a float holds; NaN stays."""
+    """The value, limited to the largest that a float holds; NaN stays NaN."""
     return math.copysign(LARGEST, value) if abs(value) > LARGEST else value
 
 
 def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
-    """Stretches: subject, periods, the angle's jump before and step a period, both in counts, inputs."""
+    """Plan of the stretches, each with description, number of periods, two angles and inputs.
+
+    The angles, in counts, are the jump before the first period and the step per period.
+    """
     config, monitor = subject.drive_config, subject.drive_config["monitor"]
     limit, law, ts = config["foc"]["current_limit"], subject.divider, monitor["ts"]
     hold, bridge, window = (_periods(monitor[key], ts) for key in ("hold", "bridge", "speed_window"))
@@ -109,7 +119,7 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
     whole = min(math.ceil(config["quality"]["span"] / (speed * ts)), MOST) + 2 * law  # a window of quality
 
     def currents(length: float) -> tuple[float, float, float]:
-        """A vector of this length on the beta axis."""
+        """Phase currents of a vector with this length on the beta axis."""
         return (0.0, length, 0.0) if monitor["phases"] == 2 else (0.0, SIDE * length, -SIDE * length)
 
     length = 0.3 * min(limit, monitor["current_max"] or limit)
@@ -148,7 +158,7 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
         ("all is well again", back, 0, step, plain),
     ]
     if monitor["stuck_angle"]:
-        # stuck by the time, which the angle comes before, and the other way round
+        # two cases: the reference turns by stuck_angle before stuck_time has passed, and after it
         time = _periods(monitor["stuck_time"], ts)
         for until, periods in ((10.5, time + 15), (2 * time + 10.5, 2 * time + 13)):
             stuck = replace(plain, omega_ref=monitor["stuck_angle"] / (until * ts))
@@ -161,11 +171,11 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
 
 
 def _bus(subject: Subject) -> float:
-    """The study's bus voltage."""
+    """The study's bus voltage, V; 0 without an inverter."""
     inverter = subject.study.drive.inverter if subject.study.drive is not None else None
     return inverter.bus_voltage if inverter is not None else 0.0
 
 
 def _periods(time: float, ts: float) -> int:
-    """Number of periods as the monitor counts them, or the most that a stretch has."""
+    """A time (s) as a number of periods, as the monitor counts them; at most MOST."""
     return min(math.ceil(time / ts * 0.999), MOST)

@@ -1,4 +1,4 @@
-"""Parts that only some laws have: a calibration run, trials."""
+"""Parts of an export that only some laws need: a calibration run, trials."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ TRIAL_ROW = (
 
 
 def extras(subject: Subject) -> dict[str, str]:
-    """Words for the templates' places for these parts; empty for other laws."""
+    """Texts that fill the templates' placeholders for these parts; empty for laws that don't need them."""
     found = dict.fromkeys(
         ("more_declarations", "more_definitions", "more_rows", "example_declarations", "example_definitions"),
         "",
@@ -108,5 +108,5 @@ def extras(subject: Subject) -> dict[str, str]:
 
 
 def _without_comment(declaration: str) -> str:
-    """The beginning of a definition; its comment stands at the declaration."""
+    """The declaration without its comment, as the beginning of the function's definition."""
     return "\n" + declaration.partition("*/\n")[2]

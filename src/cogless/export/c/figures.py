@@ -1,4 +1,4 @@
-"""Figures that `cogless design` finds of one controller, as lines of text."""
+"""Results of `cogless design` for one controller, as lines of text."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from cogless.study import AnyStudy, TrialStudy
 
 
 def figures(study: AnyStudy, scenario: str, controller: str) -> tuple[list[tuple[str, str]], str]:
-    """Figures (name, value with its unit), named and ordered as in `cogless design --json`; the verdict.
+    """Results (name, value with its unit) named and ordered as in `cogless design --json`, and the verdict.
 
-    The verdict is what is said of learning, in a line; empty where it learns nothing.
+    The verdict says in one line whether learning works; it is empty for a law that learns nothing.
     """
     if isinstance(study, TrialStudy):
         from cogless.design import trial_summary
@@ -28,7 +28,7 @@ def figures(study: AnyStudy, scenario: str, controller: str) -> tuple[list[tuple
 
 
 def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Figures by dotted names; what there is not (null, an empty list) is left out."""
+    """Flatten tables to dotted names with texts; empty values (null, an empty list) are left out."""
     for key, value in table.items():
         name = f"{prefix}{key}"
         if isinstance(value, dict) and value.keys() >= {"value", "unit"}:

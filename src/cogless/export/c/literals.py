@@ -1,4 +1,4 @@
-"""Values of a config as C initialisers: they round to the same bits again."""
+"""Write the values of a configuration as C initialisers, which compile to exactly the same bits."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ NUMBERS_A_LINE = 8
 
 
 def real(value: float, precision: str) -> str:
-    """The shortest decimal number that is this one in the library's type; `precision`: "f" or "d"."""
+    """The shortest C literal that compiles to exactly this number. `precision`: "f" for float, "d" for
+    double."""
     return f"{np.float32(value)!s}f" if precision == "f" else repr(float(value))
 
 
@@ -28,9 +29,9 @@ def array(values: NDArray[np.floating[Any]], precision: str) -> str:
 
 
 def initialiser(headers: Headers, struct: str, values: dict[str, Any], precision: str) -> str:
-    """The lines between the outer braces, each member with the comment of its header.
+    """The lines between the outer braces, each member with the comment from its header.
 
-    A pointer is left out where its value is None, else written as it stands.
+    A pointer whose value is None is left out; else its value is used as C code.
     """
     return "\n".join(_lines(headers, struct, values, precision, INDENT))
 
@@ -73,7 +74,7 @@ def _plain(value: Any, precision: str) -> str:
 
 
 def _commented(code: str, comment: str) -> list[str]:
-    """The code and its comment behind it, or below where there is no room."""
+    """The code with its comment behind it, or above it if there is no room."""
     code_lines = textwrap.wrap(code, WIDTH, subsequent_indent=" " * (_margin(code) + INDENT)) or [code]
     if _margin(code):
         code_lines[0] = " " * _margin(code) + code_lines[0].lstrip()

@@ -1,4 +1,4 @@
-"""The self-test of an export: what a recording says, as C."""
+"""The self-test of an export: recorded inputs and expected outputs as C code."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ BEGIN = "    {name}_begin_trial(controller, motion);\n"
 def self_test_words(
     subject: Subject, recording: Recording, memory: Reals, stretches: Sequence[Stretch]
 ) -> dict[str, str]:
-    """Words for the templates self_test.c and self_test_data.h."""
+    """Texts that fill the placeholders in the templates self_test.c and self_test_data.h."""
     measured = subject.layout.leaves("cgl_measurement")
     asked = subject.layout.leaves("cgl_reference")
     given = subject.layout.leaves("cgl_drive_output")
@@ -94,7 +94,10 @@ def self_test_words(
 
 
 class _Columns:
-    """Words by name; those that never change are not in the table. `words`: each as a C expression."""
+    """A table of numbers as bit patterns, with named columns.
+
+    Columns that don't change are left out of the table. `words`: a C expression for each column.
+    """
 
     def __init__(self, array: str, names: list[str], rows: list[list[int]]) -> None:
         self._names, self._rows = names, rows
@@ -105,12 +108,12 @@ class _Columns:
         self.words = [f"{array}[{place[n]}]" if n in place else _hex(first[n]) for n in range(len(names))]
 
     def header(self) -> str:
-        """The table's columns, for a comment."""
+        """Names of the table's columns, for a comment."""
         names = ", ".join(self._names[n] for n in self.varying)
         return textwrap.fill(names, 116, subsequent_indent=" * ")
 
     def table(self) -> str:
-        """A line for each period."""
+        """Rows of the table in C, a line for each period."""
         rows = ([row[n] for n in self.varying] for row in self._rows)
         return "\n".join("    {" + ", ".join(map(_hex, row)) + "}," for row in rows)
 
@@ -125,7 +128,7 @@ def words(leaves: list[Leaf], data: bytes) -> list[int]:
 
 
 def memory_sum(memory: Reals) -> int:
-    """Checksum as the C function of the self-test computes it, of float32 or float64 numbers."""
+    """Checksum of float32 or float64 numbers, the same as the C function of the self-test computes."""
     bits = np.ascontiguousarray(memory).view(np.uint32 if memory.dtype == np.float32 else np.uint64)
     return fnv(bits.tolist())
 

@@ -1,4 +1,4 @@
-"""All that the texts of an export are made from."""
+"""All data from which the files of an export are written."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cogless.study import AnyStudy
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A controller of a study, configured: as the engine runs it in a scenario."""
+    """A controller of a study with its configuration, as the engine runs it in a scenario."""
 
     study: AnyStudy
     scenario: str
@@ -33,9 +33,9 @@ class Subject:
     memory_length: int  # entries of the law's memory
     map: tuple[int, int] | None  # channels and cells of what it learns; None: that can't be stored
     learning_matrix: NDArray[np.floating[Any]] | None
-    figures: list[tuple[str, str]]  # what `cogless design` finds
-    verdict: str  # what it says of learning
-    command: str  # that made it
+    figures: list[tuple[str, str]]  # name and value, as `cogless design` shows them
+    verdict: str  # what `cogless design` says about learning
+    command: str  # command line of this export
 
     @property
     def headers(self) -> Headers:
@@ -43,17 +43,17 @@ class Subject:
 
     @property
     def precision(self) -> str:
-        """ "f" for float, "d" for double."""
+        """Type of the library's real numbers: "f" for float, "d" for double."""
         return self.layout.real
 
     @property
     def divider(self) -> int:
-        """Current-loop periods in a period of the law."""
+        """Current-loop periods per period of the law."""
         return int(self.drive_config["divider"])
 
     @property
     def foreign(self) -> bool:
-        """The current loop is somebody else's: the controller asks for a current."""
+        """Whether the current loop isn't part of the export: then the controller outputs a current."""
         return bool(self.drive_config["foreign"])
 
 

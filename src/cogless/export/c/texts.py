@@ -24,9 +24,9 @@ LEARNING = "frozen while `reference.learn` is false, and whenever the controller
 def texts(
     subject: Subject, recording: Recording, memory: Reals, stretches: Sequence[Stretch]
 ) -> dict[str, str]:
-    """Name of the file -> what is in it: all but the control library's own.
+    """Text of each file of an export, by name, except files of the control library.
 
-    `memory`: the law's at the start.
+    `memory`: contents of the law's memory at the start.
     """
     words = _words(subject)
     words |= self_test_words(subject, recording, memory, stretches) | {"ticks": str(len(recording.outputs))}
@@ -36,7 +36,7 @@ def texts(
 
 
 def controller_texts(subject: Subject) -> dict[str, str]:
-    """Header and source of the controller alone, by name."""
+    """Texts of the controller's header and source alone, by file name."""
     words = _words(subject)
     return {f"{stem(subject.name)}{end}": _filled(f"controller{end}", words) for end in (".h", ".c")}
 

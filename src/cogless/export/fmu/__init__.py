@@ -28,7 +28,7 @@ VERSIONS = (2, 3)
 def write_fmus(study: AnyStudy, controller: str, scenario: str | None, folder: Path) -> list[Path]:
     """Write CONTROLLER-controller and CONTROLLER-drive, each for FMI 2.0 and 3.0, into `folder`.
 
-    `scenario`: what the drive goes through, default the first that has the controller. StudyError: an
+    `scenario`: the one that the drive simulates, default the first that has the controller. StudyError: an
     unknown name, a law without a C form, no compiler.
     """
     run = prepare(study, first_scenario(study, controller, scenario), controller)
@@ -49,7 +49,7 @@ class _Built:
 
 
 def _fmus(unit: Unit) -> Iterator[tuple[str, dict[str, bytes]]]:
-    """Name and files of a unit's FMUs; what both versions of the standard share is compiled once."""
+    """Yield name and files of a unit's two FMUs. Code that both FMI versions share is compiled once."""
     token = str(uuid.uuid5(uuid.NAMESPACE_URL, repr((sorted(unit.sources.items()), unit.variables))))
     shared = dict(unit.sources) | {name: asset(name) for name in SHARED}
     shared["variables.c"] = variables_c(unit.variables, token, unit.rate)
@@ -77,7 +77,7 @@ def _fmus(unit: Unit) -> Iterator[tuple[str, dict[str, bytes]]]:
 
 
 def _compiled(texts: Mapping[str, str], place: Path) -> dict[str, Path]:
-    """Sources by their name, as objects."""
+    """Write these sources and compile them; by name of the source, the path of its object file."""
     for name, text in texts.items():
         target = place / "sources" / name
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -88,7 +88,7 @@ def _compiled(texts: Mapping[str, str], place: Path) -> dict[str, Path]:
 
 
 def _contents(version: int, built: _Built) -> dict[str, bytes]:
-    """The files of an FMU."""
+    """The files of an FMU, by their path in it."""
     description = built.description
     contents = {f"sources/{name}": text.encode() for name, text in built.sources.items()}
     contents[binary(version, description.identifier)] = built.library
@@ -103,6 +103,6 @@ def _contents(version: int, built: _Built) -> dict[str, bytes]:
 
 
 def _adapter(version: int) -> dict[str, str]:
-    """The version of the standard: its functions, and its headers."""
+    """Sources of one version of the standard: its functions and its headers."""
     name = f"fmi{version}.c"
     return texts((HERE / "fmi").glob(f"fmi{version}*.h")) | {name: asset(name)}

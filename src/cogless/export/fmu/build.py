@@ -1,4 +1,4 @@
-"""Compile and link an FMU's sources with the user's compiler, and put it together."""
+"""Compile and link an FMU's sources with the user's compiler, and pack the FMU."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pathlib import Path
 from cogless.errors import StudyError
 from cogless.files import replacing
 
-# Options of the simulator itself: numbers are rounded alike.
+# The same options as for the simulator, so that numbers are rounded in the same way.
 OPTIONS = ("-O2", "-fno-tree-vectorize", "-ffp-contract=off")
 COMPILERS = {"C": ("CC", ("cc", "gcc", "clang")), "C++": ("CXX", ("c++", "g++", "clang++"))}
 STANDARDS = {"C": "-std=c99", "C++": "-std=c++20"}
@@ -24,7 +24,7 @@ LONG_AGO = (1980, 1, 1, 0, 0, 0)  # so that equal FMUs are equal files
 
 
 def compiler(language: str) -> list[str]:
-    """The command of a compiler of "C" or "C++"; StudyError where there is none."""
+    """The command of a compiler for "C" or "C++"; StudyError if there is none."""
     variable, names = COMPILERS[language]
     chosen = shlex.split(os.environ.get(variable, ""))
     for command in [chosen] if chosen else [[name] for name in names]:
@@ -35,7 +35,10 @@ def compiler(language: str) -> list[str]:
 
 
 def objects(sources: Iterable[Path], folder: Path) -> list[Path]:
-    """Compile, each source once, into `folder`. StudyError with the compiler's first complaint."""
+    """Compile each source once, into `folder`, and return the object files.
+
+    StudyError: the first error of the compiler.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     jobs = []
     for source in sources:
@@ -51,9 +54,10 @@ def objects(sources: Iterable[Path], folder: Path) -> list[Path]:
 
 
 def link(parts: Sequence[Path], library: Path, language: str) -> None:
-    """Objects to a shared library that only has the standard's functions to be seen from outside.
+    """Link objects to a shared library that exports only the functions of the FMI standard.
 
-    The C++ runtime is in it where that can be linked: an importer may have an older one.
+    The C++ runtime is linked statically if possible, since the program that loads the FMU may have an older
+    one.
     """
     library.parent.mkdir(parents=True, exist_ok=True)
     command = [*compiler(language), "-shared", "-o", str(library), *map(str, parts)]
@@ -81,7 +85,7 @@ def binary(version: int, identifier: str) -> str:
 
 
 def pack(path: Path, contents: Mapping[str, bytes]) -> None:
-    """An FMU, whole or not at all."""
+    """Write an FMU, a ZIP archive, completely or not at all."""
     with replacing(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as fmu:
         for name in sorted(contents):
             entry = zipfile.ZipInfo(name, LONG_AGO)

@@ -1,4 +1,4 @@
-"""The controller as an FMU: the very C of `cogless export --to c`."""
+"""The controller as an FMU, with the same C code as in `cogless export --to c`."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from cogless.export.fmu.variables import (
 from cogless.export.prepared import Prepared, Reals
 from cogless.files import control_sources
 
-# Beginnings of names that are not the controller's own.
+# Prefixes of other names in the FMU's code, with which the controller's name must not begin.
 TAKEN = ("fmu", "fmi", "controller", "motion")
-# Members of cgl_drive_output, in its order.
+# Members of the C struct cgl_drive_output, in its order.
 OUTPUTS = ("duty_a", "duty_b", "duty_c", "i_d", "i_q", "u_d", "u_q", "i_d_ref", "i_q_ref", "status")
-# What the law's state points to in the controller.
+# C expression for the memory that the law's state points to.
 MEMORY = "controller->memory"
-# What a trial's points to besides.
+# C expressions for other pointers in the state of a law of trials.
 OF_TRIALS = {
     "error": f"{MEMORY} + TRIAL_SAMPLES",
     "y_ref": "tick == 0 ? NULL : motion_of(tick - 1)",
@@ -43,7 +43,7 @@ OF_TRIALS = {
 
 
 def controller_unit(run: Prepared) -> Unit:
-    """The controller of a run, with what it had learned before."""
+    """The controller of a run as the contents of an FMU, with what it had learned before the run."""
     subject = subject_of(run)
     if subject.name.lower().startswith(TAKEN):
         subject = replace(subject, name=f"my_{subject.name}")
@@ -80,7 +80,7 @@ def _variables(run: Prepared) -> list[Variable]:
 
 
 def _variables_h(run: Prepared, subject: Subject, variables: Sequence[Variable]) -> str:
-    """The header variables.h, which controller_model.c needs of this controller."""
+    """Text of the header controller_variables.h, which adapts controller_model.c to this controller."""
     name = subject.name
     outputs = {f"OUT_{output.upper()}": output for output in OUTPUTS}
     pointers = {subject.law.cells: MEMORY} if subject.law.cells else {}
@@ -111,7 +111,7 @@ static void controller_relink(CONTROLLER *controller, uint64_t tick)
 
 
 def _taught(run: Prepared, subject: Subject) -> str:
-    """C code that loads what the law had learned before."""
+    """C code that loads into the law's memory what it had learned before the run."""
     memory = run.memory
     if not memory.any():
         body = table = ""
@@ -140,7 +140,7 @@ def _trials(run: Prepared, subject: Subject) -> str:
 
 
 def _motions(trials: dict[str, Any], subject: Subject) -> str:
-    """The reference of each phase's trials, and which a tick belongs to."""
+    """C code with the reference of each phase, and a function that returns the reference at a tick."""
     text, choice = "", ""
     for n, phase in enumerate(trials["phases"]):
         motion: Reals = np.asarray(phase["reference"], np.float64)

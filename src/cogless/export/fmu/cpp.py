@@ -1,4 +1,4 @@
-"""Sources of one study's FMU: its variables in C, the drive's description in C++."""
+"""Generated sources of an FMU: its variables in C, and the description of its run in C++."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CAUSALITIES = {
 
 
 def variables_c(variables: Sequence[Variable], token: str, rate: int) -> str:
-    """The table that fmu.h declares."""
+    """C source with the table of variables that fmu.h declares."""
     rows = "".join(
         f'    {{"{v.name}", {KINDS[v.kind]}, {CAUSALITIES[v.causality]}, {number(v.start)}}},\n'
         for v in variables
@@ -36,7 +36,7 @@ def variables_c(variables: Sequence[Variable], token: str, rate: int) -> str:
 
 
 def places(variables: Sequence[Variable], names: dict[str, str]) -> str:
-    """An enumeration of value references: constant -> variable, 0 where there is none."""
+    """C enumeration of value references. `names`: constant -> variable; 0 if there is no such variable."""
     lines = [f"    {constant} = {place_of(variables, name)}" for constant, name in names.items()]
     lines += [f"    FMU_FIRST_INPUT = {first(variables, 'input')}"]
     lines += [f"    FMU_FIRST_OUTPUT = {first(variables, 'output')}"]
@@ -44,7 +44,7 @@ def places(variables: Sequence[Variable], names: dict[str, str]) -> str:
 
 
 def description_cpp(description: dict[str, Any], taught: Sequence[float]) -> str:
-    """The engine's description of a run as C++, and the table that its law is taught before."""
+    """C++ source with the engine's description of a run and the initial contents of the law's memory."""
     return (
         '#include "drive_variables.hpp"\n\n'
         "using cogless::Value;\n\n"
@@ -54,7 +54,7 @@ def description_cpp(description: dict[str, Any], taught: Sequence[float]) -> str
 
 
 def value(of: Any, depth: int = 1) -> str:
-    """A plain value, list, table or matrix as an expression that makes a cogless::Value."""
+    """C++ expression of a cogless::Value for a plain value, list, table or matrix."""
     if of is None:
         return "Value()"
     if isinstance(of, bool):
@@ -63,7 +63,7 @@ def value(of: Any, depth: int = 1) -> str:
         return f"Value({of}{'' if abs(of) < 2**31 else 'LL' if abs(of) < 2**63 else 'ULL'})"
     if isinstance(of, float):
         return f"Value({number(of)})"
-    if isinstance(of, bytes):  # three digits each, so that no character behind one belongs to it
+    if isinstance(of, bytes):  # always three octal digits, so that the next character isn't read as one
         return f'Value(std::string("{"".join(f"{chr(92)}{byte:03o}" for byte in of)}", {len(of)}))'
     if isinstance(of, str):
         return f"Value({json.dumps(of)})"
@@ -85,7 +85,7 @@ def numbers(of: Sequence[float] | np.ndarray[Any, Any]) -> str:
 
 
 def number(x: float) -> str:
-    """A double that C and C++ read back as it was; ValueError for one that isn't finite."""
+    """A double as C and C++ read it back, without rounding; ValueError if it isn't finite."""
     if not math.isfinite(x):
         raise ValueError(f"{x}: expected a finite number")
     return repr(float(x))

@@ -22,7 +22,7 @@ PYTHON = ("bindings.cpp", "python_value.hpp", "linear_trials.cpp")
 
 EXTERNAL_CONTROL = "external_control"
 EXTERNAL_REFERENCE = "external_reference"
-# Variables that drive_model.cpp asks for by names of its own.
+# Constants in drive_model.cpp for value references, with the names of their variables.
 PLACES = {
     "FMU_EXTERNAL_CONTROL": EXTERNAL_CONTROL,
     "FMU_EXTERNAL_REFERENCE": EXTERNAL_REFERENCE,
@@ -39,7 +39,7 @@ PLACES = {
 
 
 def drive_unit(run: Prepared) -> Unit:
-    """The drive of a run."""
+    """The drive of a run as the contents of an FMU."""
     signals = run.drive.signals
     variables = _variables(run, signals)
     simulator = control_sources().parents[1] / "simulator"
@@ -87,7 +87,10 @@ def _variables(run: Prepared, signals: list[tuple[str, str]]) -> list[Variable]:
 
 
 def _places(variables: list[Variable], last: int) -> str:
-    """The header by which drive_model.cpp finds its variables. `last`: tick that ends all trials, or 0."""
+    """Text of the header with the value references of the variables that drive_model.cpp uses.
+
+    `last`: tick at which the last trial ends, 0 without trials.
+    """
     first_signal = next(v.name for v in variables if v.causality == "output")
     return (
         "// Declarations of this FMU; generated.\n#pragma once\n\n#include <cstdint>\n#include <vector>\n\n"

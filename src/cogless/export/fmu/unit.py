@@ -1,4 +1,4 @@
-"""Contents of one FMU, whichever model it has."""
+"""Contents of one FMU, whether of the controller or of the drive."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DOUBLE = "#define COGLESS_DOUBLE /* this study's controller computes in double *
 
 @dataclass(frozen=True)
 class Unit:
-    """A model: its variables and its own sources. `rate` in 1/s, `stop_time` in s."""
+    """A model as an FMU: its variables and its own sources. `rate` in 1/s, `stop_time` in s."""
 
     name: str
     about: str
@@ -27,22 +27,25 @@ class Unit:
 
     @property
     def identifier(self) -> str:
-        """The name as one of C."""
+        """The name as a C identifier."""
         return re.sub(r"\W", "_", self.name if self.name[:1].isalpha() else f"unit_{self.name}")
 
 
 def asset(name: str) -> str:
-    """A template of FMUs as text."""
+    """Text of a source file that comes with cogless for all FMUs."""
     return (Path(__file__).parents[1] / "assets" / "fmu" / name).read_text(encoding="utf-8")
 
 
 def texts(files: Iterable[Path], under: str = "") -> dict[str, str]:
-    """Files by their name in sources/."""
+    """Texts of these files, by their name in the FMU's folder sources/."""
     return {under + path.name: path.read_text(encoding="utf-8") for path in sorted(files)}
 
 
 def in_precision(sources: dict[str, str], bits: int) -> dict[str, str]:
-    """The control library's sources in numbers of 32 or 64 bits: no compiler's option is needed then."""
+    """The control library's sources for numbers of 32 or 64 bits.
+
+    For 64 bits, real.h itself defines the macro COGLESS_DOUBLE, so that no compiler option is needed.
+    """
     if bits == 32:
         return sources
     return sources | {"cogless/real.h": DOUBLE + sources["cogless/real.h"]}

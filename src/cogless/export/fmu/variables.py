@@ -11,7 +11,7 @@ from cogless.signals import RECORDED
 Kind = Literal["real", "integer", "boolean"]
 Causality = Literal["independent", "parameter", "input", "output"]
 
-# Signals that are counted, not measured.
+# Signals that are whole numbers.
 INTEGERS = ("status", "trial")
 
 TERM = "part of the law's output"
@@ -19,7 +19,7 @@ TERM = "part of the law's output"
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable; `start` in SI, of outputs unused."""
+    """One variable of an FMU. `start`: initial value in SI, unused for outputs."""
 
     name: str
     kind: Kind
@@ -29,7 +29,7 @@ class Variable:
     start: float = 0.0
 
 
-# Measurements of a controller, inputs of its FMU and outputs of the drive's: the C names of their places.
+# Measurements and references: inputs of the controller's FMU, outputs of the drive's. Constant in C -> name.
 CONTROLLER_INPUTS = {
     "FMU_I_A": "measured.i_a",
     "FMU_I_B": "measured.i_b",
@@ -60,7 +60,10 @@ def signal(name: str, unit: str) -> Variable:
 
 
 def measurements(causality: Causality, phases: int, bus_voltage: float | None) -> list[Variable]:
-    """Measurements of one current-loop period. bus_voltage None: no currents, the current loop is ideal."""
+    """Measurements of one current-loop period.
+
+    `bus_voltage` None: the current loop is ideal, so currents and bus voltage aren't measured.
+    """
     all_of_them = [
         real(causality, "measured.theta_m", "rad", "measured mechanical angle"),
         real(causality, "measured.omega_m", "rad/s", "measured mechanical speed"),
@@ -90,10 +93,10 @@ def duties(causality: Causality, phases: int) -> list[Variable]:
 
 
 def place_of(variables: Sequence[Variable], name: str) -> int:
-    """A variable's value reference; 0, that of the time, where it isn't there."""
+    """Value reference of a variable; if there is no such variable 0, which is that of the time."""
     return next((n for n, variable in enumerate(variables) if variable.name == name), 0)
 
 
 def first(variables: Iterable[Variable], causality: Causality) -> int:
-    """The value reference of the first variable of a causality."""
+    """Value reference of the first variable with this causality."""
     return next(n for n, variable in enumerate(variables) if variable.causality == causality)

@@ -1,4 +1,4 @@
-"""Description of an FMU in XML: for FMI 2.0 and 3.0, and for 3.0 how it is built."""
+"""XML files of an FMU: model descriptions of FMI 2.0 and 3.0, and the build description of FMI 3.0."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from cogless.export.fmu.variables import Variable
 
-# Exponents of the base units, by the names that the two versions share.
+# Exponents of the SI base units in each unit; both versions of FMI use the same names.
 UNITS: dict[str, dict[str, int]] = {
     "1": {},
     "s": {"s": 1},
@@ -22,13 +22,13 @@ UNITS: dict[str, dict[str, int]] = {
 }
 TYPES = {"real": ("Real", "Float64"), "integer": ("Integer", "Int32"), "boolean": ("Boolean", "Boolean")}
 ERRORS = "logStatusError"
-# Outputs only change in a step: where FMUs are connected in a ring, there is no algebraic loop.
+# Outputs change only in a step, so FMUs that are connected in a ring form no algebraic loop.
 NO_INPUT = {"dependencies": ""}
 
 
 @dataclass(frozen=True)
 class Description:
-    """Content of an FMU's description. `rate` in 1/s, `stop_time` in s, `sources` relative to sources/."""
+    """Data for an FMU's XML files. `rate` in 1/s, `stop_time` in s, `sources` relative to sources/."""
 
     identifier: str
     name: str
@@ -95,7 +95,7 @@ def fmi3(description: Description) -> bytes:
 
 
 def build3(description: Description, options: str) -> bytes:
-    """sources/buildDescription.xml of FMI 3.0; `options`: for the compiler."""
+    """sources/buildDescription.xml of FMI 3.0; `options`: options for the compiler."""
     root = Element("fmiBuildDescription", fmiVersion="3.0")
     build = SubElement(root, "BuildConfiguration", modelIdentifier=description.identifier)
     for language, ending in (("C99", ".c"), ("C++20", ".cpp")):
