@@ -25,15 +25,15 @@ namespace {
 using Array = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
 using Reals = nb::ndarray<nb::numpy, cgl_real, nb::ndim<1>>;
 
-// Copies numbers into an array of their own.
+// Copies numbers into a new array.
 Reals array_of(std::vector<cgl_real> values) {
     auto* kept = new std::vector<cgl_real>(std::move(values));
     const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<cgl_real>*>(p); });
     return Reals(kept->data(), {kept->size()}, owner);
 }
 
-// A Python object that stands in for the drive's controller, in C structs as bytes:
-// step(measurement, reference) -> output, and in trials begin(trajectory), end().
+// A Python object that replaces the drive's controller; it gets and returns C structs as bytes: step(measurement, reference)
+// -> output, and in trials begin(trajectory), end().
 class PythonController : public Controller {
 public:
     explicit PythonController(const nb::object& object) : object_(object), step_(object.attr("step")) {}
@@ -97,7 +97,7 @@ Reals law_memory(const Drive& drive, DriveState& state) {
     return array_of(cells != nullptr ? *cells : std::vector<cgl_real>());
 }
 
-// Throws std::invalid_argument for a law that has none, or another length.
+// Throws std::invalid_argument for a law that has no memory, or one of another length.
 void load_memory(const Drive& drive, DriveState& state, const std::vector<double>& values) {
     std::vector<cgl_real>* cells = drive.cells(state);
     if (cells == nullptr) throw std::invalid_argument("this law has no memory");
@@ -160,7 +160,7 @@ void make_recorder(Recorder* self, const Engine& engine, std::int64_t decimation
     new (self) Recorder(engine.signals().size(), decimation, rows);
 }
 
-// The user's law, an object with step(input), and maybe begin_trial(theta_ref) and end_trial(); without one an empty law.
+// The user's law: an object with step(input), and optionally begin_trial(theta_ref) and end_trial(). For None, an empty law.
 CallbackLaw callback(const nb::object& controller) {
     if (controller.is_none()) return {};
     CallbackLaw law{[step = nb::object(controller.attr("step"))](const LawInput& in) {
@@ -192,7 +192,7 @@ CallbackLaw callback(const nb::object& controller) {
     return law;
 }
 
-// Binds an engine: the methods that all have.
+// Binds the methods that all engines have.
 template <class Engine, class State>
 void bind_engine(nb::class_<Engine>& c) {
     c.def_prop_ro("signals",

@@ -36,7 +36,7 @@ namespace cogless {
 #include "cogless/laws.def"
 #undef CGL_NAMES
 
-// Calls take(signal, unit, value_of) for each part of what a law asks for that it has with this configuration.
+// Calls take(signal, unit, value_of) for each term of the law's output that exists with this configuration.
 template <class Row, class Config, class Take>
 void each_term(const Config& c, Take take) {
 #define CGL_TERM(stem, signal, unit, member, share, when)                                          \
@@ -53,7 +53,7 @@ std::vector<Term> terms_of(const typename Row::Config& config) {
     return all;
 }
 
-// Writes the terms of a state, and returns what is behind them.
+// Writes the terms of a state to `row`, and returns the position after them.
 template <class Row>
 double* put_terms(const typename Row::Config& config, const typename Row::State& state, double* out) {
     each_term<Row>(config, [&](const char*, const char*, auto value_of) { *out++ = value_of(state); });
@@ -63,7 +63,8 @@ double* put_terms(const typename Row::Config& config, const typename Row::State&
 template <class Row>
 concept HasMemory = requires(const typename Row::Config& c) { Row::length(c); };
 
-// Throws std::invalid_argument for a configuration whose memory would have no bound: init refuses it before it looks for one.
+// Throws std::invalid_argument for a configuration whose memory length is unbounded: init refuses it before it checks the
+// memory.
 template <HasMemory Row>
 void require_config(const typename Row::Config& config) {
     typename Row::State unused;
@@ -71,7 +72,7 @@ void require_config(const typename Row::Config& config) {
     if (error != CGL_ERROR_MEMORY) require(error, Row::name);
 }
 
-// The law's state, with the caller's memory where it has one.
+// The law's state, with the caller's memory if the law has one.
 template <class Row>
 struct CState {
     typename Row::State law;
@@ -88,10 +89,10 @@ struct CLaw {
     using State = CState<Row>;
     static constexpr const char* name = Row::name;
     Config config;
-    bool calibrate = false;  // start with the calibration run of a law that has one
+    bool calibrate = false;  // start with the calibration run, if the law has one
 
-    // Throws std::invalid_argument for a configuration of another size or whose memory init refuses; of another value start()
-    // throws it.
+    // Throws std::invalid_argument for a configuration of another size or one whose memory init refuses; start() throws it
+    // for other values out of range.
     static CLaw of(const Section& s) {
         const CLaw law{s.packed<Config>("config"), s.has("calibrate") && s.get<bool>("calibrate")};
         if constexpr (HasMemory<Row>) require_config<Row>(law.config);
@@ -131,7 +132,7 @@ struct CLaw {
         Row::set_memory(s.law, s.cell);
         return stored_map<Row::map_of>(config, s.law);
     }
-    // Revolutions of the rotor that are a whole number of the memory's periods, of a law that learns over an angle.
+    // For a law that learns over an angle: revolutions of the rotor that contain a whole number of the memory's periods.
     int turns() const
         requires requires(const Config& c) { c.memory.turns; }
     {

@@ -115,7 +115,7 @@ Law law(const Section& s, const CallbackLaw& own, double ts, const std::optional
     return trials && name == TrialLaw::name ? trial_law(s, 2, *trials) : c_law(name, s);
 }
 
-// Motor, mechanics and load, and where they start; the rest differs with and without trials.
+// Motor, mechanics, load and their initial state; the other keys differ with and without trials.
 PhaseConfig phase(const Section& s) {
     const Section mechanics = s.section("mechanics");
     const Section load = s.section("load");
@@ -162,7 +162,7 @@ std::vector<PhaseConfig> trial_phases(const Section& s, const Trials& trials, st
 
 std::vector<Fault> faults(const Section& top, std::int64_t current_rate) {
     std::vector<Fault> all;
-    // What lasts beyond any run still has a tick.
+    // A time beyond any run still needs a tick that an integer can hold.
     const auto tick = [&](double time) { return std::llround(std::min(time * static_cast<double>(current_rate), 0x1p62)); };
     for (const Section& s : top.sections("faults")) {
         Fault f{s.choice<FaultKind>("kind", {{"angle-missing", FaultKind::angle_missing},

@@ -1,4 +1,4 @@
-// A drive's configuration from the plain tree of values that is made of a study; SI units throughout.
+// A drive's configuration from a study's description, a plain tree of values in SI units.
 #pragma once
 
 #include "drive.hpp"

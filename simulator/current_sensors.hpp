@@ -14,9 +14,9 @@ struct CurrentSensorsConfig {
     Phases offset{};      // A
     Phases gain_error{};  // relative: measured = (1 + gain_error) i + offset
     double noise = 0.0;   // A, standard deviation
-    int bits = 0;         // of the converter; 0: none
+    int bits = 0;         // of the converter; bits of the converter; 0: no converter
     double range = 0.0;   // A, the converter spans +-range
-    int sensors = 3;      // 2: the third current, if there is one, is calculated
+    int sensors = 3;      // 2: the third current, if there is one, is computed from the other two
 };
 
 class CurrentSensors {
@@ -35,15 +35,15 @@ public:
     }
 
 private:
-    // Rounds to the nearest step, halves away from zero. Within the range an integer holds the steps, which costs a fraction of
-    // std::round. What is not a number becomes the lowest.
+    // Rounds to the nearest step, halves away from zero. Within the range the step number fits an integer, which is much
+    // faster than std::round. NaN becomes the lowest step.
     double converted(double i) const {
         const double steps = std::max(-config_.range, std::min(i, config_.range - step_)) * per_step_;
         return step_ * static_cast<double>(static_cast<std::int64_t>(steps + std::copysign(0.5, steps)));
     }
 
     CurrentSensorsConfig config_;
-    double step_, per_step_;  // of the converter: A, 1/A
+    double step_, per_step_;  // step of the converter and its inverse: A, 1/A
 };
 
 }  // namespace cogless

@@ -12,11 +12,11 @@ namespace cogless {
 
 namespace {
 
-constexpr int open_steps = 32;  // in a period with an open bridge, so that its diodes switch in time
+constexpr int open_steps = 32;  // steps in a period with an open bridge, small enough for the diodes to switch in time
 
 int motor_phases(const DriveConfig& config) { return config.phases.front().motor.phases; }
 
-// A law that follows its reference's angle, and says after how many revolutions that begins anew for it.
+// A law that follows its reference's angle; its turns() is the number of revolutions after which that angle wraps.
 template <class One>
 concept FollowsAngle = requires(const One& law) { law.turns(); };
 
@@ -32,7 +32,7 @@ bool takes_trials(const Law& law) {
     return std::visit([]<class One>(const One&) { return TakesTrials<One>; }, law);
 }
 
-// The signals of the parts of a law's output, if it has any.
+// Appends the signals of the terms of a law's output, if it has any.
 void append_terms(std::vector<Signal>& all, const Law& law) {
     std::visit(
         [&all](const auto& l) {
@@ -69,12 +69,12 @@ int turns_of(const Law& law) {
         law);
 }
 
-// Limits a duty cycle that came from outside to 0 to 1. One that is not a number becomes one half: no voltage.
+// Limits a duty cycle from outside to [0, 1]. NaN becomes one half, which is zero voltage.
 cgl_real possible(cgl_real duty) {
     return duty >= CGL_R(0.0) && duty <= CGL_R(1.0) ? duty : CGL_R(0.5) + cgl_clamp(duty - CGL_R(0.5), CGL_R(0.5));
 }
 
-// The angle moved by whole revolutions to lie beside another one.
+// The angle, shifted by whole revolutions to be nearest to another one.
 double near(double theta, double other) {
     constexpr double turn = 2.0 * std::numbers::pi;
     return theta + turn * std::round((other - theta) / turn);
@@ -94,7 +94,7 @@ const auto& state_of(const LawState& state, const One&) {
     return *std::get_if<typename One::State>(&state);
 }
 
-// Writes those parts of the last step, and returns what is behind them.
+// Writes the terms of the last step to `row`, and returns the position after them.
 double* put_terms(const Law& law, const LawState& state, double* row) {
     return std::visit(
         [&](const auto& l) {
@@ -206,7 +206,7 @@ void Drive::advance_trials(DriveState& s, Recorder& recorder, std::int64_t end, 
             fail_in_trial(trial, error.what());
         }
         if (s.tick == origin + length) {
-            end_trial(s);  // learns nothing where another controller took the trial's steps
+            end_trial(s);  // learns nothing if another controller made the trial's steps
             if (other != nullptr) other->end();
         }
     }
@@ -289,7 +289,7 @@ void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, std::int6
     }
 }
 
-// Samples, and runs the controller.
+// Samples the sensors and runs the controller.
 template <std::size_t legs>
 void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, const Phases& current, const Faults& faults,
                     Controller* other) const {
@@ -426,7 +426,7 @@ void Drive::record(const DriveState& s, const Powers::Values& z, const Phase& ph
     const bool path = follows_angle_, energy = config_.energy;
     constexpr bool electrical = legs != 0, three_phases = legs == star_legs;
     const Torques torques = phase.plant.torques(s.plant, z, time(s.tick - origin));
-    // The law sees the reference of its own sample until the next one; an error is told from where the reference is now.
+    // The law uses the reference of its last sample until the next one; recorded errors use the reference at this instant.
     const std::int64_t since = s.tick % config_.speed_divider;
     const bool held = since == 0 || trials;
     const Motion reference = held ? s.reference : reference_.after(s.reference, time(s.tick - since), time(since));

@@ -2,10 +2,11 @@
 //
 // One tick is one current-loop period. In tick n the drive samples at t = n / current_rate, runs its controller, which is
 // the control library's cgl_drive with a law at every speed_divider-th tick, records, and lets the plant go on to the next
-// tick. An ideal current loop has no inverter and no electrical states: the current is what the law asks for, from its step
-// on. In the controller's place anything may stand that takes the same measurements and references.
+// tick. An ideal current loop has no inverter and no electrical states: from each step of the law on, the current equals the
+// law's reference. Any other code that takes the same measurements and references can replace the controller.
 //
-// In trials everything but the law and the noise starts afresh every so many samples of the law; the law learns in between.
+// In trials everything but the law and the noise is reset to its initial state at the start of each trial, after a fixed
+// number of the law's samples. The law learns between trials.
 #pragma once
 
 #include <cstdint>
@@ -32,7 +33,7 @@ struct LoadStep {
     double torque;  // N m
 };
 
-// The plant that the law's current acts on from a trial on, and how it starts.
+// A phase of trials: the plant from the trial `from` on, and its initial state at each trial's start.
 struct PhaseConfig {
     PmsmConfig motor;
     MechanicsConfig mechanics;
@@ -44,9 +45,9 @@ struct PhaseConfig {
 };
 
 struct DriveConfig {
-    std::vector<PhaseConfig> phases;  // one, or with trials as many as there are, by `from`
-    std::optional<Trials> trials;     // with a law that can begin and end them, and always with the trial law
-    bool ideal_current;               // then inverter, current sensors and all of control.foc but its limit are left out
+    std::vector<PhaseConfig> phases;  // one without trials; with trials one for each phase, ordered by `from`
+    std::optional<Trials> trials;     // only with a law that can begin and end trials; the trial law always needs it
+    bool ideal_current;               // if true, inverter, current sensors and all of control.foc but its limit are not used
     InverterConfig inverter;
     CurrentSensorsConfig current_sensors;
     PositionSensorConfig position_sensor;
@@ -69,21 +70,21 @@ struct DriveState {
     Random random{0};
     cgl_drive control;
     LawState law;
-    double seen = 0.0;  // rad, by the position sensor
+    double seen = 0.0;  // rad, the angle by the position sensor
     Measurement measured{0.0, 0.0};
     Reference::State reference_filter;
     Motion reference;  // in trials angle and speed
-    cgl_measurement sampled{};  // what the controller got of it and of the currents
+    cgl_measurement sampled{};  // the measurements that the controller got
     cgl_reference asked{};
     cgl_drive_output output{};
-    Phases duty{0.5, 0.5, 0.5};  // that the inverter realises in this period
-    bool open = false;           // or its transistors are off
+    Phases duty{0.5, 0.5, 0.5};  // duty cycles that the inverter applies in this period
+    bool open = false;           // true: the inverter's transistors are off instead
     std::size_t next_load_step = 0;
     double added_load = 0.0;                     // N m, by add_load()
-    std::optional<Motion> given_reference = {};  // in place of the described one; not in trials
+    std::optional<Motion> given_reference = {};  // replaces the described reference; not in trials
 };
 
-// A controller in place of the drive's own: the same code elsewhere.
+// A controller that replaces the drive's own, such as the same code on another processor.
 class Controller {
 public:
     virtual ~Controller() = default;
@@ -101,22 +102,23 @@ public:
 
     DriveState start() const;
 
-    // Runs so many current-loop periods, with another controller if there is one; the state of the drive's own then stays
-    // as it is. Throws std::runtime_error where a user's law returns no number, or the motor's states become none; the state
-    // is then that of the failing period. Throws std::invalid_argument, and runs none, where there are not so many trials.
+    // Runs `ticks` current-loop periods, with the other controller if one is given; the state of the drive's own controller
+    // then stays as it is. Throws std::runtime_error if a user's law returns a value that is not finite, or if the motor's
+    // states become so; the state is then that of the failing period. Throws std::invalid_argument, and runs nothing, if the
+    // ticks exceed the number of trials.
     void advance(DriveState& state, Recorder& recorder, std::int64_t ticks, Controller* other = nullptr) const;
 
-    // Adds torque, N m, to the described load from now on.
+    // Adds a torque, N m, to the described load from now on.
     void add_load(DriveState& state, double torque) const;
 
-    // Runs the drive's own controller alone, as advance() does where no other takes its place. Plant and tick stay as they
-    // are; only with a law of the control library.
+    // Runs one step of the drive's own controller without the plant, as advance() does without another controller. Plant and
+    // tick stay as they are. The law must be one of the control library.
     cgl_drive_output step_controller(DriveState& state, const cgl_measurement& now, const cgl_reference& reference) const;
     void begin_trial(DriveState& state, const std::vector<cgl_real>& trajectory) const;
     void end_trial(DriveState& state) const;
 
     const DriveConfig& config() const { return config_; }
-    // The law's memory, which is the caller's in C; empty where it has none.
+    // The law's memory, which in C is the caller's; null if the law has none.
     std::vector<cgl_real>* cells(DriveState& state) const;
 
 private:
@@ -129,16 +131,17 @@ private:
     };
 
     void begin_law(DriveState& state, const std::vector<cgl_real>& trajectory) const;
-    // Puts everything but law and noise at the phase's start.
+    // Resets everything but the law and the noise to the phase's initial state.
     void restart(DriveState& state, const Phase& phase) const;
     void advance_trials(DriveState& state, Recorder& recorder, std::int64_t end, Controller* other) const;
     void advance_within(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
                         Controller* other) const;
 
-    // Functions of every tick are inlined by force where they are defined: with two loops gcc would call them, 1 % slower.
+    // Functions that run in every tick are forced inline where they are defined: with two loops gcc would call them, which
+    // is 1 % slower.
     //
-    // origin in all of these: the tick at which the phase's time is zero.
-    // legs: of the inverter; 0 with an ideal current loop. z: what the plant's evaluate() gives at the rotor's angle.
+    // origin in all of these: the tick at which the phase's time is zero. legs: number of the inverter's legs; 0 with an
+    // ideal current loop. z: result of the plant's evaluate() at the rotor's angle.
     template <std::size_t legs>
     void run(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
              Controller* other) const;
@@ -151,7 +154,7 @@ private:
     template <Detail detail, std::size_t legs>
     void advance_plant(DriveState& state, Powers::Values& z, const Phase& phase, std::int64_t origin, const Phases& duty,
                        const Phases& current, bool open, const Faults& faults) const;
-    // Kept out of run(), whose loop is 4 % faster without it.
+    // Not inlined into run(), whose loop is 4 % faster without it.
     template <std::size_t legs>
     [[gnu::noinline]] void record(const DriveState& state, const Powers::Values& z, const Phase& phase,
                                   std::int64_t origin, const Phases& current, double* row) const;
@@ -164,8 +167,8 @@ private:
 
     DriveConfig config_;
     double period_;  // s, of the current loop
-    bool follows_angle_;  // the law, its reference's angle
-    double turns_;        // rad, after which the reference's angle begins anew for the law
+    bool follows_angle_;  // whether the law follows its reference's angle
+    double turns_;        // rad, the law gets the reference's angle modulo this
     Reference reference_;
     PositionSensor position_sensor_;
     CurrentSensors current_sensors_;

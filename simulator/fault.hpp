@@ -1,4 +1,4 @@
-// Faults of sensors and supply: what a drive must live through.
+// Faults of sensors and supply that a scenario applies to a drive.
 #pragma once
 
 #include <cmath>
@@ -13,10 +13,10 @@
 namespace cogless {
 
 enum class FaultKind {
-    angle_missing,    // angle and speed are no numbers
-    angle_jump,       // the sensor sees another angle, by `size` rad
-    angle_stuck,      // the sensor goes on seeing the angle that it saw last
-    current_missing,  // the current of `phase` is no number
+    angle_missing,    // angle and speed are NaN
+    angle_jump,       // the sensor's angle is shifted by `size` rad
+    angle_stuck,      // the sensor keeps its last angle
+    current_missing,  // the current of `phase` is NaN
     current_zero,     // the current of `phase` reads zero
     bus_voltage,      // the bus has `size` V
 };
@@ -29,12 +29,12 @@ struct Fault {
     std::size_t phase;
 };
 
-// The faults of a tick, added up.
+// The combined faults of one tick.
 struct Faults {
     bool missing = false, stuck = false;
     double jump = 0.0;  // rad
     double bus_voltage;
-    Phases factor{1.0, 1.0, 1.0};  // of the measured currents: 0, or no number
+    Phases factor{1.0, 1.0, 1.0};  // factors on the measured currents: 1, 0 or NaN
 
     Faults(const std::vector<Fault>& all, std::int64_t tick, double nominal_voltage) : bus_voltage(nominal_voltage) {
         for (const Fault& f : all) {
@@ -55,7 +55,7 @@ struct Faults {
         return missing ? Measurement{none, none} : m;
     }
 
-    // sensors: measured phases; with two, the third of three is calculated of them.
+    // sensors: number of measured phases; with two sensors on three phases the third current is computed from the others.
     Phases spoilt(Phases i, int sensors, bool star) const {
         for (std::size_t n = 0; n < static_cast<std::size_t>(sensors); ++n) i[n] *= factor[n];
         if (star && sensors == 2) i[2] = -i[0] - i[1];

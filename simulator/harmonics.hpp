@@ -1,4 +1,4 @@
-// Sums of sinusoids in the rotor's angle, at the price of one sine and cosine for all of them.
+// Sums of sinusoids in the rotor's angle, computed with a single sine and cosine.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +19,8 @@ inline Complex operator*(Complex a, Complex b) {
     return {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
 }
 
-// e^{j n theta} for a set of orders n, from the power of their greatest common divisor by planned multiplications.
+// e^{j n theta} for a set of orders n. All are products of e^{j g theta}, g the orders' greatest common divisor, in an order
+// planned once.
 class Powers {
 public:
     static constexpr std::size_t capacity = 128;
@@ -34,7 +35,7 @@ public:
         for (const int order : orders) place_of(order / base_);
     }
 
-    // The place at which evaluate() leaves e^{j order theta}; the order was among those given.
+    // The index at which evaluate() stores e^{j order theta}; the order must be among those given.
     std::size_t place(int order) const {
         return static_cast<std::size_t>(std::find(multiples_.begin(), multiples_.end(), order / base_) -
                                         multiples_.begin());
@@ -46,7 +47,7 @@ public:
         std::size_t n = 0;
         z[n] = last;
         for (const Product& p : products_) {
-            // mostly a chain in which each waits for the last, which therefore stays in registers
+            // mostly a chain in which each product needs the last one, so the last one is kept in registers
             Complex a = last, b = last;
             if (p.a != n) a = z[p.a];
             if (p.b != n) b = z[p.b];
@@ -86,7 +87,7 @@ private:
     std::vector<Product> products_;
 };
 
-// amplitude sin(order theta + phase), order of the mechanical revolution
+// amplitude sin(order theta + phase); order: waves per mechanical revolution
 struct Harmonic {
     int order;
     double amplitude, phase;
@@ -110,7 +111,7 @@ public:
         return sum;
     }
 
-    // integral over theta, without a constant
+    // the integral over theta, without the constant of integration
     double integral(const Powers::Values& z) const {
         double sum = 0.0;
         for (const Term& t : terms_) sum += (t.in_cosine * z[t.place].im - t.in_sine * z[t.place].re) / t.order;

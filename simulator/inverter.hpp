@@ -27,15 +27,15 @@ struct InverterConfig {
     bool computation_delay = true;  // the duty cycles act one period after they were computed
 };
 
-// Phase voltages of legs at these voltages.
+// Voltage in the stationary frame from the voltages of the legs.
 inline Voltage stationary(const Legs<star_legs>& u) {
     return {(2.0 * u[0] - u[1] - u[2]) / 3.0, (u[1] - u[2]) * 0.57735026918962576};
 }
 
 inline Voltage stationary(const Legs<bridge_legs>& u) { return {u[0] - u[1], u[2] - u[3]}; }
 
-// Duty cycles of the legs from those of the phases. Unipolar: the second leg of a bridge does the opposite of the first, on
-// the same carrier, so that a phase gets bus_voltage (2 duty - 1) in two pulses a period.
+// Duty cycles of the legs from those of the phases. Unipolar: the second leg of a bridge has the complement of the first, on
+// the same carrier, so the mean voltage of a phase is bus_voltage (2 duty - 1), in two pulses per period.
 template <std::size_t count>
 Legs<count> leg_duties(const Phases& duty) {
     if constexpr (count == star_legs) {
@@ -64,13 +64,13 @@ Phases phase_currents(Currents i, Complex axis) {
     return {alpha, -0.5 * alpha + 0.86602540378443865 * beta, -0.5 * alpha - 0.86602540378443865 * beta};
 }
 
-// A stretch of a period with constant voltage.
+// An interval of a period with constant voltage.
 struct Stretch {
     double until;  // s from the start of the period
     Voltage u;
 };
 
-// The stretches of one period, in order.
+// The intervals of one period, in order.
 template <std::size_t legs>
 struct Pulses {
     std::array<Stretch, 2 * legs + 1> stretch;
@@ -123,7 +123,7 @@ Voltage averaged(const InverterConfig& config, const Legs<legs>& duty, const Leg
     for (std::size_t x = 0; x < legs; ++x) {
         double share = duty[x];
         if (duty[x] > 0.0 && duty[x] < 1.0) {
-            // a delayed rise meets the fall at the earliest, a delayed fall the period's end
+            // a rising edge is delayed to the falling edge at most, a falling edge to the end of the period
             share += current[x] >= 0.0 ? -std::min(dead_share, share) : std::min(dead_share, 0.5 * (1.0 - share));
         }
         u[x] = config.bus_voltage * share;

@@ -1,4 +1,4 @@
-// What a law sees, asks for and has learned, whichever it is.
+// Inputs, outputs and learned values that all laws have in common.
 #pragma once
 
 #include <cstddef>
@@ -19,36 +19,37 @@ struct Command {
     unsigned status = 0;
 };
 
-// What the engine offers a law: the same in the control library's words, and in doubles with some more for a user's own.
+// The engine's input to a law: the control library's struct, and for a user's own law the same values, with some more, as
+// doubles.
 struct LawInput {
     cgl_law_input c;
     double time;              // s
     double omega_ref;         // rad/s
-    double theta_ref;         // rad, within the law's turns from zero upwards; in trials as it is
+    double theta_ref;         // rad, wrapped to [0, the law's `turns`); in trials not wrapped
     double alpha_ref;         // rad/s^2; not in trials
-    double omega_m, theta_m;  // as the drive's monitor lets them through: rad/s, rad
+    double omega_m, theta_m;  // as checked by the drive's monitor: rad/s, rad
     double i_d, i_q;          // measured, A
-    double i_limit;           // A, of the current reference
+    double i_limit;           // A, limit of the current reference
     double ts;                // s, speed-loop period
     bool learn;               // false: hold what is learned
-    bool off;                 // true: what it asks for has no effect
+    bool off;                 // true: the law's output has no effect
 };
 
 inline Command from_c(const cgl_law_output& out) { return {0.0, static_cast<double>(out.i_q_ref), out.status}; }
 
-// A part of what a law does, as a recorded signal.
+// A term of a law's output, as a recorded signal.
 struct Term {
     const char* name;
     const char* unit = "A";
 };
 
-// What a law has learned as the control library describes it to be stored, and the entries of each channel.
+// What a law has learned: the control library's description for storing it, and the entries of each channel.
 struct Stored {
     cgl_map about;
     std::vector<std::vector<double>> channels;
 };
 
-// None where the library says that there is nothing to store. law: with its memory's pointer set.
+// None if the library says that there is nothing to store. law: its pointer to the memory must be set.
 template <auto map_of, class Config, class CState>
 std::optional<Stored> stored_map(const Config& config, const CState& law) {
     Stored stored;
@@ -60,7 +61,7 @@ std::optional<Stored> stored_map(const Config& config, const CState& law) {
     return stored;
 }
 
-// Throws std::invalid_argument where a law's init refuses.
+// Throws std::invalid_argument if a law's init returned an error.
 inline void require(cgl_error error, const char* law) {
     if (error == CGL_ERROR_MEMORY) throw std::invalid_argument(std::string(law) + ": memory too small");
     if (error != CGL_OK) throw std::invalid_argument(std::string(law) + ": a gain is outside its range");

@@ -1,6 +1,6 @@
 // Any linear plant in discrete time under the trial law: x(p + 1) = A x(p) + B (u(p) - d(p)), y = C x.
 //
-// One tick is one sample. For designs to be tried on plants that are no drive.
+// One tick is one sample. This tries designs on plants that are not drives.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@
 
 namespace cogless {
 
-// The plant from a trial on, and where each of its trials starts.
+// A phase: the plant from some trial on, and the initial state of each of its trials.
 struct LinearPhase {
     std::int64_t from;
     std::vector<double> A;  // row by row
@@ -45,14 +45,14 @@ public:
 
     LinearTrialsState start() const;
 
-    // Runs so many samples. Throws std::runtime_error where the plant's states grow beyond all numbers, and
-    // std::invalid_argument, running none, where there are not so many trials.
+    // Runs `ticks` samples. Throws std::runtime_error if the plant's states overflow. Throws std::invalid_argument, and runs
+    // nothing, if the samples exceed the number of trials.
     void advance(LinearTrialsState& state, Recorder& recorder, std::int64_t ticks) const;
 
     const LinearTrialsConfig& config() const { return config_; }
 
 private:
-    // Sample p of a trial: law, row, and on to the next one.
+    // Sample p of a trial: steps the law, records a row and moves to the next sample.
     void step(LinearTrialsState& state, Recorder& recorder, const LinearPhase& phase, std::int64_t trial,
               std::size_t p) const;
 

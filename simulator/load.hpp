@@ -11,14 +11,14 @@ namespace cogless {
 
 struct LoadConfig {
     double torque = 0.0;              // N m, the constant part at the start
-    double lag = 0.0;                 // s, time constant with which it follows a step; a brake's
+    double lag = 0.0;                 // s, time constant with which the constant part follows a step, such as a brake's
     std::vector<Harmonic> harmonics;  // N m, mechanical orders
     Table angle_table, time_table;    // N m over rad, over s
 };
 
 struct LoadState {
     double torque;  // N m, the constant part now
-    double target;  // N m, where it goes
+    double target;  // N m, the value that it approaches
 };
 
 class Load {
@@ -37,7 +37,7 @@ public:
 
     LoadState start() const { return {config_.torque, config_.torque}; }
 
-    // The constant part after a time, exactly. The engine mostly asks for one step and half of it.
+    // The exact constant part after a time. The engine mostly asks for one step and for half a step.
     double constant_part(const LoadState& load, double after) const {
         if (load.torque == load.target) return load.target;
         const double decay = after == nominal_step_         ? nominal_decay_

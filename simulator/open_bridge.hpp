@@ -1,5 +1,5 @@
-// An inverter whose transistors are all off, as where the controller's output is safe: through the diodes a current dies out
-// against the bus, and none flows again unless the motor induces more than the bus has.
+// An inverter whose transistors are all off, as while the controller's output is safe. Currents decay through the diodes
+// against the bus voltage, and none flows again unless the motor's induced voltage exceeds the bus voltage.
 #pragma once
 
 #include <algorithm>
@@ -12,22 +12,22 @@
 
 namespace cogless {
 
-// The diode that carries a leg's current: out of the leg from the bus's minus, or into it towards the plus.
+// The diode that carries a leg's current: the lower one for a current out of the leg, the upper one for a current into it.
 enum class Diode { none, lower, upper };
 
-// Diodes that conduct and the voltages they leave, for a short stretch.
+// The diodes that conduct, and the resulting voltages, for a short interval.
 template <std::size_t legs>
 struct OpenBridge {
-    std::array<Diode, 3> diode{};  // of each phase; of an H-bridge, in the leg where the phase's current leaves it
+    std::array<Diode, 3> diode{};  // of each phase; for an H-bridge, in the leg out of which the phase's current flows
     Voltage u;                     // on the phases
 };
 
 inline Diode diode_of(double current) {
-    constexpr double nothing = 1e-9;  // A, what rounding leaves of none
+    constexpr double nothing = 1e-9;  // A, currents below this are rounding errors of zero
     return current > nothing ? Diode::lower : current < -nothing ? Diode::upper : Diode::none;
 }
 
-// Voltages that the magnets induce, in the stationary frame.
+// Voltages induced by the magnets, in the stationary frame.
 inline Voltage induced(const Pmsm& motor, const Powers::Values& z, double omega_m) {
     const Pmsm::Linkage e = motor.linkage(z, {0.0, 0.0});
     const Complex axis = motor.axis(z);
@@ -35,8 +35,9 @@ inline Voltage induced(const Pmsm& motor, const Powers::Values& z, double omega_
     return {omega_e * (axis.re * e.d - axis.im * e.q), omega_e * (axis.im * e.d + axis.re * e.q)};
 }
 
-// Diodes of three legs. Without a current they float, each at the star point and its induced voltage, unless two of those are
-// further apart than the bus; where two legs carry one, the third floats if its voltage is within the bus.
+// Diodes of three legs. If no leg carries a current, each leg floats at the star point's voltage plus its induced voltage,
+// unless two of these voltages differ by more than the bus voltage. If two legs carry a current, the third floats if its
+// voltage is within the bus.
 inline OpenBridge<star_legs> open_bridge(double bus, const Phases& i, Voltage e, OpenBridge<star_legs> at = {}) {
     const Phases in_phase{e.alpha, -0.5 * e.alpha + 0.86602540378443865 * e.beta,
                           -0.5 * e.alpha - 0.86602540378443865 * e.beta};
@@ -65,7 +66,7 @@ inline OpenBridge<star_legs> open_bridge(double bus, const Phases& i, Voltage e,
     return at;
 }
 
-// Diodes of two H-bridges, each with its phase alone.
+// Diodes of two H-bridges; each depends on its own phase only.
 inline OpenBridge<bridge_legs> open_bridge(double bus, const Phases& i, Voltage e, OpenBridge<bridge_legs> at = {}) {
     const std::array<double, 2> in_phase{e.alpha, e.beta};
     std::array<double, 2> u;
@@ -80,7 +81,7 @@ inline OpenBridge<bridge_legs> open_bridge(double bus, const Phases& i, Voltage 
     return at;
 }
 
-// The phases' currents without what a diode does not let through.
+// The phases' currents, without those that the diodes block.
 template <std::size_t legs>
 Phases let_through(const OpenBridge<legs>& bridge, Phases i) {
     constexpr std::size_t phases = legs == star_legs ? 3 : 2;
@@ -95,7 +96,7 @@ Phases let_through(const OpenBridge<legs>& bridge, Phases i) {
     }
     if constexpr (legs == star_legs) {
         if (carry < 2) return {};
-        if (carry == 2) {  // what leaves one enters the other
+        if (carry == 2) {  // the current out of one leg enters the other
             const std::size_t y = (blocked + 1) % 3, z = (blocked + 2) % 3;
             i[y] = 0.5 * (i[y] - i[z]);
             i[z] = -i[y];
@@ -104,7 +105,7 @@ Phases let_through(const OpenBridge<legs>& bridge, Phases i) {
     return i;
 }
 
-// The rotor's frame, from what phase_currents() gives.
+// Currents in the rotor's frame, from the result of phase_currents().
 template <std::size_t legs>
 Currents rotor_frame(const Phases& i, Complex axis) {
     const double alpha = i[0], beta = legs == bridge_legs ? i[1] : (i[1] - i[2]) * 0.57735026918962576;

@@ -20,7 +20,7 @@ struct PluginLaw {
     decltype(&cogless_plugin_state_size) state_size;
     decltype(&cogless_plugin_init) init;
     decltype(&cogless_plugin_step) step_function;
-    decltype(&cogless_plugin_begin_trial) begin_function;  // or null, as the next one
+    decltype(&cogless_plugin_begin_trial) begin_function;  // null if the library has none; so is the next one
     decltype(&cogless_plugin_end_trial) end_function;
     std::vector<double> params;
     double ts;
@@ -50,11 +50,11 @@ struct PluginLaw {
     }
 };
 
-// A law written in Python; its object holds the state, and a copy of the drive's state shares it.
+// A law written in Python. Its object holds the law's state, so a copy of the drive's state shares it.
 struct CallbackLaw {
     struct State {};
     std::function<Command(const LawInput&)> function;
-    std::function<void(const std::vector<cgl_real>&)> begin_function = {};  // of a trial; or empty, as the next one
+    std::function<void(const std::vector<cgl_real>&)> begin_function = {};  // of a trial; empty if there is none, as is the next
     std::function<void()> end_function = {};
 
     State start() const { return {}; }

@@ -1,7 +1,7 @@
 // Motor, inertia, friction and load as one system of differential equations, integrated by fixed-step RK4.
 //
-// Coulomb friction really sticks: at standstill the rotor stays until the other torques exceed the breakaway torque. The
-// instants of stopping and of breaking away are found within the step, so that the order of the method is kept.
+// Coulomb friction holds the rotor at standstill until the other torques exceed the breakaway torque. The instants of
+// stopping and of breaking away are found within the step, which keeps the order of the method.
 #pragma once
 
 #include <array>
@@ -25,8 +25,8 @@ struct Voltage {
     double alpha, beta;
 };
 
-// Parts of the state that are integrated: speed and angle, under currents that are given and held; the currents too; the
-// energies too.
+// Parts of the state that are integrated. mechanics: speed and angle, with given, constant currents; currents: these and the
+// currents; energies: these and the energies.
 enum class Detail { mechanics, currents, energies };
 
 // Integrated powers since the start, J.
@@ -40,8 +40,8 @@ struct PlantState {
     double theta_m = 0.0;       // rad, not wrapped
     LoadState load{0.0, 0.0};
     bool stuck = false;         // held by friction at standstill
-    double direction = 0.0;     // of sliding, which friction opposes: 1 or -1
-    Energy energy;              // counted only where asked for
+    double direction = 0.0;     // direction of sliding, 1 or -1; friction acts against it
+    Energy energy;              // integrated only with Detail::energies
 };
 
 struct Torques {
@@ -57,7 +57,7 @@ public:
 
     const Pmsm& motor() const { return motor_; }
 
-    // The powers at an angle, as far as this detail needs them: for whoever calls step().
+    // The powers of e^{j theta} at an angle that this detail needs, for a caller of step().
     template <Detail detail>
     void evaluate(double theta_m, Powers::Values& z) const {
         if (detail != Detail::mechanics || ripples_) powers_.evaluate(theta_m, z);
@@ -73,7 +73,7 @@ public:
         return x;
     }
 
-    // z here and below: what evaluate() gives at x.theta_m.
+    // z here and below: the result of evaluate() at x.theta_m.
     Torques torques(const PlantState& x, const Powers::Values& z, double time) const {
         return {motor_.torque(motor_.linkage(z, x.i), x.i), motor_.cogging(z),
                 x.load.torque + load_.other_parts(z, x.theta_m, time)};
@@ -84,10 +84,10 @@ public:
                motor_.cogging_energy(z);
     }
 
-    // Advances x and z by h from the given time. The voltage is constant; without effect where currents are given.
+    // Advances x and z by h from the given time. The voltage is constant; it has no effect if the currents are given.
     template <Detail detail>
     void step(PlantState& x, Powers::Values& z, Voltage u, double time, double h) const {
-        constexpr int most_pieces = 16;  // a rotor that stops and breaks away again and again within one step
+        constexpr int most_pieces = 16;  // limit for a rotor that stops and breaks away repeatedly within one step
         for (int piece = 0; sticks() && piece < most_pieces && h > 0.0; ++piece) {
             const double done = x.stuck ? stuck_piece<detail>(x, z, u, time, h)
                                         : sliding_piece<detail>(x, z, u, time, h);
@@ -110,11 +110,11 @@ private:
 
     bool sticks() const { return mechanics_.breakaway_friction > 0.0; }
 
-    // omega_m, theta_m and, where they are integrated, i_d, i_q, the energies.
+    // omega_m and theta_m, then i_d, i_q and the energies if they are integrated.
     template <Detail detail>
     using Vector = std::array<double, detail == Detail::mechanics ? 2 : detail == Detail::currents ? 4 : 8>;
 
-    // The state after one RK4 step within which nothing starts or stops.
+    // The state after one RK4 step within which the rotor neither stops nor breaks away.
     template <Detail detail>
     Vector<detail> integrated(const PlantState& x, const Powers::Values& z, Voltage u, double time,
                                    double h) const {
@@ -135,7 +135,7 @@ private:
         }
         Vector slope{}, sum{};
         Powers::Values there;
-        // unrolled, since this is where the engine's time goes: an eighth of it is saved
+        // unrolled, since the engine spends most time here: this saves an eighth of the time
 #pragma GCC unroll 4
         for (int stage = 0; stage < 4; ++stage) {
             const double after = reach[stage] * h;
@@ -154,7 +154,7 @@ private:
         return start;
     }
 
-    // Moves the state to y, where integrated() with the same h ended.
+    // Sets the state to y, the result of integrated() with the same h.
     template <Detail detail>
     void move(PlantState& x, const Vector<detail>& y, double h) const {
         x.omega_m = y[0];
@@ -200,7 +200,7 @@ private:
         return slope;
     }
 
-    // Torque on the rotor but for friction.
+    // Torque on the rotor without friction.
     double driving_torque(const PlantState& x, const Powers::Values& z, double time) const {
         const Torques t = torques(x, z, time);
         return t.electromagnetic + t.cogging - t.load;
@@ -257,7 +257,7 @@ private:
     template <Detail detail>
     double stuck_piece(PlantState& x, const Powers::Values& z, Voltage u, double time, double h) const {
         const PlantState before = x;
-        const auto excess = [this, &z](const PlantState& y, double at) {  // the angle stays, and so does z
+        const auto excess = [this, &z](const PlantState& y, double at) {  // the angle does not change, so z stays valid
             return std::abs(driving_torque(y, z, at)) - mechanics_.breakaway_friction;
         };
         smooth_step<detail>(x, z, u, time, h);

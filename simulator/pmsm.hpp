@@ -11,7 +11,7 @@
 
 namespace cogless {
 
-// psi_d += d cos(order theta_e + d_phase), psi_q += q sin(order theta_e + q_phase); order of the electrical revolution
+// psi_d += d cos(order theta_e + d_phase), psi_q += q sin(order theta_e + q_phase); order: waves per electrical revolution
 struct FluxHarmonic {
     int order;
     double d, q;              // V s
@@ -39,7 +39,7 @@ public:
           per_L_d_(1.0 / config.L_d), per_L_q_(1.0 / config.L_q),
           electrical_(powers.place(config.pole_pairs)), cogging_(powers, config.cogging) {
         for (const FluxHarmonic& h : config.flux_harmonics) {
-            // e_d += d psi_d / d theta_e - psi_q and e_q += d psi_q / d theta_e + psi_d, by sine and cosine
+            // e_d += d psi_d / d theta_e - psi_q and e_q += d psi_q / d theta_e + psi_d, written as sine and cosine
             const double in_d = -h.order * h.d, in_q = h.order * h.q;
             const Complex d{std::cos(h.d_phase), std::sin(h.d_phase)}, q{std::cos(h.q_phase), std::sin(h.q_phase)};
             flux_.push_back({powers.place(h.order * config.pole_pairs),
@@ -48,7 +48,7 @@ public:
         }
     }
 
-    // The mechanical orders that this motor needs of Powers.
+    // The mechanical orders that Powers must provide for this motor.
     static std::vector<int> orders(const PmsmConfig& config) {
         std::vector<int> all{config.pole_pairs};
         for (const FluxHarmonic& h : config.flux_harmonics) all.push_back(h.order * config.pole_pairs);
@@ -58,7 +58,7 @@ public:
 
     const PmsmConfig& config() const { return config_; }
 
-    // Power of all phases over that of the amplitude-invariant frame: 3/2, or 1 with two phases.
+    // Ratio of the power of all phases to u_d i_d + u_q i_q in the amplitude-invariant frame: 3/2, or 1 with two phases.
     double power_factor() const { return power_factor_; }
 
     // Unit vector of the d axis in the stationary frame.
@@ -66,14 +66,14 @@ public:
 
     double cogging(const Powers::Values& z) const { return cogging_.value(z); }
 
-    // Work that cogging has stored, J.
+    // Energy stored in cogging, J.
     double cogging_energy(const Powers::Values& z) const { return -cogging_.integral(z); }
 
     double magnetic_energy(Currents i) const {
         return 0.5 * power_factor_ * (config_.L_d * i.d * i.d + config_.L_q * i.q * i.q);
     }
 
-    // Speed voltages per electrical speed, V s: the torque's linkages too.
+    // Speed voltages per electrical speed, V s; the torque uses the same linkages.
     struct Linkage {
         double d, q;
     };
@@ -97,7 +97,7 @@ public:
     }
 
 private:
-    // A flux harmonic's part in the speed voltages, V s.
+    // A flux harmonic's contribution to the speed voltages, V s.
     struct FluxTerm {
         std::size_t place;
         double d_sine, d_cosine, q_sine, q_cosine;

@@ -1,9 +1,9 @@
-// Position sensors, and the speed that a drive makes of them.
+// Position sensors, and the speed that a drive computes from them.
 //
-// ideal: angle and speed as they are.
-// encoder: incremental, counted on all four edges. Speed by counting over a speed-loop period (M), from the time between
+// ideal: the true angle and speed. encoder: incremental, counted on all four edges. Speed by counting over a speed-loop
+// period (M), from the time between
 //   the last two edges (T), or counted edges over the exact time between the first and the last of them (MT).
-// resolver: an angle of so many bits; speed as the moving average of its differences at the current loop's rate.
+// resolver: an angle with `bits` bits; speed as the moving average of its differences at the current loop's rate.
 #pragma once
 
 #include <cmath>
@@ -36,7 +36,7 @@ struct Measurement {
 class PositionSensor {
 public:
     struct State {
-        double theta_before = 0.0;             // encoder: its angle when it was last watched
+        double theta_before = 0.0;             // encoder: its angle at the last call of watch()
         std::int64_t count = 0;                // now
         std::int64_t count_at_speed = 0;       // at the last speed-loop period
         double last_edge = 0.0, edge_before = 0.0;  // s
@@ -60,7 +60,7 @@ public:
         s.theta_before = seen(theta_m);
         s.count = count(s.theta_before);
         s.omega_m = omega_m;
-        // as if it had turned at this speed before
+        // as if the rotor had turned at this speed before
         s.count_at_speed = count(seen(theta_m - omega_m * speed_period_));
         s.last_direction = s.direction_before = omega_m < 0.0 ? -1 : 1;
         const double edge_period = omega_m != 0.0 ? step_ / std::abs(omega_m) : 1e9;
@@ -79,13 +79,13 @@ public:
         return config_.kind == PositionSensorKind::encoder && config_.speed_method != SpeedMethod::M;
     }
 
-    // Times the edges passed while the rotor went to theta_m between two instants.
+    // Times the edges that the rotor passed on its way to theta_m, between the instants `from` and `to`.
     void watch(State& s, double from, double to, double theta_m) const {
         const double theta = seen(theta_m);
         const std::int64_t now = count(theta);
         if (now != s.count) {
             const int direction = now > s.count ? 1 : -1;
-            // the boundary crossed first and last, counted in steps
+            // the first and the last step boundary that was crossed, counted in steps
             const std::int64_t first = direction > 0 ? s.count + 1 : s.count;
             const std::int64_t last = direction > 0 ? now : now + 1;
             const double rate = (to - from) / (theta - s.theta_before);
@@ -130,7 +130,7 @@ private:
 
     std::int64_t count(double theta) const {
         const double counts = std::floor(theta / step_);
-        return std::abs(counts) < 9e18 ? static_cast<std::int64_t>(counts) : 0;  // the run ends at such a place
+        return std::abs(counts) < 9e18 ? static_cast<std::int64_t>(counts) : 0;  // a run with such an angle ends anyway
     }
 
     double clocked(double time) const {

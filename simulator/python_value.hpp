@@ -1,4 +1,4 @@
-// Python's values as the plain tree that the engine reads its description from.
+// Converts Python values to the plain tree of values from which the engine reads its description.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -36,7 +36,8 @@ inline Value table_of(const nanobind::dict& object) {
     return table;
 }
 
-// A Python value as a description's. One that no key accepts becomes Value::Other, which matters only where a key has it.
+// Converts a Python value. A value that no key accepts becomes Value::Other, which is an error only if a key is read that
+// has it.
 inline Value value_of(nanobind::handle object) {
     using Matrix = nanobind::ndarray<const double, nanobind::ndim<2>, nanobind::c_contig, nanobind::device::cpu>;
     if (object.is_none()) return {};

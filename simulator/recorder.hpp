@@ -1,4 +1,4 @@
-// Rows of named signals, one every so many current-loop periods.
+// Rows of named signals, one row every `decimation` current-loop periods.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,7 @@ struct Signal {
 
 class Recorder {
 public:
-    // rows: how many are expected; more are taken too, but then the memory grows.
+    // rows: the expected number. More rows are recorded too, but then memory is allocated.
     Recorder(std::size_t columns, std::int64_t decimation, std::size_t rows)
         : columns_(columns), decimation_(decimation) {
         data_.reserve(rows * columns);
@@ -24,7 +24,7 @@ public:
 
     bool wants(std::int64_t tick) const { return tick % decimation_ == 0; }
 
-    // Makes room before a run of so many periods, so that nothing is allocated within it.
+    // Reserves memory for a run of `ticks` periods, so that nothing is allocated within it.
     void reserve(std::int64_t ticks) {
         const auto rows = static_cast<std::size_t>(ticks / decimation_ + 1);
         const std::size_t needed = data_.size() + rows * columns_;
@@ -38,7 +38,7 @@ public:
 
     std::size_t columns() const { return columns_; }
 
-    // Hands over what was recorded, and starts anew.
+    // Returns the recorded rows, and starts with an empty record.
     std::vector<double> take() { return std::exchange(data_, {}); }
 
 private:

@@ -1,5 +1,5 @@
-// References as functions of time: speed, its integral the angle, and its derivative, each in closed form, so that an hour
-// brings no drift. A filter may smooth the speed.
+// References as functions of time: speed, its integral the angle, and its derivative, each in closed form, so that nothing
+// drifts even over an hour. A filter may smooth the speed.
 #pragma once
 
 #include <algorithm>
@@ -91,19 +91,20 @@ private:
     }
 
     double omega_ = 0.0, m_ = 0.0;  // rad/s
-    std::vector<double> above_, below_;  // of the cosines at omega + n m and omega - n m
+    std::vector<double> above_, below_;  // coefficients of the cosines at omega + n m and omega - n m
     double at_zero_ = 0.0;
 };
 
 class Reference {
 public:
-    // State of the smoothing filter, and the speed before it at the last sample.
+    // State of the smoothing filter, and its input speed at the last sample.
     struct State {
         double omega = 0.0, alpha = 0.0, unfiltered = 0.0;
         bool started = false;
     };
 
-    // period: s, of the samples. Throws std::invalid_argument for what has no closed form or a filter too fast for the samples.
+    // period: s, of the samples. Throws std::invalid_argument for a reference without a closed form, or a filter that is too
+    // fast for the samples.
     Reference(const ReferenceConfig& config, double initial_angle, double initial_speed, double period)
         : config_(config), initial_angle_(initial_angle), initial_speed_(initial_speed), period_(period) {
         if (config.kind == ReferenceKind::fm) fm_ = IntegralOfFm(config);
@@ -142,7 +143,7 @@ public:
         return m;
     }
 
-    // The reference between this sample and the next; smoothed: by the sample's own derivatives.
+    // The reference between this sample and the next. With smoothing it is extrapolated from the sample's derivatives.
     Motion after(const Motion& sampled, double time, double dt) const {
         if (config_.smoothing != 0.0) {
             return {sampled.theta + dt * (sampled.omega + 0.5 * dt * sampled.alpha), sampled.omega + dt * sampled.alpha,
@@ -226,7 +227,8 @@ private:
                 change * rate * rate * 60.0 * s * (1.0 + s * (-3.0 + 2.0 * s))};
     }
 
-    // A sample of the filter: its exact answer to the parabola through the speeds at the sample's start, middle and end.
+    // Coefficients for one sample of the filter: its exact response to the parabola through the speeds at the sample's
+    // start, middle and end.
     void set_filter() {
         const double tau = config_.smoothing, h = period_ / tau;  // time in units of tau from here on
         if (!(tau > 0.0 && h <= 10.0)) {
@@ -254,7 +256,7 @@ private:
     IntegralOfFm fm_;
     std::vector<double> area_;  // rad, the integral of the profile up to each of its points
     double area_at_start_ = 0.0, angle_at_start_ = 0.0;
-    // a sample of the filter: omega, alpha, speed before the filter at start, middle and end of the sample
+    // one sample of the filter, as weights of omega, alpha and the input speed at start, middle and end of the sample
     std::array<double, 5> to_omega_{}, to_alpha_{};
 };
 

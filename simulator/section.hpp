@@ -1,4 +1,4 @@
-// A table of the configuration; errors name the whole key.
+// Reads a table of the configuration; errors name the key with its full path.
 #pragma once
 
 #include <cmath>
@@ -30,7 +30,7 @@ Struct struct_of(std::string_view bytes, const std::string& name) {
     return value;
 }
 
-// Looks into a description, which must outlive it.
+// A view of a description, which must outlive it.
 class Section {
 public:
     Section(const Value& description, std::string name)
@@ -58,7 +58,7 @@ public:
         return struct_of<Struct>(get<std::string>(key), name_ + key);
     }
 
-    // A list of so many finite numbers.
+    // A list of exactly `count` finite numbers.
     std::vector<double> numbers(const char* key, std::size_t count) const {
         auto values = get<std::vector<double>>(key);
         if (values.size() != count) refuse(key, "expected " + std::to_string(count) + " numbers");

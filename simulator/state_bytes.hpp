@@ -1,7 +1,8 @@
-// A drive's state as bytes, for whoever keeps it outside this process; on the same machine, for the same description.
+// Converts a drive's state to bytes and back, to keep it outside this process. The bytes fit only the same machine and the
+// same description.
 //
-// Each structure is taken apart by name, so that a new member that is forgotten here does not compile. The pointers in the C
-// structures mean nothing after that: they are set anew before each use.
+// Each structure is unpacked into all of its members, so a new member that is forgotten here does not compile. The pointers
+// in the C structures are not valid afterwards: they are set again before each use.
 #pragma once
 
 #include <cstddef>
@@ -14,7 +15,7 @@
 
 namespace cogless {
 
-// Counts the bytes, and writes them where there is a place.
+// Counts the bytes, and writes them if a buffer is given.
 class StateWriter {
 public:
     explicit StateWriter(unsigned char* to) : to_(to) {}
@@ -36,7 +37,7 @@ private:
     std::size_t size_ = 0;
 };
 
-// Reads what was written of a state of the same shape; complete() says whether it was.
+// Reads the bytes of a state of the same shape; complete() says whether their number was right.
 class StateReader {
 public:
     StateReader(const unsigned char* from, std::size_t size) : from_(from), left_(size) {}

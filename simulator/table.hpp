@@ -21,14 +21,14 @@ struct Table {
         return between(upper - 1, upper, x, at[upper] - at[upper - 1]);
     }
 
-    // The derivative of held(); at a point, that of the stretch behind it.
+    // The derivative of held(); at a point, that of the segment after it.
     double held_slope(double x) const {
         if (x < at.front() || x >= at.back()) return 0.0;
         const std::size_t from = place(x);
         return (value[from + 1] - value[from]) / (at[from + 1] - at[from]);
     }
 
-    // The last point that is not beyond x; x is not before the first.
+    // Index of the last point that is not beyond x; x must not be before the first point.
     std::size_t place(double x) const {
         return static_cast<std::size_t>(std::upper_bound(at.begin(), at.end(), x) - at.begin()) - 1;
     }

@@ -12,19 +12,21 @@
 
 namespace cogless {
 
-// The same numbers in the control laws' type.
+// The numbers converted to the control laws' type.
 std::vector<cgl_real> reals(const std::vector<double>& values);
 
 // Number of samples and of trials.
 Trials read_trials(const Section& s);
 
-// First trial of a phase, which is after that of the one before; the first phase, after -1, starts at 0.
+// First trial of a phase. It must be later than `before`, the first trial of the previous phase; for the first phase
+// `before` is -1 and the trial is 0.
 std::int64_t first_trial(const Section& phase, std::int64_t before, const Trials& trials);
 
-// states: of the plant that it controls.
+// states: number of states of the controlled plant.
 TrialLaw trial_law(const Section& s, std::size_t states, const Trials& trials);
 
-// Throws std::invalid_argument naming the key that's missing or of the wrong type, length or order; so do the others.
+// Throws std::invalid_argument naming the key that's missing or of the wrong type, length or order; so do the functions
+// above.
 LinearTrialsConfig read_linear_trials(const Value& description);
 
 }  // namespace cogless

@@ -17,9 +17,9 @@ struct TrialLaw : CLaw<trial_row> {
     struct State {
         cgl_trial law;
         std::vector<cgl_real> cell, reference;
-        cgl_trial_input input;  // of the last step, where the plant is not a drive
+        cgl_trial_input input;  // input of the last step, if the plant is not a drive
     };
-    std::shared_ptr<const std::vector<cgl_real>> learning_matrix;  // none, or where config points to
+    std::shared_ptr<const std::vector<cgl_real>> learning_matrix;  // null, or the matrix that config points to
 
     // Throws std::invalid_argument as CLaw does.
     static TrialLaw of(const Section& s) {
@@ -50,7 +50,7 @@ struct TrialLaw : CLaw<trial_row> {
         cgl_trial_begin(&config, &s.law, s.reference.data());
     }
 
-    // A sample of any plant, whose states are in s.input.
+    // Steps the law by one sample of any plant, whose states are in s.input.
     cgl_trial_output step(State& s) const {
         cgl_trial_output output;
         set_pointers(s);
@@ -58,7 +58,7 @@ struct TrialLaw : CLaw<trial_row> {
         return output;
     }
 
-    // A sample of a drive.
+    // Steps the law by one sample of a drive.
     Command step(State& s, const LawInput& in) const {
         cgl_law_output output;
         set_pointers(s);

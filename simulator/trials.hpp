@@ -1,4 +1,4 @@
-// Trials: runs of equal length, one after the other, between which a law learns.
+// Trials: repetitions of equal length, one after the other, between which a law learns.
 #pragma once
 
 #include <algorithm>
@@ -11,11 +11,11 @@
 namespace cogless {
 
 struct Trials {
-    std::int64_t samples;  // of the law in a trial
+    std::int64_t samples;  // samples of the law in a trial
     std::int64_t count;
 };
 
-// Throws std::invalid_argument where there are fewer trials than so many samples need.
+// Throws std::invalid_argument if the trials have fewer than `samples` samples in total.
 inline void require_trials(const Trials& trials, std::int64_t samples) {
     if (samples > trials.samples * trials.count) {
         throw std::invalid_argument("there are only " + std::to_string(trials.count) + " trials");
@@ -27,7 +27,8 @@ inline void require_trials(const Trials& trials, std::int64_t samples) {
     throw std::runtime_error("trial " + std::to_string(trial + 1) + ": " + why);
 }
 
-// The place of the phase that a trial belongs to: the last whose `from` is not beyond it. The first phase is from 0.
+// Index of the phase that a trial belongs to: the last phase whose `from` is not beyond the trial. The first phase has
+// `from` 0.
 template <class Phase>
 std::size_t phase_of(const std::vector<Phase>& phases, std::int64_t trial) {
     const auto beyond = std::upper_bound(phases.begin(), phases.end(), trial,

@@ -1,4 +1,4 @@
-// A description as a plain tree of values: made of Python's dicts by the bindings, of generated C++ in an FMU.
+// A description as a plain tree of values. The bindings make it from Python's dicts; in an FMU generated C++ makes it.
 #pragma once
 
 #include <concepts>
@@ -47,13 +47,13 @@ public:
 
     bool is_none() const { return std::holds_alternative<std::monostate>(data_); }
 
-    // The table or list in it, or null.
+    // The table or list in this value, or null.
     template <class T>
     const T* as() const {
         return std::get_if<T>(&data_);
     }
 
-    // False, with `to` as it was, where the value is none of that kind or out of its range.
+    // Returns false, and leaves `to` unchanged, if the value is of another kind or out of range.
     bool read(bool& to) const { return take(to); }
     bool read(std::string& to) const { return take(to); }
     bool read(Matrix& to) const { return take(to); }
