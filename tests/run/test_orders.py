@@ -1,4 +1,4 @@
-"""A law of chosen orders in a run: what it leaves, what is recorded and kept, what a fault does to it."""
+"""A law of chosen orders in a run: what it leaves, what is recorded and kept of it, and a fault."""
 
 from __future__ import annotations
 
