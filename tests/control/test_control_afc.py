@@ -5,10 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from control_library import control_library
+from control_library import SOURCE, control_library
 from reference.motion import motion, rounded
 from reference.pi import Pi
 from reference.pi_afc import PiAfc
+
+from cogless.study.pi_afc import HIGHEST, ORDERS
 
 TS, STEPS = 1e-3, 3000
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered")
@@ -214,6 +216,11 @@ def test_a_reset_forgets_all_but_the_orders():
     rng = np.random.default_rng(3)
     for one in inputs(rng, np.float32, 0.003)[:500]:
         assert c.step(*one) == fresh.step(*one)
+
+
+def test_a_study_takes_as_many_orders_as_the_law() -> None:
+    header = (SOURCE / "cogless" / "pi_afc.h").read_text(encoding="utf-8")
+    assert f"CGL_PI_AFC_ORDERS {ORDERS}U\n" in header and f"CGL_PI_AFC_ORDER_MAX {HIGHEST}U\n" in header
 
 
 def test_coefficients_stay_within_their_limit_for_any_error():

@@ -11,9 +11,8 @@ import pytest
 import studies
 from cogless import changed, load
 from cogless.design.closed_loop import Linear, Resonator, poles
-from cogless.design.learning_loop import pi
 from cogless.design.order_learning import OrderLoop
-from cogless.design.pi import gains, speed_loop
+from cogless.design.pi import gains, pi_response, speed_loop
 from cogless.design.unlearned import foreseen
 from cogless.design.verdict import Verdict, verdict
 from cogless.design.warnings import warnings
@@ -131,7 +130,7 @@ def test_the_poles_are_those_of_resonators_beside_the_pi() -> None:
     closed, opened = poles(loop, Linear(1, kp, k_i=ki), with_them), poles(loop, Linear(1, 0.0), without)
     ratio = np.prod((z[:, None] - closed) / (z[:, None] - opened), axis=1)
     added = sum(each.response(w, T) for each in with_them)
-    assert ratio == pytest.approx(1 + loop.plant(w) * (pi(w, T, kp, ki) + added), rel=1e-6)
+    assert ratio == pytest.approx(1 + loop.plant(w) * (pi_response(w, T, kp, ki) + added), rel=1e-6)
 
 
 def test_where_nothing_is_learned_is_told() -> None:

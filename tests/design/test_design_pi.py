@@ -229,7 +229,7 @@ def test_the_simulated_drive_starts_to_oscillate_at_the_gain_margin(
 
     def at(factor: float) -> tuple[float, float]:
         raised = factor * design.margins.gain_margin
-        law = {"law": "pi", "kp": raised * design.kp, "ki": raised * design.ki}
+        law = {"law": "pi", "config": {"kp": raised * design.kp, "ki": raised * design.ki}}
         start = {"initial_speed": 9.9, "controller": law}
         change = engine.merged({**LINEAR, **start}, {"drive": {"position_sensor": sensor}})
         return loudness(engine.run(change, 0.4)["omega_measured"][500::10])

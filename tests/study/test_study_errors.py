@@ -124,6 +124,11 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("controller.pi.law", "pid",
             'controller.pi.law: "pid": expected one of '
             + ", ".join(f'"{name}"' for name in LAWS)),
+        *(("controller.afc", {**PI, "law": "pi-afc", "gain": 1, "orders": orders},
+            f"controller.afc.orders: {orders}: expected 1 to 16 orders that rise, from 1 to 65535")
+          for orders in ([], [0], [6, 6], [12, 6], [70000], [*range(1, 18)])),
+        ("controller.afc", {**PI, "law": "pi-afc", "gain": 1, "orders": [6.5]},
+            "controller.afc.orders.0: 6.5: expected a whole number"),
         ("controller.pi", {"kp": 1}, "controller.pi.law: missing: expected one that says which kind it is"),
         ("controller.fair.kp", 1,
             "controller.fair: expected either kp and ki or tuning, such as "

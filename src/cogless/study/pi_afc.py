@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Annotated, Any, Literal, Self
+from itertools import pairwise
+from typing import Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from cogless.study.controller import Feedback, LawLoop
 from cogless.study.table import CurrentBound, LawSpeed, Many, SpeedIntegralGain, StartTime, invalid
 
-Order = Annotated[int, Field(ge=1, le=65_535)]  # CGL_PI_AFC_ORDER_MAX
+ORDERS, HIGHEST = 16, 65_535  # CGL_PI_AFC_ORDERS, CGL_PI_AFC_ORDER_MAX
 
 
 class PiAfc(Feedback):
     """PI with adaptive feedforward cancellation: amplitudes of chosen orders, learned over the angle."""
 
     law: Literal["pi-afc"]
-    orders: Annotated[Many[Order], Field(min_length=1, max_length=16)]  # CGL_PI_AFC_ORDERS; mechanical
+    orders: Many[int]  # mechanical
     gain: SpeedIntegralGain  # A/rad, learning
     lead: StartTime = 0.0  # s: delay from the current to the measured speed
     omega_min: LawSpeed = 0.01  # rad/s, mechanical: below it learning pauses, but the learned part stays on
@@ -53,8 +54,9 @@ class PiAfc(Feedback):
 
     @model_validator(mode="after")
     def _rising(self) -> Self:
-        if any(b <= a for a, b in zip(self.orders, self.orders[1:], strict=False)):
-            raise invalid("expected orders that rise, each once", "orders")
+        rising = all(a < b for a, b in pairwise((0, *self.orders, HIGHEST + 1)))
+        if not rising or not 1 <= len(self.orders) <= ORDERS:
+            raise invalid(f"expected 1 to {ORDERS} orders that rise, from 1 to {HIGHEST}", "orders")
         return self
 
     def c_config(self, loop: LawLoop) -> dict[str, Any]:
