@@ -1,4 +1,4 @@
-"""Ripple and current by fault and controller, for docs/studies/faults.md.
+"""Tables of ripple and current for each fault and controller, for docs/studies/faults.md.
 
 cogless run faults -o results/faults
 python docs/faults_tables.py --write results/faults/results.json

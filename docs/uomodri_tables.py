@@ -1,4 +1,4 @@
-"""The real motor's ripple by controller and speed, for docs/studies/uomodri.md.
+"""Tables of uomodri's speed ripple and other metrics by controller and speed, for docs/studies/uomodri.md.
 
 cogless run uomodri -o results/uomodri
 python docs/uomodri_tables.py --write results/uomodri/results.json

@@ -1,7 +1,8 @@
 """Norm-optimal learning in lifted form: docs/theory/trial-design.md#norm-optimal-learning.
 
 Over a trial the nominal closed loop from v to y is a lower triangular Toeplitz matrix G of its impulse
-response, and v_{k+1} = v_k + L e_k with L = (G^T G + q I)^-1 G^T, q the weight of v's change.
+response. The update is v_{k+1} = v_k + L e_k with L = (G^T G + q I)^-1 G^T, where q is the weight of v's
+change relative to the error's weight.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ def lifted(loop: Loop, samples: int) -> Real:
 
 
 def norm_optimal(loop: Loop, samples: int, ratio: float) -> Real:
-    """L (samples, samples) for the ratio of the change's weight to the error's."""
+    """L (samples, samples); `ratio` is the weight of v's change divided by the weight of the error."""
     from scipy.linalg import cho_factor, cho_solve
 
     G = lifted(loop, samples)

@@ -25,7 +25,7 @@ def note(text: str) -> str:
 
 
 def reservations(sentences: Sequence[str]) -> str:
-    """Notes on what a table or plot does not show, or only with a reservation."""
+    """Notes on values that a table or plot leaves out, or shows with a reservation."""
     return "".join(f'<p class="note missed">{escape(sentence)}</p>' for sentence in sentences if sentence)
 
 
@@ -41,7 +41,7 @@ def key(results: AnyResults, controller: str, tag: str = "span") -> str:
 
 
 def headings(results: AnyResults, controllers: Iterable[str]) -> str:
-    """Controllers at the heads of a table's columns."""
+    """The column headings of a table: one per controller."""
     marks = {results.study.baseline: ' <span class="base">(baseline)</span>'}
     return "".join(f"<th>{escape(results.study.label(c))}{marks.get(c, '')}</th>" for c in controllers)
 
@@ -52,9 +52,9 @@ def rows(lines: Iterable[tuple[str, str]]) -> str:
 
 
 def table(kind: str, about: str, head: str, *bodies: str, attributes: str = "") -> str:
-    """A table that scrolls sideways where it is wider than the page, by keys too; "" without rows.
+    """A table that scrolls sideways, by keyboard too, if it is wider than the page; "" without rows.
 
-    `kind`: its class; `about`: its name; `bodies`: groups of rows.
+    `kind`: its CSS class; `about`: its name for screen readers; `bodies`: groups of rows.
     """
     if not any(bodies):
         return ""

@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 def thin(x: Array, points: int) -> tuple[Array, float]:
     """Thin x to at most `points` values that keep its peaks; also how many rows of x each stands for.
 
-    Each bucket gives its smallest and largest value, in their order in time, so the result is evenly spaced;
-    NaN where a bucket holds nothing else.
+    Each bucket of rows gives its smallest and largest value, in their order in time, so the result is evenly
+    spaced. A bucket of NaN only gives NaN.
     """
     if len(x) <= points:
         return x, 1.0
@@ -31,7 +31,7 @@ def thin(x: Array, points: int) -> tuple[Array, float]:
 
 
 def pack(x: Array) -> dict[str, Any]:
-    """x as 16-bit integers in base64: x = offset + scale * integer, the lowest integer where x isn't finite.
+    """x as 16-bit integers in base64: x = offset + scale * integer; the lowest integer means not finite.
 
     Half the size of single precision, and finer than a screen can show: 1/65534 of the range.
     """
@@ -60,12 +60,12 @@ def rms(x: Array) -> Array:
 
 
 def plain(values: Array) -> list[float | None]:
-    """Few numbers for JSON: five digits, null where not finite."""
+    """Values for JSON, to five digits; null if not finite. For short arrays: `pack` is smaller."""
     return [float(f"{v:.5g}") if math.isfinite(v) else None for v in values.tolist()]
 
 
 def number(value: float) -> str:
-    """Three significant digits, without an exponent where it stays readable."""
+    """The value to three significant digits, without an exponent if 1e-4 <= |value| < 1e6."""
     if value == 0 or not 1e-4 <= abs(value) < 1e6:
         return f"{value:.3g}"
     digits = max(0, 2 - math.floor(math.log10(abs(value)) + 1e-9))

@@ -16,5 +16,5 @@ def colours(results: AnyResults) -> dict[str, int]:
 
 
 def place(results: AnyResults, run: Run) -> int:
-    """A run's place in the page's list of controllers."""
+    """The index of a run's controller in the page's list of controllers."""
     return list(colours(results)).index(run.controller)
