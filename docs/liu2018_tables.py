@@ -232,7 +232,7 @@ def prediction(metrics: Metrics) -> list[str]:
 
 
 def without(metrics: Metrics) -> list[str]:
-    """Robust ILC with some of its terms switched off."""
+    """Results of robust ILC with some of its terms switched off."""
     study = cogless.load("liu2018")
     off = {
         "as published": {},

@@ -56,7 +56,7 @@ def measured(case: Case) -> Comparison:
 
 
 def parts(by_source: dict[str, float]) -> tuple[float, float, float]:
-    """The instructions of the current loop, of the checks and glue around it, and of the law."""
+    """Numbers of instructions of the current loop, of the checks and other code around it, and of the law."""
     loop = sum(n for source, n in by_source.items() if source in LOOP)
     around = sum(n for source, n in by_source.items() if source in AROUND or source.endswith("_controller"))
     return loop, around, sum(by_source.values()) - loop - around

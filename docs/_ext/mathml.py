@@ -27,7 +27,7 @@ def repaired(mathml: str) -> str:
         name = element.tag.removeprefix(SPACE)
         if (
             name == "munderover" and (element[2].text or "") in ACCENTS
-        ):  # a subscript under an accented letter
+        ):  # docutils puts the subscript of an accented letter under it
             letter, below, accent = element
             over = ET.Element(f"{SPACE}mover", {"accent": "true"})
             over.extend([letter, accent])

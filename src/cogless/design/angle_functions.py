@@ -1,6 +1,6 @@
 """The functions h, alpha and beta of model (1) in Verrelli 2016, and the bounds of its assumption A.3.
 
-Both follow from the values of a motor and its load. With i_d = 0 the motor's torque is
+They are computed from the values of a motor and its load. With i_d = 0 the motor's torque is
 K(theta) i_q + cogging(theta). In mechanical quantities,
 
     h = J / K        alpha = (T_L - cogging) / K        beta = D / K
@@ -26,7 +26,7 @@ from cogless.study import Study, for_scenario
 from cogless.study.mechanics import AngleTable, Load, Mechanics
 from cogless.study.motor import StarMotor
 
-POINTS = 256  # in a period of the highest order
+POINTS = 256  # grid points per period of the highest order
 MOST_POINTS = 2**20
 TURN = 2 * math.pi
 
@@ -39,7 +39,7 @@ class Bounds:
 
     h_m: float  # A*s^2/rad, the least of h
     h_M: float  # A*s^2/rad, the largest
-    k_h: float  # A*s^2/rad^2, of |h'|; the paper calls it g_d: the derivative of 1 / g
+    k_h: float  # A*s^2/rad^2, of |h'|; the paper's g_d, which bounds the derivative of 1 / g
     k_alpha1: float  # A, of |alpha|
     k_alpha2: float  # A/rad, of |alpha'|
     k_beta1: float  # A*s/rad, of |beta|
@@ -52,13 +52,13 @@ class Bounds:
 
     @property
     def g(self) -> tuple[float, float]:
-        """g- and g+, the least and the largest of 1 / h."""
+        """g- and g+: the smallest and the largest value of g = 1 / h."""
         return 1 / self.h_M, 1 / self.h_m
 
 
 @dataclass(frozen=True)
 class Series:
-    """constant + the sum of Re(c e^{j n theta}), theta mechanical, + the load's angle table if it has one."""
+    """A function of the mechanical angle: constant + sum of Re(c e^{j n theta}) + an angle table, if any."""
 
     constant: float
     orders: tuple[int, ...]
@@ -112,19 +112,19 @@ class AngleFunctions:
     D: float  # N*m*s/rad
 
     def h(self, theta: Real) -> Real:
-        """h, A*s^2/rad."""
+        """h = J / K at the mechanical angle theta, A*s^2/rad."""
         return np.asarray(self.J / self.K.at(theta))
 
     def alpha(self, theta: Real) -> Real:
-        """alpha, A."""
+        """alpha = (T_L - cogging) / K at the mechanical angle theta, A."""
         return np.asarray(self.torque.at(theta) / self.K.at(theta))
 
     def current(self, theta: Real, omega_m: float) -> Real:
-        """Current that a constant speed needs, A: alpha + omega beta."""
+        """Current that a constant mechanical speed omega_m, rad/s, needs: alpha + omega_m beta, A."""
         return self.alpha(theta) + omega_m * self.beta(theta)
 
     def beta(self, theta: Real) -> Real:
-        """beta, A*s/rad."""
+        """beta = D / K at the mechanical angle theta, A*s/rad."""
         return np.asarray(self.D / self.K.at(theta))
 
     @property
@@ -204,7 +204,7 @@ def _series(
 
 
 def _product(f: Rises, g: Rises) -> Rises:
-    """Bounds of the product f g and its derivatives, by Leibniz' rule."""
+    """Bounds of a product f g and its derivatives from those of f and g, by Leibniz' rule."""
     return [sum(math.comb(k, i) * f[i] * g[k - i] for i in range(k + 1)) for k in range(4)]
 
 

@@ -80,7 +80,7 @@ class Learning:
     norm: float  # the largest |F|
     frequency: float  # where
     worst: str  # the plant with the largest |F|
-    nominal: float  # the same for the nominal plant alone
+    nominal: float  # the largest |F| of the nominal plant
     monotone: bool  # the error grows at no frequency and not at the ends, and Phi isn't unstable
     contracting: bool  # monotone, and the error shrinks at every frequency
     K_3_limit: float | None  # largest gain at which no frequency's error grows, signed as K_3; None: no K_3
@@ -89,12 +89,12 @@ class Learning:
 
 @dataclass(frozen=True)
 class ModelCertificate:
-    """Certificate over one kind of models: "design" or "exact"."""
+    """Certificate for one of the two sets of models, "design" or "exact"."""
 
     radius: float  # largest spectral radius of A_cl over all plants: stability along the trial
     worst: str  # the plant with this radius
     stable: bool
-    delayed_radius: float  # with one more sample of delay at the input
+    delayed_radius: float  # largest spectral radius with one more sample of delay at the input
     delayed_stable: bool
     phi_radius: float | None  # largest of Phi (27) at any vertex; None without K_3 or if the shift isn't r
     without_filter: Learning | None  # None without learning, or if unstable along the trial
@@ -109,7 +109,7 @@ class ModelCertificate:
 
 @dataclass(frozen=True)
 class Certificate:
-    """Certificate of a trial controller; `exact` is None where the continuous plant isn't known."""
+    """Certificate of a trial controller; `exact` is None if the continuous plant isn't known."""
 
     design: ModelCertificate
     exact: ModelCertificate | None
@@ -135,7 +135,7 @@ class Update:
 
     @property
     def gain(self) -> float:
-        """K of F = 1 - K G."""
+        """The K of F = 1 - K G: K_3, or 1 for norm-optimal learning, whose operator is part of G."""
         return self.K_3 if self.ratio is None else 1.0
 
 
@@ -199,8 +199,8 @@ class _Sweep:
     ) -> Learning:
         """Learning with this filter or none.
 
-        The verdicts also use `ends`, the growth at the trial's ends, and `phi`, Phi's radius; 0 leaves one
-        out.
+        `monotone` and `contracting` also depend on `ends`, the growth at the trial's ends, and on `phi`,
+        Phi's spectral radius. A value of 0 has no effect.
         """
         w, K = self._w, self._update.gain
         sign = float(np.sign(K))

@@ -60,7 +60,7 @@ class Oscillation:
 
 
 def oscillation(loop: SpeedLoop, feedback: Linear) -> Oscillation | None:
-    """The fastest growing oscillation; None where the loop is stable."""
+    """The fastest growing oscillation of a loop with linear feedback; None if the loop is stable."""
     found = poles(loop, feedback)
     fastest = found[np.argmax(np.abs(found))]
     if abs(fastest) <= 1 + ROUNDING:

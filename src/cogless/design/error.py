@@ -10,5 +10,5 @@ class DesignError(StudyError):
 
     @property
     def key(self) -> str:
-        """The setting that is at fault: `state_weight`, `range.inertia`, `vertex`, ..."""
+        """The name of the setting at fault, such as `state_weight`, `range.inertia` or `vertex`."""
         return str(self).partition(":")[0]

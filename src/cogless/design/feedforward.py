@@ -28,7 +28,7 @@ LOUD = 1e3  # largest amplification accepted from uncancelled zeros next to z = 
 
 @dataclass(frozen=True)
 class Feedforward:
-    """f(p) = num(z^-1) / den(z^-1) y_ref(p + preview)."""
+    """Feedforward f(p) = num(z^-1) / den(z^-1) y_ref(p + preview)."""
 
     num: Real
     den: Real  # den[0] = 1
@@ -61,7 +61,7 @@ def static_gain(model: Model, C: Real, K_1: Real) -> float:
 
 
 def polynomials(model: Model, C: Real) -> tuple[Real, Real]:
-    """a and b of C (zI - A)^-1 B = b(z^-1) / a(z^-1), each (n + 1,); b begins with r zeros."""
+    """Coefficients a and b of C (zI - A)^-1 B = b(z^-1) / a(z^-1), n + 1 each; the first r of b are zero."""
     a = np.real(np.poly(model.A))
     response = np.append(0.0, markov(model.A, model.B, C, model.order))
     b = np.convolve(a, response)[: model.order + 1]
@@ -70,7 +70,7 @@ def polynomials(model: Model, C: Real) -> tuple[Real, Real]:
 
 
 def zeros(model: Model, C: Real) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
-    """Zeros of the transfer function, without those at infinity."""
+    """Finite zeros in z of the transfer function from input to output."""
     b = polynomials(model, C)[1][relative_degree(model, C) :]
     # coefficients that are only rounding become zero, so that the zeros at z = 0, which are delays, are exact
     b = np.where(np.abs(b) > 1e-13 * np.abs(b).max(), b, 0.0)

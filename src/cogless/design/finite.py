@@ -43,7 +43,7 @@ def growth(
     def ahead(e: Real) -> Real:
         return np.hstack([e[:, shift:], np.repeat(e[:, -1:], shift, axis=1)])
 
-    # the last samples of v act only after the trial's end, unless a filter on v spreads them forward in time
+    # the last samples of v act only after the trial, unless a filter on v spreads them to earlier samples
     idle = np.array([samples - int(np.flatnonzero(b)[0]) for _, b in transfer])
     acts = np.arange(samples) < (idle[:, None] if q_filter is None or filtered == "error" else samples)
     v = np.random.default_rng(0).normal(size=(len(loops), samples)) * acts

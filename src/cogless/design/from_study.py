@@ -111,7 +111,7 @@ def _uncertain(mechanics: Mechanics, motor: Motor) -> dict[str, float]:
 
 
 def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
-    """Settings of a controller's design: all that it needs besides the plant."""
+    """Settings of a controller's design: all inputs of the design besides the plant."""
     controller, design = study.controller[name], study.design
     assert isinstance(controller, TrialIlc | StateIlc | NormOptimalIlc)
     same = {field.name for field in fields(TrialSettings)}

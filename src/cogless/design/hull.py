@@ -33,7 +33,7 @@ SPARE = 0.1  # share of the excess added as reserve, because samples don't reach
 
 @dataclass(frozen=True)
 class _Frame:
-    """Affine coordinates of points: x = origin + scale * (basis^T c + rest)."""
+    """Affine coordinates c of points x = origin + scale * (basis^T c + rest)."""
 
     origin: Real
     scale: Real
@@ -105,7 +105,7 @@ def _scaled(points: Real, origin: Real, scale: Real) -> Real:
 
 
 def _qhull(points: Real) -> ConvexHull | None:
-    """The hull of full-dimensional points; None where Qhull can't make it."""
+    """The convex hull of full-dimensional points; None if Qhull fails or the dimensions are too many."""
     if points.shape[1] > QHULL_DIMENSIONS:
         return None
     from scipy.spatial import ConvexHull, QhullError

@@ -2,8 +2,7 @@
 
 docs/theory/trial-design.md#learning-as-a-repetitive-process has the inequalities. They bound the sum of the
 squares of all later errors. Each trial that starts with eta(0) = f adds at most beta_1 to it. Each sample of
-the first trial with e_0 = g adds at most beta_2. One such trial and one such sample add at most beta_1 +
-beta_2.
+the first trial with e_0 = g adds at most beta_2. So one of each adds at most beta_1 + beta_2.
 
 Scaling. The block e_{k+1} of (28) with U is a bounded-real condition with the supply p |e_k|^2 - (1 + p)
 |e_{k+1}|^2. It needs max |F|^2 <= p / (1 + p). So a frequency sweep finds the K_3 with the smallest max |F|,
@@ -31,7 +30,7 @@ FEWEST, MOST = 1024, 8192  # limits of the number of frequencies in `cost`
 
 @dataclass(frozen=True)
 class Vertex:
-    """A vertex of the mapped set (23)."""
+    """One vertex (A, B, Gamma, Upsilon) of the set (23) of Mandra 2019."""
 
     A: Real
     B: Real  # (n, 1)
@@ -40,24 +39,24 @@ class Vertex:
 
     @classmethod
     def of(cls, loop: Loop, r: int) -> Vertex:
-        """The vertex (22) of a closed loop."""
+        """The matrices (22) of a closed loop with relative degree r."""
         power = np.linalg.matrix_power(loop.A, r - 1)
         ahead = loop.C[None, :] @ power
         return cls(loop.A, loop.B, ahead @ loop.A, float((ahead @ loop.B)[0, 0]))
 
     @property
     def entries(self) -> Real:
-        """All matrices in one row."""
+        """The entries of all matrices, in one row vector."""
         return np.concatenate([self.A.ravel(), self.B.ravel(), self.Gamma.ravel(), [self.Upsilon]])
 
     @classmethod
     def from_entries(cls, row: Real, n: int) -> Vertex:
-        """The inverse of `entries`."""
+        """The vertex with these `entries`, for n states."""
         A, B, Gamma = row[: n * n].reshape(n, n), row[n * n : n * n + n], row[n * n + n : -1]
         return cls(A, B.reshape(n, 1), Gamma.reshape(1, n), float(row[-1]))
 
     def phi(self, K_3: float) -> Real:
-        """Phi (27)."""
+        """The matrix Phi of (27) with the learning gain K_3."""
         return np.block([[self.A, self.B * K_3], [-self.Gamma, np.array([[1 - self.Upsilon * K_3]])]])
 
 
@@ -69,7 +68,7 @@ class LearningGain:
     bounds: tuple[float, float]  # beta_1 and beta_2, in the error's unit squared: see `cost`
     check: Check
     status: str
-    affine: bool  # the mapped set is the hull of its vertices
+    affine: bool  # the set (23) is the hull of its mapped corners
     note: str
 
 

@@ -193,7 +193,7 @@ class LearningLoop(ABC):
         return np.asarray(1 - x if lead else 1 / (1 + x))
 
     def closed(self, f: Real) -> Complex:
-        """G S at frequencies f in Hz, 0 or more."""
+        """G S, the closed loop without C, at frequencies f >= 0 in Hz."""
         return _closed_at(self.plant, self.feedback, f.tobytes()).reshape(f.shape)
 
     def x(self, f: ArrayLike, lead: int | None = None) -> Complex:
@@ -237,7 +237,7 @@ class LearningLoop(ABC):
 
     @property
     def frequencies(self) -> Real:
-        """Frequencies from the period's own up to the highest, Hz."""
+        """Frequencies from that of the learning period up to `highest`, Hz."""
         return np.linspace(self.periods_per_second, self.highest, POINTS)
 
     def worst(self) -> Worst:
@@ -262,7 +262,7 @@ def sensitivity(loop: SpeedLoop, feedback: Linear, w: Real, P_omega: Complex, P_
 
 @lru_cache(maxsize=16)  # the same for all speeds of one plant and feedback
 def _closed(loop: SpeedLoop, feedback: Linear) -> tuple[Real, Complex]:
-    """Frequencies, Hz, and G S there."""
+    """A grid of frequencies, Hz, and G S at these."""
     f, P_omega, P_theta = plants(loop)
     S = sensitivity(loop, feedback, 2 * math.pi * f, P_omega, P_theta)
     return f, opened(feedback, P_omega, P_theta) * S
@@ -270,7 +270,7 @@ def _closed(loop: SpeedLoop, feedback: Linear) -> tuple[Real, Complex]:
 
 @lru_cache(maxsize=128)  # the same for all accelerations at one speed
 def _closed_at(loop: SpeedLoop, feedback: Linear, frequencies: bytes) -> Complex:
-    """G S, interpolated, at frequencies in Hz: the bytes of an array of doubles, which can be a cache key."""
+    """G S, interpolated, at frequencies in Hz, as bytes of an array so that they can be a cache key."""
     return np.interp(np.frombuffer(frequencies), *_closed(loop, feedback))
 
 

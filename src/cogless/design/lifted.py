@@ -14,7 +14,7 @@ from cogless.design.response import Loop
 
 
 def impulse_response(loop: Loop, samples: int) -> Real:
-    """C A^(p-1) B for p = 0 .. samples - 1; zero at p = 0."""
+    """Impulse response C A^(p-1) B at the samples p = 0 .. samples - 1; it is zero at p = 0."""
     out, x = np.zeros(samples), loop.B[:, 0]
     for p in range(1, samples):
         out[p] = loop.C @ x
@@ -23,7 +23,7 @@ def impulse_response(loop: Loop, samples: int) -> Real:
 
 
 def lifted(loop: Loop, samples: int) -> Real:
-    """G (samples, samples)."""
+    """The lifted closed loop: the Toeplitz matrix G (samples, samples)."""
     from scipy.linalg import toeplitz
 
     return np.asarray(toeplitz(impulse_response(loop, samples), np.zeros(samples)))

@@ -36,7 +36,7 @@ def minimise(objective: Any, constraints: list[Any]) -> str:
     problem = cp.Problem(cp.Minimize(objective), constraints)
     settings = {"tol_gap_abs": 1e-9, "tol_gap_rel": 1e-9, "tol_feas": 1e-9, "max_threads": 1}
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # "may be inaccurate": every solution is checked
+        warnings.simplefilter("ignore")  # "may be inaccurate": all solutions are checked anyway
         try:
             # Clarabel's own equilibration would undo our scaling, and then it sometimes fails
             problem.solve(solver=cp.CLARABEL, equilibrate_enable=False, **settings)

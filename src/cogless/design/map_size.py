@@ -1,9 +1,9 @@
 """Whether a map over the angle has enough cells for the known orders of motor and load.
 
-A map interpolates linearly between two cells. For a wave of c cells per wavelength this has the gain sinc^2(1
-/ c). With fewer than 2 cells per wavelength the wave is aliased to a slower one. The Q filter is a moving
-mean. In each period it keeps 0.83 of a wave that is three times as long as the filter is wide, and almost
-nothing of a wave that is as long as the filter.
+A map interpolates linearly between two cells. This has the gain sinc^2(1 / c) for a wave of c cells per
+wavelength. With fewer than 2 cells per wavelength the wave is aliased to a slower one. The Q filter is a
+moving mean. In each period it keeps 0.83 of a wave that is three times as long as the filter is wide, and
+almost nothing of a wave that is as long as the filter.
 """
 
 from __future__ import annotations

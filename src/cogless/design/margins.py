@@ -29,10 +29,10 @@ class Margins:
     """Stability margins of a loop; NaN if L has no such crossing, or if the loop is unstable."""
 
     stable: bool
-    crossover: float  # rad/s, where the phase margin is
+    crossover: float  # rad/s, at which the phase margin is taken
     phase_margin: float  # rad
     gain_margin: float  # a factor above one
-    phase_crossover: float  # rad/s, frequency of the oscillation with that factor on L
+    phase_crossover: float  # rad/s, frequency of the oscillation if L is multiplied by gain_margin
 
 
 UNSTABLE = Margins(False, math.nan, math.nan, math.nan, math.nan)
@@ -77,7 +77,7 @@ def _phase_crossover(response: Callable[[Real], Complex], w: Real, L: Complex) -
     found = np.flatnonzero((np.sign(a.imag) != np.sign(b.imag)) & (a.real < 0) & (b.real < 0))
     share = a[found].imag / (a[found].imag - b[found].imag)
     real = a[found].real + share * (b[found].real - a[found].real)
-    # at half the rate L is always real
+    # L is also real at half the sampling rate, the last point
     real, found = np.append(real, L[-1].real), np.append(found, len(L) - 1)
     inside = (real > -1) & (real < 0)
     if not np.any(inside):

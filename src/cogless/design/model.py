@@ -35,7 +35,7 @@ class Model:
 
     @property
     def entries(self) -> Real:
-        """[A B] row by row."""
+        """The entries of [A B] as a vector, row by row."""
         return np.hstack([self.A, self.B]).ravel()
 
     @classmethod
@@ -55,13 +55,13 @@ class Model:
 
     @classmethod
     def from_entries(cls, entries: Real, order: int) -> Model:
-        """The inverse of `entries`."""
+        """The model of given order with these `entries`."""
         both = entries.reshape(order, order + 1)
         return cls(both[:, :order].copy(), both[:, order:].copy())
 
 
 def sampled(continuous: Model, period: float, how: Discretisation) -> Model:
-    """The discrete model of a continuous one."""
+    """The discrete model of a continuous one, with the sample period in s."""
     n = continuous.order
     if how == "euler":
         return Model(np.eye(n) + period * continuous.A, period * continuous.B)

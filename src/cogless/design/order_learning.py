@@ -53,7 +53,7 @@ class OrderLoop(LearningLoop):
 
     @property
     def orders(self) -> Real:
-        """The orders with at least two samples per cycle at this speed: these are learned."""
+        """The orders with more than two samples per cycle at this speed: only these are learned."""
         orders = np.array(self.law.orders, dtype=float)
         return orders[orders * abs(self.omega_m) * self.plant.period < math.pi]
 

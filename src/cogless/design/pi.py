@@ -7,9 +7,9 @@ The open speed loop, from speed error to measured speed, sampled with period T =
 P is the response from current reference to measured speed. It consists of N exact steps x' = A x + B i_ref,
 each of one current-loop period T_c. From one speed sample to the next this gives X(z) = (z - A^N)^-1 B_N.
 With an ideal sensor the measured speed is omega. Otherwise it is (theta now - theta W steps ago) / (W T_c).
-With W = m N - r (0 <= r < N), theta W steps ago was that of z^-m (A^r X + B_r). This assumes a delay of T /
-2. An encoder that is timed from edge to edge (method T) has at most this delay, if two edges come in a
-period.
+With W = m N - r (0 <= r < N), theta W steps ago was that of z^-m (A^r X + B_r). An encoder has W = N, so a
+delay of T / 2. If it is timed from edge to edge (method T), this is its largest delay while two edges or more
+come in a period.
 
 The rule puts the crossover w_c at the frequency of the largest phase. With K = kp + ki T / 2, T_i = K / ki,
 w' = tan(wT / 2) / (T / 2), T_e = -arg(jw P(jw)) / w and x = w' T_i
@@ -39,7 +39,7 @@ CURRENT, INTEGRAL, WAITING, OMEGA, THETA, REFERENCE = range(6)  # indices of the
 
 
 def pi_response(w: Real, T: float, k: float, k_i: float) -> Complex:
-    """k + k_i T z / (z - 1) at w in rad/s."""
+    """Response of a PI controller, k + k_i T z / (z - 1), at w in rad/s."""
     if not k_i:
         return np.full(np.shape(w), k, dtype=complex)
     z = np.exp(1j * w * T)
@@ -48,10 +48,10 @@ def pi_response(w: Real, T: float, k: float, k_i: float) -> Complex:
 
 @dataclass(frozen=True)
 class SpeedLoop:
-    """The plant of the speed controller."""
+    """The speed controller's plant: current loop, mechanics and speed measurement."""
 
     b: float  # rad/s^2/A, acceleration per current
-    steps: int  # current-loop periods in one of the speed loop
+    steps: int  # current-loop periods per speed-loop period
     window: int  # current-loop periods over which the speed is averaged; 0: speed at the sample
     current: CurrentLoop | IdealLoop  # of the q axis
 

@@ -33,13 +33,13 @@ INSIDE_SAMPLES = 200  # number of sampled parameter sets whose models must be in
 
 @dataclass(frozen=True)
 class UncertainPlant:
-    """Discrete models that a design has to hold for. Lengths in samples, `period` in s."""
+    """The discrete models for which a design has to hold; `period` is in s."""
 
     C: Real  # (n,)
     period: float
     discretisation: Discretisation | None  # None: the models were given as discrete ones
     vertices: tuple[Model, ...]  # minimal
-    labels: tuple[str, ...]  # what each vertex is, for messages
+    labels: tuple[str, ...]  # a name of each vertex, for messages
     nominal: Model
     exact_vertices: tuple[Model, ...] | None  # the corners, sampled exactly; None if not known
     exact_nominal: Model | None
@@ -56,7 +56,10 @@ class UncertainPlant:
 
     @cached_property
     def random(self) -> Models:
-        """Random models, the same for all certificates; the discrete ones include mixtures of vertices."""
+        """Random models, the same for all certificates: discrete ones, then exactly sampled ones or None.
+
+        The discrete ones include mixtures of vertices.
+        """
         rng = np.random.default_rng(0)
         drawn, exact = self.sample(rng, CERTIFIED)
         return [*drawn, *_mixtures(self.vertices, rng, CERTIFIED)], exact

@@ -7,8 +7,8 @@ The open loop, closed through omega_t = omega - omega_ref + k_theta (theta - the
 with the plants P of pi.py. If the law has v(omega), it is added to k_omega. If it has k_v, k_v P_theta is
 added to L. `ratio` converts all mechanical angles to the frame of the gains.
 
-The rule gives the stiffest loop with the wanted margin, with both zeros at the same frequency: k_i / K =
-k_theta with K = k_omega + k_i T / 2 (docs/theory/learning-in-angle.md#a-fair-pi). It is found by search. A
+The rule gives the stiffest loop with the wanted margin. Both of its zeros are at the same frequency, k_i / K
+= k_theta with K = k_omega + k_i T / 2 (docs/theory/learning-in-angle.md#a-fair-pi). It is found by search. A
 formula for a delay that is the same at all frequencies isn't good enough: the delay of verrelli2016's current
 loop falls from 2 ms to 0.6 ms over frequency, and the formula's loop would be 4 to 6 times too soft at 45
 deg.

@@ -1,4 +1,4 @@
-"""The zero-phase Butterworth filter between trials, and the cutoff that makes learning possible."""
+"""The zero-phase Butterworth filter between trials, and a search for a cutoff with which learning works."""
 
 from __future__ import annotations
 

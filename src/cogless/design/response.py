@@ -1,8 +1,8 @@
 """The trial-to-trial operator (20) of Mandra 2019 in the frequency domain, for many plants at once.
 
 G(w) = C z^r (zI - A)^-1 B is the response from the learned v to the output r samples later, at z = exp(jw)
-with w in rad per sample. With the gain K and a zero-phase filter of gain H >= 0 the error obeys e_{k+1} = F
-e_k + ...
+with w in rad per sample. With the gain K and a zero-phase filter of gain H >= 0 the error obeys
+e_{k+1} = F e_k + ...
 
     no filter        F = 1 - K G
     on the error     F = 1 - K G H          v <- v + K H e
@@ -34,7 +34,7 @@ MONOTONE = 1e-9  # an excess of a factor over one that is rounding, and harmless
 
 @dataclass(frozen=True)
 class Loop:
-    """A loop from v to y: A, B (n, 1), output C (n,)."""
+    """A closed loop from the learned v to the output y: A (n, n), B (n, 1), C (n,)."""
 
     A: Real
     B: Real
@@ -42,7 +42,7 @@ class Loop:
 
     @property
     def radius(self) -> float:
-        """The largest pole's magnitude."""
+        """Spectral radius: the magnitude of the largest pole."""
         return float(np.abs(np.linalg.eigvals(self.A)).max())
 
 
@@ -54,13 +54,13 @@ class Filter:
     a: Real
 
     def gain(self, w: Real) -> Real:
-        """Squared gain at w, rad per sample."""
+        """Gain |b/a|^2 of both passes together, at w in rad per sample."""
         z = np.exp(-1j * w)
         return np.asarray(np.abs(np.polyval(self.b[::-1], z) / np.polyval(self.a[::-1], z)) ** 2)
 
 
 class Bundle:
-    """Loops of the same order with the same shift."""
+    """Several loops of the same order, whose G with a common shift is computed together."""
 
     def __init__(self, loops: Sequence[Loop], shift: int) -> None:
         self.loops, self.shift = list(loops), shift

@@ -36,7 +36,7 @@ from cogless.study.spoken import speed_text
 
 FREQUENCIES = 2000
 FEW = 1.0  # counts per speed sample; below this the measured speed comes in pulses, or late
-LARGE = 0.4  # rms swing / speed; above this several orders' peaks, 2 to 3 times the rms, stop the rotor
+LARGE = 0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor
 ROUNDING = 1e-9
 
 
@@ -126,7 +126,7 @@ def _orders(loop: LearningLoop) -> tuple[Real, Real]:
 
 
 def _responses(loop: LearningLoop, f: Real) -> tuple[Complex, Complex]:
-    """P_t and S at frequencies in Hz."""
+    """P_t, from current reference to true speed, and the sensitivity S, at frequencies f in Hz."""
     grid, P_omega, P_theta = plants(loop.plant)
     w = math.tau * f
     P_omega, P_theta = np.interp(f, grid, P_omega), np.interp(f, grid, P_theta)

@@ -42,7 +42,7 @@ The minimum is (s_1 - k_v) / k_theta for 2 k_v < s_1, which includes k_v = 0, an
 otherwise. Both conditions are evaluated at the reference's top speed: with a small error the speed stays near
 the reference.
 
-The paper takes the bounds as known, but only who knows the motor knows them. So they are reported, and aren't
+The paper takes the bounds as known, but they are only known if the motor is. So they are reported, and aren't
 used as defaults: a limit that a study leaves out follows from the current limit.
 """
 
@@ -78,7 +78,7 @@ class Condition:
     """A bound that a gain has to exceed."""
 
     name: str
-    asks: float  # A*s/rad; infinite where no gain is enough
+    asks: float  # A*s/rad; infinite if no gain is enough
     needed: bool = False  # whether the proof needs it; the others are as printed, or stricter than needed
     wants: str = ""  # the setting without which no gain is enough
 
@@ -94,7 +94,7 @@ class Theorem:
     section: str
     gain: str  # name of the gain that has to exceed the conditions
     has: float  # A*s/rad, mechanical
-    bounds: Bounds | None  # None: the torque per current comes down to zero
+    bounds: Bounds | None  # None if the torque per current reaches zero
     conditions: tuple[Condition, ...]
     obstacles: tuple[str, ...]
 
@@ -105,7 +105,7 @@ class Theorem:
         return self.bounds is not None and enough and not self.obstacles
 
     def verdict(self) -> str:
-        """The verdict in words."""
+        """The theorem's verdict in words, with the gain as a multiple of each condition."""
         met = [c for c in self.conditions if math.isfinite(c.asks)]
         never = [c.name + (c.wants and f", which wants {c.wants}") for c in self.conditions if c not in met]
         asked = ", ".join(f"{c.ratio(self.has):.2g} of {c.name} ({c.asks:.3g})" for c in met)
@@ -146,7 +146,7 @@ def theorem(study: Study, name: str) -> Theorem | None:
 def speed_conditions(
     bounds: Bounds, motion: Motion, law: SpaceSpeed, limits: tuple[float, ...]
 ) -> tuple[Condition, ...]:
-    """Conditions on k of law (4), as derived above. `limits`: of alpha, beta and h, 0 if not learned."""
+    """Conditions on k of law (4): see the top of this file. `limits`: of alpha, beta, h; 0 if not learned."""
     eta, least = law.eta_bar, motion.slowest - law.eta_bar
     mu = (law.mu_alpha, law.mu_beta, law.mu_h)
     per = eta / least if least > 0 else math.inf
@@ -174,7 +174,7 @@ def _times(gain: float, per: float) -> float:
 
 
 def position_conditions(bounds: Bounds, motion: Motion, feedback: Linear) -> tuple[Condition, ...]:
-    """Conditions on k_omega + v of law (6), as derived above."""
+    """Conditions on k_omega + v of law (6): see the top of this file."""
     k_theta, k_v = feedback.k_theta, feedback.ratio * feedback.k_v
     if k_theta <= 0:
         return (Condition("what the proof needs, without k_theta", math.inf, needed=True),)
@@ -285,7 +285,7 @@ def _unfit(study: Study, law: SpaceLearning, functions: list[AngleFunctions]) ->
 
 
 def _tight_limits(study: Study, law: SpacePosition | SpaceSpeed, bounds: Bounds) -> list[str]:
-    """Messages on limits below the bounds of what is learned, in the law's frame: beta and h over `ratio`."""
+    """Messages on limits below the bounds of the learned functions; beta and h are in the law's frame."""
     ratio = law.ratio(study.motor.pole_pairs)
     asked = (bounds.k_alpha1, bounds.k_beta1 / ratio, bounds.h_M / ratio)
     limits = learned_limits(study, law, study.scenario.values())

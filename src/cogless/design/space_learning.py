@@ -55,7 +55,7 @@ class SpaceLoop(LearningLoop):
 
     @cached_property
     def feedback(self) -> Linear:
-        """The linear feedback while the law learns: without the integral if learning takes over from it."""
+        """The linear feedback while the law learns: without the integral if the law has `hand_over`."""
         law, before = self.law, self.feedback_before
         handed = isinstance(law, SpacePosition) and law.hand_over
         return dataclasses.replace(before, k_i=0.0) if handed else before

@@ -18,7 +18,7 @@ from cogless.design.model import Model, Real
 
 TRIES = 3  # each in coordinates in which the Y of the try before is I
 NONE = 1e-9  # a Y with an eigenvalue below this counts as singular; its upper bound is I
-MARGIN = 1e-9  # of |A_j + B_j K|^2 below one
+MARGIN = 1e-9  # by which |A_j + B_j K|^2 has to be below one
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def stabilise(models: Sequence[Model], T: Real) -> Common | None:
 
 
 def _solve(models: Sequence[Model], T: Real) -> tuple[Real, Real] | None:
-    """K and the coordinates in which Y is I."""
+    """Solves the program for t in the coordinates T: K and the coordinates in which Y is I, or None."""
     import cvxpy as cp
 
     n, inverse = len(T), np.linalg.inv(T)

@@ -38,7 +38,7 @@ class StateFeedback:
 
 
 def augmented(model: Model, C: Real) -> Model:
-    """The model with the integrator psi(p) = psi(p-1) - y(p) as its last state: (7)."""
+    """The model with the integrator psi(p) = psi(p-1) - y(p) as its last state: (7) of Mandra 2019."""
     n = model.order
     A = np.zeros((n + 1, n + 1))
     A[:n, :n], A[n, :n], A[n, n] = model.A, -C, 1.0

@@ -67,7 +67,7 @@ def current_loop_summary(study: Study) -> dict[str, CurrentLoopDesign]:
 
 
 def to_dict(study: Study) -> dict[str, Any]:
-    """The summary as plain types, SI, for JSON; a margin that the loop doesn't have is null."""
+    """The summary as plain types in SI units, for JSON; a margin that doesn't exist is null."""
     return {
         "study": study.title,
         "current_loop": current_loop_dict(study),
@@ -77,7 +77,7 @@ def to_dict(study: Study) -> dict[str, Any]:
 
 
 def design_dict(design: Design) -> dict[str, Any]:
-    """One controller as plain types."""
+    """The design of one controller as plain types, for JSON."""
     return {
         "law": design.law,
         "rule": design.rule,
@@ -89,7 +89,7 @@ def design_dict(design: Design) -> dict[str, Any]:
 
 
 def current_loop_dict(study: Study) -> dict[str, Any]:
-    """The current loop by axis as plain types."""
+    """The current-loop design of each axis as plain types, for JSON."""
     return {
         axis: {"gains": _gains(loop.gains), "margins": _margins(loop.margins), "weakness": loop.weakness}
         for axis, loop in current_loop_summary(study).items()
@@ -162,7 +162,7 @@ def design(study: Study, name: str) -> Design:
 
 
 def _weakest(study: Study, name: str) -> Margins | None:
-    """The smaller margins of those at the slowest and the fastest reference: a position law's v differs."""
+    """Margins at the slowest or the fastest reference, whichever are smaller; v of a position law differs."""
     scenarios = [study.scenario[key] for key in study.scenarios_of(name)]
     speeds = {speed for s in scenarios for speed in (s.slowest, s.top_reference)} or {0.0}
     feedbacks = dict.fromkeys(feedback_of(study, name, speed) for speed in speeds)
@@ -198,7 +198,7 @@ def _numbers(controller: AnyController) -> dict[str, Gain]:
 
 
 def _idle(controller: AnyController) -> set[str]:
-    """Fields of a law that learns in angle which have no effect with the law's other settings."""
+    """Fields that have no effect with a law's other settings; empty unless the law learns in angle."""
     if not isinstance(controller, SpaceLearning):
         return set()
     if not controller.learning:

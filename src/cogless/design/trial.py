@@ -43,7 +43,7 @@ LOW_PASS = "expected a zero-phase low-pass filter on the learned signal"
 
 @dataclass(frozen=True)
 class TrialSettings:
-    """Settings of a trial controller. Sizes: n states of the plant, one more with the integrator."""
+    """Settings of a trial controller's design; n is the number of the plant's states without integrator."""
 
     samples: int  # in a trial, alpha
     Q: ArrayLike  # (n + 1, n + 1), or (n, n) for a feedback that is designed without integral action
@@ -62,13 +62,13 @@ class TrialSettings:
     K_s: ArrayLike | None = None  # gains given here are certified, not designed; sized as Q
     N: float | None = None
     K_3: float | None = None
-    shift: int | None = None  # samples by which e is ahead of v; None: the relative degree
+    shift: int | None = None  # v(p) learns from e(p + shift), samples; None: the relative degree
     change_weight: float = 1e-2  # for norm-optimal learning: weight of v's change; the error's is 1
 
 
 @dataclass(frozen=True)
 class TrialGains:
-    """Gains that all structures share."""
+    """Gains that controllers of all structures share."""
 
     K_s: Real
     integral: bool  # K_s has a gain for the integrator
@@ -76,7 +76,7 @@ class TrialGains:
     feedforward: Feedforward | None
     K_3: float | None  # None if learning doesn't use it, or if none exists
     no_K_3: DesignError | None  # why no K_3 exists
-    feedback: StateFeedback | None  # None where K_s was given
+    feedback: StateFeedback | None  # None if K_s was given
     learning: LearningGain | None  # None if K_3 was given, or wasn't found by (35)
     notes: tuple[str, ...]
 
@@ -203,7 +203,7 @@ def _law(K_s: Real, n: int, N: float, integral: bool, through: bool) -> Gains:
 def _learning_gain(
     plant: UncertainPlant, law: Gains, settings: TrialSettings, f: Real
 ) -> tuple[float, LearningGain | None, str]:
-    """K_3 by (35); by frequency response if the shift isn't r or only a filter on the signal allows a K_3."""
+    """K_3 by (35). It is found by frequency response if (35) gives none, or if the shift isn't r."""
     r = plant.relative_degree
     shift = settings.shift or r
     loops = [law.closed(m, plant.C) for m in plant.vertices]
@@ -247,7 +247,7 @@ def _check_sign(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> N
 
 
 def _low_pass(loops: Sequence[Loop], plant: UncertainPlant, settings: TrialSettings, shift: int) -> str:
-    """The end of a message: the filter cutoff with which learning is fast, and the shift if it isn't this."""
+    """The end of a message: the filter cutoff, and another shift if needed, with which learning is fast."""
     for tried in range(shift, shift + SHIFTS + 1):
         cutoff = workable_cutoff(loops, tried, settings.filter_order, plant.period, settings.samples)
         if cutoff is not None:
@@ -258,7 +258,7 @@ def _low_pass(loops: Sequence[Loop], plant: UncertainPlant, settings: TrialSetti
 def _by_frequency(
     loops: Sequence[Loop], plant: UncertainPlant, settings: TrialSettings, shift: int
 ) -> tuple[float, str] | None:
-    """K_3 with the smallest factor per trial, for cases without (35), and a note; None if none is enough."""
+    """K_3 with the smallest largest factor per trial over frequency, and a note; None if that is too large."""
     bundle = Bundle(loops, shift)
     w = bundle.grid
     G = bundle(w)

@@ -49,7 +49,7 @@ def summary(study: TrialStudy) -> TrialSummary:
 
 
 def to_dict(study: TrialStudy, found: TrialSummary) -> dict[str, Any]:
-    """The summary as plain types, SI, for JSON. Models are discrete; frequencies end in _Hz."""
+    """The summary as plain types in SI units, for JSON. Models are discrete; frequency keys end in _Hz."""
     plant = found.plant
     return {
         "study": study.title,
@@ -107,7 +107,7 @@ def design_dict(design: TrialDesign) -> dict[str, Any]:
 
 
 def words(design: TrialDesign) -> str:
-    """The certificate in one line."""
+    """The certificate's verdict on learning from trial to trial, in one line."""
     said = []
     for model, found in _rows(design.certificate):
         none = "no K_3" if design.no_K_3 else "no learning"

@@ -69,7 +69,7 @@ def never(study: Study, scenario: str, name: str) -> str | None:
 
 
 def too_short(law: Memory, revolutions: Fraction, theta: Real, time: float, omega_ref: Real) -> str | None:
-    """The message that less than a period was turned while learning; None if more, or if an angle recurred.
+    """The message that too little was turned for any angle to be passed twice while learning; None if enough.
 
     All arguments are from the start of learning on: mechanical angle `theta` in rad, `time` in s, `omega_ref`
     in rad/s.

@@ -62,7 +62,7 @@ WORSE = 1.25  # ripple with learning / feedback's ripple; above this learning do
 MARGIN = 2  # proposed omega_min / unstable speed: a gain margin, since mu is proportional to 1 / |omega|
 TINY = 1e-30  # under a logarithm
 
-STOPPING = SpaceLearning | PiAfc  # those that have an omega_min
+STOPPING = SpaceLearning | PiAfc  # laws with an omega_min, below which they don't learn
 Samples = NDArray[np.intp]
 
 Kind = Literal["settles", "may grow", "grows", "may be unstable", "unstable", "feedback unstable", "rests"]
@@ -91,7 +91,7 @@ class Mean:
     """The largest mean factor per period of any order; speeds are weighted by the angle turned at them."""
 
     factor: float
-    lowest: float  # Hz, that order at the slowest speed
+    lowest: float  # Hz, the order's frequency at the slowest speed
     highest: float  # Hz, at the fastest
     sure: bool  # whether the order certainly grows
 
@@ -141,7 +141,7 @@ class Verdict:
 
     @property
     def fine(self) -> bool:
-        """Whether there is nothing to warn of."""
+        """Whether learning settles without anything to warn of."""
         return self.kind == "settles" and self.passing is None and not self.doubts and self.ratio <= WORSE
 
     @property
@@ -200,7 +200,7 @@ class _At:
 
     @cached_property
     def oscillation(self) -> Oscillation | None:
-        """The fastest growing oscillation at any torque constant."""
+        """The fastest growing oscillation over the judged torque constants; None if there is none."""
         found = [o for loop in self.loops if (o := loop.oscillation()) is not None]
         return max(found, key=lambda o: o.rate, default=None)
 

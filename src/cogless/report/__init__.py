@@ -57,7 +57,7 @@ def write(results: AnyResults, path: Path) -> None:
 
 
 def write_plots(results: AnyResults, directory: Path) -> list[Path]:
-    """Write the still pictures and return their paths."""
+    """Write the still pictures as PNG files and return their paths."""
     sections = _sections(results)
     drawn = page.data(page.drawable(results), sections)
     return png.write_plots(results, drawn, sections.pictures, directory)

@@ -81,7 +81,7 @@ class Line:
 
     @property
     def window(self) -> str:
-        """The time window of the metric, such as "8 to 10 s"; "" where it isn't known."""
+        """The time window of the metric, such as "8 to 10 s"; "" if it isn't known."""
         times = [f"{t:.3g}" if t < 1000 else f"{t:.0f}" for t in self.span or ()]
         return f"{' to '.join(times)} s" if times else ""
 
@@ -124,7 +124,7 @@ class Line:
         return value / base
 
     def number(self, controller: str) -> str:
-        """A controller's value without its unit, "never", "not finite", or "" where there is none."""
+        """A controller's value without its unit, "never", or "not finite"; "" if the line has none."""
         if controller not in self.values:
             return ""
         value = self.values[controller]
@@ -144,7 +144,7 @@ def runs_in(results: AnyResults, scenario: str) -> list[Run]:
 
 
 def compare(results: Results, scenario: str) -> list[Line]:
-    """The lines of a scenario, in the study's order of metrics; an order metric has a line for each order."""
+    """A speed scenario's lines, in the study's order: one per metric, or one per order of an order metric."""
     runs = runs_in(results, scenario)
     lines, idle = [], {run.controller: why for run in runs if (why := unlearned(results, run))}
     for metric in results.study.metrics_in(scenario):
@@ -187,7 +187,7 @@ def lines_of(
 ) -> list[Line]:
     """A metric's lines, one for each (name, order) in `named`."""
     unit, scale = shown_in(study, metric)
-    # For "exceeds", the time until a band is left, higher is better, unless the study sets `better` itself.
+    # "exceeds" is the time until a band is left: higher is better, unless the study sets `better` itself.
     later = metric.kind == "exceeds" and "better" not in metric.model_fields_set
     about = metric.frame, "higher" if later else metric.better, unit
     values = {run.controller: run.metrics[result_name(metric)] for run in runs}
@@ -215,5 +215,5 @@ def factor_text(ratio: float) -> str:
 
 
 def pretty(unit: str) -> str:
-    """A unit as it is printed: "N·m"."""
+    """A unit as it is printed, such as "N·m" for "N*m"."""
     return unit.replace("*", "·").replace("^2", "²").replace("ohm", "Ω")

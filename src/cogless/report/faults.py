@@ -21,7 +21,7 @@ OVER = 1.05  # largest current / its limit; more than a current loop's usual ove
 # Ripple after a fault / usual ripple, above which it is worse: the usual ripple changes by a tenth per turn.
 WORSE = 1.25
 SMALL = 1e-4  # share of the speed; a smaller ripple isn't called worse
-ALIKE = 0.05  # relative difference of speeds at which ripples are compared
+ALIKE = 0.05  # largest relative difference of speeds at which two ripples are compared
 UNBROKEN = r"(?<=\d) (?=(m?s|A|of \d)\b)| (?=\(rpm)"  # spaces at which a line must not break
 SHOWN = 3  # largest number of faults in a scenario's verdict; results.json has all
 

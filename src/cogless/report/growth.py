@@ -1,4 +1,4 @@
-"""Whether learning becomes unstable in a run: which frequency grows, and since when the baseline is better."""
+"""Whether learning becomes unstable in a run: which frequency grows, since when the baseline is better."""
 
 from __future__ import annotations
 
@@ -24,8 +24,9 @@ SEGMENT = 2048  # trace rows per spectrum
 def growth(results: Results, run: Run) -> float | None:
     """The frequency, Hz, of the spectral line of i_q that grew since learning began; None if no line grew.
 
-    The first time at which it shows counts, because later it is affected by limits. The line has to exceed
-    all lines within an octave of it, both of this run when learning began and of the baseline's run.
+    The line is taken from the first window in which it shows, because limits affect it later. It has to be
+    larger, by the factor `GREW`, than all lines within an octave of it when learning began and in the
+    baseline's run.
     """
     law = in_angle(results, run)
     trace = run.trace

@@ -17,7 +17,7 @@ NOTE = "The current that each controller has learned over one revolution, as it 
 
 
 def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """Learned current over one revolution, a chart for each frame, on a common grid of angle."""
+    """Charts of the learned current over angle, one electrical and one mechanical, each on a common grid."""
     charts = []
     for frame in ("electrical", "mechanical"):
         learned = [

@@ -15,7 +15,7 @@ NONE = "–"  # noqa: RUF001
 
 @cache
 def asset(name: str) -> str:
-    """A file of assets/ as text."""
+    """The text of a file in the package's folder assets/."""
     return (files("cogless.report") / "assets" / name).read_text(encoding="utf-8")
 
 
@@ -30,12 +30,12 @@ def reservations(sentences: Sequence[str]) -> str:
 
 
 def tint(results: AnyResults, controller: str) -> str:
-    """The attribute that gives an element a controller's colour."""
+    """The HTML attribute that gives an element a controller's colour."""
     return f'style="--colour:var(--c{colours(results)[controller]})"'
 
 
 def key(results: AnyResults, controller: str, tag: str = "span") -> str:
-    """A controller's label beside its colour."""
+    """A controller's label, marked with its colour, as HTML."""
     label = escape(results.study.label(controller))
     return f'<{tag} class="key" {tint(results, controller)}>{label}</{tag}>'
 
@@ -47,7 +47,7 @@ def headings(results: AnyResults, controllers: Iterable[str]) -> str:
 
 
 def rows(lines: Iterable[tuple[str, str]]) -> str:
-    """Rows of a table: a heading, as text, and cells, as HTML."""
+    """HTML rows of a table from pairs: a heading as text, and the row's cells as HTML."""
     return "".join(f"<tr><th>{escape(heading)}</th>{cells}</tr>" for heading, cells in lines)
 
 

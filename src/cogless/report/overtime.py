@@ -171,7 +171,7 @@ def events(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 def _times(
     results: Results, runs: Sequence[Run], panels: Sequence[Panel], views: Sequence[View]
 ) -> dict[str, Any]:
-    """Panels over time, with points of each view."""
+    """The panels' series over time, each with the points of all views."""
     drawn = [
         {"title": panel.title, "quantity": panel.quantity, "unit": pretty(panel.unit), "series": series}
         for panel in panels
@@ -201,7 +201,7 @@ def _series(
         x = np.sum([run.trace[name] for name in names], axis=0) / panel.scale
         series = {"controller": place(results, run), **_packed(x, run.trace, views)}
         drawn.append((_spread(x[views[0].rows(run.trace)]), series))
-    # The widest is drawn first, so that it doesn't hide the others.
+    # The series with the largest spread is drawn first, so that it doesn't hide the others.
     return [series for _, series in sorted(drawn, key=lambda pair: -pair[0])]
 
 
@@ -211,6 +211,6 @@ def _packed(x: Array, trace: Trace, views: Sequence[View]) -> dict[str, Any]:
 
 
 def _spread(x: Array) -> float:
-    """Spread of the second half of x; 0 where it isn't finite."""
+    """Standard deviation of the second half of x; 0 if it isn't finite."""
     spread = float(np.std(x[len(x) // 2 :])) if len(x) else 0.0
     return spread if math.isfinite(spread) else 0.0

@@ -1,4 +1,4 @@
-"""Numbers for the page: waveforms thinned so that peaks survive, and packed."""
+"""Numbers for the page: waveforms are thinned without losing their peaks, and packed as 16-bit integers."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ def pack(x: Array) -> dict[str, Any]:
 
 
 def unpack(packed: dict[str, Any]) -> Array:
-    """The values that were packed, NaN where they weren't finite."""
+    """The values of a packed array; NaN where they weren't finite."""
     integers = np.frombuffer(base64.b64decode(packed["data"]), dtype="<i2").astype(float)
     return np.asarray(packed["offset"] + packed["scale"] * np.where(integers == -32768, np.nan, integers))
 
 
 def rms(x: Array) -> Array:
-    """Root of the mean square along the last axis; infinite where a square is too large for a number."""
+    """Root of the mean square along the last axis; infinite if a square overflows."""
     with np.errstate(over="ignore", invalid="ignore"):
         return np.asarray(np.sqrt(np.mean(np.square(x), axis=-1)))
 

@@ -24,7 +24,7 @@ HUGE = 1e30  # far beyond any drive
 
 
 def render(results: AnyResults, sections: Sections) -> str:
-    """The page as one text. All of the user's text is escaped."""
+    """The page as one HTML text. All text from the study is escaped."""
     results, study = drawable(results), results.study
     found = verdicts(results, sections)
     text = json.dumps(data(results, sections), separators=(",", ":"), allow_nan=False)

@@ -17,7 +17,7 @@ from cogless.study.space_controller import SpaceLearning, SpacePosition
 from cogless.study.spoken import spoken_unit
 from cogless.units import ANGLE, ANGULAR_SPEED, CURRENT, factor
 
-# The learned parts of each law's current reference.
+# The signals of all laws that are learned parts of the current reference.
 LEARNED = tuple(dict.fromkeys(term.signal for law in C_LAWS.values() for term in law.terms if term.learned))
 
 
@@ -33,7 +33,7 @@ class Panel:
 
     @property
     def scale(self) -> float:
-        """The divisor from the signal's SI values to the displayed ones."""
+        """The number by which the signal's SI values are divided to get displayed values."""
         dimension = CURRENT if self.signal == "learned" else SIGNALS[self.signal]
         return factor(self.unit, dimension) / self.ratio
 
@@ -59,7 +59,7 @@ def travelled(results: Results, run: Run) -> Array:
 
 
 def varies(reference: Array) -> bool:
-    """Whether a reference doesn't stay constant."""
+    """Whether a reference isn't constant."""
     return len(reference) == 0 or bool(np.ptp(reference) > 1e-6 * max(1e-9, np.max(np.abs(reference))))
 
 

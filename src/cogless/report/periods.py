@@ -24,7 +24,7 @@ NOTE = (
 
 
 def over_angle(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """Charts of each controller that learns in angle: its errors over the angle, and its learned current."""
+    """Charts over the angle, for each controller that learns in angle: its errors and its learned current."""
     return [chart for run in runs for chart in _charts(results, run)]
 
 

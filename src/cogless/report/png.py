@@ -17,7 +17,7 @@ from cogless.report.markup import asset
 from cogless.report.packing import Array
 from cogless.results import AnyResults
 
-Data = dict[str, Any]  # of a scenario, or of a plot in it
+Data = dict[str, Any]  # the page's data of a scenario, or of a chart in it
 Looks = Sequence[dict[str, Any]]  # colour and label of each controller, for matplotlib
 
 REFERENCE: dict[str, Any] = {"color": "#1b1f24", "linestyle": "--", "linewidth": 0.9, "zorder": 5}  # on top
@@ -106,16 +106,16 @@ def _save(path: Path, title: str, rows: Sequence[Sequence[Plot]], picture: Pictu
 
 
 def times(grid: Mapping[str, Any], values: Array) -> Array:
-    """Times of values on an even grid, s."""
+    """Times, s, of values on a grid of constant step."""
     return np.asarray(grid["start"] + grid["step"] * np.arange(len(values)))
 
 
 def plot(chart: Data, x: str, draw: Callable[..., None], *arguments: Any) -> Plot:
-    """A chart or panel of the page, drawn by draw(chart, *arguments, axes)."""
+    """The plot of one of the page's charts or panels, drawn by draw(chart, *arguments, axes)."""
     y = f"{chart['quantity']} ({chart['unit']})" if chart["unit"] else chart["quantity"]
     return Plot(partial(draw, chart, *arguments), x, y, chart["title"])
 
 
 def stack(charts: Sequence[Data], draw: Callable[..., None], *arguments: Any) -> list[list[Plot]]:
-    """Charts of the page below each other."""
+    """Rows with one plot each, for charts of the page."""
     return [[plot(chart, chart["x"], draw, *arguments)] for chart in charts]

@@ -18,7 +18,7 @@ Runs = Sequence[Run]  # of one scenario
 class Sections:
     """Functions that take the results, of the kind's own type, and the scenario or its runs."""
 
-    kind: str  # in the names of its template and script in assets/
+    kind: str  # "speed" or "trials", as in the names of template and script in assets/
     lines: Callable[[Any, str], list[Line]]
     verdict: Callable[[Any, Runs], ScenarioVerdict | None]
     charts: Callable[[Any, Runs], dict[str, Any]]  # plain values for the script

@@ -48,7 +48,7 @@ class Sensor:
         return self.shares[controller] > MOST
 
     def percent(self, controller: str) -> str:
-        """The share of a controller, such as "99 %"."""
+        """The sensor's share of a controller's squared value, such as "99 %"."""
         return f"{100 * self.shares[controller]:.0f} %"
 
 

@@ -36,7 +36,7 @@ def spectra(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     found = [(where, early, after) for where, early, after in both if after is not None]
     if not found:
         return []
-    peaks = np.fmax.reduce([after for _, _, after in found])  # NaN only where all are
+    peaks = np.fmax.reduce([after for _, _, after in found])  # NaN only if all are NaN
     electrical = np.arange(1, min(12, (len(peaks) - 1) // pole_pairs) + 1)
     strongest = np.argsort(np.nan_to_num(peaks))[::-1][:SHOWN_ORDERS]
     mechanical = np.sort(strongest[peaks[strongest] > 1e-3 * np.nanmax(peaks)])
@@ -127,7 +127,7 @@ def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array |
     if rows.stop - rows.start < 2:
         return None, None
     after = order_spectrum(theta[rows], x[rows], highest, pole_pairs)
-    # It began where the speed first came near the reference.
+    # Its first revolution begins when the speed first comes near the reference.
     near = np.flatnonzero(np.abs(run.trace["omega_error"]) <= NEAR * np.abs(run.trace["omega_ref"]))
     if after is None or len(near) == 0:
         return None, after

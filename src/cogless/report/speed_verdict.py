@@ -53,7 +53,7 @@ class _Case(Contest):
 
     @cached_property
     def winners(self) -> list[str]:
-        """The best controller, and those that tie with it."""
+        """The best controller, and those whose values are equal to its value within `SAME`."""
         return [c for c in self.ranked if self.against(c, self.ranked[0]) <= 1 + SAME]
 
     def against(self, controller: str, other: str) -> float:
@@ -303,7 +303,7 @@ def _costs(case: _Case) -> str:
 
 
 def _rest(case: _Case) -> str:
-    """The ranked controllers that the headline doesn't name, in one sentence."""
+    """A sentence on the ranked controllers that the headline doesn't name."""
     base = case.baseline
     named = {base, *case.winners, *(case.ranked[:2] if case.winners == [base] else ())}
     others = [c for c in case.ranked if c not in named]

@@ -1,4 +1,4 @@
-"""The report's tables of numbers: metrics by controller, and the share of each term of a law."""
+"""The report's tables of numbers: metrics by controller, and the RMS of each term of a law."""
 
 from __future__ import annotations
 

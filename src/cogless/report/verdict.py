@@ -55,7 +55,7 @@ class Contest:
         return listed([self.label(name) for name in controllers])
 
     def learns(self, controller: str) -> bool:
-        """Whether what a controller asks for is learned."""
+        """Whether the controller's output is learned in part, in this run or before."""
         return self.study.controller[controller].learned
 
     def tone(self, winners: Sequence[str]) -> str:
@@ -66,7 +66,7 @@ class Contest:
 
 
 def worst(*tones: str) -> str:
-    """The worst of some tones."""
+    """The worst of the given tones, in the order of `TONES`."""
     return min(tones, key=TONES.index)
 
 
@@ -87,7 +87,7 @@ def over(value: float, other: float) -> float:
 
 
 def times(ratio: float) -> str:
-    """A ratio in words: "1.60 times"."""
+    """A ratio in words, such as "1.60 times"."""
     if not math.isfinite(ratio):
         return "infinitely"
     return f"{number(ratio) if ratio < 100 else f'{ratio:.0f}'} times"

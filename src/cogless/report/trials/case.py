@@ -47,7 +47,7 @@ class Case(Contest):
 
     @cached_property
     def final(self) -> dict[str, list[float]]:
-        """RMS over the second half of each phase, in the display unit."""
+        """Each controller's RMS over the second half of each phase, in the display unit."""
         return {c: [settled(self.of(c, phase)) for phase in self.phases] for c in self.rms}
 
     def of(self, controller: str, phase: Phase) -> Array:
@@ -106,7 +106,7 @@ class Case(Contest):
         return int(np.any(status & Status.SATURATED, axis=1).sum())
 
     def text(self, value: float) -> str:
-        """An RMS with its unit."""
+        """An RMS as text, with its unit."""
         return self.about.text(value)
 
     def worst_first(self, controller: str, other: str) -> tuple[float, Phase, str]:
@@ -131,7 +131,7 @@ class Case(Contest):
 
 
 def case(results: TrialResults, runs: Sequence[Run]) -> Case | None:
-    """The case to judge, or None."""
+    """The values of a trial scenario to judge by; None if there are none."""
     study, scenario = results.study, runs[0].scenario
     about, described = judged(study, scenario), study.scenario[scenario]
     rms = {run.controller: rms_of_trials(about, run, described.trials) for run in runs}

@@ -1,4 +1,4 @@
-"""The error that a study of trials is judged by: which signal, in which unit, and its RMS over each trial."""
+"""The error by which a trial study is judged: its signal, its display unit, and its RMS over each trial."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ NAMES = {"theta_error": "error", "theta_error_measured": "measured error", "y_er
 
 @dataclass(frozen=True)
 class Judged:
-    """A signal whose RMS over each trial is shown, with the floor that it should reach, in `unit`."""
+    """A signal whose RMS over each trial is judged, and the floor, in `unit`, that the RMS should reach."""
 
     signal: str
-    unit: str  # as it is printed; empty: none
+    unit: str  # as it is printed; empty if it has none
     scale: float  # SI value of a unit
     floor: float | None
     metrics: Sequence[Metric]  # those of this signal
 
     @property
     def quantity(self) -> str:
-        """Words for the signal, such as "measured error" or "tau_e"."""
+        """The signal's name in sentences, such as "measured error" or "tau_e"."""
         return NAMES.get(self.signal, self.signal)
 
     def text(self, value: float) -> str:
@@ -75,5 +75,5 @@ def rms_of_trials(about: Judged, run: Run, trials: int) -> Array | None:
 
 
 def settled(of_trials: Array) -> float:
-    """RMS over the second half of a phase's trials, as the metric final-rms takes it."""
+    """RMS over the second half of a phase's trials, like the metric final-rms."""
     return float(rms(of_trials[-max(1, round(SETTLED_SHARE * len(of_trials))) :]))

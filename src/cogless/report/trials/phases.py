@@ -44,14 +44,14 @@ class Phase:
 
 
 def phases(scenario: TrialScenario) -> list[Phase]:
-    """Phases of a scenario, in order."""
+    """The phases of a trial scenario, in order."""
     changed = [(), *(_changed(change) for change in scenario.changes)]
     bounds = pairwise((*scenario.starts, scenario.trials + 1))
     return [Phase(start, stop, what) for (start, stop), what in zip(bounds, changed, strict=True)]
 
 
 def zooms(found: Sequence[Phase]) -> list[dict[str, object]]:
-    """Buttons above the plots over trials: all of them, and the beginning of each phase."""
+    """Zoom buttons above the plots over trials: all trials, and the first trials of each phase."""
     count = found[-1].stop - 1
     buttons: list[dict[str, object]] = [{"name": "all trials", "from": 1, "to": count}]
     changes = min(count, found[-1].start + ZOOM - 1)
