@@ -258,7 +258,7 @@ def _low_pass(loops: Sequence[Loop], plant: UncertainPlant, settings: TrialSetti
 def _by_frequency(
     loops: Sequence[Loop], plant: UncertainPlant, settings: TrialSettings, shift: int
 ) -> tuple[float, str] | None:
-    """K_3 with the smallest largest factor per trial over frequency, and a note; None if that is too large."""
+    """K_3 with the smallest max |F| over frequency, and a note; None if that is above `PROPOSED`."""
     bundle = Bundle(loops, shift)
     w = bundle.grid
     G = bundle(w)
