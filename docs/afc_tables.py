@@ -1,9 +1,9 @@
-"""The real motor's ripple under chosen orders and under a map, for docs/laws/pi-afc.md.
+"""Table of uomodri's speed ripple with learned orders and with a learned map, for docs/laws/pi-afc.md.
 
 python docs/afc_tables.py            print the table
 python docs/afc_tables.py --write    put it into the page
 
-The controller is that of the page's figure.
+The study has the same change (`:set:`) as the page's figure.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SENSORS: dict[str, dict[str, Any]] = {
 
 
 def figure_changes() -> dict[str, Any]:
-    """The figure's change of the study."""
+    """The change of the study that the page's figure has in its option `:set:`."""
     found = re.search(r"^:set: (.*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     assert found is not None
     return changes_from([found[1]])

@@ -1,4 +1,4 @@
-"""Ripple and current by fault and controller, for docs/studies/faults.md.
+"""Tables of ripple and current for each fault and controller, for docs/studies/faults.md.
 
 cogless run faults -o results/faults
 python docs/faults_tables.py --write results/faults/results.json
@@ -12,7 +12,7 @@ from marked import RPM, Blocks, main, metrics_of, number, table
 
 import cogless
 
-METRICS = {  # name in results.json: heading, scale
+METRICS = {  # name in results.json: (column heading, SI value of the unit)
     "ripple_before_rad_s": ("before", RPM),
     "ripple_after_rad_s": ("2.5 s after", RPM),
     "ripple_later_rad_s": ("10.5 s after", RPM),

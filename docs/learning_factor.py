@@ -1,10 +1,11 @@
-"""By which factor a P-type learning law changes what it has learned, period by period, and what it leaves.
+"""The factor by which PI-ILC or robust ILC changes what it learned in each period, and the remaining error.
 
     python docs/learning_factor.py STUDY CONTROLLER SPEED ORDER... [KEY=VALUE...]
 
-such as: liu2018 pi-ilc "60 rpm" 1 2 6 controller.pi-ilc.gain=0.05. Orders are of the memory's period.
+such as: liu2018 pi-ilc "60 rpm" 1 2 6 controller.pi-ilc.gain=0.05. Orders are relative to the memory's
+period.
 
-cogless.design.learning computes it, docs/theory/learning.md derives it.
+cogless.design.learning computes the factor, docs/theory/learning.md derives it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from cogless.study.reading import changes_from
 
 
 def table(learning: PeriodicLoop, orders: list[float]) -> list[str]:
-    """Markdown."""
+    """A Markdown table of the factor and the residual at each order, with the worst factor below it."""
     frequencies = np.array(orders) * learning.periods_per_second
     x = learning.x(frequencies)
     lines = [
@@ -46,7 +47,7 @@ def table(learning: PeriodicLoop, orders: list[float]) -> list[str]:
 
 
 def from_arguments(arguments: list[str]) -> list[str]:
-    """The table that the command line asks for."""
+    """The table for the given command-line arguments."""
     study, controller, speed, *rest = arguments
     changes = changes_from([text for text in rest if "=" in text])
     omega_m = units.parse(speed, units.ANGULAR_SPEED)

@@ -1,11 +1,11 @@
-"""Liu's tables beside ours, for docs/studies/liu2018.md.
+"""Tables that compare Liu's published values with ours, for docs/studies/liu2018.md.
 
     cogless run liu2018 -o results/liu2018
     python docs/liu2018_tables.py --write results/liu2018/results.json
 
-Without --write the tables are printed. The published values are below; everything else comes from
-results.json, but for the theory's ratios, which docs/learning_factor.py computes, and robust ILC without some
-of its terms, which is run here (seconds).
+Without --write the tables are printed. The published values are in this file. Our values come from
+results.json, with two exceptions: the theory's ratios come from `PeriodicLoop`, and robust ILC without some
+of its terms is run here (seconds).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import cogless
 
 LABELS = {"pi": "PI", "pi-fair": "PI, fair", "pi-ilc": "PI-ILC", "robust-ilc": "Robust ILC"}
 
-# Tables II to VII: controller -> amplitudes; speed in r/min, current in A.
+# Tables II to VII: for each controller the amplitudes of three orders; speed in r/min, current in A.
 HARMONICS: dict[str, tuple[str, str, dict[str, tuple[float, float, float]]]] = {
     "II": (
         "900-rpm",
@@ -62,7 +62,7 @@ HARMONICS: dict[str, tuple[str, str, dict[str, tuple[float, float, float]]]] = {
     ),
 }
 
-# Tables VIII and IX: row -> (PI-ILC, robust ILC). The settling at 60 r/min is from the text.
+# Tables VIII and IX: for each row (PI-ILC, robust ILC). The settling at 60 r/min is from the paper's text.
 STEPS: dict[str, tuple[str, dict[str, tuple[float | None, float | None]]]] = {
     "VIII": (
         "900-rpm-step",
@@ -99,7 +99,7 @@ TERMS = {
 
 
 def harmonics(metrics: Metrics, name: str) -> list[str]:
-    """One of Tables II to VII; in brackets the ratio to PI."""
+    """One of Tables II to VII; each value's ratio to PI's is in brackets."""
     scenario, quantity, published = HARMONICS[name]
     orders = (1, 2, 6) if quantity == "speed" else (3, 5, 7)
     metric, unit, scale = (
@@ -133,7 +133,7 @@ def _with_ratio(value: float | None, base: float | None, controller: str) -> str
 
 
 def steps(metrics: Metrics, name: str) -> list[str]:
-    """Table VIII or IX."""
+    """Table VIII or IX: the response to a load step."""
     scenario, published = STEPS[name]
     rows = []
     for title, (ilc, robust) in published.items():
@@ -163,7 +163,7 @@ def steps(metrics: Metrics, name: str) -> list[str]:
 
 
 def shares(metrics: Metrics) -> list[str]:
-    """RMS of the terms of robust ILC."""
+    """RMS of each term of robust ILC's current reference."""
     scenarios = [s for s in ("60-rpm", "60-rpm-78-load") if ("share" in str(metrics.get((s, "robust-ilc"))))]
     rows = [
         [text, *(number(metrics[s, "robust-ilc"].get(f"share_{term}_A"), 2) for s in scenarios)]
@@ -173,7 +173,7 @@ def shares(metrics: Metrics) -> list[str]:
 
 
 def beyond(metrics: Metrics) -> list[str]:
-    """Law (29) with the lead that `cogless design` names, beside the paper's best and the fair PI."""
+    """Law (29) with a lead of 2 ms, as `cogless design` proposes it, against the other controllers."""
     labels = {**LABELS, "pi-ilc-lead": "PI-ILC with a lead of 2 ms"}
     rows = []
     for controller, label in labels.items():
@@ -196,7 +196,7 @@ def beyond(metrics: Metrics) -> list[str]:
 
 
 def divergence(metrics: Metrics) -> list[str]:
-    """Law (29) as printed, and with forgetting."""
+    """Whether each controller diverges in 70 s: law (29) as printed, with forgetting, with a lead."""
     labels = {
         **LABELS,
         "pi-ilc": "PI-ILC with forgetting 0.85",
@@ -216,7 +216,7 @@ def divergence(metrics: Metrics) -> list[str]:
 
 
 def prediction(metrics: Metrics) -> list[str]:
-    """What linear theory says that PI-ILC leaves of PI's harmonics, beside the simulation."""
+    """The harmonics of PI-ILC as a share of PI's, by linear theory and by simulation."""
     study = cogless.load("liu2018")
     rows = []
     for scenario in ("60-rpm", "60-rpm-30-load", "60-rpm-78-load", "900-rpm"):
@@ -232,7 +232,7 @@ def prediction(metrics: Metrics) -> list[str]:
 
 
 def without(metrics: Metrics) -> list[str]:
-    """Robust ILC with some of its terms switched off."""
+    """Results of robust ILC with some of its terms switched off."""
     study = cogless.load("liu2018")
     off = {
         "as published": {},

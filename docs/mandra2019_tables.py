@@ -1,10 +1,10 @@
-"""Mandra's figures beside ours, for docs/studies/mandra2019.md.
+"""Tables that compare Mandra's published values with ours, for docs/studies/mandra2019.md.
 
     cogless run mandra2019 -o results/mandra2019
     python docs/mandra2019_tables.py --write results/mandra2019/results.json
 
-Without --write the tables are printed. The published values are below; gains and certificates are those of
-`cogless design`, trials and errors come from results.json, and the variations are run here (a minute).
+Without --write the tables are printed. The published values are in this file. Gains and certificates are
+those of `cogless design`. Trials and errors come from results.json. The variations are run here (a minute).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LABELS = {
     "ilc-no-integral": "no integral action",
     "no-ilc": "no learning",
 }
-# Trials to the floor after the load change: the paper's, and those of an independent reproduction.
+# Trials to the floor after the load change: published ones, and those of an independent reproduction.
 PUBLISHED = {"ilc": ("4", "2 to 5"), "ilc-input": ("14", "19 to 22")}
 FLOORS = (1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)  # resolver steps
 
@@ -64,7 +64,7 @@ kind = "rms"
 signal = "y_error"
 """
 
-# x_3 is the input of the sample before
+# The state x_3 is the input of the previous sample.
 DELAYED = """
 title = "A corner of Mandra 2019 with one more sample of delay"
 [plant]
@@ -104,7 +104,7 @@ def designed() -> dict[str, Any]:
 
 
 def gains(design: Mapping[str, Any]) -> list[str]:
-    """What `cogless design` finds beside (39) to (42)."""
+    """The results of `cogless design` against the paper's (39) to (42)."""
     ilc, nominal = design["controllers"]["ilc"], design["plant"]["nominal"]
     ahead = np.array(ilc["feedforward"]["numerator"])
     rounded = [*np.round(ahead / ahead[0], 4).tolist(), round(1 / ahead[0], 4)]
@@ -134,7 +134,7 @@ def _list(values: Sequence[float], decimals: int) -> str:
 
 
 def certificate(design: Mapping[str, Any]) -> list[str]:
-    """Each structure's, of both models."""
+    """The certificate of each structure, for the Euler model and for the exactly sampled plant."""
     rows = []
     for name, label in LABELS.items():
         for key, model in (("design_model", "Euler"), ("exactly_sampled", "exact")):
@@ -164,7 +164,7 @@ def count(value: float | None) -> str:
 
 
 def trials(metrics: Metrics) -> list[str]:
-    """Trials to two resolver steps after each change."""
+    """The number of trials after each change until the RMS error is at two resolver steps."""
     rows = []
     for name, label in LABELS.items():
         ours = metrics["table-1", name]["trials_to_floor"]
@@ -173,7 +173,7 @@ def trials(metrics: Metrics) -> list[str]:
 
 
 def errors(metrics: Metrics) -> list[str]:
-    """First trial of each phase, and where it ends."""
+    """The RMS error in the first trial and over the second half of each phase."""
     rows = []
     for name, label in LABELS.items():
         here = metrics["table-1", name]
@@ -183,7 +183,7 @@ def errors(metrics: Metrics) -> list[str]:
 
 
 def to_floor(rms: Errors, floor: float) -> str:
-    """In the phase with the load change."""
+    """The number of trials after the load change until the RMS is at the floor, in resolver steps."""
     below = np.flatnonzero(rms[30:60] <= floor * STEP)
     return str(below[0] + 1) if len(below) else "never"
 
@@ -202,7 +202,7 @@ def run(changes: Mapping[str, Any], controllers: Sequence[str]) -> list[Any]:
 
 
 def variations() -> list[str]:
-    """Of the simplified structure: what decides how many trials it takes after the load change."""
+    """Trials to the floor after the load change, for variations of the structure into the input only."""
     here = "controller.ilc-input"
     K_1 = [-99.4484, -0.927]
     load = "scenario.table-1.changes.0.load_steps"
@@ -234,7 +234,7 @@ def variations() -> list[str]:
 
 
 def moving(shown: Sequence[int] = (1, 2, 3, 4, 5, 6)) -> list[str]:
-    """Where the error that the load makes is, by trial after the change, without motion."""
+    """Where in a trial the error from the load is, for the first trials after its change, without motion."""
     (found,) = run(
         {"scenario.table-1.reference": [["0 s", "0 rev"]], "drive.position_sensor": {"kind": "ideal"}},
         ["ilc-input"],
@@ -256,7 +256,7 @@ def moving(shown: Sequence[int] = (1, 2, 3, 4, 5, 6)) -> list[str]:
 
 
 def real_loop() -> list[str]:
-    """Real current loops, and longer windows of the speed's average."""
+    """Results with real current loops, and with longer windows over which the speed is averaged."""
     limit = {"current_limit": "30 A"}
     cases: list[tuple[str, dict[str, Any]]] = [("ideal", {})]
     for bandwidth in ("1600 Hz", "800 Hz", "400 Hz"):
@@ -288,7 +288,7 @@ def real_loop() -> list[str]:
 
 
 def delayed(design: Mapping[str, Any]) -> list[str]:
-    """The corner that `cogless design` names, with the input a sample later."""
+    """The largest error at each vertex of the Euler model, as designed and with the input a sample later."""
     K_s = design["controllers"]["ilc"]["K_s"]
     law = Gains(np.array(K_s[:2]), K_s[2], 1.0, False, True)
     rows = []
@@ -312,7 +312,7 @@ def delayed(design: Mapping[str, Any]) -> list[str]:
 
 
 def contraction(design: Mapping[str, Any]) -> list[str]:
-    """On the noise-free nominal plant in double precision, trial by trial."""
+    """The decay of the error from trial to trial, on the noise-free nominal plant in double precision."""
     ilc, nominal = design["controllers"]["ilc"], design["plant"]["nominal"]
     found = _small(NOMINAL.format(**nominal, K_s=ilc["K_s"], K_3=ilc["K_3"]))["error"]
     rows = []

@@ -16,7 +16,7 @@ Blocks = dict[str, list[str]]
 
 
 def metrics_of(path: Path) -> Metrics:
-    """The metrics of a results.json."""
+    """The metrics of all runs in a results.json."""
     runs = json.loads(path.read_text(encoding="utf-8"))["runs"]
     return {(run["scenario"], run["controller"]): run["metrics"] for run in runs}
 
@@ -30,7 +30,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Significant digits, without an exponent; "-" where there is none."""
+    """A value to so many significant digits, without an exponent; "-" for None."""
     if value is None:
         return "-"
     if value == 0:
@@ -40,7 +40,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def replaced(page: str, blocks: Blocks) -> str:
-    """The page with each block in its place; KeyError for a place without a block."""
+    """The page with each block between its marks; KeyError if there is no block for a mark."""
 
     def fill(found: re.Match[str]) -> str:
         name = found.group(1)
@@ -50,7 +50,7 @@ def replaced(page: str, blocks: Blocks) -> str:
 
 
 def main(page: Path, make: Callable[[Path], Blocks]) -> None:
-    """RESULTS_JSON: print the tables. --write RESULTS_JSON: put them into the page."""
+    """Command line: RESULTS_JSON prints the tables, --write RESULTS_JSON puts them into the page."""
     arguments = [a for a in sys.argv[1:] if a != "--write"]
     if len(arguments) != 1:
         sys.exit(f"usage: python {sys.argv[0]} [--write] RESULTS_JSON")

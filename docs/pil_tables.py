@@ -1,9 +1,10 @@
-"""What each law costs on a Cortex-M4F, and that it computes what the simulation does, for the guide.
+"""Tables for the guide: what each law costs on a Cortex-M4F, and whether it computes the simulation's values.
 
 python docs/pil_tables.py            print the tables; exit 1 where anything differs from the simulation
 python docs/pil_tables.py --write    put them into docs/guide/microcontroller.md
 
-`make pil` does the latter. Studies in double precision run here in single, as the processor computes.
+`make pil` does the latter. Studies in double precision are run in single precision here, like on the
+processor.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ PAGE = Path(__file__).parent / "guide" / "microcontroller.md"
 TICKS = 100_000
 SINGLE = {"drive.precision": "single"}
 Case = tuple[str, str, str | None, str, dict[str, Any]]
-# what it is, study, scenario or the first, controller, changes
+# For each case: name, study, scenario (None: the first), controller, changes of the study.
 CASES: list[Case] = [
     ("PI", "liu2018", None, "pi", {}),
     ("PI and learning, map", "liu2018", "60-rpm", "pi-ilc", {}),
@@ -55,7 +56,7 @@ def measured(case: Case) -> Comparison:
 
 
 def parts(by_source: dict[str, float]) -> tuple[float, float, float]:
-    """Current loop, what is around, law."""
+    """Numbers of instructions of the current loop, of the checks and other code around it, and of the law."""
     loop = sum(n for source, n in by_source.items() if source in LOOP)
     around = sum(n for source, n in by_source.items() if source in AROUND or source.endswith("_controller"))
     return loop, around, sum(by_source.values()) - loop - around
@@ -101,7 +102,7 @@ def verdict(found: Comparison) -> str:
 
 
 def whole_library() -> int:
-    """Flash of all files of control/, each function of them, in bytes."""
+    """Flash in bytes of all files of control/, with all of their functions."""
     tools, folder = find("gcc"), control_sources() / "cogless"
     total = 0
     with tempfile.TemporaryDirectory() as scratch:

@@ -1,4 +1,4 @@
-"""The real motor's ripple by controller and speed, for docs/studies/uomodri.md.
+"""Tables of uomodri's speed ripple and other metrics by controller and speed, for docs/studies/uomodri.md.
 
 cogless run uomodri -o results/uomodri
 python docs/uomodri_tables.py --write results/uomodri/results.json
@@ -13,7 +13,7 @@ from marked import RPM, Blocks, Metrics, main, metrics_of, number, table
 import cogless
 
 SCENARIOS = {"slow": "0.25 rev/s", "1-rev-s": "1 rev/s", "fast": "4 rev/s"}
-METRICS = {  # name in results.json: text, scale
+METRICS = {  # name in results.json: (row heading, SI value of the unit)
     "speed_ripple_rad_s": ("speed ripple, rms [r/min]", RPM),
     "torque_ripple_N_m": ("torque ripple, rms [mN·m]", 1e-3),
     "copper_loss_W": ("copper loss [mW]", 1e-3),

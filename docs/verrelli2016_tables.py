@@ -1,10 +1,10 @@
-"""Verrelli's figures beside ours, for docs/studies/verrelli2016.md.
+"""Tables that compare Verrelli's published values with ours, for docs/studies/verrelli2016.md.
 
     cogless run verrelli2016 -o results/verrelli2016
     python docs/verrelli2016_tables.py --write results/verrelli2016/results.json
 
-Without --write the tables are printed. Section 5 comes from results.json; sections 3 and 4, other phase
-margins and the hour are run here (a minute).
+Without --write the tables are printed. The values for section 5 come from results.json. Sections 3 and 4, the
+other phase margins and the run of an hour are run here (a minute).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ MARGINS = (30, 35, 40, 45, 50, 60)
 
 
 def section_5(metrics: Metrics) -> list[str]:
-    """Peak to peak, electrical, before and after learning began; the largest current."""
+    """Errors, peak to peak and electrical, before and after learning began, and the largest current."""
     rows = [
         ["paper", "0.72", "0.081", "0.03", "0.006", "-"],
         ["readings, printed scheme", "0.805", "0.0716", "0.0387", "0.0105", "below 9"],
@@ -48,7 +48,7 @@ def section_5(metrics: Metrics) -> list[str]:
 
 
 def two_minutes(metrics: Metrics) -> list[str]:
-    """The speed's error, peak to peak in the two seconds before a time."""
+    """The speed error, peak to peak over the two seconds before each of `TIMES`."""
     rows = []
     for controller, label in LABELS.items():
         found = metrics[LONG, controller]
@@ -57,7 +57,7 @@ def two_minutes(metrics: Metrics) -> list[str]:
 
 
 def criterion() -> list[str]:
-    """The worst factor a period of each controller that learns, and what would repair it."""
+    """The worst factor per period of each learning controller, and a Q filter with which it would settle."""
     rows = []
     for name in ("verrelli2016", "verrelli2016-position", "verrelli2016-speed"):
         study = cogless.load(name)
@@ -73,7 +73,7 @@ def criterion() -> list[str]:
 
 
 def margins() -> list[str]:
-    """The fair PI at other phase margins, without learning."""
+    """The fair PI at other phase margins, without learning and as the feedback of the filtered map."""
     rows = []
     for margin in (None, *MARGINS):
         name, changes = (
@@ -102,7 +102,7 @@ def margins() -> list[str]:
 
 
 def hour() -> list[str]:
-    """The filtered map for an hour, over whole turns of the arm: two seconds see a part of the load."""
+    """The filtered map for an hour, over whole turns of the arm: two seconds show only a part of the load."""
     changes = {f"scenario.{LONG}.duration": "3600 s", "trace.rate": "200 Hz"}
     study = cogless.load("verrelli2016", changes)
     rows = []
@@ -124,7 +124,7 @@ def hour() -> list[str]:
 
 
 def other(name: str, unit: str) -> list[str]:
-    """All numbers of another study, a line a metric."""
+    """All metrics of another study, one row per scenario and metric."""
     study = cogless.load(name)
     results = cogless.run_study(study, jobs=2)
     found: dict[tuple[str, str], dict[str, Any]] = {
@@ -140,7 +140,7 @@ def other(name: str, unit: str) -> list[str]:
 
 
 def varying() -> list[str]:
-    """The speed's ripple on the PMSMs."""
+    """The speed ripple in the two studies of PMSMs at varying speed."""
     rows: dict[str, list[str]] = {}
     for name in ("uomodri-varying", "liu2018-varying"):
         study = cogless.load(name)

@@ -1,7 +1,7 @@
-"""Pictures of the docs, each made by a command that the page shows.
+"""Pictures of the docs, each made by a command that the page shows below it.
 
-`run-figure`: a study and the runs of one scenario, drawn as `cogless run --plots` draws them; the text is the
-caption. `:set:` has a change of the study in each line.
+`run-figure` has a study's name and runs of one scenario, which are drawn as by `cogless run --plots`. Its
+text is the caption. Each line of `:set:` is a change of the study.
 
     ```{run-figure} uomodri 1-rev-s/pi 1-rev-s/pi-ilc
     :set: controller.pi-ilc.gain = 0.02

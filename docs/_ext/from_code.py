@@ -1,9 +1,9 @@
-"""Tables of the docs that are made from the code, so that they cannot go stale.
+"""Tables of the docs that are made from the code, so that they are always up to date.
 
-`study-table`: the keys of one table of a study, from its model. The meaning of each key stands in the
-directive; key, type or unit, and default come from the model. A key without a meaning, a meaning without a
-key and a model without a directive are warnings, which `make docs` takes for errors. Both kinds of study
-count, those of speed and those of trials; a table of both needs one directive.
+`study-table`: the keys of one table of a study, from its model. The directive has the meaning of each key.
+Key, type or unit, and default come from the model. There is a warning, which `make docs` treats as an error,
+for a key without a meaning, a meaning without a key, and a model without a directive. Models of both speed
+studies and trial studies need a directive; a model that both use needs only one.
 
     ```{study-table} drive.Rates
     :at: drive.rates
@@ -11,8 +11,8 @@ count, those of speed and those of trials; a table of both needs one directive.
     ```
 
 `command`: arguments and options of a command. `metric-signals`, `trial-signals`: every signal with its unit.
-`learning-factor`: what docs/learning_factor.py prints. On the pages guide/metrics and guide/trial-studies,
-each kind of metric must have a heading, and no others.
+`learning-factor`: the table of docs/learning_factor.py. On the pages guide/metrics and guide/trial-studies,
+each kind of metric must have a heading, and nothing else may have such a heading.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ log = logging.getLogger(__name__)
 
 
 def models_of(model: type[Table]) -> set[type[Table]]:
-    """A model and every model within it."""
+    """A model and every model used in its fields, at any depth."""
     found: set[type[Table]] = set()
 
     def visit(entry: Any) -> None:
@@ -55,7 +55,7 @@ def models_of(model: type[Table]) -> set[type[Table]]:
 
 
 def bounds(metadata: list[Any]) -> str:
-    """Such as ", 4 to 65535" or ", above 0"."""
+    """The limits of a number as text, such as ", 4 to 65535" or ", above 0"."""
     limits = {
         name: getattr(m, name) for m in metadata for name in ("gt", "ge", "lt", "le") if hasattr(m, name)
     }
@@ -68,7 +68,7 @@ def bounds(metadata: list[Any]) -> str:
 
 
 def kind(annotation: Any, metadata: list[Any] = ()) -> str:  # type: ignore[assignment]
-    """What one writes for a value of this type: a quantity's unit, choices, or a plain type."""
+    """How a value of this type is written: text with a quantity's unit, choices, or a plain type."""
     for entry in metadata:
         if isinstance(entry, Quantity):
             unit = entry.dimension.unit.replace("*", "·").replace("^2", "²")
@@ -100,7 +100,7 @@ def kind(annotation: Any, metadata: list[Any] = ()) -> str:  # type: ignore[assi
 
 
 def full_name(model: type[Table]) -> str:
-    """As a study-table names it; two rooms may each have a table of the same name."""
+    """A model's name in a `study-table`, with its module: two modules may have a table of the same name."""
     return f"{model.__module__.removeprefix('cogless.study.')}.{model.__name__}"
 
 
@@ -109,7 +109,7 @@ def anchor(model: type[Table]) -> str:
 
 
 def default(field: FieldInfo) -> str:
-    """The default as it is written in TOML, SI where it is a quantity."""
+    """The default as it is written in TOML; for a quantity in SI units."""
     if field.is_required() or field.default is PydanticUndefined:
         return "required"
     value = field.default
@@ -127,7 +127,7 @@ def default(field: FieldInfo) -> str:
 
 
 class Parsed(Directive):
-    """A directive that makes Markdown and has it parsed."""
+    """A directive whose content is generated as Markdown and then parsed."""
 
     def parse(self, lines: list[str]) -> list[nodes.Node]:
         node = nodes.container()
@@ -154,7 +154,7 @@ class StudyTable(Parsed):
             elif line.strip():
                 key, _, text = line.partition(":")
                 meanings[key] = text.strip()
-        hidden = {k for k, text in meanings.items() if text == "above"}  # told in a table before
+        hidden = {k for k, text in meanings.items() if text == "above"}  # in an earlier table
         for key in meanings.keys() - model.model_fields.keys():
             log.warning("%s: the model has no key %s", here, key)
         for key in model.model_fields.keys() - meanings.keys():
@@ -196,7 +196,7 @@ class Command(Parsed):
 
 
 class LearningFactor(Parsed):
-    """STUDY CONTROLLER "SPEED" ORDERS, as docs/learning_factor.py takes them."""
+    """Arguments: STUDY CONTROLLER "SPEED" ORDERS, as for docs/learning_factor.py."""
 
     required_arguments = 1
     final_argument_whitespace = True
@@ -253,7 +253,7 @@ class TrialSignals(Parsed):
 
 
 def check(app: Any, env: Any) -> None:
-    """Every model and every kind of metric has its place, and nothing else has."""
+    """Warns of models without a study-table, and of kinds of metric and headings that don't match."""
     from cogless.results.metrics import KINDS
     from cogless.study.metric import EACH_PHASE, EACH_TRIAL
 
@@ -271,7 +271,7 @@ def check(app: Any, env: Any) -> None:
 
 
 def forget(app: Any, env: Any, added: set[str], changed: set[str], removed: set[str]) -> list[str]:
-    """These pages follow the code, which Sphinx does not watch."""
+    """Pages that Sphinx has to build again each time: they depend on code, which Sphinx does not watch."""
     env.cogless_documented = set()
     pages = (
         "guide/study-file",

@@ -1,4 +1,4 @@
-"""Equations as MathML, made by docutils when the pages are built: they need no network and no script."""
+"""Equations as MathML, which docutils makes when the docs are built: pages need no network and no script."""
 
 from __future__ import annotations
 
@@ -20,32 +20,32 @@ ET.register_namespace("", SPACE[1:-1])
 
 
 def repaired(mathml: str) -> str:
-    """What docutils 0.22 does not get right."""
+    """The MathML with corrections of what docutils 0.22 gets wrong."""
     text = re.sub(r"&(?!lt;|gt;|amp;|#)\w+;", lambda entity: html.unescape(entity[0]), mathml)
     root = ET.fromstring(text.replace("<mo>'</mo>", "<mo>\u2032</mo>"))
     for element in root.iter():
         name = element.tag.removeprefix(SPACE)
         if (
             name == "munderover" and (element[2].text or "") in ACCENTS
-        ):  # a subscript under an accented letter
+        ):  # docutils puts the subscript of an accented letter under it
             letter, below, accent = element
             over = ET.Element(f"{SPACE}mover", {"accent": "true"})
             over.extend([letter, accent])
             element[:] = [over, below]
             name, element.tag = "msub", f"{SPACE}msub"
-        if name == "msub" and element[0].tag == f"{SPACE}munder":  # the text of an underbrace, beside it
+        if name == "msub" and element[0].tag == f"{SPACE}munder":  # the text of an underbrace, put under it
             name, element.tag = "munder", f"{SPACE}munder"
         if name in ("msub", "msubsup"):
             join_words(element[1])
         bars = [child for child in element if child.tag == f"{SPACE}mo" and child.text == "|"]
         pair = len(element) > 1 and bars and element[0] in bars and element[-1] in bars
-        for bar in bars:  # of an absolute value
+        for bar in bars:  # of absolute values
             bar.attrib |= {"lspace": "0", "rspace": "0", "stretchy": "true" if pair else "false"}
     return ET.tostring(root, encoding="unicode")
 
 
 def join_words(row: ET.Element) -> None:
-    """Letters side by side in a subscript are a word: "ref"."""
+    """Joins adjacent letters of a subscript to one word, such as "ref"."""
     before = None
     for child in list(row):
         letter = child.tag == f"{SPACE}mi" and (child.text or "").isascii()
@@ -57,7 +57,7 @@ def join_words(row: ET.Element) -> None:
 
 
 def converted(node: nodes.Element, block: bool) -> str:
-    if re.search(r"\\t?frac(?!\{)", node.astext()):  # it takes "32" for one number
+    if re.search(r"\\t?frac(?!\{)", node.astext()):  # docutils would read "32" as one number
         log.warning("equation %r: \\frac without braces", node.astext(), location=node)
     try:
         return repaired(tex2mathml(node.astext(), as_block=block))

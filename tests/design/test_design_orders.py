@@ -130,7 +130,7 @@ def test_the_poles_are_those_of_resonators_beside_the_pi() -> None:
     closed, opened = poles(loop, Linear(1, kp, k_i=ki), with_them), poles(loop, Linear(1, 0.0), without)
     ratio = np.prod((z[:, None] - closed) / (z[:, None] - opened), axis=1)
     added = sum(each.response(w, T) for each in with_them)
-    assert ratio == pytest.approx(1 + loop.plant(w) * (pi_response(w, T, kp, ki) + added), rel=1e-6)
+    assert ratio == pytest.approx(1 + loop.plant(w)[0] * (pi_response(w, T, kp, ki) + added), rel=1e-6)
 
 
 def test_where_nothing_is_learned_is_told() -> None:

@@ -1,1 +1,1 @@
-"""Gains from a stated rule, with the margins that they have."""
+"""Design: gains from stated rules, with their stability margins, learning factors and certificates."""

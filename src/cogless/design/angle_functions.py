@@ -1,13 +1,15 @@
-"""h, alpha and beta of Verrelli 2016, model (1), and the bounds of its assumption A.3, from a motor's values.
+"""The functions h, alpha and beta of model (1) in Verrelli 2016, and the bounds of its assumption A.3.
 
-With i_d = 0 a motor's torque is K(theta) i_q + cogging(theta), and, all mechanical,
+They are computed from the values of a motor and its load. With i_d = 0 the motor's torque is
+K(theta) i_q + cogging(theta). In mechanical quantities,
 
     h = J / K        alpha = (T_L - cogging) / K        beta = D / K
 
-Coulomb friction counts as a load: the paper's speeds are above zero.
+Coulomb friction is a constant part of the load torque T_L, because the paper's speeds are above zero.
 
-The bounds hold, and are tight: the extremes on a grid over a revolution, and as margin what a function can
-rise above the grid point next to its extreme, f'' / 2 (grid / 2)^2, f'' bounded by sums of amplitudes.
+Each bound is the extreme on a grid over one revolution plus a margin. The margin is the most by which the
+function can exceed the grid point next to its extreme, f'' / 2 (grid / 2)^2, where f'' is bounded by a sum of
+amplitudes. So the bounds hold, and are tight.
 """
 
 from __future__ import annotations
@@ -24,20 +26,20 @@ from cogless.study import Study, for_scenario
 from cogless.study.mechanics import AngleTable, Load, Mechanics
 from cogless.study.motor import StarMotor
 
-POINTS = 256  # in a period of the highest order
+POINTS = 256  # grid points per period of the highest order
 MOST_POINTS = 2**20
 TURN = 2 * math.pi
 
-Rises = list[float]  # bounds of a function's magnitude, and of its first, second and third derivative's
+Rises = list[float]  # bounds of |f|, |f'|, |f''| and |f'''| of a function f
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """Assumption A.3, mechanical; those that its printed list lacks too."""
+    """Bounds of assumption A.3 in mechanical quantities, with those that its printed list lacks."""
 
     h_m: float  # A*s^2/rad, the least of h
     h_M: float  # A*s^2/rad, the largest
-    k_h: float  # A*s^2/rad^2, of |h'|; the paper's g_d, of the derivative of 1 / g
+    k_h: float  # A*s^2/rad^2, of |h'|; the paper's g_d, which bounds the derivative of 1 / g
     k_alpha1: float  # A, of |alpha|
     k_alpha2: float  # A/rad, of |alpha'|
     k_beta1: float  # A*s/rad, of |beta|
@@ -45,18 +47,18 @@ class Bounds:
 
     @property
     def delta(self) -> float:
-        """delta+: bound of the norm of [alpha, beta, h], as numbers in SI."""
+        """delta+: bound of the norm of [alpha, beta, h], whose entries are numbers in SI units."""
         return math.hypot(self.k_alpha1, self.k_beta1, self.h_M)
 
     @property
     def g(self) -> tuple[float, float]:
-        """g- and g+, the least and the largest of 1 / h."""
+        """g- and g+: the smallest and the largest value of g = 1 / h."""
         return 1 / self.h_M, 1 / self.h_m
 
 
 @dataclass(frozen=True)
 class Series:
-    """constant + the sum of Re(c e^{j n theta}), n of the mechanical turn, and a table where one is."""
+    """A function of the mechanical angle: constant + sum of Re(c e^{j n theta}) + an angle table, if any."""
 
     constant: float
     orders: tuple[int, ...]
@@ -64,7 +66,7 @@ class Series:
     table: AngleTable | None = None
 
     def at(self, theta: Real, derivative: int = 0, above: bool = True) -> Real:
-        """The function, or its derivative; beside a table's point that above or below it."""
+        """The value or a derivative at theta; at a table's point the slope above or below that point."""
         sum_ = np.full(theta.shape, self.constant if derivative == 0 else 0.0)
         for n, c in zip(self.orders, self.c, strict=True):
             sum_ += np.real(c * (1j * n) ** derivative * np.exp(1j * n * theta))
@@ -74,7 +76,7 @@ class Series:
 
     @property
     def rises(self) -> Rises:
-        """Bounds of the function and of its derivatives: sums of amplitudes, which they never exceed."""
+        """Bounds of the function and of its derivatives: the sums of their terms' amplitudes."""
         sums = [sum(abs(c) * n**k for n, c in zip(self.orders, self.c, strict=True)) for k in range(4)]
         sums[0] += abs(self.constant)
         if self.table is not None:
@@ -85,7 +87,7 @@ class Series:
 
     @cached_property
     def _pieces(self) -> tuple[Real, Real, Real]:
-        """Angles and torques of the table over a revolution from its first point on, and slopes between."""
+        """The table over one revolution from its first point: angles, torques, and slopes between points."""
         assert self.table is not None
         angle = np.array([*self.table.angle, self.table.angle[0] + TURN])
         torque = np.array([*self.table.torque, self.table.torque[0]])
@@ -102,43 +104,43 @@ class Series:
 
 @dataclass(frozen=True)
 class AngleFunctions:
-    """K, the torque that the law has to overcome, inertia and viscous friction."""
+    """Torque per current K, opposing torque, inertia and viscous friction of a motor with its load."""
 
     K: Series  # N*m/A
-    torque: Series  # N*m, load and Coulomb friction less cogging
+    torque: Series  # N*m, load torque plus Coulomb friction minus cogging torque
     J: float  # kg*m^2
     D: float  # N*m*s/rad
 
     def h(self, theta: Real) -> Real:
-        """h, A*s^2/rad."""
+        """h = J / K at the mechanical angle theta, A*s^2/rad."""
         return np.asarray(self.J / self.K.at(theta))
 
     def alpha(self, theta: Real) -> Real:
-        """alpha, A."""
+        """alpha = (T_L - cogging) / K at the mechanical angle theta, A."""
         return np.asarray(self.torque.at(theta) / self.K.at(theta))
 
     def current(self, theta: Real, omega_m: float) -> Real:
-        """Current that a constant speed needs, A: alpha + omega beta."""
+        """Current that a constant mechanical speed omega_m, rad/s, needs: alpha + omega_m beta, A."""
         return self.alpha(theta) + omega_m * self.beta(theta)
 
     def beta(self, theta: Real) -> Real:
-        """beta, A*s/rad."""
+        """beta = D / K at the mechanical angle theta, A*s/rad."""
         return np.asarray(self.D / self.K.at(theta))
 
     @property
     def orders(self) -> set[int]:
-        """The mechanical orders of K and the torque; 1 for a table."""
+        """The mechanical orders of K and of the torque; an angle table counts as order 1."""
         return {*self.K.orders, *self.torque.orders, *([1] if self.torque.table else [])}
 
     def bounds(self) -> Bounds | None:
-        """Assumption A.3; None where K comes down to zero, which the paper excludes too (a_h > 0)."""
+        """Bounds of assumption A.3; None if K reaches zero, which the paper excludes too (a_h > 0)."""
         theta, margin = self._grid()
         K, slope = self.K.at(theta), self.K.at(theta, 1)
         rises = self.K.rises
         least, most = (float(np.min(K)) - margin * rises[2], float(np.max(K)) + margin * rises[2])
         if least <= 0:
             return None
-        u = _reciprocal(rises, least)  # of 1 / K
+        u = _reciprocal(rises, least)  # bounds of 1 / K
         steepest = float(np.max(np.abs(slope / K**2))) + margin * u[3]
         torque, alpha = self.torque.at(theta), _product(self.torque.rises, u)
         alpha_slopes = [(self.torque.at(theta, 1, above) - torque * slope / K) / K for above in (True, False)]
@@ -153,7 +155,7 @@ class AngleFunctions:
         )
 
     def _grid(self) -> tuple[Real, float]:
-        """Angles over a revolution, a table's points included, rad; and (grid / 2)^2 / 2, rad^2."""
+        """Grid angles over a revolution with the table's points, rad; and (grid step / 2)^2 / 2, rad^2."""
         points = min(POINTS * max([*self.orders, 4]), MOST_POINTS)
         theta = np.linspace(0, TURN, points, endpoint=False)
         if self.torque.table is not None:
@@ -162,7 +164,7 @@ class AngleFunctions:
 
 
 def functions_in(study: Study, scenario: str) -> AngleFunctions:
-    """Functions of the angle of a study's motor and load in a scenario, with its overrides."""
+    """Angle functions of a study's motor and load, with the overrides of a scenario."""
     study_here = for_scenario(study, scenario)
     load = study_here.scenario[scenario].load or study_here.mechanics.load
     return angle_functions(study_here.motor.star(), study_here.mechanics, load)
@@ -171,7 +173,7 @@ def functions_in(study: Study, scenario: str) -> AngleFunctions:
 def angle_functions(
     motor: StarMotor, mechanics: Mechanics, load: Load, constant: float | None = None
 ) -> AngleFunctions:
-    """Functions of the angle of a motor with a load; `constant`, N*m, replaces the load's constant part."""
+    """Angle functions of a motor with a load; `constant`, N*m, replaces the load's constant torque."""
     factor = motor.power_factor * motor.pole_pairs
     flux = [(h.order * motor.pole_pairs, h.order * h.q, h.q_phase) for h in motor.flux_harmonics]
     flux += [(h.order * motor.pole_pairs, h.d, h.d_phase) for h in motor.flux_harmonics]
@@ -193,7 +195,7 @@ def angle_functions(
 def _series(
     constant: float, cosines: Sequence[tuple[int, float, float]], table: AngleTable | None = None
 ) -> Series:
-    """The series of c cos(n theta + phase), with the cosines of one order added up."""
+    """The series of terms c cos(n theta + phase), where terms of the same order n are added up."""
     sums: dict[int, complex] = {}
     for n, c, phase in cosines:
         sums[n] = sums.get(n, 0j) + c * complex(math.cos(phase), math.sin(phase))
@@ -202,12 +204,12 @@ def _series(
 
 
 def _product(f: Rises, g: Rises) -> Rises:
-    """Leibniz' rule."""
+    """Bounds of a product f g and its derivatives from those of f and g, by Leibniz' rule."""
     return [sum(math.comb(k, i) * f[i] * g[k - i] for i in range(k + 1)) for k in range(4)]
 
 
 def _reciprocal(f: Rises, least: float) -> Rises:
-    """Derivatives of u = 1 / f, by Leibniz' rule on f u = 1."""
+    """Bounds of u = 1 / f and its derivatives, by Leibniz' rule on f u = 1, with f >= least > 0."""
     u = [1 / least]
     for k in range(1, 4):
         u.append(sum(math.comb(k, i) * f[i] * u[k - i] for i in range(1, k + 1)) / least)

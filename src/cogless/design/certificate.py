@@ -1,9 +1,9 @@
-"""Certificate of a trial controller: what is certain along the trial, and from trial to trial.
+"""Certificate of a trial controller: its stability along the trial, and its learning from trial to trial.
 
-Plants: the polytope's vertices, random plants in the uncertainty and random mixtures of the vertices for the
-design's model; the corners and the same random plants, sampled exactly, for the drive. With an Euler model
-the two differ where it matters most, near half the sampling rate: a certificate says of which of them it
-speaks.
+A certificate covers two sets of plants. "design": the polytope's vertices, random plants within the
+uncertainty and random mixtures of the vertices. "exact", for the drive: the corners and the same random
+plants, sampled exactly. With an Euler model the two sets differ most near half the sampling rate, where it
+matters most. So each result says for which set it holds.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from cogless.design.response import (
 )
 
 Structure = Literal["input-and-integrator", "input"]
-ENDS = 1e-4  # growth a trial that is as good as none: it is an estimate, from tried trials
-AT_ONE = 1e-6  # of Phi's largest pole: a double one at z = 1 is this inexact
+ENDS = 1e-4  # growth per trial that counts as none: it is only estimated, from simulated trials
+AT_ONE = 1e-6  # tolerance of Phi's spectral radius: a double pole at z = 1 has this rounding error
 
 
 @dataclass(frozen=True)
 class Gains:
-    """u(p) = K_1 x(p) + K_2 psi(p-1) + f(p) + N v(p); v also into psi where through_integrator."""
+    """Law u(p) = K_1 x(p) + K_2 psi(p-1) + f(p) + N v(p); if `through_integrator`, v also drives psi."""
 
     K_1: Real
     K_2: float
@@ -46,7 +46,7 @@ class Gains:
     integral: bool
 
     def closed(self, model: Model, C: Real) -> Loop:
-        """The loop from v to y: (14), (15)."""
+        """The closed loop from v to y: (14), (15) of Mandra 2019."""
         n = model.order
         A, B = model.A + model.B @ self.K_1[None, :], model.B * self.N
         if not self.integral:
@@ -56,7 +56,7 @@ class Gains:
         return Loop(whole, np.vstack([B, [[float(self.through_integrator)]]]), np.append(C, 0.0))
 
     def delayed(self, model: Model, C: Real) -> float:
-        """Spectral radius with one more sample of delay at the input."""
+        """Spectral radius of the closed loop with one more sample of delay at the input."""
         n = model.order
         size = n + self.integral
         A = np.zeros((size + 1, size + 1))
@@ -69,46 +69,47 @@ class Gains:
 
 @dataclass(frozen=True)
 class Learning:
-    """|F| of (20) over frequency, the largest of all plants; see response.py. Frequencies in Hz.
+    """Largest |F| of (20) over all plants, over frequency in Hz; see response.py.
 
-    Without a filter, and where the shift is the model's own relative degree, no trial's error is larger than
-    the last one's times `norm`. Otherwise no frequency's is, but for the trial's ends, which `growth` tries:
-    exactly sampled plants have relative degree 1, and a shift that is often 2.
+    If there is no filter and the shift is the model's relative degree, the error's norm grows by at most the
+    factor `norm` per trial. Otherwise this bound holds for each frequency only, and the error may grow at the
+    trial's ends, which `growth` of finite.py tests. Exactly sampled plants are such a case: their relative
+    degree is 1, and the shift is often 2.
     """
 
     norm: float  # the largest |F|
     frequency: float  # where
-    worst: str  # the plant that has it
-    nominal: float  # the same for the nominal plant alone
-    monotone: bool  # no frequency's error grows from trial to trial, nor from the ends, nor is Phi unstable
-    contracting: bool  # and every frequency's shrinks by a factor below one
-    K_3_limit: float | None  # the gain up to which no frequency's grows, with the sign of K_3; None: no K_3
+    worst: str  # the plant with the largest |F|
+    nominal: float  # the largest |F| of the nominal plant
+    monotone: bool  # the error grows at no frequency and not at the ends, and Phi isn't unstable
+    contracting: bool  # monotone, and the error shrinks at every frequency
+    K_3_limit: float | None  # largest gain at which no frequency's error grows, signed as K_3; None: no K_3
     curve: tuple[Real, Real]  # frequency and |F|
 
 
 @dataclass(frozen=True)
 class ModelCertificate:
-    """Certificate over one kind of models: "design" or "exact"."""
+    """Certificate for one of the two sets of models, "design" or "exact"."""
 
-    radius: float  # spectral radius of A_cl over all plants: along the trial
-    worst: str  # the plant that has it
+    radius: float  # largest spectral radius of A_cl over all plants: stability along the trial
+    worst: str  # the plant with this radius
     stable: bool
-    delayed_radius: float  # with one more sample of delay at the input
+    delayed_radius: float  # largest spectral radius with one more sample of delay at the input
     delayed_stable: bool
-    phi_radius: float | None  # of Phi (27) over the vertices; None where K_3 doesn't act or the shift isn't r
-    without_filter: Learning | None  # None where nothing learns, or where it is unstable along the trial
-    with_filter: Learning | None  # None without a filter, too
-    growth: float | None  # factor a trial in the end, with the filter if any and the trial's ends: finite.py
+    phi_radius: float | None  # largest of Phi (27) at any vertex; None without K_3 or if the shift isn't r
+    without_filter: Learning | None  # None without learning, or if unstable along the trial
+    with_filter: Learning | None  # None also if there is no filter
+    growth: float | None  # factor per trial after many trials, trial ends and filter included: finite.py
 
     @property
     def learning(self) -> Learning | None:
-        """Learning as it is done: with the filter, if there is one."""
+        """The learning result with the filter if there is one, otherwise without."""
         return self.with_filter or self.without_filter
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """Certificate of a trial controller; `exact` is None where the continuous plant isn't known."""
+    """Certificate of a trial controller; `exact` is None if the continuous plant isn't known."""
 
     design: ModelCertificate
     exact: ModelCertificate | None
@@ -118,15 +119,15 @@ class Certificate:
 
 @dataclass(frozen=True)
 class Update:
-    """Effect of the error on learning: K_3 z^shift, or norm-optimal learning on the nominal loop."""
+    """Operator from the error to the change of v: K_3 z^shift, or norm-optimal for the nominal loop."""
 
     shift: int
     K_3: float
-    ratio: float | None = None  # norm-optimal: of the weights of v's change and of the error, instead of K_3
+    ratio: float | None = None  # norm-optimal, in place of K_3: weight of v's change / weight of the error
     nominal: Loop | None = None  # norm-optimal: the loop that L is made for
 
     def on(self, G: Complex, w: Real) -> Complex:
-        """G, or what takes its place where K isn't a number."""
+        """The G of F = 1 - K G: the plants' G, or with norm-optimal learning its operator times G."""
         if self.ratio is None or self.nominal is None:
             return G
         known = Bundle([self.nominal], self.shift)(w)[0]
@@ -134,7 +135,7 @@ class Update:
 
     @property
     def gain(self) -> float:
-        """K of F = 1 - K G."""
+        """The K of F = 1 - K G: K_3, or 1 for norm-optimal learning, whose operator is part of G."""
         return self.K_3 if self.ratio is None else 1.0
 
 
@@ -146,7 +147,7 @@ def certify(
     filtered: Filtered,
     samples: int,
 ) -> Certificate:
-    """The certificate of a plant with these gains; update None: no learning."""
+    """The certificate of a plant with these gains; without learning if `update` is None."""
     random, random_exact = plant.random
 
     def of(
@@ -185,7 +186,7 @@ def certify(
 
 
 class _Sweep:
-    """K and G of plants over frequency; on the grid once for all filters."""
+    """F of many plants over frequency; G on the grid is computed once for all filters."""
 
     def __init__(self, loops: Sequence[Loop], names: Sequence[str], update: Update, period: float) -> None:
         self._bundle, self._names = Bundle(loops, update.shift), names
@@ -196,7 +197,11 @@ class _Sweep:
     def learning(
         self, q_filter: Filter | None, filtered: Filtered, ends: float, phi: float = 0.0
     ) -> Learning:
-        """Learning with this filter or none; judged by the trial's ends and Phi's radius too; 0: not."""
+        """Learning with this filter or none.
+
+        `monotone` and `contracting` also depend on `ends`, the growth at the trial's ends, and on `phi`,
+        Phi's spectral radius. A value of 0 has no effect.
+        """
         w, K = self._w, self._update.gain
         sign = float(np.sign(K))
 

@@ -1,12 +1,13 @@
-"""Poles of a sampled position or speed loop: whether it is stable, and if not, what grows and how fast.
+"""Poles of a sampled position or speed loop: whether it is stable, and how fast an oscillation grows if not.
 
-The plant of pi.py in steps of the law, x' = A x + B i_ref, with what its sensor and integral keep, under
+The state is the plant's x of pi.py, x' = A x + B i_ref from one sample of the law to the next, with the
+angles that the sensor remembers and the integral. The feedback is
 
     i_ref = -(k + k_i T z / (z - 1) + sum R) omega_t - k_v ratio theta,
     omega_t = ratio (omega + k_theta theta)
 
-Where margins.py tells how far a stable loop is from instability, this says of an unstable one at which
-frequency it oscillates.
+margins.py tells how far a stable loop is from instability. This module tells at which frequency an unstable
+loop oscillates.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ import numpy as np
 from cogless.design.margins import Complex, Real
 from cogless.design.pi import OMEGA, REFERENCE, THETA, SpeedLoop
 
-ALMOST = 1 - 1e-12  # of a pole on the unit circle, at which a response is finite
-ROUNDING = 1e-6  # of the poles that integrators have at one, two of them where nothing is fed back
+ALMOST = 1 - 1e-12  # magnitude given to a pole on the unit circle, so that its response is finite
+ROUNDING = 1e-6  # error of the integrators' poles at z = 1: a double pole if nothing is fed back
 
 
 @dataclass(frozen=True)
 class Linear:
-    """Linear feedback of a law, in its frame; law (4) is k alone, in a frame of ratio 1."""
+    """Linear feedback of a law, in its frame: mechanical angles times `ratio`. Law (4): only k, ratio 1."""
 
     ratio: int
     k: float  # A*s/rad, on omega_t
@@ -37,14 +38,14 @@ class Linear:
 
 @dataclass(frozen=True)
 class Resonator:
-    """R: what learns one order's coefficients, at a constant speed (docs/laws/pi-afc.md)."""
+    """The resonator R that learns one order's coefficients, at a constant speed (docs/laws/pi-afc.md)."""
 
     gain: float  # A/rad
     w: float  # rad/s, of the order
     lead: float  # s
 
     def response(self, w: Real, T: float) -> Complex:
-        """R at w in rad/s, sampled with T: an integrator that turns with the order, very large there."""
+        """R at w in rad/s with sample period T: an integrator that turns with the order, very large at it."""
         forth, back = (1 / (1 - ALMOST * np.exp(1j * (each - w) * T)) for each in (self.w, -self.w))
         phase = np.exp(1j * self.w * self.lead)
         return np.asarray(self.gain * T / 2 * (phase * forth + np.conj(phase) * back))
@@ -54,12 +55,12 @@ class Resonator:
 class Oscillation:
     """An oscillation that grows in an unstable loop."""
 
-    frequency: float  # Hz; 0: without oscillating
-    rate: float  # 1/s, of its exponential
+    frequency: float  # Hz; 0: it grows without oscillating
+    rate: float  # 1/s, rate of its exponential growth
 
 
 def oscillation(loop: SpeedLoop, feedback: Linear) -> Oscillation | None:
-    """The fastest growing oscillation; None where the loop is stable."""
+    """The fastest growing oscillation of a loop with linear feedback; None if the loop is stable."""
     found = poles(loop, feedback)
     fastest = found[np.argmax(np.abs(found))]
     if abs(fastest) <= 1 + ROUNDING:
@@ -69,11 +70,11 @@ def oscillation(loop: SpeedLoop, feedback: Linear) -> Oscillation | None:
 
 
 def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = ()) -> Complex:
-    """Poles in z of the law's samples, those of integrators that nothing feeds back included."""
+    """Closed-loop poles in z at the law's sample rate, with those of integrators outside any feedback."""
     whole, states = loop.step_of(loop.steps), REFERENCE
-    samples = -(-loop.window // loop.steps)  # that the sensor looks back on
+    samples = -(-loop.window // loop.steps)  # over which the sensor looks back
     first = states + 1 + samples
-    size = first + 2 * len(resonators)  # x, the integral, angles of before, coefficients in a frame at rest
+    size = first + 2 * len(resonators)  # x, the integral, past angles, resonators' states in a fixed frame
 
     def unit(n: int) -> Real:
         return np.asarray(np.eye(size)[n])

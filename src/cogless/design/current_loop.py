@@ -1,7 +1,8 @@
 """The current loop of one axis, sampled with period T_c, as the drive runs it.
 
-The winding R, L under a voltage that acts `delay` periods after the current was sampled, with the integral of
-control/src/cogless/foc.c (forward Euler), exact for the averaged inverter at standstill:
+G is the open loop of the winding R, L and the PI controller of control/src/cogless/foc.c, whose integral is
+forward Euler. The voltage acts `delay` periods after the current was sampled. G is exact for the averaged
+inverter at standstill:
 
     G = (kp + ki T_c / (z - 1)) z^-delay (1 - a) / (R (z - a)),    a = exp(-R T_c / L),    z = exp(jw T_c)
 """
@@ -22,7 +23,7 @@ from cogless.study import Study, for_scenario
 from cogless.study.drive import IdealCurrentLoop
 
 NO_MARGIN = "expected a faster and better damped current loop for this margin"
-LEAST = math.radians(30)  # phase margin below which a speed loop should not be put around it
+LEAST = math.radians(30)  # smallest phase margin with which it is good enough for a speed loop
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class CurrentLoop:
     delay: int  # periods, from sampling the current to the voltage
 
     def response(self, w: Real) -> Complex:
-        """G(jw)."""
+        """The open loop G(jw), w in rad/s."""
         z = np.exp(1j * w * self.period)
         x = self.R * self.period / self.L
         gain = self.period / self.L * (-math.expm1(-x) / x if x > 0 else 1.0)
@@ -49,7 +50,7 @@ class CurrentLoop:
         return _margins(self)
 
 
-@lru_cache(maxsize=16)  # asked for with every controller, at every speed
+@lru_cache(maxsize=16)  # called for every controller, at every speed
 def _margins(loop: CurrentLoop) -> Margins:
     integrators = (loop.ki > 0) + (loop.R == 0 and loop.kp + loop.ki > 0)
     return margins_of(loop.response, loop.period, integrators)
@@ -57,13 +58,16 @@ def _margins(loop: CurrentLoop) -> Margins:
 
 @dataclass(frozen=True)
 class IdealLoop:
-    """The current is its reference; only the period of what would be the current loop is left."""
+    """An ideal current loop: the current equals its reference. Only the loop's period is needed."""
 
     period: float  # s
 
 
 def current_loops(study: Study, scenario: str | None = None) -> dict[str, CurrentLoop]:
-    """Both axes as the controller knows the motor, or as they are in a scenario; none of an ideal loop."""
+    """Loops of the q and d axes, with the motor that the controller assumes or with a scenario's true motor.
+
+    The result is empty if the current loop is ideal.
+    """
     study_here = study if scenario is None else for_scenario(study, scenario)
     drive = study_here.drive
     loop, inverter, T = drive.current_loop, drive.inverter, 1 / drive.rates.current_loop
@@ -79,7 +83,7 @@ def current_loops(study: Study, scenario: str | None = None) -> dict[str, Curren
 
 
 def weakness(margins: Margins) -> str | None:
-    """The weakness of a current loop, in words; None where it has none."""
+    """The reason, in words, why a current loop isn't good enough for a speed loop; None if it is."""
     if not margins.stable:
         return "is unstable"
     if margins.phase_margin < LEAST:
@@ -89,7 +93,7 @@ def weakness(margins: Margins) -> str | None:
 
 @contextmanager
 def tuned(study: Study, name: str) -> Iterator[None]:
-    """Around a rule for gains: StudyError where the current loop, or the rule's ValueError, leaves none."""
+    """Context for a tuning rule: StudyError if the current loop is too weak or the rule raises ValueError."""
     for axis, loop in current_loops(study).items():
         wrong = weakness(loop.margins())
         if wrong:

@@ -1,4 +1,4 @@
-"""The error of a design: what it needs and did not get, in one line."""
+"""The exception of a design; its message says in one line which input was expected."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from cogless.errors import StudyError
 
 
 class DesignError(StudyError):
-    """A design that cannot be made, or a solution that does not hold; begins with its `key` and a colon."""
+    """A design can't be made, or its solution fails the check. The message begins with `key` and a colon."""
 
     @property
     def key(self) -> str:
-        """The setting that is at fault: `state_weight`, `range.inertia`, `vertex`, ..."""
+        """The name of the setting at fault, such as `state_weight`, `range.inertia` or `vertex`."""
         return str(self).partition(":")[0]

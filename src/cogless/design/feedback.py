@@ -1,4 +1,4 @@
-"""The linear feedback of each law, and where it is unstable."""
+"""The linear feedback of each law, and the first scenario in which it is unstable."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cogless.study.space_controller import SpacePosition
 
 
 def feedback_of(study: Study, name: str, omega_m: float = 0.0) -> Linear | None:
-    """A controller's linear feedback before it learns, at a speed in rad/s; None of a user's own law."""
+    """A controller's linear feedback before it learns, at a speed in rad/s; None for a user's own law."""
     law = study.controller[name]
     if isinstance(law, SpacePosition):
         return feedback_at(study, name, omega_m)
@@ -20,7 +20,7 @@ def feedback_of(study: Study, name: str, omega_m: float = 0.0) -> Linear | None:
 
 
 def unstable_feedback(study: Study, name: str) -> str | None:
-    """The first scenario in which the feedback is unstable, and at which frequency; None if in none."""
+    """Message on the first scenario with unstable feedback, and the frequency; None if all are stable."""
     keys = study.scenarios_of(name)
     for key in keys:
         speeds = {study.scenario[key].slowest, study.scenario[key].top_reference}

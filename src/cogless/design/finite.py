@@ -1,8 +1,8 @@
-"""Learning over a trial of so many samples, ends included, by trying it: what frequencies can't say.
+"""Growth of the error over simulated trials of finite length, which the frequency response doesn't show.
 
-At both ends the filter extends the signal (filtfilt turns it about its last sample) and the shift repeats the
-last error: the update may grow there although every frequency shrinks. So the change of v is sent through the
-update, without reference, from noise.
+At both ends of the trial the filter extends the signal (filtfilt reflects it about its last sample), and the
+shift repeats the last error. So the error may grow there although it shrinks at every frequency. The
+simulation starts with noise in v, without a reference, and applies the update trial by trial.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ def growth(
     filtered: Filtered,
     samples: int,
 ) -> Real:
-    """Factor a trial of the error of each loop: the geometric mean over the last half of `TRIALS`."""
+    """Factor per trial of each loop's error: its geometric mean over the last half of `TRIALS` trials."""
     from scipy.signal import filtfilt, lfilter
 
     transfer = [polynomials(Model(loop.A, loop.B), loop.C) for loop in loops]
 
     def error(v: Real) -> Real:
-        # sample by sample: a product of spectra would smear the rounding of the largest samples over all
+        # filtered in the time domain: a product of spectra spreads the largest samples' rounding over all
         e = -np.array([lfilter(b, a, row) for (a, b), row in zip(transfer, v, strict=True)])
         e[:, :shift] = 0.0
         return e
@@ -43,7 +43,7 @@ def growth(
     def ahead(e: Real) -> Real:
         return np.hstack([e[:, shift:], np.repeat(e[:, -1:], shift, axis=1)])
 
-    # the last samples of v act after the trial, unless a filter on v brings them forward
+    # the last samples of v act only after the trial, unless a filter on v spreads them to earlier samples
     idle = np.array([samples - int(np.flatnonzero(b)[0]) for _, b in transfer])
     acts = np.arange(samples) < (idle[:, None] if q_filter is None or filtered == "error" else samples)
     v = np.random.default_rng(0).normal(size=(len(loops), samples)) * acts
@@ -51,7 +51,7 @@ def growth(
     for k in range(TRIALS):
         e = error(v)
         sizes[k] = np.maximum(np.linalg.norm(e, axis=1), 1e-300)
-        # all of it is linear: kept at size one, so that many trials neither overflow nor end in rounding
+        # the update is linear: scaled to |e| = 1, many trials neither overflow nor vanish in rounding
         v, e = v / sizes[k][:, None], e / sizes[k][:, None]
         v = (v + K_3 * ahead(smooth(e)) if filtered == "error" else smooth(v + K_3 * ahead(e))) * acts
     return np.asarray(np.exp(np.log(sizes[TRIALS // 2 :]).mean(axis=0)))

@@ -1,4 +1,4 @@
-"""The designs that a study of trials asks for: its uncertain plant, its weights, each controller's."""
+"""The designs of a study of trials, from its uncertain plant, its weights and its controllers' settings."""
 
 from __future__ import annotations
 
@@ -27,17 +27,18 @@ from cogless.study.trial_controller import UNCERTAIN, NormOptimalIlc, StateIlc, 
 ROUNDING = 1e-9
 Designs = dict[tuple[str, str], TrialDesign]
 
-# Keys of a design's settings in a controller's table; others stand at "plant" or "design".
+# Settings of a design that a study has in a controller's table; the others are in "plant" or "design".
 OF_CONTROLLER = ("K_s", "N", "K_3", "shift", "change_weight", "q_filter", "static_gain", "feedforward")
 OF_STATE_ILC = {"K_s": "K_stab", "K_3": "K_ilc"}
-# Keys of a linear plant for settings of a design.
+# The key of a study's linear plant for each setting of a design.
 OF_PLANT = {"range": "parameter", "nominal": "parameter", "output": "C", "period": "period"}
 
 
 def design_study(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
-    """A design for each (scenario, controller) with a law of trials. Those with the same gains share theirs.
+    """A design for each (scenario, controller) whose law learns over trials. Equal gains are designed once.
 
-    A design without a K_3 to learn by has the rest, and says why. StudyError names the file and the key.
+    If no learning gain K_3 exists, the design has everything else and the reason. StudyError names the file
+    and the key.
     """
     return study.once(_design, tuple(runs))
 
@@ -49,7 +50,7 @@ def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     known: list[tuple[TrialSettings, TrialGains]] = []
     outside = {scenario: _outside(study, scenario) for scenario, _ in runs}
     wanted = {run: settings_of(study, *run) for run in runs if isinstance(study.controller[run[1]], TrialLaw)}
-    # those that learn by K_3 first: the others need less of the same gains
+    # designs that need K_3 come first: the others can then reuse their gains without K_3
     for (scenario, name), settings in sorted(wanted.items(), key=lambda item: not needs_K_3(item[1])):
         with _as_study_error(study, scenario, name):
             gains = next((g for other, g in known if same_gains(settings, other)), None)
@@ -68,7 +69,7 @@ def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
 
 
 def _outside(study: TrialStudy, scenario: str) -> tuple[str, ...]:
-    """Warnings of values in a scenario outside the ranges that the design holds for."""
+    """Warnings of parameter values in a scenario that are outside the ranges of the design."""
     found = []
     for index, (first, conditions) in enumerate(study.scenario[scenario].phases):
         if study.plant is not None:
@@ -87,7 +88,10 @@ def _outside(study: TrialStudy, scenario: str) -> tuple[str, ...]:
 
 
 def uncertain_plant(study: TrialStudy) -> UncertainPlant:
-    """The plant with its ranges or vertices; of a drive (37), over inertia, friction and K_t."""
+    """The uncertain plant: a linear plant with its ranges or vertices, or a drive.
+
+    A drive is (37) of Mandra 2019, with ranges of inertia, friction and K_t.
+    """
     if study.plant is not None:
         return _linear(study.plant, study)
     assert study.motor is not None and study.mechanics is not None
@@ -101,13 +105,13 @@ def uncertain_plant(study: TrialStudy) -> UncertainPlant:
 
 
 def _uncertain(mechanics: Mechanics, motor: Motor) -> dict[str, float]:
-    """The parameters of a drive that a design may vary."""
+    """Values of the drive's parameters for which a design may have a range."""
     numbers = (mechanics.inertia, mechanics.viscous_friction, motor.star().K_t)
     return dict(zip(UNCERTAIN, numbers, strict=True))
 
 
 def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
-    """Settings of a controller's design: all that it needs besides the plant."""
+    """Settings of a controller's design: all inputs of the design besides the plant."""
     controller, design = study.controller[name], study.design
     assert isinstance(controller, TrialIlc | StateIlc | NormOptimalIlc)
     same = {field.name for field in fields(TrialSettings)}
@@ -145,7 +149,7 @@ def _linear(plant: LinearPlant, study: TrialStudy) -> UncertainPlant:
 
 
 def same_gains(settings: TrialSettings, other: TrialSettings) -> bool:
-    """Whether gains that were designed for the other settings are those of these."""
+    """Whether gains that were designed for `other` are right for `settings` too."""
 
     def feedback(s: TrialSettings) -> tuple[Any, ...]:
         return s.kind == "state", s.K_s, s.N, s.feedforward
@@ -159,7 +163,7 @@ def same_gains(settings: TrialSettings, other: TrialSettings) -> bool:
 
 @contextmanager
 def _as_study_error(study: TrialStudy, scenario: str = "", controller: str = "") -> Iterator[None]:
-    """A DesignError becomes a StudyError that names the file and the study's own key."""
+    """Turns a DesignError into a StudyError that names the file and the study's own key."""
     try:
         yield
     except DesignError as error:
@@ -167,7 +171,7 @@ def _as_study_error(study: TrialStudy, scenario: str = "", controller: str = "")
 
 
 def _study_error(error: DesignError, study: TrialStudy, scenario: str, controller: str) -> StudyError:
-    """The StudyError of a DesignError, with the file and the study's own key."""
+    """The StudyError for a DesignError, with the file and the study's own key."""
     text = str(error).removeprefix(f"{error.key}: ")
     if error.key == "samples":
         key = f"scenario.{scenario}.duration"

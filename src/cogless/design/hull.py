@@ -1,11 +1,12 @@
-"""Smallest sets of vertices around points, in as many dimensions as the points really have.
+"""Smallest sets of vertices whose convex hull contains given points, in the space that the points span.
 
-Points are rows, scaled by their spread, so that units do not matter: docs/theory/trial-design.md.
-Qhull's work grows with the dimension's power: above `QHULL_DIMENSIONS` all distinct points stay.
+Points are rows, scaled by their spread, so that units do not matter: docs/theory/trial-design.md. Qhull's
+work grows steeply with the dimension: above `QHULL_DIMENSIONS` dimensions all distinct points are kept.
 
-`enclose` answers what a nonlinear map does to a polytope: the images of the corners need not contain the
-images of the inside. Where they don't, the hull of the corners is inflated about its centre and widened by a
-box (in more than two directions by a cross-polytope) in the directions that it lacks.
+`enclose` makes a polytope around the image of a polytope under a nonlinear map. The hull of the corners'
+images need not contain the images of inner points. If it doesn't, it is inflated about its centre. In the
+directions that the corners don't span it is widened by a box, or by a cross-polytope if these directions are
+more than two.
 """
 
 from __future__ import annotations
@@ -22,52 +23,52 @@ if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
 
 QHULL_DIMENSIONS = 6
-FLAT = 1e-8  # singular value beside the largest below which a direction is none
-THIN = 0.1  # the same, below which a direction is boxed instead of inflated
-CONSTANT = 1e-11  # spread beside size below which an entry is constant
-NEGLECTED = 1e-4  # of an entry's spread: a bend into a direction that the corners lack
-INSIDE = 1e-7  # of the hull's size: as good as inside
-SPARE = 0.1  # of what lies outside, added: samples don't reach the very extremes
+FLAT = 1e-8  # share of the largest singular value; below it the points don't span a direction
+THIN = 0.1  # such a share; below it a direction gets a box instead of being inflated
+CONSTANT = 1e-11  # spread / magnitude of an entry; below it the entry is constant
+NEGLECTED = 1e-4  # share of an entry's spread; less in a direction that the corners lack is ignored
+INSIDE = 1e-7  # share of the hull's size; a point this little outside counts as inside
+SPARE = 0.1  # share of the excess added as reserve, because samples don't reach the extremes
 
 
 @dataclass(frozen=True)
 class _Frame:
-    """Affine coordinates of points: x = origin + scale * (basis^T c + rest)."""
+    """Affine coordinates c of points x = origin + scale * (basis^T c + rest)."""
 
     origin: Real
     scale: Real
     basis: Real  # (d, m), orthonormal rows
 
     def of(self, points: Real) -> tuple[Real, Real]:
-        """Coordinates and what lies off the affine hull, scaled."""
+        """Coordinates c of points, and `rest`, their scaled offsets from the affine hull."""
         scaled = _scaled(points, self.origin, self.scale)
         inside = scaled @ self.basis.T
         return inside, scaled - inside @ self.basis
 
     def back(self, inside: Real, rest: Real) -> Real:
-        """The points at coordinates."""
+        """The points with given coordinates and offsets: the inverse of `of`."""
         return np.asarray(self.origin + self.scale * (inside @ self.basis + rest))
 
 
 @dataclass(frozen=True)
 class Enclosure:
-    """Vertices (M, m) of a polytope; `exact` where it is the hull of the corners, which holds all samples."""
+    """A polytope of M vertices (M, m); `exact` if it is the corners' hull and that contains all samples."""
 
     vertices: Real
-    kept: tuple[int, ...]  # which corners they are; empty where exact is false
+    kept: tuple[int, ...]  # indices of the corners that are vertices; empty if not exact
     exact: bool
     outside: float  # how far samples lie outside the hull of the corners, as a share of its size
 
 
 def minimal(points: Real) -> tuple[int, ...]:
-    """Rows that are the vertices of the points' convex hull, in their order, each once."""
+    """Indices of the rows that are vertices of the points' convex hull, ascending, each vertex once."""
     frame = _frame(points, points)
     inside, _ = frame.of(points)
     return _vertices(inside)
 
 
 def enclose(corners: Real, samples: Real) -> Enclosure:
-    """A polytope that holds corners and samples; the hull of the corners if that does."""
+    """A polytope that contains corners and samples: the hull of the corners, if that is enough."""
     frame = _frame(corners, np.vstack([corners, samples]))
     base, _ = frame.of(corners)
     inside, rest = frame.of(samples)
@@ -77,7 +78,7 @@ def enclose(corners: Real, samples: Real) -> Enclosure:
     off = float(np.abs(rest).max(initial=0.0))
     if factor <= 1 + INSIDE and off <= INSIDE:
         return Enclosure(corners[list(kept)], kept, True, 0.0)
-    # Where the corners hardly differ, their hull would have to grow without measure: box it.
+    # Directions in which the corners hardly differ get a box: their hull would have to be inflated too far.
     frame = _frame(corners, np.vstack([corners, samples]), THIN)
     everything, rest = frame.of(np.vstack([corners, samples]))
     base = everything[list(_vertices(everything[: len(corners)]))]
@@ -104,7 +105,7 @@ def _scaled(points: Real, origin: Real, scale: Real) -> Real:
 
 
 def _qhull(points: Real) -> ConvexHull | None:
-    """The hull of full-dimensional points; None where Qhull can't make it."""
+    """The convex hull of full-dimensional points; None if Qhull fails or the dimensions are too many."""
     if points.shape[1] > QHULL_DIMENSIONS:
         return None
     from scipy.spatial import ConvexHull, QhullError
@@ -116,7 +117,7 @@ def _qhull(points: Real) -> ConvexHull | None:
 
 
 def _vertices(points: Real) -> tuple[int, ...]:
-    """Vertices of the hull of full-dimensional points (count, d)."""
+    """Indices of the vertices of the convex hull of full-dimensional points (count, d)."""
     dimensions = points.shape[1]
     if dimensions == 0:
         return (0,)
@@ -129,7 +130,7 @@ def _vertices(points: Real) -> tuple[int, ...]:
 
 
 def _gauge(vertices: Real, points: Real) -> Real:
-    """Factor by which the hull of the vertices has to grow about their mean to hold each point."""
+    """For each point, the factor by which the vertices' hull has to grow about their mean to contain it."""
     dimensions = points.shape[1]
     if dimensions == 0 or not len(points):
         return np.zeros(len(points))
@@ -144,16 +145,16 @@ def _gauge(vertices: Real, points: Real) -> Real:
         return np.asarray(((points - centre) @ normals.T / (-offsets - normals @ centre)).max(axis=1))
     from scipy.optimize import nnls
 
-    tie = 1e-5  # so small that the sum of the weights hardly matters, but it decides between representations
+    tie = 1e-5  # small penalty on the sum of the weights: it only selects between equally good solutions
     rows = np.vstack([(vertices - centre).T, tie * np.ones(len(vertices))])
     return np.array([nnls(rows, np.append(point - centre, 0.0))[0].sum() for point in points])
 
 
 def _directions(rest: Real) -> Real:
-    """A polytope around rows off the affine hull: a box, in more directions a cross-polytope.
+    """A polytope around offsets from the affine hull: a box in up to two directions, else a cross-polytope.
 
-    With half-axes s_i that holds r where sum |r_i| / s_i <= 1; half-widths h_i and s_i ~ sqrt(h_i) make it
-    smallest.
+    A cross-polytope with half-axes s_i contains r if sum |r_i| / s_i <= 1. For offsets with half-widths h_i
+    it is smallest if s_i is proportional to sqrt(h_i).
     """
     _, _, axes = np.linalg.svd(rest, full_matrices=False)
     along = rest @ axes.T

@@ -1,7 +1,7 @@
 """PI-ILC and robust ILC at one speed: u_k = Q u_{k-1} + Gamma e_k (docs/theory/learning.md derives it).
 
-Where the memory refuses to learn at a speed (control/src/cogless/memory.c), `frozen` says why. Friction and
-the switching terms of robust ILC are left out.
+If the memory can't learn at a speed (control/src/cogless/memory.c), `frozen` gives the reason. The analysis
+leaves out friction and the switching terms of robust ILC.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class PeriodicLoop(LearningLoop):
         return f"{found}lead {self.lead} is over a quarter" if self.lead > samples / 4 else None
 
     def settling_leads(self) -> set[int]:
-        """The leads, in samples, with which it would settle."""
+        """The leads, in samples, with which learning would settle."""
         f = self.frequencies
         q, longest = self.q(f), int(min(1 / self.periods_per_second / self.plant.period, self.law.cells) / 4)
         leads = range(1, min(longest, LONGEST_LEAD) + 1)

@@ -1,13 +1,13 @@
 """The learning gain K_3 by the linear matrix inequality of Mandra 2019, (21) to (35).
 
-docs/theory/trial-design.md#learning-as-a-repetitive-process has the inequalities, and what is bounded: each
-trial that starts with eta(0) = f adds at most beta_1 to the sum of all later errors' squares, each sample of
-the first trial with e_0 = g at most beta_2. One of each, then, at most their sum.
+docs/theory/trial-design.md#learning-as-a-repetitive-process has the inequalities. They bound the sum of the
+squares of all later errors. Each trial that starts with eta(0) = f adds at most beta_1 to it. Each sample of
+the first trial with e_0 = g adds at most beta_2. So one of each adds at most beta_1 + beta_2.
 
 Scaling. The block e_{k+1} of (28) with U is a bounded-real condition with the supply p |e_k|^2 - (1 + p)
-|e_{k+1}|^2, which needs max |F|^2 <= p / (1 + p). So a frequency sweep for the K_3 with the smallest max |F|
-says how large p and, by the bounded-real Riccati equation of the nominal loop, P_1 will be; it also says when
-there is no solution.
+|e_{k+1}|^2. It needs max |F|^2 <= p / (1 + p). So a frequency sweep finds the K_3 with the smallest max |F|,
+which gives the size of p. The bounded-real Riccati equation of the nominal loop then gives the size of P_1.
+The sweep also shows when there is no solution.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from cogless.design.model import Model, Real
 from cogless.design.response import Bundle, Complex, Loop, best_gain, direction
 
 MIXTURES = 100
-FEWEST, MOST = 1024, 8192  # frequencies of a cost
+FEWEST, MOST = 1024, 8192  # limits of the number of frequencies in `cost`
 
 
 @dataclass(frozen=True)
 class Vertex:
-    """A vertex of the mapped set (23)."""
+    """One vertex (A, B, Gamma, Upsilon) of the set (23) of Mandra 2019."""
 
     A: Real
     B: Real  # (n, 1)
@@ -39,41 +39,41 @@ class Vertex:
 
     @classmethod
     def of(cls, loop: Loop, r: int) -> Vertex:
-        """The vertex (22) of a closed loop."""
+        """The matrices (22) of a closed loop with relative degree r."""
         power = np.linalg.matrix_power(loop.A, r - 1)
         ahead = loop.C[None, :] @ power
         return cls(loop.A, loop.B, ahead @ loop.A, float((ahead @ loop.B)[0, 0]))
 
     @property
     def entries(self) -> Real:
-        """All matrices in one row."""
+        """The entries of all matrices, in one row vector."""
         return np.concatenate([self.A.ravel(), self.B.ravel(), self.Gamma.ravel(), [self.Upsilon]])
 
     @classmethod
     def from_entries(cls, row: Real, n: int) -> Vertex:
-        """The inverse of `entries`."""
+        """The vertex with these `entries`, for n states."""
         A, B, Gamma = row[: n * n].reshape(n, n), row[n * n : n * n + n], row[n * n + n : -1]
         return cls(A, B.reshape(n, 1), Gamma.reshape(1, n), float(row[-1]))
 
     def phi(self, K_3: float) -> Real:
-        """Phi (27)."""
+        """The matrix Phi of (27) with the learning gain K_3."""
         return np.block([[self.A, self.B * K_3], [-self.Gamma, np.array([[1 - self.Upsilon * K_3]])]])
 
 
 @dataclass(frozen=True)
 class LearningGain:
-    """v(p) <- v(p) + K_3 e(p + r)."""
+    """The gain of the learning update v(p) <- v(p) + K_3 e(p + r), with its bounds and its check."""
 
     K_3: float
     bounds: tuple[float, float]  # beta_1 and beta_2, in the error's unit squared: see `cost`
     check: Check
     status: str
-    affine: bool  # the mapped set is the hull of its vertices
+    affine: bool  # the set (23) is the hull of its mapped corners
     note: str
 
 
 def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
-    """Vertices of a polytope that holds (23), whether it is their hull, and a note on it."""
+    """Vertices of a polytope that contains the set (23), whether these are the mapped corners, and a note."""
     corners = [Vertex.of(loop, r) for loop in loops]
     if r == 1 or len(loops) == 1:
         return corners, True, ""
@@ -95,7 +95,7 @@ def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
 
 
 def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: float) -> LearningGain:
-    """K_3 for closed loops from v to y; DesignError where no gain is stable along the trial."""
+    """K_3 for closed loops from v to y; DesignError if no gain is stable along the trial."""
     n = len(nominal.A)
     if not np.all(np.isfinite(f)):
         raise DesignError(f"initial_change: expected {n} finite numbers")
@@ -122,9 +122,10 @@ def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: floa
 def check(
     vertices: Sequence[Vertex], K_3: float, P: Sequence[Real], T: Real, f: Real, g: float, bound: float
 ) -> Check:
-    """(30) with P_j at each vertex, and `cost`, which knows nothing of P_j, against the bound.
+    """Checks (30) with P_j at each vertex, and the true `cost`, which doesn't use P_j, against the bound.
 
-    The blocks are measured in eta = T eta~, where P_j are, too: diag((n), 1).
+    The blocks are measured in the scaled coordinates of eta = T eta~. Each P_j, blockdiag(n x n, 1), is given
+    in the same coordinates.
     """
     n = len(f)
     S = np.block([[T, np.zeros((n, 1))], [np.zeros((1, n)), np.eye(1)]])
@@ -132,7 +133,7 @@ def check(
     for vertex, p in zip(vertices, P, strict=True):
         phi = np.linalg.solve(S, vertex.phi(K_3) @ S)
         U = phi[n:]
-        # beside P, not beside the difference, which may be small by right
+        # measured relative to P, not to the difference, which may be small without being wrong
         root = np.linalg.cholesky(p)
         blocks.append(
             np.eye(n + 1) - np.linalg.solve(root, np.linalg.solve(root, phi.T @ p @ phi + U.T @ U).T)
@@ -143,10 +144,11 @@ def check(
 
 
 def cost(vertex: Vertex, K_3: float, f: Real, g: float) -> float:
-    """The sum of e_k(p)^2 over all trials k >= 1 and samples p, of trials without end.
+    """The sum of e_k(p)^2 over all trials k >= 1 and samples p, for infinitely long trials.
 
-    From what (30) bounds by beta_1 + beta_2: eta(0) = f in the first trial and zero in later ones, e_0(0) = g
-    and zero at later samples; the worse of both signs. By Parseval, E_1 / (1 - |F|^2) over frequency, evenly.
+    The initial values are those for which (30) gives the bound beta_1 + beta_2: eta(0) = f in the first trial
+    and zero in later ones, e_0(0) = g and zero at later samples. The worse of both relative signs of f and g
+    counts. By Parseval the sum is the mean of |E_1|^2 / (1 - |F|^2) over evenly spaced frequencies.
     """
     A, B, n = vertex.A, vertex.B * K_3, len(f)
     radius = float(np.abs(np.linalg.eigvals(A)).max())
@@ -165,8 +167,11 @@ def cost(vertex: Vertex, K_3: float, f: Real, g: float) -> float:
 
 
 def _impossible(G: Complex, w: Real, nominal: Loop) -> str:
-    """Stability along the trial needs |1 - K G| < 1, so Re G > 0 at every frequency w, and, as the phase then
-    can't turn over, all zeros of G inside the unit circle."""
+    """The message why no K_3 is stable along the trial.
+
+    Stability needs |1 - K G| < 1, so Re G > 0 at every frequency w. Then the phase of G stays within 90 deg,
+    so that all zeros of G are inside the unit circle.
+    """
     found = zeros(Model(nominal.A, nominal.B), nominal.C)
     outside = [zero for zero in found if abs(zero) >= 1 - 1e-9]
     if outside:
@@ -185,10 +190,11 @@ def _impossible(G: Complex, w: Real, nominal: Loop) -> str:
 
 
 def _scaling(nominal: Loop, r: int, K: float, worst: float) -> Real:
-    """T with eta = T eta~ in which P_1 of the nominal loop is about one; e stays as it is.
+    """T of eta = T eta~, chosen so that P_1 of the nominal loop is about the identity; e isn't scaled.
 
-    P_1 = X of the bounded-real equation, the storage for the supply p |e_k|^2 - (1 + p) |e_{k+1}|^2. Where
-    that has none, as far as errors of about one drive the state.
+    P_1 is the solution X of the bounded-real Riccati equation: the storage for the supply p |e_k|^2 - (1 + p)
+    |e_{k+1}|^2. If it has no solution, each state is scaled by the size to which errors of about one drive
+    it.
     """
     import scipy.linalg
 
@@ -212,7 +218,7 @@ def _scaling(nominal: Loop, r: int, K: float, worst: float) -> Real:
 def _solve(
     vertices: Sequence[Vertex], T: Real, f: Real, g: float, unit: float
 ) -> tuple[float, tuple[float, float], Check, str] | None:
-    """(32) to (35) in eta = T eta~, v in units of its own; None where `check` refuses."""
+    """Solves (32) to (35) in the coordinates eta = T eta~, with v scaled by `unit`; None if `check` fails."""
     import cvxpy as cp
 
     n = len(f)

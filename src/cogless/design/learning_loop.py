@@ -1,21 +1,22 @@
-"""A law that learns from period to period, in its drive at one speed: by which factor each frequency changes.
+"""The factor per period by which a learning law changes each frequency of what it learned, at one speed.
 
-Small signals at a speed that hardly changes within what the loop remembers. P from current reference to
-measured speed and angle (pi.py), C the linear feedback, Gamma the learning gain on the error that it feeds
-back, T the period of the samples:
+The analysis is for small signals, at a speed that hardly changes within the loop's memory. P is the response
+from current reference to measured speed and angle (pi.py), C the linear feedback, Gamma the learning gain on
+the error that is fed back, and T the sample period:
 
     G = ratio (P_omega + k_theta P_theta),    C = k + k_i T z / (z - 1)
     S = 1 / (1 + C G + k_v ratio P_theta),    X = Gamma G S
 
     factor |Q kept|,    kept = 1 / (1 + X), or 1 - X exp(jw n T) with a lead of n samples
 
-derived in docs/theory/learning.md and learning-in-angle.md. A map with fewer cells than samples can't tell f
-from f + m f_c, f_c cells a second, and brings out all of them, with weights that add up to one:
+docs/theory/learning.md and learning-in-angle.md derive this. A map with fewer cells than samples can't
+distinguish f from f + m f_c, where f_c is its number of cells per second. It reproduces all of these
+frequencies, with weights that add up to one:
 
     factor |Q sum_m sinc^2(f / f_c + m) kept(f + m f_c)|
 
-What straight lines between samples filter besides is left out of the factor, an upper bound; `lines` has its
-mean over the places between them.
+Linear interpolation between samples attenuates further. The factor leaves this out, so it is an upper bound.
+`lines` gives the interpolation's gain, as a mean over the positions between two samples.
 """
 
 from __future__ import annotations
@@ -38,17 +39,17 @@ from cogless.study.controller import Learning
 from cogless.study.pi_afc import PiAfc
 from cogless.study.space_controller import SpaceLearning
 
-SETTLED = 1.0 + 1e-3  # a factor a period that is as good as settling
+SETTLED = 1.0 + 1e-3  # largest factor per period that counts as settling
 POINTS = 3000  # of a curve
 GRID = 8000  # of a plant
 LOWEST = 1e-4  # Hz
-IMAGES = 50  # the weights of the others add up to less than a percent
+IMAGES = 50  # largest m; the weights of further images add up to less than a percent
 PLACES = (np.arange(32) + 0.5) / 32  # between two samples
 
 
 @dataclass(frozen=True)
 class Worst:
-    """The largest factor a period, an upper bound, and where it is."""
+    """The largest factor per period, which is an upper bound, and its frequency."""
 
     factor: float
     frequency: float  # Hz
@@ -56,43 +57,43 @@ class Worst:
 
 @dataclass(frozen=True)
 class LearningLoop(ABC):
-    """A controller of a study that learns, at a speed and an acceleration."""
+    """A learning controller of a study, at one speed and one acceleration."""
 
     study: Study
     controller: str
     omega_m: float  # rad/s, mechanical
     alpha_m: float = 0.0  # rad/s^2
-    torque: float = 1.0  # of the mean torque constant: where K_t ripples, what it is at an angle
-    scenario: str | None = None  # whose plant it acts on; None: the one it was told
+    torque: float = 1.0  # torque constant at an angle / its mean: differs from 1 if K_t ripples
+    scenario: str | None = None  # whose true plant is used; None: the plant that the controller assumes
 
     @property
     @abstractmethod
     def law(self) -> Learning | SpaceLearning | PiAfc:
-        """The controller; TypeError: not one that learns so."""
+        """The controller's law; TypeError if it isn't one that learns in this way."""
 
     @property
     @abstractmethod
     def gamma(self) -> tuple[float, float]:
-        """The learning gain, A*s/rad, and that on the integral of the same error, A/rad."""
+        """The learning gains on the error, A*s/rad, and on its integral, A/rad."""
 
     @property
     def frozen(self) -> str | None:
-        """The reason why nothing is learned at this speed; None where something is."""
+        """The reason why nothing is learned at this speed; None if the law learns."""
         return None
 
     @property
     def doubt(self) -> str | None:
-        """The reason why small signals about this speed may not be all; None where the law gives none."""
+        """The reason why the small-signal analysis may not hold at this speed; None if there is no reason."""
         return None
 
     @property
     def forgetting(self) -> float:
-        """The share of the memory that is kept in each period."""
+        """The share of the learned signal that the memory keeps in each period."""
         return 1.0
 
     @property
     def lead(self) -> int:
-        """Samples by which a correction is earlier than the error."""
+        """Samples by which a correction is earlier in the period than the error that it was learned from."""
         return 0
 
     @property
@@ -104,7 +105,7 @@ class LearningLoop(ABC):
 
     @cached_property
     def feedback(self) -> Linear:
-        """The linear feedback while the law learns, without what learning adds at once."""
+        """The linear feedback while the law learns; learning's effect within the same sample is left out."""
         return self.feedback_before
 
     def gain(self, w: Real) -> Complex:
@@ -113,52 +114,52 @@ class LearningLoop(ABC):
 
     @property
     def at_once(self) -> Linear:
-        """The feedback with what learning adds within the same sample."""
+        """The linear feedback plus the gains that learning adds within the same sample."""
         kp, ki = (0.0, 0.0) if self.lead else self.gamma
         return dataclasses.replace(self.feedback, k=self.feedback.k + kp, k_i=self.feedback.k_i + ki)
 
     @cached_property
     def plant(self) -> SpeedLoop:
-        """The speed loop that the law acts on, at this torque constant."""
+        """The speed loop that the law acts on, with the mean torque constant times `torque`."""
         loop = speed_loop(self.study, self.scenario)
         return dataclasses.replace(loop, b=loop.b * self.torque)
 
     @property
     def periods_per_second(self) -> float:
-        """Periods of what is learned, Hz."""
+        """Learning periods per second at this speed, Hz."""
         revolutions = float(self.law.revolutions(self.study.motor.pole_pairs))
         return abs(self.omega_m) / (2 * math.pi * revolutions)
 
     @property
     def cells_per_second(self) -> float:
-        """Rate of what the Q filter counts, Hz: cells of a map, or samples of a delay line."""
+        """Rate of the values that the Q filter averages, Hz: cells of a map, or samples of a delay line."""
         return self.law.cells * self.periods_per_second if self.law.over_angle else 1 / self.plant.period
 
     @property
     def widest_filter(self) -> int:
-        """The largest q_half_width that a period holds."""
+        """The largest q_half_width that fits into a period."""
         return int((min(self.law.cells, self.cells_per_second / self.periods_per_second) - 1) / 2)
 
     def oscillation(self) -> Oscillation | None:
-        """The oscillation that grows with what learning adds within a sample; None where none does."""
+        """The oscillation that grows in the loop with the feedback `at_once`; None if that loop is stable."""
         return oscillation(self.plant, self.at_once)
 
     def q(self, f: ArrayLike, half_width: int | None = None) -> Real:
-        """Forgetting and the Q filter; with another filter of so many cells or samples on each side."""
+        """Gain of forgetting and Q filter at f, Hz; `half_width`, cells or samples, replaces the law's."""
         n = 2 * (self.law.q_half_width if half_width is None else half_width) + 1
         part = np.asarray(f, dtype=float) / self.cells_per_second
         return np.asarray(self.forgetting * np.abs(np.sinc(n * part) / np.sinc(part)))
 
     def recalled(self, f: ArrayLike, constant: bool) -> Real:
-        """The share of what was learned that comes back after a period, at frequencies f in Hz."""
+        """The share of the learned signal that is recalled after a period, at frequencies f in Hz."""
         return self.q(f) * self.lines(f, constant)
 
     def factor(self, f: ArrayLike) -> Real:
-        """Factor a period of what is learned at frequencies f in Hz."""
+        """The factor per period on the learned signal, at frequencies f in Hz."""
         return self.q(f) * self.unfiltered(f)
 
     def unfiltered(self, f: ArrayLike, lead: int | None = None) -> Real:
-        """The factor for Q = 1; with another lead, in samples."""
+        """The factor per period for Q = 1; `lead`, in samples, replaces the law's."""
         f, rate, cells = np.asarray(f, dtype=float), 1 / self.plant.period, self.cells_per_second
         if not self.law.over_angle or cells >= rate:
             return np.abs(self.kept(f, lead))
@@ -168,9 +169,10 @@ class LearningLoop(ABC):
         return np.asarray(np.abs((weight * self.kept(image, lead)).sum(axis=0) / weight.sum(axis=0)))
 
     def lines(self, f: ArrayLike, constant: bool) -> Real:
-        """Gain of straight lines between samples, besides the images of a coarse map.
+        """Gain of the linear interpolation between samples; the images of a coarse map aren't included.
 
-        A mean over places between samples; for a delay line at a constant speed, at its one place.
+        It is a mean over positions between two samples. A delay line at a constant speed reads at one
+        position only, and the gain is the one there.
         """
         f, rate = np.asarray(f, dtype=float), 1 / self.plant.period
         if self.law.over_angle:
@@ -181,17 +183,17 @@ class LearningLoop(ABC):
         return np.asarray(np.exp(mean))
 
     def kept(self, f: ArrayLike, lead: int | None = None) -> Complex:
-        """The share of what was recalled that the loop leaves, at a sample, at frequencies f in Hz."""
+        """`kept`: the share of the recalled signal that remains after learning, at frequencies f in Hz."""
         lead = self.lead if lead is None else lead
         x = self.x(f, lead)
         return np.asarray(1 - x if lead else 1 / (1 + x))
 
     def closed(self, f: Real) -> Complex:
-        """G S at frequencies f in Hz, 0 or more."""
+        """G S, the closed loop without C, at frequencies f >= 0 in Hz."""
         return _closed_at(self.plant, self.feedback, f.tobytes()).reshape(f.shape)
 
     def x(self, f: ArrayLike, lead: int | None = None) -> Complex:
-        """X, with the lead, at frequencies f in Hz."""
+        """X exp(jw n T), with the lead of n samples, at frequencies f in Hz."""
         f, lead = np.asarray(f, dtype=float), self.lead if lead is None else lead
         positive = np.abs(f)
         value = self.gain(2 * math.pi * positive) * self.closed(positive)
@@ -199,9 +201,10 @@ class LearningLoop(ABC):
         return np.asarray(value * np.exp(2j * np.pi * f * lead * self.plant.period) if lead else value)
 
     def residual(self, f: ArrayLike, constant: bool = True) -> Real:
-        """Share of the error under feedback alone that stays once learning has settled.
+        """The error after learning has settled, as a share of the error under feedback alone.
 
-        What isn't of the period comes back shifted, and learning may double it.
+        An error that isn't periodic with the learning period is recalled with a shifted phase. Learning may
+        double it.
         """
         f = np.asarray(f, dtype=float)
         q = self.q(f) * self.lines(f, constant) * np.exp(-2j * np.pi * f / self.periods_per_second)
@@ -211,30 +214,30 @@ class LearningLoop(ABC):
 
     @property
     def highest(self) -> float:
-        """The highest frequency that samples and cells hold, Hz."""
+        """The highest frequency that both samples and cells can represent, Hz."""
         return 0.499 * min(self.cells_per_second, 1 / self.plant.period)
 
     @property
     def orders(self) -> Real | None:
-        """The orders of the period that it learns; None of a law that learns all."""
+        """The orders, relative to the learning period, that the law learns; None if it learns all."""
         return None
 
     def settling_leads(self) -> set[int]:
-        """The leads, in samples, with which it would settle."""
+        """The leads, in samples, with which learning would settle."""
         return set()
 
     @property
     def sure(self) -> bool:
-        """Whether what is learned grows for certain at this speed, were it constant."""
+        """Whether the learned signal would certainly grow if this speed were held."""
         return False
 
     @property
     def frequencies(self) -> Real:
-        """Frequencies from the period's own up to the highest, Hz."""
+        """Frequencies from that of the learning period up to `highest`, Hz."""
         return np.linspace(self.periods_per_second, self.highest, POINTS)
 
     def worst(self) -> Worst:
-        """The largest factor."""
+        """The largest factor per period over `frequencies`."""
         f = self.frequencies
         factors = self.factor(f)
         k = int(np.argmax(factors))
@@ -242,33 +245,33 @@ class LearningLoop(ABC):
 
 
 def opened(feedback: Linear, P_omega: Complex, P_theta: Complex) -> Complex:
-    """G."""
+    """G = ratio (P_omega + k_theta P_theta)."""
     return np.asarray(feedback.ratio * (P_omega + feedback.k_theta * P_theta))
 
 
 def sensitivity(loop: SpeedLoop, feedback: Linear, w: Real, P_omega: Complex, P_theta: Complex) -> Complex:
-    """S; both plants at w in rad/s."""
+    """The sensitivity S at w in rad/s, from both plants at w."""
     C = pi_response(w, loop.period, feedback.k, feedback.k_i)
     around = C * opened(feedback, P_omega, P_theta) + feedback.k_v * feedback.ratio * P_theta
     return np.asarray(1 / (1 + around))
 
 
-@lru_cache(maxsize=16)  # of one plant and feedback at all speeds
+@lru_cache(maxsize=16)  # the same for all speeds of one plant and feedback
 def _closed(loop: SpeedLoop, feedback: Linear) -> tuple[Real, Complex]:
-    """Frequencies, Hz, and G S there."""
+    """A grid of frequencies, Hz, and G S at these."""
     f, P_omega, P_theta = plants(loop)
     S = sensitivity(loop, feedback, 2 * math.pi * f, P_omega, P_theta)
     return f, opened(feedback, P_omega, P_theta) * S
 
 
-@lru_cache(maxsize=128)  # of one speed, at all accelerations
+@lru_cache(maxsize=128)  # the same for all accelerations at one speed
 def _closed_at(loop: SpeedLoop, feedback: Linear, frequencies: bytes) -> Complex:
-    """G S between the frequencies of the curve, at some that fill a buffer of doubles, Hz."""
+    """G S, interpolated, at frequencies in Hz, as bytes of an array so that they can be a cache key."""
     return np.interp(np.frombuffer(frequencies), *_closed(loop, feedback))
 
 
 @lru_cache(maxsize=16)
 def plants(loop: SpeedLoop) -> tuple[Real, Complex, Complex]:
-    """Frequencies, Hz, and both plants of pi.py there."""
+    """Frequencies, Hz, and the plants P_omega and P_theta of pi.py at them."""
     f = np.geomspace(LOWEST, 0.5 / loop.period, GRID)
     return f, *loop.plant(2 * math.pi * f)

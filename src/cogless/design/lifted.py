@@ -1,7 +1,8 @@
 """Norm-optimal learning in lifted form: docs/theory/trial-design.md#norm-optimal-learning.
 
 Over a trial the nominal closed loop from v to y is a lower triangular Toeplitz matrix G of its impulse
-response, and v_{k+1} = v_k + L e_k with L = (G^T G + q I)^-1 G^T, q the weight of v's change.
+response. The update is v_{k+1} = v_k + L e_k with L = (G^T G + q I)^-1 G^T, where q is the weight of v's
+change relative to the error's weight.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from cogless.design.response import Loop
 
 
 def impulse_response(loop: Loop, samples: int) -> Real:
-    """C A^(p-1) B for p = 0 .. samples - 1; zero at p = 0."""
+    """Impulse response C A^(p-1) B at the samples p = 0 .. samples - 1; it is zero at p = 0."""
     out, x = np.zeros(samples), loop.B[:, 0]
     for p in range(1, samples):
         out[p] = loop.C @ x
@@ -22,14 +23,14 @@ def impulse_response(loop: Loop, samples: int) -> Real:
 
 
 def lifted(loop: Loop, samples: int) -> Real:
-    """G (samples, samples)."""
+    """The lifted closed loop: the Toeplitz matrix G (samples, samples)."""
     from scipy.linalg import toeplitz
 
     return np.asarray(toeplitz(impulse_response(loop, samples), np.zeros(samples)))
 
 
 def norm_optimal(loop: Loop, samples: int, ratio: float) -> Real:
-    """L (samples, samples) for the ratio of the change's weight to the error's."""
+    """L (samples, samples); `ratio` is the weight of v's change divided by the weight of the error."""
     from scipy.linalg import cho_factor, cho_solve
 
     G = lifted(loop, samples)

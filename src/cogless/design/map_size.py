@@ -1,8 +1,9 @@
-"""Whether a map over the angle has cells enough for the orders that motor and load are known to have.
+"""Whether a map over the angle has enough cells for the known orders of motor and load.
 
-A map's value between two cells is on the straight line between them. Of a wave of c cells lines bring out the
-share sinc^2(1 / c), and below 2 cells a wave the cells show another, slower one. The Q filter, a mean, keeps
-0.83 of a wave three times as wide as itself in each period, and close to nothing of one as wide.
+A map interpolates linearly between two cells. This has the gain sinc^2(1 / c) for a wave of c cells per
+wavelength. With fewer than 2 cells per wavelength the wave is aliased to a slower one. The Q filter is a
+moving mean. In each period it keeps 0.83 of a wave that is three times as long as the filter is wide, and
+almost nothing of a wave that is as long as the filter.
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ from cogless.study import Study
 from cogless.study.controller import MOST_CELLS, Learning
 from cogless.study.space_controller import SpaceLearning
 
-FEWEST, ENOUGH = 2.0, 10.0  # cells in the shortest wave
-FILTERS = 3  # widths of the Q filter in it
+FEWEST, ENOUGH = 2.0, 10.0  # cells per wavelength of the highest order
+FILTERS = 3  # Q filter widths per wavelength of the highest order
 
 
 def map_warning(study: Study, name: str) -> str | None:
-    """A warning of a map that is too small; None where there is no map, or it holds all known orders."""
+    """Warning that a map has too few cells for the known orders; None if there are enough, or no map."""
     law = study.controller[name]
     orders = {n for key in study.scenarios_of(name) for n in functions_in(study, key).orders}
     revolutions = revolutions_learned(study, name)
@@ -46,7 +47,7 @@ def map_warning(study: Study, name: str) -> str | None:
 
 
 def kept(cells: float, half_width: int) -> float:
-    """The share of a wave of so many cells that a map with a Q filter keeps in a period."""
+    """The share of a wave that a map with a Q filter keeps in a period; the wave is `cells` cells long."""
     width = 2 * half_width + 1
     filtered = np.sinc(width / cells) / np.sinc(1 / cells)
     return float(abs(filtered) * np.sinc(1 / cells) ** 2)

@@ -1,13 +1,13 @@
 """Stability and margins of a sampled loop from its open-loop frequency response L(jw), up to half its rate.
 
-Stability is Nyquist's criterion by the argument principle: L is strictly proper with m poles at z = 1 and
-the others inside the unit circle. While w goes from 0 to half the rate, each closed-loop pole inside turns 1
-+ L by half a turn, and one outside by none, so that arg(1 + L) goes from -m 90 deg to zero less half a turn
-for each unstable pole.
+Stability is Nyquist's criterion by the argument principle: L is strictly proper with m poles at z = 1 and the
+others inside the unit circle. While w goes from 0 to half the rate, each closed-loop pole inside the unit
+circle turns 1 + L by half a turn, and each one outside by nothing. So arg(1 + L) starts at -m 90 deg and ends
+at minus half a turn for each unstable pole.
 
-The gain margin of a stable loop is the smallest factor above one on L that makes it unstable: of all
-crossings of the negative real axis between -1 and 0, the one next to -1. The phase margin is the smallest
-angle from -1 of all crossings of the unit circle.
+The gain margin of a stable loop is the smallest factor above one on L that makes the loop unstable. It
+follows from the crossing of the negative real axis between -1 and 0 that is next to -1. The phase margin is
+the smallest angle, seen from -1, of all crossings of the unit circle.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ POINTS = 4001
 
 @dataclass(frozen=True)
 class Margins:
-    """Stability margins of a loop; NaN where it has no such crossing, and where it is unstable."""
+    """Stability margins of a loop; NaN if L has no such crossing, or if the loop is unstable."""
 
     stable: bool
-    crossover: float  # rad/s, where the phase margin is
+    crossover: float  # rad/s, at which the phase margin is taken
     phase_margin: float  # rad
     gain_margin: float  # a factor above one
-    phase_crossover: float  # rad/s, at which it oscillates with that factor
+    phase_crossover: float  # rad/s, frequency of the oscillation if L is multiplied by gain_margin
 
 
 UNSTABLE = Margins(False, math.nan, math.nan, math.nan, math.nan)
 
 
 def finite(value: float) -> float | None:
-    """A number as JSON has it: null where there is none."""
+    """The number for JSON; None, so null, if it isn't finite."""
     return value if math.isfinite(value) else None
 
 
 def margins_of(response: Callable[[Real], Complex], period: float, integrators: int) -> Margins:
-    """Margins of L = response(w), sampled with period and with so many poles at z = 1."""
+    """Margins of L = response(w), w in rad/s, with sample `period` and `integrators` poles at z = 1."""
     w = np.geomspace(1e-4, 1, POINTS) * math.pi / period
     L = response(w)
     if not _stable(L, integrators):
@@ -61,7 +61,7 @@ def _stable(L: Complex, integrators: int) -> bool:
 
 
 def _crossover(response: Callable[[Real], Complex], w: Real, L: Complex) -> tuple[float, complex]:
-    """The frequency where |L| = 1 nearest to -1, and L there."""
+    """The frequency of the crossing |L| = 1 that is nearest to -1, and L there."""
     outside = np.abs(L) >= 1
     found = np.flatnonzero(outside[:-1] != outside[1:])
     if not len(found):
@@ -72,12 +72,12 @@ def _crossover(response: Callable[[Real], Complex], w: Real, L: Complex) -> tupl
 
 
 def _phase_crossover(response: Callable[[Real], Complex], w: Real, L: Complex) -> tuple[float, complex]:
-    """The frequency where L is real and negative, nearest to -1 within the unit circle, and L there."""
+    """The frequency at which L is real, negative and next to -1 inside the unit circle, and L there."""
     a, b = L[:-2], L[1:-1]
     found = np.flatnonzero((np.sign(a.imag) != np.sign(b.imag)) & (a.real < 0) & (b.real < 0))
     share = a[found].imag / (a[found].imag - b[found].imag)
     real = a[found].real + share * (b[found].real - a[found].real)
-    # at half the rate L is always real
+    # L is also real at half the sampling rate, the last point
     real, found = np.append(real, L[-1].real), np.append(found, len(L) - 1)
     inside = (real > -1) & (real < 0)
     if not np.any(inside):
@@ -94,7 +94,7 @@ def _at(response: Callable[[Real], Complex], w: float) -> complex:
 
 
 def root(f: Callable[[float], float], a: float, b: float) -> float:
-    """The zero of f between a and b, by halving: importing scipy.optimize takes longer than a run does."""
+    """The zero of f between a and b, by bisection: importing scipy.optimize takes longer than a run does."""
     rising = f(b) > f(a)
     for _ in range(60):
         middle = (a + b) / 2

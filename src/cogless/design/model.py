@@ -1,8 +1,8 @@
-"""A linear plant with one input, and its sampling.
+"""A linear plant with one input, and its sampling with period T.
 
 continuous  x' = A_c x + B_c u
-euler       A = I + T A_c,  B = T B_c: keeps polytopes, but is not the plant under a held input
-exact       A, B from the exponential of [[A_c, B_c], [0, 0]] T: u held over a sample
+euler       A = I + T A_c,  B = T B_c: maps a polytope to a polytope, but is inexact for a held input
+exact       A, B from the exponential of [[A_c, B_c], [0, 0]] T: exact for u held over a sample
 """
 
 from __future__ import annotations
@@ -18,29 +18,29 @@ from cogless.design.error import DesignError
 
 Real = NDArray[np.float64]
 Discretisation = Literal["euler", "exact"]
-NO_PATH = 1e-9  # a product that is this small beside the sum of its terms' sizes is zero
+NO_PATH = 1e-9  # a product below this share of the sum of its terms' magnitudes counts as zero
 
 
 @dataclass(frozen=True)
 class Model:
-    """x(p+1) = A x(p) + B u(p), or x' = A x + B u: A (n, n), B (n, 1)."""
+    """Discrete model x(p+1) = A x(p) + B u(p), or continuous x' = A x + B u, with A (n, n) and B (n, 1)."""
 
     A: Real
     B: Real
 
     @property
     def order(self) -> int:
-        """n."""
+        """Number of states, n."""
         return len(self.A)
 
     @property
     def entries(self) -> Real:
-        """[A B] row by row."""
+        """The entries of [A B] as a vector, row by row."""
         return np.hstack([self.A, self.B]).ravel()
 
     @classmethod
     def of(cls, A: ArrayLike, B: ArrayLike, key: str = "vertex") -> Model:
-        """A model, checked for shape and for finite numbers; DesignError."""
+        """A model from arrays; DesignError if a shape is wrong or a number isn't finite."""
         try:
             a, b = np.asarray(A, dtype=float), np.asarray(B, dtype=float)
         except (TypeError, ValueError):
@@ -55,13 +55,13 @@ class Model:
 
     @classmethod
     def from_entries(cls, entries: Real, order: int) -> Model:
-        """The inverse of `entries`."""
+        """The model of given order with these `entries`."""
         both = entries.reshape(order, order + 1)
         return cls(both[:, :order].copy(), both[:, order:].copy())
 
 
 def sampled(continuous: Model, period: float, how: Discretisation) -> Model:
-    """The discrete model of a continuous one."""
+    """The discrete model of a continuous one, with the sample period in s."""
     n = continuous.order
     if how == "euler":
         return Model(np.eye(n) + period * continuous.A, period * continuous.B)
@@ -72,7 +72,7 @@ def sampled(continuous: Model, period: float, how: Discretisation) -> Model:
 
 
 def exponential(M: Real) -> Real:
-    """Exponential of a matrix, by its series: importing scipy.linalg takes longer than a run does."""
+    """Matrix exponential by its series, because importing scipy.linalg takes longer than a run."""
     halvings = max(0, math.ceil(math.log2(max(float(np.abs(M).max()), 1e-300))) + 3)
     small = M / 2.0**halvings
     sum_, term = np.eye(len(M)), np.eye(len(M))
@@ -83,7 +83,7 @@ def exponential(M: Real) -> Real:
 
 
 def markov(A: Real, B: Real, C: Real, count: int) -> Real:
-    """C A^(i-1) B for i = 1 .. count; those that are only rounding are zero."""
+    """Markov parameters C A^(i-1) B for i = 1 .. count; values that are only rounding become zero."""
     out, x, size = np.zeros(count), B[:, 0], np.abs(B[:, 0])
     for i in range(count):
         value = float(C @ x)
@@ -93,16 +93,16 @@ def markov(A: Real, B: Real, C: Real, count: int) -> Real:
 
 
 def relative_degree(model: Model, C: Real) -> int:
-    """The smallest r with C A^(r-1) B != 0; 0 where the output never sees the input."""
+    """The smallest r with C A^(r-1) B != 0; 0 if the input has no effect on the output."""
     found = np.flatnonzero(markov(model.A, model.B, C, model.order))
     return int(found[0]) + 1 if len(found) else 0
 
 
 def uncontrollable_mode(A: Real, B: Real) -> complex | None:
-    """A pole that the input cannot move (Popov, Belevitch, Hautus); None where there is none.
+    """A pole that the input cannot move (Popov-Belevitch-Hautus test); None if there is none.
 
-    Independent of the states' units: each row of [zI - A, B] is measured beside its own size, after
-    balancing.
+    The result doesn't depend on the states' units: after balancing, each row of [zI - A, B] is divided by its
+    norm.
     """
     import scipy.linalg
 

@@ -1,12 +1,13 @@
 """PI with adaptive feedforward cancellation at one speed: a resonator at each order (docs/laws/pi-afc.md).
 
-All that learning does, it does at once. So the poles of the sampled loop with its resonators say whether it
-settles, whatever the gain, and by which factor a revolution. Averaged over an order's period, which asks for
-a small gain, coefficients change by
+This law learns without delay: nothing is recalled from an earlier period. So the poles of the sampled loop
+with its resonators show, for any gain, whether learning settles and by which factor per revolution. For a
+small gain the equations can be averaged over an order's period. The coefficients then change per revolution
+by the factor
 
     exp(-gain / 2 Re{G S exp(j w lead)} revolution)
 
-in a revolution: along a reference whose speed varies these factors multiply, order by order.
+Along a reference of varying speed, the factors of each order multiply.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from cogless.design.margins import Complex, Real
 from cogless.study.pi_afc import PiAfc
 from cogless.study.spoken import speed_text
 
-FIXED = 1e-6  # of the pole at one: the angle, which nothing feeds back
+FIXED = 1e-6  # tolerance of the fixed pole at z = 1: the angle, which has no feedback
 
 
 class OrderLoop(LearningLoop):
@@ -39,7 +40,7 @@ class OrderLoop(LearningLoop):
 
     @property
     def gamma(self) -> tuple[float, float]:
-        return 0.0, 0.0  # resonators have no such form: gain() has them
+        return 0.0, 0.0  # resonators have no such constant gains: see gain()
 
     @property
     def frozen(self) -> str | None:
@@ -52,7 +53,7 @@ class OrderLoop(LearningLoop):
 
     @property
     def orders(self) -> Real:
-        """The orders that are slow enough to be learned."""
+        """The orders with more than two samples per cycle at this speed: only these are learned."""
         orders = np.array(self.law.orders, dtype=float)
         return orders[orders * abs(self.omega_m) * self.plant.period < math.pi]
 
@@ -69,13 +70,16 @@ class OrderLoop(LearningLoop):
         return np.asarray(sum(each.response(w, self.plant.period) for each in resonators))
 
     def q(self, f: ArrayLike, half_width: int | None = None) -> Real:
-        return np.zeros(np.shape(f))  # nothing comes back from a period ago
+        return np.zeros(np.shape(f))  # nothing is recalled from the last period
 
     def recalled(self, f: ArrayLike, constant: bool) -> Real:
         return np.ones(np.shape(f))
 
     def unfiltered(self, f: ArrayLike, lead: int | None = None) -> Real:
-        """The factor a revolution by averaging, one of an order that rests; with another lead, in samples."""
+        """The averaged factor per revolution; 1 for an order too fast to be learned.
+
+        `lead`, in samples, replaces the law's.
+        """
         f = np.asarray(f, dtype=float)
         time = self.law.lead if lead is None else lead * self.plant.period
         seen = (self.closed(f) * np.exp(2j * np.pi * f * time)).real
@@ -83,7 +87,7 @@ class OrderLoop(LearningLoop):
         return np.asarray(np.exp(np.where(2 * f * self.plant.period < 1, power, 0.0)))
 
     def oscillation(self) -> Oscillation | None:
-        """What grows although a smaller gain would settle: the gain is too large."""
+        """The oscillation that grows only because the gain is too large; None if there is none."""
         if self._worst.factor <= SETTLED or np.any(self.unfiltered(self.frequencies) > 1):
             return None
         return Oscillation(self._worst.frequency, math.log(self._worst.factor) * self.periods_per_second)
@@ -107,7 +111,7 @@ class OrderLoop(LearningLoop):
         return [Resonator(self.law.gain, h * abs(self.omega_m), lead) for h in self.orders.tolist()]
 
     def _worst_with(self, lead: float) -> Worst:
-        """The slowest pole that isn't fixed, or the one that grows fastest."""
+        """Factor per revolution and frequency of the largest pole, other than the fixed pole at z = 1."""
         found = poles(self.plant, self.feedback, self._resonators(lead))
         found = found[np.abs(found - 1) > FIXED]
         largest = found[np.argmax(np.abs(found))]

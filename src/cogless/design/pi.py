@@ -1,22 +1,23 @@
-"""Speed PI by phase margin: the fair bar that learning laws stand beside. Derived in docs/laws/pi.md.
+"""Tuning of the speed PI for a phase margin, as a fair baseline for learning laws: see docs/laws/pi.md.
 
-The speed loop, from its error to its measured speed, sampled with period T = N T_c:
+The open speed loop, from speed error to measured speed, sampled with period T = N T_c, is
 
     L = (kp + ki T z / (z - 1)) P(jw),    z = exp(jwT)
 
-P, from current reference to measured speed, is that of N exact steps of a current-loop period,
-x' = A x + B i_ref, from sample to sample X(z) = (z - A^N)^-1 B_N. The measured speed is omega of an ideal
-sensor, otherwise (theta now - theta W steps ago) / (W T_c): W = m N - r steps ago (0 <= r < N) theta was
-z^-m (A^r X + B_r). An encoder timed from edge to edge (T) is at most the T / 2 late that is taken here while
-two edges come in a period.
+P is the response from current reference to measured speed. It consists of N exact steps x' = A x + B i_ref,
+each of one current-loop period T_c. From one speed sample to the next this gives X(z) = (z - A^N)^-1 B_N.
+With an ideal sensor the measured speed is omega. Otherwise it is (theta now - theta W steps ago) / (W T_c).
+With W = m N - r (0 <= r < N), theta W steps ago was that of z^-m (A^r X + B_r). An encoder has W = N, so a
+delay of T / 2. If it is timed from edge to edge (method T), this is its largest delay while two edges or more
+come in a period.
 
-The rule puts the crossover w_c where the phase is largest. With K = kp + ki T / 2, T_i = K / ki,
+The rule puts the crossover w_c at the frequency of the largest phase. With K = kp + ki T / 2, T_i = K / ki,
 w' = tan(wT / 2) / (T / 2), T_e = -arg(jw P(jw)) / w and x = w' T_i
 
     T_e = T_i / (1 + x^2),    PM = atan x - x / (1 + x^2)
 
-The margin gives x, then w_c = x / ((1 + x^2) T_e), T_i = x / w_c', and |L(w_c)| = 1 the gain. T_e depends on
-w_c weakly: a few rounds of substitution settle it.
+The wanted phase margin PM gives x, and x gives w_c = x / ((1 + x^2) T_e) and T_i = x / w_c'. |L(w_c)| = 1
+gives the gain. T_e depends only weakly on w_c, so a few rounds of substitution converge.
 """
 
 from __future__ import annotations
@@ -34,11 +35,11 @@ from cogless.study import Study, for_scenario
 from cogless.study.controller import Feedback, Tuning
 from cogless.study.drive import IdealSensor, Resolver
 
-CURRENT, INTEGRAL, WAITING, OMEGA, THETA, REFERENCE = range(6)  # the state x, and behind it i_ref
+CURRENT, INTEGRAL, WAITING, OMEGA, THETA, REFERENCE = range(6)  # indices of the state x, then of i_ref
 
 
 def pi_response(w: Real, T: float, k: float, k_i: float) -> Complex:
-    """k + k_i T z / (z - 1) at w in rad/s."""
+    """Response of a PI controller, k + k_i T z / (z - 1), at w in rad/s."""
     if not k_i:
         return np.full(np.shape(w), k, dtype=complex)
     z = np.exp(1j * w * T)
@@ -47,11 +48,11 @@ def pi_response(w: Real, T: float, k: float, k_i: float) -> Complex:
 
 @dataclass(frozen=True)
 class SpeedLoop:
-    """The plant of the speed controller."""
+    """The speed controller's plant: current loop, mechanics and speed measurement."""
 
     b: float  # rad/s^2/A, acceleration per current
-    steps: int  # current-loop periods in one of the speed loop
-    window: int  # current-loop periods that the measured speed is a mean over; 0: the speed at the sample
+    steps: int  # current-loop periods per speed-loop period
+    window: int  # current-loop periods over which the speed is averaged; 0: speed at the sample
     current: CurrentLoop | IdealLoop  # of the q axis
 
     @property
@@ -60,7 +61,7 @@ class SpeedLoop:
         return self.steps * self.current.period
 
     def plant(self, w: Real) -> tuple[Complex, Complex]:
-        """P(jw), and the response from current reference to the angle at the sample, rad/A."""
+        """P(jw), from current reference to measured speed, and the response to the sampled angle, rad/A."""
         z, whole = np.exp(1j * w * self.period), self.step_of(self.steps)
         A, B = whole[:REFERENCE, :REFERENCE], whole[:REFERENCE, REFERENCE:]
         x = np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)[:, :, 0]
@@ -73,17 +74,17 @@ class SpeedLoop:
         return np.asarray(turned / (self.window * self.current.period)), np.asarray(x[:, THETA])
 
     def response(self, w: Real, kp: float, ki: float) -> Complex:
-        """L(jw)."""
+        """L(jw), the open loop with gains kp and ki."""
         return np.asarray(pi_response(w, self.period, kp, ki) * self.plant(w)[0])
 
     def step_of(self, periods: int) -> Real:
-        """x and i_ref so many current-loop periods later."""
+        """The matrix that takes (x, i_ref) to their values `periods` current-loop periods later."""
         return np.asarray(np.linalg.matrix_power(_step(self), periods))
 
 
-@lru_cache(maxsize=16)  # all speeds and accelerations of a reference have one
+@lru_cache(maxsize=16)  # the same for all speeds and accelerations of a reference
 def _step(around: SpeedLoop) -> Real:
-    """x and i_ref one current-loop period later."""
+    """The matrix that takes (x, i_ref) to their values one current-loop period later."""
     loop, T = around.current, around.current.period
     if isinstance(loop, IdealLoop):
         step = np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
@@ -91,11 +92,11 @@ def _step(around: SpeedLoop) -> Real:
         step[OMEGA, REFERENCE] = around.b * T
         step[THETA, [OMEGA, REFERENCE]] = T, around.b * T**2 / 2
         return step
-    rates = np.zeros((4, 4))  # of i, omega, theta under a constant voltage
+    rates = np.zeros((4, 4))  # of change of i, omega, theta under a constant voltage
     rates[0, 0], rates[0, 3] = -loop.R / loop.L, 1 / loop.L
     rates[1, 0], rates[2, 1] = around.b, 1.0
     motor = exponential(rates * loop.period)
-    voltage = np.zeros(6)  # of the controller, kp (i_ref - i) + integral
+    voltage = np.zeros(6)  # the current controller's output, kp (i_ref - i) + integral
     voltage[[CURRENT, INTEGRAL, REFERENCE]] = -loop.kp, 1.0, loop.kp
     step = np.eye(6)
     step[INTEGRAL, [CURRENT, REFERENCE]] = -loop.ki * loop.period, loop.ki * loop.period
@@ -117,9 +118,10 @@ class PiDesign:
 
 
 def speed_loop(study: Study, scenario: str | None = None) -> SpeedLoop:
-    """The speed loop as its controller knows it, or as it is in a scenario: with overrides and true values.
+    """The speed loop as the controller assumes it, or with the true values and overrides of a scenario.
 
-    Torque per current is the motor's mean; what a controller knows is the belief's.
+    The torque per current is the motor's mean in a scenario. Otherwise it follows from the flux that the
+    controller assumes.
     """
     return study.once(_speed_loop, scenario)
 
@@ -142,7 +144,7 @@ def _speed_loop(study: Study, scenario: str | None) -> SpeedLoop:
 
 
 def gains(study: Study, name: str) -> tuple[float, float]:
-    """kp and ki of a controller of the study: its own, or by its rule."""
+    """kp and ki of a controller of the study: as given there, or from its tuning rule."""
     controller = study.controller[name]
     assert isinstance(controller, Feedback)
     if controller.tuning is None:
@@ -154,12 +156,12 @@ def gains(study: Study, name: str) -> tuple[float, float]:
 
 @lru_cache(maxsize=32)
 def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
-    """Gains for a phase margin; ValueError where this loop has none such below half the sampling rate."""
+    """Gains for a phase margin; ValueError if no crossover below half the sampling rate has it."""
     x = root(lambda x: math.atan(x) - x / (1 + x * x) - tuning.phase_margin, 1e-3, 1e3)
     half = loop.period / 2
     w = 1e-3 * math.pi / loop.period
     for _ in range(100):
-        T_e = -float(np.angle(1j * loop.plant(np.array([w]))[0][0])) / w  # what P lags more than 1 / s
+        T_e = -float(np.angle(1j * loop.plant(np.array([w]))[0][0])) / w  # delay beyond an integrator's, s
         before, w = w, x / ((1 + x * x) * max(T_e, 1e-300))
         if w >= math.pi / loop.period:
             break
@@ -167,7 +169,7 @@ def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
             ki = math.tan(w * half) / (half * x)  # for K = 1
             K = 1 / float(abs(loop.response(np.array([w]), 1 - ki * half, ki)[0]))
             design = PiDesign(K * (1 - ki * half), K * ki, margins(loop, K * (1 - ki * half), K * ki))
-            # A current loop with a resonance crosses once more, further up.
+            # With a resonant current loop, |L| may cross one again at a higher frequency, with less margin.
             if math.isclose(design.margins.phase_margin, tuning.phase_margin, rel_tol=1e-6):
                 return design
             break
@@ -175,7 +177,7 @@ def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
 
 
 def margins(loop: SpeedLoop, kp: float, ki: float) -> Margins:
-    """Margins of given gains around a loop; unstable where its current loop is."""
+    """Margins of a speed loop with given gains; unstable if its current loop is."""
     if isinstance(loop.current, CurrentLoop) and not loop.current.margins().stable:
         return UNSTABLE
     integrators = 1 + (ki > 0) if kp or ki else 0

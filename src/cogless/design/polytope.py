@@ -1,8 +1,9 @@
-"""An uncertain plant as a polytope of discrete models, (1) and (2) of Mandra 2019, and the set it stands for.
+"""An uncertain plant as a polytope of discrete models: (1) and (2) of Mandra 2019.
 
-docs/theory/trial-design.md#the-plant-as-a-polytope. Made from physical ranges, or from vertices.
-Whether the corners' hull holds the images of all parameters is tested on samples. Where it doesn't, the
-polytope is one that does, and `note` says so.
+docs/theory/trial-design.md#the-plant-as-a-polytope derives it. The polytope is made from ranges of physical
+parameters, or from vertices. The hull of the corners' models need not contain the models of all parameters,
+so this is tested on samples. If some are outside, a larger polytope that contains them is used, and `note`
+says so.
 """
 
 from __future__ import annotations
@@ -24,28 +25,28 @@ from cogless.design.model import Discretisation, Model, Real, markov, relative_d
 Parameters = Mapping[str, float]
 Range = tuple[float, float]
 Physics = Callable[[Parameters], tuple[ArrayLike, ArrayLike]]
-Models = tuple[list[Model], list[Model] | None]  # discrete ones; the exactly sampled ones, where known
+Models = tuple[list[Model], list[Model] | None]  # discrete models; the exactly sampled ones, if known
 Draw = Callable[[Generator, int], Models]
-CERTIFIED = 60  # random plants that a certificate speaks of, and as many mixtures
-INSIDE_SAMPLES = 200  # parameters whose images have to lie in the polytope
+CERTIFIED = 60  # number of random plants that a certificate covers, and of mixtures of vertices
+INSIDE_SAMPLES = 200  # number of sampled parameter sets whose models must be in the polytope
 
 
 @dataclass(frozen=True)
 class UncertainPlant:
-    """Discrete models that a design has to hold for. Lengths in samples, `period` in s."""
+    """The discrete models for which a design has to hold; `period` is in s."""
 
     C: Real  # (n,)
     period: float
     discretisation: Discretisation | None  # None: the models were given as discrete ones
     vertices: tuple[Model, ...]  # minimal
-    labels: tuple[str, ...]  # what each vertex is, for messages
+    labels: tuple[str, ...]  # a name of each vertex, for messages
     nominal: Model
-    exact_vertices: tuple[Model, ...] | None  # the corners under a held input; None where it isn't known
+    exact_vertices: tuple[Model, ...] | None  # the corners, sampled exactly; None if not known
     exact_nominal: Model | None
     relative_degree: int  # r
-    exact_hull: bool  # the vertices are the hull of the corners and hold all samples
+    exact_hull: bool  # the polytope is the corners' hull, and that contains all samples
     note: str
-    #: draws so many discrete models from within the uncertainty, and the same plants exactly sampled
+    #: draws a number of random discrete models within the uncertainty, and the same plants sampled exactly
     sample: Draw = field(repr=False, compare=False)
 
     @property
@@ -55,13 +56,16 @@ class UncertainPlant:
 
     @cached_property
     def random(self) -> Models:
-        """Random models, the same for all certificates; the discrete ones include mixtures of vertices."""
+        """Random models, the same for all certificates: discrete ones, then exactly sampled ones or None.
+
+        The discrete ones include mixtures of vertices.
+        """
         rng = np.random.default_rng(0)
         drawn, exact = self.sample(rng, CERTIFIED)
         return [*drawn, *_mixtures(self.vertices, rng, CERTIFIED)], exact
 
     def shrunk(self, share: float) -> UncertainPlant:
-        """The polytope drawn together about the nominal model; share 1 is all of it."""
+        """The polytope shrunk about the nominal model; share 1 is the full size."""
         nominal = self.nominal.entries
         models = [
             Model.from_entries(nominal + share * (vertex.entries - nominal), self.order)
@@ -78,9 +82,10 @@ def from_parameters(
     discretisation: Discretisation | None = "euler",
     nominal: Parameters | None = None,
 ) -> UncertainPlant:
-    """The plant over ranges of physical parameters; `model` maps them to continuous (A_c, B_c). DesignError.
+    """The uncertain plant from ranges of physical parameters; `model` maps these to continuous (A_c, B_c).
 
-    `discretisation` None: model maps them to a discrete (A, B), of which no exactly sampled one is known.
+    If `discretisation` is None, `model` maps them to a discrete (A, B), and there are no exactly sampled
+    models. DesignError if a range or a model is invalid.
     """
     for name, (low, high) in ranges.items():
         if not (math.isfinite(low) and math.isfinite(high)):
@@ -135,7 +140,7 @@ def from_vertices(
     continuous: bool = False,
     discretisation: Discretisation = "euler",
 ) -> UncertainPlant:
-    """The plant over a polytope of vertices [A_j B_j]; nominal is their mean. DesignError."""
+    """The uncertain plant from vertices [A_j B_j], nominal at their mean; DesignError if one is invalid."""
     if not models:
         raise DesignError("vertex: expected at least one")
     _check_period(period)
@@ -159,7 +164,7 @@ def from_vertices(
         labels=[f"vertex {k + 1}" for k in kept],
         corners=_discrete(corners, period, how),
         nominal=_discrete([Model.from_entries(mean, given[0].order)], period, how),
-        # mixtures of discrete models and of Euler's are in their hull
+        # only for exact sampling: mixtures of discrete or Euler models are always in the corners' hull
         images=draw(np.random.default_rng(0), INSIDE_SAMPLES)[0] if how == "exact" else [],
         image="a mixture of the vertices",
         set_="exact sampling makes a set that",
@@ -167,7 +172,7 @@ def from_vertices(
 
 
 def _discrete(models: Sequence[Model], period: float, how: Discretisation | None) -> Models:
-    """Discrete models of continuous ones, and exactly sampled ones; `how` None: they are discrete."""
+    """Discrete models of continuous ones, and exactly sampled ones; `how` None: they are discrete already."""
     if how is None:
         return list(models), None
     exact = [sampled(m, period, "exact") for m in models]
@@ -194,7 +199,7 @@ def _plant(
     image: str,
     set_: str,
 ) -> UncertainPlant:
-    """The plant whose corners and images, called so in messages, are in the polytope."""
+    """The uncertain plant, whose polytope contains corners and images; the texts name these in messages."""
     (designs, exacts), ((centre,), exact_centre) = corners, nominal
     output = np.asarray(C, dtype=float).ravel()
     if output.shape != (centre.order,):
@@ -233,9 +238,9 @@ def _plant(
 
 
 def _relative_degree(nominal: Model, C: Real, tested: Sequence[tuple[str, Model]]) -> int:
-    """The relative degree, which all plants that it is made for must share, as the input's sign.
+    """The relative degree. All tested plants must have the same one, and the same sign of the input's effect.
 
-    A bounding polytope holds more than those plants: what it adds may act in the other direction.
+    A bounding polytope contains more than these plants. In the added ones the input may have the other sign.
     """
     degree = relative_degree(nominal, C)
     if not degree:
@@ -257,9 +262,9 @@ def _relative_degree(nominal: Model, C: Real, tested: Sequence[tuple[str, Model]
 
 
 def _inside(count: int) -> Real:
-    """Shares of so many ranges: the middles of pairs of corners' edges and faces, and random ones."""
+    """Points in `count` ranges as shares 0 to 1: random ones, and the grid of 0, 0.5 and 1."""
     shares = np.random.default_rng(0).random((INSIDE_SAMPLES, count))
-    # half of them on the box's surface, where images bend out the furthest
+    # half of the random points are on the box's surface, where the models are furthest outside the hull
     at = np.arange(INSIDE_SAMPLES // 2)
     shares[at, at % count] = np.round(shares[at, at % count])
     grid = itertools.product((0.0, 0.5, 1.0), repeat=min(count, 4))

@@ -1,16 +1,17 @@
-"""Position feedback of the laws that learn in angle, and its fair tuning by phase margin.
+"""Position feedback of the laws that learn in angle, and its tuning for a phase margin, for fair comparison.
 
-The loop, from current to omega_t = omega - omega_ref + k_theta (theta - theta_ref), is
+The open loop, closed through omega_t = omega - omega_ref + k_theta (theta - theta_ref), is
 
     L = (k_omega + k_i T z / (z - 1)) (P_omega + k_theta P_theta),    z = exp(jwT)
 
-with the plants P of pi.py; where it has them, v(omega) counts with k_omega, and k_v adds k_v P_theta. All
-angles are multiplied by `ratio`, mechanical to the frame of the gains.
+with the plants P of pi.py. If the law has v(omega), it is added to k_omega. If it has k_v, k_v P_theta is
+added to L. `ratio` converts all mechanical angles to the frame of the gains.
 
-The rule is the stiffest loop of the wanted margin, both zeros at one place, k_i / K = k_theta with
-K = k_omega + k_i T / 2 (docs/theory/learning-in-angle.md#a-fair-pi). The formula for a delay that is one over
-all frequencies isn't enough: the current loop of verrelli2016 falls from 2 ms to 0.6 ms, and that place would
-be 4 to 6 times too soft at 45 deg.
+The rule gives the stiffest loop with the wanted margin. Both of its zeros are at the same frequency, k_i / K
+= k_theta with K = k_omega + k_i T / 2 (docs/theory/learning-in-angle.md#a-fair-pi). It is found by search. A
+formula for a delay that is the same at all frequencies isn't good enough: the delay of verrelli2016's current
+loop falls from 2 ms to 0.6 ms over frequency, and the formula's loop would be 4 to 6 times too soft at 45
+deg.
 """
 
 from __future__ import annotations
@@ -29,12 +30,12 @@ from cogless.study.controller import Tuning
 from cogless.study.space_controller import SpacePosition
 
 POINTS = 2000  # frequencies
-PLACES = 200  # of the zeros
+PLACES = 200  # tried for the zeros
 Gains = tuple[float, float, float]  # k_theta, k_omega, k_i, in the law's frame
 
 
 def feedback_at(study: Study, name: str, omega_m: float) -> Linear:
-    """A position law's feedback before it learns, at a speed, with v and k_v."""
+    """A position law's feedback before it learns, with v and k_v, at mechanical speed omega_m in rad/s."""
     law = study.controller[name]
     assert isinstance(law, SpacePosition)
     ratio, (k_theta, k_omega, k_i) = law.ratio(study.motor.pole_pairs), position_gains(study, name)
@@ -43,7 +44,7 @@ def feedback_at(study: Study, name: str, omega_m: float) -> Linear:
 
 
 def position_gains(study: Study, name: str) -> Gains:
-    """k_theta, k_omega and k_i of a controller of the study: its own, or by its rule."""
+    """k_theta, k_omega and k_i of a controller of the study: as given there, or from its tuning rule."""
     controller = study.controller[name]
     assert isinstance(controller, SpacePosition)
     if controller.tuning is None:
@@ -55,14 +56,14 @@ def position_gains(study: Study, name: str) -> Gains:
 
 
 def open_loop(loop: SpeedLoop, feedback: Linear, w: Real) -> Complex:
-    """L."""
+    """The open loop L, with v and k_v, at w in rad/s."""
     (speed, angle), C = loop.plant(w), pi_response(w, loop.period, feedback.k, feedback.k_i)
     held = C * (speed + feedback.k_theta * angle)
     return np.asarray(feedback.ratio * (held + feedback.k_v * angle))
 
 
 def position_margins(loop: SpeedLoop, feedback: Linear) -> Margins:
-    """Margins of the open loop L; unstable where its current loop is."""
+    """Margins of the open loop L; unstable if its current loop is."""
     if isinstance(loop.current, CurrentLoop) and not loop.current.margins().stable:
         return UNSTABLE
     integrators = 0
@@ -75,7 +76,7 @@ def position_margins(loop: SpeedLoop, feedback: Linear) -> Margins:
 
 @lru_cache(maxsize=32)
 def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
-    """Gains for a phase margin; ValueError where this loop has none such below half the sampling rate."""
+    """Gains for a phase margin; ValueError if no crossover below half the sampling rate has it."""
     half = loop.period / 2
     w = np.geomspace(1e-3, 1, POINTS) * math.pi / loop.period
     z = np.exp(1j * w * loop.period)
@@ -83,7 +84,7 @@ def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
     integral = loop.period * z / (z - 1)
 
     def stiffness(place: float) -> tuple[float, int]:
-        """The largest gain, and where on the grid its crossover is; 0 where no gain leaves the margin."""
+        """The largest stiffness with both zeros at `place`, and its crossover's grid index; 0 if none."""
         L = (1 + place * (integral - half)) * (speed + place * angle)  # K = 1
         enough = np.append(np.unwrap(np.angle(-L)) >= tuning.phase_margin, False)
         begin = int(np.argmax(enough))
@@ -93,7 +94,7 @@ def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
         return place**2 / float(abs(L[last])), last
 
     places = np.geomspace(1e-4, 1, PLACES) * math.pi / loop.period
-    for _ in range(2):  # all of them, then those between the best one's neighbours
+    for _ in range(2):  # the whole range first, then between the best one's neighbours
         k = int(np.argmax([stiffness(place)[0] for place in places]))
         best = float(places[k])
         places = np.geomspace(places[max(k - 1, 0)], places[min(k + 1, PLACES - 1)], PLACES)
@@ -108,7 +109,7 @@ def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
         K = 1 / float(abs(open_loop(loop, unit, np.array([w_c]))[0]))
         feedback = Linear(ratio, K * unit.k, best, K * unit.k_i)
         margins = position_margins(loop, feedback)
-        # A current loop with a resonance crosses once more, further up.
+        # With a resonant current loop, |L| may cross one again at a higher frequency, with less margin.
         if margins.stable and math.isclose(margins.phase_margin, tuning.phase_margin, rel_tol=1e-3):
             return feedback.k_theta, feedback.k, feedback.k_i
     raise ValueError(NO_MARGIN)

@@ -1,4 +1,4 @@
-"""The zero-phase Butterworth filter between trials, and the cutoff that makes learning possible."""
+"""The zero-phase Butterworth filter between trials, and a search for a cutoff with which learning works."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from cogless.design.error import DesignError
 from cogless.design.finite import growth
 from cogless.design.response import Bundle, Filter, Loop, best_gain, factor
 
-SHIFTS = 6  # tried beyond the relative degree
-CLEARLY = 0.95  # of the factor: worth another shift
-ENDS = 10  # cutoffs tried for the ends' sake, each 0.8 times the last
-PROPOSED = 0.95  # the factor a trial that a proposed cutoff reaches
+SHIFTS = 6  # shifts tried, from the relative degree upwards
+CLEARLY = 0.95  # another shift is proposed if its factor is less than this share
+ENDS = 10  # cutoffs tried until the error shrinks at the trial's ends too, each 0.8 times the last
+PROPOSED = 0.95  # largest factor per trial with a proposed cutoff
 
 
 def butterworth(cutoff: float, order: int, period: float) -> Filter:
-    """b, a of a low-pass filter; cutoff in Hz. Run forward and backward, as filtfilt does."""
+    """A low-pass filter b, a with the cutoff in Hz, to be run forward and backward as by filtfilt."""
     half = 0.5 / period
     if not (math.isfinite(cutoff) and 0 < cutoff < half):
         raise DesignError(
@@ -34,9 +34,10 @@ def butterworth(cutoff: float, order: int, period: float) -> Filter:
 def better_shift(
     loops: Sequence[Loop], r: int, q_filter: Filter, shift: int, samples: int
 ) -> tuple[float, int, float] | None:
-    """The factor a trial of this shift, the shift whose best gain shrinks the error fastest, and its factor.
+    """The error's factor per trial with this shift, the shift that shrinks the error fastest, and its factor.
 
-    With this filter on the learned signal, the trial's ends included; None where no shift is clearly faster.
+    Each shift is tried with its best gain and this filter on the learned signal. The trial's ends are
+    included. None if no shift is clearly faster.
     """
     w = Bundle(loops, shift).grid
     H = q_filter.gain(w)
@@ -51,10 +52,10 @@ def better_shift(
 def workable_cutoff(
     loops: Sequence[Loop], shift: int, order: int, period: float, samples: int, K_3: float | None = None
 ) -> float | None:
-    """The largest cutoff in Hz with which K_3, or the best one, reaches `PROPOSED` at all loops and
-    frequencies, and the trial's ends don't grow; None where none does.
+    """The largest cutoff, Hz, with which the error's factor per trial is at most `PROPOSED`, or None.
 
-    The filter acts on the learned signal: filtering the error alone can't do it (response.py).
+    This holds for all loops and frequencies and at the trial's ends, with K_3 or, if it is None, with the
+    best gain. The filter acts on the learned signal: filtering the error alone isn't enough (response.py).
     """
     bundle = Bundle(loops, shift)
     w = bundle.grid

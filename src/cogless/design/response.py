@@ -1,13 +1,14 @@
 """The trial-to-trial operator (20) of Mandra 2019 in the frequency domain, for many plants at once.
 
-From the learned v to the output, r samples ahead: G(w) = C z^r (zI - A)^-1 B at z = exp(jw), w in rad per
-sample. With the gain K and a zero-phase filter of gain H >= 0 the error obeys e_{k+1} = F e_k + ...
+G(w) = C z^r (zI - A)^-1 B is the response from the learned v to the output r samples later, at z = exp(jw)
+with w in rad per sample. With the gain K and a zero-phase filter of gain H >= 0 the error obeys
+e_{k+1} = F e_k + ...
 
     no filter        F = 1 - K G
     on the error     F = 1 - K G H          v <- v + K H e
     on the signal    F = H (1 - K G)        v <- H (v + K e)
 
-What max |F| says of a finite trial: docs/theory/trial-design.md#the-certificate.
+docs/theory/trial-design.md#the-certificate says what max |F| means for a trial of finite length.
 """
 
 from __future__ import annotations
@@ -24,16 +25,16 @@ from cogless.design.model import Real
 Complex = NDArray[np.complex128]
 Filtered = Literal["error", "signal"]
 GRID = 700
-AROUND = np.array([0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0])  # widths 1 - |p| from a pole's angle
-NARROW = 0.05  # poles that are no closer to the unit circle need no points of their own
+AROUND = np.array([0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0])  # from a pole's angle, in 1 - |p|
+NARROW = 0.05  # poles further than this from the unit circle need no grid points of their own
 REFINEMENTS = 3
-CANDIDATES = 40  # maxima that are looked at closer
-MONOTONE = 1e-9  # a factor that exceeds one by less is rounding, and harmless for a million trials
+CANDIDATES = 40  # largest number of local maxima that are refined
+MONOTONE = 1e-9  # an excess of a factor over one that is rounding, and harmless for a million trials
 
 
 @dataclass(frozen=True)
 class Loop:
-    """A loop from v to y: A, B (n, 1), output C (n,)."""
+    """A closed loop from the learned v to the output y: A (n, n), B (n, 1), C (n,)."""
 
     A: Real
     B: Real
@@ -41,7 +42,7 @@ class Loop:
 
     @property
     def radius(self) -> float:
-        """The largest pole's magnitude."""
+        """Spectral radius: the magnitude of the largest pole."""
         return float(np.abs(np.linalg.eigvals(self.A)).max())
 
 
@@ -53,13 +54,13 @@ class Filter:
     a: Real
 
     def gain(self, w: Real) -> Real:
-        """Squared gain at w, rad per sample."""
+        """Gain |b/a|^2 of both passes together, at w in rad per sample."""
         z = np.exp(-1j * w)
         return np.asarray(np.abs(np.polyval(self.b[::-1], z) / np.polyval(self.a[::-1], z)) ** 2)
 
 
 class Bundle:
-    """Loops of the same order with the same shift."""
+    """Several loops of the same order, whose G with a common shift is computed together."""
 
     def __init__(self, loops: Sequence[Loop], shift: int) -> None:
         self.loops, self.shift = list(loops), shift
@@ -68,7 +69,7 @@ class Bundle:
         self._C = np.array([loop.C for loop in loops])
         poles, vectors = np.linalg.eig(self._A)
         self._poles = np.asarray(poles, dtype=complex)
-        # near repeated poles the eigenvectors say nothing; then each frequency is solved for
+        # near repeated poles the eigenvectors are useless; then a linear system is solved at each frequency
         self._modal = bool(np.all(np.linalg.cond(vectors) < 1e9))
         if self._modal:
             left = (self._C[:, None, :] @ vectors)[:, 0, :]
@@ -77,11 +78,11 @@ class Bundle:
 
     @property
     def grid(self) -> Real:
-        """Frequencies that no resonance of any loop slips through."""
+        """Frequency grid, rad per sample, that is fine enough for the resonances of all loops."""
         return grid(self._poles.ravel())
 
     def __call__(self, w: Real, which: Sequence[int] | None = None) -> Complex:
-        """G (models, len(w))."""
+        """G at w, rad per sample, of the loops `which`, or of all: (loops, len(w))."""
         at = slice(None) if which is None else list(which)
         z = np.exp(1j * w)
         if self._modal:
@@ -96,7 +97,7 @@ class Bundle:
 
 
 def grid(poles: Complex | None = None) -> Real:
-    """0 to pi rad per sample: evenly, closer towards zero frequency, and around poles at the unit circle."""
+    """Grid from 0 to pi rad per sample: even, but finer near zero and around poles near the unit circle."""
     w = np.union1d(np.linspace(0.0, np.pi, GRID), np.geomspace(1e-4, 0.3, GRID // 3))
     if poles is None:
         return w
@@ -104,25 +105,30 @@ def grid(poles: Complex | None = None) -> Real:
     narrow = (width > 0) & (width < NARROW) & (poles.imag >= 0)
     width = width[narrow][:, None]
     near = np.abs(np.angle(poles[narrow])[:, None] + width * np.append(-AROUND, AROUND))
-    # poles that hardly differ share their points
+    # rounded, so that poles that hardly differ share their points
     step = 2.0 ** np.floor(np.log2(width / 16))
     return np.union1d(w, np.minimum(np.round(near / step) * step, np.pi))
 
 
 def factor(G: Complex, K: float, H: Real | float = 1.0, filtered: Filtered = "error") -> Real:
-    """|F|."""
+    """|F| for the gain K and the filter gain H."""
     return np.abs(1 - K * G * H) if filtered == "error" else np.abs(H * (1 - K * G))
 
 
 def direction(G: Complex) -> float:
-    """The sign that K needs: that of G (models, from zero frequency on) at zero frequency, 1 where that is
-    zero."""
+    """The sign that K needs: the sign of G at zero frequency, or 1 if G is zero there.
+
+    G is (models, frequencies), and its first frequency is zero.
+    """
     at_rest = float(G[:, 0].real.sum())
     return -1.0 if at_rest < -1e-9 * float(np.abs(G).max()) else 1.0
 
 
 def best_gain(G: Complex, H: Real | float = 1.0) -> tuple[float, float]:
-    """K of `direction` with the smallest max |H (1 - K G)|, and that; convex in K, by golden section."""
+    """The K with the smallest max |H (1 - K G)|, and that maximum. K has the sign of `direction`.
+
+    The maximum is convex in K, so a golden-section search finds it.
+    """
     sign = direction(G)
     top = 2 / max(float(np.abs(G).max()), 1e-300)
     ratio = (np.sqrt(5) - 1) / 2
@@ -147,10 +153,10 @@ def best_gain(G: Complex, H: Real | float = 1.0) -> tuple[float, float]:
 
 
 def gain_limits(G: Complex, H: Real | float = 1.0, filtered: Filtered = "error") -> Real:
-    """The K at which |F| passes 1 + MONOTONE, of each model and frequency; next to zero where all K > 0 do.
+    """The K > 0 at which |F| reaches 1 + MONOTONE, for each model and frequency; about 0 if any K exceeds it.
 
-    On the signal |1 - K G|^2 = (1 + MONOTONE)^2 / H^2, on the error with G H for G and without H: quadratic
-    in K.
+    K solves a quadratic equation. With the filter on the signal it is |1 - K G|^2 = (1 + MONOTONE)^2 / H^2.
+    With the filter on the error it is |1 - K G H|^2 = (1 + MONOTONE)^2.
     """
     gain = np.maximum(np.asarray(H), 1e-9)
     G, level = (G * H, 1.0) if filtered == "error" else (G, 1 / gain)
@@ -160,8 +166,11 @@ def gain_limits(G: Complex, H: Real | float = 1.0, filtered: Filtered = "error")
 
 
 def peak(f: Callable[[Real, Sequence[int]], Real], w: Real, values: Real) -> tuple[float, float, int]:
-    """The largest of f(w, models), where it is, and of which model: from its values on a grid, then closer
-    around each local maximum that may hide a larger one beside it."""
+    """The largest value of f(w, models), its frequency and its model.
+
+    The search starts from the values on a grid, and refines around each local maximum that may have a larger
+    value between its grid points.
+    """
     first, k = np.unravel_index(int(np.argmax(values)), values.shape)
     best = (float(values[first, k]), float(w[k]), int(first))
     for model, k in _maxima(values):
@@ -176,7 +185,10 @@ def peak(f: Callable[[Real, Sequence[int]], Real], w: Real, values: Real) -> tup
 
 
 def _maxima(values: Real) -> NDArray[np.intp]:
-    """(model, place) of local maxima that, risen by as much as they stand out, exceed all values."""
+    """(model, grid index) of the local maxima that may hide the largest value between grid points.
+
+    These are the maxima that exceed all values if raised by their height above their lower neighbour.
+    """
     around = np.pad(values, ((0, 0), (1, 1)), constant_values=np.nan)
     left, right = around[:, :-2], around[:, 2:]
     risen = 2 * values - np.fmin(left, right)

@@ -1,17 +1,20 @@
-"""The speed ripple that learning will leave, beside that of the same feedback without, at one speed.
+"""The predicted speed ripple at one speed, with learning and with the same feedback alone.
 
-With P_t from current reference to the true speed, and S, C, Gamma, kept of learning_loop.py, small signals:
+The analysis is for small signals. P_t is the response from current reference to the true speed. S, C, Gamma
+and kept are those of learning_loop.py. Two disturbances make ripple of the true speed:
 
-    what motor and load have of an order, d, in A      without P_t S d       with P_t S d residual
-    what the sensor's counts add to the speed, n       without P_t S C n
-    and with learning, N periods on, rho = Q kept,
+    disturbance                                     ripple with feedback alone    ripple with learning
+    an order of motor and load, d in A              P_t S d                       P_t S d residual
+    noise n of the measured speed from counts       P_t S C n                    its variance after N periods,
+                                                                                 with rho = Q kept:
         without a lead   |P_t S|^2 (|C + V|^2 + |V|^2 rho^2 R) n^2,    V = Gamma S / (1 + X)
-        with one         |P_t S|^2 (|C|^2 + |V|^2 Q^2 R) n^2,          V = Gamma S
+        with a lead      |P_t S|^2 (|C|^2 + |V|^2 Q^2 R) n^2,          V = Gamma S
         R = (1 - rho^2N) / (1 - rho^2)
 
-R is what accumulates where learning hardly decays: counts that every period adds to what was learned. An
-angle in counts of q has an error of variance q^2 / 12; a speed that is its difference over W has it twice:
-white where W is below a sample, else with the spectrum |1 - exp(-jwW)|^2 of samples that share an angle.
+R is the accumulation of noise in the memory: each period adds noise to what was learned, and if learning
+hardly decays, it stays there. An angle in counts of q has an error of variance q^2 / 12. A speed that is the
+difference of two angles over the time W contains this error twice. The speed's noise is white if W is shorter
+than a sample. Otherwise successive samples share an angle, and the noise has the spectrum |1 - exp(-jwW)|^2.
 A speed timed from edge to edge has no such error.
 """
 
@@ -32,26 +35,26 @@ from cogless.study.drive import Encoder, Resolver
 from cogless.study.spoken import speed_text
 
 FREQUENCIES = 2000
-FEW = 1.0  # counts in a sample of the speed, below which it comes in pulses, or late
-LARGE = 0.4  # of the speed: the peaks of several orders, 2 to 3 times their rms, then stop the rotor
+FEW = 1.0  # counts per speed sample; below this the measured speed comes in pulses, or late
+LARGE = 0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor
 ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class Sampled:
-    """A speed sample of an encoder: an angle's counts, and the time that they are counted over."""
+    """How a position sensor measures speed: the angle of one count, and the time over which it counts."""
 
     count: float  # rad
     window: float  # s
     timed: bool  # from edge to edge
 
     def counts(self, omega_m: float) -> float:
-        """Counts in a sample at a speed."""
+        """Counts per speed sample at the mechanical speed omega_m in rad/s."""
         return abs(omega_m) * self.window / self.count
 
 
 def sampled(study: Study, scenario: str) -> Sampled | None:
-    """The counts of the position sensor in a scenario; None of an ideal one."""
+    """How the position sensor measures speed in a scenario; None for an ideal sensor."""
     drive = for_scenario(study, scenario).drive
     sensor = drive.position_sensor
     if isinstance(sensor, Encoder):
@@ -64,19 +67,19 @@ def sampled(study: Study, scenario: str) -> Sampled | None:
 
 @dataclass(frozen=True)
 class Ripple:
-    """RMS of the speed about its mean, rad/s, once settled."""
+    """RMS of the speed about its mean, rad/s, after learning for a given time."""
 
     without: float  # of the feedback alone
     learned: float
 
     @property
     def ratio(self) -> float:
-        """Ratio of the ripple with learning to that of the feedback; 1 where neither has any."""
+        """Ratio of the ripple with learning to that of the feedback alone; 1 if there is no ripple."""
         return self.learned / self.without if self.without > 0 else 1.0
 
 
 def ripple(loop: LearningLoop, duration: float) -> Ripple:
-    """The ripple at a loop's speed, after learning for so many seconds."""
+    """The ripple at a loop's speed, after learning for `duration` seconds."""
     f, d = _orders(loop)
     P_t, S = _responses(loop, f)
     passed = np.abs(P_t * S) * d
@@ -90,7 +93,7 @@ def ripple(loop: LearningLoop, duration: float) -> Ripple:
 
 
 def doubts(loops: Sequence[LearningLoop]) -> tuple[str, ...]:
-    """Reasons why small signals are a poor guide at some of the speeds of a controller, a phrase each."""
+    """Reasons why small signals predict poorly at some speeds of a controller, one phrase each."""
     found = [reason for loop in loops if (reason := loop.doubt) is not None][:1]
     slowest = min(loops, key=lambda loop: loop.omega_m)
     source = _sensor(slowest)
@@ -111,7 +114,7 @@ def _sensor(loop: LearningLoop) -> Sampled | None:
 
 
 def _orders(loop: LearningLoop) -> tuple[Real, Real]:
-    """Frequencies, Hz, of the orders that motor and load have, and their amplitudes, A."""
+    """Frequencies, Hz, of the orders of motor and load, and their amplitudes as currents, A."""
     assert loop.scenario is not None
     functions = functions_in(loop.study, loop.scenario)
     points = 4 * max([*functions.orders, 16])
@@ -123,7 +126,7 @@ def _orders(loop: LearningLoop) -> tuple[Real, Real]:
 
 
 def _responses(loop: LearningLoop, f: Real) -> tuple[Complex, Complex]:
-    """P_t and S at frequencies in Hz."""
+    """P_t, from current reference to true speed, and the sensitivity S, at frequencies f in Hz."""
     grid, P_omega, P_theta = plants(loop.plant)
     w = math.tau * f
     P_omega, P_theta = np.interp(f, grid, P_omega), np.interp(f, grid, P_theta)
@@ -131,12 +134,12 @@ def _responses(loop: LearningLoop, f: Real) -> tuple[Complex, Complex]:
 
 
 def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, float]:
-    """Variances, (rad/s)^2, of what counts make of the speed, without and with learning."""
+    """Variances, (rad/s)^2, of the true speed due to the sensor's counts, without and with learning."""
     nyquist = 0.5 / loop.plant.period
     f = (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES * nyquist
     w, ratio, T = math.tau * f, loop.feedback.ratio, loop.plant.period
     density = source.count**2 / 12 / source.window**2 / nyquist
-    shared = source.window >= T * (1 - ROUNDING)  # an angle that two samples have in common, with other signs
+    shared = source.window >= T * (1 - ROUNDING)  # two samples share an angle, with opposite signs
     density = density * (np.abs(1 - np.exp(-1j * w * source.window)) ** 2 if shared else 2.0)
     P_t, S = _responses(loop, f)
     C = ratio * pi_response(w, T, loop.feedback.k, loop.feedback.k_i)

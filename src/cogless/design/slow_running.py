@@ -1,9 +1,9 @@
 """Whether a position sensor's edges come often enough for the loop around them.
 
-docs/theory/sensors.md#few-edges derives it. Where edges come every T_e, longer than a sample T, a speed timed
-from edge to edge is T_e late, beside the T / 2 of pi.py: that costs w_c (T_e - T / 2) of the phase margin at
-the crossover w_c. One counted over a time comes in single counts: where w_c T_e is above one, the rotor
-coasts from one to the next.
+docs/theory/sensors.md#few-edges derives it. Let edges come every T_e, longer than a sample T. A speed timed
+from edge to edge is then T_e late, where pi.py assumes T / 2. This costs w_c (T_e - T / 2) of the phase
+margin at the crossover w_c. A speed from counts over a fixed time then consists of single counts. If w_c T_e
+is above one, the rotor coasts from one count to the next.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from cogless.study import Study
 from cogless.study.motion import course
 from cogless.study.spoken import speed_text
 
-SHARE = 0.05  # of the time that a reference moves: slower only for so long is passing
+SHARE = 0.05  # of the time in motion: speeds that are lower only for less time than this are ignored
 SPENT = 0.5  # of the phase margin
 COASTS = 1.0  # rad
 
 
 def slow_warning(study: Study, name: str) -> str | None:
-    """A warning of the slowest speed that a controller holds; None where it has edges enough."""
+    """Warning that edges come too rarely at the slowest speed that a controller holds; None if they don't."""
     found = (_warning(study, name, key) for key in study.scenarios_of(name))
     return next((line for line in found if line is not None), None)
 
@@ -59,7 +59,7 @@ def _warning(study: Study, name: str, scenario: str) -> str | None:
 
 
 def held(study: Study, scenario: str) -> float:
-    """The slowest speed that a scenario's reference holds, rad/s; 0 where it never moves."""
+    """The slowest speed at which a scenario's reference spends some time, rad/s; 0 if it stands still."""
     omega = np.abs(course(study.scenario[scenario]).omega)
     moving = omega[omega > 0]
     return float(np.quantile(moving, SHARE)) if len(moving) else 0.0

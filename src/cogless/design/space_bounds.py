@@ -1,43 +1,49 @@
-"""Conditions of Verrelli 2016 on the gains of a law that learns in angle, beside the gains that it has.
+"""Conditions of Verrelli 2016 on the gains of a law that learns in angle, compared with the law's own gains.
 
-All in mechanical quantities; bounds from angle_functions.py, over all scenarios of a controller. The theorems
-speak of continuous time, an ideal current loop and no current limit; space_learning.py of the sampled loop.
+All quantities are mechanical. The bounds are those of angle_functions.py, over all scenarios of a controller.
+The theorems are for continuous time, an ideal current loop and no current limit. space_learning.py is for the
+sampled loop.
 
 Section 3, law (4). With W = eta^2 / 2 and f+^2 = 1 + (eta_bar + omega+)^2 + (top acceleration)^2 the proof
-wants W' < 0 for |eta| >= eta_bar:
+needs W' < 0 for |eta| >= eta_bar:
 
     W' = g (-delta~' f eta - k eta^2),   |delta~| <= |sat(delta)| + delta+ + mu |eta| f+ / (omega- - eta_bar)
 
     as printed   k > g+ / g- (2 delta+ + mu eta_bar / (omega- - eta_bar)) f+ / eta_bar
     corrected    k > g+ / g- ((1 + sqrt m) delta+ + mu f+ eta_bar / (omega- - eta_bar)) f+ / eta_bar
 
-Step iii of the proof bounds the saturated part by delta+; but each of m components is saturated at delta+, so
-that its norm is up to sqrt m delta+, sqrt 3 for alpha, beta and h. And iii has mu eta f+ |q| where B_W has
-lost f+. f+ / eta falls with eta, so that the condition at eta_bar holds for larger errors too.
+The printed condition has two errors. Step iii of the proof bounds the norm of the saturated part by delta+.
+But each of its m components is saturated at delta+, so its norm is up to sqrt m delta+, with m = 3 for alpha,
+beta and h. And step iii has the term mu eta f+ |q|, whose f+ is missing in the printed B_W. Since f+ / eta
+falls with eta, the condition at eta_bar covers larger errors too.
 
-Less is enough: g is a common factor of W', and the law saturates each component at its own limit l_i:
+A weaker condition is enough, because g is a common factor of W', and because the law saturates each component
+at its own limit l_i:
 
     own limits   k eta_bar > sum_i (l_i + bound_i + mu_i f_i eta_bar / (omega- - eta_bar)) f_i
 
-Then V' <= -(k - g_d (eta_bar + omega+) / 2) eta^2 asks for k > g_d (eta_bar + omega+) / 2, as printed.
+Then V' <= -(k - g_d (eta_bar + omega+) / 2) eta^2 needs k > g_d (eta_bar + omega+) / 2, as printed.
 
 Section 4, law (6). With |g| <= s_1 |theta~| + g_2 |omega~| (footnote 6)
 
     V' <= -k_v k_theta theta~^2 - (k_omega + v - |h' omega| / 2) omega~^2 + |g omega~|
 
-Footnote 6, where k and k_omega_bar are free, asks at least for, g_1 being 5 times the sum of s_1's squares,
+Footnote 6 leaves k and k_omega_bar free. With g_1 five times the sum of the squares of s_1's terms, it
+requires at least
 
     k_omega + v(omega) > g_1 / (2 k_theta k_v) + g_2 + k_h |omega| / 2
 
-which needs k_v > 0. The proof gets along with less: with c theta~^2 in V for k_v theta~^2, c > 0 free,
+which needs k_v > 0. A weaker condition is enough for the proof, with c theta~^2 in V in place of k_v
+theta~^2, for any c > 0:
 
     k_omega + v(omega) > min_c (|c - k_v| + s_1)^2 / (4 c k_theta) + g_2 + k_h |omega| / 2
 
-where the minimum is (s_1 - k_v) / k_theta for 2 k_v < s_1, so without k_v too, and s_1^2 / (4 k_theta k_v)
-above. Both at the reference's top speed, near which a small error stays.
+The minimum is (s_1 - k_v) / k_theta for 2 k_v < s_1, which includes k_v = 0, and s_1^2 / (4 k_theta k_v)
+otherwise. Both conditions are evaluated at the reference's top speed: with a small error the speed stays near
+the reference.
 
-The bounds are "known" only to who knows the motor. So they are told, and are no default: limits that a study
-leaves out stay those of what the current limit can do.
+The paper takes the bounds as known, but they are only known if the motor is. So they are reported, and aren't
+used as defaults: a limit that a study leaves out follows from the current limit.
 """
 
 from __future__ import annotations
@@ -55,12 +61,12 @@ from cogless.study import Study, for_scenario
 from cogless.study.scenario import Scenario
 from cogless.study.space_controller import SpaceLearning, SpacePosition, SpaceSpeed
 
-SLOW = 1e-6  # rad/s or rad/s^2: no limit comes from a reference that is slower
+SLOW = 1e-6  # rad/s or rad/s^2, smallest value used to derive a limit, so as not to divide by zero
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Bounds of a reference."""
+    """Bounds of a reference's speed and acceleration."""
 
     slowest: float  # rad/s, omega-
     top_speed: float  # rad/s, omega+
@@ -69,26 +75,26 @@ class Motion:
 
 @dataclass(frozen=True)
 class Condition:
-    """A bound that a gain has to be above."""
+    """A bound that a gain has to exceed."""
 
     name: str
-    asks: float  # A*s/rad; infinite where no gain is enough
-    needed: bool = False  # for the proof; the others are what the paper prints, or ask for more
-    wants: str = ""  # without which no gain is enough
+    asks: float  # A*s/rad; infinite if no gain is enough
+    needed: bool = False  # whether the proof needs it; the others are as printed, or stricter than needed
+    wants: str = ""  # the setting without which no gain is enough
 
     def ratio(self, has: float) -> float:
-        """The gain as a multiple of the bound; above one it is met."""
+        """The gain divided by the bound; the condition is met if this is above one."""
         return has / self.asks if self.asks > 0 else math.inf
 
 
 @dataclass(frozen=True)
 class Theorem:
-    """A law's theorem: what it asks of the gain, and what else is in its way."""
+    """The theorem for a law: its conditions on the gain, and which of its other assumptions aren't met."""
 
     section: str
-    gain: str  # what has to be above the conditions
+    gain: str  # name of the gain that has to exceed the conditions
     has: float  # A*s/rad, mechanical
-    bounds: Bounds | None  # None: the torque per current comes down to zero
+    bounds: Bounds | None  # None if the torque per current reaches zero
     conditions: tuple[Condition, ...]
     obstacles: tuple[str, ...]
 
@@ -99,7 +105,7 @@ class Theorem:
         return self.bounds is not None and enough and not self.obstacles
 
     def verdict(self) -> str:
-        """The verdict in words."""
+        """The theorem's verdict in words, with the gain as a multiple of each condition."""
         met = [c for c in self.conditions if math.isfinite(c.asks)]
         never = [c.name + (c.wants and f", which wants {c.wants}") for c in self.conditions if c not in met]
         asked = ", ".join(f"{c.ratio(self.has):.2g} of {c.name} ({c.asks:.3g})" for c in met)
@@ -111,7 +117,7 @@ class Theorem:
 
 
 def theorem(study: Study, name: str) -> Theorem | None:
-    """The theorem of a controller; None where it doesn't learn, or in no scenario."""
+    """The theorem for a controller; None if it doesn't learn, or is in no scenario."""
     law = study.controller[name]
     keys = study.scenarios_of(name)
     if not isinstance(law, SpacePosition | SpaceSpeed) or not law.learning or not keys:
@@ -140,7 +146,7 @@ def theorem(study: Study, name: str) -> Theorem | None:
 def speed_conditions(
     bounds: Bounds, motion: Motion, law: SpaceSpeed, limits: tuple[float, ...]
 ) -> tuple[Condition, ...]:
-    """Conditions on k of law (4), see above; limits of all three functions, 0 of those not learned."""
+    """Conditions on k of law (4): see the top of this file. `limits`: of alpha, beta, h; 0 if not learned."""
     eta, least = law.eta_bar, motion.slowest - law.eta_bar
     mu = (law.mu_alpha, law.mu_beta, law.mu_h)
     per = eta / least if least > 0 else math.inf
@@ -148,7 +154,7 @@ def speed_conditions(
     f_plus, (g_minus, g_plus) = math.hypot(*f), bounds.g
     spread, delta = g_plus / g_minus, bounds.delta
     printed = spread * (2 * delta + _times(max(mu), per)) * f_plus / eta
-    learned = math.hypot(*map(operator.mul, mu, f))  # mu f+ where all mu are one
+    learned = math.hypot(*map(operator.mul, mu, f))  # mu f+ if all three mu are equal
     corrected = spread * ((1 + math.sqrt(law.channels)) * delta + _times(learned, per)) * f_plus / eta
     each = (bounds.k_alpha1, bounds.k_beta1, bounds.h_M)
     parts = zip(mu, f, limits, each, strict=True)
@@ -163,12 +169,12 @@ def speed_conditions(
 
 
 def _times(gain: float, per: float) -> float:
-    """gain * per; 0 for a gain of 0, however long `per` is: nothing is learned."""
+    """gain * per; 0 for a gain of 0 even if `per` is infinite, because nothing is learned then."""
     return gain * per if gain else 0.0
 
 
 def position_conditions(bounds: Bounds, motion: Motion, feedback: Linear) -> tuple[Condition, ...]:
-    """Conditions on k_omega + v of law (6), see above."""
+    """Conditions on k_omega + v of law (6): see the top of this file."""
     k_theta, k_v = feedback.k_theta, feedback.ratio * feedback.k_v
     if k_theta <= 0:
         return (Condition("what the proof needs, without k_theta", math.inf, needed=True),)
@@ -183,7 +189,7 @@ def position_conditions(bounds: Bounds, motion: Motion, feedback: Linear) -> tup
 
 
 def error_terms(bounds: Bounds, motion: Motion, k_theta: float) -> tuple[float, float, float]:
-    """Terms of footnote 6 at the top speed: the sum of the squares in s_1 (g_1 / 5), s_1 and g_2."""
+    """Terms of footnote 6 at the top speed: g_1 / 5 (the sum of the squares of s_1's terms), s_1, g_2."""
     parts = (
         bounds.h_M * k_theta**2,
         bounds.k_h * motion.top_acceleration,
@@ -195,7 +201,7 @@ def error_terms(bounds: Bounds, motion: Motion, k_theta: float) -> tuple[float, 
 
 
 def learned_limits(study: Study, law: SpaceLearning, scenarios: Iterable[Scenario]) -> tuple[float, ...]:
-    """Limits of alpha, beta and h in the law's frame: its own, or what the current limit can do."""
+    """Limits of alpha, beta and h in the law's frame: as given, or as they follow from the current limit."""
     limit, ratio = study.drive.current_loop.current_limit, law.ratio(study.motor.pole_pairs)
     scenarios = list(scenarios)
     speed = ratio * max(s.top_reference for s in scenarios)
@@ -209,7 +215,7 @@ def learned_limits(study: Study, law: SpaceLearning, scenarios: Iterable[Scenari
 
 
 def worst(found: list[Bounds | None]) -> Bounds | None:
-    """Bounds that hold for all of them."""
+    """Bounds that hold for all in `found`; None if one of them is None."""
     all_ = [dataclasses.asdict(each) for each in found if each is not None]
     if len(all_) < len(found):
         return None
@@ -217,7 +223,7 @@ def worst(found: list[Bounds | None]) -> Bounds | None:
 
 
 def _in_scenario(study: Study, key: str) -> list[AngleFunctions]:
-    """Functions of the angle in a scenario, with its least and with its largest load."""
+    """Angle functions in a scenario, for its smallest and for its largest load torque."""
     study_here = for_scenario(study, key)
     experiment = study_here.scenario[key]
     load = experiment.load or study_here.mechanics.load
@@ -235,7 +241,7 @@ def _in_the_way(
     bounds: Bounds | None,
     motion: Motion,
 ) -> list[str]:
-    """Assumptions that aren't met."""
+    """Assumptions of the theorem that a controller and its scenarios don't meet, in words."""
     found = [reason] if (reason := _unfit(study, law, functions)) else []
     if not law.mu_alpha:
         found.append("it learns no alpha")
@@ -263,7 +269,7 @@ def _in_the_way(
 
 
 def unfit(study: Study, name: str) -> str | None:
-    """A warning that the period isn't one of motor or load in a controller's scenarios; None where it is."""
+    """Warning that motor or load doesn't repeat with the learning period in a scenario; None if they do."""
     law = study.controller[name]
     if not isinstance(law, SpaceLearning) or not law.learning:
         return None
@@ -279,7 +285,7 @@ def _unfit(study: Study, law: SpaceLearning, functions: list[AngleFunctions]) ->
 
 
 def _tight_limits(study: Study, law: SpacePosition | SpaceSpeed, bounds: Bounds) -> list[str]:
-    """Limits below what has to be learned; beta counts the frame's speed."""
+    """Messages on limits below the bounds of the learned functions; beta and h are in the law's frame."""
     ratio = law.ratio(study.motor.pole_pairs)
     asked = (bounds.k_alpha1, bounds.k_beta1 / ratio, bounds.h_M / ratio)
     limits = learned_limits(study, law, study.scenario.values())
@@ -292,7 +298,7 @@ def _tight_limits(study: Study, law: SpacePosition | SpaceSpeed, bounds: Bounds)
 
 
 def _changing_loads(study: Study, keys: list[str]) -> list[str]:
-    """Reasons why the load is no function of the angle: it changes with time."""
+    """The reason why the load isn't a function of the angle, if it changes with time in a scenario."""
     for key in keys:
         scenario = study.scenario[key]
         if scenario.events or (scenario.load or study.mechanics.load).time_table:

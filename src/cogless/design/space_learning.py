@@ -1,11 +1,12 @@
 """Learning in angle at one speed (Verrelli 2016), as a learning loop: docs/theory/learning-in-angle.md.
 
-At a speed omega and an acceleration a of the frame i_hat_k = Q i_hat_{k-1} - mu omega_t, with omega_t what
-the law feeds back, and the learning gains of (6), whose functions see 1, omega and a, are one:
+At speed omega and acceleration a in the law's frame, the law learns i_hat_k = Q i_hat_{k-1} - mu omega_t,
+where omega_t is the error that it feeds back. The learning gains of (6) belong to functions that multiply 1,
+omega and a. At one speed they act as a single gain:
 
     mu = mu_alpha / |omega| + mu_beta |omega| + mu_h a^2 / |omega|
 
-C is k_omega + v, with the integral unless it is handed over; of law (4), G = P_omega and C = k.
+C is k_omega + v, plus the integral unless the law has `hand_over`. For law (4), G = P_omega and C = k.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ class SpaceLoop(LearningLoop):
 
     @cached_property
     def feedback(self) -> Linear:
-        """The linear feedback while the law learns: without the integral that it has handed over."""
+        """The linear feedback while the law learns: without the integral if the law has `hand_over`."""
         law, before = self.law, self.feedback_before
         handed = isinstance(law, SpacePosition) and law.hand_over
         return dataclasses.replace(before, k_i=0.0) if handed else before

@@ -2,8 +2,8 @@
 
     [Y  *; A_j Y + B_j W  Y] >= t I,   Y <= I,   t as large as possible
 
-always has a solution. Since t depends on the coordinates, the gain itself decides: where Y is I,
-|A_j + B_j K| < 1 at each vertex.
+This problem always has a solution. Its t depends on the coordinates, so the gain K = W Y^-1 itself is tested:
+in coordinates in which Y is I, |A_j + B_j K| < 1 has to hold at each vertex.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ import numpy as np
 from cogless.design.lmi import minimise
 from cogless.design.model import Model, Real
 
-TRIES = 3  # each in the coordinates that the last one's Y makes
-NONE = 1e-9  # Y that is this small beside I is none
-MARGIN = 1e-9  # of |A_j + B_j K|^2 below one
+TRIES = 3  # each in coordinates in which the Y of the try before is I
+NONE = 1e-9  # a Y with an eigenvalue below this counts as singular; its upper bound is I
+MARGIN = 1e-9  # by which |A_j + B_j K|^2 has to be below one
 
 
 @dataclass(frozen=True)
 class Common:
-    """A gain for all vertices: in x = T x~, |x~| shrinks at each."""
+    """A gain that stabilises all vertices: with x = T x~, |x~| shrinks in every sample."""
 
     K: Real  # (n,)
     T: Real  # (n, n)
 
 
 def stabilise(models: Sequence[Model], T: Real) -> Common | None:
-    """A stabilising gain, or None. T: coordinates in which the states are of a size."""
+    """A gain that stabilises all models, or None. T: coordinates in which the states are of similar size."""
     for _ in range(TRIES):
         found = _solve(models, T)
         if found is None:
@@ -43,7 +43,7 @@ def stabilise(models: Sequence[Model], T: Real) -> Common | None:
 
 
 def _solve(models: Sequence[Model], T: Real) -> tuple[Real, Real] | None:
-    """K and the coordinates in which Y is I."""
+    """Solves the program for t in the coordinates T: K and the coordinates in which Y is I, or None."""
     import cvxpy as cp
 
     n, inverse = len(T), np.linalg.inv(T)

@@ -1,9 +1,11 @@
 """Guaranteed-cost state feedback, with or without integral action: (9) to (13) of Mandra 2019.
 
-docs/theory/trial-design.md#state-feedback-with-a-guaranteed-cost: u = K x with one Lyapunov matrix Y^-1 for
-all vertices, W = K Y, and the smallest bound beta on the cost from x(0) = gamma, solved in x = T x~ with Q^-1
-and 1/R scaled to one by congruence. T^-T T^-1 is X, the nominal Riccati solution; where ranges are so wide
-that the solver fails with it, the gain of stabilise.py makes T. The result counts only if `check` accepts it.
+docs/theory/trial-design.md#state-feedback-with-a-guaranteed-cost derives it. The feedback is u = K x with one
+Lyapunov matrix Y^-1 for all vertices, W = K Y, and the smallest bound beta on the cost from x(0) = gamma.
+
+The problem is solved in coordinates x = T x~, with Q^-1 and 1/R scaled to one by congruence. T follows from
+the nominal Riccati solution, X = T^-T T^-1. If the solver fails with this T because the ranges are very wide,
+T follows from the gain of stabilise.py. A result is used only if `check` accepts it.
 """
 
 from __future__ import annotations
@@ -21,22 +23,22 @@ from cogless.design.model import Model, Real, uncontrollable_mode
 from cogless.design.polytope import UncertainPlant
 from cogless.design.stabilise import Common, stabilise
 
-RESCALED = 4  # tries at the cost, each in the coordinates that the last one makes
-PAIRS = 5  # of vertices, tried for a message
-HALVINGS = 6  # of the ranges, for a message
+RESCALED = 4  # attempts to minimise the cost, each in coordinates from the attempt before
+PAIRS = 5  # of vertices tried for an error message
+HALVINGS = 6  # of the ranges for an error message
 
 
 @dataclass(frozen=True)
 class StateFeedback:
-    """u(p) = K_s chi(p)."""
+    """State feedback u(p) = K_s chi(p), where chi is the state with the integrator, if there is one."""
 
     K_s: Real  # (n,) or, with integral action, (n + 1,)
-    check: Check  # its bound is beta, on the cost from gamma at any plant in the polytope
-    status: str  # the solver's own word
+    check: Check  # its bound is beta: on the cost from x(0) = gamma of any plant in the polytope
+    status: str  # as the solver reports it
 
 
 def augmented(model: Model, C: Real) -> Model:
-    """The model with the integrator psi(p) = psi(p-1) - y(p) as its last state: (7)."""
+    """The model with the integrator psi(p) = psi(p-1) - y(p) as its last state: (7) of Mandra 2019."""
     n = model.order
     A = np.zeros((n + 1, n + 1))
     A[:n, :n], A[n, :n], A[n, n] = model.A, -C, 1.0
@@ -44,12 +46,12 @@ def augmented(model: Model, C: Real) -> Model:
 
 
 def with_integrator(plant: UncertainPlant, integral: bool) -> list[Model]:
-    """The vertices that the feedback acts on."""
+    """The vertices that the feedback acts on: augmented with the integrator if `integral`."""
     return [augmented(m, plant.C) for m in plant.vertices] if integral else list(plant.vertices)
 
 
 def weights(Q: Real, R: float, gamma: Real) -> None:
-    """Checks their signs; DesignError."""
+    """Checks the weights Q and R and the initial state gamma; DesignError if one is invalid."""
     if not np.all(np.isfinite(Q)) or not np.allclose(Q, Q.T, rtol=1e-9) or np.linalg.eigvalsh(Q)[0] <= 0:
         raise DesignError("state_weight: expected a symmetric matrix that is positive definite")
     if not (np.isfinite(R) and R > 0):
@@ -61,7 +63,7 @@ def weights(Q: Real, R: float, gamma: Real) -> None:
 
 
 def guaranteed_cost(plant: UncertainPlant, Q: Real, R: float, gamma: Real, integral: bool) -> StateFeedback:
-    """The gains with the smallest bound; DesignError where there are none, with what would help."""
+    """The gains with the smallest cost bound; DesignError, with a remedy, if there are none."""
     weights(Q, R, gamma)
     models = with_integrator(plant, integral)
     for label, model in zip(plant.labels, models, strict=True):
@@ -90,10 +92,10 @@ def guaranteed_cost(plant: UncertainPlant, Q: Real, R: float, gamma: Real, integ
 def check(
     models: Sequence[Model], Q: Real, R: float, gamma: Real, K: Real, Y: Real, T: Real, bound: float
 ) -> Check:
-    """Whether (9), (10) hold at given values, and whether the true cost at each vertex is below the bound.
+    """Checks that (9) and (10) hold at given values, and that each vertex's true cost is below the bound.
 
-    The blocks are measured in x = T x~. The true cost is gamma^T P gamma with P from the closed loop's
-    Lyapunov equation; infinite where a vertex is unstable.
+    The blocks are measured in the coordinates x = T x~. The true cost is gamma^T P gamma with P from the
+    closed loop's Lyapunov equation. It is infinite if a vertex is unstable.
     """
     import scipy.linalg
 
@@ -122,7 +124,7 @@ def check(
 
 
 def _of_the_cost(Y: Any, closed: Any, q: Any, w: Any) -> list[list[Any]]:
-    """The rows of (9), with Q^-1 and 1/R scaled to one: of numbers, or of a solver's variables."""
+    """The block rows of (9), with Q^-1 and 1/R scaled to one; entries are numbers or solver variables."""
     n, zero = Y.shape[0], np.zeros
     return [
         [Y, closed.T, q.T, w.T],
@@ -133,11 +135,11 @@ def _of_the_cost(Y: Any, closed: Any, q: Any, w: Any) -> list[list[Any]]:
 
 
 def riccati_scaling(model: Model, Q: Real, R: float) -> Real | None:
-    """T with T^T X T = I and X of the nominal Riccati equation; None where there is no X."""
+    """T with T^T X T = I, where X solves the nominal Riccati equation; None if that has no solution."""
     import scipy.linalg
 
     try:
-        # scaled by the weights, or the equation itself is ill-conditioned
+        # scaled by the weights, because the equation itself may be ill-conditioned
         s = 1 / np.sqrt(np.diag(Q))
         X = scipy.linalg.solve_discrete_are(
             model.A * s / s[:, None], model.B / s[:, None] / np.sqrt(R), Q * np.outer(s, s), np.eye(1)
@@ -150,7 +152,7 @@ def riccati_scaling(model: Model, Q: Real, R: float) -> Real | None:
 
 
 def _with_the_cost(models: Sequence[Model], common: Common, Q: Real, R: float) -> Real:
-    """T in which Y~ = I and the common gain solve (9): Y of the common gain, made smaller."""
+    """T such that Y~ = I and the common gain satisfy (9): the T of the common gain, rescaled."""
     T, k = common.T, common.K.reshape(1, -1) @ common.T
     spent = T.T @ Q @ T + R * k.T @ k
     size = 0.0
@@ -164,7 +166,10 @@ def _with_the_cost(models: Sequence[Model], common: Common, Q: Real, R: float) -
 def solve_scaled(
     models: Sequence[Model], T: Real, Q: Real, R: float, gamma: Real
 ) -> tuple[StateFeedback | None, Real | None]:
-    """A gain in x = T x~ that `check` accepts; and T in which Y~ would have been I, for another try."""
+    """A gain, solved for in coordinates x = T x~; None if `check` rejects it.
+
+    Also returns the T that makes this solution's Y~ the identity, for another attempt.
+    """
     import cvxpy as cp
 
     n, inverse = len(Q), np.linalg.inv(T)
@@ -185,7 +190,7 @@ def solve_scaled(
     if not np.all(np.isfinite(y)) or np.linalg.eigvalsh(y)[0] <= 0:
         return None, None
     K = (np.linalg.solve(y, np.asarray(W.value)[0]) / np.sqrt(R)) @ inverse
-    # the bound that this Y really gives, not the solver's
+    # the bound computed from this Y, not the one that the solver reports
     bound = float(start @ np.linalg.solve(y, start)) * size**2 * (1 + 1e-9)
     result = check(models, Q, R, gamma, K, T @ y @ T.T, T, bound)
     found = StateFeedback(K, result, status) if result.passed else None
@@ -203,7 +208,7 @@ def _uncontrollable(label: str, mode: complex, integral: bool) -> str:
 
 
 def _why(plant: UncertainPlant, models: Sequence[Model], T: Real, integral: bool) -> str:
-    """The pair that has no common gain, and how far the ranges would have to shrink."""
+    """The message: which two vertices have no stabilising gain in common, and how far ranges must shrink."""
     message = "range: expected ranges that one gain and one Lyapunov matrix can control"
     pair = _hopeless_pair(models, T)
     if pair is not None:
@@ -213,7 +218,7 @@ def _why(plant: UncertainPlant, models: Sequence[Model], T: Real, integral: bool
 
 
 def _hopeless_pair(models: Sequence[Model], T: Real) -> tuple[int, int] | None:
-    """The two vertices furthest from each other, of those that have no gain together; a few are tried."""
+    """Two vertices that no common gain stabilises, among the `PAIRS` pairs furthest apart; else None."""
     rows = np.array([m.entries for m in models])
     spread = np.where(np.ptp(rows, axis=0) > 0, np.ptp(rows, axis=0), 1.0)
     apart = np.linalg.norm((rows[:, None] - rows) / spread, axis=2)
@@ -225,8 +230,10 @@ def _hopeless_pair(models: Sequence[Model], T: Real) -> tuple[int, int] | None:
 
 
 def _feasible_share(plant: UncertainPlant, T: Real, integral: bool) -> float:
-    """The largest share of the polytope, about the nominal plant, that one gain controls; to two percent
-    below."""
+    """The largest share of the polytope, shrunk about the nominal plant, that one gain stabilises.
+
+    It is rounded down, by about two percent at most.
+    """
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         middle = (low + high) / 2

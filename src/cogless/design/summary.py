@@ -23,7 +23,7 @@ from cogless.units import TIME
 
 @dataclasses.dataclass(frozen=True)
 class Gain:
-    """A number of a controller, SI, and its unit. `note`: where it is not the number that the study has."""
+    """A number of a controller in SI units, and its unit. `note` is set if the study has another number."""
 
     value: float
     unit: str
@@ -32,19 +32,19 @@ class Gain:
 
 @dataclasses.dataclass(frozen=True)
 class Design:
-    """One controller: law, rule and gains, the margins of its linear feedback, how its learning settles."""
+    """One controller: law, tuning rule and gains, its feedback's margins, and whether learning settles."""
 
     law: str
     rule: str | None
     gains: dict[str, Gain]
-    margins: Margins | None  # as the controller knows the plant
-    learning: Verdict | None  # where it learns: whether that settles
-    theorem: Theorem | None = None  # of a law that learns in angle: what its proof asks
+    margins: Margins | None  # with the plant that the controller assumes
+    learning: Verdict | None  # whether its learning settles; None if it doesn't learn
+    theorem: Theorem | None = None  # for a law that learns in angle: the conditions of its proof
 
 
 @dataclasses.dataclass(frozen=True)
 class CurrentLoopDesign:
-    """The current loop of an axis: gains and margins, and what is wrong with them."""
+    """The current loop of an axis: gains, margins, and why these aren't good enough, if so."""
 
     gains: dict[str, Gain]
     margins: Margins
@@ -52,12 +52,12 @@ class CurrentLoopDesign:
 
 
 def summary(study: Study) -> dict[str, Design]:
-    """Every controller of a study by name."""
+    """The design of every controller of a study, by name."""
     return {name: design(study, name) for name in study.controller}
 
 
 def current_loop_summary(study: Study) -> dict[str, CurrentLoopDesign]:
-    """The current loop by axis."""
+    """The current-loop design of each axis."""
     designs = {}
     for axis, loop in current_loops(study).items():
         margins = loop.margins()
@@ -67,7 +67,7 @@ def current_loop_summary(study: Study) -> dict[str, CurrentLoopDesign]:
 
 
 def to_dict(study: Study) -> dict[str, Any]:
-    """The summary as plain types, SI, for JSON; a margin that the loop doesn't have is null."""
+    """The summary as plain types in SI units, for JSON; a margin that doesn't exist is null."""
     return {
         "study": study.title,
         "current_loop": current_loop_dict(study),
@@ -77,7 +77,7 @@ def to_dict(study: Study) -> dict[str, Any]:
 
 
 def design_dict(design: Design) -> dict[str, Any]:
-    """One controller as plain types."""
+    """The design of one controller as plain types, for JSON."""
     return {
         "law": design.law,
         "rule": design.rule,
@@ -89,7 +89,7 @@ def design_dict(design: Design) -> dict[str, Any]:
 
 
 def current_loop_dict(study: Study) -> dict[str, Any]:
-    """The current loop by axis as plain types."""
+    """The current-loop design of each axis as plain types, for JSON."""
     return {
         axis: {"gains": _gains(loop.gains), "margins": _margins(loop.margins), "weakness": loop.weakness}
         for axis, loop in current_loop_summary(study).items()
@@ -123,7 +123,7 @@ def _learning(found: Verdict) -> dict[str, Any]:
         "settling_q_half_width": repair and repair.q_half_width,
         "settling_forgetting": repair and repair.forgetting,
         "frozen": list(found.frozen),
-        "loop_unstable": found.unstable is not None,  # with what learning adds at once
+        "loop_unstable": found.unstable is not None,  # with the gain that learning adds within a sample
     }
 
 
@@ -139,7 +139,7 @@ def _theorem(theorem: Theorem) -> dict[str, Any]:
 
 
 def design(study: Study, name: str) -> Design:
-    """One controller of a study."""
+    """The design of one controller of a study."""
     controller = study.controller[name]
     own: dict[str, Gain] = {}
     if isinstance(controller, Feedback):
@@ -154,7 +154,7 @@ def design(study: Study, name: str) -> Design:
     tuning = controller.tuning if isinstance(controller, Feedback | SpacePosition) else None
     known, proof = verdict(study, name), theorem(study, name)
     if proof is not None and known is not None and known.kind not in ("settles", "rests"):
-        # the proof is of continuous time
+        # the proof is for continuous time only
         sampled = f"but sampled: {known.short()}"
         proof = dataclasses.replace(proof, obstacles=(*proof.obstacles, sampled))
     rule = tuning.rule if tuning else None
@@ -162,7 +162,7 @@ def design(study: Study, name: str) -> Design:
 
 
 def _weakest(study: Study, name: str) -> Margins | None:
-    """Margins at the slowest or fastest reference, where a position law's v differs: the lesser ones."""
+    """Margins at the slowest or the fastest reference, whichever are smaller; v of a position law differs."""
     scenarios = [study.scenario[key] for key in study.scenarios_of(name)]
     speeds = {speed for s in scenarios for speed in (s.slowest, s.top_reference)} or {0.0}
     feedbacks = dict.fromkeys(feedback_of(study, name, speed) for speed in speeds)
@@ -175,7 +175,7 @@ def _weakest(study: Study, name: str) -> Margins | None:
 
 
 def _lead(study: Study, controller: Learning) -> Gain:
-    """The lead as it is used: whole samples of the speed loop."""
+    """The lead as the law uses it: rounded to whole samples of the speed loop."""
     rate = study.drive.rates.outer_loop
     samples = round(controller.lead * rate)
     used = samples / rate
@@ -187,7 +187,7 @@ def _lead(study: Study, controller: Learning) -> Gain:
 def _numbers(controller: AnyController) -> dict[str, Gain]:
     found = {}
     fields = type(controller).model_fields
-    own = type(controller).__annotations__  # what the law alone has comes first
+    own = type(controller).__annotations__  # the law's own fields come before inherited ones
     idle = _idle(controller)
     for key, field in sorted(fields.items(), key=lambda item: item[0] not in own):
         value = getattr(controller, key)
@@ -198,7 +198,7 @@ def _numbers(controller: AnyController) -> dict[str, Gain]:
 
 
 def _idle(controller: AnyController) -> set[str]:
-    """Fields of a law that learns in angle that do nothing with its settings."""
+    """Fields that have no effect with a law's other settings; empty unless the law learns in angle."""
     if not isinstance(controller, SpaceLearning):
         return set()
     if not controller.learning:

@@ -16,9 +16,9 @@ from cogless.study import Study
 if TYPE_CHECKING:
     from rich.console import Group
 
-WIDEST = 48  # columns of the gains, and of what is said of learning
+WIDEST = 48  # width in characters of the columns for gains and for learning
 
-# The paper's and the trade's units, where they aren't SI.
+# Display units that are usual in papers and practice, where they differ from SI.
 SHOWN = {
     units.SPEED_GAIN.unit: (units.SPEED_GAIN, "A/rpm"),
     units.SPEED_INTEGRAL_GAIN.unit: (units.SPEED_INTEGRAL_GAIN, "A/rpm/s"),
@@ -28,7 +28,7 @@ SHOWN = {
 
 
 def design_table(study: Study) -> Group:
-    """The current loop and one row a controller: gains in display units, margins, learning; notes below."""
+    """Table of current loop and controllers: gains in display units, margins, learning; notes below it."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
@@ -54,7 +54,7 @@ def design_table(study: Study) -> Group:
 
 
 def _theorems(study: Study, designs: dict[str, Design]) -> list[str]:
-    """Notes on what the proofs of laws that learn in angle ask, and the bounds behind it."""
+    """Notes on the proofs' conditions for laws that learn in angle, and on the bounds that these use."""
     notes: list[str] = []
     for name, design in designs.items():
         if design.theorem is not None:
@@ -72,7 +72,7 @@ def _bounds(bounds: Bounds) -> str:
 
 
 def _gains(gains: dict[str, Gain]) -> str:
-    """Gains in one line. Those that are zero are left out: what they would do isn't there."""
+    """Gains in one line. Zero gains without a note are left out, because their terms are inactive."""
     return ", ".join(f"{key} {_shown(gain)}" for key, gain in gains.items() if gain.value or gain.note)
 
 

@@ -1,4 +1,4 @@
-"""A trial controller from an uncertain plant and weights: gains, and what is certain about them.
+"""Design of a trial controller from an uncertain plant and weights: its gains, and their certificate.
 
 docs/laws/trial.md has the law, docs/theory/trial-design.md the design of each `kind`:
 
@@ -6,9 +6,10 @@ docs/laws/trial.md has the law, docs/theory/trial-design.md the design of each `
     state          the older law (3), by the same inequalities, without integral action
     norm-optimal   the feedback of `robust`, and v <- v + L e instead of v <- v + K_3 e(p + shift)
 
-Structures share K_s, N, the feedforward and K_3, as in the paper: design them once with `design_gains` and
-pass them to `design_trial` for each. K_3 is designed for Fig. 1. Without integral action K_2 is switched off,
-if Q weighs the integrator; if Q doesn't, the feedback is designed without.
+All structures share K_s, N, the feedforward and K_3, as in the paper: design them once with `design_gains`
+and pass them to `design_trial` for each structure. K_3 is designed for Fig. 1. For a controller without
+integral action there are two cases. If Q weighs the integrator, the feedback is designed with it, and K_2 is
+then set to zero. If Q doesn't, the feedback is designed without the integrator.
 """
 
 from __future__ import annotations
@@ -36,19 +37,19 @@ Kind = Literal["robust", "state", "norm-optimal"]
 
 
 LARGEST_SHIFT = 32  # of the control law
-NO_K_3 = ("q_filter", "shift", "K_3")  # at fault where a good feedback has no K_3
+NO_K_3 = ("q_filter", "shift", "K_3")  # keys of errors after which the feedback can be kept, without a K_3
 LOW_PASS = "expected a zero-phase low-pass filter on the learned signal"
 
 
 @dataclass(frozen=True)
 class TrialSettings:
-    """Settings of a trial controller. Sizes: n states of the plant, one more with the integrator."""
+    """Settings of a trial controller's design; n is the number of the plant's states without integrator."""
 
-    samples: int  # alpha, of a trial
+    samples: int  # in a trial, alpha
     Q: ArrayLike  # (n + 1, n + 1), or (n, n) for a feedback that is designed without integral action
     R: float
-    gamma: ArrayLike  # initial state whose cost is bounded, as Q
-    f: ArrayLike  # initial change of the state from trial to trial (31), as Q
+    gamma: ArrayLike  # initial state whose cost is bounded, sized as Q
+    f: ArrayLike  # initial change of the state from trial to trial (31), sized as Q
     g: float  # initial error (31)
     kind: Kind = "robust"
     structure: Structure = "input-and-integrator"
@@ -57,32 +58,32 @@ class TrialSettings:
     feedforward: bool = True  # dynamic
     cutoff: float | None = None  # of the zero-phase filter, Hz; None: no filter
     filter_order: int = 2
-    filtered: Filtered = "error"  # what the filter acts on: e, or v + K_3 e
-    K_s: ArrayLike | None = None  # given gains are certified, not designed; as Q
+    filtered: Filtered = "error"  # the filter acts on the error e, or on the signal v + K_3 e
+    K_s: ArrayLike | None = None  # gains given here are certified, not designed; sized as Q
     N: float | None = None
     K_3: float | None = None
-    shift: int | None = None  # samples by which e is ahead of v; None: the relative degree
-    change_weight: float = 1e-2  # of norm-optimal learning: of v's change beside the error's 1
+    shift: int | None = None  # v(p) learns from e(p + shift), samples; None: the relative degree
+    change_weight: float = 1e-2  # for norm-optimal learning: weight of v's change; the error's is 1
 
 
 @dataclass(frozen=True)
 class TrialGains:
-    """Gains that all structures share."""
+    """Gains that controllers of all structures share."""
 
     K_s: Real
     integral: bool  # K_s has a gain for the integrator
     N: float
     feedforward: Feedforward | None
-    K_3: float | None  # None where nothing learns by it, or there is none
-    no_K_3: DesignError | None  # why there is none
-    feedback: StateFeedback | None  # None where K_s was given
-    learning: LearningGain | None  # None where K_3 was given, or is not by (35)
+    K_3: float | None  # None if learning doesn't use it, or if none exists
+    no_K_3: DesignError | None  # why no K_3 exists
+    feedback: StateFeedback | None  # None if K_s was given
+    learning: LearningGain | None  # None if K_3 was given, or wasn't found by (35)
     notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class TrialDesign:
-    """All that the law needs, and what is certain about it."""
+    """All parameters of a trial law, and their certificate."""
 
     kind: Kind
     K_1: Real  # (n,)
@@ -99,12 +100,12 @@ class TrialDesign:
     gains: TrialGains
     certificate: Certificate
     notes: tuple[str, ...]
-    beyond: tuple[str, ...] = ()  # what is simulated outside the ranges that all this holds for
-    no_K_3: StudyError | None = None  # why it can't learn though it should; then it doesn't run
+    beyond: tuple[str, ...] = ()  # warnings of simulated values outside the ranges of the design
+    no_K_3: StudyError | None = None  # why no K_3 exists for a law that needs it: it doesn't run
 
 
 def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
-    """Feedback, feedforward and learning gain, or why there is none; DesignError."""
+    """Feedback, feedforward, and learning gain or why there is none; DesignError on any other fault."""
     n = plant.order
     _check(plant, settings)
     Q, gamma, f = (np.asarray(value, dtype=float) for value in (settings.Q, settings.gamma, settings.f))
@@ -140,7 +141,7 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
 
 
 def needs_K_3(settings: TrialSettings) -> bool:
-    """Whether the law learns by K_3."""
+    """Whether the law learns with the gain K_3."""
     return settings.learning and settings.kind != "norm-optimal"
 
 
@@ -149,8 +150,8 @@ def design_trial(
 ) -> TrialDesign:
     """Designs a whole controller and its certificate.
 
-    `gains`: those already designed for another structure, to be used again; without them, designed here.
-    Raises DesignError where nothing can be designed.
+    `gains` that were designed for another structure can be reused; if None, they are designed here. Raises
+    DesignError if the design fails.
     """
     _check(plant, settings)
     gains = gains or design_gains(plant, settings)
@@ -167,7 +168,7 @@ def design_trial(
     K_3 = gains.K_3 or 0.0
     update, matrix = None, None
     if normal:
-        # the fair bar: the model that is nearest to the drive
+        # for a fair comparison, with the model that is closest to the drive
         nominal = law.closed(plant.exact_nominal or plant.nominal, plant.C)
         if nominal.radius >= 1:
             raise DesignError("K_s: expected feedback that is stable at the nominal plant")
@@ -202,7 +203,7 @@ def _law(K_s: Real, n: int, N: float, integral: bool, through: bool) -> Gains:
 def _learning_gain(
     plant: UncertainPlant, law: Gains, settings: TrialSettings, f: Real
 ) -> tuple[float, LearningGain | None, str]:
-    """K_3 by (35); by frequency with another shift, or where only a filter on the signal makes a solution."""
+    """K_3 by (35). It is found by frequency response if (35) gives none, or if the shift isn't r."""
     r = plant.relative_degree
     shift = settings.shift or r
     loops = [law.closed(m, plant.C) for m in plant.vertices]
@@ -231,7 +232,7 @@ def _learning_gain(
 
 
 def _check_sign(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> None:
-    """N against the loop's gain at zero frequency, where it has one."""
+    """DesignError if N and the loop's gain at zero frequency differ in sign; no check without such a gain."""
     if settings.N is None or settings.kind == "state":
         return
     try:
@@ -246,7 +247,7 @@ def _check_sign(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> N
 
 
 def _low_pass(loops: Sequence[Loop], plant: UncertainPlant, settings: TrialSettings, shift: int) -> str:
-    """The cutoff that would do, with another shift where this one's learning would stay slow."""
+    """The end of a message: the filter cutoff, and another shift if needed, with which learning is fast."""
     for tried in range(shift, shift + SHIFTS + 1):
         cutoff = workable_cutoff(loops, tried, settings.filter_order, plant.period, settings.samples)
         if cutoff is not None:
@@ -257,7 +258,7 @@ def _low_pass(loops: Sequence[Loop], plant: UncertainPlant, settings: TrialSetti
 def _by_frequency(
     loops: Sequence[Loop], plant: UncertainPlant, settings: TrialSettings, shift: int
 ) -> tuple[float, str] | None:
-    """K_3 with the smallest factor a trial where (35) has no say, and a note; None where none shrinks all."""
+    """K_3 with the smallest max |F| over frequency, and a note; None if that is above `PROPOSED`."""
     bundle = Bundle(loops, shift)
     w = bundle.grid
     G = bundle(w)
@@ -285,7 +286,7 @@ def _warnings(
     update: Update | None,
     settings: TrialSettings,
 ) -> list[str]:
-    """Warnings where the error can grow along the trial or from trial to trial, and what prevents it."""
+    """Warnings that the error can grow along the trial or from trial to trial, with the remedy."""
     notes = []
     exact = certificate.exact
     parts = [("design", plant.vertices, certificate.design)]
@@ -299,7 +300,7 @@ def _warnings(
         if update is None or learning is None or learning.monotone:
             continue
         if update.ratio is not None and kind == "design" and exact is not None:
-            continue  # L is made for the exact one
+            continue  # L is designed for the exact model
         note = f"{kind} model: the error can grow by a factor of "
         if learning.norm > 1 + MONOTONE:
             note += f"{_factor(learning.norm)} a trial at {learning.frequency:.4g} Hz"
@@ -323,7 +324,7 @@ def _warnings(
 
 
 def _factor(value: float) -> str:
-    """Text of a factor above one, which is never rounded to one."""
+    """Text of a factor above one, with enough digits that it isn't rounded to one."""
     return f"1 + {value - 1:.1e}" if value - 1 < 1e-4 else f"{value:.7g}"
 
 

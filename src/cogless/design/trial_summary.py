@@ -18,7 +18,7 @@ from cogless.study import TrialStudy
 if TYPE_CHECKING:
     from rich.console import Group
 
-NO_GAIN = 5e-5  # a largest K_3 that the table would print as zero
+NO_GAIN = 5e-5  # largest K_3 below which the table says "none", because it would print zero
 
 LEGEND = (
     "along the trial: the loop's largest pole; one more sample: the same with another sample of delay at the "
@@ -36,7 +36,7 @@ class TrialSummary:
 
 
 def summary(study: TrialStudy) -> TrialSummary:
-    """Every controller of a study, for the first scenario that it runs in; StudyError."""
+    """The design of each controller of a study, for the first scenario that it runs in; or StudyError."""
     first: dict[str, str] = {}
     for scenario in study.scenario:
         for name in study.controllers_in(scenario):
@@ -49,7 +49,7 @@ def summary(study: TrialStudy) -> TrialSummary:
 
 
 def to_dict(study: TrialStudy, found: TrialSummary) -> dict[str, Any]:
-    """The summary as plain types, SI, for JSON. Models are discrete; frequencies end in _Hz."""
+    """The summary as plain types in SI units, for JSON. Models are discrete; frequency keys end in _Hz."""
     plant = found.plant
     return {
         "study": study.title,
@@ -107,7 +107,7 @@ def design_dict(design: TrialDesign) -> dict[str, Any]:
 
 
 def words(design: TrialDesign) -> str:
-    """The certificate in one line."""
+    """The certificate's verdict on learning from trial to trial, in one line."""
     said = []
     for model, found in _rows(design.certificate):
         none = "no K_3" if design.no_K_3 else "no learning"
@@ -117,14 +117,14 @@ def words(design: TrialDesign) -> str:
 
 
 def warnings(design: TrialDesign) -> list[str]:
-    """Warnings before trials, a line each."""
+    """Warnings of a controller before trials are run: its certificate in a line, unless all is well."""
     rows = [found for _, found in _rows(design.certificate)]
     fine = all(each.stable and (each.learning is None or each.learning.monotone) for each in rows)
     return [] if fine and design.no_K_3 is None else [words(design)]
 
 
 def _rows(certificate: Certificate) -> Iterator[tuple[str, ModelCertificate]]:
-    """The models that a certificate is of: the design's, and the exactly sampled one if it is another."""
+    """Yields the kinds of models that a certificate covers: the design's, and exact ones if they differ."""
     of_design = {"euler": "Euler", "exact": "exact", None: "discrete"}[certificate.discretisation]
     yield of_design, certificate.design
     if certificate.exact is not None and certificate.discretisation != "exact":
@@ -180,7 +180,7 @@ def _learning(learning: Learning) -> dict[str, Any]:
 
 
 def table(study: TrialStudy, found: TrialSummary) -> Group:
-    """The plant in a line, a table of gains, a table of certificates, notes."""
+    """The plant in one line, a table of gains, a table of certificates, and notes."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text

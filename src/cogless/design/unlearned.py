@@ -1,7 +1,7 @@
-"""Whether a law can learn in a scenario at all, or did in a run: what is learned acts a period later.
+"""Whether a law can learn in a scenario at all, or has learned in a run.
 
-Until then a law that learns is one without a memory, whose gain may be higher: what it leaves says nothing of
-its learning. What learns orders acts at once.
+What is learned acts one period later. Until then a learning law acts like a law without a memory, maybe with
+a higher gain, so its remaining error says nothing about its learning. A law that learns orders acts at once.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from cogless.study.motion import course
 from cogless.study.pi_afc import PiAfc
 from cogless.study.space_controller import SpaceLearning
 
-ALMOST = 0.995  # of a period, which rounds to one
-NO_STEP = 1e-6  # of a speed: it is constant
+ALMOST = 0.995  # share of a period that counts as a whole one
+NO_STEP = 1e-6  # relative variation; a speed that varies less is constant
 
 Memory = Learning | SpaceLearning | PiAfc
 
 
 def revolutions_learned(study: Study, name: str) -> Fraction | None:
-    """Mechanical revolutions in the period that a controller learns over; None where it has none."""
+    """Mechanical revolutions per learning period of a controller; None if it doesn't learn."""
     law = study.controller[name]
     if isinstance(law, Learning | PiAfc) or (isinstance(law, SpaceLearning) and law.learning):
         return law.revolutions(study.motor.pole_pairs)
@@ -35,7 +35,7 @@ def revolutions_learned(study: Study, name: str) -> Fraction | None:
 
 
 def foreseen(study: Study, scenario: str, name: str) -> str | None:
-    """The reason why a controller will learn nothing along a reference; None where it may learn."""
+    """The reason why a controller will learn nothing along a scenario's reference; None if it may learn."""
     law, experiment = study.controller[name], study.scenario[scenario]
     revolutions = revolutions_learned(study, name)
     if revolutions is None or not isinstance(law, Memory):
@@ -50,14 +50,14 @@ def foreseen(study: Study, scenario: str, name: str) -> str | None:
 
 
 def starts_too_late(law: Memory, end: float) -> str | None:
-    """The reason "learning begins when all is over"; `end` of the run in s. None where it begins before."""
+    """The message that learning starts only after the run's `end`, s; None if it starts before."""
     if law.learning_start < end:
         return None
     return f"learning_start is {law.learning_start:.3g} s, the run ends at {end:.3g} s"
 
 
 def never(study: Study, scenario: str, name: str) -> str | None:
-    """The reason why a memory takes nothing at the scenario's top speed; None where it does."""
+    """The reason why a memory learns nothing even at the scenario's top speed; None if it learns."""
     law, top = study.controller[name], study.scenario[scenario].top_speed
     if isinstance(law, SpaceLearning):
         fast = study.scenario[scenario].top_reference
@@ -69,9 +69,10 @@ def never(study: Study, scenario: str, name: str) -> str | None:
 
 
 def too_short(law: Memory, revolutions: Fraction, theta: Real, time: float, omega_ref: Real) -> str | None:
-    """The reason "less than a period was turned since learning began, nothing passed twice", or None.
+    """The message that too little was turned for any angle to be passed twice while learning; None if enough.
 
-    All since learning began: `theta` in rad, mechanical; `time` in s; `omega_ref` in rad/s.
+    All arguments are from the start of learning on: mechanical angle `theta` in rad, `time` in s, `omega_ref`
+    in rad/s.
     """
     if isinstance(law, PiAfc):
         return None
@@ -80,7 +81,7 @@ def too_short(law: Memory, revolutions: Fraction, theta: Real, time: float, omeg
     fall = float(np.max(np.maximum.accumulate(theta) - theta, initial=0.0))
     if law.over_angle:
         turned, again = max(rise, fall), min(rise, fall)
-        if again > period / law.cells:  # it turned back to where it had been
+        if again > period / law.cells:  # it turned back over angles that it had passed
             return None
     else:
         turned = float(np.sum(np.abs(np.diff(theta))))

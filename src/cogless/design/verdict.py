@@ -1,18 +1,21 @@
-"""Verdict before a run of a law that learns: whether it settles along its scenarios' references.
+"""Verdict on a learning law before a run: whether its learning settles along its scenarios' references.
 
-learning_loop.py has the factor at one speed and acceleration, with the plant as it is in a scenario. Along a
-reference (docs/theory/learning-in-angle.md#along-a-reference)
+learning_loop.py has the factor per period at one speed and acceleration, with a scenario's true plant. Along
+a reference (docs/theory/learning-in-angle.md#along-a-reference)
 
-    - it settles if the factor is below one at all its speeds and accelerations;
+    - learning settles if the factor is below one at all speeds and accelerations of the reference;
     - it grows if the mean of log(Q^n / (1 + mu S)) over the angle, taken at a fixed order of the period, is
-      above zero: a lower bound of n times the rate, for n functions learned. At a constant speed n is one.
+      above zero. For n learned functions this mean is a lower bound of n times the rate of growth. At a
+      constant speed n is one.
 
-Between them it may grow. Stability comes first: where 1 + mu S is unstable there is no factor. A reference
-that stands or turns back passes such speeds within less than a period, and nothing that was learned there
-comes back before it's over: so much is said, and what happens next isn't judged.
+If neither holds, it may grow. Stability is checked first, because there is no factor if 1 + mu S is unstable.
+A reference that stops or reverses passes such bad speeds within less than a period. What is learned there
+isn't recalled before the passage is over. The verdict reports such a passage, but doesn't judge what follows
+it.
 
-Where the torque constant ripples, "settles" and "grows" are said of its least and its largest value,
-"unstable" of its mean; what lies between "may be".
+If the torque constant ripples, "settles" and "grows" have to hold for its least and its largest value.
+"unstable" refers to its mean. If only some values are affected, the verdict is "may grow" or "may be
+unstable".
 """
 
 from __future__ import annotations
@@ -46,20 +49,20 @@ from cogless.study.space_controller import SpaceLearning
 from cogless.study.spoken import spoken_unit
 from cogless.units import ANGULAR_SPEED
 
-STEP = 1.06  # from one speed to the next
+STEP = 1.06  # ratio of one judged speed to the one before
 FEWEST_SPEEDS = 15
 SAME = 1e-6  # of speeds, relative
-ACCELERATIONS = 3  # at a speed, where mu depends on them
-WIDEST = 400  # cells or samples on each side that are tried
-SLOWEST = 200.0  # of the fastest speed, below which one counts as rest
+ACCELERATIONS = 3  # judged at each speed, if mu depends on the acceleration
+WIDEST = 400  # widest Q filter that is tried, in cells or samples on each side
+SLOWEST = 200.0  # speeds below the fastest one divided by this count as rest
 ORDERS = 2000
 ANGLES = 720  # in an electrical revolution
-RIPPLE = 0.01  # of the torque constant, below which it counts as none
-WORSE = 1.25  # times the feedback's ripple, above which learning harms
-MARGIN = 2  # of omega_min over the speed that is unstable; mu goes with 1 / |omega|: a gain margin
+RIPPLE = 0.01  # relative; a smaller ripple of the torque constant is neglected
+WORSE = 1.25  # ripple with learning / feedback's ripple; above this learning does harm
+MARGIN = 2  # proposed omega_min / unstable speed: a gain margin, since mu is proportional to 1 / |omega|
 TINY = 1e-30  # under a logarithm
 
-STOPPING = SpaceLearning | PiAfc  # those that have an omega_min
+STOPPING = SpaceLearning | PiAfc  # laws with an omega_min, below which they don't learn
 Samples = NDArray[np.intp]
 
 Kind = Literal["settles", "may grow", "grows", "may be unstable", "unstable", "feedback unstable", "rests"]
@@ -67,15 +70,15 @@ Kind = Literal["settles", "may grow", "grows", "may be unstable", "unstable", "f
 
 @dataclass(frozen=True)
 class Passing:
-    """Speeds that a reference only passes, standing or turning back, and at which it isn't settled."""
+    """Low speeds that a reference only passes to stop or reverse, and at which learning doesn't settle."""
 
     below: float  # rad/s, mechanical
-    time: float  # s, the longest at once
-    frequency: float  # Hz, of what is unstable there, or grows
+    time: float  # s, of the longest passage
+    frequency: float  # Hz, of the instability or the growth there
     unstable: bool
 
     def words(self, unit: str = ANGULAR_SPEED.unit) -> str:
-        """The verdict on passing in one line; `unit`: of speeds."""
+        """The report of the passage in one line; `unit` is that of speeds."""
         what = "is unstable" if self.unstable else "grows"
         below, above = (units.format(x, unit, ANGULAR_SPEED, 2) for x in (self.below, MARGIN * self.below))
         found = f"below {below}, which it passes within {self.time:.2g} s, it {what} "
@@ -85,12 +88,12 @@ class Passing:
 
 @dataclass(frozen=True)
 class Mean:
-    """The largest mean factor of an order of the period, over the angle that is turned at each speed."""
+    """The largest mean factor per period of any order; speeds are weighted by the angle turned at them."""
 
     factor: float
-    lowest: float  # Hz, that order at the slowest speed
+    lowest: float  # Hz, the order's frequency at the slowest speed
     highest: float  # Hz, at the fastest
-    sure: bool  # whether it grows for certain
+    sure: bool  # whether the order certainly grows
 
     def words(self) -> str:
         """The mean in one line."""
@@ -99,7 +102,7 @@ class Mean:
 
 @dataclass(frozen=True)
 class Repair:
-    """The least change with which what grows settles at all speeds: of a lead, a Q filter or forgetting."""
+    """The smallest change of lead, Q filter or forgetting with which learning settles at all speeds."""
 
     lead: float | None = None  # s
     q_half_width: int | None = None
@@ -122,28 +125,28 @@ class Verdict:
     """Whether a controller's learning settles, over all its scenarios."""
 
     kind: Kind
-    worst: Worst | None = None  # the largest factor a period, an upper bound; None where there is none
-    omega_m: float = 0.0  # rad/s, where that is, or what is unstable
-    scenario: str | None = None  # of several, the one where that is
+    worst: Worst | None = None  # the largest factor per period, an upper bound; None if there is no factor
+    omega_m: float = 0.0  # rad/s, speed of the worst factor, or of the instability
+    scenario: str | None = None  # the scenario with that speed, if there are several
     unstable: Oscillation | None = None
     varies: bool = False  # the speed
-    mean: Mean | None = None  # of what grows, where the speed varies
+    mean: Mean | None = None  # if learning grows and the speed varies
     repair: Repair | None = None  # of what grows
-    rests: bool = False  # a lower speed is worse, and it has an omega_min, below which learning rests
+    rests: bool = False  # it has an omega_min, below which learning rests: lower speeds are worse
     passing: Passing | None = None
-    frozen: tuple[str, ...] = ()  # why nothing is learned, at speeds where nothing is
-    ratio: float = 1.0  # of what settles: the speed's ripple with it over that of its feedback alone
-    doubts: tuple[str, ...] = ()  # what small signals at such speeds don't tell
-    unit: str = ANGULAR_SPEED.unit  # of speeds, as the study speaks
+    frozen: tuple[str, ...] = ()  # why nothing is learned at some of the speeds
+    ratio: float = 1.0  # if learning settles: speed ripple with learning / with the feedback alone
+    doubts: tuple[str, ...] = ()  # why the small-signal prediction is unreliable at some speeds
+    unit: str = ANGULAR_SPEED.unit  # of speeds, as the study writes them
 
     @property
     def fine(self) -> bool:
-        """Whether there is nothing to warn of."""
+        """Whether learning settles without anything to warn of."""
         return self.kind == "settles" and self.passing is None and not self.doubts and self.ratio <= WORSE
 
     @property
     def where(self) -> str:
-        """Speed and scenario, as far as there are several."""
+        """Text with the speed and the scenario, each only if there are several."""
         speed = f" at {units.format(self.omega_m, self.unit, ANGULAR_SPEED, 3)}" if self.varies else ""
         return speed + (f" in scenario {self.scenario}" if self.scenario else "")
 
@@ -170,7 +173,7 @@ class Verdict:
         return "; ".join(part for part in (self.short(), self.remedy(), passing, doubts, *frozen) if part)
 
     def remedy(self) -> str:
-        """The remedy; empty where nothing has to be mended."""
+        """The remedy in words; empty if none is needed."""
         if self.repair is not None:
             return self.repair.words()
         if self.kind == "feedback unstable":
@@ -182,9 +185,9 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class _At:
-    """A speed and acceleration of a reference, the samples that are near it, what the loop does there."""
+    """A speed and acceleration of a reference, the reference's samples near it, and the loops there."""
 
-    loops: tuple[LearningLoop, ...]  # at the torque constants that it may have; the last one's is the mean
+    loops: tuple[LearningLoop, ...]  # one for each torque constant to judge; the last has the mean one
     samples: Samples
 
     @property
@@ -197,12 +200,12 @@ class _At:
 
     @cached_property
     def oscillation(self) -> Oscillation | None:
-        """The fastest growing oscillation at any torque constant."""
+        """The fastest growing oscillation over the judged torque constants; None if there is none."""
         found = [o for loop in self.loops if (o := loop.oscillation()) is not None]
         return max(found, key=lambda o: o.rate, default=None)
 
     def of_feedback(self) -> Oscillation | None:
-        """The oscillation of the feedback alone, before or after the hand-over."""
+        """The oscillation of the feedback alone, before or after learning takes over from its integral."""
         loop = self.loop
         return oscillation(loop.plant, loop.feedback_before) or oscillation(loop.plant, loop.feedback)
 
@@ -213,16 +216,16 @@ class _At:
 
 @dataclass(frozen=True)
 class _Motion:
-    """A scenario: what is judged of its reference, with its share of the angle, and what is not."""
+    """The judged points of a scenario's reference, each with its share of the angle, and the rest."""
 
     judged: tuple[tuple[_At, float], ...]
     passing: Passing | None = None
-    frozen: tuple[tuple[float, str], ...] = ()  # the slowest and the fastest speed where nothing is, why
+    frozen: tuple[tuple[float, str], ...] = ()  # slowest and fastest speed that learn nothing, and why
     duration: float = 0.0  # s, of learning
 
     @property
     def ratio(self) -> float:
-        """The speed's ripple over that of the feedback alone."""
+        """The speed ripple with learning divided by that of the feedback alone."""
         found = [(share, ripple(at.loop, self.duration)) for at, share in self.judged]
         with_it = sum(share * each.learned**2 for share, each in found)
         without = sum(share * each.without**2 for share, each in found)
@@ -230,12 +233,12 @@ class _Motion:
 
     @property
     def loudest(self) -> _At:
-        """The point where learning leaves most beside its feedback."""
+        """The point with the largest ripple relative to that of the feedback alone."""
         return max((at for at, _ in self.judged), key=lambda at: ripple(at.loop, self.duration).ratio)
 
 
 def verdict(study: Study, name: str) -> Verdict | None:
-    """Whether a controller's learning settles; None where it doesn't learn, or has no scenario."""
+    """Whether a controller's learning settles; None if it doesn't learn, or has no scenario."""
     return study.once(_verdict, name)
 
 
@@ -291,7 +294,7 @@ def _verdict(study: Study, name: str) -> Verdict | None:
 
 
 def loop_type(law: AnyController) -> type[LearningLoop] | None:
-    """The loop of a law that learns; None of one that doesn't."""
+    """The class of learning loop for a law; None if the law doesn't learn."""
     if isinstance(law, Learning):
         return PeriodicLoop
     if isinstance(law, PiAfc):
@@ -300,7 +303,7 @@ def loop_type(law: AnyController) -> type[LearningLoop] | None:
 
 
 def warnings(study: Study, name: str) -> list[str]:
-    """Warnings before a run, a line each."""
+    """Warnings about a controller's learning before a run, one line each."""
     found = verdict(study, name)
     lines: list[str] = []
     if found is None:
@@ -317,7 +320,7 @@ def warnings(study: Study, name: str) -> list[str]:
 
 
 def judged(study: Study, scenario: str, name: str) -> list[LearningLoop]:
-    """A controller at the slowest and at the fastest speed that it's judged at in a scenario."""
+    """A controller's learning loops at the slowest and at the fastest judged speed of a scenario."""
     loops = [at.loop for at, _ in _motion(study, scenario, name).judged]
     loops.sort(key=lambda loop: loop.omega_m)
     ends = {loop.omega_m: replace(loop, alpha_m=0.0) for loop in (*loops[:1], *loops[-1:])}
@@ -325,7 +328,7 @@ def judged(study: Study, scenario: str, name: str) -> list[LearningLoop]:
 
 
 def _motion(study: Study, scenario: str, name: str) -> _Motion:
-    """Points of a scenario to judge; none where its reference is never fast enough to learn."""
+    """The points of a scenario to judge; none if its reference is too slow to learn."""
     law = study.controller[name]
     kind = loop_type(law)
     assert kind is not None and isinstance(law, Learning | PiAfc | SpaceLearning)
@@ -358,19 +361,19 @@ def _motion(study: Study, scenario: str, name: str) -> _Motion:
     turned = omega * way.step
     passed, longest = _passed(found, ~moving, turned, found[0].loop)
     left = [at for at in found if not np.all(passed[at.samples])]
-    if not left:  # it never comes further
+    if not left:  # all of the reference is such a passage
         left, passed = found, np.zeros(len(omega), dtype=bool)
     angles = [float(np.sum(turned[at.samples][~passed[at.samples]])) for at in left]
     shares = np.array(angles) / sum(angles)
     gone = [at for at in found if at not in left]
-    stops = isinstance(law, STOPPING)  # the others' gains are the same at all speeds
+    stops = isinstance(law, STOPPING)  # the gains of other laws don't depend on the speed
     passing = _passing(gone, left, longest * way.step) if gone and stops else None
     duration = len(omega) * way.step
     return _Motion(tuple(zip(left, shares.tolist(), strict=True)), passing, reasons, duration)
 
 
 def _torques(study: Study, scenario: str) -> list[float]:
-    """The least and the largest torque constant over the angle, and its mean; one where it has no ripple."""
+    """Least, largest and mean torque constant over the angle, divided by the mean; only 1 without ripple."""
     study_here = for_scenario(study, scenario)
     motor = study_here.motor.star()
     theta = np.linspace(0, 2 * math.pi / motor.pole_pairs, ANGLES, endpoint=False)
@@ -381,10 +384,10 @@ def _torques(study: Study, scenario: str) -> list[float]:
 
 
 def _places(omega: Real, alpha: Real, moving: NDArray[np.bool_]) -> Iterator[tuple[float, float, Samples]]:
-    """Yields the places at which a reference is judged: speed, acceleration, its samples nearest to both.
+    """Yields the points at which a reference is judged: speed, acceleration, and the samples nearest to both.
 
     Speeds go from the slowest to the fastest in equal ratios, accelerations at each speed from the least to
-    the largest in equal steps. A place without samples is left out.
+    the largest in equal steps. A point without samples is left out.
     """
     slowest, fastest = float(np.min(omega[moving])), float(np.max(omega[moving]))
     count = 1
@@ -409,7 +412,10 @@ def _places(omega: Real, alpha: Real, moving: NDArray[np.bool_]) -> Iterator[tup
 def _passed(
     found: list[_At], resting: NDArray[np.bool_], turned: Real, loop: LearningLoop
 ) -> tuple[NDArray[np.bool_], int]:
-    """Samples of bad speeds next to rest or reversal, less than a period long; the most at once."""
+    """Samples at bad speeds in passages next to a stop or reversal, each less than a period long.
+
+    Also returns the number of such samples in the longest passage.
+    """
     period = loop.omega_m / loop.periods_per_second  # rad
     bad = np.zeros(len(turned), dtype=bool)
     for at in found:
@@ -436,14 +442,18 @@ def _passing(gone: list[_At], left: list[_At], time: float) -> Passing:
 
 
 def _mean(judged: Sequence[tuple[_At, float]]) -> Mean:
-    """Mean over one scenario. Sure where the lower bound is above one: a period has a mode to each order."""
+    """The mean factor over one scenario.
+
+    Growth is sure if the lower bound stays above one over a span of one order, because each order of the
+    period has a mode within it.
+    """
     constant = len(judged) == 1
     channels = 1 if constant else _channels(judged)
     highest = min(at.loop.highest / at.loop.periods_per_second for at, _ in judged)
     orders, window = np.linspace(1, max(highest, 1), ORDERS), 1
     chosen = [at.loop.orders for at, _ in judged if at.loop.orders is not None]
     if chosen:
-        orders = max(chosen, key=len)  # those of the slowest
+        orders = max(chosen, key=len)  # of the slowest speed: the most orders
     else:
         window += math.ceil(1 / max(orders[1] - orders[0], 1 / ORDERS))
     rate, bound = np.zeros(len(orders)), np.zeros(len(orders))
@@ -466,7 +476,7 @@ def _mean(judged: Sequence[tuple[_At, float]]) -> Mean:
 
 
 def _channels(judged: Sequence[tuple[_At, float]]) -> int:
-    """Number of functions of the angle that are learned along a reference."""
+    """Number of angle functions (alpha, beta, h) that are learned along a reference."""
     law = judged[0][0].loop.study.controller[judged[0][0].loop.controller]
     if not isinstance(law, SpaceLearning):
         return 1
@@ -476,10 +486,10 @@ def _channels(judged: Sequence[tuple[_At, float]]) -> int:
 
 
 def _repair(found: list[_At]) -> Repair:
-    """The mildest change that brings the factor below one at every place found.
+    """The mildest change that brings the factor below one at every point found.
 
-    The shortest lead, if one does it; else the narrowest Q filter; else forgetting. A law that learns in
-    angle has only the filter; where that doesn't do, nothing is proposed.
+    It is the shortest lead, if a lead is enough; else the narrowest Q filter; else forgetting. A law that
+    learns in angle has only the filter. If that isn't enough, nothing is proposed.
     """
     loops = [at.loop for at in found]
     common = set.intersection(*(loop.settling_leads() for loop in loops))
@@ -491,7 +501,7 @@ def _repair(found: list[_At]) -> Repair:
     for at in found:
         f = at.loop.frequencies
         without = np.max([loop.unfiltered(f) for loop in at.loops], axis=0)
-        high = without > SETTLED  # no filter is above one
+        high = without > SETTLED  # no filter's gain exceeds one
         parts.append((at.loop, f[high], without[high]))
     widest = min(WIDEST, *(loop.widest_filter for loop in loops))
     for n in range(widest + 1):

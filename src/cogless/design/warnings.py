@@ -1,4 +1,4 @@
-"""Warnings of a controller before it runs, is exported, or comes onto a processor."""
+"""Warnings about a controller before it is run, exported, or run on a processor."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cogless.study import AnyStudy, Study, TrialStudy
 
 
 def warnings(study: AnyStudy, scenario: str, name: str) -> list[str]:
-    """Warnings of a controller and the current loop below it: a line each, which begins with the key."""
+    """Warnings about a controller and its current loop, one line each, which begins with the study's key."""
     if isinstance(study, TrialStudy):
         from cogless.design.from_study import design_study
         from cogless.design.trial_summary import warnings as trial_warnings
@@ -29,13 +29,13 @@ def warnings(study: AnyStudy, scenario: str, name: str) -> list[str]:
 
 
 def notes(study: Study, name: str) -> list[str]:
-    """A map too small for what it shall learn, edges too few for the loop: a line each, key first."""
+    """Warnings of a map with too few cells and of too few sensor edges, one line each, key first."""
     found = (map_warning(study, name), slow_warning(study, name))
     return [f"controller.{name}: {line}" for line in found if line is not None]
 
 
 def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
-    """Scenarios in which a controller will learn nothing; `runs`: (scenario, controller)."""
+    """Warnings of scenarios in which a controller will learn nothing; `runs` are (scenario, controller)."""
     if isinstance(study, TrialStudy):
         return []
     found = ((scenario, name, foreseen(study, scenario, name)) for scenario, name in runs)
@@ -43,7 +43,7 @@ def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
 
 
 def loop_warnings(loops: dict[str, CurrentLoopDesign]) -> list[str]:
-    """A current loop that is unstable or weak."""
+    """Warnings of a current loop that is unstable or weak, one line each."""
     found = []
     for name, loop in told_apart(loops).items():
         if not loop.margins.stable:
@@ -54,7 +54,7 @@ def loop_warnings(loops: dict[str, CurrentLoopDesign]) -> list[str]:
 
 
 def told_apart(loops: dict[str, CurrentLoopDesign]) -> dict[str, CurrentLoopDesign]:
-    """The current loop by its name: one where both axes are alike."""
+    """The current loops by name for messages; a single entry if both axes are alike."""
     if not loops:
         return {}
     if loops["d"].margins == loops["q"].margins and loops["d"].gains == loops["q"].gains:

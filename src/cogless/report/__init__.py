@@ -25,39 +25,39 @@ __all__ = [
 
 
 def _sections(results: AnyResults) -> Sections:
-    """The sections of the kind of study that the results are of."""
+    """The report's sections for the kind of study that the results come from."""
     return TRIALS if isinstance(results, TrialResults) else SPEED
 
 
 def lines(results: AnyResults, scenario: str) -> list[Line]:
-    """Controllers against metrics, one line a number, whichever kind of study it is."""
+    """Comparison of a scenario's controllers, for any kind of study: one line per metric or order."""
     return _sections(results).lines(results, scenario)
 
 
 def verdicts(results: AnyResults) -> list[ScenarioVerdict]:
-    """The verdict on each scenario that has something to judge by."""
+    """The verdict on each scenario that can be judged."""
     return page.verdicts(results, _sections(results))
 
 
 def broken(results: AnyResults, scenario: str) -> str | None:
-    """Words for what broke in a scenario and what came of it, a sentence or two; None where nothing did."""
+    """A sentence or two on the faults in a scenario and their effects; None if it has no faults."""
     found = _sections(results).verdict(results, runs_in(results, scenario))
     return found.headline if found is not None and found.told else None
 
 
 def render(results: AnyResults) -> str:
-    """The report as one HTML text that needs nothing else."""
+    """The report as one self-contained HTML text."""
     return page.render(results, _sections(results))
 
 
 def write(results: AnyResults, path: Path) -> None:
-    """Write the report, whole or not at all."""
+    """Write the report; if this fails, no incomplete file is left."""
     with replacing(path) as temporary:
         temporary.write_text(render(results), encoding="utf-8")
 
 
 def write_plots(results: AnyResults, directory: Path) -> list[Path]:
-    """Write the still pictures and return their paths."""
+    """Write the still pictures as PNG files and return their paths."""
     sections = _sections(results)
     drawn = page.data(page.drawable(results), sections)
     return png.write_plots(results, drawn, sections.pictures, directory)

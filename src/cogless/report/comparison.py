@@ -1,6 +1,7 @@
-"""Controllers against metrics: one line a number, in display units, best marked, ratio to the baseline.
+"""Comparison of controllers: one line per metric or order, with each controller's value in display units.
 
-The report's table, the verdict and the terminal's table all come from here.
+A line also has the best controllers and the ratios to the baseline. The report's table, the verdict and the
+terminal's table all use these lines.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from cogless.study.metric import Metric
 from cogless.study.spoken import spoken_unit
 from cogless.units import ANGULAR_SPEED, factor
 
-SAME = 0.05  # relative difference that isn't called one
-NEVER = ("settling", "exceeds", "trials-to-floor")  # kinds that have no value where something never happens
+SAME = 0.05  # relative difference below which two values count as equal
+NEVER = ("settling", "exceeds", "trials-to-floor")  # no value if the event never happens
 COUNTS = ("trials-to-floor",)
 QUANTITIES = {
     "omega_m": "speed",
@@ -46,11 +47,11 @@ QUANTITIES = {
 
 @dataclass(frozen=True)
 class Line:
-    """One number of each controller in a scenario; values in `unit`, None: never (or not finite).
+    """One metric's value for each controller in a scenario, in `unit`; None: never happened, or not finite.
 
-    `missed`: the controllers that did not hold the speed while it was taken, and what the speed was.
-    `unlearned`: those whose law learned nothing in the scenario, and why.
-    `span`: from when to when it was taken, s; None where no run has a trace.
+    `missed`: the controllers that did not hold the speed in the metric's time window, and what the speed was.
+    `unlearned`: the controllers whose law learned nothing in the scenario, and why.
+    `span`: the metric's time window, s; None if no run has a trace.
     """
 
     name: str
@@ -67,25 +68,25 @@ class Line:
 
     @property
     def title(self) -> str:
-        """Words for the line as a title: "speed ripple" or "speed orders: order 6 (electrical)"."""
+        """The line's title, such as "speed ripple" or "speed orders: order 6 (electrical)"."""
         return self.quantity if self.order is None else f"{self._words}: order {self.order:g} ({self.frame})"
 
     @property
     def quantity(self) -> str:
-        """Words for the quantity within a sentence: "speed order 6 (electrical)"."""
-        if self.order is None:  # angles and speeds that were taken electrically say so
+        """The line's quantity as used within a sentence, such as "speed order 6 (electrical)"."""
+        if self.order is None:  # electrical angles and speeds are marked as such
             return self._words + (" (electrical)" if self.frame == "electrical" else "")
         signal = QUANTITIES.get(self.signal or "", self.signal)
         return f"{signal} order {self.order:g} ({self.frame})"
 
     @property
     def window(self) -> str:
-        """The time window of the metric, such as "8 to 10 s"; "" where it isn't known."""
+        """The time window of the metric, such as "8 to 10 s"; "" if it isn't known."""
         times = [f"{t:.3g}" if t < 1000 else f"{t:.0f}" for t in self.span or ()]
         return f"{' to '.join(times)} s" if times else ""
 
     def not_held(self, controller: str) -> str:
-        """Place and extent of a missed speed, in words: "speed early, 0.5 to 2 s: mean 52 of 56 rpm"."""
+        """When and by how much the speed was missed, such as "speed early, 0.5 to 2 s: mean 52 of 56 rpm"."""
         place = ", ".join(part for part in (self._words, self.window) if part)
         return f"{place}: {self.missed[controller]}"
 
@@ -95,9 +96,9 @@ class Line:
 
     @property
     def best(self) -> set[str]:
-        """Controllers with the best value; empty where none is better than another.
+        """Controllers with the best value; empty if all are equally good.
 
-        Not those that did not hold the speed, or whose law learned nothing.
+        Controllers that did not hold the speed, or whose law learned nothing, are left out.
         """
         out = {*self.missed, *self.unlearned}
         ranks = {name: self._rank(value) for name, value in self.values.items() if name not in out}
@@ -108,13 +109,13 @@ class Line:
         return best if len(best) < len(self.values) else set()
 
     def _rank(self, value: float | None) -> float:
-        """Rank of a value, lower is better: never to leave a band is the best, never to settle the worst."""
+        """Sort key of a value, lower is better. "Never" is best for leaving a band, and worst otherwise."""
         if value is None:
             return -math.inf if self.kind == "exceeds" else math.inf
         return value if self.better == "lower" else -value
 
     def ratio(self, controller: str, baseline: str) -> float | None:
-        """A controller's value over the baseline's; None where that says nothing."""
+        """A controller's value divided by the baseline's; None if that ratio has no meaning."""
         value, base = self.values.get(controller), self.values.get(baseline)
         if controller in self.missed or baseline in self.missed:
             return None
@@ -123,7 +124,7 @@ class Line:
         return value / base
 
     def number(self, controller: str) -> str:
-        """A controller's value without its unit, "never", "not finite", or "" where there is none."""
+        """A controller's value without its unit, "never", or "not finite"; "" if the line has none."""
         if controller not in self.values:
             return ""
         value = self.values[controller]
@@ -132,7 +133,7 @@ class Line:
         return f"{value:.0f}" if self.kind in COUNTS else number(value)
 
     def text(self, controller: str) -> str:
-        """A controller's value with its unit, where it has one."""
+        """A controller's value with its unit, if it has a value."""
         value = self.values.get(controller)
         return self.number(controller) + (f" {self.unit}".rstrip() if value is not None else "")
 
@@ -143,7 +144,7 @@ def runs_in(results: AnyResults, scenario: str) -> list[Run]:
 
 
 def compare(results: Results, scenario: str) -> list[Line]:
-    """The lines of a scenario, in the study's order of metrics; an order metric has a line for each order."""
+    """A speed scenario's lines, in the study's order: one per metric, or one per order of an order metric."""
     runs = runs_in(results, scenario)
     lines, idle = [], {run.controller: why for run in runs if (why := unlearned(results, run))}
     for metric in results.study.metrics_in(scenario):
@@ -159,7 +160,7 @@ def compare(results: Results, scenario: str) -> list[Line]:
 
 
 def remarks(study: StudyBase, lines: Sequence[Line]) -> list[str]:
-    """Remarks on a table's controllers, a sentence without a full stop each."""
+    """Remarks on controllers that missed the speed or learned nothing, a sentence each, without full stop."""
     idle = {c: why for line in lines for c, why in line.unlearned.items()}
     return [
         *(f"{study.label(c)} did not hold the speed in {how}" for c, how in misses(lines).items()),
@@ -168,13 +169,13 @@ def remarks(study: StudyBase, lines: Sequence[Line]) -> list[str]:
 
 
 def misses(lines: Sequence[Line]) -> dict[str, str]:
-    """Each controller that did not hold the speed while some line was taken: the latest, and how."""
+    """For each controller that did not hold the speed in a line's time window: the latest case, in words."""
     by_end = sorted(reversed(lines), key=lambda line: line.span[1] if line.span else 0.0)
     return {c: line.not_held(c) for line in by_end for c in line.missed}
 
 
 def speed_unit(results: Results) -> str:
-    """The unit in which the study speaks of speeds."""
+    """The unit in which the study gives speeds."""
     return spoken_unit(results.study, ANGULAR_SPEED)
 
 
@@ -184,9 +185,9 @@ def lines_of(
     runs: Sequence[Run],
     named: Iterable[tuple[str, float | None]],
 ) -> list[Line]:
-    """A metric's lines, each with its name and order: as many as the metric has numbers."""
+    """A metric's lines, one for each (name, order) in `named`."""
     unit, scale = shown_in(study, metric)
-    # exceeds is the time for which a band was kept; "lower" is only the default of a metric.
+    # "exceeds" is the time until a band is left: higher is better, unless the study sets `better` itself.
     later = metric.kind == "exceeds" and "better" not in metric.model_fields_set
     about = metric.frame, "higher" if later else metric.better, unit
     values = {run.controller: run.metrics[result_name(metric)] for run in runs}
@@ -199,13 +200,13 @@ def lines_of(
 
 
 def shown_in(study: StudyBase, metric: Metric) -> tuple[str, float]:
-    """The unit in which a metric is shown, as it is printed, and its SI value."""
+    """The display unit of a metric, as it is printed, and this unit's value in SI."""
     unit, dimension = metric.unit or spoken_unit(study, metric.dimension), metric.dimension
     return pretty(unit), factor(unit, dimension) if dimension.unit else 1.0
 
 
 def factor_text(ratio: float) -> str:
-    """A ratio for a table, such as 0.096, 1.03 or 250 times, with the sign of multiplication."""
+    """A ratio for a table, such as 0.096, 1.03 or 250, after a multiplication sign."""
     if ratio < 0.1:
         return f"\u00d7\u202f{ratio:.2g}"
     if ratio >= 1e5:
@@ -214,5 +215,5 @@ def factor_text(ratio: float) -> str:
 
 
 def pretty(unit: str) -> str:
-    """A unit as it is printed: "N·m"."""
+    """A unit as it is printed, such as "N·m" for "N*m"."""
     return unit.replace("*", "·").replace("^2", "²").replace("ohm", "Ω")

@@ -1,4 +1,4 @@
-"""The criterion's curve for laws that learn in angle, with what grew in the run marked on it."""
+"""The learning factor over frequency for laws that learn in angle, marked where a run's current grew."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ NOTE = (
 
 
 def criterion(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """A chart of factors over frequency, on a common grid; none where no controller learns in angle."""
+    """The chart of learning factors over frequency, on a common grid; empty if no law learns in angle."""
     loops: list[tuple[Run, LearningLoop, float]] = []
     for run in runs:
         if in_angle(results, run):

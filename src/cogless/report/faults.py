@@ -1,4 +1,4 @@
-"""Faults of a scenario in words: what broke, and what each controller made of it."""
+"""Faults of a scenario in words: what failed, and how each controller responded."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from cogless.results import Results, Run
 from cogless.results.fault_response import Fault, Response, faults_in, ripple, without_faults
 from cogless.units import ANGULAR_SPEED, factor
 
-OVER = 1.05  # times its limit: more than a current loop's usual overshoot
-# Multiple of the usual ripple, which changes by a tenth from turn to turn, and by no more after a fault.
+OVER = 1.05  # largest current / its limit; more than a current loop's usual overshoot
+# Ripple after a fault / usual ripple, above which it is worse: the usual ripple changes by a tenth per turn.
 WORSE = 1.25
-SMALL = 1e-4  # of the speed: a ripple below isn't called worse
-ALIKE = 0.05  # relative difference of speeds at which ripples are compared
-UNBROKEN = r"(?<=\d) (?=(m?s|A|of \d)\b)| (?=\(rpm)"  # spaces where no line ends
-SHOWN = 3  # faults of a scenario in its verdict; all are in results.json
+SMALL = 1e-4  # share of the speed; a smaller ripple isn't called worse
+ALIKE = 0.05  # largest relative difference of speeds at which two ripples are compared
+UNBROKEN = r"(?<=\d) (?=(m?s|A|of \d)\b)| (?=\(rpm)"  # spaces at which a line must not break
+SHOWN = 3  # largest number of faults in a scenario's verdict; results.json has all
 
 
 def account(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
-    """What broke in a scenario and what came of it; None where nothing breaks.
+    """The verdict on a scenario's faults and their effects; None if it has no faults.
 
-    `tone`: the best that the scenario's may be; "better" is no bound.
+    Its `tone` is the best that the scenario's overall tone may be; "better" doesn't limit that.
     """
     runs = [run for run in runs if run.faults]
     if not runs:
@@ -53,7 +53,7 @@ def account(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
 
 
 def what(fault: Fault) -> str:
-    """Words for a fault, such as "position sensor stuck for 0.5 s"."""
+    """A fault in words, such as "position sensor stuck for 0.5 s"."""
     lasts = "to the end" if fault.lasting else f"for {_seconds(fault.end - fault.time)}"
     return f"{' and '.join(fault.words)} {lasts}"
 
@@ -61,7 +61,7 @@ def what(fault: Fault) -> str:
 def spans(
     results: Results, runs: Sequence[Run], start: float, end: float
 ) -> list[tuple[Fault, float, float]]:
-    """Each fault, with from when to when one looks at it, s: a little before, and a turn or more after."""
+    """Each fault with start and end, s, of the time to show: a little before it to a turn or more after."""
     found = []
     for place, fault in enumerate(faults_in(results.study, runs[0].scenario)):
         if not start <= fault.time < end:
@@ -76,7 +76,7 @@ def spans(
 
 
 def _outcome(results: Results, runs: Sequence[Run]) -> tuple[str, str]:
-    """Tone and a sentence: who was over the limit, lost the speed or has more ripple, if anybody."""
+    """The tone, and sentences on controllers that exceeded the limit, lost the speed or have more ripple."""
     over, lost, worse = [], [], []
     judged, cases = 0, sum(len(run.faults) for run in runs)
     for run in runs:
@@ -116,7 +116,7 @@ def _outcome(results: Results, runs: Sequence[Run]) -> tuple[str, str]:
 
 
 def _sentence(results: Results, run: Run, response: Response) -> str:
-    """A sentence: "check trips after 80 ms (angle stuck); output safe for 0.43 s; ...; ripple ...; ..."."""
+    """A controller's response, as "check trips after 80 ms (angle stuck); output safe for 0.43 s; ..."."""
     unit, how = speed_unit(results), _lost(results, run, response)
     states = {
         "output safe": response.safe,
@@ -157,7 +157,7 @@ def _speed(value: float, unit: str) -> str:
 
 
 def _over(response: Response) -> float:
-    """The largest current over its limit; infinite where it is no number."""
+    """The largest current divided by its limit; infinite if the current isn't finite."""
     current = response.largest_current
     if current is None:
         return 0.0
@@ -165,14 +165,17 @@ def _over(response: Response) -> float:
 
 
 def _lost(results: Results, run: Run, response: Response) -> str | None:
-    """Words for the speed after the fault, where it isn't its reference; None where it is."""
+    """The speed after the fault in words, if it isn't held at its reference; otherwise None."""
     if response.after is None or not len(run.trace):
         return None
     return missed(run, run.trace.window(*response.after), speed_unit(results))
 
 
 def _times_usual(results: Results, run: Run, response: Response) -> float | None:
-    """The ripple after a fault over that without it, else over that before at this speed; None: unknown."""
+    """The ripple after a fault divided by that without the fault; None if unknown.
+
+    If there is no run without the fault, it is divided by the ripple before the fault at the same speed.
+    """
     after, usual = response.ripple_after, _without(results, run, response)
     if after is None or response.after is None or not len(run.trace):
         return None
@@ -191,7 +194,7 @@ def _times_usual(results: Results, run: Run, response: Response) -> float | None
 
 
 def _twin(results: Results, run: Run) -> Run | None:
-    """The run of the same controller where nothing breaks."""
+    """The run of the same controller in the scenario without faults; None if there is none."""
     name = without_faults(results.study, run.scenario)
     alike = (r for r in results.runs if (r.scenario, r.controller) == (name, run.controller) and len(r.trace))
     return next(alike, None)
@@ -203,7 +206,7 @@ def _without(results: Results, run: Run, response: Response) -> float | None:
 
 
 def _seconds(time: float) -> str:
-    """A time as one says it: "80 ms", "0.43 s"."""
+    """A time as text, such as "80 ms" or "0.43 s"."""
     if 0 < time < 0.0995:
         return f"{1e3 * time:.3g} ms"
     return f"{time:.3g} s" if time < 1000 else f"{time:.0f} s"

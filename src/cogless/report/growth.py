@@ -1,4 +1,4 @@
-"""Whether learning grows unstable in a run: at which frequency, and from when on it's worse than without."""
+"""Whether learning becomes unstable in a run: which frequency grows, since when the baseline is better."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from cogless.report.verdict import called
 from cogless.results import Results, Run
 from cogless.study import Study
 
-WINDOW = 2.0  # s, of errors that are compared
-GREW = 5.0  # times the amplitude early in learning
-SHARE = 5e-3  # of i_q's RMS: a line below it isn't seen
-SEGMENT = 2048  # rows of a spectrum
+WINDOW = 2.0  # s, length of the windows in which errors are compared
+GREW = 5.0  # amplitude / amplitude early in learning, above which it has grown
+SHARE = 5e-3  # of i_q's RMS: a smaller spectral line is ignored
+SEGMENT = 2048  # trace rows per spectrum
 
 
 def growth(results: Results, run: Run) -> float | None:
-    """The line in i_q that grew since learning began, Hz, as it first shows: later, limits have a say in it.
+    """The frequency, Hz, of the spectral line of i_q that grew since learning began; None if no line grew.
 
-    It is beyond what it was when learning began, and beyond the baseline's, each with an octave about it.
-    None where no line grew.
+    The line is taken from the first window in which it shows, because limits affect it later. It has to be
+    larger, by the factor `GREW`, than all lines within an octave of it when learning began and in the
+    baseline's run.
     """
     law = in_angle(results, run)
     trace = run.trace
@@ -53,12 +54,12 @@ def _parts(x: Array, first: int, rows: int) -> list[Array]:
 
 
 def _about(amplitudes: Array) -> Array:
-    """The largest within an octave each way: a motor's lines move with its speed."""
+    """The largest amplitude within an octave of each line: a motor's spectral lines move with its speed."""
     return np.array([np.max(amplitudes[k // 2 : 2 * k + 2]) for k in range(len(amplitudes))])
 
 
 def _spectrum(x: Array) -> Array:
-    """Amplitudes of lines, without the trend from end to end; zero where x isn't finite."""
+    """Amplitudes of x's spectral lines, without the trend from first to last value; zero if not finite."""
     if not np.all(np.isfinite(x)):
         return np.zeros(len(x) // 2 + 1)
     window = np.hanning(len(x))
@@ -67,7 +68,7 @@ def _spectrum(x: Array) -> Array:
 
 
 def worsened(results: Results, runs: Sequence[Run]) -> dict[str, float]:
-    """Controllers that learn in angle and are worse than the baseline, for good: since when, s."""
+    """Controllers that learn in angle and stay worse than the baseline, each with the time, s, since when."""
     runs = [run for run in runs if len(run.trace) > 1]
     base = next((run for run in runs if run.controller == results.study.baseline), None)
     if base is None:
@@ -78,9 +79,9 @@ def worsened(results: Results, runs: Sequence[Run]) -> dict[str, float]:
 
 
 def worse_since(run: Run, other: Run, signal: str) -> float | None:
-    """The time from which a run's error exceeds another's by more than a tie, for good, s.
+    """The time, s, from which a run's error stays above another's, by more than the share `SAME`.
 
-    None where it isn't, or was so from the beginning.
+    None if the error isn't above at the end, or is above from the beginning.
     """
     mine, base = _errors(run, signal), _errors(other, signal)
     count = min(len(mine), len(base))
@@ -91,7 +92,7 @@ def worse_since(run: Run, other: Run, signal: str) -> float | None:
 
 
 def _errors(run: Run, signal: str) -> Array:
-    """Peak to peak in windows, without the last one if it isn't whole."""
+    """Peak-to-peak values of a signal in successive windows; an incomplete last window is left out."""
     rows = round(WINDOW / run.trace.period) if run.trace.period else 0
     x = run.trace[signal]
     whole = len(x) // rows if rows else 0
@@ -99,7 +100,7 @@ def _errors(run: Run, signal: str) -> Array:
 
 
 def sentences(results: Results, runs: Sequence[Run], worse: Mapping[str, float]) -> list[str]:
-    """Sentences on who got worse while learning in angle, and whether the criterion says so.
+    """Sentences on controllers that got worse while learning in angle, and whether that was predicted.
 
     `worse`: the result of `worsened`.
     """
@@ -121,7 +122,7 @@ def sentences(results: Results, runs: Sequence[Run], worse: Mapping[str, float])
 
 
 def _expected(study: Study, name: str) -> str | None:
-    """Words of cogless design for a law that doesn't settle; "" if it does, None if that isn't known."""
+    """What cogless design says of a law that doesn't settle; "" if it settles, None if that isn't known."""
     try:
         found = verdict(study, name)
     except StudyError:

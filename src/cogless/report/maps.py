@@ -17,7 +17,7 @@ NOTE = "The current that each controller has learned over one revolution, as it 
 
 
 def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """Learned current over one revolution, a chart for each frame, on a common grid of angle."""
+    """Charts of the learned current over angle, one electrical and one mechanical, each on a common grid."""
     charts = []
     for frame in ("electrical", "mechanical"):
         learned = [
@@ -57,6 +57,6 @@ def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 
 def _period(run: Run) -> float:
-    """Length of a map's angle, rad: a revolution, or the period that a law in angle learns."""
+    """The angle that a map covers, rad: a revolution, or the period of a law that learns in angle."""
     angle = run.memory["angle"]
     return float(len(angle) * (angle[1] - angle[0]))

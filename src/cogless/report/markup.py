@@ -15,7 +15,7 @@ NONE = "–"  # noqa: RUF001
 
 @cache
 def asset(name: str) -> str:
-    """A file of assets/ as text."""
+    """The text of a file in the package's folder assets/."""
     return (files("cogless.report") / "assets" / name).read_text(encoding="utf-8")
 
 
@@ -25,36 +25,36 @@ def note(text: str) -> str:
 
 
 def reservations(sentences: Sequence[str]) -> str:
-    """Notes on what a table or plot does not show, or only with a reservation."""
+    """Notes on values that a table or plot leaves out, or shows with a reservation."""
     return "".join(f'<p class="note missed">{escape(sentence)}</p>' for sentence in sentences if sentence)
 
 
 def tint(results: AnyResults, controller: str) -> str:
-    """The attribute that gives an element a controller's colour."""
+    """The HTML attribute that gives an element a controller's colour."""
     return f'style="--colour:var(--c{colours(results)[controller]})"'
 
 
 def key(results: AnyResults, controller: str, tag: str = "span") -> str:
-    """A controller's label beside its colour."""
+    """A controller's label, marked with its colour, as HTML."""
     label = escape(results.study.label(controller))
     return f'<{tag} class="key" {tint(results, controller)}>{label}</{tag}>'
 
 
 def headings(results: AnyResults, controllers: Iterable[str]) -> str:
-    """Controllers at the heads of a table's columns."""
+    """The column headings of a table: one per controller."""
     marks = {results.study.baseline: ' <span class="base">(baseline)</span>'}
     return "".join(f"<th>{escape(results.study.label(c))}{marks.get(c, '')}</th>" for c in controllers)
 
 
 def rows(lines: Iterable[tuple[str, str]]) -> str:
-    """Rows of a table: a heading, as text, and cells, as HTML."""
+    """HTML rows of a table from pairs: a heading as text, and the row's cells as HTML."""
     return "".join(f"<tr><th>{escape(heading)}</th>{cells}</tr>" for heading, cells in lines)
 
 
 def table(kind: str, about: str, head: str, *bodies: str, attributes: str = "") -> str:
-    """A table that scrolls sideways where it is wider than the page, by keys too; "" without rows.
+    """A table that scrolls sideways, by keyboard too, if it is wider than the page; "" without rows.
 
-    `kind`: its class; `about`: its name; `bodies`: groups of rows.
+    `kind`: its CSS class; `about`: its name for screen readers; `bodies`: groups of rows.
     """
     if not any(bodies):
         return ""

@@ -19,19 +19,19 @@ from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
 from cogless.results.trace import Trace
 
-POINTS = 560_000  # of all waveforms of a page, at 2.7 bytes each
+POINTS = 560_000  # in all waveforms of a page, at 2.7 bytes per point
 MOST, FEWEST = 20_000, 1_500  # of one waveform
-POINTS_FINE, MOST_FINE = 200_000, 4_000  # the same, of the last revolutions
-READABLE, MANY = 2, 8  # revolutions that can be read at once; too many
+POINTS_FINE, MOST_FINE = 200_000, 4_000  # the same for the finer points of faults and last revolutions
+READABLE, MANY = 2, 8  # numbers of revolutions in one plot that are readable, and too many
 BUTTONS = 6  # for faults
-FAULTS_FINE = 2  # faults of a scenario with finer points
+FAULTS_FINE = 2  # largest number of faults with finer points
 EVENT_POINTS = 1_200
 EVENT_SPAN = (-0.1, 1.5)  # s about an event
 
 
 @dataclass(frozen=True)
 class View:
-    """A part of the runs, s (None: all), in at most so many points."""
+    """A time span of the runs, s (None: the whole runs), drawn in at most `points` points."""
 
     span: tuple[float, float] | None
     points: int
@@ -40,14 +40,14 @@ class View:
         return slice(None) if self.span is None else trace.window(*self.span)
 
     def grid(self, trace: Trace) -> dict[str, float]:
-        """Start and step of its points, s. A thinned value stands for the middle of its rows."""
+        """Start and step of the view's points, s. A thinned value is at the middle time of its rows."""
         time = trace.time[self.rows(trace)]
         step = thin(time, self.points)[1] * trace.period
         return {"start": float(time[0]) + (step - trace.period) / 2, "step": step}
 
 
 def waveforms(results: Results, runs: Sequence[Run]) -> dict[str, Any]:
-    """Panels over the whole run, finer where one zooms in: at faults, over the last revolutions."""
+    """Panels over the whole run, with finer points to zoom in at faults and over the last revolutions."""
     if not runs:
         return {"panels": []}
     spatial = any(in_angle(results, run) for run in runs)
@@ -70,7 +70,7 @@ def waveforms(results: Results, runs: Sequence[Run]) -> dict[str, Any]:
 
 
 def _details(results: Results, runs: Sequence[Run], coarse: int, share: int) -> list[View]:
-    """The first faults and the last revolutions, where the `coarse` points of the whole run are too few."""
+    """Views of the first faults and the last revolutions, if the run's `coarse` points are too few there."""
     time = runs[0].trace.time
     start, end = float(time[0]), float(time[-1])
     found = [(since, until) for _, since, until in spans(results, runs, start, end)[:FAULTS_FINE]]
@@ -88,7 +88,8 @@ def _details(results: Results, runs: Sequence[Run], coarse: int, share: int) -> 
 def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     """Buttons above the waveforms: whole run, after the start-up, last revolutions, faults, events.
 
-    "first" is the one to begin with: the first fault, or where the whole run holds too much to be read.
+    "first" marks the one that is shown first: the first fault, or the last two revolutions if the whole run
+    has too many to be readable.
     """
     time = runs[0].trace.time
     start, end = float(time[0]), float(time[-1])
@@ -123,7 +124,7 @@ def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 
 def marks(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """Marks of what breaks: from when to when, s, and in words."""
+    """Marks of the faults: start and end, s, and a label."""
     return [
         {"from": fault.time, "to": fault.end, "label": " and ".join(fault.words)}
         for fault in faults_in(results.study, runs[0].scenario)
@@ -131,14 +132,14 @@ def marks(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 
 def _since(trace: Trace, revolutions: int) -> float | None:
-    """Time at which the last so many revolutions of the reference begin, s; None where it turns less."""
+    """Time at which the reference's last `revolutions` revolutions begin, s; None if it turns less."""
     turned = np.cumsum(np.abs(np.nan_to_num(trace["omega_ref"]))) * trace.period / (2 * math.pi)
     left = turned[-1] - turned
     return float(trace.time[int(np.argmax(left <= revolutions))]) if left[0] > revolutions else None
 
 
 def _started(runs: Sequence[Run], until: float) -> float:
-    """Time by which the speed errors of all runs have come down to their later size, before `until`, s."""
+    """Time, s, before `until`, at which the speed errors of all runs have decayed to their later size."""
     errors = [np.abs(run.trace["omega_error"][run.trace.window(0.0, until)]) for run in runs]
     errors = [np.where(np.isfinite(error), error, 0.0) for error in errors]
     calm = 1.2 * max(float(np.max(error[len(error) // 2 :], initial=0.0)) for error in errors)
@@ -147,7 +148,7 @@ def _started(runs: Sequence[Run], until: float) -> float:
 
 
 def events(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """Speed and current reference about each event."""
+    """Charts of speed and current reference around each event."""
     changes = results.study.scenario[runs[0].scenario].events
     last = float(runs[0].trace.time[-1])
     ends = [min(last, change.time) for change in changes[1:]] + [last]
@@ -170,7 +171,7 @@ def events(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 def _times(
     results: Results, runs: Sequence[Run], panels: Sequence[Panel], views: Sequence[View]
 ) -> dict[str, Any]:
-    """Panels over time, with points of each view."""
+    """The panels' series over time, each with the points of all views."""
     drawn = [
         {"title": panel.title, "quantity": panel.quantity, "unit": pretty(panel.unit), "series": series}
         for panel in panels
@@ -183,7 +184,7 @@ def _times(
 def _series(
     results: Results, runs: Sequence[Run], panel: Panel, views: Sequence[View]
 ) -> list[dict[str, Any]]:
-    """A panel's signal of each run; the speed has its reference, what is learned in angle what is needed."""
+    """A panel's signal of each run; also the speed's reference, and for laws in angle the needed current."""
     drawn: list[tuple[float, dict[str, Any]]] = []
     on_top = -math.inf
     for run in runs:
@@ -200,7 +201,7 @@ def _series(
         x = np.sum([run.trace[name] for name in names], axis=0) / panel.scale
         series = {"controller": place(results, run), **_packed(x, run.trace, views)}
         drawn.append((_spread(x[views[0].rows(run.trace)]), series))
-    # The widest is drawn first, so that it doesn't hide the others.
+    # The series with the largest spread is drawn first, so that it doesn't hide the others.
     return [series for _, series in sorted(drawn, key=lambda pair: -pair[0])]
 
 
@@ -210,6 +211,6 @@ def _packed(x: Array, trace: Trace, views: Sequence[View]) -> dict[str, Any]:
 
 
 def _spread(x: Array) -> float:
-    """Spread of the second half of x; 0 where it isn't finite."""
+    """Standard deviation of the second half of x; 0 if it isn't finite."""
     spread = float(np.std(x[len(x) // 2 :])) if len(x) else 0.0
     return spread if math.isfinite(spread) else 0.0

@@ -1,4 +1,4 @@
-"""Numbers for the page: waveforms thinned so that peaks survive, and packed."""
+"""Numbers for the page: waveforms are thinned without losing their peaks, and packed as 16-bit integers."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 def thin(x: Array, points: int) -> tuple[Array, float]:
     """Thin x to at most `points` values that keep its peaks; also how many rows of x each stands for.
 
-    Each bucket gives its smallest and largest value, in their order in time, so the result is evenly spaced;
-    NaN where a bucket holds nothing else.
+    Each bucket of rows gives its smallest and largest value, in their order in time, so the result is evenly
+    spaced. A bucket of NaN only gives NaN.
     """
     if len(x) <= points:
         return x, 1.0
@@ -31,7 +31,7 @@ def thin(x: Array, points: int) -> tuple[Array, float]:
 
 
 def pack(x: Array) -> dict[str, Any]:
-    """x as 16-bit integers in base64: x = offset + scale * integer, the lowest integer where x isn't finite.
+    """x as 16-bit integers in base64: x = offset + scale * integer; the lowest integer means not finite.
 
     Half the size of single precision, and finer than a screen can show: 1/65534 of the range.
     """
@@ -48,24 +48,24 @@ def pack(x: Array) -> dict[str, Any]:
 
 
 def unpack(packed: dict[str, Any]) -> Array:
-    """The values that were packed, NaN where they weren't finite."""
+    """The values of a packed array; NaN where they weren't finite."""
     integers = np.frombuffer(base64.b64decode(packed["data"]), dtype="<i2").astype(float)
     return np.asarray(packed["offset"] + packed["scale"] * np.where(integers == -32768, np.nan, integers))
 
 
 def rms(x: Array) -> Array:
-    """Root of the mean square along the last axis; infinite where a square is too large for a number."""
+    """Root of the mean square along the last axis; infinite if a square overflows."""
     with np.errstate(over="ignore", invalid="ignore"):
         return np.asarray(np.sqrt(np.mean(np.square(x), axis=-1)))
 
 
 def plain(values: Array) -> list[float | None]:
-    """Few numbers for JSON: five digits, null where not finite."""
+    """Values for JSON, to five digits; null if not finite. For short arrays: `pack` is smaller."""
     return [float(f"{v:.5g}") if math.isfinite(v) else None for v in values.tolist()]
 
 
 def number(value: float) -> str:
-    """Three significant digits, without an exponent where it stays readable."""
+    """The value to three significant digits, without an exponent if 1e-4 <= |value| < 1e6."""
     if value == 0 or not 1e-4 <= abs(value) < 1e6:
         return f"{value:.3g}"
     digits = max(0, 2 - math.floor(math.log10(abs(value)) + 1e-9))

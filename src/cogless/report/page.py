@@ -1,4 +1,4 @@
-"""The page: one HTML file that needs nothing else. Its templates, style and scripts are in assets/."""
+"""The report page: one self-contained HTML file. Its templates, style and scripts are in assets/."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HUGE = 1e30  # far beyond any drive
 
 
 def render(results: AnyResults, sections: Sections) -> str:
-    """The page as one text. All of the user's text is escaped."""
+    """The page as one HTML text. All text from the study is escaped."""
     results, study = drawable(results), results.study
     found = verdicts(results, sections)
     text = json.dumps(data(results, sections), separators=(",", ":"), allow_nan=False)
@@ -50,7 +50,7 @@ def render(results: AnyResults, sections: Sections) -> str:
         seed=study.seed,
         made=escape(", ".join(f"{name} {version}" for name, version in versions().items())),
         version=escape(versions()["cogless"]),
-        data=text.replace("<", "\\u003c"),  # no text of the user's may end the script element
+        data=text.replace("<", "\\u003c"),  # so that no text of the user ends the script element
         css=asset("report.css"),
         js=asset("speed.js") + asset("trials.js") + asset("page.js"),
         uplot_css=asset("uplot.min.css"),
@@ -59,13 +59,13 @@ def render(results: AnyResults, sections: Sections) -> str:
 
 
 def verdicts(results: AnyResults, sections: Sections) -> list[ScenarioVerdict]:
-    """One for each scenario that has something to judge by."""
+    """The verdict on each scenario that can be judged."""
     found = (sections.verdict(results, runs_in(results, scenario)) for scenario in results.scenarios)
     return [verdict for verdict in found if verdict is not None]
 
 
 def data(results: AnyResults, sections: Sections) -> dict[str, Any]:
-    """All that the scripts and the pictures draw, plain values; of results that can be drawn."""
+    """All data that the page's scripts and the pictures draw, as plain values; `results` from `drawable`."""
     colour = colours(results)
     scenarios = []
     for scenario in results.scenarios:
@@ -77,7 +77,7 @@ def data(results: AnyResults, sections: Sections) -> dict[str, Any]:
 
 
 def drawable(results: AnyResults) -> AnyResults:
-    """The results with NaN for what isn't finite or is too large to draw."""
+    """The results with NaN in place of values that aren't finite or are too large to draw."""
     return replace(results, runs=[_drawable(run) for run in results.runs])
 
 
@@ -94,7 +94,7 @@ def _drawable(run: Run) -> Run:
 def _scenario(
     results: AnyResults, sections: Sections, found: Sequence[ScenarioVerdict], scenario: str
 ) -> str:
-    """A scenario's part of the page; printed, it has its name, verdict and colours above it."""
+    """A scenario's part of the page; in print its name, verdict and colour legend are above it."""
     study, where, runs = results.study, results.scenarios.index(scenario), runs_in(results, scenario)
     headlines = [verdict.headline for verdict in found if verdict.scenario == scenario]
     ran = {run.controller for run in runs}
@@ -127,7 +127,7 @@ def _verdict(found: Sequence[ScenarioVerdict], results: AnyResults) -> str:
 
 
 def _fault_lines(told: Told, results: AnyResults) -> str:
-    """A fault, and a line for each controller."""
+    """A fault's heading, and a line for each controller."""
     heading = f'<p class="fault">{escape(told.heading)}</p>' if told.heading else ""
     rows = "".join(f"{key(results, c, 'dt')}<dd>{escape(text)}</dd>" for c, text in told.sentences)
     return heading + (f'<dl class="told">{rows}</dl>' if rows else "")

@@ -8,7 +8,7 @@ COLOURS = 8  # --c0 (the baseline's) to --c7 of report.css
 
 
 def colours(results: AnyResults) -> dict[str, int]:
-    """The colour of each controller that has a run, in the study's order: 0 for the baseline."""
+    """The colour index of each controller that has a run, in the study's order; the baseline's is 0."""
     ran = {run.controller for run in results.runs}
     names = [name for name in results.study.controller if name in ran]
     others = [name for name in names if name != results.study.baseline]
@@ -16,5 +16,5 @@ def colours(results: AnyResults) -> dict[str, int]:
 
 
 def place(results: AnyResults, run: Run) -> int:
-    """A run's place in the page's list of controllers."""
+    """The index of a run's controller in the page's list of controllers."""
     return list(colours(results)).index(run.controller)

@@ -1,4 +1,4 @@
-"""Signals as the report draws them, its errors where references vary, and who learns in angle."""
+"""Signals as the report draws them, error panels for varying references, and which laws learn in angle."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from cogless.study.space_controller import SpaceLearning, SpacePosition
 from cogless.study.spoken import spoken_unit
 from cogless.units import ANGLE, ANGULAR_SPEED, CURRENT, factor
 
-# The learned parts of each law's current reference.
+# The signals of all laws that are learned parts of the current reference.
 LEARNED = tuple(dict.fromkeys(term.signal for law in C_LAWS.values() for term in law.terms if term.learned))
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A signal drawn in `unit`: `ratio` times the recorded one; "learned" is all learned terms together."""
+    """A signal drawn in `unit`, `ratio` times the recorded one; "learned" is the sum of all learned terms."""
 
     title: str
     signal: str
@@ -33,7 +33,7 @@ class Panel:
 
     @property
     def scale(self) -> float:
-        """The divisor from the signal's SI values to the displayed ones."""
+        """The number by which the signal's SI values are divided to get displayed values."""
         dimension = CURRENT if self.signal == "learned" else SIGNALS[self.signal]
         return factor(self.unit, dimension) / self.ratio
 
@@ -42,31 +42,32 @@ class Panel:
 
 
 def in_angle(results: Results, run: Run) -> SpaceLearning | None:
-    """The law of a run that learns in angle and may; None for another."""
+    """The law of a run, if it learns in angle and its learning is on; otherwise None."""
     law = results.study.controller[run.controller]
     return law if isinstance(law, SpaceLearning) and law.learns else None
 
 
 def learned_terms(results: Results, run: Run) -> list[str]:
-    """The terms of a run that were learned."""
+    """The signals of a run that are learned terms of its current reference."""
     learned = results.study.controller[run.controller].learned
     return [name for name in LEARNED if learned and name in run.trace]
 
 
 def travelled(results: Results, run: Run) -> Array:
-    """The angle that a run's law counts, rad: the rotor's, or its reference's."""
+    """The angle over which a run's law learns, rad: the rotor's, or its reference's."""
     return run.trace["theta_m" if results.study.controller[run.controller].by_rotor else "theta_ref"]
 
 
 def varies(reference: Array) -> bool:
-    """Whether a reference doesn't stay constant."""
+    """Whether a reference isn't constant."""
     return len(reference) == 0 or bool(np.ptp(reference) > 1e-6 * max(1e-9, np.max(np.abs(reference))))
 
 
 def errors(results: Results, runs: Sequence[Run]) -> list[Panel]:
-    """Speed error, and angle error where a law holds the angle; none where a constant speed is asked for.
+    """Panels of the speed error and, if a law controls the angle, of the angle error.
 
-    They are in the frame that the scenario's metrics take them in.
+    There are none if the reference speed is constant and no law learns in angle. The errors are electrical or
+    mechanical, as in the scenario's metrics.
     """
     study = results.study
     laws = [study.controller[run.controller] for run in runs]
@@ -89,7 +90,7 @@ def errors(results: Results, runs: Sequence[Run]) -> list[Panel]:
 
 
 def periods(results: Results, run: Run) -> Array | None:
-    """Periods travelled at each row; None without learning in angle."""
+    """The number of learning periods travelled at each row; None without learning in angle."""
     law = in_angle(results, run)
     if law is None or len(run.trace) < 2:
         return None

@@ -1,4 +1,4 @@
-"""Plots over the angle for laws that learn in it: the error, and what is learned, from period to period."""
+"""Plots over the angle for laws that learn in angle: errors and learned current, period by period."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NOTE = (
 
 
 def over_angle(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """Charts of each controller that learns in angle: its errors over the angle, and its learned current."""
+    """Charts over the angle, for each controller that learns in angle: its errors and its learned current."""
     return [chart for run in runs for chart in _charts(results, run)]
 
 
@@ -34,7 +34,7 @@ def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
         return []
     begun = turns[min(run.trace.window(0.0, law.learning_start).stop, len(turns) - 1)]
     chosen = _chosen(float(begun), float(turns[-1]))
-    if not chosen or np.any(np.diff(turns) < 0):  # it turns back: not a function of the angle
+    if not chosen or np.any(np.diff(turns) < 0):  # the rotor turns back: no function of the angle
         return []
     learned = np.sum([run.trace[name] for name in learned_terms(results, run)], axis=0)
     drawn = [(e.title, e.of(run.trace), e.quantity, e.unit) for e in errors(results, [run])]
@@ -60,7 +60,7 @@ def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
 
 
 def _chosen(begun: float, end: float) -> list[int]:
-    """The last whole period without learning and some after it, more of them early than late."""
+    """Periods to draw: the last whole one without learning, and some after it, more early than late ones."""
     first, last = max(0, int(begun) - 1), int(end + 1e-6) - 1
     if last < first:
         return []
@@ -69,7 +69,7 @@ def _chosen(begun: float, end: float) -> list[int]:
 
 
 def _within(turns: Array, x: Array, period: int) -> Array:
-    """x over a period, on the grid of angles."""
+    """x over the period with this number, on the common grid of angles."""
     rows = slice(max(0, int(np.searchsorted(turns, period)) - 1), int(np.searchsorted(turns, period + 1)) + 1)
     return np.asarray(np.interp(period + np.linspace(0, 1, CELLS + 1), turns[rows], x[rows]))
 

@@ -1,4 +1,4 @@
-"""Still pictures of a scenario of speed: waveforms, order spectra, learned maps."""
+"""Still pictures of a speed scenario: waveforms, order spectra, learned maps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cogless.report.png import REFERENCE, Data, Looks, Picture, Plot, plot, stac
 
 
 def _waveforms(data: Data, looks: Looks) -> list[list[Plot]]:
-    """Each panel twice: the run (after its start-up), and its first fault or else its last revolution."""
+    """Each panel twice: over the run after its start-up, and over its first fault or else last revolution."""
     waves = data["waveforms"]
     zooms = {zoom["name"]: zoom for zoom in data["zooms"]}
     names = [name for name in ("after start-up", "whole run") if name in zooms][:1]
@@ -39,7 +39,7 @@ def _panel(panel: Data, waves: Data, zoom: Data, marks: Sequence[Data], looks: L
 
 
 def _finest(waves: Data, series: Data, zoom: Data) -> tuple[Data, Array]:
-    """Grid and values of the finer points that a zoom lies in, else of the whole run."""
+    """Time grid and values of the finer points that cover a zoom, or else those of the whole run."""
     slack = waves["step"]
     for grid, packed in zip(waves["details"], series["details"], strict=True):
         y = unpack(packed)

@@ -1,4 +1,4 @@
-"""Still pictures, as PNG: plots in rows and columns, of the data that the page draws too."""
+"""Still pictures as PNG files: plots in rows and columns, from the page's data."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cogless.report.markup import asset
 from cogless.report.packing import Array
 from cogless.results import AnyResults
 
-Data = dict[str, Any]  # of a scenario, or of a plot in it
+Data = dict[str, Any]  # the page's data of a scenario, or of a chart in it
 Looks = Sequence[dict[str, Any]]  # colour and label of each controller, for matplotlib
 
 REFERENCE: dict[str, Any] = {"color": "#1b1f24", "linestyle": "--", "linewidth": 0.9, "zorder": 5}  # on top
@@ -40,7 +40,7 @@ STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class Plot:
-    """One plot; `draw` fills its axes, of matplotlib."""
+    """One plot; `draw` draws into its matplotlib axes."""
 
     draw: Callable[[Any], None]
     x: str = ""
@@ -50,7 +50,7 @@ class Plot:
 
 @dataclass(frozen=True)
 class Picture:
-    """A kind of picture: its rows of plots, their height in inches, and the columns' widths to each other."""
+    """A kind of picture: its rows of plots, a row's height in inches, and the columns' relative widths."""
 
     rows: Callable[[Data, Looks], list[list[Plot]]]
     height: float
@@ -62,11 +62,11 @@ def write_plots(
 ) -> list[Path]:
     """Write SCENARIO-KIND.png of each kind of picture that has a plot; return the paths.
 
-    `drawn`: the page's data. matplotlib is imported here: it takes longer than the pictures.
+    `drawn`: the page's data. matplotlib is imported only here, because the import takes longer than drawing.
     """
     import matplotlib
 
-    palette = re.findall(r"--c\d: (#\w+);", asset("report.css"))  # the light colours come first
+    palette = re.findall(r"--c\d: (#\w+);", asset("report.css"))  # the light theme's colours come first
     looks = [{"color": palette[c["colour"]], "label": c["label"]} for c in drawn["controllers"]]
     written = []
     with matplotlib.rc_context(STYLE):
@@ -91,7 +91,7 @@ def _save(path: Path, title: str, rows: Sequence[Sequence[Plot]], picture: Pictu
     for (row, column), ax in np.ndenumerate(axes):
         plot = rows[row][column]
         plot.draw(ax)
-        # said once: below each other's x, and what the plots of a row are of
+        # no label twice: an x label only if the plot below has another, title and y label only at the left
         if row + 1 == len(rows) or rows[row + 1][column].x != plot.x:
             ax.set_xlabel(plot.x)
         if not column:
@@ -106,16 +106,16 @@ def _save(path: Path, title: str, rows: Sequence[Sequence[Plot]], picture: Pictu
 
 
 def times(grid: Mapping[str, Any], values: Array) -> Array:
-    """Times of values on an even grid, s."""
+    """Times, s, of values on a grid of constant step."""
     return np.asarray(grid["start"] + grid["step"] * np.arange(len(values)))
 
 
 def plot(chart: Data, x: str, draw: Callable[..., None], *arguments: Any) -> Plot:
-    """A chart or panel of the page, drawn by draw(chart, *arguments, axes)."""
+    """The plot of one of the page's charts or panels, drawn by draw(chart, *arguments, axes)."""
     y = f"{chart['quantity']} ({chart['unit']})" if chart["unit"] else chart["quantity"]
     return Plot(partial(draw, chart, *arguments), x, y, chart["title"])
 
 
 def stack(charts: Sequence[Data], draw: Callable[..., None], *arguments: Any) -> list[list[Plot]]:
-    """Charts of the page below each other."""
+    """Rows with one plot each, for charts of the page."""
     return [[plot(chart, chart["x"], draw, *arguments)] for chart in charts]

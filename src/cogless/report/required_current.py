@@ -1,4 +1,4 @@
-"""The current that a motion needs, which a law that learns has to find."""
+"""The current i_q that a motion needs, which a learning law has to find."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from cogless.study import for_scenario
 
 
 def needed_current(results: Results, run: Run) -> Array | None:
-    """i_q with which the torque would carry the reference's motion; None where the trace doesn't say.
+    """The i_q whose torque would produce the reference's motion; None if the trace lacks the signals for it.
 
-    From the run's own current, corrected by what its torque lacks for the reference's speed and acceleration:
-    so it needs no belief in the flux harmonics. With a tracking error it's that of the rotor's angle.
+    It is the run's own current, corrected by the torque that is missing for the reference's speed and
+    acceleration. So it doesn't depend on assumed flux harmonics. With a tracking error it is valid at the
+    rotor's angle.
     """
     trace = run.trace
     if "alpha_ref" not in trace or "tau_cogging" not in trace:

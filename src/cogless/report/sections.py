@@ -1,4 +1,4 @@
-"""The sections that a kind of scenario has on the page and as pictures, within the one frame of all."""
+"""The page's sections and the pictures for one kind of scenario; the rest of the page is common to all."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ Runs = Sequence[Run]  # of one scenario
 
 @dataclass(frozen=True)
 class Sections:
-    """Functions of the results, of their own type, and of the runs of one scenario."""
+    """Functions that take the results, of the kind's own type, and the scenario or its runs."""
 
-    kind: str  # in the names of its template and script in assets/
+    kind: str  # "speed" or "trials", as in the names of template and script in assets/
     lines: Callable[[Any, str], list[Line]]
     verdict: Callable[[Any, Runs], ScenarioVerdict | None]
     charts: Callable[[Any, Runs], dict[str, Any]]  # plain values for the script

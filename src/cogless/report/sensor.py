@@ -1,8 +1,9 @@
-"""The sensor's own part of a true error: what the position sensor is off by, which no law can see.
+"""The share of a true error that comes from the position sensor's own error, which no law can see.
 
-A law follows what its sensor says. The true error E is what the law sees, M, and the sensor's own error S,
-E = M + S. The share 1 - M^2 / E^2 of E's square goes with S: nearly all where a law follows S. Where none
-can, as with the steps of an encoder, M is larger than E, and nothing of E is the sensor's.
+A law follows its sensor's signal. The true error E is the measured error M, which the law sees, plus the
+sensor's own error S: E = M + S. The share 1 - M^2 / E^2 of E's square is attributed to S. It is nearly one if
+a law follows S. If no law can follow S, as with an encoder's steps, M is larger than E, and nothing is
+attributed to S.
 """
 
 from __future__ import annotations
@@ -17,15 +18,15 @@ from cogless.results.metrics import Conditions, evaluate
 from cogless.study.metric import Metric
 from cogless.units import factor
 
-MOST = 0.5  # share of the square: the sensor's error dominates
-# Each true signal, and the one that a law sees of it.
+MOST = 0.5  # share of the square above which the sensor's error dominates
+# For each true signal, the measured signal that a law sees.
 SEEN = {
     "omega_m": "omega_measured",
     "omega_error": "omega_error_measured",
     "theta_m": "theta_measured",
     "theta_error": "theta_error_measured",
 }
-# The kinds of a metric, and the kind whose squares add up that tells the shares of it.
+# For each kind of metric, the kind from which its share is computed: one whose squares add up.
 SQUARES = {
     "rms": "rms",
     "maximum": "rms",
@@ -37,22 +38,22 @@ SQUARES = {
 
 @dataclass(frozen=True)
 class Sensor:
-    """The line as the laws see it, and the sensor's share of each true value's square."""
+    """A comparison line of measured values, and the sensor's share of each true value's square."""
 
     seen: Line
     shares: Mapping[str, float]
 
     def dominates(self, controller: str) -> bool:
-        """Whether most of what a controller leaves is the sensor's own error."""
+        """Whether most of a controller's remaining error is the sensor's own error."""
         return self.shares[controller] > MOST
 
     def percent(self, controller: str) -> str:
-        """The share of a controller, such as "99 %"."""
+        """The sensor's share of a controller's squared value, such as "99 %"."""
         return f"{100 * self.shares[controller]:.0f} %"
 
 
 def sensor(results: Results, scenario: str, line: Line) -> Sensor | None:
-    """The sensor's part of a scenario's line; None where it is no error, or zero, or a trace is gone."""
+    """The sensor's part of a scenario's line; None if the metric has none, or a value or trace is missing."""
     metric = next((m for m in results.study.metrics_in(scenario) if m.name == line.name), None)
     if metric is None or metric.signal not in SEEN or metric.kind not in SQUARES:
         return None
@@ -79,7 +80,7 @@ def sensor(results: Results, scenario: str, line: Line) -> Sensor | None:
 
 
 def _value(run: Run, metric: Metric, line: Line, signal: str, kind: str, conditions: Conditions) -> float:
-    """A metric of another signal, of this kind, SI; of an order metric that of the line."""
+    """The metric's value, SI, with another signal and kind; for an order metric, at the line's order."""
     value = evaluate(metric.model_copy(update={"signal": signal, "kind": kind}), run.trace, conditions)
     if isinstance(value, list):
         return value[list(metric.order or ()).index(line.order or 0.0)]

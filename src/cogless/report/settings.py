@@ -1,4 +1,4 @@
-"""The study as readable tables, with its own texts and units, and its assumptions with their reasons."""
+"""The study as readable tables, with the texts and units of its file, and its assumptions with reasons."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SHOWN_ELSEWHERE = ("title", "description", "assumption", "seed")
 
 
 def settings(study: StudyBase) -> str:
-    """One small table for each table of the study, as its file and datasheet have it."""
+    """One small HTML table for each table of the study, with values as in its file and datasheet."""
     groups = []
     for name, table in _groups(study.source.tables):
         body = rows((key, f"<td>{escape(text)}</td>") for key, text in _texts(table))
@@ -26,7 +26,7 @@ def settings(study: StudyBase) -> str:
 
 
 def assumptions(study: StudyBase) -> str:
-    """The table of what the author had to suppose, and why; "" without assumptions."""
+    """The HTML table of the study's assumptions with their reasons; "" without assumptions."""
     if not study.assumption:
         return ""
     body = "".join(
@@ -38,7 +38,7 @@ def assumptions(study: StudyBase) -> str:
 
 
 def _groups(tables: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Each table with its dotted name; scenarios and controllers one by one, metrics a line each."""
+    """Yields each table with its dotted name: one per scenario and controller; each metric is one line."""
     for name, table in tables.items():
         if name in SHOWN_ELSEWHERE:
             continue

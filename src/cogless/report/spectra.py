@@ -1,4 +1,4 @@
-"""Order spectra for the page: speed amplitude by electrical and by mechanical order, computed on angle."""
+"""Order spectra for the page: speed amplitude by electrical and mechanical order, computed over the angle."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from cogless.results.metrics import onward
 from cogless.units import ANGULAR_SPEED, factor
 
 SHOWN_ORDERS = 24
-NEAR = 0.05  # of the reference: the drive is up to speed
-BACK = 0.01  # of a rotor's way: less is no turning back
+NEAR = 0.05  # of the reference: with a smaller error the drive is up to speed
+BACK = 0.01  # of the rotor's travel: turning back by less is ignored
 
 NOTE = (
     "Amplitude of each order, integrated over angle in the last whole revolutions of the run. The baseline's "
@@ -28,7 +28,7 @@ NOTE = (
 
 
 def spectra(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """Speed by electrical and by mechanical order: late in the run, and where each controller began."""
+    """Charts of the speed by electrical and mechanical order, late in the run and where each law began."""
     pole_pairs, unit = results.study.motor.pole_pairs, speed_unit(results)
     scale = factor(unit, ANGULAR_SPEED)
     highest = min(_highest(results, run) for run in runs)
@@ -36,7 +36,7 @@ def spectra(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     found = [(where, early, after) for where, early, after in both if after is not None]
     if not found:
         return []
-    peaks = np.fmax.reduce([after for _, _, after in found])  # NaN only where all are
+    peaks = np.fmax.reduce([after for _, _, after in found])  # NaN only if all are NaN
     electrical = np.arange(1, min(12, (len(peaks) - 1) // pole_pairs) + 1)
     strongest = np.argsort(np.nan_to_num(peaks))[::-1][:SHOWN_ORDERS]
     mechanical = np.sort(strongest[peaks[strongest] > 1e-3 * np.nanmax(peaks)])
@@ -63,12 +63,12 @@ def spectra(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 
 def _signal(run: Run) -> str:
-    """The speed, or its error where the reference varies late in the run: else that's what one would see."""
+    """The speed signal, or the error if the reference varies late in the run and would hide the ripple."""
     return "omega_error" if varies(run.trace["omega_ref"][len(run.trace) // 2 :]) else "omega_m"
 
 
 def turned_back(results: Results, runs: Sequence[Run]) -> str:
-    """A note of spectra that are of a part of the way, since the rotor turns back; "" where none is."""
+    """A note on spectra that cover only part of the travel, because the rotor turns back; "" if none does."""
     found, when = [], ""
     for run in runs:
         theta = run.trace["theta_m"][late(results, run)]
@@ -82,7 +82,7 @@ def turned_back(results: Results, runs: Sequence[Run]) -> str:
 
 
 def left_out(results: Results, run: Run) -> str:
-    """A sentence on a controller that has no spectrum, and why; "" where it has one."""
+    """A sentence why a controller has no spectrum; "" if it has one."""
     rows, pole_pairs = late(results, run), results.study.motor.pole_pairs
     theta, x = run.trace["theta_m"][rows], run.trace[_signal(run)][rows]
     if len(theta) < 2 or order_spectrum(theta, x, pole_pairs, pole_pairs) is not None:
@@ -94,7 +94,7 @@ def left_out(results: Results, run: Run) -> str:
 
 
 def _when(results: Results, run: Run) -> str:
-    """Words for the times between which a run's spectrum is taken."""
+    """The times between which a run's spectrum is taken, in words."""
     return "between {:.4g} and {:.4g} s".format(*run.trace.time[late(results, run)][[0, -1]])
 
 
@@ -103,17 +103,17 @@ def _turned(theta: Array) -> str:
 
 
 def _way(theta: Array) -> float:
-    """Revolutions turned in both directions together."""
+    """Revolutions turned, both directions added up."""
     return float(np.sum(np.abs(np.diff(theta)))) / (2 * math.pi)
 
 
 def _turns(theta: Array) -> float:
-    """Revolutions of the longest way in one direction; 0 where an angle isn't finite."""
+    """Revolutions of the longest travel in one direction; 0 if an angle isn't finite."""
     return float(np.ptp(theta)) / (2 * math.pi) if len(theta) and np.all(np.isfinite(theta)) else 0.0
 
 
 def _highest(results: Results, run: Run) -> int:
-    """The highest mechanical order that is looked at: 24 electrical ones, if the rows hold them."""
+    """The highest mechanical order to compute: 24 electrical orders, or fewer if the rows are too few."""
     theta = run.trace["theta_m"][late(results, run)]
     turned = _turns(theta)
     most = 24 * results.study.motor.pole_pairs
@@ -121,13 +121,13 @@ def _highest(results: Results, run: Run) -> int:
 
 
 def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array | None, Array | None]:
-    """Amplitudes where a controller that learns began, for a revolution, and late in the run."""
+    """Order amplitudes over the first revolution of a controller that learns, and late in the run."""
     rows, pole_pairs = late(results, run), results.study.motor.pole_pairs
     theta, x = run.trace["theta_m"], run.trace[_signal(run)]
     if rows.stop - rows.start < 2:
         return None, None
     after = order_spectrum(theta[rows], x[rows], highest, pole_pairs)
-    # It began where the speed first came near the reference.
+    # Its first revolution begins when the speed first comes near the reference.
     near = np.flatnonzero(np.abs(run.trace["omega_error"]) <= NEAR * np.abs(run.trace["omega_ref"]))
     if after is None or len(near) == 0:
         return None, after
@@ -139,12 +139,12 @@ def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array |
 
 
 def order_spectrum(theta_m: Array, x: Array, highest: int, pole_pairs: int) -> Array | None:
-    """Amplitudes of the mechanical orders 0 to `highest` (0: left at zero), in x's unit.
+    """Amplitudes of the mechanical orders 0 to `highest`, in x's unit; order 0 is set to zero.
 
-    Over the last whole mechanical revolutions of the longest way in one direction, on an even grid of angle;
-    every pole_pairs-th order is an electrical one. With less than a mechanical revolution, over the last
-    electrical ones: then only electrical orders are there, the others are NaN. None: less than that, or
-    numbers that aren't finite.
+    They are computed on an even grid of angle, over the last whole mechanical revolutions of the longest
+    travel in one direction. Every pole_pairs-th order is an electrical one. With less than a mechanical
+    revolution, the last whole electrical revolutions are used: then only electrical orders have values, and
+    the others are NaN. None if there is less than an electrical revolution, or if numbers aren't finite.
     """
     if len(x) < 2 or not np.all(np.isfinite(theta_m) & np.isfinite(x)):
         return None

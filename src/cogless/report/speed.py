@@ -1,4 +1,4 @@
-"""The sections of a scenario of speed."""
+"""The report's sections for a speed scenario."""
 
 from __future__ import annotations
 

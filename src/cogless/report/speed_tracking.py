@@ -1,4 +1,4 @@
-"""Whether a controller held the speed: one that did not can be the best at nothing."""
+"""Whether a controller held the speed. One that did not is never called the best in a metric."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ from cogless.results import Results, Run
 from cogless.study.metric import Metric
 from cogless.units import ANGULAR_SPEED, factor
 
-FAR = 0.05  # of the reference's mean magnitude: the mean speed is off
-LOST = 0.5  # of the reference's rms: the speed doesn't follow a reference that averages to zero
-DRIFT = 0.1  # rad/s, rms, where the reference is zero throughout
-ONE_WAY = 0.1  # of its mean magnitude: a reference with a smaller mean averages to zero
+FAR = 0.05  # of the reference's mean magnitude: beyond this the mean speed is off
+LOST = 0.5  # error rms / reference rms; above this the speed doesn't follow a reference of zero mean
+DRIFT = 0.1  # rad/s, largest error rms if the reference is zero all the time
+ONE_WAY = 0.1  # of a reference's mean magnitude: a smaller mean counts as zero
 
 
 def late(results: Results, run: Run) -> slice:
-    """Rows of the last part of a run, which spectra and shares are of.
+    """Rows of the last part of a run, from which spectra and the shares of terms are computed.
 
-    The window of the scenario's last order metric, else the last quarter, but not soon after an event.
+    They are the time window of the scenario's last order metric. Without one they are the last quarter, or
+    less if an event is shortly before it.
     """
     if not len(run.trace):
         return slice(0, 0)
@@ -32,7 +33,7 @@ def late(results: Results, run: Run) -> slice:
 
 
 def rows_of(results: Results, metric: Metric, run: Run) -> slice:
-    """Rows that a metric is of: its window, from its event to the next one, else the last part of the run."""
+    """Rows over which a metric is taken: its window, else from its event to the next, else the last part."""
     trace = run.trace
     end = float(trace.time[-1]) if len(trace) else 0.0
     span, event = metric.span(end), metric.event
@@ -43,16 +44,16 @@ def rows_of(results: Results, metric: Metric, run: Run) -> slice:
 
 
 def span_of(results: Results, metric: Metric, run: Run) -> tuple[float, float] | None:
-    """The span in which a metric is taken in a run, s; None where the run has no trace."""
+    """The time span over which a metric is taken in a run, s; None if the run has no trace."""
     time = run.trace.time[rows_of(results, metric, run)]
     return (float(time[0]), float(time[-1])) if len(time) else None
 
 
 def missed(run: Run, rows: slice, unit: str) -> str | None:
-    """Words for a speed that missed its reference, such as "mean 0 of 60 rpm"; None: it was held.
+    """How the speed missed its reference, such as "mean 0 of 60 rpm"; None if it was held.
 
-    A start-up at the window's beginning isn't held against a run, nor a slow ripple: the speed must be off
-    over the rows and over their second half.
+    It is missed only if it is off over all the rows and over their second half. So a start-up at the
+    beginning doesn't count, nor does a slow ripple.
     """
     scale = factor(unit, ANGULAR_SPEED)
     reference, speed = run.trace["omega_ref"][rows] / scale, run.trace["omega_m"][rows] / scale
@@ -63,7 +64,7 @@ def missed(run: Run, rows: slice, unit: str) -> str | None:
 
 
 def _off(reference: Array, speed: Array, unit: str, drift: float) -> str:
-    """Words for how the speed is off its reference, both in `unit`; "" where it isn't."""
+    """How the speed is off its reference, in words, both in `unit`; "" if it isn't off."""
     if not len(speed):
         return ""
     if not np.all(np.isfinite(speed)):

@@ -1,4 +1,4 @@
-"""The verdict on a scenario of speed: by the ripple that is left of it, or the error."""
+"""The verdict on a speed scenario, by the remaining ripple or error of the speed."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from cogless.results import Results, Run
 from cogless.study import Study
 from cogless.units import ANGULAR_SPEED, convert
 
-COST = 0.01  # a metric that gets worse by less isn't called a cost
-MOST = 3  # metrics in a sentence about another controller
+COST = 0.01  # relative; a metric that gets worse by less isn't reported as a cost
+MOST = 3  # largest number of metrics in a sentence about another controller
 
 TOTALS = ("ripple-rms", "peak-to-peak")
 SPEEDS = ("omega_m", "omega_measured", "omega_error")
@@ -27,49 +27,49 @@ SPEEDS = ("omega_m", "omega_measured", "omega_error")
 
 @dataclass(frozen=True)
 class _Case(Contest):
-    """A scenario: the metrics that are better when lower, and the one that the verdict is about."""
+    """A scenario's lines of metrics that are better when lower, and the line by which it is judged."""
 
     study: Study
     where: str
     lines: Sequence[Line]
     line: Line
-    worsened: Mapping[str, float]  # controllers whose error is larger than the baseline's for good: since, s
+    worsened: Mapping[str, float]  # controllers whose error stays above the baseline's: since when, s
 
     @property
     def unlearned(self) -> list[str]:
-        """Controllers that held the speed and whose law learned nothing; never the baseline."""
+        """Controllers that held the speed and whose law learned nothing, without the baseline."""
         return [c for c in self.held if c in self.line.unlearned and c != self.baseline]
 
     @cached_property
     def ranked(self) -> list[str]:
-        """Controllers that held the speed, learned if they should, and did not get worse in the end."""
+        """Controllers that held the speed, learned if they should, and didn't end worse than the baseline."""
         return [c for c in self.held if c not in self.worsened and c not in self.unlearned]
 
     @cached_property
     def held(self) -> list[str]:
-        """Controllers that held the speed and have a number, the best first."""
+        """Controllers that held the speed and have a value, the best first."""
         numbers = {c: v for c, v in self.line.values.items() if v is not None and c not in self.line.missed}
         return sorted(numbers, key=lambda c: (numbers[c], c))
 
     @cached_property
     def winners(self) -> list[str]:
-        """The best controller, and those that tie with it."""
+        """The best controller, and those whose values are equal to its value within `SAME`."""
         return [c for c in self.ranked if self.against(c, self.ranked[0]) <= 1 + SAME]
 
     def against(self, controller: str, other: str) -> float:
-        """A controller's value over another's; infinite where only the other has nothing."""
+        """A controller's value divided by another's; infinite if only the other's is zero."""
         return over(self.line.values[controller] or 0.0, self.line.values[other] or 0.0)
 
     def learns(self, controller: str) -> bool:
         return super().learns(controller) and controller not in self.line.unlearned
 
     def shown(self, controllers: Sequence[str], line: Line | None = None) -> str:
-        """Controllers with their values, for a list; `line`: of another number."""
+        """Controllers with their values, listed in words; `line`: another line than the one judged by."""
         return listed([f"{self.label(c)} {(line or self.line).text(c)}" for c in controllers])
 
 
 def verdict(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
-    """The verdict on a scenario that has metrics or faults."""
+    """The verdict on a speed scenario; None if it has neither metrics nor faults."""
     compared, broken = _compared(results, runs), account(results, runs)
     if broken is None:
         return compared
@@ -80,7 +80,7 @@ def verdict(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
 
 
 def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
-    """The controllers beside each other, by the scenario's metrics."""
+    """The verdict by comparing the controllers' metrics; None if no metric is better when lower."""
     scenario, baseline = runs[0].scenario, results.study.baseline
     lines = [line for line in compare(results, scenario) if line.better == "lower"]
     reference = runs[0].trace["omega_ref"]
@@ -105,7 +105,7 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
 
 
 def _by_what_is_seen(case: _Case, part: Sensor | None) -> tuple[_Case, str]:
-    """The case by what the laws see, and a sentence that says so, where the sensor's own error dominates."""
+    """The case judged by measured values if the sensor's own error dominates, and a sentence about this."""
     blurred = [c for c in case.held if part is not None and part.dominates(c)]
     if part is None or not blurred:
         return case, ""
@@ -119,7 +119,7 @@ def _by_what_is_seen(case: _Case, part: Sensor | None) -> tuple[_Case, str]:
 
 
 def _headline(case: _Case) -> tuple[str, str]:
-    """Tone and first sentence."""
+    """The tone and the first sentence of the verdict."""
     line, base, ranked, label = case.line, case.baseline, case.ranked, case.label
     if line.missed and not case.held:
         speeds = ", ".join(f"{label(c)} {speed}" for c, speed in line.missed.items())
@@ -139,7 +139,7 @@ def _headline(case: _Case) -> tuple[str, str]:
 
 
 def _comparison(case: _Case) -> tuple[str, str]:
-    """Tone and first sentence where the baseline or others held the speed."""
+    """The tone and the first sentence if controllers other than the baseline are ranked."""
     line, base, ranked, winners = case.line, case.baseline, case.ranked, case.winners
     tone = case.tone(winners)
     if base not in ranked:
@@ -162,14 +162,14 @@ def _comparison(case: _Case) -> tuple[str, str]:
 
 
 def _has(line: Line, values: str, several: bool = False) -> str:
-    """Words for what a controller does, such as "leaves 0.46 rpm of speed order 6 (electrical)"."""
+    """What a controller leaves, in words, such as "leaves 0.46 rpm of speed order 6 (electrical)"."""
     if line.kind == "dip":
         return f"{'are' if several else 'is'} thrown off by {values} ({line.quantity})"
     return f"{'leave' if several else 'leaves'} {values} of {line.quantity}"
 
 
 def _have(case: _Case) -> str:
-    """Words for what the winners do: "A and B tie: they leave 0.46 rpm and 0.47 rpm of speed ripple"."""
+    """What the winners leave, such as "A and B tie: they leave 0.46 rpm and 0.47 rpm of speed ripple"."""
     several, values = len(case.winners) > 1, listed([case.line.text(c) for c in case.winners])
     tie = " tie: they" if several else ""
     return f"{case.labels(case.winners)}{tie} {_has(case.line, values, several)}"
@@ -178,7 +178,8 @@ def _have(case: _Case) -> str:
 def _decisive(lines: Sequence[Line], baseline: str, moves: bool) -> Line | None:
     """The line to judge by: the ripple of the speed, else the baseline's strongest order, else a dip.
 
-    A line that the baseline has, if any. Where the reference `moves`, the ripple is in the speed's error.
+    Lines with a value of the baseline come first. If the reference `moves`, the ripple is that of the speed
+    error.
     """
     lines = [line for line in lines if line.kind != "mean"]  # it may be negative
     lines = [line for line in lines if baseline in line.values] or lines
@@ -191,7 +192,7 @@ def _decisive(lines: Sequence[Line], baseline: str, moves: bool) -> Line | None:
 
 
 def _latest(results: Results, scenario: str, line: Line | None, lines: Sequence[Line]) -> Line | None:
-    """The line of the last of several windows, for what learning comes to in the end."""
+    """The line for the last of a metric's several time windows, to judge learning by its final result."""
     if line is None or line.order is not None:
         return line
     alike = {other.name for other in lines if (other.kind, other.signal) == (line.kind, line.signal)}
@@ -205,26 +206,26 @@ def _latest(results: Results, scenario: str, line: Line | None, lines: Sequence[
 
 
 def _is_total(line: Line) -> bool:
-    """Whether a line is the whole ripple, or the whole error, of the speed."""
+    """Whether a line is the total ripple or the total error of the speed, not a part such as an order."""
     error = (line.kind, line.signal) == ("rms", "omega_error")
     return error or (line.kind in TOTALS and line.signal in SPEEDS)
 
 
 def _orders(lines: Sequence[Line], controller: str) -> list[Line]:
-    """The orders of the first order metric, the strongest with this controller first."""
+    """The lines of the first order metric, sorted by this controller's amplitude, the largest first."""
     first = next((line.name for line in lines if line.kind == "order"), None)
     orders = [line for line in lines if line.name == first and line.values.get(controller) is not None]
     return sorted(orders, key=lambda line: -(line.values[controller] or 0.0))
 
 
 def _speed(results: Results, reference: float) -> str:
-    """Words for a constant reference: "At 60 rpm"."""
+    """A constant reference in words, such as "At 60 rpm"."""
     unit = speed_unit(results)
     return f"At {convert(reference, unit, ANGULAR_SPEED):.4g} {pretty(unit)}"
 
 
 def _strongest_order(case: _Case) -> str:
-    """A sentence on the strongest order of the speed's ripple, with the best and with the baseline."""
+    """A sentence on the strongest order of the speed's ripple, with values of the best and the baseline."""
     if not _is_total(case.line) or len(case.ranked) < 2:
         return ""
     compared = case.baseline if case.baseline in case.ranked else case.ranked[-1]
@@ -237,7 +238,7 @@ def _strongest_order(case: _Case) -> str:
 
 
 def _without_learning(case: _Case) -> str:
-    """The fair bar: the winner beside the best feedback that doesn't learn, unless that's the baseline."""
+    """A sentence on the winner and the best controller without learning, unless that is the baseline."""
     best, line = case.winners[0], case.line
     plain = [c for c in case.ranked if not case.learns(c)]
     learning = [c for c in case.ranked if case.learns(c)]
@@ -257,7 +258,7 @@ def _without_learning(case: _Case) -> str:
 
 
 def _against_the_next(case: _Case) -> str:
-    """Sentences on what is clearly worse of the winner than of the next; of both where they tie."""
+    """Sentences on metrics in which the winner is clearly worse than the next one; both ways if they tie."""
     first, second = case.ranked[:2]
     pairs = [(first, second)] if second not in case.winners else [(first, second), (second, first)]
     sentences = [_worse(case, *pair) for pair in pairs if pair[1] != case.baseline]
@@ -265,8 +266,8 @@ def _against_the_next(case: _Case) -> str:
 
 
 def _worse(case: _Case, controller: str, other: str) -> str:
-    """The other metrics in which a controller is clearly worse than another, the worst first."""
-    part = _is_total(case.line)  # then the orders of the speed are parts of what was judged already
+    """A sentence on other metrics in which a controller is clearly worse than another, the worst first."""
+    part = _is_total(case.line)  # then the speed's orders are parts of the line judged already
     others = [line for line in case.lines if line is not case.line]
     others = [line for line in others if not (part and line.kind == "order" and line.signal in SPEEDS)]
     ratios = [(line.ratio(controller, other) or 0.0, line) for line in others]
@@ -302,7 +303,7 @@ def _costs(case: _Case) -> str:
 
 
 def _rest(case: _Case) -> str:
-    """The ranked controllers that the headline doesn't name, in one sentence."""
+    """A sentence on the ranked controllers that the headline doesn't name."""
     base = case.baseline
     named = {base, *case.winners, *(case.ranked[:2] if case.winners == [base] else ())}
     others = [c for c in case.ranked if c not in named]
@@ -315,7 +316,7 @@ def _rest(case: _Case) -> str:
 
 
 def _failures(case: _Case) -> list[str]:
-    """Sentences on who did not hold the speed, unless the headline says so, and on who never settled."""
+    """Sentences on controllers that missed the speed, unless the headline has them, or that never settled."""
     told = set(case.line.missed) if not case.ranked else {case.baseline} & set(case.line.missed)
     since = case.line.span[0] if case.line.span else 0.0
     later = misses([line for line in case.lines if line.span and line.span[1] > since])

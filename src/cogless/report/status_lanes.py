@@ -1,4 +1,4 @@
-"""The controllers' status over time: when each state held, by its name."""
+"""The controllers' status over time: in which time spans each state was active."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
 from cogless.results.status import NOTICED, SAFE, Status
 
-MOST = 300  # spans of one state in one run; shorter gaps are closed then
+MOST = 300  # largest number of time spans of a state in a run; beyond it, short gaps are closed
 STATES: dict[int, str] = {
     SAFE: "safe output",
     **{int(bit): name for bit, name in NOTICED.items()},
@@ -23,7 +23,7 @@ STATES: dict[int, str] = {
 
 
 def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """A lane for each state that some run has where something breaks: its name, and spans of each run."""
+    """A lane for each state that is active in some run: its name, each run's spans. Empty without faults."""
     if not faults_in(results.study, runs[0].scenario):
         return []
     lanes = []
@@ -39,7 +39,7 @@ def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 
 def _spans(run: Run, bits: int) -> list[float]:
-    """Beginnings and ends of the times in which a state held, s, one after the other."""
+    """Start and end times, s, in turn, of the spans in which a state was active."""
     status = run.trace["status"]
     held = (np.where(np.isfinite(status), status, 0).astype(int) & bits) > 0
     edges = np.flatnonzero(np.diff(np.concatenate(([0], held.astype(int), [0]))))

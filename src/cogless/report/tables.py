@@ -1,4 +1,4 @@
-"""The report's tables of numbers: metrics by controller, and the share of each term of a law."""
+"""The report's tables of numbers: metrics by controller, and the RMS of each term of a law."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cogless.results import AnyResults, Results, Run
 
 
 def line_table(results: AnyResults, runs: Sequence[Run], lines: Sequence[Line]) -> str:
-    """A scenario's lines down, its controllers across; best marked, ratio to the baseline."""
+    """HTML table with a row per line and a column per controller; best marked, ratio to the baseline."""
     scenario, controllers = runs[0].scenario, [run.controller for run in runs]
     head = f"<th>{escape(scenario)}</th>{headings(results, controllers)}"
     body = rows((line.title, _cells(line, controllers, results.study.baseline)) for line in lines)
@@ -38,7 +38,7 @@ def _cells(line: Line, controllers: Sequence[str], baseline: str) -> str:
 
 
 def term_tables(results: Results, runs: Sequence[Run]) -> str:
-    """RMS of each term of each law late in the run, and of its varying part; empty where there are none."""
+    """Tables of the RMS of each law's terms late in the run, and of their varying parts; "" without terms."""
     tables = "".join(_terms(results, run) for run in runs)
     about = note(
         f"RMS of each term of the current reference late in {runs[0].scenario}; the varying part is about "
@@ -67,7 +67,7 @@ def _terms(results: Results, run: Run) -> str:
 
 
 def _meters(figures: Sequence[float]) -> list[str]:
-    """Cells of each figure, A, and of a bar as long as it is large."""
+    """Table cells for values in A, each with a bar of proportional length."""
     top = max(filter(math.isfinite, figures), default=0.0) or 1.0
     shares = [figure / top if math.isfinite(figure) else 0.0 for figure in figures]
     return [

@@ -1,4 +1,4 @@
-"""Runs that learned nothing, and why: no praise of learning is due to them."""
+"""Runs that learned nothing, and why, so that their results aren't credited to learning."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from cogless.results.status import Status
 
 
 def unlearned(results: Results, run: Run) -> str | None:
-    """The reason why a run's law learned nothing that could act; None where it did, or the trace doesn't say.
+    """The reason why a run's law learned nothing that could act; None if it did, or if that is unknown.
 
-    Judged by the angle that was turned since the status first said that learning wasn't frozen.
+    This is judged by the angle turned since the status first showed that learning wasn't frozen.
     """
     study, name, trace = results.study, run.controller, run.trace
     law, revolutions = study.controller[name], revolutions_learned(study, name)

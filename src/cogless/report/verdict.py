@@ -1,4 +1,4 @@
-"""The frame of a verdict: a few sentences a scenario, from its numbers alone, whichever way they fall."""
+"""Common parts of the verdicts: a few sentences per scenario, from its values alone, favourable or not."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from cogless.report.packing import number
 from cogless.study import AnyStudy
 from cogless.study.base import StudyBase
 
-CLEARLY = 1.5  # times another's: worth a sentence
+CLEARLY = 1.5  # ratio to another's value from which on a sentence reports it
 TONES = ("worse", "even", "better")  # the worst first
 
 
 @dataclass(frozen=True)
 class Told:
-    """A fault, and a sentence about each controller."""
+    """A fault's heading, and pairs of a controller and a sentence on its response."""
 
     heading: str
     sentences: Sequence[tuple[str, str]]
@@ -24,10 +24,10 @@ class Told:
 
 @dataclass(frozen=True)
 class ScenarioVerdict:
-    """Verdict on a scenario: a headline, details and, where something breaks, what is told of each fault.
+    """Verdict on a scenario: a headline, details and, with faults, sentences on each fault.
 
-    `tone`: "better" where a law that learns is the best, "worse" where the baseline is, else "even". With
-    faults the headline is their account's, and the tone no better than theirs.
+    `tone`: "better" if a learning law is the best, "worse" if the baseline is, else "even". With faults the
+    headline is about these, and the tone is at best the one of the response to these.
     """
 
     scenario: str
@@ -39,7 +39,7 @@ class ScenarioVerdict:
 
 @dataclass(frozen=True)
 class Contest:
-    """The controllers of a scenario beside each other."""
+    """The comparison of a scenario's controllers."""
 
     study: AnyStudy
 
@@ -51,22 +51,22 @@ class Contest:
         return called(self.study, controller)
 
     def labels(self, controllers: Sequence[str]) -> str:
-        """Labels of controllers, for a sentence."""
+        """Labels of controllers, listed for a sentence."""
         return listed([self.label(name) for name in controllers])
 
     def learns(self, controller: str) -> bool:
-        """Whether what a controller asks for is learned."""
+        """Whether the controller's output is learned in part, in this run or before."""
         return self.study.controller[controller].learned
 
     def tone(self, winners: Sequence[str]) -> str:
-        """Tone of a verdict with these controllers at its head."""
+        """The tone of a verdict with these controllers as the winners."""
         if self.baseline in winners:
             return "worse" if list(winners) == [self.baseline] else "even"
         return "better" if all(self.learns(name) for name in winners) else "even"
 
 
 def worst(*tones: str) -> str:
-    """The worst of some tones."""
+    """The worst of the given tones, in the order of `TONES`."""
     return min(tones, key=TONES.index)
 
 
@@ -77,17 +77,17 @@ def called(study: StudyBase, controller: str) -> str:
 
 
 def listed(parts: Sequence[str]) -> str:
-    """ "a, b and c"."""
+    """The parts as a list in words, such as "a, b and c"."""
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
 def over(value: float, other: float) -> float:
-    """A value over another; infinite where only the other is zero."""
+    """A value divided by another; 1 if both are zero, infinite if only the other is."""
     return value / other if other else math.inf if value else 1.0
 
 
 def times(ratio: float) -> str:
-    """A ratio in words: "1.60 times"."""
+    """A ratio in words, such as "1.60 times"."""
     if not math.isfinite(ratio):
         return "infinitely"
     return f"{number(ratio) if ratio < 100 else f'{ratio:.0f}'} times"

@@ -1,4 +1,4 @@
-"""The sections of a scenario of trials."""
+"""The report's sections for a trial scenario."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["TRIALS"]
 
 
 def _lines(results: TrialResults, scenario: str) -> list[Line]:
-    """A line for each phase of each metric that has a number a phase, in the study's order of metrics."""
+    """The lines of metrics that have one value per phase: one per metric and phase, in the study's order."""
     study, runs = results.study, runs_in(results, scenario)
     starts = study.scenario[scenario].starts
     lines: list[Line] = []

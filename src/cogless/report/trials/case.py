@@ -1,4 +1,4 @@
-"""A scenario's numbers, phase by phase, for the verdict."""
+"""The values of a trial scenario in each of its phases, for the verdict."""
 
 from __future__ import annotations
 
@@ -21,33 +21,33 @@ from cogless.results.metrics import result_name
 from cogless.results.status import Status
 from cogless.study import TrialStudy
 
-GROWS = 1.5  # times what the RMS was before in the phase: learning diverges
-FEWEST = 8  # trials in which growth can be told
-ROUNDING = 1e-9  # of a phase's first RMS
+GROWS = 1.5  # RMS / smallest RMS earlier in the phase; above this learning diverges
+FEWEST = 8  # smallest number of trials in which growth can be detected
+ROUNDING = 1e-9  # of a phase's first RMS: a smaller RMS doesn't count as growth
 QUARTERS = 4
 
 
 @dataclass(frozen=True)
 class Case(Contest):
-    """Controllers with their numbers in each phase; counts are infinite where the floor is never reached."""
+    """Controllers with their values in each phase; counts are infinite if the floor is never reached."""
 
     study: TrialStudy
     scenario: str
     about: Judged
     phases: Sequence[Phase]
     runs: Mapping[str, Run]
-    rms: Mapping[str, Array]  # of those controllers that have it
+    rms: Mapping[str, Array]  # in each trial, for the controllers for which it is known
 
     @cached_property
     def counts(self) -> dict[str, list[float]]:
-        """Trials to the floor; empty where no metric says."""
+        """Trials until each controller reaches the floor, in each phase; empty without such a metric."""
         floors = [result_name(metric) for metric in self.about.metrics if metric.kind == "trials-to-floor"]
         found = {c: run.metrics.get(name) for name in floors[:1] for c, run in self.runs.items()}
         return {c: values for c, values in found.items() if isinstance(values, list)}
 
     @cached_property
     def final(self) -> dict[str, list[float]]:
-        """RMS over the second half of each phase, in the display unit."""
+        """Each controller's RMS over the second half of each phase, in the display unit."""
         return {c: [settled(self.of(c, phase)) for phase in self.phases] for c in self.rms}
 
     def of(self, controller: str, phase: Phase) -> Array:
@@ -55,23 +55,26 @@ class Case(Contest):
         return self.rms[controller][phase.start - 1 : phase.stop - 1]
 
     def first(self, controller: str, phase: Phase) -> float:
-        """RMS of a phase's first trial; NaN where it isn't known."""
+        """A controller's RMS in a phase's first trial; NaN if it isn't known."""
         return float(self.rms[controller][phase.start - 1]) if controller in self.rms else math.nan
 
     def never(self, controller: str) -> list[Phase]:
-        """Phases in which the floor isn't reached."""
+        """Phases in which a controller doesn't reach the floor."""
         counts = self.counts[controller]
         return [phase for phase, n in zip(self.phases, counts, strict=True) if not math.isfinite(n)]
 
     def worst(self, controller: str) -> float:
-        """The largest final RMS of all phases; infinite where one isn't finite or known."""
+        """The largest final RMS of all phases; infinite if one isn't finite or isn't known."""
         return max(
             (x if math.isfinite(x) else math.inf for x in self.final.get(controller, [])), default=math.inf
         )
 
     @cached_property
     def growing(self) -> dict[str, tuple[Phase, float, float]]:
-        """Phase in which each diverging controller diverges, and its RMS, from and to (not finite: NaN)."""
+        """For each diverging controller: the phase, its lowest RMS there, and its RMS at the phase's end.
+
+        The last number is NaN if it isn't finite.
+        """
         found: dict[str, tuple[Phase, float, float]] = {}
         for controller in self.rms:
             for phase in self.phases:
@@ -81,7 +84,10 @@ class Case(Contest):
         return found
 
     def _grown(self, rms: Array) -> tuple[float, float] | None:
-        """Growth of the RMS, from and to, by the medians of the phase's quarters; None below the floor."""
+        """The lowest and the last RMS of a phase, as medians over its quarters; None if the RMS doesn't grow.
+
+        It doesn't count as growth if the last RMS is below the floor.
+        """
         if not np.all(np.isfinite(rms)):
             return float(rms[0]), math.nan
         if len(rms) < FEWEST:
@@ -92,7 +98,7 @@ class Case(Contest):
         return (low, last) if last > GROWS * low and last > least else None
 
     def limited(self, controller: str) -> int:
-        """Trials in which the input was at its limit."""
+        """The number of trials in which the input was at its limit."""
         trace = self.runs[controller].trace
         if "status" not in trace.names:
             return 0
@@ -100,11 +106,11 @@ class Case(Contest):
         return int(np.any(status & Status.SATURATED, axis=1).sum())
 
     def text(self, value: float) -> str:
-        """An RMS with its unit."""
+        """An RMS as text, with its unit."""
         return self.about.text(value)
 
     def worst_first(self, controller: str, other: str) -> tuple[float, Phase, str]:
-        """The first trial after a change that is the most times another's: how many, where, both values."""
+        """The phase whose first-trial RMS is the largest multiple of another's: ratio, phase, both values."""
         ratios = [
             (self.first(controller, phase) / self.first(other, phase), phase)
             for phase in self.phases[1:]
@@ -116,7 +122,7 @@ class Case(Contest):
 
     @cached_property
     def certified(self) -> dict[str, tuple[TrialDesign, Model, ModelCertificate]]:
-        """Designs, with their certificates on the plant itself where it is known."""
+        """Each design with its certificate: for the exactly sampled plant if known, or the design's model."""
         designs = {name: run.design for name, run in self.runs.items() if run.design is not None}
         return {name: (design, *list(models(design.certificate))[-1]) for name, design in designs.items()}
 
@@ -125,7 +131,7 @@ class Case(Contest):
 
 
 def case(results: TrialResults, runs: Sequence[Run]) -> Case | None:
-    """The case to judge, or None."""
+    """The values of a trial scenario to judge by; None if there are none."""
     study, scenario = results.study, runs[0].scenario
     about, described = judged(study, scenario), study.scenario[scenario]
     rms = {run.controller: rms_of_trials(about, run, described.trials) for run in runs}

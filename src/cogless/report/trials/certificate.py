@@ -42,7 +42,7 @@ HEADINGS = (
 
 @dataclass(frozen=True)
 class Model:
-    """A kind of model that a certificate is of: as the table, a chart's title and a sentence name it."""
+    """A kind of certified model, with its names in the table, in a chart's title and in a sentence."""
 
     name: str
     title: str
@@ -57,14 +57,14 @@ MODELS = {
 
 
 def models(certificate: Certificate) -> Iterator[tuple[Model, ModelCertificate]]:
-    """Models that it speaks of: the design's, and the plant sampled exactly unless that is the same."""
+    """Yields the models that a certificate covers: the design's, and exactly sampled ones if they differ."""
     yield MODELS[certificate.discretisation], certificate.design
     if certificate.exact is not None and certificate.discretisation != "exact":
         yield MODELS["exact"], certificate.exact
 
 
 def certificate_table(results: TrialResults, runs: Sequence[Run]) -> str:
-    """A row for each controller and kind of model; empty where no run has a certificate."""
+    """HTML table with a row for each controller and kind of model; empty if no run has a certificate."""
     bodies = [_rows(results, run) for run in runs if run.design is not None]
     head = "".join(f"<th>{heading}</th>" for heading in HEADINGS)
     return table("proof", f"Certificates in {runs[0].scenario}", head, *bodies)
@@ -81,7 +81,7 @@ def curves(results: TrialResults, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 
 def _chart(results: TrialResults, title: str, found: Sequence[tuple[Run, Learning, bool]]) -> dict[str, Any]:
-    """All curves on the frequencies of any; without zero, since the axis is logarithmic."""
+    """A chart of all curves on the union of their frequencies, without zero: the axis is logarithmic."""
     frequency = np.unique(np.concatenate([learning.curve[0] for _, learning, _ in found]))
     frequency = frequency[frequency > 0]
     series = [
@@ -101,7 +101,7 @@ def _chart(results: TrialResults, title: str, found: Sequence[tuple[Run, Learnin
 
 
 def close_to_one(value: float) -> str:
-    """A factor; what differs from one by little is told by how much."""
+    """A factor as text; if it is close to one, as one plus or minus the difference."""
     off = value - 1
     if abs(off) < 1e-9:
         return "1"
@@ -140,7 +140,7 @@ def _learning(learning: Learning | None) -> str:
 
 
 def _limit(learning: Learning | None, K_3: float, where: str = "") -> str:
-    """The largest K_3 that keeps the certificate; none where it is rounding beside the K_3 in use."""
+    """The largest K_3 with which no error grows; "none" if it is only rounding relative to the K_3 in use."""
     if learning is None or learning.K_3_limit is None:
         return "" if where else NONE
     limit = f"{learning.K_3_limit:.4g}" if abs(learning.K_3_limit) > ROUNDING * abs(K_3) else "none"
@@ -154,7 +154,7 @@ def _cell(
     plant: str = "",
     detail: str = "",
 ) -> str:
-    """A factor and what it means, if good and if bad; the plant that has it is told under the pointer."""
+    """A table cell with a factor and one of `words`, for good or for bad; a tooltip names the plant."""
     if factor is None:
         return f"<td>{NONE}</td>"
     title = f' title="{escape(plant)}"' if plant else ""

@@ -1,4 +1,4 @@
-"""The error that a study of trials is judged by: which signal, in which unit, and its RMS over each trial."""
+"""The error by which a trial study is judged: its signal, its display unit, and its RMS over each trial."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ NAMES = {"theta_error": "error", "theta_error_measured": "measured error", "y_er
 
 @dataclass(frozen=True)
 class Judged:
-    """A signal whose RMS over each trial is shown, with the floor that it should reach, in `unit`."""
+    """A signal whose RMS over each trial is judged, and the floor, in `unit`, that the RMS should reach."""
 
     signal: str
-    unit: str  # as it is printed; empty: none
+    unit: str  # as it is printed; empty if it has none
     scale: float  # SI value of a unit
     floor: float | None
     metrics: Sequence[Metric]  # those of this signal
 
     @property
     def quantity(self) -> str:
-        """Words for the signal, such as "measured error" or "tau_e"."""
+        """The signal's name in sentences, such as "measured error" or "tau_e"."""
         return NAMES.get(self.signal, self.signal)
 
     def text(self, value: float) -> str:
-        """A value in `unit`, with it."""
+        """A value in `unit`, as text with the unit."""
         return f"{number(value)} {self.unit}".rstrip() if math.isfinite(value) else "not finite"
 
 
 def judged(study: TrialStudy, scenario: str) -> Judged:
-    """The signal of the first metric with a floor, else of the first metric of an RMS, else the error."""
+    """The signal to judge by: that of the first metric with a floor, else of the first RMS, else an error."""
     metrics = [m for m in study.metrics_in(scenario) if m.better == "lower"]
     floors = [m for m in metrics if m.kind == "trials-to-floor"]
     chosen = [*floors, *(m for m in metrics if m.kind != "maximum")]
@@ -51,9 +51,9 @@ def judged(study: TrialStudy, scenario: str) -> Judged:
 
 
 def display_unit(study: TrialStudy, signal: str) -> tuple[str, float]:
-    """The unit that the study's metrics show a signal in, and its SI value; SI where they don't say.
+    """The unit in which the study's metrics show a signal, and its SI value; the SI unit if they show none.
 
-    One error is shown as another is.
+    An error signal without a metric of its own has the unit of another error signal.
     """
     dimension = SIGNALS.get(signal) if study.plant is None else None
     if dimension is None or not dimension.unit:
@@ -65,7 +65,7 @@ def display_unit(study: TrialStudy, signal: str) -> tuple[str, float]:
 
 
 def rms_of_trials(about: Judged, run: Run, trials: int) -> Array | None:
-    """RMS over each trial, in the signal's display unit; None where neither a metric nor the trace has it."""
+    """RMS over each trial, in the signal's display unit; None if neither a metric nor the trace has it."""
     for metric in about.metrics:
         if metric.kind == "rms" and result_name(metric) in run.metrics:
             return np.asarray(run.metrics[result_name(metric)], dtype=float) / about.scale
@@ -75,5 +75,5 @@ def rms_of_trials(about: Judged, run: Run, trials: int) -> Array | None:
 
 
 def settled(of_trials: Array) -> float:
-    """RMS over the second half of a phase's trials, as the metric final-rms takes it."""
+    """RMS over the second half of a phase's trials, like the metric final-rms."""
     return float(rms(of_trials[-max(1, round(SETTLED_SHARE * len(of_trials))) :]))

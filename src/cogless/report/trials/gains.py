@@ -17,7 +17,7 @@ from cogless.study import TrialStudy
 
 
 def gain_table(results: TrialResults, runs: Sequence[Run]) -> str:
-    """Gains down, controllers across; empty where no run has a design."""
+    """HTML table with a row per gain and a column per controller; empty if no run has a design."""
     designs = {run.controller: run.design for run in runs if run.design is not None}
     columns = [dict(_gains(results.study, design)) for design in designs.values()]
     names = dict.fromkeys(name for column in columns for name in column)
@@ -32,7 +32,7 @@ def gain_table(results: TrialResults, runs: Sequence[Run]) -> str:
 
 
 def _gains(study: TrialStudy, design: TrialDesign) -> Iterator[tuple[str, str]]:
-    """Name with unit, and value."""
+    """Yields the name, with unit, and the value of each gain, as text."""
     drive = study.plant is None
     states = ("theta_m", "omega_m") if study.plant is None else study.plant.names
     units = (" (A/rad)", " (A·s/rad)") if drive else ("",) * len(states)

@@ -1,4 +1,4 @@
-"""Plots over trials: every metric that has a number a trial, and always the RMS of the error."""
+"""Plots over trials: every metric with one value per trial, and always the RMS of the error."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cogless.study.metric import EACH_TRIAL
 
 
 def over_trials(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
-    """Charts on a logarithmic axis, what changed when, zooms. A series holds the logarithms of its values."""
+    """Charts on a logarithmic axis, marks of changes, and zooms. A series holds decimal logarithms."""
     study, scenario = results.study, runs[0].scenario
     about, described = judged(study, scenario), study.scenario[scenario]
     found = phases(described)

@@ -1,4 +1,4 @@
-"""The stretches of trials between two changes: what changed, in words, and which trials to look at."""
+"""Phases, the trials between two changes: what changed, in words, and which trials to show."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from cogless.report.verdict import listed
 from cogless.study.trial_scenario import Change, TrialScenario
 
 ZOOM = 30  # trials
-BEFORE = 2  # trials that a zoom shows of the phase before
-SHARE = 0.8  # of all trials: a zoom on so many shows nothing new
+BEFORE = 2  # trials of the phase before that a zoom shows too
+SHARE = 0.8  # of all trials: there is no zoom on a larger share
 
 
 @dataclass(frozen=True)
 class Phase:
-    """Trials `start` to `stop` - 1, counted from 1; `changed`: what, nothing in the first phase."""
+    """Trials `start` to `stop` - 1, counted from 1; `changed`: what changed before it, empty in the first."""
 
     start: int
     stop: int
@@ -24,12 +24,12 @@ class Phase:
 
     @property
     def name(self) -> str:
-        """The phase as a mark or a button: "trial 31: load"."""
+        """The phase's name on a mark or a button, such as "trial 31: load"."""
         return f"trial {self.start}: {', '.join(self.changed)}" if self.changed else "start"
 
     @property
     def after(self) -> str:
-        """The phase within a sentence: "after the load change (trial 31)"."""
+        """The phase within a sentence, such as "after the load change (trial 31)"."""
         words = [what.rpartition(".")[2].replace("_", " ") for what in self.changed]
         if not words:
             return "from the start"
@@ -38,20 +38,20 @@ class Phase:
 
     @property
     def chosen(self) -> list[int]:
-        """First, second, fifth and last trial of the phase, as far as it has them."""
+        """The trials to draw: the first, second, fifth and last of the phase, as far as it has them."""
         wanted = (self.start, self.start + 1, self.start + 4, self.stop - 1)
         return sorted({trial for trial in wanted if trial < self.stop})
 
 
 def phases(scenario: TrialScenario) -> list[Phase]:
-    """Phases of a scenario, in order."""
+    """The phases of a trial scenario, in order."""
     changed = [(), *(_changed(change) for change in scenario.changes)]
     bounds = pairwise((*scenario.starts, scenario.trials + 1))
     return [Phase(start, stop, what) for (start, stop), what in zip(bounds, changed, strict=True)]
 
 
 def zooms(found: Sequence[Phase]) -> list[dict[str, object]]:
-    """Buttons above the plots over trials: all of them, and the beginning of each phase."""
+    """Zoom buttons above the plots over trials: all trials, and the first trials of each phase."""
     count = found[-1].stop - 1
     buttons: list[dict[str, object]] = [{"name": "all trials", "from": 1, "to": count}]
     changes = min(count, found[-1].start + ZOOM - 1)
@@ -65,7 +65,7 @@ def zooms(found: Sequence[Phase]) -> list[dict[str, object]]:
 
 
 def _changed(change: Change) -> tuple[str, ...]:
-    """Words for what a change sets."""
+    """Names of what a change of the scenario sets."""
     told = []
     if change.reference is not None:
         told.append("reference")

@@ -1,4 +1,4 @@
-"""Still pictures of a scenario of trials: RMS over trials, chosen trials, certificates."""
+"""Still pictures of a trial scenario: RMS over trials, chosen trials, certificates."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _over_trials(chart: Data, marks: list[Data], looks: Looks, ax: Any) -> None:
 
 
 def _trials(data: Data, looks: Looks) -> list[list[Plot]]:
-    """A column for the first trial of each phase, all controllers overlaid."""
+    """A column of plots for the first trial of each phase, with all controllers in each plot."""
     waves = data["waveforms"]
     return [
         [

@@ -1,6 +1,6 @@
-"""The verdict on a scenario of trials: which controller needs the fewest trials after each change.
+"""The verdict on a trial scenario: which controller needs the fewest trials to the floor after each change.
 
-Without a floor to reach, by the RMS that is left.
+If no metric has a floor, the controllers are judged by the remaining RMS.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from cogless.results import Run, TrialResults
 
 
 def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | None:
-    """The verdict on a scenario that has numbers."""
+    """The verdict on a trial scenario; None if it has no values to judge by."""
     c = case(results, runs)
     if c is None:
         return None
@@ -46,7 +46,7 @@ def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | Non
 
 
 def _ranked(c: Case) -> list[str]:
-    """Controllers, the best first: no divergence, most floors reached, fewest trials, least RMS."""
+    """Controllers, best first: by no divergence, then most floors reached, fewest trials, least RMS."""
 
     def rank(name: str) -> tuple[float, ...]:
         counts = c.counts.get(name, [])
@@ -61,7 +61,7 @@ def _ranked(c: Case) -> list[str]:
 
 
 def _by_floor(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
-    """Tone and first sentence where a metric names a floor."""
+    """The tone and the first sentence if a metric has a floor."""
     best, base = ranked[0], c.baseline
     floor = f"the floor of {c.text(c.about.floor or 0.0)} RMS"
     if len(c.never(best)) == len(c.phases):
@@ -83,7 +83,7 @@ def _by_floor(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
 
 
 def _by_rms(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
-    """Tone and first sentence where no metric names a floor: by the worst phase's final RMS."""
+    """The tone and the first sentence if no metric has a floor: by the worst phase's final RMS."""
     best, base = ranked[0], c.baseline
     if not math.isfinite(c.worst(best)):
         return "worse", "No error stays finite."
@@ -97,7 +97,7 @@ def _by_rms(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
 
 
 def _left(c: Case, ranked: Sequence[str]) -> str:
-    """A sentence on what the controller with the least worst RMS leaves, beside the baseline or the next."""
+    """A sentence on the controller with the least worst-phase RMS, compared with the baseline or the next."""
     base = c.baseline
     by_rms = sorted((n for n in ranked if n in c.final), key=lambda n: (n in c.growing, c.worst(n)))
     best = by_rms[0]
@@ -111,7 +111,7 @@ def _left(c: Case, ranked: Sequence[str]) -> str:
 
 
 def _beside(c: Case, value: float, other: float, name: str) -> str:
-    """A value beside another controller's: "21.0 times less than PI (8.20 mrad)"."""
+    """A value compared with another controller's, such as "21.0 times less than PI (8.20 mrad)"."""
     told = f"{c.label(name)} ({c.text(other)})"
     if not math.isfinite(other):
         return f"against {told}"
@@ -123,7 +123,7 @@ def _beside(c: Case, value: float, other: float, name: str) -> str:
 
 
 def _reach(c: Case, name: str, *, short: bool = False) -> str:
-    """Words for reaching the floor: "within 3 trials after every change"; short: beside another's."""
+    """How fast the floor is reached: "within 3 trials after every change"; `short`: said after another's."""
     counts, never = c.counts[name], c.never(name)
     if never:
         if len(never) == len(c.phases):
@@ -148,7 +148,7 @@ def _within(count: float) -> str:
 
 
 def _as_quick(c: Case, name: str, best: str) -> bool:
-    """Whether a controller ties with the best: the floor missed in the same phases, the same most trials."""
+    """Whether a controller ties with the best: same phases without the floor, and same largest count."""
     if name == best:
         return True
     most = [max((n for n in c.counts[which] if math.isfinite(n)), default=0) for which in (name, best)]
@@ -159,7 +159,7 @@ def _as_quick(c: Case, name: str, best: str) -> bool:
 
 
 def _behind(c: Case, name: str, best: str) -> str:
-    """A sentence on another controller behind the best: its slowest phase, its worst first trial."""
+    """A sentence on a controller that is behind the best: its slowest phase and its worst first trial."""
     told, where = "", None
     if name in c.counts and best in c.counts and name != c.baseline:
         told, where = _slower(c, name, best)
@@ -172,7 +172,7 @@ def _behind(c: Case, name: str, best: str) -> str:
 
 
 def _slower(c: Case, name: str, best: str) -> tuple[str, Phase | None]:
-    """Words for needing more trials than the best, and the phase with the largest difference."""
+    """How many trials a controller takes against the best, in words, and the phase where most differ."""
     behind = [
         (n - m, phase, n, m)
         for phase, n, m in zip(c.phases, c.counts[name], c.counts[best], strict=True)
@@ -190,7 +190,7 @@ def _slower(c: Case, name: str, best: str) -> tuple[str, Phase | None]:
 
 
 def _against_the_baseline(c: Case, best: str) -> str:
-    """Sentences on the best beside the baseline: what it leaves at the end, what a change finds worse."""
+    """Sentences on the best against the baseline: RMS at the end, and a worse first trial after a change."""
     base = c.baseline
     if best == base or base not in c.final or best not in c.final or best in c.growing:
         return ""
@@ -209,7 +209,7 @@ def _against_the_baseline(c: Case, best: str) -> str:
 
 
 def _leaves_floor(c: Case, name: str) -> str:
-    """A sentence on a floor that was reached early in a phase but isn't kept; "" where all are."""
+    """A sentence on a floor that was reached early in a phase but isn't kept; "" if there is none."""
     if name not in c.counts or name not in c.final or c.about.floor is None or name in c.growing:
         return ""
     lost = [
@@ -225,7 +225,7 @@ def _leaves_floor(c: Case, name: str) -> str:
 
 
 def _grows(c: Case, name: str) -> str:
-    """A sentence on learning that diverges."""
+    """A sentence on a controller whose RMS grows over the trials."""
     phase, low, high = c.growing[name]
     verb = "diverges" if c.learns(name) else "grows worse"
     if not math.isfinite(high):
@@ -235,7 +235,7 @@ def _grows(c: Case, name: str) -> str:
 
 
 def _at_the_limit(c: Case) -> str:
-    """A sentence on controllers whose input was at its limit, and so taught nothing there."""
+    """A sentence on controllers whose input was at its limit, so that nothing was learned there."""
     limited = {name: trials for name in c.runs if (trials := c.limited(name))}
     if not limited:
         return ""
@@ -248,7 +248,7 @@ def _at_the_limit(c: Case) -> str:
 
 
 def _certificates(c: Case) -> list[str]:
-    """Sentences of the certificates of controllers that learn: on the plant itself where it is known."""
+    """Sentences on the certificates of learning controllers, for the exactly sampled plant if known."""
     sentences: list[str] = []
     proven: dict[tuple[Model, int], list[str]] = {}
     for name, (design, model, found) in c.certified.items():
@@ -280,7 +280,7 @@ def _certificates(c: Case) -> list[str]:
 
 
 def _growing(found: ModelCertificate, learning: Learning) -> str:
-    """Words for the part by which a certificate isn't one."""
+    """Why a certificate doesn't hold, in words."""
     if learning.norm > 1 + MONOTONE:
         where, factor = f"at {number(learning.frequency)} Hz its error", learning.norm
     elif found.growth is not None and found.growth > 1 + ENDS:
@@ -291,7 +291,7 @@ def _growing(found: ModelCertificate, learning: Learning) -> str:
 
 
 def _delay(c: Case) -> str:
-    """A sentence on controllers whose loop a little more delay would make unstable."""
+    """A sentence on controllers whose loop one more sample of delay would make unstable."""
     found = {name: model for name, (_, _, model) in c.certified.items()}
     frail = [name for name, model in found.items() if model.stable and not model.delayed_stable]
     if not frail:
@@ -301,6 +301,6 @@ def _delay(c: Case) -> str:
 
 
 def _capital(c: Case, text: str) -> str:
-    """A sentence, unless it begins with a name that is no word, such as "ilc-input"."""
+    """The text with a capital first letter, unless it begins with a controller's label, as "ilc-input"."""
     first = text.partition(" ")[0]
     return text if first in map(c.label, c.runs) else text[:1].upper() + text[1:]

@@ -1,4 +1,4 @@
-"""The waveforms of chosen trials, so that they can be laid over each other."""
+"""The waveforms of chosen trials, which can be drawn over each other."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cogless.results import Run, TrialResults
 from cogless.study import TrialStudy
 from cogless.study.metric import SIGNALS
 
-POINTS = 900_000  # of all waveforms of a page, at 2.7 bytes each
+POINTS = 900_000  # in all waveforms of a page, at 2.7 bytes per point
 FEWEST = 200  # of one waveform
 MOST_PHASES = 24
 
@@ -35,9 +35,9 @@ LINEAR = (
 
 
 def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
-    """Panels over the time in a trial: a series of each controller and chosen trial.
+    """Panels over the time within a trial, with a series for each controller and chosen trial.
 
-    "note" says what is left out.
+    "note" says which phases are left out.
     """
     study, scenario = results.study, runs[0].scenario
     count = study.scenario[scenario].trials
@@ -63,7 +63,7 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
                 series.append({"controller": place(results, run), "trials": values})
         if not series:
             continue
-        # the plan is the same for all controllers
+        # the reference is the same for all controllers
         plan = packed(runs[0], reference, scale, [p.start for p in found]) if reference else []
         about = {"title": title, "quantity": quantity, "unit": unit}
         panels.append({**about, "references": plan, "series": series})
@@ -80,7 +80,7 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
 
 
 def _panels(study: TrialStudy, scenario: str) -> list[tuple[str, str, str | None, str]]:
-    """Panels of a study; their error is the one that the study is judged by, if that is one."""
+    """The panels of a study; the error panel shows the signal judged by, if that is an error."""
     if study.plant is not None:
         return list(LINEAR)
     signal = judged(study, scenario).signal
@@ -90,12 +90,12 @@ def _panels(study: TrialStudy, scenario: str) -> list[tuple[str, str, str | None
 
 
 def _shown(run: Run, signal: str, count: int) -> bool:
-    """Whether a run has a signal; no line at zero is drawn for one that learns nothing."""
+    """Whether to draw a run's signal: not if it is missing, or is a learned signal that ends at zero."""
     if signal not in run.trace:
         return False
     return signal != "learned" or bool(np.any(_of_trials(run, signal, count)[-1] != 0))
 
 
 def _of_trials(run: Run, signal: str, count: int) -> Array:
-    """A signal as trials x rows."""
+    """A signal as a two-dimensional array, trials by rows."""
     return run.trace[signal].reshape(count, -1)
