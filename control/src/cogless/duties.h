@@ -1,4 +1,4 @@
-/* Duty cycles for voltages in parts of the bus: the inside of cgl_modulate. */
+/* Duty cycles of voltages that are given as fractions of the bus voltage. Internal to cgl_modulate. */
 #ifndef COGLESS_DUTIES_H
 #define COGLESS_DUTIES_H
 

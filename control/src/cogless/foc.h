@@ -47,10 +47,10 @@ cgl_error cgl_foc_init(const cgl_foc_config *config, cgl_foc *foc);
 void cgl_foc_reset(cgl_foc *foc);
 
 /* PI control of i_d and i_q with speed voltages fed forward. The references are shortened as by cgl_foc_limit. The voltage
- * vector is limited to u_dc / sqrt(3), with two phases to u_dc, at its angle, and the integrals follow what was realised
- * (back calculation). A current, angle, speed or bus that is not finite, an angle beyond CGL_ANGLE_MAX (where the voltage
- * acts, too) or a bus below 1e-30 V gives zero voltage, holds the integrals and sets CGL_STATUS_FAULT. A reference that
- * is not finite counts as zero. */
+ * vector is shortened to u_dc / sqrt(3), with two phases to u_dc, and keeps its angle; the integrals follow what was
+ * realised (back calculation). A current, angle, speed or bus that is not finite, an angle beyond CGL_ANGLE_MAX (the
+ * measured one, or that at which the voltage will act) or a bus below 1e-30 V gives zero voltage, holds the integrals and
+ * sets CGL_STATUS_FAULT. A reference that is not finite counts as zero. */
 void cgl_foc_step(const cgl_foc_config *config, cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out);
 
 /* The references as the step follows them: shortened to current_limit at their angle. What is not finite is 0. */

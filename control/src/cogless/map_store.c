@@ -247,7 +247,7 @@ CGL_SELDOM static void begin_check(cgl_map_store *store, uint32_t slot)
     store->bad_value = store->other_order = false;
 }
 
-/* A piece of a slot, from begin_check on; CGL_MAP_BUSY until the end. */
+/* Checks the next piece of the slot that begin_check began with; CGL_MAP_BUSY until the slot is finished. */
 CGL_SELDOM static cgl_map_result check_step(const cgl_map_store_config *config, cgl_map_store *store, bool marked, bool into)
 {
     if (store->position == 0U) {

@@ -275,7 +275,7 @@ CGL_SELDOM void cgl_monitor_look(const cgl_monitor_config *config, cgl_monitor *
     }
     monitor->safe = monitor->holding > 0U;
     monitor->status = status | (monitor->safe ? (unsigned)CGL_STATUS_FAULT : 0U);
-    /* until a sensor that was stuck shows the rotor turn, an ordinary period is none */
+    /* after a stuck sensor, a period counts as ordinary only once the sensor has shown the rotor turn */
     monitor->trusted = monitor->status == 0U && monitor->gap == 0U && monitor->blind == 0U && monitor->standing == 0U
                        && !monitor->was_stuck;
 }

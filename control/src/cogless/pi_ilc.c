@@ -37,7 +37,7 @@ void cgl_pi_ilc_step(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, const cgl
                      cgl_law_output *out)
 {
     const cgl_real error = in->omega_ref - in->omega_m;
-    bool learn = in->learn && !in->off && !law->pi.saturated; /* and if the memory can: with a finite error and an angle */
+    bool learn = in->learn && !in->off && !law->pi.saturated; /* and only if the memory can learn now: the error is finite, the angle known */
     law->learned = cgl_memory_step(&config->memory, &law->memory, in->theta_m, in->omega_ref, config->gain * error, &learn);
     if (learn && cgl_pi_step_free(&config->pi, &law->pi, error, law->learned, &out->i_q_ref)) {
         out->status = 0U;

@@ -39,7 +39,7 @@ typedef struct {
     bool unusual;                 /* enough in a row, in this window */
     cgl_real peak_square;         /* of the outliers in this window [unit^2] */
     cgl_real last_peak_square;    /* and in the last one; 0: not unusual [unit^2] */
-    cgl_real refused_square;      /* from an error whose square is larger nothing is learned, >= usual_square [unit^2] */
+    cgl_real refused_square;      /* an error with a larger square is not learned from; >= usual_square [unit^2] */
     cgl_real turned;              /* sum of the speeds in this window [rad/s] */
     cgl_real turned_square;       /* that ends a window [rad^2/s^2] */
     cgl_real quick_square;        /* up to which a sample needs no second look [unit^2] */

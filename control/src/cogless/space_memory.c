@@ -84,8 +84,8 @@ static cgl_real shorter_way(cgl_real distance, cgl_real period)
                                           : (distance <= CGL_R(-0.5) * period ? distance + period : distance);
 }
 
-/* The mean over 2 m + 1 entries of each row from `start` on, with `part` of the way to the mean one entry further.
- * Entries follow each other by `step`, modulo the length. */
+/* For each row the mean of 2 m + 1 entries from `start` on, interpolated by `part` (0 to 1) towards the same mean taken one
+ * entry later. The entries of a mean are `step` apart; their places wrap around at the length. */
 CGL_SELDOM static void read_rows(const cgl_space_memory_config *config, const cgl_real *row, uint32_t length,
                                  uint32_t start, uint32_t step, uint32_t m, cgl_real part, cgl_real *value)
 {

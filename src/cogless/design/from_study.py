@@ -35,7 +35,7 @@ OF_PLANT = {"range": "parameter", "nominal": "parameter", "output": "C", "period
 
 
 def design_study(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
-    """A design for each (scenario, controller) whose law learns over trials. Equal gains are designed once.
+    """A design for each (scenario, controller) whose law learns over trials. Equal settings share one.
 
     If no learning gain K_3 exists, the design has everything else and the reason. StudyError names the file
     and the key.

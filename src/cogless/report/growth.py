@@ -68,7 +68,7 @@ def _spectrum(x: Array) -> Array:
 
 
 def worsened(results: Results, runs: Sequence[Run]) -> dict[str, float]:
-    """Controllers that learn in angle and stay worse than the baseline, each with the time, s, since when."""
+    """Controllers that learn in angle and are worse than the baseline to the end: since when, s."""
     runs = [run for run in runs if len(run.trace) > 1]
     base = next((run for run in runs if run.controller == results.study.baseline), None)
     if base is None:

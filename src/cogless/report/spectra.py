@@ -113,7 +113,7 @@ def _turns(theta: Array) -> float:
 
 
 def _highest(results: Results, run: Run) -> int:
-    """The highest mechanical order to compute: 24 electrical orders, or fewer if the rows are too few."""
+    """The highest mechanical order to compute: 24 electrical orders, or as many as the rows resolve."""
     theta = run.trace["theta_m"][late(results, run)]
     turned = _turns(theta)
     most = 24 * results.study.motor.pole_pairs

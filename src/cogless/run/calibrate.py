@@ -229,8 +229,8 @@ def _metric(study: AnyStudy, scenario: str, name: str) -> Metric:
 def _relative(study: AnyStudy, residuals: list[Residual]) -> list[float]:
     """Weighted relative deviations from the targets.
 
-    Each is divided by the magnitude of its target, or of the largest target in a list. If that is zero, it
-    isn't divided.
+    Each is divided by the magnitude of its target. In a list all are divided by the largest magnitude.
+    Where that is zero, they aren't divided.
     """
     assert study.calibration is not None
     sizes: dict[tuple[str, str, str], float] = {}
