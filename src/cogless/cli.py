@@ -204,11 +204,11 @@ def design(
     changes: SetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
 ) -> None:
-    """Show every controller's gains and what is known of them before any run.
+    """Show every controller's gains, and what follows from them before any run.
 
-    Of a speed study: gains, given or by a tuning rule, the margins of its loop, whether learning settles.
+    For a study of speed: gains, given or by a tuning rule, the margins of the loop, whether learning settles.
 
-    Of a study of trials: gains, given or by LMIs, and the certificate that they work.
+    For a study of trials: gains, given or by LMIs, and the certificate that they work.
     """
     from cogless.study import TrialStudy
 
