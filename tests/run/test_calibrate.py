@@ -43,6 +43,17 @@ def test_a_cogging_torque_is_found_again(tmp_path: Path) -> None:
     assert (run, metric) == ("low/pi", "speed 24")
 
 
+def test_a_target_of_zero_counts_as_it_is(tmp_path: Path) -> None:
+    """There is nothing to divide by: the deviation is the value itself, and the fit goes to its bound."""
+    bounds = {"lower": "3 mN*m", "upper": "5 mN*m"}
+    study = problem(tmp_path, [{"key": "motor.cogging.0.torque", **bounds}], [target("speed", ["0 rad/s"])])
+    fit = calibrate(study)
+    (row,) = fit.residuals
+    assert fit.deviation == pytest.approx(row.got) and row.got > 0
+    assert fit.study.motor.cogging[0].torque == pytest.approx(0.003, rel=1e-3)
+    assert residual_rows(fit)[0][4] == ""  # no share of zero
+
+
 def test_a_parameter_of_one_scenario_moves_only_its_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
