@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -19,9 +20,13 @@ Reals = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Prepared(Plan):
-    """The plan of a run whose controller exists in C. `memory`: contents of the law's memory at the start."""
+    """The plan of a run whose controller exists in C."""
 
-    memory: Reals = field(default_factory=lambda: np.zeros(0, np.float32))
+    @cached_property
+    def memory(self) -> Reals:
+        """Contents of the law's memory at the start."""
+        memory: Reals = self.drive.law_memory(self.start())
+        return memory
 
     @property
     def duration(self) -> float:
@@ -107,8 +112,7 @@ def prepare(study: AnyStudy, scenario: str, controller: str) -> Prepared:
     _check(study, scenario, controller)
     with failures(study, scenario, controller):
         planned = plan(study, scenario, controller)
-    memory = planned.drive.law_memory(planned.start())
-    return Prepared(**{f.name: getattr(planned, f.name) for f in fields(Plan)}, memory=memory)
+    return Prepared(**vars(planned))
 
 
 def first_scenario(study: AnyStudy, controller: str, wanted: str | None = None) -> str:

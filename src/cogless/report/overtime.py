@@ -13,7 +13,7 @@ from cogless.report.comparison import pretty, speed_unit
 from cogless.report.faults import spans
 from cogless.report.packing import Array, pack, thin
 from cogless.report.palette import place
-from cogless.report.paths import Panel, errors, in_angle, learned_terms
+from cogless.report.paths import ALL_LEARNED, Panel, errors, in_angle, learned_terms
 from cogless.report.required_current import needed_current
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
@@ -58,7 +58,7 @@ def waveforms(results: Results, runs: Sequence[Run]) -> dict[str, Any]:
         *errors(results, runs),
         Panel("Current reference", "i_q_ref", "i_q_ref", "A"),
         Panel("Torque of the motor, cogging included", "tau_motor", "torque", "N*m"),
-        Panel(f"Learned part of the current reference{about}", "learned", "current", "A"),
+        Panel(f"Learned part of the current reference{about}", ALL_LEARNED, "current", "A"),
     ]
     if spatial:
         panels += [Panel(f"{axis} current", f"i_{axis}", f"i_{axis}", "A") for axis in "qd"]
@@ -188,13 +188,13 @@ def _series(
     drawn: list[tuple[float, dict[str, Any]]] = []
     on_top = -math.inf
     for run in runs:
-        names = learned_terms(results, run) if panel.signal == "learned" else [panel.signal]
+        names = learned_terms(results, run) if panel.signal == ALL_LEARNED else [panel.signal]
         if not names or names[0] not in run.trace:
             continue
         if panel.signal == "omega_m" and not drawn:
             reference = {"dash": True, **_packed(run.trace["omega_ref"] / panel.scale, run.trace, views)}
             drawn.append((on_top, reference))
-        if panel.signal == "learned" and not drawn and in_angle(results, run):
+        if panel.signal == ALL_LEARNED and not drawn and in_angle(results, run):
             needed = needed_current(results, run)
             if needed is not None:
                 drawn.append((on_top, {"dash": True, "label": "needed", **_packed(needed, run.trace, views)}))

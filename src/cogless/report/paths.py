@@ -19,11 +19,12 @@ from cogless.units import ANGLE, ANGULAR_SPEED, CURRENT, factor
 
 # The signals of all laws that are learned parts of the current reference.
 LEARNED = tuple(dict.fromkeys(term.signal for law in C_LAWS.values() for term in law.terms if term.learned))
+ALL_LEARNED = "learned terms"  # not a signal: "learned" is that of a trial
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A signal drawn in `unit`, `ratio` times the recorded one; "learned" is the sum of all learned terms."""
+    """A signal drawn in `unit`, `ratio` times the recorded one; ALL_LEARNED sums the learned terms."""
 
     title: str
     signal: str
@@ -34,8 +35,7 @@ class Panel:
     @property
     def scale(self) -> float:
         """The number by which the signal's SI values are divided to get displayed values."""
-        dimension = CURRENT if self.signal == "learned" else SIGNALS[self.signal]
-        return factor(self.unit, dimension) / self.ratio
+        return factor(self.unit, SIGNALS.get(self.signal, CURRENT)) / self.ratio
 
     def of(self, trace: Trace) -> Array:
         return np.asarray(trace[self.signal] / self.scale)

@@ -161,10 +161,10 @@ def _run(
 ) -> Run:
     with failures(study, scenario, controller):
         planned = plan(study, scenario, controller, stop, designs.get((scenario, controller)))
-        return _made(planned, progress, stop)
+        return _carried_out(planned, progress, stop)
 
 
-def _made(planned: Plan, progress: Progress, stop: Event) -> Run:
+def _carried_out(planned: Plan, progress: Progress, stop: Event) -> Run:
     study, scenario, controller = planned.study, planned.scenario, planned.controller
     drive, state = planned.drive, planned.start()
     recorder = planned.engine.Recorder(drive, planned.decimation, planned.ticks // planned.decimation + 1)

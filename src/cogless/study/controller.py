@@ -147,7 +147,21 @@ def check_cells(cells: int, q_half_width: int, line: bool) -> None:
         raise invalid(f"expected a filter within the {cells} cells of the memory", "q_half_width")
 
 
-class Learning(Base):
+class LearnsWhileRunning(Base):
+    """A law that learns during the run, from a time on."""
+
+    learning_start: StartTime = 0.0  # s
+
+    @property
+    def learns(self) -> bool:
+        return True
+
+    @property
+    def learns_from(self) -> float:
+        return self.learning_start
+
+
+class Learning(LearnsWhileRunning):
     """The memory of an iterative learning law."""
 
     memory: Literal["time", "angle"] = "angle"
@@ -156,7 +170,6 @@ class Learning(Base):
     forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0  # share of the memory that is kept per period
     q_half_width: Annotated[int, Field(ge=0)] = 0  # cells on each side of the centre of the boxcar Q filter
     lead: StartTime = 0.0  # s: the present error corrects what was output this long ago
-    learning_start: StartTime = 0.0  # s
     limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
 
     @property
@@ -167,14 +180,6 @@ class Learning(Base):
     def revolutions(self, pole_pairs: int) -> Fraction:
         """Length of the learned period in mechanical revolutions."""
         return Fraction(1, self.ratio(pole_pairs))
-
-    @property
-    def learns(self) -> bool:
-        return True
-
-    @property
-    def learns_from(self) -> float:
-        return self.learning_start
 
     @property
     @abstractmethod

@@ -16,9 +16,10 @@ from cogless.signals import dimensions
 from cogless.study.table import Duration, Many, Quantity, Table, Time, invalid
 from cogless.units import Dimension
 
+OF_LINEAR_PLANTS = ("y_ref", "y", "y_error", "u", "load")  # signals beside those that drives have, too
 # Dimension of every signal that a run may have, recorded or derived; a linear plant's have no unit.
 SIGNALS = {
-    **dict.fromkeys(("y_ref", "y", "y_error", "u", "load"), units.NONE),
+    **dict.fromkeys(OF_LINEAR_PLANTS, units.NONE),
     **dimensions(("electrical", "three_phases", "path", "energy"), C_LAWS),
     **dimensions(("electrical", "three_phases", "energy", "trials", "trial_law"), ()),
 }

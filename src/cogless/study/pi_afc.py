@@ -8,13 +8,13 @@ from typing import Any, Literal, Self
 
 from pydantic import model_validator
 
-from cogless.study.controller import Feedback, LawLoop
+from cogless.study.controller import Feedback, LawLoop, LearnsWhileRunning
 from cogless.study.table import CurrentBound, LawSpeed, Many, SpeedIntegralGain, StartTime, invalid
 
 ORDERS, HIGHEST = 16, 65_535  # CGL_PI_AFC_ORDERS, CGL_PI_AFC_ORDER_MAX
 
 
-class PiAfc(Feedback):
+class PiAfc(Feedback, LearnsWhileRunning):
     """PI with adaptive feedforward cancellation: amplitudes of chosen orders, learned over the angle."""
 
     law: Literal["pi-afc"]
@@ -22,16 +22,7 @@ class PiAfc(Feedback):
     gain: SpeedIntegralGain  # A/rad, learning
     lead: StartTime = 0.0  # s: delay from the current to the measured speed
     omega_min: LawSpeed = 0.01  # rad/s, mechanical: below it learning pauses, but the learned part stays on
-    learning_start: StartTime = 0.0  # s
     limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
-
-    @property
-    def learns(self) -> bool:
-        return True
-
-    @property
-    def learns_from(self) -> float:
-        return self.learning_start
 
     @property
     def over_angle(self) -> bool:

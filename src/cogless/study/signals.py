@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from cogless import units
 from cogless.c_laws import C_LAWS
 from cogless.signals import dimensions, exists
+from cogless.study.metric import OF_LINEAR_PLANTS
 from cogless.study.space_controller import SpaceLearning
 from cogless.study.trial_controller import TrialLaw
 from cogless.study.trial_study import TrialStudy
@@ -54,7 +55,7 @@ def kinds(study: Study | TrialStudy) -> set[str]:
 def linear(states: int) -> dict[str, Dimension]:
     """All signals of a linear plant in trials; they have no unit."""
     own = (term.signal for term in C_LAWS["trial"].terms)
-    names = ("y_ref", "y", "y_error", "u", "load", *own, "learned", "status")
+    names = (*OF_LINEAR_PLANTS, *own, "learned", "status")
     return dict.fromkeys((*names, *(f"x_{i + 1}" for i in range(states))), units.NONE)
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from cogless import units
-from cogless.study.controller import Base, Cells, LawLoop, Tuning, check_cells
+from cogless.study.controller import Cells, LawLoop, LearnsWhileRunning, Tuning, check_cells
 from cogless.study.table import (
     CurrentBound,
     LawSpeed,
@@ -38,11 +38,10 @@ class Period(Table):
         return Fraction(self.turns, self.parts * (pole_pairs if self.of == "electrical" else 1))
 
 
-class SpaceLearning(Base):
+class SpaceLearning(LearnsWhileRunning):
     """The memory of a law that learns over the angle."""
 
     learning: bool = True
-    learning_start: StartTime = 0.0  # s
     period: Period = Period()
     memory: Literal["map", "delay"] = "map"  # map over the angle, or delay line over time; P_t is its delay
     delay_method: Literal["ode", "inversion"] = "ode"  # how P_t is found
@@ -77,7 +76,7 @@ class SpaceLearning(Base):
 
     @property
     def learns_from(self) -> float:
-        return self.learning_start if self.learning else NEVER
+        return super().learns_from if self.learning else NEVER
 
     @property
     def over_angle(self) -> bool:
