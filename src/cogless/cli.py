@@ -15,7 +15,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from cogless.errors import StudyError
 from cogless.files import reason
@@ -24,6 +31,8 @@ from cogless.run.side_by_side import left_behind
 if TYPE_CHECKING:
     from rich.text import Text
 
+    from cogless.ensemble.executors import Workers
+    from cogless.ensemble.sweep import Shard
     from cogless.report import Line
     from cogless.results import AnyResults
     from cogless.run.simulate import StudyProgress
@@ -68,6 +77,14 @@ ScenarioOption = Annotated[
         help="Where it runs.",
         show_default="the first scenario that has the controller",
     ),
+]
+OnlyOption = Annotated[
+    list[str] | None,
+    typer.Option("--only", metavar="SCENARIO/CONTROLLER", help="Only this run; * and ? match. Repeatable."),
+]
+DaskOption = Annotated[
+    str | None,
+    typer.Option("--dask", metavar="ADDRESS", help="Run on a Dask cluster, such as tcp://node1:8786."),
 ]
 CORES = os.cpu_count() or 1
 
@@ -145,12 +162,7 @@ def run(
         Path | None,
         typer.Option("--output", "-o", metavar="DIR", help="Where results go.", show_default="results/STUDY"),
     ] = None,
-    only: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--only", metavar="SCENARIO/CONTROLLER", help="Only this run; * and ? match. Repeatable."
-        ),
-    ] = None,
+    only: OnlyOption = None,
     changes: SetOption = None,
     plots: Annotated[bool, typer.Option("--plots", help="Also write PNG pictures.")] = False,
     jobs: JobsOption = CORES,
@@ -196,6 +208,57 @@ def run(
         where = f" ({kept}), written to {folder}" if kept else ", nothing written"
         _say(f"Interrupted: kept {len(results.runs)} of {wanted} runs{where}.")
         sys.exit(INTERRUPTED)
+
+
+@app.command()
+def sweep(
+    study: StudyArgument,
+    count: Annotated[int, typer.Option("-n", min=1, metavar="N", help="Variants to draw.")] = 1000,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="Where it goes.", show_default="results/STUDY"),
+    ] = None,
+    only: OnlyOption = None,
+    changes: SetOption = None,
+    jobs: JobsOption = CORES,
+    dask: DaskOption = None,
+    shard: Annotated[
+        str | None,
+        typer.Option("--shard", metavar="I/N", help="Only this part, such as 3/20, of a job array."),
+    ] = None,
+    merge: Annotated[bool, typer.Option("--merge", help="Put finished shards in DIR together.")] = False,
+) -> None:
+    """Run a study as many variants of itself, drawn as its table [vary] says: what spreads, and why.
+
+    Writes sweep.parquet, a row for each run, and report.html. The same command goes on with a sweep that was
+    ended, and with a larger -n adds to it.
+    """
+    from cogless.ensemble import sweep as sweeping
+    from cogless.ensemble import table
+    from cogless.files import writable
+    from cogless.report import sweep as report
+
+    table.require()
+    part = _shard(shard)
+    loaded = _load(study, changes)
+    folder = output or Path("results") / loaded.name
+    planned = sweeping.plan(loaded, count, only)
+    with writable(folder):
+        if merge:
+            found: table.Sweep | None = sweeping.merge(planned, folder)
+        else:
+            wanted = planned.variants(part)
+            with _workers(jobs, dask) as workers, _variant_progress(wanted) as progress:
+                found = sweeping.run(planned, folder, workers, part, progress)
+        if found is None:
+            print(f"Shard: {folder / part.file}")
+            return
+        table.write(found, folder / "sweep.parquet")
+        told = report.write(found, folder / "report.html", partial(_repeat, study, changes))
+    for line in told:
+        print(line)
+    print(f"Table: {folder / 'sweep.parquet'}")
+    print(f"Report: {folder / 'report.html'}")
 
 
 @app.command()
@@ -416,6 +479,33 @@ def map_(
     print(to_csv(stored) if to_screen else "\n".join(lines(found, newest)), end="" if to_screen else "\n")
 
 
+@contextmanager
+def _workers(jobs: int, dask: str | None) -> Iterator[Workers]:
+    """Processes of this machine, or the workers of a Dask cluster."""
+    from cogless.ensemble import executors
+
+    if dask is None:
+        yield executors.processes(jobs)
+    else:
+        with executors.dask(dask) as workers:
+            yield workers
+
+
+def _shard(text: str | None) -> Shard:
+    """The part that --shard names; without it the whole."""
+    from cogless.ensemble.sweep import Shard
+
+    index, _, of = (text or "1/1").partition("/")
+    if not (index.isdigit() and of.isdigit() and 1 <= int(index) <= int(of)):
+        raise StudyError(f'--shard: "{text}": expected I/N, such as 3/20, with I from 1 to N')
+    return Shard(int(index) - 1, int(of))
+
+
+def _repeat(study: str, changes: list[str] | None, own: list[str], pair: tuple[str, str]) -> str:
+    """The command that repeats a run of a sweep."""
+    return _command("run", study, [*(changes or ()), *own], ["--only", "/".join(pair)])
+
+
 def _load(study: str, changes: list[str] | None) -> AnyStudy:
     from cogless.study.reading import changes_from, load
 
@@ -504,6 +594,16 @@ def _run_progress(runs: int) -> Iterator[StudyProgress]:
             bar.update(task, completed=sum(list(shares.values())), description=f"{scenario}/{controller}")
 
         yield report
+
+
+@contextmanager
+def _variant_progress(variants: int) -> Iterator[Callable[[int], None]]:
+    """Show finished variants and the time left on stderr if it is a terminal."""
+    console = _console(stderr=True)
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("variants, left"), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=variants)
+        yield lambda done: bar.update(task, completed=done)
 
 
 @contextmanager

@@ -154,6 +154,18 @@ def format(value_si: float, unit: str, dimension: Dimension, digits: int = 6) ->
 
 
 @cache
+def si_factor(unit: str) -> float:
+    """Factor from a unit of any dimension to SI; UnitError: unknown unit."""
+    with ONE_AT_A_TIME:
+        quantity = _quantity(unit)
+        if quantity is None:
+            raise UnitError(f'expected a known unit, not "{unit}"')
+        base = quantity.to_root_units()  # in grams, where SI has kilograms
+        grams = float(base.dimensionality.get("[mass]", 0))
+        return float(base.magnitude) * math.pow(1e-3, grams)
+
+
+@cache
 def factor(unit: str, dimension: Dimension) -> float:
     """Factor from `unit` to the SI unit of the dimension; UnitError: other dimension or unknown unit."""
     with ONE_AT_A_TIME:

@@ -187,9 +187,7 @@ def lines_of(
 ) -> list[Line]:
     """A metric's lines, one for each (name, order) in `named`."""
     unit, scale = shown_in(study, metric)
-    # "exceeds" is the time until a band is left: higher is better, unless the study sets `better` itself.
-    later = metric.kind == "exceeds" and "better" not in metric.model_fields_set
-    about = metric.frame, "higher" if later else metric.better, unit
+    about = metric.frame, metric.wanted, unit
     values = {run.controller: run.metrics[result_name(metric)] for run in runs}
     lines = []
     for place, (name, order) in enumerate(named):

@@ -52,7 +52,7 @@ def render(results: AnyResults, sections: Sections) -> str:
         version=escape(versions()["cogless"]),
         data=text.replace("<", "\\u003c"),  # so that no text of the user ends the script element
         css=asset("report.css"),
-        js=asset("speed.js") + asset("trials.js") + asset("page.js"),
+        js=asset("speed.js") + asset("trials.js") + asset("sweep.js") + asset("page.js"),
         uplot_css=asset("uplot.min.css"),
         uplot_js=asset("uplot.min.js"),
     )

@@ -13,6 +13,7 @@ from cogless.study.calibration import Calibration
 from cogless.study.controller import Base
 from cogless.study.metric import Metric
 from cogless.study.table import Frequency, Line, Many, Table
+from cogless.study.vary import Tune, Vary
 
 K = TypeVar("K", bound=Hashable)
 T = TypeVar("T")
@@ -56,6 +57,8 @@ class StudyBase(Table):
     controller: Mapping[str, Base]
     metric: Many[Metric] = ()
     calibration: Calibration | None = None
+    vary: Vary | None = None
+    tune: Tune | None = None
     _source: Source = PrivateAttr()
     _made: dict[Hashable, Any] = PrivateAttr(default_factory=dict)
 

@@ -78,6 +78,7 @@ class Metric(Table):
     smooth: Duration | None = None  # s: the signal is averaged over this time first, to remove ripple
     unit: str | None = None  # in tables and report; default: SI
     better: Literal["lower", "higher", "none"] = "lower"
+    limit: float | None = None  # SI: what is still good; `cogless sweep` tells the share that keeps it
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -98,6 +99,16 @@ class Metric(Table):
         if dimension is None:
             return 1.0  # any number: a check of the study refuses the signal
         return Quantity(dimension, ">", bare=not dimension.unit).read(value)
+
+    @field_validator("limit", mode="before")
+    @classmethod
+    def _in_own_unit(cls, value: Any, info: ValidationInfo) -> Any:
+        dimension = _dimension(str(info.data.get("kind")), info.data.get("signal"))
+        if value is None or dimension is None:
+            return value
+        if info.data.get("better") == "none":
+            raise invalid('expected none, since better is "none"')
+        return Quantity(dimension, bare=not dimension.unit).read(value)
 
     @field_validator("unit")
     @classmethod
@@ -137,6 +148,12 @@ class Metric(Table):
     def span(self, end: float) -> tuple[float, float] | None:
         """The declared window in a run that ends at `end`, s; None if none is declared."""
         return self.window if self.last is None else (max(0.0, end - self.last), end)
+
+    @property
+    def wanted(self) -> str:
+        """The direction that is better: as `better` says, but a band is by default better left late."""
+        later = self.kind == "exceeds" and "better" not in self.model_fields_set
+        return "higher" if later else self.better
 
     @property
     def meaning(self) -> tuple[Any, ...]:

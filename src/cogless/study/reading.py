@@ -56,13 +56,13 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
     source = _with_datasheet(path, tables)
     _check_names(path, source.tables, changes)
     _apply(source.tables, changes)
-    return _checked(source)
+    return checked(source)
 
 
 def changed(study: AStudy, changes: Changes) -> AStudy:
     """A copy of the study with other values at some dotted keys; `changes` as in `load`."""
     tables = _overridden(study.source, changes)
-    of_its_kind = _checked(_replaced(study.source, tables))
+    of_its_kind = checked(_replaced(study.source, tables))
     assert isinstance(of_its_kind, type(study))
     return of_its_kind
 
@@ -264,7 +264,8 @@ def _replaced(source: Source, tables: dict[str, Any]) -> Source:
     return Source(source.path, tables, source.datasheet, source.own_motor_keys)
 
 
-def _checked(source: Source) -> AnyStudy:
+def checked(source: Source) -> AnyStudy:
+    """The study of these tables, validated; StudyError lists its mistakes, one per line."""
     if is_trial_study(source.tables):
         trials = _validated(TrialStudy, source)
         trials._hardware = _of_each(trials.scenario, partial(_hardware, trials))

@@ -166,7 +166,7 @@
   }
 
   const page = { report, hidden, style, colour, make, about, number, unpack };
-  const draw = { speed: speedPlots(page), trials: trialsPlots(page) };
+  const draw = { speed: speedPlots(page), trials: trialsPlots(page), sweep: sweepPlots(page) };
   const sheets = [...document.querySelectorAll("article.scenario")].map(sheet);
 
   function select(index) {

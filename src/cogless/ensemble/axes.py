@@ -1,0 +1,196 @@
+"""The axes of an ensemble: from a study's `[vary]` to values of its keys."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
+
+from cogless import units
+from cogless.errors import StudyError
+from cogless.study import AnyStudy, changed
+from cogless.study.error_messages import MISSING, dotted, look_up, shown
+from cogless.study.reading import split
+from cogless.study.vary import Distribution
+
+Array = NDArray[np.float64]
+PERCENT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*%\s*")
+CUT = 3.0  # standard deviations at which a normal distribution ends
+DIGITS = 6  # of a value, so that the command that repeats a variant can be read
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A key that varies. `spread`: from the share of variants below a value, 0 to 1, to the value."""
+
+    key: str
+    unit: str  # of its text in the study; "" for a plain number
+    spread: Callable[[Array], Array] | None
+    choices: tuple[Any, ...] = ()  # instead of a spread
+
+    def values(self, share: Array) -> list[Any]:
+        """Values as they stand in a study's file."""
+        if self.spread is None:
+            last = len(self.choices) - 1
+            return [self.choices[min(int(s * len(self.choices)), last)] for s in share]
+        numbers = (float(f"{x:.{DIGITS}g}") for x in self.spread(share))
+        return [f"{x!r} {self.unit}" if self.unit else x for x in numbers]
+
+    def si(self, value: Any) -> Any:
+        """A value of a study's file in SI; a text without a number stays what it is."""
+        if isinstance(value, str):
+            unit = units.unit_of(value)
+            return units.number_in(value, unit) * units.si_factor(unit) if unit else value
+        return value
+
+    @property
+    def factor(self) -> float:
+        """Factor from the axis' own unit to SI."""
+        return units.si_factor(self.unit) if self.unit else 1.0
+
+
+def axes(study: AnyStudy) -> list[Axis]:
+    """The axes of a study's ensemble; StudyError names a key or a value that the study refuses."""
+    if study.vary is None:
+        raise StudyError(f"{study.source.path}: vary: missing: expected a table of keys that vary")
+    found = []
+    for key, distribution in study.vary.keys.items():
+        axis = _Reader(study, key, distribution).axis()
+        # with what the file says at once, so that a key that it hasn't is told as in any study
+        for value in axis.choices or axis.values(np.array([0.5])):
+            try:
+                changed(study, {key: value})
+            except StudyError as error:
+                path = str(study.source.path)
+                raise StudyError(str(error).replace(f"{path}: ", f"{path}: vary: ")) from None
+        found.append(axis)
+    return found
+
+
+class _Reader:
+    """Reads the distribution of one key."""
+
+    def __init__(self, study: AnyStudy, key: str, distribution: Distribution) -> None:
+        self.study, self.key = study, key
+        self.form, self.given = distribution.form
+        self.nominal = self._nominal()
+        self.unit = self._unit()
+
+    def axis(self) -> Axis:
+        if self.form == "list":
+            return Axis(self.key, self.unit, None, tuple(self.given))
+        spread = {"uniform": _uniform, "log": _log, "normal": _normal, "corners": _corners}[self.form]
+        if isinstance(self.given, tuple):
+            first, second = (self._number(value) for value in self.given)
+            if self.form == "normal":
+                return Axis(self.key, self.unit, spread(first, self._above_zero(second)))
+        else:
+            middle, by = self._middle(), self._above_zero(self._number(self.given, around=0.0))
+            if self.form == "normal":
+                return Axis(self.key, self.unit, spread(middle, by))
+            if self.form == "log":
+                ratio = 1 + by / abs(middle) if middle else math.nan
+                first, second = middle / ratio, middle * ratio
+            else:
+                first, second = middle - by, middle + by
+        if not first < second:
+            raise self._wrong("expected a range whose second limit is above its first")
+        if self.form == "log" and not first > 0:
+            raise self._wrong("expected limits above zero")
+        return Axis(self.key, self.unit, spread(first, second))
+
+    def _nominal(self) -> Any:
+        try:
+            found = look_up(self.study.source.tables, split(self.key))
+        except StudyError as error:
+            raise StudyError(f"{self.study.source.path}: vary: {error}") from None
+        motor = getattr(self.study, "motor", None)
+        if self.key == "motor.K_t" and found is MISSING and motor is not None:
+            return f"{motor.star().K_t!r} N*m/A"  # its magnet is given by another key
+        return found
+
+    def _unit(self) -> str:
+        """The unit of the study's own text, or else the first that the distribution names."""
+        given = self.given if isinstance(self.given, tuple) else (self.given,)
+        texts = [text for text in (self.nominal, *given) if isinstance(text, str)]
+        return next((u for u in map(units.unit_of, texts) if u and u != "%"), "")
+
+    def _middle(self) -> float:
+        """The study's own value, in the axis' unit."""
+        if self.nominal is MISSING:
+            raise self._wrong("expected two limits, since the study has no value at this key")
+        if isinstance(self.nominal, bool) or not isinstance(self.nominal, str | int | float):
+            raise self._wrong("expected the key of a number, or a list of values")
+        return self._plain(self.nominal)
+
+    def _number(self, value: Any, around: float | None = None) -> float:
+        """A number of the distribution; a percentage of the study's value is added to it, or to `around`."""
+        percent = PERCENT.fullmatch(value) if isinstance(value, str) else None
+        if percent is None:
+            return self._plain(value)
+        middle = self._middle()
+        return (middle if around is None else around) + abs(middle) * float(percent[1]) / 100
+
+    def _plain(self, value: Any) -> float:
+        if isinstance(value, str):
+            try:
+                return units.number_in(value, self.unit)
+            except units.UnitError as error:
+                raise self._wrong(str(error), value) from None
+        if self.unit:
+            raise self._wrong(f'expected a text with a unit, such as "{value} {self.unit}", or with %', value)
+        return float(value)
+
+    def _above_zero(self, by: float) -> float:
+        if not by > 0:
+            raise self._wrong("expected a deviation above zero")
+        return by
+
+    def _wrong(self, expected: str, value: Any = None) -> StudyError:
+        where = dotted(("vary", self.key, self.form))
+        given = self.given if value is None else value
+        text = shown(list(given) if isinstance(given, tuple) else given)
+        return StudyError(f"{self.study.source.path}: {where}: {text}: {expected}")
+
+
+def _uniform(low: float, high: float) -> Callable[[Array], Array]:
+    return lambda share: low + (high - low) * share
+
+
+def _log(low: float, high: float) -> Callable[[Array], Array]:
+    return lambda share: low * (high / low) ** share
+
+
+def _normal(mean: float, deviation: float) -> Callable[[Array], Array]:
+    edge = float(ndtr(-CUT))
+    return lambda share: mean + deviation * ndtri(edge + (1 - 2 * edge) * share)
+
+
+def _corners(low: float, high: float) -> Callable[[Array], Array]:
+    return lambda share: np.where(share < 0.5, low, high)
+
+
+def together(shares: Array, axes: Sequence[Axis], study: AnyStudy) -> Array:
+    """Shares, a column an axis, with the correlations of `[vary]` put in: a Gaussian copula.
+
+    Each column stays evenly spread; only which values meet is changed.
+    """
+    found = shares.copy()
+    assert study.vary is not None
+    places = {axis.key: place for place, axis in enumerate(axes)}
+    for group in study.vary.together:
+        columns = [places[key] for key in group.keys]
+        matrix = np.full((len(columns), len(columns)), group.correlation)
+        np.fill_diagonal(matrix, 1.0)
+        # the symmetric root exists for a correlation of one, too
+        strength, direction = np.linalg.eigh(matrix)
+        root = direction * np.sqrt(np.maximum(strength, 0.0)) @ direction.T
+        inside = np.clip(shares[:, columns], 2.0**-40, 1 - 2.0**-40)
+        found[:, columns] = ndtr(ndtri(inside) @ root)
+    return found

@@ -1,0 +1,171 @@
+"""Run tasks on any `concurrent.futures.Executor`; a worker that dies costs its task's time, nothing else."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from cogless.errors import StudyError
+
+T = TypeVar("T")
+MOST_LOSSES = 3  # workers that one task may cost before it is given up
+AHEAD = 2  # tasks sent for each worker: one that runs, one that waits
+PATIENCE = 10  # s that a cluster is given to answer
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Where tasks run. `open`: makes an executor, anew when its workers have died; `count`: its workers."""
+
+    open: Callable[[], AbstractContextManager[Executor]]
+    count: int
+
+
+def given(executor: Executor) -> Workers:
+    """The workers of a caller's executor, which stays open."""
+
+    @contextmanager
+    def same() -> Iterator[Executor]:
+        yield executor
+
+    return Workers(same, getattr(executor, "_max_workers", None) or os.cpu_count() or 1)
+
+
+def processes(count: int) -> Workers:
+    """Processes of this machine. They don't share a lock, as threads would: one run for each core."""
+
+    @contextmanager
+    def started() -> Iterator[Executor]:
+        context = multiprocessing.get_context("spawn")
+        pool = ProcessPoolExecutor(count, context, initializer=_deaf)
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in list((pool._processes or {}).values()):
+                process.kill()
+            raise
+        pool.shutdown()
+
+    return Workers(started, count)
+
+
+def _deaf() -> None:
+    """Leave Ctrl-C to the process that started this one."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def dask(address: str) -> Iterator[Workers]:
+    """The workers of a Dask cluster. StudyError: no answer, no worker, another version of cogless there."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise StudyError("--dask: expected the extra: pip install 'cogless[dask]'") from None
+    try:
+        client = Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        said = str(error).splitlines()[0] if isinstance(error, ValueError) else "no answer"
+        expected = "expected the address of a Dask scheduler, such as tcp://127.0.0.1:8786"
+        raise StudyError(f"--dask: {address}: {said}: {expected}") from None
+    with client:
+        _check_versions(address, client)
+
+        @contextmanager
+        def executor() -> Iterator[Executor]:
+            with client.get_executor(pure=False) as found:
+                yield found
+
+        yield Workers(executor, sum(client.nthreads().values()))
+
+
+def _check_versions(address: str, client: Any) -> None:
+    from cogless.versions import versions
+
+    here = versions()["cogless"]
+    there = client.run(_version, on_error="return")
+    if not there:
+        raise StudyError(f"--dask: {address}: has no worker: expected one or more")
+    for worker, version in there.items():
+        if version != here:
+            has = f"has cogless {version}" if isinstance(version, str) else "has no cogless"
+            raise StudyError(f"--dask: worker {worker}: {has}: expected {here}, as here")
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("cogless")
+
+
+def run_all(
+    workers: Workers,
+    work: Callable[..., T],
+    tasks: Mapping[int, Sequence[Any]],
+    finished: Callable[[int, T], None],
+) -> None:
+    """Call work(*arguments) for each task, and `finished` with its number and result, in order of ending.
+
+    A task whose worker dies is sent again, and alone, since it may be what kills workers; after the third
+    time it is given up. StudyError: that, or a cluster that is gone.
+    """
+    waiting = deque(tasks)
+    losses = dict.fromkeys(tasks, 0)
+    while waiting:
+        with workers.open() as executor:
+            _use(executor, AHEAD * workers.count, work, tasks, finished, waiting, losses)
+
+
+def _use(
+    executor: Executor,
+    most: int,
+    work: Callable[..., T],
+    tasks: Mapping[int, Sequence[Any]],
+    finished: Callable[[int, T], None],
+    waiting: deque[int],
+    losses: dict[int, int],
+) -> None:
+    """Run the waiting tasks until none is left or the executor is broken; what it lost waits again."""
+    running: dict[Future[T], int] = {}
+    broken = False
+    while running or (waiting and not broken):
+        while waiting and not broken and len(running) < (1 if losses[waiting[0]] else most):
+            alone = any(losses[number] for number in running.values())
+            if alone:
+                break
+            try:
+                running[executor.submit(work, *tasks[waiting[0]])] = waiting[0]
+                waiting.popleft()
+            except BrokenProcessPool:
+                broken = True
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            number = running.pop(future)
+            try:
+                result = future.result()
+            except CancelledError:
+                raise StudyError("the cluster is gone: the same command goes on from here") from None
+            except Exception as error:
+                if not _is_loss(error):
+                    raise
+                broken = broken or isinstance(error, BrokenProcessPool)
+                losses[number] += 1
+                if losses[number] >= MOST_LOSSES:
+                    raise StudyError(
+                        f"chunk {number}: its worker died {MOST_LOSSES} times: expected enough memory for it"
+                    ) from None
+                waiting.appendleft(number)
+            else:
+                finished(number, result)
+
+
+def _is_loss(error: Exception) -> bool:
+    """Whether the worker died, rather than the task failed."""
+    return isinstance(error, BrokenProcessPool) or type(error).__name__ == "KilledWorker"

@@ -1,0 +1,93 @@
+"""A study made ready to travel: its tables, and the files that it names, for a worker on any machine."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from cogless.study import AnyStudy
+from cogless.study.base import Source
+from cogless.study.reading import checked
+
+LONGEST = 255  # characters of a file's name
+
+
+@dataclass(frozen=True, eq=False)
+class Parcel:
+    """`files`: content by path relative to the study. Two parcels are the same if their digests are."""
+
+    source: Source
+    files: Mapping[str, bytes]
+    digest: str
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Parcel) and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+
+def pack(study: AnyStudy) -> Parcel:
+    """Pack a study as it was read, with its changes."""
+    source = study.source
+    files = {name: (source.path.parent / name).read_bytes() for name in sorted(_named(source))}
+    text = json.dumps(source.tables, sort_keys=True, default=str)
+    found = hashlib.sha256(text.encode())
+    for name, content in files.items():
+        found.update(f"\n{name} {len(content)}\n".encode() + content)
+    return Parcel(source, files, found.hexdigest())
+
+
+@lru_cache(maxsize=8)
+def unpacked(parcel: Parcel) -> AnyStudy:
+    """The study of a parcel: where it came from if its files are there, else in a folder of its own."""
+    source = parcel.source
+    if all(_is(source.path.parent / name, content) for name, content in parcel.files.items()):
+        return checked(source)
+    up = max(name.count("../") for name in parcel.files)
+    folder = Path(tempfile.mkdtemp(prefix="cogless-"), *("in",) * up)
+    for name, content in parcel.files.items():
+        place = Path(os.path.normpath(folder / name))
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(content)
+    return checked(replace(source, path=folder / source.path.name))
+
+
+def _is(path: Path, content: bytes) -> bool:
+    try:
+        return path.read_bytes() == content
+    except OSError:
+        return False
+
+
+def _named(source: Source) -> set[str]:
+    """Files that a study names by a path relative to it; of a controller in Python also its neighbours."""
+    found = set()
+    for text in _texts(source.tables):
+        name = text.rpartition(":")[0] if ".py:" in text else text
+        path = source.path.parent / name
+        if not name or len(name) > LONGEST or "\0" in name or os.path.isabs(name) or not path.is_file():
+            continue
+        found.add(name)
+        if name.endswith(".py"):
+            folder = os.path.dirname(name)
+            found |= {os.path.join(folder, beside.name) for beside in path.parent.glob("*.py")}
+    return found
+
+
+def _texts(value: Any) -> Iterator[str]:
+    if isinstance(value, dict):
+        for inner in value.values():
+            yield from _texts(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from _texts(inner)
+    elif isinstance(value, str):
+        yield value

@@ -1,0 +1,55 @@
+"""Draw the variants of an ensemble: Sobol's sequence over the axes of `[vary]`, the same on every machine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cogless.ensemble.axes import Axis, axes, together
+from cogless.study import AnyStudy
+
+SEED = "seed"  # a study's key: of the sensors' noise
+FRESH = 1 << 32  # between the seeds of an ensemble and those of a fresh one
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """The variants of a study: `drawn` has the values of each varied key, as in the study's file."""
+
+    axes: tuple[Axis, ...]
+    drawn: Mapping[str, list[Any]]
+    count: int
+
+    def changes(self, variant: int) -> dict[str, Any]:
+        """What differs from the study in a variant, by dotted key."""
+        return {key: values[variant] for key, values in self.drawn.items()}
+
+    def si(self, key: str) -> list[Any]:
+        """The values of a varied key in SI, or as they are if they are no quantities."""
+        axis = next((axis for axis in self.axes if axis.key == key), None)
+        return self.drawn[key] if axis is None else [axis.si(value) for value in self.drawn[key]]
+
+
+def draw(study: AnyStudy, count: int, fresh: int = 0) -> Ensemble:
+    """Draw `count` variants; the first of a longer ensemble are the same. StudyError: a mistake in [vary].
+
+    `fresh`: a number above zero draws others than any ensemble with another number.
+    """
+    from scipy.stats import qmc
+
+    found = axes(study)
+    assert study.vary is not None
+    drawn: dict[str, list[Any]] = {}
+    if found:
+        generator = np.random.default_rng([study.seed, fresh])
+        sequence = qmc.Sobol(len(found), scramble=True, rng=generator)
+        shares = sequence.random_base2(max(0, count - 1).bit_length())[:count]
+        columns = together(shares, found, study).T
+        drawn = {axis.key: axis.values(column) for axis, column in zip(found, columns, strict=True)}
+    if study.vary.seeds:
+        first = study.seed + 1 + fresh * FRESH
+        drawn[SEED] = [(first + variant) % 2**64 for variant in range(count)]
+    return Ensemble(tuple(found), drawn, count)

@@ -1,0 +1,78 @@
+"""The work of one task of an ensemble, in whatever process or machine it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from cogless.ensemble.columns import Column, columns
+from cogless.ensemble.parcel import Parcel, unpacked
+from cogless.errors import StudyError
+from cogless.results import AnyResults
+from cogless.results.metrics import Value
+from cogless.run.simulate import RunError, rollout, simulate
+from cogless.study import AnyStudy, changed
+
+Pair = tuple[str, str]  # scenario, controller
+Row = list[Any]  # a number for each column, and the error's text, or None
+
+
+class Ended(Exception):  # noqa: N818, it isn't an error
+    """Ctrl-C reached a worker."""
+
+
+def rows(parcel: Parcel, changes: Sequence[Mapping[str, Any]], pairs: Sequence[Pair]) -> list[list[Row]]:
+    """Run these variants and return their rows: for each variant one for each pair, in order."""
+    study = unpacked(parcel)
+    wanted = columns(study)
+    made = [_made(study, of_variant) for of_variant in changes]
+    valid = [variant for variant in made if not isinstance(variant, str)]
+    try:
+        results: Sequence[AnyResults] = rollout(
+            valid, ["/".join(pair) for pair in pairs], jobs=1, keep_traces=False
+        )
+        if any(found.interrupted for found in results):
+            raise Ended
+    except RunError as error:
+        results = error.all_results
+    except StudyError:  # such as a design that one variant has not; the others have theirs
+        if len(made) > 1:
+            return [rows(parcel, [of_variant], pairs)[0] for of_variant in changes]
+        results = [AnyResults(valid[0], [])]
+    finished = iter(results)
+    found = []
+    for variant in made:
+        if isinstance(variant, str):
+            found.append([[*[None] * len(wanted), variant] for _ in pairs])
+            continue
+        runs = {(run.scenario, run.controller): run.metrics for run in next(finished).runs}
+        found.append([_row(wanted, runs.get(pair), variant, pair) for pair in pairs])
+    return found
+
+
+def _row(columns: list[Column], metrics: Mapping[str, Value] | None, variant: AnyStudy, pair: Pair) -> Row:
+    if metrics is None:
+        return [*[None] * len(columns), _failure(variant, pair)]
+    return [*(column.of(metrics) for column in columns), None]
+
+
+def _made(study: AnyStudy, changes: Mapping[str, Any]) -> AnyStudy | str:
+    """The variant, or why the study doesn't allow it."""
+    try:
+        return changed(study, changes)
+    except StudyError as error:
+        return _told(study, error)
+
+
+def _failure(variant: AnyStudy, pair: Pair) -> str:
+    """Why a run failed. It runs again for that, since a rollout tells its first failure only."""
+    try:
+        simulate(variant, *pair)
+    except StudyError as error:
+        return _told(variant, error)
+    raise RuntimeError(f"{'/'.join(pair)}: failed in a rollout, and not alone")
+
+
+def _told(study: AnyStudy, error: StudyError) -> str:
+    """The error without the folder of the study, which differs between machines."""
+    return str(error).replace(str(study.source.path), study.source.path.name)

@@ -1,0 +1,32 @@
+"use strict";
+// Plots of a scenario of a sweep; `page`: what every scenario's plots share.
+const sweepPlots = (page) => {
+  const { about, number } = page;
+
+  function draw(shown, sheet) {
+    for (const name of ["spreads", "scatter"]) {
+      const parent = sheet.part(name).querySelector(".panels");
+      for (const chart of shown[name]) plot(sheet, parent, chart, name === "scatter");
+    }
+    sheet.part("worst").hidden = !sheet.part("worst").querySelector("table");
+  }
+
+  // Values over xs, which may repeat in a scatter plot, and the limit as a dashed line.
+  function plot({ panel }, parent, chart, dots) {
+    const series = [...chart.series];
+    if (chart.limit != null) series.push({ dash: true, label: "limit", values: chart.xs.map(() => chart.limit) });
+    panel(parent, {
+      ...about(chart), xs: chart.xs, series, height: dots ? 230 : 300, readX: dots ? number : (share) => `${number(share)} %`,
+      adapt: (o) => {
+        if (!dots) return;
+        o.series.slice(1).forEach((s, k) => {
+          if (series[k].dash) return;
+          s.paths = () => null;
+          s.points = { show: true, size: 4, fill: s.stroke };
+        });
+      },
+    });
+  }
+
+  return draw;
+};
