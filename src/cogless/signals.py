@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -89,13 +90,23 @@ DERIVED = {
 
 def exists(name: str, kinds: Collection[str]) -> bool:
     """Whether a drive of these kinds (signals.def) has this recorded or derived signal."""
+    return _exists(name, frozenset(kinds))
+
+
+@cache
+def _exists(name: str, kinds: frozenset[str]) -> bool:
     if name in DERIVED:
-        return all(exists(needed, kinds) for needed in DERIVED[name].needs)
+        return all(_exists(needed, kinds) for needed in DERIVED[name].needs)
     return name in RECORDED and RECORDED[name].exists(kinds)
 
 
 def dimensions(kinds: Collection[str], laws: Collection[str]) -> dict[str, Dimension]:
     """Dimension of every signal of drives of these kinds, except time, and of these laws' recorded parts."""
+    return dict(_dimensions(frozenset(kinds), tuple(laws)))
+
+
+@cache
+def _dimensions(kinds: frozenset[str], laws: tuple[str, ...]) -> dict[str, Dimension]:
     found = {name: each.unit for name, each in (RECORDED | DERIVED).items() if exists(name, kinds)}
     del found["time"]
     found |= {term.signal: term.unit for name in laws for term in C_LAWS[name].terms}

@@ -193,7 +193,8 @@ def _worst_table(results: SweepResults, groups: Sequence[Sequence[Spread]]) -> s
             command = results.repeat(judge.settings(results.of, s.worst), s.pair)
             body += (
                 f"<tr><th>{escape(_name(s.column))}</th><td>{key(results, s.pair[1])}</td>"
-                f"<td>{escape(_text(s.column, s.worst_value))}</td><td><code>{escape(command)}</code></td></tr>"
+                f"<td>{escape(_text(s.column, s.worst_value))}</td>"
+                f"<td><code>{escape(command)}</code></td></tr>"
             )
     head = "<th>Metric</th><th>Controller</th><th>Worst</th><th>Command that repeats it</th>"
     return table("worst", "Worst variants", head, body)

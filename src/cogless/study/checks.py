@@ -119,6 +119,7 @@ BOTH: tuple[Callable[[Any], None], ...] = (
     baseline,
     outer_loop,
     energy,
+    metric_checks.known_signals,
     metric_checks.metrics,
 )
 ALL: tuple[Check, ...] = (

@@ -20,7 +20,7 @@ OVER_TIME = ("window", "last", "event", "smooth", "order")  # keys that metrics 
 
 
 def metrics(study: Study | TrialStudy) -> None:
-    """Check that metrics have unique names in each scenario, and signals and scenarios that exist."""
+    """Check that metrics have unique names in each scenario, and scenarios that exist."""
     for index, metric in enumerate(study.metric):
         for scenario, other in product(study.scenario, study.metric[:index]):
             both = (m.applies_in(scenario, study.scenario[scenario]) for m in (metric, other))
@@ -28,9 +28,6 @@ def metrics(study: Study | TrialStudy) -> None:
                 has = "has" if metric.name == other.name else f"has in results.json: {result_name(metric)}"
                 expected = f'expected a name that no other metric of scenario "{scenario}" {has}'
                 raise invalid(expected, "metric", index, "name")
-        absent = signals.missing(study, metric.signal) if metric.signal else None
-        if absent is not None:
-            raise invalid(absent, "metric", index, "signal")
         for other in study.metric[:index]:
             if result_name(metric) == result_name(other) and metric.meaning != other.meaning:
                 expected = "expected the kind, signal, order and frame of the other metric of this name"
@@ -38,6 +35,14 @@ def metrics(study: Study | TrialStudy) -> None:
         for scenario in metric.scenarios or ():
             if scenario not in study.scenario:
                 raise invalid(one_of(study.scenario), "metric", index, "scenarios", value=scenario)
+
+
+def known_signals(study: Study | TrialStudy) -> None:
+    """Check that metrics are of signals that a run has."""
+    named = {index: metric.signal for index, metric in enumerate(study.metric) if metric.signal}
+    for index, absent in zip(named, signals.missing(study, named.values()), strict=True):
+        if absent is not None:
+            raise invalid(absent, "metric", index, "signal")
 
 
 def windows(study: Study) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -88,6 +89,11 @@ class Motor(Table):
 
         K_t and kv are converted to psi_f, and cogging currents to torques.
         """
+        return self.star_equivalent
+
+    @cached_property
+    def star_equivalent(self) -> StarMotor:
+        """As `star`, which every kind of motor has."""
         delta = self.winding == "delta"
         impedance, flux = (1 / 3, 1 / math.sqrt(3)) if delta else (1.0, 1.0)
         if self.psi_f is not None:

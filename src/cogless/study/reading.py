@@ -19,7 +19,7 @@ from pydantic import ValidationError
 from cogless import units
 from cogless.errors import StudyError
 from cogless.files import package_folders, reason
-from cogless.study import checks, trial_checks
+from cogless.study import checks, reuse, trial_checks
 from cogless.study.base import Source, StudyBase
 from cogless.study.error_messages import MISSING, Problem, dotted, look_up, problems, shown, study_error
 from cogless.study.mechanics import Mechanics
@@ -60,9 +60,12 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
 
 
 def changed(study: AStudy, changes: Changes) -> AStudy:
-    """A copy of the study with other values at some dotted keys; `changes` as in `load`."""
+    """A copy of the study with other values at some dotted keys; `changes` as in `load`.
+
+    Only what they touch is validated again.
+    """
     tables = _overridden(study.source, changes)
-    of_its_kind = checked(_replaced(study.source, tables))
+    of_its_kind = checked(_replaced(study.source, tables), study)
     assert isinstance(of_its_kind, type(study))
     return of_its_kind
 
@@ -75,7 +78,7 @@ def for_scenario(study: Study, scenario: str) -> Study:
     return study._scenarios.get(scenario, study)
 
 
-def _in_scenario(study: Study, scenario: str) -> Study:
+def _in_scenario(study: Study, like: Study | None, scenario: str) -> Study:
     experiment = study.scenario[scenario]
     if not experiment.override:
         return study
@@ -85,10 +88,13 @@ def _in_scenario(study: Study, scenario: str) -> Study:
     taken = [metric.applies_in(scenario, experiment) for metric in study.metric]
     tables["metric"] = [
         {key: value for key, value in metric.items() if key != "scenarios"}
+        if "scenarios" in metric
+        else metric
         for metric in compress(tables.get("metric", []), taken)
     ]
     tables.pop("calibration", None)
-    return _validated(Study, _replaced(study.source, tables), prefix)
+    before = None if like is None else like._scenarios.get(scenario)
+    return _validated(Study, _replaced(study.source, tables), prefix, before)
 
 
 def parse_change(text: str) -> tuple[str, Any]:
@@ -216,6 +222,7 @@ def with_unit(value: Any, old: Any) -> Any:
 def _apply(tables: dict[str, Any], changes: Changes) -> None:
     for key, value in changes.items():
         parts = split(key)
+        _own(tables, parts[:-1])
         motor = tables.get("motor")
         if len(parts) == 2 and parts[0] == "motor" and parts[1] in MAGNET and isinstance(motor, dict):
             for other in MAGNET - {str(parts[1])}:
@@ -223,9 +230,21 @@ def _apply(tables: dict[str, Any], changes: Changes) -> None:
         put(tables, key, value)
 
 
+def _own(tables: dict[str, Any], path: Key) -> None:
+    """Replace tables and arrays on the way to a key by copies; the originals may be another study's."""
+    inner: Any = tables
+    for part in path:
+        found = look_up(inner, (part,))
+        if not isinstance(found, dict | list):
+            return
+        place = str(part) if isinstance(inner, dict) else part
+        inner[place] = copy.copy(found)
+        inner = inner[place]
+
+
 def _overridden(source: Source, changes: Changes, prefix: str = "") -> dict[str, Any]:
     """A copy of a study's tables with other values. `prefix`: their place in the file, for messages."""
-    tables = copy.deepcopy(source.tables)
+    tables = dict(source.tables)
     try:
         _apply(tables, changes)
     except StudyError as error:
@@ -264,14 +283,18 @@ def _replaced(source: Source, tables: dict[str, Any]) -> Source:
     return Source(source.path, tables, source.datasheet, source.own_motor_keys)
 
 
-def checked(source: Source) -> AnyStudy:
-    """The study of these tables, validated; StudyError lists its mistakes, one per line."""
+def checked(source: Source, like: StudyBase | None = None) -> AnyStudy:
+    """The study of these tables, validated; StudyError lists its mistakes, one per line.
+
+    `like`: a study of mostly the same tables, whose parts are taken over.
+    """
     if is_trial_study(source.tables):
         trials = _validated(TrialStudy, source)
         trials._hardware = _of_each(trials.scenario, partial(_hardware, trials))
         return trials
-    study = _validated(Study, source)
-    study._scenarios = _of_each(study.scenario, partial(_in_scenario, study))
+    before = like if isinstance(like, Study) else None
+    study = _validated(Study, source, like=before)
+    study._scenarios = _of_each(study.scenario, partial(_in_scenario, study, before))
     return study
 
 
@@ -310,10 +333,17 @@ def _part(model: type[Model], key: str, source: Source, prefix: str) -> Model:
         raise _error(found, source, prefix) from None
 
 
-def _validated(model: type[AStudy], source: Source, prefix: str = "") -> AStudy:
+def _validated(
+    model: type[AStudy], source: Source, prefix: str = "", like: AStudy | None = None
+) -> AStudy:
+    tables, folder, wanted = source.tables, source.path.parent, _checks(model, bool(prefix))
+    if like is not None:
+        with suppress(ValueError):  # it is told below, as of a study that was read
+            study = reuse.derived(like, tables, wanted, folder)
+            study._source = source
+            return study
     try:
-        context = {"folder": source.path.parent, "checks": _checks(model, bool(prefix))}
-        study = model.model_validate(source.tables, context=context)
+        study = model.model_validate(tables, context={"folder": folder, "checks": wanted})
     except ValidationError as error:
         raise _error(problems(error, source.tables), source, prefix) from None
     study._source = source

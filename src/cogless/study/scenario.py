@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Any, Self
 
 from pydantic import Field, field_validator, model_validator
@@ -94,7 +95,7 @@ class Scenario(Experiment):
     def has_event(self, time: float) -> bool:
         return any(event.is_at(time) for event in self.events)
 
-    @property
+    @cached_property
     def speeds(self) -> tuple[float, float]:
         """Lowest and highest speed of the reference, signed, rad/s."""
         return self.reference.speeds(self.initial_speed)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from functools import cache
 from typing import TYPE_CHECKING
 
 from cogless import units
@@ -28,14 +30,18 @@ NEEDED = {
 }
 
 
-def terms(law: Base) -> set[str]:
+def terms(law: Base) -> frozenset[str]:
     """Names of the recorded parts of a law's output."""
-    name = "trial" if isinstance(law, TrialLaw) else getattr(law, "law", "")
-    found = {term.signal for term in C_LAWS[name].terms} if name in C_LAWS else set()
+    found = _terms("trial" if isinstance(law, TrialLaw) else getattr(law, "law", ""))
     if not isinstance(law, SpaceLearning):
         return found
     unused = {*("term_beta", "term_h")[law.channels - 1 :], *(() if law.memory == "delay" else ("P_t",))}
     return found - unused
+
+
+@cache
+def _terms(name: str) -> frozenset[str]:
+    return frozenset(term.signal for term in C_LAWS[name].terms) if name in C_LAWS else frozenset()
 
 
 def kinds(study: Study | TrialStudy) -> set[str]:
@@ -59,17 +65,25 @@ def linear(states: int) -> dict[str, Dimension]:
     return dict.fromkeys((*names, *(f"x_{i + 1}" for i in range(states))), units.NONE)
 
 
-def missing(study: Study | TrialStudy, signal: str) -> str | None:
-    """Error text for a signal that no run of the study has; None if a run has it."""
+def missing(study: Study | TrialStudy, signals: Iterable[str]) -> Iterator[str | None]:
+    """Error text for each signal that no run of the study has; None if a run has it."""
     if isinstance(study, TrialStudy) and study.plant is not None:
         known = linear(study.states)
-        return None if signal in known else f"expected a signal: {', '.join(known)}"
-    found = kinds(study)
+        yield from (None if name in known else f"expected a signal: {', '.join(known)}" for name in signals)
+        return
+    has = kinds(study)
+    own = set[str]().union(*map(terms, study.controller.values()))
+    for name in signals:
+        yield None if name in own else _missing(name, frozenset(has))
+
+
+@cache
+def _missing(signal: str, found: frozenset[str]) -> str | None:
     possible = NEEDED.keys() | (found & {"trials"})
     known = dimensions(possible, [name for name in C_LAWS if (name == "trial") == ("trials" in found)])
     if signal not in known:
         return f"expected a signal: {', '.join(known)}"
-    if any(signal in terms(law) for law in study.controller.values()) or exists(signal, found):
+    if exists(signal, found):
         return None
     if any(signal == term.signal for law in C_LAWS.values() for term in law.terms):
         return OF_A_LAW

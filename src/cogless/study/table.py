@@ -7,6 +7,7 @@ import math
 import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import (
@@ -17,6 +18,8 @@ from pydantic import (
     GetCoreSchemaHandler,
     ModelWrapValidatorHandler,
     ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
     model_validator,
 )
 from pydantic_core import CoreSchema, ErrorDetails, InitErrorDetails, PydanticCustomError, core_schema
@@ -27,8 +30,15 @@ from cogless.units import Dimension
 Key = tuple[str | int, ...]
 T = TypeVar("T")
 
+
+def _as_made(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
+    """Take over the tables of another study; a file has lists, no tuples."""
+    made = isinstance(value, tuple) and bool(value) and isinstance(value[0], Table)
+    return value if made else validate(value)
+
+
 # An array of a study file. TOML has only lists, so here a list is accepted for a tuple in spite of `strict`.
-Many = Annotated[tuple[T, ...], Field(strict=False)]
+Many = Annotated[tuple[T, ...], Field(strict=False), WrapValidator(_as_made)]
 
 
 def invalid(expected: str, *key: str | int, value: Any = None) -> PydanticCustomError:
@@ -56,18 +66,25 @@ class Table(BaseModel):
 
         Conditions between several keys are checked only if each key is right by itself.
         """
+        if isinstance(data, cls):  # a part of another study
+            return data
         data = cls.spelled_out(data)
         if not isinstance(data, dict):
             raise invalid(f"expected a table of {', '.join(cls.model_fields)}")
-        wrong = _wrong_keys(cls, data)
-        if not wrong:
+        if data.keys() <= cls.model_fields.keys() and _required(cls) <= data.keys():
             return validate(data)
+        wrong = _wrong_keys(cls, data)
         try:
             validate({key: value for key, value in data.items() if key in cls.model_fields})
         except ValidationError as error:
             found = error.errors(include_url=False)
             wrong += [_again(d) for d in found if d["loc"] and d["loc"][0] in data]
         raise ValidationError.from_exception_data(cls.__name__, wrong)
+
+
+@cache
+def _required(table: type[Table]) -> frozenset[str]:
+    return frozenset(key for key, field in table.model_fields.items() if field.is_required())
 
 
 def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetails]:
