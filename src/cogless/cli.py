@@ -262,6 +262,49 @@ def sweep(
 
 
 @app.command()
+def tune(
+    study: StudyArgument,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="Where it goes.", show_default="results/STUDY"),
+    ] = None,
+    changes: SetOption = None,
+    jobs: JobsOption = CORES,
+    dask: DaskOption = None,
+) -> None:
+    """Choose gains as a study's table [tune] says, and show on fresh variants what they are worth.
+
+    Writes STUDY-tuned.toml, the same file with the better values, and report.html, before beside after. The
+    same command goes on with a tuning that was ended.
+    """
+    from cogless.ensemble import search, table, tuned_file
+    from cogless.ensemble import tune as tuning
+    from cogless.files import writable
+    from cogless.report import sweep as report
+    from cogless.study.reading import changes_from
+
+    table.require()
+    search.require()
+    loaded = _load(study, changes)
+    tuning.subjects(loaded)  # a mistake is told before anything runs
+    folder = output or Path("results") / loaded.name
+    path = folder / f"{loaded.name}-tuned.toml"
+    with writable(folder):
+        with _workers(jobs, dask) as workers, _tune_progress() as progress:
+            tuned = tuning.tune(loaded, folder, workers, progress)
+        chosen = {key: value for one in tuned for key, value in one.chosen.items()}
+        about = _command("tune", study, changes, [])
+        tuned_file.write(loaded, {**changes_from(changes or ()), **chosen}, path, f"By: {about}")
+        both = tuning.side_by_side(loaded, tuned)
+        table.write(both, folder / "sweep.parquet")
+        told = report.write(both, folder / "report.html", lambda settings, pair: "")
+    for line in [line for one in tuned for line in tuning.lines(one)] + told:
+        print(line)
+    print(f"Study: {path}")
+    print(f"Report: {folder / 'report.html'}")
+
+
+@app.command()
 def design(
     study: StudyArgument,
     changes: SetOption = None,
@@ -485,7 +528,8 @@ def _workers(jobs: int, dask: str | None) -> Iterator[Workers]:
     from cogless.ensemble import executors
 
     if dask is None:
-        yield executors.processes(jobs)
+        with executors.processes(jobs) as workers:
+            yield workers
     else:
         with executors.dask(dask) as workers:
             yield workers
@@ -604,6 +648,22 @@ def _variant_progress(variants: int) -> Iterator[Callable[[int], None]]:
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=variants)
         yield lambda done: bar.update(task, completed=done)
+
+
+@contextmanager
+def _tune_progress() -> Iterator[Callable[[str, int, int, float], None]]:
+    """Show what is tuned, how far it is, and the best value so far on stderr if it is a terminal."""
+    console = _console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        tasks: dict[str, Any] = {}
+
+        def report(name: str, tried: int, budget: int, best: float) -> None:
+            if name not in tasks:
+                tasks[name] = bar.add_task("", total=budget)
+            bar.update(tasks[name], completed=tried, description=f"{name}: {100 * best:.3g} % of the start")
+
+        yield report
 
 
 @contextmanager

@@ -116,9 +116,9 @@ def test_a_change_leaves_the_study_as_it_was(tmp_path: Path) -> None:
     before = told(lambda: study)
     variant = changed(study, {"motor.cogging.0.torque": "9 mN*m", "controller.pi.kp": 0.2})
     assert told(lambda: study) == before
-    assert variant.motor.star().cogging[0].torque == 9e-3
-    assert cogless.for_scenario(variant, "step").motor.cogging[0].torque == 9e-3
-    assert cogless.for_scenario(study, "step").motor.cogging[0].torque == 4e-3
+    assert variant.motor.star().cogging[0].torque == pytest.approx(9e-3)
+    assert cogless.for_scenario(variant, "step").motor.cogging[0].torque == pytest.approx(9e-3)
+    assert cogless.for_scenario(study, "step").motor.cogging[0].torque == pytest.approx(4e-3)
 
 
 def test_what_did_not_change_is_taken_over(tmp_path: Path) -> None:

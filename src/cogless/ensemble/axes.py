@@ -17,7 +17,7 @@ from cogless.errors import StudyError
 from cogless.study import AnyStudy, changed
 from cogless.study.error_messages import MISSING, dotted, look_up, shown
 from cogless.study.reading import split
-from cogless.study.vary import Distribution
+from cogless.study.table import Key
 
 Array = NDArray[np.float64]
 PERCENT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*%\s*")
@@ -61,55 +61,73 @@ def axes(study: AnyStudy) -> list[Axis]:
         raise StudyError(f"{study.source.path}: vary: missing: expected a table of keys that vary")
     found = []
     for key, distribution in study.vary.keys.items():
-        axis = _Reader(study, key, distribution).axis()
-        # with what the file says at once, so that a key that it hasn't is told as in any study
+        form, given = distribution.form
+        axis = _axis(Reader(study, key, ("vary", key, form), given), form)
         for value in axis.choices or axis.values(np.array([0.5])):
-            try:
-                changed(study, {key: value})
-            except StudyError as error:
-                path = str(study.source.path)
-                raise StudyError(str(error).replace(f"{path}: ", f"{path}: vary: ")) from None
+            tried(study, "vary", {key: value})
         found.append(axis)
     return found
 
 
-class _Reader:
-    """Reads the distribution of one key."""
+def tried(study: AnyStudy, table: str, changes: dict[str, Any]) -> None:
+    """StudyError, as told of any study, if it refuses these changes, which `table` asks for."""
+    try:
+        changed(study, changes)
+    except StudyError as error:
+        path = str(study.source.path)
+        lines = (line.removeprefix(f"{path}: ") for line in str(error).splitlines())
+        raise StudyError("\n".join(f"{path}: {table}: {line}" for line in lines)) from None
 
-    def __init__(self, study: AnyStudy, key: str, distribution: Distribution) -> None:
-        self.study, self.key = study, key
-        self.form, self.given = distribution.form
+
+def _axis(reader: Reader, form: str) -> Axis:
+    if form == "list":
+        return Axis(reader.key, reader.unit, None, tuple(reader.given))
+    if form == "normal":
+        return Axis(reader.key, reader.unit, _normal(*reader.mean_and_deviation()))
+    low, high = reader.range(ratio=form == "log")
+    if form == "log" and not low > 0:
+        raise reader.wrong("expected limits above zero")
+    return Axis(
+        reader.key, reader.unit, {"uniform": _uniform, "log": _log, "corners": _corners}[form](low, high)
+    )
+
+
+class Reader:
+    """Reads the numbers that are given for a key, in the unit that the study has there.
+
+    `where`: the key that has them, for messages.
+    """
+
+    def __init__(self, study: AnyStudy, key: str, where: Key, given: Any) -> None:
+        self.study, self.key, self.where, self.given = study, key, where, given
         self.nominal = self._nominal()
         self.unit = self._unit()
 
-    def axis(self) -> Axis:
-        if self.form == "list":
-            return Axis(self.key, self.unit, None, tuple(self.given))
-        spread = {"uniform": _uniform, "log": _log, "normal": _normal, "corners": _corners}[self.form]
+    def range(self, ratio: bool = False) -> tuple[float, float]:
+        """Two limits, or the study's value and a deviation to both sides, which may be a ratio."""
         if isinstance(self.given, tuple):
-            first, second = (self._number(value) for value in self.given)
-            if self.form == "normal":
-                return Axis(self.key, self.unit, spread(first, self._above_zero(second)))
+            low, high = (self._number(value) for value in self.given)
         else:
-            middle, by = self._middle(), self._above_zero(self._number(self.given, around=0.0))
-            if self.form == "normal":
-                return Axis(self.key, self.unit, spread(middle, by))
-            if self.form == "log":
-                ratio = 1 + by / abs(middle) if middle else math.nan
-                first, second = middle / ratio, middle * ratio
-            else:
-                first, second = middle - by, middle + by
-        if not first < second:
-            raise self._wrong("expected a range whose second limit is above its first")
-        if self.form == "log" and not first > 0:
-            raise self._wrong("expected limits above zero")
-        return Axis(self.key, self.unit, spread(first, second))
+            middle, by = self.middle(), self._above_zero(self._number(self.given, around=0.0))
+            factor = 1 + by / abs(middle) if middle else math.inf
+            low, high = (middle / factor, middle * factor) if ratio else (middle - by, middle + by)
+        if not low < high:
+            raise self.wrong("expected a range whose second limit is above its first")
+        return low, high
+
+    def mean_and_deviation(self) -> tuple[float, float]:
+        """Mean and deviation; the mean is the study's value unless it is given."""
+        if isinstance(self.given, tuple):
+            mean, deviation = (self._number(value) for value in self.given)
+        else:
+            mean, deviation = self.middle(), self._number(self.given, around=0.0)
+        return mean, self._above_zero(deviation)
 
     def _nominal(self) -> Any:
         try:
             found = look_up(self.study.source.tables, split(self.key))
         except StudyError as error:
-            raise StudyError(f"{self.study.source.path}: vary: {error}") from None
+            raise StudyError(f"{self.study.source.path}: {self.where[0]}: {error}") from None
         motor = getattr(self.study, "motor", None)
         if self.key == "motor.K_t" and found is MISSING and motor is not None:
             return f"{motor.star().K_t!r} N*m/A"  # its magnet is given by another key
@@ -121,12 +139,12 @@ class _Reader:
         texts = [text for text in (self.nominal, *given) if isinstance(text, str)]
         return next((u for u in map(units.unit_of, texts) if u and u != "%"), "")
 
-    def _middle(self) -> float:
+    def middle(self) -> float:
         """The study's own value, in the axis' unit."""
         if self.nominal is MISSING:
-            raise self._wrong("expected two limits, since the study has no value at this key")
+            raise self.wrong("expected two limits, since the study has no value at this key")
         if isinstance(self.nominal, bool) or not isinstance(self.nominal, str | int | float):
-            raise self._wrong("expected the key of a number, or a list of values")
+            raise self.wrong("expected the key of a number, or a list of values")
         return self._plain(self.nominal)
 
     def _number(self, value: Any, around: float | None = None) -> float:
@@ -134,7 +152,7 @@ class _Reader:
         percent = PERCENT.fullmatch(value) if isinstance(value, str) else None
         if percent is None:
             return self._plain(value)
-        middle = self._middle()
+        middle = self.middle()
         return (middle if around is None else around) + abs(middle) * float(percent[1]) / 100
 
     def _plain(self, value: Any) -> float:
@@ -142,21 +160,20 @@ class _Reader:
             try:
                 return units.number_in(value, self.unit)
             except units.UnitError as error:
-                raise self._wrong(str(error), value) from None
+                raise self.wrong(str(error), value) from None
         if self.unit:
-            raise self._wrong(f'expected a text with a unit, such as "{value} {self.unit}", or with %', value)
+            raise self.wrong(f'expected a text with a unit, such as "{value} {self.unit}", or with %', value)
         return float(value)
 
     def _above_zero(self, by: float) -> float:
         if not by > 0:
-            raise self._wrong("expected a deviation above zero")
+            raise self.wrong("expected a deviation above zero")
         return by
 
-    def _wrong(self, expected: str, value: Any = None) -> StudyError:
-        where = dotted(("vary", self.key, self.form))
+    def wrong(self, expected: str, value: Any = None) -> StudyError:
         given = self.given if value is None else value
         text = shown(list(given) if isinstance(given, tuple) else given)
-        return StudyError(f"{self.study.source.path}: {where}: {text}: {expected}")
+        return StudyError(f"{self.study.source.path}: {dotted(self.where)}: {text}: {expected}")
 
 
 def _uniform(low: float, high: float) -> Callable[[Array], Array]:

@@ -9,8 +9,8 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager
+from functools import partial
 from typing import Any, TypeVar
 
 from cogless.errors import StudyError
@@ -21,41 +21,54 @@ AHEAD = 2  # tasks sent for each worker: one that runs, one that waits
 PATIENCE = 10  # s that a cluster is given to answer
 
 
-@dataclass(frozen=True)
 class Workers:
-    """Where tasks run. `open`: makes an executor, anew when its workers have died; `count`: its workers."""
+    """Where tasks run. `executor` is made when it is needed, and made anew when its workers have died."""
 
-    open: Callable[[], AbstractContextManager[Executor]]
-    count: int
+    def __init__(self, make: Callable[[], Executor], count: Callable[[], int]) -> None:
+        self._make = make
+        self._executor: Executor | None = None
+        self.count = count  # of a cluster, it may change
+
+    @property
+    def executor(self) -> Executor:
+        if self._executor is None:
+            self._executor = self._make()
+        return self._executor
+
+    def renew(self) -> None:
+        """Take another executor, as this one is broken."""
+        broken, self._executor = self._executor, None
+        if broken is not None:
+            broken.shutdown(wait=False, cancel_futures=True)
 
 
 def given(executor: Executor) -> Workers:
     """The workers of a caller's executor, which stays open."""
-
-    @contextmanager
-    def same() -> Iterator[Executor]:
-        yield executor
-
-    return Workers(same, getattr(executor, "_max_workers", None) or os.cpu_count() or 1)
+    most = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
+    return Workers(lambda: executor, lambda: most)
 
 
-def processes(count: int) -> Workers:
+@contextmanager
+def processes(count: int) -> Iterator[Workers]:
     """Processes of this machine. They don't share a lock, as threads would: one run for each core."""
+    pools: list[ProcessPoolExecutor] = []
 
-    @contextmanager
-    def started() -> Iterator[Executor]:
+    def pool() -> Executor:
         context = multiprocessing.get_context("spawn")
-        pool = ProcessPoolExecutor(count, context, initializer=_deaf)
-        try:
-            yield pool
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in list((pool._processes or {}).values()):
-                process.kill()
-            raise
-        pool.shutdown()
+        pools.append(ProcessPoolExecutor(count, context, initializer=_deaf))
+        return pools[-1]
 
-    return Workers(started, count)
+    try:
+        yield Workers(pool, lambda: count)
+    except BaseException:  # such as Ctrl-C: what runs is not waited for
+        for made in pools:
+            running = list((made._processes or {}).values())
+            made.shutdown(wait=False, cancel_futures=True)
+            for process in running:
+                process.kill()
+        raise
+    for made in pools:
+        made.shutdown()
 
 
 def _deaf() -> None:
@@ -79,12 +92,9 @@ def dask(address: str) -> Iterator[Workers]:
     with client:
         _check_versions(address, client)
 
-        @contextmanager
-        def executor() -> Iterator[Executor]:
-            with client.get_executor(pure=False) as found:
-                yield found
-
-        yield Workers(executor, sum(client.nthreads().values()))
+        workers = Workers(partial(client.get_executor, pure=False), lambda: sum(client.nthreads().values()))
+        yield workers
+        workers.renew()
 
 
 def _check_versions(address: str, client: Any) -> None:
@@ -120,13 +130,13 @@ def run_all(
     waiting = deque(tasks)
     losses = dict.fromkeys(tasks, 0)
     while waiting:
-        with workers.open() as executor:
-            _use(executor, AHEAD * workers.count, work, tasks, finished, waiting, losses)
+        _use(workers, work, tasks, finished, waiting, losses)
+        if waiting:
+            workers.renew()
 
 
 def _use(
-    executor: Executor,
-    most: int,
+    workers: Workers,
     work: Callable[..., T],
     tasks: Mapping[int, Sequence[Any]],
     finished: Callable[[int, T], None],
@@ -137,12 +147,13 @@ def _use(
     running: dict[Future[T], int] = {}
     broken = False
     while running or (waiting and not broken):
+        most = AHEAD * max(1, workers.count())
         while waiting and not broken and len(running) < (1 if losses[waiting[0]] else most):
             alone = any(losses[number] for number in running.values())
             if alone:
                 break
             try:
-                running[executor.submit(work, *tasks[waiting[0]])] = waiting[0]
+                running[workers.executor.submit(work, *tasks[waiting[0]])] = waiting[0]
                 waiting.popleft()
             except BrokenProcessPool:
                 broken = True

@@ -33,6 +33,12 @@ class Ensemble:
         return self.drawn[key] if axis is None else [axis.si(value) for value in self.drawn[key]]
 
 
+def seeds(study: AnyStudy, count: int, fresh: int = 0) -> list[int]:
+    """A seed of the sensors' noise for each variant."""
+    first = study.seed + 1 + fresh * FRESH
+    return [(first + variant) % 2**64 for variant in range(count)]
+
+
 def draw(study: AnyStudy, count: int, fresh: int = 0) -> Ensemble:
     """Draw `count` variants; the first of a longer ensemble are the same. StudyError: a mistake in [vary].
 
@@ -50,6 +56,5 @@ def draw(study: AnyStudy, count: int, fresh: int = 0) -> Ensemble:
         columns = together(shares, found, study).T
         drawn = {axis.key: axis.values(column) for axis, column in zip(found, columns, strict=True)}
     if study.vary.seeds:
-        first = study.seed + 1 + fresh * FRESH
-        drawn[SEED] = [(first + variant) % 2**64 for variant in range(count)]
+        drawn[SEED] = seeds(study, count, fresh)
     return Ensemble(tuple(found), drawn, count)

@@ -1,0 +1,362 @@
+"""Choose gains: CMA-ES over an ensemble, then a check on variants that it has not seen.
+
+Every setting meets the same variants, seeds included, so that settings differ by themselves and not by luck.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.ensemble import judge
+from cogless.ensemble.axes import Reader, tried
+from cogless.ensemble.columns import Column, columns
+from cogless.ensemble.executors import Workers, run_all
+from cogless.ensemble.parcel import pack
+from cogless.ensemble.sample import SEED, Ensemble, draw, seeds
+from cogless.ensemble.search import Search, Settings
+from cogless.ensemble.sweep import CHUNK
+from cogless.ensemble.table import Sweep
+from cogless.ensemble.work import Pair, rows
+from cogless.errors import StudyError
+from cogless.run.simulate import runs_of
+from cogless.study import AnyStudy, changed
+from cogless.study.error_messages import MISSING, shown
+from cogless.study.metric import result_name
+from cogless.study.reading import split
+from cogless.study.vary import Tune
+
+DECADE = 10.0  # a range at least this wide is searched by ratios
+FRESH = 4  # variants of the check, for each that was searched over
+SEEDS = 16  # variants of the check of the nominal plant, which differ by their noise
+Array = NDArray[np.float64]
+Progress = Callable[[str, int, int, float], None]  # subject, tried, budget, best value
+
+
+@dataclass(frozen=True)
+class Knob:
+    """A value to choose, as a share of its range, 0 to 1."""
+
+    key: str
+    unit: str
+    low: float
+    high: float
+    start: float
+
+    @property
+    def by_ratio(self) -> bool:
+        return self.low > 0 and self.high >= DECADE * self.low
+
+    def text(self, share: float) -> Any:
+        """The value at a share of the range, as it stands in a study's file."""
+        if self.by_ratio:
+            value = self.low * (self.high / self.low) ** share
+        else:
+            value = self.low + (self.high - self.low) * share
+        return self._written(float(f"{value:.4g}"))
+
+    @property
+    def start_text(self) -> Any:
+        return self._written(self.start)
+
+    @property
+    def start_share(self) -> float:
+        if self.by_ratio:
+            return math.log(self.start / self.low) / math.log(self.high / self.low)
+        return (self.start - self.low) / (self.high - self.low)
+
+    def _written(self, value: float) -> Any:
+        return f"{value!r} {self.unit}" if self.unit else value
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What is tuned at once: the keys of one controller, or, if others are among them, all keys."""
+
+    name: str
+    knobs: Sequence[Knob]
+    pairs: Sequence[Pair]
+
+    def values(self, settings: Settings) -> dict[str, Any]:
+        return {knob.key: knob.text(settings[knob.key]) for knob in self.knobs}
+
+
+@dataclass(frozen=True)
+class Score:
+    """How good a setting is: the smaller the better. `violation`: by how much limits are missed, relative."""
+
+    violation: float
+    value: float
+
+    @property
+    def order(self) -> tuple[float, float]:
+        return self.violation, self.value
+
+
+@dataclass(frozen=True, eq=False)
+class Tuned:
+    """The outcome for one subject, judged on fresh variants. `adopted`: whether the found values are better."""
+
+    subject: Subject
+    values: Mapping[str, Any]  # what was found, by key
+    before: Score
+    after: Score
+    sweep_before: Sweep
+    sweep_after: Sweep
+
+    @property
+    def adopted(self) -> bool:
+        return self.after.order < self.before.order
+
+    @property
+    def chosen(self) -> Mapping[str, Any]:
+        """The values to use: those found, or nothing to change."""
+        return self.values if self.adopted else {}
+
+
+class Evaluation:
+    """Runs settings of a subject over an ensemble, and scores them."""
+
+    def __init__(self, study: AnyStudy, subject: Subject, ensemble: Ensemble, workers: Workers) -> None:
+        assert study.tune is not None
+        self.study, self.tune, self.subject = study, study.tune, subject
+        self.ensemble, self.workers = ensemble, workers
+        self.parcel, self.columns = pack(study), columns(study)
+        self.scales: Array | None = None
+
+    def sweeps(self, candidates: Sequence[Mapping[str, Any]]) -> list[Sweep]:
+        """Run each candidate, values by key, over all variants."""
+        count = self.ensemble.count
+        changes = [self.ensemble.changes(v) | dict(c) for c in candidates for v in range(count)]
+        chunks = [changes[at : at + CHUNK] for at in range(0, len(changes), CHUNK)]
+        tasks = {number: (self.parcel, chunk, self.subject.pairs) for number, chunk in enumerate(chunks)}
+        found: dict[int, Any] = {}
+        run_all(self.workers, rows, tasks, found.__setitem__)
+        in_order = [row for number in range(len(chunks)) for row in found[number]]
+        numbers = np.array([[row[:-1] for row in of] for of in in_order], dtype=float)
+        shape = (len(candidates), count, len(self.subject.pairs), len(self.columns))
+        return [
+            Sweep(self.study, self.ensemble, self.subject.pairs, self.columns, values, {})
+            for values in numbers.reshape(shape)
+        ]
+
+    def scores(self, candidates: Sequence[Mapping[str, Any]]) -> list[Score]:
+        """Scores of candidates; the first that is ever scored is what the others are measured by."""
+        return [self.score(sweep) for sweep in self.sweeps(candidates)]
+
+    def score(self, sweep: Sweep) -> Score:
+        index = self.columns.index(column_of(self.study, self.tune.minimise, "minimise"))
+        found = np.array([self._statistic(judge.badness(sweep, p, index)) for p, _ in self._taken(index)])
+        if self.scales is None:
+            usable = np.isfinite(found) & (found != 0)
+            self.scales = np.where(usable, np.abs(found), 1.0)
+        violation = 0.0
+        for hold in self.tune.hold:
+            place = self.columns.index(column_of(self.study, hold.metric, "hold"))
+            limit = hold_limit(self.study, self.columns[place], hold.limit)
+            for pair, _ in self._taken(place):
+                edge = judge.quantile(judge.badness(sweep, pair, place), hold.share)
+                violation += max(0.0, (edge - limit) / (abs(limit) or 1.0))
+        return Score(violation, float(np.mean(found / self.scales)))
+
+    def _taken(self, index: int) -> list[tuple[int, Pair]]:
+        """The runs in whose scenarios a metric is taken."""
+        metric = self.columns[index].metric
+        return [
+            (place, pair)
+            for place, pair in enumerate(self.subject.pairs)
+            if metric.applies_in(pair[0], self.study.scenario[pair[0]])
+        ]
+
+    def _statistic(self, bad: Array) -> float:
+        over = self.tune.over
+        if over == "worst":
+            return float(np.max(bad))
+        if isinstance(over, float):
+            return judge.quantile(bad, over)
+        return float(np.mean(bad))
+
+
+def tune(study: AnyStudy, folder: Path, workers: Workers, progress: Progress | None = None) -> list[Tuned]:
+    """Tune a study as its [tune] says; a killed tuning goes on from `folder`, where each has a journal.
+
+    `progress` is called with the subject, the number of settings tried, the budget, and the best value so
+    far: 1 is where it began. StudyError: a mistake in [tune] or [vary], a journal of another study.
+    """
+    report = progress or (lambda *of: None)
+    search_over, fresh = ensembles(study)
+    return [
+        _tuned(
+            Evaluation(study, subject, search_over, workers),
+            Evaluation(study, subject, fresh, workers),
+            folder / f"{subject.name}.tune",
+            report,
+        )
+        for subject in subjects(study)
+    ]
+
+
+def _tuned(searched: Evaluation, check: Evaluation, path: Path, progress: Progress) -> Tuned:
+    study, subject, budget = searched.study, searched.subject, searched.tune.budget
+    start = {knob.key: knob.start_share for knob in subject.knobs}
+    about = {"study": pack(study).digest[:16], "keys": list(start)}
+    search = Search(path, about, start, study.seed)
+    searched.scores([_values(subject, start)])  # the first: the others are measured by it
+    best = search.run(
+        lambda many: [_penalised(s) for s in searched.scores([_values(subject, one) for one in many])],
+        budget,
+        lambda tried, value: progress(subject.name, tried, budget, value),
+    )
+    values = _values(subject, best)
+    before, after = check.sweeps([_values(subject, start), values])
+    return Tuned(subject, values, check.score(before), check.score(after), before, after)
+
+
+def side_by_side(study: AnyStudy, tuned: Sequence[Tuned]) -> Sweep:
+    """Each controller as it was and as it was tuned, over the fresh variants, as one sweep.
+
+    Its study has the tuned ones under names of their own.
+    """
+    named = {name: f"{name}-tuned" for one in tuned for _, name in one.subject.pairs}
+    copies: dict[str, Any] = {}
+    for one in tuned:
+        of_subject = changed(study, one.values)
+        for _, name in one.subject.pairs:
+            table = {k: v for k, v in of_subject.source.tables["controller"][name].items() if k != "baseline"}
+            copies[f'controller."{named[name]}"'] = {**table, "label": f"{study.label(name)} tuned"}
+    pairs = [
+        (s, renamed(c)) for one in tuned for renamed in (str, named.__getitem__) for s, c in one.subject.pairs
+    ]
+    values = [sweep.values for one in tuned for sweep in (one.sweep_before, one.sweep_after)]
+    first = tuned[0].sweep_before
+    shown = changed(study, copies)
+    return Sweep(shown, first.ensemble, pairs, first.columns, np.concatenate(values, axis=1), {})
+
+
+def lines(tuned: Tuned) -> list[str]:
+    """The outcome as lines of text: each value before and after, and what it is worth on fresh variants."""
+    name, before, after = tuned.subject.name, tuned.before, tuned.after
+    found = [
+        f"{knob.key} = {shown(tuned.values[knob.key])}  # was {shown(knob.start_text)}"
+        for knob in tuned.subject.knobs
+    ]
+    count = tuned.sweep_after.ensemble.count
+    worth = f"{name}: {100 * after.value:.1f} % of what it was, over {count} fresh variants"
+    if before.violation or after.violation:
+        worth += (
+            f"; limits missed by {100 * before.violation:.1f} % before, {100 * after.violation:.1f} % now"
+        )
+    if not tuned.adopted:
+        worth += "; no better, so the values stay as they were"
+    return [*found, worth]
+
+
+def _values(subject: Subject, settings: Settings) -> dict[str, Any]:
+    """Values by key; at the start exactly those of the study."""
+    return {
+        knob.key: knob.start_text
+        if math.isclose(settings[knob.key], knob.start_share, rel_tol=1e-12)
+        else knob.text(settings[knob.key])
+        for knob in subject.knobs
+    }
+
+
+def _penalised(score: Score) -> float:
+    """One number for the search, which only compares: whoever misses a limit is worse than all who don't."""
+    most = 1e6
+    if score.violation > 0:
+        return most * (1 + min(score.violation, most))
+    return min(score.value, most)
+
+
+def ensembles(study: AnyStudy) -> tuple[Ensemble, Ensemble]:
+    """The variants to search over, and fresh ones to check on."""
+    wanted = _wanted(study)
+    if wanted.over == "nominal":
+        return Ensemble((), {}, 1), Ensemble((), {SEED: seeds(study, SEEDS, fresh=1)}, SEEDS)
+    return draw(study, wanted.variants), draw(study, FRESH * wanted.variants, fresh=1)
+
+
+def subjects(study: AnyStudy) -> list[Subject]:
+    """What is tuned at once. StudyError: a mistake in [tune]."""
+    wanted, path = _wanted(study), study.source.path
+    column_of(study, wanted.minimise, "minimise")
+    for hold in wanted.hold:
+        hold_limit(study, column_of(study, hold.metric, "hold"), hold.limit)
+    knobs: dict[str, list[Knob]] = {}
+    for key, limits in wanted.keys.items():
+        parts = split(key)
+        name = str(parts[1]) if parts[0] == "controller" and len(parts) > 2 else ""
+        knobs.setdefault(name, []).append(_knob(study, key, limits))
+    if "" in knobs:
+        joint = [knob for of in knobs.values() for knob in of]
+        named = [name for name in knobs if name] or list(study.controller)
+        return [Subject("all", joint, _pairs(study, wanted, named))]
+    for name in knobs:
+        if name not in study.controller:
+            raise StudyError(
+                f"{path}: tune.keys: controller.{name}: expected one of {', '.join(study.controller)}"
+            )
+    return [Subject(name, of, _pairs(study, wanted, [name])) for name, of in knobs.items()]
+
+
+def _pairs(study: AnyStudy, wanted: Tune, controllers: Sequence[str]) -> list[Pair]:
+    for scenario in wanted.scenarios or ():
+        if scenario not in study.scenario:
+            expected = f"expected one of {', '.join(study.scenario)}"
+            raise StudyError(f"{study.source.path}: tune.scenarios: {shown(scenario)}: {expected}")
+    chosen = wanted.scenarios or tuple(study.scenario)
+    metric = column_of(study, wanted.minimise, "minimise").metric
+    found = [pair for pair in runs_of(study) if pair[1] in controllers and pair[0] in chosen]
+    if not any(metric.applies_in(s, study.scenario[s]) for s, _ in found):
+        expected = f"expected a metric that is taken where {', '.join(controllers)} runs"
+        raise StudyError(f"{study.source.path}: tune.minimise: {shown(wanted.minimise)}: {expected}")
+    return found
+
+
+def _knob(study: AnyStudy, key: str, limits: tuple[Any, ...]) -> Knob:
+    reader = Reader(study, key, ("tune", "keys", key), limits)
+    if reader.nominal is MISSING:
+        tried(study, "tune.keys", {key: limits[0]})
+        raise reader.wrong("expected the key of a value that the study has, to begin with")
+    low, high = reader.range()
+    start = reader.middle()
+    if not low <= start <= high:
+        raise reader.wrong(f"expected a range with the study's own value, {shown(reader.nominal)}")
+    return Knob(key, reader.unit, low, high, start)
+
+
+def column_of(study: AnyStudy, name: str, where: str) -> Column:
+    """The column of a metric that [tune] names. StudyError: there is none, or it has several."""
+    known = {column.spoken: column for column in columns(study)}
+    known |= {column.name: column for column in columns(study)}
+    if name not in known:
+        expected = f"expected one of {', '.join(column.spoken for column in columns(study)) or 'none'}"
+        raise StudyError(f"{study.source.path}: tune.{where}: {shown(name)}: {expected}")
+    return known[name]
+
+
+def hold_limit(study: AnyStudy, column: Column, limit: Any) -> float:
+    """A limit of [tune] in SI, turned so that less is better."""
+    from cogless.study.table import Quantity
+
+    dimension = column.metric.dimension
+    try:
+        found = Quantity(dimension, bare=not dimension.unit).read(limit)
+    except ValueError as error:
+        where = f"{study.source.path}: tune.hold: {result_name(column.metric)}"
+        raise StudyError(f"{where}: {shown(limit)}: {error}") from None
+    return -found if column.metric.wanted == "higher" else found
+
+
+def _wanted(study: AnyStudy) -> Tune:
+    if study.tune is None:
+        expected = "expected a table of keys, minimise, ..."
+        raise StudyError(f"{study.source.path}: tune: missing: {expected}")
+    return study.tune
