@@ -15,7 +15,7 @@ from scipy.special import ndtr, ndtri
 from cogless import units
 from cogless.errors import StudyError
 from cogless.study import AnyStudy, changed
-from cogless.study.error_messages import MISSING, dotted, look_up, shown
+from cogless.study.error_messages import MISSING, look_up, shown
 from cogless.study.reading import split
 from cogless.study.table import Key
 
@@ -173,7 +173,7 @@ class Reader:
     def wrong(self, expected: str, value: Any = None) -> StudyError:
         given = self.given if value is None else value
         text = shown(list(given) if isinstance(given, tuple) else given)
-        return StudyError(f"{self.study.source.path}: {dotted(self.where)}: {text}: {expected}")
+        return StudyError(f"{self.study.source.path}: {'.'.join(map(str, self.where))}: {text}: {expected}")
 
 
 def _uniform(low: float, high: float) -> Callable[[Array], Array]:

@@ -39,7 +39,7 @@ class Workers:
         """Take another executor, as this one is broken."""
         broken, self._executor = self._executor, None
         if broken is not None:
-            broken.shutdown(wait=False, cancel_futures=True)
+            broken.shutdown(wait=False)
 
 
 def given(executor: Executor) -> Workers:
@@ -157,7 +157,8 @@ def _use(
                 waiting.popleft()
             except BrokenProcessPool:
                 broken = True
-        for future in wait(running, return_when=FIRST_COMPLETED).done:
+        done = wait(running, return_when=FIRST_COMPLETED).done
+        for future in [future for future in running if future in done]:  # in the order that they were sent
             number = running.pop(future)
             try:
                 result = future.result()

@@ -9,8 +9,9 @@ import fcntl
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from io import RawIOBase
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from cogless.errors import StudyError
 from cogless.files import reason
@@ -21,17 +22,13 @@ Chunk = int
 class Journal:
     """An open journal. `finished`: rows of each chunk, as `work.rows` returns them."""
 
-    def __init__(self, path: Path, file: IO[bytes], finished: dict[Chunk, Any]) -> None:
+    def __init__(self, path: Path, file: RawIOBase, finished: dict[Chunk, Any]) -> None:
         self.path, self.finished = path, finished
         self._file = file
 
     def add(self, chunk: Chunk, rows: Any) -> None:
         """Keep a finished chunk. StudyError: the file can't be written, such as on a full disk."""
-        try:
-            self._file.write(json.dumps([chunk, rows], separators=(",", ":")).encode() + b"\n")
-            self._file.flush()
-        except OSError as error:
-            raise _unwritable(self.path, error) from error
+        _append(self.path, self._file, [chunk, rows])
         self.finished[chunk] = rows
 
 
@@ -42,9 +39,9 @@ def opened(path: Path, about: Mapping[str, Any]) -> Iterator[Journal]:
     StudyError: it belongs to another sweep, another process writes it, it can't be written.
     """
     try:
-        file = open(path, "a+b")  # noqa: SIM115
+        file = open(path, "a+b", buffering=0)  # noqa: SIM115
     except OSError as error:
-        raise _unwritable(path, error) from error
+        raise StudyError(f"{path}: {reason(error)}: expected a file that can be written") from error
     with file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -59,11 +56,7 @@ def opened(path: Path, about: Mapping[str, Any]) -> Iterator[Journal]:
             finished = _read(path, lines, about)
         else:
             finished = {}
-            try:
-                file.write(json.dumps(about).encode() + b"\n")
-                file.flush()
-            except OSError as error:
-                raise _unwritable(path, error) from error
+            _append(path, file, about)
         yield Journal(path, file, finished)
 
 
@@ -74,6 +67,16 @@ def read(path: Path, about: Mapping[str, Any]) -> dict[Chunk, Any]:
     except OSError as error:
         raise StudyError(f"{path}: {reason(error)}: expected a shard's file") from error
     return _read(path, content[: content.rfind(b"\n") + 1].splitlines(), about)
+
+
+def _append(path: Path, file: RawIOBase, value: Any) -> None:
+    """Write a line at once, without a buffer that would be tried again when the file is closed."""
+    line = memoryview(json.dumps(value, separators=(",", ":")).encode() + b"\n")
+    try:
+        while line:
+            line = line[file.write(line) :]
+    except OSError as error:
+        raise StudyError(f"{path}: {reason(error)}: expected a file that can be written") from error
 
 
 def _read(path: Path, lines: list[bytes], about: Mapping[str, Any]) -> dict[Chunk, Any]:
@@ -88,7 +91,3 @@ def _read(path: Path, lines: list[bytes], about: Mapping[str, Any]) -> dict[Chun
         expected = f"expected {wanted}, as here" if different != "study" else "expected the same study"
         raise StudyError(f"{path}: {different}: {has}: {expected}, or another directory")
     return finished
-
-
-def _unwritable(path: Path, error: OSError) -> StudyError:
-    return StudyError(f"{path}: {reason(error)}: expected a file that can be written")

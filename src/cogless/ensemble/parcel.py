@@ -53,6 +53,7 @@ def unpacked(parcel: Parcel) -> AnyStudy:
         return checked(source)
     up = max(name.count("../") for name in parcel.files)
     folder = Path(tempfile.mkdtemp(prefix="cogless-"), *("in",) * up)
+    folder.mkdir(parents=True, exist_ok=True)
     for name, content in parcel.files.items():
         place = Path(os.path.normpath(folder / name))
         place.parent.mkdir(parents=True, exist_ok=True)

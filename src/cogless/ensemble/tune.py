@@ -101,7 +101,7 @@ class Score:
 
 @dataclass(frozen=True, eq=False)
 class Tuned:
-    """The outcome for one subject, judged on fresh variants. `adopted`: whether the found values are better."""
+    """The outcome for one subject, judged on fresh variants."""
 
     subject: Subject
     values: Mapping[str, Any]  # what was found, by key
@@ -112,6 +112,7 @@ class Tuned:
 
     @property
     def adopted(self) -> bool:
+        """Whether the found values are better."""
         return self.after.order < self.before.order
 
     @property

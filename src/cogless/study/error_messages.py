@@ -142,6 +142,11 @@ def _existing(location: Key, tables: Any) -> Key:
     additions."""
     key: list[str | int] = []
     for index, part in enumerate(location):
+        nested = tuple(str(part).split("."))  # a dotted key, as [vary] has, may be tables within tables
+        if len(nested) > 1 and look_up(tables, (part,)) is MISSING and look_up(tables, nested) is not MISSING:
+            key += nested
+            tables = look_up(tables, nested)
+            continue
         inner, after = look_up(tables, (part,)), location[index + 1 : index + 2]
         beside = after and not isinstance(inner, dict | list) and look_up(tables, after) is not MISSING
         if inner is not MISSING and not beside:  # a name in a union may also be a key: law = "library"

@@ -1,0 +1,169 @@
+"""Variants are spread as [vary] says, and the same everywhere."""
+
+from pathlib import Path
+
+import ensembles
+import numpy as np
+import pytest
+from scipy.stats import spearmanr
+
+from cogless.ensemble.sample import draw
+from cogless.errors import StudyError
+
+COUNT = 1024
+
+
+def drawn(folder: Path, vary: str, count: int = COUNT) -> dict[str, np.ndarray]:
+    """Values of each key, SI."""
+    ensemble = draw(ensembles.study(folder, vary=f"[vary]\n{vary}"), count)
+    return {key: np.array(ensemble.si(key)) for key in ensemble.drawn}
+
+
+@pytest.mark.parametrize(
+    ("form", "low", "high"),
+    [
+        ('uniform = "20 %"', 2e-4, 3e-4),
+        ('uniform = ["-20 %", "60 %"]', 2e-4, 4e-4),
+        ('uniform = "0.5 kg*cm^2"', 2e-4, 3e-4),
+        ('uniform = ["1 kg*cm^2", "3e-4 kg*m^2"]', 1e-4, 3e-4),
+    ],
+)
+def test_uniform(tmp_path: Path, form: str, low: float, high: float) -> None:
+    found = np.sort(drawn(tmp_path, f"mechanics.inertia = {{ {form} }}")["mechanics.inertia"])
+    even = low + (high - low) * (np.arange(COUNT) + 0.5) / COUNT
+    assert np.max(np.abs(found - even)) < 1.01 * (high - low) / COUNT  # one in each of equal parts
+
+
+@pytest.mark.parametrize(
+    ("form", "low", "high"),
+    [('log = "100 %"', 1.25e-4, 5e-4), ('log = ["1 kg*cm^2", "1e-3 kg*m^2"]', 1e-4, 1e-3)],
+)
+def test_log(tmp_path: Path, form: str, low: float, high: float) -> None:
+    found = np.sort(np.log(drawn(tmp_path, f"mechanics.inertia = {{ {form} }}")["mechanics.inertia"]))
+    even = np.log(low) + np.log(high / low) * (np.arange(COUNT) + 0.5) / COUNT
+    assert np.max(np.abs(found - even)) < 1.01 * np.log(high / low) / COUNT
+
+
+@pytest.mark.parametrize("form", ['normal = "10 %"', 'normal = ["2.5e-4 kg*m^2", "0.25 kg*cm^2"]'])
+def test_normal_ends_at_three_deviations(tmp_path: Path, form: str) -> None:
+    found = drawn(tmp_path, f"mechanics.inertia = {{ {form} }}")["mechanics.inertia"]
+    assert np.mean(found) == pytest.approx(2.5e-4, rel=1e-3)
+    assert np.std(found) == pytest.approx(0.25e-4, rel=0.03)  # cut off at 3: 1.4 % less than without
+    assert np.max(np.abs(found - 2.5e-4)) <= 3.001 * 0.25e-4
+
+
+def test_corners_come_in_all_combinations(tmp_path: Path) -> None:
+    keys = ("motor.R_s", "motor.L_d", "motor.L_q", "motor.psi_f")
+    found = drawn(tmp_path, "\n".join(f'{key} = {{ corners = "10 %" }}' for key in keys), 64)
+    assert set(found["motor.R_s"]) == {0.9, 1.1}
+    combinations = np.column_stack([found[key] > np.median(found[key]) for key in keys])
+    assert len(np.unique(combinations, axis=0)) == 16
+
+
+def test_a_list_is_drawn_evenly(tmp_path: Path) -> None:
+    found = drawn(
+        tmp_path, 'motor.pole_pairs = { list = [2, 4, 6, 8] }\nmotor.winding = { list = ["star", "delta"] }'
+    )
+    assert {value: np.count_nonzero(found["motor.pole_pairs"] == value) for value in (2, 4, 6, 8)} == {
+        2: 256, 4: 256, 6: 256, 8: 256,
+    }  # fmt: skip
+    assert set(found["motor.winding"]) == {"star", "delta"}
+
+
+@pytest.mark.parametrize("correlation", [-0.8, 0.5, 1.0])
+def test_correlated_keys(tmp_path: Path, correlation: float) -> None:
+    vary = """motor.R_s = { uniform = "20 %" }
+motor.psi_f = { normal = "2 %" }
+[[vary.together]]
+keys = ["motor.R_s", "motor.psi_f"]
+correlation = CORRELATION""".replace("CORRELATION", str(correlation))
+    found = drawn(tmp_path, vary)
+    ranks = spearmanr(found["motor.R_s"], found["motor.psi_f"]).statistic
+    assert ranks == pytest.approx(6 / np.pi * np.arcsin(correlation / 2), abs=0.02)  # of a Gaussian copula
+    # what each does alone stays as it was
+    assert np.histogram(found["motor.R_s"], 4, (0.8, 1.2))[0] == pytest.approx(COUNT / 4, rel=0.02)
+
+
+def test_a_key_without_a_value_needs_limits_and_the_magnet_by_any_of_its_keys(tmp_path: Path) -> None:
+    found = drawn(tmp_path, 'motor.K_t = { uniform = "10 %" }')["motor.K_t"]
+    assert np.mean(found) == pytest.approx(1.5 * 4 * 20e-3, rel=1e-3)
+    with pytest.raises(StudyError, match="expected two limits, since the study has no value at this key"):
+        drawn(tmp_path, 'mechanics.coulomb_friction = { uniform = "10 %" }')
+
+
+def test_seeds_differ_and_fresh_ones_too(tmp_path: Path) -> None:
+    study = ensembles.study(tmp_path, vary='[vary]\nmechanics.inertia = { uniform = "20 %" }\nseeds = true')
+    first, fresh = draw(study, 100), draw(study, 100, fresh=1)
+    assert first.drawn["seed"] == list(range(6, 106))
+    assert not set(first.drawn["seed"]) & set(fresh.drawn["seed"])
+    assert not set(first.drawn["mechanics.inertia"]) & set(fresh.drawn["mechanics.inertia"])
+
+
+def test_the_first_of_a_longer_ensemble_are_the_same(tmp_path: Path) -> None:
+    study = ensembles.study(tmp_path)
+    short, long = draw(study, 10), draw(study, 1000)
+    assert [short.changes(v) for v in range(10)] == [long.changes(v) for v in range(10)]
+    assert short.changes(0) != draw(ensembles.study(tmp_path, {"seed": 6}), 10).changes(0)
+
+
+MISTAKES = {
+    'mechanics.inertai = { uniform = ["1 g", "2 g"] }': (
+        'mechanics.inertai: "1.5 g": expected a known key, perhaps "inertia"'
+    ),
+    'nowhere.at = { uniform = ["1 s", "2 s"] }': "nowhere: {}: expected",
+    'mechanics.inertia = { uniform = ["3e-4 kg*m^2", "2e-4 kg*m^2"] }': (
+        'vary.mechanics.inertia.uniform: ["3e-4 kg*m^2", "2e-4 kg*m^2"]: '
+        "expected a range whose second limit is above its first"
+    ),
+    'mechanics.inertia = { uniform = "0 %" }': (
+        'vary.mechanics.inertia.uniform: "0 %": expected a deviation above zero'
+    ),
+    'mechanics.inertia = { uniform = ["1 s", "2 s"] }': (
+        'vary.mechanics.inertia.uniform: "1 s": expected a number with a unit like "kg*m^2"'
+    ),
+    "mechanics.inertia = { uniform = [1, 2] }": (
+        'vary.mechanics.inertia.uniform: 1: expected a text with a unit, such as "1 kg*m^2", or with %'
+    ),
+    'mechanics.inertia = { log = ["0 kg*m^2", "1 kg*m^2"] }': (
+        'vary.mechanics.inertia.log: ["0 kg*m^2", "1 kg*m^2"]: expected limits above zero'
+    ),
+    'motor.cogging = { uniform = "10 %" }': (
+        'vary.motor.cogging.uniform: "10 %": expected the key of a number, or a list of values'
+    ),
+    'motor.winding = { list = ["star", "triangle"] }': 'motor.winding: "triangle": expected ',
+}
+
+
+@pytest.mark.parametrize("vary", MISTAKES)
+def test_mistakes_are_one_line_each(tmp_path: Path, vary: str) -> None:
+    with pytest.raises(StudyError) as error:
+        draw(ensembles.study(tmp_path, vary=f"[vary]\n{vary}"), 4)
+    assert str(error.value).startswith(f"{tmp_path / 'study.toml'}: vary")
+    assert MISTAKES[vary] in str(error.value) and len(str(error.value).splitlines()) == 1
+
+
+WRONG_TABLES = {
+    'mechanics.inertia = { unifrom = "1 %" }': (
+        'vary.mechanics.inertia.unifrom: unknown key: expected a known key, perhaps "uniform"'
+    ),
+    'motor.R_s = { uniform = "1 %", log = "1 %" }': "expected one of uniform, log, normal, corners, list",
+    'mechanics.inertia = { uniform = ["1 %"] }': "expected one number, or two",
+    "motor.pole_pairs = { list = [] }": "expected one or more",
+    "": "expected one or more, or seeds = true",
+    'mechanics.inertia = { uniform = "1 %" }\n'
+    'together = [{ keys = ["mechanics.inertia", "x"], correlation = 0.5 }]': (
+        'vary.together.0.keys.1: "x": expected one of mechanics.inertia'
+    ),
+}
+
+
+@pytest.mark.parametrize("vary", WRONG_TABLES)
+def test_a_wrong_table_is_told_when_the_study_is_read(tmp_path: Path, vary: str) -> None:
+    with pytest.raises(StudyError) as error:
+        ensembles.study(tmp_path, vary=f"[vary]\n{vary}")
+    assert WRONG_TABLES[vary] in str(error.value) and len(str(error.value).splitlines()) == 1
+
+
+def test_a_study_without_vary(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match="vary: missing: expected a table of keys that vary"):
+        draw(ensembles.study(tmp_path, vary=""), 4)

@@ -1,0 +1,408 @@
+"""A sweep gives the same table however it is run, and whatever happens on the way."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import ensembles
+import numpy as np
+import pytest
+from commands import cogless
+
+import studies
+from cogless.ensemble import executors, journal, table
+from cogless.ensemble import sweep as sweeping
+from cogless.errors import StudyError
+from cogless.run.simulate import run_study
+from cogless.study import changed
+
+pq = pytest.importorskip("pyarrow.parquet", reason="needs the extra cogless[sweep]")
+COUNT = 40  # three chunks, the last shorter
+
+
+class Here(Executor):
+    """Runs tasks at once in this thread."""
+
+    def submit(self, work: Any, /, *arguments: Any, **named: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        try:
+            future.set_result(work(*arguments, **named))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+class Dies(Here):
+    """Its worker dies at these tasks, counted from 0."""
+
+    def __init__(self, *at: int) -> None:
+        self.at, self.count = at, 0
+
+    def submit(self, work: Any, /, *arguments: Any, **named: Any) -> Future[Any]:
+        self.count += 1
+        if self.count - 1 in self.at:
+            future: Future[Any] = Future()
+            future.set_exception(BrokenProcessPool("died"))
+            return future
+        return super().submit(work, *arguments, **named)
+
+
+def plan(folder: Path, count: int = COUNT, **options: Any) -> sweeping.Plan:
+    return sweeping.plan(ensembles.study(folder, **options), count)
+
+
+def content(sweep: table.Sweep | None, folder: Path) -> bytes:
+    assert sweep is not None
+    table.write(sweep, folder / "sweep.parquet")
+    return (folder / "sweep.parquet").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    folder = tmp_path_factory.mktemp("expected")
+    return content(sweeping.run(plan(folder), folder, Here()), folder)
+
+
+def test_a_row_is_what_the_variant_gives_alone(tmp_path: Path, expected: bytes) -> None:
+    (tmp_path / "sweep.parquet").write_bytes(expected)
+    found, study = pq.read_table(tmp_path / "sweep.parquet").to_pylist(), ensembles.study(tmp_path)
+    assert len(found) == 2 * COUNT
+    assert [(row["variant"], row["controller"]) for row in found[:3]] == [(0, "pi"), (0, "pi-ilc"), (1, "pi")]
+    row = found[35]
+    assert list(row) == [
+        "variant", "scenario", "controller", "mechanics.inertia", "mechanics.viscous_friction",
+        "ripple_rad_s", "speed_rad_s.24", "speed_rad_s.48", "error",
+    ]  # fmt: skip
+    settings = {key: f"{row[key]!r} {unit}" for key, unit in (
+        ("mechanics.inertia", "kg*m^2"), ("mechanics.viscous_friction", "N*m*s/rad")
+    )}  # fmt: skip
+    alone = run_study(changed(study, settings), ["low/pi-ilc"]).runs[0].metrics
+    assert row["ripple_rad_s"] == alone["ripple_rad_s"]
+    assert [row["speed_rad_s.24"], row["speed_rad_s.48"]] == alone["speed_rad_s"]
+
+
+def test_threads_and_processes_give_the_same_table(tmp_path: Path, expected: bytes) -> None:
+    for name, executor in (("threads", ThreadPoolExecutor(2)), ("processes", ProcessPoolExecutor(2))):
+        folder = tmp_path / name
+        folder.mkdir()
+        with executor:
+            assert content(sweeping.run(plan(tmp_path), folder, executor), folder) == expected
+
+
+def test_shards_merged_in_any_order_give_the_same_table(tmp_path: Path, expected: bytes) -> None:
+    planned = plan(tmp_path)
+    for index in (4, 0, 2, 1, 3):  # five shards of three chunks: two have nothing to do
+        assert sweeping.run(planned, tmp_path, Here(), sweeping.Shard(index, 5)) is None
+    assert content(sweeping.merge(planned, tmp_path), tmp_path) == expected
+
+
+def test_a_sweep_goes_on_where_it_ended(tmp_path: Path, expected: bytes) -> None:
+    class Full(Exception):  # noqa: N818
+        pass
+
+    def stop(done: int) -> None:
+        if done >= 16:
+            raise Full
+
+    with pytest.raises(Full):
+        sweeping.run(plan(tmp_path), tmp_path, Here(), progress=stop)
+    file = tmp_path / "journal.jsonl"
+    whole = file.read_bytes()
+    assert whole.count(b"\n") == 2  # what it is, and one chunk
+    file.write_bytes(whole + b"[1,[[[0.5")  # a line that a kill cut off
+    told: list[int] = []
+    found = sweeping.run(plan(tmp_path), tmp_path, Here(), progress=told.append)
+    assert told[0] == 16 and told[-1] == COUNT
+    assert content(found, tmp_path) == expected
+
+
+def test_a_larger_sweep_goes_on_from_a_smaller_one(tmp_path: Path, expected: bytes) -> None:
+    sweeping.run(plan(tmp_path, 20), tmp_path, Here())
+    told: list[int] = []
+    assert content(sweeping.run(plan(tmp_path), tmp_path, Here(), progress=told.append), tmp_path) == expected
+    assert told[0] == 16  # the chunk that was cut off at 20 is run again
+    smaller = sweeping.run(plan(tmp_path, 20), tmp_path, Dies(0))
+    assert smaller is not None and smaller.values.shape[0] == 20
+
+
+def test_a_worker_that_dies_costs_its_chunk_only(tmp_path: Path, expected: bytes) -> None:
+    executor = Dies(1, 3)
+    assert content(sweeping.run(plan(tmp_path), tmp_path, executor), tmp_path) == expected
+    assert executor.count == 5
+
+
+def test_a_task_that_kills_every_worker_is_given_up(tmp_path: Path) -> None:
+    with pytest.raises(
+        StudyError, match=r"^chunk \d: its worker died 3 times: expected enough memory for it$"
+    ):
+        sweeping.run(plan(tmp_path), tmp_path, Dies(*range(99)))
+
+
+def kills(marker: str) -> int:
+    """A task that kills its process the first time."""
+    if not os.path.exists(marker):
+        Path(marker).touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return 7
+
+
+def test_a_killed_process_is_replaced(tmp_path: Path) -> None:
+    found: dict[int, int] = {}
+    tasks: dict[int, tuple[Any, ...]] = {n: (str(tmp_path / "marker"),) for n in range(3)}
+    with executors.processes(1) as workers:
+        executors.run_all(workers, kills, tasks, found.__setitem__)
+    assert found == {0: 7, 1: 7, 2: 7}
+
+
+def test_a_failed_variant_is_kept_with_its_error(tmp_path: Path) -> None:
+    vary = '[vary]\nmechanics.inertia = { log = ["1e-8 kg*m^2", "1e-3 kg*m^2"] }'
+    study = ensembles.study(tmp_path, {"mechanics.viscous_friction": "1e-4 N*m*s/rad"}, vary)
+    found = sweeping.run(sweeping.plan(study, 16), tmp_path, Here())
+    assert found is not None
+    bad = {variant for variant, _ in found.errors}
+    assert 0 < len(bad) < 16 and len(found.errors) == 2 * len(bad)
+    for (variant, place), text in found.errors.items():
+        with pytest.raises(StudyError) as error:
+            changed(study, found.ensemble.changes(variant))
+        assert text == str(error.value).replace(str(tmp_path / "study.toml"), "study.toml")
+        assert np.all(np.isnan(found.values[variant, place]))
+    assert np.all(np.isfinite(found.values[[v for v in range(16) if v not in bad], :, 0]))
+
+
+FRAGILE = """
+class Law:
+    def __init__(self, gain):
+        self.gain = gain
+
+    def step(self, inputs):
+        from math import nan
+        return nan if self.gain > 1 else 0.01 * (inputs.omega_ref - inputs.omega_m)
+"""
+
+
+def test_a_run_that_fails_has_its_own_error(tmp_path: Path) -> None:
+    (tmp_path / "law.py").write_text(FRAGILE)
+    vary = '[controller.own]\nlaw = "python"\nobject = "law.py:Law"\nparams = { gain = 0.5 }\n'
+    vary += "[vary]\ncontroller.own.params.gain = { list = [0.5, 2.0] }"
+    found = sweeping.run(sweeping.plan(ensembles.study(tmp_path, vary=vary), 8), tmp_path, Here())
+    assert found is not None
+    gains = found.ensemble.drawn["controller.own.params.gain"]
+    assert {variant for variant, _ in found.errors} == {v for v in range(8) if gains[v] > 1}
+    assert {place for _, place in found.errors} == {2}  # the others of the variant are kept
+    assert all(text.startswith("study.toml: controller.own: scenario low") for text in found.errors.values())
+
+
+def test_a_study_travels_with_its_files(tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    from cogless.ensemble.parcel import pack, unpacked
+
+    home = tmp_path / "home"
+    (home / "in").mkdir(parents=True)
+    (home / "law.py").write_text("from helper import GAIN\n" + FRAGILE.replace("0.01", "GAIN"))
+    (home / "helper.py").write_text("GAIN = 0.01\n")
+    own = '[controller.own]\nlaw = "python"\nobject = "../law.py:Law"\nparams = { gain = 0.5 }\n'
+    parcel = pack(ensembles.study(home / "in", vary=own))
+    assert set(parcel.files) == {"../law.py", "../helper.py"}
+    (expected,) = run_study(unpacked(parcel), ["low/own"]).runs
+    (home / "law.py").unlink()  # as on another machine
+    there = unpacked(replace(parcel, digest="another"))
+    assert there.source.path.parent != home / "in"
+    (found,) = run_study(there, ["low/own"]).runs
+    assert found.metrics == expected.metrics
+
+
+# mistakes
+
+
+def test_shards_of_different_sweeps_are_refused(tmp_path: Path) -> None:
+    planned = plan(tmp_path)
+    for index in (0, 1):
+        sweeping.run(planned, tmp_path, Here(), sweeping.Shard(index, 2))
+    other = sweeping.plan(ensembles.study(tmp_path, {"mechanics.inertia": "2.6e-4 kg*m^2"}), COUNT)
+    first = tmp_path / "shard-1-of-2.jsonl"
+    with pytest.raises(StudyError) as error:
+        sweeping.merge(other, tmp_path)
+    digests = planned.about["study"], other.about["study"]
+    assert str(error.value) == f"{first}: study: {digests[0]}: expected the same study, or another directory"
+    with pytest.raises(StudyError) as error:
+        sweeping.merge(plan(tmp_path, 41), tmp_path)
+    assert str(error.value) == f"{first}: variants: 40: expected 41, as here, or another directory"
+    with pytest.raises(StudyError, match=r"version: 0\.0\.1: expected .*, as here, or another directory$"):
+        first.write_text(first.read_text().replace('"version": "', '"version": "0.0.1", "x": "', 1))
+        sweeping.merge(planned, tmp_path)
+
+
+def test_missing_and_unfinished_shards_are_named(tmp_path: Path) -> None:
+    planned = plan(tmp_path)
+    with pytest.raises(StudyError, match="no shards: expected files such as "):
+        sweeping.merge(planned, tmp_path)
+    sweeping.run(planned, tmp_path, Here(), sweeping.Shard(0, 2))
+    with pytest.raises(StudyError) as error:
+        sweeping.merge(planned, tmp_path)
+    second = tmp_path / "shard-2-of-2.jsonl"
+    assert str(error.value) == f"{second}: no such file or directory: expected a shard's file"
+    sweeping.run(planned, tmp_path, Here(), sweeping.Shard(1, 2))
+    lines = (tmp_path / "shard-1-of-2.jsonl").read_bytes().splitlines(keepends=True)
+    (tmp_path / "shard-1-of-2.jsonl").write_bytes(b"".join(lines[:-1]))
+    with pytest.raises(
+        StudyError, match="1 of 2 chunks: expected a finished shard; run it again, it goes on"
+    ):
+        sweeping.merge(planned, tmp_path)
+
+
+def test_one_writer_at_a_time(tmp_path: Path) -> None:
+    planned = plan(tmp_path)
+    with journal.opened(tmp_path / "journal.jsonl", planned.about), pytest.raises(StudyError) as error:
+        sweeping.run(planned, tmp_path, Here())
+    assert (
+        str(error.value) == f"{tmp_path / 'journal.jsonl'}: in use: expected no other sweep that writes here"
+    )
+
+
+def test_a_file_that_is_no_journal(tmp_path: Path) -> None:
+    (tmp_path / "journal.jsonl").write_text("hello\n")
+    with pytest.raises(StudyError, match="not readable: expected a file that cogless sweep has written"):
+        sweeping.run(plan(tmp_path), tmp_path, Here())
+
+
+def test_a_full_disk_is_one_line(tmp_path: Path) -> None:
+    with open("/dev/full", "wb", buffering=0) as full, pytest.raises(StudyError) as error:
+        journal.Journal(tmp_path / "journal.jsonl", full, {}).add(0, [])
+    expected = "no space left on device: expected a file that can be written"
+    assert str(error.value) == f"{tmp_path / 'journal.jsonl'}: {expected}"
+
+
+def test_a_study_without_metrics(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match="metric: missing: expected one or more to compare"):
+        plan(tmp_path, changes={"metric": []})
+
+
+# the command
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], expected: bytes) -> None:
+    study, out = studies.write(tmp_path, ensembles.TEXT), tmp_path / "out"
+    code, said, err = cogless(capsys, "sweep", study, "-n", COUNT, "-o", out, "-j", 2)
+    assert (code, err) == (0, "")
+    assert {path.name for path in out.iterdir()} == {"journal.jsonl", "sweep.parquet", "report.html"}
+    assert (out / "sweep.parquet").read_bytes() == expected
+    lines = said.splitlines()
+    assert lines[0].startswith(f"low: Ripple keeps its limit, of {COUNT} variants: ")
+    assert lines[-2:] == [f"Table: {out / 'sweep.parquet'}", f"Report: {out / 'report.html'}"]
+
+
+def test_shards_by_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], expected: bytes) -> None:
+    study, out = studies.write(tmp_path, ensembles.TEXT), tmp_path / "out"
+    arguments = ("sweep", study, "-n", COUNT, "-o", out, "-j", 1)
+    for shard in ("1/2", "2/2"):
+        code, said, _ = cogless(capsys, *arguments, "--shard", shard)
+        assert (code, said.startswith("Shard: ")) == (0, True)
+    assert cogless(capsys, *arguments, "--merge")[0] == 0
+    assert (out / "sweep.parquet").read_bytes() == expected
+
+
+MISTAKES = {
+    ("--shard", "4/3"): '--shard: "4/3": expected I/N, such as 3/20, with I from 1 to N',
+    ("--shard", "x"): '--shard: "x": expected I/N, such as 3/20, with I from 1 to N',
+    ("--only", "low/none"): '{study}: --only: "low/none": expected SCENARIO/CONTROLLER of low/pi, low/pi-ilc',
+    ("--set", "vary.seeds=3"): "{study}: vary.seeds: 3: expected true or false",
+    ("--merge",): "{out}: no shards: expected files such as shard-1-of-20.jsonl",
+}
+
+
+@pytest.mark.parametrize("options", MISTAKES)
+def test_mistakes_of_the_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...]
+) -> None:
+    study, out = studies.write(tmp_path, ensembles.TEXT), tmp_path / "out"
+    code, said, err = cogless(capsys, "sweep", study, "-o", out, *options)
+    assert (code, said) == (2, "")
+    assert err == MISTAKES[options].format(study=study, out=out) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("missing", "command"), [("pyarrow", "sweep"), ("SALib", "sweep"), ("optuna", "tune")]
+)
+def test_a_missing_extra_is_one_line(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    missing: str,
+    command: str,
+) -> None:
+    from importlib import util
+
+    there = util.find_spec
+    for module in ("table", "search"):
+        monkeypatch.setattr(
+            f"cogless.ensemble.{module}.find_spec", lambda name: None if name == missing else there(name)
+        )
+    code, said, err = cogless(
+        capsys, command, studies.write(tmp_path, ensembles.TEXT), "-o", tmp_path / "out"
+    )
+    assert (code, said) == (2, "")
+    assert err == f"{command}: expected the extra: pip install 'cogless[{command}]'\n"
+
+
+def test_killed_and_started_again(tmp_path: Path, expected: bytes) -> None:
+    study, out = studies.write(tmp_path, ensembles.TEXT), tmp_path / "out"
+    command = [sys.executable, "-c", "from cogless.cli import main; main()", "sweep", str(study)]
+    command += ["-n", str(COUNT), "-o", str(out), "-j", "1"]
+    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
+    file, until = out / "journal.jsonl", time.monotonic() + 60
+    while time.monotonic() < until and not (file.is_file() and file.read_bytes().count(b"\n") >= 2):
+        time.sleep(0.01)
+    os.killpg(running.pid, signal.SIGKILL)
+    running.wait()
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, timeout=60)
+    assert (out / "sweep.parquet").read_bytes() == expected
+    assert json.loads(file.read_text().splitlines()[0])["runs"] == ["low/pi", "low/pi-ilc"]
+
+
+# Dask
+
+
+@contextmanager
+def cluster(workers: int) -> Iterator[Any]:
+    distributed = pytest.importorskip("distributed", reason="needs the extra cogless[dask]")
+    options = {"n_workers": workers, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    with distributed.LocalCluster(**options) as found:
+        yield found
+
+
+@pytest.mark.filterwarnings("ignore")  # of Dask, about workers that die
+def test_a_dask_cluster_that_loses_a_worker_gives_the_same_table(tmp_path: Path, expected: bytes) -> None:
+    with cluster(2) as found, executors.dask(found.scheduler_address) as workers:
+        process = next(iter(found.workers.values())).process.process
+
+        def kill(done: int) -> None:
+            if done >= 16 and process.is_alive():
+                os.kill(process.pid, signal.SIGKILL)
+
+        swept = sweeping.run(plan(tmp_path), tmp_path, workers, progress=kill)
+        assert not process.is_alive()
+    assert content(swept, tmp_path) == expected
+
+
+def test_a_cluster_that_does_not_answer(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed", reason="needs the extra cogless[dask]")
+    monkeypatch.setattr(executors, "PATIENCE", 0.3)
+    study = studies.write(tmp_path, ensembles.TEXT)
+    code, said, err = cogless(capsys, "sweep", study, "-o", tmp_path / "out", "--dask", "tcp://127.0.0.1:1")
+    assert (code, said) == (2, "")
+    assert err == (
+        "--dask: tcp://127.0.0.1:1: no answer: expected the address of a Dask scheduler, "
+        "such as tcp://127.0.0.1:8786\n"
+    )
