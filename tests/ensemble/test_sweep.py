@@ -85,6 +85,7 @@ def test_a_row_is_what_the_variant_gives_alone(tmp_path: Path, expected: bytes) 
     settings = {key: f"{row[key]!r} {unit}" for key, unit in (
         ("mechanics.inertia", "kg*m^2"), ("mechanics.viscous_friction", "N*m*s/rad")
     )}  # fmt: skip
+    settings = {f'scenario.low.override."{key}"': value for key, value in settings.items()}
     alone = run_study(changed(study, settings), ["low/pi-ilc"]).runs[0].metrics
     assert row["ripple_rad_s"] == alone["ripple_rad_s"]
     assert [row["speed_rad_s.24"], row["speed_rad_s.48"]] == alone["speed_rad_s"]

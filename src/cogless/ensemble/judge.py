@@ -95,9 +95,9 @@ def likely(share: float, count: int) -> tuple[float, float]:
     return max(0.0, (middle - half) / (1 + z)), min(1.0, (middle + half) / (1 + z))
 
 
-def settings(sweep: Sweep, variant: int) -> list[str]:
-    """What differs from the study in a variant, each as KEY=VALUE for --set."""
-    return [f"{key}={toml(value)}" for key, value in sweep.ensemble.changes(variant).items()]
+def settings(sweep: Sweep, variant: int, scenario: str) -> list[str]:
+    """What differs from the study in a variant's scenario, each as KEY=VALUE for --set."""
+    return [f"{key}={toml(value)}" for key, value in sweep.ensemble.changes(variant, scenario).items()]
 
 
 def toml(value: object) -> str:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from cogless.ensemble.axes import Axis, axes, together
-from cogless.study import AnyStudy
+from cogless.study import AnyStudy, TrialStudy
+from cogless.study.error_messages import dotted
 
 SEED = "seed"  # a study's key: of the sensors' noise
 FRESH = 1 << 32  # between the seeds of an ensemble and those of a fresh one
@@ -17,15 +18,30 @@ FRESH = 1 << 32  # between the seeds of an ensemble and those of a fresh one
 
 @dataclass(frozen=True, eq=False)
 class Ensemble:
-    """The variants of a study: `drawn` has the values of each varied key, as in the study's file."""
+    """The variants of a study: `drawn` has the values of each varied key, as in the study's file.
+
+    `places`: where a key is set, for each scenario. Motor, mechanics and drive vary as a scenario's override:
+    the controllers are designed for the study, and don't know which variant they meet.
+    """
 
     axes: tuple[Axis, ...]
     drawn: Mapping[str, list[Any]]
     count: int
+    places: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
-    def changes(self, variant: int) -> dict[str, Any]:
-        """What differs from the study in a variant, by dotted key."""
-        return {key: values[variant] for key, values in self.drawn.items()}
+    def changes(self, variant: int, scenario: str | None = None) -> dict[str, Any]:
+        """What differs from the study in a variant, by dotted key; of one scenario, or of all."""
+        found = {}
+        for key, values in self.drawn.items():
+            places = self.places.get(key)
+            if places is None:
+                found[key] = values[variant]
+            else:
+                wanted = (
+                    places.values() if scenario is None else [places[scenario]] if scenario in places else []
+                )
+                found |= dict.fromkeys(wanted, values[variant])
+        return found
 
     def si(self, key: str) -> list[Any]:
         """The values of a varied key in SI, or as they are if they are no quantities."""
@@ -57,4 +73,20 @@ def draw(study: AnyStudy, count: int, fresh: int = 0) -> Ensemble:
         drawn = {axis.key: axis.values(column) for axis, column in zip(found, columns, strict=True)}
     if study.vary.seeds:
         drawn[SEED] = seeds(study, count, fresh)
-    return Ensemble(tuple(found), drawn, count)
+    return Ensemble(tuple(found), drawn, count, _places(study, drawn))
+
+
+def _places(study: AnyStudy, keys: Iterable[str]) -> dict[str, dict[str, str]]:
+    """The override that a key of the plant is set in, by scenario; one that overrides it keeps its own value."""
+    of_plant = (
+        ("motor.", "mechanics.") if isinstance(study, TrialStudy) else ("motor.", "mechanics.", "drive.")
+    )
+    return {
+        key: {
+            name: dotted(("scenario", name, "override", key))
+            for name, scenario in study.scenario.items()
+            if key not in (scenario.override or {})
+        }
+        for key in keys
+        if key.startswith(of_plant)
+    }

@@ -190,7 +190,7 @@ def _worst_table(results: SweepResults, groups: Sequence[Sequence[Spread]]) -> s
     body = ""
     for group in _plotted(groups):
         for s in group:
-            command = results.repeat(judge.settings(results.of, s.worst), s.pair)
+            command = results.repeat(judge.settings(results.of, s.worst, s.pair[0]), s.pair)
             body += (
                 f"<tr><th>{escape(_name(s.column))}</th><td>{key(results, s.pair[1])}</td>"
                 f"<td>{escape(_text(s.column, s.worst_value))}</td>"
