@@ -1,0 +1,192 @@
+"""Tuning finds what is known to be best, holds what must hold, goes on after a kill, never makes worse."""
+
+import tomllib
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import Any
+
+import ensembles
+import numpy as np
+import pytest
+from commands import cogless
+from test_sweep import Here
+
+import studies
+from cogless.ensemble import search as searching
+from cogless.ensemble import tune as tuning
+from cogless.ensemble.executors import given
+from cogless.errors import StudyError
+from cogless.run.simulate import run_study
+from cogless.study import changed, load
+
+pytest.importorskip("optuna", reason="needs the extra cogless[tune]")
+
+TUNE = """
+[tune]
+minimise = "ripple"
+variants = 4
+budget = 25
+[tune.keys]
+controller.pi.kp = ["0.005 A/rpm", "0.06 A/rpm"]
+controller.pi.ki = ["0.05 A/rpm/s", "2 A/rpm/s"]
+"""
+
+
+def study(folder: Path, tune: str = TUNE, changes: dict[str, Any] | None = None) -> Any:
+    return studies.study(folder, changes, ensembles.TEXT + tune)
+
+
+def tuned(folder: Path, tune: str = TUNE, executor: Executor | None = None, **changes: Any) -> tuning.Tuned:
+    (found,) = tuning.tune(study(folder, tune, changes), folder, given(executor or Here()))
+    return found
+
+
+def test_the_search_finds_the_bottom_of_a_bowl(tmp_path: Path) -> None:
+    def bowl(many: Any) -> list[float]:
+        return [(one["a"] - 0.7) ** 2 + 4 * (one["b"] - 0.2) ** 2 for one in many]
+
+    told: list[tuple[int, float]] = []
+    search = searching.Search(tmp_path / "s", {}, {"a": 0.1, "b": 0.9}, seed=1)
+    best = search.run(bowl, 120, lambda n, v: told.append((n, v)))
+    assert best == pytest.approx({"a": 0.7, "b": 0.2}, abs=0.03)
+    assert told[0] == (1, pytest.approx(0.36 + 4 * 0.49)) and told[-1][0] == 120  # the start comes first
+
+
+def test_a_killed_search_goes_on(tmp_path: Path) -> None:
+    tried: list[dict[str, float]] = []
+
+    def score(many: Any, most: int) -> list[float]:
+        if len(tried) >= most:
+            raise KeyboardInterrupt
+        tried.extend(many)
+        return [one["a"] for one in many]
+
+    start = {"a": 0.5, "b": 0.5}
+    with pytest.raises(KeyboardInterrupt):
+        searching.Search(tmp_path / "s", {}, start, 1).run(
+            lambda many: score(many, 10), 40, lambda n, v: None
+        )
+    before = len(tried)
+    searching.Search(tmp_path / "s", {}, start, 1).run(lambda many: score(many, 99), 40, lambda n, v: None)
+    assert 10 <= before < 20 and len(tried) == 40
+    assert tried.count(start) == 1
+    with pytest.raises(StudyError, match="of another study or other keys: expected another directory"):
+        searching.Search(tmp_path / "s", {"study": "x"}, start, 1)
+
+
+def test_gains_become_better_on_variants_that_the_search_has_not_seen(tmp_path: Path) -> None:
+    found = tuned(tmp_path)
+    assert found.adopted and found.after.value < 0.8 and found.before.value == pytest.approx(1, abs=0.1)
+    assert [one.ensemble.count for one in (found.sweep_before, found.sweep_after)] == [16, 16]
+    # what the score says is what the runs give
+    better = changed(study(tmp_path), dict(found.values))
+    variant = found.sweep_after.ensemble.changes(3)
+    alone = run_study(changed(better, variant), ["low/pi"]).runs[0].metrics["ripple_rad_s"]
+    assert found.sweep_after.values[3, 0, 0] == alone
+    before, after = found.sweep_before.values[:, 0, 0], found.sweep_after.values[:, 0, 0]
+    assert found.after.value / found.before.value == pytest.approx(np.mean(after) / np.mean(before))
+
+
+def test_what_must_hold_holds(tmp_path: Path) -> None:
+    """The least ripple and the least current are two settings; a limit on the one moves the other."""
+    effort = '[[metric]]\nname = "effort"\nkind = "ripple-rms"\nsignal = "i_q"\nlast = "0.2 s"\n' + TUNE
+    calm = effort.replace('minimise = "ripple"', 'minimise = "effort"')
+
+    def worst(tune: str) -> tuple[float, float]:
+        (tmp_path / "pi.tune").unlink(missing_ok=True)
+        found = tuned(tmp_path, tune).sweep_after.values[:, 0]
+        return float(np.max(found[:, 0])), float(np.mean(found[:, 3]))
+
+    (least, _), (free, little) = worst(effort), worst(calm)
+    limit = (least + free) / 2
+    held, more = worst(calm + f'[[tune.hold]]\nmetric = "ripple"\nlimit = "{limit!r} rad/s"\n')
+    assert least < 0.9 * free
+    assert held <= 1.02 * limit  # on fresh variants, so nearly
+    assert more > 1.02 * little
+
+
+def test_never_worse_than_where_it_began(tmp_path: Path) -> None:
+    best = tuned(tmp_path).values
+    (tmp_path / "pi.tune").unlink()
+    again = tuned(tmp_path, TUNE.replace("budget = 25", "budget = 2"), **dict(best))
+    assert not again.adopted or again.after.order < again.before.order
+    assert again.adopted or again.chosen == {}
+
+
+def test_over_the_nominal_plant(tmp_path: Path) -> None:
+    found = tuned(tmp_path, TUNE.replace("variants = 4", 'over = "nominal"'))
+    assert found.adopted and found.sweep_after.ensemble.count == tuning.SEEDS
+    assert list(found.sweep_after.ensemble.drawn) == ["seed"]
+
+
+def test_keys_of_the_drive_are_tuned_for_all_controllers_at_once(tmp_path: Path) -> None:
+    tune = TUNE + 'drive.current_loop.current_limit = ["1 A", "4 A"]\n'
+    (found,) = tuning.subjects(study(tmp_path, tune))
+    assert [knob.key for knob in found.knobs][-1] == "drive.current_loop.current_limit"
+    assert found.pairs == [("low", "pi")]  # the controllers that are named
+
+
+def test_the_command_writes_the_same_file_with_other_gains(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = ensembles.TEXT.replace('kp = "0.015 A/rpm"', 'kp = "0.015 A/rpm"   # by hand') + TUNE
+    text = text.replace('reference = "300 rpm"', 'reference = { file = "speed.csv" }').replace("= 25", "= 6")
+    (tmp_path / "speed.csv").write_text("time [s],speed [rpm]\n0,300\n1,300\n")
+    path, out = studies.write(tmp_path, text), tmp_path / "out"
+    code, said, err = cogless(capsys, "tune", path, "-o", out, "-j", 2)
+    assert (code, err) == (0, "")
+    made = (out / "study-tuned.toml").read_text()
+    before, after = text.splitlines(), made.splitlines()
+    assert after[0] == f"# By: cogless tune {path}"
+    differ = [(old, new) for old, new in zip(before, after[1:], strict=True) if old != new]
+    assert ('reference = { file = "speed.csv" }', 'reference = { file = "../speed.csv" }') in differ
+    assert all("= 0.0" in new or "A/rpm" in new or "csv" in new for _, new in differ)
+    assert "# by hand" in made
+    assert {key: value for key, value in load(out / "study-tuned.toml").controller["pi"]} != {
+        key: value for key, value in load(path).controller["pi"]
+    }
+    assert {p.name for p in out.iterdir()} >= {"study-tuned.toml", "sweep.parquet", "report.html", "pi.tune"}
+    assert "controller.pi.kp = " in said and "over 16 fresh variants" in said
+    assert tomllib.loads(made)["title"] == "A small ensemble"
+
+
+MISTAKES = {
+    ('"ripple"', '"riple"'): 'tune.minimise: "riple": expected one of ripple, speed.24, speed.48',
+    ('"ripple"', '"speed"'): 'tune.minimise: "speed": expected one of ripple, speed.24, speed.48',
+    ("pi.kp =", "po.kp ="): "tune.keys: ",
+    ("pi.kp =", "pi.kq ="): "tune.keys: controller.pi.kq: ",
+    ('"0.06 A/rpm"', '"0.001 A/rpm"'): (
+        'tune.keys.controller.pi.kp: ["0.005 A/rpm", "0.001 A/rpm"]: '
+        "expected a range whose second limit is above its first"
+    ),
+    ('"0.06 A/rpm"', '"0.01 A/rpm"'): (
+        'tune.keys.controller.pi.kp: ["0.005 A/rpm", "0.01 A/rpm"]: '
+        'expected a range with the study\'s own value, "0.015 A/rpm"'
+    ),
+    (
+        '"0.06 A/rpm"',
+        '"0.06 V"',
+    ): 'tune.keys.controller.pi.kp: "0.06 V": expected a number with a unit like "A/rpm"',
+    ("variants = 4", 'scenarios = ["high"]'): 'tune.scenarios: "high": expected one of low',
+    ("variants = 4", 'hold = [{ metric = "x", limit = 1 }]'): 'tune.hold: "x": expected one of ripple, ',
+    ("variants = 4", 'hold = [{ metric = "ripple", limit = "1 A" }]'): (
+        'tune.hold: ripple_rad_s: "1 A": expected an angular speed, such as "1 rpm"'
+    ),
+}
+
+
+@pytest.mark.parametrize("change", MISTAKES)
+def test_mistakes_are_one_line_each(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], change: tuple[str, str]
+) -> None:
+    path = studies.write(tmp_path, ensembles.TEXT + TUNE.replace(*change, 1))
+    code, said, err = cogless(capsys, "tune", path, "-o", tmp_path / "out")
+    assert (code, said, len(err.splitlines())) == (2, "", 1)
+    assert err.startswith(f"{path}: {MISTAKES[change]}")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_study_without_tune(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = studies.write(tmp_path, ensembles.TEXT)
+    code, _, err = cogless(capsys, "tune", path, "-o", tmp_path)
+    assert (code, err) == (2, f"{path}: tune: missing: expected a table of keys, minimise, ...\n")
