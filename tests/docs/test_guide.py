@@ -41,7 +41,7 @@ RATIOS = {
     *("state_weight", "input_weight", "initial_state", "initial_change", "initial_error"),
 }
 # Read by their own validators, as quantities of what they are about.
-OF_ANOTHER = {"range", "band", "floor", "initial", "lower", "upper"}
+OF_ANOTHER = {"range", "band", "floor", "limit", "initial", "lower", "upper"}
 # A linear plant's numbers are in whatever units its matrices are, a library's in its own.
 PLAIN = {"LinearPlant", "Parameter", "PlantVertex", "LibraryLaw"}
 

@@ -77,7 +77,7 @@ def draw(study: AnyStudy, count: int, fresh: int = 0) -> Ensemble:
 
 
 def _places(study: AnyStudy, keys: Iterable[str]) -> dict[str, dict[str, str]]:
-    """The override that a key of the plant is set in, by scenario; one that overrides it keeps its own value."""
+    """The overrides that set a key of the plant, by scenario; a scenario that has its own value keeps it."""
     of_plant = (
         ("motor.", "mechanics.") if isinstance(study, TrialStudy) else ("motor.", "mechanics.", "drive.")
     )
