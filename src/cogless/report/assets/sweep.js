@@ -19,6 +19,8 @@ const sweepPlots = (page) => {
       ...about(chart), xs: chart.xs, series, height: dots ? 230 : 300, readX: dots ? number : (share) => `${number(share)} %`,
       adapt: (o) => {
         if (!dots) return;
+        // uPlot draws one point only of those that share the last x of the scale
+        o.scales.x.range = (u, low, high) => [low - 0.04 * (high - low || 1), high + 0.04 * (high - low || 1)];
         o.series.slice(1).forEach((s, k) => {
           if (series[k].dash) return;
           s.paths = () => null;

@@ -1,0 +1,160 @@
+"""The report of a sweep: its answer is that of the table, and its commands repeat what they say they do."""
+
+import json
+import re
+import shlex
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import ensembles
+import numpy as np
+import pytest
+from commands import cogless
+
+import studies
+from cogless.ensemble import judge
+from cogless.ensemble import sweep as sweeping
+from cogless.ensemble.columns import columns
+from cogless.ensemble.sample import draw
+from cogless.ensemble.sensitivity import influences
+from cogless.ensemble.table import Sweep
+from cogless.report import sweep as report
+
+pytest.importorskip("SALib", reason="needs the extra cogless[sweep]")
+
+
+def made(folder: Path, count: int, values: Any, vary: str | None = None) -> Sweep:
+    """A sweep whose ripple, rad/s, is a function of inertia and friction, as shares of their ranges."""
+    study = ensembles.study(folder, vary=vary)
+    ensemble = draw(study, count)
+    shares = [np.argsort(np.argsort(ensemble.si(key))) / count for key in ensemble.drawn]
+    found = np.full((count, 2, 3), 0.1)
+    found[:, 0, 0] = values(*shares)
+    return Sweep(study, ensemble, [("low", "pi"), ("low", "pi-ilc")], columns(study), found, {})
+
+
+@pytest.mark.parametrize(("a", "b"), [(1.0, 0.0), (1.0, 1.0), (3.0, 1.0)])
+def test_sobol_indices_of_a_sum_are_the_shares_of_its_variance(tmp_path: Path, a: float, b: float) -> None:
+    sweep = made(tmp_path, 1024, lambda x, y: a * x + b * y)
+    first, second = influences(sweep, 0, 0)
+    assert (first.key, second.key) == ("mechanics.inertia", "mechanics.viscous_friction")
+    assert first.first == pytest.approx(a**2 / (a**2 + b**2), abs=0.03)
+    assert second.first == pytest.approx(b**2 / (a**2 + b**2), abs=0.03)
+    assert first.rank is not None and (first.rank == pytest.approx(1.0)) == (b == 0)
+
+
+def test_what_only_acts_together_explains_nothing_alone(tmp_path: Path) -> None:
+    sweep = made(tmp_path, 1024, lambda x, y: (x - 0.5) * (y - 0.5))
+    assert [one.first for one in influences(sweep, 0, 0)] == pytest.approx([0, 0], abs=0.03)
+
+
+def test_a_falling_metric_has_a_negative_rank_and_a_flat_one_none(tmp_path: Path) -> None:
+    sweep = made(tmp_path, 64, lambda x, y: -(x**3))
+    assert influences(sweep, 0, 0)[0].rank == pytest.approx(-1.0)
+    assert [(one.rank, one.first) for one in influences(sweep, 1, 0)] == [(None, None)] * 2
+    assert influences(sweep, 0, 0)[0].first is None  # too few for it
+
+
+def test_spreads_by_hand(tmp_path: Path) -> None:
+    limit = ensembles.study(tmp_path).metric[0].limit
+    assert limit == pytest.approx(0.1 * np.pi)
+    sweep = made(tmp_path, 100, lambda x, y: 2 * limit * x)  # 0, 0.01, ... of twice the limit
+    sweep.values[np.argmin(sweep.values[:, 0, 0]), 0, 0] = np.nan  # one fails, which is worse than all
+    found = judge.spreads(sweep, "low")[0][0]
+    assert found.within == pytest.approx(0.5) and found.failed == 1  # 1 to 50 of 100
+    assert found.median == pytest.approx(2 * limit * 0.50) and found.edge == pytest.approx(2 * limit * 0.95)
+    assert np.isnan(sweep.values[found.worst, 0, 0]) and found.worst_value == np.inf
+
+
+@pytest.mark.parametrize(
+    ("share", "count", "low", "high"),
+    [(0.5, 100, 0.4038, 0.5962), (0.0, 64, 0.0, 0.0566), (0.9, 10, 0.5958, 0.9821)],
+)
+def test_the_interval_of_a_share_is_wilsons(share: float, count: int, low: float, high: float) -> None:
+    assert judge.likely(share, count) == pytest.approx((low, high), abs=2e-4)
+
+
+def test_values_as_toml() -> None:
+    import tomllib
+
+    for value in (1, 0.5, True, 'a "b" \\ c', [1, "x"], {"a": 1, "b": [2.5]}):
+        assert tomllib.loads(f"x = {judge.toml(value)}") == {"x": value}
+
+
+def page(sweep: Sweep, folder: Path) -> str:
+    report.write(sweep, folder / "report.html", lambda settings, pair: "")
+    return (folder / "report.html").read_text()
+
+
+def test_the_page_says_when_there_are_too_few_variants(tmp_path: Path) -> None:
+    few, enough = (page(made(tmp_path, n, lambda x, y: x), tmp_path) for n in (64, 200))
+    assert "64 variants are too few for Sobol indices: expected 200 or more." in few
+    assert "too few" not in enough
+
+
+def test_the_page_draws_every_variant(tmp_path: Path) -> None:
+    text = page(made(tmp_path, 64, lambda x, y: x), tmp_path)
+    found = re.search(r'id="data">(.*?)</script>', text, re.DOTALL)
+    assert found is not None
+    (shown,) = json.loads(found[1])["scenarios"]
+    assert [len(chart["xs"]) for chart in shown["scatter"]] == [64, 64]
+    assert shown["scatter"][0]["x"] == "mechanics.inertia (kg·m²)"  # it explains more
+    assert shown["scatter"][0]["xs"] == sorted(shown["scatter"][0]["xs"])
+    assert shown["spreads"][0]["limit"] == pytest.approx(3)
+
+
+def test_the_worst_command_repeats_the_worst_variant(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    vary = ensembles.VARY + 'controller.pi.kp = { uniform = "30 %" }\nseeds = true\n'
+    studies.write(tmp_path, ensembles.TEXT.replace(ensembles.VARY, vary))
+    options = ("--set", "mechanics.load.torque=0.01 N*m")
+    code, _, err = cogless(capsys, "sweep", "study.toml", "-n", 20, "-o", "out", "-j", 1, *options)
+    assert (code, err) == (0, "")
+    import pyarrow.parquet as pq
+
+    rows = pq.read_table(tmp_path / "out" / "sweep.parquet").to_pylist()
+    commands = re.findall(r"<code>(cogless run .*?)</code>", (tmp_path / "out" / "report.html").read_text())
+    assert len(commands) == 2
+    for command, controller in zip(commands, ("pi", "pi-ilc"), strict=True):
+        worst = max(row["ripple_rad_s"] for row in rows if row["controller"] == controller)
+        assert cogless(capsys, *shlex.split(unescape(command))[1:], "-o", "again")[0] == 0
+        (run,) = json.loads((tmp_path / "again" / "results.json").read_text())["runs"]
+        assert (run["controller"], run["metrics"]["ripple_rad_s"]) == (controller, worst)
+
+
+def test_variants_of_the_plant_meet_controllers_of_the_study(tmp_path: Path) -> None:
+    """Gains by a rule stay those of the nominal motor; in a study with that inertia they would be others."""
+    from cogless.design.pi import gains
+    from cogless.study import changed, for_scenario
+
+    tuned = '[controller.rule]\nlaw = "pi"\ntuning = { rule = "phase-margin", phase_margin = "60 deg" }\n'
+    study = ensembles.study(tmp_path, vary=tuned + ensembles.VARY)
+    changes = draw(study, 4).changes(1)
+    variant = changed(study, changes)
+    inertia = for_scenario(variant, "low").mechanics.inertia
+    assert inertia != study.mechanics.inertia == variant.mechanics.inertia
+    assert gains(variant, "rule") == gains(study, "rule")
+    assert gains(changed(study, {"mechanics.inertia": f"{inertia!r} kg*m^2"}), "rule") != gains(study, "rule")
+
+
+def test_a_scenario_keeps_the_value_that_it_overrides_itself(tmp_path: Path) -> None:
+    own = '[scenario.light]\nduration = "0.3 s"\nreference = "300 rpm"\n'
+    own += 'override = { mechanics.inertia = "2e-4 kg*m^2" }\n'
+    study = ensembles.study(tmp_path, vary=own + ensembles.VARY)
+    changes = draw(study, 1).changes(0)
+    assert [key for key in changes if "inertia" in key] == ['scenario.low.override."mechanics.inertia"']
+    assert [key for key in changes if "friction" in key] == [
+        'scenario.low.override."mechanics.viscous_friction"',
+        'scenario.light.override."mechanics.viscous_friction"',
+    ]
+    assert all("scenario.light" in key for key in draw(study, 1).changes(0, "light"))
+
+
+def test_a_plan_needs_no_workers(tmp_path: Path) -> None:
+    planned = sweeping.plan(ensembles.study(tmp_path), 40)
+    assert [len(planned.changes(chunk)) for chunk in range(planned.chunks)] == [16, 16, 8]
+    assert [list(planned.part(sweeping.Shard(index, 2))) for index in (0, 1)] == [[0, 2], [1]]
+    assert planned.variants(sweeping.Shard(0, 2)) == 24
