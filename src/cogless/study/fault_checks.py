@@ -26,7 +26,7 @@ def faults(study: Study | TrialStudy) -> None:
             if drive.ideal and isinstance(fault, CurrentFault | BusFault):
                 expected = "expected a fault of the angle: an ideal current loop measures no more"
                 raise invalid(expected, *where, "kind")
-            measured = "ab" if motor.star().phases == 2 or drive.current_sensors.sensors == 2 else "abc"
+            measured = "ab" if motor.phases == 2 or drive.current_sensors.sensors == 2 else "abc"
             if isinstance(fault, CurrentFault) and fault.phase not in measured:
                 expected = f"expected one of the measured phases {', '.join(measured)}"
                 raise invalid(expected, *where, "phase")

@@ -84,6 +84,10 @@ class Motor(Table):
             raise invalid('expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"')
         return self
 
+    @property
+    def phases(self) -> int:
+        return 3
+
     def star(self) -> StarMotor:
         """The star equivalent: a delta winding has R/3, L/3, psi/sqrt(3).
 

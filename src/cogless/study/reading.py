@@ -333,9 +333,7 @@ def _part(model: type[Model], key: str, source: Source, prefix: str) -> Model:
         raise _error(found, source, prefix) from None
 
 
-def _validated(
-    model: type[AStudy], source: Source, prefix: str = "", like: AStudy | None = None
-) -> AStudy:
+def _validated(model: type[AStudy], source: Source, prefix: str = "", like: AStudy | None = None) -> AStudy:
     tables, folder, wanted = source.tables, source.path.parent, _checks(model, bool(prefix))
     if like is not None:
         with suppress(ValueError):  # it is told below, as of a study that was read

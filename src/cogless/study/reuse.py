@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import create_model
+from pydantic import BaseModel, create_model
 
 from cogless.study.base import StudyBase
 from cogless.study.error_messages import MISSING
@@ -15,7 +15,8 @@ from cogless.study.table import Key, Table
 
 Check = Callable[[Any], None]
 AStudy = TypeVar("AStudy", bound=StudyBase)
-THERE = ""  # below a key: whether the table is there, whatever it has
+THERE = ""  # below a key: whether the table is there, or which tables are, whatever they have
+TYPES = ("kind", "law")  # keys that decide which type a table is of
 
 
 def reused(new: Any, old: Any, made: Any) -> Any:
@@ -124,38 +125,52 @@ class _Watched:
         self.table, self.key, self.read = table, key, read
 
     @property  # type: ignore[misc]
-    def __class__(self) -> type:  # for isinstance, whose answer may hang on any key of an inner table
-        self.read |= {self.key} if self.key else set()
+    def __class__(self) -> type:  # for isinstance
+        self._read_type()
         return type(self.table)
 
     def __getattr__(self, name: str) -> Any:
         kind = type(self.table)
-        found = getattr(kind, name, None)
         if name in kind.model_fields:
-            value, key = getattr(self.table, name), (*self.key, name)
-            if isinstance(value, Table):
-                self.read.add((*key, THERE))
-                return _Watched(value, key, self.read)
-            self.read.add(key)
-            return value
+            return self._watched(getattr(self.table, name), (*self.key, name))
+        found = getattr(kind, name, None)
+        self._read_type()
         if isinstance(found, property) and found.fget is not None:
             return found.fget(self)
-        if isinstance(self.table, StudyBase) and callable(found):
+        if isinstance(found, cached_property):
+            return found.func(self)
+        if callable(found) and not hasattr(BaseModel, name):
             return partial(found, self)
-        self.read.add(self.key)  # a method, which may read all of it
+        self.read.add(self.key)  # in a way that can't be watched
         return getattr(self.table, name)
 
+    def _read_type(self) -> None:
+        self.read |= {(*self.key, name) for name in TYPES} if self.key else set()
 
-def _differences(new: dict[str, Any], old: dict[str, Any], table: Any, key: Key) -> Iterator[Key]:
-    """Keys of a table whose values differ, as deep as there are tables."""
+    def _watched(self, value: Any, key: Key) -> Any:
+        within = isinstance(value, Mapping) and any(isinstance(inner, Table) for inner in value.values())
+        self.read.add((*key, THERE) if within or isinstance(value, Table) else key)
+        if within:
+            return {name: self._watched(inner, (*key, name)) for name, inner in value.items()}
+        return _Watched(value, key, self.read) if isinstance(value, Table) else value
+
+
+def _differences(new: dict[str, Any], old: dict[str, Any], made: Any, key: Key) -> Iterator[Key]:
+    """Keys of a table, or of tables by name, whose values differ, as deep as there are tables."""
     for name in old.keys() | new.keys():
-        value, before, inner = new.get(name, MISSING), old.get(name, MISSING), getattr(table, name, None)
-        if alike(value, before):
+        value, before = new.get(name, MISSING), old.get(name, MISSING)
+        if value is before or alike(value, before):
             continue
-        if isinstance(inner, Table) and isinstance(value, dict) and isinstance(before, dict):
+        inner = made.get(name) if isinstance(made, Mapping) else getattr(made, name, None)
+        same = isinstance(inner, Table) or (isinstance(inner, Mapping) and _names(value) == _names(before))
+        if same and isinstance(value, dict) and isinstance(before, dict):
             yield from _differences(value, before, inner, (*key, name))
         else:
             yield (*key, name)
+
+
+def _names(table: Any) -> list[str] | None:
+    return list(table) if isinstance(table, dict) else None
 
 
 def _touches(read: Key, changed: Key) -> bool:

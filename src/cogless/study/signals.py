@@ -49,7 +49,7 @@ def kinds(study: Study | TrialStudy) -> set[str]:
     motor, trials = study.motor, isinstance(study, TrialStudy)
     has = {
         "electrical": study.drive is not None and not study.drive.ideal,
-        "three_phases": motor is not None and motor.star().phases == 3,
+        "three_phases": motor is not None and motor.phases == 3,
         "energy": study.trace.energy,
         "path": any(isinstance(law, SpaceLearning) for law in study.controller.values()),
         "trials": trials,

@@ -53,6 +53,10 @@ class StepMotor(Table):
         """Electrical revolutions in a mechanical one."""
         return self.teeth
 
+    @property
+    def phases(self) -> int:
+        return 2
+
     def star(self) -> StarMotor:
         """The equivalent two-phase motor for the plant model, with flux harmonics of order j - 1."""
         psi_f = self.i_f * self.L_m[0]
@@ -78,5 +82,5 @@ class StepMotor(Table):
             flux_factor=1.0,
             flux_harmonics=tuple(harmonics),
             cogging=tuple(cogging),
-            phases=2,
+            phases=self.phases,
         )
