@@ -281,6 +281,7 @@ def tune(
     from cogless.ensemble import tune as tuning
     from cogless.files import writable
     from cogless.report import sweep as report
+    from cogless.study import TrialStudy
     from cogless.study.reading import changes_from
 
     table.require()
@@ -302,6 +303,8 @@ def tune(
         print(line)
     print(f"Study: {path}")
     print(f"Report: {folder / 'report.html'}")
+    if not isinstance(loaded, TrialStudy):  # what a short run does not show, such as learning that grows slowly
+        _print_warnings(_load(str(path), None), [pair for one in tuned for pair in one.subject.pairs])
 
 
 @app.command()

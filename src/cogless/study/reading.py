@@ -9,7 +9,7 @@ from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from itertools import compress
 from pathlib import Path
 from typing import Any, TypeVar
@@ -195,6 +195,7 @@ def put(tables: dict[str, Any], key: str, value: Any) -> None:
         raise StudyError(f"{key}: {shown(value)}: expected a key of the study, or an index of its array")
 
 
+@lru_cache(maxsize=1024)
 def split(key: str) -> Key:
     """Parts of a dotted key. Whole numbers become list indices; a part with dots is in double quotes."""
     parts: list[str | int] = []
