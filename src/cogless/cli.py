@@ -303,7 +303,7 @@ def tune(
         print(line)
     print(f"Study: {path}")
     print(f"Report: {folder / 'report.html'}")
-    if not isinstance(loaded, TrialStudy):  # what a short run does not show, such as learning that grows slowly
+    if not isinstance(loaded, TrialStudy):  # short runs don't show all, such as learning that grows slowly
         _print_warnings(_load(str(path), None), [pair for one in tuned for pair in one.subject.pairs])
 
 

@@ -239,7 +239,7 @@ def test_shards_of_different_sweeps_are_refused(tmp_path: Path) -> None:
         sweeping.merge(plan(tmp_path, 41), tmp_path)
     assert str(error.value) == f"{first}: variants: 40: expected 41, as here, or another directory"
     with pytest.raises(StudyError, match=r"version: 0\.0\.1: expected .*, as here, or another directory$"):
-        first.write_text(first.read_text().replace('"version": "', '"version": "0.0.1", "x": "', 1))
+        first.write_text(first.read_text().replace('"version":"', '"version":"0.0.1","x":"', 1))
         sweeping.merge(planned, tmp_path)
 
 
