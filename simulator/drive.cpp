@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "angle_patch.hpp"
 #include "open_bridge.hpp"
 
 namespace cogless {
@@ -257,21 +258,28 @@ template <std::size_t legs>
 void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
                 Controller* other) const {
     const std::vector<LoadStep>& load_steps = phase.config.load_steps;
-    Powers::Values z;
-    phase.plant.evaluate<legs == 0 ? Detail::mechanics : Detail::currents>(s.plant.theta_m, z);
+    const Plant::Exact<legs == 0 ? Detail::mechanics : Detail::currents> exact(phase.plant);
+    AnglePatch patch(phase.plant.angle());
+    const bool switched = legs != 0 && config_.inverter.switched;
+    AtAngle<double> here{};
+    if (!switched) here = exact(s.plant.theta_m);
     for (; s.tick < end; ++s.tick) {
+        if (switched) {
+            patch.move_to(s.plant.theta_m, 0.5 * period_ * s.plant.omega_m);
+            here = patch(s.plant.theta_m);
+        }
         while (s.next_load_step < load_steps.size() && load_steps[s.next_load_step].tick <= s.tick - origin) {
             s.plant.load.target = load_steps[s.next_load_step++].torque + s.added_load;
             if (phase.config.load.lag <= 0.0) s.plant.load.torque = s.plant.load.target;
         }
         Phases current{};
-        if constexpr (legs != 0) current = phase_currents<legs>(s.plant.i, phase.plant.motor().axis(z));
+        if constexpr (legs != 0) current = phase_currents<legs>(s.plant.i, here.axis);
         const Faults faults(config_.faults, s.tick, config_.inverter.bus_voltage);
         control<legs>(s, phase, origin, current, faults, other);
-        if (recorder.wants(s.tick)) record<legs>(s, z, phase, origin, current, recorder.next_row());
+        if (recorder.wants(s.tick)) record<legs>(s, here, phase, origin, current, recorder.next_row());
 
         if constexpr (legs == 0) {
-            advance_plant<Detail::mechanics, 0>(s, z, phase, origin, {}, {}, false, faults);
+            advance_plant<Detail::mechanics, 0>(s, here, patch, phase, origin, {}, {}, false, faults);
         } else {
             const Phases computed{static_cast<double>(s.output.duty[0]), static_cast<double>(s.output.duty[1]),
                                   static_cast<double>(s.output.duty[2])};
@@ -281,9 +289,9 @@ void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, std::int6
             s.duty = computed;
             s.open = off;
             if (config_.energy) {
-                advance_plant<Detail::energies, legs>(s, z, phase, origin, acting, current, open, faults);
+                advance_plant<Detail::energies, legs>(s, here, patch, phase, origin, acting, current, open, faults);
             } else {
-                advance_plant<Detail::currents, legs>(s, z, phase, origin, acting, current, open, faults);
+                advance_plant<Detail::currents, legs>(s, here, patch, phase, origin, acting, current, open, faults);
             }
         }
     }
@@ -375,42 +383,45 @@ void Drive::step_law(DriveState& s) const {
 }
 
 template <Detail detail, std::size_t legs>
-void Drive::advance_plant(DriveState& s, Powers::Values& z, const Phase& phase, std::int64_t origin, const Phases& duty,
-                          const Phases& current, bool open, const Faults& faults) const {
+void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patch, const Phase& phase,
+                          std::int64_t origin, const Phases& duty, const Phases& current, bool open, const Faults& faults) const {
     const double start = time(s.tick - origin);
     const double longest = period_ / config_.integration_steps;
     const bool watch = position_sensor_.watches();
-    const auto step = [&](Voltage u, double from, double h) {
-        phase.plant.step<detail>(s.plant, z, u, start + from, h);
+    const auto step = [&](Voltage<> u, double from, double h, auto& angle) {
+        phase.plant.step<detail>(s.plant, here, u, start + from, h, angle);
         if (watch) {
             position_sensor_.watch(s.position, start + from, start + from + h,
                                    faults.stuck ? s.seen : s.plant.theta_m + faults.jump);
         }
     };
-    const auto hold = [&](Voltage u) {
-        for (int k = 0; k < config_.integration_steps; ++k) step(u, k * longest, longest);
+    const Plant::Exact<detail> exact(phase.plant);
+    const auto hold = [&](Voltage<> u) {
+        for (int k = 0; k < config_.integration_steps; ++k) step(u, k * longest, longest, exact);
     };
     InverterConfig inverter = config_.inverter;
     inverter.bus_voltage = faults.bus_voltage;
     if constexpr (legs == 0) {
         hold({0.0, 0.0});
     } else if (open) {
+        if (!inverter.switched) patch.move_to(s.plant.theta_m, 0.5 * period_ * s.plant.omega_m);
         const int steps = std::max(config_.integration_steps, open_steps);
         for (int k = 0; k < steps; ++k) {
-            const Pmsm& motor = phase.plant.motor();
-            const OpenBridge<legs> bridge = open_bridge(inverter.bus_voltage, phase_currents<legs>(s.plant.i, motor.axis(z)),
-                                                        induced(motor, z, s.plant.omega_m), OpenBridge<legs>{});
-            step(bridge.u, k * period_ / steps, period_ / steps);
-            const Complex axis = motor.axis(z);
-            s.plant.i = rotor_frame<legs>(let_through(bridge, phase_currents<legs>(s.plant.i, axis)), axis);
+            const OpenBridge<legs> bridge =
+                open_bridge(inverter.bus_voltage, phase_currents<legs>(s.plant.i, here.axis),
+                            induced(phase.plant.motor(), here, s.plant.omega_m), OpenBridge<legs>{});
+            step(bridge.u, k * period_ / steps, period_ / steps, patch);
+            s.plant.i = rotor_frame<legs>(let_through(bridge, phase_currents<legs>(s.plant.i, here.axis)), here.axis);
         }
+        if (!inverter.switched) here = exact(s.plant.theta_m);
     } else if (inverter.switched) {
         const Pulses<legs> p = pulses(inverter, leg_duties<legs>(duty), leg_currents<legs>(current), period_);
         double from = 0.0;
         for (std::size_t n = 0; n < p.count; ++n) {
             const double length = p.stretch[n].until - from;
-            const auto steps = static_cast<int>(std::ceil(length / longest - 1e-9));
-            for (int k = 0; k < steps; ++k) step(p.stretch[n].u, from + k * length / steps, length / steps);
+            const int steps = length <= longest ? 1 : static_cast<int>(std::ceil(length / longest - 1e-9));
+            const double h = steps == 1 ? length : length / steps;
+            for (int k = 0; k < steps; ++k) step(p.stretch[n].u, from + k * h, h, patch);
             from = p.stretch[n].until;
         }
     } else {
@@ -419,13 +430,13 @@ void Drive::advance_plant(DriveState& s, Powers::Values& z, const Phase& phase, 
 }
 
 template <std::size_t legs>
-void Drive::record(const DriveState& s, const Powers::Values& z, const Phase& phase, std::int64_t origin,
+void Drive::record(const DriveState& s, const AtAngle<double>& here, const Phase& phase, std::int64_t origin,
                    const Phases& current, double* row) const {
     const auto* learning = std::get_if<TrialLaw>(&config_.law);
     const bool trials = config_.trials.has_value(), trial_law = learning != nullptr;
     const bool path = follows_angle_, energy = config_.energy;
     constexpr bool electrical = legs != 0, three_phases = legs == star_legs;
-    const Torques torques = phase.plant.torques(s.plant, z, time(s.tick - origin));
+    const Torques<> torques = phase.plant.equations().torques(s.plant, here, time(s.tick - origin));
     // The law uses the reference of its last sample until the next one; recorded errors use the reference at this instant.
     const std::int64_t since = s.tick % config_.speed_divider;
     const bool held = since == 0 || trials;

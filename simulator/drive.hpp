@@ -13,6 +13,7 @@
 #include <optional>
 #include <vector>
 
+#include "angle_patch.hpp"
 #include "cogless/drive.h"
 #include "current_sensors.hpp"
 #include "fault.hpp"
@@ -65,7 +66,7 @@ struct DriveConfig {
 
 struct DriveState {
     std::int64_t tick = 0;
-    PlantState plant;
+    PlantState<> plant;
     PositionSensor::State position;
     Random random{0};
     cgl_drive control;
@@ -126,7 +127,7 @@ private:
     struct Phase {
         PhaseConfig config;
         Plant plant;
-        PlantState plant_start;
+        PlantState<> plant_start;
         PositionSensor::State position_start;
     };
 
@@ -152,11 +153,11 @@ private:
     template <std::size_t legs>
     void step_law(DriveState& state) const;
     template <Detail detail, std::size_t legs>
-    void advance_plant(DriveState& state, Powers::Values& z, const Phase& phase, std::int64_t origin, const Phases& duty,
+    void advance_plant(DriveState& state, AtAngle<double>& here, AnglePatch& patch, const Phase& phase, std::int64_t origin, const Phases& duty,
                        const Phases& current, bool open, const Faults& faults) const;
     // Not inlined into run(), whose loop is 4 % faster without it.
     template <std::size_t legs>
-    [[gnu::noinline]] void record(const DriveState& state, const Powers::Values& z, const Phase& phase,
+    [[gnu::noinline]] void record(const DriveState& state, const AtAngle<double>& here, const Phase& phase,
                                   std::int64_t origin, const Phases& current, double* row) const;
 
     double time(std::int64_t tick) const {
