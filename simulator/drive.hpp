@@ -11,6 +11,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "angle_patch.hpp"
@@ -18,6 +19,7 @@
 #include "current_sensors.hpp"
 #include "fault.hpp"
 #include "inverter.hpp"
+#include "lane_plants.hpp"
 #include "laws.hpp"
 #include "plant.hpp"
 #include "position_sensor.hpp"
@@ -109,6 +111,21 @@ public:
     // ticks exceed the number of trials.
     void advance(DriveState& state, Recorder& recorder, std::int64_t ticks, Controller* other = nullptr) const;
 
+    // Whether both can be lanes of one LanePlants: no trials, no pulses, no load from tables, no law in another language, and
+    // motors, rates and details alike.
+    bool alike(const Drive& other) const;
+
+    // A drive that goes on beside others. error: why it failed, as advance() would throw it.
+    struct Lane {
+        const Drive* drive;
+        DriveState* state;
+        Recorder* recorder;
+        std::string error = {};
+    };
+
+    // Runs `ticks` periods of drives that are alike and are at the same tick, as advance() does for each.
+    static void advance_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, std::int64_t ticks);
+
     // Adds a torque, N m, to the described load from now on.
     void add_load(DriveState& state, double torque) const;
 
@@ -137,6 +154,16 @@ private:
     void advance_trials(DriveState& state, Recorder& recorder, std::int64_t end, Controller* other) const;
     void advance_within(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
                         Controller* other) const;
+
+    // Steps the load, and returns what the inverter applies from now on.
+    struct Acting {
+        Phases duty;
+        bool open;
+    };
+    static void step_load(DriveState& state, const Phase& phase, std::int64_t origin);
+    Acting next_duties(DriveState& state) const;
+    template <std::size_t legs>
+    static void run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t end);
 
     // Functions that run in every tick are forced inline where they are defined: with two loops gcc would call them, which
     // is 1 % slower.

@@ -77,7 +77,7 @@ public:
 
 private:
     template <Detail detail, class Angle>
-    void step_with_stops(PlantState<>& x, AtAngle<double>& here, Voltage<> u, double time, double h, Angle& angle) const {
+    void step_with_stops(PlantState<>& x, AtAngle<double>& here, Voltage<> u, double time, double h, Angle&& angle) const {
         constexpr int most_pieces = 16;  // limit for a rotor that stops and breaks away repeatedly within one step
         for (int piece = 0; h > 0.0; ++piece) {
             const auto step = equations_.step<detail>(x, here, u, time, h, angle);

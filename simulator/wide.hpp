@@ -25,14 +25,24 @@ using MaskOf = typename MaskOfReal<Real>::Type;
 [[gnu::always_inline]] inline double select(bool condition, double yes, double no) { return condition ? yes : no; }
 
 // How many registers of the processor a Wide takes; two hide the latency of one operation behind another.
+// The alignment is stated, since the compiler's own depends on the instructions that it may use.
 template <std::size_t width, std::size_t registers>
-struct Wide {
+struct alignas(8 * width) Wide {
     typedef double Register __attribute__((vector_size(8 * width)));
     typedef std::int64_t Bits __attribute__((vector_size(8 * width)));
     static constexpr std::size_t lanes = width * registers;
 
-    struct Mask {
+    struct alignas(8 * width) Mask {
         Bits bits[registers];
+
+        [[gnu::always_inline]] bool operator[](std::size_t lane) const { return bits[lane / width][lane % width] != 0; }
+        [[gnu::always_inline]] void set(std::size_t lane, bool value) { bits[lane / width][lane % width] = value ? -1 : 0; }
+        // lane n as bit n
+        [[gnu::always_inline]] std::uint32_t packed() const {
+            std::uint32_t all = 0;
+            for (std::size_t lane = 0; lane < lanes; ++lane) all |= std::uint32_t{(*this)[lane]} << lane;
+            return all;
+        }
     };
 
     Register part[registers];
@@ -68,6 +78,7 @@ struct Wide {
         for (std::size_t r = 0; r < registers; ++r) c.part[r] = condition.bits[r] ? yes.part[r] : no.part[r];
         return c;
     }
+    [[gnu::always_inline]] friend Wide magnitude(const Wide& a) { return select(a > Wide(0.0), a, -a); }
     [[gnu::always_inline]] friend Mask operator>(const Wide& a, const Wide& b) {
         Mask m;
         for (std::size_t r = 0; r < registers; ++r) m.bits[r] = a.part[r] > b.part[r];
