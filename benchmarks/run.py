@@ -168,7 +168,7 @@ def engine() -> None:
     heading(f"Engine: ripple physics and learning on, {TICKS} ticks, {ROUNDS} alternating rounds")
     program = build_yardstick()
     averaged, switched = ripple_config({}), ripple_config({"drive.inverter.kind": "switched"})
-    decimation = cogless.load(STUDY).drive.divider
+    decimation = cogless.load(STUDY).drive.rates.divider
 
     def yardstick_run(config: dict[str, Any]) -> Outcome:
         return run_yardstick(program, yardstick_parameters(config))

@@ -78,6 +78,30 @@ void advance_drive(const Drive& drive, DriveState& state, Recorder& recorder, st
     }
 }
 
+// Advances the drives together; returns why each failed, or an empty text. kernel: index into lane_kernels().
+std::vector<std::string> advance_lanes(const std::vector<const Drive*>& drives, const std::vector<DriveState*>& states,
+                                       const std::vector<Recorder*>& recorders, std::int64_t ticks, std::size_t kernel) {
+    const std::vector<LaneKernel> kernels = lane_kernels();
+    if (drives.empty() || states.size() != drives.size() || recorders.size() != drives.size() || kernel >= kernels.size()) {
+        throw std::invalid_argument("advance_lanes: expected a state and a recorder for each drive");
+    }
+    std::vector<Drive::Lane> lanes;
+    for (std::size_t n = 0; n < drives.size(); ++n) lanes.push_back({drives[n], states[n], recorders[n]});
+    {
+        const nb::gil_scoped_release release;
+        Drive::advance_lanes(lanes, kernels[kernel], ticks);
+    }
+    std::vector<std::string> errors;
+    for (const Drive::Lane& lane : lanes) errors.push_back(lane.error);
+    return errors;
+}
+
+std::vector<std::pair<std::string, std::size_t>> kernels() {
+    std::vector<std::pair<std::string, std::size_t>> all;
+    for (const LaneKernel& kernel : lane_kernels()) all.emplace_back(kernel.name, kernel.lanes);
+    return all;
+}
+
 std::string_view view(const nb::bytes& bytes) { return {bytes.c_str(), bytes.size()}; }
 
 nb::bytes step_controller(const Drive& drive, DriveState& state, const nb::bytes& measurement, const nb::bytes& reference) {
@@ -273,6 +297,12 @@ NB_MODULE(COGLESS_MODULE, m) {
               "Puts all of the law's memory in, such as an anti-cogging table.");
     drive.def("quality", &quality_of, "state"_a,
               "How good learning is: 'residual' rad/s, 'progress', 'improving', 'worsening'; all of it if 'known'.");
+
+    drive.def("alike", &Drive::alike, "other"_a, "Whether both can go on together in advance_lanes().");
+    m.def("lane_kernels", &kernels, "(name, lanes) of the sets of instructions that this processor has, the widest first.");
+    m.def("advance_lanes", &advance_lanes, "drives"_a, "states"_a, "recorders"_a, "ticks"_a, "kernel"_a = 0,
+          "Runs so many ticks of drives that are alike and at the same tick, at most as many as the kernel has lanes, with the"
+          " bits of advance(). Returns why each failed, or \"\"; the others go on. kernel: an index into lane_kernels().");
 
     nb::class_<LinearTrials> linear(m, "LinearTrials", "An immutable description of a linear plant with the trial law.");
     linear.def("__init__",

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "angle_patch.hpp"
 #include "open_bridge.hpp"
 
 namespace cogless {
@@ -256,36 +257,208 @@ void Drive::advance_within(DriveState& s, Recorder& recorder, const Phase& phase
 template <std::size_t legs>
 void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
                 Controller* other) const {
-    const std::vector<LoadStep>& load_steps = phase.config.load_steps;
-    Powers::Values z;
-    phase.plant.evaluate<legs == 0 ? Detail::mechanics : Detail::currents>(s.plant.theta_m, z);
+    const Plant::Exact<legs == 0 ? Detail::mechanics : Detail::currents> exact(phase.plant);
+    AnglePatch patch(phase.plant.angle());
+    const bool switched = legs != 0 && config_.inverter.switched;
+    AtAngle<double> here{};
+    if (!switched) here = exact(s.plant.theta_m);
     for (; s.tick < end; ++s.tick) {
-        while (s.next_load_step < load_steps.size() && load_steps[s.next_load_step].tick <= s.tick - origin) {
-            s.plant.load.target = load_steps[s.next_load_step++].torque + s.added_load;
-            if (phase.config.load.lag <= 0.0) s.plant.load.torque = s.plant.load.target;
+        if (switched) {
+            patch.move_to(s.plant.theta_m, 0.5 * period_ * s.plant.omega_m);
+            here = patch(s.plant.theta_m);
         }
+        step_load(s, phase, origin);
         Phases current{};
-        if constexpr (legs != 0) current = phase_currents<legs>(s.plant.i, phase.plant.motor().axis(z));
+        if constexpr (legs != 0) current = phase_currents<legs>(s.plant.i, here.axis);
         const Faults faults(config_.faults, s.tick, config_.inverter.bus_voltage);
         control<legs>(s, phase, origin, current, faults, other);
-        if (recorder.wants(s.tick)) record<legs>(s, z, phase, origin, current, recorder.next_row());
+        if (recorder.wants(s.tick)) record<legs>(s, here, phase, origin, current, recorder.next_row());
 
         if constexpr (legs == 0) {
-            advance_plant<Detail::mechanics, 0>(s, z, phase, origin, {}, {}, false, faults);
+            advance_plant<Detail::mechanics, 0>(s, here, patch, phase, origin, {}, {}, false, faults);
         } else {
-            const Phases computed{static_cast<double>(s.output.duty[0]), static_cast<double>(s.output.duty[1]),
-                                  static_cast<double>(s.output.duty[2])};
-            const bool off = (s.output.status & static_cast<unsigned>(CGL_STATUS_OFF)) != 0U;
-            const Phases acting = config_.inverter.computation_delay ? s.duty : computed;
-            const bool open = config_.inverter.computation_delay ? s.open : off;
-            s.duty = computed;
-            s.open = off;
+            const auto [duty, open] = next_duties(s);
             if (config_.energy) {
-                advance_plant<Detail::energies, legs>(s, z, phase, origin, acting, current, open, faults);
+                advance_plant<Detail::energies, legs>(s, here, patch, phase, origin, duty, current, open, faults);
             } else {
-                advance_plant<Detail::currents, legs>(s, z, phase, origin, acting, current, open, faults);
+                advance_plant<Detail::currents, legs>(s, here, patch, phase, origin, duty, current, open, faults);
             }
         }
+    }
+}
+
+[[gnu::always_inline]] inline void Drive::step_load(DriveState& s, const Phase& phase, std::int64_t origin) {
+    const std::vector<LoadStep>& steps = phase.config.load_steps;
+    while (s.next_load_step < steps.size() && steps[s.next_load_step].tick <= s.tick - origin) {
+        s.plant.load.target = steps[s.next_load_step++].torque + s.added_load;
+        if (phase.config.load.lag <= 0.0) s.plant.load.torque = s.plant.load.target;
+    }
+}
+
+[[gnu::always_inline]] inline Drive::Acting Drive::next_duties(DriveState& s) const {
+    const Acting computed{{static_cast<double>(s.output.duty[0]), static_cast<double>(s.output.duty[1]),
+                           static_cast<double>(s.output.duty[2])},
+                          (s.output.status & static_cast<unsigned>(CGL_STATUS_OFF)) != 0U};
+    const Acting before{s.duty, s.open};
+    s.duty = computed.duty;
+    s.open = computed.open;
+    return config_.inverter.computation_delay ? before : computed;
+}
+
+bool Drive::alike(const Drive& other) const {
+    const auto fits = [](const Drive& d) {
+        return !d.config_.trials && !(d.config_.inverter.switched && !d.config_.ideal_current) &&
+               !std::holds_alternative<CallbackLaw>(d.config_.law);
+    };
+    const DriveConfig &a = config_, &b = other.config_;
+    return fits(*this) && fits(other) && a.ideal_current == b.ideal_current && motor_phases(a) == motor_phases(b) &&
+           a.current_rate == b.current_rate && a.integration_steps == b.integration_steps && a.energy == b.energy &&
+           phases_.front().plant.equations().alike(other.phases_.front().plant.equations());
+}
+
+void Drive::advance_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, std::int64_t ticks) {
+    const Drive& first = *lanes.front().drive;
+    std::vector<const Plant*> of;
+    for (Lane& lane : lanes) {
+        if (!lane.drive->alike(first) || lane.state->tick != lanes.front().state->tick || lanes.size() > kernel.lanes) {
+            throw std::invalid_argument("lanes: expected drives that are alike and at the same tick, at most " +
+                                        std::to_string(kernel.lanes));
+        }
+        of.push_back(&lane.drive->phases_.front().plant);
+        lane.recorder->reserve(ticks);
+    }
+    const DriveConfig& config = first.config_;
+    const Detail detail = config.ideal_current ? Detail::mechanics : config.energy ? Detail::energies : Detail::currents;
+    const auto plants = kernel.make(of, detail);
+    const std::int64_t end = lanes.front().state->tick + ticks;
+    if (config.ideal_current) {
+        run_lanes<0>(lanes, *plants, end);
+    } else if (motor_phases(config) == 2) {
+        run_lanes<bridge_legs>(lanes, *plants, end);
+    } else {
+        run_lanes<star_legs>(lanes, *plants, end);
+    }
+}
+
+// As run(), but the steps of the plants are taken together. A plant whose rotor stops or breaks away takes its step alone, and
+// so does one with an open bridge.
+template <std::size_t legs>
+void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t end) {
+    const Drive& first = *lanes.front().drive;
+    const DriveConfig& config = first.config_;
+    constexpr Detail simple = legs == 0 ? Detail::mechanics : Detail::currents;
+    const LanePlants::View view = plants.view();
+    constexpr std::size_t most = 32;
+    std::array<double, most> u_alpha{}, u_beta{};
+    AtAngle<double> here;
+    for (std::size_t n = 0; n < lanes.size(); ++n) {
+        const Plant::Exact<simple> exact(lanes[n].drive->phases_.front().plant);
+        plants.put(n, lanes[n].state->plant, exact(lanes[n].state->plant.theta_m));
+    }
+    const double h = first.period_ / config.integration_steps;
+    struct Alone {  // what a lane needs to take its step alone
+        std::size_t lane;
+        Phases duty, current;
+        Faults faults;
+        bool open;
+    };
+    std::vector<Alone> each;
+    each.reserve(lanes.size());
+    for (std::int64_t tick = lanes.front().state->tick; tick < end; ++tick) {
+        each.clear();
+        for (std::size_t n = 0; n < lanes.size(); ++n) {
+            Lane& lane = lanes[n];
+            if (!lane.error.empty()) continue;
+            const Drive& drive = *lane.drive;
+            const Phase& phase = drive.phases_.front();
+            DriveState& s = *lane.state;
+            s.plant.theta_m = view.theta_m[n];
+            s.plant.omega_m = view.omega_m[n];
+            s.plant.i = {view.i_d[n], view.i_q[n]};
+            const std::size_t load_step = s.next_load_step;
+            s.plant.load = {view.load_torque[n], view.load_target[n]};
+            step_load(s, phase, 0);
+            if (s.next_load_step != load_step) {
+                view.load_torque[n] = s.plant.load.torque;
+                view.load_target[n] = s.plant.load.target;
+            }
+            Phases current{};
+            if constexpr (legs != 0) current = phase_currents<legs>(s.plant.i, {view.axis_re[n], view.axis_im[n]});
+            const Faults faults(drive.config_.faults, tick, drive.config_.inverter.bus_voltage);
+            try {
+                drive.control<legs>(s, phase, 0, current, faults, nullptr);
+            } catch (const std::runtime_error& error) {
+                plants.get(n, s.plant, here);
+                lane.error = error.what();
+                u_alpha[n] = u_beta[n] = 0.0;
+                continue;
+            }
+            if (lane.recorder->wants(tick)) {
+                if constexpr (legs == 0) view.i_q[n] = s.plant.i.q;
+                plants.get(n, s.plant, here);
+                drive.record<legs>(s, here, phase, 0, current, lane.recorder->next_row());
+            }
+            if constexpr (legs == 0) {
+                view.i_q[n] = s.plant.i.q;
+                each.push_back({n, {}, {}, faults, false});
+            } else {
+                const auto [duty, open] = drive.next_duties(s);
+                InverterConfig inverter = drive.config_.inverter;
+                inverter.bus_voltage = faults.bus_voltage;
+                const Voltage<> u = averaged(inverter, leg_duties<legs>(duty), leg_currents<legs>(current), drive.period_);
+                u_alpha[n] = u.alpha;
+                u_beta[n] = u.beta;
+                each.push_back({n, duty, current, faults, open});
+                if (open) plants.get(n, s.plant, here);
+            }
+        }
+        for (int k = 0; k < config.integration_steps; ++k) {
+            const std::uint32_t stay = plants.step(u_alpha.data(), u_beta.data(), h);
+            for (const Alone& a : each) {
+                const Drive& drive = *lanes[a.lane].drive;
+                DriveState& s = *lanes[a.lane].state;
+                if (a.open) continue;
+                const double from = drive.time(tick) + k * h;
+                if ((stay >> a.lane & 1U) != 0U) {
+                    plants.get(a.lane, s.plant, here);
+                    const Voltage<> u{u_alpha[a.lane], u_beta[a.lane]};
+                    const Plant& plant = drive.phases_.front().plant;
+                    if constexpr (legs == 0) {
+                        plant.step<Detail::mechanics>(s.plant, here, u, from, h, Plant::Exact<Detail::mechanics>(plant));
+                    } else if (config.energy) {
+                        plant.step<Detail::energies>(s.plant, here, u, from, h, Plant::Exact<Detail::energies>(plant));
+                    } else {
+                        plant.step<Detail::currents>(s.plant, here, u, from, h, Plant::Exact<Detail::currents>(plant));
+                    }
+                    plants.put(a.lane, s.plant, here);
+                }
+                if (drive.position_sensor_.watches()) {
+                    const double theta_m = view.theta_m[a.lane];
+                    drive.position_sensor_.watch(s.position, from, from + h, a.faults.stuck ? s.seen : theta_m + a.faults.jump);
+                }
+            }
+        }
+        for (const Alone& a : each) {
+            DriveState& s = *lanes[a.lane].state;
+            if (a.open) {
+                const Drive& drive = *lanes[a.lane].drive;
+                const Phase& phase = drive.phases_.front();
+                AnglePatch patch(phase.plant.angle());
+                here = phase.plant.angle().at(s.plant.theta_m);
+                if constexpr (legs != 0) {
+                    if (config.energy) {
+                        drive.advance_plant<Detail::energies, legs>(s, here, patch, phase, 0, a.duty, a.current, true, a.faults);
+                    } else {
+                        drive.advance_plant<Detail::currents, legs>(s, here, patch, phase, 0, a.duty, a.current, true, a.faults);
+                    }
+                }
+                plants.put(a.lane, s.plant, here);
+            }
+            ++s.tick;
+        }
+    }
+    for (std::size_t n = 0; n < lanes.size(); ++n) {
+        if (lanes[n].error.empty()) plants.get(n, lanes[n].state->plant, here);
     }
 }
 
@@ -375,42 +548,45 @@ void Drive::step_law(DriveState& s) const {
 }
 
 template <Detail detail, std::size_t legs>
-void Drive::advance_plant(DriveState& s, Powers::Values& z, const Phase& phase, std::int64_t origin, const Phases& duty,
-                          const Phases& current, bool open, const Faults& faults) const {
+void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patch, const Phase& phase,
+                          std::int64_t origin, const Phases& duty, const Phases& current, bool open, const Faults& faults) const {
     const double start = time(s.tick - origin);
     const double longest = period_ / config_.integration_steps;
     const bool watch = position_sensor_.watches();
-    const auto step = [&](Voltage u, double from, double h) {
-        phase.plant.step<detail>(s.plant, z, u, start + from, h);
+    const auto step = [&](Voltage<> u, double from, double h, auto& angle) {
+        phase.plant.step<detail>(s.plant, here, u, start + from, h, angle);
         if (watch) {
             position_sensor_.watch(s.position, start + from, start + from + h,
                                    faults.stuck ? s.seen : s.plant.theta_m + faults.jump);
         }
     };
-    const auto hold = [&](Voltage u) {
-        for (int k = 0; k < config_.integration_steps; ++k) step(u, k * longest, longest);
+    const Plant::Exact<detail> exact(phase.plant);
+    const auto hold = [&](Voltage<> u) {
+        for (int k = 0; k < config_.integration_steps; ++k) step(u, k * longest, longest, exact);
     };
     InverterConfig inverter = config_.inverter;
     inverter.bus_voltage = faults.bus_voltage;
     if constexpr (legs == 0) {
         hold({0.0, 0.0});
     } else if (open) {
+        if (!inverter.switched) patch.move_to(s.plant.theta_m, 0.5 * period_ * s.plant.omega_m);
         const int steps = std::max(config_.integration_steps, open_steps);
         for (int k = 0; k < steps; ++k) {
-            const Pmsm& motor = phase.plant.motor();
-            const OpenBridge<legs> bridge = open_bridge(inverter.bus_voltage, phase_currents<legs>(s.plant.i, motor.axis(z)),
-                                                        induced(motor, z, s.plant.omega_m), OpenBridge<legs>{});
-            step(bridge.u, k * period_ / steps, period_ / steps);
-            const Complex axis = motor.axis(z);
-            s.plant.i = rotor_frame<legs>(let_through(bridge, phase_currents<legs>(s.plant.i, axis)), axis);
+            const OpenBridge<legs> bridge =
+                open_bridge(inverter.bus_voltage, phase_currents<legs>(s.plant.i, here.axis),
+                            induced(phase.plant.motor(), here, s.plant.omega_m), OpenBridge<legs>{});
+            step(bridge.u, k * period_ / steps, period_ / steps, patch);
+            s.plant.i = rotor_frame<legs>(let_through(bridge, phase_currents<legs>(s.plant.i, here.axis)), here.axis);
         }
+        if (!inverter.switched) here = exact(s.plant.theta_m);
     } else if (inverter.switched) {
         const Pulses<legs> p = pulses(inverter, leg_duties<legs>(duty), leg_currents<legs>(current), period_);
         double from = 0.0;
         for (std::size_t n = 0; n < p.count; ++n) {
             const double length = p.stretch[n].until - from;
-            const auto steps = static_cast<int>(std::ceil(length / longest - 1e-9));
-            for (int k = 0; k < steps; ++k) step(p.stretch[n].u, from + k * length / steps, length / steps);
+            const int steps = length <= longest ? 1 : static_cast<int>(std::ceil(length / longest - 1e-9));
+            const double h = steps == 1 ? length : length / steps;
+            for (int k = 0; k < steps; ++k) step(p.stretch[n].u, from + k * h, h, patch);
             from = p.stretch[n].until;
         }
     } else {
@@ -419,13 +595,13 @@ void Drive::advance_plant(DriveState& s, Powers::Values& z, const Phase& phase, 
 }
 
 template <std::size_t legs>
-void Drive::record(const DriveState& s, const Powers::Values& z, const Phase& phase, std::int64_t origin,
+void Drive::record(const DriveState& s, const AtAngle<double>& here, const Phase& phase, std::int64_t origin,
                    const Phases& current, double* row) const {
     const auto* learning = std::get_if<TrialLaw>(&config_.law);
     const bool trials = config_.trials.has_value(), trial_law = learning != nullptr;
     const bool path = follows_angle_, energy = config_.energy;
     constexpr bool electrical = legs != 0, three_phases = legs == star_legs;
-    const Torques torques = phase.plant.torques(s.plant, z, time(s.tick - origin));
+    const Torques<> torques = phase.plant.equations().torques(s.plant, here, time(s.tick - origin));
     // The law uses the reference of its last sample until the next one; recorded errors use the reference at this instant.
     const std::int64_t since = s.tick % config_.speed_divider;
     const bool held = since == 0 || trials;

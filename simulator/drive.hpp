@@ -11,12 +11,15 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
+#include "angle_patch.hpp"
 #include "cogless/drive.h"
 #include "current_sensors.hpp"
 #include "fault.hpp"
 #include "inverter.hpp"
+#include "lane_plants.hpp"
 #include "laws.hpp"
 #include "plant.hpp"
 #include "position_sensor.hpp"
@@ -65,7 +68,7 @@ struct DriveConfig {
 
 struct DriveState {
     std::int64_t tick = 0;
-    PlantState plant;
+    PlantState<> plant;
     PositionSensor::State position;
     Random random{0};
     cgl_drive control;
@@ -108,6 +111,21 @@ public:
     // ticks exceed the number of trials.
     void advance(DriveState& state, Recorder& recorder, std::int64_t ticks, Controller* other = nullptr) const;
 
+    // Whether both can be lanes of one LanePlants: no trials, no pulses, no load from tables, no law in another language, and
+    // motors, rates and details alike.
+    bool alike(const Drive& other) const;
+
+    // A drive that goes on beside others. error: why it failed, as advance() would throw it.
+    struct Lane {
+        const Drive* drive;
+        DriveState* state;
+        Recorder* recorder;
+        std::string error = {};
+    };
+
+    // Runs `ticks` periods of drives that are alike and are at the same tick, as advance() does for each.
+    static void advance_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, std::int64_t ticks);
+
     // Adds a torque, N m, to the described load from now on.
     void add_load(DriveState& state, double torque) const;
 
@@ -126,7 +144,7 @@ private:
     struct Phase {
         PhaseConfig config;
         Plant plant;
-        PlantState plant_start;
+        PlantState<> plant_start;
         PositionSensor::State position_start;
     };
 
@@ -136,6 +154,16 @@ private:
     void advance_trials(DriveState& state, Recorder& recorder, std::int64_t end, Controller* other) const;
     void advance_within(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
                         Controller* other) const;
+
+    // Steps the load, and returns what the inverter applies from now on.
+    struct Acting {
+        Phases duty;
+        bool open;
+    };
+    static void step_load(DriveState& state, const Phase& phase, std::int64_t origin);
+    Acting next_duties(DriveState& state) const;
+    template <std::size_t legs>
+    static void run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t end);
 
     // Functions that run in every tick are forced inline where they are defined: with two loops gcc would call them, which
     // is 1 % slower.
@@ -152,11 +180,11 @@ private:
     template <std::size_t legs>
     void step_law(DriveState& state) const;
     template <Detail detail, std::size_t legs>
-    void advance_plant(DriveState& state, Powers::Values& z, const Phase& phase, std::int64_t origin, const Phases& duty,
+    void advance_plant(DriveState& state, AtAngle<double>& here, AnglePatch& patch, const Phase& phase, std::int64_t origin, const Phases& duty,
                        const Phases& current, bool open, const Faults& faults) const;
     // Not inlined into run(), whose loop is 4 % faster without it.
     template <std::size_t legs>
-    [[gnu::noinline]] void record(const DriveState& state, const Powers::Values& z, const Phase& phase,
+    [[gnu::noinline]] void record(const DriveState& state, const AtAngle<double>& here, const Phase& phase,
                                   std::int64_t origin, const Phases& current, double* row) const;
 
     double time(std::int64_t tick) const {

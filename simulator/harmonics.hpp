@@ -3,28 +3,23 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstddef>
 #include <numeric>
 #include <stdexcept>
 #include <vector>
 
+#include "maths.hpp"
+#include "wide.hpp"
+
 namespace cogless {
-
-struct Complex {
-    double re, im;
-};
-
-inline Complex operator*(Complex a, Complex b) {
-    return {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
-}
 
 // e^{j n theta} for a set of orders n. All are products of e^{j g theta}, g the orders' greatest common divisor, in an order
 // planned once.
 class Powers {
 public:
     static constexpr std::size_t capacity = 128;
-    using Values = std::array<Complex, capacity>;
+    template <class Real>
+    using Values = std::array<Complex<Real>, capacity>;
 
     Powers() = default;
 
@@ -41,14 +36,18 @@ public:
                                         multiples_.begin());
     }
 
-    [[gnu::always_inline]] void evaluate(double theta, Values& z) const {
-        const double angle = base_ * theta;
-        Complex last{std::cos(angle), std::sin(angle)};
+    int highest_order() const { return base_ * *std::max_element(multiples_.begin(), multiples_.end()); }
+
+    bool operator==(const Powers& other) const { return base_ == other.base_ && multiples_ == other.multiples_; }
+
+    template <class Real>
+    [[gnu::always_inline]] void evaluate(Real theta, Values<Real>& z) const {
+        Complex<Real> last = unit_vector(static_cast<double>(base_) * theta);
         std::size_t n = 0;
         z[n] = last;
         for (const Product& p : products_) {
             // mostly a chain in which each product needs the last one, so the last one is kept in registers
-            Complex a = last, b = last;
+            Complex<Real> a = last, b = last;
             if (p.a != n) a = z[p.a];
             if (p.b != n) b = z[p.b];
             last = a * b;
@@ -93,36 +92,78 @@ struct Harmonic {
     double amplitude, phase;
 };
 
-// A sum of harmonics over evaluated powers.
+// A sum of in_sine sin(order theta) + in_cosine cos(order theta) over evaluated powers.
+template <class Real>
 class Series {
 public:
     Series() = default;
 
-    Series(const Powers& powers, const std::vector<Harmonic>& harmonics) {
-        for (const Harmonic& h : harmonics) {
-            terms_.push_back({powers.place(h.order), h.order, h.amplitude * std::cos(h.phase),
-                              h.amplitude * std::sin(h.phase)});
+    // Those of several sums with the same orders, one for each lane.
+    explicit Series(const Each<Series<double>, Real>& of)
+        requires is_wide<Real>
+    {
+        for (std::size_t n = 0; n < of[0]->terms_.size(); ++n) {
+            const auto& first = of[0]->terms_[n];
+            terms_.push_back({first.place, first.order, each<Real>(of, [n](const auto& s) { return s.terms_[n].in_sine; }),
+                              each<Real>(of, [n](const auto& s) { return s.terms_[n].in_cosine; })});
         }
     }
 
-    double value(const Powers::Values& z) const {
-        double sum = 0.0;
+    bool alike(const Series& other) const {
+        return std::ranges::equal(terms_, other.terms_, {}, &Term::place, &Term::place);
+    }
+
+    void add(const Powers& powers, int order, Real in_sine, Real in_cosine) {
+        terms_.push_back({powers.place(order), static_cast<double>(order), in_sine, in_cosine});
+    }
+    void add(const Powers& powers, const Harmonic& h) {
+        const Complex<double> unit = unit_vector(h.phase);
+        add(powers, h.order, h.amplitude * unit.re, h.amplitude * unit.im);
+    }
+
+    bool empty() const { return terms_.empty(); }
+
+    [[gnu::always_inline]] Real value(const Powers::Values<Real>& z) const {
+        Real sum{};
         for (const Term& t : terms_) sum += t.in_sine * z[t.place].im + t.in_cosine * z[t.place].re;
         return sum;
     }
 
-    // the integral over theta, without the constant of integration
-    double integral(const Powers::Values& z) const {
-        double sum = 0.0;
+    // The first five derivatives, from the 0th on, over their factorials.
+    [[gnu::always_inline]] std::array<Real, 5> taylor(const Powers::Values<Real>& z) const {
+        std::array<Real, 5> sum{};
+        for (const Term& t : terms_) {
+            const Complex<Real> w = z[t.place];
+            const Real f = t.in_sine * w.im + t.in_cosine * w.re, slope = t.order * (t.in_sine * w.re - t.in_cosine * w.im);
+            const double square = -t.order * t.order;
+            sum[0] += f;
+            sum[1] += slope;
+            sum[2] += square * f;
+            sum[3] += square * slope;
+            sum[4] += (square * square) * f;
+        }
+        return over_factorials(sum);
+    }
+
+    static std::array<Real, 5> over_factorials(const std::array<Real, 5>& x) {
+        return {x[0], x[1], (1.0 / 2.0) * x[2], (1.0 / 6.0) * x[3], (1.0 / 24.0) * x[4]};
+    }
+
+    // The integral over theta, without the constant of integration.
+    Real integral(const Powers::Values<Real>& z) const {
+        Real sum{};
         for (const Term& t : terms_) sum += (t.in_cosine * z[t.place].im - t.in_sine * z[t.place].re) / t.order;
         return sum;
     }
 
 private:
+    template <class>
+    friend class Series;
+
     struct Term {
         std::size_t place;
-        int order;
-        double in_sine, in_cosine;
+        double order;
+        Real in_sine, in_cosine;
     };
     std::vector<Term> terms_;
 };

@@ -28,11 +28,11 @@ struct InverterConfig {
 };
 
 // Voltage in the stationary frame from the voltages of the legs.
-inline Voltage stationary(const Legs<star_legs>& u) {
-    return {(2.0 * u[0] - u[1] - u[2]) / 3.0, (u[1] - u[2]) * 0.57735026918962576};
+inline Voltage<> stationary(const Legs<star_legs>& u) {
+    return {(2.0 * u[0] - u[1] - u[2]) * (1.0 / 3.0), (u[1] - u[2]) * 0.57735026918962576};
 }
 
-inline Voltage stationary(const Legs<bridge_legs>& u) { return {u[0] - u[1], u[2] - u[3]}; }
+inline Voltage<> stationary(const Legs<bridge_legs>& u) { return {u[0] - u[1], u[2] - u[3]}; }
 
 // Duty cycles of the legs from those of the phases. Unipolar: the second leg of a bridge has the complement of the first, on
 // the same carrier, so the mean voltage of a phase is bus_voltage (2 duty - 1), in two pulses per period.
@@ -57,7 +57,7 @@ Legs<count> leg_currents(const Phases& i) {
 
 // Phase currents, with three legs the line currents of the star equivalent, from the rotor's frame.
 template <std::size_t legs>
-Phases phase_currents(Currents i, Complex axis) {
+Phases phase_currents(Currents<> i, Complex<double> axis) {
     const double alpha = axis.re * i.d - axis.im * i.q;
     const double beta = axis.im * i.d + axis.re * i.q;
     if constexpr (legs == bridge_legs) return {alpha, beta, 0.0};
@@ -67,7 +67,7 @@ Phases phase_currents(Currents i, Complex axis) {
 // An interval of a period with constant voltage.
 struct Stretch {
     double until;  // s from the start of the period
-    Voltage u;
+    Voltage<> u;
 };
 
 // The intervals of one period, in order.
@@ -82,42 +82,47 @@ struct Pulses {
 // taken at the start of the period.
 template <std::size_t legs>
 Pulses<legs> pulses(const InverterConfig& config, const Legs<legs>& duty, const Legs<legs>& current, double period) {
-    Legs<legs> rise, fall;
+    struct Edge {
+        double at;  // s
+        std::size_t leg;
+        double u;  // V, the leg's voltage from here on
+    };
+    std::array<Edge, 2 * legs + 1> edges;
     for (std::size_t x = 0; x < legs; ++x) {
-        if (duty[x] <= 0.0 || duty[x] >= 1.0) {  // no edge, no dead time
-            rise[x] = 0.0;
-            fall[x] = duty[x] >= 1.0 ? period : 0.0;
-            continue;
+        double rise = 0.0, fall = duty[x] >= 1.0 ? period : 0.0;
+        if (duty[x] > 0.0 && duty[x] < 1.0) {  // otherwise no edge, no dead time
+            rise = 0.5 * period * (1.0 - duty[x]) + (current[x] >= 0.0 ? config.dead_time : 0.0);
+            fall = std::min(0.5 * period * (1.0 + duty[x]) + (current[x] < 0.0 ? config.dead_time : 0.0), period);
+            rise = std::min(rise, fall);
         }
-        rise[x] = 0.5 * period * (1.0 - duty[x]) + (current[x] >= 0.0 ? config.dead_time : 0.0);
-        fall[x] = std::min(0.5 * period * (1.0 + duty[x]) + (current[x] < 0.0 ? config.dead_time : 0.0), period);
-        rise[x] = std::min(rise[x], fall[x]);
+        edges[x] = {rise, x, config.bus_voltage};
+        edges[legs + x] = {fall, x, 0.0};
     }
-    std::array<double, 2 * legs + 1> edges;
-    std::copy(rise.begin(), rise.end(), edges.begin());
-    std::copy(fall.begin(), fall.end(), edges.begin() + legs);
-    edges.back() = period;
-    std::sort(edges.begin(), edges.end());
+    edges.back() = {period, 0, 0.0};
+    for (std::size_t n = 1; n < 2 * legs; ++n) {  // a stable sort: a leg that rises when it falls stays low
+        const Edge moving = edges[n];
+        std::size_t place = n;
+        for (; place > 0 && edges[place - 1].at > moving.at; --place) edges[place] = edges[place - 1];
+        edges[place] = moving;
+    }
 
     Pulses<legs> result;
     result.count = 0;
+    Legs<legs> u{};
     double from = 0.0;
-    for (const double edge : edges) {
-        if (edge <= from) continue;
-        const double middle = 0.5 * (from + edge);
-        Legs<legs> u;
-        for (std::size_t x = 0; x < legs; ++x) {
-            u[x] = middle > rise[x] && middle < fall[x] ? config.bus_voltage : 0.0;
+    for (const Edge& edge : edges) {
+        if (edge.at > from) {
+            result.stretch[result.count++] = {edge.at, stationary(u)};
+            from = edge.at;
         }
-        result.stretch[result.count++] = {edge, stationary(u)};
-        from = edge;
+        u[edge.leg] = edge.u;
     }
     return result;
 }
 
 // The mean of the same pulses over the period.
 template <std::size_t legs>
-Voltage averaged(const InverterConfig& config, const Legs<legs>& duty, const Legs<legs>& current, double period) {
+Voltage<> averaged(const InverterConfig& config, const Legs<legs>& duty, const Legs<legs>& current, double period) {
     const double dead_share = config.dead_time / period;
     Legs<legs> u;
     for (std::size_t x = 0; x < legs; ++x) {

@@ -1,7 +1,7 @@
 // Load torque: a constant part that follows its target with a lag, a function of angle, and tables.
 #pragma once
 
-#include <cmath>
+#include <type_traits>
 #include <vector>
 
 #include "harmonics.hpp"
@@ -16,54 +16,71 @@ struct LoadConfig {
     Table angle_table, time_table;    // N m over rad, over s
 };
 
+template <class Real = double>
 struct LoadState {
-    double torque;  // N m, the constant part now
-    double target;  // N m, the value that it approaches
+    Real torque;  // N m, the constant part now
+    Real target;  // N m, the value that it approaches
 };
 
+// The load but for its harmonics, which angle_functions.hpp has.
+template <class Real = double>
 class Load {
 public:
-    Load(const LoadConfig& config, const Powers& powers, double nominal_step)
-        : config_(config), harmonics_(powers, config.harmonics),
-          varies_(!config.harmonics.empty() || !config.angle_table.empty() || !config.time_table.empty()),
+    Load(const LoadConfig& config, double nominal_step)
+        : config_(config), has_tables_(!config.angle_table.empty() || !config.time_table.empty()),
           nominal_step_(nominal_step), nominal_decay_(decay_over(nominal_step)),
           nominal_half_decay_(decay_over(0.5 * nominal_step)) {}
 
-    static std::vector<int> orders(const LoadConfig& config) {
-        std::vector<int> all;
-        for (const Harmonic& h : config.harmonics) all.push_back(h.order);
-        return all;
+    // Those of several loads without tables, one for each lane.
+    explicit Load(const Each<Load<double>, Real>& of)
+        requires is_wide<Real>
+        : has_tables_(false), nominal_step_(of[0]->nominal_step_),
+          nominal_decay_(each<Real>(of, &Load<double>::nominal_decay_)),
+          nominal_half_decay_(each<Real>(of, &Load<double>::nominal_half_decay_)) {}
+
+    // 0.0 is added, so that a negative zero does not tell one way to compute from another
+    LoadState<> start() const { return {config_.torque + 0.0, config_.torque + 0.0}; }
+
+    // The exact constant part half a step later, and a step later.
+    struct Later {
+        Real middle, end;
+    };
+
+    [[gnu::always_inline]] Later later(const LoadState<Real>& load, double h) const {
+        Real half_decay = nominal_half_decay_, decay = nominal_decay_;
+        if constexpr (std::is_same_v<Real, double>) {
+            if (load.torque == load.target) return {load.target, load.target};
+            if (h != nominal_step_) {
+                half_decay = decay_over(0.5 * h);
+                decay = decay_over(h);
+            }
+        }
+        const Real away = load.torque - load.target;
+        return {load.target + away * half_decay, load.target + away * decay};
     }
 
-    LoadState start() const { return {config_.torque, config_.torque}; }
+    bool has_tables() const { return has_tables_; }
 
-    // The exact constant part after a time. The engine mostly asks for one step and for half a step.
-    double constant_part(const LoadState& load, double after) const {
-        if (load.torque == load.target) return load.target;
-        const double decay = after == nominal_step_         ? nominal_decay_
-                             : after == 0.5 * nominal_step_ ? nominal_half_decay_
-                                                            : decay_over(after);
-        return load.target + (load.torque - load.target) * decay;
-    }
-
-    // The part that depends on angle and time, N m.
-    double other_parts(const Powers::Values& z, double theta_m, double time) const {
-        if (!varies_) return 0.0;
-        double torque = harmonics_.value(z);
+    // The tables' part, N m.
+    double of_tables(double theta_m, double time) const {
+        double torque = 0.0;
         if (!config_.angle_table.empty()) torque += config_.angle_table.periodic(theta_m);
         if (!config_.time_table.empty()) torque += config_.time_table.held(time);
         return torque;
     }
 
 private:
+    template <class>
+    friend class Load;
+
     double decay_over(double time) const {
-        return config_.lag > 0.0 ? std::exp(-time / config_.lag) : (time > 0.0 ? 0.0 : 1.0);
+        return config_.lag > 0.0 ? exponential(-time / config_.lag) : (time > 0.0 ? 0.0 : 1.0);
     }
 
     LoadConfig config_;
-    Series harmonics_;
-    bool varies_;  // with angle or time
-    double nominal_step_, nominal_decay_, nominal_half_decay_;
+    bool has_tables_;
+    double nominal_step_;
+    Real nominal_decay_, nominal_half_decay_;
 };
 
 }  // namespace cogless

@@ -19,7 +19,7 @@ enum class Diode { none, lower, upper };
 template <std::size_t legs>
 struct OpenBridge {
     std::array<Diode, 3> diode{};  // of each phase; for an H-bridge, in the leg out of which the phase's current flows
-    Voltage u;                     // on the phases
+    Voltage<> u;                   // on the phases
 };
 
 inline Diode diode_of(double current) {
@@ -28,17 +28,17 @@ inline Diode diode_of(double current) {
 }
 
 // Voltages induced by the magnets, in the stationary frame.
-inline Voltage induced(const Pmsm& motor, const Powers::Values& z, double omega_m) {
-    const Pmsm::Linkage e = motor.linkage(z, {0.0, 0.0});
-    const Complex axis = motor.axis(z);
-    const double omega_e = motor.config().pole_pairs * omega_m;
+inline Voltage<> induced(const Pmsm<>& motor, const AtAngle<double>& here, double omega_m) {
+    const Linkage<> e = motor.linkage(here.ripple, {0.0, 0.0});
+    const Complex<double> axis = here.axis;
+    const double omega_e = motor.pole_pairs() * omega_m;
     return {omega_e * (axis.re * e.d - axis.im * e.q), omega_e * (axis.im * e.d + axis.re * e.q)};
 }
 
 // Diodes of three legs. If no leg carries a current, each leg floats at the star point's voltage plus its induced voltage,
 // unless two of these voltages differ by more than the bus voltage. If two legs carry a current, the third floats if its
 // voltage is within the bus.
-inline OpenBridge<star_legs> open_bridge(double bus, const Phases& i, Voltage e, OpenBridge<star_legs> at = {}) {
+inline OpenBridge<star_legs> open_bridge(double bus, const Phases& i, Voltage<> e, OpenBridge<star_legs> at = {}) {
     const Phases in_phase{e.alpha, -0.5 * e.alpha + 0.86602540378443865 * e.beta,
                           -0.5 * e.alpha - 0.86602540378443865 * e.beta};
     for (std::size_t x = 0; x < 3; ++x) at.diode[x] = diode_of(i[x]);
@@ -67,7 +67,7 @@ inline OpenBridge<star_legs> open_bridge(double bus, const Phases& i, Voltage e,
 }
 
 // Diodes of two H-bridges; each depends on its own phase only.
-inline OpenBridge<bridge_legs> open_bridge(double bus, const Phases& i, Voltage e, OpenBridge<bridge_legs> at = {}) {
+inline OpenBridge<bridge_legs> open_bridge(double bus, const Phases& i, Voltage<> e, OpenBridge<bridge_legs> at = {}) {
     const std::array<double, 2> in_phase{e.alpha, e.beta};
     std::array<double, 2> u;
     for (std::size_t x = 0; x < 2; ++x) {
@@ -107,7 +107,7 @@ Phases let_through(const OpenBridge<legs>& bridge, Phases i) {
 
 // Currents in the rotor's frame, from the result of phase_currents().
 template <std::size_t legs>
-Currents rotor_frame(const Phases& i, Complex axis) {
+Currents<> rotor_frame(const Phases& i, Complex<double> axis) {
     const double alpha = i[0], beta = legs == bridge_legs ? i[1] : (i[1] - i[2]) * 0.57735026918962576;
     return {axis.re * alpha + axis.im * beta, axis.re * beta - axis.im * alpha};
 }

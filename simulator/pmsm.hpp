@@ -28,87 +28,68 @@ struct PmsmConfig {
     int phases = 3;                 // or 2
 };
 
+template <class Real = double>
 struct Currents {
-    double d, q;
+    Real d, q;
 };
 
+// Speed voltages per electrical speed, V s; the torque uses the same linkages.
+template <class Real = double>
+struct Linkage {
+    Real d, q;
+};
+
+template <class Real = double>
 class Pmsm {
 public:
-    Pmsm(const PmsmConfig& config, const Powers& powers)
-        : config_(config), power_factor_(0.5 * config.phases), torque_factor_(power_factor_ * config.pole_pairs),
-          per_L_d_(1.0 / config.L_d), per_L_q_(1.0 / config.L_q),
-          electrical_(powers.place(config.pole_pairs)), cogging_(powers, config.cogging) {
-        for (const FluxHarmonic& h : config.flux_harmonics) {
-            // e_d += d psi_d / d theta_e - psi_q and e_q += d psi_q / d theta_e + psi_d, written as sine and cosine
-            const double in_d = -h.order * h.d, in_q = h.order * h.q;
-            const Complex d{std::cos(h.d_phase), std::sin(h.d_phase)}, q{std::cos(h.q_phase), std::sin(h.q_phase)};
-            flux_.push_back({powers.place(h.order * config.pole_pairs),
-                             in_d * d.re - h.q * q.re, in_d * d.im - h.q * q.im,
-                             -in_q * q.im - h.d * d.im, in_q * q.re + h.d * d.re});
-        }
+    explicit Pmsm(const PmsmConfig& config)
+        : power_factor_(0.5 * config.phases), pole_pairs_(config.pole_pairs), R_s_(config.R_s), L_d_(config.L_d),
+          L_q_(config.L_q), psi_f_(config.psi_f), per_L_d_(1.0 / config.L_d), per_L_q_(1.0 / config.L_q) {}
+
+    // Those of several motors that are alike, one for each lane.
+    explicit Pmsm(const Each<Pmsm<double>, Real>& of)
+        requires is_wide<Real>
+        : power_factor_(of[0]->power_factor_), pole_pairs_(of[0]->pole_pairs_), R_s_(each<Real>(of, &Pmsm<double>::R_s_)),
+          L_d_(each<Real>(of, &Pmsm<double>::L_d_)), L_q_(each<Real>(of, &Pmsm<double>::L_q_)),
+          psi_f_(each<Real>(of, &Pmsm<double>::psi_f_)), per_L_d_(each<Real>(of, &Pmsm<double>::per_L_d_)),
+          per_L_q_(each<Real>(of, &Pmsm<double>::per_L_q_)) {}
+
+    // Whether lanes can hold both.
+    bool alike(const Pmsm& other) const {
+        return power_factor_ == other.power_factor_ && pole_pairs_ == other.pole_pairs_;
     }
 
-    // The mechanical orders that Powers must provide for this motor.
-    static std::vector<int> orders(const PmsmConfig& config) {
-        std::vector<int> all{config.pole_pairs};
-        for (const FluxHarmonic& h : config.flux_harmonics) all.push_back(h.order * config.pole_pairs);
-        for (const Harmonic& h : config.cogging) all.push_back(h.order);
-        return all;
-    }
-
-    const PmsmConfig& config() const { return config_; }
+    Real R_s() const { return R_s_; }
+    double pole_pairs() const { return pole_pairs_; }
 
     // Ratio of the power of all phases to u_d i_d + u_q i_q in the amplitude-invariant frame: 3/2, or 1 with two phases.
     double power_factor() const { return power_factor_; }
 
-    // Unit vector of the d axis in the stationary frame.
-    Complex axis(const Powers::Values& z) const { return z[electrical_]; }
+    Real magnetic_energy(Currents<Real> i) const { return 0.5 * power_factor_ * (L_d_ * i.d * i.d + L_q_ * i.q * i.q); }
 
-    double cogging(const Powers::Values& z) const { return cogging_.value(z); }
-
-    // Energy stored in cogging, J.
-    double cogging_energy(const Powers::Values& z) const { return -cogging_.integral(z); }
-
-    double magnetic_energy(Currents i) const {
-        return 0.5 * power_factor_ * (config_.L_d * i.d * i.d + config_.L_q * i.q * i.q);
+    // ripple: the part of the flux harmonics.
+    [[gnu::always_inline]] Linkage<Real> linkage(Linkage<Real> ripple, Currents<Real> i) const {
+        return {ripple.d - L_q_ * i.q, ripple.q + (psi_f_ + L_d_ * i.d)};
     }
 
-    // Speed voltages per electrical speed, V s; the torque uses the same linkages.
-    struct Linkage {
-        double d, q;
-    };
-
-    Linkage linkage(const Powers::Values& z, Currents i) const {
-        Linkage e{-config_.L_q * i.q, config_.psi_f + config_.L_d * i.d};
-        for (const FluxTerm& t : flux_) {
-            const Complex w = z[t.place];
-            e.d += t.d_sine * w.im + t.d_cosine * w.re;
-            e.q += t.q_sine * w.im + t.q_cosine * w.re;
-        }
-        return e;
+    [[gnu::always_inline]] Real torque(Linkage<Real> e, Currents<Real> i) const {
+        return (power_factor_ * pole_pairs_) * (e.d * i.d + e.q * i.q);
     }
 
-    double torque(Linkage e, Currents i) const { return torque_factor_ * (e.d * i.d + e.q * i.q); }
-
-    Currents derivative(Linkage e, Currents i, double u_d, double u_q, double omega_m) const {
-        const double omega_e = config_.pole_pairs * omega_m;
-        return {(u_d - config_.R_s * i.d - omega_e * e.d) * per_L_d_,
-                (u_q - config_.R_s * i.q - omega_e * e.q) * per_L_q_};
+    [[gnu::always_inline]] Currents<Real> derivative(Linkage<Real> e, Currents<Real> i, Real u_d, Real u_q,
+                                                     Real omega_m) const {
+        const Real omega_e = pole_pairs_ * omega_m;
+        return {(u_d - R_s_ * i.d) * per_L_d_ - (omega_e * per_L_d_) * e.d,
+                (u_q - R_s_ * i.q) * per_L_q_ - (omega_e * per_L_q_) * e.q};
     }
 
 private:
-    // A flux harmonic's contribution to the speed voltages, V s.
-    struct FluxTerm {
-        std::size_t place;
-        double d_sine, d_cosine, q_sine, q_cosine;
-    };
+    template <class>
+    friend class Pmsm;
 
-    PmsmConfig config_;
-    double power_factor_, torque_factor_;
-    double per_L_d_, per_L_q_;  // products cost less than quotients
-    std::size_t electrical_;
-    std::vector<FluxTerm> flux_;
-    Series cogging_;
+    double power_factor_, pole_pairs_;
+    Real R_s_, L_d_, L_q_, psi_f_;
+    Real per_L_d_, per_L_q_;  // products cost less than quotients
 };
 
 }  // namespace cogless

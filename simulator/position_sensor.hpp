@@ -12,6 +12,8 @@
 #include <numbers>
 #include <vector>
 
+#include "maths.hpp"
+
 namespace cogless {
 
 enum class PositionSensorKind { ideal, encoder, resolver };
@@ -124,7 +126,7 @@ private:
 
     double seen(double theta_m) const {
         return config_.eccentricity != 0.0
-                   ? theta_m + config_.eccentricity * std::sin(theta_m + config_.eccentricity_phase)
+                   ? theta_m + config_.eccentricity * sine(theta_m + config_.eccentricity_phase)
                    : theta_m;
     }
 

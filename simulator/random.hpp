@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "maths.hpp"
+
 namespace cogless {
 
 class Random {
@@ -22,7 +24,7 @@ public:
             y = 2.0 * uniform() - 1.0;
             s = x * x + y * y;
         } while (s >= 1.0 || s == 0.0);
-        const double factor = std::sqrt(-2.0 * std::log(s) / s);
+        const double factor = std::sqrt(-2.0 * logarithm(s) / s);
         spare_ = y * factor;
         has_spare_ = true;
         return x * factor;

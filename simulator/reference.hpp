@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <complex>
 #include <cstddef>
 #include <numbers>
 #include <stdexcept>
 #include <vector>
 
+#include "maths.hpp"
 #include "table.hpp"
 
 namespace cogless {
@@ -43,8 +43,8 @@ inline double turns_per_second(double frequency) { return 2.0 * std::numbers::pi
 // The integral of amplitude sin(omega t + phase) from 0 on.
 inline double integral_of_sine(const Sine& s, double time) {
     const double omega = turns_per_second(s.frequency);
-    if (omega == 0.0) return s.amplitude * std::sin(s.phase) * time;
-    return s.amplitude * (std::cos(s.phase) - std::cos(omega * time + s.phase)) / omega;
+    if (omega == 0.0) return s.amplitude * sine(s.phase) * time;
+    return s.amplitude * (cosine(s.phase) - cosine(omega * time + s.phase)) / omega;
 }
 
 // The integral from 0 on of sin(omega t + depth sin(m t)), the sum over n of J_n(depth) sin((omega + n m) t) (Jacobi, Anger).
@@ -57,8 +57,9 @@ public:
         : omega_(turns_per_second(r.frequency)), m_(turns_per_second(r.modulation)) {
         const double depth = std::abs(r.depth);
         if (!(depth <= 100.0)) throw std::invalid_argument("reference.depth: expected at most 100 rad");
+        const std::vector<double> bessel_functions = bessel_j(static_cast<std::size_t>(2.0 * depth) + 40, depth);
         for (int n = 0;; ++n) {
-            const double bessel = std::cyl_bessel_j(static_cast<double>(n), depth);
+            const double bessel = bessel_functions[static_cast<std::size_t>(n)];
             if (n > depth && bessel < 1e-18) break;
             const double odd = n % 2 == 0 ? 1.0 : -1.0, sign = r.depth < 0.0 ? odd : 1.0;
             above_.push_back(weight(sign * bessel, n));
@@ -68,18 +69,13 @@ public:
     }
 
     double at(double time) const {
-        using Complex = std::complex<double>;
-        const Complex step = std::polar(1.0, m_ * time), start = std::polar(1.0, omega_ * time);
-        double above_re = start.real(), above_im = start.imag(), below_re = above_re, below_im = above_im;
+        const Complex<double> step = unit_vector(m_ * time), back = {step.re, -step.im};
+        Complex<double> above = unit_vector(omega_ * time), below = above;
         double sum = at_zero_;
         for (std::size_t n = 0; n < above_.size(); ++n) {
-            sum -= above_[n] * above_re + below_[n] * below_re;
-            const double a = above_re * step.real() - above_im * step.imag();
-            above_im = above_re * step.imag() + above_im * step.real();
-            above_re = a;
-            const double b = below_re * step.real() + below_im * step.imag();
-            below_im = below_im * step.real() - below_re * step.imag();
-            below_re = b;
+            sum -= above_[n] * above.re + below_[n] * below.re;
+            above = above * step;
+            below = below * back;
         }
         return sum;
     }
@@ -168,21 +164,21 @@ private:
             case ReferenceKind::sine: {
                 const double omega = turns_per_second(r.frequency), angle = 2.0 * std::numbers::pi * r.frequency * time;
                 return {r.offset * time + integral_of_sine({r.amplitude, r.frequency, 0.0}, time),
-                        r.offset + r.amplitude * std::sin(angle), r.amplitude * omega * std::cos(angle)};
+                        r.offset + r.amplitude * sine(angle), r.amplitude * omega * cosine(angle)};
             }
             case ReferenceKind::fm: {
                 const double omega = turns_per_second(r.frequency), m = turns_per_second(r.modulation);
-                const double angle = omega * time + r.depth * std::sin(m * time);
-                return {r.offset * time + r.amplitude * fm_.at(time), r.offset + r.amplitude * std::sin(angle),
-                        r.amplitude * std::cos(angle) * (omega + r.depth * m * std::cos(m * time))};
+                const double angle = omega * time + r.depth * sine(m * time);
+                return {r.offset * time + r.amplitude * fm_.at(time), r.offset + r.amplitude * sine(angle),
+                        r.amplitude * cosine(angle) * (omega + r.depth * m * cosine(m * time))};
             }
             case ReferenceKind::sines: {
                 Motion sum{r.offset * time, r.offset, 0.0};
                 for (const Sine& s : r.sines) {
                     const double omega = turns_per_second(s.frequency), angle = omega * time + s.phase;
                     sum.theta += integral_of_sine(s, time);
-                    sum.omega += s.amplitude * std::sin(angle);
-                    sum.alpha += s.amplitude * omega * std::cos(angle);
+                    sum.omega += s.amplitude * sine(angle);
+                    sum.alpha += s.amplitude * omega * cosine(angle);
                 }
                 return sum;
             }
@@ -234,14 +230,14 @@ private:
         if (!(tau > 0.0 && h <= 10.0)) {
             throw std::invalid_argument("reference.smoothing: expected 0, or a tenth of the law's period or more");
         }
-        const double decay = std::exp(-h);
+        const double decay = exponential(-h);
         to_omega_ = {decay * (1.0 + h), decay * h * tau, 0.0, 0.0, 0.0};
         to_alpha_ = {-decay * h / tau, decay * (1.0 - h), 0.0, 0.0, 0.0};
         constexpr int panels = 400;
         for (int n = 0; n < panels; ++n) {
             for (int k = -1; k <= 1; ++k) {  // Gauss's rule of three points
                 const double x = (n + 0.5 + 0.5 * k * std::sqrt(0.6)) / panels, weight = (k == 0 ? 8.0 : 5.0) / 18.0 / panels;
-                const double left = h * (1.0 - x), impulse = std::exp(-left);
+                const double left = h * (1.0 - x), impulse = exponential(-left);
                 const std::array<double, 3> parabola{(1.0 - 2.0 * x) * (1.0 - x), 4.0 * x * (1.0 - x), x * (2.0 * x - 1.0)};
                 for (std::size_t p = 0; p < 3; ++p) {
                     to_omega_[2 + p] += weight * h * parabola[p] * left * impulse;

@@ -84,7 +84,7 @@ def test_law_29_as_printed_diverges_and_forgetting_cures_it() -> None:
 def test_the_lead_that_design_names_removes_the_ripple_that_the_paper_leaves(scenario: str) -> None:
     found = runs(f"{scenario}/pi-ilc-lead", f"{scenario}/robust-ilc", f"{scenario}/pi-ilc", f"{scenario}/pi")
     ripple = {run.controller: float(run.metrics["speed_ripple_rad_s"]) for run in found.values()}
-    assert ripple["pi-ilc-lead"] < 0.5 * min(ripple["pi"], ripple["pi-ilc"], ripple["robust-ilc"])
+    assert ripple["pi-ilc-lead"] < 0.55 * min(ripple["pi"], ripple["pi-ilc"], ripple["robust-ilc"])
 
 
 def test_the_lead_holds_in_the_long_run() -> None:

@@ -1,0 +1,53 @@
+// What depends on the rotor's angle, as Taylor polynomials about an angle nearby: for many evaluations within a period of the
+// inverter, where each would take a sine, a cosine and the powers of both.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+#include "angle_functions.hpp"
+#include "wide.hpp"
+
+namespace cogless {
+
+class AnglePatch {
+public:
+    static constexpr bool share_angles = false;
+
+    explicit AnglePatch(const AngleFunctions<double>& of) : of_(of), reach_(furthest / of.highest_order()) {}
+
+    // Puts the polynomials where the rotor, now at theta_m, will be `ahead` (rad) further on, but so that they reach it.
+    [[gnu::noinline]] void move_to(double theta_m, double ahead) {
+        centre_ = theta_m + std::copysign(std::fmin(std::abs(ahead), 0.9 * reach_), ahead);
+        const AngleFunctions<double>::Taylor all = of_.taylor_at(centre_);
+        for (std::size_t n = 0; n < all.size(); ++n) {
+            for (std::size_t k = 0; k < 6; ++k) c_[n].set(k, all[n][k]);
+        }
+    }
+
+    // Moves on where theta_m is out of reach.
+    [[gnu::always_inline]] AtAngle<double> operator()(double theta_m) {
+        double x = theta_m - centre_;
+        if (!(std::abs(x) <= reach_)) {
+            move_to(theta_m, x);
+            x = theta_m - centre_;
+        }
+        const Six sum = (c_[0] + c_[1] * x) + (c_[2] + (c_[3] + c_[4] * x) * x) * (x * x);
+        return {{sum[0], sum[1]}, {sum[2], sum[3]}, sum[4], sum[5]};
+    }
+
+    [[gnu::always_inline]] std::array<AtAngle<double>, 2> both(double a, double b) { return {(*this)(a), (*this)(b)}; }
+
+private:
+    using Six = Wide<2, 3>;  // as in AtAngle
+    // Order times the distance from the centre. The remainder of an order's sinusoid is at most its fifth power / 5!: less
+    // than 1e-7 of the amplitude.
+    static constexpr double furthest = 0.1;
+
+    const AngleFunctions<double>& of_;
+    double reach_, centre_ = 0.0;
+    std::array<Six, 5> c_{};
+};
+
+}  // namespace cogless

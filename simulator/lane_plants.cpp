@@ -1,0 +1,93 @@
+#include "lane_plants.hpp"
+
+#include "lane_step.hpp"
+
+namespace cogless {
+
+namespace {
+
+template <class Real>
+class Plants : public LanePlants {
+public:
+    Plants(const std::vector<const Plant*>& plants, Detail detail) : equations_(equations_of(plants)), detail_(detail) {}
+
+    static std::unique_ptr<LanePlants> make(const std::vector<const Plant*>& plants, Detail detail) {
+        return std::make_unique<Plants>(plants, detail);
+    }
+
+    View view() override {
+        PlantState<Real>& x = s_.x;
+        return {first(x.theta_m), first(x.omega_m), first(s_.here.axis.re), first(s_.here.axis.im),
+                first(x.i.d), first(x.i.q), first(x.load.torque), first(x.load.target)};
+    }
+
+    void put(std::size_t lane, const PlantState<>& x, const AtAngle<double>& here) override {
+        each(x, here, [lane](Real& to, double from) { to.set(lane, from); });
+        s_.x.stuck.set(lane, x.stuck);
+    }
+
+    void get(std::size_t lane, PlantState<>& x, AtAngle<double>& here) const override {
+        const_cast<Plants*>(this)->each(x, here, [lane](Real& from, double& to) { to = from[lane]; });
+        x.stuck = s_.x.stuck[lane];
+    }
+
+    std::uint32_t step(const double* u_alpha, const double* u_beta, double h) override {
+        Voltage<Real> u;
+        for (std::size_t lane = 0; lane < Real::lanes; ++lane) {
+            u.alpha.set(lane, u_alpha[lane]);
+            u.beta.set(lane, u_beta[lane]);
+        }
+        return lane_step(equations_, s_, u, h, detail_);
+    }
+
+private:
+    static Each<Equations<double>, Real> equations_of(const std::vector<const Plant*>& plants) {
+        Each<Equations<double>, Real> all;
+        for (std::size_t lane = 0; lane < all.size(); ++lane) {
+            all[lane] = &plants[lane < plants.size() ? lane : 0]->equations();
+        }
+        return all;
+    }
+
+    static double* first(Real& x) { return reinterpret_cast<double*>(&x); }
+
+    // Calls f with each number of the lanes' state and the one that it stands for.
+    template <class State, class Here, class F>
+    void each(State& x, Here& here, const F& f) {
+        f(s_.x.i.d, x.i.d);
+        f(s_.x.i.q, x.i.q);
+        f(s_.x.omega_m, x.omega_m);
+        f(s_.x.theta_m, x.theta_m);
+        f(s_.x.load.torque, x.load.torque);
+        f(s_.x.load.target, x.load.target);
+        f(s_.x.direction, x.direction);
+        f(s_.x.energy.electrical, x.energy.electrical);
+        f(s_.x.energy.copper, x.energy.copper);
+        f(s_.x.energy.friction, x.energy.friction);
+        f(s_.x.energy.load, x.energy.load);
+        f(s_.here.axis.re, here.axis.re);
+        f(s_.here.axis.im, here.axis.im);
+        f(s_.here.ripple.d, here.ripple.d);
+        f(s_.here.ripple.q, here.ripple.q);
+        f(s_.here.cogging, here.cogging);
+        f(s_.here.load, here.load);
+    }
+
+    Equations<Real> equations_;
+    Detail detail_;
+    LaneStates<Real> s_{};
+};
+
+}  // namespace
+
+std::vector<LaneKernel> lane_kernels() {
+    std::vector<LaneKernel> all;
+#if defined(COGLESS_X86_LANES)
+    if (__builtin_cpu_supports("avx512f")) all.push_back({"avx512", Avx512::lanes, &Plants<Avx512>::make});
+    if (__builtin_cpu_supports("avx2")) all.push_back({"avx2", Avx2::lanes, &Plants<Avx2>::make});
+#endif
+    all.push_back({"128 bits", Sse2::lanes, &Plants<Sse2>::make});
+    return all;
+}
+
+}  // namespace cogless

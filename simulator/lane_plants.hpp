@@ -1,0 +1,42 @@
+// Plants of several drives that go on together, each in a lane of the processor's vector registers. A lane's states have the
+// bits that the plant alone would give.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "plant.hpp"
+
+namespace cogless {
+
+class LanePlants {
+public:
+    // Arrays with an entry for each lane.
+    struct View {
+        const double *theta_m, *omega_m, *axis_re, *axis_im;
+        double *i_d, *i_q, *load_torque, *load_target;
+    };
+
+    virtual ~LanePlants() = default;
+    virtual View view() = 0;
+    virtual void put(std::size_t lane, const PlantState<>& x, const AtAngle<double>& here) = 0;
+    virtual void get(std::size_t lane, PlantState<>& x, AtAngle<double>& here) const = 0;
+    // Advances all lanes by the nominal step h, each with its voltage, but those in which the rotor stops or breaks away within
+    // it; these stay as they are. Returns them as bits.
+    virtual std::uint32_t step(const double* u_alpha, const double* u_beta, double h) = 0;
+};
+
+// A set of the processor's instructions, and how many lanes are computed with it.
+struct LaneKernel {
+    std::string name;
+    std::size_t lanes;
+    std::unique_ptr<LanePlants> (*make)(const std::vector<const Plant*>& plants, Detail detail);
+};
+
+// Those that this processor has, the widest first.
+std::vector<LaneKernel> lane_kernels();
+
+}  // namespace cogless

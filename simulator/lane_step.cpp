@@ -1,0 +1,66 @@
+// Compiled with COGLESS_LANES as one of the types of lane_step.hpp, and the processor's instructions for it.
+#include "lane_step.hpp"
+
+#include <cstring>
+
+namespace cogless {
+
+namespace {
+
+using Real = COGLESS_LANES;
+
+struct Exact {
+    static constexpr bool share_angles = true;
+    const AngleFunctions<Real>& angle;
+    bool needed;
+
+    [[gnu::always_inline]] AtAngle<Real> operator()(const Real& theta_m) const {
+        return needed ? angle.at(theta_m) : AtAngle<Real>{};
+    }
+    [[gnu::always_inline]] std::array<AtAngle<Real>, 2> both(const Real& a, const Real& b) const {
+        return {(*this)(a), (*this)(b)};
+    }
+};
+
+// A state consists of Reals and masks of the same size, each with an entry of 8 bytes for each lane.
+void copy_lane(std::size_t lane, const LaneStates<Real>& from, LaneStates<Real>& to) {
+    static_assert(std::is_trivially_copyable_v<LaneStates<Real>> && sizeof(Real) == sizeof(Real::Mask));
+    for (std::size_t at = 8 * lane; at < sizeof from; at += sizeof(Real)) {
+        std::memcpy(reinterpret_cast<char*>(&to) + at, reinterpret_cast<const char*>(&from) + at, 8);
+    }
+}
+
+template <Detail detail>
+std::uint32_t step(const Equations<Real>& equations, LaneStates<Real>& s, const Voltage<Real>& u, double h) {
+    const Exact exact{equations.angle(), detail != Detail::mechanics || equations.angle().ripples()};
+    const auto next = equations.step<detail>(s.x, s.here, u, 0.0, h, exact);
+    LaneStates<Real> then = s;
+    next.take(then.x);
+    then.here = next.here;
+    std::uint32_t stay = 0;
+    if (equations.sticks()) {
+        // as Plant::beyond()
+        const Real torque = equations.torques(then.x, then.here, 0.0).driving();
+        const Real beyond = select(s.x.stuck, magnitude(torque) - equations.breakaway_friction(), -s.x.direction * then.x.omega_m);
+        stay = (beyond > Real(0.0)).packed();
+        for (std::size_t lane = 0; lane < Real::lanes; ++lane) {
+            if ((stay >> lane & 1U) != 0U) copy_lane(lane, s, then);
+        }
+    }
+    s = then;
+    return stay;
+}
+
+}  // namespace
+
+std::uint32_t lane_step(const Equations<Real>& equations, LaneStates<Real>& s, const Voltage<Real>& u, double h,
+                        Detail detail) {
+    switch (detail) {
+        case Detail::mechanics: return step<Detail::mechanics>(equations, s, u, h);
+        case Detail::currents: return step<Detail::currents>(equations, s, u, h);
+        case Detail::energies: return step<Detail::energies>(equations, s, u, h);
+    }
+    return 0;
+}
+
+}  // namespace cogless
