@@ -14,14 +14,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from cogless.errors import StudyError
 from cogless.files import reason
 from cogless.run.side_by_side import left_behind
 
 if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
     from rich.text import Text
 
     from cogless.report import Line
@@ -324,14 +324,13 @@ def pil(
 @app.command("list")
 def list_() -> None:
     """List the shipped studies and motors, and the control laws."""
-    from cogless.study.catalogue import catalogue
+    from cogless.catalogue import catalogue
 
-    console = _console()
     for heading, entries in catalogue().items():
-        console.print(f"[bold]{heading}[/bold]")
+        typer.secho(heading, bold=True)
         width = max((len(name) for name in entries), default=0)
         for name, about in entries.items():
-            console.print(f"  {name:<{width}}  {about}", markup=False, highlight=False)
+            print(f"  {name:<{width}}  {about}")
 
 
 @app.command()
@@ -493,9 +492,7 @@ def _cell(line: Line, controller: str, baseline: str) -> Text:
 @contextmanager
 def _run_progress(runs: int) -> Iterator[StudyProgress]:
     """Show the progress of all runs on stderr if it is a terminal; yield the function that reports it."""
-    console = _console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with _bar() as bar:
         task = bar.add_task("", total=runs)
         shares: dict[tuple[str, str], float] = {}
 
@@ -510,14 +507,23 @@ def _run_progress(runs: int) -> Iterator[StudyProgress]:
 def _share_progress(what: str) -> Iterator[Callable[[float], None]]:
     """Show the progress of one task on stderr if it is a terminal; yield the function that takes its
     share."""
-    console = _console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with _bar() as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda share: bar.update(task, completed=share)
 
 
+def _bar() -> Progress:
+    """A progress bar on stderr, hidden if that is no terminal."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = _console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+
+
 def _console(**options: Any) -> Console:
+    from rich.console import Console
+
     console = Console(**options)
     return console if console.is_terminal else Console(width=WIDE, **options)
 
