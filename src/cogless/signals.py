@@ -52,11 +52,15 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Derived:
-    """A signal that is computed from recorded signals: the function `of`, with the signals `needs`."""
+    """A signal that is computed from recorded signals: the function `of`, with the signals `needs`.
+
+    `from_start`: it needs their first rows, not only those of the same times.
+    """
 
     unit: str
     needs: tuple[str, ...]
     of: Callable[..., Any]
+    from_start: bool = False
 
 
 def _recorded() -> dict[str, Recorded]:
@@ -82,7 +86,7 @@ DERIVED = {
     "omega_sensor_error": Derived("rad/s", ("omega_measured", "omega_m"), operator.sub),
     "i_amplitude": Derived("A", ("i_d", "i_q"), _length),  # length of the current vector
     # residual of the energy balance, which is the error of the numerical integration
-    "energy_residual": Derived("J", tuple(n for n in RECORDED if n.startswith("energy_")), _residual),
+    "energy_residual": Derived("J", tuple(n for n in RECORDED if n.startswith("energy_")), _residual, True),
     # torque of the motor on the rotor, including cogging
     "tau_motor": Derived("N*m", ("tau_e", "tau_cogging"), operator.add),
     "theta_error": Derived("rad", ("theta_ref", "theta_m"), operator.sub),  # reference minus true angle
