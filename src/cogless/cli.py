@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import os
 import shlex
 import sys
@@ -153,6 +154,7 @@ def run(
     ] = None,
     changes: SetOption = None,
     plots: Annotated[bool, typer.Option("--plots", help="Also write PNG pictures.")] = False,
+    no_traces: Annotated[bool, typer.Option("--no-traces", help="Write no traces.nc.")] = False,
     jobs: JobsOption = CORES,
 ) -> None:
     """Simulate a study: every controller in every scenario.
@@ -162,7 +164,7 @@ def run(
     Ctrl-C keeps the runs that are finished.
     """
     from cogless.design.warnings import too_short
-    from cogless.files import writable
+    from cogless.results.folder import held
     from cogless.run.simulate import RunError, run_study, runs_of
     from cogless.study import TrialStudy
 
@@ -172,15 +174,15 @@ def run(
     for line in too_short(loaded, runs_of(loaded, only)):
         _say(f"Warning: {line}.")
     failures: list[StudyError] = []
-    with writable(folder):
+    with held(folder):
         with _run_progress(wanted) as progress:
             try:
-                results: AnyResults = run_study(loaded, only, progress, jobs)
+                results: AnyResults = run_study(loaded, only, progress, jobs, traces=folder)
             except RunError as error:
                 failures, results = [error], error.results
         if results.runs:
             try:
-                _write(results, folder, plots)
+                _write(results, folder, plots, traces=not no_traces)
             except StudyError as error:  # such as a full disk; the tables are still printed
                 failures.append(error)
     if results.runs:
@@ -421,19 +423,24 @@ def _load(study: str, changes: list[str] | None) -> AnyStudy:
     return load(study, changes_from(changes or ()))
 
 
-def _write(results: AnyResults, folder: Path, plots: bool) -> None:
+def _write(results: AnyResults, folder: Path, plots: bool, traces: bool) -> None:
     from cogless import report
-    from cogless.results import map_files, results_json, trace
+    from cogless.results import map_files, results_json
+    from cogless.results.folder import hashes, new_set
+    from cogless.results.trace import write_netcdf
+    from cogless.study import TrialStudy
 
-    # maps are written to flash memory, so those of an earlier run must not stay beside these results
-    map_files.remove_all(map_files.runs_that_learned(folder / "results.json"), folder / "maps")
-    results_json.write(results, folder / "results.json")
-    about = {"title": results.study.title, "seed": results.study.seed}
-    trace.write_netcdf(folder / "traces.nc", results.runs, about)
-    report.write(results, folder / "report.html")
-    map_files.write_all(results, folder / "maps")
-    if plots:
-        report.write_plots(results, folder)
+    study, run = results.study, results_json.run_id(results)
+    with new_set(folder) as stage:
+        if traces:
+            about = {"title": study.title, "seed": study.seed, "run": run}
+            rate = math.inf if isinstance(study, TrialStudy) else study.trace.file_rate
+            write_netcdf(stage / "traces.nc", results.runs, about, rate)
+        report.write(results, stage / "report.html")
+        map_files.write_all(results, stage / "maps")
+        if plots:
+            report.write_plots(results, stage)
+        results_json.write(results, stage / "results.json", hashes(stage))
 
 
 def _print_tables(results: AnyResults) -> None:

@@ -16,6 +16,7 @@ from cogless.report.sections import Sections
 from cogless.report.settings import assumptions, settings
 from cogless.report.verdict import ScenarioVerdict, Told
 from cogless.results import AnyResults
+from cogless.results.results_json import run_id
 from cogless.versions import versions
 
 HUGE = 1e30  # far beyond any drive
@@ -46,6 +47,7 @@ def render(results: AnyResults, sections: Sections) -> str:
         assumptions=assumptions(study),
         settings=settings(study),
         seed=study.seed,
+        run=run_id(results),
         made=escape(", ".join(f"{name} {version}" for name, version in versions().items())),
         version=escape(versions()["cogless"]),
         data=text.replace("<", "\\u003c"),  # so that no text of the user ends the script element

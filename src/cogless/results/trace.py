@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 BLOCK = 1 << 18  # rows
+CHUNK = 1 << 16  # rows that are compressed together
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,12 +150,17 @@ class RunWithTrace(Protocol):
 
 
 def write_netcdf(
-    path: Path, runs: Iterable[RunWithTrace], attributes: Mapping[str, Any] | None = None
+    path: Path,
+    runs: Iterable[RunWithTrace],
+    attributes: Mapping[str, Any] | None = None,
+    rate: float = math.inf,
 ) -> None:
     """Write all runs to one netCDF-4 file, one group per "scenario/controller", completely or not at all.
 
     `time` and `theta_m` are stored in double precision, since both grow without bound; the others in single.
-    `attributes` go to the file's root. `xarray.open_dataset(path, group="scenario/controller")` opens a run.
+    `rate`: rows a second at most, Hz; of a trace with more, every n-th is stored, n the group's attribute
+    `every`. `attributes` go to the file's root. `xarray.open_dataset(path, group="scenario/controller")`
+    opens a run.
     StudyError: the file can't be written.
     """
     import netCDF4
@@ -164,17 +170,22 @@ def write_netcdf(
             with netCDF4.Dataset(temporary, "w") as file:
                 file.setncatts(dict(attributes or {}))
                 for run in runs:
-                    _write_group(file.createGroup(f"{run.scenario}/{run.controller}"), run.trace)
+                    _write_group(file.createGroup(f"{run.scenario}/{run.controller}"), run.trace, rate)
         except RuntimeError as error:  # on a full disk: "NetCDF: HDF error"
             raise OSError(f"{error}, is the disk full?") from error
 
 
-def _write_group(group: Any, trace: Trace) -> None:
-    rows = len(trace)
-    group.createDimension("time", rows)
+def _write_group(group: Any, trace: Trace, rate: float) -> None:
+    every = max(1, math.ceil(1 / (trace.period * rate) - 1e-6)) if trace.period else 1
+    count = len(range(0, len(trace), every))
+    group.createDimension("time", count)
+    group.every = np.int32(every)
     for name, unit in zip(trace.names, trace.units, strict=True):
         kind = "f8" if name in ("time", "theta_m") else "f4"
-        variable = group.createVariable(name, kind, ("time",), fill_value=False, contiguous=rows > 0)
+        packed = {"compression": "zlib", "complevel": 1, "chunksizes": (min(count, CHUNK),)} if count else {}
+        variable = group.createVariable(name, kind, ("time",), fill_value=False, **packed)
         variable.units = unit
         variable.set_auto_maskandscale(False)
-        variable[:] = trace[name].astype(kind)
+        for rows in trace.blocks(size=CHUNK * every):
+            stored = trace.part(name, slice(rows.start, rows.stop, every)).astype(kind)
+            variable[rows.start // every : rows.start // every + len(stored)] = stored
