@@ -81,6 +81,7 @@ def write_plots(
 
 
 def _save(path: Path, title: str, rows: Sequence[Sequence[Plot]], picture: Picture, run: str) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     columns = len(rows[0])
@@ -103,7 +104,8 @@ def _save(path: Path, title: str, rows: Sequence[Sequence[Plot]], picture: Pictu
     abreast = min(len(handles), 12 * width // (6 + max(map(len, handles), default=0)))
     figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=max(1, abreast))
     with replacing(path) as temporary:
-        figure.savefig(temporary, format="png", metadata={"Run": run})
+        # savefig would draw it twice: once for the layout
+        FigureCanvasAgg(figure).print_png(temporary, metadata={"Run": run})
 
 
 def times(grid: Mapping[str, Any], values: Array) -> Array:
