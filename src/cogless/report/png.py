@@ -105,7 +105,7 @@ def _save(path: Path, title: str, rows: Sequence[Sequence[Plot]], picture: Pictu
     figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=max(1, abreast))
     with replacing(path) as temporary:
         # savefig would draw it twice: once for the layout
-        FigureCanvasAgg(figure).print_png(temporary, metadata={"Run": run})
+        FigureCanvasAgg(figure).print_png(temporary, metadata={"Run": run})  # type: ignore[no-untyped-call]
 
 
 def times(grid: Mapping[str, Any], values: Array) -> Array:

@@ -182,8 +182,16 @@ def _write_group(group: Any, trace: Trace, rate: float) -> None:
     group.every = np.int32(every)
     for name, unit in zip(trace.names, trace.units, strict=True):
         kind = "f8" if name in ("time", "theta_m") else "f4"
-        packed = {"compression": "zlib", "complevel": 1, "chunksizes": (min(count, CHUNK),)} if count else {}
-        variable = group.createVariable(name, kind, ("time",), fill_value=False, **packed)
+        variable = group.createVariable(
+            name,
+            kind,
+            ("time",),
+            fill_value=False,
+            compression="zlib",
+            complevel=1,
+            chunksizes=(max(1, min(count, CHUNK)),),
+            chunk_cache=1,  # whole chunks are written; kept in memory, they would add up
+        )
         variable.units = unit
         variable.set_auto_maskandscale(False)
         for rows in trace.blocks(size=CHUNK * every):

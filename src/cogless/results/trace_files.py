@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mmap
 import tempfile
+import weakref
 from collections.abc import Sequence
 from pathlib import Path
 from threading import Lock
@@ -28,6 +29,7 @@ class TraceFile:
             self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115
         except OSError as error:
             raise self._no_room(error) from error
+        weakref.finalize(self, self._file.close)  # also of a run that fails
 
     def append(self, rows: Array) -> None:
         """Write further rows, with a column per signal. StudyError: there is no room for them."""
