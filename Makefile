@@ -6,7 +6,11 @@ BIN := $(VENV)/bin
 SOURCES := $(shell find src control/src simulator studies motors -type f -not -name '*.pyc') \
 	CMakeLists.txt pyproject.toml README.md
 
-.PHONY: help build demo test lint control pil proof fuzz mutants docs bench clean
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
+# modules are byte-compiled when first used; to rewrite a test's asserts again takes each worker 7 s
+export PYTHONDONTWRITEBYTECODE =
+
+.PHONY: help build demo test lint control pil proof fuzz mutants docs bench dist clean
 
 help: ## what there is to make
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -14,17 +18,26 @@ help: ## what there is to make
 $(VENV)/tools: pyproject.toml
 	@test -n "$(PYTHON)" || { echo "cogless needs Python 3.11 or newer; none found (set PYTHON=...)" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet cmake ninja nanobind scikit-build-core
+	$(PIP) nanobind scikit-build-core $(foreach tool,cmake ninja,$(if $(shell command -v $(tool)),,$(tool)))
 	touch $@
 
+$(VENV)/dependencies: $(VENV)/tools
+	$(PIP) $$($(BIN)/python -c 'import tomllib; \
+	  print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["dependencies"], sep="\n")')
+	touch $@
+
+$(VENV)/wheel: $(VENV)/tools $(SOURCES)
+	rm -rf $@
+	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir $@ .
+
 $(VENV)/installed: $(VENV)/tools $(SOURCES)
-	@echo "Installing cogless: the first time it compiles for some minutes"
-	$(BIN)/python -m pip install --quiet --no-build-isolation .
+	@echo "Installing cogless: the first time it compiles for half a minute"
+	@$(MAKE) --no-print-directory -j2 $(VENV)/dependencies $(VENV)/wheel
+	$(PIP) --no-deps --force-reinstall $(VENV)/wheel/*.whl
 	touch $@
 
 $(VENV)/tested: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet --no-build-isolation '.[test]'
+	$(PIP) --no-build-isolation '.[test]'
 	touch $@
 
 build: $(VENV)/installed ## cogless in .venv
@@ -32,26 +45,25 @@ build: $(VENV)/installed ## cogless in .venv
 demo: $(VENV)/installed ## the main job: a motor that cogs, under four controllers
 	$(BIN)/cogless run uomodri -o results/uomodri --plots
 
-# to rewrite the asserts takes each worker 7 s where Python may not keep what it compiles
 test: $(VENV)/tested ## the whole test suite
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -q -n 2 --dist loadfile
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile
 
 lint: $(VENV)/installed ## ruff, mypy, and which room imports which
-	$(BIN)/python -m pip install --quiet '.[lint]' --no-build-isolation
+	$(PIP) --no-build-isolation '.[lint]'
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 
 control: $(VENV)/tools ## the C library alone, float and double, with sanitizers
 	for real in OFF ON; do \
-	  $(BIN)/cmake -S control -B build/control-double-$$real -DCOGLESS_DOUBLE=$$real -DCOGLESS_SANITIZE=ON \
+	  export PATH="$(CURDIR)/$(BIN):$$PATH" && cmake -S control -B build/control-double-$$real -DCOGLESS_DOUBLE=$$real -DCOGLESS_SANITIZE=ON \
 	    -DCMAKE_BUILD_TYPE=Debug && \
-	  $(BIN)/cmake --build build/control-double-$$real && \
-	  $(BIN)/ctest --test-dir build/control-double-$$real --output-on-failure || exit 1; \
+	  cmake --build build/control-double-$$real && \
+	  ctest --test-dir build/control-double-$$real --output-on-failure || exit 1; \
 	done
 
 pil: $(VENV)/installed ## every law on an emulated Cortex-M4F, against the simulation; its table in the docs
-	$(BIN)/python -m pip install --quiet --no-build-isolation '.[pil]'
+	$(PIP) --no-build-isolation '.[pil]'
 	$(BIN)/python docs/pil_tables.py --write
 
 proof: ## Frama-C/Eva: no undefined behaviour, outputs within their limits; LAWS="foc pi" for some
@@ -65,15 +77,23 @@ SEED ?= 1
 N ?= 60
 JOBS ?= 2
 mutants: $(VENV)/tested ## faults in the code that tests should notice; SEED=2 N=20 ROOM=simulator for others
-	$(BIN)/python -m pip install --quiet --no-build-isolation '.[pil]'
+	$(PIP) --no-build-isolation '.[pil]'
 	PYTHONPATH=tests $(BIN)/python -m mutants --seed $(SEED) --count $(N) --jobs $(JOBS) $(ROOM)
 
 docs: $(VENV)/installed ## the guide as HTML in docs/_build
-	$(BIN)/python -m pip install --quiet --no-build-isolation '.[docs]'
+	$(PIP) --no-build-isolation '.[docs]'
 	$(BIN)/python -m sphinx -W -q -b html docs docs/_build
 
 bench: $(VENV)/installed ## speed, beside a hand-written loop and other simulators
 	$(BIN)/python benchmarks/run.py
+
+dist: $(VENV)/tools ## sdist and wheel in build/dist, installed and used in a clean environment
+	$(PIP) build
+	rm -rf build/dist build/clean
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m build --no-isolation --outdir build/dist .
+	$(PYTHON) -m venv build/clean
+	build/clean/bin/python -m pip install --quiet --disable-pip-version-check --no-compile build/dist/*.whl
+	cd build/clean && bin/cogless run uomodri --only slow/pi --set 'scenario.slow.duration=8 s' -o results
 
 clean: ## all that was built
 	rm -rf build $(VENV) docs/_build

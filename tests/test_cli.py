@@ -7,11 +7,15 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from commands import cogless
 
 import studies
+from cogless.catalogue import catalogue
+from cogless.study.laws import AnyController
+from cogless.study.trial_controller import AnyTrialController
 
 ZERO = """
 class Zero:
@@ -270,20 +274,33 @@ def test_a_full_disk_behind_stdout(tmp_path: Path, command: list[str]) -> None:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="limits a file's size")
-@pytest.mark.parametrize("room", [1000, 8000, 60_000])
+@pytest.mark.parametrize("room", [1000, 40_000, 100_000])
 def test_results_that_have_no_room_are_printed_nevertheless(tmp_path: Path, room: int) -> None:
-    """First results.json, then the traces, then the report don't fit."""
-    limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({room}, {room}))\n"
+    """First the traces don't fit, then the report; the set that was there stays, whole."""
+    limit = "import resource, os; room = int(os.environ.get('ROOM', 1e9))\n"
+    limit += "resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))\n"
     words = ["run", str(studies.write(tmp_path)), "--only=low/pi", "--set=trace.rate=1 kHz", "-o", "out"]
-    command = [sys.executable, "-c", limited + COMMAND[-1], *words]
-    run = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
-    file = {1000: "results.json", 8000: "traces.nc", 60_000: "report.html"}[room]
-    assert (run.returncode, run.stderr.count("\n")) == (2, 1)
-    assert run.stderr.startswith(f"out/{file}: ") and run.stderr.endswith(
-        ": expected a file that can be written\n"
+    command = [sys.executable, "-c", limit + COMMAND[-1], *words]
+    subprocess.run(command, check=True, capture_output=True, cwd=tmp_path)
+    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    limited = {**os.environ, "ROOM": str(room)}
+    run = subprocess.run(
+        [*command, "--set=seed=5"], capture_output=True, text=True, cwd=tmp_path, env=limited
     )
+    file = "traces.nc" if room < 60_000 else "report.html"
+    assert (run.returncode, run.stderr.count("\n")) == (2, 1)
+    assert run.stderr.startswith(f"out/{file}: ")
+    assert run.stderr.endswith(": expected a file that can be written\n")
     assert "speed ripple" in run.stdout and "Report:" not in run.stdout
-    assert not list((tmp_path / "out").glob(f"*{file}*"))
+    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+
+
+def test_no_traces(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Those of an earlier run go, too: they would be of other results."""
+    words = ("run", studies.write(tmp_path), "--only", "low/pi", "-o", tmp_path / "out")
+    assert cogless(capsys, *words)[0] == 0
+    assert cogless(capsys, *words, "--no-traces")[0] == 0
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"results.json", "report.html"}
 
 
 # the others
@@ -301,6 +318,16 @@ def test_design_shows_gains_and_margins(tmp_path: Path, capsys: pytest.CaptureFi
     design = json.loads(out)["controllers"]["fair"]
     assert design["margins"]["phase_margin_rad"] == pytest.approx(0.7853981634)
     assert design["gains"]["kp"]["unit"] == "A*s/rad"
+
+
+def test_list_says_of_each_law_what_its_model_says() -> None:
+    """The command reads the source, without the models."""
+    listed = catalogue()
+    for heading, union in (("Control laws", AnyController), ("Control laws of trials", AnyTrialController)):
+        models = get_args(union)
+        laws = [get_args(model.model_fields["law"].annotation)[0] for model in models]
+        told = [(model.__doc__ or "").partition("\n")[0] for model in models]
+        assert list(listed[heading].items()) == list(zip(laws, told, strict=True))
 
 
 def test_list_names_the_laws(capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import os
 import shlex
 import sys
@@ -14,21 +15,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from cogless.errors import StudyError
 from cogless.files import reason
 from cogless.run.side_by_side import left_behind
 
 if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
     from rich.text import Text
 
     from cogless.ensemble.executors import Workers
@@ -165,6 +159,7 @@ def run(
     only: OnlyOption = None,
     changes: SetOption = None,
     plots: Annotated[bool, typer.Option("--plots", help="Also write PNG pictures.")] = False,
+    no_traces: Annotated[bool, typer.Option("--no-traces", help="Write no traces.nc.")] = False,
     jobs: JobsOption = CORES,
 ) -> None:
     """Simulate a study: every controller in every scenario.
@@ -174,7 +169,7 @@ def run(
     Ctrl-C keeps the runs that are finished.
     """
     from cogless.design.warnings import too_short
-    from cogless.files import writable
+    from cogless.results.folder import held
     from cogless.run.simulate import RunError, run_study, runs_of
     from cogless.study import TrialStudy
 
@@ -184,15 +179,15 @@ def run(
     for line in too_short(loaded, runs_of(loaded, only)):
         _say(f"Warning: {line}.")
     failures: list[StudyError] = []
-    with writable(folder):
+    with held(folder):
         with _run_progress(wanted) as progress:
             try:
-                results: AnyResults = run_study(loaded, only, progress, jobs)
+                results: AnyResults = run_study(loaded, only, progress, jobs, traces=folder)
             except RunError as error:
                 failures, results = [error], error.results
         if results.runs:
             try:
-                _write(results, folder, plots)
+                _write(results, folder, plots, traces=not no_traces)
             except StudyError as error:  # such as a full disk; the tables are still printed
                 failures.append(error)
     if results.runs:
@@ -433,14 +428,13 @@ def pil(
 @app.command("list")
 def list_() -> None:
     """List the shipped studies and motors, and the control laws."""
-    from cogless.study.catalogue import catalogue
+    from cogless.catalogue import catalogue
 
-    console = _console()
     for heading, entries in catalogue().items():
-        console.print(f"[bold]{heading}[/bold]")
+        typer.secho(heading, bold=True)
         width = max((len(name) for name in entries), default=0)
         for name, about in entries.items():
-            console.print(f"  {name:<{width}}  {about}", markup=False, highlight=False)
+            print(f"  {name:<{width}}  {about}")
 
 
 @app.command()
@@ -559,19 +553,24 @@ def _load(study: str, changes: list[str] | None) -> AnyStudy:
     return load(study, changes_from(changes or ()))
 
 
-def _write(results: AnyResults, folder: Path, plots: bool) -> None:
+def _write(results: AnyResults, folder: Path, plots: bool, traces: bool) -> None:
     from cogless import report
-    from cogless.results import map_files, results_json, trace
+    from cogless.results import map_files, results_json
+    from cogless.results.folder import hashes, new_set
+    from cogless.results.trace import write_netcdf
+    from cogless.study import TrialStudy
 
-    # maps are written to flash memory, so those of an earlier run must not stay beside these results
-    map_files.remove_all(map_files.runs_that_learned(folder / "results.json"), folder / "maps")
-    results_json.write(results, folder / "results.json")
-    about = {"title": results.study.title, "seed": results.study.seed}
-    trace.write_netcdf(folder / "traces.nc", results.runs, about)
-    report.write(results, folder / "report.html")
-    map_files.write_all(results, folder / "maps")
-    if plots:
-        report.write_plots(results, folder)
+    study, run = results.study, results_json.run_id(results)
+    with new_set(folder) as stage:
+        if traces:
+            about = {"title": study.title, "seed": study.seed, "run": run}
+            rate = math.inf if isinstance(study, TrialStudy) else study.trace.file_rate
+            write_netcdf(stage / "traces.nc", results.runs, about, rate)
+        report.write(results, stage / "report.html")
+        map_files.write_all(results, stage / "maps")
+        if plots:
+            report.write_plots(results, stage)
+        results_json.write(results, stage / "results.json", hashes(stage))
 
 
 def _print_tables(results: AnyResults) -> None:
@@ -630,9 +629,7 @@ def _cell(line: Line, controller: str, baseline: str) -> Text:
 @contextmanager
 def _run_progress(runs: int) -> Iterator[StudyProgress]:
     """Show the progress of all runs on stderr if it is a terminal; yield the function that reports it."""
-    console = _console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with _bar() as bar:
         task = bar.add_task("", total=runs)
         shares: dict[tuple[str, str], float] = {}
 
@@ -646,6 +643,8 @@ def _run_progress(runs: int) -> Iterator[StudyProgress]:
 @contextmanager
 def _variant_progress(variants: int) -> Iterator[Callable[[int], None]]:
     """Show finished variants and the time left on stderr if it is a terminal."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
     console = _console(stderr=True)
     columns = (BarColumn(), MofNCompleteColumn(), TextColumn("variants, left"), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -656,6 +655,8 @@ def _variant_progress(variants: int) -> Iterator[Callable[[int], None]]:
 @contextmanager
 def _tune_progress() -> Iterator[Callable[[str, int, int, float], None]]:
     """Show what is tuned, how far it is, and the best value so far on stderr if it is a terminal."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
     console = _console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -673,14 +674,23 @@ def _tune_progress() -> Iterator[Callable[[str, int, int, float], None]]:
 def _share_progress(what: str) -> Iterator[Callable[[float], None]]:
     """Show the progress of one task on stderr if it is a terminal; yield the function that takes its
     share."""
-    console = _console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with _bar() as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda share: bar.update(task, completed=share)
 
 
+def _bar() -> Progress:
+    """A progress bar on stderr, hidden if that is no terminal."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = _console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+
+
 def _console(**options: Any) -> Console:
+    from rich.console import Console
+
     console = Console(**options)
     return console if console.is_terminal else Console(width=WIDE, **options)
 

@@ -17,6 +17,12 @@ def package_folders() -> list[Path]:
     return [Path(folder) for folder in sys.modules["cogless"].__path__]
 
 
+def shipped(room: str) -> dict[str, Path]:
+    """Files that come with cogless: name -> path. `room`: "studies" or "motors"."""
+    folders = [folder / room for folder in package_folders()]
+    return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
+
+
 def control_sources() -> Path:
     """The installed folder that contains cogless/*.h and cogless/*.c of the control library."""
     for folder in package_folders():

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import operator
 import re
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
-
-import numpy as np
 
 from cogless import units
 from cogless.c_laws import C_LAWS
@@ -54,11 +53,15 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Derived:
-    """A signal that is computed from recorded signals: the function `of`, with the signals `needs`."""
+    """A signal that is computed from recorded signals: the function `of`, with the signals `needs`.
+
+    `from_start`: it needs their first rows, not only those of the same times.
+    """
 
     unit: str
     needs: tuple[str, ...]
     of: Callable[..., Any]
+    from_start: bool = False
 
 
 def _recorded() -> dict[str, Recorded]:
@@ -67,24 +70,30 @@ def _recorded() -> dict[str, Recorded]:
 
 
 def _residual(electrical: Any, copper: Any, friction: Any, load: Any, stored: Any) -> Any:
-    return np.asarray(electrical - (copper + friction + load) - (stored - stored[0]))
+    return electrical - (copper + friction + load) - (stored - stored[0])
+
+
+def _length(d: Any, q: Any) -> Any:
+    import numpy as np
+
+    return np.hypot(d, q)
 
 
 RECORDED = _recorded()
 DERIVED = {
-    "omega_error": Derived("rad/s", ("omega_ref", "omega_m"), np.subtract),  # reference minus true speed
+    "omega_error": Derived("rad/s", ("omega_ref", "omega_m"), operator.sub),  # reference minus true speed
     # error that the controller sees, and sensor error (measured minus true): their sum is the true error
-    "omega_error_measured": Derived("rad/s", ("omega_ref", "omega_measured"), np.subtract),
-    "omega_sensor_error": Derived("rad/s", ("omega_measured", "omega_m"), np.subtract),
-    "i_amplitude": Derived("A", ("i_d", "i_q"), np.hypot),  # length of the current vector
+    "omega_error_measured": Derived("rad/s", ("omega_ref", "omega_measured"), operator.sub),
+    "omega_sensor_error": Derived("rad/s", ("omega_measured", "omega_m"), operator.sub),
+    "i_amplitude": Derived("A", ("i_d", "i_q"), _length),  # length of the current vector
     # residual of the energy balance, which is the error of the numerical integration
-    "energy_residual": Derived("J", tuple(n for n in RECORDED if n.startswith("energy_")), _residual),
+    "energy_residual": Derived("J", tuple(n for n in RECORDED if n.startswith("energy_")), _residual, True),
     # torque of the motor on the rotor, including cogging
-    "tau_motor": Derived("N*m", ("tau_e", "tau_cogging"), np.add),
-    "theta_error": Derived("rad", ("theta_ref", "theta_m"), np.subtract),  # reference minus true angle
-    "theta_error_measured": Derived("rad", ("theta_ref", "theta_measured"), np.subtract),
-    "theta_sensor_error": Derived("rad", ("theta_measured", "theta_m"), np.subtract),
-    "y_error": Derived("", ("y_ref", "y"), np.subtract),  # of a linear plant
+    "tau_motor": Derived("N*m", ("tau_e", "tau_cogging"), operator.add),
+    "theta_error": Derived("rad", ("theta_ref", "theta_m"), operator.sub),  # reference minus true angle
+    "theta_error_measured": Derived("rad", ("theta_ref", "theta_measured"), operator.sub),
+    "theta_sensor_error": Derived("rad", ("theta_measured", "theta_m"), operator.sub),
+    "y_error": Derived("", ("y_ref", "y"), operator.sub),  # of a linear plant
 }
 
 

@@ -15,7 +15,6 @@ import studies
 from cogless import StudyError, load, run_study
 from cogless.maps import learned_map, stored_map
 from cogless.maps.stored_map import MapError, StoredMap, decode
-from cogless.results.map_files import runs_that_learned
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate
 
@@ -329,23 +328,6 @@ def test_maps_of_an_earlier_run_go_and_nothing_else(
     cogless(capsys, "run", study, "-o", out, "--only", "low/ilc")
     cogless(capsys, "run", study, "-o", out, "--only", "low/pi")
     assert not (out / "maps" / "low").exists()
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "[]",
-        '{"runs": 3}',
-        '{"runs": [[1]]}',
-        '{"runs": [{"scenario": "a"}]}',
-        '{"runs": [{"scenario": "..", "controller": "/etc", "memory": {"samples": 1}}]}',
-    ],
-)
-def test_results_that_no_run_wrote_remove_nothing(tmp_path: Path, text: str) -> None:
-    (tmp_path / "results.json").write_text(text)
-    assert runs_that_learned(tmp_path / "results.json") == []
-    assert runs_that_learned(tmp_path) == []
 
 
 def test_a_trial_leaves_its_signal(tmp_path: Path) -> None:

@@ -56,7 +56,7 @@ def test_a_law_that_may_not_learn_does_not(made):
 
 def test_what_was_learned_comes_to_what_was_needed(made):
     run = made.runs[2]
-    needed = needed_current(made, run)
+    needed = needed_current(made, run)(slice(None))
     late = run.trace.window(8, 12)
     learned = sum(run.trace[name] for name in ("term_alpha", "term_beta", "term_h"))
     assert np.std((needed - learned)[late]) < 0.1 * np.std(needed[late])

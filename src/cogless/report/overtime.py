@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,13 +11,13 @@ import numpy as np
 
 from cogless.report.comparison import pretty, speed_unit
 from cogless.report.faults import spans
-from cogless.report.packing import Array, pack, thin
+from cogless.report.packing import Array, bucket, pack, peaks
 from cogless.report.palette import place
 from cogless.report.paths import ALL_LEARNED, Panel, errors, in_angle, learned_terms
 from cogless.report.required_current import needed_current
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
-from cogless.results.trace import Trace
+from cogless.results.trace import BLOCK, Trace
 
 POINTS = 560_000  # in all waveforms of a page, at 2.7 bytes per point
 MOST, FEWEST = 20_000, 1_500  # of one waveform
@@ -42,8 +42,17 @@ class View:
     def grid(self, trace: Trace) -> dict[str, float]:
         """Start and step of the view's points, s. A thinned value is at the middle time of its rows."""
         time = trace.time[self.rows(trace)]
-        step = thin(time, self.points)[1] * trace.period
+        step = (bucket(len(time), self.points) / 2 or 1.0) * trace.period
         return {"start": float(time[0]) + (step - trace.period) / 2, "step": step}
+
+    def thinned(self, trace: Trace, values: Callable[[slice], Array]) -> Array:
+        """The view's points of what `values` gives for rows of the trace; a long trace is read in pieces."""
+        first, last, _ = self.rows(trace).indices(len(trace))
+        size = bucket(last - first, self.points)
+        if not size:
+            return values(slice(first, last))
+        pieces = trace.blocks(slice(first, last), max(1, BLOCK // size) * size)
+        return np.concatenate([peaks(values(rows), size) for rows in pieces])
 
 
 def waveforms(results: Results, runs: Sequence[Run]) -> dict[str, Any]:
@@ -133,18 +142,30 @@ def marks(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 def _since(trace: Trace, revolutions: int) -> float | None:
     """Time at which the reference's last `revolutions` revolutions begin, s; None if it turns less."""
-    turned = np.cumsum(np.abs(np.nan_to_num(trace["omega_ref"]))) * trace.period / (2 * math.pi)
-    left = turned[-1] - turned
-    return float(trace.time[int(np.argmax(left <= revolutions))]) if left[0] > revolutions else None
+    row, turned = len(trace) - 1, 0.0
+    for rows in reversed(list(trace.blocks())):
+        speed = np.abs(np.nan_to_num(trace.part("omega_ref", rows)))[::-1]
+        left = turned + np.cumsum(speed) * trace.period / (2 * math.pi)
+        within = int(np.count_nonzero(left <= revolutions))
+        row, turned = row - within, float(left[-1])
+        if within < len(left):
+            return float(trace.time[row]) if row > 0 else None
+    return None
 
 
 def _started(runs: Sequence[Run], until: float) -> float:
     """Time, s, before `until`, at which the speed errors of all runs have decayed to their later size."""
-    errors = [np.abs(run.trace["omega_error"][run.trace.window(0.0, until)]) for run in runs]
-    errors = [np.where(np.isfinite(error), error, 0.0) for error in errors]
-    calm = 1.2 * max(float(np.max(error[len(error) // 2 :], initial=0.0)) for error in errors)
-    last = max(int(np.max(np.flatnonzero(error > calm), initial=0)) for error in errors)
-    return float(runs[0].trace.time[last])
+
+    def errors(later: bool) -> Iterator[tuple[int, Array]]:
+        for run in runs:
+            stop = run.trace.window(0.0, until).stop
+            for rows in run.trace.blocks(slice(stop // 2 if later else 0, stop)):
+                error = np.abs(run.trace.part("omega_error", rows))
+                yield rows.start, np.where(np.isfinite(error), error, 0.0)
+
+    calm = 1.2 * max((float(np.max(error)) for _, error in errors(later=True)), default=0.0)
+    last = [first + np.flatnonzero(error > calm) for first, error in errors(later=False)]
+    return float(runs[0].trace.time[max((int(rows[-1]) for rows in last if len(rows)), default=0)])
 
 
 def events(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
@@ -192,21 +213,34 @@ def _series(
         if not names or names[0] not in run.trace:
             continue
         if panel.signal == "omega_m" and not drawn:
-            reference = {"dash": True, **_packed(run.trace["omega_ref"] / panel.scale, run.trace, views)}
-            drawn.append((on_top, reference))
+            points = _thinned(run.trace, _total(run.trace, ["omega_ref"], panel.scale), views)
+            drawn.append((on_top, {"dash": True, **_packed(points)}))
         if panel.signal == ALL_LEARNED and not drawn and in_angle(results, run):
             needed = needed_current(results, run)
             if needed is not None:
-                drawn.append((on_top, {"dash": True, "label": "needed", **_packed(needed, run.trace, views)}))
-        x = np.sum([run.trace[name] for name in names], axis=0) / panel.scale
-        series = {"controller": place(results, run), **_packed(x, run.trace, views)}
-        drawn.append((_spread(x[views[0].rows(run.trace)]), series))
+                points = _thinned(run.trace, needed, views)
+                drawn.append((on_top, {"dash": True, "label": "needed", **_packed(points)}))
+        points = _thinned(run.trace, _total(run.trace, names, panel.scale), views)
+        drawn.append((_spread(points[0]), {"controller": place(results, run), **_packed(points)}))
     # The series with the largest spread is drawn first, so that it doesn't hide the others.
     return [series for _, series in sorted(drawn, key=lambda pair: -pair[0])]
 
 
-def _packed(x: Array, trace: Trace, views: Sequence[View]) -> dict[str, Any]:
-    whole, *details = [pack(thin(x[view.rows(trace)], view.points)[0]) for view in views]
+def _total(trace: Trace, names: Sequence[str], scale: float) -> Callable[[slice], Array]:
+    """The sum of signals, in units of `scale`, as a function of the trace's rows."""
+
+    def total(rows: slice) -> Array:
+        return np.asarray(np.sum([trace.part(name, rows) for name in names], axis=0) / scale)
+
+    return total
+
+
+def _thinned(trace: Trace, values: Callable[[slice], Array], views: Sequence[View]) -> list[Array]:
+    return [view.thinned(trace, values) for view in views]
+
+
+def _packed(points: Sequence[Array]) -> dict[str, Any]:
+    whole, *details = map(pack, points)
     return {"values": whole, "details": details}
 
 

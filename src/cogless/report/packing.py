@@ -18,16 +18,24 @@ def thin(x: Array, points: int) -> tuple[Array, float]:
     Each bucket of rows gives its smallest and largest value, in their order in time, so the result is evenly
     spaced. A bucket of NaN only gives NaN.
     """
-    if len(x) <= points:
-        return x, 1.0
-    size = -(-len(x) // (points // 2))
+    size = bucket(len(x), points)
+    return (peaks(x, size), size / 2) if size else (x, 1.0)
+
+
+def bucket(count: int, points: int) -> int:
+    """Rows in a bucket, to thin `count` rows to at most `points` values; 0 if they are that few already."""
+    return -(-count // (points // 2)) if count > points else 0
+
+
+def peaks(x: Array, size: int) -> Array:
+    """Smallest and largest value of each `size` rows of x, in their order in time."""
     x = np.concatenate((x, np.full(-len(x) % size, x[-1])))
     parts = x.reshape(-1, size)
     rows = np.arange(len(parts))
     gaps = np.isnan(parts)
     low, high = np.where(gaps, np.inf, parts).argmin(axis=1), np.where(gaps, -np.inf, parts).argmax(axis=1)
     pairs = np.column_stack((parts[rows, np.minimum(low, high)], parts[rows, np.maximum(low, high)]))
-    return pairs.ravel(), size / 2
+    return pairs.ravel()
 
 
 def pack(x: Array) -> dict[str, Any]:

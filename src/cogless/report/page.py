@@ -9,15 +9,14 @@ from html import escape
 from string import Template
 from typing import Any
 
-import numpy as np
-
 from cogless.report.comparison import runs_in
 from cogless.report.markup import asset, key, note, tint
 from cogless.report.palette import colours, place
 from cogless.report.sections import Sections
 from cogless.report.settings import assumptions, settings
 from cogless.report.verdict import ScenarioVerdict, Told
-from cogless.results import AnyResults, Run
+from cogless.results import AnyResults
+from cogless.results.results_json import run_id
 from cogless.versions import versions
 
 HUGE = 1e30  # far beyond any drive
@@ -48,6 +47,7 @@ def render(results: AnyResults, sections: Sections) -> str:
         assumptions=assumptions(study),
         settings=settings(study),
         seed=study.seed,
+        run=run_id(results),
         made=escape(", ".join(f"{name} {version}" for name, version in versions().items())),
         version=escape(versions()["cogless"]),
         data=text.replace("<", "\\u003c"),  # so that no text of the user ends the script element
@@ -78,17 +78,8 @@ def data(results: AnyResults, sections: Sections) -> dict[str, Any]:
 
 def drawable(results: AnyResults) -> AnyResults:
     """The results with NaN in place of values that aren't finite or are too large to draw."""
-    return replace(results, runs=[_drawable(run) for run in results.runs])
-
-
-def _drawable(run: Run) -> Run:
-    values = run.trace.data
-    # a NaN makes both comparisons false
-    if not values.size or (values.min() > -HUGE and values.max() < HUGE):
-        return run
-    with np.errstate(invalid="ignore"):
-        tamed = np.where(np.abs(values) < HUGE, values, np.nan)
-    return replace(run, trace=replace(run.trace, data=tamed))
+    runs = [replace(run, trace=replace(run.trace, largest=HUGE)) for run in results.runs]
+    return replace(results, runs=runs)
 
 
 def _scenario(

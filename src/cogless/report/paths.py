@@ -53,14 +53,20 @@ def learned_terms(results: Results, run: Run) -> list[str]:
     return [name for name in LEARNED if learned and name in run.trace]
 
 
-def travelled(results: Results, run: Run) -> Array:
-    """The angle over which a run's law learns, rad: the rotor's, or its reference's."""
-    return run.trace["theta_m" if results.study.controller[run.controller].by_rotor else "theta_ref"]
+def travelled(results: Results, run: Run) -> str:
+    """The signal over which a run's law learns, an angle: the rotor's, or its reference's."""
+    return "theta_m" if results.study.controller[run.controller].by_rotor else "theta_ref"
 
 
 def varies(reference: Array) -> bool:
     """Whether a reference isn't constant."""
     return len(reference) == 0 or bool(np.ptp(reference) > 1e-6 * max(1e-9, np.max(np.abs(reference))))
+
+
+def varies_in(trace: Trace, signal: str, first: int = 0) -> bool:
+    """Whether a signal isn't constant from a row on."""
+    parts = (trace.part(signal, rows) for rows in trace.blocks(slice(first, None)))
+    return varies(np.array([end for x in parts for end in (np.min(x), np.max(x))]))
 
 
 def errors(results: Results, runs: Sequence[Run]) -> list[Panel]:
@@ -71,7 +77,7 @@ def errors(results: Results, runs: Sequence[Run]) -> list[Panel]:
     """
     study = results.study
     laws = [study.controller[run.controller] for run in runs]
-    if not any(isinstance(law, SpaceLearning) for law in laws) and not varies(runs[0].trace["omega_ref"]):
+    if not any(isinstance(law, SpaceLearning) for law in laws) and not varies_in(runs[0].trace, "omega_ref"):
         return []
     electrical = any(
         m.frame == "electrical" and m.signal in ("omega_error", "theta_error", "omega_m")
@@ -94,7 +100,7 @@ def periods(results: Results, run: Run) -> Array | None:
     law = in_angle(results, run)
     if law is None or len(run.trace) < 2:
         return None
-    theta = travelled(results, run)
+    theta = run.trace[travelled(results, run)]
     if not np.all(np.isfinite(theta)):
         return None
     revolutions = float(law.period.revolutions(results.study.motor.pole_pairs))

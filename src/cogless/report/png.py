@@ -16,6 +16,7 @@ from cogless.files import replacing
 from cogless.report.markup import asset
 from cogless.report.packing import Array
 from cogless.results import AnyResults
+from cogless.results.results_json import run_id
 
 Data = dict[str, Any]  # the page's data of a scenario, or of a chart in it
 Looks = Sequence[dict[str, Any]]  # colour and label of each controller, for matplotlib
@@ -68,18 +69,19 @@ def write_plots(
 
     palette = re.findall(r"--c\d: (#\w+);", asset("report.css"))  # the light theme's colours come first
     looks = [{"color": palette[c["colour"]], "label": c["label"]} for c in drawn["controllers"]]
-    written = []
+    written, run = [], run_id(results)
     with matplotlib.rc_context(STYLE):
         for scenario, data in zip(results.scenarios, drawn["scenarios"], strict=True):
             for kind, picture in pictures.items():
                 rows = picture.rows(data, looks)
                 if rows and rows[0]:
                     written.append(directory / f"{scenario}-{kind}.png")
-                    _save(written[-1], f"{results.study.title}: {scenario}", rows, picture)
+                    _save(written[-1], f"{results.study.title}: {scenario}", rows, picture, run)
     return written
 
 
-def _save(path: Path, title: str, rows: Sequence[Sequence[Plot]], picture: Picture) -> None:
+def _save(path: Path, title: str, rows: Sequence[Sequence[Plot]], picture: Picture, run: str) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     columns = len(rows[0])
@@ -102,7 +104,8 @@ def _save(path: Path, title: str, rows: Sequence[Sequence[Plot]], picture: Pictu
     abreast = min(len(handles), 12 * width // (6 + max(map(len, handles), default=0)))
     figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=max(1, abreast))
     with replacing(path) as temporary:
-        figure.savefig(temporary, format="png")
+        # savefig would draw it twice: once for the layout
+        FigureCanvasAgg(figure).print_png(temporary, metadata={"Run": run})  # type: ignore[no-untyped-call]
 
 
 def times(grid: Mapping[str, Any], values: Array) -> Array:

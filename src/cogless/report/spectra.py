@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cogless.report.comparison import pretty, speed_unit
 from cogless.report.packing import Array, number, plain
 from cogless.report.palette import place
-from cogless.report.paths import learned_terms, varies
+from cogless.report.paths import learned_terms, varies_in
 from cogless.report.speed_tracking import late
 from cogless.results import Results, Run
 from cogless.results.metrics import onward
+from cogless.results.trace import Trace
 from cogless.units import ANGULAR_SPEED, factor
 
 SHOWN_ORDERS = 24
@@ -64,14 +66,14 @@ def spectra(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 def _signal(run: Run) -> str:
     """The speed signal, or the error if the reference varies late in the run and would hide the ripple."""
-    return "omega_error" if varies(run.trace["omega_ref"][len(run.trace) // 2 :]) else "omega_m"
+    return "omega_error" if varies_in(run.trace, "omega_ref", len(run.trace) // 2) else "omega_m"
 
 
 def turned_back(results: Results, runs: Sequence[Run]) -> str:
     """A note on spectra that cover only part of the travel, because the rotor turns back; "" if none does."""
     found, when = [], ""
     for run in runs:
-        theta = run.trace["theta_m"][late(results, run)]
+        theta = run.trace.part("theta_m", late(results, run))
         if len(theta) > 1 and not left_out(results, run):
             when = _when(results, run)
             if _way(theta) - _turns(theta) > BACK * _way(theta):
@@ -84,7 +86,7 @@ def turned_back(results: Results, runs: Sequence[Run]) -> str:
 def left_out(results: Results, run: Run) -> str:
     """A sentence why a controller has no spectrum; "" if it has one."""
     rows, pole_pairs = late(results, run), results.study.motor.pole_pairs
-    theta, x = run.trace["theta_m"][rows], run.trace[_signal(run)][rows]
+    theta, x = run.trace.part("theta_m", rows), run.trace.part(_signal(run), rows)
     if len(theta) < 2 or order_spectrum(theta, x, pole_pairs, pole_pairs) is not None:
         return ""
     why = f"it turns less than an electrical revolution in one direction, {_turned(theta)}"
@@ -114,7 +116,7 @@ def _turns(theta: Array) -> float:
 
 def _highest(results: Results, run: Run) -> int:
     """The highest mechanical order to compute: 24 electrical orders, or as many as the rows resolve."""
-    theta = run.trace["theta_m"][late(results, run)]
+    theta = run.trace.part("theta_m", late(results, run))
     turned = _turns(theta)
     most = 24 * results.study.motor.pole_pairs
     return min(most, int(len(onward(theta, theta)[0]) / turned / 2.5)) if turned > 1e-9 else most
@@ -123,19 +125,38 @@ def _highest(results: Results, run: Run) -> int:
 def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array | None, Array | None]:
     """Order amplitudes over the first revolution of a controller that learns, and late in the run."""
     rows, pole_pairs = late(results, run), results.study.motor.pole_pairs
-    theta, x = run.trace["theta_m"], run.trace[_signal(run)]
     if rows.stop - rows.start < 2:
         return None, None
-    after = order_spectrum(theta[rows], x[rows], highest, pole_pairs)
+    trace, signal = run.trace, _signal(run)
+
+    def spectrum(part: slice) -> Array | None:
+        return order_spectrum(trace.part("theta_m", part), trace.part(signal, part), highest, pole_pairs)
+
+    after = spectrum(rows)
+    if after is None or not learned_terms(results, run):
+        return None, after
     # Its first revolution begins when the speed first comes near the reference.
-    near = np.flatnonzero(np.abs(run.trace["omega_error"]) <= NEAR * np.abs(run.trace["omega_ref"]))
-    if after is None or len(near) == 0:
+    begin = _first(
+        trace,
+        0,
+        lambda part: np.abs(trace.part("omega_error", part)) <= NEAR * np.abs(trace.part("omega_ref", part)),
+    )
+    if begin is None:
         return None, after
-    turned = np.abs(theta[near[0] :] - theta[near[0]]) >= 2 * math.pi
-    begun = slice(int(near[0]), int(near[0] + np.argmax(turned)) + 1)
-    if not np.any(turned) or begun.stop > rows.start or not learned_terms(results, run):
+    start = trace.part("theta_m", slice(begin, begin + 1))
+    end = _first(trace, begin, lambda part: np.abs(trace.part("theta_m", part) - start) >= 2 * math.pi)
+    if end is None or end >= rows.start:
         return None, after
-    return order_spectrum(theta[begun], x[begun], highest, pole_pairs), after
+    return spectrum(slice(begin, end + 1)), after
+
+
+def _first(trace: Trace, begin: int, holds: Callable[[slice], NDArray[np.bool_]]) -> int | None:
+    """The first row from `begin` on where something holds; None if there is none."""
+    for rows in trace.blocks(slice(begin, None)):
+        found = np.flatnonzero(holds(rows))
+        if len(found):
+            return int(rows.start + found[0])
+    return None
 
 
 def order_spectrum(theta_m: Array, x: Array, highest: int, pole_pairs: int) -> Array | None:

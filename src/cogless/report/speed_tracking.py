@@ -56,7 +56,7 @@ def missed(run: Run, rows: slice, unit: str) -> str | None:
     beginning doesn't count, nor does a slow ripple.
     """
     scale = factor(unit, ANGULAR_SPEED)
-    reference, speed = run.trace["omega_ref"][rows] / scale, run.trace["omega_m"][rows] / scale
+    reference, speed = (run.trace.part(x, rows) / scale for x in ("omega_ref", "omega_m"))
     half = slice(len(speed) // 2, None)
     with np.errstate(all="ignore"):
         found = [_off(reference[part], speed[part], unit, DRIFT / scale) for part in (slice(None), half)]

@@ -11,7 +11,7 @@ from cogless.report.comparison import SAME, Line, compare, misses, pretty, speed
 from cogless.report.faults import account
 from cogless.report.growth import sentences as growing
 from cogless.report.growth import worsened
-from cogless.report.paths import varies
+from cogless.report.paths import varies_in
 from cogless.report.sensor import Sensor, sensor
 from cogless.report.verdict import CLEARLY, Contest, ScenarioVerdict, listed, over, times, worst
 from cogless.results import Results, Run
@@ -83,13 +83,14 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     """The verdict by comparing the controllers' metrics; None if no metric is better when lower."""
     scenario, baseline = runs[0].scenario, results.study.baseline
     lines = [line for line in compare(results, scenario) if line.better == "lower"]
-    reference = runs[0].trace["omega_ref"]
-    moves = len(reference) > 0 and varies(reference[len(reference) // 4 :])  # a start-up aside
+    trace = runs[0].trace
+    moves = len(trace) > 0 and varies_in(trace, "omega_ref", len(trace) // 4)  # a start-up aside
+    last = trace.part("omega_ref", slice(-1, None))
     line = _latest(results, scenario, _decisive(lines, baseline, moves), lines)
     if line is None:
         return None
     worse = {} if baseline in line.missed else worsened(results, runs)
-    where = f"In {scenario}" if moves or not len(reference) else _speed(results, float(reference[-1]))
+    where = f"In {scenario}" if moves or not len(trace) else _speed(results, float(last[0]))
     case = _Case(results.study, where, lines, line, worse)
     case, own = _by_what_is_seen(case, sensor(results, scenario, line))
     tone, headline = _headline(case)

@@ -51,7 +51,7 @@ def _terms(results: Results, run: Run) -> str:
     part, controller = late(results, run), run.controller
     out = () if results.study.controller[controller].learned else LEARNED
     names = [name for name in run.trace.names if name.startswith("term_") and name not in out]
-    terms = [run.trace[name][part] for name in names]
+    terms = [run.trace.part(name, part) for name in names]
     if not terms or not len(terms[0]):
         return ""
     totals = [float(rms(x)) for x in terms]

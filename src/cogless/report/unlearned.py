@@ -8,6 +8,7 @@ from cogless.design.unlearned import Memory, never, revolutions_learned, starts_
 from cogless.report.paths import travelled
 from cogless.results import Results, Run
 from cogless.results.status import Status
+from cogless.results.trace import BLOCK
 
 
 def unlearned(results: Results, run: Run) -> str | None:
@@ -15,13 +16,21 @@ def unlearned(results: Results, run: Run) -> str | None:
 
     This is judged by the angle turned since the status first showed that learning wasn't frozen.
     """
+    stop = BLOCK
+    while (why := _within(results, run, slice(0, stop))) and stop < len(run.trace):
+        stop *= 4  # what is enough at the beginning stays enough
+    return why
+
+
+def _within(results: Results, run: Run, rows: slice) -> str | None:
+    """The reason by these rows, which begin with the run."""
     study, name, trace = results.study, run.controller, run.trace
     law, revolutions = study.controller[name], revolutions_learned(study, name)
     if revolutions is None or not isinstance(law, Memory) or not law.learned:
         return None
     if len(trace) < 2 or "status" not in trace:
         return None
-    theta, status = travelled(results, run), trace["status"]
+    theta, status, speed = (trace.part(x, rows) for x in (travelled(results, run), "status", "omega_ref"))
     if not np.all(np.isfinite(theta) & np.isfinite(status)):
         return None
     learning = (status.astype(int) & Status.FROZEN) == 0
@@ -29,8 +38,8 @@ def unlearned(results: Results, run: Run) -> str | None:
     if np.sum(np.abs(np.diff(theta))[learning[1:]]) < cell:
         end = float(trace.time[-1])
         why = starts_too_late(law, end) or never(study, run.scenario, name)
-        why = why or too_short(law, revolutions, theta, end, trace["omega_ref"])
+        why = why or too_short(law, revolutions, theta, end, speed)
         return why or "it was frozen all the time"
     since = int(np.argmax(learning))
     time = float(trace.time[-1] - trace.time[since]) + trace.period
-    return too_short(law, revolutions, theta[since:], time, trace["omega_ref"][since:])
+    return too_short(law, revolutions, theta[since:], time, speed[since:])

@@ -115,7 +115,7 @@ def responses(faults: Sequence[Fault], trace: Trace, current_limit: float, learn
 def _response(fault: Fault, trace: Trace, room: Span, limit: float, learns: bool) -> Response:
     """Response to one fault. `room`: from the end of the previous fault to the start of the next one, s."""
     period, during = trace.period, _rows(trace, (fault.time, room[1]))
-    time, status = trace.time[during], np.nan_to_num(trace["status"][during]).astype(int)
+    time, status = trace.time[during], np.nan_to_num(trace.part("status", during)).astype(int)
 
     def lasted(bits: int) -> float:
         return float(np.count_nonzero(status & bits) * period)
@@ -123,7 +123,7 @@ def _response(fault: Fault, trace: Trace, room: Span, limit: float, learns: bool
     seen = [(int(np.argmax((status & bit) > 0)), words) for bit, words in NOTICED.items() if lasted(bit)]
     before = _last_turn(trace, (room[0], fault.time))
     after = _last_turn(trace, (fault.end, room[1]))
-    current = trace["i_amplitude"][during] if "i_amplitude" in trace else np.zeros(0)
+    current = trace.part("i_amplitude", during) if "i_amplitude" in trace else np.zeros(0)
     return Response(
         fault=fault,
         noticed=tuple(words for _, words in sorted(seen)),
@@ -135,7 +135,7 @@ def _response(fault: Fault, trace: Trace, room: Span, limit: float, learns: bool
         after=after,
         ripple_before=ripple(trace, before),
         ripple_after=ripple(trace, after),
-        largest_error=float(np.max(np.abs(trace["omega_error"][during]))),
+        largest_error=float(np.max(np.abs(trace.part("omega_error", during)))),
         largest_current=float(np.max(current)) if len(current) else None,
         current_limit=limit,
     )
@@ -147,7 +147,7 @@ def _last_turn(trace: Trace, room: Span) -> Span | None:
     time = trace.time[rows]
     if len(time) < FEWEST:
         return None
-    left = np.cumsum(np.abs(trace["omega_ref"][rows][::-1]))[::-1] * trace.period
+    left = np.cumsum(np.abs(trace.part("omega_ref", rows)[::-1]))[::-1] * trace.period
     if not left[0] >= 2 * math.pi * (1 - 1e-9):
         return None
     first = int(np.flatnonzero(left >= 2 * math.pi * (1 - 1e-9))[-1])
@@ -165,4 +165,4 @@ def ripple(trace: Trace, span: Span | None) -> float | None:
     if span is None:
         return None
     with np.errstate(all="ignore"):
-        return float(np.std(trace["omega_error"][_rows(trace, span)]))
+        return float(np.std(trace.part("omega_error", _rows(trace, span))))

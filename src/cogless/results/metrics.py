@@ -79,15 +79,16 @@ class MetricInput:
     @property
     def x(self) -> Array:
         """The signal in the metric's window; in trials a matrix with one row per trial."""
-        x = self.whole(self.signal)
+        whole = slice(None)
         if self.conditions.trials is not None:
-            return x.reshape(self.conditions.trials, -1)
-        return x[self.rows] if self.metric.smooth is None else self._smooth(x, self.metric.smooth)[self.rows]
+            return self.part(self.signal, whole).reshape(self.conditions.trials, -1)
+        if self.metric.smooth is None:
+            return self.part(self.signal, self.rows)
+        return self._smooth(self.part(self.signal, whole), self.metric.smooth)[self.rows]
 
-    def whole(self, signal: str) -> Array:
-        """A signal over the whole trace; angles and speeds in the metric's frame, electrical or
-        mechanical."""
-        x = self.trace[signal]
+    def part(self, signal: str, rows: slice) -> Array:
+        """Some rows of a signal; angles and speeds in the metric's frame, electrical or mechanical."""
+        x = self.trace.part(signal, rows)
         turned = SIGNALS.get(signal) in (ANGLE, ANGULAR_SPEED) and self.metric.kind != "order"
         return self.conditions.pole_pairs * x if turned and self.metric.frame == "electrical" else x
 
@@ -181,10 +182,9 @@ def order(m: MetricInput) -> list[float]:
     longest way in one direction is used. NaN if the rotor turned too little, for example because it stalls.
     """
     orders = list(m.metric.order or ())
+    theta, electrical = m.trace.part("theta_m", m.rows), m.metric.frame == "electrical"
     try:
-        return order_amplitudes(
-            m.trace["theta_m"][m.rows], m.x, orders, m.conditions.pole_pairs, m.metric.frame == "electrical"
-        )
+        return order_amplitudes(theta, m.x, orders, m.conditions.pole_pairs, electrical)
     except ValueError:
         return [math.nan] * len(orders)
 
@@ -231,7 +231,7 @@ def exceeds(m: MetricInput) -> float | None:
 
 def copper_loss(m: MetricInput) -> float:
     """Mean copper loss R_s (i_d^2 + i_q^2), times 3/2 for three phases or 1 for two, W."""
-    i_d, i_q = m.trace["i_d"][m.rows], m.trace["i_q"][m.rows]
+    i_d, i_q = m.trace.part("i_d", m.rows), m.trace.part("i_q", m.rows)
     return m.conditions.power_factor * m.conditions.R_s * float(np.mean(i_d * i_d + i_q * i_q))
 
 
@@ -244,7 +244,7 @@ def chattering(m: MetricInput) -> float:
         )
     slack = 1e-6 * m.trace.period
     samples = np.arange(math.ceil((time[0] - slack) / period), math.floor((time[-1] + slack) / period) + 1)
-    i_q_ref = m.trace["i_q_ref"][m.rows][np.searchsorted(time, samples * period - slack)]
+    i_q_ref = m.trace.part("i_q_ref", m.rows)[np.searchsorted(time, samples * period - slack)]
     if len(i_q_ref) < 2:
         raise m.error("window holds fewer than two speed-loop samples")
     return float(np.mean(np.abs(np.diff(i_q_ref))))
@@ -378,7 +378,7 @@ def _outside(m: MetricInput, otherwise: Callable[[], float]) -> NDArray[np.intp]
     if m.signal in ERRORS:
         target = 0.0
     elif m.signal in REFERENCES and REFERENCES[m.signal] in m.trace:
-        target = m.whole(REFERENCES[m.signal])[m.rows]
+        target = m.part(REFERENCES[m.signal], m.rows)
     else:
         target = otherwise()
     return np.flatnonzero(np.abs(m.x - target) > m.metric.band)
@@ -393,9 +393,8 @@ def _mean_before(m: MetricInput) -> float:
     event, trace = m.event, m.trace
     previous = max((t for t in m.conditions.events if t < event - trace.period / 2), default=0.0)
     rows = trace.window((previous + event) / 2, event - trace.period)
-    x = m.whole(m.signal)
     if rows.start == rows.stop:
-        return float(x[m.rows][0])
-    theta = trace["theta_m"]
-    turned = np.abs(theta[rows] - theta[rows.stop - 1])
-    return float(np.mean(x[rows][turned <= 2 * math.pi]))
+        return float(m.part(m.signal, m.rows)[0])
+    theta = trace.part("theta_m", rows)
+    turned = np.abs(theta - theta[-1])
+    return float(np.mean(m.part(m.signal, rows)[turned <= 2 * math.pi]))

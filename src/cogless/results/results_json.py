@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Mapping
@@ -49,9 +50,16 @@ def to_dict(results: AnyResults) -> dict[str, Any]:
     }
 
 
-def write(results: AnyResults, path: Path) -> None:
-    """Write results.json, completely or not at all."""
-    text = json.dumps(to_dict(results), indent=2, allow_nan=False, ensure_ascii=False)
+def run_id(results: AnyResults) -> str:
+    """Identity of a run, which all of its files carry: equal if all settings, versions and results are."""
+    text = json.dumps(to_dict(results), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def write(results: AnyResults, path: Path, files: Mapping[str, str] | None = None) -> None:
+    """Write results.json, completely or not at all. `files`: SHA-256 of the set's other files, by name."""
+    content = {"run": run_id(results), **to_dict(results), "files": dict(files or {})}
+    text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
     with replacing(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
 

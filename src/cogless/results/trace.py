@@ -5,7 +5,9 @@ Units: SI. Angles are mechanical and unwrapped (`theta_m`), speeds mechanical (`
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+import mmap
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -13,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from cogless.errors import StudyError
 from cogless.files import replacing
 from cogless.signals import DERIVED
 
@@ -21,17 +24,24 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+BLOCK = 1 << 18  # rows
+CHUNK = 1 << 16  # rows that are compressed together
+
 
 @dataclass(frozen=True, eq=False)
 class Trace:
     """Recorded signals of a run.
 
     `data`: a row per time, a column per signal, used without a copy; one of the signals is "time".
+    `mapped`: the file that `data` is in, for a trace that isn't in memory. Then a signal is a copy, so that
+    only what is in use takes memory. `largest`: where a signal isn't below it, it reads as NaN.
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     data: Array
+    mapped: mmap.mmap | None = None
+    largest: float = math.inf
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(self.names))
@@ -44,12 +54,34 @@ class Trace:
 
     def __getitem__(self, name: str) -> Array:
         """One signal, recorded (a view) or derived (a new array); KeyError lists the available signals."""
+        return self.part(name, slice(None))
+
+    def part(self, name: str, rows: slice) -> Array:
+        """These rows of a signal, as trace[name][rows]; of a long trace the others aren't read."""
         if name in self.names:
-            return np.asarray(self.data[:, self.names.index(name)])
-        if name in self.derived:
-            derived = DERIVED[name]
-            return np.asarray(derived.of(*(self[signal] for signal in derived.needs)))
-        raise self._unknown(name)
+            return self._recorded(self.data[rows, self.names.index(name)])
+        if name not in self.derived:
+            raise self._unknown(name)
+        derived = DERIVED[name]
+        if derived.from_start:
+            return np.asarray(derived.of(*(self[signal] for signal in derived.needs))[rows])
+        return np.asarray(derived.of(*(self.part(signal, rows) for signal in derived.needs)))
+
+    def _recorded(self, x: Array) -> Array:
+        if self.mapped is not None:
+            x = x.copy()
+            if hasattr(mmap, "MADV_DONTNEED"):
+                self.mapped.madvise(mmap.MADV_DONTNEED)
+        # a NaN makes both comparisons false
+        if self.largest < math.inf and x.size and not (x.min() > -self.largest and x.max() < self.largest):
+            with np.errstate(invalid="ignore"):
+                return np.where(np.abs(x) < self.largest, x, np.nan)
+        return np.asarray(x)
+
+    def blocks(self, rows: slice = slice(None), size: int = BLOCK) -> Iterator[slice]:
+        """These rows in pieces of at most `size`, to go through a long trace in little memory."""
+        first, last, _ = rows.indices(len(self))
+        return (slice(row, min(row + size, last)) for row in range(first, last, size))
 
     @property
     def derived(self) -> tuple[str, ...]:
@@ -65,7 +97,7 @@ class Trace:
     @property
     def time(self) -> Array:
         """Time of each row, s."""
-        return self["time"]
+        return np.asarray(self.data[:, self.names.index("time")])
 
     @property
     def period(self) -> float:
@@ -92,8 +124,11 @@ class Trace:
         return slice(first, max(first, last))
 
     def to_xarray(self) -> xarray.Dataset:
-        """A Dataset over the coordinate `time`, units in the attributes."""
-        import xarray
+        """A Dataset over the coordinate `time`, units in the attributes. StudyError: no xarray here."""
+        try:
+            import xarray
+        except ImportError:
+            raise StudyError("to_xarray: expected xarray (pip install 'cogless[xarray]')") from None
 
         signals = {
             name: ("time", self[name], {"units": unit})
@@ -115,12 +150,17 @@ class RunWithTrace(Protocol):
 
 
 def write_netcdf(
-    path: Path, runs: Iterable[RunWithTrace], attributes: Mapping[str, Any] | None = None
+    path: Path,
+    runs: Iterable[RunWithTrace],
+    attributes: Mapping[str, Any] | None = None,
+    rate: float = math.inf,
 ) -> None:
     """Write all runs to one netCDF-4 file, one group per "scenario/controller", completely or not at all.
 
     `time` and `theta_m` are stored in double precision, since both grow without bound; the others in single.
-    `attributes` go to the file's root. `xarray.open_dataset(path, group="scenario/controller")` opens a run.
+    `rate`: rows a second at most, Hz; of a trace with more, every n-th is stored, n the group's attribute
+    `every`. `attributes` go to the file's root. `xarray.open_dataset(path, group="scenario/controller")`
+    opens a run.
     StudyError: the file can't be written.
     """
     import netCDF4
@@ -130,17 +170,30 @@ def write_netcdf(
             with netCDF4.Dataset(temporary, "w") as file:
                 file.setncatts(dict(attributes or {}))
                 for run in runs:
-                    _write_group(file.createGroup(f"{run.scenario}/{run.controller}"), run.trace)
+                    _write_group(file.createGroup(f"{run.scenario}/{run.controller}"), run.trace, rate)
         except RuntimeError as error:  # on a full disk: "NetCDF: HDF error"
             raise OSError(f"{error}, is the disk full?") from error
 
 
-def _write_group(group: Any, trace: Trace) -> None:
-    rows = len(trace)
-    group.createDimension("time", rows)
+def _write_group(group: Any, trace: Trace, rate: float) -> None:
+    every = max(1, math.ceil(1 / (trace.period * rate) - 1e-6)) if trace.period else 1
+    count = len(range(0, len(trace), every))
+    group.createDimension("time", count)
+    group.every = np.int32(every)
     for name, unit in zip(trace.names, trace.units, strict=True):
         kind = "f8" if name in ("time", "theta_m") else "f4"
-        variable = group.createVariable(name, kind, ("time",), fill_value=False, contiguous=rows > 0)
+        variable = group.createVariable(
+            name,
+            kind,
+            ("time",),
+            fill_value=False,
+            compression="zlib",
+            complevel=1,
+            chunksizes=(max(1, min(count, CHUNK)),),
+            chunk_cache=1,  # whole chunks are written; kept in memory, they would add up
+        )
         variable.units = unit
         variable.set_auto_maskandscale(False)
-        variable[:] = trace[name].astype(kind)
+        for rows in trace.blocks(size=CHUNK * every):
+            stored = trace.part(name, slice(rows.start, rows.stop, every)).astype(kind)
+            variable[rows.start // every : rows.start // every + len(stored)] = stored

@@ -9,6 +9,7 @@ from dataclasses import replace
 from fnmatch import fnmatchcase
 from functools import partial
 from itertools import islice
+from pathlib import Path
 from threading import Event
 from typing import overload
 
@@ -19,6 +20,7 @@ from cogless.results import AnyResults, Results, Run, TrialResults
 from cogless.results.fault_response import faults_in, responses
 from cogless.results.metrics import Conditions, Value, evaluate, result_name
 from cogless.results.trace import Trace
+from cogless.results.trace_files import TraceRoom
 from cogless.run.advance import Progress, Stopped, advance, failures, trace_of
 from cogless.run.plan import Plan, plan
 from cogless.run.side_by_side import side_by_side
@@ -54,21 +56,35 @@ def simulate(study: AnyStudy, scenario: str, controller: str, progress: Progress
 
 @overload
 def run_study(
-    study: Study, only: Sequence[str] | None = ..., progress: StudyProgress | None = ..., jobs: int = ...
+    study: Study,
+    only: Sequence[str] | None = ...,
+    progress: StudyProgress | None = ...,
+    jobs: int = ...,
+    traces: Path | None = ...,
 ) -> Results: ...
 @overload
 def run_study(
-    study: AnyStudy, only: Sequence[str] | None = ..., progress: StudyProgress | None = ..., jobs: int = ...
+    study: AnyStudy,
+    only: Sequence[str] | None = ...,
+    progress: StudyProgress | None = ...,
+    jobs: int = ...,
+    traces: Path | None = ...,
 ) -> AnyResults: ...
 def run_study(
-    study: AnyStudy, only: Sequence[str] | None = None, progress: StudyProgress | None = None, jobs: int = 1
+    study: AnyStudy,
+    only: Sequence[str] | None = None,
+    progress: StudyProgress | None = None,
+    jobs: int = 1,
+    traces: Path | None = None,
 ) -> AnyResults:
     """Run every controller in every scenario, or only the runs that match `only`.
 
-    `only`: patterns SCENARIO/CONTROLLER, with * and ?. Ctrl-C ends it early: the finished runs are returned,
+    `only`: patterns SCENARIO/CONTROLLER, with * and ?. `traces`: a folder with room for traces that are too
+    long for memory: they are in files without names there. Ctrl-C ends it early: finished runs are returned,
     with `interrupted` set. RunError: a run failed; all others are finished.
     """
-    (results,) = _rollout([study], only, progress, jobs, keep_traces=True)
+    room = TraceRoom(traces) if traces is not None else None
+    (results,) = _rollout([study], only, progress, jobs, keep_traces=True, room=room)
     return results
 
 
@@ -94,6 +110,7 @@ def _rollout(
     progress: StudyProgress | None,
     jobs: int,
     keep_traces: bool,
+    room: TraceRoom | None = None,
 ) -> list[AnyResults]:
     stop = Event()
 
@@ -102,7 +119,7 @@ def _rollout(
             if progress is not None:
                 progress(scenario, controller, share)
 
-        run = _run(study, designs, scenario, controller, report, stop)
+        run = _run(study, designs, scenario, controller, report, stop, room)
         if keep_traces:
             return run
         return replace(run, trace=replace(run.trace, data=run.trace.data[:0].copy()))
@@ -157,20 +174,34 @@ def measure(study: AnyStudy, scenario: str, trace: Trace) -> dict[str, Value]:
 
 
 def _run(
-    study: AnyStudy, designs: Designs, scenario: str, controller: str, progress: Progress, stop: Event
+    study: AnyStudy,
+    designs: Designs,
+    scenario: str,
+    controller: str,
+    progress: Progress,
+    stop: Event,
+    room: TraceRoom | None = None,
 ) -> Run:
     with failures(study, scenario, controller):
         planned = plan(study, scenario, controller, stop, designs.get((scenario, controller)))
-        return _carried_out(planned, progress, stop)
+        return _carried_out(planned, progress, stop, room)
 
 
-def _carried_out(planned: Plan, progress: Progress, stop: Event) -> Run:
+def _carried_out(planned: Plan, progress: Progress, stop: Event, room: TraceRoom | None) -> Run:
     study, scenario, controller = planned.study, planned.scenario, planned.controller
     drive, state = planned.drive, planned.start()
-    recorder = planned.engine.Recorder(drive, planned.decimation, planned.ticks // planned.decimation + 1)
+    count = -(-planned.ticks // planned.decimation)
+    file = room.file(drive.signals, count) if room is not None else None
+    recorder = planned.engine.Recorder(drive, planned.decimation, 0 if file else count)
+
+    def after_a_piece(share: float) -> None:
+        if file is not None:
+            file.append(recorder.take())
+        progress(share)
+
     with failures(study, scenario, controller, lambda: planned.when(state.tick)):
-        advance(drive, state, recorder, planned.ticks, progress, stop)
-    trace = trace_of(drive, recorder)
+        advance(drive, state, recorder, planned.ticks, after_a_piece, stop)
+    trace = trace_of(drive, recorder) if file is None else file.trace()
     rows, motion = trace, 0
     if isinstance(study, TrialStudy):
         # metrics use one row per sample of the trial, without the rows in between
@@ -195,8 +226,6 @@ def _carried_out(planned: Plan, progress: Progress, stop: Event) -> Run:
         quality = {key: quality[key] for key in ("known", "residual")}
     broken = responses(faults_in(study, scenario), trace, limit, law.learns)
     return Run(scenario, controller, trace, memory, metrics, quality=quality, faults=broken, map=stored)
-
-
 
 
 def _collected(

@@ -42,6 +42,7 @@ class TraceSettings(Table):
 
     # Hz, must divide the current-loop rate; default: that rate, or in trials one row per sample
     rate: Frequency | None = None
+    file_rate: Frequency = 1000.0  # Hz, rows of traces.nc at most; in trials all rows are there
     energy: bool = False  # also integrate and record the energies
 
 

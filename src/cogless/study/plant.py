@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, Self
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from cogless.study.expression import ExpressionError, evaluate, names
@@ -127,6 +126,8 @@ class LinearPlant(Table):
         if self.vertex:
             number = parameters.get("vertex")
             chosen = self.vertex if number is None else (self.vertex[int(number) - 1],)
+            import numpy as np
+
             A_, B_ = (np.mean([getattr(v, key) for v in chosen], axis=0) for key in ("A", "B"))
             return A_.tolist(), B_.tolist()
         values = {name: p.nominal for name, p in self.parameter.items()} | dict(parameters)

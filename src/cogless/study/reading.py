@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 from cogless import units
 from cogless.errors import StudyError
-from cogless.files import package_folders, reason
+from cogless.files import reason, shipped
 from cogless.study import checks, reuse, trial_checks
 from cogless.study.base import Source, StudyBase
 from cogless.study.error_messages import MISSING, Problem, dotted, look_up, problems, shown, study_error
@@ -109,12 +109,6 @@ def parse_change(text: str) -> tuple[str, Any]:
     except ValueError:
         found = {}
     return key.strip(), found["value"] if len(found) == 1 else value.strip()
-
-
-def shipped(room: str) -> dict[str, Path]:
-    """Files that come with cogless: name -> path. `room`: "studies" or "motors"."""
-    folders = [folder / room for folder in package_folders()]
-    return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
 
 
 def find(name: str | Path, room: str, what: str, beside: Path | None = None, where: str = "") -> Path:

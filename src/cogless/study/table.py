@@ -52,7 +52,8 @@ def invalid(expected: str, *key: str | int, value: Any = None) -> PydanticCustom
 class Table(BaseModel):
     """A table of a study file."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+    # built at first use: to list laws, or to run a study of speed, few of the models are needed
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-import numpy as np
 from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from cogless import units
 from cogless.study.controller import Base, LibraryLaw, PythonLaw
 from cogless.study.table import LawFrequency, Many, Quantity, Table, invalid
+
+if TYPE_CHECKING:
+    import numpy as np
 
 Weight = Many[float] | Many[Many[float]]
 
@@ -105,11 +107,15 @@ class DesignSettings(Table):
     @property
     def Q(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """The state weight as a matrix."""
+        import numpy as np
+
         weight = np.asarray(self.state_weight, dtype=float)
         return np.diag(weight) if weight.ndim == 1 else weight
 
     @model_validator(mode="after")
     def _sizes(self) -> Self:
+        import numpy as np
+
         rows = [row for row in self.state_weight if isinstance(row, tuple)]
         if rows and (len(rows) != len(self.state_weight) or any(len(r) != len(rows) for r in rows)):
             raise invalid("expected the diagonal, or as many rows as columns", "state_weight")

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from cogless import units
@@ -22,6 +20,10 @@ from cogless.study.table import (
     dotted_keys,
     invalid,
 )
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 MOST_TRIALS = 100_000
 
@@ -64,6 +66,8 @@ class PositionReference(Table):
 
     def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """The reference at these times (s), in rad or in the unit of y."""
+        import numpy as np
+
         value = np.full(time.shape, self.points[0][1])
         for (begin, from_), (end, to) in pairwise(self.points):
             s = np.clip((time - begin) / (end - begin), 0.0, 1.0)

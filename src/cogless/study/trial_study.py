@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, PrivateAttr
 
 from cogless.study.base import StudyBase
@@ -17,6 +15,10 @@ from cogless.study.motor import Motor
 from cogless.study.plant import LinearPlant
 from cogless.study.trial_controller import DesignSettings, TrialController
 from cogless.study.trial_scenario import TrialConditions, TrialScenario
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -60,11 +62,15 @@ class TrialStudy(StudyBase):
 
     def reference(self, scenario: str, conditions: TrialConditions) -> NDArray[np.float64]:
         """The reference of a phase at each sample, in rad or in the unit of y."""
+        import numpy as np
+
         assert conditions.reference is not None
         return conditions.reference.at(self.period * np.arange(self.samples(scenario), dtype=np.float64))
 
     def top_speed(self, scenario: str) -> float:
         """Largest magnitude of speed in a drive's references and initial conditions, rad/s."""
+        import numpy as np
+
         found = [0.0]
         for _, conditions in self.scenario[scenario].phases:
             steps = np.abs(np.diff(self.reference(scenario, conditions))) / self.period

@@ -1,0 +1,207 @@
+"""A result folder is one set of files, whatever happens to the run that writes it."""
+
+import errno
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import netCDF4
+import pytest
+
+import studies
+from cogless import StudyError
+from cogless.results import folder as folders
+from cogless.results.folder import hashes, held, new_set
+
+COMMAND = [sys.executable, "-c", "from cogless.cli import main; main()"]
+OURS = [folders.NEW, folders.OLD, folders.SET, folders.LINK]
+
+
+def write(folder: Path, text: str, names: tuple[str, ...] = ("a", "maps/low/b.bin")) -> None:
+    """Write a set whose files all have this text."""
+    with held(folder), new_set(folder) as stage:
+        for name in names:
+            (stage / name).parent.mkdir(parents=True, exist_ok=True)
+            (stage / name).write_text(text)
+        index = json.dumps({"text": text, "files": hashes(stage)})
+        (stage / "results.json").write_text(index)
+
+
+def content(folder: Path) -> dict[str, str]:
+    """What a reader finds in a folder: names and texts, those of hidden folders aside."""
+    names = [path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()]
+    texts = {name: (folder / name).read_text() for name in names if not name.startswith(".cogless-")}
+    if "results.json" in texts:
+        texts["results.json"] = json.loads(texts["results.json"])["text"]
+    return texts
+
+
+OLD = {"a": "old", "maps/low/b.bin": "old", "results.json": "old", "mine.txt": "mine"}
+NEW = {"a": "new", "c": "new", "results.json": "new", "mine.txt": "mine"}
+
+
+def test_a_set_replaces_the_one_before_and_nothing_else(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    write(tmp_path, "old")
+    assert content(tmp_path) == OLD
+    write(tmp_path, "new", ("a", "c"))
+    assert content(tmp_path) == NEW
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a", "c", "mine.txt", "results.json"]
+    assert not any(p.is_symlink() for p in tmp_path.iterdir())
+
+
+def test_a_file_that_was_changed_since_stays(tmp_path: Path) -> None:
+    write(tmp_path, "old")
+    (tmp_path / "maps/low/b.bin").write_text("tuned by hand")
+    write(tmp_path, "new", ("a",))
+    assert (tmp_path / "maps/low/b.bin").read_text() == "tuned by hand"
+
+
+@pytest.mark.parametrize("name", ["../outside", "/etc/hostname", "a/../../outside"])
+def test_names_that_no_run_wrote_remove_nothing(tmp_path: Path, name: str) -> None:
+    folder, outside = tmp_path / "out", tmp_path / "outside"
+    folder.mkdir()
+    outside.write_text("outside")
+    index = {"files": {name: folders._hash(outside)}}
+    (folder / "results.json").write_text(json.dumps(index))
+    write(folder, "new")
+    assert outside.read_text() == "outside"
+
+
+class Killed(BaseException):
+    """The process ends here: no clean-up happens."""
+
+
+CALLS = ["link", "symlink", "replace", "mkdir", "unlink", "rmdir"]
+
+
+def killed_at(monkeypatch: pytest.MonkeyPatch, number: int, error: BaseException) -> list[str]:
+    """Let the call of this number that changes a folder fail, and all after it if the process is killed."""
+    made: list[str] = []
+
+    def watched(name):
+        real = getattr(os, name)
+
+        def call(*arguments, **options):
+            made.append(name)
+            if len(made) == number or (len(made) > number and isinstance(error, Killed)):
+                raise error
+            return real(*arguments, **options)
+
+        return call
+
+    for name in CALLS:
+        monkeypatch.setattr(os, name, watched(name))
+    return made
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links")
+def test_killed_at_any_step_of_the_switch_a_reader_finds_one_set(tmp_path: Path) -> None:
+    """Each call that changes the folder is where the process ends, once; then the next run cleans."""
+    first, outcomes = tmp_path / "first", []
+    first.mkdir()
+    (first / "mine.txt").write_text("mine")
+    write(first, "old")
+    for number in range(1, 200):
+        folder = tmp_path / str(number)
+        shutil.copytree(first, folder)
+        with pytest.MonkeyPatch.context() as patch:
+            made = killed_at(patch, number, Killed())
+            with suppress(Killed):
+                write(folder, "new", ("a", "c"))
+        found = content(folder)
+        assert found in (OLD, NEW), number
+        outcomes.append(found == NEW)
+        with held(folder):
+            assert content(folder) == found
+        assert not [name for name in OURS if (folder / name).exists() or (folder / name).is_symlink()]
+        if len(made) < number:
+            break
+    assert outcomes == sorted(outcomes) and outcomes.count(True) > 3 and outcomes.count(False) > 10
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links")
+def test_no_room_for_the_links_leaves_the_old_set(tmp_path: Path) -> None:
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    first, seen = tmp_path / "first", 0
+    first.mkdir()
+    (first / "mine.txt").write_text("mine")
+    write(first, "old")
+    for number in range(1, 200):
+        folder = tmp_path / str(number)
+        shutil.copytree(first, folder)
+        with pytest.MonkeyPatch.context() as patch:
+            made = killed_at(patch, number, full)
+            try:
+                write(folder, "new", ("a", "c"))
+            except StudyError as error:
+                seen += 1
+                assert "no space left on device: expected" in str(error) and "\n" not in str(error)
+        with held(folder):
+            assert content(folder) in (OLD, NEW)
+        if len(made) < number:
+            break
+    assert seen > 5
+
+
+def test_without_links_the_files_are_replaced_one_by_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none(*_, **__):
+        raise OSError(errno.EPERM, "no links here")
+
+    (tmp_path / "mine.txt").write_text("mine")
+    write(tmp_path, "old")
+    monkeypatch.setattr(os, "link", none)
+    monkeypatch.setattr(os, "symlink", none)
+    write(tmp_path, "new", ("a", "c"))
+    assert content(tmp_path) == NEW
+
+
+@pytest.mark.skipif(os.name != "posix", reason="locks")
+def test_a_second_run_into_the_folder_is_refused(tmp_path: Path) -> None:
+    other = "from pathlib import Path; from cogless.results.folder import held\n"
+    other += f"with held(Path({str(tmp_path)!r})): pass"
+    with held(tmp_path):
+        run = subprocess.run([sys.executable, "-c", other], capture_output=True, text=True)
+    assert f"{tmp_path}: another run is writing there: expected another directory" in run.stderr
+    assert subprocess.run([sys.executable, "-c", other]).returncode == 0
+
+
+def run_ids(folder: Path) -> set[str]:
+    """The ids that the files of a result folder carry; its hashes are checked too."""
+    index = json.loads((folder / "results.json").read_text())
+    assert index["files"] == {name: folders._hash(folder / name) for name in index["files"]}
+    with netCDF4.Dataset(folder / "traces.nc") as traces:
+        ids = {index["run"], traces.run}
+    page = (folder / "report.html").read_text()
+    return ids | {page.partition('<meta name="run" content="')[2].partition('"')[0]}
+
+
+SHORT = ("--only=low/*", "--set=trace.rate=1 kHz")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGKILL")
+def test_killed_at_random_moments_a_run_leaves_a_whole_set(tmp_path: Path) -> None:
+    study, out, chance = studies.write(tmp_path), tmp_path / "out", random.Random(13)
+    command = [*COMMAND, "run", str(study), "-o", str(out), *SHORT]
+    begun = time.monotonic()
+    subprocess.run([*command, "--set=seed=0"], check=True, capture_output=True)
+    whole = time.monotonic() - begun
+    for seed in range(1, int(os.environ.get("COGLESS_KILLS", "3")) + 1):
+        run = subprocess.Popen(
+            [*command, f"--set=seed={seed}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        time.sleep(whole * chance.uniform(0.5, 1.1))
+        run.send_signal(signal.SIGKILL)
+        run.wait()
+        assert len(run_ids(out)) == 1
+    subprocess.run(command, check=True, capture_output=True)
+    assert sorted(p.name for p in out.iterdir()) == ["report.html", "results.json", "traces.nc"]
