@@ -27,7 +27,7 @@ public:
     [[gnu::always_inline]] Phases measure(Phases i, Random& random) const {
         for (std::size_t n = 0; n < static_cast<std::size_t>(config_.sensors); ++n) {
             i[n] += config_.gain_error[n] * i[n] + config_.offset[n];
-            if (config_.noise > 0.0) i[n] += config_.noise * random.normal();
+            if (config_.noise > 0.0) i[n] += config_.noise * normal_.draw(random);
             if (config_.bits > 0) i[n] = converted(i[n]);
         }
         if (config_.sensors == 2) i[2] = -i[0] - i[1];
@@ -43,6 +43,7 @@ private:
     }
 
     CurrentSensorsConfig config_;
+    Normal normal_;
     double step_, per_step_;  // step of the converter and its inverse: A, 1/A
 };
 

@@ -6,7 +6,7 @@ from cogless.c_laws import C_LAWS
 from cogless.design.from_study import design_study
 from cogless.results import Results, Run, TrialResults
 from cogless.results.trace import Trace
-from cogless.run.simulate import measure
+from cogless.run.carry_out import measure
 from cogless.signals import DERIVED
 from cogless.study import load
 from cogless.study.metric import SIGNALS

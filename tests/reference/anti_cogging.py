@@ -109,9 +109,7 @@ class AntiCogging:
         x = theta_m / (2 * math.pi) % 1.0 * self.cells
         return float(np.interp(x, np.arange(self.cells + 1), np.append(self.table, self.table[0])))
 
-    def step(
-        self, omega_ref: float, omega_m: float, theta_m: float, i_q: float, learn: bool = True
-    ) -> float:
+    def step(self, omega_ref: float, omega_m: float, theta_m: float, i_q: float, learn: bool = True) -> float:
         if self.calibrating:
             waits = not (math.isfinite(omega_m) and is_angle(theta_m) and math.isfinite(i_q))
             return self.pi.step(0.0 if waits else self.calibration_error(omega_m, theta_m, i_q, learn))

@@ -17,7 +17,7 @@ from cogless.report.spectra import order_spectrum
 from cogless.report.speed_tracking import missed
 from cogless.results import Results, Run
 from cogless.results.trace import Trace
-from cogless.run.simulate import measure
+from cogless.run.carry_out import measure
 from cogless.study import load
 
 

@@ -18,6 +18,7 @@ from cogless.report.paths import errors, periods
 from cogless.report.required_current import needed_current
 from cogless.results import Results
 from cogless.run import simulate
+from cogless.run.carry_out import measure
 
 
 @pytest.fixture(scope="module")
@@ -176,7 +177,7 @@ def test_at_varying_speed_the_rms_of_the_error_counts(made):
             {"name": "error", "kind": "rms", "signal": "omega_error", "last": "2 s"},
         ]},
     )  # fmt: skip
-    runs = [replace(r, metrics=simulate.measure(study, "twelve-seconds", r.trace)) for r in made.runs]
+    runs = [replace(r, metrics=measure(study, "twelve-seconds", r.trace)) for r in made.runs]
     assert " of error, " in verdicts(Results(study, runs))[0].headline
 
 
@@ -218,7 +219,7 @@ def test_speeds_and_angles_in_the_units_of_the_study(made):
         {"name": "most", "kind": "maximum", "signal": "theta_error", "last": "2 s"},
     ]
     study = load("verrelli2016", {"metric": metrics})
-    runs = [replace(r, metrics=simulate.measure(study, "twelve-seconds", r.trace)) for r in made.runs]
+    runs = [replace(r, metrics=measure(study, "twelve-seconds", r.trace)) for r in made.runs]
     pi, printed, filtered = runs
     results = Results(study, [pi, with_line(printed, 400, 1.0, 9.0), filtered])
     speed, angle = errors(results, runs)

@@ -144,4 +144,3 @@ def test_a_phase_that_is_not_measured_has_no_fault(tmp_path):
     fault = {"kind": "current-zero", "phase": "c", "time": "1 ms", "duration": "1 ms"}
     with pytest.raises(StudyError, match="expected one of the measured phases a, b"):
         studies.study(tmp_path, {"scenario.low.faults": [fault], "drive.current_sensors": {"sensors": 2}})
-

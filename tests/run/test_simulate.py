@@ -565,3 +565,18 @@ def test_rollout_runs_many_studies_and_can_let_their_traces_go(tmp_path: Path) -
         assert np.array_equal(one.runs[0].trace.data, third.runs[0].trace.data)
         assert len(other.runs[0].trace) == 0
     assert len({str(results.runs[0].metrics) for results in kept}) == 3
+
+
+def test_variants_that_are_alike_run_in_step_and_give_what_each_gives_alone(tmp_path: Path) -> None:
+    (tmp_path / "laws.py").write_text(LAWS)
+    laws = {"controller.ilc": ILC, "controller.python": {"law": "python", "object": "laws.py:Pi"}}
+    base = changed(studies.study(tmp_path), laws)
+    many = [changed(base, {"mechanics.inertia": f"{n} kg*cm^2"}) for n in (4, 5, 6)]
+    switched = changed(base, {"drive.inverter.kind": "switched"})
+    results = rollout([*many, switched], ["low/ilc", "low/python"], jobs=1)
+    assert [[run.lanes for run in one.runs] for one in results] == [[3, 1], [3, 1], [3, 1], [1, 1]]
+    for study, one in zip([*many, switched], results, strict=True):
+        for run, other in zip(one.runs, run_study(study, ["low/ilc", "low/python"]).runs, strict=True):
+            assert run.metrics == other.metrics and run.quality == other.quality
+            assert np.array_equal(run.trace.data, other.trace.data)
+            assert other.lanes == 1

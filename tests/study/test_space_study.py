@@ -12,7 +12,7 @@ import pytest
 import studies
 from cogless.errors import StudyError
 from cogless.results.trace import Trace
-from cogless.run.simulate import measure
+from cogless.run.carry_out import measure
 from cogless.study import load
 from cogless.study.motion import course
 from cogless.study.scenario import Scenario

@@ -43,6 +43,7 @@ class Run:
     quality: Mapping[str, Any] = field(default_factory=dict)  # of learning, as the controller computes it
     faults: Sequence[Response] = ()
     map: StoredMap | None = None  # what was learned, as firmware stores it
+    lanes: int = 1  # how many runs the engine computed in step, this one among them
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "metrics", Metrics(self.metrics))

@@ -38,15 +38,15 @@ def failures(
         raise StudyError(f"{study.source.path}: {where}: {cause}") from error
 
 
-def advance(drive: Any, state: Any, recorder: Any, ticks: int, progress: Progress, stop: Event) -> None:
-    """Run the ticks in pieces of about PIECE; in between, report progress and check whether to stop."""
+def advance(run: Callable[[int], None], ticks: int, progress: Progress, stop: Event) -> None:
+    """Call `run` for all the ticks, in pieces of about PIECE; in between, report progress and look at `stop`."""
     done, piece = 0, 1000
     while done < ticks:
         if stop.is_set():
             raise Stopped
         begun = time.perf_counter()
         step = min(piece, ticks - done)
-        drive.advance(state, recorder, step)
+        run(step)
         done += step
         progress(done / ticks)
         spent = max(time.perf_counter() - begun, 1e-6)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from threading import Event
 from typing import Any
@@ -50,6 +51,11 @@ class Plan:
         if len(self.table):
             self.drive.load_memory(state, self.table)
         return state
+
+    @property
+    def names(self) -> tuple[AnyStudy, str, str]:
+        """Study, scenario and controller."""
+        return self.study, self.scenario, self.controller
 
     def when(self, tick: int) -> str:
         """The time of a tick, or its trial, as text for a message."""
@@ -147,7 +153,7 @@ def _commissioned(study: Study, scenario: str, controller: str, stop: Event) -> 
     while state.tick < 3 * expected * made.rate:
         recorder = made.engine.Recorder(drive, made.divider)
         with failures(study, scenario, controller, lambda: f", commissioning run,{made.when(state.tick)}"):
-            advance(drive, state, recorder, piece, lambda share: None, stop)
+            advance(partial(drive.advance, state, recorder), piece, lambda share: None, stop)
         if not int(trace_of(drive, recorder)["status"][-1]) & Status.BUSY:
             return drive.law_memory(state).tolist()
     line = f"{study.source.path}: controller.{controller}.calibration: scenario {scenario}"

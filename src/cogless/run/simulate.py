@@ -8,6 +8,7 @@ from concurrent.futures import Future
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from functools import partial
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
 from threading import Event
@@ -15,16 +16,13 @@ from typing import overload
 
 from cogless.design.from_study import Designs, design_study
 from cogless.errors import StudyError
-from cogless.maps import learned_map
 from cogless.results import AnyResults, Results, Run, TrialResults
-from cogless.results.fault_response import faults_in, responses
-from cogless.results.metrics import Conditions, Value, evaluate, result_name
-from cogless.results.trace import Trace
 from cogless.results.trace_files import TraceRoom
-from cogless.run.advance import Progress, Stopped, advance, failures, trace_of
+from cogless.run.advance import ENGINES, Progress, Stopped, failures
+from cogless.run.carry_out import carried_out, carried_out_together
 from cogless.run.plan import Plan, plan
 from cogless.run.side_by_side import side_by_side
-from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
+from cogless.study import AnyStudy, Study, TrialStudy
 from cogless.study.controller import OwnLaw
 
 StudyProgress = Callable[[str, str, float], None]
@@ -97,6 +95,9 @@ def rollout(
 ) -> list[AnyResults]:
     """Run many studies, such as variations of one, in parallel threads; return results in their order.
 
+    Variants whose drives are alike are computed in step, as many as the processor has lanes for, and give the
+    bits of a run alone. Switched inverters, laws in Python, loads from tables, and trials go alone; `Run.lanes`
+    tells which way it was.
     `jobs`: number of runs at a time, default one per core. Without `keep_traces`, each run's trace is emptied
     once its metrics are computed, so that thousands of runs fit into memory. Ctrl-C as in run_study.
     RunError: a run failed; all others are finished, and in its `all_results`.
@@ -113,26 +114,82 @@ def _rollout(
     room: TraceRoom | None = None,
 ) -> list[AnyResults]:
     stop = Event()
-
-    def one(study: AnyStudy, designs: Designs, scenario: str, controller: str) -> Run:
-        def report(share: float) -> None:
-            if progress is not None:
-                progress(scenario, controller, share)
-
-        run = _run(study, designs, scenario, controller, report, stop, room)
-        if keep_traces:
-            return run
-        return replace(run, trace=replace(run.trace, data=run.trace.data[:0].copy()))
-
     pairs = [runs_of(study, only) for study in studies]
-    prepared = [_prepare(study, of_study) for study, of_study in zip(studies, pairs, strict=True)]
-    tasks = [
-        partial(one, study, designs, *pair)
-        for study, designs, of_study in zip(studies, prepared, pairs, strict=True)
+    runs = [
+        _Pending(study, designs, *pair)
+        for study, of_study in zip(studies, pairs, strict=True)
+        for designs in [_prepare(study, of_study)]
         for pair in of_study
     ]
-    futures = iter(side_by_side(tasks, jobs, stop))
+
+    def alone(run: _Pending) -> list[Run | StudyError]:
+        def report(share: float) -> None:
+            if progress is not None:
+                progress(run.scenario, run.controller, share)
+
+        return [_run(run.study, run.designs, run.scenario, run.controller, report, stop, room)]
+
+    def group(members: Sequence[_Pending]) -> list[Run | StudyError]:
+        made = alone(members[0]) if len(members) == 1 else _together(members, stop)
+        return made if keep_traces else [_without_trace(run) for run in made]
+
+    groups = _groups(runs, jobs) if len(studies) > 1 else [[run] for run in runs]
+    for members, made in zip(
+        groups, side_by_side([partial(group, members) for members in groups], jobs, stop), strict=True
+    ):
+        _hand_over(made, members)
+    futures = iter(run.future for run in runs)
     return _collected(studies, [list(islice(futures, len(of_study))) for of_study in pairs], stop.is_set())
+
+
+class _Pending:
+    """A run to make, and its result to come."""
+
+    def __init__(self, study: AnyStudy, designs: Designs, scenario: str, controller: str) -> None:
+        self.study, self.designs, self.scenario, self.controller = study, designs, scenario, controller
+        self.future: Future[Run] = Future()
+
+
+def _groups(runs: Sequence[_Pending], jobs: int) -> list[list[_Pending]]:
+    """Runs of one scenario and controller together, as many as the engine has lanes; some for each job."""
+    (_, lanes), *_ = import_module(ENGINES["single"]).lane_kernels()
+    size = max(1, min(lanes, -(-len(runs) // jobs)))
+    alike: dict[tuple[str, str], list[_Pending]] = {}
+    for run in runs:
+        alike.setdefault((run.scenario, run.controller), []).append(run)
+    return [members[n : n + size] for members in alike.values() for n in range(0, len(members), size)]
+
+
+def _together(members: Sequence[_Pending], stop: Event) -> list[Run | StudyError]:
+    planned: list[Plan | StudyError] = []
+    for run in members:
+        try:
+            planned.append(_planned(run.study, run.designs, run.scenario, run.controller, stop))
+        except StudyError as error:
+            planned.append(error)
+    plans = [plan for plan in planned if isinstance(plan, Plan)]
+    made = iter(carried_out_together(plans, stop) if plans else [])
+    return [next(made) if isinstance(plan, Plan) else plan for plan in planned]
+
+
+def _hand_over(group: Future[list[Run | StudyError]], members: Sequence[_Pending]) -> None:
+    """Give each run its part of what its group made. With Ctrl-C, it's not done."""
+    if not group.done():
+        return
+    failure = group.exception()
+    for run, made in zip(
+        members, group.result() if failure is None else [failure] * len(members), strict=True
+    ):
+        if isinstance(made, Run):
+            run.future.set_result(made)
+        else:
+            run.future.set_exception(made)
+
+
+def _without_trace(run: Run | StudyError) -> Run | StudyError:
+    if isinstance(run, StudyError):
+        return run
+    return replace(run, trace=replace(run.trace, data=run.trace.data[:0].copy()))
 
 
 def _prepare(study: AnyStudy, runs: Sequence[tuple[str, str]]) -> Designs:
@@ -160,17 +217,9 @@ def runs_of(study: AnyStudy, only: Sequence[str] | None = None) -> list[tuple[st
     return [run for run in runs if any(fnmatchcase("/".join(run), pattern) for pattern in only)]
 
 
-def measure(study: AnyStudy, scenario: str, trace: Trace) -> dict[str, Value]:
-    """Compute a scenario's metrics from a trace: SI values by their name in results.json.
-
-    Metrics whose signal the trace lacks are left out.
-    """
-    conditions = Conditions.of(study, scenario)
-    return {
-        result_name(metric): evaluate(metric, trace, conditions)
-        for metric in study.metrics_in(scenario)
-        if metric.signal is None or metric.signal in trace
-    }
+def _planned(study: AnyStudy, designs: Designs, scenario: str, controller: str, stop: Event) -> Plan:
+    with failures(study, scenario, controller):
+        return plan(study, scenario, controller, stop, designs.get((scenario, controller)))
 
 
 def _run(
@@ -182,50 +231,9 @@ def _run(
     stop: Event,
     room: TraceRoom | None = None,
 ) -> Run:
+    planned = _planned(study, designs, scenario, controller, stop)
     with failures(study, scenario, controller):
-        planned = plan(study, scenario, controller, stop, designs.get((scenario, controller)))
-        return _carried_out(planned, progress, stop, room)
-
-
-def _carried_out(planned: Plan, progress: Progress, stop: Event, room: TraceRoom | None) -> Run:
-    study, scenario, controller = planned.study, planned.scenario, planned.controller
-    drive, state = planned.drive, planned.start()
-    count = -(-planned.ticks // planned.decimation)
-    file = room.file(drive.signals, count) if room is not None else None
-    recorder = planned.engine.Recorder(drive, planned.decimation, 0 if file else count)
-
-    def after_a_piece(share: float) -> None:
-        if file is not None:
-            file.append(recorder.take())
-        progress(share)
-
-    with failures(study, scenario, controller, lambda: planned.when(state.tick)):
-        advance(drive, state, recorder, planned.ticks, after_a_piece, stop)
-    trace = trace_of(drive, recorder) if file is None else file.trace()
-    rows, motion = trace, 0
-    if isinstance(study, TrialStudy):
-        # metrics use one row per sample of the trial, without the rows in between
-        rows = replace(trace, data=trace.data[:: planned.divider // planned.decimation])
-        # the map is stored with the last phase's reference, for which it was learned
-        motion = learned_map.motion_identity(
-            study.reference(scenario, study.scenario[scenario].phases[-1][1])
-        )
-    try:
-        metrics = measure(study, scenario, rows)
-    except StudyError as error:
-        where = f"{study.source.path}: controller.{controller}: scenario {scenario}"
-        raise StudyError(f"{where}: {error}") from error
-    law, learned = study.controller[controller], drive.stored(state)
-    memory = learned_map.memory_of(study, scenario, controller, learned)
-    stored = learned_map.of_run(study, learned, motion)
-    if isinstance(study, TrialStudy):
-        return Run(scenario, controller, trace, memory, metrics, planned.design, map=stored)
-    limit = for_scenario(study, scenario).drive.current_loop.current_limit
-    quality = dict(drive.quality(state))
-    if not law.learns:
-        quality = {key: quality[key] for key in ("known", "residual")}
-    broken = responses(faults_in(study, scenario), trace, limit, law.learns)
-    return Run(scenario, controller, trace, memory, metrics, quality=quality, faults=broken, map=stored)
+        return carried_out(planned, progress, stop, room)
 
 
 def _collected(

@@ -14,6 +14,4 @@ def _kind(data: Any) -> str:
     return str(data.get("kind", "pmsm") if isinstance(data, dict) else getattr(data, "kind", "pmsm"))
 
 
-AnyMotor = Annotated[
-    Annotated[Motor, Tag("pmsm")] | Annotated[StepMotor, Tag("step")], Discriminator(_kind)
-]
+AnyMotor = Annotated[Annotated[Motor, Tag("pmsm")] | Annotated[StepMotor, Tag("step")], Discriminator(_kind)]

@@ -1,0 +1,154 @@
+"""Carry out planned runs on the engine: one alone, or several that are alike in step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from threading import Event
+from typing import Any
+
+from cogless.errors import StudyError
+from cogless.maps import learned_map
+from cogless.results import Run
+from cogless.results.fault_response import faults_in, responses
+from cogless.results.metrics import Conditions, Value, evaluate, result_name
+from cogless.results.trace import Trace
+from cogless.results.trace_files import TraceRoom
+from cogless.run.advance import Progress, advance, failures, trace_of
+from cogless.run.plan import Plan
+from cogless.study import AnyStudy, TrialStudy, for_scenario
+
+
+def measure(study: AnyStudy, scenario: str, trace: Trace) -> dict[str, Value]:
+    """Compute a scenario's metrics from a trace: SI values by their name in results.json.
+
+    Metrics whose signal the trace lacks are left out.
+    """
+    conditions = Conditions.of(study, scenario)
+    return {
+        result_name(metric): evaluate(metric, trace, conditions)
+        for metric in study.metrics_in(scenario)
+        if metric.signal is None or metric.signal in trace
+    }
+
+
+def carried_out(planned: Plan, progress: Progress, stop: Event, room: TraceRoom | None) -> Run:
+    """Run a plan alone, and compute its metrics. StudyError: the run failed."""
+    drive, state = planned.drive, planned.start()
+    rows = -(-planned.ticks // planned.decimation)
+    file = room.file(drive.signals, rows) if room is not None else None
+    recorder = planned.engine.Recorder(drive, planned.decimation, 0 if file else rows)
+
+    def after_a_piece(share: float) -> None:
+        if file is not None:
+            file.append(recorder.take())
+        progress(share)
+
+    with failures(*planned.names, lambda: planned.when(state.tick)):
+        advance(partial(drive.advance, state, recorder), planned.ticks, after_a_piece, stop)
+    trace = trace_of(drive, recorder) if file is None else file.trace()
+    return _finished(planned, state, trace, 1)
+
+
+class _Lane:
+    """A run that goes on beside others. `error`: why it failed."""
+
+    def __init__(self, planned: Plan) -> None:
+        self.planned, self.state, self.error = planned, planned.start(), ""
+        rows = -(-planned.ticks // planned.decimation)
+        self.recorder = planned.engine.Recorder(planned.drive, planned.decimation, rows)
+
+    def outcome(self, lanes: int) -> Run | StudyError:
+        """The finished run, or why it failed."""
+        planned, state = self.planned, self.state
+        try:
+            with failures(*planned.names, lambda: planned.when(state.tick)):
+                if self.error:
+                    raise RuntimeError(self.error)
+            return _finished(planned, state, trace_of(planned.drive, self.recorder), lanes)
+        except StudyError as error:
+            return error
+
+
+def carried_out_together(plans: Sequence[Plan], stop: Event) -> list[Run | StudyError]:
+    """Run plans of one engine in step, as many as it has lanes at a time, and the others alone.
+
+    A run's numbers are those that it gives alone, bit for bit. Returns each plan's run, or why it failed.
+    """
+    first = plans[0]
+    width = first.engine.lane_kernels()[0][1]
+    beside = [plan for plan in plans if _goes_with(plan, first)][:width]
+    if len(beside) < 2:
+        beside = [first]
+    outcomes = {id(plan): outcome for plan, outcome in zip(beside, _outcomes(beside, stop), strict=True)}
+    others = [plan for plan in plans if id(plan) not in outcomes]
+    if others:
+        rest = carried_out_together(others, stop)
+        outcomes |= {id(plan): outcome for plan, outcome in zip(others, rest, strict=True)}
+    return [outcomes[id(plan)] for plan in plans]
+
+
+def _goes_with(plan: Plan, other: Plan) -> bool:
+    return (
+        plan.engine is other.engine
+        and plan.ticks == other.ticks
+        and not isinstance(plan.study, TrialStudy)
+        and bool(plan.drive.alike(other.drive))
+    )
+
+
+def _outcomes(plans: Sequence[Plan], stop: Event) -> list[Run | StudyError]:
+    if len(plans) == 1:
+        try:
+            return [carried_out(plans[0], lambda share: None, stop, None)]
+        except StudyError as error:
+            return [error]
+    engine = plans[0].engine
+    lanes = [_Lane(plan) for plan in plans]
+
+    def step(ticks: int) -> None:
+        running = [lane for lane in lanes if not lane.error]
+        if running:
+            errors = engine.advance_lanes(
+                [lane.planned.drive for lane in running],
+                [lane.state for lane in running],
+                [lane.recorder for lane in running],
+                ticks,
+            )
+            for lane, error in zip(running, errors, strict=True):
+                lane.error = error
+
+    advance(step, plans[0].ticks, lambda share: None, stop)
+    return [lane.outcome(len(lanes)) for lane in lanes]
+
+
+def _finished(planned: Plan, state: Any, trace: Trace, lanes: int) -> Run:
+    study, scenario, controller = planned.names
+    drive = planned.drive
+    rows, motion = trace, 0
+    if isinstance(study, TrialStudy):
+        # metrics use one row per sample of the trial, without the rows in between
+        rows = replace(trace, data=trace.data[:: planned.divider // planned.decimation])
+        # the map is stored with the last phase's reference, for which it was learned
+        motion = learned_map.motion_identity(
+            study.reference(scenario, study.scenario[scenario].phases[-1][1])
+        )
+    try:
+        metrics = measure(study, scenario, rows)
+    except StudyError as error:
+        where = f"{study.source.path}: controller.{controller}: scenario {scenario}"
+        raise StudyError(f"{where}: {error}") from error
+    law, learned = study.controller[controller], drive.stored(state)
+    memory = learned_map.memory_of(study, scenario, controller, learned)
+    stored = learned_map.of_run(study, learned, motion)
+    if isinstance(study, TrialStudy):
+        return Run(scenario, controller, trace, memory, metrics, planned.design, map=stored)
+    limit = for_scenario(study, scenario).drive.current_loop.current_limit
+    quality = dict(drive.quality(state))
+    if not law.learns:
+        quality = {key: quality[key] for key in ("known", "residual")}
+    broken = responses(faults_in(study, scenario), trace, limit, law.learns)
+    return Run(
+        scenario, controller, trace, memory, metrics, quality=quality, faults=broken, map=stored, lanes=lanes
+    )

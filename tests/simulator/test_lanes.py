@@ -1,0 +1,134 @@
+"""Drives that go on together, each in a lane: the bits of each alone, whatever happens in one of them."""
+
+import copy
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from engine import PI_ILC, RIPPLE, config, drive_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cogless import _simulator_f64 as engine
+
+KERNELS = range(len(engine.lane_kernels()))
+STOPS = {"mechanics": {"coulomb_friction": 0.02, "breakaway_friction": 0.05}, "initial_speed": 0.0}
+ENCODER = {"kind": "encoder", "lines": 500, "speed_method": "MT", "timer": 1e6}
+ECCENTRIC = {**ENCODER, "eccentricity": 0.01, "eccentricity_phase": 0.3}
+SENSORS = {"noise": 0.05, "bits": 12, "range": 25.0, "offset": [0.05, -0.03, 0.0]}
+REVERSING = {"kind": "sine", "offset": 0.0, "amplitude": 2.0, "frequency": 20.0}
+THIRD = {"harmonics": [{"order": 3, "torque": 0.05, "phase": 0.1}]}
+
+
+def made(change: dict[str, Any]) -> Any:
+    return drive_of(engine, config(change))
+
+
+def alone(drives: Sequence[Any], ticks: int) -> list[Any]:
+    rows = []
+    for drive in drives:
+        state, recorder = drive.start(), engine.Recorder(drive, 1)
+        drive.advance(state, recorder, ticks)
+        rows.append(recorder.take())
+    return rows
+
+
+def together(drives: Sequence[Any], pieces: Sequence[int], kernel: int) -> list[Any]:
+    states, recorders = [drive.start() for drive in drives], [engine.Recorder(drive, 1) for drive in drives]
+    for ticks in pieces:
+        assert not any(engine.advance_lanes(list(drives), states, recorders, ticks, kernel))
+    return [recorder.take() for recorder in recorders]
+
+
+def variants(count: int, seed: int, **change: Any) -> list[Any]:
+    random = np.random.default_rng(seed)
+    drives = []
+    for n in range(count):
+        each = copy.deepcopy(change)
+        each.setdefault("mechanics", {})["inertia"] = 5e-4 * random.uniform(0.5, 2.0)
+        each["seed"] = n
+        each["controller"] = {**PI_ILC, "config": {**PI_ILC["config"], "gain": 0.05 * random.uniform()}}
+        drives.append(made(each))
+    return drives
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"motor": RIPPLE, "drive": {"position_sensor": ECCENTRIC, "current_sensors": SENSORS}},
+        {"motor": RIPPLE, "energy": True, "drive": {"integration_steps": 3}},
+        {
+            "motor": RIPPLE,
+            **STOPS,
+            "reference": REVERSING,
+        },
+        {"motor": RIPPLE, "load": {"torque": 0.1, "lag": 0.002}, "events": [{"time": 0.01, "load": 0.4}]},
+        {"motor": RIPPLE, "faults": [{"kind": "angle-missing", "time": 0.01, "duration": 0.02}]},
+        {
+            "motor": {**RIPPLE, "phases": 2},
+            "load": THIRD,
+        },
+    ],
+    ids=["sensors", "energy", "stick-slip", "load", "open bridge", "two phases"],
+)
+def test_a_lane_has_the_bits_of_its_drive_alone(change: dict[str, Any], kernel: int) -> None:
+    count = engine.lane_kernels()[kernel][1]
+    drives = variants(count, 1, **change)
+    expected = alone(drives, 500)
+    assert len({rows.tobytes() for rows in expected}) == count
+    for rows, lane in zip(expected, together(drives, [1, 299, 200], kernel), strict=True):
+        assert rows.tobytes() == lane.tobytes()
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    count=st.integers(1, 4),
+    speed=st.floats(-300.0, 300.0),
+    friction=st.floats(0.0, 0.2),
+    torque=st.floats(-0.3, 0.3),
+)
+def test_any_drive_is_the_same_in_a_lane(count: int, speed: float, friction: float, torque: float) -> None:
+    drives = variants(
+        count,
+        2,
+        motor=RIPPLE,
+        initial_speed=speed,
+        mechanics={"coulomb_friction": friction, "breakaway_friction": 1.5 * friction},
+        load={"torque": torque},
+    )
+    for rows, lane in zip(alone(drives, 300), together(drives, [300], 0), strict=True):
+        assert rows.tobytes() == lane.tobytes()
+
+
+def test_a_lane_that_fails_says_why_and_the_others_go_on() -> None:
+    good = made({"motor": RIPPLE})
+    bad = made({"motor": RIPPLE, "load": {"torque": 1e307}})
+    drives = [good, bad]
+    states, recorders = [drive.start() for drive in drives], [engine.Recorder(drive, 1) for drive in drives]
+    errors = engine.advance_lanes(drives, states, recorders, 3000)
+    assert errors[0] == ""
+    with pytest.raises(RuntimeError) as failure:
+        bad.advance(bad.start(), engine.Recorder(bad, 1), 3000)
+    assert errors[1] == str(failure.value)
+    assert np.array_equal(recorders[0].take(), alone([good], 3000)[0])
+    assert states[1].tick < 3000 == states[0].tick
+
+
+def test_drives_that_differ_in_kind_do_not_go_together() -> None:
+    base = made({})
+    for change in (
+        {"drive": {"inverter": {"kind": "switched"}}},
+        {"drive": {"integration_steps": 2}},
+        {"drive": {"current_rate": 20000}},
+        {"energy": True},
+        {"motor": RIPPLE},
+        {"mechanics": {"breakaway_friction": 0.1}},
+        {"load": {"time_table": {"time": [0.0, 1.0], "torque": [0.0, 1.0]}}},
+    ):
+        other = made(change)
+        assert not base.alike(other)
+        with pytest.raises(ValueError, match="lanes: expected drives that are alike"):
+            together([base, other], [1], 0)
+    assert base.alike(made({"mechanics": {"inertia": 1e-3}}))

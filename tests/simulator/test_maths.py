@@ -1,0 +1,101 @@
+"""The engine's own elementary functions, and traces that have one hash with any C library."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PROGRAM = r"""
+#include <cmath>
+#include <cstdio>
+#include "maths.hpp"
+using namespace cogless;
+int main() {
+    std::uint64_t s = 1;
+    const auto random = [&] {
+        s = s * 6364136223846793005U + 1442695040888963407U;
+        return double(s >> 11U) * 0x1p-53;
+    };
+    double worst[4] = {};
+    const auto note = [](double& w, long double error) { w = std::fmax(w, double(std::fabs(error))); };
+    for (int n = 0; n < 200000; ++n) {
+        const double x = (2.0 * random() - 1.0) * std::pow(10.0, 9.0 * random() - 0.4);
+        note(worst[0], unit_vector(x).re - cosl(x));
+        note(worst[0], unit_vector(x).im - sinl(x));
+        const double y = -60.0 * random(), z = std::exp(80.0 * random() - 40.0);
+        note(worst[1], exponential(y) / expl(y) - 1.0L);
+        note(worst[2], (logarithm(z) - logl(z)) / std::fmax(1e-3L, std::fabs(logl(z))));
+    }
+    for (double x : {1e-8, 0.5, 3.0, 20.0, 100.0}) {
+        const auto j = bessel_j(150, x);
+        for (std::size_t n = 0; n < j.size(); ++n) note(worst[3], j[n] - jn(int(n), x));
+    }
+    std::printf("%g %g %g %g %g %g\n", worst[0], worst[1], worst[2], worst[3],
+                exponential(-800.0), exponential(-1.0 / 0.0));
+}
+"""
+
+
+@pytest.mark.skipif(shutil.which("c++") is None, reason="no C++ compiler")
+def test_elementary_functions_against_long_double(tmp_path: Path) -> None:
+    (tmp_path / "maths.cpp").write_text(PROGRAM)
+    command = [
+        *os.environ.get("CXX", "c++").split(),
+        "-std=c++20",
+        "-O2",
+        "-ffp-contract=off",
+        f"-I{ROOT / 'simulator'}",
+    ]
+    subprocess.run([*command, str(tmp_path / "maths.cpp"), "-o", str(tmp_path / "maths")], check=True)
+    made = subprocess.run([tmp_path / "maths"], capture_output=True, text=True, check=True)
+    cos_sin, exponential, logarithm, bessel, small, none = map(float, made.stdout.split())
+    assert cos_sin < 2e-15
+    assert exponential < 5e-16
+    assert logarithm < 5e-16
+    assert bessel < 1e-14
+    assert small == none == 0.0
+
+
+# A run with all that the engine computes with elementary functions, and without numbers that Python computed.
+TRACE = """
+import hashlib, sys
+sys.path[:0] = [{tests!r}]
+from engine import PI_ILC, RIPPLE, config, described
+from cogless import _simulator_f32 as engine
+drive = engine.Drive(described(config({{
+    "motor": RIPPLE, "controller": PI_ILC, "energy": True, "load": {{"torque": 0.1, "lag": 0.003}},
+    "events": [{{"time": 0.01, "load": 0.3}}],
+    "reference": {{"kind": "fm", "offset": 10.0, "amplitude": 3.0, "frequency": 5.0, "depth": 2.0,
+                  "modulation": 3.0}},
+    "drive": {{"inverter": {{"kind": {inverter!r}, "dead_time": 1e-6}}, "current_sensors": {{"noise": 0.02}},
+              "position_sensor": {{"kind": "encoder", "lines": 1000, "speed_method": "M", "timer": 0.0,
+                                  "eccentricity": 0.01, "eccentricity_phase": 0.2}}}},
+}}), engine), None)
+state, recorder = drive.start(), engine.Recorder(drive, 1)
+drive.advance(state, recorder, 2000)
+print(hashlib.sha256(recorder.take().tobytes()).hexdigest())
+"""
+
+
+def trace_hash(inverter: str, **environment: str) -> str:
+    program = TRACE.format(tests=str(ROOT / "tests"), inverter=inverter)
+    made = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, **environment},
+    )
+    return made.stdout.strip()
+
+
+@pytest.mark.parametrize("inverter", ["averaged", "switched"])
+def test_a_trace_has_one_hash_with_and_without_fused_instructions_in_libc(inverter: str) -> None:
+    """glibc's sine differs in the last bit with -FMA; the engine's does not."""
+    plain = trace_hash(inverter)
+    tunables = "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2,-AVX2_Usable,-FMA_Usable,-FMA4_Usable"
+    assert trace_hash(inverter, GLIBC_TUNABLES=tunables) == plain
