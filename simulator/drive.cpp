@@ -513,7 +513,7 @@ void Drive::sample_reference(DriveState& s, const Phase& phase, std::int64_t ori
         s.reference.omega = static_cast<double>(all[sample] - before) / law_period();
     } else {
         s.reference = s.given_reference ? *s.given_reference : reference_.sample(s.reference_filter, t);
-        theta_ref = s.reference.theta - turns_ * std::floor(s.reference.theta / turns_);
+        theta_ref = s.reference.theta - turns_ * round_down(s.reference.theta / turns_);
     }
     s.asked = {static_cast<cgl_real>(theta_ref), static_cast<cgl_real>(s.reference.omega),
                static_cast<cgl_real>(s.reference.alpha), s.asked.i_d_ref, t >= config_.learning_start};
@@ -525,7 +525,7 @@ void Drive::step_law(DriveState& s) const {
     const LawInput in{c,
                       time(s.tick),
                       s.reference.omega,
-                      config_.trials ? s.reference.theta : s.reference.theta - turns_ * std::floor(s.reference.theta / turns_),
+                      config_.trials ? s.reference.theta : s.reference.theta - turns_ * round_down(s.reference.theta / turns_),
                       s.reference.alpha,
                       static_cast<double>(c.omega_m),
                       static_cast<double>(c.theta_m),

@@ -60,7 +60,7 @@ struct DriveConfig {
     Law law;
     std::int64_t current_rate;   // Hz
     std::int64_t speed_divider;  // current-loop periods in a period of the law
-    int integration_steps;       // RK4 steps in a current-loop period
+    int integration_steps;       // steps in a current-loop period
     double learning_start;       // s
     std::uint64_t seed;
     bool energy;                 // integrate and record the energies

@@ -27,6 +27,13 @@ template <class Real>
     return (x + shift) - shift;
 }
 
+// The greatest integer that is not above x. A C library's floor is a call where the processor may lack the instruction.
+inline double round_down(double x) {
+    if (!(std::abs(x) < 0x1p52)) return x;
+    const auto whole = static_cast<double>(static_cast<std::int64_t>(x));
+    return whole > x ? whole - 1.0 : whole;
+}
+
 // e^{j x} within 2e-15 up to 4e8 rad; further out as exact as x itself.
 //
 // A quarter of the angle, which is reduced to one revolution, goes into the power series; squaring twice gives the whole.

@@ -122,7 +122,7 @@ public:
 private:
     static constexpr double turn = 2.0 * std::numbers::pi;
 
-    static double wrapped(double theta) { return theta - turn * std::floor(theta / turn); }
+    static double wrapped(double theta) { return theta - turn * round_down(theta / turn); }
 
     double seen(double theta_m) const {
         return config_.eccentricity != 0.0
@@ -131,12 +131,12 @@ private:
     }
 
     std::int64_t count(double theta) const {
-        const double counts = std::floor(theta / step_);
+        const double counts = round_down(theta / step_);
         return std::abs(counts) < 9e18 ? static_cast<std::int64_t>(counts) : 0;  // a run with such an angle ends anyway
     }
 
     double clocked(double time) const {
-        return config_.timer > 0.0 ? std::floor(time * config_.timer) / config_.timer : time;
+        return config_.timer > 0.0 ? round_down(time * config_.timer) / config_.timer : time;
     }
 
     double encoder_speed(State& s, double time) const {

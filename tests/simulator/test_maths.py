@@ -30,12 +30,20 @@ int main() {
         note(worst[1], exponential(y) / expl(y) - 1.0L);
         note(worst[2], (logarithm(z) - logl(z)) / std::fmax(1e-3L, std::fabs(logl(z))));
     }
+    bool floors = true;
+    for (double x : {-1e300, -1e16, -2.5, -2.0, -1e-300, -0.0, 0.0, 0.3, 7.0, 4503599627370495.5, 1.0 / 0.0}) {
+        floors &= round_down(x) == std::floor(x);
+    }
+    for (int n = 0; n < 1000; ++n) {
+        const double x = (random() - 0.5) * std::pow(10.0, 20.0 * random());
+        floors &= round_down(x) == std::floor(x);
+    }
     for (double x : {1e-8, 0.5, 3.0, 20.0, 100.0}) {
         const auto j = bessel_j(150, x);
         for (std::size_t n = 0; n < j.size(); ++n) note(worst[3], j[n] - jn(int(n), x));
     }
-    std::printf("%g %g %g %g %g %g\n", worst[0], worst[1], worst[2], worst[3],
-                exponential(-800.0), exponential(-1.0 / 0.0));
+    std::printf("%g %g %g %g %g %g %d\n", worst[0], worst[1], worst[2], worst[3],
+                exponential(-800.0), exponential(-1.0 / 0.0), floors);
 }
 """
 
@@ -52,12 +60,13 @@ def test_elementary_functions_against_long_double(tmp_path: Path) -> None:
     ]
     subprocess.run([*command, str(tmp_path / "maths.cpp"), "-o", str(tmp_path / "maths")], check=True)
     made = subprocess.run([tmp_path / "maths"], capture_output=True, text=True, check=True)
-    cos_sin, exponential, logarithm, bessel, small, none = map(float, made.stdout.split())
+    cos_sin, exponential, logarithm, bessel, small, none, floors = map(float, made.stdout.split())
     assert cos_sin < 2e-15
     assert exponential < 5e-16
     assert logarithm < 5e-16
     assert bessel < 1e-14
     assert small == none == 0.0
+    assert floors == 1
 
 
 # A run with all that the engine computes with elementary functions, and without numbers that Python computed.

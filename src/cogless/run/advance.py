@@ -39,7 +39,7 @@ def failures(
 
 
 def advance(run: Callable[[int], None], ticks: int, progress: Progress, stop: Event) -> None:
-    """Call `run` for all the ticks, in pieces of about PIECE; in between, report progress and look at `stop`."""
+    """Call `run` for all the ticks, in pieces of about PIECE. In between, report progress, see `stop`."""
     done, piece = 0, 1000
     while done < ticks:
         if stop.is_set():

@@ -96,8 +96,9 @@ def rollout(
     """Run many studies, such as variations of one, in parallel threads; return results in their order.
 
     Variants whose drives are alike are computed in step, as many as the processor has lanes for, and give the
-    bits of a run alone. Switched inverters, laws in Python, loads from tables, and trials go alone; `Run.lanes`
-    tells which way it was.
+    bits of a run alone. Switched inverters, laws in Python, loads from tables, and trials go alone;
+    `Run.lanes` tells which way it was.
+
     `jobs`: number of runs at a time, default one per core. Without `keep_traces`, each run's trace is emptied
     once its metrics are computed, so that thousands of runs fit into memory. Ctrl-C as in run_study.
     RunError: a run failed; all others are finished, and in its `all_results`.

@@ -18,7 +18,14 @@ from cogless.export.prepared import Prepared
 from cogless.files import control_sources
 
 # Sources of the engine that only Python needs.
-PYTHON = ("bindings.cpp", "python_value.hpp", "linear_trials.cpp")
+PYTHON = (
+    "bindings.cpp",
+    "python_value.hpp",
+    "linear_trials.cpp",
+    "lane_plants.cpp",
+    "lane_step.cpp",
+    "lane_step.hpp",
+)
 
 EXTERNAL_CONTROL = "external_control"
 EXTERNAL_REFERENCE = "external_reference"
