@@ -15,8 +15,8 @@ from cogless.c_laws import C_LAWS
 from cogless.errors import StudyError
 from cogless.results import Results
 from cogless.results.results_json import to_dict
+from cogless.run import carry_out as room
 from cogless.run import side_by_side
-from cogless.run import simulate as room
 from cogless.run.drive_config import engine_config
 from cogless.run.simulate import RunError, rollout, run_study, runs_of, simulate
 from cogless.study import Study, changed, load

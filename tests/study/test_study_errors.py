@@ -36,7 +36,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("mechanics.inertai", "1 kg*m^2",
             'mechanics.inertai: "1 kg*m^2": expected a known key, perhaps "inertia"'),
         ("motor.r_s", "1 ohm", 'motor.r_s: "1 ohm": expected a known key, perhaps "R_s"'),
-        ("trace.zzz", 1, "trace.zzz: 1: expected one of rate, energy"),
+        ("trace.zzz", 1, "trace.zzz: 1: expected one of rate, file_rate, energy"),
         ("controller.pi.gain", 1,
             "controller.pi.gain: 1: expected one of label, baseline, kp, ki, tuning, law"),
         ("mechanics", {}, 'mechanics.inertia: missing: expected an inertia above zero, such as "1 kg*m^2"'),

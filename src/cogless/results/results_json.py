@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cogless.files import replacing
 from cogless.results.fault_response import Response
@@ -113,7 +114,7 @@ def _memory(memory: Mapping[str, Any]) -> dict[str, Any]:
         "frame": memory["frame"],
         "cells": len(current),
         "peak_A": _plain(float(np.max(np.abs(current), initial=0.0))),
-        "rms_A": _plain(float(np.sqrt(np.mean(np.square(current))))) if len(current) else 0.0,
+        "rms_A": _plain(_rms(current)) if len(current) else 0.0,
     }
 
 
@@ -163,3 +164,8 @@ def _plain(value: Value) -> Any:
     if isinstance(value, list):
         return [_plain(item) for item in value]
     return float(value) if math.isfinite(value) else None
+
+
+def _rms(x: NDArray[np.float64]) -> float:
+    with np.errstate(over="ignore"):  # of a run that grew
+        return float(np.sqrt(np.mean(np.square(x))))
