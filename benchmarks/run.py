@@ -402,8 +402,9 @@ def trials() -> None:
 def lanes() -> None:
     count = 64
     heading(f"Lanes: {count} variants of uomodri's PI-ILC, 1 s each, from the changed study to its metrics")
-    base = cogless.load("uomodri", {"scenario.slow.duration": "1 s"})
-    changes = [{"mechanics.inertia": f"{6e-6 * (0.8 + 0.4 * n / count)} kg*m^2"} for n in range(count)]
+    ripple = {"name": "speed_ripple", "kind": "ripple-rms", "signal": "omega_m", "last": "0.5 s"}
+    base = cogless.load("uomodri", {"scenario.slow.duration": "1 s", "metric": [ripple]})
+    changes = [{"scenario.slow.override": {"mechanics.inertia": f"{6e-6 * (0.8 + 0.4 * n / count)} kg*m^2"}} for n in range(count)]
 
     def seconds(made: Callable[[], object]) -> float:
         begun = time.process_time()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -46,15 +46,15 @@ class Layout:
 
     headers: Headers
     real: str
+    # what follows from the headers, kept since a run of a millisecond would feel it
+    _sizes: dict[str, int] = field(default_factory=dict, repr=False)
+    _places: dict[str, list[tuple[Field, int]]] = field(default_factory=dict, repr=False)
 
     def size(self, name: str) -> int:
         """Size of a type in bytes, padding included."""
-        if name not in self.headers.structs:
-            return struct.calcsize(self._format(name))
-        end = 0
-        for field, offset in self._offsets(name):
-            end = offset + self._bytes(field)
-        return _up(end, self._alignment(name))
+        if name not in self._sizes:
+            self._sizes[name] = self._size(name)
+        return self._sizes[name]
 
     def decode(self, name: str, data: bytes) -> dict[str, Any]:
         """Decode a struct's bytes to its members by name.
@@ -81,27 +81,27 @@ class Layout:
         return list(self._leaves(name, "", 0))
 
     def _leaves(self, name: str, prefix: str, start: int) -> Iterator[Leaf]:
-        for field, offset in self._offsets(name):
-            size = self.size(field.type)
-            for n in range(field.length or 1):
-                path = prefix + field.name + (f"[{n}]" if field.length is not None else "")
+        for member, offset in self._offsets(name):
+            size = self.size(member.type)
+            for n in range(member.length or 1):
+                path = prefix + member.name + (f"[{n}]" if member.length is not None else "")
                 at = start + offset + n * size
-                if field.type in self.headers.structs:
-                    yield from self._leaves(field.type, f"{path}.", at)
+                if member.type in self.headers.structs:
+                    yield from self._leaves(member.type, f"{path}.", at)
                 else:
-                    yield Leaf(path, field.type, at, self._format(field.type))
+                    yield Leaf(path, member.type, at, self._format(member.type))
 
     def _struct(self, name: str, data: bytes, start: int) -> dict[str, Any]:
         values: dict[str, Any] = {}
-        for field, offset in self._offsets(name):
+        for member, offset in self._offsets(name):
             at = start + offset
-            if field.pointer:
-                values[field.name] = None
-            elif field.length is not None:
-                places = range(at, at + self._bytes(field), self.size(field.type))
-                values[field.name] = [self._value(field.type, data, place) for place in places]
+            if member.pointer:
+                values[member.name] = None
+            elif member.length is not None:
+                places = range(at, at + self._bytes(member), self.size(member.type))
+                values[member.name] = [self._value(member.type, data, place) for place in places]
             else:
-                values[field.name] = self._value(field.type, data, at)
+                values[member.name] = self._value(member.type, data, at)
         return values
 
     def _value(self, name: str, data: bytes, at: int) -> Any:
@@ -129,32 +129,43 @@ class Layout:
 
     def _put_members(self, name: str, values: Any, data: bytearray, at: int, where: str) -> None:
         fields = self.headers.structs[name]
-        odd = {field.name for field in fields} ^ values.keys()
+        odd = {member.name for member in fields} ^ values.keys()
         if odd:
-            member = min(odd)
-            raise ValueError(f"{where}.{member}: {'unknown' if member in values else 'missing'}")
-        for field, offset in self._offsets(name):
-            value, place = values[field.name], f"{where}.{field.name}"
-            if field.pointer:
+            odd_one = min(odd)
+            raise ValueError(f"{where}.{odd_one}: {'unknown' if odd_one in values else 'missing'}")
+        for member, offset in self._offsets(name):
+            value, place = values[member.name], f"{where}.{member.name}"
+            if member.pointer:
                 if value is not None:
                     raise ValueError(f"{place}: expected None, since it is a pointer")
                 continue
-            items = [value] if field.length is None else list(value)
-            if len(items) > (field.length or 1):
-                raise ValueError(f"{place}: {len(items)} entries: expected at most {field.length}")
-            size = self.size(field.type)
+            items = [value] if member.length is None else list(value)
+            if len(items) > (member.length or 1):
+                raise ValueError(f"{place}: {len(items)} entries: expected at most {member.length}")
+            size = self.size(member.type)
             for n, item in enumerate(items):
-                self._put(field.type, item, data, at + offset + n * size, place)
+                self._put(member.type, item, data, at + offset + n * size, place)
 
-    def _offsets(self, name: str) -> Iterator[tuple[Field, int]]:
+    def _size(self, name: str) -> int:
+        if name not in self.headers.structs:
+            return struct.calcsize(self._format(name))
         end = 0
-        for field in self.headers.structs[name]:
-            end = _up(end, POINTER if field.pointer else self._alignment(field.type))
-            yield field, end
-            end += self._bytes(field)
+        for member, offset in self._offsets(name):
+            end = offset + self._bytes(member)
+        return _up(end, self._alignment(name))
 
-    def _bytes(self, field: Field) -> int:
-        return (POINTER if field.pointer else self.size(field.type)) * (field.length or 1)
+    def _offsets(self, name: str) -> list[tuple[Field, int]]:
+        if name not in self._places:
+            places, end = [], 0
+            for member in self.headers.structs[name]:
+                end = _up(end, POINTER if member.pointer else self._alignment(member.type))
+                places.append((member, end))
+                end += self._bytes(member)
+            self._places[name] = places
+        return self._places[name]
+
+    def _bytes(self, member: Field) -> int:
+        return (POINTER if member.pointer else self.size(member.type)) * (member.length or 1)
 
     def _alignment(self, name: str) -> int:
         if name not in self.headers.structs:
