@@ -404,7 +404,8 @@ def lanes() -> None:
     heading(f"Lanes: {count} variants of uomodri's PI-ILC, 1 s each, from the changed study to its metrics")
     ripple = {"name": "speed_ripple", "kind": "ripple-rms", "signal": "omega_m", "last": "0.5 s"}
     base = cogless.load("uomodri", {"scenario.slow.duration": "1 s", "metric": [ripple]})
-    changes = [{"scenario.slow.override": {"mechanics.inertia": f"{6e-6 * (0.8 + 0.4 * n / count)} kg*m^2"}} for n in range(count)]
+    inertias = [f"{6e-6 * (0.8 + 0.4 * n / count)} kg*m^2" for n in range(count)]
+    changes = [{"scenario.slow.override": {"mechanics.inertia": inertia}} for inertia in inertias]
 
     def seconds(made: Callable[[], object]) -> float:
         begun = time.process_time()
