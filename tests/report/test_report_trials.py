@@ -90,6 +90,13 @@ def test_verdict_when_the_start_takes_longest(study):
     assert verdict.details[0].startswith("ILC into the input never reaches the floor; its first trial after")
 
 
+def test_verdict_names_the_slowest_of_the_changes(study):
+    rms = falls(3.0)
+    rms[:10] = rms[40:46] = 4.0
+    verdict = alone(study, {"ilc": rms, "input": STAYS})
+    assert "within 11 trials of the start and within 7 trials after every change" in verdict.headline
+
+
 def test_verdict_when_the_floor_is_never_reached(study):
     verdict = alone(study, {"ilc": falls(6.0, floor=1.2), "input": STAYS, "none": STAYS})
     assert verdict.tone == "worse"

@@ -135,6 +135,13 @@ def test_a_reference_from_a_file(tmp_path: Path) -> None:
     assert study.scenario["low"].top_speed == pytest.approx(2 * math.pi)  # it begins at 60 r/min
 
 
+def test_a_reference_file_without_a_heading_is_in_s_and_rad_per_s(tmp_path: Path) -> None:
+    path = studies.write(tmp_path)
+    (tmp_path / "speeds.csv").write_text("0,1.0\n0.2,3.0\n0.4,2.0\n")
+    study = load(path, {"scenario.low.reference": {"file": "speeds.csv"}})
+    assert study.scenario["low"].reference.points == ((0.0, 1.0), (0.2, 3.0), (0.4, 2.0))
+
+
 @pytest.mark.parametrize(
     "heading",
     [
