@@ -158,3 +158,15 @@ def test_a_plan_needs_no_workers(tmp_path: Path) -> None:
     assert [len(planned.changes(chunk)) for chunk in range(planned.chunks)] == [16, 16, 8]
     assert [list(planned.part(sweeping.Shard(index, 2))) for index in (0, 1)] == [[0, 2], [1]]
     assert planned.variants(sweeping.Shard(0, 2)) == 24
+
+
+@pytest.mark.parametrize(("times", "tone"), [(4.0, "worse"), (0.9, "better")])
+def test_the_verdict_is_no_praise_where_most_variants_break_the_limit(
+    tmp_path: Path, times: float, tone: str
+) -> None:
+    limit = ensembles.study(tmp_path).metric[0].limit
+    assert limit is not None
+    sweep = made(tmp_path, 100, lambda x, y: 4.0 * limit * x)
+    sweep.values[:, 1, 0] = sweep.values[:, 0, 0] * times / 4.0
+    report.write(sweep, tmp_path / "report.html", lambda settings, pair: "")
+    assert f'<li class="{tone}">' in (tmp_path / "report.html").read_text()

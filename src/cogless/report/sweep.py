@@ -123,6 +123,8 @@ def _tone(results: SweepResults, limited: Sequence[Sequence[Spread]]) -> str:
         return "even"
     shares = _shares(results, limited)
     best = max(shares.values())
+    if best < 0.5:  # most variants break a limit, whatever the controller
+        return "worse"
     winners = [name for name, share in shares.items() if share == best]
     if results.study.baseline in winners:
         return "worse" if len(winners) == 1 and len(shares) > 1 else "even"
