@@ -120,12 +120,12 @@ public:
         }
     };
 
-    // One step, within which the rotor neither stops nor breaks away. angle(theta) returns what depends on an
-    // angle, angle.both() on two;
-    // share_angles: Nystrom's method. The voltage has no effect if the currents are given. With lanes, h is the nominal step.
+    // One step, within which the rotor neither stops nor breaks away. angle(theta) returns what depends on an angle,
+    // angle.both() on two, and share_angles says whether it is dear: then by Nystrom's method. The voltage has no effect if
+    // the currents are given. With lanes, h is the nominal step.
     template <Detail detail, class Angle>
     [[gnu::always_inline]] Step<detail> step(const PlantState<Real>& x, const AtAngle<Real>& here, Voltage<Real> u,
-                                                  double time, double h, Angle&& angle) const {
+                                             double time, double h, Angle&& angle) const {
         const auto load = load_.later(x.load, h);
         // grouped for the shortest chain from one stage's state to the next
         const Real per_inertia = select(x.stuck, Real(0.0), per_inertia_);

@@ -89,17 +89,15 @@ struct alignas(8 * width) Wide {
 template <class Real>
 constexpr bool is_wide = requires { Real::lanes; };
 
-namespace detail {
 template <class Real>
-constexpr std::size_t lanes = 1;
+constexpr std::size_t lanes_of = 1;
 template <class Real>
     requires is_wide<Real>
-constexpr std::size_t lanes<Real> = Real::lanes;
-}  // namespace detail
+constexpr std::size_t lanes_of<Real> = Real::lanes;
 
 // One object for each lane of a Real.
 template <class Object, class Real>
-using Each = std::array<const Object*, detail::lanes<Real>>;
+using Each = std::array<const Object*, lanes_of<Real>>;
 
 // One number of each lane's object.
 template <class Real, class Object, std::size_t count, class Get>

@@ -1,5 +1,6 @@
 """The command line as a user meets it: tables, files, exit codes, one line for a mistake."""
 
+import inspect
 import json
 import os
 import signal
@@ -14,6 +15,7 @@ from commands import cogless
 
 import studies
 from cogless.catalogue import catalogue
+from cogless.cli import app
 from cogless.study.laws import AnyController
 from cogless.study.trial_controller import AnyTrialController
 
@@ -397,3 +399,9 @@ def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
     for command in ("run", "design", "list", "calibrate"):
         code, out, _ = cogless(capsys, command, "--help")
         assert code == 0 and f"Usage: cogless {command}" in out
+
+
+def test_no_help_text_loses_words_to_markup() -> None:
+    """A word in brackets would be taken for markup, and not be shown."""
+    for command in app.registered_commands:
+        assert "[" not in (inspect.getdoc(command.callback) or ""), command.callback

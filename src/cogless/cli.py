@@ -22,7 +22,7 @@ from cogless.run.side_by_side import left_behind
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import Progress, ProgressColumn
     from rich.text import Text
 
     from cogless.ensemble.executors import Workers
@@ -75,6 +75,10 @@ ScenarioOption = Annotated[
 OnlyOption = Annotated[
     list[str] | None,
     typer.Option("--only", metavar="SCENARIO/CONTROLLER", help="Only this run; * and ? match. Repeatable."),
+]
+OutputOption = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="DIR", help="Where results go.", show_default="results/STUDY"),
 ]
 DaskOption = Annotated[
     str | None,
@@ -152,10 +156,7 @@ def _options(
 @app.command()
 def run(
     study: StudyArgument,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="Where results go.", show_default="results/STUDY"),
-    ] = None,
+    output: OutputOption = None,
     only: OnlyOption = None,
     changes: SetOption = None,
     plots: Annotated[bool, typer.Option("--plots", help="Also write PNG pictures.")] = False,
@@ -209,10 +210,7 @@ def run(
 def sweep(
     study: StudyArgument,
     count: Annotated[int, typer.Option("-n", min=1, metavar="N", help="Variants to draw.")] = 1000,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="Where it goes.", show_default="results/STUDY"),
-    ] = None,
+    output: OutputOption = None,
     only: OnlyOption = None,
     changes: SetOption = None,
     jobs: JobsOption = CORES,
@@ -223,7 +221,7 @@ def sweep(
     ] = None,
     merge: Annotated[bool, typer.Option("--merge", help="Put finished shards in DIR together.")] = False,
 ) -> None:
-    """Run a study as many variants of itself, drawn as its table [vary] says: what spreads, and why.
+    """Run a study as many variants of itself, drawn as its vary table says: what spreads, and why.
 
     Writes sweep.parquet, a row for each run, and report.html. The same command goes on with a sweep that was
     ended, and with a larger -n adds to it.
@@ -259,15 +257,12 @@ def sweep(
 @app.command()
 def tune(
     study: StudyArgument,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="Where it goes.", show_default="results/STUDY"),
-    ] = None,
+    output: OutputOption = None,
     changes: SetOption = None,
     jobs: JobsOption = CORES,
     dask: DaskOption = None,
 ) -> None:
-    """Choose gains as a study's table [tune] says, and show on fresh variants what they are worth.
+    """Choose gains as a study's tune table says, and show on fresh variants what they are worth.
 
     Writes STUDY-tuned.toml, the same file with the better values, and report.html, before beside after. The
     same command goes on with a tuning that was ended.
@@ -643,11 +638,9 @@ def _run_progress(runs: int) -> Iterator[StudyProgress]:
 @contextmanager
 def _variant_progress(variants: int) -> Iterator[Callable[[int], None]]:
     """Show finished variants and the time left on stderr if it is a terminal."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-    console = _console(stderr=True)
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("variants, left"), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with _bar(BarColumn(), MofNCompleteColumn(), TextColumn("variants, left"), TimeRemainingColumn()) as bar:
         task = bar.add_task("", total=variants)
         yield lambda done: bar.update(task, completed=done)
 
@@ -655,11 +648,10 @@ def _variant_progress(variants: int) -> Iterator[Callable[[int], None]]:
 @contextmanager
 def _tune_progress() -> Iterator[Callable[[str, int, int, float], None]]:
     """Show what is tuned, how far it is, and the best value so far on stderr if it is a terminal."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-    console = _console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    about = TextColumn("{task.description}")
+    with _bar(about, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()) as bar:
         tasks: dict[str, Any] = {}
 
         def report(name: str, tried: int, budget: int, best: float) -> None:
@@ -679,12 +671,12 @@ def _share_progress(what: str) -> Iterator[Callable[[float], None]]:
         yield lambda share: bar.update(task, completed=share)
 
 
-def _bar() -> Progress:
-    """A progress bar on stderr, hidden if that is no terminal."""
+def _bar(*columns: ProgressColumn) -> Progress:
+    """A progress bar on stderr, hidden if that is no terminal; columns: by default text, bar and time."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     console = _console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    columns = columns or (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -102,16 +103,23 @@ def killed_at(monkeypatch: pytest.MonkeyPatch, number: int, error: BaseException
     return made
 
 
-@pytest.mark.skipif(os.name != "posix", reason="links")
-def test_killed_at_any_step_of_the_switch_a_reader_finds_one_set(tmp_path: Path) -> None:
-    """Each call that changes the folder is where the process ends, once; then the next run cleans."""
-    first, outcomes = tmp_path / "first", []
+def old_sets(tmp_path: Path) -> Iterator[tuple[int, Path]]:
+    """Numbers from 1, each with a folder that holds the old set and a file of the user's."""
+    first = tmp_path / "first"
     first.mkdir()
     (first / "mine.txt").write_text("mine")
     write(first, "old")
     for number in range(1, 200):
         folder = tmp_path / str(number)
         shutil.copytree(first, folder)
+        yield number, folder
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links")
+def test_killed_at_any_step_of_the_switch_a_reader_finds_one_set(tmp_path: Path) -> None:
+    """Each call that changes the folder is where the process ends, once; then the next run cleans."""
+    outcomes = []
+    for number, folder in old_sets(tmp_path):
         with pytest.MonkeyPatch.context() as patch:
             made = killed_at(patch, number, Killed())
             with suppress(Killed):
@@ -130,13 +138,8 @@ def test_killed_at_any_step_of_the_switch_a_reader_finds_one_set(tmp_path: Path)
 @pytest.mark.skipif(os.name != "posix", reason="links")
 def test_no_room_for_the_links_leaves_the_old_set(tmp_path: Path) -> None:
     full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    first, seen = tmp_path / "first", 0
-    first.mkdir()
-    (first / "mine.txt").write_text("mine")
-    write(first, "old")
-    for number in range(1, 200):
-        folder = tmp_path / str(number)
-        shutil.copytree(first, folder)
+    seen = 0
+    for number, folder in old_sets(tmp_path):
         with pytest.MonkeyPatch.context() as patch:
             made = killed_at(patch, number, full)
             try:

@@ -22,7 +22,7 @@ from cogless.ensemble.parcel import pack
 from cogless.ensemble.sample import SEED, Ensemble, draw, seeds
 from cogless.ensemble.search import Search, Settings
 from cogless.ensemble.sweep import CHUNK
-from cogless.ensemble.table import Sweep
+from cogless.ensemble.table import Sweep, gathered
 from cogless.ensemble.work import Pair, rows
 from cogless.errors import StudyError
 from cogless.run.simulate import runs_of
@@ -140,11 +140,9 @@ class Evaluation:
         found: dict[int, Any] = {}
         run_all(self.workers, rows, tasks, found.__setitem__)
         in_order = [row for number in range(len(chunks)) for row in found[number]]
-        numbers = np.array([[row[:-1] for row in of] for of in in_order], dtype=float)
-        shape = (len(candidates), count, len(self.subject.pairs), len(self.columns))
         return [
-            Sweep(self.study, self.ensemble, self.subject.pairs, self.columns, values, {})
-            for values in numbers.reshape(shape)
+            gathered(self.study, self.ensemble, self.subject.pairs, in_order[at : at + count])
+            for at in range(0, len(in_order), count)
         ]
 
     def scores(self, candidates: Sequence[Mapping[str, Any]]) -> list[Score]:

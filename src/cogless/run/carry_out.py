@@ -36,9 +36,8 @@ def measure(study: AnyStudy, scenario: str, trace: Trace) -> dict[str, Value]:
 def carried_out(planned: Plan, progress: Progress, stop: Event, room: TraceRoom | None) -> Run:
     """Run a plan alone, and compute its metrics. StudyError: the run failed."""
     drive, state = planned.drive, planned.start()
-    rows = -(-planned.ticks // planned.decimation)
-    file = room.file(drive.signals, rows) if room is not None else None
-    recorder = planned.engine.Recorder(drive, planned.decimation, 0 if file else rows)
+    file = room.file(drive.signals, planned.rows) if room is not None else None
+    recorder = planned.engine.Recorder(drive, planned.decimation, 0 if file else planned.rows)
 
     def after_a_piece(share: float) -> None:
         if file is not None:
@@ -56,17 +55,17 @@ class _Lane:
 
     def __init__(self, planned: Plan) -> None:
         self.planned, self.state, self.error = planned, planned.start(), ""
-        rows = -(-planned.ticks // planned.decimation)
-        self.recorder = planned.engine.Recorder(planned.drive, planned.decimation, rows)
+        self.recorder = planned.engine.Recorder(planned.drive, planned.decimation, planned.rows)
 
     def outcome(self, lanes: int) -> Run | StudyError:
         """The finished run, or why it failed."""
         planned, state = self.planned, self.state
         try:
-            with failures(*planned.names, lambda: planned.when(state.tick)):
-                if self.error:
-                    raise RuntimeError(self.error)
-            return _finished(planned, state, trace_of(planned.drive, self.recorder), lanes)
+            with failures(*planned.names):
+                with failures(*planned.names, lambda: planned.when(state.tick)):
+                    if self.error:
+                        raise RuntimeError(self.error)
+                return _finished(planned, state, trace_of(planned.drive, self.recorder), lanes)
         except StudyError as error:
             return error
 
@@ -78,9 +77,7 @@ def carried_out_together(plans: Sequence[Plan], stop: Event) -> list[Run | Study
     """
     first = plans[0]
     width = first.engine.lane_kernels()[0][1]
-    beside = [plan for plan in plans if _goes_with(plan, first)][:width]
-    if len(beside) < 2:
-        beside = [first]
+    beside = [plan for plan in plans if _goes_with(plan, first)][:width] or [first]
     outcomes = {id(plan): outcome for plan, outcome in zip(beside, _outcomes(beside, stop), strict=True)}
     others = [plan for plan in plans if id(plan) not in outcomes]
     if others:

@@ -53,6 +53,11 @@ class Plan:
         return state
 
     @property
+    def rows(self) -> int:
+        """Rows of the trace."""
+        return -(-self.ticks // self.decimation)
+
+    @property
     def names(self) -> tuple[AnyStudy, str, str]:
         """Study, scenario and controller."""
         return self.study, self.scenario, self.controller

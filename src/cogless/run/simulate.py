@@ -135,20 +135,19 @@ def _rollout(
         return made if keep_traces else [_without_trace(run) for run in made]
 
     groups = _groups(runs, jobs) if len(studies) > 1 else [[run] for run in runs]
-    for members, made in zip(
-        groups, side_by_side([partial(group, members) for members in groups], jobs, stop), strict=True
-    ):
-        _hand_over(made, members)
-    futures = iter(run.future for run in runs)
-    return _collected(studies, [list(islice(futures, len(of_study))) for of_study in pairs], stop.is_set())
+    made = side_by_side([partial(group, members) for members in groups], jobs, stop)
+    for members, future in zip(groups, made, strict=True):
+        _hand_over(future, members)
+    in_order = iter(run.outcome for run in runs)
+    return _collected(studies, [list(islice(in_order, len(of_study))) for of_study in pairs], stop.is_set())
 
 
 class _Pending:
-    """A run to make, and its result to come."""
+    """A run to make. `outcome`: what came of it, None as long as it isn't done."""
 
     def __init__(self, study: AnyStudy, designs: Designs, scenario: str, controller: str) -> None:
         self.study, self.designs, self.scenario, self.controller = study, designs, scenario, controller
-        self.future: Future[Run] = Future()
+        self.outcome: Run | BaseException | None = None
 
 
 def _groups(runs: Sequence[_Pending], jobs: int) -> list[list[_Pending]]:
@@ -174,17 +173,13 @@ def _together(members: Sequence[_Pending], stop: Event) -> list[Run | StudyError
 
 
 def _hand_over(group: Future[list[Run | StudyError]], members: Sequence[_Pending]) -> None:
-    """Give each run its part of what its group made. With Ctrl-C, it's not done."""
+    """Give each run its part of what its group made; with Ctrl-C, it may have made nothing."""
     if not group.done():
         return
     failure = group.exception()
-    for run, made in zip(
-        members, group.result() if failure is None else [failure] * len(members), strict=True
-    ):
-        if isinstance(made, Run):
-            run.future.set_result(made)
-        else:
-            run.future.set_exception(made)
+    made = group.result() if failure is None else [failure] * len(members)
+    for run, outcome in zip(members, made, strict=True):
+        run.outcome = outcome
 
 
 def _without_trace(run: Run | StudyError) -> Run | StudyError:
@@ -238,23 +233,20 @@ def _run(
 
 
 def _collected(
-    studies: Sequence[AnyStudy], futures: Sequence[Sequence[Future[Run]]], stopped: bool
+    studies: Sequence[AnyStudy], outcomes: Sequence[Sequence[Run | BaseException | None]], stopped: bool
 ) -> list[AnyResults]:
     results: list[AnyResults] = []
     failures: list[StudyError] = []
     failed: list[AnyResults] = []
-    for study, of_study in zip(studies, futures, strict=True):
+    for study, of_study in zip(studies, outcomes, strict=True):
         finished, before = [], len(failures)
-        for future in of_study:
-            if not future.done():  # Ctrl-C
-                continue
-            error = future.exception()
-            if error is None:
-                finished.append(future.result())
-            elif isinstance(error, StudyError):
-                failures.append(error)
-            elif not isinstance(error, Stopped):
-                raise error
+        for outcome in of_study:
+            if isinstance(outcome, Run):
+                finished.append(outcome)
+            elif isinstance(outcome, StudyError):
+                failures.append(outcome)
+            elif outcome is not None and not isinstance(outcome, Stopped):  # these are Ctrl-C's
+                raise outcome
         fails = len(failures) > before
         interrupted = stopped or fails
         if isinstance(study, TrialStudy):
