@@ -88,16 +88,6 @@ void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
     law->terms.adapted = law->adapted * per_b;
     const cgl_real wanted = law->terms.surface + law->terms.switching + law->terms.linear + law->terms.learned
                             + law->terms.adapted;
-    if (learn && cgl_is_below(wanted, config->limit)) {
-        law->saturated = false;
-        law->error_integral = error_integral;
-        law->integral_lost = lost;
-        law->adapted =
-            cgl_add(law->adapted, law->ts * config->gamma * surface, config->b * config->limit, &law->adapted_lost); /* (20) */
-        out->i_q_ref = wanted;
-        out->status = 0U;
-        return;
-    }
     law->saturated = !cgl_is_below(wanted, config->limit);
     out->i_q_ref = cgl_clamp(wanted, config->limit);
 

@@ -114,15 +114,6 @@ void cgl_space_position_step(cgl_space_position *law,
     cgl_real lost = law->integral_lost;
     const cgl_real integral = cgl_add(law->integral, config->k_i * law->ts * omega_t, config->limit, &lost);
     const cgl_real wanted = rest - share_i * integral;
-    if (learn && cgl_is_below(wanted, config->limit)) {
-        law->saturated = false;
-        law->integral = integral;
-        law->integral_lost = lost;
-        terms->integral = -share_i * integral;
-        out->i_q_ref = wanted;
-        out->status = 0U;
-        return;
-    }
     law->saturated = !cgl_is_below(wanted, config->limit);
     out->i_q_ref = cgl_clamp(wanted, config->limit);
     if (!law->saturated || omega_t * out->i_q_ref > CGL_R(0.0)) {

@@ -69,12 +69,6 @@ void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
     terms->beta = config->memory.channels > 1U ? delta[1] * omega : CGL_R(0.0);
     terms->h = config->memory.channels > 2U ? delta[2] * alpha_ref : CGL_R(0.0);
     const cgl_real wanted = terms->proportional + terms->alpha + terms->beta + terms->h;
-    if (learn && cgl_is_below(wanted, config->limit)) {
-        law->saturated = false;
-        out->i_q_ref = wanted;
-        out->status = 0U;
-        return;
-    }
     law->saturated = !cgl_is_below(wanted, config->limit);
     out->i_q_ref = cgl_clamp(wanted, config->limit);
     out->status = (law->saturated ? (unsigned)CGL_STATUS_SATURATED : 0U) | (learn ? 0U : (unsigned)CGL_STATUS_FROZEN)
