@@ -16,11 +16,9 @@ class CPi:
 
     def __init__(self, library, reference: Pi):
         self.library = library
-        self.config = library.new(
-            "cgl_pi_config", kp=reference.kp, ki=reference.ki, ts=reference.ts, limit=reference.limit
-        )
+        self.config = library.new("cgl_pi_config", kp=reference.kp, ki=reference.ki, limit=reference.limit)
         self.state = library.new("cgl_pi")
-        assert library.lib.cgl_pi_init(self.state, self.config, ts) == library.lib.CGL_OK
+        assert library.lib.cgl_pi_init(self.state, self.config, reference.ts) == library.lib.CGL_OK
 
     def step(self, error: float, feedforward: float = 0.0) -> float:
         return self.library.lib.cgl_pi_step(self.state, error, feedforward)
@@ -53,21 +51,22 @@ def test_double_equals_the_reference(seed):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_single_stays_within_rounding(seed):
-    """Each step rounds an increment and a sum that are at most `limit` in size, each by eps / 2 at most, at
-    random: after n steps eps limit sqrt(n). The gain ki ts is rounded once for good: eps of the integral.
-    Where the output is so close to its limit that rounding decides whether the integral holds, the C's
-    integral is taken over and the walk starts anew."""
+    """What a sum loses is made up for, so only increments are rounded, by eps of one at random: after n steps
+    eps increment sqrt(n). The gain ki ts is rounded once for good: eps of the integral. Where the output is so
+    close to its limit that rounding decides whether the integral holds, the C's integral is taken over and
+    the walk starts anew."""
     rng = np.random.default_rng(100 + seed)
     library = control_library("float")
     reference = random_pi(rng, np.float32)
     law = CPi(library, reference)
     error = rounded(rng.normal(0, 5, STEPS) + 8 * np.sin(np.arange(STEPS) / rng.uniform(10, 300)), np.float32)
+    increment = reference.ki * reference.ts * np.max(np.abs(error))
     undecided = 0
     since = 0
     for e in error:
         since += 1
         scale = reference.limit + abs(reference.kp * e)
-        bound = library.eps * scale * (4 + 2 * math.sqrt(since))
+        bound = library.eps * (4 * scale + 2 * increment * math.sqrt(since))
         got, expected = law.step(e), reference.step(e)
         assert abs(got - expected) <= bound
         if bool(law.state.saturated) != reference.saturated:

@@ -25,24 +25,28 @@ class CLaw:
         self.library, lib = library, library.lib
         memory = memory_config(library, reference.memory)
         if isinstance(reference, PiIlc):
-            pi = {name: getattr(reference.pi, name) for name in ("kp", "ki", "ts", "limit")}
+            pi = {name: getattr(reference.pi, name) for name in ("kp", "ki", "limit")}
             self.config = library.new("cgl_pi_ilc_config", pi=pi, gain=reference.gain, memory=memory)
             self.state, init = library.new("cgl_pi_ilc"), lib.cgl_pi_ilc_init
             self.c_step = lib.cgl_pi_ilc_step
         else:
-            gains = {f.name: getattr(reference, f.name) for f in dataclasses.fields(reference)[:12]}
+            gains = {
+                f.name: getattr(reference, f.name)
+                for f in dataclasses.fields(reference)[:12]
+                if f.name != "ts"
+            }
             self.config = library.new("cgl_robust_ilc_config", memory=memory, **gains)
             self.state, init = library.new("cgl_robust_ilc"), lib.cgl_robust_ilc_init
             self.c_step = lib.cgl_robust_ilc_step
         length = memory["cells"] + memory["q_half_width"] + 1
         self.cell, pointer = library.array(np.zeros(length))
-        assert init(self.config, self.state, pointer, length) == lib.CGL_OK
+        assert init(self.state, self.config, TS, pointer, length) == lib.CGL_OK
         self.input, self.output = library.new("cgl_law_input"), library.new("cgl_law_output")
 
     def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:
         i = self.input
         i.omega_ref, i.omega_m, i.theta_m, i.learn = omega_ref, omega_m, theta_m, learn
-        self.c_step(self.config, self.state, i, self.output)
+        self.c_step(self.state, i, self.output)
         return self.output.i_q_ref
 
     @property
