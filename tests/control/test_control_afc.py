@@ -1,6 +1,5 @@
 """PI with adaptive feedforward cancellation: agreement with the reference, and what the law does."""
 
-import dataclasses
 import math
 
 import numpy as np

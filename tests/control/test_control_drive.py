@@ -267,7 +267,8 @@ def test_a_d_axis_reference_that_is_no_number_is_none(precision):
         {"foc": FOC | {"current_limit": 0.0}}, {"monitor": MONITOR | {"hold": -1.0}},
         {"quality": QUALITY | {"span": 0.0}},
         # parts that do not agree
-        {"monitor": MONITOR | {"phases": 0}}, {"monitor": MONITOR | {"phases": 2}}, {"foc": FOC | {"phases": 2}},
+        {"monitor": MONITOR | {"phases": 0}}, {"monitor": MONITOR | {"phases": 2}},
+        {"foc": FOC | {"phases": 2}},
     ],
 )  # fmt: skip
 def test_init_refuses(precision, changes):

@@ -208,3 +208,31 @@ def test_holds_the_current_of_a_motor_and_recovers_from_a_sagging_bus(precision)
     assert abs(history[1999] - 4j) > 1
     assert max(abs(h) for h in history[2000:]) < 1.3 * max(4, abs(history[1999]))
     assert abs(history[2100] - 4j) < 0.02
+
+
+def test_small_terms_add_up_beside_a_large_integral():
+    """ki ts e is less than half of what a float tells apart at 5 V."""
+    library, steps = control_library("float"), 200_000
+    law = CFoc(library, Foc(0.0, 1.0, 0.0, 1.0, 50e-6, 5.0, 0.5, False, 0.0, 0.0, 0.0))
+    law.state.integral_d, law.state.integral_q = -5.0, 5.0
+    inputs = library.new("cgl_foc_input", u_dc=100.0, i_d_ref=-0.004, i_q_ref=0.004)
+    for _ in range(steps):
+        library.lib.cgl_foc_step(law.state, inputs, law.out)
+    risen = steps * 50e-6 * 0.004
+    assert law.state.integral_q - 5.0 == pytest.approx(risen, rel=0.01)
+    assert law.state.integral_d + 5.0 == pytest.approx(-risen, rel=0.01)
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+def test_other_gains_keep_the_integrals(precision):
+    library = control_library(precision)
+    law = CFoc(library, Foc(2.0, 100.0, 2.0, 100.0, 1e-4, 5.0, 0.0, False, 0.0, 0.0, 0.0))
+    for _ in range(20):
+        law.step([0.0] * 3, 0.0, 0.0, 100.0, 1 + 2j)
+    before = law.state.integral_d, law.state.integral_q
+    law.config.kp_d, law.config.ki_q = 1.0, 0.0
+    assert library.lib.cgl_foc_retune(law.state, law.config) == library.lib.CGL_OK
+    assert (law.state.integral_d, law.state.integral_q) == before != (0.0, 0.0)
+    u_d = law.step([0.0] * 3, 0.0, 0.0, 100.0, 1 + 2j).u_d
+    assert u_d == pytest.approx(1.0 * 1.0 + before[0], rel=10 * library.eps)
+    assert law.state.integral_q == before[1]

@@ -180,9 +180,15 @@ TIMELESS = {"feedforward", "trial"}  # these know samples only
 
 
 def init(
-    library: ControlLibrary, law: str, config: dict[str, Any], pointer=None, length=100, ts: float = 1e-3
+    library: ControlLibrary,
+    law: str,
+    config: dict[str, Any],
+    pointer=None,
+    length=100,
+    ts: float = 1e-3,
+    state=None,
 ) -> int:
-    arguments = [library.new(f"cgl_{law}"), library.new(f"cgl_{law}_config", **config)]
+    arguments = [state or library.new(f"cgl_{law}"), library.new(f"cgl_{law}_config", **config)]
     if law == "feedforward":
         arguments.reverse()
     if law not in TIMELESS:

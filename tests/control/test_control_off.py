@@ -48,10 +48,10 @@ def terms(state) -> dict[str, float]:
 class Law:
     """A law at 10 rad/s, with an error that repeats each revolution, on a base."""
 
-    def __init__(self, library: ControlLibrary, name: str):
+    def __init__(self, library: ControlLibrary, name: str, **changes: Any):
         self.library, self.name = library, name
         base = "cgl_pi" if name == "speed_pi" else f"cgl_{name}"
-        self.config = library.new(f"{base}_config", **LAWS[name])
+        self.config = library.new(f"{base}_config", **LAWS[name] | changes)
         self.state = library.new(base)
         self.cell, pointer = library.array(np.zeros(200))
         memory = () if name in WITHOUT_MEMORY else (pointer, 200)

@@ -1,29 +1,58 @@
 #include "memory.h"
 
-CGL_SELDOM cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, cgl_real ts, cgl_real *cell,
-                                     uint32_t length)
+CGL_SELDOM static bool is_valid(const cgl_memory_config *config)
 {
     const uint32_t most = config->kind == CGL_MEMORY_TIME ? CGL_SAMPLES_MAX : CGL_CELLS_MAX;
-    if (!(config->cells >= 4U && config->cells <= most && config->periods_per_rev >= 1U
-          && config->periods_per_rev <= 65535U && config->q_half_width < most
-          && 2U * config->q_half_width + 1U <= config->cells && config->lead <= config->cells / 4U
-          && config->forgetting > CGL_R(0.0) && config->forgetting <= CGL_R(1.0)
-          && cgl_is_positive(config->limit) && cgl_is_positive(ts)
-          && (config->kind == CGL_MEMORY_ANGLE || config->kind == CGL_MEMORY_TIME))) {
-        return CGL_ERROR_CONFIG;
-    }
-    if (cell == 0 || length < CGL_MEMORY_LENGTH(config->cells, config->q_half_width)) {
-        return CGL_ERROR_MEMORY;
-    }
+    return config->cells >= 4U && config->cells <= most && config->periods_per_rev >= 1U
+           && config->periods_per_rev <= 65535U && config->q_half_width < most
+           && 2U * config->q_half_width + 1U <= config->cells && config->lead <= config->cells / 4U
+           && config->forgetting > CGL_R(0.0) && config->forgetting <= CGL_R(1.0)
+           && cgl_is_positive(config->limit)
+           && (config->kind == CGL_MEMORY_ANGLE || config->kind == CGL_MEMORY_TIME);
+}
+
+/* Takes the config, and what follows from it. */
+CGL_SELDOM static void take(cgl_memory *memory, const cgl_memory_config *config)
+{
     memory->config = *config;
-    memory->ts = ts;
-    memory->cell = cell;
     memory->per_rad = (cgl_real)config->periods_per_rev / CGL_TWO_PI;
     memory->gain = config->forgetting / (cgl_real)(2U * config->q_half_width + 1U);
     memory->length = (cgl_real)config->cells;
     memory->lead = (cgl_real)config->lead;
     memory->fastest = CGL_R(0.25) * memory->length / (cgl_real)(config->lead > 0U ? config->lead : 1U);
+}
+
+CGL_SELDOM cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, cgl_real ts, cgl_real *cell,
+                                     uint32_t length)
+{
+    if (!(is_valid(config) && cgl_is_positive(ts))) {
+        return CGL_ERROR_CONFIG;
+    }
+    if (cell == 0 || length < CGL_MEMORY_LENGTH(config->cells, config->q_half_width)) {
+        return CGL_ERROR_MEMORY;
+    }
+    take(memory, config);
+    memory->ts = ts;
+    memory->cell = cell;
     cgl_memory_reset(memory);
+    return CGL_OK;
+}
+
+CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config)
+{
+    const cgl_memory_config *const now = &memory->config;
+    if (!(is_valid(config) && config->kind == now->kind && config->cells == now->cells
+          && config->periods_per_rev == now->periods_per_rev && config->q_half_width == now->q_half_width)) {
+        return CGL_ERROR_CONFIG;
+    }
+    take(memory, config);
+    const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
+    for (uint32_t n = 0; n < length; ++n) {
+        memory->cell[n] = cgl_clamped(memory->cell[n], config->limit);
+    }
+    memory->value = cgl_clamped(memory->value, config->limit);
+    memory->newest = memory->steady ? memory->at : memory->newest;
+    memory->steady = memory->lagging = false; /* sum and correction are those of before */
     return CGL_OK;
 }
 

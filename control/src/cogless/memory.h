@@ -68,6 +68,9 @@ typedef struct {
 /* Takes the caller's memory of `length` entries and clears it. */
 cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, cgl_real ts, cgl_real *cell, uint32_t length);
 
+/* Takes another lead, forgetting and limit while it runs; the rest must stay. What is learned stays, within the limit. */
+cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config);
+
 /* Forgets everything learned. */
 void cgl_memory_reset(cgl_memory *memory);
 

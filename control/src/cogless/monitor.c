@@ -28,20 +28,22 @@ CGL_SELDOM static uint32_t periods(cgl_real time, cgl_real ts)
     return (cgl_real)whole < exact * CGL_R(0.999) ? whole + 1U : whole;
 }
 
-CGL_SELDOM cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
+CGL_SELDOM static bool is_valid(const cgl_monitor_config *config, cgl_real ts)
 {
     static const cgl_range range[] = {CGL_RANGE(cgl_monitor_config, omega_max, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_monitor_config, angle_step, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_monitor_config, stuck_angle, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_monitor_config, current_max, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_monitor_config, current_sum, CGL_NOT_NEGATIVE)};
-    if (!(CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts)
-          && is_time(config->speed_window, ts) && is_time(config->bridge, ts)
-          && is_time(config->hold, ts) && is_time(config->stuck_time, ts)
-          && is_time((cgl_real)TRY_AGAIN * config->stuck_time, ts)
-          && (config->phases == 0U || config->phases == 2U || config->phases == 3U))) {
-        return CGL_ERROR_CONFIG;
-    }
+    return CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts)
+           && is_time(config->speed_window, ts) && is_time(config->bridge, ts)
+           && is_time(config->hold, ts) && is_time(config->stuck_time, ts)
+           && is_time((cgl_real)TRY_AGAIN * config->stuck_time, ts)
+           && (config->phases == 0U || config->phases == 2U || config->phases == 3U);
+}
+
+CGL_SELDOM static void take(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
+{
     monitor->config = *config;
     monitor->ts = ts;
     cgl_monitor_limits *limits = &monitor->limits;
@@ -63,7 +65,24 @@ CGL_SELDOM cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_co
     limits->bridge = periods(config->bridge, ts);
     limits->hold = periods(config->hold, ts);
     limits->stuck = periods(config->stuck_time, ts);
+}
+
+CGL_SELDOM cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
+{
+    if (!is_valid(config, ts)) {
+        return CGL_ERROR_CONFIG;
+    }
+    take(monitor, config, ts);
     cgl_monitor_reset(monitor);
+    return CGL_OK;
+}
+
+CGL_SELDOM cgl_error cgl_monitor_retune(cgl_monitor *monitor, const cgl_monitor_config *config)
+{
+    if (!is_valid(config, monitor->ts)) {
+        return CGL_ERROR_CONFIG;
+    }
+    take(monitor, config, monitor->ts);
     return CGL_OK;
 }
 

@@ -27,7 +27,8 @@ typedef struct {
 /* Takes the config, which need not stay; ts: sampling period [s], > 0. */
 cgl_error cgl_pi_init(cgl_pi *pi, const cgl_pi_config *config, cgl_real ts);
 
-/* Takes other gains while it runs, without a jump of the output: the integral takes up what the proportional part leaves. */
+/* Takes other gains while it runs, without a jump of the output: the integral takes up what the proportional part leaves. As
+ * every retune it checks as init does, refuses with the state untouched, and is not called while a step runs. */
 cgl_error cgl_pi_retune(cgl_pi *pi, const cgl_pi_config *config);
 
 /* Forgets everything; the next output starts from zero integral. */

@@ -11,6 +11,20 @@ CGL_SELDOM cgl_error cgl_pi_ilc_init(cgl_pi_ilc *law, const cgl_pi_ilc_config *c
     return error != CGL_OK ? error : cgl_memory_init(&law->memory, &config->memory, ts, cell, length);
 }
 
+CGL_SELDOM cgl_error cgl_pi_ilc_retune(cgl_pi_ilc *law, const cgl_pi_ilc_config *config)
+{
+    const cgl_pi before = law->pi;
+    if (!cgl_is_not_negative(config->gain) || cgl_pi_retune(&law->pi, &config->pi) != CGL_OK) {
+        return CGL_ERROR_CONFIG;
+    }
+    if (cgl_memory_retune(&law->memory, &config->memory) != CGL_OK) {
+        law->pi = before;
+        return CGL_ERROR_CONFIG;
+    }
+    law->gain = config->gain;
+    return CGL_OK;
+}
+
 CGL_SELDOM void cgl_pi_ilc_reset(cgl_pi_ilc *law)
 {
     cgl_pi_reset(&law->pi);

@@ -10,7 +10,16 @@
 #define TREND_STILL CGL_R(0.04) /* of the ripple's square, a window: 2 % of the ripple */
 #define TREND_MOST CGL_R(0.16)  /* of one window, so that a large change is not seen for long */
 
-CGL_SELDOM cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
+CGL_SELDOM static void begin_window(cgl_quality *quality)
+{
+    quality->sum = quality->squares = quality->outlier_sum = quality->outlier_squares = CGL_R(0.0);
+    quality->peak_square = quality->turned = CGL_R(0.0);
+    quality->left = quality->longest;
+    quality->missing = quality->outliers = quality->run = quality->run_left = 0U;
+    quality->learned = quality->unusual = quality->run_above = false;
+}
+
+CGL_SELDOM static cgl_error take(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
 {
     const cgl_real longest = config->longest / ts; /* [samples] */
     if (!(cgl_is_positive(config->span) && cgl_is_positive(ts) && cgl_is_not_negative(config->longest)
@@ -20,20 +29,26 @@ CGL_SELDOM cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_co
         return CGL_ERROR_CONFIG;
     }
     quality->config = *config;
+    quality->ts = ts;
     const cgl_real turned = config->span / ts;
     quality->turned_square = cgl_clamp(turned * turned, CGL_REAL_MAX);
     quality->longest = (uint32_t)(longest + CGL_R(0.5));
-    cgl_quality_reset(quality);
+    begin_window(quality);
     return CGL_OK;
 }
 
-CGL_SELDOM static void begin_window(cgl_quality *quality)
+CGL_SELDOM cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
 {
-    quality->sum = quality->squares = quality->outlier_sum = quality->outlier_squares = CGL_R(0.0);
-    quality->peak_square = quality->turned = CGL_R(0.0);
-    quality->left = quality->longest;
-    quality->missing = quality->outliers = quality->run = quality->run_left = 0U;
-    quality->learned = quality->unusual = quality->run_above = false;
+    const cgl_error error = take(quality, config, ts);
+    if (error == CGL_OK) {
+        cgl_quality_reset(quality);
+    }
+    return error;
+}
+
+CGL_SELDOM cgl_error cgl_quality_retune(cgl_quality *quality, const cgl_quality_config *config)
+{
+    return take(quality, config, quality->ts);
 }
 
 CGL_SELDOM void cgl_quality_reset(cgl_quality *quality)

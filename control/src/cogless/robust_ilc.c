@@ -34,6 +34,16 @@ CGL_SELDOM cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_i
     return error;
 }
 
+CGL_SELDOM cgl_error cgl_robust_ilc_retune(cgl_robust_ilc *law, const cgl_robust_ilc_config *config)
+{
+    if (!is_valid(config) || cgl_memory_retune(&law->memory, &config->memory) != CGL_OK) {
+        return CGL_ERROR_CONFIG;
+    }
+    law->config = *config;
+    law->adapted = cgl_clamped(law->adapted, config->b * config->limit);
+    return CGL_OK;
+}
+
 /* Resets all but what is learned. */
 CGL_SELDOM static void start_anew(cgl_robust_ilc *law)
 {

@@ -46,6 +46,27 @@ CGL_SELDOM cgl_error cgl_space_memory_init(cgl_space_memory *memory, const cgl_s
     return CGL_OK;
 }
 
+CGL_SELDOM cgl_error cgl_space_memory_retune(cgl_space_memory *memory, const cgl_space_memory_config *config)
+{
+    const cgl_space_memory_config *const now = &memory->config;
+    if (!(is_valid(config, memory->ts) && config->kind == now->kind && config->channels == now->channels
+          && config->cells == now->cells && config->turns == now->turns && config->parts == now->parts
+          && config->q_half_width == now->q_half_width && config->method == now->method)) {
+        return CGL_ERROR_CONFIG;
+    }
+    memory->config = *config;
+    const uint32_t length = row_length(config);
+    cgl_real *row = memory->cell + (config->kind == CGL_SPACE_DELAY ? length : 0U); /* behind the angle's */
+    for (uint32_t c = 0; c < config->channels; ++c, row += length) {
+        for (uint32_t n = 0; n < length; ++n) {
+            row[n] = cgl_clamped(row[n], config->limit[c]);
+        }
+        memory->value[c] = cgl_clamped(memory->value[c], config->limit[c]);
+    }
+    memory->steady = false; /* sums are those of before */
+    return CGL_OK;
+}
+
 CGL_SELDOM void cgl_space_memory_reset(cgl_space_memory *memory)
 {
     const cgl_space_memory_config *const config = &memory->config;

@@ -80,6 +80,9 @@ typedef struct {
 cgl_error cgl_space_memory_init(cgl_space_memory *memory, const cgl_space_memory_config *config, cgl_real ts, cgl_real *cell,
                                 uint32_t length);
 
+/* Takes other limits and k_pp while it runs; the rest must stay. What is learned stays, within the limits. */
+cgl_error cgl_space_memory_retune(cgl_space_memory *memory, const cgl_space_memory_config *config);
+
 /* Forgets everything learned. */
 void cgl_space_memory_reset(cgl_space_memory *memory);
 
