@@ -13,7 +13,7 @@ CGL_SELDOM static bool is_valid(const cgl_anti_cogging_config *config)
     return CGL_IS_IN_RANGE(config, range) && config->cells >= 4U && config->revolutions <= 100U;
 }
 
-CGL_SELDOM cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_config *config, cgl_real ts, cgl_real *table,
+cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_config *config, cgl_real ts, cgl_real *table,
                                            uint32_t length)
 {
     if (!is_valid(config)) {
@@ -36,7 +36,7 @@ CGL_SELDOM cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti
     return error;
 }
 
-CGL_SELDOM cgl_error cgl_anti_cogging_retune(cgl_anti_cogging *law, const cgl_anti_cogging_config *config)
+cgl_error cgl_anti_cogging_retune(cgl_anti_cogging *law, const cgl_anti_cogging_config *config)
 {
     const bool same_run = law->stage == CGL_ANTI_COGGING_RUN || config->revolutions == law->config.revolutions;
     if (!(is_valid(config) && config->cells == law->config.cells && same_run)
@@ -50,7 +50,7 @@ CGL_SELDOM cgl_error cgl_anti_cogging_retune(cgl_anti_cogging *law, const cgl_an
     return CGL_OK;
 }
 
-CGL_SELDOM void cgl_anti_cogging_reset(cgl_anti_cogging *law)
+void cgl_anti_cogging_reset(cgl_anti_cogging *law)
 {
     const cgl_anti_cogging_config *const config = &law->config;
     if (law->stage != CGL_ANTI_COGGING_RUN) { /* half a table is worse than none */

@@ -11,7 +11,7 @@ CGL_SELDOM static bool is_valid(const cgl_drive_config *config)
            && config->divider <= DIVIDER_MAX && (config->foreign || config->monitor.phases == phases);
 }
 
-CGL_SELDOM cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_real ts)
+cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_real ts)
 {
     if (!is_valid(config)) {
         return CGL_ERROR_CONFIG;
@@ -35,7 +35,7 @@ CGL_SELDOM cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *co
     return error;
 }
 
-CGL_SELDOM cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config)
+cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config)
 {
     const cgl_foc foc = drive->foc;
     const cgl_monitor monitor = drive->monitor;

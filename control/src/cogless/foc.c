@@ -23,7 +23,7 @@ CGL_SELDOM static bool is_valid(const cgl_foc_config *config)
            && (config->phases == 0U || config->phases == 2U || config->phases == 3U);
 }
 
-CGL_SELDOM cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts)
+cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts)
 {
     if (!(is_valid(config) && cgl_is_positive(ts))) {
         return CGL_ERROR_CONFIG;
@@ -34,7 +34,7 @@ CGL_SELDOM cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cg
     return CGL_OK;
 }
 
-CGL_SELDOM cgl_error cgl_foc_retune(cgl_foc *foc, const cgl_foc_config *config)
+cgl_error cgl_foc_retune(cgl_foc *foc, const cgl_foc_config *config)
 {
     if (!(is_valid(config) && (config->phases == 2U) == (foc->config.phases == 2U))) {
         return CGL_ERROR_CONFIG;
@@ -91,7 +91,7 @@ static bool is_shorter(vector x, vector than)
     return cgl_abs(x.d) < cgl_abs(than.d) || cgl_abs(x.q) < cgl_abs(than.q);
 }
 
-CGL_SELDOM void cgl_foc_limit(const cgl_foc *foc, cgl_real *i_d_ref, cgl_real *i_q_ref)
+void cgl_foc_limit(const cgl_foc *foc, cgl_real *i_d_ref, cgl_real *i_q_ref)
 {
     const vector wanted = {*i_d_ref, *i_q_ref};
     const vector ref = shortened(wanted, foc->config.current_limit);

@@ -50,17 +50,17 @@ CGL_SELDOM static cgl_map_result of_memory(const cgl_memory *memory, uint32_t la
     return config->kind == CGL_MEMORY_ANGLE ? checked(map) : CGL_MAP_BY_TIME;
 }
 
-CGL_SELDOM cgl_map_result cgl_map_of_pi_ilc(const cgl_pi_ilc *law, cgl_map *map)
+cgl_map_result cgl_map_of_pi_ilc(const cgl_pi_ilc *law, cgl_map *map)
 {
     return of_memory(&law->memory, CGL_MAP_LAW_PI_ILC, CGL_MAP_UNIT_CURRENT, map);
 }
 
-CGL_SELDOM cgl_map_result cgl_map_of_robust_ilc(const cgl_robust_ilc *law, cgl_map *map)
+cgl_map_result cgl_map_of_robust_ilc(const cgl_robust_ilc *law, cgl_map *map)
 {
     return of_memory(&law->memory, CGL_MAP_LAW_ROBUST_ILC, CGL_MAP_UNIT_ACCELERATION, map);
 }
 
-CGL_SELDOM cgl_map_result cgl_map_of_anti_cogging(const cgl_anti_cogging *law,
+cgl_map_result cgl_map_of_anti_cogging(const cgl_anti_cogging *law,
                                        cgl_map *map)
 {
     fill(map, CGL_MAP_LAW_ANTI_COGGING, law->table, law->config.cells, CGL_MAP_UNIT_CURRENT, law->config.pi.limit);
@@ -68,7 +68,7 @@ CGL_SELDOM cgl_map_result cgl_map_of_anti_cogging(const cgl_anti_cogging *law,
 }
 
 /* ratio: of the angle that the memory counts; units_ratio: of the one in which the gains are. */
-CGL_SELDOM static cgl_map_result of_space_memory(const cgl_space_memory *memory,
+static cgl_map_result of_space_memory(const cgl_space_memory *memory,
                                       uint32_t law, uint32_t ratio, uint32_t units_ratio, cgl_map *map)
 {
     const cgl_space_memory_config *const config = &memory->config;
@@ -88,26 +88,26 @@ CGL_SELDOM static cgl_map_result of_space_memory(const cgl_space_memory *memory,
     return config->kind == CGL_SPACE_MAP ? checked(map) : CGL_MAP_BY_TIME;
 }
 
-CGL_SELDOM cgl_map_result cgl_map_of_space_position(const cgl_space_position *law,
+cgl_map_result cgl_map_of_space_position(const cgl_space_position *law,
                                          cgl_map *map)
 {
     return of_space_memory(&law->memory, CGL_MAP_LAW_SPACE_POSITION, law->config.ratio, law->config.ratio,
                            map);
 }
 
-CGL_SELDOM cgl_map_result cgl_map_of_space_speed(const cgl_space_speed *law, cgl_map *map)
+cgl_map_result cgl_map_of_space_speed(const cgl_space_speed *law, cgl_map *map)
 {
     return of_space_memory(&law->memory, CGL_MAP_LAW_SPACE_SPEED, law->config.ratio, 1U, map);
 }
 
-CGL_SELDOM cgl_map_result cgl_map_of_trial(const cgl_trial *law, cgl_map *map)
+cgl_map_result cgl_map_of_trial(const cgl_trial *law, cgl_map *map)
 {
     fill(map, CGL_MAP_LAW_TRIAL, law->learned, law->config.samples, CGL_MAP_UNIT_OF_THE_TRIAL, law->config.learned_limit);
     map->turns = map->parts = 0U;
     return checked(map);
 }
 
-CGL_SELDOM cgl_map_result cgl_map_of_pi_afc(const cgl_pi_afc *law, cgl_map *map)
+cgl_map_result cgl_map_of_pi_afc(const cgl_pi_afc *law, cgl_map *map)
 {
     fill(map, CGL_MAP_LAW_PI_AFC, law->coefficient, law->config.orders, CGL_MAP_UNIT_COSINE_CURRENT, law->config.limit);
     map->channels = 3U;

@@ -2,7 +2,7 @@
 
 #include "range.h"
 
-CGL_SELDOM static bool is_valid(const cgl_pi_config *config)
+static bool is_valid(const cgl_pi_config *config)
 {
     static const cgl_range range[] = {CGL_RANGE(cgl_pi_config, kp, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_pi_config, ki, CGL_NOT_NEGATIVE),
@@ -10,7 +10,7 @@ CGL_SELDOM static bool is_valid(const cgl_pi_config *config)
     return CGL_IS_IN_RANGE(config, range);
 }
 
-CGL_SELDOM cgl_error cgl_pi_init(cgl_pi *pi, const cgl_pi_config *config, cgl_real ts)
+cgl_error cgl_pi_init(cgl_pi *pi, const cgl_pi_config *config, cgl_real ts)
 {
     if (!(is_valid(config) && cgl_is_positive(ts))) {
         return CGL_ERROR_CONFIG;
@@ -21,7 +21,7 @@ CGL_SELDOM cgl_error cgl_pi_init(cgl_pi *pi, const cgl_pi_config *config, cgl_re
     return CGL_OK;
 }
 
-CGL_SELDOM cgl_error cgl_pi_retune(cgl_pi *pi, const cgl_pi_config *config)
+cgl_error cgl_pi_retune(cgl_pi *pi, const cgl_pi_config *config)
 {
     if (!is_valid(config)) {
         return CGL_ERROR_CONFIG;

@@ -4,7 +4,7 @@
 #include "range.h"
 #include "sine.h"
 
-CGL_SELDOM static bool is_rising(const cgl_pi_afc_config *config)
+static bool is_rising(const cgl_pi_afc_config *config)
 {
     uint32_t below = 0U;
     for (uint32_t k = 0; k < config->orders; ++k) {
@@ -26,7 +26,7 @@ CGL_SELDOM static bool is_valid(const cgl_pi_afc_config *config)
            && CGL_IS_IN_RANGE(config, range);
 }
 
-CGL_SELDOM static bool are_same_orders(const cgl_pi_afc_config *one, const cgl_pi_afc_config *other)
+static bool are_same_orders(const cgl_pi_afc_config *one, const cgl_pi_afc_config *other)
 {
     bool same = one->orders == other->orders;
     for (uint32_t k = 0; same && k < one->orders; ++k) {
@@ -35,7 +35,7 @@ CGL_SELDOM static bool are_same_orders(const cgl_pi_afc_config *one, const cgl_p
     return same;
 }
 
-CGL_SELDOM cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *config, cgl_real ts, cgl_real *coefficient,
+cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *config, cgl_real ts, cgl_real *coefficient,
                                      uint32_t length)
 {
     if (!is_valid(config)) {
@@ -54,7 +54,7 @@ CGL_SELDOM cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *c
     return error;
 }
 
-CGL_SELDOM cgl_error cgl_pi_afc_retune(cgl_pi_afc *law, const cgl_pi_afc_config *config)
+cgl_error cgl_pi_afc_retune(cgl_pi_afc *law, const cgl_pi_afc_config *config)
 {
     if (!(is_valid(config) && are_same_orders(config, &law->config))
         || cgl_pi_retune(&law->pi, &config->pi) != CGL_OK) {
@@ -67,7 +67,7 @@ CGL_SELDOM cgl_error cgl_pi_afc_retune(cgl_pi_afc *law, const cgl_pi_afc_config 
     return CGL_OK;
 }
 
-CGL_SELDOM void cgl_pi_afc_reset(cgl_pi_afc *law)
+void cgl_pi_afc_reset(cgl_pi_afc *law)
 {
     const cgl_pi_afc_config *const config = &law->config;
     cgl_pi_reset(&law->pi);

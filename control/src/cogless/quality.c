@@ -19,7 +19,7 @@ CGL_SELDOM static void begin_window(cgl_quality *quality)
     quality->learned = quality->unusual = quality->run_above = false;
 }
 
-CGL_SELDOM static cgl_error take(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
+static cgl_error take(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
 {
     const cgl_real longest = config->longest / ts; /* [samples] */
     if (!(cgl_is_positive(config->span) && cgl_is_positive(ts) && cgl_is_not_negative(config->longest)
@@ -37,7 +37,7 @@ CGL_SELDOM static cgl_error take(cgl_quality *quality, const cgl_quality_config 
     return CGL_OK;
 }
 
-CGL_SELDOM cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
+cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
 {
     const cgl_error error = take(quality, config, ts);
     if (error == CGL_OK) {
@@ -46,12 +46,12 @@ CGL_SELDOM cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_co
     return error;
 }
 
-CGL_SELDOM cgl_error cgl_quality_retune(cgl_quality *quality, const cgl_quality_config *config)
+cgl_error cgl_quality_retune(cgl_quality *quality, const cgl_quality_config *config)
 {
     return take(quality, config, quality->ts);
 }
 
-CGL_SELDOM void cgl_quality_reset(cgl_quality *quality)
+void cgl_quality_reset(cgl_quality *quality)
 {
     begin_window(quality);
     quality->centre = CGL_R(0.0);
@@ -204,7 +204,7 @@ CGL_SELDOM static cgl_real square_root(cgl_real x)
     return scale * root;
 }
 
-CGL_SELDOM cgl_quality_report cgl_quality_read(const cgl_quality *quality)
+cgl_quality_report cgl_quality_read(const cgl_quality *quality)
 {
     const cgl_real residual = square_root(quality->ripple), before = square_root(quality->before);
     const bool measured = quality->began && before > CGL_R(0.0);

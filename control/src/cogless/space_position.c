@@ -24,7 +24,7 @@ CGL_SELDOM static bool is_valid(const cgl_space_position_config *config)
            && (config->index == CGL_SPACE_BY_REFERENCE || config->index == CGL_SPACE_BY_ROTOR);
 }
 
-CGL_SELDOM cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, cgl_real ts, cgl_real *cell,
+cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, cgl_real ts, cgl_real *cell,
                                   uint32_t length)
 {
     if (!(is_valid(config) && cgl_is_positive(ts))) {
@@ -48,13 +48,13 @@ static inline cgl_real share_of_learning(const cgl_space_position *law)
 }
 
 /* Samples of learning after which the ramp has come so far, at least one. */
-CGL_SELDOM static uint32_t samples_of_share(const cgl_space_position *law, cgl_real share)
+static uint32_t samples_of_share(const cgl_space_position *law, cgl_real share)
 {
     const cgl_real samples = share * law->config.ramp / law->ts;
     return samples < SAMPLES_MAX ? (uint32_t)samples + 1U : (uint32_t)SAMPLES_MAX;
 }
 
-CGL_SELDOM cgl_error cgl_space_position_retune(cgl_space_position *law, const cgl_space_position_config *config)
+cgl_error cgl_space_position_retune(cgl_space_position *law, const cgl_space_position_config *config)
 {
     const cgl_real share = share_of_learning(law);
     if (!(is_valid(config) && config->ratio == law->config.ratio && config->index == law->config.index)

@@ -15,7 +15,7 @@ CGL_SELDOM static bool is_valid(const cgl_space_speed_config *config)
     return CGL_IS_IN_RANGE(config, range);
 }
 
-CGL_SELDOM cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_config *config, cgl_real ts, cgl_real *cell,
+cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_config *config, cgl_real ts, cgl_real *cell,
                                           uint32_t length)
 {
     if (!is_valid(config)) {
@@ -29,7 +29,7 @@ CGL_SELDOM cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_
     return error;
 }
 
-CGL_SELDOM cgl_error cgl_space_speed_retune(cgl_space_speed *law, const cgl_space_speed_config *config)
+cgl_error cgl_space_speed_retune(cgl_space_speed *law, const cgl_space_speed_config *config)
 {
     if (!(is_valid(config) && config->ratio == law->config.ratio)
         || cgl_space_memory_retune(&law->memory, &config->memory) != CGL_OK) {

@@ -17,7 +17,7 @@ CGL_SELDOM static bool all_finite(const cgl_real *x, uint32_t count)
     return true;
 }
 
-CGL_SELDOM static bool is_finite_matrix(const cgl_real *row, uint32_t samples)
+static bool is_finite_matrix(const cgl_real *row, uint32_t samples)
 {
     for (uint32_t p = 0; p < samples; ++p, row += samples) {
         if (!all_finite(row, samples)) {
@@ -41,7 +41,7 @@ CGL_SELDOM static bool is_valid(const cgl_trial_config *config)
            && (config->learning_matrix == 0 || is_finite_matrix(config->learning_matrix, config->samples));
 }
 
-CGL_SELDOM cgl_error cgl_trial_init(cgl_trial *law, const cgl_trial_config *config, cgl_real *memory, uint32_t length)
+cgl_error cgl_trial_init(cgl_trial *law, const cgl_trial_config *config, cgl_real *memory, uint32_t length)
 {
     if (!is_valid(config)) {
         return CGL_ERROR_CONFIG;
@@ -56,7 +56,7 @@ CGL_SELDOM cgl_error cgl_trial_init(cgl_trial *law, const cgl_trial_config *conf
     return CGL_OK;
 }
 
-CGL_SELDOM cgl_error cgl_trial_retune(cgl_trial *law, const cgl_trial_config *config)
+cgl_error cgl_trial_retune(cgl_trial *law, const cgl_trial_config *config)
 {
     if (!(is_valid(config) && config->samples == law->config.samples && config->states == law->config.states
           && config->q_filter.order == law->config.q_filter.order)) {
@@ -70,7 +70,7 @@ CGL_SELDOM cgl_error cgl_trial_retune(cgl_trial *law, const cgl_trial_config *co
     return CGL_OK;
 }
 
-CGL_SELDOM void cgl_trial_reset(cgl_trial *law)
+void cgl_trial_reset(cgl_trial *law)
 {
     const cgl_trial_config *const config = &law->config;
     for (uint32_t p = 0; p < CGL_TRIAL_LENGTH(config->samples, config->q_filter.order); ++p) {
@@ -201,7 +201,7 @@ CGL_SELDOM static void correct(cgl_trial *law)
     }
 }
 
-CGL_SELDOM bool cgl_trial_end(cgl_trial *law)
+bool cgl_trial_end(cgl_trial *law)
 {
     const cgl_trial_config *const config = &law->config;
     const bool whole = law->y_ref != 0 && law->sample >= config->samples && !law->spoilt;
