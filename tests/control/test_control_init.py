@@ -9,8 +9,8 @@ from control_library import ControlLibrary, control_library
 NOT_NEGATIVE: list[Any] = [-1.0, -1e-30, math.nan, math.inf, -math.inf]
 POSITIVE = [0.0, *NOT_NEGATIVE]
 FINITE = [math.nan, math.inf, -math.inf]
-PI = {"kp": 0.1, "ki": 1.0, "ts": 1e-3, "limit": 2.0}
-BAD_PI = {"kp": NOT_NEGATIVE, "ki": NOT_NEGATIVE, "ts": POSITIVE, "limit": POSITIVE}
+PI = {"kp": 0.1, "ki": 1.0, "limit": 2.0}
+BAD_PI = {"kp": NOT_NEGATIVE, "ki": NOT_NEGATIVE, "limit": POSITIVE}
 MEMORY = {
     "kind": 0,
     "cells": 64,
@@ -19,7 +19,6 @@ MEMORY = {
     "lead": 16,
     "forgetting": 1.0,
     "limit": 2.0,
-    "ts": 1e-3,
 }
 BAD_MEMORY = {
     "kind": [2, 77, 0xFFFFFFFF],
@@ -29,15 +28,14 @@ BAD_MEMORY = {
     "lead": [17, 65535, 0xFFFFFFFF],
     "forgetting": [1.0000002, *POSITIVE],
     "limit": POSITIVE,
-    "ts": POSITIVE,
 }
-FOC = {"kp_d": 1.0, "ki_d": 1.0, "kp_q": 1.0, "ki_q": 1.0, "ts": 1e-4, "current_limit": 5.0, "advance": 1.5,
+FOC = {"kp_d": 1.0, "ki_d": 1.0, "kp_q": 1.0, "ki_q": 1.0, "current_limit": 5.0, "advance": 1.5,
        "decoupling": True, "L_d": 1e-3, "L_q": 1e-3, "psi_f": 0.01, "phases": 2}  # fmt: skip
-BAD_FOC = {k: NOT_NEGATIVE for k in FOC if k != "decoupling"} | {"ts": POSITIVE, "current_limit": POSITIVE}
+BAD_FOC = {k: NOT_NEGATIVE for k in FOC if k != "decoupling"} | {"current_limit": POSITIVE}
 BAD_FOC["phases"] = [1, 4, 0xFFFFFFFF]
 ROBUST = {"b": 400.0, "c": 5.0, "g": 50.0, "eta": 180.0, "q": 0.1, "beta_1": 0.1, "beta_2": 0.1, "gamma": 3.0,
-          "viscous": 0.0, "coulomb": 0.0, "ts": 1e-3, "limit": 2.0}  # fmt: skip
-BAD_ROBUST = {k: NOT_NEGATIVE for k in ROBUST} | {"b": POSITIVE, "ts": POSITIVE, "limit": POSITIVE}
+          "viscous": 0.0, "coulomb": 0.0, "limit": 2.0}  # fmt: skip
+BAD_ROBUST = {k: NOT_NEGATIVE for k in ROBUST} | {"b": POSITIVE, "limit": POSITIVE}
 BAD_ROBUST |= {"viscous": FINITE, "coulomb": FINITE}
 ANTI_COGGING = {"cells": 64, "speed": 0.2, "revolutions": 1, "position_gain": 5.0, "lead": 1e-4}
 BAD_ANTI_COGGING = {
@@ -86,7 +84,7 @@ BAD_TRIAL = {
     "learned_limit": POSITIVE,
 }
 SPACE_MEMORY = {"kind": 1, "channels": 2, "cells": 12, "turns": 2, "parts": 3, "q_half_width": 3,
-                "limit": [1.0, 0.1], "method": 0, "k_pp": 10.0, "ts": 1e-3}  # fmt: skip
+                "limit": [1.0, 0.1], "method": 0, "k_pp": 10.0}  # fmt: skip
 BAD_SPACE_MEMORY = {
     "kind": [2, 0xFFFFFFFF],
     "channels": [0, 4, 0xFFFFFFFF],
@@ -97,7 +95,6 @@ BAD_SPACE_MEMORY = {
     "limit": [[x, 0.1] for x in POSITIVE] + [[1.0, x] for x in POSITIVE],
     "method": [2, 0xFFFFFFFF],
     "k_pp": [1000.0, *POSITIVE],
-    "ts": POSITIVE,
 }
 SPACE_GAINS = {"k_theta": 5.0, "k_omega": 5.0, "k_v": 0.0, "v_0": 0.0, "v_2": 0.0, "k_i": 50.0,
                "mu_alpha": 250.0, "mu_beta": 0.1, "mu_h": 0.1, "ramp": 1.0}  # fmt: skip
@@ -106,14 +103,12 @@ SPACE_POSITION = SPACE_GAINS | {
     "hand_over": True,
     "omega_min": 0.1,
     "index": 0,
-    "ts": 1e-4,
     "limit": 15.0,
 }
 BAD_SPACE_POSITION = {k: NOT_NEGATIVE for k in SPACE_GAINS} | {
     "ratio": [0, 65536, 0xFFFFFFFF],
     "omega_min": POSITIVE,
     "index": [2, 0xFFFFFFFF],
-    "ts": POSITIVE,
     "limit": POSITIVE,
 }
 SPACE_SPEED = {"k": 5.0, "mu_alpha": 1.0, "mu_beta": 1.0, "mu_h": 1.0, "eta_bar": 0.1, "omega_min": 0.1,
@@ -181,8 +176,23 @@ WITH_MEMORY = {"memory": 68, "pi_ilc": 68, "robust_ilc": 68, "anti_cogging": 64,
                "space_memory": 48, "space_position": 48, "space_speed": 48}  # fmt: skip
 
 
-def init(library: ControlLibrary, law: str, config: dict[str, Any], pointer=None, length=100) -> int:
-    arguments = [library.new(f"cgl_{law}_config", **config), library.new(f"cgl_{law}")]
+TIMELESS = {"feedforward", "trial"}  # these know samples only
+
+
+def init(
+    library: ControlLibrary,
+    law: str,
+    config: dict[str, Any],
+    pointer=None,
+    length=100,
+    ts: float = 1e-3,
+    state=None,
+) -> int:
+    arguments = [state or library.new(f"cgl_{law}"), library.new(f"cgl_{law}_config", **config)]
+    if law == "feedforward":
+        arguments.reverse()
+    if law not in TIMELESS:
+        arguments.append(ts)
     if law in WITH_MEMORY:
         memory = library.array([0.0] * 100)[1] if pointer is None else pointer
         arguments += [memory, length]
@@ -197,6 +207,14 @@ def test_refuses_what_is_out_of_range(law, precision):
     assert init(library, law, good) == library.lib.CGL_OK
     for config in bad:
         assert init(library, law, config) == library.lib.CGL_ERROR_CONFIG, config
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize("law", sorted(CONFIGS.keys() - TIMELESS))
+def test_refuses_a_period_that_is_none(law, precision):
+    library = control_library(precision)
+    for ts in POSITIVE:
+        assert init(library, law, CONFIGS[law][0], ts=ts) == library.lib.CGL_ERROR_CONFIG, ts
 
 
 @pytest.mark.parametrize("precision", ["float", "double"])
