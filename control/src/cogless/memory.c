@@ -123,10 +123,11 @@ CGL_SELDOM static uint32_t place_in_turns(cgl_memory *memory, uint32_t angle)
         map->turn = angle > map->angle ? wrapped(map->turn + turns - 1U, turns) : map->turn;
     }
     map->angle = angle;
-    /* periods / turns of a revolution; the remainder of a turn first, which must not be lost */
-    const uint32_t turn = (uint32_t)((((uint64_t)map->turn * memory->periods % turns) << 32) / turns);
-    const uint32_t whole = angle / turns, rest = angle % turns;
-    return turn + whole * memory->periods + (uint32_t)((uint64_t)rest * memory->periods / turns);
+    /* (turn + angle) periods / turns, of which whole periods fall off: in parts whose products fit */
+    const uint32_t whole = memory->periods / turns, over = memory->periods % turns;
+    const uint32_t from = map->turn * over % turns, rest = angle % turns;
+    return from * (0xFFFFFFFFU / turns) + from * (0xFFFFFFFFU % turns + 1U) / turns /* from / turns of 2^32 */
+           + angle / turns * memory->periods + rest * whole + rest * over / turns;
 }
 
 /* The entry of cell n, as it is counted. */
