@@ -110,9 +110,6 @@ cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, c
  * within the new limits: takes a time that grows with the cells. */
 cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config);
 
-/* Takes another lead, forgetting and limit while it runs; the rest must stay. What is learned stays, within the limit. */
-cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config);
-
 /* Forgets everything learned. */
 void cgl_memory_reset(cgl_memory *memory);
 
