@@ -10,8 +10,8 @@ from control_library import ControlLibrary, control_library
 
 TS = 1e-3
 PI = {"kp": 0.1, "ki": 2.0, "limit": 5.0}
-MEMORY = {"cells": 64, "periods_per_rev": 1, "q_half_width": 1, "forgetting": 1.0, "limit": 2.0}
-SPACE = {"channels": 1, "cells": 64, "turns": 1, "parts": 1, "q_half_width": 1, "limit": [2.0]}
+MEMORY = {"channels": 1, "cells": 64, "turns": 1, "parts": 1, "q_half_width": 1, "forgetting": 1.0,
+          "limit": [2.0]}  # fmt: skip
 ROBUST = {
     "b": 400.0,
     "c": 5.0,
@@ -28,11 +28,11 @@ SPEED = {"k": 0.1, "mu_alpha": 0.5, "eta_bar": 5.0, "omega_min": 0.1, "limit": 5
 LAWS: dict[str, dict[str, Any]] = {
     "speed_pi": PI,
     "pi_ilc": {"pi": PI, "gain": 0.05, "memory": MEMORY},
-    "robust_ilc": ROBUST | {"memory": MEMORY | {"limit": 300.0}},
+    "robust_ilc": ROBUST | {"memory": MEMORY | {"limit": [300.0]}},
     "anti_cogging": {"pi": PI, "cells": 64, "speed": 1.0, "revolutions": 1},
     "pi_afc": {"pi": PI, "orders": 2, "order": [1, 3], "gain": 5.0, "omega_min": 0.1, "limit": 2.0},
-    "space_position": POSITION | {"memory": SPACE},
-    "space_speed": SPEED | {"memory": SPACE},
+    "space_position": POSITION | {"memory": MEMORY},
+    "space_speed": SPEED | {"memory": MEMORY},
 }
 WITHOUT_MEMORY = {"speed_pi"}
 

@@ -34,16 +34,9 @@ PARTS: dict[str, tuple[dict[str, Any], list[dict[str, Any]]]] = {
     ),
 }
 ALL = {name: both for name, both in CONFIGS.items() if name != "feedforward"} | PARTS
-MEMORY = [{"kind": 1}, {"cells": 65}, {"periods_per_rev": 1}, {"q_half_width": 2}]
-SPACE = [
-    {"kind": 0},
-    {"channels": 1},
-    {"cells": 13},
-    {"turns": 1},
-    {"parts": 1},
-    {"q_half_width": 2},
-    {"method": 1},
-]
+MEMORY = [{"kind": 1}, {"cells": 65}, {"turns": 3}, {"parts": 1}, {"q_half_width": 2},
+          {"channels": 2, "limit": [2.0, 2.0]}]  # fmt: skip
+SPACE = [{"kind": 0}, {"channels": 1}, {"cells": 13}, {"turns": 1}, {"parts": 1}, {"q_half_width": 2}]
 IN_MEMORY = [{"memory": change} for change in MEMORY]
 IN_SPACE = [{"memory": change} for change in SPACE]
 # what init would take, but decides about sizes or about what is learned
@@ -53,7 +46,6 @@ OTHERS: dict[str, list[dict[str, Any]]] = {
     "memory": MEMORY,
     "pi_ilc": IN_MEMORY,
     "robust_ilc": IN_MEMORY,
-    "space_memory": SPACE,
     "space_position": [*IN_SPACE, {"ratio": 3}, {"index": 1}],
     "space_speed": [*IN_SPACE, {"ratio": 3}],
     "anti_cogging": [{"cells": 63}],
@@ -133,12 +125,12 @@ def test_other_sizes_are_refused_and_nothing_changes(name: str, precision: str) 
     before = running.bytes()
     for change in OTHERS[name]:
         other = merged(good, change)
-        assert init(library, name, other, length=100) == library.lib.CGL_OK, change
+        assert init(library, name, other, library.array(np.zeros(200))[1], 200) == library.lib.CGL_OK, change
         assert running.retune(other) == library.lib.CGL_ERROR_CONFIG, change
         assert running.bytes() == before, change
 
 
-DERIVED = ("config", "ts", "gain", "per_rad", "length", "lead", "fastest", "limits", "turned_square")
+DERIVED = ("config", "ts", "gain", "row", "periods", "limits", "turned_square")
 
 
 def constants(library: ControlLibrary, state: Any) -> dict[tuple[str, ...], bytes]:
@@ -251,8 +243,7 @@ def test_a_smaller_limit_holds_for_what_is_learned_at_once(name: str, precision:
     config = LAWS[name]
     smaller = {"pi": config["pi"] | {"limit": small}} if name == "anti_cogging" else {"limit": small}
     if "memory" in config:
-        limit = config["memory"]["limit"]
-        smaller = {"memory": config["memory"] | {"limit": [small] if isinstance(limit, list) else small}}
+        smaller = {"memory": config["memory"] | {"limit": [small]}}
     rows = law.cell[: 4 if name == "pi_afc" else 64]  # behind the map are orders, or entries of before
     assert np.abs(rows).max() > small
     assert retune(law, config | smaller) == library.lib.CGL_OK

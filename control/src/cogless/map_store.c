@@ -1,8 +1,8 @@
 #include "map_store.h"
 
 #include "crc32.h"
+#include "version.h"
 
-#define VERSION 1U
 #define NUMBER_TYPE 1U        /* IEEE 754 binary32 */
 #define MAGIC 0x4D4C4743U     /* "CGLM" */
 #define DONE 0x454E4F44U      /* "DONE" */
@@ -78,7 +78,7 @@ static void make_header(const cgl_map_store *store, uint32_t *word)
     const cgl_map_store_config *const config = &store->config;
     const cgl_map *map = store->map;
     word[AT_MAGIC] = MAGIC;
-    word[AT_VERSION] = VERSION | CGL_MAP_HEADER << 16;
+    word[AT_VERSION] = CGL_MAP_VERSION | CGL_MAP_HEADER << 16;
     word[AT_SEQUENCE] = store->sequence;
     word[AT_MOTOR] = config->motor;
     word[AT_MOTION] = config->motion;
@@ -177,7 +177,7 @@ static cgl_map_result check_header(cgl_map_store *store)
     if (header_crc(word) != store->header_crc) {
         return CGL_MAP_DAMAGED; /* versions do not differ up to here */
     }
-    if ((word[AT_VERSION] & 0xFFFFU) != VERSION) {
+    if ((word[AT_VERSION] & 0xFFFFU) != CGL_MAP_VERSION) {
         return CGL_MAP_OTHER_VERSION;
     }
     store->sequence = word[AT_SEQUENCE];

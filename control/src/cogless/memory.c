@@ -70,7 +70,16 @@ CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_conf
           && config->q_half_width == now->q_half_width)) {
         return CGL_ERROR_CONFIG;
     }
+    bool smaller = false;
+    for (uint32_t c = 0; c < config->channels; ++c) {
+        smaller = smaller || config->limit[c] < now->limit[c];
+    }
     take(memory, config);
+    memory->map.lagging = false;
+    if (!smaller) {
+        return CGL_OK;
+    }
+    memory->map.started = false; /* the sums are of other entries */
     cgl_real *entry = memory->cell + (config->kind == CGL_MEMORY_DELAY ? memory->row : 0U);
     for (uint32_t c = 0; c < config->channels; ++c, entry += memory->row) {
         for (uint32_t n = 0; n < memory->row; ++n) {
@@ -78,7 +87,6 @@ CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_conf
         }
         memory->channel[c].value = cgl_clamp(memory->channel[c].value, config->limit[c]);
     }
-    memory->map.started = memory->map.lagging = false;
     return CGL_OK;
 }
 
