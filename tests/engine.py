@@ -67,7 +67,7 @@ PI_ILC: dict[str, Any] = {
     "config": {
         "pi": {"kp": 0.1, "ki": 1.0},
         "gain": 0.03,
-        "memory": {"cells": 128, "periods_per_rev": 4, "q_half_width": 2, "forgetting": 0.99, "limit": 5.0},
+        "memory": {"cells": 128, "parts": 4, "q_half_width": 2, "forgetting": 0.99, "limit": [5.0]},
     },
 }
 
@@ -104,6 +104,7 @@ def packed(layout: Layout, struct: str, values: dict[str, Any], limit: float) ->
 
     def filled(table: dict[str, Any]) -> dict[str, Any]:
         own = {"limit": limit} if table.get("limit") == 0 else {}
+        own |= {key: 1 for key in ("channels", "turns", "parts") if table.get(key) == 0}
         inner = {key: filled(value) for key, value in table.items() if isinstance(value, dict)}
         return {**table, **own, **inner}
 

@@ -20,7 +20,7 @@ from step_motor import N_R, SECTION_5
 from cogless import _simulator_f32, _simulator_f64
 
 TURN = 2.0 * np.pi
-MAP: dict[str, Any] = {"kind": "CGL_SPACE_MAP", "cells": 256, "q_half_width": 2}
+MAP: dict[str, Any] = {"kind": "CGL_MEMORY_ANGLE", "forgetting": 1.0, "cells": 256, "q_half_width": 2}
 
 
 def law(memory: dict[str, Any] | None = None, **change: Any) -> dict[str, Any]:
