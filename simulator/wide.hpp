@@ -37,6 +37,14 @@ struct alignas(8 * width) Wide {
 
         [[gnu::always_inline]] bool operator[](std::size_t lane) const { return bits[lane / width][lane % width] != 0; }
         [[gnu::always_inline]] void set(std::size_t lane, bool value) { bits[lane / width][lane % width] = value ? -1 : 0; }
+        [[gnu::always_inline]] bool any() const {
+            Mask all = *this;
+            for (std::size_t r = 1; r < registers; ++r) all.bits[0] |= bits[r];
+            for (std::size_t lane = 0; lane < width; ++lane) {
+                if (all[lane]) return true;
+            }
+            return false;
+        }
         // lane n as bit n
         [[gnu::always_inline]] std::uint32_t packed() const {
             std::uint32_t all = 0;
