@@ -12,6 +12,7 @@
 #include <variant>
 
 #include "config.hpp"
+#include "linear_filter.hpp"
 #include "python_value.hpp"
 #include "trial_config.hpp"
 
@@ -305,6 +306,17 @@ NB_MODULE(COGLESS_MODULE, m) {
     m.def("advance_lanes", &advance_lanes, "drives"_a, "states"_a, "recorders"_a, "ticks"_a, "kernel"_a = 0,
           "Runs so many ticks of drives that are alike and at the same tick, at most as many as the kernel has lanes, with the"
           " bits of advance(). Returns why each failed, or \"\"; the others go on. kernel: an index into lane_kernels().");
+
+    m.def("filtered",
+          [](const std::vector<double>& b, const std::vector<double>& a, const std::vector<double>& state,
+             const nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>& x) {
+              std::vector<double> y(x.data(), x.data() + x.size());
+              filter(b, a, state, y.data(), y.size());
+              const std::size_t count = y.size();
+              return array_of<nb::ndarray<nb::numpy, double, nb::ndim<1>>>(std::move(y), {count});
+          },
+          "b"_a, "a"_a, "state"_a, "x"_a,
+          "x through the digital filter b, a, whose a[0] is one, from a state on, as scipy.signal.lfilter does it.");
 
     nb::class_<LinearTrials> linear(m, "LinearTrials", "An immutable description of a linear plant with the trial law.");
     linear.def("__init__",

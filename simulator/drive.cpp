@@ -529,7 +529,7 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
                           std::int64_t origin, const Phases& duty, const Phases& current, bool open, const Faults& faults) const {
     const double start = time(s.tick - origin);
     const double longest = step_;
-    const auto step = [&](Voltage<> u, double from, double h, auto& angle) {
+    const auto step = [&](Voltage<> u, double from, double h, auto& angle) __attribute__((always_inline)) {
         phase.plant.step<detail>(s.plant, here, u, start + from, h, angle);
         watch(s, start + from, h, s.plant.theta_m, faults);
     };

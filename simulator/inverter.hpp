@@ -8,6 +8,7 @@
 #include <cstddef>
 
 #include "plant.hpp"
+#include "wide.hpp"
 
 namespace cogless {
 
@@ -82,22 +83,19 @@ struct Pulses {
 // taken at the start of the period.
 template <std::size_t legs>
 Pulses<legs> pulses(double bus_voltage, double dead_time, const Legs<legs>& duty, const Legs<legs>& current, double period) {
-    using All = Wide<2, 2>;  // legs
-    All rise(0.0), fall(0.0);
+    Legs<legs> rise, fall;
     std::array<double, 2 * legs> edge;  // s, sorted
-    const double middle = 0.5 * period;
 #pragma GCC unroll 4
     for (std::size_t x = 0; x < legs; ++x) {
-        double up = 0.0, down = duty[x] >= 1.0 ? period : 0.0;
+        rise[x] = 0.0;
+        fall[x] = duty[x] >= 1.0 ? period : 0.0;
         if (duty[x] > 0.0 && duty[x] < 1.0) {  // otherwise no edge, no dead time
             const bool out = current[x] >= 0.0;
-            down = std::min(middle * (1.0 + duty[x]) + (out ? 0.0 : dead_time), period);
-            up = std::min(middle * (1.0 - duty[x]) + (out ? dead_time : 0.0), down);
+            fall[x] = std::min(0.5 * period * (1.0 + duty[x]) + (out ? 0.0 : dead_time), period);
+            rise[x] = std::min(0.5 * period * (1.0 - duty[x]) + (out ? dead_time : 0.0), fall[x]);
         }
-        rise.set(x, up);
-        fall.set(x, down);
-        edge[x] = up;
-        edge[legs + x] = down;
+        edge[x] = rise[x];
+        edge[legs + x] = fall[x];
     }
     // neighbours in turns, without a branch that depends on the duty cycles
 #pragma GCC unroll 8
@@ -110,15 +108,14 @@ Pulses<legs> pulses(double bus_voltage, double dead_time, const Legs<legs>& duty
         }
     }
 
+    const Four rises = four_of(rise), falls = four_of(fall);
     Pulses<legs> result;
     result.count = 0;
     double from = 0.0;
     const auto hold = [&](double until) __attribute__((always_inline)) {
         if (!(until > from)) return;
-        const All on = select(rise > All(from), All(0.0), select(fall > All(from), All(bus_voltage), All(0.0)));
-        Legs<legs> u;
-        for (std::size_t x = 0; x < legs; ++x) u[x] = on[x];
-        result.stretch[result.count++] = {until, stationary(u)};
+        const Four u = select(rises > from, 0.0, select(falls > from, bus_voltage, 0.0));
+        result.stretch[result.count++] = {until, stationary(array_of<legs>(u))};
         from = until;
     };
 #pragma GCC unroll 8
@@ -129,7 +126,8 @@ Pulses<legs> pulses(double bus_voltage, double dead_time, const Legs<legs>& duty
 
 // The mean of the same pulses over the period. dead_share: the dead time's share of the period.
 template <std::size_t legs>
-[[gnu::always_inline]] inline Voltage<> averaged(double bus_voltage, double dead_share, const Legs<legs>& duty, const Legs<legs>& current) {
+[[gnu::always_inline]] inline Voltage<> averaged(double bus_voltage, double dead_share, const Legs<legs>& duty,
+                                                 const Legs<legs>& current) {
     Legs<legs> u;
     for (std::size_t x = 0; x < legs; ++x) {
         double share = duty[x];
