@@ -1,494 +1,388 @@
 #include "memory.h"
 
-CGL_SELDOM cgl_error cgl_memory_init(const cgl_memory_config *config, cgl_memory *memory, cgl_real *cell,
-                                     uint32_t length)
+#include "angle.h"
+#include "range.h"
+#ifndef COGLESS_NO_DELAY_LINE
+#include "delay_line.h"
+#endif
+
+#define QUARTER 0x40000000U /* of a period */
+#define REACH 16U           /* cells that a rotor may always pass in a step */
+
+CGL_SELDOM static bool is_valid(const cgl_memory_config *config, cgl_real ts)
 {
-    const uint32_t most = config->kind == CGL_MEMORY_TIME ? CGL_SAMPLES_MAX : CGL_CELLS_MAX;
-    if (!(config->cells >= 4U && config->cells <= most && config->periods_per_rev >= 1U
-          && config->periods_per_rev <= 65535U && config->q_half_width < most
-          && 2U * config->q_half_width + 1U <= config->cells && config->lead <= config->cells / 4U
-          && config->forgetting > CGL_R(0.0) && config->forgetting <= CGL_R(1.0)
-          && cgl_is_positive(config->limit) && cgl_is_positive(config->ts)
-          && (config->kind == CGL_MEMORY_ANGLE || config->kind == CGL_MEMORY_TIME))) {
+    static const cgl_range range[] = {CGL_RANGE(cgl_memory_config, turns, CGL_COUNT),
+                                      CGL_RANGE(cgl_memory_config, parts, CGL_COUNT),
+                                      CGL_RANGE(cgl_memory_config, forgetting, CGL_POSITIVE)};
+    const uint32_t most = config->kind == CGL_MEMORY_ANGLE ? CGL_CELLS_MAX : CGL_SAMPLES_MAX;
+    bool valid = CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts) && config->forgetting <= CGL_R(1.0)
+                 && config->channels >= 1U && config->channels <= (uint32_t)CGL_CHANNELS && config->cells >= 4U
+                 && config->cells <= most && config->q_half_width < config->cells / 2U
+                 && config->lead <= config->cells / 4U;
+#ifdef COGLESS_NO_DELAY_LINE
+    valid = valid && config->kind == CGL_MEMORY_ANGLE;
+#else
+    valid = valid && (config->kind == CGL_MEMORY_ANGLE || config->kind == CGL_MEMORY_TIME || cgl_delay_is_valid(config, ts));
+#endif
+    for (uint32_t c = 0; valid && c < config->channels; ++c) {
+        valid = cgl_is_positive(config->limit[c])
+                && cgl_is_finite((cgl_real)(2U * config->q_half_width + 2U) * config->limit[c]);
+    }
+    return valid;
+}
+
+CGL_SELDOM static void take(cgl_memory *memory, const cgl_memory_config *config)
+{
+    memory->config = *config;
+    memory->gain = config->forgetting / (cgl_real)(2U * config->q_half_width + 1U);
+}
+
+CGL_SELDOM cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, cgl_real ts, uint32_t ratio,
+                                     cgl_real *cell, uint32_t length)
+{
+    if (!(is_valid(config, ts) && ratio >= 1U && ratio <= 65535U)) {
         return CGL_ERROR_CONFIG;
     }
-    if (cell == 0 || length < CGL_MEMORY_LENGTH(config->cells, config->q_half_width)) {
+    if (cell == 0
+        || length < CGL_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width)) {
         return CGL_ERROR_MEMORY;
     }
+    take(memory, config);
+    memory->ts = ts;
+    memory->periods = ratio * config->parts;
     memory->cell = cell;
-    memory->per_rad = (cgl_real)config->periods_per_rev / CGL_TWO_PI;
-    memory->gain = config->forgetting / (cgl_real)(2U * config->q_half_width + 1U);
-    memory->length = (cgl_real)config->cells;
-    memory->lead = (cgl_real)config->lead;
-    memory->fastest = CGL_R(0.25) * memory->length / (cgl_real)(config->lead > 0U ? config->lead : 1U);
-    cgl_memory_reset(config, memory);
+    memory->map.width = (uint32_t)(0x100000000U / config->cells);
+    memory->map.per_step = (cgl_real)config->cells / CGL_R(4294967296.0);
+    cgl_memory_reset(memory);
     return CGL_OK;
 }
 
-CGL_SELDOM void cgl_memory_reset(const cgl_memory_config *config, cgl_memory *memory)
+CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config)
 {
-    const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
+    const cgl_memory_config *const now = &memory->config;
+    if (!(is_valid(config, memory->ts) && config->kind == now->kind && config->channels == now->channels
+          && config->cells == now->cells && config->turns == now->turns && config->parts == now->parts
+          && config->q_half_width == now->q_half_width)) {
+        return CGL_ERROR_CONFIG;
+    }
+    take(memory, config);
+    const uint32_t row = CGL_MEMORY_ROW(config->cells, config->q_half_width);
+    cgl_real *entry = memory->cell + (config->kind == CGL_MEMORY_DELAY ? row : 0U);
+    for (uint32_t c = 0; c < config->channels; ++c, entry += row) {
+        for (uint32_t n = 0; n < row; ++n) {
+            entry[n] = cgl_clamp(entry[n], config->limit[c]);
+        }
+        memory->value[c] = cgl_clamp(memory->value[c], config->limit[c]);
+    }
+    memory->map.started = memory->map.lagging = false;
+    return CGL_OK;
+}
+
+CGL_SELDOM void cgl_memory_reset(cgl_memory *memory)
+{
+    const cgl_memory_config *const config = &memory->config;
+    const uint32_t length =
+        CGL_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width);
     for (uint32_t n = 0; n < length; ++n) {
         memory->cell[n] = CGL_R(0.0);
     }
-    memory->position = memory->value = memory->next_position = memory->correction = CGL_R(0.0);
-    memory->lag = memory->lag_position = memory->sum = memory->change = CGL_R(0.0);
-    memory->at = memory->lag_cell = memory->next = memory->newest = memory->known = memory->head = 0U;
-    memory->direction = 0;
-    memory->started = memory->lagging = memory->steady = false;
-}
-
-/* ---- by angle: a map, and behind it a ring of the entries overwritten last, which the Q filter still needs ---- */
-
-/* The cell of n in [-cells, 2 cells). */
-static uint32_t wrap_cell(const cgl_memory_config *config, int32_t n)
-{
-    const int32_t cells = (int32_t)config->cells;
-    return (uint32_t)(n < 0 ? n + cells : (n >= cells ? n - cells : n));
-}
-
-/* The entry that was overwritten `age` cells ago, age <= q_half_width. */
-static cgl_real overwritten(const cgl_memory_config *config, const cgl_memory *memory, uint32_t age)
-{
-    const int32_t place = (int32_t)memory->head - (int32_t)age - 1;
-    return memory->cell[config->cells + (uint32_t)(place < 0 ? place + (int32_t)config->q_half_width + 1 : place)];
-}
-
-/* The entry of one period ago at cell k in [-cells, 2 cells), for a rotor between the cells n and n + 1. */
-CGL_SELDOM static cgl_real old_entry(const cgl_memory_config *config, const cgl_memory *memory, int32_t n, int32_t k)
-{
-    const uint32_t cell = wrap_cell(config, k);
-    if (memory->direction < 0 ? k <= n : k > n) {
-        return memory->cell[cell]; /* the rotor has yet to pass it */
+    cgl_angle_map *const map = &memory->map;
+    for (uint32_t c = 0; c < (uint32_t)CGL_CHANNELS; ++c) {
+        memory->value[c] = map->sum[c] = map->anew[c] = map->correction[c] = CGL_R(0.0);
     }
-    const int32_t ahead = (int32_t)memory->newest - (int32_t)cell;
-    const uint32_t age = wrap_cell(config, memory->direction < 0 ? -ahead : ahead);
-    return age < memory->known ? overwritten(config, memory, age) : memory->cell[cell];
+    memory->learning = false;
+    map->angle = map->turn = map->x = map->at = map->passed = map->head = map->half = map->anew_left = map->lag_x = 0U;
+    map->part = CGL_R(0.0);
+    map->backward = map->started = map->follows = map->lagging = false;
+#ifndef COGLESS_NO_DELAY_LINE
+    cgl_delay_reset(&memory->line);
+#endif
 }
 
-/* The sum of the Q filter's entries, from n - m to n + m; *change: to that around the next cell. */
-CGL_SELDOM static cgl_real sum_anywhere(const cgl_memory_config *config, const cgl_memory *memory, int32_t n, int32_t m,
-                                        cgl_real *change)
+/* n, below two times the cells, within them. */
+static inline uint32_t wrapped(uint32_t n, uint32_t cells)
 {
-    cgl_real sum = CGL_R(0.0);
-    for (int32_t k = n - m; k <= n + m; ++k) {
-        sum += old_entry(config, memory, n, k);
+    return n < cells ? n : n - cells;
+}
+
+/* ---- where the rotor is ---- */
+
+/* The place of an angle in the period; with more turns than one, of the turn that the rotor is in. */
+CGL_SELDOM static uint32_t place_in_turns(cgl_memory *memory, uint32_t angle)
+{
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t turns = memory->config.turns;
+    if ((int32_t)(angle - map->angle) >= 0) { /* the shorter way round */
+        map->turn = angle < map->angle ? wrapped(map->turn + 1U, turns) : map->turn;
+    } else {
+        map->turn = angle > map->angle ? wrapped(map->turn + turns - 1U, turns) : map->turn;
     }
-    *change = old_entry(config, memory, n, n + m + 1) - old_entry(config, memory, n, n - m);
-    return sum;
+    map->angle = angle;
+    /* periods / turns of a revolution; the remainder of a turn first, which must not be lost */
+    const uint32_t turn = (uint32_t)((((uint64_t)map->turn * memory->periods % turns) << 32) / turns);
+    const uint32_t whole = angle / turns, rest = angle % turns;
+    return turn + whole * memory->periods + (uint32_t)((uint64_t)rest * memory->periods / turns);
 }
 
-/* Place of the angle in its period, in [0, 1). */
-static inline cgl_real find_place(const cgl_memory *memory, cgl_real theta_m)
+/* Starts anew at a place: the sum is that of one cell. */
+CGL_SELDOM static void seat(cgl_memory *memory, uint32_t x, uint32_t n, cgl_real part, bool backward)
 {
-    const cgl_real periods = theta_m * memory->per_rad;
-    const cgl_real fraction = cgl_rest(periods);
-    if (!(fraction < CGL_R(0.0))) {
-        return fraction;
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t cells = memory->config.cells, length = CGL_MEMORY_ROW(cells, memory->config.q_half_width);
+    cgl_real *row = memory->cell;
+    map->x = x;
+    map->at = n;
+    map->part = part;
+    map->backward = backward;
+    map->started = true;
+    map->follows = map->lagging = false;
+    map->passed = map->head = map->half = 0U;
+    map->anew_left = 1U;
+    for (uint32_t c = 0; c < memory->config.channels; ++c, row += length) {
+        map->sum[c] = row[n];
+        map->anew[c] = CGL_R(0.0);
+        row[cells] = row[backward ? wrapped(n + 1U, cells) : n];
     }
-    const cgl_real positive = fraction + CGL_R(1.0);
-    return positive < CGL_R(1.0) ? positive : CGL_R(0.0); /* a tiny negative one rounds up to 1 */
 }
 
-CGL_SELDOM static bool recall_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, bool learn,
-                                       cgl_real *value)
+/* Place in the ring of the entry that was passed `age` cells ago. */
+static inline uint32_t ring_place(const cgl_memory *memory, uint32_t age)
 {
-    memory->newest = memory->steady ? memory->at : memory->newest;
-    if (!cgl_is_angle(theta_m)) {
-        memory->started = memory->steady = false;
-        return false;
-    }
-    const cgl_real position = find_place(memory, theta_m) * memory->length;
-    const uint32_t n = (uint32_t)(int32_t)position;
-    memory->next_position = position;
-    memory->next = n < config->cells ? n : 0U;
-    cgl_real change;
-    const cgl_real sum = sum_anywhere(config, memory, (int32_t)memory->next,
-                                      learn ? (int32_t)config->q_half_width : 0, &change);
-    *value = sum + (position - (cgl_real)(int32_t)position) * change;
-    *value *= learn ? memory->gain : CGL_R(1.0);
-    return true;
+    const uint32_t head = memory->map.head, cells = memory->config.cells;
+    return cells + (head >= age ? head - age : head + memory->config.q_half_width + 1U - age);
 }
 
-/* `count` cells back from n, against the direction, get values of a line of this slope that ends `rest` cells after n
- * with `value`; or, to correct them, they get it added. */
-CGL_SELDOM static void write_line(const cgl_memory_config *config, const cgl_memory *memory, uint32_t n, uint32_t count,
-                                  int direction, cgl_real value, cgl_real rest, cgl_real slope, bool add)
+/* The sum takes in a cell more on each side. */
+CGL_SELDOM static void widen(cgl_memory *memory)
 {
-    for (;;) {
-        cgl_real *const entry = memory->cell + n;
-        const cgl_real on_line = cgl_clamped(value - rest * slope, config->limit);
-        *entry = add ? cgl_clamped(*entry + on_line, config->limit) : on_line;
-        if (--count == 0U) {
-            break;
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t cells = memory->config.cells, half = map->half + 1U;
+    const uint32_t length = CGL_MEMORY_ROW(cells, memory->config.q_half_width);
+    const uint32_t above = wrapped(map->at + half, cells), below = wrapped(map->at + cells - half, cells);
+    const uint32_t last = ring_place(memory, half - 1U), oldest = ring_place(memory, half);
+    cgl_real *row = memory->cell;
+    for (uint32_t c = 0; c < memory->config.channels; ++c, row += length) {
+        if (map->backward) {
+            map->sum[c] += row[last] + row[below];
+            row[oldest] = row[wrapped(above + 1U, cells)];
+        } else {
+            row[oldest] = row[below];
+            map->sum[c] += row[above] + row[below];
         }
-        rest += CGL_R(1.0);
-        n = wrap_cell(config, (int32_t)n - direction);
+        map->anew[c] = CGL_R(0.0);
     }
+    map->half = half;
+    map->anew_left = 2U * half + 1U;
 }
 
-/* The entries of `count` cells from n on, in the direction, go into the ring. */
-CGL_SELDOM static void remember(const cgl_memory_config *config, cgl_memory *memory, uint32_t n, uint32_t count,
-                                int direction)
+/* The rotor comes to the next cell, whose entry goes into the ring as it is. */
+static inline void pass(cgl_memory *memory)
 {
-    const uint32_t last = config->q_half_width;
-    for (;;) {
-        memory->cell[config->cells + memory->head] = memory->cell[n];
-        memory->head = memory->head < last ? memory->head + 1U : 0U;
-        if (--count == 0U) {
-            break;
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t cells = memory->config.cells, m = memory->config.q_half_width, half = map->half;
+    const uint32_t length = CGL_MEMORY_ROW(cells, m), at = map->at;
+    const bool backward = map->backward, whole = --map->anew_left == 0U;
+    const uint32_t next = backward ? (at > 0U ? at : cells) - 1U : wrapped(at + 1U, cells);
+    const uint32_t passed = backward ? at : next, entering = wrapped(backward ? next + cells - half : next + half, cells);
+    /* on the way back the entry that is passed is in the window, and may be what leaves it */
+    const uint32_t behind = ring_place(memory, backward ? half - 1U : half);
+    const uint32_t leaving = backward && half == 0U ? at : behind;
+    map->head = map->head < m ? map->head + 1U : 0U;
+    const uint32_t newest = cells + map->head;
+    cgl_real *row = memory->cell;
+    for (uint32_t c = 0; c < memory->config.channels; ++c, row += length) {
+        const cgl_real new_one = row[entering];
+        map->sum[c] += new_one - row[leaving];
+        map->anew[c] += new_one;
+        row[newest] = row[passed];
+        if (whole) {
+            map->sum[c] = map->anew[c];
+            map->anew[c] = CGL_R(0.0);
         }
-        n = wrap_cell(config, (int32_t)n + direction);
     }
-    memory->newest = n;
+    map->anew_left = whole ? 2U * half + 1U : map->anew_left;
+    map->at = next;
 }
 
-/* The cells passed on the way between two positions, of which `from` and `to` are the cells at or before them. Forward a
- * position on a cell has passed it, backward too. */
-typedef struct {
-    uint32_t first, last, count;
-    cgl_real rest; /* from the last to the end of the way [cells] */
-} passage;
-
-CGL_SELDOM static passage passage_of(const cgl_memory_config *config, uint32_t from, cgl_real start, uint32_t to,
-                                 cgl_real end, bool backward)
+/* Follows the rotor to a place; how far it moved [2^-32 periods], 0 where it starts anew. */
+static inline uint32_t follow(cgl_memory *memory, uint32_t x)
 {
-    passage p;
-    if (!backward) {
-        p.first = from + 1U < config->cells ? from + 1U : 0U;
-        p.last = to;
-        p.count = to >= from ? to - from : to + config->cells - from;
-        p.rest = end - (cgl_real)(int32_t)to;
-    } else { /* the cells at or above */
-        const uint32_t above_from = (cgl_real)(int32_t)from < start ? from + 1U : from;
-        const uint32_t above_to = (cgl_real)(int32_t)to < end ? to + 1U : to;
-        p.first = wrap_cell(config, (int32_t)above_from - 1);
-        p.last = wrap_cell(config, (int32_t)above_to);
-        p.count = above_from >= above_to ? above_from - above_to : above_from + config->cells - above_to;
-        p.rest = (cgl_real)(int32_t)above_to - end;
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t cells = memory->config.cells;
+    uint32_t moved = map->backward ? map->x - x : x - map->x;
+    if (map->started && moved > 0U - map->width) { /* back by less than a cell: it stands */
+        x = map->x;
+        moved = 0U;
     }
-    return p;
+    const uint64_t place = (uint64_t)x * cells;
+    const uint32_t n = (uint32_t)(place >> 32);
+    const cgl_real part = (cgl_real)(uint32_t)place * CGL_R(2.3283064365386963e-10);
+    uint32_t count = map->backward ? map->at - n : n - map->at;
+    count += count < cells ? 0U : cells;
+    if (!(map->started && moved <= QUARTER && count <= REACH + 2U * map->passed)) {
+        const bool turned = map->started && moved >= 0U - QUARTER;
+        seat(memory, x, n, part, map->backward != turned);
+        map->passed = moved <= QUARTER ? count : 0U; /* where it goes on like this, it is no jump */
+        return 0U;
+    }
+    map->passed = count;
+    for (; count > 0U; --count) {
+        pass(memory);
+    }
+    map->x = x;
+    map->part = part;
+    return moved;
 }
 
-/* Adds the corrections where the rotor was `lead` samples ago, at the speed that it has now. */
-CGL_SELDOM static void correct_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real moved,
-                                    cgl_real correction, cgl_real quarter)
+/* ---- what is learned there ---- */
+
+/* `count` cells back from n, against the way the rotor goes, get values of a line that ends `rest` cells after n with
+ * `value`, by `slope` a cell; or, to correct them, they get it added. */
+static inline void write_line(cgl_real *row, uint32_t cells, bool backward, uint32_t n, uint32_t count, cgl_real value,
+                              cgl_real rest, cgl_real slope, cgl_real limit, bool add)
 {
-    const cgl_real behind = memory->lead * moved;
-    if (!cgl_is_within(behind, quarter)) {
-        memory->lagging = false;
+    cgl_real on_line = value - rest * slope;
+    for (; count > 0U; --count) {
+        row[n] = cgl_clamp(add ? row[n] + on_line : on_line, limit);
+        on_line -= slope;
+        n = backward ? wrapped(n + 1U, cells) : (n > 0U ? n : cells) - 1U;
+    }
+}
+
+/* Adds the corrections where the rotor was `lead` samples ago, had it always moved as it does now. */
+static inline void correct(cgl_memory *memory, uint32_t moved, const cgl_real *correction)
+{
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t cells = memory->config.cells, lead = memory->config.lead;
+    const uint32_t length = CGL_MEMORY_ROW(cells, memory->config.q_half_width);
+    const bool backward = map->backward;
+    if ((uint64_t)moved * lead > QUARTER) {
+        map->lagging = false;
         return;
     }
-    const cgl_real before = memory->lag + moved, passed = before - behind;
-    if (memory->lagging && passed * moved <= CGL_R(0.0)) {
-        memory->lag = before;
+    const uint32_t behind = moved * lead, x = backward ? map->x + behind : map->x - behind;
+    const uint32_t passed = backward ? map->lag_x - x : x - map->lag_x;
+    if (map->lagging && (passed == 0U || passed > 0x80000000U)) {
         return; /* the rotor gains speed faster than it moves: wait until the place comes by again */
     }
-    const cgl_real cells = memory->length;
-    cgl_real place = memory->next_position - behind;
-    place = place < CGL_R(0.0) ? place + cells : place;
-    place = place >= cells ? place - cells : place;
-    const uint32_t cell = (uint32_t)(int32_t)place;
-    if (memory->lagging && cgl_is_within(passed, quarter)) {
-        const bool backward = moved < CGL_R(0.0);
-        const passage p = passage_of(config, memory->lag_cell, memory->lag_position, cell, place, backward);
-        if (p.count > 0U && p.count <= config->cells / 2U) {
-            write_line(config, memory, p.last, p.count, backward ? -1 : 1, correction, p.rest,
-                       (correction - memory->correction) / cgl_abs(passed), true);
+    const uint64_t from = (uint64_t)map->lag_x * cells, to = (uint64_t)x * cells;
+    const uint32_t n = (uint32_t)(to >> 32), last = (uint32_t)(from >> 32);
+    uint32_t count = backward ? last - n : n - last;
+    count += count < cells ? 0U : cells;
+    if (map->lagging && passed <= QUARTER && count <= REACH + 2U * map->passed) {
+        const cgl_real part = (cgl_real)(uint32_t)to * CGL_R(2.3283064365386963e-10);
+        const cgl_real rest = backward ? CGL_R(1.0) - part : part;
+        const cgl_real per_cell = CGL_R(1.0) / ((cgl_real)passed * map->per_step);
+        cgl_real *row = memory->cell;
+        for (uint32_t c = 0; count > 0U && c < memory->config.channels; ++c, row += length) {
+            write_line(row, cells, backward, backward ? wrapped(n + 1U, cells) : n, count, correction[c], rest,
+                       (correction[c] - map->correction[c]) * per_cell, memory->config.limit[c], true);
         }
     }
-    memory->lag = behind;
-    memory->lag_position = place;
-    memory->lag_cell = cell;
-    memory->correction = correction;
-    memory->lagging = true;
+    map->lag_x = x;
+    map->lagging = true;
+    for (uint32_t c = 0; c < memory->config.channels; ++c) {
+        map->correction[c] = correction[c];
+    }
 }
 
-CGL_SELDOM static void store_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction)
+/* What is held at the place, as it is. */
+CGL_SELDOM static void repeat(cgl_memory *memory, cgl_real *value)
 {
-    const cgl_real cells = memory->length, quarter = CGL_R(0.25) * cells;
-    const cgl_real position = memory->next_position;
-    cgl_real moved = position - memory->position;
-    if (!cgl_is_within(moved, CGL_R(0.5) * cells)) { /* the shorter way round */
-        moved += moved < CGL_R(0.0) ? cells : -cells;
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t cells = memory->config.cells, length = CGL_MEMORY_ROW(cells, memory->config.q_half_width);
+    const cgl_real *row = memory->cell;
+    for (uint32_t c = 0; c < memory->config.channels; ++c, row += length) {
+        const cgl_real here = row[map->at];
+        value[c] = here + map->part * (row[wrapped(map->at + 1U, cells)] - here);
+        memory->value[c] = cgl_clamp(value[c], memory->config.limit[c]);
     }
-    if (!(memory->started && cgl_is_within(moved, quarter))) {
-        memory->lagging = false;
-    } else if (moved < CGL_R(0.0) || moved > CGL_R(0.0)) {
-        const bool backward = moved < CGL_R(0.0);
-        const int direction = backward ? -1 : 1;
-        const passage p = passage_of(config, memory->at, memory->position, memory->next, position, backward);
-        if (p.count > 0U && p.count <= config->cells / 2U) {
-            const uint32_t ring = config->q_half_width + 1U;
-            memory->lagging = memory->lagging && memory->direction == direction;
-            if (direction != memory->direction
-                || wrap_cell(config, (int32_t)memory->newest + direction) != p.first) {
-                memory->known = 0U; /* the ring only speaks of cells in a row */
-                memory->direction = direction;
-            }
-            memory->known = memory->known + p.count < ring ? memory->known + p.count : ring;
-            remember(config, memory, p.first, p.count, direction);
-            write_line(config, memory, p.last, p.count, direction, value, p.rest,
-                       (value - memory->value) / cgl_abs(moved), false);
+    map->follows = map->lagging = false;
+}
+
+static inline void learn_on(cgl_memory *memory, uint32_t moved, const cgl_real *correction, cgl_real *value)
+{
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t cells = memory->config.cells, m = memory->config.q_half_width, length = CGL_MEMORY_ROW(cells, m);
+    const uint32_t at = map->at, count = map->follows && moved > 0U ? map->passed : 0U;
+    const bool backward = map->backward, acts = memory->config.lead == 0U;
+    const uint32_t behind = ring_place(memory, m), ahead = wrapped(backward ? at + cells - m : at + m + 1U, cells);
+    const cgl_real rest = backward ? CGL_R(1.0) - map->part : map->part;
+    const cgl_real per_cell = count > 0U ? CGL_R(1.0) / ((cgl_real)moved * map->per_step) : CGL_R(0.0);
+    cgl_real *row = memory->cell;
+    for (uint32_t c = 0; c < memory->config.channels; ++c, row += length) {
+        const cgl_real change = backward ? row[behind] - row[ahead] : row[ahead] - row[behind];
+        const cgl_real recalled = memory->gain * (map->sum[c] + map->part * change), limit = memory->config.limit[c];
+        value[c] = acts ? recalled + correction[c] : recalled;
+        const cgl_real stored = cgl_clamp(value[c], limit);
+        if (count > 0U) {
+            write_line(row, cells, backward, backward ? wrapped(at + 1U, cells) : at, count, stored, rest,
+                       (stored - memory->value[c]) * per_cell, limit, false);
         }
-        if (config->lead > 0U) {
-            correct_by_angle(config, memory, moved, correction, quarter);
-        }
+        memory->value[c] = stored;
     }
-    memory->position = position;
-    memory->at = memory->next;
-    memory->value = value;
-    memory->started = true;
-    memory->steady = memory->direction > 0 && memory->known > config->q_half_width && memory->newest == memory->at
-                     && (config->lead == 0U || (memory->lagging && cgl_is_within(memory->correction, config->limit)));
-    if (memory->steady) {
-        memory->sum = sum_anywhere(config, memory, (int32_t)memory->at, (int32_t)config->q_half_width, &memory->change);
+    map->follows = true;
+    if (!acts && moved > 0U) {
+        correct(memory, moved, correction);
     }
 }
 
-/* ---- by angle, in short: for a rotor that goes on forward ---- */
-
-/* The sum of the Q filter's entries around cell 0, when the rotor comes there: summed anew, as changes to it round. The
- * entry at `head` has left the window. */
-CGL_SELDOM static cgl_real sum_at_start(const cgl_memory_config *config, const cgl_memory *memory, uint32_t head)
+static inline bool is_finite_all(const cgl_memory *memory, const cgl_real *x)
 {
     cgl_real sum = CGL_R(0.0);
-    for (uint32_t n = 0; n <= config->q_half_width; ++n) {
-        sum += memory->cell[n];
-        sum += n != head ? memory->cell[config->cells + n] : CGL_R(0.0);
+    for (uint32_t c = 0; c < memory->config.channels; ++c) {
+        sum += x[c] - x[c]; /* 0, or NaN */
     }
-    return sum;
+    return sum == CGL_R(0.0);
 }
 
-/* The rotor comes to cell n, whose old entry goes into the ring. */
-static inline void pass_cell(const cgl_memory_config *config, cgl_memory *memory, uint32_t n)
+/* No place is known: what acts is what acted last. */
+CGL_SELDOM static void lose(cgl_memory *memory, cgl_real *value)
 {
-    const uint32_t cells = config->cells, last = config->q_half_width;
-    cgl_real *const entry = memory->cell, *const ring = entry + cells;
-    uint32_t head = memory->head;
-    memory->sum = CGL_OFTEN(n > 0U) ? memory->sum + memory->change : sum_at_start(config, memory, head);
-    ring[head] = entry[n];
-    head = head < last ? head + 1U : 0U;
-    const uint32_t ahead = n + last + 1U;
-    memory->change = entry[ahead < cells ? ahead : ahead - cells] - ring[head];
-    memory->head = head;
+    for (uint32_t c = 0; c < memory->config.channels; ++c) {
+        value[c] = memory->value[c];
+    }
+    memory->map.started = memory->map.follows = memory->map.lagging = false;
 }
 
-/* The rotor passes all but the last of `count` cells. */
-CGL_SELDOM static void pass_more(const cgl_memory_config *config, cgl_memory *memory, uint32_t count)
+bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool learn, const cgl_real *correction,
+                     cgl_real *value)
 {
-    for (uint32_t n = memory->at; count > 1U; --count) {
-        n = n + 1U < config->cells ? n + 1U : 0U;
-        pass_cell(config, memory, n);
-    }
-}
-
-/* x, a number, within the limit */
-static inline cgl_real limited(cgl_real x, cgl_real limit)
-{
-    if (CGL_OFTEN(cgl_is_within(x, limit))) {
-        return x;
-    }
-    return x > CGL_R(0.0) ? limit : -limit;
-}
-
-/* Adds the corrections where the rotor was `lead` samples ago. */
-static inline void correct_on(const cgl_memory_config *config, cgl_memory *memory, cgl_real position, cgl_real moved,
-                              cgl_real correction)
-{
-    const uint32_t cells = config->cells;
-    const cgl_real behind = memory->lead * moved, limit = config->limit;
-    cgl_real place = position - behind, passed = place - memory->lag_position;
-    if (place < CGL_R(0.0)) {
-        place += memory->length;
-        passed += memory->length;
-    }
-    const uint32_t cell = (uint32_t)(int32_t)place;
-    uint32_t count = cell - memory->lag_cell;
-    if (cell < memory->lag_cell) {
-        count += cells;
-        passed += memory->length;
-    }
-    if (!(passed > CGL_R(0.0) && count < cells / 4U && cell < cells)) {
-        memory->next_position = position;
-        memory->newest = memory->at;
-        correct_by_angle(config, memory, moved, correction, CGL_R(0.25) * memory->length);
-        memory->steady = memory->lagging;
-        return;
-    }
-    if (count > 0U) {
-        const cgl_real slope = (correction - memory->correction) / passed;
-        cgl_real change = correction - (place - (cgl_real)(int32_t)cell) * slope, *entry = memory->cell + cell;
-        *entry = limited(*entry + change, limit);
-        while (--count > 0U) {
-            change -= slope;
-            entry = (entry > memory->cell ? entry : memory->cell + cells) - 1;
-            *entry = limited(*entry + change, limit);
-        }
-    }
-    memory->lag = behind;
-    memory->lag_position = place;
-    memory->lag_cell = cell;
-    memory->correction = correction;
-}
-
-/* Recalls and updates, if this is such a step; else changes nothing. What acts is the new value. */
-static inline bool step_on(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real correction)
-{
-    const cgl_real limit = config->limit;
-    if (!(cgl_is_angle(theta_m) && cgl_is_within(correction, limit))) {
-        return false;
-    }
-    const cgl_real position = find_place(memory, theta_m) * memory->length;
-    const uint32_t n = (uint32_t)(int32_t)position, cells = config->cells;
-    uint32_t count = n - memory->at; /* cells passed */
-    cgl_real moved = position - memory->position;
-    if (n < memory->at) {
-        count += cells;
-        moved += memory->length;
-    }
-    if (!(moved < memory->fastest && n < cells)) { /* back by some cells is too far on, too */
-        return false;
-    }
-    cgl_real *entry = memory->cell + n;
-    if (count > 0U) {
-        if (config->q_half_width == 0U) {
-            memory->cell[cells] = memory->sum = *entry;
-            memory->change = memory->cell[n + 1U < cells ? n + 1U : 0U] - memory->sum;
+    learn = learn && is_finite_all(memory, correction);
+    if (!cgl_is_angle(theta)) {
+        lose(memory, value);
+        learn = false;
+    } else if (CGL_OFTEN(memory->config.kind == CGL_MEMORY_ANGLE)) {
+        const uint32_t angle = cgl_turns(theta);
+        const uint32_t moved = follow(memory, CGL_OFTEN(memory->config.turns == 1U)
+                                                  ? angle * memory->periods /* whole periods fall off */
+                                                  : place_in_turns(memory, angle));
+        if (CGL_OFTEN(learn && memory->map.half == memory->config.q_half_width)) {
+            learn_on(memory, moved, correction, value);
         } else {
-            if (count > 1U) {
-                pass_more(config, memory, count);
+            learn = false;
+            if (memory->map.half < memory->config.q_half_width) {
+                widen(memory);
             }
-            pass_cell(config, memory, n);
+            repeat(memory, value);
         }
-    }
-    const cgl_real part = position - (cgl_real)(int32_t)n;
-    const cgl_real recalled = memory->gain * (memory->sum + part * memory->change);
-    const cgl_real value = cgl_clamp(config->lead > 0U ? recalled : recalled + correction, limit);
-    if (count > 0U) {
-        const cgl_real slope = (value - memory->value) / moved;
-        cgl_real on_line = value - part * slope;
-        *entry = limited(on_line, limit);
-        while (--count > 0U) {
-            on_line -= slope;
-            entry = (entry > memory->cell ? entry : memory->cell + cells) - 1;
-            *entry = limited(on_line, limit);
-        }
-        memory->at = n;
-    } else if (!(moved > CGL_R(0.0))) {
-        if (moved < CGL_R(0.0)) {
-            return false;
-        }
-        memory->value = value; /* it stands still, or a coarse encoder says so */
-        return true;
-    }
-    memory->position = position;
-    memory->value = value;
-    if (config->lead > 0U) {
-        correct_on(config, memory, position, moved, correction);
-    }
-    return true;
-}
-
-/* ---- by time: a ring of the last values ---- */
-
-/* The value stored `age` samples ago, 1 for the last one. */
-static cgl_real value_ago(const cgl_memory_config *config, const cgl_memory *memory, uint32_t age)
-{
-    const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
-    if (age > memory->known) {
-        return CGL_R(0.0);
-    }
-    const uint32_t place = memory->newest + length + 1U - age;
-    return memory->cell[place < length ? place : place - length];
-}
-
-CGL_SELDOM static bool recall_by_time(const cgl_memory_config *config, const cgl_memory *memory, cgl_real omega_ref, bool learn,
-                           cgl_real *value)
-{
-    const cgl_real periods = cgl_abs(omega_ref) * config->ts * memory->per_rad; /* in a sample */
-    if (!(periods > CGL_R(0.0) && periods * (cgl_real)config->cells >= CGL_R(1.0)
-          && periods * (cgl_real)(config->q_half_width + 1U) <= CGL_R(1.0))) {
-        return false;
-    }
-    const cgl_real period = CGL_R(1.0) / periods;
-    uint32_t n = (uint32_t)cgl_clamped(period, (cgl_real)config->cells); /* it may round above the longest period */
-    n = n > config->q_half_width ? n : config->q_half_width + 1U;
-    const cgl_real part = cgl_clamped(period - (cgl_real)n, CGL_R(1.0));
-    const uint32_t m = learn ? config->q_half_width : 0U;
-
-    cgl_real sum = CGL_R(0.0), first = CGL_R(0.0);
-    for (uint32_t age = n + m; age >= n - m; --age) {
-        first = value_ago(config, memory, age);
-        sum += first;
-    }
-    sum += part * (value_ago(config, memory, n + m + 1U) - first);
-    *value = learn ? memory->gain * sum : sum;
-    return true;
-}
-
-CGL_SELDOM static void store_by_time(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction)
-{
-    const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
-    memory->newest = memory->newest + 1U < length ? memory->newest + 1U : 0U;
-    memory->cell[memory->newest] = value;
-    if (memory->known < length) {
-        ++memory->known;
-    }
-    if (config->lead > 0U && config->lead < memory->known) {
-        const uint32_t place = memory->newest + length - config->lead;
-        const uint32_t then = place < length ? place : place - length;
-        memory->cell[then] = cgl_clamped(memory->cell[then] + correction, config->limit);
-    }
-}
-
-CGL_SELDOM static bool recall(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref, bool learn,
-                   cgl_real *value)
-{
-    if (config->kind == CGL_MEMORY_TIME) {
-        return recall_by_time(config, memory, omega_ref, learn, value);
-    }
-    return recall_by_angle(config, memory, theta_m, learn, value);
-}
-
-CGL_SELDOM bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
-                       bool learn, cgl_real *value)
-{
-    const bool known = recall(config, memory, theta_m, omega_ref, learn, value);
-    *value = known ? cgl_clamped(*value, config->limit) : CGL_R(0.0); /* sums round */
-    return known;
-}
-
-CGL_SELDOM cgl_real cgl_memory_update(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction,
-                           bool learn)
-{
-    const cgl_real change = learn ? cgl_clamped(correction, CGL_REAL_MAX) : CGL_R(0.0);
-    const cgl_real acting = cgl_clamped(config->lead > 0U ? value : value + change, config->limit);
-    if (config->kind == CGL_MEMORY_TIME) {
-        store_by_time(config, memory, acting, change);
-    } else if (learn) {
-        store_by_angle(config, memory, acting, change);
     } else {
-        memory->started = memory->lagging = memory->steady = false; /* the next value has no line back to this one */
-        memory->known = 0U; /* and when the rotor comes round, what was overwritten is two periods old */
+#ifndef COGLESS_NO_DELAY_LINE
+        learn = cgl_delay_step(memory, theta, speed, learn, correction, value);
+#endif
     }
-    return acting;
+    (void)speed;
+    memory->learning = learn;
+    return learn;
 }
 
-CGL_SELDOM static cgl_real step_anywhere(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m,
-                                         cgl_real omega_ref, cgl_real correction, bool *learn)
+CGL_SELDOM cgl_real cgl_memory_fastest(const cgl_memory *memory)
 {
-    cgl_real value;
-    *learn = *learn && cgl_is_finite(correction) && cgl_is_angle(theta_m);
-    *learn = cgl_memory_recall(config, memory, theta_m, omega_ref, *learn, &value) && *learn;
-    return cgl_memory_update(config, memory, value, correction, *learn);
-}
-
-cgl_real cgl_memory_step(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
-                         cgl_real correction, bool *learn)
-{
-    if (*learn && memory->steady && step_on(config, memory, theta_m, correction)) {
-        return memory->value;
+    const cgl_memory_config *const config = &memory->config;
+    const cgl_real period = CGL_TWO_PI * (cgl_real)config->turns / (cgl_real)memory->periods; /* of theta [rad] */
+    uint32_t samples = 4U * (config->lead > 0U ? config->lead : 1U); /* in a period, at least */
+    if (config->kind != CGL_MEMORY_ANGLE && samples < config->q_half_width + 1U) {
+        samples = config->q_half_width + 1U;
     }
-    return step_anywhere(config, memory, theta_m, omega_ref, correction, learn);
+    return period / ((cgl_real)samples * memory->ts);
 }
