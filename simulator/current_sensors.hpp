@@ -50,7 +50,7 @@ private:
     }
 
     CurrentSensorsConfig config_;
-    Normal normal_;
+    inline static const Normal normal_;  // its tables are read at random: one copy for all drives stays in the cache
     Four offset_, gain_error_;
     double step_, per_step_, highest_;  // step of the converter, its inverse, and its highest output: A, 1/A, A
 };

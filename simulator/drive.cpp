@@ -316,11 +316,13 @@ void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, std::int6
 }
 
 template <std::size_t legs>
-[[gnu::always_inline]] inline Voltage<> Drive::averaged(const Phases& duty, const Phases& current, const Faults& faults) const {
+[[gnu::always_inline]] inline Voltage<> Drive::averaged(const Phases& duty, const Phases& current,
+                                                        const Faults& faults) const {
     return cogless::averaged(faults.bus_voltage, dead_share_, leg_duties<legs>(duty), leg_currents<legs>(current));
 }
 
-[[gnu::always_inline]] inline void Drive::watch(DriveState& s, double from, double h, double theta_m, const Faults& faults) const {
+[[gnu::always_inline]] inline void Drive::watch(DriveState& s, double from, double h, double theta_m,
+                                                const Faults& faults) const {
     if (position_sensor_.watches()) {
         position_sensor_.watch(s.position, from, from + h, faults.stuck ? s.seen : theta_m + faults.jump);
     }
@@ -371,7 +373,8 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
     std::vector<Running> all;
     for (std::size_t n = 0; n < lanes.size(); ++n) {
         const auto& [drive, s, recorder, error] = lanes[n];
-        all.push_back({n, &lanes[n], {drive->config_.speed_divider, s->tick}, recorder->rows(s->tick), drive->faults_at(s->tick)});
+        all.push_back({n, &lanes[n], {drive->config_.speed_divider, s->tick}, recorder->rows(s->tick),
+                       drive->faults_at(s->tick)});
         plants.put(n, s->plant, Plant::Exact<detail>(drive->phases_.front().plant)(s->plant.theta_m));
     }
     for (std::int64_t tick = lanes.front().state->tick; tick < end; ++tick) {
@@ -394,8 +397,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
                 continue;
             }
             if constexpr (legs == 0) view.i_q[n] = s.plant.i.q;
-            const bool recorded = r.row.next();
-            if (recorded) {
+            if (r.row.next()) {
                 plants.get(n, s.plant, here);
                 drive.record<legs>(s, here, phase, 0, r.current, r.lane->recorder->next_row());
             }
@@ -404,7 +406,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
                 const Voltage<> u = drive.averaged<legs>(r.acting.duty, r.current, r.faults);
                 view.u_alpha[n] = u.alpha;
                 view.u_beta[n] = u.beta;
-                if (r.acting.open && !recorded) plants.get(n, s.plant, here);
+                if (r.acting.open) plants.get(n, s.plant, here);
             }
         }
         std::erase_if(all, [](const Running& r) { return !r.lane->error.empty(); });
@@ -418,7 +420,8 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
                 if ((stay >> r.n & 1U) != 0U) {
                     plants.get(r.n, s.plant, here);
                     const Plant& plant = drive.phases_.front().plant;
-                    plant.step<detail>(s.plant, here, {view.u_alpha[r.n], view.u_beta[r.n]}, from, h, Plant::Exact<detail>(plant));
+                    plant.step<detail>(s.plant, here, {view.u_alpha[r.n], view.u_beta[r.n]}, from, h,
+                                       Plant::Exact<detail>(plant));
                     plants.put(r.n, s.plant, here);
                 }
                 drive.watch(s, from, h, view.theta_m[r.n], r.faults);

@@ -8,7 +8,8 @@
 namespace cogless {
 
 // Puts x through b(1/z) / a(1/z), whose a[0] is one, in place. state: where it starts, one entry fewer than b and a.
-inline void filter(const std::vector<double>& b, const std::vector<double>& a, std::vector<double> state, double* x, std::size_t count) {
+inline void filter(const std::vector<double>& b, const std::vector<double>& a, std::vector<double> state, double* x,
+                   std::size_t count) {
     const std::size_t order = state.size();
     if (order < 1 || b.size() != order + 1 || a.size() != order + 1) {
         throw std::invalid_argument("filter: expected b and a of one length, and a state of one entry fewer");
