@@ -103,7 +103,8 @@ def yardstick_parameters(config: dict[str, Any]) -> str:
         "speed_reference": config["reference"]["speed"],
         "initial_speed": config["initial_speed"],
         "ilc_gain": law["gain"],
-        **{f"ilc_{name}": law["memory"][name] for name in ("forgetting", "limit", "cells")},
+        **{f"ilc_{name}": law["memory"][name] for name in ("forgetting", "cells")},
+        "ilc_limit": law["memory"]["limit"][0],
         "ticks": TICKS,
     }
     for n, flux in enumerate(motor["flux_harmonics"]):
