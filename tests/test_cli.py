@@ -224,7 +224,7 @@ def test_an_order_that_no_run_yields_keeps_the_runs(
 
 # A shell's background jobs ignore Ctrl-C, and so would what they start.
 HEARS = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
-COMMAND = [sys.executable, "-c", HEARS + "from cogless.cli import main; main()"]
+COMMAND = [sys.executable, "-c", HEARS + "from cogless.__main__ import main; main()"]
 WAITS = {
     "steps": "pass",  # and is asked to stop between two
     "sleeps": "time.sleep(600)",

@@ -357,7 +357,7 @@ def test_a_missing_extra_is_one_line(
 
 def test_killed_and_started_again(tmp_path: Path, expected: bytes) -> None:
     study, out = studies.write(tmp_path, ensembles.TEXT), tmp_path / "out"
-    command = [sys.executable, "-c", "from cogless.cli import main; main()", "sweep", str(study)]
+    command = [sys.executable, "-m", "cogless", "sweep", str(study)]
     command += ["-n", str(COUNT), "-o", str(out), "-j", "1"]
     running = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
     file, until = out / "journal.jsonl", time.monotonic() + 60
