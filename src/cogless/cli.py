@@ -179,6 +179,7 @@ def sweep(
     from cogless.ensemble import table
     from cogless.files import writable
     from cogless.report import sweep as report
+    from cogless.results.folder import held, new_set
 
     table.require()
     part = _shard(shard)
@@ -195,8 +196,9 @@ def sweep(
         if found is None:
             print(f"Shard: {folder / part.file}")
             return
-        table.write(found, folder / "sweep.parquet")
-        told = report.write(found, folder / "report.html", partial(_repeat, study, changes))
+        with held(folder), new_set(folder) as stage:
+            table.write(found, stage / "sweep.parquet")
+            told = report.write(found, stage / "report.html", partial(_repeat, study, changes))
     for line in told:
         print(line)
     print(f"Table: {folder / 'sweep.parquet'}")
@@ -220,6 +222,7 @@ def tune(
     from cogless.ensemble import tune as tuning
     from cogless.files import writable
     from cogless.report import sweep as report
+    from cogless.results.folder import held, new_set
     from cogless.study import TrialStudy
     from cogless.study.reading import changes_from
 
@@ -234,10 +237,12 @@ def tune(
             tuned = tuning.tune(loaded, folder, workers, progress)
         chosen = {key: value for one in tuned for key, value in one.chosen.items()}
         about = _command("tune", study, changes, [])
-        tuned_file.write(loaded, {**changes_from(changes or ()), **chosen}, path, f"By: {about}")
+        text = tuned_file.text(loaded, {**changes_from(changes or ()), **chosen}, folder, f"By: {about}")
         both = tuning.side_by_side(loaded, tuned)
-        table.write(both, folder / "sweep.parquet")
-        told = report.write(both, folder / "report.html", lambda settings, pair: "")
+        with held(folder), new_set(folder) as stage:
+            (stage / path.name).write_text(text, encoding="utf-8")
+            table.write(both, stage / "sweep.parquet")
+            told = report.write(both, stage / "report.html", lambda settings, pair: "")
     for line in [line for one in tuned for line in tuning.lines(one)] + told:
         print(line)
     print(f"Study: {path}")
