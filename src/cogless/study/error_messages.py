@@ -77,7 +77,7 @@ def toml(value: Any) -> str:
     """A value as written in TOML, in one line."""
     if isinstance(value, list):
         return f"[{', '.join(map(toml, value))}]"
-    if isinstance(value, dict):
+    if isinstance(value, dict) and value:
         return f"{{ {', '.join(f'{dotted((key,))} = {toml(item)}' for key, item in value.items())} }}"
     return repr(value) if isinstance(value, float) else _escaped(value)  # JSON has no nan and inf
 
