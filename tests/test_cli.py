@@ -164,14 +164,18 @@ def test_a_controller_that_stalls_gets_no_star(tmp_path: Path, capsys: pytest.Ca
     text = text.replace('order = [1, 2, 6]\nframe = "electrical"\n', "").replace('"4 mN*m"', '"0.4 mN*m"')
     text += '[controller.mine]\nlaw = "python"\nobject = "law.py:Zero"\n'
     study = studies.write(tmp_path, text)
-    code, out, _ = cogless(capsys, "run", study, "-o", tmp_path, "--only", "low/*")
+    named = ("--set", "controller.pi.label=PI [red]", "--set", "controller.mine.label=[b]Mine")  # no markup
+    code, out, _ = cogless(capsys, "run", study, "-o", tmp_path, "--only", "low/*", *named)
     assert code == 0
-    rows = [line for line in out.splitlines() if line.startswith("speed")]
+    said = out.splitlines()
+    assert said[1].split() == ["PI", "[red]", "fair", "[b]Mine"]
+    rows = [line for line in said if line.startswith("speed")]
     assert len(rows) == 2
     assert all(row.endswith(" !") and row.count("*") == 1 for row in rows)
-    assert "! mine did not hold the speed in speed, 0.3 to 0.4 s: mean 0 of 60 rpm" in out.splitlines()
+    assert "! [b]Mine did not hold the speed in speed, 0.3 to 0.4 s: mean 0 of 60 rpm" in said
+    assert "* best; (x) times the value of PI [red]" in said
     report = (tmp_path / "report.html").read_text()
-    assert "mine did not hold the speed in speed, 0.3 to 0.4 s: mean 0 of 60 rpm" in report
+    assert "[b]Mine did not hold the speed in speed, 0.3 to 0.4 s: mean 0 of 60 rpm" in report
 
 
 def test_a_directory_that_cannot_be_written_is_found_before_the_run(

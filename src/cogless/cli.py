@@ -528,10 +528,12 @@ def _print_tables(results: AnyResults) -> None:
     study, console = results.study, _console()
     for scenario in results.scenarios:
         controllers = [run.controller for run in results.runs if run.scenario == scenario]
-        table = Table(title=scenario, title_justify="left", title_style="bold", box=None, pad_edge=False)
+        table = Table(
+            title=Text(scenario), title_justify="left", title_style="bold", box=None, pad_edge=False
+        )
         table.add_column("")
         for name in controllers:
-            table.add_column(study.label(name), justify="right")
+            table.add_column(Text(study.label(name)), justify="right")
         lines = report.lines(results, scenario)
         for line in lines:
             cells = [_cell(line, name, study.baseline) for name in controllers]

@@ -463,6 +463,8 @@ def test_mistakes_are_one_line(single: Exported, tmp_path: Path, monkeypatch: py
     assert line(controller="pid") == 'controller: "pid": expected one of pi-ilc, own'
     assert line(scenario="slow").startswith('scenario: "slow": expected')
     assert line(controller="own").startswith('controller.own.law: "python": has no C form')
+    # a compiler that is missing is told before the other has compiled for a minute
+    monkeypatch.setattr(export, "objects", lambda *of: pytest.fail("compiled"))
     monkeypatch.setenv("CXX", "no-such-compiler")
     assert "no C++ compiler: expected CXX=no-such-compiler on the PATH" in line()
     monkeypatch.setenv("PATH", str(tmp_path))
