@@ -64,9 +64,11 @@ static inline bool cgl_is_within(cgl_real x, cgl_real limit)
  * that such a function returns.) */
 #if defined(__GNUC__) && !defined(__FRAMAC__)
 #define CGL_SELDOM __attribute__((noinline, cold))
+#define CGL_APART __attribute__((noinline)) /* often called, but better off with registers of its own */
 #define CGL_OFTEN(condition) __builtin_expect((condition), 1)
 #else
 #define CGL_SELDOM
+#define CGL_APART
 #define CGL_OFTEN(condition) (condition)
 #endif
 
@@ -107,6 +109,16 @@ static inline cgl_real cgl_clamp(cgl_real x, cgl_real limit)
         return x;
     }
     return x > CGL_R(0.0) ? limit : (x < CGL_R(0.0) ? -limit : CGL_R(0.0));
+}
+
+/* sum + x within +-limit; 0 for NaN. What rounding takes from the sum waits in `lost`, so that small terms add up beside a
+ * large sum. */
+static inline cgl_real cgl_add(cgl_real sum, cgl_real x, cgl_real limit, cgl_real *lost)
+{
+    const cgl_real term = x + *lost, result = sum + term;
+    const bool within = CGL_OFTEN(cgl_is_within(result, limit));
+    *lost = within ? term - (result - sum) : CGL_R(0.0);
+    return within ? result : cgl_clamp(result, limit);
 }
 
 /* -1, 0 or 1; 0 for NaN. */

@@ -130,7 +130,7 @@ class Feedback(Base):
 
     def pi_config(self, loop: LawLoop) -> dict[str, Any]:
         """Members of the C struct cgl_pi_config."""
-        return {"kp": self.kp, "ki": self.ki, "ts": loop.ts, "limit": loop.current_limit}
+        return {"kp": self.kp, "ki": self.ki, "limit": loop.current_limit}
 
 
 MOST_CELLS = 65_535  # of a map
@@ -143,7 +143,7 @@ def check_cells(cells: int, q_half_width: int, line: bool) -> None:
     map."""
     if not line and cells > MOST_CELLS:
         raise invalid(f"expected at most {MOST_CELLS}, since the memory is a map", "cells")
-    if 2 * q_half_width + 1 > cells:
+    if 2 * q_half_width + 2 > cells:
         raise invalid(f"expected a filter within the {cells} cells of the memory", "q_half_width")
 
 
@@ -199,13 +199,16 @@ class Learning(LearnsWhileRunning):
         assert self.limit is not None
         return {
             "kind": f"CGL_MEMORY_{self.memory.upper()}",
+            "channels": 1,
             "cells": self.cells,
-            "periods_per_rev": self.ratio(loop.pole_pairs),
+            "turns": 1,
+            "parts": self.ratio(loop.pole_pairs),
             "q_half_width": self.q_half_width,
             "lead": loop.samples(self.lead),
             "forgetting": self.forgetting,
-            "limit": abs(self.unit) * self.limit,
-            "ts": loop.ts,
+            "limit": [abs(self.unit) * self.limit],
+            "method": "CGL_DELAY_ODE",
+            "k_pp": 0.0,
         }
 
 
@@ -265,7 +268,7 @@ class RobustIlc(Learning):
     def c_config(self, loop: LawLoop) -> dict[str, Any]:
         same = {"b", "c", "g", "eta", "q", "beta_1", "beta_2", "gamma", "viscous", "coulomb"}
         memory = self.memory_config(loop)
-        return {**self.model_dump(include=same), "ts": loop.ts, "limit": loop.current_limit, "memory": memory}
+        return {**self.model_dump(include=same), "limit": loop.current_limit, "memory": memory}
 
 
 SETTLING = 1 / 8  # revolutions in each direction before a commissioning run begins to record
