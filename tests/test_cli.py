@@ -349,6 +349,16 @@ def test_list_names_the_laws(capsys: pytest.CaptureFixture[str]) -> None:
     assert "  robust-ilc      Robust iterative learning" in out
 
 
+def test_list_loads_nothing_that_takes_time(tmp_path: Path) -> None:
+    heavy = "('typer', 'pydantic', 'rich', 'numpy', 'pint')"
+    code = "import atexit, sys; sys.argv = ['cogless', 'list']; from cogless.__main__ import main\n"
+    code += (
+        f"atexit.register(lambda: print([m for m in {heavy} if m in sys.modules], file=sys.stderr)); main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "[]" and done.stdout.startswith("Studies\n")
+
+
 def test_calibrate_prints_lines_for_the_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     calibration = """
 [calibration]

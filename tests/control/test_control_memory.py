@@ -33,8 +33,7 @@ class CMemory:
 
     def recall(self, theta_m: float, omega_ref: float = 0.0) -> Recalled:
         def recall(learn: bool) -> tuple[float, bool]:
-            known = self.library.lib.cgl_memory_recall(self.state, theta_m, omega_ref, learn, self.out
-            )
+            known = self.library.lib.cgl_memory_recall(self.state, theta_m, omega_ref, learn, self.out)
             return self.out[0], known
 
         return Recalled(recall(True)[0], *recall(False))
