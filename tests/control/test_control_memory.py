@@ -17,7 +17,7 @@ def memory_config(library, memory: AngleMemory | TimeMemory) -> dict[str, Any]:
     by_angle = isinstance(memory, AngleMemory)
     kind = library.lib.CGL_MEMORY_ANGLE if by_angle else library.lib.CGL_MEMORY_TIME
     names = ("cells", "periods_per_rev", "q_half_width", "lead", "forgetting", "limit")
-    return {"kind": kind, "ts": TS} | {name: getattr(memory, name) for name in names}
+    return {"kind": kind} | {name: getattr(memory, name) for name in names}
 
 
 class CMemory:
