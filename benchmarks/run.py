@@ -367,7 +367,7 @@ def user() -> None:
     imported = statistics.median(usage("-c", "import cogless").cpu for _ in range(3)) - bare
     report("import cogless (less Python's own start)", f"{imported:.2f} s", "< 0.5", imported < 0.5)
     with tempfile.TemporaryDirectory() as folder:
-        cli = ("-c", "from cogless.cli import main; main()")
+        cli = ("-m", "cogless")
         command = (*cli, "run", STUDY, "-o", Path(folder) / "out")
         seconds = statistics.median(usage(*command).cpu for _ in range(3))
         report("10 s study, three controllers, with report", f"{seconds:.2f} s", "< 3", seconds < 3)

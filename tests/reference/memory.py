@@ -1,10 +1,8 @@
 """What a learning law remembers: all that it ever stored, so that 'one period ago' is literal."""
 
-import functools
 import math
 from dataclasses import dataclass, field
-
-import numpy as np
+from itertools import pairwise
 
 from .limits import clip, finite_or_zero, is_angle
 
@@ -72,15 +70,11 @@ class AngleMemory:
             self.stored = None
             return Recalled()
         self.asked = self.position(theta_m)
-        ago = functools.cache(self.one_period_ago)  # neighbouring lines share their ends
-
-        def line(x: float) -> float:
-            n = math.floor(x)
-            return (1 - (x - n)) * ago(n) + (x - n) * ago(n + 1)
-
-        reach = range(-self.q_half_width, self.q_half_width + 1)
-        mean = float(np.mean([line(self.asked + k) for k in reach]))
-        return Recalled(self.forgetting * mean, line(self.asked), True)
+        here, q = math.floor(self.asked), self.q_half_width
+        share = self.asked - here
+        ends = [self.one_period_ago(n) for n in range(here - q, here + q + 2)]
+        lines = [(1 - share) * a + share * b for a, b in pairwise(ends)]  # at asked - q to asked + q
+        return Recalled(self.forgetting * math.fsum(lines) / len(lines), lines[q], True)
 
     def write(self, n: int, direction: int, value: float) -> None:
         if self.last is None or self.last[1] != direction or (self.last[0] + direction - n) % self.cells != 0:
@@ -161,7 +155,7 @@ class TimeMemory:
         if not self.q_half_width + 1 <= period <= self.cells:
             return Recalled()
         reach = range(-self.q_half_width, self.q_half_width + 1)
-        mean = float(np.mean([self.ago(period + k) for k in reach]))
+        mean = math.fsum(self.ago(period + k) for k in reach) / len(reach)
         return Recalled(self.forgetting * mean, self.ago(period), True)
 
     def update(self, value: float, correction: float = 0.0, learn: bool = True) -> float:
