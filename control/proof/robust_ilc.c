@@ -1,9 +1,9 @@
-/* Robust learning, with its memory as a map or (DELAY) by time. */
+/* Robust learning, with its memory as a map or a line. */
 #include "cogless/robust_ilc.h"
 
 #include "memories.h"
 
-static cgl_real cell[CGL_MEMORY_LENGTH(CELLS, Q_HALF_WIDTH)];
+static cgl_real cell[LENGTH];
 
 int main(void)
 {

@@ -1,13 +1,13 @@
-/* Position law that learns by angle, with a map or (DELAY) a delay line. */
+/* Position law that learns by angle, with a map or a line. */
 #include "cogless/space_position.h"
 
 #include "memories.h"
 
-static cgl_real cell[CGL_SPACE_MEMORY_LENGTH(SPACE_KIND, CHANNELS, CELLS, Q_HALF_WIDTH)];
+static cgl_real cell[LENGTH];
 
 int main(void)
 {
-    cgl_space_position_config config = {any_bits(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_bool(), any_real(), any_real(), any_bool() ? CGL_SPACE_BY_REFERENCE : CGL_SPACE_BY_ROTOR, ANY_LIMIT, any_space_memory()};
+    cgl_space_position_config config = {any_bits(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_bool(), any_real(), any_real(), any_bool() ? CGL_SPACE_BY_REFERENCE : CGL_SPACE_BY_ROTOR, ANY_LIMIT, any_memory()};
     cgl_space_position law;
     FILL(cell);
     if (cgl_space_position_init(&law, &config, any_real(), cell, sizeof cell / sizeof cell[0]) != CGL_OK) {

@@ -1,13 +1,13 @@
-/* Speed law that learns by angle, with a map or (DELAY) a delay line. */
+/* Speed law that learns by angle, with a map or a line. */
 #include "cogless/space_speed.h"
 
 #include "memories.h"
 
-static cgl_real cell[CGL_SPACE_MEMORY_LENGTH(SPACE_KIND, CHANNELS, CELLS, Q_HALF_WIDTH)];
+static cgl_real cell[LENGTH];
 
 int main(void)
 {
-    cgl_space_speed_config config = {any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), ANY_LIMIT, any_bits(), any_space_memory()};
+    cgl_space_speed_config config = {any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), ANY_LIMIT, any_bits(), any_memory()};
     cgl_space_speed law;
     FILL(cell);
     if (cgl_space_speed_init(&law, &config, any_real(), cell, sizeof cell / sizeof cell[0]) != CGL_OK) {
