@@ -202,7 +202,7 @@ bool cgl_delay_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool lea
     const bool by_time = config->kind == CGL_MEMORY_TIME;
     if (!(by_time ? find_time(memory, speed) : find_angle(memory, theta, speed))) { /* it waits */
         for (uint32_t c = 0; c < channels; ++c) {
-            value[c] = memory->value[c];
+            value[c] = memory->channel[c].value;
         }
         return false;
     }
@@ -222,7 +222,7 @@ bool cgl_delay_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool lea
             value[c] = learn ? memory->gain * mean_of(memory, row, config->q_half_width) : mean_of(memory, row, 0U);
         }
         value[c] += learn && config->lead == 0U ? correction[c] : CGL_R(0.0);
-        memory->value[c] = row[next] = cgl_clamp(value[c], config->limit[c]);
+        memory->channel[c].value = row[next] = cgl_clamp(value[c], config->limit[c]);
         if (learn && lagging != next) {
             row[lagging] = cgl_clamp(row[lagging] + correction[c], config->limit[c]);
         }

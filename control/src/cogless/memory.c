@@ -8,6 +8,7 @@
 
 #define QUARTER 0x40000000U /* of a period */
 #define REACH 16U           /* cells that a rotor may always pass in a step */
+#define PER_TURN CGL_R(2.3283064365386963e-10) /* 2^-32 */
 
 CGL_SELDOM static bool is_valid(const cgl_memory_config *config, cgl_real ts)
 {
@@ -35,6 +36,9 @@ CGL_SELDOM static void take(cgl_memory *memory, const cgl_memory_config *config)
 {
     memory->config = *config;
     memory->gain = config->forgetting / (cgl_real)(2U * config->q_half_width + 1U);
+    for (uint32_t c = 0; c < (uint32_t)CGL_CHANNELS; ++c) {
+        memory->channel[c].limit = config->limit[c];
+    }
 }
 
 CGL_SELDOM cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, cgl_real ts, uint32_t ratio,
@@ -52,7 +56,8 @@ CGL_SELDOM cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config
     memory->periods = ratio * config->parts;
     memory->cell = cell;
     memory->map.width = (uint32_t)(0x100000000U / config->cells);
-    memory->map.per_step = (cgl_real)config->cells / CGL_R(4294967296.0);
+    memory->map.per_cell = CGL_R(4294967296.0) / (cgl_real)config->cells;
+    memory->row = CGL_MEMORY_ROW(config->cells, config->q_half_width);
     cgl_memory_reset(memory);
     return CGL_OK;
 }
@@ -66,13 +71,12 @@ CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_conf
         return CGL_ERROR_CONFIG;
     }
     take(memory, config);
-    const uint32_t row = CGL_MEMORY_ROW(config->cells, config->q_half_width);
-    cgl_real *entry = memory->cell + (config->kind == CGL_MEMORY_DELAY ? row : 0U);
-    for (uint32_t c = 0; c < config->channels; ++c, entry += row) {
-        for (uint32_t n = 0; n < row; ++n) {
+    cgl_real *entry = memory->cell + (config->kind == CGL_MEMORY_DELAY ? memory->row : 0U);
+    for (uint32_t c = 0; c < config->channels; ++c, entry += memory->row) {
+        for (uint32_t n = 0; n < memory->row; ++n) {
             entry[n] = cgl_clamp(entry[n], config->limit[c]);
         }
-        memory->value[c] = cgl_clamp(memory->value[c], config->limit[c]);
+        memory->channel[c].value = cgl_clamp(memory->channel[c].value, config->limit[c]);
     }
     memory->map.started = memory->map.lagging = false;
     return CGL_OK;
@@ -87,13 +91,14 @@ CGL_SELDOM void cgl_memory_reset(cgl_memory *memory)
         memory->cell[n] = CGL_R(0.0);
     }
     cgl_angle_map *const map = &memory->map;
-    for (uint32_t c = 0; c < (uint32_t)CGL_CHANNELS; ++c) {
-        memory->value[c] = map->sum[c] = map->anew[c] = map->correction[c] = CGL_R(0.0);
+    for (cgl_channel *channel = memory->channel; channel < memory->channel + CGL_CHANNELS; ++channel) {
+        channel->value = channel->sum = channel->anew = channel->correction = CGL_R(0.0);
     }
     memory->learning = false;
+    map->mask = map->offset = map->shift = 0U;
     map->angle = map->turn = map->x = map->at = map->passed = map->head = map->half = map->anew_left = map->lag_x = 0U;
     map->part = CGL_R(0.0);
-    map->backward = map->started = map->follows = map->lagging = false;
+    map->started = map->follows = map->lagging = false;
 #ifndef COGLESS_NO_DELAY_LINE
     cgl_delay_reset(&memory->line);
 #endif
@@ -124,202 +129,225 @@ CGL_SELDOM static uint32_t place_in_turns(cgl_memory *memory, uint32_t angle)
     return turn + whole * memory->periods + (uint32_t)((uint64_t)rest * memory->periods / turns);
 }
 
-/* Starts anew at a place: the sum is that of one cell. */
-CGL_SELDOM static void seat(cgl_memory *memory, uint32_t x, uint32_t n, cgl_real part, bool backward)
+/* The entry of cell n, as it is counted. */
+static inline uint32_t entry_of(const cgl_angle_map *map, uint32_t n)
 {
-    cgl_angle_map *const map = &memory->map;
-    const uint32_t cells = memory->config.cells, length = CGL_MEMORY_ROW(cells, memory->config.q_half_width);
-    cgl_real *row = memory->cell;
-    map->x = x;
-    map->at = n;
-    map->part = part;
-    map->backward = backward;
-    map->started = true;
-    map->follows = map->lagging = false;
-    map->passed = map->head = map->half = 0U;
-    map->anew_left = 1U;
-    for (uint32_t c = 0; c < memory->config.channels; ++c, row += length) {
-        map->sum[c] = row[n];
-        map->anew[c] = CGL_R(0.0);
-        row[cells] = row[backward ? wrapped(n + 1U, cells) : n];
-    }
+    return (n ^ map->mask) + map->offset;
 }
 
 /* Place in the ring of the entry that was passed `age` cells ago. */
 static inline uint32_t ring_place(const cgl_memory *memory, uint32_t age)
 {
-    const uint32_t head = memory->map.head, cells = memory->config.cells;
-    return cells + (head >= age ? head - age : head + memory->config.q_half_width + 1U - age);
+    const uint32_t head = memory->map.head;
+    return memory->config.cells + (head >= age ? head - age : head + memory->config.q_half_width + 1U - age);
+}
+
+/* Starts anew at a place: the sum is that of one cell. */
+CGL_SELDOM static void seat(cgl_memory *memory, uint32_t x)
+{
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t cells = memory->config.cells, row = memory->row;
+    const uint64_t place = (uint64_t)x * cells;
+    map->x = x;
+    map->at = (uint32_t)(place >> 32);
+    map->part = (cgl_real)(uint32_t)place * PER_TURN;
+    map->started = true;
+    map->follows = map->lagging = false;
+    map->passed = map->head = map->half = 0U;
+    map->anew_left = 1U;
+    cgl_real *entry = memory->cell;
+    for (uint32_t c = 0; c < memory->config.channels; ++c, entry += row) {
+        memory->channel[c].sum = entry[cells] = entry[entry_of(map, map->at)];
+        memory->channel[c].anew = CGL_R(0.0);
+    }
 }
 
 /* The sum takes in a cell more on each side. */
 CGL_SELDOM static void widen(cgl_memory *memory)
 {
     cgl_angle_map *const map = &memory->map;
-    const uint32_t cells = memory->config.cells, half = map->half + 1U;
-    const uint32_t length = CGL_MEMORY_ROW(cells, memory->config.q_half_width);
-    const uint32_t above = wrapped(map->at + half, cells), below = wrapped(map->at + cells - half, cells);
-    const uint32_t last = ring_place(memory, half - 1U), oldest = ring_place(memory, half);
-    cgl_real *row = memory->cell;
-    for (uint32_t c = 0; c < memory->config.channels; ++c, row += length) {
-        if (map->backward) {
-            map->sum[c] += row[last] + row[below];
-            row[oldest] = row[wrapped(above + 1U, cells)];
-        } else {
-            row[oldest] = row[below];
-            map->sum[c] += row[above] + row[below];
-        }
-        map->anew[c] = CGL_R(0.0);
+    const uint32_t cells = memory->config.cells, half = map->half + 1U, oldest = ring_place(memory, half);
+    const uint32_t ahead = entry_of(map, wrapped(map->at + half, cells));
+    const uint32_t behind = entry_of(map, wrapped(map->at + cells - half, cells));
+    cgl_real *entry = memory->cell;
+    for (uint32_t c = 0; c < memory->config.channels; ++c, entry += memory->row) {
+        entry[oldest] = entry[behind];
+        memory->channel[c].sum += entry[ahead] + entry[behind];
+        memory->channel[c].anew = CGL_R(0.0);
     }
     map->half = half;
     map->anew_left = 2U * half + 1U;
 }
 
-/* The rotor comes to the next cell, whose entry goes into the ring as it is. */
-static inline void pass(cgl_memory *memory)
+/* The rotor passes `count` cells, whose entries go into the ring as they are. */
+CGL_APART static void pass(cgl_memory *memory, uint32_t count)
 {
     cgl_angle_map *const map = &memory->map;
     const uint32_t cells = memory->config.cells, m = memory->config.q_half_width, half = map->half;
-    const uint32_t length = CGL_MEMORY_ROW(cells, m), at = map->at;
-    const bool backward = map->backward, whole = --map->anew_left == 0U;
-    const uint32_t next = backward ? (at > 0U ? at : cells) - 1U : wrapped(at + 1U, cells);
-    const uint32_t passed = backward ? at : next, entering = wrapped(backward ? next + cells - half : next + half, cells);
-    /* on the way back the entry that is passed is in the window, and may be what leaves it */
-    const uint32_t behind = ring_place(memory, backward ? half - 1U : half);
-    const uint32_t leaving = backward && half == 0U ? at : behind;
-    map->head = map->head < m ? map->head + 1U : 0U;
-    const uint32_t newest = cells + map->head;
-    cgl_real *row = memory->cell;
-    for (uint32_t c = 0; c < memory->config.channels; ++c, row += length) {
-        const cgl_real new_one = row[entering];
-        map->sum[c] += new_one - row[leaving];
-        map->anew[c] += new_one;
-        row[newest] = row[passed];
-        if (whole) {
-            map->sum[c] = map->anew[c];
-            map->anew[c] = CGL_R(0.0);
+    const uint32_t mask = map->mask, offset = map->offset;
+    const uint32_t first = ring_place(memory, half) - cells, front = wrapped(map->at + half, cells);
+    cgl_real *entry = memory->cell;
+    for (cgl_channel *channel = memory->channel;;) {
+        cgl_real *const ring = entry + cells;
+        cgl_real sum = channel->sum, anew = channel->anew;
+        uint32_t at = map->at, ahead = front, head = map->head, leaving = first, anew_left = map->anew_left, left = count;
+        do {
+            at = wrapped(at + 1U, cells);
+            ahead = wrapped(ahead + 1U, cells);
+            head = head < m ? head + 1U : 0U;
+            const cgl_real entering = entry[(ahead ^ mask) + offset];
+            sum += entering - ring[leaving];
+            anew += entering;
+            ring[head] = entry[(at ^ mask) + offset];
+            leaving = leaving < m ? leaving + 1U : 0U;
+            if (--anew_left == 0U) {
+                sum = anew;
+                anew = CGL_R(0.0);
+                anew_left = 2U * half + 1U;
+            }
+        } while (--left > 0U);
+        channel->sum = sum;
+        channel->anew = anew;
+        entry += memory->row;
+        if (++channel >= memory->channel + memory->config.channels) {
+            map->at = at;
+            map->head = head;
+            map->anew_left = anew_left;
+            return;
         }
     }
-    map->anew_left = whole ? 2U * half + 1U : map->anew_left;
-    map->at = next;
 }
 
-/* Follows the rotor to a place; how far it moved [2^-32 periods], 0 where it starts anew. */
-static inline uint32_t follow(cgl_memory *memory, uint32_t x)
+/* The rotor is where no way leads on to: it starts, jumps, or turns back. */
+CGL_SELDOM static void start_there(cgl_memory *memory, uint32_t x, uint32_t moved, uint32_t count)
 {
     cgl_angle_map *const map = &memory->map;
     const uint32_t cells = memory->config.cells;
-    uint32_t moved = map->backward ? map->x - x : x - map->x;
-    if (map->started && moved > 0U - map->width) { /* back by less than a cell: it stands */
-        x = map->x;
-        moved = 0U;
+    if (map->started && moved >= 0U - QUARTER) {
+        const bool forward = map->mask != 0U;
+        x = (x - map->shift) ^ map->mask;
+        map->mask = forward ? 0U : 0xFFFFFFFFU;
+        map->offset = forward ? 0U : cells;
+        map->shift = forward ? 0U : 1U - map->width;
+        x = (x ^ map->mask) + map->shift;
     }
-    const uint64_t place = (uint64_t)x * cells;
-    const uint32_t n = (uint32_t)(place >> 32);
-    const cgl_real part = (cgl_real)(uint32_t)place * CGL_R(2.3283064365386963e-10);
-    uint32_t count = map->backward ? map->at - n : n - map->at;
-    count += count < cells ? 0U : cells;
+    seat(memory, x);
+    map->passed = moved <= QUARTER ? count : 0U; /* where it goes on like this, it is no jump */
+}
+
+/* Follows the rotor to a place in the period; how far it moved [2^-32 periods], 0 where it starts anew. */
+static inline uint32_t follow(cgl_memory *memory, uint32_t place)
+{
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t cells = memory->config.cells, x = (place ^ map->mask) + map->shift, moved = x - map->x;
+    const uint64_t wide = (uint64_t)x * cells;
+    const uint32_t n = (uint32_t)(wide >> 32), apart = n - map->at, count = apart < cells ? apart : apart + cells;
     if (!(map->started && moved <= QUARTER && count <= REACH + 2U * map->passed)) {
-        const bool turned = map->started && moved >= 0U - QUARTER;
-        seat(memory, x, n, part, map->backward != turned);
-        map->passed = moved <= QUARTER ? count : 0U; /* where it goes on like this, it is no jump */
+        if (map->started && moved > 0U - map->width) { /* back by less than a cell: it stands */
+            map->passed = 0U;
+        } else {
+            start_there(memory, x, moved, count);
+        }
         return 0U;
     }
-    map->passed = count;
-    for (; count > 0U; --count) {
-        pass(memory);
-    }
     map->x = x;
-    map->part = part;
+    map->part = (cgl_real)(uint32_t)wide * PER_TURN;
+    map->passed = count;
+    if (count > 0U && memory->config.q_half_width > 0U) {
+        pass(memory, count);
+    } else if (count > 0U) { /* without a filter the last cell is all */
+        cgl_real *entry = memory->cell;
+        for (uint32_t c = 0; c < memory->config.channels; ++c, entry += memory->row) {
+            memory->channel[c].sum = entry[cells] = entry[entry_of(map, n)];
+        }
+        map->at = n;
+    }
     return moved;
 }
 
 /* ---- what is learned there ---- */
 
-/* `count` cells back from n, against the way the rotor goes, get values of a line that ends `rest` cells after n with
- * `value`, by `slope` a cell; or, to correct them, they get it added. */
-static inline void write_line(cgl_real *row, uint32_t cells, bool backward, uint32_t n, uint32_t count, cgl_real value,
-                              cgl_real rest, cgl_real slope, cgl_real limit, bool add)
-{
-    cgl_real on_line = value - rest * slope;
-    for (; count > 0U; --count) {
-        row[n] = cgl_clamp(add ? row[n] + on_line : on_line, limit);
-        on_line -= slope;
-        n = backward ? wrapped(n + 1U, cells) : (n > 0U ? n : cells) - 1U;
-    }
-}
-
 /* Adds the corrections where the rotor was `lead` samples ago, had it always moved as it does now. */
-static inline void correct(cgl_memory *memory, uint32_t moved, const cgl_real *correction)
+CGL_SELDOM static void correct(cgl_memory *memory, uint32_t moved, const cgl_real *correction)
 {
     cgl_angle_map *const map = &memory->map;
     const uint32_t cells = memory->config.cells, lead = memory->config.lead;
-    const uint32_t length = CGL_MEMORY_ROW(cells, memory->config.q_half_width);
-    const bool backward = map->backward;
     if ((uint64_t)moved * lead > QUARTER) {
         map->lagging = false;
         return;
     }
-    const uint32_t behind = moved * lead, x = backward ? map->x + behind : map->x - behind;
-    const uint32_t passed = backward ? map->lag_x - x : x - map->lag_x;
+    const uint32_t x = map->x - moved * lead, passed = x - map->lag_x;
     if (map->lagging && (passed == 0U || passed > 0x80000000U)) {
         return; /* the rotor gains speed faster than it moves: wait until the place comes by again */
     }
-    const uint64_t from = (uint64_t)map->lag_x * cells, to = (uint64_t)x * cells;
-    const uint32_t n = (uint32_t)(to >> 32), last = (uint32_t)(from >> 32);
-    uint32_t count = backward ? last - n : n - last;
-    count += count < cells ? 0U : cells;
-    if (map->lagging && passed <= QUARTER && count <= REACH + 2U * map->passed) {
-        const cgl_real part = (cgl_real)(uint32_t)to * CGL_R(2.3283064365386963e-10);
-        const cgl_real rest = backward ? CGL_R(1.0) - part : part;
-        const cgl_real per_cell = CGL_R(1.0) / ((cgl_real)passed * map->per_step);
-        cgl_real *row = memory->cell;
-        for (uint32_t c = 0; count > 0U && c < memory->config.channels; ++c, row += length) {
-            write_line(row, cells, backward, backward ? wrapped(n + 1U, cells) : n, count, correction[c], rest,
-                       (correction[c] - map->correction[c]) * per_cell, memory->config.limit[c], true);
+    const uint64_t wide = (uint64_t)x * cells;
+    const uint32_t n = (uint32_t)(wide >> 32), apart = n - (uint32_t)(((uint64_t)map->lag_x * cells) >> 32);
+    const uint32_t count = apart < cells ? apart : apart + cells;
+    const bool writes = map->lagging && passed <= QUARTER && count > 0U && count <= REACH + 2U * map->passed;
+    const cgl_real part = (cgl_real)(uint32_t)wide * PER_TURN, per_cell = map->per_cell / (cgl_real)passed;
+    cgl_real *entry = memory->cell;
+    for (uint32_t c = 0; c < memory->config.channels; ++c, entry += memory->row) {
+        cgl_channel *const channel = memory->channel + c;
+        const cgl_real slope = (correction[c] - channel->correction) * per_cell, limit = channel->limit;
+        cgl_real on_line = correction[c] - part * slope;
+        uint32_t cell = n;
+        for (uint32_t left = writes ? count : 0U; left > 0U; --left) {
+            cgl_real *const corrected = entry + entry_of(map, cell);
+            *corrected = cgl_clamp(*corrected + on_line, limit);
+            on_line -= slope;
+            cell = (cell > 0U ? cell : cells) - 1U;
         }
+        channel->correction = correction[c];
     }
     map->lag_x = x;
     map->lagging = true;
-    for (uint32_t c = 0; c < memory->config.channels; ++c) {
-        map->correction[c] = correction[c];
-    }
 }
 
 /* What is held at the place, as it is. */
 CGL_SELDOM static void repeat(cgl_memory *memory, cgl_real *value)
 {
     cgl_angle_map *const map = &memory->map;
-    const uint32_t cells = memory->config.cells, length = CGL_MEMORY_ROW(cells, memory->config.q_half_width);
-    const cgl_real *row = memory->cell;
-    for (uint32_t c = 0; c < memory->config.channels; ++c, row += length) {
-        const cgl_real here = row[map->at];
-        value[c] = here + map->part * (row[wrapped(map->at + 1U, cells)] - here);
-        memory->value[c] = cgl_clamp(value[c], memory->config.limit[c]);
+    const uint32_t here = entry_of(map, map->at), next = entry_of(map, wrapped(map->at + 1U, memory->config.cells));
+    const cgl_real *entry = memory->cell;
+    for (uint32_t c = 0; c < memory->config.channels; ++c, entry += memory->row) {
+        value[c] = entry[here] + map->part * (entry[next] - entry[here]);
+        memory->channel[c].value = cgl_clamp(value[c], memory->channel[c].limit);
     }
     map->follows = map->lagging = false;
 }
 
-static inline void learn_on(cgl_memory *memory, uint32_t moved, const cgl_real *correction, cgl_real *value)
+CGL_APART static void learn_on(cgl_memory *memory, uint32_t moved, const cgl_real *correction, cgl_real *value)
 {
     cgl_angle_map *const map = &memory->map;
-    const uint32_t cells = memory->config.cells, m = memory->config.q_half_width, length = CGL_MEMORY_ROW(cells, m);
-    const uint32_t at = map->at, count = map->follows && moved > 0U ? map->passed : 0U;
-    const bool backward = map->backward, acts = memory->config.lead == 0U;
-    const uint32_t behind = ring_place(memory, m), ahead = wrapped(backward ? at + cells - m : at + m + 1U, cells);
-    const cgl_real rest = backward ? CGL_R(1.0) - map->part : map->part;
-    const cgl_real per_cell = count > 0U ? CGL_R(1.0) / ((cgl_real)moved * map->per_step) : CGL_R(0.0);
-    cgl_real *row = memory->cell;
-    for (uint32_t c = 0; c < memory->config.channels; ++c, row += length) {
-        const cgl_real change = backward ? row[behind] - row[ahead] : row[ahead] - row[behind];
-        const cgl_real recalled = memory->gain * (map->sum[c] + map->part * change), limit = memory->config.limit[c];
-        value[c] = acts ? recalled + correction[c] : recalled;
-        const cgl_real stored = cgl_clamp(value[c], limit);
+    const uint32_t cells = memory->config.cells, m = memory->config.q_half_width, at = map->at;
+    const uint32_t ahead = entry_of(map, wrapped(at + m + 1U, cells));
+    const uint32_t oldest = cells + (map->head < m ? map->head + 1U : 0U);
+    const uint32_t count = moved > 0U && map->follows ? map->passed : 0U;
+    const bool acts = memory->config.lead == 0U;
+    const cgl_real gain = memory->gain, part = map->part;
+    const cgl_channel *const end = memory->channel + memory->config.channels;
+    cgl_real *entry = memory->cell;
+    const cgl_real *change = correction;
+    for (cgl_channel *channel = memory->channel; channel < end; ++channel, entry += memory->row) {
+        const cgl_real recalled = gain * (channel->sum + part * (entry[ahead] - entry[oldest]));
+        const cgl_real wanted = acts ? recalled + *change : recalled;
+        const cgl_real stored = cgl_clamp(wanted, channel->limit);
+        *value++ = wanted;
+        ++change;
         if (count > 0U) {
-            write_line(row, cells, backward, backward ? wrapped(at + 1U, cells) : at, count, stored, rest,
-                       (stored - memory->value[c]) * per_cell, limit, false);
+            const cgl_real slope = (stored - channel->value) * (map->per_cell / (cgl_real)moved);
+            cgl_real on_line = stored - part * slope;
+            uint32_t cell = at;
+            for (uint32_t left = count;;) {
+                entry[entry_of(map, cell)] = cgl_clamp(on_line, channel->limit);
+                if (--left == 0U) {
+                    break;
+                }
+                on_line -= slope;
+                cell = (cell > 0U ? cell : cells) - 1U;
+            }
         }
-        memory->value[c] = stored;
+        channel->value = stored;
     }
     map->follows = true;
     if (!acts && moved > 0U) {
@@ -327,20 +355,20 @@ static inline void learn_on(cgl_memory *memory, uint32_t moved, const cgl_real *
     }
 }
 
-static inline bool is_finite_all(const cgl_memory *memory, const cgl_real *x)
+static inline bool are_finite(const cgl_real *x, uint32_t count)
 {
-    cgl_real sum = CGL_R(0.0);
-    for (uint32_t c = 0; c < memory->config.channels; ++c) {
-        sum += x[c] - x[c]; /* 0, or NaN */
+    bool finite = cgl_is_finite(x[0]);
+    for (uint32_t c = 1U; c < count; ++c) {
+        finite = finite && cgl_is_finite(x[c]);
     }
-    return sum == CGL_R(0.0);
+    return finite;
 }
 
 /* No place is known: what acts is what acted last. */
 CGL_SELDOM static void lose(cgl_memory *memory, cgl_real *value)
 {
     for (uint32_t c = 0; c < memory->config.channels; ++c) {
-        value[c] = memory->value[c];
+        value[c] = memory->channel[c].value;
     }
     memory->map.started = memory->map.follows = memory->map.lagging = false;
 }
@@ -348,7 +376,7 @@ CGL_SELDOM static void lose(cgl_memory *memory, cgl_real *value)
 bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool learn, const cgl_real *correction,
                      cgl_real *value)
 {
-    learn = learn && is_finite_all(memory, correction);
+    learn = learn && are_finite(correction, memory->config.channels);
     if (!cgl_is_angle(theta)) {
         lose(memory, value);
         learn = false;

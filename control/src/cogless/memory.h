@@ -39,28 +39,35 @@ typedef struct {
 } cgl_memory_config;
 
 /* A map's state. The cells last passed wait as they were in a ring behind the map, as many as the Q filter looks back on: it
- * sees what is one period old on both sides, although the map is written meanwhile. */
+ * sees what is one period old on both sides, although the map is written meanwhile. On the way back cells are counted from the
+ * other end, so that a rotor always goes on: number n is entry (n ^ mask) + offset. */
 typedef struct {
+    uint32_t mask, offset, shift;  /* forward 0; backward all ones, cells, and by how much the place is moved with them */
     uint32_t angle;                /* last one [2^-32 revolutions] */
     uint32_t turn;                 /* of the period's turns */
-    uint32_t x;                    /* the place in the period [2^-32 periods] */
+    uint32_t x;                    /* the place in the period, as it is counted [2^-32 periods] */
     uint32_t at;                   /* the cell at or before it */
     cgl_real part;                 /* of the way from there to the next cell */
     uint32_t width;                /* of a cell [2^-32 periods] */
-    cgl_real per_step;             /* cells in 2^-32 periods */
+    cgl_real per_cell;             /* 2^-32 periods in a cell */
     uint32_t passed;               /* cells passed in the last step */
     uint32_t head;                 /* place in the ring of the cell passed last */
     uint32_t half;                 /* the sum is over the cell `at` and this many on each side; q_half_width: all */
-    cgl_real sum[CGL_CHANNELS];    /* of what was one period ago */
-    cgl_real anew[CGL_CHANNELS];   /* the same from its beginning, as changes round */
-    uint32_t anew_left;            /* cells until that is whole */
-    bool backward;                 /* the way that the rotor goes */
+    uint32_t anew_left;            /* cells until the channels' new sums are whole */
     bool started;                  /* x is valid */
     bool follows;                  /* the last step learned: the next values have a line back to its own */
     bool lagging;                  /* lag_x and correction are valid */
     uint32_t lag_x;                /* where the last correction went, `lead` samples behind [2^-32 periods] */
-    cgl_real correction[CGL_CHANNELS]; /* the last one */
 } cgl_angle_map;
+
+/* What a channel has of its own. */
+typedef struct {
+    cgl_real value;      /* of the last step, within the limit */
+    cgl_real limit;      /* of the config */
+    cgl_real sum;        /* map: of what was one period ago in the cells of the Q filter */
+    cgl_real anew;       /* map: the same from its beginning, as changes to the sum round */
+    cgl_real correction; /* map: the last one */
+} cgl_channel;
 
 /* A delay line's state: a ring of samples in which newer ones come later. */
 typedef struct {
@@ -77,11 +84,12 @@ typedef struct {
 typedef struct {
     cgl_memory_config config;
     cgl_real ts;                  /* sampling period [s] */
+    uint32_t row;                 /* entries of a channel: CGL_MEMORY_ROW */
     uint32_t periods;             /* of the memory in `turns` revolutions of theta */
     cgl_real gain;                /* forgetting, over the entries of the Q filter */
     cgl_real *cell;               /* caller's memory, a row of CGL_MEMORY_ROW entries for each channel: a map's cells, then its
                                      ring; a line's samples. Kind delay: a row of x comes first */
-    cgl_real value[CGL_CHANNELS]; /* of the last step, within the limits */
+    cgl_channel channel[CGL_CHANNELS];
     bool learning;                /* the last step learned */
     cgl_angle_map map;
     cgl_delay_line line;
