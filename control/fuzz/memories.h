@@ -55,7 +55,7 @@ static inline void check_memory(const cgl_memory *memory)
     const uint32_t first = config->kind == CGL_MEMORY_DELAY ? 1U : 0U;
     for (uint32_t c = 0; c < config->channels; ++c) {
         check_entries(memory->cell + (first + c) * row, row, config->limit[c]);
-        HOLDS(within(memory->value[c], config->limit[c]));
+        HOLDS(within(memory->channel[c].value, config->limit[c]));
     }
 }
 

@@ -156,7 +156,7 @@ static void check_memory(const cgl_memory *memory)
         for (uint32_t n = 0; n < row; ++n, ++entry) {
             CHECK(within(*entry, config->limit[c]));
         }
-        CHECK(within(memory->value[c], config->limit[c]));
+        CHECK(within(memory->channel[c].value, config->limit[c]));
     }
     const cgl_angle_map *const map = &memory->map;
     CHECK(map->at < config->cells && map->head <= config->q_half_width && map->half <= config->q_half_width);

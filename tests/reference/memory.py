@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .limits import clip, finite_or_zero, is_angle
+from .limits import clip, is_angle
 
 WHOLE = 1 << 32  # a revolution, or a period
 QUARTER = 1 << 30
+MOVES = 8  # samples by which the place of one period ago moves in a step, at most
 
 
 @dataclass(kw_only=True)
@@ -56,9 +57,9 @@ class AngleMemory(Memory):
     """A map over the period, written where the rotor passes. One period ago it was, behind the rotor, what it held before
     the rotor came by, and ahead of it what it holds."""
 
-    x: int = 0  # the last place
-    at: int = 0  # the cell at or before it, without wrapping
-    way: int = 1  # or -1
+    x: int = 0  # the last place, as it is counted: on the way back from the other end, so that it always rises
+    at: int = 0  # the cell at or before it, counted like it and without wrapping
+    back: bool = False
     passed: int = 0  # cells, in the last step
     half: int = 0  # how far the filter looks to each side, as yet
     started: bool = False
@@ -70,63 +71,58 @@ class AngleMemory(Memory):
         super().__post_init__()
         self.map = [[0.0] * len(self.limit) for _ in range(self.cells)]
 
+    def counted(self, place: int) -> int:
+        """On the way back, from the last cell instead of the first."""
+        return (-place - WHOLE // self.cells if self.back else place) % WHOLE
+
+    def cell(self, n: int) -> list[float]:
+        return self.map[(self.cells - 1 - n if self.back else n) % self.cells]
+
     def ago(self, n: int) -> list[float]:
-        is_behind = n <= self.at if self.way > 0 else n > self.at
-        return self.behind[n] if is_behind else self.map[n % self.cells]
+        return self.behind[n] if n <= self.at else self.cell(n)
 
-    def start(self, n: int) -> None:
-        """A new way begins: what was passed is the map."""
-        self.at, self.half, self.started, self.follows, self.corrected = n, 0, True, False, None
-        first = n if self.way > 0 else n + 1
-        cells = [first - self.way * k for k in range(self.q_half_width + 1)]
-        self.behind = {n: list(self.map[n % self.cells]) for n in cells}
-
-    def follow(self, x: int) -> int:
+    def follow(self, place: int) -> int:
         """How far the rotor moved [2^-32 periods]; 0 where it stands, or starts anew."""
-        moved = self.way * (x - self.x) % WHOLE
+        x = self.counted(place)
+        moved = (x - self.x) % WHOLE
+        count = (x * self.cells // WHOLE - self.at) % self.cells
         if self.started and moved > WHOLE - WHOLE // self.cells:
-            x, moved = self.x, 0
-        n = x * self.cells // WHOLE
-        count = self.way * (n - self.at) % self.cells
-        if self.started and moved <= QUARTER and count <= 16 + 2 * self.passed:
-            for _ in range(count):
-                n = self.at + 1 if self.way > 0 else self.at
-                self.behind[n] = list(self.map[n % self.cells])
-                self.at += self.way
-        else:
-            if self.started and moved >= WHOLE - QUARTER:
-                self.way = -self.way
-            self.start(n)
-            count = count if moved <= QUARTER else 0
-            moved = 0
-        self.x, self.passed = x, count
+            moved = self.passed = 0
+        elif self.started and moved <= QUARTER and count <= 16 + 2 * self.passed:
+            for n in range(self.at + 1, self.at + count + 1):
+                self.behind[n] = list(self.cell(n))
+            self.x, self.at, self.passed = x, self.at + count, count
+        else:  # a new way begins: what was passed is the map
+            self.back ^= self.started and moved >= WHOLE - QUARTER
+            self.x, self.passed = self.counted(place), count if moved <= QUARTER else 0
+            self.at, moved = self.x * self.cells // WHOLE, 0
+            reach = range(self.at - self.q_half_width, self.at + 1)
+            self.behind = {n: list(self.cell(n)) for n in reach}
+            self.half, self.started, self.follows, self.corrected = 0, True, False, None
         return moved
 
     def between(self, x: int, moved: int) -> list[tuple[int, float]]:
         """The cells on the last `moved` to x, each with its share of the way."""
         cell = WHOLE / self.cells
-        if self.way > 0:
-            first, last = (x - moved) * self.cells // WHOLE + 1, x * self.cells // WHOLE
-            return [(n, 1 - (x - n * cell) / moved) for n in range(first, last + 1)]
-        first, last = x * self.cells // WHOLE + 1, (x + moved) * self.cells // WHOLE
-        return [(n, 1 - (n * cell - x) / moved) for n in range(first, last + 1)]
+        first, last = (x - moved) * self.cells // WHOLE + 1, x * self.cells // WHOLE
+        return [(n, 1 - (x - n * cell) / moved) for n in range(first, last + 1)]
 
     def correct(self, moved: int, correction: list[float]) -> None:
         """Adds to the cells that the rotor passed `lead` samples ago, had it always moved as it does now."""
         if moved * self.lead > QUARTER:
             self.corrected = None
             return
-        x = (self.x - self.way * moved * self.lead) % WHOLE
+        x = (self.x - moved * self.lead) % WHOLE
         if self.corrected is not None:
             start, before = self.corrected
-            passed = self.way * (x - start) % WHOLE
+            passed = (x - start) % WHOLE
             if passed == 0 or passed > WHOLE // 2:
                 return
             way = self.between(x, passed)
             if passed <= QUARTER and len(way) <= 16 + 2 * self.passed:
                 for n, share in way:
                     added = [b + share * (c - b) for b, c in zip(before, correction, strict=True)]
-                    cell = self.map[n % self.cells]
+                    cell = self.cell(n)
                     cell[:] = self.clipped([v + a for v, a in zip(cell, added, strict=True)])
         self.corrected = (x, list(correction))
 
@@ -144,7 +140,7 @@ class AngleMemory(Memory):
         if not (learn and self.half == m):
             self.half = min(self.half + 1, m)
             self.follows, self.corrected = False, None
-            here, there = self.map[self.at % self.cells], self.map[(self.at + 1) % self.cells]
+            here, there = self.cell(self.at), self.cell(self.at + 1)
             values = [a + part * (b - a) for a, b in zip(here, there, strict=True)]
             self.value = self.clipped(values)
             return values, False
@@ -156,7 +152,7 @@ class AngleMemory(Memory):
         stored = self.clipped(values)
         if self.follows and moved > 0:
             for n, share in self.between(self.x, moved):
-                self.map[n % self.cells] = self.clipped(
+                self.cell(n)[:] = self.clipped(
                     [a + share * (b - a) for a, b in zip(self.value, stored, strict=True)]
                 )
         self.value, self.follows = stored, True
@@ -177,6 +173,7 @@ class DelayLine(Memory):
     rest: list[float] = field(default_factory=list)
     rows: list[list[float]] = field(default_factory=list)  # (sample, channel)
     p_t: float = 0.0
+    then: int = 0  # the sample just after the place of one period ago
     tracking: bool = False
     now: tuple[int, float] = (0, 0.0)
 
@@ -201,16 +198,24 @@ class DelayLine(Memory):
         )
         return self.p_t + self.ts * (1.0 - (dx + self.k_pp * error) / slope)
 
+    def moves_to(self, then: int) -> int:
+        """How far it is to that sample, within the line; goes there, or as far as it may."""
+        oldest, newest = max(0, len(self.rest) - self.length), len(self.rest) - 1
+        way = min(max(then, oldest), newest) - self.then
+        self.then += min(max(way, -MOVES), MOVES)
+        return abs(way)
+
     def find_angle(self) -> None:
         newest, count = len(self.rest), min(len(self.rest), self.length)
-        self.tracking = self.tracking and self.p_t / self.ts < count - 1  # both neighbours are still there
+        self.tracking = self.tracking and self.then > newest - count  # both neighbours are still there
         if self.tracking and self.kind == "ode":
             self.p_t = self.ode(self.apart(self.now, newest - 1) / self.ts)
-            self.tracking = 1 <= self.p_t / self.ts < count
+            age = math.floor(self.p_t / self.ts)
+            self.tracking = self.moves_to(newest - age) <= MOVES and 1 <= age < count
         if not self.tracking or self.kind == "inversion":
             ages = range(1, count + 1)  # how far the angle rose grows with the age
             older = bisect_right(ages, 1.0, key=lambda age: self.apart(self.now, newest - age)) + 1
-            self.tracking = older <= count
+            self.tracking = self.moves_to(newest - older + 1) < MOVES and older <= count
             self.p_t = 0.0
             if self.tracking:
                 near = [self.apart(self.now, newest - age) for age in (older - 1, older)]
@@ -268,4 +273,5 @@ class DelayLine(Memory):
         if not by_time:
             self.whole.append(self.now[0])
             self.rest.append(self.now[1])
+            self.then = max(self.then, len(self.rest) - self.length)
         return values, learn
