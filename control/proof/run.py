@@ -113,7 +113,7 @@ MUTANTS = [
     ("foc.c", "cgl_is_angle(in->theta_e) && ", "", Run("foc", {})),  # NaN gets through to a conversion
     ("pi_afc.c", "sum += a[k] * cosine + b[k] * sine;\n    }\n    return cgl_clamp(sum, config->limit);",
      "sum += a[k] * cosine + b[k] * sine;\n    }\n    return sum;", Run("pi_afc", ORDERS | LIMITED)),
-    ("memory.c", "map->head < m ? map->head + 1U : 0U;", "map->head <= m ? map->head + 1U : 0U;",
+    ("memory.c", "head = head < m ? head + 1U : 0U;", "head = head <= m ? head + 1U : 0U;",
      Run("pi_ilc", MAP)),
 ]  # fmt: skip
 

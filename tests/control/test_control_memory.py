@@ -99,13 +99,16 @@ def random_reference(rng, kind: str, real: type) -> Reference:
 
 
 def random_inputs(rng, reference: Reference, steps: int, faults: float):
-    """Standstill, reversal, jumps, freezing, noise below a cell, numbers that are none; speeds at which the period fits."""
+    """Standstill, reversal, jumps, freezing, noise below a cell, numbers that are none; speeds at which the
+    period fits."""
     real = np.float64 if reference.real is float else reference.real
     m = motion(rng, steps, TS, faults)
     scale = reference.turns / (reference.parts * reference.ratio)
     if isinstance(reference, DelayLine):
         scale *= 1000 / reference.cells
-    if isinstance(reference, DelayLine) and reference.kind != "time":  # before a line, a rotor hardly turns back
+    if (
+        isinstance(reference, DelayLine) and reference.kind != "time"
+    ):  # before a line, a rotor hardly turns back
         speed = np.where(m.omega_ref > -25, abs(m.omega_ref), -2.0)
         theta = np.nancumsum(np.where(abs(speed) < 1e3, speed, 0.0)) * TS * scale
         theta = np.where(np.isfinite(m.theta_m), theta, m.theta_m) % (2 * math.pi)
@@ -151,16 +154,24 @@ def test_double_equals_the_reference(kind, seed):
 
 @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
-    seed=st.integers(0, 2**32 - 1), cells=st.integers(4, 80), share=st.floats(0, 1), fastest=st.floats(0.001, 0.3),
+    seed=st.integers(0, 2**32 - 1), cells=st.integers(4, 80), share=st.floats(0, 1),
+    fastest=st.floats(0.001, 0.3),
     lead=st.integers(0, 3), way=st.integers(0, len(PERIODS) - 1),
 )  # fmt: skip
 def test_fast_rotors_equal_the_reference(seed, cells, share, fastest, lead, way):
-    """Up to more than a quarter of the period a step, filters up to the whole period, reversals; leads that turn back."""
+    """Up to more than a quarter of the period a step, filters up to the whole period, reversals; leads that
+    turn back."""
     rng = np.random.default_rng(seed)
     turns, parts = PERIODS[way]
     width = int(share * (cells // 2 - 1))
     reference = AngleMemory(
-        cells=cells, turns=turns, parts=parts, q_half_width=width, lead=min(lead, cells // 4), limit=[1.0], forgetting=0.9
+        cells=cells,
+        turns=turns,
+        parts=parts,
+        q_half_width=width,
+        lead=min(lead, cells // 4),
+        limit=[1.0],
+        forgetting=0.9,
     )
     memory = CMemory(control_library("double"), reference)
     theta, speed = rng.uniform(0, 6), 0.0
@@ -179,13 +190,15 @@ def test_fast_rotors_equal_the_reference(seed, cells, share, fastest, lead, way)
 
 @pytest.mark.parametrize("seed", range(8))
 def test_single_stays_within_rounding(seed):
-    """A place is the same integer in both. What is recalled is a sum of 2 m + 1 entries, gathered anew after as many
-    cells, and so off by (2 m + 1) eps of the limit at most, once a period, at random."""
+    """A place is the same integer in both. What is recalled is a sum of 2 m + 1 entries, gathered anew after
+    as many cells, and so off by (2 m + 1) eps of the limit at most, once a period, at random."""
     rng = np.random.default_rng(seed)
     reference = random_reference(rng, "angle", np.float32)
     memory = CMemory(library := control_library("float"), reference)
     inputs = random_inputs(rng, reference, 3000, 0.0)
-    way = sum(abs(speed) * TS for _, speed, *_ in inputs) * reference.ratio * reference.parts / reference.turns
+    way = (
+        sum(abs(speed) * TS for _, speed, *_ in inputs) * reference.ratio * reference.parts / reference.turns
+    )
     entries = 2 * reference.q_half_width + 1
     bound = library.eps * max(reference.limit) * (16 + 2 * entries) * math.sqrt(1 + way / (2 * math.pi))
     learned = 0
@@ -200,7 +213,9 @@ def test_single_stays_within_rounding(seed):
 
 def test_single_by_time_stays_within_rounding():
     """The place of one period ago rounds by 2 eps of the period [samples]; neighbours differ by 0.005."""
-    reference = DelayLine(kind="time", ts=float(np.float32(TS)), cells=900, q_half_width=2, limit=[2.0], forgetting=0.5)
+    reference = DelayLine(
+        kind="time", ts=float(np.float32(TS)), cells=900, q_half_width=2, limit=[2.0], forgetting=0.5
+    )
     memory = CMemory(library := control_library("float"), reference)
     for n in range(5000):
         speed = float(np.float32(12 + 4 * math.sin(0.002 * n)))
@@ -314,8 +329,8 @@ def test_with_a_ratio_the_angle_has_the_same_range(precision, start):
 @pytest.mark.parametrize("precision", ["float", "double"])
 @pytest.mark.parametrize("cells", [255, 256, 32_767, 32_768, 65_535])
 def test_maps_up_to_the_largest(precision, cells):
-    """A sweep over the whole period, in steps of cells and of fractions, over the wrap and back: every cell holds what
-    acted there, and is recalled there."""
+    """A sweep over the whole period, in steps of cells and of fractions, over the wrap and back: every cell
+    holds what acted there, and is recalled there."""
     library = control_library(precision)
     step = library.lib.cgl_memory_step
     memory = CMemory(library, AngleMemory(cells=cells, q_half_width=1, limit=[9.0], forgetting=1e-30))
@@ -354,7 +369,9 @@ def test_the_longest_line_is_accepted_with_the_memory_it_needs(precision):
     if precision == "float":  # 67 MB
         config.kind, config.cells = lib.CGL_MEMORY_TIME, longest
         whole = np.full(needed, 3.0, np.float32)
-        assert init(state, config, 1e-6, 1, library.ffi.from_buffer("cgl_real[]", whole), needed) == lib.CGL_OK
+        assert (
+            init(state, config, 1e-6, 1, library.ffi.from_buffer("cgl_real[]", whole), needed) == lib.CGL_OK
+        )
         assert not whole.any()
 
 
@@ -382,7 +399,8 @@ def test_by_time_a_period_has_more_samples_than_16_bit_count(precision, cells):
     way=st.lists(st.floats(-0.6, 0.6), min_size=5, max_size=60),
 )  # fmt: skip
 def test_a_step_writes_no_more_cells_than_the_last_two_allow(cells, lead, channels, way):
-    """Work is bounded: 16 cells and twice those passed in the step before, and as many again of its own with a lead."""
+    """Work is bounded: 16 cells and twice those passed in the step before, and as many again of its own with
+    a lead."""
     reference = AngleMemory(cells=cells, lead=min(lead, cells // 4), limit=[9.0] * channels)
     memory = CMemory(control_library("double"), reference)
     theta = 0.0
@@ -468,8 +486,8 @@ def test_back_by_less_than_a_cell_is_standing_still(direction):
 @pytest.mark.parametrize("direction", [1, -1])
 @pytest.mark.parametrize("width", [0, 3, 31])
 def test_one_period_ago_is_literal_in_one_direction(precision, direction, width):
-    """The shortest oracle of all: a rotor that never turns back writes an endless strip, and is told what the strip held
-    `cells` earlier."""
+    """The shortest oracle of all: a rotor that never turns back writes an endless strip, and is told what the
+    strip held `cells` earlier."""
     library, cells, step = control_library(precision), 64, 0.3 * direction
     memory = CMemory(library, AngleMemory(cells=cells, q_half_width=width, limit=[10.0]))
     strip: dict[int, float] = {}
@@ -501,7 +519,8 @@ def test_one_period_ago_is_literal_in_one_direction(precision, direction, width)
 
 @pytest.mark.parametrize("width", [0, 2, 20])
 def test_a_frozen_map_repeats_itself_unchanged(width):
-    """Learn half a revolution, freeze, turn several times either way: what is held is the map, at every place."""
+    """Learn half a revolution, freeze, turn several times either way: what is held is the map, at every
+    place."""
     memory = CMemory(control_library("double"), AngleMemory(cells=50, q_half_width=width, limit=[10.0]))
     for k in range(75):
         memory.store(0.06 + 0.063 * k, 1.0 + 0.1 * k)
@@ -554,7 +573,8 @@ def test_what_is_learned_grows_to_the_limit_and_stays_there():
 
 @pytest.mark.parametrize("precision", ["float", "double"])
 def test_no_entry_of_the_period_is_left_out_at_any_speed(precision):
-    """Marching round with every step size, landing on cells or beside them: each pass writes each entry anew."""
+    """Marching round with every step size, landing on cells or beside them: each pass writes each entry
+    anew."""
     library = control_library(precision)
     for cells, parts in ((64, 1), (100, 3), (7, 4)):
         for per_step in (0.25, 1.0, 0.999, 1.7, 1e-2 * cells, 0.2499 * cells):
@@ -613,7 +633,9 @@ def test_reset_forgets_and_retune_does_not():
     for k in range(150):
         memory.step(0.1 * k, 0.0, True, [1.0])
     before = memory.map().copy()
-    other = library.new("cgl_memory_config", **memory_config(library, AngleMemory(cells=20, q_half_width=2, limit=[1.5])))
+    other = library.new(
+        "cgl_memory_config", **memory_config(library, AngleMemory(cells=20, q_half_width=2, limit=[1.5]))
+    )
     other.forgetting, other.lead = 0.5, 3
     assert before.max() > 1.5
     assert lib.cgl_memory_retune(memory.state, other) == lib.CGL_OK
@@ -651,8 +673,9 @@ def test_the_fastest_speed_leaves_the_lead_a_quarter_of_the_period():
 @pytest.mark.parametrize("samples", [32.0, 33.37, 50.5, 99.99])
 @pytest.mark.parametrize("kind", ["angle", "time"])
 def test_a_periodic_signal_comes_back_one_period_later(kind, samples):
-    """At any constant speed, with a fraction of a sample in the period: linear interpolation errs by h^2 / 8 times the
-    second derivative, once at writing and once at reading (by angle), with h the larger of sample and cell."""
+    """At any constant speed, with a fraction of a sample in the period: linear interpolation errs by h^2 / 8
+    times the second derivative, once at writing and once at reading (by angle), with h the larger of sample
+    and cell."""
     omega = 2 * math.pi / (samples * TS)
     cells = 40 if kind == "angle" else 101
     memory = CMemory(
@@ -678,7 +701,8 @@ def test_a_periodic_signal_comes_back_one_period_later(kind, samples):
 @pytest.mark.parametrize("direction", [1, -1])
 @pytest.mark.parametrize("harmonic", [1, 3, 7])
 def test_q_filter_has_zero_phase(kind, direction, harmonic):
-    """A harmonic comes out of the filter smaller by the mean's own gain, and not shifted: the quadrature part is zero."""
+    """A harmonic comes out of the filter smaller by the mean's own gain, and not shifted: the quadrature part
+    is zero."""
     width, samples = 5, 60
     sizes: dict[str, Any] = {"q_half_width": width, "limit": [10.0]}
     memory = CMemory(
@@ -719,7 +743,9 @@ def test_interpolation_error_falls_with_the_square_of_the_sampling():
 @pytest.mark.parametrize("precision", ["float", "double"])
 @pytest.mark.parametrize("omega", [0.0, 0.5, 1e4, math.nan, math.inf, 1e-40, -0.5])
 def test_by_time_a_period_outside_the_memory_waits(precision, omega):
-    memory = CMemory(control_library(precision), DelayLine(kind="time", ts=TS, cells=100, q_half_width=10, limit=[9.0]))
+    memory = CMemory(
+        control_library(precision), DelayLine(kind="time", ts=TS, cells=100, q_half_width=10, limit=[9.0])
+    )
     for _ in range(50):
         last, learned = memory.step(0.0, 2 * math.pi / 0.05, True, [1.0])
         assert learned
@@ -755,7 +781,8 @@ def test_a_line_waits_while_the_angle_does_not_rise():
 
 
 def varying(ts: float, seconds: float) -> np.ndarray:
-    """Angle [rad] of Section 5's electrical reference, 15 + 5 sin(2 pi t + sin(pi t)), by Gauss integration."""
+    """Angle [rad] of Section 5's electrical reference, 15 + 5 sin(2 pi t + sin(pi t)), by Gauss
+    integration."""
     nodes, weights = np.polynomial.legendre.leggauss(6)
     start = ts * np.arange(round(seconds / ts))
 
@@ -791,9 +818,9 @@ def run_p_t(library, method: str, theta: np.ndarray, ts: float) -> np.ndarray:
 
 @pytest.mark.parametrize("method", ["ode", "inversion"])
 def test_p_t_by_both_methods_is_the_inverse_of_the_reference(method):
-    """Inversion by straight lines errs by (dx/dt)' ts^2 / 8 of angle at most: 47 rad/s^2 (2 pi 5 (1 + 1/2)) and 100 us
-    give 6e-8 rad, or 6e-9 s at 10 rad/s; and an angle is known to 2^-32 of a revolution, 1.5e-10 s there. By the
-    differential equation Euler's error of a step comes on top, held by k_pp."""
+    """Inversion by straight lines errs by (dx/dt)' ts^2 / 8 of angle at most: 47 rad/s^2 (2 pi 5 (1 + 1/2))
+    and 100 us give 6e-8 rad, or 6e-9 s at 10 rad/s; and an angle is known to 2^-32 of a revolution, 1.5e-10 s
+    there. By the differential equation Euler's error of a step comes on top, held by k_pp."""
     ts = 1e-4
     theta = varying(ts, 4.0)
     exact = inverse(theta, ts)
@@ -807,8 +834,8 @@ def test_p_t_by_both_methods_is_the_inverse_of_the_reference(method):
 
 @pytest.mark.parametrize("method", ["ode", "inversion"])
 def test_p_t_in_single_precision_does_not_drift(method):
-    """An angle is known to some eps 2 pi, the reference has 10 rad/s at least: P_t is within a microsecond or so, and
-    stays so for 60 periods, at which sums would have drifted."""
+    """An angle is known to some eps 2 pi, the reference has 10 rad/s at least: P_t is within a microsecond or
+    so, and stays so for 60 periods, at which sums would have drifted."""
     theta = varying(TS, 30.0)
     exact = run_p_t(control_library("double"), method, theta, TS)
     got = run_p_t(control_library("float"), method, theta, TS)
@@ -855,8 +882,8 @@ def test_a_line_of_more_samples_than_16_bit_count_finds_the_angle(method):
 
 @pytest.mark.parametrize("method", ["ode", "inversion"])
 def test_a_line_that_rises_with_time_is_read_exactly(method):
-    """A channel that holds the time of its sample: what is recalled is t - P_t, whatever the speed; and the mean over any
-    width is the same, as the filter is symmetric."""
+    """A channel that holds the time of its sample: what is recalled is t - P_t, whatever the speed; and the
+    mean over any width is the same, as the filter is symmetric."""
     ts = 2e-4
     theta = varying(ts, 2.0) % (2 * np.pi)
     for width in (0, 9):
@@ -882,7 +909,8 @@ def test_a_line_too_short_for_the_period_says_so():
 
 
 def test_positions_are_whole_parts_of_the_period():
-    """2^32 of them: the reference's place is the C's, in float and double, with turns and parts and a ratio."""
+    """2^32 of them: the reference's place is the C's, in float and double, with turns and parts and a
+    ratio."""
     rng = np.random.default_rng(4)
     for precision, real in (("float", np.float32), ("double", float)):
         for turns, parts in PERIODS:

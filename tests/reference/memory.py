@@ -1,5 +1,5 @@
-"""What a learning law remembers, by channel, without running sums: a map over the period of an angle, or all samples in a
-row (liu2018 (29), verrelli2016 (4), (6) and Section 5)."""
+"""What a learning law remembers, by channel, without running sums: a map over the period of an angle, or all
+samples in a row (liu2018 (29), verrelli2016 (4), (6) and Section 5)."""
 
 import math
 from bisect import bisect_right
@@ -33,7 +33,8 @@ class Memory:
         self.value = [0.0] * len(self.limit)  # of the last step
 
     def place(self, theta: float) -> int:
-        """In the period, of which 2^32 are one; of the turn that the rotor is in, found by the shorter way round."""
+        """In the period, of which 2^32 are one; of the turn that the rotor is in, found by the shorter way
+        round."""
         x = self.real(theta) * (self.real(1) / self.real(2 * math.pi))
         rest = x - self.real(int(x))
         angle = (int(rest * 2.0**32) if self.real is float else int(float(rest) * 2.0**31) * 2) % WHOLE
@@ -54,10 +55,12 @@ class Memory:
 
 @dataclass(kw_only=True)
 class AngleMemory(Memory):
-    """A map over the period, written where the rotor passes. One period ago it was, behind the rotor, what it held before
-    the rotor came by, and ahead of it what it holds."""
+    """A map over the period, written where the rotor passes. One period ago it was, behind the rotor, what it
+    held before the rotor came by, and ahead of it what it holds."""
 
-    x: int = 0  # the last place, as it is counted: on the way back from the other end, so that it always rises
+    x: int = (
+        0  # the last place, as it is counted: on the way back from the other end, so that it always rises
+    )
     at: int = 0  # the cell at or before it, counted like it and without wrapping
     back: bool = False
     passed: int = 0  # cells, in the last step
@@ -163,8 +166,9 @@ class AngleMemory(Memory):
 
 @dataclass(kw_only=True)
 class DelayLine(Memory):
-    """Samples in a row, which wait while it cannot go on. By time, the period is that of the reference speed; else it is P_t,
-    by its differential equation or by inversion of the angle, which is kept as whole periods and the rest."""
+    """Samples in a row, which wait while it cannot go on. By time, the period is that of the reference speed;
+    else it is P_t, by its differential equation or by inversion of the angle, which is kept as whole periods
+    and the rest."""
 
     kind: str  # "time", "ode" or "inversion"
     ts: float
