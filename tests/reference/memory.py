@@ -96,7 +96,7 @@ class AngleMemory(Memory):
                 self.behind[n] = list(self.cell(n))
             self.x, self.at, self.passed = x, self.at + count, count
         else:  # a new way begins: what was passed is the map
-            self.back ^= self.started and moved >= WHOLE - QUARTER
+            self.back ^= self.started and moved >= WHOLE - QUARTER - WHOLE // self.cells
             self.x, self.passed = self.counted(place), count if moved <= QUARTER else 0
             self.at, moved = self.x * self.cells // WHOLE, 0
             reach = range(self.at - self.q_half_width, self.at + 1)

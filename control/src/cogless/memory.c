@@ -223,7 +223,7 @@ CGL_SELDOM static void start_there(cgl_memory *memory, uint32_t x, uint32_t move
 {
     cgl_angle_map *const map = &memory->map;
     const uint32_t cells = memory->config.cells;
-    if (map->started && moved >= 0U - QUARTER) {
+    if (map->started && moved >= 0U - QUARTER - map->width) { /* from where it seemed to stand: by up to a cell more */
         const bool forward = map->mask != 0U;
         x = (x - map->shift) ^ map->mask;
         map->mask = forward ? 0U : 0xFFFFFFFFU;
