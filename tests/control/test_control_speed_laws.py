@@ -265,3 +265,16 @@ def test_learning_waits_for_its_permission_and_repeats_when_it_ends():
     once = [c.step(10.0, 0.0, 0.05 * n, learn=False) for n in range(300, 426)]
     assert np.array_equal(c.cell[:32], before[:32])  # the ring behind the map goes on
     assert np.ptp(once) > 0.5
+
+
+def test_adaptation_adds_up_small_terms_beside_a_large_one():
+    """gamma ts S is less than half of what a float tells apart at r = 5 rad/s^2."""
+    library, steps = control_library("float"), 200_000
+    memory = AngleMemory(cells=16, limit=[1.0])
+    gains = dict.fromkeys(("c", "g", "eta", "q", "beta_1", "beta_2", "viscous", "coulomb"), 0.0)
+    law = CLaw(library, RobustIlc(b=10.0, gamma=0.2, ts=TS, limit=20.0, memory=memory, **gains))
+    law.state.adapted = 5.0
+    assert library.real(5.0) + library.real(0.2 * TS * 0.001) == 5.0
+    for _ in range(steps):
+        law.step(0.001, 0.0, 0.0)
+    assert law.state.adapted - 5.0 == pytest.approx(steps * 0.2 * TS * 0.001, rel=0.01)
