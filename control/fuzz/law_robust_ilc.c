@@ -4,7 +4,7 @@
 static cgl_robust_ilc_config config;
 static cgl_robust_ilc law;
 static cgl_real *cell;
-static uint32_t length;
+static bool good;
 
 bool law_begin(feed *from)
 {
@@ -20,11 +20,9 @@ bool law_begin(feed *from)
     config.coulomb = feed_real(from, CGL_R(10.0));
     const cgl_real ts = feed_gain(from, CGL_R(1.0e-3));
     config.limit = feed_gain(from, CGL_R(5.0));
-    config.memory = feed_memory(from);
-    length = CGL_MEMORY_LENGTH(config.memory.cells, config.memory.q_half_width);
-    cell = borrow(length);
-    const bool good = cgl_robust_ilc_init(&law, &config, ts, cell, length) == CGL_OK;
-    length = good ? length : 0U;
+    config.memory = feed_memory(from, 1U);
+    cell = borrow(memory_length(&config.memory));
+    good = cgl_robust_ilc_init(&law, &config, ts, cell, memory_length(&config.memory)) == CGL_OK;
     return good;
 }
 
@@ -40,12 +38,10 @@ cgl_real law_limit(void) { return config.limit; }
 
 void law_end(void)
 {
-    check_entries(cell, length, config.memory.limit);
+    if (good) {
+        check_memory(&law.memory);
+    }
     free(cell);
 }
 
-const cgl_real *law_learned(uint32_t *entries)
-{
-    *entries = config.memory.kind == CGL_MEMORY_ANGLE ? config.memory.cells : 0U;
-    return cell;
-}
+const cgl_real *law_learned(uint32_t *entries) { return map_of(&law.memory, entries); }

@@ -8,7 +8,7 @@ static bool good;
 
 bool law_begin(feed *from)
 {
-    config.ratio = 1U + (feed_bool(from) ? 0U : feed_below(from, 65535U));
+    config.ratio = feed_count(from, 50U);
     config.k_theta = feed_gain(from, CGL_R(50.0));
     config.k_omega = feed_gain(from, CGL_R(5.0));
     config.k_v = feed_gain(from, CGL_R(1.0));
@@ -24,9 +24,9 @@ bool law_begin(feed *from)
     config.index = feed_bool(from) ? CGL_SPACE_BY_REFERENCE : CGL_SPACE_BY_ROTOR;
     const cgl_real ts = feed_gain(from, CGL_R(1.0e-3));
     config.limit = feed_gain(from, CGL_R(5.0));
-    config.memory = feed_space_memory(from);
-    cell = borrow(space_length(&config.memory));
-    good = cgl_space_position_init(&law, &config, ts, cell, space_length(&config.memory)) == CGL_OK;
+    config.memory = feed_memory(from, 1U + feed_below(from, CGL_CHANNELS));
+    cell = borrow(memory_length(&config.memory));
+    good = cgl_space_position_init(&law, &config, ts, cell, memory_length(&config.memory)) == CGL_OK;
     return good;
 }
 
@@ -43,13 +43,9 @@ cgl_real law_limit(void) { return config.limit; }
 void law_end(void)
 {
     if (good) {
-        check_space_entries(&config.memory, cell);
+        check_memory(&law.memory);
     }
     free(cell);
 }
 
-const cgl_real *law_learned(uint32_t *entries)
-{
-    *entries = space_frozen_length(&config.memory, &law.memory);
-    return cell;
-}
+const cgl_real *law_learned(uint32_t *entries) { return map_of(&law.memory, entries); }

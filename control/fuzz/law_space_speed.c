@@ -15,11 +15,11 @@ bool law_begin(feed *from)
     config.eta_bar = feed_gain(from, CGL_R(30.0));
     config.omega_min = feed_gain(from, CGL_R(1.0));
     config.limit = feed_gain(from, CGL_R(5.0));
-    config.ratio = 1U + (feed_bool(from) ? 0U : feed_below(from, 65535U));
-    config.memory = feed_space_memory(from);
-    cell = borrow(space_length(&config.memory));
+    config.ratio = feed_count(from, 50U);
+    config.memory = feed_memory(from, 1U + feed_below(from, CGL_CHANNELS));
+    cell = borrow(memory_length(&config.memory));
     const cgl_real ts = feed_gain(from, CGL_R(1.0e-3));
-    good = cgl_space_speed_init(&law, &config, ts, cell, space_length(&config.memory)) == CGL_OK;
+    good = cgl_space_speed_init(&law, &config, ts, cell, memory_length(&config.memory)) == CGL_OK;
     return good;
 }
 
@@ -31,13 +31,9 @@ cgl_real law_limit(void) { return config.limit; }
 void law_end(void)
 {
     if (good) {
-        check_space_entries(&config.memory, cell);
+        check_memory(&law.memory);
     }
     free(cell);
 }
 
-const cgl_real *law_learned(uint32_t *entries)
-{
-    *entries = space_frozen_length(&config.memory, &law.memory);
-    return cell;
-}
+const cgl_real *law_learned(uint32_t *entries) { return map_of(&law.memory, entries); }

@@ -1,58 +1,61 @@
-/* Configs of the memories from the fuzzer's bytes. */
+/* Configs of the memories from the fuzzer's bytes, and what must hold of their entries. */
 #ifndef MEMORIES_H
 #define MEMORIES_H
 
-#include "cogless/space_memory.h"
+#include "cogless/memory.h"
 #include "law.h"
 
-static inline cgl_memory_config feed_memory(feed *from)
+static inline uint32_t feed_count(feed *from, uint32_t usual)
+{
+    return 1U + feed_below(from, feed_bool(from) ? usual : 65535U);
+}
+
+static inline cgl_memory_config feed_memory(feed *from, uint32_t channels)
 {
     cgl_memory_config config;
-    config.kind = feed_below(from, 3U) == 0U ? CGL_MEMORY_TIME : CGL_MEMORY_ANGLE;
+    const uint32_t kind = feed_below(from, 4U);
+    config.kind = kind == 0U ? CGL_MEMORY_TIME : (kind == 1U ? CGL_MEMORY_DELAY : CGL_MEMORY_ANGLE);
+    config.channels = channels;
     config.cells = 4U + feed_below(from, CELLS_MAX - 3U);
-    config.periods_per_rev = 1U + (feed_bool(from) ? feed_below(from, 8U) : feed_below(from, 65535U));
-    config.q_half_width = feed_bool(from) ? 0U : feed_below(from, (config.cells + 1U) / 2U);
+    config.turns = feed_bool(from) ? 1U : feed_count(from, 8U);
+    config.parts = feed_count(from, 8U);
+    config.q_half_width = feed_bool(from) ? 0U : feed_below(from, config.cells / 2U);
     config.lead = feed_bool(from) ? 0U : feed_below(from, config.cells / 4U + 1U);
     config.forgetting = feed_bool(from) ? CGL_R(1.0) : feed_gain(from, CGL_R(1.0));
-    config.limit = feed_gain(from, CGL_R(5.0));
-    return config;
-}
-
-static inline cgl_space_memory_config feed_space_memory(feed *from)
-{
-    cgl_space_memory_config config;
-    config.kind = feed_bool(from) ? CGL_SPACE_MAP : CGL_SPACE_DELAY;
-    config.channels = 1U + feed_below(from, CGL_SPACE_CHANNELS);
-    config.cells = 4U + feed_below(from, CELLS_MAX - 3U);
-    config.turns = 1U + (feed_bool(from) ? 0U : feed_below(from, 65535U));
-    config.parts = 1U + (feed_bool(from) ? feed_below(from, 8U) : feed_below(from, 65535U));
-    config.q_half_width = feed_bool(from) ? 0U : feed_below(from, (config.cells + 1U) / 2U);
-    config.method = feed_bool(from) ? CGL_DELAY_ODE : CGL_DELAY_INVERSION;
-    config.k_pp = feed_gain(from, CGL_R(20.0));
-    for (uint32_t c = 0; c < CGL_SPACE_CHANNELS; ++c) {
+    for (uint32_t c = 0; c < (uint32_t)CGL_CHANNELS; ++c) {
         config.limit[c] = feed_gain(from, CGL_R(5.0));
     }
+    config.method = feed_bool(from) ? CGL_DELAY_ODE : CGL_DELAY_INVERSION;
+    config.k_pp = feed_gain(from, CGL_R(20.0));
     return config;
 }
 
-static inline uint32_t space_length(const cgl_space_memory_config *config)
+static inline uint32_t memory_length(const cgl_memory_config *config)
 {
-    return CGL_SPACE_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width);
+    return CGL_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width);
 }
 
-/* A map that waits for nothing stays while learning is frozen; a delay line goes on. */
-static inline uint32_t space_frozen_length(const cgl_space_memory_config *config, const cgl_space_memory *memory)
+/* The map's cells, without the rings between them; a line goes on while learning is frozen. */
+static inline const cgl_real *map_of(const cgl_memory *memory, uint32_t *length)
 {
-    return config->kind == CGL_SPACE_MAP && memory->known == 0U ? config->cells : 0U;
+    static cgl_real cells[CGL_CHANNELS * CELLS_MAX];
+    const cgl_memory_config *const config = &memory->config;
+    *length = config->kind == CGL_MEMORY_ANGLE ? config->channels * config->cells : 0U;
+    for (uint32_t n = 0; n < *length; ++n) {
+        const uint32_t row = n / config->cells;
+        cells[n] = memory->cell[row * CGL_MEMORY_ROW(config->cells, config->q_half_width) + n % config->cells];
+    }
+    return cells;
 }
 
-/* Entries are within their limits but for rounding. */
-static inline void check_space_entries(const cgl_space_memory_config *config, const cgl_real *cell)
+static inline void check_memory(const cgl_memory *memory)
 {
-    const uint32_t row = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
-    const uint32_t rows = config->kind == CGL_SPACE_DELAY ? 1U : 0U;
+    const cgl_memory_config *const config = &memory->config;
+    const uint32_t row = CGL_MEMORY_ROW(config->cells, config->q_half_width);
+    const uint32_t first = config->kind == CGL_MEMORY_DELAY ? 1U : 0U;
     for (uint32_t c = 0; c < config->channels; ++c) {
-        check_entries(cell + (rows + c) * row, row, config->limit[c] * CGL_R(1.00001));
+        check_entries(memory->cell + (first + c) * row, row, config->limit[c]);
+        HOLDS(within(memory->channel[c].value, config->limit[c]));
     }
 }
 

@@ -2,7 +2,7 @@
 #ifndef MEMORIES_H
 #define MEMORIES_H
 
-#include "cogless/space_memory.h"
+#include "cogless/memory.h"
 #include "proof.h"
 
 /* A run without sizes is one of configs that are refused before a size counts. */
@@ -11,31 +11,19 @@
 #define Q_HALF_WIDTH 2
 #endif
 
+#ifndef CHANNELS
+#define CHANNELS 1
+#endif
+#ifndef KIND
+#define KIND CGL_MEMORY_ANGLE
+#endif
+#define LENGTH CGL_MEMORY_LENGTH(KIND, CHANNELS, CELLS, Q_HALF_WIDTH)
+
 static inline cgl_memory_config any_memory(void)
 {
-#ifdef DELAY
-    const cgl_memory_kind kind = CGL_MEMORY_TIME;
-#else
-    const cgl_memory_kind kind = CGL_MEMORY_ANGLE;
-#endif
-    const cgl_memory_config config = {kind, CELLS, any_bits(), Q_HALF_WIDTH, any_bits(), any_real(), ANY_LIMIT};
-    return config;
-}
-
-#ifndef CHANNELS
-#define CHANNELS 3
-#endif
-#ifdef DELAY
-#define SPACE_KIND CGL_SPACE_DELAY
-#else
-#define SPACE_KIND CGL_SPACE_MAP
-#endif
-
-static inline cgl_space_memory_config any_space_memory(void)
-{
-    const cgl_space_memory_config config = {SPACE_KIND, CHANNELS, CELLS, any_bits(), any_bits(), Q_HALF_WIDTH,
-                                            {ANY_LIMIT, ANY_LIMIT, ANY_LIMIT},
-                                            any_bool() ? CGL_DELAY_ODE : CGL_DELAY_INVERSION, any_real()};
+    const cgl_memory_config config = {KIND, CHANNELS, CELLS, any_bits(), any_bits(), Q_HALF_WIDTH, any_bits(), any_real(),
+                                      {ANY_LIMIT, ANY_LIMIT, ANY_LIMIT},
+                                      any_bool() ? CGL_DELAY_ODE : CGL_DELAY_INVERSION, any_real()};
     return config;
 }
 

@@ -1,9 +1,9 @@
-/* Robust learning, with its memory as a map or (DELAY) by time. */
+/* Robust learning, with its memory as a map or a line. */
 #include "cogless/robust_ilc.h"
 
 #include "memories.h"
 
-static cgl_real cell[CGL_MEMORY_LENGTH(CELLS, Q_HALF_WIDTH)];
+static cgl_real cell[LENGTH];
 
 int main(void)
 {
@@ -13,7 +13,8 @@ int main(void)
     if (cgl_robust_ilc_init(&law, &config, any_real(), cell, sizeof cell / sizeof cell[0]) != CGL_OK) {
         return 0;
     }
-    //@ widen_hints global:"all", CELLS - 1, CELLS + Q_HALF_WIDTH, CELLS + Q_HALF_WIDTH + 1;
+    //@ widen_hints global:"all", Q_HALF_WIDTH, CELLS - 1, CELLS + Q_HALF_WIDTH, CELLS + Q_HALF_WIDTH + 1;
+    //@ dynamic_split law.memory.map.mask; // what belongs to it stays with it
     while (any_bool()) {
         const cgl_law_input in = any_input();
         cgl_law_output out;

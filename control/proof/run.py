@@ -35,17 +35,17 @@ EVA = [
 
 PARTS = {
     "leaves": "angle modulation polynomial",
-    "foc": "angle foc",
-    "monitor": "angle monitor",
+    "foc": "range angle foc",
+    "monitor": "range angle monitor",
     "quality": "quality",
-    "drive": "angle foc monitor quality drive",
-    "pi": "pi speed_pi",
-    "pi_ilc": "pi memory pi_ilc",
-    "robust_ilc": "memory robust_ilc",
-    "anti_cogging": "angle pi anti_cogging",
-    "pi_afc": "angle pi pi_afc",
-    "space_position": "angle space_memory space_position",
-    "space_speed": "space_memory space_speed",
+    "drive": "range angle foc monitor quality drive",
+    "pi": "range pi speed_pi",
+    "pi_ilc": "angle pi memory delay_line range pi_ilc",
+    "robust_ilc": "angle memory delay_line range robust_ilc",
+    "anti_cogging": "range angle pi anti_cogging",
+    "pi_afc": "range angle pi pi_afc",
+    "space_position": "angle memory delay_line range space_position",
+    "space_speed": "angle memory delay_line range space_speed",
     "trial": "angle feedforward polynomial zero_phase trial",
     "map_store": "map map_store crc32",
 }
@@ -53,10 +53,10 @@ PARTS = {
 # Functions whose paths are kept apart further than others': those whose answer says what is valid.
 PRECISE = """
     is_valid cgl_map_is_valid cgl_pi_init cgl_memory_init cgl_pi_ilc_init cgl_robust_ilc_init
-    cgl_anti_cogging_init cgl_pi_afc_init cgl_space_memory_init cgl_space_position_init cgl_space_speed_init
+    cgl_anti_cogging_init cgl_pi_afc_init cgl_delay_is_valid cgl_space_position_init cgl_space_speed_init
     cgl_feedforward_init cgl_zero_phase_init cgl_trial_init cgl_trial_reset cgl_trial_end correct step
     cgl_trial_step cgl_trial_drive_step cgl_space_speed_step cgl_space_position_step cgl_robust_ilc_step
-    pass_cells pass_cell read_rows sum_rows cgl_space_memory_recall write_waiting write_bytes check_step
+    follow learn_on repeat cgl_memory_step find_time find_angle cgl_delay_step write_bytes check_step
     check_mark take_entries smaller
 """
 
@@ -66,9 +66,10 @@ EXTRA = {
 
 DOUBLE = {"COGLESS_DOUBLE": ""}
 LIMITED = {"LIMIT": "3.0"}
-DELAY = {"DELAY": ""}
+TIME = {"KIND": "CGL_MEMORY_TIME"}
+DELAY = {"KIND": "CGL_MEMORY_DELAY"}
 ORDERS = {"ORDERS": "3"}
-WORDS = {"COGLESS_DOUBLE": "double", "Q_HALF_WIDTH": "q", "SAMPLES": "samples"}
+WORDS = {"COGLESS_DOUBLE": "double", "KIND": "kind", "Q_HALF_WIDTH": "q", "SAMPLES": "samples"}
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class Run:
     @property
     def name(self) -> str:
         words = [WORDS.get(key, key.lower()) + (f"={v}" if v else "") for key, v in self.defines.items()]
-        return " ".join([self.harness, *words])
+        return " ".join([self.harness, *words]).replace("CGL_MEMORY_", "").lower()
 
 
 def sizes(cells: int, q: int) -> dict[str, str]:
@@ -92,8 +93,8 @@ RUNS = [  # the longest first
     Run("robust_ilc", MAP),
     Run("map_store", sizes(3, 0) | {"CHANNELS": "2", "BUFFER": "32"} | LIMITED),
     Run("space_position", MAP | LIMITED | {"CHANNELS": "2"}), Run("drive", {}),
-    Run("pi_ilc", MAP), Run("pi_ilc", MAP | LIMITED), Run("pi_ilc", MAP | DELAY),
-    Run("robust_ilc", MAP | DELAY | LIMITED),
+    Run("pi_ilc", MAP), Run("pi_ilc", MAP | LIMITED), Run("pi_ilc", MAP | TIME),
+    Run("robust_ilc", MAP | TIME | LIMITED),
     Run("space_position", MAP | DELAY | LIMITED | {"CHANNELS": "1"}),
     Run("space_speed", MAP | LIMITED), Run("space_speed", MAP | DELAY),
     Run("anti_cogging", sizes(8, 0)), Run("anti_cogging", sizes(8, 0) | LIMITED),
@@ -114,7 +115,7 @@ MUTANTS = [
     ("foc.c", "cgl_is_angle(in->theta_e) && ", "", Run("foc", {})),  # NaN gets through to a conversion
     ("pi_afc.c", "sum += a[k] * cosine + b[k] * sine;\n    }\n    return cgl_clamp(sum, config->limit);",
      "sum += a[k] * cosine + b[k] * sine;\n    }\n    return sum;", Run("pi_afc", ORDERS | LIMITED)),
-    ("memory.c", "head = head < last ? head + 1U : 0U;", "head = head <= last ? head + 1U : 0U;",
+    ("memory.c", "head = head < m ? head + 1U : 0U;", "head = head <= m ? head + 1U : 0U;",
      Run("pi_ilc", MAP)),
 ]  # fmt: skip
 

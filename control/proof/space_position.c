@@ -1,19 +1,20 @@
-/* Position law that learns by angle, with a map or (DELAY) a delay line. */
+/* Position law that learns by angle, with a map or a line. */
 #include "cogless/space_position.h"
 
 #include "memories.h"
 
-static cgl_real cell[CGL_SPACE_MEMORY_LENGTH(SPACE_KIND, CHANNELS, CELLS, Q_HALF_WIDTH)];
+static cgl_real cell[LENGTH];
 
 int main(void)
 {
-    cgl_space_position_config config = {any_bits(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_bool(), any_real(), any_real(), any_bool() ? CGL_SPACE_BY_REFERENCE : CGL_SPACE_BY_ROTOR, ANY_LIMIT, any_space_memory()};
+    cgl_space_position_config config = {any_bits(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_bool(), any_real(), any_real(), any_bool() ? CGL_SPACE_BY_REFERENCE : CGL_SPACE_BY_ROTOR, ANY_LIMIT, any_memory()};
     cgl_space_position law;
     FILL(cell);
     if (cgl_space_position_init(&law, &config, any_real(), cell, sizeof cell / sizeof cell[0]) != CGL_OK) {
         return 0;
     }
-    //@ widen_hints global:"all", CELLS - 1, CELLS + Q_HALF_WIDTH, CELLS + Q_HALF_WIDTH + 1;
+    //@ widen_hints global:"all", Q_HALF_WIDTH, CELLS - 1, CELLS + Q_HALF_WIDTH, CELLS + Q_HALF_WIDTH + 1;
+    //@ dynamic_split law.memory.map.mask; // what belongs to it stays with it
     while (any_bool()) {
         const cgl_law_input in = any_input();
         cgl_law_output out;

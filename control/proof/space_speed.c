@@ -1,19 +1,20 @@
-/* Speed law that learns by angle, with a map or (DELAY) a delay line. */
+/* Speed law that learns by angle, with a map or a line. */
 #include "cogless/space_speed.h"
 
 #include "memories.h"
 
-static cgl_real cell[CGL_SPACE_MEMORY_LENGTH(SPACE_KIND, CHANNELS, CELLS, Q_HALF_WIDTH)];
+static cgl_real cell[LENGTH];
 
 int main(void)
 {
-    cgl_space_speed_config config = {any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), ANY_LIMIT, any_bits(), any_space_memory()};
+    cgl_space_speed_config config = {any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), ANY_LIMIT, any_bits(), any_memory()};
     cgl_space_speed law;
     FILL(cell);
     if (cgl_space_speed_init(&law, &config, any_real(), cell, sizeof cell / sizeof cell[0]) != CGL_OK) {
         return 0;
     }
-    //@ widen_hints global:"all", CELLS - 1, CELLS + Q_HALF_WIDTH, CELLS + Q_HALF_WIDTH + 1;
+    //@ widen_hints global:"all", Q_HALF_WIDTH, CELLS - 1, CELLS + Q_HALF_WIDTH, CELLS + Q_HALF_WIDTH + 1;
+    //@ dynamic_split law.memory.map.mask; // what belongs to it stays with it
     while (any_bool()) {
         const cgl_law_input in = any_input();
         cgl_law_output out;

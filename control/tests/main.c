@@ -1,4 +1,5 @@
-/* The tests that need no Python: random inputs, the README's example, a calibration that is long for a float.
+/* The tests that need no Python: random inputs, the README's example, a calibration that is long for a float, and what
+ * the transcriptions in NumPy say of the same inputs.
  * cogless_control_tests [CONFIGS]: so many random configs for each law, 300 steps or more each; default 500. */
 #include <stdio.h>
 #include <stdlib.h>
@@ -7,8 +8,10 @@
 #include "check.h"
 #include "cogless/anti_cogging.h"
 #include "control.h"
+#include "memories.h"
 #include "random_inputs.h"
 #include "stored_maps.h"
+#include "vectors.h"
 
 /* ---- the README's example on the motor of numbers ---- */
 
@@ -69,6 +72,8 @@ static void long_calibration(void)
 int main(int count, char **arguments)
 {
     const long configs = count > 1 ? strtol(arguments[1], NULL, 10) : 500L;
+    golden_vectors();
+    memories();
     random_inputs(configs);
     random_flash(10L * configs);
     stored_maps();

@@ -24,7 +24,9 @@
 #define CANARY CGL_R(123.456)
 #define STEPS_PER_CONFIG 300
 
-static cgl_real fenced[4U * CGL_MEMORY_LENGTH(CELLS_MAX, CELLS_MAX / 2U) + 2U * GUARD];
+#define ROWS_MAX (4U * CGL_MEMORY_ROW(CELLS_MAX, CELLS_MAX / 2U))
+
+static cgl_real fenced[ROWS_MAX + 2U * GUARD];
 
 /* The caller's memory, between two fences. */
 static cgl_real *fence(uint32_t length)
@@ -52,17 +54,6 @@ static void check_cells(uint32_t length, cgl_real limit)
 {
     for (uint32_t n = 0; n < length; ++n) {
         CHECK(within(fenced[GUARD + n], limit));
-    }
-}
-
-/* What a law says of itself against what it did: `before` is the map before the step. */
-static void check_status(unsigned status, const cgl_memory_config *config, const cgl_real *before)
-{
-    if ((status & (unsigned)CGL_STATUS_FAULT) != 0U) {
-        CHECK((status & (unsigned)CGL_STATUS_FROZEN) != 0U);
-    }
-    if ((status & (unsigned)CGL_STATUS_FROZEN) != 0U && config->kind == CGL_MEMORY_ANGLE) {
-        CHECK(memcmp(before, fenced + GUARD, config->cells * sizeof before[0]) == 0);
     }
 }
 
@@ -94,23 +85,119 @@ static void next_input(cgl_law_input *in, int step)
     in->off = random_below(50) == 0U;
 }
 
+/* Any, or a rotor that follows a reference which mostly rises. */
+static void next_position_input(cgl_law_input *in, int step)
+{
+    static cgl_real theta, omega;
+    if (step == 0 || random_below(60) == 0U) {
+        omega = random_below(4) ? (cgl_real)random_below(300) : -(cgl_real)random_below(300);
+    }
+    theta += CGL_R(1.0e-3) * omega;
+    theta = theta > CGL_R(1.0e3) || theta < CGL_R(-1.0e3) ? CGL_R(0.0) : theta;
+    const bool any = random_below(8) == 0U;
+    in->theta_ref = any ? random_real(CGL_R(10.0)) : theta;
+    in->omega_ref = any ? random_real(CGL_R(100.0)) : omega;
+    in->alpha_ref = any ? random_real(CGL_R(100.0)) : CGL_R(1.0);
+    in->theta_m = any ? random_real(CGL_R(10.0)) : theta + CGL_R(0.01);
+    in->omega_m = any ? random_real(CGL_R(100.0)) : omega + (cgl_real)random_below(3) - CGL_R(1.0);
+    in->i_q = CGL_R(0.0);
+    in->learn = random_below(8) != 0U;
+    in->off = random_below(50) == 0U;
+}
+
 static cgl_pi_config random_pi(void)
 {
     const cgl_pi_config config = {random_gain(CGL_R(1.0)), random_gain(CGL_R(10.0)), random_gain(CGL_R(5.0))};
     return config;
 }
 
-static cgl_memory_config random_memory(void)
+/* A count that is mostly small, from 1 up. */
+static uint32_t random_count(uint32_t usual)
+{
+    return 1U + (random_below(4) ? random_below(usual) : random_below(65535));
+}
+
+static cgl_memory_config random_memory(uint32_t channels)
 {
     cgl_memory_config config;
-    config.kind = random_below(2) ? CGL_MEMORY_ANGLE : CGL_MEMORY_TIME;
+    config.kind = random_below(2) ? CGL_MEMORY_ANGLE : (random_below(2) ? CGL_MEMORY_TIME : CGL_MEMORY_DELAY);
+    config.channels = channels;
     config.cells = 4U + random_below(CELLS_MAX - 3U);
-    config.periods_per_rev = random_below(10) ? 1U + random_below(8) : 1U + random_below(65535);
-    config.q_half_width = random_below(2) ? 0U : random_below((config.cells + 1U) / 2U);
+    config.turns = random_count(4);
+    config.parts = random_count(4);
+    config.q_half_width = random_below(2) ? 0U : random_below(random_below(2) ? 4U : config.cells / 2U);
     config.lead = random_below(2) ? 0U : random_below(config.cells / 4U + 1U);
     config.forgetting = random_below(2) ? CGL_R(1.0) : random_gain(CGL_R(1.0));
-    config.limit = random_gain(CGL_R(5.0));
+    for (uint32_t c = 0; c < (uint32_t)CGL_CHANNELS; ++c) {
+        config.limit[c] = c < channels ? random_gain(CGL_R(5.0)) : random_real(CGL_R(5.0));
+    }
+    config.method = random_below(2) ? CGL_DELAY_ODE : CGL_DELAY_INVERSION;
+    config.k_pp = random_gain(CGL_R(50.0));
     return config;
+}
+
+static uint32_t memory_length(const cgl_memory_config *config)
+{
+    return CGL_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width);
+}
+
+/* What the memory holds, against its config. */
+static void check_memory(const cgl_memory *memory)
+{
+    const cgl_memory_config *const config = &memory->config;
+    const uint32_t row = CGL_MEMORY_ROW(config->cells, config->q_half_width);
+    const cgl_real *entry = memory->cell;
+    if (config->kind == CGL_MEMORY_DELAY) {
+        for (uint32_t n = 0; n < row; ++n, ++entry) {
+            CHECK(*entry >= CGL_R(0.0) && *entry <= CGL_R(1.0)); /* an angle just below a period rounds up in float */
+        }
+    }
+    for (uint32_t c = 0; c < config->channels; ++c) {
+        for (uint32_t n = 0; n < row; ++n, ++entry) {
+            CHECK(within(*entry, config->limit[c]));
+        }
+        CHECK(within(memory->channel[c].value, config->limit[c]));
+    }
+    const cgl_angle_map *const map = &memory->map;
+    CHECK(map->at < config->cells && map->head <= config->q_half_width && map->half <= config->q_half_width);
+    CHECK(map->part >= CGL_R(0.0) && map->part <= CGL_R(1.0));
+    CHECK(map->anew_left >= 1U || !map->started);
+    CHECK(map->passed <= config->cells / 4U + 1U);
+    const cgl_delay_line *const line = &memory->line;
+    CHECK(line->known <= row && line->then < row && line->newest < row);
+    CHECK(line->p_t >= CGL_R(0.0) && line->p_t <= (cgl_real)(row + 1U) * memory->ts);
+    check_fence(memory_length(config));
+}
+
+/* What a step did to the entries, against what it says: `before` are all of them, `old` is the state then. A map that does not
+ * learn, or starts anew, stays; else it writes no more cells than it passed, and with a lead as many again there. */
+static void check_writing(const cgl_memory *memory, const cgl_memory *old, const cgl_real *before)
+{
+    const cgl_memory_config *const config = &memory->config;
+    if (config->kind != CGL_MEMORY_ANGLE) {
+        return;
+    }
+    const uint32_t row = CGL_MEMORY_ROW(config->cells, config->q_half_width);
+    const uint32_t passed = memory->map.passed;
+    const bool writes = memory->learning && old->map.follows && passed <= 16U + 2U * old->map.passed;
+    const uint32_t most = writes ? passed + (config->lead > 0U ? 16U + 2U * passed : 0U) : 0U;
+    for (uint32_t c = 0; c < config->channels; ++c) {
+        uint32_t written = 0U;
+        for (uint32_t n = c * row; n < c * row + config->cells; ++n) {
+            written += before[n] < memory->cell[n] || before[n] > memory->cell[n] ? 1U : 0U;
+        }
+        CHECK(written <= most);
+    }
+}
+
+/* What a law says of its learning against what its memory did. */
+static void check_learning(const cgl_law_input *in, const cgl_law_output *out, const cgl_memory *memory,
+                           const cgl_memory *old, const cgl_real *before)
+{
+    const bool frozen = (out->status & (unsigned)CGL_STATUS_FROZEN) != 0U;
+    CHECK(frozen == !memory->learning);
+    CHECK(frozen || (in->learn && !in->off && (out->status & (unsigned)CGL_STATUS_FAULT) == 0U));
+    check_writing(memory, old, before);
 }
 
 /* ---- one function a law: a random config that init accepts, then random steps ---- */
@@ -225,35 +312,58 @@ static void try_pi(void)
 
 static void try_memory(void)
 {
+    static cgl_real before[ROWS_MAX];
     cgl_memory_config config;
     cgl_memory memory;
     uint32_t length;
     cgl_real ts;
     do {
         ts = random_gain(CGL_R(1.0e-3));
-        config = random_memory();
-        length = CGL_MEMORY_LENGTH(config.cells, config.q_half_width);
-    } while (cgl_memory_init(&memory, &config, ts, fence(length), length) != CGL_OK);
+        config = random_memory(1U + random_below(CGL_CHANNELS));
+        length = memory_length(&config);
+    } while (cgl_memory_init(&memory, &config, ts, random_count(50), fence(length), length) != CGL_OK);
+    CHECK(cgl_memory_fastest(&memory) >= CGL_R(0.0));
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         cgl_law_input in;
-        cgl_real value;
-        next_input(&in, step);
-        cgl_memory_recall(&memory, in.theta_m, in.omega_ref, random_below(2) != 0U, &value);
-        CHECK(within(value, config.limit));
-        const cgl_real acting =
-            cgl_memory_update(&memory, random_real(config.limit), random_real(config.limit), in.learn);
-        CHECK(within(acting, config.limit));
-        CHECK(memory.newest < length && memory.head < length && memory.known <= length);
+        next_position_input(&in, step);
+        cgl_real value[CGL_CHANNELS], correction[CGL_CHANNELS];
+        for (uint32_t c = 0; c < config.channels; ++c) {
+            correction[c] = random_below(16) ? config.limit[c] * CGL_R(0.01) : random_real(config.limit[c]);
+        }
+        memcpy(before, memory.cell, length * sizeof before[0]);
+        const cgl_memory old = memory;
+        const bool learned = cgl_memory_step(&memory, in.theta_ref, in.omega_ref, in.learn, correction, value);
+        CHECK(learned == memory.learning && (in.learn || !learned));
+        for (uint32_t c = 0; c < config.channels; ++c) {
+            CHECK(!learned || cgl_is_finite(correction[c]));
+            CHECK(cgl_is_finite(value[c]) || (learned && config.lead == 0U)); /* a large correction on a large value */
+        }
+        check_writing(&memory, &old, before);
+        check_memory(&memory);
         if (random_below(1000) == 0U) {
             cgl_memory_reset(&memory);
+        } else if (random_below(1000) == 0U) {
+            cgl_memory_config other = random_memory(config.channels);
+            const cgl_memory_config now = memory.config;
+            if (random_below(4) != 0U) {
+                other.kind = now.kind;
+                other.cells = now.cells;
+                other.turns = now.turns;
+                other.parts = now.parts;
+                other.q_half_width = now.q_half_width;
+                other.lead = random_below(now.cells / 4U + 1U);
+            }
+            if (cgl_memory_retune(&memory, &other) != CGL_OK) {
+                CHECK(memcmp(&memory.config, &now, sizeof now) == 0);
+            }
+            check_memory(&memory);
         }
     }
-    check_cells(length, config.limit);
-    check_fence(length);
 }
 
 static void try_pi_ilc(void)
 {
+    static cgl_real before[ROWS_MAX];
     cgl_pi_ilc_config config;
     cgl_pi_ilc law;
     uint32_t length;
@@ -262,31 +372,31 @@ static void try_pi_ilc(void)
         ts = random_gain(CGL_R(1.0e-3));
         config.pi = random_pi();
         config.gain = random_gain(CGL_R(0.1));
-        config.memory = random_memory();
-        length = CGL_MEMORY_LENGTH(config.memory.cells, config.memory.q_half_width);
+        config.memory = random_memory(1U);
+        length = memory_length(&config.memory);
     } while (cgl_pi_ilc_init(&law, &config, ts, fence(length), length) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         cgl_law_input in;
         cgl_law_output out;
         next_input(&in, step);
-        cgl_real before[CELLS_MAX];
-        memcpy(before, fenced + GUARD, config.memory.cells * sizeof before[0]);
+        memcpy(before, fenced + GUARD, length * sizeof before[0]);
+        const cgl_pi_ilc old = law;
         cgl_pi_ilc_step(&law, &in, &out);
         check_off(&in, &out);
-        check_status(out.status, &config.memory, before);
+        check_learning(&in, &out, &law.memory, &old.memory, before);
         CHECK(within(out.i_q_ref, config.pi.limit));
-        CHECK(within(law.learned, config.memory.limit));
+        CHECK(within(law.learned, config.memory.limit[0]));
         CHECK(within(law.pi.integral, config.pi.limit));
         if (random_below(1000) == 0U) {
             cgl_pi_ilc_reset(&law);
         }
     }
-    check_cells(length, config.memory.limit);
-    check_fence(length);
+    check_memory(&law.memory);
 }
 
 static void try_robust_ilc(void)
 {
+    static cgl_real before[ROWS_MAX];
     cgl_robust_ilc_config config;
     cgl_robust_ilc law;
     uint32_t length;
@@ -303,19 +413,19 @@ static void try_robust_ilc(void)
         config.gamma = random_gain(CGL_R(5.0));
         config.viscous = random_real(CGL_R(1.0));
         config.coulomb = random_real(CGL_R(10.0));
-            config.limit = random_gain(CGL_R(5.0));
-        config.memory = random_memory();
-        length = CGL_MEMORY_LENGTH(config.memory.cells, config.memory.q_half_width);
+        config.limit = random_gain(CGL_R(5.0));
+        config.memory = random_memory(1U);
+        length = memory_length(&config.memory);
     } while (cgl_robust_ilc_init(&law, &config, ts, fence(length), length) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         cgl_law_input in;
         cgl_law_output out;
         next_input(&in, step);
-        cgl_real before[CELLS_MAX];
-        memcpy(before, fenced + GUARD, config.memory.cells * sizeof before[0]);
+        memcpy(before, fenced + GUARD, length * sizeof before[0]);
+        const cgl_robust_ilc old = law;
         cgl_robust_ilc_step(&law, &in, &out);
         check_off(&in, &out);
-        check_status(out.status, &config.memory, before);
+        check_learning(&in, &out, &law.memory, &old.memory, before);
         CHECK(within(out.i_q_ref, config.limit));
         CHECK(within(law.error_integral, CGL_R(1.0e9)));
         CHECK(within(law.adapted, config.b * config.limit));
@@ -323,8 +433,7 @@ static void try_robust_ilc(void)
             cgl_robust_ilc_reset(&law);
         }
     }
-    check_cells(length, config.memory.limit);
-    check_fence(length);
+    check_memory(&law.memory);
 }
 
 static void try_anti_cogging(void)
@@ -414,133 +523,16 @@ static void try_pi_afc(void)
 
 /* ---- learning in space ---- */
 
-static cgl_space_memory_config random_space_memory(void)
-{
-    cgl_space_memory_config config;
-    config.kind = random_below(2) ? CGL_SPACE_MAP : CGL_SPACE_DELAY;
-    config.channels = 1U + random_below(CGL_SPACE_CHANNELS);
-    config.cells = 4U + random_below(CELLS_MAX - 3U);
-    config.turns = 1U + (random_below(4) ? random_below(4) : random_below(65535));
-    config.parts = 1U + (random_below(4) ? random_below(4) : random_below(65535));
-    config.q_half_width = random_below(2) ? 0U : random_below((config.cells + 1U) / 2U);
-    for (uint32_t c = 0; c < CGL_SPACE_CHANNELS; ++c) {
-        config.limit[c] = c < config.channels ? random_gain(CGL_R(5.0)) : random_real(CGL_R(5.0));
-    }
-    config.method = random_below(2) ? CGL_DELAY_ODE : CGL_DELAY_INVERSION;
-    config.k_pp = random_gain(CGL_R(50.0));
-    return config;
-}
-
-static uint32_t space_length(const cgl_space_memory_config *config)
-{
-    return CGL_SPACE_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width);
-}
-
-/* Entries may round: a straight line between two of them, a mean of many. */
-static cgl_real rounded_limit(cgl_real limit)
-{
-    return limit * CGL_R(1.0001) + CGL_R(1.0e-37);
-}
-
-/* What the memory holds, against its config and against what a step said of itself. */
-static void check_space_memory(const cgl_space_memory_config *config, const cgl_space_memory *memory)
-{
-    const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
-    const uint32_t rings = config->kind == CGL_SPACE_DELAY ? 1U : 0U;
-    for (uint32_t c = 0; c < config->channels; ++c) {
-        for (uint32_t n = 0; n < length; ++n) {
-            CHECK(within(memory->cell[(c + rings) * length + n], rounded_limit(config->limit[c])));
-        }
-        CHECK(within(memory->value[c], rounded_limit(config->limit[c])));
-    }
-    for (uint32_t n = 0; n < rings * length; ++n) {
-        CHECK(memory->cell[n] >= CGL_R(0.0) && memory->cell[n] < CGL_R(1.0));
-    }
-    CHECK(memory->known <= length && memory->then < length && memory->newest < length);
-    CHECK(memory->p_t >= CGL_R(0.0) && memory->p_t <= (cgl_real)(length + 1U) * memory->ts);
-    check_fence(space_length(config));
-}
-
-/* Any, or a rotor that follows a reference which mostly rises. */
-static void next_position_input(cgl_law_input *in, int step)
-{
-    static cgl_real theta, omega;
-    if (step == 0 || random_below(60) == 0U) {
-        omega = random_below(4) ? (cgl_real)random_below(300) : -(cgl_real)random_below(300);
-    }
-    theta += CGL_R(1.0e-3) * omega;
-    theta = theta > CGL_R(1.0e3) || theta < CGL_R(-1.0e3) ? CGL_R(0.0) : theta;
-    const bool any = random_below(8) == 0U;
-    in->theta_ref = any ? random_real(CGL_R(10.0)) : theta;
-    in->omega_ref = any ? random_real(CGL_R(100.0)) : omega;
-    in->alpha_ref = any ? random_real(CGL_R(100.0)) : CGL_R(1.0);
-    in->theta_m = any ? random_real(CGL_R(10.0)) : theta + CGL_R(0.01);
-    in->omega_m = any ? random_real(CGL_R(100.0)) : omega + (cgl_real)random_below(3) - CGL_R(1.0);
-    in->i_q = CGL_R(0.0);
-    in->learn = random_below(8) != 0U;
-    in->off = random_below(50) == 0U;
-}
-
-/* A map that is frozen stays: only cells that wait for the filter go in. */
-static void check_frozen_map(const cgl_space_memory_config *config, const cgl_space_memory *before,
-                             const cgl_real *cells_before)
-{
-    if (config->kind == CGL_SPACE_MAP && before->known == 0U) {
-        CHECK(memcmp(cells_before, fenced + GUARD, space_length(config) * sizeof cells_before[0]) == 0);
-    }
-}
-
-static void check_space_status(unsigned status, bool learn)
-{
-    const bool frozen = (status & (unsigned)CGL_STATUS_FROZEN) != 0U;
-    CHECK(learn || frozen);
-    CHECK(frozen || (status & (unsigned)CGL_STATUS_FAULT) == 0U);
-}
-
-static void try_space_memory(void)
-{
-    cgl_space_memory_config config;
-    cgl_space_memory memory;
-    cgl_real ts;
-    do {
-        ts = random_gain(CGL_R(1.0e-3));
-        config = random_space_memory();
-    } while (cgl_space_memory_init(&memory, &config, ts, fence(space_length(&config)), space_length(&config)) != CGL_OK);
-    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
-        cgl_law_input in;
-        next_position_input(&in, step);
-        cgl_real value[CGL_SPACE_CHANNELS];
-        for (int times = random_below(8) ? 1 : (int)random_below(4); times > 0; --times) { /* in any order */
-            const bool learns = cgl_space_memory_recall(&memory, in.theta_ref, random_below(8) != 0U, in.learn,
-                                                        value);
-            CHECK(in.learn || !learns);
-            for (uint32_t c = 0; c < config.channels; ++c) {
-                CHECK(within(value[c], rounded_limit(config.limit[c])));
-            }
-        }
-        for (uint32_t c = 0; c < config.channels; ++c) {
-            value[c] = random_real(config.limit[c]);
-        }
-        for (int times = random_below(8) ? 1 : (int)random_below(4); times > 0; --times) {
-            cgl_space_memory_update(&memory, value, in.learn);
-        }
-        if (random_below(1000) == 0U) {
-            cgl_space_memory_reset(&memory);
-        }
-    }
-    check_space_memory(&config, &memory);
-}
-
 static void try_space_position(void)
 {
-    static cgl_real before[4U * CGL_MEMORY_LENGTH(CELLS_MAX, CELLS_MAX / 2U)];
+    static cgl_real before[ROWS_MAX];
     cgl_space_position_config config;
     cgl_space_position law;
     uint32_t length;
     cgl_real ts;
     do {
         ts = random_gain(CGL_R(1.0e-3));
-        config.ratio = random_below(8) ? 1U + random_below(50) : 1U + random_below(65535);
+        config.ratio = random_count(50);
         config.k_theta = random_gain(CGL_R(5.0));
         config.k_omega = random_gain(CGL_R(5.0));
         config.k_v = random_gain(CGL_R(1.0));
@@ -554,9 +546,9 @@ static void try_space_position(void)
         config.ramp = random_gain(CGL_R(0.1));
         config.omega_min = random_gain(CGL_R(1.0));
         config.index = random_below(2) ? CGL_SPACE_BY_REFERENCE : CGL_SPACE_BY_ROTOR;
-            config.limit = random_gain(CGL_R(500.0));
-        config.memory = random_space_memory();
-        length = space_length(&config.memory);
+        config.limit = random_gain(CGL_R(500.0));
+        config.memory = random_memory(1U + random_below(CGL_CHANNELS));
+        length = memory_length(&config.memory);
     } while (cgl_space_position_init(&law, &config, ts, fence(length), length) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         cgl_law_input in;
@@ -566,22 +558,19 @@ static void try_space_position(void)
         const cgl_space_position old = law;
         cgl_space_position_step(&law, &in, &out);
         check_off(&in, &out);
-        check_space_status(out.status, in.learn);
-        if ((out.status & (unsigned)CGL_STATUS_FROZEN) != 0U) {
-            check_frozen_map(&config.memory, &old.memory, before);
-        }
+        check_learning(&in, &out, &law.memory, &old.memory, before);
         CHECK(within(out.i_q_ref, config.limit));
         CHECK(within(law.integral, config.limit));
         if (random_below(1000) == 0U) {
             cgl_space_position_reset(&law);
         }
     }
-    check_space_memory(&config.memory, &law.memory);
+    check_memory(&law.memory);
 }
 
 static void try_space_speed(void)
 {
-    static cgl_real before[4U * CGL_MEMORY_LENGTH(CELLS_MAX, CELLS_MAX / 2U)];
+    static cgl_real before[ROWS_MAX];
     cgl_space_speed_config config;
     cgl_space_speed law;
     uint32_t length;
@@ -595,9 +584,9 @@ static void try_space_speed(void)
         config.eta_bar = random_gain(CGL_R(3.0));
         config.omega_min = random_gain(CGL_R(1.0));
         config.limit = random_gain(CGL_R(500.0));
-        config.ratio = random_below(8) ? 1U + random_below(50) : 1U + random_below(65535);
-        config.memory = random_space_memory();
-        length = space_length(&config.memory);
+        config.ratio = random_count(50);
+        config.memory = random_memory(1U + random_below(CGL_CHANNELS));
+        length = memory_length(&config.memory);
     } while (cgl_space_speed_init(&law, &config, ts, fence(length), length) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         cgl_law_input in;
@@ -607,16 +596,13 @@ static void try_space_speed(void)
         const cgl_space_speed old = law;
         cgl_space_speed_step(&law, &in, &out);
         check_off(&in, &out);
-        check_space_status(out.status, in.learn);
-        if ((out.status & (unsigned)CGL_STATUS_FROZEN) != 0U) {
-            check_frozen_map(&config.memory, &old.memory, before);
-        }
+        check_learning(&in, &out, &law.memory, &old.memory, before);
         CHECK(within(out.i_q_ref, config.limit));
         if (random_below(1000) == 0U) {
             cgl_space_speed_reset(&law);
         }
     }
-    check_space_memory(&config.memory, &law.memory);
+    check_memory(&law.memory);
 }
 
 /* ---- learning from trial to trial ---- */
@@ -1022,20 +1008,12 @@ static void try_any_config(void)
 {
     const uint32_t length = random_below(CELLS_MAX);
     const cgl_real ts = random_gain(CGL_R(1.0e-3));
-    cgl_memory_config memory = random_memory();
-    *(random_below(2) ? &memory.cells : &memory.q_half_width) = random_bits();
-    memory.periods_per_rev = random_bits();
+    cgl_memory_config memory = random_memory(1U + random_below(CGL_CHANNELS));
+    *(random_below(2) ? &memory.cells : &memory.q_half_width) = random_bits() >> random_below(32);
+    *(random_below(2) ? &memory.channels : &memory.parts) = random_bits() >> random_below(32);
     cgl_memory state;
-    if (cgl_memory_init(&state, &memory, ts, fence(length), length) == CGL_OK) {
-        CHECK(CGL_MEMORY_LENGTH(memory.cells, memory.q_half_width) <= length);
-    }
-    check_fence(length);
-    cgl_space_memory_config space = random_space_memory();
-    *(random_below(2) ? &space.cells : &space.q_half_width) = random_bits() >> random_below(32);
-    *(random_below(2) ? &space.channels : &space.parts) = random_bits() >> random_below(32);
-    cgl_space_memory in_space;
-    if (cgl_space_memory_init(&in_space, &space, ts, fence(length), length) == CGL_OK) {
-        CHECK(space_length(&space) <= length);
+    if (cgl_memory_init(&state, &memory, ts, random_bits() >> random_below(32), fence(length), length) == CGL_OK) {
+        CHECK(memory_length(&memory) <= length);
     }
     check_fence(length);
     const cgl_anti_cogging_config table = {random_pi(), random_bits() >> random_below(32), random_real(CGL_R(1.0)),
@@ -1076,7 +1054,6 @@ void random_inputs(long configs)
         try_memory();
         try_pi_ilc();
         try_robust_ilc();
-        try_space_memory();
         try_space_position();
         try_space_speed();
         try_anti_cogging();

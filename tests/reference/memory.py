@@ -1,167 +1,281 @@
-"""What a learning law remembers: all that it ever stored, so that 'one period ago' is literal."""
+"""What a learning law remembers, by channel, without running sums: a map over the period of an angle, or all
+samples in a row (liu2018 (29), verrelli2016 (4), (6) and Section 5)."""
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass, field
-from itertools import pairwise
 
-from .limits import clip, finite_or_zero, is_angle
+import numpy as np
 
+from .limits import clip, is_angle
 
-@dataclass
-class Recalled:
-    filtered: float = 0.0  # what a law learns on from: Q filter and forgetting
-    held: float = 0.0  # what it repeats while frozen
-    known: bool = False
+WHOLE = 1 << 32  # a revolution, or a period
+QUARTER = 1 << 30
+MOVES = 8  # samples by which the place of one period ago moves in a step, at most
 
 
-def passed_cells(start: float, moved: float) -> list[tuple[int, float]]:
-    """The cells on the way from `start`, each with its share of the way."""
-    end = start + moved
-    forward = range(math.floor(start) + 1, math.floor(end) + 1)
-    backward = range(math.ceil(start) - 1, math.ceil(end) - 1, -1)
-    return [(n, (n - start) / moved) for n in (forward if moved > 0 else backward)]
-
-
-@dataclass
-class AngleMemory:
-    """A map over the period whose cells are written where the rotor passes them.
-
-    `record` is every value ever written, by cell, each with the number of the pass and its place in that
-    pass. A pass is an unbroken row of neighbouring cells in one direction. The cells of the present pass on
-    which the Q filter's window looks back count as not yet written: 'one period ago' is the map before the
-    rotor came by.
-    """
+@dataclass(kw_only=True)
+class Memory:
+    """What both kinds are told. `real` is the number type in which an angle is divided by a revolution."""
 
     cells: int
-    periods_per_rev: int
-    q_half_width: int
-    forgetting: float
-    limit: float
+    limit: list[float]  # by channel
+    turns: int = 1
+    parts: int = 1
+    q_half_width: int = 0
     lead: int = 0
-    record: dict[int, list[tuple[int, int, float]]] = field(default_factory=dict)
-    passes: int = 0
-    pass_length: int = 0
-    last: tuple[int, int] | None = None  # unwrapped cell and direction of the last one written
-    heading: int = 0  # of the last cell written; stays while nothing is learned
-    stored: tuple[float, float] | None = None  # unwrapped position [cells] and value of the last update
-    asked: float = 0.0
-    corrected: tuple[float, float] | None = None  # position and value of the last correction, `lead` behind
+    forgetting: float = 1.0
+    ratio: int = 1
+    real: type = float
+    revolution: tuple[int, int] = (0, 0)  # of the turns; the angle in it
 
-    def position(self, theta_m: float) -> float:
-        return (theta_m / (2 * math.pi) * self.periods_per_rev) % 1.0 * self.cells
+    def __post_init__(self) -> None:
+        self.value = [0.0] * len(self.limit)  # of the last step
 
-    def now(self, n: int) -> float:
-        """What the map holds at cell n."""
-        return self.record.get(n % self.cells, [(0, 0, 0.0)])[-1][2]
+    def place(self, theta: float) -> int:
+        """In the period, of which 2^32 are one; of the turn that the rotor is in, found by the shorter way
+        round."""
+        x = self.real(theta) * (self.real(1) / self.real(2 * math.pi))
+        rest = x - self.real(int(x))
+        angle = (int(rest * 2.0**32) if self.real is float else int(float(rest) * 2.0**31) * 2) % WHOLE
+        turn, before = self.revolution
+        if self.turns > 1:
+            rises = (angle - before) % WHOLE < WHOLE // 2
+            turn = (turn + (rises and angle < before) - (not rises and angle > before)) % self.turns
+        self.revolution = (turn, angle)
+        periods = self.ratio * self.parts
+        return (turn * WHOLE * periods // self.turns + angle * periods // self.turns) % WHOLE
 
-    def one_period_ago(self, n: int) -> float:
-        here = math.floor(self.asked)
-        ahead = n > here if self.last is None or self.last[1] > 0 else n <= here
-        if ahead:
-            return self.now(n)
-        window = self.pass_length - (self.q_half_width + 1)
-        for number, place, value in reversed(self.record.get(n % self.cells, [])):
-            if number != self.passes or place < window:
-                return value
-        return 0.0
+    def repeat(self) -> tuple[list[float], bool]:
+        return list(self.value), False
 
-    def recall(self, theta_m: float, omega_ref: float) -> Recalled:
-        if not is_angle(theta_m):
-            self.stored = None
-            return Recalled()
-        self.asked = self.position(theta_m)
-        here, q = math.floor(self.asked), self.q_half_width
-        share = self.asked - here
-        ends = [self.one_period_ago(n) for n in range(here - q, here + q + 2)]
-        lines = [(1 - share) * a + share * b for a, b in pairwise(ends)]  # at asked - q to asked + q
-        return Recalled(self.forgetting * math.fsum(lines) / len(lines), lines[q], True)
+    def clipped(self, values: list[float]) -> list[float]:
+        return [clip(0.0 if math.isnan(v) else v, k) for v, k in zip(values, self.limit, strict=True)]
 
-    def write(self, n: int, direction: int, value: float) -> None:
-        if self.last is None or self.last[1] != direction or (self.last[0] + direction - n) % self.cells != 0:
-            self.passes, self.pass_length = self.passes + 1, 0
-        self.record.setdefault(n % self.cells, []).append((self.passes, self.pass_length, value))
-        self.pass_length += 1
-        self.last, self.heading = (n, direction), direction
 
-    def correct(self, moved: float, correction: float) -> None:
+@dataclass(kw_only=True)
+class AngleMemory(Memory):
+    """A map over the period, written where the rotor passes. One period ago it was, behind the rotor, what it
+    held before the rotor came by, and ahead of it what it holds."""
+
+    x: int = (
+        0  # the last place, as it is counted: on the way back from the other end, so that it always rises
+    )
+    at: int = 0  # the cell at or before it, counted like it and without wrapping
+    back: bool = False
+    passed: int = 0  # cells, in the last step
+    half: int = 0  # how far the filter looks to each side, as yet
+    started: bool = False
+    follows: bool = False  # the last step learned
+    behind: dict[int, list[float]] = field(default_factory=dict)  # cells passed, as they were
+    corrected: tuple[int, list[float]] | None = None  # place and values of the last correction with a lead
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.map = [[0.0] * len(self.limit) for _ in range(self.cells)]
+
+    def counted(self, place: int) -> int:
+        """On the way back, from the last cell instead of the first."""
+        return (-place - WHOLE // self.cells if self.back else place) % WHOLE
+
+    def cell(self, n: int) -> list[float]:
+        return self.map[(self.cells - 1 - n if self.back else n) % self.cells]
+
+    def ago(self, n: int) -> list[float]:
+        return self.behind[n] if n <= self.at else self.cell(n)
+
+    def follow(self, place: int) -> int:
+        """How far the rotor moved [2^-32 periods]; 0 where it stands, or starts anew."""
+        x = self.counted(place)
+        moved = (x - self.x) % WHOLE
+        count = (x * self.cells // WHOLE - self.at) % self.cells
+        if self.started and moved > WHOLE - WHOLE // self.cells:
+            moved = self.passed = 0
+        elif self.started and moved <= QUARTER and count <= 16 + 2 * self.passed:
+            for n in range(self.at + 1, self.at + count + 1):
+                self.behind[n] = list(self.cell(n))
+            self.x, self.at, self.passed = x, self.at + count, count
+        else:  # a new way begins: what was passed is the map
+            self.back ^= self.started and moved >= WHOLE - QUARTER - WHOLE // self.cells
+            self.x, self.passed = self.counted(place), count if moved <= QUARTER else 0
+            self.at, moved = self.x * self.cells // WHOLE, 0
+            reach = range(self.at - self.q_half_width, self.at + 1)
+            self.behind = {n: list(self.cell(n)) for n in reach}
+            self.half, self.started, self.follows, self.corrected = 0, True, False, None
+        return moved
+
+    def between(self, x: int, moved: int) -> list[tuple[int, float]]:
+        """The cells on the last `moved` to x, each with its share of the way."""
+        cell = WHOLE / self.cells
+        first, last = (x - moved) * self.cells // WHOLE + 1, x * self.cells // WHOLE
+        return [(n, 1 - (x - n * cell) / moved) for n in range(first, last + 1)]
+
+    def correct(self, moved: int, correction: list[float]) -> None:
         """Adds to the cells that the rotor passed `lead` samples ago, had it always moved as it does now."""
-        if abs(self.lead * moved) > self.cells / 4:
+        if moved * self.lead > QUARTER:
             self.corrected = None
             return
-        place = (self.asked - self.lead * moved) % self.cells
+        x = (self.x - moved * self.lead) % WHOLE
         if self.corrected is not None:
             start, before = self.corrected
-            passed = (place - start + self.cells / 2) % self.cells - self.cells / 2
-            if passed * moved <= 0:
+            passed = (x - start) % WHOLE
+            if passed == 0 or passed > WHOLE // 2:
                 return
-            if abs(passed) <= self.cells / 4:
-                for n, share in passed_cells(start, passed):
-                    change = clip((1 - share) * before + share * correction, self.limit)
-                    rows = self.record.setdefault(n % self.cells, [(-1, 0, 0.0)])
-                    rows[-1] = (*rows[-1][:2], clip(rows[-1][2] + change, self.limit))
-        self.corrected = (place, correction)
+            way = self.between(x, passed)
+            if passed <= QUARTER and len(way) <= 16 + 2 * self.passed:
+                for n, share in way:
+                    added = [b + share * (c - b) for b, c in zip(before, correction, strict=True)]
+                    cell = self.cell(n)
+                    cell[:] = self.clipped([v + a for v, a in zip(cell, added, strict=True)])
+        self.corrected = (x, list(correction))
 
-    def update(self, value: float, correction: float = 0.0, learn: bool = True) -> float:
-        change = correction if learn and not math.isnan(correction) else 0.0
-        value = clip(finite_or_zero(value if self.lead else value + change), self.limit)
-        if not learn:
-            self.stored = self.corrected = None
-            self.passes, self.pass_length, self.last = self.passes + 1, 0, None
-            return value
-        followed = False
-        if self.stored is not None:
-            start, before = self.stored
-            half = self.cells / 2
-            moved = (self.asked - start + half) % self.cells - half  # the shorter way round
-            followed = abs(moved) <= self.cells / 4
-            if followed and moved != 0:
-                turned_back = self.heading * moved < 0
-                wrote = False
-                for n, share in passed_cells(start, moved):
-                    self.write(n, 1 if moved > 0 else -1, (1 - share) * before + share * value)
-                    wrote = True
-                if turned_back and wrote:
-                    self.corrected = None
-                if self.lead:
-                    self.correct(moved, change)
-        if not followed:
+    def step(
+        self, theta: float, speed: float, learn: bool, correction: list[float]
+    ) -> tuple[list[float], bool]:
+        learn = learn and all(map(math.isfinite, correction))
+        if not is_angle(theta):
+            self.started = self.follows = False
             self.corrected = None
-        self.stored = (self.asked, value)
-        return value
+            return self.repeat()
+        moved = self.follow(self.place(theta))
+        part = self.x * self.cells % WHOLE / WHOLE
+        m = self.q_half_width
+        if not (learn and self.half == m):
+            self.half = min(self.half + 1, m)
+            self.follows, self.corrected = False, None
+            here, there = self.cell(self.at), self.cell(self.at + 1)
+            values = [a + part * (b - a) for a, b in zip(here, there, strict=True)]
+            self.value = self.clipped(values)
+            return values, False
+        window = np.array([self.ago(n) for n in range(self.at - m, self.at + m + 2)])
+        mean = ((1 - part) * window[:-1] + part * window[1:]).mean(axis=0)
+        values = (self.forgetting * mean).tolist()
+        if self.lead == 0:
+            values = [v + c for v, c in zip(values, correction, strict=True)]
+        stored = self.clipped(values)
+        if self.follows and moved > 0:
+            for n, share in self.between(self.x, moved):
+                self.cell(n)[:] = self.clipped(
+                    [a + share * (b - a) for a, b in zip(self.value, stored, strict=True)]
+                )
+        self.value, self.follows = stored, True
+        if self.lead > 0 and moved > 0:
+            self.correct(moved, correction)
+        return values, True
 
 
-@dataclass
-class TimeMemory:
-    """Every value ever stored, in a row; one period of the reference speed ago lies between two of them."""
+@dataclass(kw_only=True)
+class DelayLine(Memory):
+    """Samples in a row, which wait while it cannot go on. By time, the period is that of the reference speed;
+    else it is P_t, by its differential equation or by inversion of the angle, which is kept as whole periods
+    and the rest."""
 
-    cells: int
-    periods_per_rev: int
-    q_half_width: int
-    forgetting: float
-    limit: float
+    kind: str  # "time", "ode" or "inversion"
     ts: float
-    lead: int = 0
-    values: list[float] = field(default_factory=list)
+    k_pp: float = 10.0
+    whole: list[int] = field(default_factory=list)
+    rest: list[float] = field(default_factory=list)
+    rows: list[list[float]] = field(default_factory=list)  # (sample, channel)
+    p_t: float = 0.0
+    then: int = 0  # the sample just after the place of one period ago
+    tracking: bool = False
+    now: tuple[int, float] = (0, 0.0)
 
-    def ago(self, samples: float) -> float:
-        n = math.floor(samples)
-        at = [self.values[-k] if 1 <= k <= len(self.values) else 0.0 for k in (n, n + 1)]
-        return at[0] + (samples - n) * (at[1] - at[0])
+    @property
+    def length(self) -> int:
+        return self.cells + self.q_half_width + 1
 
-    def recall(self, theta_m: float, omega_ref: float) -> Recalled:
-        if not math.isfinite(omega_ref) or omega_ref == 0:
-            return Recalled()
-        period = 2 * math.pi / (abs(omega_ref) * self.periods_per_rev * self.ts)
-        if not self.q_half_width + 1 <= period <= self.cells:
-            return Recalled()
-        reach = range(-self.q_half_width, self.q_half_width + 1)
-        mean = math.fsum(self.ago(period + k) for k in reach) / len(reach)
-        return Recalled(self.forgetting * mean, self.ago(period), True)
+    def apart(self, later: tuple[int, float], n: int) -> float:
+        """How far the angle rose from sample n [periods]."""
+        return (later[0] - self.whole[n]) + (later[1] - self.rest[n])
 
-    def update(self, value: float, correction: float = 0.0, learn: bool = True) -> float:
-        change = correction if learn and not math.isnan(correction) else 0.0
-        acting = clip(finite_or_zero(value if self.lead else value + change), self.limit)
-        self.values.append(acting)
-        if 0 < self.lead < len(self.values):
-            self.values[-1 - self.lead] = clip(self.values[-1 - self.lead] + change, self.limit)
-        return acting
+    def ode(self, dx: float) -> float:
+        """P_t after an Euler step of its differential equation; x(t - P_t) on the line between samples."""
+        newest = len(self.rest) - 1
+        then = newest - self.p_t / self.ts  # the place, counted in samples; the last step was at `newest`
+        newer = math.ceil(then - 1e-12)
+        slope = self.apart((self.whole[newer], self.rest[newer]), newer - 1) / self.ts
+        error = (
+            self.apart((self.whole[newest], self.rest[newest]), newer)
+            + (newer - then) * self.ts * slope
+            - 1.0
+        )
+        return self.p_t + self.ts * (1.0 - (dx + self.k_pp * error) / slope)
+
+    def moves_to(self, then: int) -> int:
+        """How far it is to that sample, within the line; goes there, or as far as it may."""
+        oldest, newest = max(0, len(self.rest) - self.length), len(self.rest) - 1
+        way = min(max(then, oldest), newest) - self.then
+        self.then += min(max(way, -MOVES), MOVES)
+        return abs(way)
+
+    def find_angle(self) -> None:
+        newest, count = len(self.rest), min(len(self.rest), self.length)
+        self.tracking = self.tracking and self.then > newest - count  # both neighbours are still there
+        if self.tracking and self.kind == "ode":
+            self.p_t = self.ode(self.apart(self.now, newest - 1) / self.ts)
+            age = math.floor(self.p_t / self.ts)
+            self.tracking = self.moves_to(newest - age) <= MOVES and 1 <= age < count
+        if not self.tracking or self.kind == "inversion":
+            ages = range(1, count + 1)  # how far the angle rose grows with the age
+            older = bisect_right(ages, 1.0, key=lambda age: self.apart(self.now, newest - age)) + 1
+            self.tracking = self.moves_to(newest - older + 1) < MOVES and older <= count
+            self.p_t = 0.0
+            if self.tracking:
+                near = [self.apart(self.now, newest - age) for age in (older - 1, older)]
+                self.p_t = float(np.interp(1.0, near, (older - 1, older))) * self.ts
+
+    def goes_on(self, theta: float, speed: float) -> bool:
+        """Whether the period has changed its place in the line; finds it then."""
+        if self.kind == "time":
+            a_sample = abs(speed) * self.ts * self.ratio * self.parts / (2 * math.pi * self.turns)
+            within = a_sample > 0 and a_sample * self.cells >= 1 and a_sample * (self.q_half_width + 1) <= 1
+            self.p_t = self.ts / a_sample if within else 0.0
+            return within
+        rest = self.place(theta) / WHOLE
+        self.now = (0, rest)
+        if self.rest:
+            moved = rest - self.rest[-1]
+            wraps = round(moved)
+            self.now = (self.whole[-1] - wraps, rest)
+            if moved - wraps <= 0:
+                return False
+        if speed > 0 and self.rest:
+            self.find_angle()
+        return speed > 0
+
+    def ago(self, samples: int) -> list[float]:
+        known = 1 <= samples <= min(len(self.rows), self.length)
+        return self.rows[-samples] if known else [0.0] * len(self.limit)
+
+    def step(
+        self, theta: float, speed: float, learn: bool, correction: list[float]
+    ) -> tuple[list[float], bool]:
+        learn = learn and all(map(math.isfinite, correction))
+        if not (is_angle(theta) and self.goes_on(theta, speed)):
+            return self.repeat()
+        by_time = self.kind == "time"
+        age, m = math.floor(self.p_t / self.ts), self.q_half_width
+        reads = by_time or (self.tracking and age > m and age + m < self.length)
+        learn = learn and (reads or (len(self.rows) < self.length and not self.tracking))
+        values = [0.0] * len(self.limit)
+        if reads:
+            part = self.p_t / self.ts - age
+            reach = range(-m, m + 1) if learn else [0]
+            lines = [
+                (1 - part) * np.array(self.ago(age + k)) + part * np.array(self.ago(age + k + 1))
+                for k in reach
+            ]
+            values = ((self.forgetting if learn else 1.0) * np.mean(lines, axis=0)).tolist()
+        if learn and self.lead == 0:
+            values = [v + c for v, c in zip(values, correction, strict=True)]
+        self.value = self.clipped(values)
+        self.rows.append(list(self.value))
+        if learn and 0 < self.lead < len(self.rows):
+            late = self.rows[-1 - self.lead]
+            late[:] = self.clipped([v + c for v, c in zip(late, correction, strict=True)])
+        if not by_time:
+            self.whole.append(self.now[0])
+            self.rest.append(self.now[1])
+            self.then = max(self.then, len(self.rest) - self.length)
+        return values, learn

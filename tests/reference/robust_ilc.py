@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass, field
 
-from .limits import clip, is_angle, sgn
-from .memory import AngleMemory, TimeMemory
+from .limits import clip, sgn
+from .memory import AngleMemory, DelayLine
 
 
 @dataclass
@@ -21,7 +21,7 @@ class RobustIlc:
     coulomb: float
     ts: float
     limit: float
-    memory: AngleMemory | TimeMemory
+    memory: AngleMemory | DelayLine
     integral_e: float = 0.0  # of e over time
     r: float = 0.0
     omega_ref_before: float | None = None
@@ -40,12 +40,10 @@ class RobustIlc:
         integrated = clip(self.integral_e + self.ts * e, 1e9)
         S = e + self.c * integrated  # (11)
 
-        f_before = self.memory.recall(theta_m, omega_ref)
-        plausible = finite and is_angle(theta_m)
-        self.learning = learn and plausible and f_before.known and not self.saturated
-        before = f_before.filtered if self.learning else f_before.held
+        may = learn and finite and not self.saturated
         change = -self.q * (self.beta_1 * sgn(S) + self.beta_2 * S)  # (15)
-        f = self.memory.update(before, change, self.learning)
+        (f,), self.learning = self.memory.step(theta_m, omega_ref, may, [change])
+        f = clip(f, self.memory.limit[0])
 
         v = -self.g * sgn(S) - self.eta * S  # (16)
         B = self.viscous * omega + self.coulomb * sgn(omega)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .limits import clip, finite_or_zero, is_angle
-from .space_memory import SpaceDelay, SpaceMap
+from .memory import AngleMemory, DelayLine
 
 
 class PositionInput(NamedTuple):
@@ -44,7 +44,7 @@ class SpacePosition:
     index: str  # "reference" or "rotor"
     ts: float
     limit: float
-    memory: SpaceMap | SpaceDelay
+    memory: AngleMemory | DelayLine
     integral: float = 0.0  # A
     learned: int = 0
     saturated: bool = False
@@ -54,29 +54,25 @@ class SpacePosition:
 
     def step(self, i: PositionInput) -> float:
         n = self.ratio
-        self.plausible = (
-            all(map(math.isfinite, i[:5])) and is_angle(n * i.theta_ref) and is_angle(n * i.theta_m)
-        )
+        self.plausible = all(map(math.isfinite, i[:5])) and is_angle(i.theta_ref) and is_angle(i.theta_m)
         speeds = (n * i.omega_m, n * i.omega_ref, n * i.alpha_ref)
         omega, omega_ref, alpha_ref = speeds if self.plausible else (0.0, 0.0, 0.0)
         error = theta_tg(n * i.theta_m, n * i.theta_ref) if self.plausible else 0.0
         omega_t = omega + self.k_theta * error - omega_ref
         moving = self.plausible and abs(i.omega_ref) >= self.omega_min
 
-        theta = n * (i.theta_m if self.index == "rotor" else i.theta_ref)
+        theta = i.theta_m if self.index == "rotor" else i.theta_ref
         may = i.learn and moving and not self.saturated
-        values, self.learning = self.memory.recall(theta, moving and omega_ref > 0, may)
         share = 1.0 if self.learned * self.ts >= self.ramp else self.learned * self.ts / self.ramp
+        f = [1.0, omega_ref, alpha_ref][: len(self.memory.limit)]
+        mu = (self.mu_alpha, self.mu_beta, self.mu_h)
+        change = [
+            -share * m * f_i / abs(omega_ref) * omega_t if moving else 0.0
+            for m, f_i in zip(mu, f, strict=False)
+        ]
+        values, self.learning = self.memory.step(theta, i.omega_ref if moving else 0.0, may, change)
         share *= self.learning or self.learned > 0
         self.learned += self.learning
-        f = [1.0, omega_ref, alpha_ref][: len(values)]
-        if self.learning:
-            mu = (self.mu_alpha, self.mu_beta, self.mu_h)
-            values = [
-                v - share * m * f_i / abs(omega_ref) * omega_t
-                for v, m, f_i in zip(values, mu, f, strict=False)
-            ]
-        self.memory.update(values, self.learning)
 
         i_hat = [v * f_i for v, f_i in zip(values, f, strict=True)]
         v_omega = self.v_0 + self.v_2 * omega**2
@@ -102,16 +98,15 @@ class SpaceSpeed:
     omega_min: float
     limit: float
     ratio: int
-    memory: SpaceMap | SpaceDelay
+    memory: AngleMemory | DelayLine
     saturated: bool = False
     plausible: bool = True
     learning: bool = False
     terms: dict[str, float] = field(default_factory=dict)
 
     def step(self, i: PositionInput) -> float:
-        theta = self.ratio * i.theta_m
         known = (i.omega_ref, i.alpha_ref, i.omega_m)
-        self.plausible = all(map(math.isfinite, known)) and is_angle(theta)
+        self.plausible = all(map(math.isfinite, known)) and is_angle(i.theta_m)
         omega_ref, alpha_ref, omega = known if self.plausible else (0.0, 0.0, 0.0)
         eta = omega - omega_ref
         moving = abs(omega) >= self.omega_min
@@ -119,9 +114,9 @@ class SpaceSpeed:
         f = np.array([-1.0, -eta - omega_ref, -alpha_ref])[: len(self.memory.limit)]
         mu = np.array([self.mu_alpha, self.mu_beta, self.mu_h])[: len(f)]
         may = i.learn and q > 0 and not self.saturated
-        values, self.learning = self.memory.recall(theta, moving and omega > 0, may)
-        delta = np.array(values) + (mu * eta * f * q if self.learning else 0.0)  # (4)
-        self.memory.update(delta.tolist(), self.learning)
+        speed = omega if moving else 0.0
+        values, self.learning = self.memory.step(i.theta_m, speed, may, (mu * eta * f * q).tolist())  # (4)
+        delta = np.array(values)
         wanted = -self.k * eta - float(delta @ f)
         self.saturated = abs(wanted) >= self.limit
         self.terms = {"proportional": -self.k * eta}

@@ -1,7 +1,5 @@
 #include "delay_line.h"
 
-#include "angle.h"
-
 #define MOVES 8U /* samples by which the place of one period ago moves in a step, at most */
 
 CGL_SELDOM bool cgl_delay_is_valid(const cgl_memory_config *config, cgl_real ts)
@@ -147,10 +145,10 @@ CGL_SELDOM static void find_period(cgl_memory *memory, cgl_real moved)
 }
 
 /* Whether the angle has risen; finds P_t then. */
-static bool find_angle(cgl_memory *memory, cgl_real theta, cgl_real speed)
+static bool find_angle(cgl_memory *memory, uint32_t place, cgl_real speed)
 {
     cgl_delay_line *const line = &memory->line;
-    line->x = (cgl_real)(cgl_turns(theta) * memory->periods) * CGL_R(2.3283064365386963e-10);
+    line->x = (cgl_real)place * CGL_R(2.3283064365386963e-10);
     const cgl_real moved =
         line->known > 0U ? shorter_way(line->x - memory->cell[line->newest]) : CGL_R(1.0);
     if (!(speed > CGL_R(0.0) && moved > CGL_R(0.0))) {
@@ -193,14 +191,14 @@ CGL_SELDOM static cgl_real mean_of(const cgl_memory *memory, const cgl_real *row
     return sum + memory->line.part * (row[older(memory, n)] - first);
 }
 
-CGL_SELDOM bool cgl_delay_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool learn, const cgl_real *correction,
+CGL_SELDOM bool cgl_delay_step(cgl_memory *memory, uint32_t place, cgl_real speed, bool learn, const cgl_real *correction,
                     cgl_real *value)
 {
     cgl_delay_line *const line = &memory->line;
     const cgl_memory_config *const config = &memory->config;
     const uint32_t length = length_of(memory), channels = config->channels;
     const bool by_time = config->kind == CGL_MEMORY_TIME;
-    if (!(by_time ? find_time(memory, speed) : find_angle(memory, theta, speed))) { /* it waits */
+    if (!(by_time ? find_time(memory, speed) : find_angle(memory, place, speed))) { /* it waits */
         for (uint32_t c = 0; c < channels; ++c) {
             value[c] = memory->channel[c].value;
         }

@@ -21,8 +21,8 @@ bool cgl_delay_is_valid(const cgl_memory_config *config, cgl_real ts);
 
 void cgl_delay_reset(cgl_delay_line *line);
 
-/* cgl_memory_step for both kinds; theta is an angle. */
-bool cgl_delay_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool learn, const cgl_real *correction,
+/* cgl_memory_step for both kinds; place: in the period [2^-32 periods]. */
+bool cgl_delay_step(cgl_memory *memory, uint32_t place, cgl_real speed, bool learn, const cgl_real *correction,
                     cgl_real *value);
 
 #ifdef __cplusplus

@@ -125,7 +125,7 @@ CGL_SELDOM static uint32_t place_in_turns(cgl_memory *memory, uint32_t angle)
 {
     cgl_angle_map *const map = &memory->map;
     const uint32_t turns = memory->config.turns;
-    if ((int32_t)(angle - map->angle) >= 0) { /* the shorter way round */
+    if (angle - map->angle < 0x80000000U) { /* the shorter way round */
         map->turn = angle < map->angle ? wrapped(map->turn + 1U, turns) : map->turn;
     } else {
         map->turn = angle > map->angle ? wrapped(map->turn + turns - 1U, turns) : map->turn;
@@ -232,7 +232,7 @@ CGL_SELDOM static void start_there(cgl_memory *memory, uint32_t x, uint32_t move
 {
     cgl_angle_map *const map = &memory->map;
     const uint32_t cells = memory->config.cells;
-    if (map->started && moved >= 0U - QUARTER) {
+    if (map->started && moved >= 0U - QUARTER - map->width) { /* from where it seemed to stand: by up to a cell more */
         const bool forward = map->mask != 0U;
         x = (x - map->shift) ^ map->mask;
         map->mask = forward ? 0U : 0xFFFFFFFFU;
@@ -388,12 +388,14 @@ bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool le
     learn = learn && are_finite(correction, memory->config.channels);
     if (!cgl_is_angle(theta)) {
         lose(memory, value);
-        learn = false;
-    } else if (CGL_OFTEN(memory->config.kind == CGL_MEMORY_ANGLE)) {
-        const uint32_t angle = cgl_turns(theta);
-        const uint32_t moved = follow(memory, CGL_OFTEN(memory->config.turns == 1U)
-                                                  ? angle * memory->periods /* whole periods fall off */
-                                                  : place_in_turns(memory, angle));
+        memory->learning = false;
+        return false;
+    }
+    const uint32_t angle = cgl_turns(theta);
+    const uint32_t place = CGL_OFTEN(memory->config.turns == 1U) ? angle * memory->periods /* whole periods fall off */
+                                                                 : place_in_turns(memory, angle);
+    if (CGL_OFTEN(memory->config.kind == CGL_MEMORY_ANGLE)) {
+        const uint32_t moved = follow(memory, place);
         if (CGL_OFTEN(learn && memory->map.half == memory->config.q_half_width)) {
             learn_on(memory, moved, correction, value);
         } else {
@@ -405,7 +407,7 @@ bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool le
         }
     } else {
 #ifndef COGLESS_NO_DELAY_LINE
-        learn = cgl_delay_step(memory, theta, speed, learn, correction, value);
+        learn = cgl_delay_step(memory, place, speed, learn, correction, value);
 #endif
     }
     (void)speed;

@@ -1,0 +1,134 @@
+/* Maps of any size up to the largest, over their ends and back, turns of a wrapped angle, the size of a jump, and angles up to
+ * the largest with a ratio. */
+#include "memories.h"
+
+#include "check.h"
+#include "cogless/memory.h"
+
+static cgl_real cell[CGL_MEMORY_LENGTH(CGL_MEMORY_ANGLE, 1U, CGL_CELLS_MAX, 2U)];
+
+static cgl_memory a_map(uint32_t cells, uint32_t turns, uint32_t ratio, uint32_t q_half_width)
+{
+    const cgl_memory_config config = {.kind = CGL_MEMORY_ANGLE,
+                                      .channels = 1U,
+                                      .cells = cells,
+                                      .turns = turns,
+                                      .parts = 1U,
+                                      .q_half_width = q_half_width,
+                                      .forgetting = CGL_R(1.0e-30), /* what is stored is the correction */
+                                      .limit = {CGL_R(9.0)}};
+    cgl_memory memory;
+    CHECK(cgl_memory_init(&memory, &config, CGL_R(1.0e-3), ratio, cell, sizeof cell / sizeof cell[0]) == CGL_OK);
+    return memory;
+}
+
+/* A step at a place counted in cells of the period. */
+static bool go(cgl_memory *memory, double place, cgl_real correction)
+{
+    const double revolutions = place / (double)memory->config.cells * (double)memory->config.turns;
+    const double wrapped = revolutions - (double)(long)revolutions;
+    cgl_real value;
+    return cgl_memory_step(memory, (cgl_real)(wrapped * (double)CGL_TWO_PI), CGL_R(1.0), true, &correction, &value);
+}
+
+static uint32_t written(const cgl_memory *memory, cgl_real value)
+{
+    uint32_t n = 0U;
+    for (uint32_t k = 0; k < memory->config.cells; ++k) {
+        n += cell[k] >= value && cell[k] <= value ? 1U : 0U;
+    }
+    return n;
+}
+
+/* Every cell gets what acts there, and none other does: forward with 1, back with 2, each more than once round. */
+static void sizes(void)
+{
+    static const uint32_t cells[] = {4U, 7U, 255U, 256U, 257U, 32767U, 32768U, 32769U, 65535U};
+    for (uint32_t k = 0; k < sizeof cells / sizeof cells[0]; ++k) {
+        const uint32_t width = cells[k] / 2U > 2U ? 2U : 1U;
+        const double all = (double)cells[k], stride = all > 100.0 ? 7.3 : 0.6;
+        cgl_memory memory = a_map(cells[k], 1U, 1U, width);
+        double place = 10.0 * all + 0.5;
+        for (double gone = 0.0; gone < 1.2 * all + 12.0 * stride; gone += stride) {
+            go(&memory, place += stride, CGL_R(1.0));
+        }
+        CHECK(written(&memory, CGL_R(1.0)) == cells[k]);
+        const double turned = place;
+        while (place > turned - 0.5 * all) {
+            go(&memory, place -= stride, CGL_R(2.0));
+        }
+        const uint32_t half = written(&memory, CGL_R(2.0));
+        CHECK((double)half > 0.5 * all - 7.0 * stride - 2.0 && (double)half < 0.5 * all + 2.0 * stride + 2.0);
+        while (place > turned - 1.2 * all - 12.0 * stride) {
+            go(&memory, place -= stride, CGL_R(2.0));
+        }
+        CHECK(written(&memory, CGL_R(2.0)) == cells[k]);
+    }
+}
+
+/* With three turns each third of the map is of another revolution. */
+static void turns(void)
+{
+    cgl_memory memory = a_map(300U, 3U, 1U, 0U);
+    for (double place = 0.25; place < 700.0; place += 0.5) {
+        const uint32_t third = (uint32_t)place % 300U / 100U;
+        go(&memory, place, (cgl_real)(third + 1U));
+    }
+    for (uint32_t n = 2; n < 300U; ++n) {
+        const cgl_real off = cell[n] - (cgl_real)(n / 100U + 1U);
+        CHECK(n % 100U < 2U || n % 100U > 97U || (off < CGL_R(1.0e-3) && off > CGL_R(-1.0e-3)));
+    }
+}
+
+/* Of one step after rest, and one more after that, how many cells are written. */
+static uint32_t after(double first, double second)
+{
+    cgl_memory memory = a_map(1000U, 1U, 1U, 0U);
+    go(&memory, 5000.5, CGL_R(1.0));
+    go(&memory, 5000.5 + first, CGL_R(1.0));
+    go(&memory, 5000.5 + first + second, CGL_R(1.0));
+    return written(&memory, CGL_R(1.0));
+}
+
+static void jumps(void)
+{
+    CHECK(after(16.0, 0.0) == 16U && after(17.0, 0.0) == 0U);
+    CHECK(after(5.0, 26.0) == 31U && after(5.0, 27.0) == 5U);
+    CHECK(after(17.0, 50.0) == 50U && after(17.0, 51.0) == 0U);
+}
+
+/* theta itself is compared with the largest angle, not ratio theta. */
+static void ratios(void)
+{
+    cgl_memory memory = a_map(64U, 1U, 50U, 0U);
+    for (uint32_t n = 0; n < 400U; ++n) {
+        const cgl_real theta = CGL_R(1999.0) + (cgl_real)n * CGL_R(0.00625), one = CGL_R(1.0);
+        cgl_real value;
+        CHECK(cgl_memory_step(&memory, theta, CGL_R(1.0), true, &one, &value));
+    }
+    CHECK(written(&memory, CGL_R(1.0)) == 64U);
+}
+
+/* A line is no longer than a float can count. */
+static void longest(void)
+{
+    cgl_memory memory;
+    cgl_memory_config config = a_map(8U, 1U, 1U, 0U).config;
+    config.kind = CGL_MEMORY_TIME;
+    config.cells = CGL_SAMPLES_MAX;
+    CHECK(cgl_memory_init(&memory, &config, CGL_R(1.0e-3), 1U, cell, CGL_SAMPLES_MAX) == CGL_ERROR_MEMORY);
+    config.cells = CGL_SAMPLES_MAX + 1U;
+    CHECK(cgl_memory_init(&memory, &config, CGL_R(1.0e-3), 1U, cell, UINT32_MAX) == CGL_ERROR_CONFIG);
+    config.kind = CGL_MEMORY_ANGLE;
+    config.cells = CGL_CELLS_MAX + 1U;
+    CHECK(cgl_memory_init(&memory, &config, CGL_R(1.0e-3), 1U, cell, UINT32_MAX) == CGL_ERROR_CONFIG);
+}
+
+void memories(void)
+{
+    sizes();
+    turns();
+    jumps();
+    ratios();
+    longest();
+}
