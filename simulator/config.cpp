@@ -187,7 +187,7 @@ void read_bridge(const Section& drive, DriveConfig& config) {
     const Section inverter = drive.section("inverter");
     const Section sensors = drive.section("current_sensors");
     config.inverter = {inverter.get<std::string>("kind") == "switched", inverter.number("bus_voltage"),
-                       inverter.number("dead_time"), inverter.integer("computation_delay") != 0};
+                       inverter.number("dead_time"), inverter.number("device_drop"), inverter.integer("computation_delay") != 0};
     config.current_sensors = {sensors.phases("offset"), sensors.phases("gain_error"), sensors.number("noise"),
                               sensors.integer("bits"), sensors.number("range"),
                               config.phases.front().motor.phases == 2 ? 2 : sensors.integer("sensors")};
@@ -216,6 +216,9 @@ DriveConfig read_config(const Value& description, const CallbackLaw& own) {
     }
     if (top.has("faults")) result.faults = faults(top, current_rate);
     if (!result.ideal_current) read_bridge(drive, result);
+    if (drive.has("dead_time")) {
+        result.dead_time = std::make_shared<cgl_dead_time_config>(drive.packed<cgl_dead_time_config>("dead_time"));
+    }
     result.position_sensor = position_sensor(drive.section("position_sensor"));
     const double law_period = 1.0 / static_cast<double>(current_rate) * static_cast<double>(result.speed_divider);
     result.law = law(controller_section, own, law_period, result.trials);

@@ -132,6 +132,10 @@ Drive::Drive(const DriveConfig& config)
             throw std::invalid_argument("drive.control: expected as many phases as the motor has");
         }
     }
+    if (config_.dead_time) {
+        require(cgl_dead_time_init(&dead_time_start_, config_.dead_time.get(), static_cast<cgl_real>(period_)),
+                "dead-time compensation");
+    }
     cgl_drive unused;
     if (cgl_drive_init(&config_.control, &unused) != CGL_OK) {
         throw std::invalid_argument("drive.control: a value is outside its range");
@@ -166,6 +170,7 @@ void Drive::restart(DriveState& s, const Phase& phase) const {
     s.plant.load.target += s.added_load;
     s.position = phase.position_start;
     cgl_drive_reset(&s.control);
+    s.dead_time = dead_time_start_;
     s.asked = {};
     s.output = {};
     s.duty = {0.5, 0.5, 0.5};
@@ -216,7 +221,7 @@ void Drive::advance_trials(DriveState& s, Recorder& recorder, std::int64_t end, 
 cgl_drive_output Drive::step_controller(DriveState& s, const cgl_measurement& now, const cgl_reference& reference) const {
     s.asked = reference;
     if (cgl_drive_measure(&config_.control, &s.control, &now, &s.asked)) step_law<star_legs>(s);
-    cgl_drive_actuate(&config_.control, &s.control, &s.output);
+    actuate(s);
     return s.output;
 }
 
@@ -462,6 +467,12 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
     }
 }
 
+[[gnu::always_inline]] inline void Drive::actuate(DriveState& s) const {
+    cgl_drive_actuate(&config_.control, &s.control, &s.output);
+    const bool off = (s.output.status & static_cast<unsigned>(CGL_STATUS_OFF)) != 0U;
+    if (config_.dead_time && !off) cgl_dead_time_step(&s.dead_time, &s.control.currents, s.output.duty);
+}
+
 // Samples the sensors and runs the controller.
 template <std::size_t legs>
 void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, const Phases& current, const Faults& faults,
@@ -489,7 +500,7 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, cons
         for (cgl_real& duty : s.output.duty) duty = possible(duty);
     } else {
         if (cgl_drive_measure(&config_.control, &s.control, &s.sampled, &s.asked)) step_law<legs>(s);
-        cgl_drive_actuate(&config_.control, &s.control, &s.output);
+        actuate(s);
     }
     if constexpr (legs == 0) {
         const cgl_real limit = config_.control.foc.current_limit;

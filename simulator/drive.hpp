@@ -10,11 +10,13 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "angle_patch.hpp"
+#include "cogless/dead_time.h"
 #include "cogless/drive.h"
 #include "current_sensors.hpp"
 #include "fault.hpp"
@@ -56,6 +58,7 @@ struct DriveConfig {
     PositionSensorConfig position_sensor;
     ReferenceConfig reference;  // without trials
     cgl_drive_config control;
+    std::shared_ptr<const cgl_dead_time_config> dead_time;  // null: not compensated
     std::vector<Fault> faults;  // by the tick since the start
     Law law;
     std::int64_t current_rate;   // Hz
@@ -72,6 +75,7 @@ struct DriveState {
     PositionSensor::State position;
     Random random{0};
     cgl_drive control;
+    cgl_dead_time dead_time{};
     LawState law;
     double seen = 0.0;  // rad, the angle by the position sensor
     Measurement measured{0.0, 0.0};
@@ -148,6 +152,8 @@ private:
         PositionSensor::State position_start;
     };
 
+    // The controller's part of a tick after the law.
+    void actuate(DriveState& state) const;
     void begin_law(DriveState& state, const std::vector<cgl_real>& trajectory) const;
     // Resets everything but the law and the noise to the phase's initial state.
     void restart(DriveState& state, const Phase& phase) const;
@@ -199,6 +205,7 @@ private:
     double turns_;        // rad, the law gets the reference's angle modulo this
     Reference reference_;
     PositionSensor position_sensor_;
+    cgl_dead_time dead_time_start_{};  // used if config_.dead_time is there
     CurrentSensors current_sensors_;
     std::vector<Phase> phases_;
     std::vector<Signal> signals_;

@@ -24,8 +24,14 @@ struct InverterConfig {
     bool switched = false;
     double bus_voltage;          // V
     double dead_time = 0.0;      // s
+    double device_drop = 0.0;    // V, across the transistor or diode that conducts
     bool computation_delay = true;  // the duty cycles act one period after they were computed
 };
+
+// What a leg's device takes from its voltage, V: a positive current flows out of the leg.
+inline double dropped(const InverterConfig& config, double current) {
+    return current >= 0.0 ? config.device_drop : -config.device_drop;
+}
 
 // Voltage in the stationary frame from the voltages of the legs.
 inline Voltage<> stationary(const Legs<star_legs>& u) {
@@ -108,14 +114,18 @@ Pulses<legs> pulses(const InverterConfig& config, const Legs<legs>& duty, const 
 
     Pulses<legs> result;
     result.count = 0;
-    Legs<legs> u{};
+    Legs<legs> drop, u;
+    for (std::size_t x = 0; x < legs; ++x) {
+        drop[x] = dropped(config, current[x]);
+        u[x] = -drop[x];
+    }
     double from = 0.0;
     for (const Edge& edge : edges) {
         if (edge.at > from) {
             result.stretch[result.count++] = {edge.at, stationary(u)};
             from = edge.at;
         }
-        u[edge.leg] = edge.u;
+        u[edge.leg] = edge.u - drop[edge.leg];
     }
     return result;
 }
@@ -131,7 +141,7 @@ Voltage<> averaged(const InverterConfig& config, const Legs<legs>& duty, const L
             // a rising edge is delayed to the falling edge at most, a falling edge to the end of the period
             share += current[x] >= 0.0 ? -std::min(dead_share, share) : std::min(dead_share, 0.5 * (1.0 - share));
         }
-        u[x] = config.bus_voltage * share;
+        u[x] = config.bus_voltage * share - dropped(config, current[x]);
     }
     return stationary(u);
 }

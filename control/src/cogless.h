@@ -5,6 +5,7 @@
 #include "cogless/angle.h"
 #include "cogless/anti_cogging.h"
 #include "cogless/crc32.h"
+#include "cogless/dead_time.h"
 #include "cogless/drive.h"
 #include "cogless/feedforward.h"
 #include "cogless/foc.h"

@@ -7,6 +7,7 @@
 #include "check.h"
 #include "cogless/angle.h"
 #include "cogless/anti_cogging.h"
+#include "cogless/dead_time.h"
 #include "cogless/drive.h"
 #include "cogless/foc.h"
 #include "cogless/modulation.h"
@@ -200,6 +201,42 @@ static void try_foc(void)
             const cgl_real longest = config.phases == 2U ? CGL_R(1.00001) : CGL_R(0.33334);
             CHECK(u_d * u_d + u_q * u_q <= longest || in.u_dc < CGL_R(1.0e-30));
         }
+    }
+}
+
+static cgl_dead_time_config random_dead_time(void)
+{
+    cgl_dead_time_config config;
+    config.time = random_gain(CGL_R(1.0e-5));
+    config.drop = random_gain(CGL_R(1.0));
+    config.band = random_gain(CGL_R(0.1));
+    config.lag = random_gain(CGL_R(1.0e-3));
+    config.advance = random_gain(CGL_R(2.0));
+    config.phases = random_below(2) ? 3U : 2U * random_below(2);
+    return config;
+}
+
+static void try_dead_time(void)
+{
+    cgl_dead_time_config config;
+    cgl_dead_time dead_time;
+    do {
+        config = random_dead_time();
+    } while (cgl_dead_time_init(&dead_time, &config, random_gain(CGL_R(1.0e-4))) != CGL_OK);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        const cgl_foc_input in = {{CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)},
+                                  random_real(CGL_R(7.0)),
+                                  random_real(CGL_R(1000.0)),
+                                  random_real(CGL_R(300.0)),
+                                  random_real(CGL_R(5.0)),
+                                  random_real(CGL_R(5.0))};
+        cgl_real duty[3];
+        for (int x = 0; x < 3; ++x) {
+            duty[x] = random_below(8) ? cgl_abs(cgl_clamp(random_gain(CGL_R(1.0)), CGL_R(1.0))) : CGL_R(1.0);
+        }
+        cgl_dead_time_step(&dead_time, &in, duty);
+        CHECK(are_duties(duty));
+        CHECK(cgl_is_finite(dead_time.i_d) && cgl_is_finite(dead_time.i_q));
     }
 }
 
@@ -1052,6 +1089,7 @@ void random_inputs(long configs)
         try_angle();
         try_modulation();
         try_foc();
+        try_dead_time();
         try_pi();
         try_memory();
         try_pi_ilc();

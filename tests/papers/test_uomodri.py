@@ -54,6 +54,13 @@ def test_learning_leaves_less_ripple_than_the_feedback_and_the_table_at_every_sp
         assert ripple[scenario, "robust-ilc"] < 0.5 * ripple[scenario, "table"]
 
 
+def test_dead_time_compensation_leaves_a_tenth_of_a_revolution_a_minute() -> None:
+    runs = run_study(load("uomodri-dead-time"), ["as-it-is/pi-afc", "compensated/pi-afc"], jobs=2).runs
+    before, after = (float(run.metrics["speed_ripple_rad_s"]) * 60 / (2 * np.pi) for run in runs)
+    assert before > 0.5
+    assert after < 0.1
+
+
 def test_without_its_lead_learning_is_of_no_use_at_high_speed() -> None:
     """At 4 rev/s the cogging of order 72 lies at 288 Hz, beyond the speed loop's crossover."""
     with_lead = run_study(load("uomodri"), ["fast/pi-ilc", "fast/pi"]).runs

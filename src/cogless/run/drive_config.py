@@ -97,7 +97,34 @@ def drive_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[str,
         "position_sensor": sensor_fields(drive.position_sensor),
         "current_sensors": drive.current_sensors.model_dump(),
     }
-    return config if drive.inverter is None else config | {"inverter": drive.inverter.model_dump()}
+    if drive.inverter is None:
+        return config
+    compensation = dead_time_config(drive, motor, driven)
+    if compensation is not None:
+        config["dead_time"] = control_layout(drive.precision).pack("cgl_dead_time_config", compensation)
+    return config | {"inverter": drive.inverter.model_dump()}
+
+
+def dead_time_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[str, Any] | None:
+    """Members of the C struct cgl_dead_time_config; None: not compensated."""
+    compensation, inverter = drive.dead_time_compensation, drive.inverter
+    if compensation is None or inverter is None:
+        return None
+    belief = drive.belief.resolved(motor)
+    kp_q = drive.current_loop.gains(belief)["kp_q"]
+    return {
+        "time": inverter.dead_time if compensation.time is None else compensation.time,
+        "drop": inverter.device_drop if compensation.drop is None else compensation.drop,
+        "band": compensation.band,
+        "lag": belief.L_q / kp_q if kp_q > 0 else 0.0,
+        "advance": _advance(drive),
+        "phases": driven.phases,
+    }
+
+
+def _advance(drive: Drive) -> float:
+    """Current-loop periods from sampling to the middle of the period in which the voltage acts."""
+    return 1.5 if drive.inverter is not None and drive.inverter.computation_delay else 0.5
 
 
 def control_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[str, Any]:
@@ -113,7 +140,7 @@ def control_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[st
             **loop.gains(belief),
             "ts": 1 / drive.rates.current_loop,
             "current_limit": loop.current_limit,
-            "advance": 1.5 if drive.inverter is not None and drive.inverter.computation_delay else 0.5,
+            "advance": _advance(drive),
             "decoupling": loop.decoupling,
             "L_d": belief.L_d,
             "L_q": belief.L_q,

@@ -24,6 +24,7 @@ from cogless.study.table import (
     Table,
     Time,
     Voltage,
+    VoltageMagnitude,
     check_precision,
     check_sizes,
     invalid,
@@ -163,7 +164,16 @@ class Inverter(Table):
     kind: Literal["averaged", "switched"] = "averaged"
     bus_voltage: Voltage  # V
     dead_time: Time = 0.0  # s
+    device_drop: VoltageMagnitude = 0.0  # V, across the transistor or diode that conducts
     computation_delay: Literal[0, 1] = 1  # current-loop samples
+
+
+class DeadTimeCompensation(Table):
+    """Correction of the duty cycles by the signs of the phase currents' references."""
+
+    time: Time | None = None  # s, as the controller believes it; default: the inverter's
+    drop: VoltageMagnitude | None = None  # V, likewise
+    band: CurrentLimit  # A: below it a phase gets a part of the correction
 
 
 class IdealSensor(Table):
@@ -213,6 +223,7 @@ class Drive(Table):
     rates: Rates
     current_loop: AnyCurrentLoop
     inverter: Inverter | None = None  # not with an ideal current loop
+    dead_time_compensation: DeadTimeCompensation | None = None  # likewise
     position_sensor: PositionSensor = IdealSensor()
     current_sensors: CurrentSensors = CurrentSensors()
     monitor: Monitor = Monitor()
@@ -224,6 +235,11 @@ class Drive(Table):
             raise invalid("expected none, since the current loop is ideal", "inverter")
         if not self.ideal and self.inverter is None:
             raise invalid("expected a table of bus_voltage, ...", "inverter", value="missing")
+        if self.dead_time_compensation is None:
+            return self
+        if self.ideal:
+            raise invalid("expected none, since the current loop is ideal", "dead_time_compensation")
+        check_sizes(self.dead_time_compensation, "dead_time_compensation")
         return self
 
     @model_validator(mode="after")

@@ -21,7 +21,6 @@ from cogless.versions import versions
 
 # periods of the self-test: enough for the law to do something, few enough for a microcontroller's flash
 TICKS, LAW_STEPS, MOST_TICKS = 400, 80, 2000
-ENTRY = "drive.h"  # header of the drive's controller
 
 
 def export_c(
@@ -71,6 +70,7 @@ def subject_of(prepared: Prepared, command: str = "") -> Subject:
         layout=layout,
         drive_config=layout.decode("cgl_drive_config", drive["control"]),
         law_config=layout.decode(law.config, controller["config"]),
+        dead_time_config=layout.decode("cgl_dead_time_config", drive["dead_time"]) if "dead_time" in drive else None,
         rate=round(prepared.rate),
         memory_length=len(prepared.memory),
         map=None if stored is None else np.shape(stored["values"]),
@@ -88,6 +88,6 @@ def contents(subject: Subject, prepared: Prepared, recording: Recording) -> dict
     written = texts(subject, recording, prepared.memory, stretches)
     made = {name: text.encode() for name, text in written.items()}
     library = control_sources() / "cogless"
-    names = {*sources.closure([ENTRY, subject.law.header]), *(sources.store() if subject.map else ())}
+    names = {*sources.closure(subject.parts), *(sources.store() if subject.map else ())}
     copied = {f"cogless/{name}": (library / name).read_bytes() for name in names}
     return made | copied | {"cogless/LICENSE": sources.licence().read_bytes()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from string import Template
 
+from cogless.export.c.literals import initialiser
 from cogless.export.c.subject import Subject
 
 CALIBRATE = """
@@ -37,7 +38,7 @@ void ${name}_begin_trial(${name}_controller *controller, const cgl_real *y_ref)"
 BEGIN_BODY = """
 {
     cgl_drive_reset(&controller->drive);
-    cgl_trial_begin(&${name}_law_config, &controller->law, y_ref);
+${dead_time_reset}    cgl_trial_begin(&${name}_law_config, &controller->law, y_ref);
 }
 """
 END = """
@@ -76,6 +77,35 @@ TRIAL_ROW = (
     "`${name}_end_trial` from the background |\n"
 )
 
+DEAD_TIME = {
+    "dead_time_include": '#include "cogless/dead_time.h"\n',
+    "dead_time_member": "    cgl_dead_time dead_time;\n",
+    "dead_time_declaration": "extern const cgl_dead_time_config ${name}_dead_time_config;\n",
+    "dead_time_config": """
+const cgl_dead_time_config ${name}_dead_time_config = {
+${values}
+};
+""",
+    "dead_time_init": """    if (cgl_dead_time_init(&controller->dead_time, &${name}_dead_time_config, ${NAME}_PERIOD) != CGL_OK) {
+        return CGL_ERROR_CONFIG;
+    }
+""",
+    "dead_time_reset": "    cgl_dead_time_reset(&controller->dead_time);\n",
+    "dead_time_step": """    if ((out->status & (unsigned)CGL_STATUS_OFF) == 0U) {
+        cgl_dead_time_step(&controller->dead_time, &drive->currents, out->duty);
+    }
+""",
+}
+
+
+def dead_time(subject: Subject) -> dict[str, str]:
+    """Texts that fill the templates' placeholders for dead-time compensation; empty where there is none."""
+    if subject.dead_time_config is None:
+        return dict.fromkeys(DEAD_TIME, "")
+    values = initialiser(subject.headers, "cgl_dead_time_config", subject.dead_time_config, subject.precision)
+    words = {"name": subject.name, "NAME": subject.name.upper(), "values": values}
+    return {key: Template(text).substitute(words) for key, text in DEAD_TIME.items()}
+
 
 def extras(subject: Subject) -> dict[str, str]:
     """Texts that fill the templates' placeholders for these parts; empty for laws that don't need them."""
@@ -103,6 +133,7 @@ def extras(subject: Subject) -> dict[str, str]:
         "name": subject.name,
         "divider": str(subject.divider),
         "samples": str(subject.law_config.get("samples", "")),
+        "dead_time_reset": dead_time(subject)["dead_time_reset"],
     }
     return {key: Template(text).substitute(words) for key, text in found.items()}
 

@@ -29,6 +29,7 @@ class Subject:
     layout: Layout
     drive_config: dict[str, Any]  # cgl_drive_config, decoded
     law_config: dict[str, Any]
+    dead_time_config: dict[str, Any] | None  # cgl_dead_time_config, decoded; None: not compensated
     rate: int  # Hz, of the current loop
     memory_length: int  # entries of the law's memory
     map: tuple[int, int] | None  # channels and cells of what it learns; None: that can't be stored
@@ -36,6 +37,11 @@ class Subject:
     figures: list[tuple[str, str]]  # name and value, as `cogless design` shows them
     verdict: str  # what `cogless design` says about learning
     command: str  # command line of this export
+
+    @property
+    def parts(self) -> list[str]:
+        """Headers of the parts of the control library that the controller consists of."""
+        return ["drive.h", self.law.header, *(["dead_time.h"] if self.dead_time_config else [])]
 
     @property
     def headers(self) -> Headers:

@@ -9,7 +9,7 @@ from string import Template
 
 from cogless.export.c.board import board
 from cogless.export.c.edge_cases import Stretch
-from cogless.export.c.extras import extras
+from cogless.export.c.extras import dead_time, extras
 from cogless.export.c.literals import array, initialiser, real
 from cogless.export.c.names import stem
 from cogless.export.c.self_test import self_test_words
@@ -98,6 +98,7 @@ def _words(subject: Subject) -> dict[str, str]:
         "figures": _figures(s.figures),
         **board(s),
         **extras(s),
+        **dead_time(s),
     }
 
 

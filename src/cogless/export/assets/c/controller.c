@@ -8,21 +8,21 @@ ${drive_config}
 const ${law_config} ${name}_law_config = {
 ${law_values}
 };
-
+${dead_time_config}
 cgl_error ${name}_init(${name}_controller *controller)
 {
     const cgl_error error = cgl_drive_init(&${name}_drive_config, &controller->drive);
     if (error != CGL_OK) {
         return error;
     }
-    return ${init_call};
+${dead_time_init}    return ${init_call};
 }
 
 void ${name}_reset(${name}_controller *controller)
 {
     cgl_drive_reset(&controller->drive);
     ${reset_call};
-}
+${dead_time_reset}}
 
 void ${name}_step(${name}_controller *controller, const cgl_measurement *now, const cgl_reference *reference,
      ${pad}      cgl_drive_output *out)
@@ -32,7 +32,7 @@ void ${name}_step(${name}_controller *controller, const cgl_measurement *now, co
         ${law_step}(&${name}_law_config, &controller->law, &drive->in, &drive->command);
     }
     cgl_drive_actuate(&${name}_drive_config, drive, out);
-}
+${dead_time_step}}
 ${more_definitions}
 /* What `cogless design` finds, for scenario ${scenario}:
  *
