@@ -127,17 +127,17 @@ Drive::Drive(const DriveConfig& config)
         }
     } else {
         cgl_foc unused;
-        require(cgl_foc_init(&config_.control.foc, &unused), "current loop");
+        require(cgl_foc_init(&unused, &config_.control.foc, static_cast<cgl_real>(period_)), "current loop");
         if (static_cast<int>(config_.control.foc.phases) != motor_phases(config_)) {
             throw std::invalid_argument("drive.control: expected as many phases as the motor has");
         }
     }
     if (config_.dead_time) {
-        require(cgl_dead_time_init(&dead_time_start_, config_.dead_time.get(), static_cast<cgl_real>(period_)),
+        require(cgl_dead_time_init(&dead_time_start_, &*config_.dead_time, static_cast<cgl_real>(period_)),
                 "dead-time compensation");
     }
     cgl_drive unused;
-    if (cgl_drive_init(&config_.control, &unused) != CGL_OK) {
+    if (cgl_drive_init(&unused, &config_.control, static_cast<cgl_real>(period_)) != CGL_OK) {
         throw std::invalid_argument("drive.control: a value is outside its range");
     }
     if (config_.trials ? !takes_trials(config_.law) : std::holds_alternative<TrialLaw>(config_.law)) {
@@ -155,8 +155,8 @@ Drive::Drive(const DriveConfig& config)
 }
 
 DriveState Drive::start() const {
-    DriveState s;
-    cgl_drive_init(&config_.control, &s.control);
+    DriveState s{};
+    cgl_drive_init(&s.control, &config_.control, static_cast<cgl_real>(period_));
     restart(s, phases_.front());
     s.random = Random(config_.seed);
     s.law = start_of(config_.law);
@@ -220,7 +220,7 @@ void Drive::advance_trials(DriveState& s, Recorder& recorder, std::int64_t end, 
 
 cgl_drive_output Drive::step_controller(DriveState& s, const cgl_measurement& now, const cgl_reference& reference) const {
     s.asked = reference;
-    if (cgl_drive_measure(&config_.control, &s.control, &now, &s.asked)) step_law<star_legs>(s);
+    if (cgl_drive_measure(&s.control, &now, &s.asked)) step_law<star_legs>(s);
     actuate(s);
     return s.output;
 }
@@ -468,7 +468,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
 }
 
 [[gnu::always_inline]] inline void Drive::actuate(DriveState& s) const {
-    cgl_drive_actuate(&config_.control, &s.control, &s.output);
+    cgl_drive_actuate(&s.control, &s.output);
     const bool off = (s.output.status & static_cast<unsigned>(CGL_STATUS_OFF)) != 0U;
     if (config_.dead_time && !off) cgl_dead_time_step(&s.dead_time, &s.control.currents, s.output.duty);
 }
@@ -499,7 +499,7 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, cons
         s.output = other->step(s.sampled, s.asked);
         for (cgl_real& duty : s.output.duty) duty = possible(duty);
     } else {
-        if (cgl_drive_measure(&config_.control, &s.control, &s.sampled, &s.asked)) step_law<legs>(s);
+        if (cgl_drive_measure(&s.control, &s.sampled, &s.asked)) step_law<legs>(s);
         actuate(s);
     }
     if constexpr (legs == 0) {

@@ -10,7 +10,6 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -58,7 +57,7 @@ struct DriveConfig {
     PositionSensorConfig position_sensor;
     ReferenceConfig reference;  // without trials
     cgl_drive_config control;
-    std::shared_ptr<const cgl_dead_time_config> dead_time;  // null: not compensated
+    std::optional<cgl_dead_time_config> dead_time;  // none: not compensated
     std::vector<Fault> faults;  // by the tick since the start
     Law law;
     std::int64_t current_rate;   // Hz

@@ -34,7 +34,7 @@ EVA = [
 PARTS = {
     "leaves": "angle modulation polynomial",
     "foc": "angle foc",
-    "dead_time": "dead_time",
+    "dead_time": "range dead_time",
     "monitor": "angle monitor",
     "quality": "quality",
     "drive": "angle foc monitor quality drive",

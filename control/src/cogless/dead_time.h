@@ -30,16 +30,16 @@ typedef struct {
 } cgl_dead_time_config;
 
 typedef struct {
-    const cgl_dead_time_config *config;
+    cgl_dead_time_config config;
     cgl_real ts;       /* [s] */
     cgl_real ahead;    /* advance ts [s] */
     cgl_real share;    /* time / ts [periods] */
     cgl_real per_band; /* 1 / band [1/A] */
     cgl_real follow;   /* the delayed reference follows by this part of the way in a period */
-    cgl_real i_d, i_q; /* the delayed reference, in bands */
+    cgl_real i_d, i_q; /* the delayed reference [A] */
 } cgl_dead_time;
 
-/* ts: period of the current loop, which is that of the pulses [s], > 0. */
+/* Takes the config, which need not stay; ts: period of the current loop, which is that of the pulses [s], > 0. */
 cgl_error cgl_dead_time_init(cgl_dead_time *dead_time, const cgl_dead_time_config *config, cgl_real ts);
 
 void cgl_dead_time_reset(cgl_dead_time *dead_time);

@@ -138,7 +138,6 @@ def control_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[st
         "learn_saturated": drive.rates.position_loop is not None,
         "foc": {
             **loop.gains(belief),
-            "ts": 1 / drive.rates.current_loop,
             "current_limit": loop.current_limit,
             "advance": _advance(drive),
             "decoupling": loop.decoupling,

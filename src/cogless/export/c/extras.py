@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from string import Template
 
-from cogless.export.c.literals import initialiser
+from cogless.export.c.literals import initialiser, real
 from cogless.export.c.subject import Subject
 
 CALIBRATE = """
@@ -13,7 +13,7 @@ CALIBRATE = """
 void ${name}_calibrate(${name}_controller *controller)"""
 CALIBRATE_BODY = """
 {
-    cgl_anti_cogging_calibrate(&${name}_law_config, &controller->law);
+    cgl_anti_cogging_calibrate(&controller->law);
 }
 """
 CALIBRATE_DECLARATIONS = """void board_shut_interrupt(void);
@@ -38,7 +38,7 @@ void ${name}_begin_trial(${name}_controller *controller, const cgl_real *y_ref)"
 BEGIN_BODY = """
 {
     cgl_drive_reset(&controller->drive);
-${dead_time_reset}    cgl_trial_begin(&${name}_law_config, &controller->law, y_ref);
+${dead_time_reset}    cgl_trial_begin(&controller->law, y_ref);
 }
 """
 END = """
@@ -47,7 +47,7 @@ END = """
 bool ${name}_end_trial(${name}_controller *controller)"""
 END_BODY = """
 {
-    return cgl_trial_end(&${name}_law_config, &controller->law);
+    return cgl_trial_end(&controller->law);
 }
 """
 TRIAL_DECLARATIONS = """void board_shut_interrupt(void);
@@ -86,7 +86,7 @@ const cgl_dead_time_config ${name}_dead_time_config = {
 ${values}
 };
 """,
-    "dead_time_init": """    if (cgl_dead_time_init(&controller->dead_time, &${name}_dead_time_config, ${NAME}_PERIOD) != CGL_OK) {
+    "dead_time_init": """    if (cgl_dead_time_init(&controller->dead_time, &${name}_dead_time_config, ${period}) != CGL_OK) {
         return CGL_ERROR_CONFIG;
     }
 """,
@@ -103,7 +103,7 @@ def dead_time(subject: Subject) -> dict[str, str]:
     if subject.dead_time_config is None:
         return dict.fromkeys(DEAD_TIME, "")
     values = initialiser(subject.headers, "cgl_dead_time_config", subject.dead_time_config, subject.precision)
-    words = {"name": subject.name, "NAME": subject.name.upper(), "values": values}
+    words = {"name": subject.name, "period": real(1 / subject.rate, subject.precision), "values": values}
     return {key: Template(text).substitute(words) for key, text in DEAD_TIME.items()}
 
 
