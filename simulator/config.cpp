@@ -84,7 +84,11 @@ PositionSensorConfig position_sensor(const Section& s) {
     if (p.kind == PositionSensorKind::encoder) {
         p.lines = s.integer("lines");
         p.speed_method = s.choice<SpeedMethod>(
-            "speed_method", {{"M", SpeedMethod::M}, {"T", SpeedMethod::T}, {"MT", SpeedMethod::MT}});
+            "speed_method", {{"M", SpeedMethod::M},
+                             {"T", SpeedMethod::T},
+                             {"MT", SpeedMethod::MT},
+                             {"observer", SpeedMethod::observer}});
+        if (p.speed_method == SpeedMethod::observer) p.bandwidth = s.number("bandwidth");
         p.timer = s.number("timer");
         p.eccentricity = s.number("eccentricity");
         p.eccentricity_phase = s.number("eccentricity_phase");
@@ -217,6 +221,7 @@ DriveConfig read_config(const Value& description, const CallbackLaw& own) {
     }
     if (top.has("faults")) result.faults = faults(top, current_rate);
     if (!result.ideal_current) read_bridge(drive, result);
+    if (drive.has("encoder_table")) result.encoder_table = drive.packed<cgl_encoder_table_config>("encoder_table");
     if (drive.has("dead_time")) {
         result.dead_time = drive.packed<cgl_dead_time_config>("dead_time");
     }

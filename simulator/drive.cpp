@@ -136,6 +136,10 @@ Drive::Drive(const DriveConfig& config)
         require(cgl_dead_time_init(&dead_time_start_, &*config_.dead_time, static_cast<cgl_real>(period_)),
                 "dead-time compensation");
     }
+    if (config_.encoder_table) {
+        require(cgl_encoder_table_init(&encoder_table_start_, &*config_.encoder_table, static_cast<cgl_real>(period_)),
+                "encoder table");
+    }
     cgl_drive unused;
     if (cgl_drive_init(&unused, &config_.control, static_cast<cgl_real>(period_)) != CGL_OK) {
         throw std::invalid_argument("drive.control: a value is outside its range");
@@ -157,6 +161,7 @@ Drive::Drive(const DriveConfig& config)
 DriveState Drive::start() const {
     DriveState s{};
     cgl_drive_init(&s.control, &config_.control, static_cast<cgl_real>(period_));
+    s.encoder_table = encoder_table_start_;
     restart(s, phases_.front());
     s.random = Random(config_.seed);
     s.law = start_of(config_.law);
@@ -220,7 +225,8 @@ void Drive::advance_trials(DriveState& s, Recorder& recorder, std::int64_t end, 
 
 cgl_drive_output Drive::step_controller(DriveState& s, const cgl_measurement& now, const cgl_reference& reference) const {
     s.asked = reference;
-    if (cgl_drive_measure(&s.control, &now, &s.asked)) step_law<star_legs>(s);
+    s.sampled = now;
+    if (measure(s)) step_law<star_legs>(s);
     actuate(s);
     return s.output;
 }
@@ -467,6 +473,14 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
     }
 }
 
+[[gnu::always_inline]] inline bool Drive::measure(DriveState& s) const {
+    if (!config_.encoder_table) return cgl_drive_measure(&s.control, &s.sampled, &s.asked);
+    cgl_measurement now = s.sampled;
+    cgl_encoder_table_step(&s.encoder_table, &now, s.control.i_q, true);
+    s.measured = {static_cast<double>(now.theta_m), static_cast<double>(now.omega_m)};
+    return cgl_drive_measure(&s.control, &now, &s.asked);
+}
+
 [[gnu::always_inline]] inline void Drive::actuate(DriveState& s) const {
     cgl_drive_actuate(&s.control, &s.output);
     const bool off = (s.output.status & static_cast<unsigned>(CGL_STATUS_OFF)) != 0U;
@@ -499,7 +513,7 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, cons
         s.output = other->step(s.sampled, s.asked);
         for (cgl_real& duty : s.output.duty) duty = possible(duty);
     } else {
-        if (cgl_drive_measure(&s.control, &s.sampled, &s.asked)) step_law<legs>(s);
+        if (measure(s)) step_law<legs>(s);
         actuate(s);
     }
     if constexpr (legs == 0) {

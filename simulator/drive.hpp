@@ -17,6 +17,7 @@
 #include "angle_patch.hpp"
 #include "cogless/dead_time.h"
 #include "cogless/drive.h"
+#include "cogless/encoder_table.h"
 #include "current_sensors.hpp"
 #include "fault.hpp"
 #include "inverter.hpp"
@@ -58,6 +59,7 @@ struct DriveConfig {
     ReferenceConfig reference;  // without trials
     cgl_drive_config control;
     std::optional<cgl_dead_time_config> dead_time;  // none: not compensated
+    std::optional<cgl_encoder_table_config> encoder_table;  // none: the sensor is believed
     std::vector<Fault> faults;  // by the tick since the start
     Law law;
     std::int64_t current_rate;   // Hz
@@ -75,6 +77,7 @@ struct DriveState {
     Random random{0};
     cgl_drive control;
     cgl_dead_time dead_time{};
+    cgl_encoder_table encoder_table{};
     LawState law;
     double seen = 0.0;  // rad, the angle by the position sensor
     Measurement measured{0.0, 0.0};
@@ -151,7 +154,9 @@ private:
         PositionSensor::State position_start;
     };
 
-    // The controller's part of a tick after the law.
+    // The controller's part of a tick before the law; whether the law is due.
+    bool measure(DriveState& state) const;
+    // And after it.
     void actuate(DriveState& state) const;
     void begin_law(DriveState& state, const std::vector<cgl_real>& trajectory) const;
     // Resets everything but the law and the noise to the phase's initial state.
@@ -205,6 +210,7 @@ private:
     Reference reference_;
     PositionSensor position_sensor_;
     cgl_dead_time dead_time_start_{};  // used if config_.dead_time is there
+    cgl_encoder_table encoder_table_start_{};
     CurrentSensors current_sensors_;
     std::vector<Phase> phases_;
     std::vector<Signal> signals_;

@@ -81,7 +81,7 @@ drive = engine.Drive(described(config({{
     "reference": {{"kind": "fm", "offset": 10.0, "amplitude": 3.0, "frequency": 5.0, "depth": 2.0,
                   "modulation": 3.0}},
     "drive": {{"inverter": {{"kind": {inverter!r}, "dead_time": 1e-6}}, "current_sensors": {{"noise": 0.02}},
-              "position_sensor": {{"kind": "encoder", "lines": 1000, "speed_method": "M", "timer": 0.0,
+              "position_sensor": {{"kind": "encoder", "lines": 1000, "speed_method": "M", "timer": 1e9,
                                   "eccentricity": 0.01, "eccentricity_phase": 0.2}}}},
 }}), engine), None)
 state, recorder = drive.start(), engine.Recorder(drive, 1)

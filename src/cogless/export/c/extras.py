@@ -38,7 +38,7 @@ void ${name}_begin_trial(${name}_controller *controller, const cgl_real *y_ref)"
 BEGIN_BODY = """
 {
     cgl_drive_reset(&controller->drive);
-${dead_time_reset}    cgl_trial_begin(&controller->law, y_ref);
+${begin_resets}    cgl_trial_begin(&controller->law, y_ref);
 }
 """
 END = """
@@ -77,34 +77,52 @@ TRIAL_ROW = (
     "`${name}_end_trial` from the background |\n"
 )
 
-DEAD_TIME = {
-    "dead_time_include": '#include "cogless/dead_time.h"\n',
-    "dead_time_member": "    cgl_dead_time dead_time;\n",
-    "dead_time_declaration": "extern const cgl_dead_time_config ${name}_dead_time_config;\n",
-    "dead_time_config": """
-const cgl_dead_time_config ${name}_dead_time_config = {
+PART = {
+    "part_includes": '#include "cogless/${part}.h"\n',
+    "part_members": "    cgl_${part} ${part};\n",
+    "part_declarations": "extern const cgl_${part}_config ${name}_${part}_config;\n",
+    "part_configs": """
+const cgl_${part}_config ${name}_${part}_config = {
 ${values}
 };
 """,
-    "dead_time_init": """    if (cgl_dead_time_init(&controller->dead_time, &${name}_dead_time_config, ${period}) != CGL_OK) {
+    "part_inits": """    if (cgl_${part}_init(&controller->${part}, &${name}_${part}_config, ${period}) != CGL_OK) {
         return CGL_ERROR_CONFIG;
     }
 """,
-    "dead_time_reset": "    cgl_dead_time_reset(&controller->dead_time);\n",
-    "dead_time_step": """    if ((out->status & (unsigned)CGL_STATUS_OFF) == 0U) {
+    "part_resets": "    cgl_${part}_reset(&controller->${part});\n",
+}
+CORRECT = """    cgl_measurement corrected = *now; /* without the sensor's own error */
+    cgl_encoder_table_step(&controller->encoder_table, &corrected, drive->i_q, true);
+"""
+COMPENSATE = """    if ((out->status & (unsigned)CGL_STATUS_OFF) == 0U) {
         cgl_dead_time_step(&controller->dead_time, &drive->currents, out->duty);
     }
-""",
-}
+"""
 
 
-def dead_time(subject: Subject) -> dict[str, str]:
-    """Texts that fill the templates' placeholders for dead-time compensation; empty where there is none."""
-    if subject.dead_time_config is None:
-        return dict.fromkeys(DEAD_TIME, "")
-    values = initialiser(subject.headers, "cgl_dead_time_config", subject.dead_time_config, subject.precision)
-    words = {"name": subject.name, "period": real(1 / subject.rate, subject.precision), "values": values}
-    return {key: Template(text).substitute(words) for key, text in DEAD_TIME.items()}
+def parts(subject: Subject) -> dict[str, str]:
+    """Texts that fill the templates' placeholders for parts around the drive; empty where there are none."""
+    configs = {"dead_time": subject.dead_time_config, "encoder_table": subject.encoder_table_config}
+    texts = dict.fromkeys(PART, "")
+    for part, config in configs.items():
+        if config is None:
+            continue
+        words = {
+            "part": part,
+            "name": subject.name,
+            "period": real(1 / subject.rate, subject.precision),
+            "values": initialiser(subject.headers, f"cgl_{part}_config", config, subject.precision),
+        }
+        for key, text in PART.items():
+            texts[key] += Template(text).substitute(words)
+    table = subject.encoder_table_config is not None
+    return {
+        **texts,
+        "correct": CORRECT if table else "",
+        "measured_now": "&corrected" if table else "now",
+        "compensate": COMPENSATE if subject.dead_time_config is not None else "",
+    }
 
 
 def extras(subject: Subject) -> dict[str, str]:
@@ -133,7 +151,7 @@ def extras(subject: Subject) -> dict[str, str]:
         "name": subject.name,
         "divider": str(subject.divider),
         "samples": str(subject.law_config.get("samples", "")),
-        "dead_time_reset": dead_time(subject)["dead_time_reset"],
+        "begin_resets": "    cgl_dead_time_reset(&controller->dead_time);\n" if subject.dead_time_config else "",
     }
     return {key: Template(text).substitute(words) for key, text in found.items()}
 
