@@ -80,6 +80,15 @@ def test_a_rotor_that_follows_the_error_is_seen_through_by_its_current() -> None
         assert all(abs(value - ERROR[n]) < 0.05 * abs(ERROR[n]) for n, value in learned(state).items()) == close
 
 
+@pytest.mark.parametrize("current", [0.5, -5.0])
+def test_a_load_that_the_current_holds_against_keeps_nothing_from_being_learned(current: float) -> None:
+    library, state, _ = table_of()
+    theta, omega, i_q = steady(80.0, 6.0)
+    run(library, state, theta, omega, i_q + current)
+    for order, value in learned(state).items():
+        assert abs(value - ERROR[order]) < 1e-4
+
+
 def test_what_it_takes_for_the_sensor_of_a_torque_ripple_falls_with_the_square_of_the_speed() -> None:
     """A torque of order 3 that nobody knows, an acceleration of d, moves the rotor by d / (3 omega)^2."""
     found = []

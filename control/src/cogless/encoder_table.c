@@ -7,7 +7,8 @@
 
 #define ORDER_MAX 1000U
 #define SETTLED CGL_R(10.0)    /* time constants of the observer */
-#define FAR CGL_R(0.2)         /* further apart than sensor errors are [rad]: the observer starts anew */
+#define FAR CGL_R(0.2)         /* further apart than sensor errors are [rad]: nothing is learned */
+#define LOST CGL_R(1.5)        /* the observer takes the sensor's angle and speed, and keeps the load that it has found [rad] */
 #define SETTLE_MAX CGL_R(1.0e9) /* steps */
 
 static bool is_valid(const cgl_encoder_table_config *config)
@@ -93,8 +94,10 @@ static cgl_real residual(cgl_encoder_table *table, cgl_real theta, cgl_real omeg
     observer->omega = cgl_clamp(observer->omega + (cgl_is_finite(known) ? known : CGL_R(0.0)), observer->omega_max);
     cgl_angle_observer_step(observer, turns);
     const cgl_real left = cgl_steps(observer->theta, turns) * (CGL_TWO_PI / CGL_TURN_BITS);
-    if (!cgl_is_within(left, FAR)) {
+    if (!cgl_is_within(left, LOST)) {
+        const cgl_real alpha = observer->alpha;
         cgl_angle_observer_reset(observer, turns, omega);
+        observer->alpha = alpha;
         table->wait = table->settle;
     }
     return left;

@@ -10,7 +10,8 @@ CGL_SELDOM void cgl_telemetry_reset(cgl_telemetry *telemetry)
 
 void cgl_telemetry_write(cgl_telemetry *telemetry, const cgl_drive *drive, const cgl_drive_output *out)
 {
-    const uint32_t after = telemetry->count + 1U, count = after == 0U ? 2U : after; /* 0 is: nothing yet */
+    volatile uint32_t *const complete = &telemetry->count;
+    const uint32_t after = *complete + 1U, count = after == 0U ? 2U : after; /* 0 is: nothing yet */
     volatile cgl_snapshot *const next = &telemetry->buffer[count & 1U];
     next->count = count;
     next->status = out->status;
@@ -24,19 +25,20 @@ void cgl_telemetry_write(cgl_telemetry *telemetry, const cgl_drive *drive, const
     next->u_d = out->u_d;
     next->u_q = out->u_q;
     next->u_dc = drive->currents.u_dc;
-    telemetry->count = count;
+    *complete = count;
 }
 
 bool cgl_telemetry_read(const cgl_telemetry *telemetry, cgl_snapshot *snapshot)
 {
+    const volatile uint32_t *const complete = &telemetry->count;
     for (int n = 0; n < TRIES; ++n) {
-        const uint32_t before = telemetry->count;
+        const uint32_t before = *complete;
         const volatile cgl_snapshot *const newest = &telemetry->buffer[before & 1U];
         const cgl_snapshot copy = {newest->count,   newest->status, newest->theta_m, newest->omega_m,
                                    newest->omega_ref, newest->i_d,    newest->i_q,     newest->i_d_ref,
                                    newest->i_q_ref, newest->u_d,    newest->u_q,     newest->u_dc};
         /* the next snapshot goes into the other buffer; only the one after it would overwrite this */
-        if (telemetry->count - before <= 1U && copy.count == before) {
+        if (*complete - before <= 1U && copy.count == before) {
             *snapshot = copy;
             return before != 0U;
         }

@@ -2,8 +2,8 @@
  *
  * Two buffers and a count. The writer never waits: it fills the buffer that is not the newest, then says so by the count. A reader
  * copies the newest and looks again: where the writer has begun its second snapshot since, it tries once more. The count is
- * enough for this on one core, where the interrupt runs to its end before the reader goes on: accesses to `count` are volatile, so
- * the compiler keeps their order among each other, and those of the buffers are volatile too, so that they stay between them. With
+ * enough for this on one core, where the interrupt runs to its end before the reader goes on: all accesses to
+ * count and buffers are volatile, so the compiler keeps their order. With
  * several cores, or a reader that interrupts the writer, it is not: use a lock there, or atomics.
  *
  *   cgl_telemetry_write(&telemetry, &drive, &out);                     in the interrupt
@@ -32,8 +32,8 @@ typedef struct {
 } cgl_snapshot;
 
 typedef struct {
-    volatile cgl_snapshot buffer[2];
-    volatile uint32_t count; /* snapshots that are complete; the newest is in buffer[count & 1] */
+    cgl_snapshot buffer[2];
+    uint32_t count; /* snapshots that are complete; the newest is in buffer[count & 1] */
 } cgl_telemetry;
 
 /* Nothing written yet: with the interrupt off. */
