@@ -8,7 +8,10 @@ CGL_SELDOM cgl_error cgl_pi_ilc_init(cgl_pi_ilc *law, const cgl_pi_ilc_config *c
     const cgl_error error = cgl_pi_init(&law->pi, &config->pi, ts);
     law->gain = config->gain;
     law->learned = CGL_R(0.0);
-    return error != CGL_OK ? error : cgl_memory_init(&law->memory, &config->memory, ts, cell, length);
+    if (config->memory.channels != 1U) {
+        return CGL_ERROR_CONFIG;
+    }
+    return error != CGL_OK ? error : cgl_memory_init(&law->memory, &config->memory, ts, 1U, cell, length);
 }
 
 CGL_SELDOM void cgl_pi_ilc_reset(cgl_pi_ilc *law)
@@ -38,8 +41,11 @@ void cgl_pi_ilc_step(cgl_pi_ilc *law, const cgl_law_input *in,
                      cgl_law_output *out)
 {
     const cgl_real error = in->omega_ref - in->omega_m;
-    bool learn = in->learn && !in->off && !law->pi.saturated; /* and only if the memory can learn now: the error is finite, the angle known */
-    law->learned = cgl_memory_step(&law->memory, in->theta_m, in->omega_ref, law->gain * error, &learn);
+    const cgl_real correction = law->gain * error;
+    cgl_real value;
+    const bool learn = cgl_memory_step(&law->memory, in->theta_m, in->omega_ref,
+                                       in->learn && !in->off && !law->pi.saturated, &correction, &value);
+    law->learned = cgl_clamp(value, law->memory.config.limit[0]);
     if (learn && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {
         out->status = 0U;
     } else {

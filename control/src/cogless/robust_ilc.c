@@ -15,7 +15,7 @@ CGL_SELDOM static bool is_valid(const cgl_robust_ilc_config *config)
                                       CGL_RANGE(cgl_robust_ilc_config, viscous, CGL_FINITE),
                                       CGL_RANGE(cgl_robust_ilc_config, coulomb, CGL_FINITE),
                                       CGL_RANGE(cgl_robust_ilc_config, limit, CGL_POSITIVE)};
-    return CGL_IS_IN_RANGE(config, range) && cgl_is_positive(config->b * config->limit)
+    return CGL_IS_IN_RANGE(config, range) && config->memory.channels == 1U && cgl_is_positive(config->b * config->limit)
            && cgl_is_positive(CGL_R(1.0) / config->b);
 }
 
@@ -27,7 +27,7 @@ CGL_SELDOM cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_i
     }
     law->config = *config;
     law->ts = ts;
-    const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, cell, length);
+    const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, 1U, cell, length);
     if (error == CGL_OK) {
         cgl_robust_ilc_reset(law);
     }
@@ -67,10 +67,11 @@ void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
     const cgl_real surface = finite ? error + config->c * error_integral : config->c * law->error_integral;
     const cgl_real sign = cgl_sign(surface);
 
-    bool learn = in->learn && !in->off && finite && !law->saturated;
     const cgl_real correction = -config->q * (config->beta_1 * sign + config->beta_2 * surface); /* (15) */
-    const cgl_real f =
-        cgl_memory_step(&law->memory, in->theta_m, in->omega_ref, correction, &learn);
+    cgl_real value;
+    const bool learn = cgl_memory_step(&law->memory, in->theta_m, in->omega_ref,
+                                       in->learn && !in->off && finite && !law->saturated, &correction, &value);
+    const cgl_real f = cgl_clamp(value, config->memory.limit[0]);
 
     if (in->off) {
         start_anew(law);

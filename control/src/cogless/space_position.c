@@ -30,7 +30,7 @@ CGL_SELDOM cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_
     }
     law->config = *config;
     law->ts = ts;
-    const cgl_error error = cgl_space_memory_init(&law->memory, &config->memory, ts, cell, length);
+    const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, config->ratio, cell, length);
     if (error == CGL_OK) {
         cgl_space_position_reset(law);
     }
@@ -48,7 +48,7 @@ CGL_SELDOM static void start_anew(cgl_space_position *law)
 
 CGL_SELDOM void cgl_space_position_reset(cgl_space_position *law)
 {
-    cgl_space_memory_reset(&law->memory);
+    cgl_memory_reset(&law->memory);
     law->learning_samples = 0U;
     start_anew(law);
 }
@@ -66,17 +66,16 @@ void cgl_space_position_step(cgl_space_position *law,
 {
     const cgl_space_position_config *const config = &law->config;
     const cgl_real ratio = (cgl_real)config->ratio;
-    const cgl_real theta = ratio * in->theta_m, theta_ref = ratio * in->theta_ref;
     const cgl_real difference = ratio * (in->omega_m - in->omega_ref);
     /* a sum is not finite if a part of it is not */
     const bool plausible =
-        cgl_is_finite(difference + ratio * in->alpha_ref) && cgl_is_angle(theta) && cgl_is_angle(theta_ref);
+        cgl_is_finite(difference + ratio * in->alpha_ref) && cgl_is_angle(in->theta_m) && cgl_is_angle(in->theta_ref);
     const cgl_real omega = plausible ? ratio * in->omega_m : CGL_R(0.0);
     const cgl_real omega_ref = plausible ? ratio * in->omega_ref : CGL_R(0.0);
     const cgl_real alpha_ref = plausible ? ratio * in->alpha_ref : CGL_R(0.0);
 
     /* atan2(sin, cos) of a difference is the difference less its whole turns */
-    cgl_real theta_tg = plausible ? theta - theta_ref : CGL_R(0.0);
+    cgl_real theta_tg = plausible ? ratio * (in->theta_m - in->theta_ref) : CGL_R(0.0);
     if (!cgl_is_within(theta_tg, CGL_R(3.0))) {
         theta_tg = cgl_unwrap(theta_tg, CGL_R(0.0));
     }
@@ -84,12 +83,14 @@ void cgl_space_position_step(cgl_space_position *law,
 
     const bool learning = in->learn && !in->off;
     const bool moving = plausible && cgl_abs(in->omega_ref) >= config->omega_min;
-    cgl_real value[CGL_SPACE_CHANNELS];
+    cgl_real value[CGL_CHANNELS];
     cgl_real share = share_of_learning(law);
-    const cgl_real gain[CGL_SPACE_CHANNELS] = {config->mu_alpha, config->mu_beta * omega_ref, config->mu_h * alpha_ref};
-    const bool learn = cgl_space_memory_step(&law->memory, config->index == CGL_SPACE_BY_ROTOR ? theta : theta_ref,
-        moving && in->omega_ref > CGL_R(0.0), learning && moving && !law->saturated, gain,
-        moving ? share * omega_t / cgl_abs(omega_ref) : CGL_R(0.0), value);
+    const cgl_real step = moving ? -share * omega_t / cgl_abs(omega_ref) : CGL_R(0.0);
+    const cgl_real correction[CGL_CHANNELS] = {step * config->mu_alpha, step * (config->mu_beta * omega_ref),
+                                               step * (config->mu_h * alpha_ref)};
+    const bool learn = cgl_memory_step(&law->memory, config->index == CGL_SPACE_BY_ROTOR ? in->theta_m : in->theta_ref,
+                                       moving ? in->omega_ref : CGL_R(0.0), learning && moving && !law->saturated,
+                                       correction, value);
     if (learn && (law->learning_samples == 0U || (share < CGL_R(1.0) && law->learning_samples < 0xFFFFFFFFU))) {
         ++law->learning_samples;
     } else if (law->learning_samples == 0U) {
