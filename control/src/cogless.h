@@ -5,6 +5,7 @@
 #include "cogless/angle.h"
 #include "cogless/angle_observer.h"
 #include "cogless/anti_cogging.h"
+#include "cogless/calibration.h"
 #include "cogless/crc32.h"
 #include "cogless/dead_time.h"
 #include "cogless/drive.h"

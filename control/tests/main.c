@@ -7,6 +7,7 @@
 #include "check.h"
 #include "cogless/anti_cogging.h"
 #include "control.h"
+#include "parts.h"
 #include "random_inputs.h"
 #include "stored_maps.h"
 
@@ -70,6 +71,7 @@ int main(int count, char **arguments)
 {
     const long configs = count > 1 ? strtol(arguments[1], NULL, 10) : 500L;
     random_inputs(configs);
+    try_parts(configs);
     random_flash(10L * configs);
     stored_maps();
     readme_example();

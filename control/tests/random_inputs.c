@@ -7,11 +7,7 @@
 #include "check.h"
 #include "cogless/angle.h"
 #include "cogless/anti_cogging.h"
-#include "cogless/angle_observer.h"
-#include "cogless/dead_time.h"
 #include "cogless/drive.h"
-#include "cogless/encoder.h"
-#include "cogless/encoder_table.h"
 #include "cogless/foc.h"
 #include "cogless/modulation.h"
 #include "cogless/pi_afc.h"
@@ -20,10 +16,7 @@
 #include "cogless/robust_ilc.h"
 #include "cogless/space_position.h"
 #include "cogless/space_speed.h"
-#include "cogless/speed_count.h"
 #include "cogless/speed_pi.h"
-#include "cogless/speed_timed.h"
-#include "cogless/telemetry.h"
 #include "cogless/trial.h"
 
 #define CELLS_MAX 200U
@@ -206,146 +199,6 @@ static void try_foc(void)
             const cgl_real longest = config.phases == 2U ? CGL_R(1.00001) : CGL_R(0.33334);
             CHECK(u_d * u_d + u_q * u_q <= longest || in.u_dc < CGL_R(1.0e-30));
         }
-    }
-}
-
-static cgl_dead_time_config random_dead_time(void)
-{
-    cgl_dead_time_config config;
-    config.time = random_gain(CGL_R(1.0e-5));
-    config.drop = random_gain(CGL_R(1.0));
-    config.band = random_gain(CGL_R(0.1));
-    config.lag = random_gain(CGL_R(1.0e-3));
-    config.advance = random_gain(CGL_R(2.0));
-    config.phases = random_below(2) ? 3U : 2U * random_below(2);
-    return config;
-}
-
-static void try_dead_time(void)
-{
-    cgl_dead_time_config config;
-    cgl_dead_time dead_time;
-    do {
-        config = random_dead_time();
-    } while (cgl_dead_time_init(&dead_time, &config, random_gain(CGL_R(1.0e-4))) != CGL_OK);
-    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
-        const cgl_foc_input in = {{CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)},
-                                  random_real(CGL_R(7.0)),
-                                  random_real(CGL_R(1000.0)),
-                                  random_real(CGL_R(300.0)),
-                                  random_real(CGL_R(5.0)),
-                                  random_real(CGL_R(5.0))};
-        cgl_real duty[3];
-        for (int x = 0; x < 3; ++x) {
-            duty[x] = random_below(8) ? cgl_abs(cgl_clamp(random_gain(CGL_R(1.0)), CGL_R(1.0))) : CGL_R(1.0);
-        }
-        cgl_dead_time_step(&dead_time, &in, duty);
-        CHECK(are_duties(duty));
-        CHECK(cgl_is_finite(dead_time.i_d) && cgl_is_finite(dead_time.i_q));
-    }
-}
-
-static void try_speed(void)
-{
-    const cgl_speed_count_config counting = {1U + (random_bits() >> random_below(32)), 1U + random_below(20)};
-    const cgl_speed_timed_config timing = {1U + (random_bits() >> random_below(32)), random_gain(CGL_R(1.0e8)),
-                                           random_below(2) != 0U};
-    uint32_t before[20];
-    cgl_speed_count counted;
-    cgl_speed_timed timed;
-    cgl_edges edges = {0U, 0U, 0U, false, false};
-    const bool counts = cgl_speed_count_init(&counted, &counting, random_gain(CGL_R(1.0e-3)), before, 20U) == CGL_OK;
-    const bool times = cgl_speed_timed_init(&timed, &timing) == CGL_OK;
-    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
-        cgl_edges_pass(&edges, random_below(2) ? edges.count + random_below(5) - 2U : random_bits(), random_bits());
-        CHECK(!counts || cgl_is_finite(cgl_speed_count_step(&counted, edges.count)));
-        CHECK(!times || cgl_is_finite(cgl_speed_timed_step(&timed, &edges, random_bits())));
-    }
-}
-
-static void try_angle_observer(void)
-{
-    cgl_angle_observer_config config;
-    cgl_angle_observer observer;
-    do {
-        config.bandwidth = random_gain(CGL_R(1.0e3));
-    } while (cgl_angle_observer_init(&observer, &config, random_gain(CGL_R(1.0e-3))) != CGL_OK);
-    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
-        if (random_below(50) == 0U) {
-            cgl_angle_observer_reset(&observer, random_bits(), random_real(CGL_R(100.0)));
-        }
-        cgl_angle_observer_step(&observer, random_bits() >> random_below(32));
-        CHECK(within(observer.omega, observer.omega_max) && within(observer.alpha, observer.alpha_max));
-    }
-}
-
-static void try_encoder(void)
-{
-    cgl_encoder_config config;
-    cgl_encoder encoder;
-    do {
-        config.counts = random_bits() >> random_below(32);
-        config.absolute = random_below(2) != 0U;
-        config.range = config.absolute ? config.counts : random_bits() >> random_below(32);
-        config.zero = random_bits() >> random_below(32);
-        config.backward = random_below(2) != 0U;
-    } while (cgl_encoder_init(&encoder, &config, random_bits()) != CGL_OK);
-    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
-        cgl_encoder_step(&encoder, random_below(2) ? encoder.reading + random_below(9) - 4U : random_bits());
-        if (random_below(20) == 0U) {
-            cgl_encoder_index(&encoder, random_bits() >> random_below(32));
-        } else if (random_below(20) == 0U) {
-            cgl_encoder_place(&encoder, random_bits());
-        }
-        CHECK(encoder.position < config.counts);
-        const cgl_real theta = cgl_radians(encoder.turns);
-        CHECK(theta >= CGL_R(0.0) && theta < CGL_TWO_PI);
-    }
-}
-
-static void try_encoder_table(void)
-{
-    cgl_encoder_table_config config;
-    cgl_encoder_table table;
-    do {
-        config.orders = 1U + random_below(CGL_ENCODER_TABLE_ORDERS);
-        for (uint32_t k = 0, order = 0U; k < CGL_ENCODER_TABLE_ORDERS; ++k) {
-            order += 1U + random_below(20);
-            config.order[k] = order;
-        }
-        config.gain = random_gain(CGL_R(5.0));
-        config.omega_min = random_gain(CGL_R(100.0));
-        config.bandwidth = random_gain(CGL_R(20.0));
-        config.b = random_gain(CGL_R(500.0));
-        config.limit = random_gain(CGL_R(0.02));
-    } while (cgl_encoder_table_init(&table, &config, random_gain(CGL_R(1.0e-3))) != CGL_OK);
-    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
-        cgl_law_input in;
-        next_input(&in, step);
-        cgl_measurement now = {{CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)}, in.theta_m, in.omega_m, CGL_R(24.0)};
-        cgl_encoder_table_step(&table, &now, in.i_q, in.learn);
-        if (cgl_is_angle(in.theta_m) && cgl_is_finite(in.omega_m)) {
-            CHECK(cgl_is_finite(now.theta_m) && cgl_is_finite(now.omega_m));
-        }
-        for (uint32_t k = 0; k < CGL_ENCODER_TABLE_ORDERS; ++k) {
-            CHECK(within(table.a[k], config.limit) && within(table.c[k], config.limit));
-        }
-        CHECK(within(table.observer.omega, table.observer.omega_max));
-    }
-}
-
-static void try_telemetry(void)
-{
-    cgl_telemetry telemetry;
-    cgl_telemetry_reset(&telemetry);
-    cgl_snapshot snapshot;
-    CHECK(!cgl_telemetry_read(&telemetry, &snapshot));
-    static cgl_drive drive;
-    static cgl_drive_output out;
-    for (uint32_t n = 1; n < 100U; ++n) {
-        out.status = n;
-        cgl_telemetry_write(&telemetry, &drive, &out);
-        CHECK(cgl_telemetry_read(&telemetry, &snapshot) && snapshot.count == n && snapshot.status == n);
     }
 }
 
@@ -1219,12 +1072,6 @@ void random_inputs(long configs)
         try_angle();
         try_modulation();
         try_foc();
-        try_dead_time();
-        try_speed();
-        try_angle_observer();
-        try_encoder();
-        try_encoder_table();
-        try_telemetry();
         try_pi();
         try_memory();
         try_pi_ilc();
