@@ -185,7 +185,7 @@ static void try_calibration(void)
         CHECK(cgl_is_finite(out.omega_e) && within(out.theta_e, config.sweep));
         CHECK(out.i_d_ref >= CGL_R(0.0) && out.i_d_ref <= config.current * CGL_R(1.00001));
         CHECK(result == CGL_CALIBRATION_BUSY || within(out.i_d_ref, CGL_R(0.0)));
-        CHECK(cgl_is_finite(align.zero) && cgl_is_finite(align.friction));
+        CHECK(cgl_is_finite(align.zero) && cgl_is_finite(align.apart));
         const cgl_real i_abc[3] = {random_real(CGL_R(0.1)), random_real(CGL_R(0.1)), random_real(CGL_R(0.1))};
         if (averages) {
             (void)cgl_offsets_step(&offsets, i_abc);

@@ -10,9 +10,7 @@ from reference.dead_time import DeadTime
 from reference.motion import rounded
 
 NAN, INF = math.nan, math.inf
-USUAL = DeadTime(
-    time=1e-6, drop=0.5, band=0.05, lag=1.6e-4, advance=1.5, phases=3, ts=5e-5
-)
+USUAL = DeadTime(time=1e-6, drop=0.5, band=0.05, lag=1.6e-4, advance=1.5, phases=3, ts=5e-5)
 
 
 class CDeadTime:
@@ -47,7 +45,10 @@ def test_equals_the_reference(precision: str, phases: int) -> None:
             omega, i_ref = rng.uniform(-600, 600), complex(*rng.normal(0, 0.5, 2))
         theta = (theta + omega * 5e-5) % (2 * math.pi)
         duty = rounded(np.where(rng.random(3) < 0.1, rng.integers(0, 2, 3), rng.random(3)), library.real)
-        inputs = (*rounded([theta, omega, 24.0], library.real), complex(*rounded([i_ref.real, i_ref.imag], library.real)))
+        inputs = (
+            *rounded([theta, omega, 24.0], library.real),
+            complex(*rounded([i_ref.real, i_ref.imag], library.real)),
+        )
         expected = reference.step(*inputs, np.array(duty))
         bound = (200 + n / 10) * library.eps / reference.band
         np.testing.assert_allclose(law.step(*inputs, duty), expected, rtol=0, atol=bound)
@@ -63,7 +64,11 @@ def test_gives_back_what_the_inverter_takes(phases: int) -> None:
     for _ in range(300):
         duty = law.step(theta, 0.0, u_dc, i_ref, asked)
     vector = i_ref * np.exp(1j * theta)
-    i = np.real(vector * np.exp(-2j * np.pi / 3 * np.arange(3))) if phases == 3 else np.array([vector.real, vector.imag])
+    i = (
+        np.real(vector * np.exp(-2j * np.pi / 3 * np.arange(3)))
+        if phases == 3
+        else np.array([vector.real, vector.imag])
+    )
     assert np.abs(i).min() > USUAL.band
     legs = len(i)
     realised = duty[:legs] - np.sign(i) * (USUAL.time / USUAL.ts + USUAL.drop / u_dc)
@@ -110,7 +115,9 @@ def test_retune_keeps_the_state_and_refuses_like_init() -> None:
     law = CDeadTime(library, USUAL)
     law.step(0.0, 0.0, 24.0, 1j, [0.5, 0.5, 0.5])
     before = law.state.i_q
-    better, wrong = (library.new("cgl_dead_time_config", time=2e-6, band=band, phases=3) for band in (0.05, 0.0))
+    better, wrong = (
+        library.new("cgl_dead_time_config", time=2e-6, band=band, phases=3) for band in (0.05, 0.0)
+    )
     assert law.lib.cgl_dead_time_retune(law.state, wrong) == library.lib.CGL_ERROR_CONFIG
     assert law.state.config.time == law.config.time
     assert law.lib.cgl_dead_time_retune(law.state, better) == library.lib.CGL_OK

@@ -17,7 +17,9 @@ ERROR = {1: 0.009 * np.exp(0.7j), 3: 0.002 * np.exp(-2.0j)}  # Re c exp(j n thet
 def table_of(precision: str = "float", **changes: Any):
     library = control_library(precision)
     state = library.new("cgl_encoder_table")
-    error = library.lib.cgl_encoder_table_init(state, library.new("cgl_encoder_table_config", **{**USUAL, **changes}), TS)
+    error = library.lib.cgl_encoder_table_init(
+        state, library.new("cgl_encoder_table_config", **{**USUAL, **changes}), TS
+    )
     return library, state, error
 
 
@@ -53,7 +55,9 @@ def steady(speed: float, seconds: float = 3.0) -> tuple[np.ndarray, np.ndarray, 
 
 @pytest.mark.parametrize(("precision", "bound"), [("double", 2e-5), ("float", 4e-5)])
 @pytest.mark.parametrize("speed", [80.0, -80.0])
-def test_it_learns_the_error_and_takes_it_out_of_angle_and_speed(precision: str, bound: float, speed: float) -> None:
+def test_it_learns_the_error_and_takes_it_out_of_angle_and_speed(
+    precision: str, bound: float, speed: float
+) -> None:
     library, state, error = table_of(precision)
     assert error == library.lib.CGL_OK
     theta, omega, i_q = steady(speed)
@@ -77,7 +81,9 @@ def test_a_rotor_that_follows_the_error_is_seen_through_by_its_current() -> None
     for known, close in ((b, True), (0.0, False)):
         library, state, _ = table_of("double", b=known)
         run(library, state, theta, np.gradient(theta, TS), i_q)
-        assert all(abs(value - ERROR[n]) < 0.05 * abs(ERROR[n]) for n, value in learned(state).items()) == close
+        assert (
+            all(abs(value - ERROR[n]) < 0.05 * abs(ERROR[n]) for n, value in learned(state).items()) == close
+        )
 
 
 @pytest.mark.parametrize("current", [0.5, -5.0])

@@ -38,7 +38,9 @@ def test_counting_refuses(wrong: dict[str, float]) -> None:
     config = library.new("cgl_speed_count_config", counts=given["counts"], window=given["window"])
     ring = library.ffi.new("uint32_t[]", 4)
     state = library.new("cgl_speed_count")
-    assert library.lib.cgl_speed_count_init(state, config, given["ts"], ring, 4) == library.lib.CGL_ERROR_CONFIG
+    assert (
+        library.lib.cgl_speed_count_init(state, config, given["ts"], ring, 4) == library.lib.CGL_ERROR_CONFIG
+    )
     right = library.new("cgl_speed_count_config", counts=1000, window=5)
     assert library.lib.cgl_speed_count_init(state, right, 1e-3, ring, 4) == library.lib.CGL_ERROR_MEMORY
 
@@ -80,7 +82,9 @@ def test_timing_equals_the_reference(precision: str, last_interval: bool, offset
         if not found:
             library.lib.cgl_speed_timed_reset(state, edges, now, 0.0)
         found.append(library.lib.cgl_speed_timed_step(state, edges, now))
-    np.testing.assert_allclose(found[1:], expected, rtol=max(6 * library.eps, 1e-9), atol=0)  # its times are in seconds
+    np.testing.assert_allclose(
+        found[1:], expected, rtol=max(6 * library.eps, 1e-9), atol=0
+    )  # its times are in seconds
     assert (np.abs(expected) > 0).mean() > 0.5
     assert (expected == 0).any() or last_interval
 
@@ -99,7 +103,9 @@ def test_a_rotor_that_stands_longer_than_the_timer_goes_round_does_not_start_aga
     assert speeds[-1] == pytest.approx(STEP * TIMER / (WRAP - 1))
     library.lib.cgl_edges_pass(edges, 3, (2000 + 39 * quarter + 50) % WRAP)
     late = library.lib.cgl_speed_timed_step(state, edges, (2000 + 39 * quarter + 90) % WRAP)
-    assert late == pytest.approx(STEP * TIMER / (WRAP - 1))  # the edge came after that time, not after 50 ticks
+    assert late == pytest.approx(
+        STEP * TIMER / (WRAP - 1)
+    )  # the edge came after that time, not after 50 ticks
 
 
 def test_several_edges_between_two_readings_have_their_mean_interval() -> None:
@@ -114,11 +120,16 @@ def test_several_edges_between_two_readings_have_their_mean_interval() -> None:
     assert edges.time == 500
 
 
-@pytest.mark.parametrize("wrong", [{"counts": 0}, {"timer": 0.0}, {"timer": math.inf}, {"timer": math.nan}, {"timer": 1e35}])
+@pytest.mark.parametrize(
+    "wrong", [{"counts": 0}, {"timer": 0.0}, {"timer": math.inf}, {"timer": math.nan}, {"timer": 1e35}]
+)
 def test_timing_refuses(wrong: dict[str, float]) -> None:
     library = control_library("float")
     config = library.new("cgl_speed_timed_config", **{"counts": 1, "timer": 1e6, **wrong})
-    assert library.lib.cgl_speed_timed_init(library.new("cgl_speed_timed"), config) == library.lib.CGL_ERROR_CONFIG
+    assert (
+        library.lib.cgl_speed_timed_init(library.new("cgl_speed_timed"), config)
+        == library.lib.CGL_ERROR_CONFIG
+    )
 
 
 def observer_of(precision: str, bandwidth: float, ts: float):
@@ -184,4 +195,7 @@ def test_the_observer_takes_another_bandwidth_while_it_runs() -> None:
     assert library.lib.cgl_angle_observer_retune(state, faster) == library.lib.CGL_OK
     assert (state.theta, state.omega) == (77, 12.0)
     assert state.l1 == pytest.approx(1 - math.exp(-0.3))
-    assert library.lib.cgl_angle_observer_retune(state, library.new("cgl_angle_observer_config")) != library.lib.CGL_OK
+    assert (
+        library.lib.cgl_angle_observer_retune(state, library.new("cgl_angle_observer_config"))
+        != library.lib.CGL_OK
+    )

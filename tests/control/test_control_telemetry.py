@@ -14,7 +14,9 @@ def telemetry():
 
 def write(library, state, number: float) -> None:
     drive, out = library.new("cgl_drive"), library.new("cgl_drive_output")
-    drive.monitor.theta_m = drive.monitor.omega_m = getattr(drive, "in").omega_ref = drive.currents.u_dc = number
+    drive.monitor.theta_m = drive.monitor.omega_m = getattr(drive, "in").omega_ref = drive.currents.u_dc = (
+        number
+    )
     for name in ("i_d", "i_q", "i_d_ref", "i_q_ref", "u_d", "u_q"):
         setattr(out, name, number)
     out.status = int(number)

@@ -85,7 +85,7 @@ CGL_SELDOM cgl_error cgl_align_init(cgl_align *align, const cgl_align_config *co
 CGL_SELDOM void cgl_align_reset(cgl_align *align)
 {
     align->theta_e = -align->config.sweep;
-    align->current = align->theta_m = align->zero = align->friction = CGL_R(0.0);
+    align->current = align->theta_m = align->zero = align->apart = CGL_R(0.0);
     align->far[0] = align->far[1] = align->near[0] = align->near[1] = CGL_R(0.0);
     align->stage = RISE;
     align->wait = 0U;
@@ -121,7 +121,7 @@ static void read(cgl_align *align)
     default:
         align->near[1] = align->theta_m;
         align->zero = CGL_R(0.5) * (align->near[0] + align->near[1]);
-        align->friction = CGL_R(0.5) * (align->near[1] - align->near[0]);
+        align->apart = CGL_R(0.5) * (align->near[1] - align->near[0]);
         break;
     }
     ++align->stage;
@@ -130,7 +130,7 @@ static void read(cgl_align *align)
 static void end(cgl_align *align)
 {
     /* a rotor that turns against the field, or sticks, comes back to where it was too: its way tells */
-    const bool followed = has_followed(align) && cgl_abs(align->friction) * (cgl_real)align->config.pole_pairs
+    const bool followed = has_followed(align) && cgl_abs(align->apart) * (cgl_real)align->config.pole_pairs
                                                      <= align->config.sweep;
     align->zero = cgl_unwrap(align->zero, CGL_R(0.0));
     align->result = followed ? CGL_CALIBRATION_DONE : CGL_CALIBRATION_FAILED;

@@ -59,7 +59,7 @@ typedef struct {
     cgl_real ramp;       /* time in which it rises and falls [s], > 0 */
     cgl_real sweep;      /* the field goes so far to either side, electrical [rad], > 0, up to pi, default pi/2 */
     cgl_real speed;      /* of the field, electrical [rad/s], > 0; a rotor must follow without swinging */
-    cgl_real settle;     /* time to come to rest before the angle is read [s], > 0 */
+    cgl_real settle;     /* time to come to rest before the angle is read, swings of the pull included [s], > 0 */
     cgl_real tolerance;  /* the rotor's way may differ from the field's by this part of it, > 0, below 1, default 0.25 */
 } cgl_align_config;
 
@@ -78,7 +78,7 @@ typedef struct {
     cgl_real far[2];   /* at -sweep and at +sweep [rad] */
     cgl_real near[2];  /* at 0 on the way forward, and back [rad] */
     cgl_real zero;     /* the mechanical angle at which theta_e is 0, when done, within +-pi [rad] */
-    cgl_real friction; /* half the difference of both ways, mechanical, when done [rad] */
+    cgl_real apart;    /* half the difference of both ways, when done: what friction holds, mechanical [rad] */
     uint32_t wait;     /* steps until the angle is read */
     uint32_t stage;    /* of the run */
     cgl_calibration result;

@@ -19,11 +19,15 @@ def observed(w: Real, bandwidth: float, period: float) -> Complex:
     predict = np.array([[1, T, T**2 / 2], [0, 1, T], [0, 0, 1]])
     step = predict - np.outer(gains, predict[0])
     z = np.exp(1j * np.asarray(w) * T)
-    x = np.linalg.solve(np.eye(3) - step / z[..., None, None], np.broadcast_to(gains[:, None], (*z.shape, 3, 1)))
+    x = np.linalg.solve(
+        np.eye(3) - step / z[..., None, None], np.broadcast_to(gains[:, None], (*z.shape, 3, 1))
+    )
     return np.asarray(x[..., 1, 0])
 
 
 def counting_window(bandwidth: float, period: float) -> float:
     """Window of counts, s, with as much noise of the speed as the observer has, from the same angle's steps."""
     circle = np.linspace(0, math.pi / period, 4097)
-    return math.sqrt(2 / float(np.trapezoid(np.abs(observed(circle, bandwidth, period)) ** 2, circle) / circle[-1]))
+    return math.sqrt(
+        2 / float(np.trapezoid(np.abs(observed(circle, bandwidth, period)) ** 2, circle) / circle[-1])
+    )

@@ -151,7 +151,9 @@ def extras(subject: Subject) -> dict[str, str]:
         "name": subject.name,
         "divider": str(subject.divider),
         "samples": str(subject.law_config.get("samples", "")),
-        "begin_resets": "    cgl_dead_time_reset(&controller->dead_time);\n" if subject.dead_time_config else "",
+        "begin_resets": "    cgl_dead_time_reset(&controller->dead_time);\n"
+        if subject.dead_time_config
+        else "",
     }
     return {key: Template(text).substitute(words) for key, text in found.items()}
 

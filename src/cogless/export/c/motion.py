@@ -66,7 +66,9 @@ STARTS = {
 START = """
            && cgl_encoder_init(&encoder, &encoder_config, board_counter()) == CGL_OK
            && ${start} == CGL_OK"""
-EMPTY = dict.fromkeys(("motion_includes", "motion_declarations", "motion_definitions", "motion_start", "motion_call"), "")
+EMPTY = dict.fromkeys(
+    ("motion_includes", "motion_declarations", "motion_definitions", "motion_start", "motion_call"), ""
+)
 
 
 def sensor(subject: Subject) -> Encoder | None:

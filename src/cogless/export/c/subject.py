@@ -43,7 +43,11 @@ class Subject:
     def parts(self) -> list[str]:
         """Headers of the parts of the control library that the controller consists of."""
         more = {"dead_time.h": self.dead_time_config, "encoder_table.h": self.encoder_table_config}
-        return ["drive.h", self.law.header, *(header for header, config in more.items() if config is not None)]
+        return [
+            "drive.h",
+            self.law.header,
+            *(header for header, config in more.items() if config is not None),
+        ]
 
     @property
     def headers(self) -> Headers:
