@@ -100,7 +100,8 @@ RUNS = [  # the longest first
     Run("trial", {"SAMPLES": "4", "ORDER": "0", "TAPS": "0"}),
     Run("trial", {"SAMPLES": "8", "ORDER": "1", "TAPS": "3"} | LIMITED),
     Run("monitor", {}), Run("monitor", DOUBLE), Run("quality", {}), Run("quality", DOUBLE),
-    Run("foc", {}), Run("foc", DOUBLE), Run("dead_time", {}), Run("dead_time", DOUBLE), Run("leaves", {}), Run("leaves", DOUBLE),
+    Run("foc", {}), Run("foc", DOUBLE), Run("dead_time", {}), Run("dead_time", DOUBLE),
+    Run("leaves", {}), Run("leaves", DOUBLE),
     Run("pi", {}), Run("pi", LIMITED), Run("pi", DOUBLE),
 ]  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Calibration before the first run: offsets of the current sensors, the rotor's zero angle in the simulated drive."""
+"""Calibration before the first run: current offsets, the rotor's zero angle in the simulated drive."""
 
 import math
 from collections.abc import Callable
@@ -55,8 +55,14 @@ def test_an_offset_is_refused_where_it_is_too_large() -> None:
 
 
 ALIGN: dict[str, Any] = {
-    "pole_pairs": 12, "current": 3.0, "ramp": 0.05, "sweep": math.pi / 2, "speed": 20.0, "settle": 0.2, "tolerance": 0.25,
-}  # fmt: skip
+    "pole_pairs": 12,
+    "current": 3.0,
+    "ramp": 0.05,
+    "sweep": math.pi / 2,
+    "speed": 20.0,
+    "settle": 0.2,
+    "tolerance": 0.25,
+}
 
 
 class Aligner:
@@ -80,8 +86,14 @@ class Aligner:
         ffi.memmove(now, measurement, len(measurement))
         self.result = lib.cgl_align_step(self.align, self.seen(now.theta_m), self.wanted)
         self.largest = max(self.largest, self.wanted.i_d_ref)
-        inputs = new("cgl_foc_input", i_abc=list(now.i_abc), theta_e=self.wanted.theta_e, omega_e=self.wanted.omega_e,
-                     u_dc=now.u_dc, i_d_ref=self.wanted.i_d_ref)  # fmt: skip
+        inputs = new(
+            "cgl_foc_input",
+            i_abc=list(now.i_abc),
+            theta_e=self.wanted.theta_e,
+            omega_e=self.wanted.omega_e,
+            u_dc=now.u_dc,
+            i_d_ref=self.wanted.i_d_ref,
+        )
         lib.cgl_foc_step(self.foc, inputs, duties)
         out.duty = duties.duty
         return bytes(ffi.buffer(out))
@@ -89,8 +101,16 @@ class Aligner:
 
 def aligned(seen: Callable[[float], float], start: str = "100 deg", **changes: Any) -> tuple[Aligner, Study]:
     scenario = "scenario.1-rev-s."
-    study = load("uomodri", {"metric": [], scenario + "reference": "0 rpm", scenario + "initial_speed": "0 rpm",
-                             scenario + "initial_angle": start, **changes})  # fmt: skip
+    study = load(
+        "uomodri",
+        {
+            "metric": [],
+            scenario + "reference": "0 rpm",
+            scenario + "initial_speed": "0 rpm",
+            scenario + "initial_angle": start,
+            **changes,
+        },
+    )
     description = engine_config(study, "1-rev-s", "pi")
     drive, controller = _simulator_f32.Drive(description, None), Aligner(description, seen)
     drive.advance(drive.start(), _simulator_f32.Recorder(drive, 1000), 26_000, controller)
@@ -99,7 +119,7 @@ def aligned(seen: Callable[[float], float], start: str = "100 deg", **changes: A
 
 @pytest.mark.parametrize("cogs", [True, False])
 def test_the_zero_angle_is_found_in_the_simulated_drive(cogs: bool) -> None:
-    """A motor with friction, whose encoder stands 1 rad off: to what friction and cogging hold against the pull."""
+    """A motor with friction, whose encoder stands 1 rad off: to what friction and cogging hold."""
     found, study = aligned(
         lambda theta: (theta + 1.0) % (2 * math.pi), **({} if cogs else {"motor.cogging": []})
     )
@@ -116,18 +136,32 @@ def test_the_zero_angle_is_found_in_the_simulated_drive(cogs: bool) -> None:
     assert found.wanted.i_d_ref == 0.0
 
 
-@pytest.mark.parametrize("seen", [lambda _: 0.3, lambda theta: -theta, lambda theta: 2 * theta, lambda _: math.nan],
-                         ids=["stuck", "backward", "other gear", "missing"])  # fmt: skip
+@pytest.mark.parametrize(
+    "seen",
+    [lambda _: 0.3, lambda theta: -theta, lambda theta: 2 * theta, lambda _: math.nan],
+    ids=["stuck", "backward", "other gear", "missing"],
+)
 def test_a_rotor_that_does_not_follow_is_refused(seen: Callable[[float], float]) -> None:
     found, _study = aligned(seen)
     assert found.result == 2
     assert found.wanted.i_d_ref == 0.0
 
 
-@pytest.mark.parametrize("wrong", [
-    {"pole_pairs": 0}, {"pole_pairs": 10_001}, {"current": 0.0}, {"ramp": math.inf}, {"ramp": 1e6}, {"sweep": 3.2},
-    {"speed": 0.0}, {"speed": 1e-9}, {"settle": math.nan}, {"tolerance": 1.0},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"pole_pairs": 0},
+        {"pole_pairs": 10_001},
+        {"current": 0.0},
+        {"ramp": math.inf},
+        {"ramp": 1e6},
+        {"sweep": 3.2},
+        {"speed": 0.0},
+        {"speed": 1e-9},
+        {"settle": math.nan},
+        {"tolerance": 1.0},
+    ],
+)
 def test_init_refuses(wrong: dict[str, Any]) -> None:
     library = control_library("float")
     config = library.new("cgl_align_config", **{**ALIGN, **wrong})

@@ -24,8 +24,14 @@ class CDeadTime:
         self.error = self.lib.cgl_dead_time_init(self.state, self.config, ts)
 
     def step(self, theta_e, omega_e, u_dc, i_ref: complex, duty) -> np.ndarray:
-        inputs = self.library.new("cgl_foc_input", theta_e=theta_e, omega_e=omega_e, u_dc=u_dc,
-                                  i_d_ref=i_ref.real, i_q_ref=i_ref.imag)  # fmt: skip
+        inputs = self.library.new(
+            "cgl_foc_input",
+            theta_e=theta_e,
+            omega_e=omega_e,
+            u_dc=u_dc,
+            i_d_ref=i_ref.real,
+            i_q_ref=i_ref.imag,
+        )
         values, pointer = self.library.array(duty)
         self.lib.cgl_dead_time_step(self.state, inputs, pointer)
         return values
@@ -56,7 +62,7 @@ def test_equals_the_reference(precision: str, phases: int) -> None:
 
 @pytest.mark.parametrize("phases", [3, 2])
 def test_gives_back_what_the_inverter_takes(phases: int) -> None:
-    """Beyond the band, and settled, the legs' mean voltages are those asked for: by the closed form of the loss."""
+    """Beyond the band, and settled, the legs' mean voltages are those asked for: the loss's closed form."""
     library = control_library("double")
     law = CDeadTime(library, dataclasses.replace(USUAL, phases=phases))
     theta, u_dc, i_ref = 0.7, 24.0, 0.3 + 2.0j
@@ -101,10 +107,25 @@ def test_what_is_not_plausible_changes_nothing_for_long(place: int, value: float
         np.testing.assert_allclose(duty, before, atol=1e-6)
 
 
-@pytest.mark.parametrize("wrong", [
-    {"time": -1e-9}, {"time": 2.6e-5}, {"time": NAN}, {"drop": -1.0}, {"drop": INF}, {"band": 0.0}, {"band": 1e-39},
-    {"lag": -1.0}, {"lag": NAN}, {"advance": -1.0}, {"phases": 1}, {"phases": 4}, {"ts": 0.0}, {"ts": NAN},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"time": -1e-9},
+        {"time": 2.6e-5},
+        {"time": NAN},
+        {"drop": -1.0},
+        {"drop": INF},
+        {"band": 0.0},
+        {"band": 1e-39},
+        {"lag": -1.0},
+        {"lag": NAN},
+        {"advance": -1.0},
+        {"phases": 1},
+        {"phases": 4},
+        {"ts": 0.0},
+        {"ts": NAN},
+    ],
+)
 def test_init_refuses(wrong: dict[str, float]) -> None:
     library = control_library("float")
     assert CDeadTime(library, dataclasses.replace(USUAL, **wrong)).error == library.lib.CGL_ERROR_CONFIG

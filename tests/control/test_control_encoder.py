@@ -66,9 +66,15 @@ def test_an_absolute_encoder_knows_where_it_is(backward: bool) -> None:
     assert state.count == (-moved if backward else moved) % WRAP
 
 
-@pytest.mark.parametrize("config", [
-    {"counts": 1}, {"counts": 100, "range": 3}, {"counts": 100, "zero": 100}, {"counts": 100, "range": 101, "absolute": True},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "config",
+    [
+        {"counts": 1},
+        {"counts": 100, "range": 3},
+        {"counts": 100, "zero": 100},
+        {"counts": 100, "range": 101, "absolute": True},
+    ],
+)
 def test_init_refuses(config: dict[str, int]) -> None:
     library, _state, error = encoder(**config)
     assert error == library.lib.CGL_ERROR_CONFIG

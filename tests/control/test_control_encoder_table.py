@@ -1,4 +1,4 @@
-"""The sensor's own error, learned by its orders: what converges, what may not disturb it, what may not break it."""
+"""The sensor's own error, learned by its orders: what converges, what may not disturb or break it."""
 
 import math
 from typing import Any
@@ -9,8 +9,14 @@ from control_library import control_library
 
 TS = 1e-4
 USUAL: dict[str, Any] = {
-    "orders": 2, "order": [1, 3], "gain": 4.0, "omega_min": 50.0, "bandwidth": 12.0, "b": 400.0, "limit": 0.1,
-}  # fmt: skip
+    "orders": 2,
+    "order": [1, 3],
+    "gain": 4.0,
+    "omega_min": 50.0,
+    "bandwidth": 12.0,
+    "b": 400.0,
+    "limit": 0.1,
+}
 ERROR = {1: 0.009 * np.exp(0.7j), 3: 0.002 * np.exp(-2.0j)}  # Re c exp(j n theta)
 
 
@@ -71,7 +77,7 @@ def test_it_learns_the_error_and_takes_it_out_of_angle_and_speed(
 
 
 def test_a_rotor_that_follows_the_error_is_seen_through_by_its_current() -> None:
-    """A stiff speed loop makes the rotor follow the sensor: it shows a constant speed, and only the current tells."""
+    """A stiff loop makes the rotor follow the sensor: it shows a constant speed, only the current tells."""
     speed, b = 80.0, 400.0
     t = TS * np.arange(40_000)
     shown = speed * t
@@ -137,11 +143,26 @@ def test_what_is_not_plausible_is_not_learned(place: str, value: float) -> None:
     assert math.isfinite(state.observer.omega)
 
 
-@pytest.mark.parametrize("wrong", [
-    {"orders": 0}, {"orders": 5}, {"order": [3, 1]}, {"order": [0, 1]}, {"order": [1, 1001]}, {"gain": -1.0}, {"gain": 1001.0},
-    {"omega_min": 0.0}, {"bandwidth": 17.0}, {"bandwidth": 0.0}, {"b": -1.0}, {"b": math.nan}, {"limit": 0.0}, {"limit": 0.34},
-    {"bandwidth": 1e-9},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"orders": 0},
+        {"orders": 5},
+        {"order": [3, 1]},
+        {"order": [0, 1]},
+        {"order": [1, 1001]},
+        {"gain": -1.0},
+        {"gain": 1001.0},
+        {"omega_min": 0.0},
+        {"bandwidth": 17.0},
+        {"bandwidth": 0.0},
+        {"b": -1.0},
+        {"b": math.nan},
+        {"limit": 0.0},
+        {"limit": 0.34},
+        {"bandwidth": 1e-9},
+    ],
+)
 def test_init_refuses(wrong: dict[str, Any]) -> None:
     library, _state, error = table_of(**wrong)
     assert error == library.lib.CGL_ERROR_CONFIG

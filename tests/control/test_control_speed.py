@@ -30,8 +30,10 @@ def test_counting_equals_the_reference_across_the_wrap(precision: str, window: i
     np.testing.assert_allclose(found, reference.counted(counts, 10_000, window, 1e-3), rtol=4 * library.eps)
 
 
-@pytest.mark.parametrize("wrong", [{"counts": 0}, {"window": 0}, {"window": 2**20 + 1}, {"ts": 0.0}, {"ts": math.nan},
-                                   {"ts": 1e-38}])  # fmt: skip
+@pytest.mark.parametrize(
+    "wrong",
+    [{"counts": 0}, {"window": 0}, {"window": 2**20 + 1}, {"ts": 0.0}, {"ts": math.nan}, {"ts": 1e-38}],
+)
 def test_counting_refuses(wrong: dict[str, float]) -> None:
     library = control_library("float")
     given = {"counts": 1000, "window": 4, "ts": 1e-3, **wrong}
@@ -142,7 +144,7 @@ def observer_of(precision: str, bandwidth: float, ts: float):
 @pytest.mark.parametrize(("precision", "bound"), [("double", 1e-6), ("float", 2e-3)])
 @pytest.mark.parametrize("bandwidth", [50.0, 2000.0, 20000.0])
 def test_the_observer_has_its_poles_where_it_says(precision: str, bandwidth: float, bound: float) -> None:
-    """Against an observer whose gains come from pole placement; the angle's turns of 2^-32 are its rounding."""
+    """Against an observer whose gains come from pole placement; turns of 2^-32 are its rounding."""
     ts = 5e-5
     library, state, error = observer_of(precision, bandwidth, ts)
     assert error == library.lib.CGL_OK
@@ -181,8 +183,10 @@ def test_the_observer_takes_any_angle_and_stays_bounded() -> None:
         assert abs(state.alpha) <= math.pi / 5e-5**2 * 1.001
 
 
-@pytest.mark.parametrize(("bandwidth", "ts"), [(0.0, 1e-4), (-1.0, 1e-4), (math.nan, 1e-4), (21e3, 1e-4), (10.0, 0.0),
-                                               (10.0, math.inf), (10.0, 1e-10)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("bandwidth", "ts"),
+    [(0.0, 1e-4), (-1.0, 1e-4), (math.nan, 1e-4), (21e3, 1e-4), (10.0, 0.0), (10.0, math.inf), (10.0, 1e-10)],
+)
 def test_the_observer_refuses(bandwidth: float, ts: float) -> None:
     library, _state, error = observer_of("float", bandwidth, ts)
     assert error == library.lib.CGL_ERROR_CONFIG

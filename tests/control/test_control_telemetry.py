@@ -49,7 +49,7 @@ def test_the_count_runs_round(telemetry) -> None:
 
 
 def test_what_is_half_written_is_not_given_out(telemetry) -> None:
-    """A writer that was stopped in the buffer that is read: not possible on one core, and seen all the same."""
+    """A writer that stopped in the buffer that is read: not possible on one core, and seen all the same."""
     library, state = telemetry
     write(library, state, 1.0)
     state.buffer[1].count = 3

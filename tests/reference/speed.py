@@ -1,4 +1,4 @@
-"""Speed from an encoder's counts and edge times, as the equations in docs/theory/sensors.md have it, and by an observer."""
+"""Speed from an encoder's counts and edge times, as docs/theory/sensors.md has it, and by an observer."""
 
 import numpy as np
 
@@ -29,7 +29,7 @@ def timed(
 
 
 def observed(theta: np.ndarray, bandwidth: float, ts: float, omega: float) -> np.ndarray:
-    """Angle, speed and acceleration of the observer with its poles at exp(-bandwidth ts), from an angle that is not wrapped.
+    """Angle, speed and acceleration of the observer, poles at exp(-bandwidth ts), from an unwrapped angle.
 
     The gains are not those of the C text: they are found by placing the poles of (I - L C) A.
     """

@@ -50,7 +50,7 @@ def test_counting_is_the_difference_of_counts_over_the_period_bit_for_bit() -> N
 
 @pytest.mark.parametrize("speed", [3.7, -41.0])
 def test_the_observer_smooths_the_counts(speed: float) -> None:
-    """Each count is a step of the angle; its noise through the observer is far below that of counting a period."""
+    """A count is a step of the angle; its noise through the observer is far below that of counting."""
     noise = []
     for bandwidth in (100.0, 400.0):
         omega = measured(speed, encoder("observer", bandwidth=bandwidth))[2000:]

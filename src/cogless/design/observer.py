@@ -1,4 +1,4 @@
-"""Response of the speed observer of control/src/cogless/angle_observer.c, which runs at the current loop's rate."""
+"""Response of the speed observer, control/src/cogless/angle_observer.c, at the current loop's rate."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def observed(w: Real, bandwidth: float, period: float) -> Complex:
 
 
 def counting_window(bandwidth: float, period: float) -> float:
-    """Window of counts, s, with as much noise of the speed as the observer has, from the same angle's steps."""
+    """Window, s, whose counts have as much noise of the speed as the observer, from the same steps."""
     circle = np.linspace(0, math.pi / period, 4097)
     return math.sqrt(
         2 / float(np.trapezoid(np.abs(observed(circle, bandwidth, period)) ** 2, circle) / circle[-1])

@@ -6,7 +6,8 @@ The open speed loop, from speed error to measured speed, sampled with period T =
 
 P is the response from current reference to measured speed. It consists of N exact steps x' = A x + B i_ref,
 each of one current-loop period T_c. From one speed sample to the next this gives X(z) = (z - A^N)^-1 B_N.
-With an ideal sensor the measured speed is omega, with an observer its response to theta. Otherwise it is (theta now - theta W steps ago) / (W T_c).
+With an ideal sensor the measured speed is omega, with an observer its response to theta. Otherwise it is
+(theta now - theta W steps ago) / (W T_c).
 With W = m N - r (0 <= r < N), theta W steps ago was that of z^-m (A^r X + B_r). An encoder has W = N, so a
 delay of T / 2. If it is timed from edge to edge (method T), this is its largest delay while two edges or more
 come in a period.

@@ -29,8 +29,8 @@ import numpy as np
 from cogless.design.angle_functions import functions_in
 from cogless.design.learning_loop import LearningLoop, plants, sensitivity
 from cogless.design.margins import Complex, Real
-from cogless.design.pi import pi_response
 from cogless.design.observer import counting_window
+from cogless.design.pi import pi_response
 from cogless.study import Study, for_scenario
 from cogless.study.drive import Encoder, Resolver
 from cogless.study.spoken import speed_text

@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib.resources import files
 from string import Template
 
-from cogless.export.c.subject import Subject
 from cogless.export.c.motion import HEADERS
+from cogless.export.c.subject import Subject
 from cogless.study.drive import Encoder, IdealSensor, Resolver
 
 
@@ -86,8 +86,9 @@ def _speed(subject: Subject) -> str:
     sensor = drive.position_sensor if drive is not None else IdealSensor()
     if isinstance(sensor, Encoder):
         return (
-            f"from an encoder of {sensor.lines} lines, {4 * sensor.lines} counts, by the code that was simulated: "
-            f"`cogless/{HEADERS[sensor.speed_method]}` says what it measures, `measure_motion` in the example calls it"
+            f"from an encoder of {sensor.lines} lines, {4 * sensor.lines} counts, by the code that was "
+            f"simulated: `cogless/{HEADERS[sensor.speed_method]}` says what it measures, `measure_motion` in the "
+            "example calls it"
         )
     if isinstance(sensor, Resolver):
         time = 1e3 * sensor.window / subject.rate

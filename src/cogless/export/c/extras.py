@@ -86,7 +86,8 @@ const cgl_${part}_config ${name}_${part}_config = {
 ${values}
 };
 """,
-    "part_inits": """    if (cgl_${part}_init(&controller->${part}, &${name}_${part}_config, ${period}) != CGL_OK) {
+    "part_inits": """    if (cgl_${part}_init(&controller->${part}, &${name}_${part}_config, ${period})
+        != CGL_OK) {
         return CGL_ERROR_CONFIG;
     }
 """,
@@ -95,6 +96,7 @@ ${values}
 CORRECT = """    cgl_measurement corrected = *now; /* without the sensor's own error */
     cgl_encoder_table_step(&controller->encoder_table, &corrected, drive->i_q, true);
 """
+BEGIN_RESETS = "    cgl_dead_time_reset(&controller->dead_time);\n"
 COMPENSATE = """    if ((out->status & (unsigned)CGL_STATUS_OFF) == 0U) {
         cgl_dead_time_step(&controller->dead_time, &drive->currents, out->duty);
     }
@@ -151,9 +153,7 @@ def extras(subject: Subject) -> dict[str, str]:
         "name": subject.name,
         "divider": str(subject.divider),
         "samples": str(subject.law_config.get("samples", "")),
-        "begin_resets": "    cgl_dead_time_reset(&controller->dead_time);\n"
-        if subject.dead_time_config
-        else "",
+        "begin_resets": BEGIN_RESETS if subject.dead_time_config else "",
     }
     return {key: Template(text).substitute(words) for key, text in found.items()}
 

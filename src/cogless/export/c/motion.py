@@ -1,4 +1,4 @@
-"""Code for the example: the angle and the speed from the study's encoder, by the parts that simulated them."""
+"""Code for the example: angle and speed from the study's encoder, by the parts that simulated them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ STATES = {
 static cgl_speed_count speed;
 static uint32_t count_before[1];
 """,
-    "MT": """static const cgl_speed_timed_config speed_config = {.counts = ${counts}U, .timer = ${timer}${last_interval}};
+    "MT": """static const cgl_speed_timed_config speed_config = {
+    .counts = ${counts}U, .timer = ${timer}${last_interval}};
 static cgl_speed_timed speed;
 static cgl_edges edges;
 """,
@@ -34,8 +35,8 @@ static cgl_angle_observer speed;
 DEFINITIONS = """static const cgl_encoder_config encoder_config = {.counts = ${counts}U, .range = 65536U};
 static cgl_encoder encoder;
 ${states}
-/* The encoder's part of the measurements. Its zero is where it stood at the start: call cgl_encoder_index at the index
- * pulse, or cgl_encoder_place. */
+/* The encoder's part of the measurements. Its zero is where it stood at the start: call cgl_encoder_index at the
+ * index pulse, or cgl_encoder_place. */
 static void measure_motion(cgl_measurement *now)
 {
 ${due}    cgl_encoder_step(&encoder, board_counter());
