@@ -35,6 +35,7 @@ PARTS = {
     "leaves": "angle modulation polynomial",
     "foc": "angle foc",
     "dead_time": "range dead_time",
+    "sensors": "encoder speed_timed angle_observer",
     "monitor": "angle monitor",
     "quality": "quality",
     "drive": "angle foc monitor quality drive",
@@ -53,6 +54,7 @@ PARTS = {
 PRECISE = """
     is_valid cgl_map_is_valid cgl_pi_init cgl_memory_init cgl_pi_ilc_init cgl_robust_ilc_init
     cgl_anti_cogging_init cgl_pi_afc_init cgl_space_memory_init cgl_space_position_init cgl_space_speed_init
+    cgl_encoder_init cgl_angle_observer_init cgl_angle_observer_retune cgl_speed_timed_init
     cgl_feedforward_init cgl_zero_phase_init cgl_trial_init cgl_trial_reset cgl_trial_end correct step
     cgl_trial_step cgl_trial_drive_step cgl_space_speed_step cgl_space_position_step cgl_robust_ilc_step
     pass_cells pass_cell read_rows sum_rows cgl_space_memory_recall write_waiting write_bytes check_step
@@ -100,7 +102,7 @@ RUNS = [  # the longest first
     Run("trial", {"SAMPLES": "4", "ORDER": "0", "TAPS": "0"}),
     Run("trial", {"SAMPLES": "8", "ORDER": "1", "TAPS": "3"} | LIMITED),
     Run("monitor", {}), Run("monitor", DOUBLE), Run("quality", {}), Run("quality", DOUBLE),
-    Run("foc", {}), Run("foc", DOUBLE), Run("dead_time", {}), Run("dead_time", DOUBLE),
+    Run("foc", {}), Run("foc", DOUBLE), Run("dead_time", {}), Run("dead_time", DOUBLE), Run("sensors", {}), Run("sensors", DOUBLE),
     Run("leaves", {}), Run("leaves", DOUBLE),
     Run("pi", {}), Run("pi", LIMITED), Run("pi", DOUBLE),
 ]  # fmt: skip

@@ -87,8 +87,8 @@ def _speed(subject: Subject) -> str:
     if isinstance(sensor, Encoder):
         return (
             f"from an encoder of {sensor.lines} lines, {4 * sensor.lines} counts, by the code that was "
-            f"simulated: `cogless/{HEADERS[sensor.speed_method]}` says what it measures, `measure_motion` in the "
-            "example calls it"
+            f"simulated: `cogless/{HEADERS[sensor.speed_method]}` says what it measures, `measure_motion` in "
+            "the example calls it"
         )
     if isinstance(sensor, Resolver):
         time = 1e3 * sensor.window / subject.rate

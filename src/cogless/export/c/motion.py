@@ -35,8 +35,8 @@ static cgl_angle_observer speed;
 DEFINITIONS = """static const cgl_encoder_config encoder_config = {.counts = ${counts}U, .range = 65536U};
 static cgl_encoder encoder;
 ${states}
-/* The encoder's part of the measurements. Its zero is where it stood at the start: call cgl_encoder_index at the
- * index pulse, or cgl_encoder_place. */
+/* The encoder's part of the measurements. Its zero is where it stood at the start: call cgl_encoder_index at
+ * the index pulse, or cgl_encoder_place. */
 static void measure_motion(cgl_measurement *now)
 {
 ${due}    cgl_encoder_step(&encoder, board_counter());
