@@ -32,6 +32,7 @@
 #include "cogless/telemetry.h"
 #include "cogless/transform.h"
 #include "cogless/trial.h"
+#include "cogless/turns.h"
 #include "cogless/zero_phase.h"
 
 #endif

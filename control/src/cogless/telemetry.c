@@ -11,7 +11,7 @@ CGL_SELDOM void cgl_telemetry_reset(cgl_telemetry *telemetry)
 void cgl_telemetry_write(cgl_telemetry *telemetry, const cgl_drive *drive, const cgl_drive_output *out)
 {
     volatile uint32_t *const complete = &telemetry->count;
-    const uint32_t after = *complete + 1U, count = after == 0U ? 2U : after; /* 0 is: nothing yet */
+    const uint32_t before = *complete, count = before < UINT32_MAX ? before + 1U : 2U; /* 0 is: nothing yet */
     volatile cgl_snapshot *const next = &telemetry->buffer[count & 1U];
     next->count = count;
     next->status = out->status;
@@ -38,7 +38,8 @@ bool cgl_telemetry_read(const cgl_telemetry *telemetry, cgl_snapshot *snapshot)
                                    newest->omega_ref, newest->i_d,    newest->i_q,     newest->i_d_ref,
                                    newest->i_q_ref, newest->u_d,    newest->u_q,     newest->u_dc};
         /* the next snapshot goes into the other buffer; only the one after it would overwrite this */
-        if (*complete - before <= 1U && copy.count == before) {
+        const uint32_t after = *complete;
+        if ((after == before || after == before + 1U) && copy.count == before) {
             *snapshot = copy;
             return before != 0U;
         }
