@@ -33,6 +33,7 @@
 #include "cogless/transform.h"
 #include "cogless/trial.h"
 #include "cogless/turns.h"
+#include "cogless/version.h"
 #include "cogless/zero_phase.h"
 
 #endif
