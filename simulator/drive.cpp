@@ -135,6 +135,14 @@ Drive::Drive(const DriveConfig& config)
             throw std::invalid_argument("drive.control: expected as many phases as the motor has");
         }
     }
+    if (config_.dead_time) {
+        require(cgl_dead_time_init(&dead_time_start_, &*config_.dead_time, static_cast<cgl_real>(period_)),
+                "dead-time compensation");
+    }
+    if (config_.encoder_table) {
+        require(cgl_encoder_table_init(&encoder_table_start_, &*config_.encoder_table, static_cast<cgl_real>(period_)),
+                "encoder table");
+    }
     cgl_drive unused;
     if (cgl_drive_init(&unused, &config_.control, static_cast<cgl_real>(period_)) != CGL_OK) {
         throw std::invalid_argument("drive.control: a value is outside its range");
@@ -156,6 +164,7 @@ Drive::Drive(const DriveConfig& config)
 DriveState Drive::start() const {
     DriveState s{};
     cgl_drive_init(&s.control, &config_.control, static_cast<cgl_real>(period_));
+    s.encoder_table = encoder_table_start_;
     restart(s, phases_.front());
     s.random = Random(config_.seed);
     s.law = start_of(config_.law);
@@ -169,6 +178,7 @@ void Drive::restart(DriveState& s, const Phase& phase) const {
     s.plant.load.target += s.added_load;
     s.position = phase.position_start;
     cgl_drive_reset(&s.control);
+    s.dead_time = dead_time_start_;
     s.asked = {};
     s.output = {};
     s.duty = {0.5, 0.5, 0.5};
@@ -218,8 +228,9 @@ void Drive::advance_trials(DriveState& s, Recorder& recorder, std::int64_t end, 
 
 cgl_drive_output Drive::step_controller(DriveState& s, const cgl_measurement& now, const cgl_reference& reference) const {
     s.asked = reference;
-    if (cgl_drive_measure(&s.control, &now, &s.asked)) step_law<star_legs>(s);
-    cgl_drive_actuate(&s.control, &s.output);
+    s.sampled = now;
+    if (measure(s)) step_law<star_legs>(s);
+    actuate(s);
     return s.output;
 }
 
@@ -318,7 +329,7 @@ void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, std::int6
 template <std::size_t legs>
 [[gnu::always_inline]] inline Voltage<> Drive::averaged(const Phases& duty, const Phases& current,
                                                         const Faults& faults) const {
-    return cogless::averaged(faults.bus_voltage, dead_share_, leg_duties<legs>(duty), leg_currents<legs>(current));
+    return cogless::averaged(faults.bus_voltage, dead_share_, config_.inverter.device_drop, leg_duties<legs>(duty), leg_currents<legs>(current));
 }
 
 [[gnu::always_inline]] inline void Drive::watch(DriveState& s, double from, double h, double theta_m,
@@ -443,6 +454,20 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
     for (const Running& r : all) plants.get(r.n, r.lane->state->plant, here);
 }
 
+[[gnu::always_inline]] inline bool Drive::measure(DriveState& s) const {
+    if (!config_.encoder_table) return cgl_drive_measure(&s.control, &s.sampled, &s.asked);
+    cgl_measurement now = s.sampled;
+    cgl_encoder_table_step(&s.encoder_table, &now, s.control.i_q, true);
+    s.measured = {static_cast<double>(now.theta_m), static_cast<double>(now.omega_m)};
+    return cgl_drive_measure(&s.control, &now, &s.asked);
+}
+
+[[gnu::always_inline]] inline void Drive::actuate(DriveState& s) const {
+    cgl_drive_actuate(&s.control, &s.output);
+    const bool off = (s.output.status & static_cast<unsigned>(CGL_STATUS_OFF)) != 0U;
+    if (config_.dead_time && !off) cgl_dead_time_step(&s.dead_time, &s.control.currents, s.output.duty);
+}
+
 // Samples the sensors and runs the controller.
 template <std::size_t legs>
 void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool law_due, const Phases& current,
@@ -468,8 +493,8 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
         s.output = other->step(s.sampled, s.asked);
         for (cgl_real& duty : s.output.duty) duty = possible(duty);
     } else {
-        if (cgl_drive_measure(&s.control, &s.sampled, &s.asked)) step_law<legs>(s);
-        cgl_drive_actuate(&s.control, &s.output);
+        if (measure(s)) step_law<legs>(s);
+        actuate(s);
     }
     if constexpr (legs == 0) {
         const cgl_real limit = config_.control.foc.current_limit;
@@ -555,7 +580,7 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
         }
         if (!inverter.switched) here = exact(s.plant.theta_m);
     } else if (inverter.switched) {
-        const Pulses<legs> p = pulses(faults.bus_voltage, inverter.dead_time, leg_duties<legs>(duty), leg_currents<legs>(current), period_);
+        const Pulses<legs> p = pulses(faults.bus_voltage, inverter.dead_time, inverter.device_drop, leg_duties<legs>(duty), leg_currents<legs>(current), period_);
         double from = 0.0;
         for (std::size_t n = 0; n < p.count; ++n) {
             const double length = p.stretch[n].until - from;

@@ -15,7 +15,9 @@
 #include <vector>
 
 #include "angle_patch.hpp"
+#include "cogless/dead_time.h"
 #include "cogless/drive.h"
+#include "cogless/encoder_table.h"
 #include "current_sensors.hpp"
 #include "every.hpp"
 #include "fault.hpp"
@@ -57,6 +59,8 @@ struct DriveConfig {
     PositionSensorConfig position_sensor;
     ReferenceConfig reference;  // without trials
     cgl_drive_config control;
+    std::optional<cgl_dead_time_config> dead_time;  // none: not compensated
+    std::optional<cgl_encoder_table_config> encoder_table;  // none: the sensor is believed
     std::vector<Fault> faults;  // by the tick since the start
     Law law;
     std::int64_t current_rate;   // Hz
@@ -73,6 +77,8 @@ struct DriveState {
     PositionSensor::State position;
     Random random{0};
     cgl_drive control;
+    cgl_dead_time dead_time{};
+    cgl_encoder_table encoder_table{};
     LawState law;
     double seen = 0.0;  // rad, the angle by the position sensor
     Measurement measured{0.0, 0.0};
@@ -149,6 +155,10 @@ private:
         PositionSensor::State position_start;
     };
 
+    // The controller's part of a tick before the law; whether the law is due.
+    bool measure(DriveState& state) const;
+    // And after it.
+    void actuate(DriveState& state) const;
     void begin_law(DriveState& state, const std::vector<cgl_real>& trajectory) const;
     // Resets everything but the law and the noise to the phase's initial state.
     void restart(DriveState& state, const Phase& phase) const;
@@ -211,6 +221,8 @@ private:
     double turns_;        // rad, the law gets the reference's angle modulo this
     Reference reference_;
     PositionSensor position_sensor_;
+    cgl_dead_time dead_time_start_{};  // used if config_.dead_time is there
+    cgl_encoder_table encoder_table_start_{};
     CurrentSensors current_sensors_;
     std::vector<Phase> phases_;
     std::vector<Signal> signals_;

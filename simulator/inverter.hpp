@@ -25,8 +25,14 @@ struct InverterConfig {
     bool switched = false;
     double bus_voltage;          // V
     double dead_time = 0.0;      // s
+    double device_drop = 0.0;    // V, across the transistor or diode that conducts
     bool computation_delay = true;  // the duty cycles act one period after they were computed
 };
+
+// What a leg's device takes from its voltage, V: a positive current flows out of the leg.
+inline double dropped(double device_drop, double current) {
+    return current >= 0.0 ? device_drop : -device_drop;
+}
 
 // Voltage in the stationary frame from the voltages of the legs.
 inline Voltage<> stationary(const Legs<star_legs>& u) {
@@ -82,12 +88,14 @@ struct Pulses {
 // that a positive current delays the rising edge by the dead time, and a negative current the falling edge. The sign is
 // taken at the start of the period.
 template <std::size_t legs>
-Pulses<legs> pulses(double bus_voltage, double dead_time, const Legs<legs>& duty, const Legs<legs>& current, double period) {
-    Legs<legs> rise, fall;
+Pulses<legs> pulses(double bus_voltage, double dead_time, double device_drop, const Legs<legs>& duty, const Legs<legs>& current,
+                    double period) {
+    Legs<legs> rise, fall, drop;
     std::array<double, 2 * legs> edge;  // s, sorted
 #pragma GCC unroll 4
     for (std::size_t x = 0; x < legs; ++x) {
         rise[x] = 0.0;
+        drop[x] = dropped(device_drop, current[x]);
         fall[x] = duty[x] >= 1.0 ? period : 0.0;
         if (duty[x] > 0.0 && duty[x] < 1.0) {  // otherwise no edge, no dead time
             const bool out = current[x] >= 0.0;
@@ -108,13 +116,13 @@ Pulses<legs> pulses(double bus_voltage, double dead_time, const Legs<legs>& duty
         }
     }
 
-    const Four rises = four_of(rise), falls = four_of(fall);
+    const Four rises = four_of(rise), falls = four_of(fall), drops = four_of(drop);
     Pulses<legs> result;
     result.count = 0;
     double from = 0.0;
     const auto hold = [&](double until) __attribute__((always_inline)) {
         if (!(until > from)) return;
-        const Four u = select(rises > from, 0.0, select(falls > from, bus_voltage, 0.0));
+        const Four u = select(rises > from, 0.0, select(falls > from, bus_voltage, 0.0)) - drops;
         result.stretch[result.count++] = {until, stationary(array_of<legs>(u))};
         from = until;
     };
@@ -126,7 +134,7 @@ Pulses<legs> pulses(double bus_voltage, double dead_time, const Legs<legs>& duty
 
 // The mean of the same pulses over the period. dead_share: the dead time's share of the period.
 template <std::size_t legs>
-[[gnu::always_inline]] inline Voltage<> averaged(double bus_voltage, double dead_share, const Legs<legs>& duty,
+[[gnu::always_inline]] inline Voltage<> averaged(double bus_voltage, double dead_share, double device_drop, const Legs<legs>& duty,
                                                  const Legs<legs>& current) {
     Legs<legs> u;
     for (std::size_t x = 0; x < legs; ++x) {
@@ -135,7 +143,7 @@ template <std::size_t legs>
             // a rising edge is delayed to the falling edge at most, a falling edge to the end of the period
             share += current[x] >= 0.0 ? -std::min(dead_share, share) : std::min(dead_share, 0.5 * (1.0 - share));
         }
-        u[x] = bus_voltage * share;
+        u[x] = bus_voltage * share - dropped(device_drop, current[x]);
     }
     return stationary(u);
 }
