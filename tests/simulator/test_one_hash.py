@@ -68,7 +68,7 @@ def description(inverter: str) -> dict[str, Any]:
                 "kind": "encoder",
                 "lines": 1000,
                 "speed_method": "M",
-                "timer": 0.0,
+                "timer": 1e9,
                 "eccentricity": 0.01,
                 "eccentricity_phase": 0.2,
             },
