@@ -33,6 +33,9 @@ CGL_SELDOM cgl_error cgl_drive_init(const cgl_drive_config *config, cgl_drive *d
     if (error == CGL_OK) {
         error = cgl_quality_init(&config->quality, &drive->quality);
     }
+    if (error == CGL_OK) {
+        error = cgl_guard_init(&drive->guard, config->quality.ts);
+    }
     if (error == CGL_OK && !agrees(config)) {
         error = CGL_ERROR_CONFIG;
     }
@@ -45,7 +48,7 @@ CGL_SELDOM cgl_error cgl_drive_init(const cgl_drive_config *config, cgl_drive *d
 CGL_SELDOM void cgl_drive_reset(cgl_drive *drive)
 {
     static const cgl_law_input no_input = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0),
-                                           false,      false};
+                                           false,      false, false, CGL_R(1.0), 0U};
     static const cgl_foc_input no_currents = {{CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)}, CGL_R(0.0), CGL_R(0.0), CGL_R(0.0),
                                               CGL_R(0.0), CGL_R(0.0)};
     drive->in = no_input;
@@ -53,18 +56,37 @@ CGL_SELDOM void cgl_drive_reset(cgl_drive *drive)
     drive->command.status = 0U;
     cgl_monitor_reset(&drive->monitor);
     cgl_quality_reset(&drive->quality);
+    cgl_guard_reset(&drive->guard);
     cgl_foc_reset(&drive->foc);
     drive->currents = no_currents;
     drive->i_q = CGL_R(0.0);
     drive->countdown = 0U;
     drive->saturated = drive->off = false;
-    drive->status = 0U;
+    drive->status = drive->held = 0U;
 }
 
 /* The law follows a speed of its own, which is not known here. */
 static bool is_busy(const cgl_drive *drive)
 {
     return (drive->command.status & (unsigned)CGL_STATUS_BUSY) != 0U;
+}
+
+/* What the guard says of learning, and of what was learned. */
+static bool is_allowed(const cgl_drive_config *config, cgl_drive *drive, cgl_real error, bool learn, bool wanted)
+{
+    cgl_guard *const guard = &drive->guard;
+    if (config->unguarded || is_busy(drive)) {
+        return learn;
+    }
+    const bool learned = drive->in.learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
+    const cgl_guard_input in = {error,   drive->monitor.omega_m, drive->in.omega_ref, drive->monitor.trusted && !drive->off,
+                                wanted, learned};
+    cgl_guard_step(guard, &in);
+    drive->in.share = guard->share;
+    drive->in.gentle = guard->gentle;
+    drive->in.forget = guard->forget;
+    drive->held = cgl_guard_acts(guard) ? (unsigned)CGL_STATUS_GUARDED : 0U;
+    return learn && guard->learn;
 }
 
 /* The law's input; the law has seen what was saturated or safe. */
@@ -84,7 +106,7 @@ static void prepare_law(const cgl_drive_config *config, cgl_drive *drive, const 
     drive->in.theta_m = monitor->theta_m;
     drive->in.omega_m = monitor->omega_m;
     drive->in.i_q = drive->i_q;
-    drive->in.learn = learn && !outlier;
+    drive->in.learn = is_allowed(config, drive, error, learn && !outlier, reference->learn);
     drive->in.off = drive->off;
     drive->status |= outlier ? (unsigned)CGL_STATUS_OUTLIER : 0U;
     drive->saturated = drive->off = false;
@@ -132,7 +154,7 @@ CGL_SELDOM static void fall_short(const cgl_drive_config *config, cgl_drive *dri
 
 void cgl_drive_actuate(const cgl_drive_config *config, cgl_drive *drive, cgl_drive_output *out)
 {
-    drive->status |= drive->command.status;
+    drive->status |= drive->command.status | drive->held;
     if (drive->monitor.safe) {
         drive->command.i_q_ref = CGL_R(0.0);
         cgl_foc_reset(&drive->foc);

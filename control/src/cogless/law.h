@@ -2,6 +2,7 @@
 #ifndef COGLESS_LAW_H
 #define COGLESS_LAW_H
 
+#include "guard.h"
 #include "real.h"
 #include "status.h"
 
@@ -14,6 +15,9 @@ typedef struct {
     cgl_real i_q;       /* measured q-axis current [A]; only a calibration run reads it */
     bool learn;         /* false freezes what is learned */
     bool off;           /* true: the output is 0 and integrals start anew; what is learned stays, frozen */
+    bool forget;        /* clear what is learned, cell by cell as the rotor passes; learn is false then */
+    cgl_real share;     /* of what is learned that acts, 0 to 1 */
+    uint32_t gentle;    /* 0: learn as configured; k >= 1: with a smaller gain and more forgetting, cgl_gentle_steps[k] */
 } cgl_law_input;
 
 typedef struct {

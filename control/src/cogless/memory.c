@@ -484,6 +484,21 @@ CGL_SELDOM static cgl_real step_anywhere(const cgl_memory_config *config, cgl_me
     return cgl_memory_update(config, memory, value, correction, *learn);
 }
 
+CGL_SELDOM void cgl_memory_soften(const cgl_memory_config *config, cgl_memory *memory, cgl_real factor)
+{
+    memory->gain = factor * config->forgetting / (cgl_real)(2U * config->q_half_width + 1U);
+}
+
+CGL_SELDOM void cgl_memory_forget(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m)
+{
+    cgl_real value;
+    if (config->kind == CGL_MEMORY_TIME) {
+        memory->known = 0U;
+    } else if (recall_by_angle(config, memory, theta_m, true, &value)) {
+        store_by_angle(config, memory, CGL_R(0.0), CGL_R(0.0));
+    }
+}
+
 cgl_real cgl_memory_step(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
                          cgl_real correction, bool *learn)
 {

@@ -85,6 +85,12 @@ bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_
 cgl_real cgl_memory_update(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction,
                            bool learn);
 
+/* Multiplies what is recalled to learn on from by a further factor, 0 to 1; 1 undoes it. */
+void cgl_memory_soften(const cgl_memory_config *config, cgl_memory *memory, cgl_real factor);
+
+/* In place of a step: clears the cells that the rotor has passed since the last one; a delay line at once. */
+void cgl_memory_forget(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m);
+
 /* Recall and update in one step: recalls, adds the correction, and returns what acts now. *learn, whether to learn, becomes
  * false where no value of one period ago exists, or angle or correction are not plausible. */
 cgl_real cgl_memory_step(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,

@@ -3,6 +3,8 @@
 #include "angle.h"
 #include "sine.h"
 
+#define LEAK CGL_R(12.5) /* 2.5 at four fifths */
+
 CGL_SELDOM static bool is_rising(const cgl_pi_afc_config *config)
 {
     uint32_t below = 0U;
@@ -52,7 +54,7 @@ static void sincos_of_order(cgl_real h, cgl_real turns, cgl_real *sine, cgl_real
 
 /* The orders' sum at an angle, after what `correction` [A] adds to each at the angle that it belongs to. */
 static cgl_real sum_of_orders(const cgl_pi_afc_config *config, cgl_pi_afc *law, cgl_real turns, cgl_real turns_before,
-                              cgl_real moved, cgl_real correction)
+                              cgl_real moved, cgl_real correction, cgl_real kept)
 {
     cgl_real *const a = law->coefficient, *const b = a + config->orders;
     cgl_real sum = CGL_R(0.0), sine, cosine;
@@ -63,8 +65,8 @@ static cgl_real sum_of_orders(const cgl_pi_afc_config *config, cgl_pi_afc *law, 
         }
         if (law->learning) {
             sincos_of_order(h, turns_before, &sine, &cosine);
-            a[k] = cgl_clamp(a[k] + correction * cosine, config->limit);
-            b[k] = cgl_clamp(b[k] + correction * sine, config->limit);
+            a[k] = cgl_clamp(kept * a[k] + correction * cosine, config->limit);
+            b[k] = cgl_clamp(kept * b[k] + correction * sine, config->limit);
         }
         sincos_of_order(h, turns, &sine, &cosine);
         sum += a[k] * cosine + b[k] * sine;
@@ -81,6 +83,22 @@ CGL_SELDOM static void step_otherwise(const cgl_pi_afc_config *config, cgl_pi_af
                   | (law->learning ? 0U : (unsigned)CGL_STATUS_FROZEN) | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
 }
 
+/* The factor on the gain while the guard holds learning back. The leak grows from step to step, until it is so large beside
+ * the gain that at most a fifth of the feedback's own part is learned. */
+CGL_SELDOM static cgl_real be_guarded(const cgl_pi_afc_config *config, cgl_pi_afc *law, const cgl_law_input *in, cgl_real *kept)
+{
+    for (uint32_t n = 0U; in->forget && n < 2U * config->orders; ++n) {
+        law->coefficient[n] = CGL_R(0.0);
+    }
+    if (in->gentle == 0U) {
+        return CGL_R(1.0);
+    }
+    const cgl_gentle step = cgl_gentle_steps[in->gentle < CGL_GUARD_STEPS ? in->gentle : CGL_GUARD_STEPS];
+    const cgl_real leak = LEAK * (CGL_R(1.0) - step.forgetting) * step.gain * config->gain * config->pi.ts;
+    *kept = leak < config->pi.kp ? CGL_R(1.0) - leak / config->pi.kp : CGL_R(0.0);
+    return step.gain;
+}
+
 void cgl_pi_afc_step(const cgl_pi_afc_config *config, cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *out)
 {
     if (in->off) {
@@ -95,11 +113,14 @@ void cgl_pi_afc_step(const cgl_pi_afc_config *config, cgl_pi_afc *law, const cgl
     law->learning = in->learn && plausible && cgl_is_angle(before) && !law->pi.saturated
                     && cgl_abs(in->omega_ref) >= config->omega_min;
     law->learned = CGL_R(0.0);
+    cgl_real kept = CGL_R(1.0);
+    const bool guarded = in->gentle != 0U || in->forget;
+    const cgl_real gain = CGL_OFTEN(!guarded) ? config->gain : config->gain * be_guarded(config, law, in, &kept);
     if (is_angle) {
         const cgl_real turns = cgl_fraction(in->theta_m * (CGL_R(1.0) / CGL_TWO_PI));
         const cgl_real turns_before = cgl_fraction(before * (CGL_R(1.0) / CGL_TWO_PI));
-        law->learned = sum_of_orders(config, law, turns, turns_before, in->omega_ref * config->pi.ts,
-                                     cgl_clamp(config->gain * config->pi.ts * error, CGL_REAL_MAX));
+        law->learned = in->share * sum_of_orders(config, law, turns, turns_before, in->omega_ref * config->pi.ts,
+                                     cgl_clamp(gain * config->pi.ts * error, CGL_REAL_MAX), kept);
     }
     if (law->learning && cgl_pi_step_free(&config->pi, &law->pi, error, law->learned, &out->i_q_ref)) {
         out->status = 0U;

@@ -7,6 +7,8 @@ CGL_SELDOM cgl_error cgl_pi_ilc_init(const cgl_pi_ilc_config *config, cgl_pi_ilc
     }
     const cgl_error error = cgl_pi_init(&config->pi, &law->pi);
     law->learned = CGL_R(0.0);
+    law->gentle = 0U;
+    law->gain = config->gain;
     return error != CGL_OK ? error : cgl_memory_init(&config->memory, &law->memory, cell, length);
 }
 
@@ -33,12 +35,26 @@ CGL_SELDOM static void step_otherwise(const cgl_pi_ilc_config *config, cgl_pi_il
                   | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
 }
 
+/* What the guard has just changed, or clears. */
+CGL_SELDOM static void follow_guard(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, const cgl_law_input *in)
+{
+    law->gentle = in->gentle;
+    law->gain = config->gain * cgl_gentle_gain(in->gentle, config->gain, config->pi.kp);
+    cgl_memory_soften(&config->memory, &law->memory, cgl_gentle_forgetting(in->gentle));
+    if (in->forget) {
+        cgl_memory_forget(&config->memory, &law->memory, in->theta_m);
+    }
+}
+
 void cgl_pi_ilc_step(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, const cgl_law_input *in,
                      cgl_law_output *out)
 {
     const cgl_real error = in->omega_ref - in->omega_m;
     bool learn = in->learn && !in->off && !law->pi.saturated; /* and only if the memory can learn now: the error is finite, the angle known */
-    law->learned = cgl_memory_step(&config->memory, &law->memory, in->theta_m, in->omega_ref, config->gain * error, &learn);
+    if (in->gentle != law->gentle || in->forget) {
+        follow_guard(config, law, in);
+    }
+    law->learned = in->share * cgl_memory_step(&config->memory, &law->memory, in->theta_m, in->omega_ref, law->gain * error, &learn);
     if (learn && cgl_pi_step_free(&config->pi, &law->pi, error, law->learned, &out->i_q_ref)) {
         out->status = 0U;
     } else {

@@ -25,6 +25,8 @@ typedef struct {
     cgl_pi pi;
     cgl_memory memory;
     cgl_real learned; /* the learned part of the last step [A] */
+    uint32_t gentle;  /* the step that holds */
+    cgl_real gain;    /* and the learning gain [A s/rad] */
 } cgl_pi_ilc;
 
 /* `cell`: CGL_MEMORY_LENGTH(cells, q_half_width) entries, which the state keeps using. */

@@ -11,6 +11,8 @@ CGL_SELDOM cgl_error cgl_robust_ilc_init(const cgl_robust_ilc_config *config, cg
         return CGL_ERROR_CONFIG;
     }
     const cgl_error error = cgl_memory_init(&config->memory, &law->memory, cell, length);
+    law->gentle = 0U;
+    law->q = config->q;
     if (error == CGL_OK) {
         cgl_robust_ilc_reset(config, law);
     }
@@ -32,6 +34,17 @@ CGL_SELDOM void cgl_robust_ilc_reset(const cgl_robust_ilc_config *config, cgl_ro
     start_anew(law);
 }
 
+/* What the guard has just changed, or clears. */
+CGL_SELDOM static void follow_guard(const cgl_robust_ilc_config *config, cgl_robust_ilc *law, const cgl_law_input *in)
+{
+    law->gentle = in->gentle;
+    law->q = config->q * cgl_gentle_gain(in->gentle, config->q * config->beta_2, config->c + config->eta);
+    cgl_memory_soften(&config->memory, &law->memory, cgl_gentle_forgetting(in->gentle));
+    if (in->forget) {
+        cgl_memory_forget(&config->memory, &law->memory, in->theta_m);
+    }
+}
+
 void cgl_robust_ilc_step(const cgl_robust_ilc_config *config, cgl_robust_ilc *law, const cgl_law_input *in,
                          cgl_law_output *out)
 {
@@ -49,8 +62,11 @@ void cgl_robust_ilc_step(const cgl_robust_ilc_config *config, cgl_robust_ilc *la
     const cgl_real sign = cgl_sign(surface);
 
     bool learn = in->learn && !in->off && finite && !law->saturated;
-    const cgl_real correction = -config->q * (config->beta_1 * sign + config->beta_2 * surface); /* (15) */
-    const cgl_real f =
+    if (in->gentle != law->gentle || in->forget) {
+        follow_guard(config, law, in);
+    }
+    const cgl_real correction = -law->q * (config->beta_1 * sign + config->beta_2 * surface); /* (15) */
+    const cgl_real f = in->share *
         cgl_memory_step(&config->memory, &law->memory, in->theta_m, in->omega_ref, correction, &learn);
 
     if (in->off) {

@@ -48,6 +48,8 @@ typedef struct {
     cgl_real last_omega_ref;    /* [rad/s] */
     bool started;               /* last_omega_ref is valid */
     bool saturated;             /* the last output was at its limit */
+    uint32_t gentle;            /* the step that holds */
+    cgl_real q;                 /* and the learning rate [-] */
     cgl_robust_ilc_terms terms; /* of the last step */
 } cgl_robust_ilc;
 

@@ -39,9 +39,15 @@ CGL_SELDOM cgl_error cgl_space_memory_init(const cgl_space_memory_config *config
     memory->cell = cell;
     memory->periods_per_rad = (cgl_real)config->parts / ((cgl_real)config->turns * CGL_TWO_PI);
     memory->length = (cgl_real)config->cells;
-    memory->per_width = CGL_R(1.0) / (cgl_real)(2U * config->q_half_width + 1U);
+    cgl_space_memory_soften(config, memory, CGL_R(1.0));
     cgl_space_memory_reset(config, memory);
     return CGL_OK;
+}
+
+CGL_SELDOM void cgl_space_memory_soften(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real factor)
+{
+    memory->kept = factor;
+    memory->per_width = factor / (cgl_real)(2U * config->q_half_width + 1U);
 }
 
 CGL_SELDOM void cgl_space_memory_reset(const cgl_space_memory_config *config, cgl_space_memory *memory)
@@ -479,10 +485,19 @@ CGL_SELDOM static bool step_anywhere(const cgl_space_memory_config *config, cgl_
 {
     learn = cgl_space_memory_recall(config, memory, theta, moving, learn, value);
     for (uint32_t c = 0; learn && c < config->channels; ++c) {
-        value[c] -= gain[c] * step;
+        value[c] = memory->kept * value[c] - gain[c] * step;
     }
     cgl_space_memory_update(config, memory, value, learn);
     return learn;
+}
+
+CGL_SELDOM void cgl_space_memory_forget(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta,
+                                        bool moving)
+{
+    static const cgl_real nothing[CGL_SPACE_CHANNELS] = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};
+    cgl_real value[CGL_SPACE_CHANNELS];
+    cgl_space_memory_update(config, memory, nothing,
+                            cgl_space_memory_recall(config, memory, theta, moving, true, value));
 }
 
 bool cgl_space_memory_step(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta, bool moving,

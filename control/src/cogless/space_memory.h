@@ -48,7 +48,8 @@ typedef struct {
                                            ring of x, and one for each channel */
     cgl_real periods_per_rad;           /* [1/rad] */
     cgl_real length;                    /* cells of the config, as a number */
-    cgl_real per_width;                 /* 1 / entries of the Q filter */
+    cgl_real per_width;                 /* kept / entries of the Q filter */
+    cgl_real kept;                      /* factor on what is recalled to learn on from */
     cgl_real x;                         /* the angle, in [0, 1) of a period */
     cgl_real value[CGL_SPACE_CHANNELS]; /* the last stored; map: where the angle was `position` */
     uint32_t newest;                    /* map: last cell passed; delay: place of the last sample */
@@ -97,6 +98,13 @@ bool cgl_space_memory_recall(const cgl_space_memory_config *config, cgl_space_me
  * waits. */
 void cgl_space_memory_update(const cgl_space_memory_config *config, cgl_space_memory *memory, const cgl_real *value,
                              bool learn);
+
+/* Multiplies what is recalled to learn on from by a further factor, 0 to 1; 1 undoes it. */
+void cgl_space_memory_soften(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real factor);
+
+/* In place of a step: clears the cells that the rotor has passed since the last one. */
+void cgl_space_memory_forget(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta,
+                             bool moving);
 
 /* Recall and update in one step: recalls, subtracts gain step from each channel's value if learn is true, stores, and
  * returns whether it learned. The values are those before the limit. */

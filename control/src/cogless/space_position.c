@@ -21,6 +21,7 @@ CGL_SELDOM cgl_error cgl_space_position_init(const cgl_space_position_config *co
         return CGL_ERROR_CONFIG;
     }
     const cgl_error error = cgl_space_memory_init(&config->memory, &law->memory, cell, length);
+    law->gentle = 0U;
     if (error == CGL_OK) {
         cgl_space_position_reset(config, law);
     }
@@ -50,6 +51,22 @@ static inline cgl_real share_of_learning(const cgl_space_position_config *config
     return elapsed >= config->ramp ? CGL_R(1.0) : elapsed / config->ramp;
 }
 
+/* The factor on the correction while the guard holds learning back. */
+CGL_SELDOM static cgl_real be_guarded(const cgl_space_position_config *config, cgl_space_position *law, const cgl_law_input *in,
+                                      cgl_real theta, cgl_real omega_ref, cgl_real alpha_ref)
+{
+    if (in->forget) {
+        cgl_space_memory_forget(&config->memory, &law->memory, theta, omega_ref > CGL_R(0.0));
+    }
+    if (in->gentle != law->gentle) {
+        law->gentle = in->gentle;
+        cgl_space_memory_soften(&config->memory, &law->memory, cgl_gentle_forgetting(in->gentle));
+    }
+    const cgl_real gain =
+        config->mu_alpha + config->mu_beta * omega_ref * omega_ref + config->mu_h * alpha_ref * alpha_ref;
+    return cgl_gentle_gain(in->gentle > 1U ? in->gentle : 0U, gain, config->k_omega * cgl_abs(omega_ref)); /* its gains are of positions */
+}
+
 void cgl_space_position_step(const cgl_space_position_config *config, cgl_space_position *law,
                              const cgl_law_input *in, cgl_law_output *out)
 {
@@ -75,10 +92,13 @@ void cgl_space_position_step(const cgl_space_position_config *config, cgl_space_
     cgl_real value[CGL_SPACE_CHANNELS];
     cgl_real share = share_of_learning(config, law);
     const cgl_real gain[CGL_SPACE_CHANNELS] = {config->mu_alpha, config->mu_beta * omega_ref, config->mu_h * alpha_ref};
+    const cgl_real place = config->index == CGL_SPACE_BY_ROTOR ? theta : theta_ref;
+    const bool guarded = in->gentle != 0U || law->gentle != 0U || in->forget;
+    const cgl_real factor = CGL_OFTEN(!guarded) ? CGL_R(1.0) : be_guarded(config, law, in, place, omega_ref, alpha_ref);
     const bool learn = cgl_space_memory_step(
-        &config->memory, &law->memory, config->index == CGL_SPACE_BY_ROTOR ? theta : theta_ref,
+        &config->memory, &law->memory, place,
         moving && in->omega_ref > CGL_R(0.0), learning && moving && !law->saturated, gain,
-        moving ? share * omega_t / cgl_abs(omega_ref) : CGL_R(0.0), value);
+        moving ? factor * share * omega_t / cgl_abs(omega_ref) : CGL_R(0.0), value);
     if (learn && (law->learning_samples == 0U || (share < CGL_R(1.0) && law->learning_samples < 0xFFFFFFFFU))) {
         ++law->learning_samples;
     } else if (law->learning_samples == 0U) {
@@ -93,12 +113,12 @@ void cgl_space_position_step(const cgl_space_position_config *config, cgl_space_
     cgl_space_position_terms *terms = &law->terms;
     terms->proportional =
         -(config->k_omega + config->v_0 + config->v_2 * omega * omega) * omega_t - config->k_v * theta_tg;
-    terms->alpha = value[0];
-    terms->beta = config->memory.channels > 1U ? value[1] * omega_ref : CGL_R(0.0);
-    terms->h = config->memory.channels > 2U ? value[2] * alpha_ref : CGL_R(0.0);
+    terms->alpha = in->share * value[0];
+    terms->beta = config->memory.channels > 1U ? in->share * value[1] * omega_ref : CGL_R(0.0);
+    terms->h = config->memory.channels > 2U ? in->share * value[2] * alpha_ref : CGL_R(0.0);
     const cgl_real rest = terms->proportional + terms->alpha + terms->beta + terms->h;
 
-    const cgl_real share_i = config->hand_over ? CGL_R(1.0) - share : CGL_R(1.0);
+    const cgl_real share_i = config->hand_over ? CGL_R(1.0) - in->share * share : CGL_R(1.0);
     const cgl_real integral = cgl_clamp(law->integral + config->k_i * config->ts * omega_t, config->limit);
     const cgl_real wanted = rest - share_i * integral;
     if (learn && cgl_is_below(wanted, config->limit)) {

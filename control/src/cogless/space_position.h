@@ -60,6 +60,7 @@ typedef struct {
     cgl_real integral;              /* k_i integral(omega_t), within +-limit [A] */
     uint32_t learning_samples;      /* in which it learned; counts no further than the ramp */
     bool saturated;                 /* the last output was at its limit */
+    uint32_t gentle;                /* as the memory has it */
     cgl_space_position_terms terms; /* of the last step */
 } cgl_space_position;
 

@@ -37,6 +37,7 @@ typedef struct {
 typedef struct {
     cgl_space_memory memory;     /* memory.p_t: P_t [s] */
     bool saturated;              /* the last output was at its limit */
+    uint32_t gentle;             /* as the memory has it */
     cgl_space_speed_terms terms; /* of the last step */
 } cgl_space_speed;
 
