@@ -63,12 +63,19 @@ double* put_terms(const typename Row::Config& config, const typename Row::State&
 template <class Row>
 concept HasMemory = requires(const typename Row::Config& c) { Row::length(c); };
 
+// The law's init; one that learns from trial to trial knows no time, only samples.
+template <class Row, class... Memory>
+cgl_error init_law(typename Row::State& state, const typename Row::Config& config, cgl_real ts, Memory... memory) {
+    if constexpr (std::is_same_v<Row, trial_row>) return Row::init(&state, &config, memory...);
+    else return Row::init(&state, &config, ts, memory...);
+}
+
 // Throws std::invalid_argument for a configuration whose memory length is unbounded: init refuses it before it checks the
 // memory.
 template <HasMemory Row>
-void require_config(const typename Row::Config& config) {
+void require_config(const typename Row::Config& config, cgl_real ts) {
     typename Row::State unused;
-    const cgl_error error = Row::init(&config, &unused, nullptr, 0);
+    const cgl_error error = init_law<Row>(unused, config, ts, nullptr, 0);
     if (error != CGL_ERROR_MEMORY) require(error, Row::name);
 }
 
@@ -89,13 +96,14 @@ struct CLaw {
     using State = CState<Row>;
     static constexpr const char* name = Row::name;
     Config config;
+    cgl_real ts;             // s, period of the law
     bool calibrate = false;  // start with the calibration run, if the law has one
 
     // Throws std::invalid_argument for a configuration of another size or one whose memory init refuses; start() throws it
     // for other values out of range.
-    static CLaw of(const Section& s) {
-        const CLaw law{s.packed<Config>("config"), s.has("calibrate") && s.get<bool>("calibrate")};
-        if constexpr (HasMemory<Row>) require_config<Row>(law.config);
+    static CLaw of(const Section& s, cgl_real ts) {
+        const CLaw law{s.packed<Config>("config"), ts, s.has("calibrate") && s.get<bool>("calibrate")};
+        if constexpr (HasMemory<Row>) require_config<Row>(law.config, ts);
         return law;
     }
 
@@ -103,19 +111,19 @@ struct CLaw {
         State s{};
         if constexpr (HasMemory<Row>) {
             s.cell.resize(Row::length(config));
-            require(Row::init(&config, &s.law, s.cell.data(), static_cast<std::uint32_t>(s.cell.size())), Row::name);
+            require(init_law<Row>(s.law, config, ts, s.cell.data(), static_cast<std::uint32_t>(s.cell.size())), Row::name);
         } else {
-            require(Row::init(&config, &s.law), Row::name);
+            require(init_law<Row>(s.law, config, ts), Row::name);
         }
         if constexpr (std::is_same_v<Row, anti_cogging_row>) {
-            if (calibrate) cgl_anti_cogging_calibrate(&config, &s.law);
+            if (calibrate) cgl_anti_cogging_calibrate(&s.law);
         }
         return s;
     }
     Command step(State& s, const LawInput& in) const {
         cgl_law_output output;
         if constexpr (HasMemory<Row>) Row::set_memory(s.law, s.cell);
-        Row::step(&config, &s.law, &in.c, &output);
+        Row::step(&s.law, &in.c, &output);
         return from_c(output);
     }
     std::vector<Term> terms() const { return terms_of<Row>(config); }
@@ -130,7 +138,7 @@ struct CLaw {
         requires HasMemory<Row>
     {
         Row::set_memory(s.law, s.cell);
-        return stored_map<Row::map_of>(config, s.law);
+        return stored_map<Row::map_of>(s.law);
     }
     // For a law that learns over an angle: revolutions of the rotor that contain a whole number of the memory's periods.
     int turns() const

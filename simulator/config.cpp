@@ -96,23 +96,24 @@ PositionSensorConfig position_sensor(const Section& s) {
 }
 
 // The control library's law of that name.
-Law c_law(const std::string& name, const Section& s) {
+Law c_law(const std::string& name, const Section& s, cgl_real ts) {
 #define CGL_LAW_WITHOUT_MEMORY(law, stem, header, step_function) \
-    if (name == law) return LawOf<stem##_row>::of(s);
+    if (name == law) return LawOf<stem##_row>::of(s, ts);
 #include "cogless/laws.def"
     s.refuse("law", "unknown law " + name);
 }
 
-Law law(const Section& s, const CallbackLaw& own, double ts, const std::optional<Trials>& trials) {
+// period: of the current loop, s.
+Law law(const Section& s, const CallbackLaw& own, double period, int divider, const std::optional<Trials>& trials) {
     const auto name = s.get<std::string>("law");
     if (name == "library") {
-        return open_plugin(s.get<std::string>("library"), s.get<std::vector<double>>("params"), ts);
+        return open_plugin(s.get<std::string>("library"), s.get<std::vector<double>>("params"), period * divider);
     }
     if (name == "python") {
         if (!own.function) s.refuse("law", "expected an object with step(), for \"python\"");
         return own;
     }
-    return trials && name == TrialLaw::name ? trial_law(s, 2, *trials) : c_law(name, s);
+    return trials && name == TrialLaw::name ? trial_law(s, 2, *trials) : c_law(name, s, static_cast<cgl_real>(divider) * static_cast<cgl_real>(period));
 }
 
 // Motor, mechanics, load and their initial state; the other keys differ with and without trials.
@@ -217,8 +218,7 @@ DriveConfig read_config(const Value& description, const CallbackLaw& own) {
     if (top.has("faults")) result.faults = faults(top, current_rate);
     if (!result.ideal_current) read_bridge(drive, result);
     result.position_sensor = position_sensor(drive.section("position_sensor"));
-    const double law_period = 1.0 / static_cast<double>(current_rate) * static_cast<double>(result.speed_divider);
-    result.law = law(controller_section, own, law_period, result.trials);
+    result.law = law(controller_section, own, 1.0 / static_cast<double>(current_rate), result.speed_divider, result.trials);
     result.integration_steps = drive.integer("integration_steps");
     result.learning_start = controller_section.has("learning_start") ? controller_section.number("learning_start") : 0.0;
     result.seed = top.get<std::uint64_t>("seed");

@@ -127,13 +127,13 @@ Drive::Drive(const DriveConfig& config)
         }
     } else {
         cgl_foc unused;
-        require(cgl_foc_init(&config_.control.foc, &unused), "current loop");
+        require(cgl_foc_init(&unused, &config_.control.foc, static_cast<cgl_real>(period_)), "current loop");
         if (static_cast<int>(config_.control.foc.phases) != motor_phases(config_)) {
             throw std::invalid_argument("drive.control: expected as many phases as the motor has");
         }
     }
     cgl_drive unused;
-    if (cgl_drive_init(&config_.control, &unused) != CGL_OK) {
+    if (cgl_drive_init(&unused, &config_.control, static_cast<cgl_real>(period_)) != CGL_OK) {
         throw std::invalid_argument("drive.control: a value is outside its range");
     }
     if (config_.trials ? !takes_trials(config_.law) : std::holds_alternative<TrialLaw>(config_.law)) {
@@ -151,8 +151,8 @@ Drive::Drive(const DriveConfig& config)
 }
 
 DriveState Drive::start() const {
-    DriveState s;
-    cgl_drive_init(&config_.control, &s.control);
+    DriveState s{};
+    cgl_drive_init(&s.control, &config_.control, static_cast<cgl_real>(period_));
     restart(s, phases_.front());
     s.random = Random(config_.seed);
     s.law = start_of(config_.law);
@@ -215,8 +215,8 @@ void Drive::advance_trials(DriveState& s, Recorder& recorder, std::int64_t end, 
 
 cgl_drive_output Drive::step_controller(DriveState& s, const cgl_measurement& now, const cgl_reference& reference) const {
     s.asked = reference;
-    if (cgl_drive_measure(&config_.control, &s.control, &now, &s.asked)) step_law<star_legs>(s);
-    cgl_drive_actuate(&config_.control, &s.control, &s.output);
+    if (cgl_drive_measure(&s.control, &now, &s.asked)) step_law<star_legs>(s);
+    cgl_drive_actuate(&s.control, &s.output);
     return s.output;
 }
 
@@ -488,8 +488,8 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, cons
         s.output = other->step(s.sampled, s.asked);
         for (cgl_real& duty : s.output.duty) duty = possible(duty);
     } else {
-        if (cgl_drive_measure(&config_.control, &s.control, &s.sampled, &s.asked)) step_law<legs>(s);
-        cgl_drive_actuate(&config_.control, &s.control, &s.output);
+        if (cgl_drive_measure(&s.control, &s.sampled, &s.asked)) step_law<legs>(s);
+        cgl_drive_actuate(&s.control, &s.output);
     }
     if constexpr (legs == 0) {
         const cgl_real limit = config_.control.foc.current_limit;

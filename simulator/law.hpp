@@ -50,10 +50,10 @@ struct Stored {
 };
 
 // None if the library says that there is nothing to store. law: its pointer to the memory must be set.
-template <auto map_of, class Config, class CState>
-std::optional<Stored> stored_map(const Config& config, const CState& law) {
+template <auto map_of, class CState>
+std::optional<Stored> stored_map(const CState& law) {
     Stored stored;
-    if (map_of(&config, &law, &stored.about) != CGL_MAP_OK) return {};
+    if (map_of(&law, &stored.about) != CGL_MAP_OK) return {};
     for (std::uint32_t c = 0; c < stored.about.channels; ++c) {
         const cgl_real* first = stored.about.entry + std::size_t{c} * stored.about.stride;
         stored.channels.emplace_back(first, first + stored.about.cells);

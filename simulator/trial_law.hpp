@@ -22,11 +22,12 @@ struct TrialLaw : CLaw<trial_row> {
     std::shared_ptr<const std::vector<cgl_real>> learning_matrix;  // null, or the matrix that config points to
 
     // Throws std::invalid_argument as CLaw does.
-    static TrialLaw of(const Section& s) {
+    static TrialLaw of(const Section& s, cgl_real ts) {
         TrialLaw law;
+        law.ts = ts;
         law.config = s.packed<cgl_trial_config>("config");
         law.config.learning_matrix = nullptr;
-        require_config<trial_row>(law.config);
+        require_config<trial_row>(law.config, ts);
         if (s.has("learning_matrix")) {
             const auto matrix = s.get<Value::Matrix>("learning_matrix");
             if (matrix.rows != law.config.samples || matrix.columns != law.config.samples) {
@@ -47,14 +48,14 @@ struct TrialLaw : CLaw<trial_row> {
     void begin(State& s, const std::vector<cgl_real>& reference) const {
         std::copy(reference.begin(), reference.end(), s.reference.begin());
         set_pointers(s);
-        cgl_trial_begin(&config, &s.law, s.reference.data());
+        cgl_trial_begin(&s.law, s.reference.data());
     }
 
     // Steps the law by one sample of any plant, whose states are in s.input.
     cgl_trial_output step(State& s) const {
         cgl_trial_output output;
         set_pointers(s);
-        cgl_trial_step(&config, &s.law, &s.input, &output);
+        cgl_trial_step(&s.law, &s.input, &output);
         return output;
     }
 
@@ -62,13 +63,13 @@ struct TrialLaw : CLaw<trial_row> {
     Command step(State& s, const LawInput& in) const {
         cgl_law_output output;
         set_pointers(s);
-        cgl_trial_drive_step(&config, &s.law, &in.c, &output);
+        cgl_trial_drive_step(&s.law, &in.c, &output);
         return from_c(output);
     }
 
     void end(State& s) const {
         set_pointers(s);
-        cgl_trial_end(&config, &s.law);
+        cgl_trial_end(&s.law);
     }
 
 private:

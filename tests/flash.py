@@ -47,19 +47,19 @@ class Flash:
             motion=motion,
         )
         self.store = c.new("cgl_map_store")
-        assert c.lib.cgl_map_store_init(self.config, self.store, buffer, len(buffer)) == 0
+        assert c.lib.cgl_map_store_init(self.store, self.config, buffer, len(buffer)) == 0
         self._c = c
 
     def save(self, stored: Any) -> int:
         """A cgl_map into the flash: a cgl_map_result."""
         lib = self._c.lib
-        result = lib.cgl_map_store_begin(self.config, self.store, stored)
+        result = lib.cgl_map_store_begin(self.store, stored)
         while result == lib.CGL_MAP_OK or result == lib.CGL_MAP_BUSY:
-            result = lib.cgl_map_store_step(self.config, self.store)
+            result = lib.cgl_map_store_step(self.store)
             if result != lib.CGL_MAP_BUSY:
                 break
         return int(result)
 
     def load(self, stored: Any) -> int:
         """From the flash into a cgl_map: a cgl_map_result."""
-        return int(self._c.lib.cgl_map_store_load(self.config, self.store, stored))
+        return int(self._c.lib.cgl_map_store_load(self.store, stored))

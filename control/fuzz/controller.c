@@ -5,10 +5,9 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-static cgl_drive_config feed_drive(feed *from)
+static cgl_drive_config feed_drive(feed *from, cgl_real ts)
 {
     cgl_drive_config config;
-    const cgl_real ts = feed_gain(from, CGL_R(1.0e-3));
     config.pole_pairs = 1U + (feed_bool(from) ? feed_below(from, 16U) : feed_below(from, 10000U));
     config.divider = 1U + feed_below(from, 4U);
     config.foreign = feed_below(from, 4U) == 0U;
@@ -17,7 +16,6 @@ static cgl_drive_config feed_drive(feed *from)
     config.foc.ki_d = feed_gain(from, CGL_R(1000.0));
     config.foc.kp_q = feed_gain(from, CGL_R(10.0));
     config.foc.ki_q = feed_gain(from, CGL_R(1000.0));
-    config.foc.ts = ts;
     config.foc.current_limit = feed_gain(from, CGL_R(5.0));
     config.foc.advance = feed_gain(from, CGL_R(2.0));
     config.foc.decoupling = feed_bool(from);
@@ -34,11 +32,9 @@ static cgl_drive_config feed_drive(feed *from)
     config.monitor.current_sum = feed_bool(from) ? CGL_R(0.0) : feed_gain(from, CGL_R(20.0));
     config.monitor.bridge = feed_gain(from, CGL_R(5.0) * ts);
     config.monitor.hold = feed_gain(from, CGL_R(5.0) * ts);
-    config.monitor.ts = ts;
     config.monitor.phases = config.foreign ? 0U : config.foc.phases;
     config.quality.span = feed_gain(from, CGL_R(7.0));
-    config.quality.ts = (cgl_real)config.divider * ts;
-    config.quality.longest = feed_gain(from, CGL_R(100.0) * config.quality.ts);
+    config.quality.longest = feed_gain(from, CGL_R(100.0) * (cgl_real)config.divider * ts);
     config.quality.outlier = feed_bool(from) ? CGL_R(0.0) : CGL_R(1.0) + feed_gain(from, CGL_R(5.0));
     config.quality.floor = feed_gain(from, CGL_R(1.0));
     return config;
@@ -144,10 +140,10 @@ static void run(feed *from, const cgl_drive_config *config, cgl_drive *drive)
             const cgl_measurement now = feed_measurement(from);
             const cgl_reference reference = feed_reference(from);
             cgl_drive_output out;
-            if (cgl_drive_measure(config, drive, &now, &reference)) {
+            if (cgl_drive_measure(drive, &now, &reference)) {
                 step_law(&drive->in, &drive->command);
             }
-            cgl_drive_actuate(config, drive, &out);
+            cgl_drive_actuate(drive, &out);
             check_output(config, &out);
         }
         check_drive(drive);
@@ -159,8 +155,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     feed from = {data, size};
     cgl_drive drive;
     theta = omega = CGL_R(0.0);
-    const cgl_drive_config config = feed_drive(&from);
-    if (cgl_drive_init(&config, &drive) == CGL_OK) {
+    const cgl_real ts = feed_gain(&from, CGL_R(1.0e-3));
+    const cgl_drive_config config = feed_drive(&from, ts);
+    if (cgl_drive_init(&drive, &config, ts) == CGL_OK) {
         if (law_begin(&from)) {
             run(&from, &config, &drive);
         }

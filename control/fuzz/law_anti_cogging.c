@@ -9,7 +9,7 @@ bool law_begin(feed *from)
 {
     config.pi.kp = feed_gain(from, CGL_R(1.0));
     config.pi.ki = feed_gain(from, CGL_R(10.0));
-    config.pi.ts = feed_gain(from, CGL_R(1.0e-3));
+    const cgl_real ts = feed_gain(from, CGL_R(1.0e-3));
     config.pi.limit = feed_gain(from, CGL_R(5.0));
     config.cells = 4U + feed_below(from, CELLS_MAX - 3U);
     config.speed = feed_gain(from, CGL_R(100.0));
@@ -17,26 +17,26 @@ bool law_begin(feed *from)
     config.position_gain = feed_gain(from, CGL_R(20.0));
     config.lead = feed_bool(from) ? CGL_R(0.0) : feed_gain(from, CGL_R(1.0e-3));
     table = borrow(config.cells);
-    return cgl_anti_cogging_init(&config, &law, table, config.cells) == CGL_OK;
+    return cgl_anti_cogging_init(&law, &config, ts, table, config.cells) == CGL_OK;
 }
 
 void law_step(const cgl_law_input *in, cgl_law_output *out)
 {
-    cgl_anti_cogging_step(&config, &law, in, out);
+    cgl_anti_cogging_step(&law, in, out);
     HOLDS(within(law.looked_up, config.pi.limit) && within(law.pi.integral, config.pi.limit));
     if (law.stage == CGL_ANTI_COGGING_RUN) {
         check_entries(table, config.cells, config.pi.limit);
     }
 }
 
-void law_reset(void) { cgl_anti_cogging_reset(&config, &law); }
+void law_reset(void) { cgl_anti_cogging_reset(&law); }
 cgl_real law_limit(void) { return config.pi.limit; }
 void law_end(void) { free(table); }
 
 void law_other(feed *from)
 {
     if (feed_bool(from)) {
-        cgl_anti_cogging_calibrate(&config, &law);
+        cgl_anti_cogging_calibrate(&law);
     }
 }
 

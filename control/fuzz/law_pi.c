@@ -8,14 +8,14 @@ bool law_begin(feed *from)
 {
     config.kp = feed_gain(from, CGL_R(1.0));
     config.ki = feed_gain(from, CGL_R(10.0));
-    config.ts = feed_gain(from, CGL_R(1.0e-3));
+    const cgl_real ts = feed_gain(from, CGL_R(1.0e-3));
     config.limit = feed_gain(from, CGL_R(5.0));
-    return cgl_pi_init(&config, &law) == CGL_OK;
+    return cgl_pi_init(&law, &config, ts) == CGL_OK;
 }
 
 void law_step(const cgl_law_input *in, cgl_law_output *out)
 {
-    cgl_speed_pi_step(&config, &law, in, out);
+    cgl_speed_pi_step(&law, in, out);
     HOLDS(within(law.integral, config.limit) && cgl_is_finite(law.proportional));
 }
 

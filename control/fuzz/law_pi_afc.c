@@ -9,7 +9,7 @@ bool law_begin(feed *from)
 {
     config.pi.kp = feed_gain(from, CGL_R(1.0));
     config.pi.ki = feed_gain(from, CGL_R(10.0));
-    config.pi.ts = feed_gain(from, CGL_R(1.0e-3));
+    const cgl_real ts = feed_gain(from, CGL_R(1.0e-3));
     config.pi.limit = feed_gain(from, CGL_R(5.0));
     config.orders = 1U + feed_below(from, CGL_PI_AFC_ORDERS);
     uint32_t order = 0U;
@@ -23,18 +23,18 @@ bool law_begin(feed *from)
     config.limit = feed_gain(from, CGL_R(2.0));
     const uint32_t length = CGL_PI_AFC_LENGTH(config.orders);
     coefficient = borrow(length);
-    const bool good = cgl_pi_afc_init(&config, &law, coefficient, length) == CGL_OK;
+    const bool good = cgl_pi_afc_init(&law, &config, ts, coefficient, length) == CGL_OK;
     config.orders = good ? config.orders : 0U;
     return good;
 }
 
 void law_step(const cgl_law_input *in, cgl_law_output *out)
 {
-    cgl_pi_afc_step(&config, &law, in, out);
+    cgl_pi_afc_step(&law, in, out);
     HOLDS(within(law.pi.integral, config.pi.limit) && within(law.learned, config.limit));
 }
 
-void law_reset(void) { cgl_pi_afc_reset(&config, &law); }
+void law_reset(void) { cgl_pi_afc_reset(&law); }
 void law_other(feed *from) { (void)from; }
 cgl_real law_limit(void) { return config.pi.limit; }
 

@@ -18,23 +18,23 @@ bool law_begin(feed *from)
     config.gamma = feed_gain(from, CGL_R(5.0));
     config.viscous = feed_real(from, CGL_R(1.0));
     config.coulomb = feed_real(from, CGL_R(10.0));
-    config.ts = feed_gain(from, CGL_R(1.0e-3));
+    const cgl_real ts = feed_gain(from, CGL_R(1.0e-3));
     config.limit = feed_gain(from, CGL_R(5.0));
     config.memory = feed_memory(from);
     length = CGL_MEMORY_LENGTH(config.memory.cells, config.memory.q_half_width);
     cell = borrow(length);
-    const bool good = cgl_robust_ilc_init(&config, &law, cell, length) == CGL_OK;
+    const bool good = cgl_robust_ilc_init(&law, &config, ts, cell, length) == CGL_OK;
     length = good ? length : 0U;
     return good;
 }
 
 void law_step(const cgl_law_input *in, cgl_law_output *out)
 {
-    cgl_robust_ilc_step(&config, &law, in, out);
+    cgl_robust_ilc_step(&law, in, out);
     HOLDS(within(law.error_integral, CGL_R(1.0e9)) && within(law.adapted, config.b * config.limit));
 }
 
-void law_reset(void) { cgl_robust_ilc_reset(&config, &law); }
+void law_reset(void) { cgl_robust_ilc_reset(&law); }
 void law_other(feed *from) { (void)from; }
 cgl_real law_limit(void) { return config.limit; }
 

@@ -22,21 +22,21 @@ bool law_begin(feed *from)
     config.ramp = feed_gain(from, CGL_R(0.1));
     config.omega_min = feed_gain(from, CGL_R(1.0));
     config.index = feed_bool(from) ? CGL_SPACE_BY_REFERENCE : CGL_SPACE_BY_ROTOR;
-    config.ts = feed_gain(from, CGL_R(1.0e-3));
+    const cgl_real ts = feed_gain(from, CGL_R(1.0e-3));
     config.limit = feed_gain(from, CGL_R(5.0));
     config.memory = feed_space_memory(from);
     cell = borrow(space_length(&config.memory));
-    good = cgl_space_position_init(&config, &law, cell, space_length(&config.memory)) == CGL_OK;
+    good = cgl_space_position_init(&law, &config, ts, cell, space_length(&config.memory)) == CGL_OK;
     return good;
 }
 
 void law_step(const cgl_law_input *in, cgl_law_output *out)
 {
-    cgl_space_position_step(&config, &law, in, out);
+    cgl_space_position_step(&law, in, out);
     HOLDS(within(law.integral, config.limit));
 }
 
-void law_reset(void) { cgl_space_position_reset(&config, &law); }
+void law_reset(void) { cgl_space_position_reset(&law); }
 void law_other(feed *from) { (void)from; }
 cgl_real law_limit(void) { return config.limit; }
 

@@ -18,12 +18,13 @@ bool law_begin(feed *from)
     config.ratio = 1U + (feed_bool(from) ? 0U : feed_below(from, 65535U));
     config.memory = feed_space_memory(from);
     cell = borrow(space_length(&config.memory));
-    good = cgl_space_speed_init(&config, &law, cell, space_length(&config.memory)) == CGL_OK;
+    const cgl_real ts = feed_gain(from, CGL_R(1.0e-3));
+    good = cgl_space_speed_init(&law, &config, ts, cell, space_length(&config.memory)) == CGL_OK;
     return good;
 }
 
-void law_step(const cgl_law_input *in, cgl_law_output *out) { cgl_space_speed_step(&config, &law, in, out); }
-void law_reset(void) { cgl_space_speed_reset(&config, &law); }
+void law_step(const cgl_law_input *in, cgl_law_output *out) { cgl_space_speed_step(&law, in, out); }
+void law_reset(void) { cgl_space_speed_reset(&law); }
 void law_other(feed *from) { (void)from; }
 cgl_real law_limit(void) { return config.limit; }
 

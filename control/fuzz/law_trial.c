@@ -67,18 +67,18 @@ bool law_begin(feed *from)
         }
     }
     config.learning_matrix = matrix;
-    good = cgl_trial_init(&config, &law, memory, length) == CGL_OK;
+    good = cgl_trial_init(&law, &config, memory, length) == CGL_OK;
     return good;
 }
 
 void law_step(const cgl_law_input *in, cgl_law_output *out)
 {
     if (config.states == 2U) {
-        cgl_trial_drive_step(&config, &law, in, out);
+        cgl_trial_drive_step(&law, in, out);
     } else {
         cgl_trial_input x = {{in->theta_m, in->omega_m, in->theta_ref, in->omega_ref, in->i_q}, in->learn};
         cgl_trial_output u;
-        cgl_trial_step(&config, &law, &x, &u);
+        cgl_trial_step(&law, &x, &u);
         out->i_q_ref = in->off ? CGL_R(0.0) : u.u;
         out->status = u.status;
         HOLDS(within(u.u, config.limit));
@@ -87,20 +87,20 @@ void law_step(const cgl_law_input *in, cgl_law_output *out)
     HOLDS(cgl_is_finite(law.theta));
 }
 
-void law_reset(void) { cgl_trial_reset(&config, &law); }
+void law_reset(void) { cgl_trial_reset(&law); }
 cgl_real law_limit(void) { return config.limit; }
 
 void law_other(feed *from)
 {
     if (feed_bool(from)) {
-        (void)cgl_trial_end(&config, &law);
+        (void)cgl_trial_end(&law);
         check_entries(memory, config.samples, config.learned_limit);
         return;
     }
     for (uint32_t p = 0; p < config.samples; ++p) {
         y_ref[p] = p % 5U == 0U ? feed_real(from, CGL_R(3.0)) : (p > 0U ? y_ref[p - 1U] : CGL_R(0.0));
     }
-    cgl_trial_begin(&config, &law, feed_below(from, 8U) ? y_ref : 0);
+    cgl_trial_begin(&law, feed_below(from, 8U) ? y_ref : 0);
 }
 
 void law_end(void)

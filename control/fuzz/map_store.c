@@ -65,21 +65,21 @@ static void fill(feed *from, const cgl_map *map)
     }
 }
 
-static void save(const cgl_map_store_config *config, cgl_map_store *store, const cgl_map *map)
+static void save(cgl_map_store *store, const cgl_map *map)
 {
-    if (cgl_map_store_begin(config, store, map) == CGL_MAP_OK) {
-        for (uint32_t step = 0; cgl_map_store_step(config, store) == CGL_MAP_BUSY; ++step) {
+    if (cgl_map_store_begin(store, map) == CGL_MAP_OK) {
+        for (uint32_t step = 0; cgl_map_store_step(store) == CGL_MAP_BUSY; ++step) {
             HOLDS(step < 10000U);
         }
     }
 }
 
 /* Whatever the slots hold: the map is within its limits, or as it was. */
-static cgl_map_result load(const cgl_map_store_config *config, cgl_map_store *store, const cgl_map *map)
+static cgl_map_result load(cgl_map_store *store, const cgl_map *map)
 {
     cgl_real before[CELLS];
     memcpy(before, map->entry, CELLS * sizeof before[0]);
-    const cgl_map_result result = cgl_map_store_load(config, store, map);
+    const cgl_map_result result = cgl_map_store_load(store, map);
     if (result == CGL_MAP_OK) {
         for (uint32_t n = 0; n < map->channels * map->cells; ++n) {
             HOLDS(within(map->entry[n], map->limit[n / map->cells]));
@@ -109,12 +109,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     uint8_t *lent = malloc(length + 1U); /* of just this length, for the address sanitizer */
     const cgl_map map = feed_map(&from, entry);
     memset(slots, 0xFF, sizeof slots);
-    if (cgl_map_store_init(&config, &store, lent + 1U, length) == CGL_OK) {
+    if (cgl_map_store_init(&store, &config, lent + 1U, length) == CGL_OK) {
         if (feed_bool(&from) && cgl_map_is_valid(&map)) {
             for (uint32_t saves = feed_below(&from, 3U) + 1U; saves > 0U; --saves) {
                 fill(&from, &map);
                 power = feed_bool(&from) ? 0xFFFFFFFFU : feed_below(&from, 600U);
-                save(&config, &store, &map);
+                save(&store, &map);
             }
         } else {
             for (uint32_t n = 0; n < SLOT; ++n) {
@@ -122,8 +122,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
             }
         }
         spoil(&from);
-        config.motor = feed_below(&from, 16U) ? config.motor : config.motor + 1U;
-        load(&config, &store, &map);
+        store.config.motor += feed_below(&from, 16U) ? 0U : 1U;
+        load(&store, &map);
     }
     free(lent);
     return 0;

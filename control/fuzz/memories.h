@@ -15,7 +15,6 @@ static inline cgl_memory_config feed_memory(feed *from)
     config.lead = feed_bool(from) ? 0U : feed_below(from, config.cells / 4U + 1U);
     config.forgetting = feed_bool(from) ? CGL_R(1.0) : feed_gain(from, CGL_R(1.0));
     config.limit = feed_gain(from, CGL_R(5.0));
-    config.ts = feed_gain(from, CGL_R(2.0e-3));
     return config;
 }
 
@@ -30,7 +29,6 @@ static inline cgl_space_memory_config feed_space_memory(feed *from)
     config.q_half_width = feed_bool(from) ? 0U : feed_below(from, (config.cells + 1U) / 2U);
     config.method = feed_bool(from) ? CGL_DELAY_ODE : CGL_DELAY_INVERSION;
     config.k_pp = feed_gain(from, CGL_R(20.0));
-    config.ts = feed_gain(from, CGL_R(2.0e-3));
     for (uint32_t c = 0; c < CGL_SPACE_CHANNELS; ++c) {
         config.limit[c] = feed_gain(from, CGL_R(5.0));
     }

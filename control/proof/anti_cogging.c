@@ -7,10 +7,10 @@ static cgl_real table[CELLS];
 
 int main(void)
 {
-    cgl_anti_cogging_config config = {{any_real(), any_real(), any_real(), ANY_LIMIT}, CELLS, any_real(), any_bits(), any_real(), any_real()};
+    cgl_anti_cogging_config config = {{any_real(), any_real(), ANY_LIMIT}, CELLS, any_real(), any_bits(), any_real(), any_real()};
     cgl_anti_cogging law;
     FILL(table);
-    if (cgl_anti_cogging_init(&config, &law, table, sizeof table / sizeof table[0]) != CGL_OK) {
+    if (cgl_anti_cogging_init(&law, &config, any_real(), table, sizeof table / sizeof table[0]) != CGL_OK) {
         return 0;
     }
     /*@ loop widen_hints law.turns, -1000, 1000; */
@@ -18,11 +18,11 @@ int main(void)
         const cgl_law_input in = any_input();
         cgl_law_output out;
         if (any_bool()) {
-            cgl_anti_cogging_calibrate(&config, &law);
+            cgl_anti_cogging_calibrate(&law);
         } else if (any_bool()) {
-            cgl_anti_cogging_reset(&config, &law);
+            cgl_anti_cogging_reset(&law);
         } else {
-            cgl_anti_cogging_step(&config, &law, &in, &out);
+            cgl_anti_cogging_step(&law, &in, &out);
             PROVE_OUTPUT(out.i_q_ref);
             PROVE_WITHIN_LIMIT(law.looked_up);
         }

@@ -8,10 +8,10 @@ static cgl_drive_config any_drive(void)
     const cgl_drive_config config = {
         any_bits(), any_bits(), any_bool(), any_bool(),
         {any_real(), any_real(), any_real(), any_real(), any_real(), any_real(),
-         any_real(), any_bool(), any_real(), any_real(), any_real(), any_bits()},
+         any_bool(), any_real(), any_real(), any_real(), any_bits()},
         {any_real(), any_real(), any_real(), any_real(), any_real(),
-         any_real(), any_real(), any_real(), any_real(), any_real(), any_bits()},
-        {any_real(), any_real(), any_real(), any_real(), any_real()}};
+         any_real(), any_real(), any_real(), any_real(), any_bits()},
+        {any_real(), any_real(), any_real(), any_real()}};
     return config;
 }
 
@@ -19,7 +19,7 @@ int main(void)
 {
     cgl_drive_config config = any_drive();
     cgl_drive drive;
-    if (cgl_drive_init(&config, &drive) != CGL_OK) {
+    if (cgl_drive_init(&drive, &config, any_real()) != CGL_OK) {
         return 0;
     }
     while (any_bool()) {
@@ -29,11 +29,11 @@ int main(void)
         if (any_bool()) {
             cgl_drive_reset(&drive);
         } else {
-            if (cgl_drive_measure(&config, &drive, &now, &reference)) {
+            if (cgl_drive_measure(&drive, &now, &reference)) {
                 drive.command.i_q_ref = any_real();
                 drive.command.status = any_bits();
             }
-            cgl_drive_actuate(&config, &drive, &out);
+            cgl_drive_actuate(&drive, &out);
             for (int x = 0; x < 3; ++x) {
                 Frama_C_show_each_output(out.duty[x]);
                 PROVE(out.duty[x] >= CGL_R(0.0) && out.duty[x] <= CGL_R(1.0));

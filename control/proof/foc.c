@@ -6,9 +6,9 @@
 int main(void)
 {
     cgl_foc_config config = {any_real(), any_real(), any_real(), any_real(), any_real(), any_real(),
-                             any_real(), any_bool(), any_real(), any_real(), any_real(), any_bits()};
+                             any_bool(), any_real(), any_real(), any_real(), any_bits()};
     cgl_foc foc;
-    if (cgl_foc_init(&config, &foc) != CGL_OK) {
+    if (cgl_foc_init(&foc, &config, any_real()) != CGL_OK) {
         return 0;
     }
     while (any_bool()) {
@@ -17,7 +17,7 @@ int main(void)
         if (any_bool()) {
             cgl_foc_reset(&foc);
         } else {
-            cgl_foc_step(&config, &foc, &in, &out);
+            cgl_foc_step(&foc, &in, &out);
             for (int x = 0; x < 3; ++x) {
                 Frama_C_show_each_output(out.duty[x]);
                 PROVE(out.duty[x] >= CGL_R(0.0) && out.duty[x] <= CGL_R(1.0));

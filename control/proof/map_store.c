@@ -48,18 +48,18 @@ int main(void)
     bool learning = any_bool();
     cgl_map map = {entry, CELLS, CELLS, CHANNELS, any_bits(), any_bits(), any_bits(), any_bits(),
                          {any_bits(), any_bits(), any_bits()}, {ANY_LIMIT, ANY_LIMIT, ANY_LIMIT}, &learning};
-    if (cgl_map_store_init(&config, &store, buffer, sizeof buffer) != CGL_OK || !cgl_map_is_valid(&map)) {
+    if (cgl_map_store_init(&store, &config, buffer, sizeof buffer) != CGL_OK || !cgl_map_is_valid(&map)) {
         return 0;
     }
     //@ dynamic_split store.phase;
     while (any_bool()) {
         learning = any_bool();
         if (any_bool()) {
-            (void)cgl_map_store_load(&config, &store, &map);
+            (void)cgl_map_store_load(&store, &map);
         } else if (any_bool()) {
-            (void)cgl_map_store_begin(&config, &store, &map);
+            (void)cgl_map_store_begin(&store, &map);
         } else {
-            (void)cgl_map_store_step(&config, &store);
+            (void)cgl_map_store_step(&store);
         }
         PROVE_ENTRIES(entry);
     }

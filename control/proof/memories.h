@@ -18,7 +18,7 @@ static inline cgl_memory_config any_memory(void)
 #else
     const cgl_memory_kind kind = CGL_MEMORY_ANGLE;
 #endif
-    const cgl_memory_config config = {kind, CELLS, any_bits(), Q_HALF_WIDTH, any_bits(), any_real(), ANY_LIMIT, any_real()};
+    const cgl_memory_config config = {kind, CELLS, any_bits(), Q_HALF_WIDTH, any_bits(), any_real(), ANY_LIMIT};
     return config;
 }
 
@@ -35,7 +35,7 @@ static inline cgl_space_memory_config any_space_memory(void)
 {
     const cgl_space_memory_config config = {SPACE_KIND, CHANNELS, CELLS, any_bits(), any_bits(), Q_HALF_WIDTH,
                                             {ANY_LIMIT, ANY_LIMIT, ANY_LIMIT},
-                                            any_bool() ? CGL_DELAY_ODE : CGL_DELAY_INVERSION, any_real(), any_real()};
+                                            any_bool() ? CGL_DELAY_ODE : CGL_DELAY_INVERSION, any_real()};
     return config;
 }
 

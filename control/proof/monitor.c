@@ -6,9 +6,9 @@
 int main(void)
 {
     cgl_monitor_config config = {any_real(), any_real(), any_real(), any_real(), any_real(),
-                                 any_real(), any_real(), any_real(), any_real(), any_real(), any_bits()};
+                                 any_real(), any_real(), any_real(), any_real(), any_bits()};
     cgl_monitor monitor;
-    if (cgl_monitor_init(&config, &monitor) != CGL_OK) {
+    if (cgl_monitor_init(&monitor, &config, any_real()) != CGL_OK) {
         return 0;
     }
     while (any_bool()) {
@@ -18,7 +18,7 @@ int main(void)
         } else if (any_bool()) {
             cgl_monitor_trust(&monitor);
         } else {
-            cgl_monitor_step(&config, &monitor, &now, any_real());
+            cgl_monitor_step(&monitor, &now, any_real());
         }
         Frama_C_show_each_output(monitor.theta_m);
         PROVE(monitor.theta_m >= CGL_R(0.0) && monitor.theta_m <= CGL_TWO_PI);

@@ -7,10 +7,10 @@ static cgl_real cell[CGL_MEMORY_LENGTH(CELLS, Q_HALF_WIDTH)];
 
 int main(void)
 {
-    cgl_pi_ilc_config config = {{any_real(), any_real(), any_real(), ANY_LIMIT}, any_real(), any_memory()};
+    cgl_pi_ilc_config config = {{any_real(), any_real(), ANY_LIMIT}, any_real(), any_memory()};
     cgl_pi_ilc law;
     FILL(cell);
-    if (cgl_pi_ilc_init(&config, &law, cell, sizeof cell / sizeof cell[0]) != CGL_OK) {
+    if (cgl_pi_ilc_init(&law, &config, any_real(), cell, sizeof cell / sizeof cell[0]) != CGL_OK) {
         return 0;
     }
     //@ widen_hints global:"all", CELLS - 1, CELLS + Q_HALF_WIDTH, CELLS + Q_HALF_WIDTH + 1;
@@ -18,9 +18,9 @@ int main(void)
         const cgl_law_input in = any_input();
         cgl_law_output out;
         if (any_bool()) {
-            cgl_pi_ilc_reset(&config, &law);
+            cgl_pi_ilc_reset(&law);
         } else {
-            cgl_pi_ilc_step(&config, &law, &in, &out);
+            cgl_pi_ilc_step(&law, &in, &out);
             PROVE_OUTPUT(out.i_q_ref);
         }
         PROVE_ENTRIES(cell);

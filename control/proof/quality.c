@@ -5,9 +5,9 @@
 
 int main(void)
 {
-    cgl_quality_config config = {any_real(), any_real(), any_real(), any_real(), any_real()};
+    cgl_quality_config config = {any_real(), any_real(), any_real(), any_real()};
     cgl_quality quality;
-    if (cgl_quality_init(&config, &quality) != CGL_OK) {
+    if (cgl_quality_init(&quality, &config, any_real()) != CGL_OK) {
         return 0;
     }
     while (any_bool()) {
@@ -16,7 +16,7 @@ int main(void)
         } else if (any_bool()) {
             (void)cgl_quality_read(&quality);
         } else {
-            (void)cgl_quality_step(&config, &quality, any_real(), any_real(), any_bool());
+            (void)cgl_quality_step(&quality, any_real(), any_real(), any_bool());
         }
     }
     return 0;

@@ -7,10 +7,10 @@ static cgl_real cell[CGL_SPACE_MEMORY_LENGTH(SPACE_KIND, CHANNELS, CELLS, Q_HALF
 
 int main(void)
 {
-    cgl_space_position_config config = {any_bits(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_bool(), any_real(), any_real(), any_bool() ? CGL_SPACE_BY_REFERENCE : CGL_SPACE_BY_ROTOR, any_real(), ANY_LIMIT, any_space_memory()};
+    cgl_space_position_config config = {any_bits(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_bool(), any_real(), any_real(), any_bool() ? CGL_SPACE_BY_REFERENCE : CGL_SPACE_BY_ROTOR, ANY_LIMIT, any_space_memory()};
     cgl_space_position law;
     FILL(cell);
-    if (cgl_space_position_init(&config, &law, cell, sizeof cell / sizeof cell[0]) != CGL_OK) {
+    if (cgl_space_position_init(&law, &config, any_real(), cell, sizeof cell / sizeof cell[0]) != CGL_OK) {
         return 0;
     }
     //@ widen_hints global:"all", CELLS - 1, CELLS + Q_HALF_WIDTH, CELLS + Q_HALF_WIDTH + 1;
@@ -18,9 +18,9 @@ int main(void)
         const cgl_law_input in = any_input();
         cgl_law_output out;
         if (any_bool()) {
-            cgl_space_position_reset(&config, &law);
+            cgl_space_position_reset(&law);
         } else {
-            cgl_space_position_step(&config, &law, &in, &out);
+            cgl_space_position_step(&law, &in, &out);
             PROVE_OUTPUT(out.i_q_ref);
         }
     }

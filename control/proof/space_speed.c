@@ -10,7 +10,7 @@ int main(void)
     cgl_space_speed_config config = {any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), ANY_LIMIT, any_bits(), any_space_memory()};
     cgl_space_speed law;
     FILL(cell);
-    if (cgl_space_speed_init(&config, &law, cell, sizeof cell / sizeof cell[0]) != CGL_OK) {
+    if (cgl_space_speed_init(&law, &config, any_real(), cell, sizeof cell / sizeof cell[0]) != CGL_OK) {
         return 0;
     }
     //@ widen_hints global:"all", CELLS - 1, CELLS + Q_HALF_WIDTH, CELLS + Q_HALF_WIDTH + 1;
@@ -18,9 +18,9 @@ int main(void)
         const cgl_law_input in = any_input();
         cgl_law_output out;
         if (any_bool()) {
-            cgl_space_speed_reset(&config, &law);
+            cgl_space_speed_reset(&law);
         } else {
-            cgl_space_speed_step(&config, &law, &in, &out);
+            cgl_space_speed_step(&law, &in, &out);
             PROVE_OUTPUT(out.i_q_ref);
         }
     }

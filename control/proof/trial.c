@@ -30,24 +30,24 @@ int main(void)
     Frama_C_make_unknown((char *)y_ref, sizeof y_ref);
     Frama_C_make_unknown((char *)matrix, sizeof matrix);
     FILL(memory);
-    if (cgl_trial_init(&config, &law, memory, sizeof memory / sizeof memory[0]) != CGL_OK) {
+    if (cgl_trial_init(&law, &config, memory, sizeof memory / sizeof memory[0]) != CGL_OK) {
         return 0;
     }
     while (any_bool()) {
         const cgl_trial_input in = any_trial_input();
         if (any_bool()) {
-            cgl_trial_begin(&config, &law, any_bool() ? y_ref : 0);
+            cgl_trial_begin(&law, any_bool() ? y_ref : 0);
         } else if (any_bool()) {
-            (void)cgl_trial_end(&config, &law);
+            (void)cgl_trial_end(&law);
         } else if (any_bool()) {
-            cgl_trial_reset(&config, &law);
+            cgl_trial_reset(&law);
         } else if (any_bool()) {
             const cgl_law_input of_drive = any_input();
             cgl_law_output command;
-            cgl_trial_drive_step(&config, &law, &of_drive, &command);
+            cgl_trial_drive_step(&law, &of_drive, &command);
             PROVE_OUTPUT(command.i_q_ref);
         } else {
-            cgl_trial_step(&config, &law, &in, &out);
+            cgl_trial_step(&law, &in, &out);
             PROVE_OUTPUT(out.u);
         }
         const uint32_t place = any_bits();

@@ -42,21 +42,21 @@ static void readme_example(void)
 static void long_calibration(void)
 {
     static cgl_real table[16];
-    const cgl_anti_cogging_config config = {{CGL_R(1.0), CGL_R(1.0), CGL_R(5.0e-5), CGL_R(2.0)},
+    const cgl_anti_cogging_config config = {{CGL_R(1.0), CGL_R(1.0), CGL_R(2.0)},
                                             16U,
                                             CGL_R(0.4),
                                             12U,
                                             CGL_R(5.0),
                                             CGL_R(0.0)};
     cgl_anti_cogging law;
-    CHECK(cgl_anti_cogging_init(&config, &law, table, 16U) == CGL_OK);
-    cgl_anti_cogging_calibrate(&config, &law);
-    const double step = (double)config.speed * (double)config.pi.ts;
+    CHECK(cgl_anti_cogging_init(&law, &config, CGL_R(5.0e-5), table, 16U) == CGL_OK);
+    cgl_anti_cogging_calibrate(&law);
+    const double step = (double)config.speed * (double)CGL_R(5.0e-5);
     double theta = 0.0, furthest = 0.0;
     cgl_law_input in = {.omega_m = config.speed, .i_q = CGL_R(0.1), .learn = true};
     cgl_law_output out = {CGL_R(0.0), 0U};
     do {
-        cgl_anti_cogging_step(&config, &law, &in, &out);
+        cgl_anti_cogging_step(&law, &in, &out);
         theta += law.stage == CGL_ANTI_COGGING_BACKWARD ? -step : step;
         furthest = theta > furthest ? theta : furthest;
         in.theta_m = (cgl_real)(theta - (double)((long)(theta / (double)CGL_TWO_PI)) * (double)CGL_TWO_PI);

@@ -96,8 +96,7 @@ static void next_input(cgl_law_input *in, int step)
 
 static cgl_pi_config random_pi(void)
 {
-    const cgl_pi_config config = {random_gain(CGL_R(1.0)), random_gain(CGL_R(10.0)), random_gain(CGL_R(1.0e-3)),
-                                  random_gain(CGL_R(5.0))};
+    const cgl_pi_config config = {random_gain(CGL_R(1.0)), random_gain(CGL_R(10.0)), random_gain(CGL_R(5.0))};
     return config;
 }
 
@@ -111,7 +110,6 @@ static cgl_memory_config random_memory(void)
     config.lead = random_below(2) ? 0U : random_below(config.cells / 4U + 1U);
     config.forgetting = random_below(2) ? CGL_R(1.0) : random_gain(CGL_R(1.0));
     config.limit = random_gain(CGL_R(5.0));
-    config.ts = random_gain(CGL_R(2.0e-3));
     return config;
 }
 
@@ -160,7 +158,6 @@ static cgl_foc_config random_foc(void)
     config.ki_d = random_gain(CGL_R(1000.0));
     config.kp_q = random_gain(CGL_R(10.0));
     config.ki_q = random_gain(CGL_R(1000.0));
-    config.ts = random_gain(CGL_R(1.0e-4));
     config.current_limit = random_gain(CGL_R(5.0));
     config.advance = random_gain(CGL_R(2.0));
     config.decoupling = random_below(2) != 0U;
@@ -175,9 +172,11 @@ static void try_foc(void)
 {
     cgl_foc_config config;
     cgl_foc foc;
+    cgl_real ts;
     do {
+        ts = random_gain(CGL_R(1.0e-3));
         config = random_foc();
-    } while (cgl_foc_init(&config, &foc) != CGL_OK);
+    } while (cgl_foc_init(&foc, &config, ts) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         const cgl_foc_input in = {{random_real(CGL_R(5.0)), random_real(CGL_R(5.0)), random_real(CGL_R(5.0))},
                                   random_real(CGL_R(7.0)),
@@ -187,7 +186,7 @@ static void try_foc(void)
                                   random_real(CGL_R(5.0))};
         const cgl_foc before = foc;
         cgl_foc_output out;
-        cgl_foc_step(&config, &foc, &in, &out);
+        cgl_foc_step(&foc, &in, &out);
         CHECK(are_duties(out.duty));
         CHECK(cgl_is_finite(out.u_d) && cgl_is_finite(out.u_q));
         CHECK(cgl_is_finite(out.i_d) && cgl_is_finite(out.i_q));
@@ -207,16 +206,18 @@ static void try_pi(void)
 {
     cgl_pi_config config;
     cgl_pi pi;
+    cgl_real ts;
     do {
+        ts = random_gain(CGL_R(1.0e-3));
         config = random_pi();
-    } while (cgl_pi_init(&config, &pi) != CGL_OK);
+    } while (cgl_pi_init(&pi, &config, ts) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
-        CHECK(within(cgl_pi_step(&config, &pi, random_real(CGL_R(10.0)), random_real(CGL_R(1.0))), config.limit));
+        CHECK(within(cgl_pi_step(&pi, random_real(CGL_R(10.0)), random_real(CGL_R(1.0))), config.limit));
         CHECK(within(pi.integral, config.limit));
         cgl_law_input in;
         cgl_law_output out;
         next_input(&in, step);
-        cgl_speed_pi_step(&config, &pi, &in, &out);
+        cgl_speed_pi_step(&pi, &in, &out);
         check_off(&in, &out);
         CHECK(within(out.i_q_ref, config.limit));
     }
@@ -227,22 +228,24 @@ static void try_memory(void)
     cgl_memory_config config;
     cgl_memory memory;
     uint32_t length;
+    cgl_real ts;
     do {
+        ts = random_gain(CGL_R(1.0e-3));
         config = random_memory();
         length = CGL_MEMORY_LENGTH(config.cells, config.q_half_width);
-    } while (cgl_memory_init(&config, &memory, fence(length), length) != CGL_OK);
+    } while (cgl_memory_init(&memory, &config, ts, fence(length), length) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         cgl_law_input in;
         cgl_real value;
         next_input(&in, step);
-        cgl_memory_recall(&config, &memory, in.theta_m, in.omega_ref, random_below(2) != 0U, &value);
+        cgl_memory_recall(&memory, in.theta_m, in.omega_ref, random_below(2) != 0U, &value);
         CHECK(within(value, config.limit));
         const cgl_real acting =
-            cgl_memory_update(&config, &memory, random_real(config.limit), random_real(config.limit), in.learn);
+            cgl_memory_update(&memory, random_real(config.limit), random_real(config.limit), in.learn);
         CHECK(within(acting, config.limit));
         CHECK(memory.newest < length && memory.head < length && memory.known <= length);
         if (random_below(1000) == 0U) {
-            cgl_memory_reset(&config, &memory);
+            cgl_memory_reset(&memory);
         }
     }
     check_cells(length, config.limit);
@@ -254,26 +257,28 @@ static void try_pi_ilc(void)
     cgl_pi_ilc_config config;
     cgl_pi_ilc law;
     uint32_t length;
+    cgl_real ts;
     do {
+        ts = random_gain(CGL_R(1.0e-3));
         config.pi = random_pi();
         config.gain = random_gain(CGL_R(0.1));
         config.memory = random_memory();
         length = CGL_MEMORY_LENGTH(config.memory.cells, config.memory.q_half_width);
-    } while (cgl_pi_ilc_init(&config, &law, fence(length), length) != CGL_OK);
+    } while (cgl_pi_ilc_init(&law, &config, ts, fence(length), length) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         cgl_law_input in;
         cgl_law_output out;
         next_input(&in, step);
         cgl_real before[CELLS_MAX];
         memcpy(before, fenced + GUARD, config.memory.cells * sizeof before[0]);
-        cgl_pi_ilc_step(&config, &law, &in, &out);
+        cgl_pi_ilc_step(&law, &in, &out);
         check_off(&in, &out);
         check_status(out.status, &config.memory, before);
         CHECK(within(out.i_q_ref, config.pi.limit));
         CHECK(within(law.learned, config.memory.limit));
         CHECK(within(law.pi.integral, config.pi.limit));
         if (random_below(1000) == 0U) {
-            cgl_pi_ilc_reset(&config, &law);
+            cgl_pi_ilc_reset(&law);
         }
     }
     check_cells(length, config.memory.limit);
@@ -285,7 +290,9 @@ static void try_robust_ilc(void)
     cgl_robust_ilc_config config;
     cgl_robust_ilc law;
     uint32_t length;
+    cgl_real ts;
     do {
+        ts = random_gain(CGL_R(1.0e-3));
         config.b = random_gain(CGL_R(500.0));
         config.c = random_gain(CGL_R(10.0));
         config.g = random_gain(CGL_R(60.0));
@@ -296,25 +303,24 @@ static void try_robust_ilc(void)
         config.gamma = random_gain(CGL_R(5.0));
         config.viscous = random_real(CGL_R(1.0));
         config.coulomb = random_real(CGL_R(10.0));
-        config.ts = random_gain(CGL_R(1.0e-3));
-        config.limit = random_gain(CGL_R(5.0));
+            config.limit = random_gain(CGL_R(5.0));
         config.memory = random_memory();
         length = CGL_MEMORY_LENGTH(config.memory.cells, config.memory.q_half_width);
-    } while (cgl_robust_ilc_init(&config, &law, fence(length), length) != CGL_OK);
+    } while (cgl_robust_ilc_init(&law, &config, ts, fence(length), length) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         cgl_law_input in;
         cgl_law_output out;
         next_input(&in, step);
         cgl_real before[CELLS_MAX];
         memcpy(before, fenced + GUARD, config.memory.cells * sizeof before[0]);
-        cgl_robust_ilc_step(&config, &law, &in, &out);
+        cgl_robust_ilc_step(&law, &in, &out);
         check_off(&in, &out);
         check_status(out.status, &config.memory, before);
         CHECK(within(out.i_q_ref, config.limit));
         CHECK(within(law.error_integral, CGL_R(1.0e9)));
         CHECK(within(law.adapted, config.b * config.limit));
         if (random_below(1000) == 0U) {
-            cgl_robust_ilc_reset(&config, &law);
+            cgl_robust_ilc_reset(&law);
         }
     }
     check_cells(length, config.memory.limit);
@@ -325,24 +331,26 @@ static void try_anti_cogging(void)
 {
     cgl_anti_cogging_config config;
     cgl_anti_cogging law;
+    cgl_real ts;
     do {
+        ts = random_gain(CGL_R(1.0e-3));
         config.pi = random_pi();
         config.cells = 4U + random_below(CELLS_MAX - 3U);
         config.speed = random_gain(CGL_R(100.0));
         config.revolutions = 1U + (random_below(2) ? 0U : random_below(100));
         config.position_gain = random_gain(CGL_R(20.0));
         config.lead = random_below(2) ? CGL_R(0.0) : random_gain(CGL_R(1.0e-3));
-    } while (cgl_anti_cogging_init(&config, &law, fence(config.cells), config.cells) != CGL_OK);
+    } while (cgl_anti_cogging_init(&law, &config, ts, fence(config.cells), config.cells) != CGL_OK);
     for (int step = 0; step < 4 * STEPS_PER_CONFIG; ++step) {
         if (random_below(400) == 0U) {
-            cgl_anti_cogging_calibrate(&config, &law);
+            cgl_anti_cogging_calibrate(&law);
         } else if (random_below(2000) == 0U) {
-            cgl_anti_cogging_reset(&config, &law);
+            cgl_anti_cogging_reset(&law);
         }
         cgl_law_input in;
         cgl_law_output out;
         next_input(&in, step);
-        cgl_anti_cogging_step(&config, &law, &in, &out);
+        cgl_anti_cogging_step(&law, &in, &out);
         check_off(&in, &out);
         CHECK(within(out.i_q_ref, config.pi.limit));
         CHECK(within(law.looked_up, config.pi.limit));
@@ -374,17 +382,19 @@ static void try_pi_afc(void)
     cgl_pi_afc_config config;
     cgl_pi_afc law;
     uint32_t length;
+    cgl_real ts;
     do {
+        ts = random_gain(CGL_R(1.0e-3));
         config = random_pi_afc();
         length = CGL_PI_AFC_LENGTH(config.orders);
-    } while (cgl_pi_afc_init(&config, &law, fence(length), length) != CGL_OK);
+    } while (cgl_pi_afc_init(&law, &config, ts, fence(length), length) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         cgl_law_input in;
         cgl_law_output out;
         next_input(&in, step);
         cgl_real before[CGL_PI_AFC_LENGTH(CGL_PI_AFC_ORDERS)];
         memcpy(before, fenced + GUARD, length * sizeof before[0]);
-        cgl_pi_afc_step(&config, &law, &in, &out);
+        cgl_pi_afc_step(&law, &in, &out);
         check_off(&in, &out);
         const bool frozen = (out.status & (unsigned)CGL_STATUS_FROZEN) != 0U;
         CHECK(frozen == !law.learning && (frozen || (out.status & (unsigned)CGL_STATUS_FAULT) == 0U));
@@ -396,7 +406,7 @@ static void try_pi_afc(void)
         CHECK(within(law.pi.integral, config.pi.limit));
         check_cells(2U * config.orders, config.limit);
         if (random_below(1000) == 0U) {
-            cgl_pi_afc_reset(&config, &law);
+            cgl_pi_afc_reset(&law);
         }
     }
     check_fence(length);
@@ -418,7 +428,6 @@ static cgl_space_memory_config random_space_memory(void)
     }
     config.method = random_below(2) ? CGL_DELAY_ODE : CGL_DELAY_INVERSION;
     config.k_pp = random_gain(CGL_R(50.0));
-    config.ts = random_gain(CGL_R(1.0e-3));
     return config;
 }
 
@@ -448,7 +457,7 @@ static void check_space_memory(const cgl_space_memory_config *config, const cgl_
         CHECK(memory->cell[n] >= CGL_R(0.0) && memory->cell[n] < CGL_R(1.0));
     }
     CHECK(memory->known <= length && memory->then < length && memory->newest < length);
-    CHECK(memory->p_t >= CGL_R(0.0) && memory->p_t <= (cgl_real)(length + 1U) * config->ts);
+    CHECK(memory->p_t >= CGL_R(0.0) && memory->p_t <= (cgl_real)(length + 1U) * memory->ts);
     check_fence(space_length(config));
 }
 
@@ -492,15 +501,17 @@ static void try_space_memory(void)
 {
     cgl_space_memory_config config;
     cgl_space_memory memory;
+    cgl_real ts;
     do {
+        ts = random_gain(CGL_R(1.0e-3));
         config = random_space_memory();
-    } while (cgl_space_memory_init(&config, &memory, fence(space_length(&config)), space_length(&config)) != CGL_OK);
+    } while (cgl_space_memory_init(&memory, &config, ts, fence(space_length(&config)), space_length(&config)) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         cgl_law_input in;
         next_position_input(&in, step);
         cgl_real value[CGL_SPACE_CHANNELS];
         for (int times = random_below(8) ? 1 : (int)random_below(4); times > 0; --times) { /* in any order */
-            const bool learns = cgl_space_memory_recall(&config, &memory, in.theta_ref, random_below(8) != 0U, in.learn,
+            const bool learns = cgl_space_memory_recall(&memory, in.theta_ref, random_below(8) != 0U, in.learn,
                                                         value);
             CHECK(in.learn || !learns);
             for (uint32_t c = 0; c < config.channels; ++c) {
@@ -511,10 +522,10 @@ static void try_space_memory(void)
             value[c] = random_real(config.limit[c]);
         }
         for (int times = random_below(8) ? 1 : (int)random_below(4); times > 0; --times) {
-            cgl_space_memory_update(&config, &memory, value, in.learn);
+            cgl_space_memory_update(&memory, value, in.learn);
         }
         if (random_below(1000) == 0U) {
-            cgl_space_memory_reset(&config, &memory);
+            cgl_space_memory_reset(&memory);
         }
     }
     check_space_memory(&config, &memory);
@@ -526,7 +537,9 @@ static void try_space_position(void)
     cgl_space_position_config config;
     cgl_space_position law;
     uint32_t length;
+    cgl_real ts;
     do {
+        ts = random_gain(CGL_R(1.0e-3));
         config.ratio = random_below(8) ? 1U + random_below(50) : 1U + random_below(65535);
         config.k_theta = random_gain(CGL_R(5.0));
         config.k_omega = random_gain(CGL_R(5.0));
@@ -541,18 +554,17 @@ static void try_space_position(void)
         config.ramp = random_gain(CGL_R(0.1));
         config.omega_min = random_gain(CGL_R(1.0));
         config.index = random_below(2) ? CGL_SPACE_BY_REFERENCE : CGL_SPACE_BY_ROTOR;
-        config.ts = random_gain(CGL_R(1.0e-3));
-        config.limit = random_gain(CGL_R(500.0));
+            config.limit = random_gain(CGL_R(500.0));
         config.memory = random_space_memory();
         length = space_length(&config.memory);
-    } while (cgl_space_position_init(&config, &law, fence(length), length) != CGL_OK);
+    } while (cgl_space_position_init(&law, &config, ts, fence(length), length) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         cgl_law_input in;
         cgl_law_output out;
         next_position_input(&in, step);
         memcpy(before, fenced + GUARD, length * sizeof before[0]);
         const cgl_space_position old = law;
-        cgl_space_position_step(&config, &law, &in, &out);
+        cgl_space_position_step(&law, &in, &out);
         check_off(&in, &out);
         check_space_status(out.status, in.learn);
         if ((out.status & (unsigned)CGL_STATUS_FROZEN) != 0U) {
@@ -561,7 +573,7 @@ static void try_space_position(void)
         CHECK(within(out.i_q_ref, config.limit));
         CHECK(within(law.integral, config.limit));
         if (random_below(1000) == 0U) {
-            cgl_space_position_reset(&config, &law);
+            cgl_space_position_reset(&law);
         }
     }
     check_space_memory(&config.memory, &law.memory);
@@ -573,7 +585,9 @@ static void try_space_speed(void)
     cgl_space_speed_config config;
     cgl_space_speed law;
     uint32_t length;
+    cgl_real ts;
     do {
+        ts = random_gain(CGL_R(1.0e-3));
         config.k = random_gain(CGL_R(5.0));
         config.mu_alpha = random_gain(CGL_R(250.0));
         config.mu_beta = random_gain(CGL_R(0.1));
@@ -584,14 +598,14 @@ static void try_space_speed(void)
         config.ratio = random_below(8) ? 1U + random_below(50) : 1U + random_below(65535);
         config.memory = random_space_memory();
         length = space_length(&config.memory);
-    } while (cgl_space_speed_init(&config, &law, fence(length), length) != CGL_OK);
+    } while (cgl_space_speed_init(&law, &config, ts, fence(length), length) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         cgl_law_input in;
         cgl_law_output out;
         next_position_input(&in, step);
         memcpy(before, fenced + GUARD, length * sizeof before[0]);
         const cgl_space_speed old = law;
-        cgl_space_speed_step(&config, &law, &in, &out);
+        cgl_space_speed_step(&law, &in, &out);
         check_off(&in, &out);
         check_space_status(out.status, in.learn);
         if ((out.status & (unsigned)CGL_STATUS_FROZEN) != 0U) {
@@ -599,7 +613,7 @@ static void try_space_speed(void)
         }
         CHECK(within(out.i_q_ref, config.limit));
         if (random_below(1000) == 0U) {
-            cgl_space_speed_reset(&config, &law);
+            cgl_space_speed_reset(&law);
         }
     }
     check_space_memory(&config.memory, &law.memory);
@@ -719,7 +733,7 @@ static void check_trial_step(const cgl_trial_config *config, cgl_trial *law, boo
     cgl_real v[SAMPLES_MAX];
     memcpy(v, law->learned, config->samples * sizeof v[0]);
     cgl_trial_output out;
-    cgl_trial_step(config, law, &in, &out);
+    cgl_trial_step(law, &in, &out);
     CHECK(within(out.u, config->limit));
     CHECK(cgl_is_finite(law->psi) && within(law->v, config->learned_limit));
     CHECK(cgl_is_finite(law->terms.feedback) && cgl_is_finite(law->terms.integral));
@@ -740,7 +754,7 @@ static void check_trial_in_a_drive(const cgl_trial_config *config, cgl_trial *la
     next_input(&in, step);
     cgl_real v[SAMPLES_MAX];
     memcpy(v, law->learned, config->samples * sizeof v[0]);
-    cgl_trial_drive_step(config, law, &in, &out);
+    cgl_trial_drive_step(law, &in, &out);
     check_off(&in, &out);
     CHECK(within(out.i_q_ref, config->limit) && cgl_is_finite(law->psi) && cgl_is_finite(law->theta));
     CHECK(memcmp(v, law->learned, config->samples * sizeof v[0]) == 0);
@@ -753,11 +767,11 @@ static void check_trial_end(const cgl_trial_config *config, cgl_trial *law, bool
 {
     cgl_real v[SAMPLES_MAX];
     memcpy(v, law->learned, config->samples * sizeof v[0]);
-    const bool learned = cgl_trial_end(config, law);
+    const bool learned = cgl_trial_end(law);
     CHECK(learned == whole);
     CHECK(learned || memcmp(v, law->learned, config->samples * sizeof v[0]) == 0);
     check_cells(config->samples, config->learned_limit);
-    CHECK(!cgl_trial_end(config, law)); /* not twice */
+    CHECK(!cgl_trial_end(law)); /* not twice */
 }
 
 static void try_trial(void)
@@ -769,14 +783,14 @@ static void try_trial(void)
     do {
         config = random_trial(matrix);
         length = CGL_TRIAL_LENGTH(config.samples, config.q_filter.order);
-    } while (cgl_trial_init(&config, &law, fence(length), length) != CGL_OK);
+    } while (cgl_trial_init(&law, &config, fence(length), length) != CGL_OK);
     for (int trial = 0; trial < 8; ++trial) {
         const bool calm = random_below(4) != 0U;
         for (uint32_t p = 0; p < config.samples; ++p) {
             y_ref[p] = calm ? gain_of_any_sign(CGL_R(3.0)) : random_real(CGL_R(3.0));
         }
         if (random_below(8) != 0U) {
-            cgl_trial_begin(&config, &law, random_below(16) ? y_ref : NULL);
+            cgl_trial_begin(&law, random_below(16) ? y_ref : NULL);
         }
         const uint32_t steps = random_below(4) ? config.samples + random_below(3) * 20U : random_below(config.samples);
         const bool in_a_drive = config.states == 2U && random_below(2) != 0U;
@@ -788,7 +802,7 @@ static void try_trial(void)
             }
         }
         if (random_below(16) == 0U) {
-            cgl_trial_reset(&config, &law);
+            cgl_trial_reset(&law);
         }
         check_trial_end(&config, &law, law.y_ref != NULL && law.sample >= config.samples && !law.spoilt);
         check_fence(length);
@@ -809,7 +823,6 @@ static cgl_monitor_config random_monitor(cgl_real ts, uint32_t phases)
     config.current_sum = random_below(4) ? random_gain(CGL_R(5.0)) : CGL_R(0.0);
     config.bridge = random_below(4) ? random_gain(CGL_R(20.0)) * ts : CGL_R(0.0);
     config.hold = random_below(4) ? random_gain(CGL_R(20.0)) * ts : CGL_R(0.0);
-    config.ts = ts;
     config.phases = phases;
     return config;
 }
@@ -819,7 +832,7 @@ static cgl_quality_config random_quality(cgl_real ts)
     const cgl_quality_config config = {random_below(4) ? CGL_TWO_PI : random_gain(CGL_R(10.0)),
                                        random_below(4) ? CGL_R(50.0) * ts : random_gain(CGL_R(60.0)),
                                        random_below(2) ? random_gain(CGL_R(10.0)) : CGL_R(0.0),
-                                       random_gain(CGL_R(1.0)), ts};
+                                       random_gain(CGL_R(1.0))};
     return config;
 }
 
@@ -865,16 +878,18 @@ static void try_monitor(void)
 {
     cgl_monitor_config config;
     cgl_monitor monitor, long_way;
+    cgl_real ts;
     do {
-        config = random_monitor(random_gain(CGL_R(1.0e-4)), random_below(4));
-    } while (cgl_monitor_init(&config, &monitor) != CGL_OK);
+        ts = random_gain(CGL_R(1.0e-3));
+        config = random_monitor(ts, random_below(4));
+    } while (cgl_monitor_init(&monitor, &config, ts) != CGL_OK);
     for (int step = 0; step < 4 * STEPS_PER_CONFIG; ++step) {
         cgl_measurement now;
         next_measurement(&now, step);
         const cgl_real omega_ref = random_below(8) ? CGL_R(100.0) : random_real(CGL_R(100.0));
         long_way = monitor;
-        cgl_monitor_step(&config, &monitor, &now, omega_ref);
-        cgl_monitor_look(&config, &long_way, &now, omega_ref);
+        cgl_monitor_step(&monitor, &now, omega_ref);
+        cgl_monitor_look(&long_way, &now, omega_ref);
         check_monitor(&config, &monitor);
         check_monitor(&config, &long_way);
         CHECK(monitor.status == long_way.status && monitor.trusted == long_way.trusted);
@@ -912,13 +927,15 @@ static void try_quality(void)
 {
     cgl_quality_config config;
     cgl_quality quality;
+    cgl_real ts;
     do {
-        config = random_quality(random_gain(CGL_R(1.0e-3)));
-    } while (cgl_quality_init(&config, &quality) != CGL_OK);
+        ts = random_gain(CGL_R(1.0e-3));
+        config = random_quality(ts);
+    } while (cgl_quality_init(&quality, &config, ts) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         const cgl_real error = random_below(10) ? CGL_R(0.1) * (cgl_real)random_below(10) : random_real(CGL_R(10.0));
         const cgl_real omega_m = random_below(10) ? CGL_R(100.0) : random_real(CGL_R(100.0));
-        const bool outlier = cgl_quality_step(&config, &quality, error, omega_m, random_below(2) != 0U);
+        const bool outlier = cgl_quality_step(&quality, error, omega_m, random_below(2) != 0U);
         CHECK(cgl_is_finite(error) || outlier);
         CHECK(!outlier || config.outlier > CGL_R(0.0) || !(cgl_abs(error) <= CGL_R(1.0e14)));
         check_quality(&quality);
@@ -928,7 +945,7 @@ static void try_quality(void)
     }
 }
 
-static cgl_drive_config random_drive(void)
+static cgl_drive_config random_drive(cgl_real ts)
 {
     cgl_drive_config config;
     config.pole_pairs = random_below(10) ? 1U + random_below(10) : random_bits() >> random_below(32);
@@ -936,8 +953,8 @@ static cgl_drive_config random_drive(void)
     config.foreign = random_below(3) == 0U;
     config.learn_saturated = random_below(2) != 0U;
     config.foc = random_foc();
-    config.monitor = random_monitor(config.foc.ts, random_below(4));
-    config.quality = random_quality((cgl_real)config.divider * config.foc.ts);
+    config.monitor = random_monitor(ts, random_below(4));
+    config.quality = random_quality((cgl_real)config.divider * ts);
     return config;
 }
 
@@ -967,10 +984,12 @@ static void try_drive(void)
     cgl_drive drive;
     cgl_pi pi;
     cgl_pi_config law;
+    cgl_real ts;
     do {
-        config = random_drive();
+        ts = random_gain(CGL_R(1.0e-3));
+        config = random_drive(ts);
         law = random_pi();
-    } while (cgl_drive_init(&config, &drive) != CGL_OK || cgl_pi_init(&law, &pi) != CGL_OK);
+    } while (cgl_drive_init(&drive, &config, ts) != CGL_OK || cgl_pi_init(&pi, &law, ts) != CGL_OK);
     uint32_t since = config.divider;
     for (int step = 0; step < 2 * STEPS_PER_CONFIG; ++step) {
         cgl_measurement now;
@@ -978,17 +997,17 @@ static void try_drive(void)
         const cgl_reference reference = {random_real(CGL_R(6.0)), random_below(4) ? CGL_R(50.0) : random_real(CGL_R(100.0)),
                                          random_real(CGL_R(10.0)), random_real(CGL_R(1.0)), random_below(8) != 0U};
         const bool spoilt = (drive.saturated && !config.learn_saturated) || drive.off;
-        const bool due = cgl_drive_measure(&config, &drive, &now, &reference);
+        const bool due = cgl_drive_measure(&drive, &now, &reference);
         CHECK(due == (since >= config.divider));
         since = due ? 1U : since + 1U;
         if (due) {
             CHECK(!drive.in.learn || (reference.learn && drive.monitor.trusted && !spoilt));
             CHECK(drive.in.off || !drive.monitor.safe);
             CHECK(cgl_is_finite(drive.in.theta_m) && cgl_is_finite(drive.in.omega_m) && cgl_is_finite(drive.in.i_q));
-            cgl_speed_pi_step(&law, &pi, &drive.in, &drive.command);
+            cgl_speed_pi_step(&pi, &drive.in, &drive.command);
         }
         cgl_drive_output out;
-        cgl_drive_actuate(&config, &drive, &out);
+        cgl_drive_actuate(&drive, &out);
         check_drive(&config, &drive, &out);
         CHECK(within(out.i_q_ref, law.limit));
         if (random_below(1000) == 0U) {
@@ -1002,11 +1021,12 @@ static void try_drive(void)
 static void try_any_config(void)
 {
     const uint32_t length = random_below(CELLS_MAX);
+    const cgl_real ts = random_gain(CGL_R(1.0e-3));
     cgl_memory_config memory = random_memory();
     *(random_below(2) ? &memory.cells : &memory.q_half_width) = random_bits();
     memory.periods_per_rev = random_bits();
     cgl_memory state;
-    if (cgl_memory_init(&memory, &state, fence(length), length) == CGL_OK) {
+    if (cgl_memory_init(&state, &memory, ts, fence(length), length) == CGL_OK) {
         CHECK(CGL_MEMORY_LENGTH(memory.cells, memory.q_half_width) <= length);
     }
     check_fence(length);
@@ -1014,7 +1034,7 @@ static void try_any_config(void)
     *(random_below(2) ? &space.cells : &space.q_half_width) = random_bits() >> random_below(32);
     *(random_below(2) ? &space.channels : &space.parts) = random_bits() >> random_below(32);
     cgl_space_memory in_space;
-    if (cgl_space_memory_init(&space, &in_space, fence(length), length) == CGL_OK) {
+    if (cgl_space_memory_init(&in_space, &space, ts, fence(length), length) == CGL_OK) {
         CHECK(space_length(&space) <= length);
     }
     check_fence(length);
@@ -1022,14 +1042,14 @@ static void try_any_config(void)
                                            random_bits() >> random_below(32), random_real(CGL_R(1.0)),
                                            random_real(CGL_R(1.0))};
     cgl_anti_cogging law;
-    if (cgl_anti_cogging_init(&table, &law, fence(length), length) == CGL_OK) {
+    if (cgl_anti_cogging_init(&law, &table, ts, fence(length), length) == CGL_OK) {
         CHECK(table.cells <= length);
     }
     check_fence(length);
     cgl_pi_afc_config orders = random_pi_afc();
     *(random_below(2) ? &orders.orders : &orders.order[random_below(CGL_PI_AFC_ORDERS)]) = random_bits() >> random_below(32);
     cgl_pi_afc by_order;
-    if (cgl_pi_afc_init(&orders, &by_order, fence(length), length) == CGL_OK) {
+    if (cgl_pi_afc_init(&by_order, &orders, ts, fence(length), length) == CGL_OK) {
         CHECK(CGL_PI_AFC_LENGTH(orders.orders) <= length);
     }
     check_fence(length);
@@ -1040,7 +1060,7 @@ static void try_any_config(void)
     *(random_below(2) ? &trial.feedforward.numerator : &trial.feedforward.denominator) = random_bits();
     *(random_below(2) ? &trial.states : &trial.q_filter.order) = random_bits() >> random_below(32);
     cgl_trial trials;
-    if (cgl_trial_init(&trial, &trials, fence(length), length) == CGL_OK) {
+    if (cgl_trial_init(&trials, &trial, fence(length), length) == CGL_OK) {
         CHECK(CGL_TRIAL_LENGTH(trial.samples, trial.q_filter.order) <= length);
     }
     check_fence(length);

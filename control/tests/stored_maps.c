@@ -70,18 +70,18 @@ static cgl_map_store started(const cgl_map_store_config *config)
 {
     cgl_map_store store;
     const uint32_t least = config->write_size > CGL_MAP_BUFFER_MIN ? config->write_size : CGL_MAP_BUFFER_MIN;
-    CHECK(cgl_map_store_init(config, &store, buffer, least - 1U) == CGL_ERROR_MEMORY);
-    CHECK(cgl_map_store_init(config, &store, buffer, sizeof buffer) == CGL_OK);
+    CHECK(cgl_map_store_init(&store, config, buffer, least - 1U) == CGL_ERROR_MEMORY);
+    CHECK(cgl_map_store_init(&store, config, buffer, sizeof buffer) == CGL_OK);
     return store;
 }
 
-static cgl_map_result save(const cgl_map_store_config *config, cgl_map_store *store, const owner *o)
+static cgl_map_result save(cgl_map_store *store, const owner *o)
 {
-    cgl_map_result result = cgl_map_store_begin(config, store, &o->map);
-    while (result == CGL_MAP_OK && (result = cgl_map_store_step(config, store)) == CGL_MAP_BUSY) {
+    cgl_map_result result = cgl_map_store_begin(store, &o->map);
+    while (result == CGL_MAP_OK && (result = cgl_map_store_step(store)) == CGL_MAP_BUSY) {
         result = CGL_MAP_OK;
     }
-    CHECK(cgl_map_store_step(config, store) == result);
+    CHECK(cgl_map_store_step(store) == result);
     return result;
 }
 
@@ -90,7 +90,7 @@ static cgl_map_result load(const cgl_map_store_config *config, const owner *like
 {
     cgl_map_store store = started(config);
     make(found, like->map.channels, like->map.cells);
-    return cgl_map_store_load(config, &store, &found->map);
+    return cgl_map_store_load(&store, &found->map);
 }
 
 static cgl_map_result load_alike(const cgl_map_store_config *config, const cgl_map *map, owner *found)
@@ -99,7 +99,7 @@ static cgl_map_result load_alike(const cgl_map_store_config *config, const cgl_m
     make(found, map->channels, map->cells);
     found->map = *map;
     found->map.entry = found->memory;
-    return cgl_map_store_load(config, &store, &found->map);
+    return cgl_map_store_load(&store, &found->map);
 }
 
 static void save_and_expect(const cgl_map_store_config *config, owner *o, uint32_t which)
@@ -107,7 +107,7 @@ static void save_and_expect(const cgl_map_store_config *config, owner *o, uint32
     owner found;
     cgl_map_store store = started(config);
     learn(o, which);
-    CHECK(save(config, &store, o) == CGL_MAP_OK);
+    CHECK(save(&store, o) == CGL_MAP_OK);
     CHECK(load(config, o, &found) == CGL_MAP_OK && knows(&found, which));
 }
 
@@ -142,7 +142,7 @@ static void lose_power(uint32_t channels, uint32_t cells, uint32_t write_size, e
         all.power = power;
         cgl_map_store store = started(&config);
         learn(&o, before + 1U);
-        const cgl_map_result result = save(&config, &store, &o);
+        const cgl_map_result result = save(&store, &o);
         all.power = 0xFFFFFFFFU;
         const cgl_map_result loaded = load(&config, &o, &found);
         if (loaded == CGL_MAP_OK && knows(&found, before + 1U)) {
@@ -287,12 +287,14 @@ static void refuse_with_reason(void)
     other.learning = &learning;
     CHECK(load_alike(&config, &other, &found) == CGL_MAP_LEARNING && is_untouched(&found));
     cgl_map_store store = started(&config);
-    CHECK(cgl_map_store_begin(&config, &store, &other) == CGL_MAP_LEARNING);
-    CHECK(cgl_map_store_step(&config, &store) == CGL_MAP_LEARNING);
+    CHECK(cgl_map_store_begin(&store, &other) == CGL_MAP_LEARNING);
+    CHECK(cgl_map_store_step(&store) == CGL_MAP_LEARNING);
     config.slot_size = CGL_MAP_STORED_LENGTH(2U, 20U, 4U);
-    CHECK(cgl_map_store_begin(&config, &store, &o.map) == CGL_MAP_OK);
+    store = started(&config);
+    CHECK(cgl_map_store_begin(&store, &o.map) == CGL_MAP_OK);
     config.slot_size -= 4U;
-    CHECK(cgl_map_store_begin(&config, &store, &o.map) == CGL_MAP_NO_ROOM);
+    store = started(&config);
+    CHECK(cgl_map_store_begin(&store, &o.map) == CGL_MAP_NO_ROOM);
     CHECK(load(&config, &o, &found) == CGL_MAP_DAMAGED); /* cut short */
 }
 
@@ -330,7 +332,7 @@ static void refuse_other_orders(void)
         *at(&o, n) = (cgl_real)(6U + 12U * n);
     }
     cgl_map_store store = started(&config);
-    CHECK(save(&config, &store, &o) == CGL_MAP_OK);
+    CHECK(save(&store, &o) == CGL_MAP_OK);
     for (uint32_t other = 0; other < 4U; ++other) {
         make(&found, 2U, 3U);
         found.map = o.map;
@@ -340,7 +342,7 @@ static void refuse_other_orders(void)
         }
         const cgl_real before = *at(&found, 4U);
         store = started(&config);
-        CHECK(cgl_map_store_load(&config, &store, &found.map) == (other < 3U ? CGL_MAP_OTHER_LAYOUT : CGL_MAP_OK));
+        CHECK(cgl_map_store_load(&store, &found.map) == (other < 3U ? CGL_MAP_OTHER_LAYOUT : CGL_MAP_OK));
         const cgl_real wanted = other < 3U ? before : *at(&o, 4U);
         CHECK(*at(&found, 4U) >= wanted && *at(&found, 4U) <= wanted);
     }
@@ -352,7 +354,7 @@ static void refuse_configs(void)
     flash_clear(&all, 4U);
     const cgl_map_store_config good = flash_config(&all, MOTOR);
     cgl_map_store store;
-    CHECK(cgl_map_store_init(&good, &store, NULL, 64U) == CGL_ERROR_MEMORY);
+    CHECK(cgl_map_store_init(&store, &good, NULL, 64U) == CGL_ERROR_MEMORY);
     for (uint32_t field = 0; field < 7U; ++field) {
         cgl_map_store_config config = good;
         config.erase = field == 0U ? NULL : config.erase;
@@ -360,7 +362,7 @@ static void refuse_configs(void)
         config.read = field == 2U ? NULL : config.read;
         config.write_size = field == 3U ? 0U : (field == 4U ? 24U : (field == 5U ? 512U : config.write_size));
         config.slot_size = field == 6U ? CGL_MAP_HEADER : config.slot_size;
-        CHECK(cgl_map_store_init(&config, &store, buffer, sizeof buffer) == CGL_ERROR_CONFIG);
+        CHECK(cgl_map_store_init(&store, &config, buffer, sizeof buffer) == CGL_ERROR_CONFIG);
     }
 }
 
@@ -418,12 +420,12 @@ static void outrank_what_does_not_fit(uint32_t before, uint32_t number, bool mot
         }
         all.power = power;
         cgl_map_store store = started(&other);
-        save(&other, &store, &low);
+        save(&store, &low);
         all.power = 0xFFFFFFFFU;
         const cgl_map_result result = load(&own, &o, &found);
         CHECK(result == CGL_MAP_OK || before == 1U);
         CHECK(result != CGL_MAP_OK || knows(&found, before) || knows(&found, before - 1U) || !motor);
-        CHECK(save(&other, &store, &low) == CGL_MAP_OK);
+        CHECK(save(&store, &low) == CGL_MAP_OK);
         CHECK(load_alike(&other, &low.map, &found) == CGL_MAP_OK && found.memory[0] >= CGL_R(0.0625));
         if (!motor) { /* the limit is as it was */
             CHECK(load(&own, &o, &found) == CGL_MAP_OK && found.memory[0] >= CGL_R(0.0625)
@@ -460,7 +462,7 @@ static void spare_the_own(void)
     all.power = 100U;
     cgl_map_store store = started(&own);
     learn(&o, 4U);
-    CHECK(save(&own, &store, &o) == CGL_MAP_FLASH_FAILED);
+    CHECK(save(&store, &o) == CGL_MAP_FLASH_FAILED);
     all.power = 0xFFFFFFFFU;
     CHECK(load(&own, &o, &found) == CGL_MAP_OK && knows(&found, 2U));
 }
@@ -484,7 +486,7 @@ static void spare_the_flash(void)
     all.broken = true;
     cgl_map_store store = started(&config);
     learn(&o, 3U);
-    CHECK(save(&config, &store, &o) == CGL_MAP_FLASH_FAILED);
+    CHECK(save(&store, &o) == CGL_MAP_FLASH_FAILED);
     CHECK(all.erases == 2U); /* nothing is written where nothing can be seen */
     all.broken = false;
     CHECK(load(&config, &o, &found) == CGL_MAP_OK && knows(&found, 2U));
@@ -504,7 +506,7 @@ static void notice_locked_flash(void)
     for (uint32_t which = 1; which < 4U; which += 2U) {
         cgl_map_store store = started(&config);
         learn(&o, which);
-        CHECK(save(&config, &store, &o) == CGL_MAP_FLASH_FAILED);
+        CHECK(save(&store, &o) == CGL_MAP_FLASH_FAILED);
         CHECK(load(&config, &o, &found) == CGL_MAP_OK && knows(&found, 2U));
     }
 }
@@ -523,9 +525,9 @@ static void change_meanwhile(void)
     for (uint32_t change = 0; !ended; ++change) {
         all = start;
         cgl_map_store store;
-        CHECK(cgl_map_store_init(&config, &store, buffer, 8U) == CGL_OK);
+        CHECK(cgl_map_store_init(&store, &config, buffer, 8U) == CGL_OK);
         learn(&o, 2U);
-        CHECK(cgl_map_store_begin(&config, &store, &o.map) == CGL_MAP_OK);
+        CHECK(cgl_map_store_begin(&store, &o.map) == CGL_MAP_OK);
         cgl_map_result result = CGL_MAP_BUSY;
         ended = true;
         for (uint32_t step = 0; result == CGL_MAP_BUSY; ++step) {
@@ -533,7 +535,7 @@ static void change_meanwhile(void)
                 learn(&o, 3U);
                 ended = false;
             }
-            result = cgl_map_store_step(&config, &store);
+            result = cgl_map_store_step(&store);
         }
         CHECK(result == CGL_MAP_OK || result == CGL_MAP_CHANGED);
         CHECK(load(&config, &o, &found) == CGL_MAP_OK);
@@ -566,7 +568,7 @@ void random_flash(long tries)
         o.map.parts = o.map.turns != 0U ? 1U + random_below(7) : 0U;
         cgl_map_store store = started(&config);
         learn(&o, (uint32_t)n);
-        CHECK(save(&config, &store, &o) == CGL_MAP_OK);
+        CHECK(save(&store, &o) == CGL_MAP_OK);
         CHECK(load_alike(&config, &o.map, &found) == CGL_MAP_OK && knows(&found, (uint32_t)n));
         if (random_below(2) != 0U) {
             random_slot(&all, random_below(2));
@@ -580,7 +582,7 @@ void random_flash(long tries)
         const cgl_map_result result = load_alike(&config, &o.map, &found);
         CHECK(result == CGL_MAP_OK ? knows(&found, (uint32_t)n) : is_untouched(&found));
         learn(&o, (uint32_t)n + 1U);
-        CHECK(save(&config, &store, &o) == CGL_MAP_OK); /* whatever was there before */
+        CHECK(save(&store, &o) == CGL_MAP_OK); /* whatever was there before */
         CHECK(load_alike(&config, &o.map, &found) == CGL_MAP_OK && knows(&found, (uint32_t)n + 1U));
     }
 }

@@ -27,13 +27,13 @@ class CPiAfc:
         self.config = library.new("cgl_pi_afc_config", pi=pi, orders=len(orders), order=orders, **gains)
         self.state = library.new("cgl_pi_afc")
         self.memory, pointer = library.array(np.ones(3 * len(orders)))
-        assert lib.cgl_pi_afc_init(self.config, self.state, pointer, 3 * len(orders)) == lib.CGL_OK
+        assert lib.cgl_pi_afc_init(self.state, self.config, ts, pointer, 3 * len(orders)) == lib.CGL_OK
         self.input, self.output = library.new("cgl_law_input"), library.new("cgl_law_output")
 
     def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:
         i = self.input
         i.omega_ref, i.omega_m, i.theta_m, i.learn = omega_ref, omega_m, theta_m, learn
-        self.library.lib.cgl_pi_afc_step(self.config, self.state, i, self.output)
+        self.library.lib.cgl_pi_afc_step(self.state, i, self.output)
         return self.output.i_q_ref
 
 
@@ -211,7 +211,7 @@ def test_a_reset_forgets_all_but_the_orders():
     library = control_library("float")
     c, fresh = CPiAfc(library, law([3, 7])), CPiAfc(library, law([3, 7]))
     run(c, Motor(10.0, ((3, 0.3, 0.0),)), 10.0, 0.5)
-    library.lib.cgl_pi_afc_reset(c.config, c.state)
+    library.lib.cgl_pi_afc_reset(c.state)
     assert list(c.memory) == [0, 0, 0, 0, 3, 7] == list(fresh.memory)
     rng = np.random.default_rng(3)
     for one in inputs(rng, np.float32, 0.003)[:500]:

@@ -20,16 +20,16 @@ class CAntiCogging:
                                   lead=r.lead)  # fmt: skip
         self.state = library.new("cgl_anti_cogging")
         self.table, pointer = library.array(np.ones(r.cells))
-        assert lib.cgl_anti_cogging_init(self.config, self.state, pointer, r.cells) == lib.CGL_OK
+        assert lib.cgl_anti_cogging_init(self.state, self.config, ts, pointer, r.cells) == lib.CGL_OK
         self.input, self.output = library.new("cgl_law_input"), library.new("cgl_law_output")
 
     def calibrate(self):
-        self.library.lib.cgl_anti_cogging_calibrate(self.config, self.state)
+        self.library.lib.cgl_anti_cogging_calibrate(self.state)
 
     def step(self, omega_ref, omega_m, theta_m, i_q, learn=True):
         i = self.input
         i.omega_ref, i.omega_m, i.theta_m, i.i_q, i.learn = omega_ref, omega_m, theta_m, i_q, learn
-        self.library.lib.cgl_anti_cogging_step(self.config, self.state, i, self.output)
+        self.library.lib.cgl_anti_cogging_step(self.state, i, self.output)
         return self.output.i_q_ref
 
     @property
@@ -242,7 +242,7 @@ def test_reset_drops_half_a_table_and_keeps_a_whole_one(when):
     for _ in range(when):
         motor.move(one.step(0.0, *motor.measured(float)))
     complete = not one.calibrating
-    library.lib.cgl_anti_cogging_reset(one.config, one.state)
+    library.lib.cgl_anti_cogging_reset(one.state)
     one.step(0.0, 0.0, 0.0, 0.0)
     assert not one.calibrating
     assert one.table.any() == complete
@@ -304,17 +304,17 @@ def test_a_calibration_in_a_drive_ends_whatever_the_reference_is(omega_ref):
         quality={"span": 2 * math.pi, "longest": 60.0, "outlier": 3.0, "ts": 1e-3},
     )  # fmt: skip
     drive, out = library.new("cgl_drive"), library.new("cgl_drive_output")
-    assert lib.cgl_drive_init(config, drive) == lib.CGL_OK
+    assert lib.cgl_drive_init(drive, config, ts) == lib.CGL_OK
     one.calibrate()
     reference = library.new("cgl_reference", omega_ref=omega_ref, learn=True)
     seen = 0
     for n in range(70_000):
         theta = math.floor(motor.theta / (2 * math.pi) * counts) * 2 * math.pi / counts
         now = library.new("cgl_measurement", theta_m=theta % (2 * math.pi), omega_m=motor.omega)
-        if lib.cgl_drive_measure(config, drive, now, reference):
+        if lib.cgl_drive_measure(drive, now, reference):
             inputs, command = (library.ffi.addressof(drive[0], name) for name in ("in", "command"))
-            lib.cgl_anti_cogging_step(one.config, one.state, inputs, command)
-        lib.cgl_drive_actuate(config, drive, out)
+            lib.cgl_anti_cogging_step(one.state, inputs, command)
+        lib.cgl_drive_actuate(drive, out)
         seen |= out.status
         if n % 2:
             motor.move(out.i_q_ref)

@@ -29,7 +29,7 @@ class Controller:
         self.lib = self.library.lib
         self.config = self.library.new("cgl_drive_config", **{**CONFIG, **changes})
         self.drive = self.library.new("cgl_drive")
-        assert self.lib.cgl_drive_init(self.config, self.drive) == self.lib.CGL_OK
+        assert self.lib.cgl_drive_init(self.drive, self.config, ts) == self.lib.CGL_OK
         self.out = self.library.new("cgl_drive_output")
         self.law, self.theta, self.omega, self.busy = law, 0.5, 50.0, 0
         self.inputs: list[dict[str, float]] = []
@@ -42,13 +42,13 @@ class Controller:
             "cgl_reference", theta_ref=0.3, omega_ref=omega_ref, alpha_ref=7.0, i_d_ref=i_d_ref, learn=learn
         )
         measurement = self.library.new("cgl_measurement", **now)
-        if self.lib.cgl_drive_measure(self.config, self.drive, measurement, reference):
+        if self.lib.cgl_drive_measure(self.drive, measurement, reference):
             law_input = getattr(self.drive, "in")
             names = ("theta_ref", "omega_ref", "alpha_ref", "theta_m", "omega_m", "i_q", "learn", "off")
             self.inputs.append({name: getattr(law_input, name) for name in names})
             self.drive.command.i_q_ref = 0.0 if law_input.off else self.law
             self.drive.command.status = self.busy
-        self.lib.cgl_drive_actuate(self.config, self.drive, self.out)
+        self.lib.cgl_drive_actuate(self.drive, self.out)
         return self.out
 
     def ticks(self, count, **changes):
@@ -91,7 +91,7 @@ def test_the_current_loop_is_that_of_foc(precision):
     library, lib = controller.library, controller.lib
     foc, out = library.new("cgl_foc"), library.new("cgl_foc_output")
     config = library.new("cgl_foc_config", **FOC)
-    lib.cgl_foc_init(config, foc)
+    lib.cgl_foc_init(foc, config, ts)
     for _ in range(200):
         i = [float(x) for x in rng.normal(0, 0.5, 3) - np.array([0, 0, 0.1])]
         got = controller.tick(i_abc=i, i_d_ref=-0.5)
@@ -100,7 +100,7 @@ def test_the_current_loop_is_that_of_foc(precision):
             "cgl_foc_input", i_abc=i, theta_e=float(real(4) * real(controller.theta)), omega_e=200.0,
             u_dc=24.0, i_d_ref=-0.5, i_q_ref=1.0,
         )  # fmt: skip
-        lib.cgl_foc_step(config, foc, inputs, out)
+        lib.cgl_foc_step(foc, inputs, out)
         assert list(got.duty) == list(out.duty)
         assert (got.i_d, got.i_q, got.u_d, got.u_q) == (out.i_d, out.i_q, out.u_d, out.u_q)
         assert (got.i_d_ref, got.i_q_ref) == (-0.5, 1.0)
@@ -276,7 +276,7 @@ def test_a_d_axis_reference_that_is_no_number_is_none(precision):
 def test_init_refuses(precision, changes):
     library = control_library(precision)
     config = library.new("cgl_drive_config", **{**CONFIG, **changes})
-    refused = library.lib.cgl_drive_init(config, library.new("cgl_drive"))
+    refused = library.lib.cgl_drive_init(library.new("cgl_drive"), config, ts)
     assert refused == library.lib.CGL_ERROR_CONFIG
 
 
@@ -291,4 +291,4 @@ def test_init_takes_parts_that_agree_but_for_rounding(precision, ts, divider, ph
         monitor=MONITOR | {"ts": ts, "phases": phases[1], "bridge": 0.0, "hold": 0.0, "speed_window": 0.0},
         quality=QUALITY | {"ts": divider * ts, "longest": divider * ts * 10},
     )  # fmt: skip
-    assert library.lib.cgl_drive_init(config, library.new("cgl_drive")) == library.lib.CGL_OK
+    assert library.lib.cgl_drive_init(library.new("cgl_drive"), config, ts) == library.lib.CGL_OK

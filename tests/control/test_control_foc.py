@@ -22,13 +22,13 @@ class CFoc:
         self.config = library.new("cgl_foc_config", **fields)
         self.state = library.new("cgl_foc")
         self.out = library.new("cgl_foc_output")
-        assert library.lib.cgl_foc_init(self.config, self.state) == library.lib.CGL_OK
+        assert library.lib.cgl_foc_init(self.state, self.config, ts) == library.lib.CGL_OK
 
     def step(self, i_abc, theta_e, omega_e, u_dc, i_ref: complex):
         i_abc = [float(i) for i in i_abc]
         inputs = self.library.new("cgl_foc_input", i_abc=i_abc, theta_e=theta_e, omega_e=omega_e, u_dc=u_dc,
                                   i_d_ref=i_ref.real, i_q_ref=i_ref.imag)  # fmt: skip
-        self.library.lib.cgl_foc_step(self.config, self.state, inputs, self.out)
+        self.library.lib.cgl_foc_step(self.state, inputs, self.out)
         return self.out
 
 

@@ -201,18 +201,18 @@ def test_a_trial_comes_back(precision: str) -> None:
         state, cgl_map = c.new("cgl_trial"), c.new("cgl_map")
         length = 2 * samples + 16
         memory, pointer = c.array(np.zeros(length))
-        assert c.lib.cgl_trial_init(config, state, pointer, length) == 0
-        result = c.lib.cgl_map_of_trial(config, state, cgl_map)
+        assert c.lib.cgl_trial_init(state, config, pointer, length) == 0
+        result = c.lib.cgl_map_of_trial(state, cgl_map)
         return Law(config, state, memory, cgl_map, result, lambda theta, learn: 0.0)
 
     law, again = trial(), trial()
     assert law.result == c.lib.CGL_MAP_OK
     out = c.new("cgl_trial_output")
-    c.lib.cgl_trial_begin(law.config, law.state, y_pointer)
+    c.lib.cgl_trial_begin(law.state, y_pointer)
     for n in range(samples):
         in_ = c.new("cgl_trial_input", x=[0.5 * y_ref[n]], learn=True)
-        c.lib.cgl_trial_step(law.config, law.state, in_, out)
-    assert c.lib.cgl_trial_end(law.config, law.state)
+        c.lib.cgl_trial_step(law.state, in_, out)
+    assert c.lib.cgl_trial_end(law.state)
     flash = Flash(c, motion=77)
     assert flash.save(law.map) == c.lib.CGL_MAP_OK
     assert flash.load(again.map) == c.lib.CGL_MAP_OK
@@ -310,7 +310,7 @@ def test_entries_of_a_double_that_a_float_rounds_up_are_within_their_limit() -> 
     c = control_library("double")
     law = anti_cogging(c)
     law.config.pi.limit = 0.1  # float32: 0.1 + 1.5e-9
-    assert c.lib.cgl_map_of_anti_cogging(law.config, law.state, law.map) == c.lib.CGL_MAP_OK
+    assert c.lib.cgl_map_of_anti_cogging(law.state, law.map) == c.lib.CGL_MAP_OK
     law.memory[:] = np.where(np.arange(90) % 2, 0.1, -0.1)
     flash = Flash(c)
     assert flash.save(law.map) == flash.load(law.map) == c.lib.CGL_MAP_OK
@@ -322,7 +322,7 @@ def test_limits_that_a_float_does_not_hold_are_refused(limit: float) -> None:
     c = control_library("double")
     law = anti_cogging(c)
     law.config.pi.limit = limit
-    assert c.lib.cgl_map_of_anti_cogging(law.config, law.state, law.map) == c.lib.CGL_MAP_INVALID
+    assert c.lib.cgl_map_of_anti_cogging(law.state, law.map) == c.lib.CGL_MAP_INVALID
     assert Flash(c).save(law.map) == c.lib.CGL_MAP_INVALID
 
 
@@ -372,8 +372,8 @@ def test_stored_lengths_and_steps_are_those_of_the_guide() -> None:
     config = c.new("cgl_pi_ilc_config", pi=PI, gain=0.04, memory=MEMORY | {"cells": 1024, "q_half_width": 0})
     law, cgl_map = c.new("cgl_pi_ilc"), c.new("cgl_map")
     memory, pointer = c.array(np.zeros(1025))
-    assert c.lib.cgl_pi_ilc_init(config, law, pointer, 1025) == 0
-    assert c.lib.cgl_map_of_pi_ilc(config, law, cgl_map) == c.lib.CGL_MAP_OK
+    assert c.lib.cgl_pi_ilc_init(law, config, ts, pointer, 1025) == 0
+    assert c.lib.cgl_map_of_pi_ilc(law, cgl_map) == c.lib.CGL_MAP_OK
     memory[:] = 0.1
     flash = Flash(c)
     assert flash.save(cgl_map) == c.lib.CGL_MAP_OK
@@ -381,12 +381,12 @@ def test_stored_lengths_and_steps_are_those_of_the_guide() -> None:
     assert f"each, {stored} for 1024 cells" in guide
     for length, words in ((32, "some {} steps with 32 bytes"), (256, "some {} with 256")):
         buffer = c.ffi.new("uint8_t[]", length)
-        assert c.lib.cgl_map_store_init(flash.config, flash.store, buffer, length) == 0
+        assert c.lib.cgl_map_store_init(flash.store, flash.config, buffer, length) == 0
         memory[:] += 0.1
         assert flash.save(cgl_map) == c.lib.CGL_MAP_OK  # both slots have a map from here on
         memory[:] += 0.1
-        assert c.lib.cgl_map_store_begin(flash.config, flash.store, cgl_map) == c.lib.CGL_MAP_OK
+        assert c.lib.cgl_map_store_begin(flash.store, cgl_map) == c.lib.CGL_MAP_OK
         steps = 1
-        while c.lib.cgl_map_store_step(flash.config, flash.store) == c.lib.CGL_MAP_BUSY:
+        while c.lib.cgl_map_store_step(flash.store) == c.lib.CGL_MAP_BUSY:
             steps += 1
         assert words.format(round(steps, -1)) in guide, steps

@@ -28,20 +28,19 @@ class CMemory:
         self.cell, pointer = library.array(np.full(length, 7.0))
         self.state = library.new("cgl_memory")
         self.out = library.ffi.new("cgl_real *")
-        assert library.lib.cgl_memory_init(self.config, self.state, pointer, length) == library.lib.CGL_OK
+        assert library.lib.cgl_memory_init(self.state, self.config, ts, pointer, length) == library.lib.CGL_OK
         assert not self.cell.any()
 
     def recall(self, theta_m: float, omega_ref: float = 0.0) -> Recalled:
         def recall(learn: bool) -> tuple[float, bool]:
-            known = self.library.lib.cgl_memory_recall(
-                self.config, self.state, theta_m, omega_ref, learn, self.out
+            known = self.library.lib.cgl_memory_recall(self.state, theta_m, omega_ref, learn, self.out
             )
             return self.out[0], known
 
         return Recalled(recall(True)[0], *recall(False))
 
     def update(self, value: float, correction: float = 0.0, learn: bool = True) -> float:
-        return self.library.lib.cgl_memory_update(self.config, self.state, value, correction, learn)
+        return self.library.lib.cgl_memory_update(self.state, value, correction, learn)
 
 
 def random_memory(rng, kind, real):
@@ -105,7 +104,7 @@ def test_corrections_up_to_a_quarter_of_the_period_ago(seed):
         theta = (theta + speed) % (2 * math.pi)
         correction = rng.uniform(-0.3, 0.3) if rng.random() < 0.97 else 1.5
         learn[0] = True
-        got = library.lib.cgl_memory_step(memory.config, memory.state, theta, 0.0, correction, learn)
+        got = library.lib.cgl_memory_step(memory.state, theta, 0.0, correction, learn)
         expected = reference.update(reference.recall(theta, 0.0).filtered, correction)
         assert abs(got - expected) <= 1e-12, n
 
@@ -363,7 +362,7 @@ def test_the_filters_sum_sheds_its_rounding(width):
     for n in range(50 * 100):
         theta = float(library.real(2 * math.pi * (n % 100 + 0.3) / 100))
         correction = 1000.0 * (1.1 + math.cos(3 * theta)) if n < 300 else 0.0
-        library.lib.cgl_memory_step(memory.config, memory.state, theta, 0.0, correction, learns)
+        library.lib.cgl_memory_step(memory.state, theta, 0.0, correction, learns)
         if n == 300:
             assert abs(memory.cell[:64]).max() > 1000
     assert memory.state.steady
@@ -375,7 +374,7 @@ def test_reset_forgets():
     for k in range(100):
         memory.recall(0.1 * k)
         memory.update(1.0)
-    memory.library.lib.cgl_memory_reset(memory.config, memory.state)
+    memory.library.lib.cgl_memory_reset(memory.state)
     assert not memory.cell.any()
     assert dataclasses.astuple(memory.recall(1.0)) == (0.0, 0.0, True)
 
@@ -399,9 +398,9 @@ def test_a_step_is_a_recall_and_an_update(speed, width, lead):
         correction = float(0.1 * np.sin(3 * theta) + 0.02 * rng.normal() + (0.5 if n % 900 > 895 else 0.0))
         learn = n % 400 != 0
         learns[0] = learn
-        acting = library.lib.cgl_memory_step(stepped.config, stepped.state, theta, 0.0, correction, learns)
+        acting = library.lib.cgl_memory_step(stepped.state, theta, 0.0, correction, learns)
         assert learns[0] == learn
-        library.lib.cgl_memory_recall(plain.config, plain.state, theta, 0.0, learn, plain.out)
+        library.lib.cgl_memory_recall(plain.state, theta, 0.0, learn, plain.out)
         assert abs(acting - plain.update(plain.out[0], correction, learn)) <= 1e-11, n
     assert abs(stepped.cell[:64] - plain.cell[:64]).max() <= 1e-11
     assert abs(plain.cell[:64]).max() > 0.1

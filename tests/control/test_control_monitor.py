@@ -22,11 +22,11 @@ class CMonitor:
         self.library, self.lib = library, library.lib
         self.config = library.new("cgl_monitor_config", phases=fields.pop("phases", 3), **fields)
         self.state = library.new("cgl_monitor")
-        assert self.lib.cgl_monitor_init(self.config, self.state) == self.lib.CGL_OK
+        assert self.lib.cgl_monitor_init(self.state, self.config, ts) == self.lib.CGL_OK
 
     def step(self, i, theta, omega, u_dc, omega_ref):
         now = self.library.new("cgl_measurement", i_abc=i, theta_m=theta, omega_m=omega, u_dc=u_dc)
-        self.lib.cgl_monitor_step(self.config, self.state, now, omega_ref)
+        self.lib.cgl_monitor_step(self.state, now, omega_ref)
         return self.state
 
     def said(self) -> set[str]:
@@ -428,5 +428,5 @@ def test_what_is_not_watched_triggers_nothing(precision):
 def test_init_refuses(precision, field, value):
     library = control_library(precision)
     config = library.new("cgl_monitor_config", **{**BOUNDS, "phases": 3, field: value})
-    refused = library.lib.cgl_monitor_init(config, library.new("cgl_monitor"))
+    refused = library.lib.cgl_monitor_init(library.new("cgl_monitor"), config, ts)
     assert refused == library.lib.CGL_ERROR_CONFIG

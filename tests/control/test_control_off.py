@@ -135,7 +135,7 @@ def test_a_reset_law_does_as_a_new_one(precision, name):
 def test_a_calibration_begins_anew_after_it():
     library = control_library("double")
     law = Law(library, "anti_cogging")
-    library.lib.cgl_anti_cogging_calibrate(law.config, law.state)
+    library.lib.cgl_anti_cogging_calibrate(law.state)
     for _ in range(400):
         law.step()
     assert law.cell[:64].any() or law.state.cell > 0
@@ -156,16 +156,16 @@ class Trial:
         self.library = library
         self.config, self.state = library.new("cgl_trial_config", **TRIAL), library.new("cgl_trial")
         self.memory, pointer = library.array(np.zeros(110))
-        assert library.lib.cgl_trial_init(self.config, self.state, pointer, 110) == library.lib.CGL_OK
+        assert library.lib.cgl_trial_init(self.state, self.config, pointer, 110) == library.lib.CGL_OK
         self.y_ref, pointer = library.array(start + np.linspace(0, 9, 50))
         self.out = library.new("cgl_law_output")
-        library.lib.cgl_trial_begin(self.config, self.state, pointer)
+        library.lib.cgl_trial_begin(self.state, pointer)
 
     def step(self, theta: float, omega: float = 0.0, **fields: Any) -> tuple[float, int]:
         inputs = self.library.new(
             "cgl_law_input", **({"theta_m": theta, "omega_m": omega, "learn": True} | fields)
         )
-        self.library.lib.cgl_trial_drive_step(self.config, self.state, inputs, self.out)
+        self.library.lib.cgl_trial_drive_step(self.state, inputs, self.out)
         return self.out.i_q_ref, self.out.status
 
 
@@ -179,10 +179,10 @@ def test_a_drive_of_trials_unwraps_its_angle(start):
         theta = start + 0.2 * p
         got = drive.step(theta % (2 * math.pi), 3.0)
         inputs = library.new("cgl_trial_input", x=[theta, 3.0], learn=True)
-        library.lib.cgl_trial_step(plain.config, plain.state, inputs, out)
+        library.lib.cgl_trial_step(plain.state, inputs, out)
         assert got[0] == pytest.approx(out.u, abs=1e-10) and got[1] == out.status
-    assert library.lib.cgl_trial_end(drive.config, drive.state)
-    library.lib.cgl_trial_end(plain.config, plain.state)
+    assert library.lib.cgl_trial_end(drive.state)
+    library.lib.cgl_trial_end(plain.state)
     assert drive.memory[:50] == pytest.approx(plain.memory[:50], abs=1e-12)
     assert drive.memory[:50].any()
 
@@ -192,7 +192,7 @@ def test_without_a_trial_there_is_no_output(precision):
     library = control_library(precision)
     trial, frozen = Trial(library), library.lib.CGL_STATUS_FROZEN
     assert trial.step(0.1)[0] != 0
-    library.lib.cgl_trial_reset(trial.config, trial.state)
+    library.lib.cgl_trial_reset(trial.state)
     assert trial.step(0.1) == (0.0, frozen)
     assert trial.step(0.1, off=True) == (0.0, frozen | library.lib.CGL_STATUS_OFF)
 
@@ -216,5 +216,5 @@ def test_nothing_is_learned_from_a_trial_with_a_bad_sample(precision, bad):
         assert status == library.lib.CGL_STATUS_FAULT | library.lib.CGL_STATUS_FROZEN
     for _ in range(40):
         assert trial.step(0.1)[1] & library.lib.CGL_STATUS_FROZEN
-    assert not library.lib.cgl_trial_end(trial.config, trial.state)
+    assert not library.lib.cgl_trial_end(trial.state)
     assert not trial.memory[:50].any()

@@ -20,10 +20,10 @@ class CPi:
             "cgl_pi_config", kp=reference.kp, ki=reference.ki, ts=reference.ts, limit=reference.limit
         )
         self.state = library.new("cgl_pi")
-        assert library.lib.cgl_pi_init(self.config, self.state) == library.lib.CGL_OK
+        assert library.lib.cgl_pi_init(self.state, self.config, ts) == library.lib.CGL_OK
 
     def step(self, error: float, feedforward: float = 0.0) -> float:
-        return self.library.lib.cgl_pi_step(self.config, self.state, error, feedforward)
+        return self.library.lib.cgl_pi_step(self.state, error, feedforward)
 
 
 def random_pi(rng, real) -> Pi:
@@ -119,6 +119,6 @@ def test_speed_pi_is_the_pi_of_the_speed_error(precision, omega_ref, omega_m, st
     law = CPi(library, Pi(kp=0.5, ki=50.0, ts=1e-3, limit=2.0))
     out = library.new("cgl_law_output")
     inputs = library.new("cgl_law_input", omega_ref=omega_ref, omega_m=omega_m)
-    library.lib.cgl_speed_pi_step(law.config, law.state, inputs, out)
+    library.lib.cgl_speed_pi_step(law.state, inputs, out)
     assert out.status == status
     assert out.i_q_ref == CPi(library, Pi(kp=0.5, ki=50.0, ts=1e-3, limit=2.0)).step(omega_ref - omega_m)

@@ -16,10 +16,10 @@ class CQuality:
         self.lib = library.lib
         self.config = library.new("cgl_quality_config", **fields)
         self.state = library.new("cgl_quality")
-        assert self.lib.cgl_quality_init(self.config, self.state) == self.lib.CGL_OK
+        assert self.lib.cgl_quality_init(self.state, self.config, ts) == self.lib.CGL_OK
 
     def step(self, error, omega, learning=True) -> bool:
-        return self.lib.cgl_quality_step(self.config, self.state, error, omega, learning)
+        return self.lib.cgl_quality_step(self.state, error, omega, learning)
 
     def read(self):
         return self.lib.cgl_quality_read(self.state)
@@ -316,5 +316,5 @@ def test_the_peaks_of_noise_do_not_open_the_door(precision):
 def test_init_refuses(precision, field, value):
     library = control_library(precision)
     config = library.new("cgl_quality_config", **{**FIELDS, field: value})
-    refused = library.lib.cgl_quality_init(config, library.new("cgl_quality"))
+    refused = library.lib.cgl_quality_init(library.new("cgl_quality"), config, ts)
     assert refused == library.lib.CGL_ERROR_CONFIG

@@ -45,7 +45,7 @@ class CMemory:
         self.config = library.new("cgl_space_memory_config", **memory_config(reference, TS))
         self.state, length = library.new("cgl_space_memory"), cells_needed(reference)
         self.cell, pointer = library.array(np.zeros(length))
-        assert lib.cgl_space_memory_init(self.config, self.state, pointer, length) == lib.CGL_OK
+        assert lib.cgl_space_memory_init(self.state, self.config, ts, pointer, length) == lib.CGL_OK
         self.values = library.ffi.new("cgl_real[3]")
 
     def recall(self, theta: float, moving: bool = True, learn: bool = True) -> tuple[list[float], bool]:
@@ -54,7 +54,7 @@ class CMemory:
         return list(self.values)[: self.channels], learns
 
     def update(self, values, learn: bool = True) -> None:
-        self.library.lib.cgl_space_memory_update(self.config, self.state, list(values), learn)
+        self.library.lib.cgl_space_memory_update(self.state, list(values), learn)
 
 
 class CLaw:
@@ -386,8 +386,7 @@ def test_the_filters_sum_sheds_its_rounding():
     for n in range(50 * 100):
         theta = 2 * math.pi * (n % 100 + 0.3) / 100
         step = 1000 * (1.1 + math.cos(3 * theta)) if n < 300 else 0.5 * memory.values[0]
-        library.lib.cgl_space_memory_step(
-            memory.config, memory.state, theta, True, True, gain, step, memory.values
+        library.lib.cgl_space_memory_step(memory.state, theta, True, True, gain, step, memory.values
         )
         if n == 300:
             assert abs(memory.cell[:cells]).max() > 1000
@@ -670,7 +669,7 @@ def test_the_short_way_of_a_step_is_the_long_one(seed, cells, share, fastest, ch
     maps = [np.zeros(length), np.zeros(length)]
     for memory, cell in zip((short, long), maps, strict=True):
         pointer = ffi.cast("cgl_real *", cell.ctypes.data)
-        assert lib.cgl_space_memory_init(config, memory, pointer, length) == lib.CGL_OK
+        assert lib.cgl_space_memory_init(memory, config, ts, pointer, length) == lib.CGL_OK
     gain, one, other = (ffi.new("cgl_real[3]", x) for x in ([1.0, 0.5, -0.3], [0.0] * 3, [0.0] * 3))
     theta, speed = rng.uniform(0, 6), 0.0
     steps = 0
@@ -680,12 +679,12 @@ def test_the_short_way_of_a_step_is_the_long_one(seed, cells, share, fastest, ch
         theta = (theta + speed * 2 * math.pi / parts) % (2 * math.pi)
         learn, step = rng.random() > 0.005, 0.1 * math.sin(3 * theta) + rng.uniform(-0.03, 0.03)
         steady = bool(short.steady)
-        learned = lib.cgl_space_memory_step(config, short, theta, True, learn, gain, step, one)
+        learned = lib.cgl_space_memory_step(short, theta, True, learn, gain, step, one)
         steps += learned and steady
-        assert lib.cgl_space_memory_recall(config, long, theta, True, learn, other) == learned
+        assert lib.cgl_space_memory_recall(long, theta, True, learn, other) == learned
         for c in range(channels):
             other[c] -= gain[c] * step * learned
-        lib.cgl_space_memory_update(config, long, other, learned)
+        lib.cgl_space_memory_update(long, other, learned)
         assert max(abs(one[c] - other[c]) for c in range(channels)) < 1e-11
         assert np.max(np.abs(maps[0] - maps[1])) < 1e-11
     event("short steps" if steps else "no short step")

@@ -61,25 +61,25 @@ class CTrial:
         self.config = library.new("cgl_trial_config", **fields)
         self.state = library.new("cgl_trial")
         self.memory, pointer = library.array(np.full(2 * law.samples + 3 * (self.order + 1), 7.0))
-        error = self.lib.cgl_trial_init(self.config, self.state, pointer, len(self.memory))
+        error = self.lib.cgl_trial_init(self.state, self.config, pointer, len(self.memory))
         assert error == self.lib.CGL_OK
         self.input, self.output = library.new("cgl_trial_input"), library.new("cgl_trial_output")
 
     def begin(self, y_ref) -> None:
-        self.lib.cgl_trial_begin(self.config, self.state, self.library.array(y_ref)[1])
+        self.lib.cgl_trial_begin(self.state, self.library.array(y_ref)[1])
 
     def step(self, x, learn: bool = True) -> float:
         rest = [0.0] * (self.config.states - len(x)) + [math.nan] * (8 - self.config.states)
         self.input.x = [*x, *rest]
         self.input.learn = learn
-        self.lib.cgl_trial_step(self.config, self.state, self.input, self.output)
+        self.lib.cgl_trial_step(self.state, self.input, self.output)
         return float(self.output.u)
 
     def end(self) -> bool:
-        return bool(self.lib.cgl_trial_end(self.config, self.state))
+        return bool(self.lib.cgl_trial_end(self.state))
 
     def reset(self) -> None:
-        self.lib.cgl_trial_reset(self.config, self.state)
+        self.lib.cgl_trial_reset(self.state)
 
     @property
     def v(self) -> np.ndarray:
@@ -297,7 +297,7 @@ def test_before_begin_the_output_is_zero(library):
     c = CTrial(library, plain(k_1=[2.0]))
     assert c.step([1.0]) == 0.0 and c.status == library.lib.CGL_STATUS_FROZEN
     assert not c.end()
-    c.lib.cgl_trial_begin(c.config, c.state, library.ffi.NULL)
+    c.lib.cgl_trial_begin(c.state, library.ffi.NULL)
     assert c.step([1.0]) == 0.0 and c.status == library.lib.CGL_STATUS_FROZEN
     assert not c.end()
 

@@ -38,8 +38,8 @@ class Outside:
         self.drive, self.law = self.library.new("cgl_drive"), self.library.new("cgl_pi_ilc")
         self.memory, pointer = self.library.array(np.zeros(memory_length))
         lib = self.library.lib
-        assert lib.cgl_drive_init(self.config, self.drive) == lib.CGL_OK
-        assert lib.cgl_pi_ilc_init(self.law_config, self.law, pointer, len(self.memory)) == lib.CGL_OK
+        assert lib.cgl_drive_init(self.drive, self.config, ts) == lib.CGL_OK
+        assert lib.cgl_pi_ilc_init(self.law, self.law_config, ts, pointer, len(self.memory)) == lib.CGL_OK
 
     def _struct(self, name: str, value: bytes) -> Any:
         ffi = self.library.ffi
@@ -52,11 +52,11 @@ class Outside:
         ffi, lib = self.library.ffi, self.library.lib
         now = self._struct("cgl_measurement", measurement)
         asked, out = self._struct("cgl_reference", reference), ffi.new("cgl_drive_output *")
-        if lib.cgl_drive_measure(self.config, self.drive, now, asked):
+        if lib.cgl_drive_measure(self.drive, now, asked):
             law_input = ffi.addressof(self.drive[0], "in")
             command = ffi.addressof(self.drive[0], "command")
-            lib.cgl_pi_ilc_step(self.law_config, self.law, law_input, command)
-        lib.cgl_drive_actuate(self.config, self.drive, out)
+            lib.cgl_pi_ilc_step(self.law, law_input, command)
+        lib.cgl_drive_actuate(self.drive, out)
         return bytes(ffi.buffer(out))
 
 

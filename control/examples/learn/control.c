@@ -5,26 +5,25 @@
 #include "cogless/pi_ilc.h"
 
 enum { CELLS = 256, POLE_PAIRS = 4, Q_HALF_WIDTH = 2, SPEED_DIVIDER = 15 };
-#define TS (1.0f / BOARD_RATE)
 static const cgl_drive_config drive_config = {
     .pole_pairs = POLE_PAIRS, .divider = SPEED_DIVIDER,
-    .foc = {.kp_d = 30.0f, .ki_d = 15000.0f, .kp_q = 30.0f, .ki_q = 15000.0f, .ts = TS, .current_limit = 3.0f,
+    .foc = {.kp_d = 30.0f, .ki_d = 15000.0f, .kp_q = 30.0f, .ki_q = 15000.0f, .current_limit = 3.0f,
             .advance = 1.5f, .decoupling = true, .L_d = 0.01f, .L_q = 0.01f, .psi_f = 0.068f},
     .monitor = {.omega_max = 400.0f, .angle_step = 0.001f, .speed_window = 0.001f, .stuck_angle = 0.5f, .stuck_time = 0.1f,
-                .current_max = 6.0f, .current_sum = 1.0f, .bridge = 0.005f, .hold = 0.01f, .ts = TS, .phases = 3},
-    .quality = {.span = 6.2831853f, .longest = 60.0f, .ts = SPEED_DIVIDER * TS}};
+                .current_max = 6.0f, .current_sum = 1.0f, .bridge = 0.005f, .hold = 0.01f, .phases = 3},
+    .quality = {.span = 6.2831853f, .longest = 60.0f}};
 static const cgl_pi_ilc_config law_config = {
-    .pi = {.kp = 0.14f, .ki = 2.9f, .ts = SPEED_DIVIDER * TS, .limit = 3.0f}, .gain = 0.038f,
+    .pi = {.kp = 0.14f, .ki = 2.9f, .limit = 3.0f}, .gain = 0.038f,
     .memory = {.kind = CGL_MEMORY_ANGLE, .cells = CELLS, .periods_per_rev = POLE_PAIRS, .q_half_width = Q_HALF_WIDTH,
-               .forgetting = 1.0f, .limit = 1.0f, .ts = SPEED_DIVIDER * TS}};
+               .forgetting = 1.0f, .limit = 1.0f}};
 static cgl_real map[CGL_MEMORY_LENGTH(CELLS, Q_HALF_WIDTH)]; /* the ripple that is learned */
 static cgl_pi_ilc law;
 static cgl_drive drive;
 
 bool control_start(void) /* once, before the interrupt is enabled; do not run the motor where it returns false */
 {
-    return cgl_drive_init(&drive_config, &drive) == CGL_OK
-           && cgl_pi_ilc_init(&law_config, &law, map, sizeof map / sizeof map[0]) == CGL_OK;
+    return cgl_drive_init(&drive, &drive_config, 1.0f / BOARD_RATE) == CGL_OK
+           && cgl_pi_ilc_init(&law, &law_config, drive.law_period, map, sizeof map / sizeof map[0]) == CGL_OK;
 }
 
 void current_loop_interrupt(void)
@@ -32,10 +31,10 @@ void current_loop_interrupt(void)
     const cgl_measurement now = board_measure();
     const cgl_reference reference = {.omega_ref = 6.28f, .learn = true};
     cgl_drive_output out;
-    if (cgl_drive_measure(&drive_config, &drive, &now, &reference)) { /* every 15th time */
-        cgl_pi_ilc_step(&law_config, &law, &drive.in, &drive.command);
+    if (cgl_drive_measure(&drive, &now, &reference)) { /* every 15th time */
+        cgl_pi_ilc_step(&law, &drive.in, &drive.command);
     }
-    cgl_drive_actuate(&drive_config, &drive, &out);
+    cgl_drive_actuate(&drive, &out);
     if ((out.status & (unsigned)CGL_STATUS_OFF) != 0U) { /* not safe to go on; duty cycles of a half would short the motor */
         board_open_bridge();
     } else {

@@ -23,11 +23,9 @@ static bool learns;
 // Whether cogless takes the configs; where it does not, the motor runs as without it.
 static bool start_learning()
 {
-    const float ts = 1.0f / LEARN_RATE;
     drive_config.pole_pairs = motor.pole_pairs;
     drive_config.divider = 1;
     drive_config.foreign = true;                   // SimpleFOC controls the currents
-    drive_config.monitor.ts = ts;
     drive_config.monitor.omega_max = 300.0f;       // rad/s; faster is a jump of the sensor
     drive_config.monitor.angle_step = 0.0015f;     // rad; 12 bits
     drive_config.monitor.speed_window = 0.01f;     // s; twice the time constant of SimpleFOC's speed filter
@@ -39,11 +37,9 @@ static bool start_learning()
     drive_config.quality.longest = 60.0f;          // s
     drive_config.quality.outlier = 4.0f;           // a knock teaches nothing
     drive_config.quality.floor = 0.5f;             // rad/s
-    drive_config.quality.ts = ts;
 
     law_config.pi.kp = 0.0f;                       // the speed PID is SimpleFOC's
     law_config.pi.ki = 0.0f;
-    law_config.pi.ts = ts;
     law_config.pi.limit = 0.3f * motor.current_limit;
     law_config.gain = 0.3f * motor.PID_velocity.P; // A s/rad
     law_config.memory.kind = CGL_MEMORY_ANGLE;
@@ -53,9 +49,8 @@ static bool start_learning()
     law_config.memory.lead = 3;                    // ms until the speed filter has seen a current's effect
     law_config.memory.forgetting = 1.0f;
     law_config.memory.limit = 0.3f * motor.current_limit;
-    law_config.memory.ts = ts;
-    return cgl_drive_init(&drive_config, &drive) == CGL_OK
-           && cgl_pi_ilc_init(&law_config, &law, map_of_ripple, sizeof map_of_ripple / sizeof map_of_ripple[0]) == CGL_OK;
+    return cgl_drive_init(&drive, &drive_config, 1.0f / LEARN_RATE) == CGL_OK
+           && cgl_pi_ilc_init(&law, &law_config, drive.law_period, map_of_ripple, sizeof map_of_ripple / sizeof map_of_ripple[0]) == CGL_OK;
 }
 
 // Whether SimpleFOC gives what its velocity PID asks for, after motor.move(), which leaves the PID's output in current_sp:
@@ -76,10 +71,10 @@ static float learned_current()
     now.omega_m = motor.shaft_velocity;
     reference.omega_ref = motor.target;
     reference.learn = motor.enabled != 0 && follows();
-    if (cgl_drive_measure(&drive_config, &drive, &now, &reference)) {
-        cgl_pi_ilc_step(&law_config, &law, &drive.in, &drive.command);
+    if (cgl_drive_measure(&drive, &now, &reference)) {
+        cgl_pi_ilc_step(&law, &drive.in, &drive.command);
     }
-    cgl_drive_actuate(&drive_config, &drive, &out);
+    cgl_drive_actuate(&drive, &out);
     return out.i_q_ref;
 }
 

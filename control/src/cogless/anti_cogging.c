@@ -1,19 +1,24 @@
 #include "anti_cogging.h"
 
 #include "angle.h"
+#include "range.h"
 
-CGL_SELDOM cgl_error cgl_anti_cogging_init(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real *table,
+CGL_SELDOM cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_config *config, cgl_real ts, cgl_real *table,
                                 uint32_t length)
 {
-    if (!(config->cells >= 4U && config->cells <= 65535U && cgl_is_positive(config->speed)
-          && config->revolutions >= 1U && config->revolutions <= 100U && cgl_is_not_negative(config->position_gain)
-          && cgl_is_not_negative(config->lead))) {
+    static const cgl_range range[] = {CGL_RANGE(cgl_anti_cogging_config, cells, CGL_COUNT),
+                                      CGL_RANGE(cgl_anti_cogging_config, speed, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_anti_cogging_config, revolutions, CGL_COUNT),
+                                      CGL_RANGE(cgl_anti_cogging_config, position_gain, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_anti_cogging_config, lead, CGL_NOT_NEGATIVE)};
+    if (!(CGL_IS_IN_RANGE(config, range) && config->cells >= 4U && config->revolutions <= 100U)) {
         return CGL_ERROR_CONFIG;
     }
     if (table == 0 || length < config->cells) {
         return CGL_ERROR_MEMORY;
     }
-    const cgl_error error = cgl_pi_init(&config->pi, &law->pi);
+    const cgl_error error = cgl_pi_init(&law->pi, &config->pi, ts);
+    law->config = *config;
     law->table = table;
     law->stage = CGL_ANTI_COGGING_RUN;
     law->friction = CGL_R(0.0);
@@ -21,13 +26,14 @@ CGL_SELDOM cgl_error cgl_anti_cogging_init(const cgl_anti_cogging_config *config
         table[n] = CGL_R(0.0);
     }
     if (error == CGL_OK) {
-        cgl_anti_cogging_reset(config, law);
+        cgl_anti_cogging_reset(law);
     }
     return error;
 }
 
-CGL_SELDOM void cgl_anti_cogging_reset(const cgl_anti_cogging_config *config, cgl_anti_cogging *law)
+CGL_SELDOM void cgl_anti_cogging_reset(cgl_anti_cogging *law)
 {
+    const cgl_anti_cogging_config *const config = &law->config;
     if (law->stage != CGL_ANTI_COGGING_RUN) { /* half a table is worse than none */
         for (uint32_t n = 0; n < config->cells; ++n) {
             law->table[n] = CGL_R(0.0);
@@ -42,10 +48,10 @@ CGL_SELDOM void cgl_anti_cogging_reset(const cgl_anti_cogging_config *config, cg
     law->started = false;
 }
 
-CGL_SELDOM void cgl_anti_cogging_calibrate(const cgl_anti_cogging_config *config, cgl_anti_cogging *law)
+CGL_SELDOM void cgl_anti_cogging_calibrate(cgl_anti_cogging *law)
 {
     law->stage = CGL_ANTI_COGGING_FORWARD; /* so that reset clears the table */
-    cgl_anti_cogging_reset(config, law);
+    cgl_anti_cogging_reset(law);
     law->stage = CGL_ANTI_COGGING_FORWARD;
 }
 
@@ -62,8 +68,9 @@ static void count_turn(cgl_anti_cogging *law, bool up)
 }
 
 /* Follows the rotor through the revolutions; a step moves it by less than half of one. */
-CGL_SELDOM static void follow(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real theta_m)
+CGL_SELDOM static void follow(cgl_anti_cogging *law, cgl_real theta_m)
 {
+    const cgl_anti_cogging_config *const config = &law->config;
     const cgl_real cells = (cgl_real)config->cells;
     const cgl_real place = cgl_fraction(theta_m * (CGL_R(1.0) / CGL_TWO_PI)) * cells;
     cgl_real moved = law->started ? place - law->place : CGL_R(0.0);
@@ -85,8 +92,9 @@ static cgl_real direction(const cgl_anti_cogging *law)
 }
 
 /* Aims for the first entry after an eighth of a revolution. */
-CGL_SELDOM static void start_direction(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_anti_cogging_stage stage)
+CGL_SELDOM static void start_direction(cgl_anti_cogging *law, cgl_anti_cogging_stage stage)
 {
+    const cgl_anti_cogging_config *const config = &law->config;
     law->stage = stage;
     law->turns = 0;
     law->behind = CGL_R(0.0);
@@ -97,8 +105,9 @@ CGL_SELDOM static void start_direction(const cgl_anti_cogging_config *config, cg
 }
 
 /* Ends the calibration: without the mean over the revolution, which is load and not cogging. */
-CGL_SELDOM static void finish(const cgl_anti_cogging_config *config, cgl_anti_cogging *law)
+CGL_SELDOM static void finish(cgl_anti_cogging *law)
 {
+    const cgl_anti_cogging_config *const config = &law->config;
     cgl_real mean = CGL_R(0.0);
     for (uint32_t n = 0; n < config->cells; ++n) {
         mean += law->table[n] / (cgl_real)config->cells;
@@ -114,8 +123,9 @@ CGL_SELDOM static void finish(const cgl_anti_cogging_config *config, cgl_anti_co
 /* An entry stands for half a cell on either side of its angle. Adds the mean current of the entry just left, and of any
  * that the rotor jumped over, to the table. Only progress counts: a rotor that rocks back changes nothing twice. Where
  * nothing is to be learned from a sample, its entry waits until the rotor comes there again, a revolution later. */
-CGL_SELDOM static void record(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real i_q, bool learn)
+CGL_SELDOM static void record(cgl_anti_cogging *law, cgl_real i_q, bool learn)
 {
+    const cgl_anti_cogging_config *const config = &law->config;
     const bool backward = law->stage == CGL_ANTI_COGGING_BACKWARD;
     const int32_t cells = (int32_t)config->cells;
     const int32_t nearest = law->turns * cells + (int32_t)(law->place + CGL_R(0.5));
@@ -142,8 +152,9 @@ CGL_SELDOM static void record(const cgl_anti_cogging_config *config, cgl_anti_co
     ++law->samples;
 }
 
-static cgl_real look_up(const cgl_anti_cogging_config *config, const cgl_anti_cogging *law, cgl_real theta_m)
+static cgl_real look_up(const cgl_anti_cogging *law, cgl_real theta_m)
 {
+    const cgl_anti_cogging_config *const config = &law->config;
     const cgl_real x = cgl_fraction(theta_m * (CGL_R(1.0) / CGL_TWO_PI)) * (cgl_real)config->cells;
     const uint32_t n = (uint32_t)x;
     const cgl_real here = law->table[n];
@@ -151,10 +162,10 @@ static cgl_real look_up(const cgl_anti_cogging_config *config, const cgl_anti_co
     return cgl_clamp(here + (x - (cgl_real)n) * (next - here), config->pi.limit);
 }
 
-CGL_SELDOM static void switch_off(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_law_output *out)
+CGL_SELDOM static void switch_off(cgl_anti_cogging *law, cgl_law_output *out)
 {
     if (law->stage != CGL_ANTI_COGGING_RUN && law->started) {
-        cgl_anti_cogging_calibrate(config, law);
+        cgl_anti_cogging_calibrate(law);
     }
     cgl_pi_reset(&law->pi);
     law->looked_up = CGL_R(0.0);
@@ -162,11 +173,12 @@ CGL_SELDOM static void switch_off(const cgl_anti_cogging_config *config, cgl_ant
     out->status |= law->stage != CGL_ANTI_COGGING_RUN ? (unsigned)CGL_STATUS_BUSY : 0U;
 }
 
-void cgl_anti_cogging_step(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, const cgl_law_input *in,
+void cgl_anti_cogging_step(cgl_anti_cogging *law, const cgl_law_input *in,
                            cgl_law_output *out)
 {
+    const cgl_anti_cogging_config *const config = &law->config;
     if (in->off) {
-        switch_off(config, law, out);
+        switch_off(law, out);
         return;
     }
     const bool recording = law->stage != CGL_ANTI_COGGING_RUN;
@@ -176,27 +188,27 @@ void cgl_anti_cogging_step(const cgl_anti_cogging_config *config, cgl_anti_coggi
     law->looked_up = CGL_R(0.0);
 
     if (recording && plausible) {
-        follow(config, law, in->theta_m);
+        follow(law, in->theta_m);
         if (law->end_cell == law->cell) {
-            start_direction(config, law, CGL_ANTI_COGGING_FORWARD);
+            start_direction(law, CGL_ANTI_COGGING_FORWARD);
         }
-        law->behind += direction(law) * config->speed * config->pi.ts;
-        record(config, law, in->i_q, in->learn);
+        law->behind += direction(law) * config->speed * law->pi.ts;
+        record(law, in->i_q, in->learn);
         error = direction(law) * config->speed + config->position_gain * law->behind - in->omega_m;
         if (law->cell >= law->end_cell) {
             if (law->stage == CGL_ANTI_COGGING_FORWARD) {
-                start_direction(config, law, CGL_ANTI_COGGING_BACKWARD);
+                start_direction(law, CGL_ANTI_COGGING_BACKWARD);
             } else {
-                finish(config, law);
+                finish(law);
             }
         }
     } else if (recording) {
         error = CGL_R(0.0);
     } else if (plausible) {
-        law->looked_up = in->share * look_up(config, law, in->theta_m + config->lead * in->omega_m);
+        law->looked_up = in->share * look_up(law, in->theta_m + config->lead * in->omega_m);
     }
 
-    out->i_q_ref = cgl_pi_step(&config->pi, &law->pi, error, law->looked_up);
+    out->i_q_ref = cgl_pi_step(&law->pi, error, law->looked_up);
     out->status = (law->pi.saturated ? (unsigned)CGL_STATUS_SATURATED : 0U)
                   | (plausible && cgl_is_finite(error) ? 0U : (unsigned)CGL_STATUS_FAULT)
                   | (law->stage != CGL_ANTI_COGGING_RUN ? (unsigned)CGL_STATUS_BUSY : 0U)

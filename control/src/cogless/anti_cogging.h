@@ -16,7 +16,7 @@ extern "C" {
 #endif
 
 typedef struct {
-    cgl_pi_config pi;       /* kp [A s/rad], ki [A/rad], ts [s], limit of the sum [A] */
+    cgl_pi_config pi;       /* kp [A s/rad], ki [A/rad], limit of the sum [A] */
     uint32_t cells;         /* table entries per mechanical revolution; 4 to 65535 */
     cgl_real speed;         /* of the calibration run, mechanical [rad/s], > 0 */
     uint32_t revolutions;   /* recorded in each direction, 1 to 100 */
@@ -32,6 +32,7 @@ typedef enum {
 } cgl_anti_cogging_stage;
 
 typedef struct {
+    cgl_anti_cogging_config config;
     cgl_pi pi;
     cgl_real *table; /* caller's memory: `cells` entries [A], within +-pi.limit, entry n at angle 2 pi n / cells */
     cgl_anti_cogging_stage stage;
@@ -49,11 +50,11 @@ typedef struct {
 } cgl_anti_cogging;
 
 /* `table`: `cells` entries, which the state keeps using; they are cleared. */
-cgl_error cgl_anti_cogging_init(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, cgl_real *table,
+cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_config *config, cgl_real ts, cgl_real *table,
                                 uint32_t length);
 
 /* Restarts the PI and ends a calibration; a table that is complete stays. */
-void cgl_anti_cogging_reset(const cgl_anti_cogging_config *config, cgl_anti_cogging *law);
+void cgl_anti_cogging_reset(cgl_anti_cogging *law);
 
 /* The following steps ignore omega_ref and make the calibration run: an eighth of a revolution to settle and
  * `revolutions` to record, forward, then the same backward. CGL_STATUS_BUSY is set until it is done: with it in
@@ -61,11 +62,11 @@ void cgl_anti_cogging_reset(const cgl_anti_cogging_config *config, cgl_anti_cogg
  * CGL_STATUS_FROZEN; the motor turns on, and what is missing is recorded when the rotor passes there the next time. So a table
  * is whole or not there, and with in->learn false for good the run does not end: end it by a reset. After
  * cgl_monitor_trust() calibrate anew: what was recorded belongs to the angle before. */
-void cgl_anti_cogging_calibrate(const cgl_anti_cogging_config *config, cgl_anti_cogging *law);
+void cgl_anti_cogging_calibrate(cgl_anti_cogging *law);
 
 /* PI plus table. In a calibration in->i_q is recorded; it waits while an input is not finite. While in->off the output and
  * the PI's integral are 0; a calibration begins anew after it. */
-void cgl_anti_cogging_step(const cgl_anti_cogging_config *config, cgl_anti_cogging *law, const cgl_law_input *in,
+void cgl_anti_cogging_step(cgl_anti_cogging *law, const cgl_law_input *in,
                            cgl_law_output *out);
 
 #ifdef __cplusplus

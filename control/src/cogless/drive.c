@@ -2,44 +2,41 @@
 
 #define POLE_PAIRS_MAX 10000U /* an electrical angle of so many turns is still below CGL_ANGLE_MAX */
 #define DIVIDER_MAX 65535U
-#define SAME CGL_R(1.0e-5) /* relative: some roundings, and times that were typed with six digits */
-
-static bool is_same(cgl_real a, cgl_real b)
-{
-    return cgl_abs(a - b) <= SAME * a;
-}
 
 /* Whether the parts of a config agree on what they say twice. */
 CGL_SELDOM static bool agrees(const cgl_drive_config *config)
 {
-    const cgl_real ts = config->monitor.ts;
-    if (!is_same(config->quality.ts, (cgl_real)config->divider * ts)) {
-        return false;
-    }
     const uint32_t phases = config->foc.phases == 0U ? 3U : config->foc.phases;
-    return config->foreign || (is_same(config->foc.ts, ts) && config->monitor.phases == phases);
+    return config->foreign || config->monitor.phases == phases;
 }
 
-CGL_SELDOM cgl_error cgl_drive_init(const cgl_drive_config *config, cgl_drive *drive)
+CGL_SELDOM cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_real ts)
 {
     if (!(config->pole_pairs >= 1U && config->pole_pairs <= POLE_PAIRS_MAX && config->divider >= 1U
           && config->divider <= DIVIDER_MAX)) {
         return CGL_ERROR_CONFIG;
     }
-    cgl_error error = config->foreign ? CGL_OK : cgl_foc_init(&config->foc, &drive->foc);
+    const cgl_real law_period = (cgl_real)config->divider * ts;
+    cgl_error error = config->foreign ? CGL_OK : cgl_foc_init(&drive->foc, &config->foc, ts);
     if (error == CGL_OK) {
-        error = cgl_monitor_init(&config->monitor, &drive->monitor);
+        error = cgl_monitor_init(&drive->monitor, &config->monitor, ts);
     }
     if (error == CGL_OK) {
-        error = cgl_quality_init(&config->quality, &drive->quality);
+        error = cgl_quality_init(&drive->quality, &config->quality, law_period);
     }
     if (error == CGL_OK) {
-        error = cgl_guard_init(&drive->guard, config->quality.ts);
+        error = cgl_guard_init(&drive->guard, law_period);
     }
     if (error == CGL_OK && !agrees(config)) {
         error = CGL_ERROR_CONFIG;
     }
     if (error == CGL_OK) {
+        drive->pole_pairs = (cgl_real)config->pole_pairs;
+        drive->divider = config->divider;
+        drive->foreign = config->foreign;
+        drive->learn_saturated = config->learn_saturated;
+        drive->unguarded = config->unguarded;
+        drive->law_period = law_period;
         cgl_drive_reset(drive);
     }
     return error;
@@ -72,10 +69,10 @@ static bool is_busy(const cgl_drive *drive)
 }
 
 /* What the guard says of learning, and of what was learned. */
-static bool is_allowed(const cgl_drive_config *config, cgl_drive *drive, cgl_real error, bool learn, bool wanted)
+static bool is_allowed(cgl_drive *drive, cgl_real error, bool learn, bool wanted)
 {
     cgl_guard *const guard = &drive->guard;
-    if (config->unguarded || is_busy(drive)) {
+    if (drive->unguarded || is_busy(drive)) {
         return learn;
     }
     const bool learned = drive->in.learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
@@ -90,15 +87,15 @@ static bool is_allowed(const cgl_drive_config *config, cgl_drive *drive, cgl_rea
 }
 
 /* The law's input; the law has seen what was saturated or safe. */
-static void prepare_law(const cgl_drive_config *config, cgl_drive *drive, const cgl_reference *reference)
+static void prepare_law(cgl_drive *drive, const cgl_reference *reference)
 {
     const cgl_monitor *monitor = &drive->monitor;
     const cgl_real error = reference->omega_ref - monitor->omega_m;
     const bool learn = reference->learn && monitor->trusted && !drive->off
-                       && (!drive->saturated || config->learn_saturated);
+                       && (!drive->saturated || drive->learn_saturated);
     const bool taught = learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
     const bool outlier =
-        !is_busy(drive) && cgl_quality_step(&config->quality, &drive->quality, error, monitor->omega_m, taught);
+        !is_busy(drive) && cgl_quality_step(&drive->quality, error, monitor->omega_m, taught);
     drive->currents.i_d_ref = cgl_is_finite(reference->i_d_ref) ? reference->i_d_ref : CGL_R(0.0);
     drive->in.theta_ref = reference->theta_ref;
     drive->in.omega_ref = reference->omega_ref;
@@ -106,32 +103,31 @@ static void prepare_law(const cgl_drive_config *config, cgl_drive *drive, const 
     drive->in.theta_m = monitor->theta_m;
     drive->in.omega_m = monitor->omega_m;
     drive->in.i_q = drive->i_q;
-    drive->in.learn = is_allowed(config, drive, error, learn && !outlier, reference->learn);
+    drive->in.learn = is_allowed(drive, error, learn && !outlier, reference->learn);
     drive->in.off = drive->off;
     drive->status |= outlier ? (unsigned)CGL_STATUS_OUTLIER : 0U;
     drive->saturated = drive->off = false;
-    drive->countdown = config->divider;
+    drive->countdown = drive->divider;
 }
 
-bool cgl_drive_measure(const cgl_drive_config *config, cgl_drive *drive, const cgl_measurement *now,
+bool cgl_drive_measure(cgl_drive *drive, const cgl_measurement *now,
                        const cgl_reference *reference)
 {
     cgl_monitor *monitor = &drive->monitor;
-    cgl_monitor_step(&config->monitor, monitor, now, is_busy(drive) ? CGL_R(0.0) : reference->omega_ref);
+    cgl_monitor_step(monitor, now, is_busy(drive) ? CGL_R(0.0) : reference->omega_ref);
     drive->status = monitor->status;
     drive->off = drive->off || monitor->safe;
-    if (!config->foreign) {
-        const cgl_real pole_pairs = (cgl_real)config->pole_pairs;
+    if (!drive->foreign) {
         drive->currents.i_abc[0] = now->i_abc[0];
         drive->currents.i_abc[1] = now->i_abc[1];
         drive->currents.i_abc[2] = now->i_abc[2];
-        drive->currents.theta_e = pole_pairs * monitor->theta_m;
-        drive->currents.omega_e = pole_pairs * monitor->omega_m;
+        drive->currents.theta_e = drive->pole_pairs * monitor->theta_m;
+        drive->currents.omega_e = drive->pole_pairs * monitor->omega_m;
         drive->currents.u_dc = now->u_dc;
     }
     const bool due = drive->countdown == 0U;
     if (due) {
-        prepare_law(config, drive, reference);
+        prepare_law(drive, reference);
     }
     --drive->countdown;
     return due;
@@ -146,13 +142,13 @@ CGL_SELDOM static void rest(cgl_drive *drive, cgl_drive_output *out)
 }
 
 /* Marks the output as saturated: the current loop could not do what was asked, or would not. */
-CGL_SELDOM static void fall_short(const cgl_drive_config *config, cgl_drive *drive, cgl_drive_output *out)
+CGL_SELDOM static void fall_short(cgl_drive *drive, cgl_drive_output *out)
 {
     drive->saturated = true;
-    cgl_foc_limit(&config->foc, &out->i_d_ref, &out->i_q_ref);
+    cgl_foc_limit(&drive->foc, &out->i_d_ref, &out->i_q_ref);
 }
 
-void cgl_drive_actuate(const cgl_drive_config *config, cgl_drive *drive, cgl_drive_output *out)
+void cgl_drive_actuate(cgl_drive *drive, cgl_drive_output *out)
 {
     drive->status |= drive->command.status | drive->held;
     if (drive->monitor.safe) {
@@ -162,7 +158,7 @@ void cgl_drive_actuate(const cgl_drive_config *config, cgl_drive *drive, cgl_dri
         out->status = drive->status | (unsigned)CGL_STATUS_OFF;
         return;
     }
-    if (config->foreign) {
+    if (drive->foreign) {
         rest(drive, out);
         out->i_d_ref = drive->currents.i_d_ref;
         out->i_q_ref = drive->i_q = drive->command.i_q_ref;
@@ -171,7 +167,7 @@ void cgl_drive_actuate(const cgl_drive_config *config, cgl_drive *drive, cgl_dri
     }
     cgl_foc_output foc;
     drive->currents.i_q_ref = drive->command.i_q_ref;
-    cgl_foc_step(&config->foc, &drive->foc, &drive->currents, &foc);
+    cgl_foc_step(&drive->foc, &drive->currents, &foc);
     drive->i_q = foc.i_q;
     out->duty[0] = foc.duty[0];
     out->duty[1] = foc.duty[1];
@@ -184,6 +180,6 @@ void cgl_drive_actuate(const cgl_drive_config *config, cgl_drive *drive, cgl_dri
     out->i_q_ref = drive->command.i_q_ref;
     out->status = drive->status | foc.status;
     if ((foc.status & ((unsigned)CGL_STATUS_SATURATED | (unsigned)CGL_STATUS_FAULT)) != 0U) {
-        fall_short(config, drive, out);
+        fall_short(drive, out);
     }
 }

@@ -1,10 +1,10 @@
 /* The whole controller of a drive, once per current-loop period: plausible measurements, the law where it is due, the
  * current loop. The law is stepped by the caller in between, so that a firmware holds only its own:
  *
- *   if (cgl_drive_measure(&config, &drive, &now, &reference)) {
- *       cgl_pi_ilc_step(&law_config, &law, &drive.in, &drive.command);
+ *   if (cgl_drive_measure(&drive, &now, &reference)) {
+ *       cgl_pi_ilc_step(&law, &drive.in, &drive.command);
  *   }
- *   cgl_drive_actuate(&config, &drive, &out);
+ *   cgl_drive_actuate(&drive, &out);
  *
  * The law learns only where measurements are trusted, the current loop did what it was asked for since its last step (had
  * voltage enough, and no reference beyond its limit), and the error is no outlier. Where the output is safe, voltages are
@@ -36,9 +36,9 @@ typedef struct {
                               which one such period would spoil all; default false */
     bool unguarded;        /* learning is not watched by the guard; default false */
     cgl_foc_config foc;
-    /* init refuses parts that do not agree, times to within 1e-5 */
-    cgl_monitor_config monitor; /* with foc.ts and foc.phases; phases 0 as a rule if the current loop is foreign */
-    cgl_quality_config quality; /* of the speed error [rad/s]; ts = divider monitor.ts */
+    /* init refuses parts that do not agree */
+    cgl_monitor_config monitor; /* with foc.phases; phases 0 as a rule if the current loop is foreign */
+    cgl_quality_config quality; /* of the speed error [rad/s] */
 } cgl_drive_config;
 
 typedef struct {
@@ -59,6 +59,12 @@ typedef struct {
 } cgl_drive_output;
 
 typedef struct {
+    cgl_real pole_pairs;    /* these from the config */
+    uint32_t divider;
+    bool foreign;
+    bool learn_saturated;
+    bool unguarded;
+    cgl_real law_period;    /* period of the law [s] */
     cgl_law_input in;       /* for the law that is due */
     cgl_law_output command; /* of the law's last step; finite, as every law's is */
     cgl_monitor monitor;
@@ -74,17 +80,19 @@ typedef struct {
     unsigned held;          /* CGL_STATUS_GUARDED, or 0 */
 } cgl_drive;
 
-cgl_error cgl_drive_init(const cgl_drive_config *config, cgl_drive *drive);
+/* Takes the config, which need not stay; ts: period of the current loop [s], > 0. A law's init then takes
+ * drive->law_period. */
+cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_real ts);
 
 /* Everything but the law starts anew; the law is due at once. */
 void cgl_drive_reset(cgl_drive *drive);
 
 /* Takes the measurements of this period. True where the law is due: step it then, from drive->in to drive->command. */
-bool cgl_drive_measure(const cgl_drive_config *config, cgl_drive *drive, const cgl_measurement *now,
+bool cgl_drive_measure(cgl_drive *drive, const cgl_measurement *now,
                        const cgl_reference *reference);
 
 /* The current loop's part of the period, with the law's command. */
-void cgl_drive_actuate(const cgl_drive_config *config, cgl_drive *drive, cgl_drive_output *out);
+void cgl_drive_actuate(cgl_drive *drive, cgl_drive_output *out);
 
 #ifdef __cplusplus
 }

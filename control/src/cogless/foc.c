@@ -2,21 +2,29 @@
 
 #include "angle.h"
 #include "duties.h"
+#include "range.h"
 #include "sine.h"
 #include "transform.h"
 
 #define BUS_MIN CGL_R(1.0e-30) /* so that its reciprocal is finite */
 
-CGL_SELDOM cgl_error cgl_foc_init(const cgl_foc_config *config, cgl_foc *foc)
+CGL_SELDOM cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts)
 {
-    if (!(cgl_is_not_negative(config->kp_d) && cgl_is_not_negative(config->ki_d) && cgl_is_not_negative(config->kp_q)
-          && cgl_is_not_negative(config->ki_q) && cgl_is_not_negative(config->advance) && cgl_is_not_negative(config->L_d)
-          && cgl_is_not_negative(config->L_q) && cgl_is_not_negative(config->psi_f) && cgl_is_not_negative(config->ts)
-          && config->ts > CGL_R(0.0) && cgl_is_not_negative(config->current_limit)
-          && config->current_limit > CGL_R(0.0)
+    static const cgl_range range[] = {CGL_RANGE(cgl_foc_config, kp_d, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_foc_config, ki_d, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_foc_config, kp_q, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_foc_config, ki_q, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_foc_config, current_limit, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_foc_config, advance, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_foc_config, L_d, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_foc_config, L_q, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_foc_config, psi_f, CGL_NOT_NEGATIVE)};
+    if (!(CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts)
           && (config->phases == 0U || config->phases == 2U || config->phases == 3U))) {
         return CGL_ERROR_CONFIG;
     }
+    foc->config = *config;
+    foc->ts = ts;
     cgl_foc_reset(foc);
     return CGL_OK;
 }
@@ -25,6 +33,7 @@ CGL_SELDOM void cgl_foc_reset(cgl_foc *foc)
 {
     foc->integral_d = CGL_R(0.0);
     foc->integral_q = CGL_R(0.0);
+    foc->lost_d = foc->lost_q = CGL_R(0.0);
 }
 
 typedef struct {
@@ -68,10 +77,10 @@ static bool is_shorter(vector x, vector than)
     return cgl_abs(x.d) < cgl_abs(than.d) || cgl_abs(x.q) < cgl_abs(than.q);
 }
 
-CGL_SELDOM void cgl_foc_limit(const cgl_foc_config *config, cgl_real *i_d_ref, cgl_real *i_q_ref)
+CGL_SELDOM void cgl_foc_limit(const cgl_foc *foc, cgl_real *i_d_ref, cgl_real *i_q_ref)
 {
     const vector wanted = {*i_d_ref, *i_q_ref};
-    const vector ref = shortened(wanted, config->current_limit);
+    const vector ref = shortened(wanted, foc->config.current_limit);
     *i_d_ref = ref.d;
     *i_q_ref = ref.q;
 }
@@ -89,12 +98,13 @@ CGL_SELDOM static void safe(cgl_foc_output *out)
     out->status = CGL_STATUS_FAULT;
 }
 
-void cgl_foc_step(const cgl_foc_config *config, cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
+void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
 {
+    const cgl_foc_config *const config = &foc->config;
     const bool two_phases = config->phases == 2U;
     const cgl_real omega_e = in->omega_e, u_dc = in->u_dc;
     /* the rotor turns on until the voltage acts */
-    const cgl_real ahead = config->advance * config->ts * omega_e;
+    const cgl_real ahead = config->advance * foc->ts * omega_e;
     if (!(cgl_is_angle(in->theta_e) && cgl_is_angle(in->theta_e + ahead) && u_dc >= BUS_MIN
           && cgl_is_finite(u_dc))) {
         safe(out);
@@ -143,8 +153,8 @@ void cgl_foc_step(const cgl_foc_config *config, cgl_foc *foc, const cgl_foc_inpu
         e_q = taken_back(e_q, config->kp_q, u.q - wanted.q);
         out->status = CGL_STATUS_SATURATED;
     }
-    foc->integral_d = cgl_clamp(foc->integral_d + config->ki_d * config->ts * e_d, u_max);
-    foc->integral_q = cgl_clamp(foc->integral_q + config->ki_q * config->ts * e_q, u_max);
+    foc->integral_d = cgl_add(foc->integral_d, config->ki_d * foc->ts * e_d, u_max, &foc->lost_d);
+    foc->integral_q = cgl_add(foc->integral_q, config->ki_q * foc->ts * e_q, u_max, &foc->lost_q);
     out->i_d = i_d;
     out->i_q = i_q;
     out->u_d = u.d;

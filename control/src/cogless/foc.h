@@ -14,7 +14,6 @@ extern "C" {
 typedef struct {
     cgl_real kp_d, ki_d;    /* d-axis gains [V/A], [V/A/s], >= 0 */
     cgl_real kp_q, ki_q;    /* q-axis gains [V/A], [V/A/s], >= 0 */
-    cgl_real ts;            /* sampling period [s], > 0 */
     cgl_real current_limit; /* length of the current reference [A], > 0 */
     cgl_real advance;       /* the voltage acts this many periods after sampling: 1.5 with one period of computation
                                delay, 0.5 without [periods], >= 0 */
@@ -25,7 +24,10 @@ typedef struct {
 } cgl_foc_config;
 
 typedef struct {
+    cgl_foc_config config;
+    cgl_real ts;                     /* sampling period [s] */
     cgl_real integral_d, integral_q; /* [V] */
+    cgl_real lost_d, lost_q;         /* what rounding kept from them [V] */
 } cgl_foc;
 
 typedef struct {
@@ -43,7 +45,7 @@ typedef struct {
     unsigned status;   /* CGL_STATUS_SATURATED: voltage or reference was limited; CGL_STATUS_FAULT */
 } cgl_foc_output;
 
-cgl_error cgl_foc_init(const cgl_foc_config *config, cgl_foc *foc);
+cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts);
 void cgl_foc_reset(cgl_foc *foc);
 
 /* PI control of i_d and i_q with speed voltages fed forward. The references are shortened as by cgl_foc_limit. The voltage
@@ -51,10 +53,10 @@ void cgl_foc_reset(cgl_foc *foc);
  * realised (back calculation). A current, angle, speed or bus that is not finite, an angle beyond CGL_ANGLE_MAX (the
  * measured one, or that at which the voltage will act) or a bus below 1e-30 V gives zero voltage, holds the integrals and
  * sets CGL_STATUS_FAULT. A reference that is not finite counts as zero. */
-void cgl_foc_step(const cgl_foc_config *config, cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out);
+void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out);
 
 /* The references as the step follows them: shortened to current_limit at their angle. What is not finite is 0. */
-void cgl_foc_limit(const cgl_foc_config *config, cgl_real *i_d_ref, cgl_real *i_q_ref);
+void cgl_foc_limit(const cgl_foc *foc, cgl_real *i_d_ref, cgl_real *i_q_ref);
 
 #ifdef __cplusplus
 }

@@ -9,6 +9,7 @@
 #define PROVEN CGL_R(0.5)        /* of the quietest quarter without learning */
 #define PROOF_TIME CGL_R(2.0)    /* [s] */
 #define PROOF_TURNS CGL_R(3.0)
+#define RISEN CGL_R(2.5)         /* since the baseline was supposed: measure it */
 #define AGREE CGL_R(1.5)         /* two windows of a probe */
 #define PROBE_MOST 6U            /* windows */
 #define AGED 100U                /* windows after which a baseline is measured anew where little is gained */
@@ -98,7 +99,8 @@ CGL_SELDOM void cgl_guard_reset(cgl_guard *guard)
     guard->good = 0U;
     guard->alarms = guard->doubts = guard->lessons = guard->backoff = guard->next = 0U;
     guard->last_moved = true; /* nobody knows */
-    guard->elsewhere = false;
+    guard->elsewhere = guard->supposed = false;
+    guard->best = CGL_R(0.0);
     go_to(guard, CGL_GUARD_IDLE);
 }
 
@@ -234,6 +236,8 @@ CGL_SELDOM static void prove(cgl_guard *guard, cgl_real omega, cgl_real v)
     }
     if (v < PROVEN * guard->quietest) {
         remember(guard, omega, guard->quietest);
+        guard->supposed = true;
+        guard->best = v;
     } else {
         probe(guard, v);
     }
@@ -258,11 +262,17 @@ CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real omega, cgl_real
         if (calm) {
             prove(guard, omega, v);
         }
-    } else if (v <= BAR * b) {
+    } else if (v <= BAR * b && !(guard->supposed && v > RISEN * guard->best)) {
+        guard->best = v < guard->best ? v : guard->best;
         count_good(guard, omega, v, b);
     } else {
         guard->strikes = (uint8_t)(guard->strikes + (v > FAR * b && calm ? 2U : 1U));
-        if (guard->strikes >= (calm ? STRIKES : MOVING) + guard->doubts) {
+        if (guard->strikes < (calm ? STRIKES : MOVING) + guard->doubts) {
+            return;
+        }
+        if (v <= BAR * b) {
+            probe(guard, v);
+        } else {
             hold(guard, v);
         }
     }
@@ -294,6 +304,7 @@ CGL_SELDOM static void judge_probe(cgl_guard *guard, cgl_real omega, cgl_real v,
         return;
     }
     remember(guard, omega, v < last ? v : last);
+    guard->supposed = false;
     if (guard->suspect <= BAR * bar_at(guard, omega)) {
         guard->doubts = (uint8_t)(guard->doubts < 3U ? 2U * guard->doubts + 1U : 7U);
         learn_on(guard, omega);

@@ -60,6 +60,7 @@ typedef struct {
     cgl_real last;                         /* v of the last window, of the first of a probe [rad^2/s^2] */
     cgl_real suspect;                      /* v when a probe began [rad^2/s^2] */
     cgl_real quietest;                     /* quarter since learning began, 0: none [rad^2/s^2] */
+    cgl_real best;                         /* v since the baseline was supposed [rad^2/s^2] */
     cgl_real way;                          /* turned in this phase at this speed, as a sum of speeds [rad/s] */
     cgl_real here;                         /* speed at which the lessons were learned [rad/s] */
     cgl_real omega[CGL_GUARD_SPEEDS];      /* speeds with a baseline; 0: none [rad/s] */
@@ -82,6 +83,7 @@ typedef struct {
     uint8_t next;                          /* place of the baseline that is forgotten next */
     bool moved, last_moved;                /* the reference did, in this window and the last */
     bool taught;                           /* something, in this window */
+    bool supposed;                         /* the baseline: from the quietest quarter, not measured */
     bool elsewhere;                        /* something was learned at another speed */
 } cgl_guard;
 

@@ -40,36 +40,38 @@ static cgl_map_result checked(const cgl_map *map)
     return cgl_map_is_valid(map) ? CGL_MAP_OK : CGL_MAP_INVALID;
 }
 
-CGL_SELDOM static cgl_map_result of_memory(const cgl_memory_config *config, const cgl_memory *memory, uint32_t law, uint32_t unit,
+CGL_SELDOM static cgl_map_result of_memory(const cgl_memory *memory, uint32_t law, uint32_t unit,
                                 cgl_map *map)
 {
+    const cgl_memory_config *const config = &memory->config;
     fill(map, law, memory->cell, config->cells, unit, config->limit);
     map->parts = config->periods_per_rev;
     map->learning = &memory->started;
     return config->kind == CGL_MEMORY_ANGLE ? checked(map) : CGL_MAP_BY_TIME;
 }
 
-CGL_SELDOM cgl_map_result cgl_map_of_pi_ilc(const cgl_pi_ilc_config *config, const cgl_pi_ilc *law, cgl_map *map)
+CGL_SELDOM cgl_map_result cgl_map_of_pi_ilc(const cgl_pi_ilc *law, cgl_map *map)
 {
-    return of_memory(&config->memory, &law->memory, CGL_MAP_LAW_PI_ILC, CGL_MAP_UNIT_CURRENT, map);
+    return of_memory(&law->memory, CGL_MAP_LAW_PI_ILC, CGL_MAP_UNIT_CURRENT, map);
 }
 
-CGL_SELDOM cgl_map_result cgl_map_of_robust_ilc(const cgl_robust_ilc_config *config, const cgl_robust_ilc *law, cgl_map *map)
+CGL_SELDOM cgl_map_result cgl_map_of_robust_ilc(const cgl_robust_ilc *law, cgl_map *map)
 {
-    return of_memory(&config->memory, &law->memory, CGL_MAP_LAW_ROBUST_ILC, CGL_MAP_UNIT_ACCELERATION, map);
+    return of_memory(&law->memory, CGL_MAP_LAW_ROBUST_ILC, CGL_MAP_UNIT_ACCELERATION, map);
 }
 
-CGL_SELDOM cgl_map_result cgl_map_of_anti_cogging(const cgl_anti_cogging_config *config, const cgl_anti_cogging *law,
+CGL_SELDOM cgl_map_result cgl_map_of_anti_cogging(const cgl_anti_cogging *law,
                                        cgl_map *map)
 {
-    fill(map, CGL_MAP_LAW_ANTI_COGGING, law->table, config->cells, CGL_MAP_UNIT_CURRENT, config->pi.limit);
+    fill(map, CGL_MAP_LAW_ANTI_COGGING, law->table, law->config.cells, CGL_MAP_UNIT_CURRENT, law->config.pi.limit);
     return checked(map);
 }
 
 /* ratio: of the angle that the memory counts; units_ratio: of the one in which the gains are. */
-CGL_SELDOM static cgl_map_result of_space_memory(const cgl_space_memory_config *config, const cgl_space_memory *memory,
+CGL_SELDOM static cgl_map_result of_space_memory(const cgl_space_memory *memory,
                                       uint32_t law, uint32_t ratio, uint32_t units_ratio, cgl_map *map)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     static const uint32_t unit[CGL_MAP_CHANNELS] = {CGL_MAP_UNIT_CURRENT, CGL_MAP_UNIT_CURRENT_PER_SPEED,
                                                         CGL_MAP_UNIT_CURRENT_PER_ACCELERATION};
     fill(map, law, memory->cell, config->cells, CGL_MAP_UNIT_CURRENT, config->limit[0]);
@@ -86,31 +88,31 @@ CGL_SELDOM static cgl_map_result of_space_memory(const cgl_space_memory_config *
     return config->kind == CGL_SPACE_MAP ? checked(map) : CGL_MAP_BY_TIME;
 }
 
-CGL_SELDOM cgl_map_result cgl_map_of_space_position(const cgl_space_position_config *config, const cgl_space_position *law,
+CGL_SELDOM cgl_map_result cgl_map_of_space_position(const cgl_space_position *law,
                                          cgl_map *map)
 {
-    return of_space_memory(&config->memory, &law->memory, CGL_MAP_LAW_SPACE_POSITION, config->ratio, config->ratio,
+    return of_space_memory(&law->memory, CGL_MAP_LAW_SPACE_POSITION, law->config.ratio, law->config.ratio,
                            map);
 }
 
-CGL_SELDOM cgl_map_result cgl_map_of_space_speed(const cgl_space_speed_config *config, const cgl_space_speed *law, cgl_map *map)
+CGL_SELDOM cgl_map_result cgl_map_of_space_speed(const cgl_space_speed *law, cgl_map *map)
 {
-    return of_space_memory(&config->memory, &law->memory, CGL_MAP_LAW_SPACE_SPEED, config->ratio, 1U, map);
+    return of_space_memory(&law->memory, CGL_MAP_LAW_SPACE_SPEED, law->config.ratio, 1U, map);
 }
 
-CGL_SELDOM cgl_map_result cgl_map_of_trial(const cgl_trial_config *config, const cgl_trial *law, cgl_map *map)
+CGL_SELDOM cgl_map_result cgl_map_of_trial(const cgl_trial *law, cgl_map *map)
 {
-    fill(map, CGL_MAP_LAW_TRIAL, law->learned, config->samples, CGL_MAP_UNIT_OF_THE_TRIAL, config->learned_limit);
+    fill(map, CGL_MAP_LAW_TRIAL, law->learned, law->config.samples, CGL_MAP_UNIT_OF_THE_TRIAL, law->config.learned_limit);
     map->turns = map->parts = 0U;
     return checked(map);
 }
 
-CGL_SELDOM cgl_map_result cgl_map_of_pi_afc(const cgl_pi_afc_config *config, const cgl_pi_afc *law, cgl_map *map)
+CGL_SELDOM cgl_map_result cgl_map_of_pi_afc(const cgl_pi_afc *law, cgl_map *map)
 {
-    fill(map, CGL_MAP_LAW_PI_AFC, law->coefficient, config->orders, CGL_MAP_UNIT_COSINE_CURRENT, config->limit);
+    fill(map, CGL_MAP_LAW_PI_AFC, law->coefficient, law->config.orders, CGL_MAP_UNIT_COSINE_CURRENT, law->config.limit);
     map->channels = 3U;
     map->unit[1] = CGL_MAP_UNIT_SINE_CURRENT;
-    map->limit[1] = config->limit;
+    map->limit[1] = law->config.limit;
     map->unit[2] = CGL_MAP_UNIT_ORDER;
     map->limit[2] = (cgl_real)CGL_PI_AFC_ORDER_MAX;
     map->learning = &law->learning;

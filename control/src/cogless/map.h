@@ -82,15 +82,15 @@ typedef struct {
 /* The map of a law that has been initialised. It stays valid as long as config and law do. Not CGL_MAP_OK: there is none,
  * and `map` can't be used. A table of `anti_cogging` is one while no calibration runs; a trial's signal outside of
  * cgl_trial_end. What isn't tied to the place, such as integrals and r of robust_ilc, is no part of it. */
-cgl_map_result cgl_map_of_pi_ilc(const cgl_pi_ilc_config *config, const cgl_pi_ilc *law, cgl_map *map);
-cgl_map_result cgl_map_of_robust_ilc(const cgl_robust_ilc_config *config, const cgl_robust_ilc *law, cgl_map *map);
-cgl_map_result cgl_map_of_anti_cogging(const cgl_anti_cogging_config *config, const cgl_anti_cogging *law,
+cgl_map_result cgl_map_of_pi_ilc(const cgl_pi_ilc *law, cgl_map *map);
+cgl_map_result cgl_map_of_robust_ilc(const cgl_robust_ilc *law, cgl_map *map);
+cgl_map_result cgl_map_of_anti_cogging(const cgl_anti_cogging *law,
                                        cgl_map *map);
-cgl_map_result cgl_map_of_space_position(const cgl_space_position_config *config, const cgl_space_position *law,
+cgl_map_result cgl_map_of_space_position(const cgl_space_position *law,
                                          cgl_map *map);
-cgl_map_result cgl_map_of_space_speed(const cgl_space_speed_config *config, const cgl_space_speed *law, cgl_map *map);
-cgl_map_result cgl_map_of_trial(const cgl_trial_config *config, const cgl_trial *law, cgl_map *map);
-cgl_map_result cgl_map_of_pi_afc(const cgl_pi_afc_config *config, const cgl_pi_afc *law, cgl_map *map);
+cgl_map_result cgl_map_of_space_speed(const cgl_space_speed *law, cgl_map *map);
+cgl_map_result cgl_map_of_trial(const cgl_trial *law, cgl_map *map);
+cgl_map_result cgl_map_of_pi_afc(const cgl_pi_afc *law, cgl_map *map);
 
 /* Whether every field is within its range. */
 bool cgl_map_is_valid(const cgl_map *map);

@@ -73,8 +73,9 @@ CGL_SELDOM static void describe(const cgl_map *map, uint32_t *word)
     word[AT_UNITS] = (map->channels > 1U ? map->unit[1] : 0U) | (map->channels > 2U ? map->unit[2] << 8 : 0U);
 }
 
-CGL_SELDOM static void make_header(const cgl_map_store_config *config, const cgl_map_store *store, uint32_t *word)
+CGL_SELDOM static void make_header(const cgl_map_store *store, uint32_t *word)
 {
+    const cgl_map_store_config *const config = &store->config;
     const cgl_map *map = store->map;
     word[AT_MAGIC] = MAGIC;
     word[AT_VERSION] = VERSION | CGL_MAP_HEADER << 16;
@@ -109,11 +110,11 @@ static cgl_real *entry_at(const cgl_map *map, uint32_t k, uint32_t *channel)
 }
 
 /* The stored bytes from `position` on; both are multiples of 4. */
-CGL_SELDOM static void fill(const cgl_map_store_config *config, const cgl_map_store *store, uint32_t position, uint32_t count)
+CGL_SELDOM static void fill(const cgl_map_store *store, uint32_t position, uint32_t count)
 {
     const cgl_map *map = store->map;
     uint32_t header[WORDS];
-    make_header(config, store, header);
+    make_header(store, header);
     for (uint32_t n = 0; n < count; n += 4U) {
         const uint32_t place = position + n;
         uint32_t word = PADDING, c;
@@ -136,9 +137,10 @@ static uint8_t mark_byte(const cgl_map_store *store, uint32_t place)
 
 /* ---- reading a slot, a piece at a time, and telling what is wrong with it ---- */
 
-CGL_SELDOM static bool read_bytes(const cgl_map_store_config *config, const cgl_map_store *store, uint32_t offset, uint8_t *bytes,
+CGL_SELDOM static bool read_bytes(const cgl_map_store *store, uint32_t offset, uint8_t *bytes,
                  uint32_t count)
 {
+    const cgl_map_store_config *const config = &store->config;
     return config->read(config->context, store->slot, offset, bytes, count) == CGL_FLASH_DONE;
 }
 
@@ -158,11 +160,12 @@ static bool is_write_size(uint32_t size)
     return size >= 1U && size <= CGL_MAP_WRITE_MAX && (size & (size - 1U)) == 0U;
 }
 
-CGL_SELDOM static cgl_map_result check_header(const cgl_map_store_config *config, cgl_map_store *store)
+CGL_SELDOM static cgl_map_result check_header(cgl_map_store *store)
 {
+    const cgl_map_store_config *const config = &store->config;
     uint32_t word[WORDS];
     for (uint32_t n = 0; n < WORDS; ++n) {
-        if (!read_bytes(config, store, 4U * n, store->buffer, 4U)) {
+        if (!read_bytes(store, 4U * n, store->buffer, 4U)) {
             return CGL_MAP_FLASH_FAILED;
         }
         word[n] = get(store->buffer);
@@ -224,11 +227,11 @@ CGL_SELDOM static void take_entries(cgl_map_store *store, uint32_t count, bool i
     }
 }
 
-CGL_SELDOM static cgl_map_result check_mark(const cgl_map_store_config *config, const cgl_map_store *store)
+CGL_SELDOM static cgl_map_result check_mark(const cgl_map_store *store)
 {
     const uint32_t length = CGL_MAP_ROUND_UP(CGL_MAP_MARK, store->align);
     for (uint32_t place = 0; place < length; ++place) {
-        if (!read_bytes(config, store, store->end + place, store->buffer, 1U)) {
+        if (!read_bytes(store, store->end + place, store->buffer, 1U)) {
             return CGL_MAP_FLASH_FAILED;
         }
         if (store->buffer[0] != mark_byte(store, place)) {
@@ -248,16 +251,16 @@ CGL_SELDOM static void begin_check(cgl_map_store *store, uint32_t slot)
 }
 
 /* Checks the next piece of the slot that begin_check began with; CGL_MAP_BUSY until the slot is finished. */
-CGL_SELDOM static cgl_map_result check_step(const cgl_map_store_config *config, cgl_map_store *store, bool marked, bool into)
+CGL_SELDOM static cgl_map_result check_step(cgl_map_store *store, bool marked, bool into)
 {
     if (store->position == 0U) {
-        const cgl_map_result result = check_header(config, store);
+        const cgl_map_result result = check_header(store);
         store->position = CGL_MAP_HEADER;
         return result == CGL_MAP_OK ? CGL_MAP_BUSY : result;
     }
     if (store->position < store->end) {
         const uint32_t count = smaller(store->chunk, store->end - store->position);
-        if (!read_bytes(config, store, store->position, store->buffer, count)) {
+        if (!read_bytes(store, store->position, store->buffer, count)) {
             return CGL_MAP_FLASH_FAILED;
         }
         store->crc = cgl_crc32(store->crc, store->buffer, count);
@@ -268,7 +271,7 @@ CGL_SELDOM static cgl_map_result check_step(const cgl_map_store_config *config, 
     if (store->crc != store->entries_crc) {
         return CGL_MAP_DAMAGED;
     }
-    const cgl_map_result mark = marked ? check_mark(config, store) : CGL_MAP_OK;
+    const cgl_map_result mark = marked ? check_mark(store) : CGL_MAP_OK;
     return mark != CGL_MAP_OK    ? mark
            : store->other_order ? CGL_MAP_OTHER_LAYOUT
            : store->bad_value   ? CGL_MAP_BAD_VALUE
@@ -294,12 +297,12 @@ CGL_SELDOM static uint32_t newest(const cgl_map_store *store)
 
 /* ---- load ---- */
 
-CGL_SELDOM static cgl_map_result check(const cgl_map_store_config *config, cgl_map_store *store, uint32_t slot, bool into)
+CGL_SELDOM static cgl_map_result check(cgl_map_store *store, uint32_t slot, bool into)
 {
     cgl_map_result result;
     begin_check(store, slot);
     do {
-        result = check_step(config, store, true, into);
+        result = check_step(store, true, into);
     } while (result == CGL_MAP_BUSY);
     return result;
 }
@@ -314,7 +317,7 @@ static void forget(const cgl_map *map)
     }
 }
 
-CGL_SELDOM cgl_map_result cgl_map_store_load(const cgl_map_store_config *config, cgl_map_store *store, const cgl_map *map)
+CGL_SELDOM cgl_map_result cgl_map_store_load(cgl_map_store *store, const cgl_map *map)
 {
     store->phase = CGL_STORE_IDLE;
     store->result = CGL_MAP_NONE;
@@ -327,7 +330,7 @@ CGL_SELDOM cgl_map_result cgl_map_store_load(const cgl_map_store_config *config,
     store->map = map;
     cgl_map_result worst = CGL_MAP_NONE;
     for (uint32_t slot = 0; slot < 2U; ++slot) {
-        const cgl_map_result result = check(config, store, slot, false);
+        const cgl_map_result result = check(store, slot, false);
         note(store, result);
         worst = result > worst ? result : worst;
     }
@@ -335,7 +338,7 @@ CGL_SELDOM cgl_map_result cgl_map_store_load(const cgl_map_store_config *config,
     if (slot > 1U) {
         return worst;
     }
-    const cgl_map_result result = check(config, store, slot, true);
+    const cgl_map_result result = check(store, slot, true);
     if (result != CGL_MAP_OK && store->position > CGL_MAP_HEADER) {
         forget(map);
     }
@@ -344,7 +347,7 @@ CGL_SELDOM cgl_map_result cgl_map_store_load(const cgl_map_store_config *config,
 
 /* ---- save ---- */
 
-CGL_SELDOM cgl_error cgl_map_store_init(const cgl_map_store_config *config, cgl_map_store *store, uint8_t *buffer,
+CGL_SELDOM cgl_error cgl_map_store_init(cgl_map_store *store, const cgl_map_store_config *config, uint8_t *buffer,
                              uint32_t length)
 {
     if (!(config->erase != 0 && config->write != 0 && config->read != 0 && is_write_size(config->write_size)
@@ -355,6 +358,7 @@ CGL_SELDOM cgl_error cgl_map_store_init(const cgl_map_store_config *config, cgl_
     if (buffer == 0 || length < unit) {
         return CGL_ERROR_MEMORY;
     }
+    store->config = *config;
     store->buffer = buffer;
     store->chunk = length - length % unit;
     store->map = 0;
@@ -368,8 +372,9 @@ CGL_SELDOM cgl_error cgl_map_store_init(const cgl_map_store_config *config, cgl_
     return CGL_OK;
 }
 
-CGL_SELDOM cgl_map_result cgl_map_store_begin(const cgl_map_store_config *config, cgl_map_store *store, const cgl_map *map)
+CGL_SELDOM cgl_map_result cgl_map_store_begin(cgl_map_store *store, const cgl_map *map)
 {
+    const cgl_map_store_config *const config = &store->config;
     store->phase = CGL_STORE_IDLE;
     store->result = CGL_MAP_INVALID;
     if (cgl_map_is_valid(map)) {
@@ -402,9 +407,10 @@ static cgl_map_result go_on(cgl_map_store *store, cgl_store_phase phase, uint32_
     return CGL_MAP_BUSY;
 }
 
-CGL_SELDOM static cgl_map_result look(const cgl_map_store_config *config, cgl_map_store *store)
+CGL_SELDOM static cgl_map_result look(cgl_map_store *store)
 {
-    const cgl_map_result result = check_step(config, store, true, false);
+    const cgl_map_store_config *const config = &store->config;
+    const cgl_map_result result = check_step(store, true, false);
     if (result == CGL_MAP_BUSY) {
         return CGL_MAP_BUSY;
     }
@@ -422,10 +428,10 @@ CGL_SELDOM static cgl_map_result look(const cgl_map_store_config *config, cgl_ma
 }
 
 /* Checksum over the entries and the padding, as they are now; then chooses the slot. */
-CGL_SELDOM static cgl_map_result sum(const cgl_map_store_config *config, cgl_map_store *store)
+CGL_SELDOM static cgl_map_result sum(cgl_map_store *store)
 {
     const uint32_t count = smaller(store->chunk, store->end - store->position);
-    fill(config, store, store->position, count);
+    fill(store, store->position, count);
     store->crc = cgl_crc32(store->crc, store->buffer, count);
     store->position += count;
     if (store->position < store->end) {
@@ -440,13 +446,14 @@ CGL_SELDOM static cgl_map_result sum(const cgl_map_store_config *config, cgl_map
     /* newer than what stays, which may fit again another day, when a limit is raised or a motor is back */
     store->sequence = store->sequences[1U - store->slot] + 1U;
     uint32_t word[WORDS];
-    make_header(config, store, word);
+    make_header(store, word);
     store->header_crc = store->wanted = header_crc(word);
     return go_on(store, CGL_STORE_ERASE, 0U);
 }
 
-CGL_SELDOM static cgl_map_result erase_slot(const cgl_map_store_config *config, cgl_map_store *store)
+CGL_SELDOM static cgl_map_result erase_slot(cgl_map_store *store)
 {
+    const cgl_map_store_config *const config = &store->config;
     const cgl_flash_result result = config->erase(config->context, store->slot);
     if (result == CGL_FLASH_BUSY) {
         return CGL_MAP_BUSY;
@@ -454,10 +461,11 @@ CGL_SELDOM static cgl_map_result erase_slot(const cgl_map_store_config *config, 
     return result == CGL_FLASH_DONE ? go_on(store, CGL_STORE_WRITE, 0U) : finish(store, CGL_MAP_FLASH_FAILED);
 }
 
-CGL_SELDOM static cgl_map_result write_bytes(const cgl_map_store_config *config, cgl_map_store *store)
+CGL_SELDOM static cgl_map_result write_bytes(cgl_map_store *store)
 {
+    const cgl_map_store_config *const config = &store->config;
     const uint32_t count = smaller(store->chunk, store->end - store->position);
-    fill(config, store, store->position, count);
+    fill(store, store->position, count);
     const cgl_flash_result result =
         config->write(config->context, store->slot, store->position, store->buffer, count);
     if (result != CGL_FLASH_DONE) {
@@ -480,9 +488,9 @@ CGL_SELDOM static cgl_map_result write_bytes(const cgl_map_store_config *config,
 }
 
 /* Flash that took nothing still has the map that was there before: it must be this one. */
-CGL_SELDOM static cgl_map_result verify(const cgl_map_store_config *config, cgl_map_store *store)
+CGL_SELDOM static cgl_map_result verify(cgl_map_store *store)
 {
-    const cgl_map_result result = check_step(config, store, false, false);
+    const cgl_map_result result = check_step(store, false, false);
     if (result == CGL_MAP_BUSY) {
         return CGL_MAP_BUSY;
     }
@@ -491,8 +499,9 @@ CGL_SELDOM static cgl_map_result verify(const cgl_map_store_config *config, cgl_
                : finish(store, CGL_MAP_FLASH_FAILED);
 }
 
-CGL_SELDOM static cgl_map_result write_mark(const cgl_map_store_config *config, cgl_map_store *store)
+CGL_SELDOM static cgl_map_result write_mark(cgl_map_store *store)
 {
+    const cgl_map_store_config *const config = &store->config;
     const uint32_t length = CGL_MAP_ROUND_UP(CGL_MAP_MARK, config->write_size);
     for (uint32_t place = 0; place < length; ++place) {
         store->buffer[place] = mark_byte(store, place);
@@ -502,28 +511,28 @@ CGL_SELDOM static cgl_map_result write_mark(const cgl_map_store_config *config, 
     if (result == CGL_FLASH_BUSY) {
         return CGL_MAP_BUSY;
     }
-    const bool good = result == CGL_FLASH_DONE && check_mark(config, store) == CGL_MAP_OK;
+    const bool good = result == CGL_FLASH_DONE && check_mark(store) == CGL_MAP_OK;
     return finish(store, good ? CGL_MAP_OK : CGL_MAP_FLASH_FAILED);
 }
 
-CGL_SELDOM cgl_map_result cgl_map_store_step(const cgl_map_store_config *config, cgl_map_store *store)
+CGL_SELDOM cgl_map_result cgl_map_store_step(cgl_map_store *store)
 {
     if (store->map == 0) {
         return store->result;
     }
     switch (store->phase) {
     case CGL_STORE_LOOK:
-        return look(config, store);
+        return look(store);
     case CGL_STORE_SUM:
-        return sum(config, store);
+        return sum(store);
     case CGL_STORE_ERASE:
-        return erase_slot(config, store);
+        return erase_slot(store);
     case CGL_STORE_WRITE:
-        return write_bytes(config, store);
+        return write_bytes(store);
     case CGL_STORE_VERIFY:
-        return verify(config, store);
+        return verify(store);
     case CGL_STORE_MARK:
-        return write_mark(config, store);
+        return write_mark(store);
     case CGL_STORE_IDLE:
     default:
         return store->result;

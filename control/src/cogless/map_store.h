@@ -3,14 +3,14 @@
  *
  * Flash is whatever your three functions reach: flash inside the chip or outside, an EEPROM, two files.
  *
- *   cgl_map_store_init(&config, &store, buffer, sizeof buffer);   once; must return CGL_OK
- *   cgl_map_of_pi_ilc(&law_config, &law, &map);                   once, after the law's init; must return CGL_MAP_OK
- *   cgl_map_store_load(&config, &store, &map);                    before the law's first step
+ *   cgl_map_store_init(&store, &config, buffer, sizeof buffer);   once; must return CGL_OK
+ *   cgl_map_of_pi_ilc(&law, &map);                   once, after the law's init; must return CGL_MAP_OK
+ *   cgl_map_store_load(&store, &map);                    before the law's first step
  *
  *   to save, in the background:
  *     learn = false in the law's input, for one step of the law or more
- *     cgl_map_store_begin(&config, &store, &map);                 must return CGL_MAP_OK
- *     cgl_map_store_step(&config, &store);                        again and again while it returns CGL_MAP_BUSY
+ *     cgl_map_store_begin(&store, &map);                 must return CGL_MAP_OK
+ *     cgl_map_store_step(&store);                        again and again while it returns CGL_MAP_BUSY
  *     learn = true
  *
  * Learning rests while a map is saved, so that its entries are of one moment; no copy is needed. If it does not rest, the
@@ -65,6 +65,7 @@ typedef enum {
 } cgl_store_phase;
 
 typedef struct {
+    cgl_map_store_config config;
     uint8_t *buffer;        /* caller's memory */
     uint32_t chunk;         /* bytes in one go: as many as the buffer holds, a multiple of write_size and 8 */
     const cgl_map *map;     /* being saved or loaded */
@@ -94,20 +95,20 @@ typedef struct {
 
 /* Takes the caller's buffer of `length` bytes, at least CGL_MAP_BUFFER_MIN and write_size. A larger one makes fewer and
  * longer steps. */
-cgl_error cgl_map_store_init(const cgl_map_store_config *config, cgl_map_store *store, uint8_t *buffer,
+cgl_error cgl_map_store_init(cgl_map_store *store, const cgl_map_store_config *config, uint8_t *buffer,
                              uint32_t length);
 
 /* Takes the newer one of the stored maps that fit: CGL_MAP_OK, or why there is none. Every byte is checked before the
  * first entry of `map` is touched. Reads both slots from end to end, and one twice. For a start, or for a law that was
  * stepped with learn false and is not stepped with learn true meanwhile. Not while a save goes on: it ends that. */
-cgl_map_result cgl_map_store_load(const cgl_map_store_config *config, cgl_map_store *store, const cgl_map *map);
+cgl_map_result cgl_map_store_load(cgl_map_store *store, const cgl_map *map);
 
 /* Begins a save of `map`, which is to stay until it has ended; one that goes on is given up. CGL_MAP_OK, or why not. */
-cgl_map_result cgl_map_store_begin(const cgl_map_store_config *config, cgl_map_store *store, const cgl_map *map);
+cgl_map_result cgl_map_store_begin(cgl_map_store *store, const cgl_map *map);
 
 /* A piece of the save: one call of your functions, or a few short ones. CGL_MAP_BUSY until it ends; then CGL_MAP_OK, or
  * why it failed, again and again. A map that is stored already is not written once more. */
-cgl_map_result cgl_map_store_step(const cgl_map_store_config *config, cgl_map_store *store);
+cgl_map_result cgl_map_store_step(cgl_map_store *store);
 
 #ifdef __cplusplus
 }

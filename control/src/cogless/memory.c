@@ -1,6 +1,6 @@
 #include "memory.h"
 
-CGL_SELDOM cgl_error cgl_memory_init(const cgl_memory_config *config, cgl_memory *memory, cgl_real *cell,
+CGL_SELDOM cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, cgl_real ts, cgl_real *cell,
                                      uint32_t length)
 {
     const uint32_t most = config->kind == CGL_MEMORY_TIME ? CGL_SAMPLES_MAX : CGL_CELLS_MAX;
@@ -8,25 +8,28 @@ CGL_SELDOM cgl_error cgl_memory_init(const cgl_memory_config *config, cgl_memory
           && config->periods_per_rev <= 65535U && config->q_half_width < most
           && 2U * config->q_half_width + 1U <= config->cells && config->lead <= config->cells / 4U
           && config->forgetting > CGL_R(0.0) && config->forgetting <= CGL_R(1.0)
-          && cgl_is_positive(config->limit) && cgl_is_positive(config->ts)
+          && cgl_is_positive(config->limit) && cgl_is_positive(ts)
           && (config->kind == CGL_MEMORY_ANGLE || config->kind == CGL_MEMORY_TIME))) {
         return CGL_ERROR_CONFIG;
     }
     if (cell == 0 || length < CGL_MEMORY_LENGTH(config->cells, config->q_half_width)) {
         return CGL_ERROR_MEMORY;
     }
+    memory->config = *config;
+    memory->ts = ts;
     memory->cell = cell;
     memory->per_rad = (cgl_real)config->periods_per_rev / CGL_TWO_PI;
     memory->gain = config->forgetting / (cgl_real)(2U * config->q_half_width + 1U);
     memory->length = (cgl_real)config->cells;
     memory->lead = (cgl_real)config->lead;
     memory->fastest = CGL_R(0.25) * memory->length / (cgl_real)(config->lead > 0U ? config->lead : 1U);
-    cgl_memory_reset(config, memory);
+    cgl_memory_reset(memory);
     return CGL_OK;
 }
 
-CGL_SELDOM void cgl_memory_reset(const cgl_memory_config *config, cgl_memory *memory)
+CGL_SELDOM void cgl_memory_reset(cgl_memory *memory)
 {
+    const cgl_memory_config *const config = &memory->config;
     const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
     for (uint32_t n = 0; n < length; ++n) {
         memory->cell[n] = CGL_R(0.0);
@@ -48,33 +51,35 @@ static uint32_t wrap_cell(const cgl_memory_config *config, int32_t n)
 }
 
 /* The entry that was overwritten `age` cells ago, age <= q_half_width. */
-static cgl_real overwritten(const cgl_memory_config *config, const cgl_memory *memory, uint32_t age)
+static cgl_real overwritten(const cgl_memory *memory, uint32_t age)
 {
+    const cgl_memory_config *const config = &memory->config;
     const int32_t place = (int32_t)memory->head - (int32_t)age - 1;
     return memory->cell[config->cells + (uint32_t)(place < 0 ? place + (int32_t)config->q_half_width + 1 : place)];
 }
 
 /* The entry of one period ago at cell k in [-cells, 2 cells), for a rotor between the cells n and n + 1. */
-CGL_SELDOM static cgl_real old_entry(const cgl_memory_config *config, const cgl_memory *memory, int32_t n, int32_t k)
+CGL_SELDOM static cgl_real old_entry(const cgl_memory *memory, int32_t n, int32_t k)
 {
+    const cgl_memory_config *const config = &memory->config;
     const uint32_t cell = wrap_cell(config, k);
     if (memory->direction < 0 ? k <= n : k > n) {
         return memory->cell[cell]; /* the rotor has yet to pass it */
     }
     const int32_t ahead = (int32_t)memory->newest - (int32_t)cell;
     const uint32_t age = wrap_cell(config, memory->direction < 0 ? -ahead : ahead);
-    return age < memory->known ? overwritten(config, memory, age) : memory->cell[cell];
+    return age < memory->known ? overwritten(memory, age) : memory->cell[cell];
 }
 
 /* The sum of the Q filter's entries, from n - m to n + m; *change: to that around the next cell. */
-CGL_SELDOM static cgl_real sum_anywhere(const cgl_memory_config *config, const cgl_memory *memory, int32_t n, int32_t m,
+CGL_SELDOM static cgl_real sum_anywhere(const cgl_memory *memory, int32_t n, int32_t m,
                                         cgl_real *change)
 {
     cgl_real sum = CGL_R(0.0);
     for (int32_t k = n - m; k <= n + m; ++k) {
-        sum += old_entry(config, memory, n, k);
+        sum += old_entry(memory, n, k);
     }
-    *change = old_entry(config, memory, n, n + m + 1) - old_entry(config, memory, n, n - m);
+    *change = old_entry(memory, n, n + m + 1) - old_entry(memory, n, n - m);
     return sum;
 }
 
@@ -90,9 +95,10 @@ static inline cgl_real find_place(const cgl_memory *memory, cgl_real theta_m)
     return positive < CGL_R(1.0) ? positive : CGL_R(0.0); /* a tiny negative one rounds up to 1 */
 }
 
-CGL_SELDOM static bool recall_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, bool learn,
+CGL_SELDOM static bool recall_by_angle(cgl_memory *memory, cgl_real theta_m, bool learn,
                                        cgl_real *value)
 {
+    const cgl_memory_config *const config = &memory->config;
     memory->newest = memory->steady ? memory->at : memory->newest;
     if (!cgl_is_angle(theta_m)) {
         memory->started = memory->steady = false;
@@ -103,7 +109,7 @@ CGL_SELDOM static bool recall_by_angle(const cgl_memory_config *config, cgl_memo
     memory->next_position = position;
     memory->next = n < config->cells ? n : 0U;
     cgl_real change;
-    const cgl_real sum = sum_anywhere(config, memory, (int32_t)memory->next,
+    const cgl_real sum = sum_anywhere(memory, (int32_t)memory->next,
                                       learn ? (int32_t)config->q_half_width : 0, &change);
     *value = sum + (position - (cgl_real)(int32_t)position) * change;
     *value *= learn ? memory->gain : CGL_R(1.0);
@@ -112,9 +118,10 @@ CGL_SELDOM static bool recall_by_angle(const cgl_memory_config *config, cgl_memo
 
 /* `count` cells back from n, against the direction, get values of a line of this slope that ends `rest` cells after n
  * with `value`; or, to correct them, they get it added. */
-CGL_SELDOM static void write_line(const cgl_memory_config *config, const cgl_memory *memory, uint32_t n, uint32_t count,
+CGL_SELDOM static void write_line(const cgl_memory *memory, uint32_t n, uint32_t count,
                                   int direction, cgl_real value, cgl_real rest, cgl_real slope, bool add)
 {
+    const cgl_memory_config *const config = &memory->config;
     for (;;) {
         cgl_real *const entry = memory->cell + n;
         const cgl_real on_line = cgl_clamped(value - rest * slope, config->limit);
@@ -128,9 +135,10 @@ CGL_SELDOM static void write_line(const cgl_memory_config *config, const cgl_mem
 }
 
 /* The entries of `count` cells from n on, in the direction, go into the ring. */
-CGL_SELDOM static void remember(const cgl_memory_config *config, cgl_memory *memory, uint32_t n, uint32_t count,
+CGL_SELDOM static void remember(cgl_memory *memory, uint32_t n, uint32_t count,
                                 int direction)
 {
+    const cgl_memory_config *const config = &memory->config;
     const uint32_t last = config->q_half_width;
     for (;;) {
         memory->cell[config->cells + memory->head] = memory->cell[n];
@@ -171,9 +179,10 @@ CGL_SELDOM static passage passage_of(const cgl_memory_config *config, uint32_t f
 }
 
 /* Adds the corrections where the rotor was `lead` samples ago, at the speed that it has now. */
-CGL_SELDOM static void correct_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real moved,
+CGL_SELDOM static void correct_by_angle(cgl_memory *memory, cgl_real moved,
                                     cgl_real correction, cgl_real quarter)
 {
+    const cgl_memory_config *const config = &memory->config;
     const cgl_real behind = memory->lead * moved;
     if (!cgl_is_within(behind, quarter)) {
         memory->lagging = false;
@@ -193,7 +202,7 @@ CGL_SELDOM static void correct_by_angle(const cgl_memory_config *config, cgl_mem
         const bool backward = moved < CGL_R(0.0);
         const passage p = passage_of(config, memory->lag_cell, memory->lag_position, cell, place, backward);
         if (p.count > 0U && p.count <= config->cells / 2U) {
-            write_line(config, memory, p.last, p.count, backward ? -1 : 1, correction, p.rest,
+            write_line(memory, p.last, p.count, backward ? -1 : 1, correction, p.rest,
                        (correction - memory->correction) / cgl_abs(passed), true);
         }
     }
@@ -204,8 +213,9 @@ CGL_SELDOM static void correct_by_angle(const cgl_memory_config *config, cgl_mem
     memory->lagging = true;
 }
 
-CGL_SELDOM static void store_by_angle(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction)
+CGL_SELDOM static void store_by_angle(cgl_memory *memory, cgl_real value, cgl_real correction)
 {
+    const cgl_memory_config *const config = &memory->config;
     const cgl_real cells = memory->length, quarter = CGL_R(0.25) * cells;
     const cgl_real position = memory->next_position;
     cgl_real moved = position - memory->position;
@@ -227,12 +237,12 @@ CGL_SELDOM static void store_by_angle(const cgl_memory_config *config, cgl_memor
                 memory->direction = direction;
             }
             memory->known = memory->known + p.count < ring ? memory->known + p.count : ring;
-            remember(config, memory, p.first, p.count, direction);
-            write_line(config, memory, p.last, p.count, direction, value, p.rest,
+            remember(memory, p.first, p.count, direction);
+            write_line(memory, p.last, p.count, direction, value, p.rest,
                        (value - memory->value) / cgl_abs(moved), false);
         }
         if (config->lead > 0U) {
-            correct_by_angle(config, memory, moved, correction, quarter);
+            correct_by_angle(memory, moved, correction, quarter);
         }
     }
     memory->position = position;
@@ -242,7 +252,7 @@ CGL_SELDOM static void store_by_angle(const cgl_memory_config *config, cgl_memor
     memory->steady = memory->direction > 0 && memory->known > config->q_half_width && memory->newest == memory->at
                      && (config->lead == 0U || (memory->lagging && cgl_is_within(memory->correction, config->limit)));
     if (memory->steady) {
-        memory->sum = sum_anywhere(config, memory, (int32_t)memory->at, (int32_t)config->q_half_width, &memory->change);
+        memory->sum = sum_anywhere(memory, (int32_t)memory->at, (int32_t)config->q_half_width, &memory->change);
     }
 }
 
@@ -250,8 +260,9 @@ CGL_SELDOM static void store_by_angle(const cgl_memory_config *config, cgl_memor
 
 /* The sum of the Q filter's entries around cell 0, when the rotor comes there: summed anew, as changes to it round. The
  * entry at `head` has left the window. */
-CGL_SELDOM static cgl_real sum_at_start(const cgl_memory_config *config, const cgl_memory *memory, uint32_t head)
+CGL_SELDOM static cgl_real sum_at_start(const cgl_memory *memory, uint32_t head)
 {
+    const cgl_memory_config *const config = &memory->config;
     cgl_real sum = CGL_R(0.0);
     for (uint32_t n = 0; n <= config->q_half_width; ++n) {
         sum += memory->cell[n];
@@ -261,12 +272,13 @@ CGL_SELDOM static cgl_real sum_at_start(const cgl_memory_config *config, const c
 }
 
 /* The rotor comes to cell n, whose old entry goes into the ring. */
-static inline void pass_cell(const cgl_memory_config *config, cgl_memory *memory, uint32_t n)
+static inline void pass_cell(cgl_memory *memory, uint32_t n)
 {
+    const cgl_memory_config *const config = &memory->config;
     const uint32_t cells = config->cells, last = config->q_half_width;
     cgl_real *const entry = memory->cell, *const ring = entry + cells;
     uint32_t head = memory->head;
-    memory->sum = CGL_OFTEN(n > 0U) ? memory->sum + memory->change : sum_at_start(config, memory, head);
+    memory->sum = CGL_OFTEN(n > 0U) ? memory->sum + memory->change : sum_at_start(memory, head);
     ring[head] = entry[n];
     head = head < last ? head + 1U : 0U;
     const uint32_t ahead = n + last + 1U;
@@ -275,11 +287,12 @@ static inline void pass_cell(const cgl_memory_config *config, cgl_memory *memory
 }
 
 /* The rotor passes all but the last of `count` cells. */
-CGL_SELDOM static void pass_more(const cgl_memory_config *config, cgl_memory *memory, uint32_t count)
+CGL_SELDOM static void pass_more(cgl_memory *memory, uint32_t count)
 {
+    const cgl_memory_config *const config = &memory->config;
     for (uint32_t n = memory->at; count > 1U; --count) {
         n = n + 1U < config->cells ? n + 1U : 0U;
-        pass_cell(config, memory, n);
+        pass_cell(memory, n);
     }
 }
 
@@ -293,9 +306,10 @@ static inline cgl_real limited(cgl_real x, cgl_real limit)
 }
 
 /* Adds the corrections where the rotor was `lead` samples ago. */
-static inline void correct_on(const cgl_memory_config *config, cgl_memory *memory, cgl_real position, cgl_real moved,
+static inline void correct_on(cgl_memory *memory, cgl_real position, cgl_real moved,
                               cgl_real correction)
 {
+    const cgl_memory_config *const config = &memory->config;
     const uint32_t cells = config->cells;
     const cgl_real behind = memory->lead * moved, limit = config->limit;
     cgl_real place = position - behind, passed = place - memory->lag_position;
@@ -312,7 +326,7 @@ static inline void correct_on(const cgl_memory_config *config, cgl_memory *memor
     if (!(passed > CGL_R(0.0) && count < cells / 4U && cell < cells)) {
         memory->next_position = position;
         memory->newest = memory->at;
-        correct_by_angle(config, memory, moved, correction, CGL_R(0.25) * memory->length);
+        correct_by_angle(memory, moved, correction, CGL_R(0.25) * memory->length);
         memory->steady = memory->lagging;
         return;
     }
@@ -333,8 +347,9 @@ static inline void correct_on(const cgl_memory_config *config, cgl_memory *memor
 }
 
 /* Recalls and updates, if this is such a step; else changes nothing. What acts is the new value. */
-static inline bool step_on(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real correction)
+static inline bool step_on(cgl_memory *memory, cgl_real theta_m, cgl_real correction)
 {
+    const cgl_memory_config *const config = &memory->config;
     const cgl_real limit = config->limit;
     if (!(cgl_is_angle(theta_m) && cgl_is_within(correction, limit))) {
         return false;
@@ -357,9 +372,9 @@ static inline bool step_on(const cgl_memory_config *config, cgl_memory *memory, 
             memory->change = memory->cell[n + 1U < cells ? n + 1U : 0U] - memory->sum;
         } else {
             if (count > 1U) {
-                pass_more(config, memory, count);
+                pass_more(memory, count);
             }
-            pass_cell(config, memory, n);
+            pass_cell(memory, n);
         }
     }
     const cgl_real part = position - (cgl_real)(int32_t)n;
@@ -385,7 +400,7 @@ static inline bool step_on(const cgl_memory_config *config, cgl_memory *memory, 
     memory->position = position;
     memory->value = value;
     if (config->lead > 0U) {
-        correct_on(config, memory, position, moved, correction);
+        correct_on(memory, position, moved, correction);
     }
     return true;
 }
@@ -393,8 +408,9 @@ static inline bool step_on(const cgl_memory_config *config, cgl_memory *memory, 
 /* ---- by time: a ring of the last values ---- */
 
 /* The value stored `age` samples ago, 1 for the last one. */
-static cgl_real value_ago(const cgl_memory_config *config, const cgl_memory *memory, uint32_t age)
+static cgl_real value_ago(const cgl_memory *memory, uint32_t age)
 {
+    const cgl_memory_config *const config = &memory->config;
     const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
     if (age > memory->known) {
         return CGL_R(0.0);
@@ -403,10 +419,11 @@ static cgl_real value_ago(const cgl_memory_config *config, const cgl_memory *mem
     return memory->cell[place < length ? place : place - length];
 }
 
-CGL_SELDOM static bool recall_by_time(const cgl_memory_config *config, const cgl_memory *memory, cgl_real omega_ref, bool learn,
+CGL_SELDOM static bool recall_by_time(const cgl_memory *memory, cgl_real omega_ref, bool learn,
                            cgl_real *value)
 {
-    const cgl_real periods = cgl_abs(omega_ref) * config->ts * memory->per_rad; /* in a sample */
+    const cgl_memory_config *const config = &memory->config;
+    const cgl_real periods = cgl_abs(omega_ref) * memory->ts * memory->per_rad; /* in a sample */
     if (!(periods > CGL_R(0.0) && periods * (cgl_real)config->cells >= CGL_R(1.0)
           && periods * (cgl_real)(config->q_half_width + 1U) <= CGL_R(1.0))) {
         return false;
@@ -419,16 +436,17 @@ CGL_SELDOM static bool recall_by_time(const cgl_memory_config *config, const cgl
 
     cgl_real sum = CGL_R(0.0), first = CGL_R(0.0);
     for (uint32_t age = n + m; age >= n - m; --age) {
-        first = value_ago(config, memory, age);
+        first = value_ago(memory, age);
         sum += first;
     }
-    sum += part * (value_ago(config, memory, n + m + 1U) - first);
+    sum += part * (value_ago(memory, n + m + 1U) - first);
     *value = learn ? memory->gain * sum : sum;
     return true;
 }
 
-CGL_SELDOM static void store_by_time(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction)
+CGL_SELDOM static void store_by_time(cgl_memory *memory, cgl_real value, cgl_real correction)
 {
+    const cgl_memory_config *const config = &memory->config;
     const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
     memory->newest = memory->newest + 1U < length ? memory->newest + 1U : 0U;
     memory->cell[memory->newest] = value;
@@ -442,32 +460,35 @@ CGL_SELDOM static void store_by_time(const cgl_memory_config *config, cgl_memory
     }
 }
 
-CGL_SELDOM static bool recall(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref, bool learn,
+CGL_SELDOM static bool recall(cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref, bool learn,
                    cgl_real *value)
 {
+    const cgl_memory_config *const config = &memory->config;
     if (config->kind == CGL_MEMORY_TIME) {
-        return recall_by_time(config, memory, omega_ref, learn, value);
+        return recall_by_time(memory, omega_ref, learn, value);
     }
-    return recall_by_angle(config, memory, theta_m, learn, value);
+    return recall_by_angle(memory, theta_m, learn, value);
 }
 
-CGL_SELDOM bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
+CGL_SELDOM bool cgl_memory_recall(cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
                        bool learn, cgl_real *value)
 {
-    const bool known = recall(config, memory, theta_m, omega_ref, learn, value);
+    const cgl_memory_config *const config = &memory->config;
+    const bool known = recall(memory, theta_m, omega_ref, learn, value);
     *value = known ? cgl_clamped(*value, config->limit) : CGL_R(0.0); /* sums round */
     return known;
 }
 
-CGL_SELDOM cgl_real cgl_memory_update(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction,
+CGL_SELDOM cgl_real cgl_memory_update(cgl_memory *memory, cgl_real value, cgl_real correction,
                            bool learn)
 {
+    const cgl_memory_config *const config = &memory->config;
     const cgl_real change = learn ? cgl_clamped(correction, CGL_REAL_MAX) : CGL_R(0.0);
     const cgl_real acting = cgl_clamped(config->lead > 0U ? value : value + change, config->limit);
     if (config->kind == CGL_MEMORY_TIME) {
-        store_by_time(config, memory, acting, change);
+        store_by_time(memory, acting, change);
     } else if (learn) {
-        store_by_angle(config, memory, acting, change);
+        store_by_angle(memory, acting, change);
     } else {
         memory->started = memory->lagging = memory->steady = false; /* the next value has no line back to this one */
         memory->known = 0U; /* and when the rotor comes round, what was overwritten is two periods old */
@@ -475,35 +496,35 @@ CGL_SELDOM cgl_real cgl_memory_update(const cgl_memory_config *config, cgl_memor
     return acting;
 }
 
-CGL_SELDOM static cgl_real step_anywhere(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m,
+CGL_SELDOM static cgl_real step_anywhere(cgl_memory *memory, cgl_real theta_m,
                                          cgl_real omega_ref, cgl_real correction, bool *learn)
 {
     cgl_real value;
     *learn = *learn && cgl_is_finite(correction) && cgl_is_angle(theta_m);
-    *learn = cgl_memory_recall(config, memory, theta_m, omega_ref, *learn, &value) && *learn;
-    return cgl_memory_update(config, memory, value, correction, *learn);
+    *learn = cgl_memory_recall(memory, theta_m, omega_ref, *learn, &value) && *learn;
+    return cgl_memory_update(memory, value, correction, *learn);
 }
 
-CGL_SELDOM void cgl_memory_soften(const cgl_memory_config *config, cgl_memory *memory, cgl_real factor)
+CGL_SELDOM void cgl_memory_soften(cgl_memory *memory, cgl_real factor)
 {
-    memory->gain = factor * config->forgetting / (cgl_real)(2U * config->q_half_width + 1U);
+    memory->gain = factor * memory->config.forgetting / (cgl_real)(2U * memory->config.q_half_width + 1U);
 }
 
-CGL_SELDOM void cgl_memory_forget(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m)
+CGL_SELDOM void cgl_memory_forget(cgl_memory *memory, cgl_real theta_m)
 {
     cgl_real value;
-    if (config->kind == CGL_MEMORY_TIME) {
+    if (memory->config.kind == CGL_MEMORY_TIME) {
         memory->known = 0U;
-    } else if (recall_by_angle(config, memory, theta_m, true, &value)) {
-        store_by_angle(config, memory, CGL_R(0.0), CGL_R(0.0));
+    } else if (recall_by_angle(memory, theta_m, true, &value)) {
+        store_by_angle(memory, CGL_R(0.0), CGL_R(0.0));
     }
 }
 
-cgl_real cgl_memory_step(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
+cgl_real cgl_memory_step(cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
                          cgl_real correction, bool *learn)
 {
-    if (*learn && memory->steady && step_on(config, memory, theta_m, correction)) {
+    if (*learn && memory->steady && step_on(memory, theta_m, correction)) {
         return memory->value;
     }
-    return step_anywhere(config, memory, theta_m, omega_ref, correction, learn);
+    return step_anywhere(memory, theta_m, omega_ref, correction, learn);
 }

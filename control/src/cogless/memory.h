@@ -31,10 +31,11 @@ typedef struct {
                                  for the time in which the loop answers; 0: to the present, and it acts at once */
     cgl_real forgetting;      /* factor on what is recalled, in (0, 1]; 1: none */
     cgl_real limit;           /* every entry stays within +-limit [unit of the entry], > 0 */
-    cgl_real ts;              /* sampling period [s], > 0 */
 } cgl_memory_config;
 
 typedef struct {
+    cgl_memory_config config;
+    cgl_real ts;            /* sampling period [s] */
     cgl_real per_rad;       /* periods per angle [1/rad] */
     cgl_real gain;          /* forgetting, over the entries of the Q filter */
     cgl_real length;        /* cells of the config, as a number */
@@ -65,16 +66,16 @@ typedef struct {
 #define CGL_MEMORY_LENGTH(cells, q_half_width) ((cells) + (q_half_width) + 1U)
 
 /* Takes the caller's memory of `length` entries and clears it. */
-cgl_error cgl_memory_init(const cgl_memory_config *config, cgl_memory *memory, cgl_real *cell, uint32_t length);
+cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, cgl_real ts, cgl_real *cell, uint32_t length);
 
 /* Forgets everything learned. */
-void cgl_memory_reset(const cgl_memory_config *config, cgl_memory *memory);
+void cgl_memory_reset(cgl_memory *memory);
 
 /* Gives the value stored one period ago, within the limit: with learn, to learn on from (Q filter and forgetting
  * applied); without, to repeat while learning is frozen. Returns false, and the value 0, where no such value exists:
  * the angle is not finite or beyond CGL_ANGLE_MAX, or (by time) the reference is so slow that a period exceeds the memory,
  * or so fast that the Q filter does. theta_m [rad] and omega_ref [rad/s] are mechanical. */
-bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
+bool cgl_memory_recall(cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
                        bool learn, cgl_real *value);
 
 /* Puts the value at the place that recall was asked for, and adds the correction there or, with a lead, where the rotor
@@ -82,18 +83,18 @@ bool cgl_memory_recall(const cgl_memory_config *config, cgl_memory *memory, cgl_
  * limit (not finite: 0). By angle, every cell passed since the last update gets a value on the straight line between the
  * two; a jump of more than a quarter of the period writes nothing. With learn false a map stays as it is, a delay line
  * goes on with the value given, and the correction is ignored. */
-cgl_real cgl_memory_update(const cgl_memory_config *config, cgl_memory *memory, cgl_real value, cgl_real correction,
+cgl_real cgl_memory_update(cgl_memory *memory, cgl_real value, cgl_real correction,
                            bool learn);
 
 /* Multiplies what is recalled to learn on from by a further factor, 0 to 1; 1 undoes it. */
-void cgl_memory_soften(const cgl_memory_config *config, cgl_memory *memory, cgl_real factor);
+void cgl_memory_soften(cgl_memory *memory, cgl_real factor);
 
 /* In place of a step: clears the cells that the rotor has passed since the last one; a delay line at once. */
-void cgl_memory_forget(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m);
+void cgl_memory_forget(cgl_memory *memory, cgl_real theta_m);
 
 /* Recall and update in one step: recalls, adds the correction, and returns what acts now. *learn, whether to learn, becomes
  * false where no value of one period ago exists, or angle or correction are not plausible. */
-cgl_real cgl_memory_step(const cgl_memory_config *config, cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
+cgl_real cgl_memory_step(cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
                          cgl_real correction, bool *learn);
 
 #ifdef __cplusplus

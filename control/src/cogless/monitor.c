@@ -1,6 +1,7 @@
 #include "monitor.h"
 
 #include "angle.h"
+#include "range.h"
 
 /* A rotor that is stuck gets current again after so many times stuck_angle and stuck_time: often enough for a sensor that
  * is well again, seldom enough for a winding that heats. */
@@ -27,21 +28,26 @@ CGL_SELDOM static uint32_t periods(cgl_real time, cgl_real ts)
     return (cgl_real)whole < exact * CGL_R(0.999) ? whole + 1U : whole;
 }
 
-CGL_SELDOM cgl_error cgl_monitor_init(const cgl_monitor_config *config, cgl_monitor *monitor)
+CGL_SELDOM cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
 {
-    if (!(cgl_is_not_negative(config->omega_max) && cgl_is_not_negative(config->angle_step)
-          && cgl_is_not_negative(config->stuck_angle) && cgl_is_not_negative(config->current_max)
-          && cgl_is_not_negative(config->current_sum) && cgl_is_positive(config->ts)
-          && is_time(config->speed_window, config->ts) && is_time(config->bridge, config->ts)
-          && is_time(config->hold, config->ts) && is_time(config->stuck_time, config->ts)
-          && is_time((cgl_real)TRY_AGAIN * config->stuck_time, config->ts)
+    static const cgl_range range[] = {CGL_RANGE(cgl_monitor_config, omega_max, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_monitor_config, angle_step, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_monitor_config, stuck_angle, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_monitor_config, current_max, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_monitor_config, current_sum, CGL_NOT_NEGATIVE)};
+    if (!(CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts)
+          && is_time(config->speed_window, ts) && is_time(config->bridge, ts)
+          && is_time(config->hold, ts) && is_time(config->stuck_time, ts)
+          && is_time((cgl_real)TRY_AGAIN * config->stuck_time, ts)
           && (config->phases == 0U || config->phases == 2U || config->phases == 3U))) {
         return CGL_ERROR_CONFIG;
     }
+    monitor->config = *config;
+    monitor->ts = ts;
     cgl_monitor_limits *limits = &monitor->limits;
     /* two angles are at most half a revolution apart */
     limits->reach = config->omega_max > CGL_R(0.0)
-                        ? cgl_clamp(config->omega_max * config->ts + config->angle_step, CGL_TWO_PI)
+                        ? cgl_clamp(config->omega_max * ts + config->angle_step, CGL_TWO_PI)
                         : CGL_TWO_PI;
     limits->reach_square = limits->reach * limits->reach;
     limits->speed_square = square(config->omega_max);
@@ -53,10 +59,10 @@ CGL_SELDOM cgl_error cgl_monitor_init(const cgl_monitor_config *config, cgl_moni
         limits->current_square = cgl_clamp(CGL_R(1.5) * limits->current_square, CGL_REAL_MAX);
     }
     limits->sum_square = square(config->current_sum);
-    limits->window = periods(config->speed_window, config->ts);
-    limits->bridge = periods(config->bridge, config->ts);
-    limits->hold = periods(config->hold, config->ts);
-    limits->stuck = periods(config->stuck_time, config->ts);
+    limits->window = periods(config->speed_window, ts);
+    limits->bridge = periods(config->bridge, ts);
+    limits->hold = periods(config->hold, ts);
+    limits->stuck = periods(config->stuck_time, ts);
     cgl_monitor_reset(monitor);
     return CGL_OK;
 }
@@ -105,16 +111,17 @@ static inline cgl_real squares_of(const cgl_monitor_config *config, const cgl_re
 }
 
 /* Three phases in a star add up to zero. */
-static inline bool is_sum(const cgl_monitor_config *config, const cgl_monitor_limits *limits, const cgl_real i[3])
+static inline bool is_sum(const cgl_monitor *monitor, const cgl_real i[3])
 {
     const cgl_real sum = i[0] + i[1] + i[2];
-    return config->phases != 3U || sum * sum <= limits->sum_square;
+    return monitor->config.phases != 3U || sum * sum <= monitor->limits.sum_square;
 }
 
 /* An ordinary period, in few instructions: nothing was amiss, and nothing is. */
-static inline bool is_ordinary(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
+static inline bool is_ordinary(cgl_monitor *monitor, const cgl_measurement *now,
                                cgl_real omega_ref)
 {
+    const cgl_monitor_config *const config = &monitor->config;
     const cgl_monitor_limits *limits = &monitor->limits;
     const cgl_real theta = now->theta_m, omega = now->omega_m;
     const cgl_real d = theta - monitor->raw;
@@ -124,14 +131,14 @@ static inline bool is_ordinary(const cgl_monitor_config *config, cgl_monitor *mo
     }
     if (config->phases != 0U) {
         const cgl_real nothing = now->u_dc - now->u_dc; /* or NaN */
-        if (!(now->u_dc > CGL_R(0.0) && is_sum(config, limits, now->i_abc)
+        if (!(now->u_dc > CGL_R(0.0) && is_sum(monitor, now->i_abc)
               && squares_of(config, now->i_abc) + nothing <= limits->current_square)) {
             return false;
         }
     }
     cgl_real still = CGL_R(0.0);
     if (d == CGL_R(0.0)) {
-        still = monitor->still + omega_ref * config->ts;
+        still = monitor->still + omega_ref * monitor->ts;
         if (!(still * still <= limits->doubt_square)) {
             return false;
         }
@@ -142,19 +149,20 @@ static inline bool is_ordinary(const cgl_monitor_config *config, cgl_monitor *mo
     return true;
 }
 
-void cgl_monitor_step(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
+void cgl_monitor_step(cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref)
 {
-    if (!is_ordinary(config, monitor, now, omega_ref)) {
-        cgl_monitor_look(config, monitor, now, omega_ref);
+    if (!is_ordinary(monitor, now, omega_ref)) {
+        cgl_monitor_look(monitor, now, omega_ref);
     }
 }
 
 /* The angles of two periods agree, and the rotor has turned by d between them: where is it, after those that were missing?
  * Beyond what it can have turned in them, it can be anywhere where its angle was stuck, and where it stood still while the
  * reference turned, further that way by about as much, since the sensor may have been what stood. */
-CGL_SELDOM static void settle(const cgl_monitor_config *config, cgl_monitor *monitor, cgl_real theta, cgl_real d)
+CGL_SELDOM static void settle(cgl_monitor *monitor, cgl_real theta, cgl_real d)
 {
+    const cgl_monitor_config *const config = &monitor->config;
     const cgl_real shift = difference(theta, in_turn(monitor->theta_m + d)), still = monitor->still;
     const cgl_real reach = monitor->limits.reach * ((cgl_real)monitor->lost + CGL_R(1.0)); /* the one before may be wrong, too */
     const bool unseen = config->stuck_angle > CGL_R(0.0) && shift * still > CGL_R(0.0);
@@ -172,10 +180,11 @@ CGL_SELDOM static void settle(const cgl_monitor_config *config, cgl_monitor *mon
 
 /* Counts how far the reference has turned, and for how long, while the angle stood still; true where both are too much.
  * Asking for rest starts the count anew; asking on gives another try. */
-CGL_SELDOM static bool is_stuck(const cgl_monitor_config *config, cgl_monitor *monitor, cgl_real d, cgl_real omega_ref)
+CGL_SELDOM static bool is_stuck(cgl_monitor *monitor, cgl_real d, cgl_real omega_ref)
 {
+    const cgl_monitor_config *const config = &monitor->config;
     const cgl_monitor_limits *limits = &monitor->limits;
-    const cgl_real turned = omega_ref * config->ts;
+    const cgl_real turned = omega_ref * monitor->ts;
     const cgl_real most = cgl_clamp((cgl_real)TRY_AGAIN * config->stuck_angle, CGL_REAL_MAX);
     if (d < CGL_R(0.0) || d > CGL_R(0.0)) {
         monitor->still = CGL_R(0.0);
@@ -208,7 +217,7 @@ static bool is_dark(const cgl_monitor *monitor)
 }
 
 /* Looks at angle and speed; returns their status bits. */
-CGL_SELDOM static unsigned look_at_rotor(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
+CGL_SELDOM static unsigned look_at_rotor(cgl_monitor *monitor, const cgl_measurement *now,
                               cgl_real omega_ref)
 {
     const cgl_monitor_limits *limits = &monitor->limits;
@@ -225,16 +234,16 @@ CGL_SELDOM static unsigned look_at_rotor(const cgl_monitor_config *config, cgl_m
         monitor->theta_m = theta;
     } else if (!agree) {
         missing = true;
-        monitor->theta_m = in_turn(monitor->theta_m + monitor->omega_m * config->ts); /* the rotor turns on */
+        monitor->theta_m = in_turn(monitor->theta_m + monitor->omega_m * monitor->ts); /* the rotor turns on */
         monitor->blind = limits->window + 1U;
         monitor->jumps += two && monitor->jumps < UINT32_MAX ? 1U : 0U;
     } else {
         if (monitor->gap > 0U) {
-            settle(config, monitor, theta, d);
+            settle(monitor, theta, d);
         }
         monitor->theta_m = in_turn(theta - monitor->shift);
         monitor->blind -= monitor->blind > 0U ? 1U : 0U;
-        stuck = is_stuck(config, monitor, d, omega_ref);
+        stuck = is_stuck(monitor, d, omega_ref);
         monitor->was_stuck = stuck || (monitor->was_stuck && d * d <= CGL_R(0.0));
     }
     if (monitor->blind == 0U) {
@@ -254,16 +263,17 @@ CGL_SELDOM static unsigned look_at_rotor(const cgl_monitor_config *config, cgl_m
            | (monitor->shift < CGL_R(0.0) || monitor->shift > CGL_R(0.0) ? (unsigned)CGL_STATUS_ANGLE_SHIFTED : 0U);
 }
 
-CGL_SELDOM void cgl_monitor_look(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
+CGL_SELDOM void cgl_monitor_look(cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref)
 {
+    const cgl_monitor_config *const config = &monitor->config;
     const cgl_monitor_limits *limits = &monitor->limits;
-    unsigned status = look_at_rotor(config, monitor, now, omega_ref);
+    unsigned status = look_at_rotor(monitor, now, omega_ref);
     bool safe = !monitor->started || monitor->unsure || monitor->gap > limits->bridge || is_dark(monitor)
                 || (status & (unsigned)CGL_STATUS_ANGLE_STUCK) != 0U;
     if (config->phases != 0U) {
         const bool are_currents =
-            squares_of(config, now->i_abc) <= limits->current_square && is_sum(config, limits, now->i_abc);
+            squares_of(config, now->i_abc) <= limits->current_square && is_sum(monitor, now->i_abc);
         const bool is_bus = now->u_dc > CGL_R(0.0) && now->u_dc <= CGL_REAL_MAX;
         status |= (are_currents ? 0U : (unsigned)CGL_STATUS_CURRENT) | (is_bus ? 0U : (unsigned)CGL_STATUS_BUS);
         safe = safe || !are_currents || !is_bus;

@@ -42,7 +42,6 @@ typedef struct {
     cgl_real current_sum;  /* three measured phases: |i_a + i_b + i_c| is not larger [A], >= 0; default 0 */
     cgl_real bridge;       /* a missing angle is bridged so long [s], >= 0; default 0 */
     cgl_real hold;         /* a safe output is held so long after its cause [s], >= 0; default 0 */
-    cgl_real ts;           /* period of the calls [s], > 0 */
     uint32_t phases;       /* measured currents that are looked at: 3, 2, or 0; default 0 */
 } cgl_monitor_config;
 
@@ -66,6 +65,8 @@ typedef struct {
 } cgl_monitor_limits;
 
 typedef struct {
+    cgl_monitor_config config;
+    cgl_real ts;        /* period of the calls [s] */
     cgl_monitor_limits limits;
     cgl_real theta_m;    /* to be used: plausible, without the jumps, in [0, 2 pi) [rad] */
     cgl_real omega_m;    /* to be used [rad/s] */
@@ -89,18 +90,18 @@ typedef struct {
     bool trusted;        /* nothing stands against learning */
 } cgl_monitor;
 
-cgl_error cgl_monitor_init(const cgl_monitor_config *config, cgl_monitor *monitor);
+cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts);
 
 /* Forgets the past: the next angle is right, and the output safe until there is one. */
 void cgl_monitor_reset(cgl_monitor *monitor);
 
 /* Looks at the measurements of this period; omega_ref [rad/s] is what the rotor is asked for. Fills theta_m, omega_m,
  * safe, trusted and status, whatever comes in. */
-void cgl_monitor_step(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
+void cgl_monitor_step(cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref);
 
 /* Does what step does, the long way: step takes a short one where nothing was, and nothing is, amiss. */
-void cgl_monitor_look(const cgl_monitor_config *config, cgl_monitor *monitor, const cgl_measurement *now,
+void cgl_monitor_look(cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref);
 
 /* The measured angle is right as it is now, after a homing run say: jumps are forgotten. False where there is none now:

@@ -12,36 +12,45 @@ extern "C" {
 typedef struct {
     cgl_real kp;    /* proportional gain [output/error], >= 0 */
     cgl_real ki;    /* integral gain [output/error/s], >= 0 */
-    cgl_real ts;    /* sampling period [s], > 0 */
     cgl_real limit; /* the output stays within +-limit [output], > 0 */
 } cgl_pi_config;
 
 typedef struct {
+    cgl_pi_config config;
+    cgl_real ts;           /* sampling period [s] */
     cgl_real integral;     /* within +-limit [output] */
+    cgl_real lost;         /* what rounding kept from the integral [output] */
     cgl_real proportional; /* the share of the last step [output] */
     bool saturated;        /* the last output was at its limit, or would have been */
 } cgl_pi;
 
-cgl_error cgl_pi_init(const cgl_pi_config *config, cgl_pi *pi);
+/* Takes the config, which need not stay; ts: sampling period [s], > 0. */
+cgl_error cgl_pi_init(cgl_pi *pi, const cgl_pi_config *config, cgl_real ts);
+
+/* Takes other gains while it runs, without a jump of the output: the integral takes up what the proportional part leaves. */
+cgl_error cgl_pi_retune(cgl_pi *pi, const cgl_pi_config *config);
 
 /* Forgets everything; the next output starts from zero integral. */
 void cgl_pi_reset(cgl_pi *pi);
 
 /* The step where something is at its limit or not finite; called by cgl_pi_step. */
-cgl_real cgl_pi_step_limited(const cgl_pi_config *config, cgl_pi *pi, cgl_real error, cgl_real feedforward);
+cgl_real cgl_pi_step_limited(cgl_pi *pi, cgl_real error, cgl_real feedforward);
 
 /* The step where nothing is at its limit and all is finite; else false, and nothing has changed. */
-static inline bool cgl_pi_step_free(const cgl_pi_config *config, cgl_pi *pi, cgl_real error, cgl_real feedforward,
+static inline bool cgl_pi_step_free(cgl_pi *pi, cgl_real error, cgl_real feedforward,
                                     cgl_real *output)
 {
+    const cgl_pi_config *const config = &pi->config;
     const cgl_real proportional = config->kp * error;
-    const cgl_real integral = pi->integral + config->ki * config->ts * error;
+    cgl_real lost = pi->lost;
+    const cgl_real integral = cgl_add(pi->integral, config->ki * pi->ts * error, config->limit, &lost);
     const cgl_real wanted = proportional + integral + feedforward;
-    if (!(cgl_is_within(integral, config->limit) && cgl_is_below(wanted, config->limit))) {
+    if (!cgl_is_below(wanted, config->limit)) {
         return false;
     }
     pi->proportional = proportional;
     pi->integral = integral;
+    pi->lost = lost;
     pi->saturated = false;
     *output = wanted;
     return true;
@@ -49,12 +58,12 @@ static inline bool cgl_pi_step_free(const cgl_pi_config *config, cgl_pi *pi, cgl
 
 /* Returns kp error + integral + feedforward within the limit. The integral holds while the output is at its limit and
  * the error would push it further. An error or feedforward that is not finite counts as zero. */
-static inline cgl_real cgl_pi_step(const cgl_pi_config *config, cgl_pi *pi, cgl_real error, cgl_real feedforward)
+static inline cgl_real cgl_pi_step(cgl_pi *pi, cgl_real error, cgl_real feedforward)
 {
     cgl_real output;
-    return cgl_pi_step_free(config, pi, error, feedforward, &output)
+    return cgl_pi_step_free(pi, error, feedforward, &output)
                ? output
-               : cgl_pi_step_limited(config, pi, error, feedforward);
+               : cgl_pi_step_limited(pi, error, feedforward);
 }
 
 #ifdef __cplusplus

@@ -1,9 +1,10 @@
 #include "pi_afc.h"
 
 #include "angle.h"
+#include "range.h"
 #include "sine.h"
 
-#define LEAK CGL_R(12.5) /* 2.5 at four fifths */
+#define LEAK CGL_R(12.5) /* 2.5 times the gain per kp where all but a fifth is forgotten */
 
 CGL_SELDOM static bool is_rising(const cgl_pi_afc_config *config)
 {
@@ -17,27 +18,32 @@ CGL_SELDOM static bool is_rising(const cgl_pi_afc_config *config)
     return true;
 }
 
-CGL_SELDOM cgl_error cgl_pi_afc_init(const cgl_pi_afc_config *config, cgl_pi_afc *law, cgl_real *coefficient, uint32_t length)
+CGL_SELDOM cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *config, cgl_real ts, cgl_real *coefficient, uint32_t length)
 {
+    static const cgl_range range[] = {CGL_RANGE(cgl_pi_afc_config, gain, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_pi_afc_config, lead, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_pi_afc_config, omega_min, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_pi_afc_config, limit, CGL_POSITIVE)};
     if (!(config->orders >= 1U && config->orders <= CGL_PI_AFC_ORDERS && is_rising(config)
-          && cgl_is_not_negative(config->gain) && cgl_is_not_negative(config->lead)
-          && cgl_is_positive(config->omega_min) && cgl_is_positive(config->limit))) {
+          && CGL_IS_IN_RANGE(config, range))) {
         return CGL_ERROR_CONFIG;
     }
     if (coefficient == 0 || length < CGL_PI_AFC_LENGTH(config->orders)) {
         return CGL_ERROR_MEMORY;
     }
-    const cgl_error error = cgl_pi_init(&config->pi, &law->pi);
+    const cgl_error error = cgl_pi_init(&law->pi, &config->pi, ts);
+    law->config = *config;
     law->coefficient = coefficient;
     for (uint32_t k = 0; k < config->orders; ++k) {
         coefficient[2U * config->orders + k] = (cgl_real)config->order[k];
     }
-    cgl_pi_afc_reset(config, law);
+    cgl_pi_afc_reset(law);
     return error;
 }
 
-CGL_SELDOM void cgl_pi_afc_reset(const cgl_pi_afc_config *config, cgl_pi_afc *law)
+CGL_SELDOM void cgl_pi_afc_reset(cgl_pi_afc *law)
 {
+    const cgl_pi_afc_config *const config = &law->config;
     cgl_pi_reset(&law->pi);
     for (uint32_t n = 0; n < 2U * config->orders; ++n) {
         law->coefficient[n] = CGL_R(0.0);
@@ -53,9 +59,10 @@ static void sincos_of_order(cgl_real h, cgl_real turns, cgl_real *sine, cgl_real
 }
 
 /* The orders' sum at an angle, after what `correction` [A] adds to each at the angle that it belongs to. */
-static cgl_real sum_of_orders(const cgl_pi_afc_config *config, cgl_pi_afc *law, cgl_real turns, cgl_real turns_before,
+static cgl_real sum_of_orders(cgl_pi_afc *law, cgl_real turns, cgl_real turns_before,
                               cgl_real moved, cgl_real correction, cgl_real kept)
 {
+    const cgl_pi_afc_config *const config = &law->config;
     cgl_real *const a = law->coefficient, *const b = a + config->orders;
     cgl_real sum = CGL_R(0.0), sine, cosine;
     for (uint32_t k = 0; k < config->orders; ++k) {
@@ -75,32 +82,30 @@ static cgl_real sum_of_orders(const cgl_pi_afc_config *config, cgl_pi_afc *law, 
 }
 
 /* A step in which something is at its limit, not plausible, or not learning. */
-CGL_SELDOM static void step_otherwise(const cgl_pi_afc_config *config, cgl_pi_afc *law, cgl_real error, bool plausible,
+CGL_SELDOM static void step_otherwise(cgl_pi_afc *law, cgl_real error, bool plausible,
                                       cgl_law_output *out)
 {
-    out->i_q_ref = cgl_pi_step(&config->pi, &law->pi, error, law->learned);
+    out->i_q_ref = cgl_pi_step(&law->pi, error, law->learned);
     out->status = (law->pi.saturated ? (unsigned)CGL_STATUS_SATURATED : 0U)
                   | (law->learning ? 0U : (unsigned)CGL_STATUS_FROZEN) | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
 }
 
-/* The factor on the gain while the guard holds learning back. The leak grows from step to step, until it is so large beside
- * the gain that at most a fifth of the feedback's own part is learned. */
-CGL_SELDOM static cgl_real be_guarded(const cgl_pi_afc_config *config, cgl_pi_afc *law, const cgl_law_input *in, cgl_real *kept)
+/* The factor on the gain, as the guard says, which may clear the coefficients too. They leak by *kept a sample, more from
+ * step to step: at the last but one at most 0.4 of the feedback's own part is learned. */
+CGL_SELDOM static cgl_real follow_guard(cgl_pi_afc *law, const cgl_law_input *in, cgl_real *kept)
 {
-    for (uint32_t n = 0U; in->forget && n < 2U * config->orders; ++n) {
+    for (uint32_t n = 0U; in->forget && n < 2U * law->config.orders; ++n) {
         law->coefficient[n] = CGL_R(0.0);
     }
-    if (in->gentle == 0U) {
-        return CGL_R(1.0);
-    }
-    const cgl_gentle step = cgl_gentle_steps[in->gentle < CGL_GUARD_STEPS ? in->gentle : CGL_GUARD_STEPS];
-    const cgl_real leak = LEAK * (CGL_R(1.0) - step.forgetting) * step.gain * config->gain * config->pi.ts;
-    *kept = leak < config->pi.kp ? CGL_R(1.0) - leak / config->pi.kp : CGL_R(0.0);
-    return step.gain;
+    const cgl_gentle *const step = cgl_gentle_steps + (in->gentle < CGL_GUARD_STEPS ? in->gentle : CGL_GUARD_STEPS);
+    const cgl_real leak = LEAK * (CGL_R(1.0) - step->forgetting) * step->gain * law->config.gain * law->pi.ts;
+    *kept = leak < law->pi.config.kp ? CGL_R(1.0) - leak / law->pi.config.kp : CGL_R(0.0);
+    return step->gain;
 }
 
-void cgl_pi_afc_step(const cgl_pi_afc_config *config, cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *out)
+void cgl_pi_afc_step(cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *out)
 {
+    const cgl_pi_afc_config *const config = &law->config;
     if (in->off) {
         cgl_pi_reset(&law->pi);
         law->learned = CGL_R(0.0);
@@ -114,17 +119,17 @@ void cgl_pi_afc_step(const cgl_pi_afc_config *config, cgl_pi_afc *law, const cgl
                     && cgl_abs(in->omega_ref) >= config->omega_min;
     law->learned = CGL_R(0.0);
     cgl_real kept = CGL_R(1.0);
-    const bool guarded = in->gentle != 0U || in->forget;
-    const cgl_real gain = CGL_OFTEN(!guarded) ? config->gain : config->gain * be_guarded(config, law, in, &kept);
+    const bool guarded = in->gentle > 1U || in->forget;
+    const cgl_real gain = guarded ? config->gain * follow_guard(law, in, &kept) : config->gain;
     if (is_angle) {
         const cgl_real turns = cgl_fraction(in->theta_m * (CGL_R(1.0) / CGL_TWO_PI));
         const cgl_real turns_before = cgl_fraction(before * (CGL_R(1.0) / CGL_TWO_PI));
-        law->learned = in->share * sum_of_orders(config, law, turns, turns_before, in->omega_ref * config->pi.ts,
-                                     cgl_clamp(gain * config->pi.ts * error, CGL_REAL_MAX), kept);
+        law->learned = in->share * sum_of_orders(law, turns, turns_before, in->omega_ref * law->pi.ts,
+                                     cgl_clamp(gain * law->pi.ts * error, CGL_REAL_MAX), kept);
     }
-    if (law->learning && cgl_pi_step_free(&config->pi, &law->pi, error, law->learned, &out->i_q_ref)) {
+    if (law->learning && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {
         out->status = 0U;
     } else {
-        step_otherwise(config, law, error, plausible, out);
+        step_otherwise(law, error, plausible, out);
     }
 }

@@ -24,7 +24,7 @@ extern "C" {
 #define CGL_PI_AFC_LENGTH(orders) (3U * (orders))
 
 typedef struct {
-    cgl_pi_config pi;                  /* kp [A s/rad], ki [A/rad], ts [s], limit of the sum [A] */
+    cgl_pi_config pi;                  /* kp [A s/rad], ki [A/rad], limit of the sum [A] */
     uint32_t orders;                   /* how many there are, 1 to CGL_PI_AFC_ORDERS */
     uint32_t order[CGL_PI_AFC_ORDERS]; /* orders of a mechanical revolution, rising, 1 to CGL_PI_AFC_ORDER_MAX */
     cgl_real gain;                     /* learning gain [A/rad], >= 0 */
@@ -35,6 +35,7 @@ typedef struct {
 } cgl_pi_afc_config;
 
 typedef struct {
+    cgl_pi_afc_config config;
     cgl_pi pi;
     cgl_real *coefficient; /* caller's memory: `orders` a_k [A], then b_k [A], then h_k */
     cgl_real learned;      /* the learned part of the last step [A] */
@@ -42,13 +43,13 @@ typedef struct {
 } cgl_pi_afc;
 
 /* `coefficient`: CGL_PI_AFC_LENGTH(orders) entries, which the state keeps using; they are cleared. */
-cgl_error cgl_pi_afc_init(const cgl_pi_afc_config *config, cgl_pi_afc *law, cgl_real *coefficient, uint32_t length);
-void cgl_pi_afc_reset(const cgl_pi_afc_config *config, cgl_pi_afc *law);
+cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *config, cgl_real ts, cgl_real *coefficient, uint32_t length);
+void cgl_pi_afc_reset(cgl_pi_afc *law);
 
 /* Learning freezes, and what was learned acts on, while in->learn is false, |omega_ref| is below omega_min, the output was at
  * its limit, an input is not finite, or an angle is beyond CGL_ANGLE_MAX. An order that passes in less than two samples
  * neither acts nor is learned. While in->off learning is frozen too, and the output and the PI's integral are 0. */
-void cgl_pi_afc_step(const cgl_pi_afc_config *config, cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *out);
+void cgl_pi_afc_step(cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *out);
 
 #ifdef __cplusplus
 }

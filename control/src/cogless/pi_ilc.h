@@ -16,27 +16,28 @@ extern "C" {
 #endif
 
 typedef struct {
-    cgl_pi_config pi;         /* kp [A s/rad], ki [A/rad], ts [s], limit of the sum [A] */
+    cgl_pi_config pi;         /* kp [A s/rad], ki [A/rad], limit of the sum [A] */
     cgl_real gain;            /* learning gain [A s/rad], >= 0 */
     cgl_memory_config memory; /* entries and limit of the learned part in [A] */
 } cgl_pi_ilc_config;
 
 typedef struct {
     cgl_pi pi;
+    cgl_real gain;    /* learning gain [A s/rad] */
+    cgl_real acting;  /* what the guard leaves of it [A s/rad] */
+    uint32_t gentle;  /* how gently, as the guard says */
     cgl_memory memory;
     cgl_real learned; /* the learned part of the last step [A] */
-    uint32_t gentle;  /* the step that holds */
-    cgl_real gain;    /* and the learning gain [A s/rad] */
 } cgl_pi_ilc;
 
 /* `cell`: CGL_MEMORY_LENGTH(cells, q_half_width) entries, which the state keeps using. */
-cgl_error cgl_pi_ilc_init(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, cgl_real *cell, uint32_t length);
-void cgl_pi_ilc_reset(const cgl_pi_ilc_config *config, cgl_pi_ilc *law);
+cgl_error cgl_pi_ilc_init(cgl_pi_ilc *law, const cgl_pi_ilc_config *config, cgl_real ts, cgl_real *cell, uint32_t length);
+void cgl_pi_ilc_reset(cgl_pi_ilc *law);
 
 /* Learning freezes, and the learned part repeats, while in->learn is false, the output was at its limit, an input is not
  * finite, the angle is beyond CGL_ANGLE_MAX, or the memory has no value of one period ago. While in->off it is frozen too,
  * and the output and the PI's integral are 0. */
-void cgl_pi_ilc_step(const cgl_pi_ilc_config *config, cgl_pi_ilc *law, const cgl_law_input *in,
+void cgl_pi_ilc_step(cgl_pi_ilc *law, const cgl_law_input *in,
                      cgl_law_output *out);
 
 #ifdef __cplusplus

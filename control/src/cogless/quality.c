@@ -10,16 +10,17 @@
 #define TREND_STILL CGL_R(0.04) /* of the ripple's square, a window: 2 % of the ripple */
 #define TREND_MOST CGL_R(0.16)  /* of one window, so that a large change is not seen for long */
 
-CGL_SELDOM cgl_error cgl_quality_init(const cgl_quality_config *config, cgl_quality *quality)
+CGL_SELDOM cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
 {
-    const cgl_real longest = config->longest / config->ts; /* [samples] */
-    if (!(cgl_is_positive(config->span) && cgl_is_positive(config->ts) && cgl_is_not_negative(config->longest)
-          && config->longest >= config->ts && cgl_is_within(longest, CGL_R(1.0e9))
+    const cgl_real longest = config->longest / ts; /* [samples] */
+    if (!(cgl_is_positive(config->span) && cgl_is_positive(ts) && cgl_is_not_negative(config->longest)
+          && config->longest >= ts && cgl_is_within(longest, CGL_R(1.0e9))
           && cgl_is_not_negative(config->floor) && cgl_is_not_negative(config->outlier)
           && !(config->outlier > CGL_R(0.0) && config->outlier < CGL_R(1.0)))) {
         return CGL_ERROR_CONFIG;
     }
-    const cgl_real turned = config->span / config->ts;
+    quality->config = *config;
+    const cgl_real turned = config->span / ts;
     quality->turned_square = cgl_clamp(turned * turned, CGL_REAL_MAX);
     quality->longest = (uint32_t)(longest + CGL_R(0.5));
     cgl_quality_reset(quality);
@@ -53,8 +54,9 @@ static cgl_real larger(cgl_real a, cgl_real b)
 }
 
 /* The bounds of the next window. An outlier counts as one that just was none, so that a shock raises the usual little. */
-CGL_SELDOM static void set_bounds(const cgl_quality_config *config, cgl_quality *quality, uint32_t samples)
+CGL_SELDOM static void set_bounds(cgl_quality *quality, uint32_t samples)
 {
+    const cgl_quality_config *const config = &quality->config;
     const cgl_real count = (cgl_real)samples, share = (cgl_real)quality->outliers / count, centre = quality->centre;
     const cgl_real square = quality->squares / count
                             + centre * (CGL_R(2.0) * (quality->sum / count) + (CGL_R(1.0) - share) * centre)
@@ -68,8 +70,9 @@ CGL_SELDOM static void set_bounds(const cgl_quality_config *config, cgl_quality 
     quality->last_peak_square = peak;
 }
 
-CGL_SELDOM static void end_window(const cgl_quality_config *config, cgl_quality *quality, cgl_real turned)
+CGL_SELDOM static void end_window(cgl_quality *quality, cgl_real turned)
 {
+    const cgl_quality_config *const config = &quality->config;
     const uint32_t samples = quality->longest - quality->left - quality->missing;
     if (samples > 0U) {
         const cgl_real sum = quality->sum + quality->outlier_sum, squares = quality->squares + quality->outlier_squares;
@@ -88,7 +91,7 @@ CGL_SELDOM static void end_window(const cgl_quality_config *config, cgl_quality 
         quality->ripple = ripple;
         quality->windows += quality->windows < UINT32_MAX ? 1U : 0U;
         if (config->outlier > CGL_R(0.0)) {
-            set_bounds(config, quality, samples);
+            set_bounds(quality, samples);
             quality->wait = samples / WAIT;
         }
         quality->centre += mean;
@@ -110,7 +113,7 @@ CGL_SELDOM static void count_outlier(cgl_quality *quality, cgl_real error, cgl_r
 }
 
 /* A sample that is an outlier, or not finite, or the first, or the last of its window. */
-CGL_SELDOM static bool step_unusual(const cgl_quality_config *config, cgl_quality *quality, cgl_real error, cgl_real omega_m,
+CGL_SELDOM static bool step_unusual(cgl_quality *quality, cgl_real error, cgl_real omega_m,
                          bool learning)
 {
     const cgl_real square = error * error;
@@ -141,19 +144,19 @@ CGL_SELDOM static bool step_unusual(const cgl_quality_config *config, cgl_qualit
     if (turned * turned < quality->turned_square && quality->left > 0U) {
         quality->turned = turned;
     } else {
-        end_window(config, quality, turned);
+        end_window(quality, turned);
     }
     quality->quick_square = quality->waiting > 0U ? CGL_R(-1.0) : quality->usual_square;
     return !taught;
 }
 
-bool cgl_quality_step(const cgl_quality_config *config, cgl_quality *quality, cgl_real error, cgl_real omega_m,
+bool cgl_quality_step(cgl_quality *quality, cgl_real error, cgl_real omega_m,
                       bool learning)
 {
     const cgl_real square = error * error;
     const cgl_real turned = quality->turned + omega_m;
     if (!(square <= quality->quick_square && turned * turned < quality->turned_square && quality->left > 1U)) {
-        return step_unusual(config, quality, error, omega_m, learning);
+        return step_unusual(quality, error, omega_m, learning);
     }
     const cgl_real deviation = error - quality->centre;
     quality->sum += deviation;

@@ -19,14 +19,14 @@ extern "C" {
 
 typedef struct {
     cgl_real span;    /* of a window, mechanical [rad], > 0; default 2 pi */
-    cgl_real longest; /* a window ends after this time in any case [s], ts to 1e9 ts; default 60 */
+    cgl_real longest; /* a window ends after this time in any case [s], one period of the calls to 1e9 of them; default 60 */
     cgl_real outlier; /* an error beyond so many times the usual, root mean square over the last window, is an outlier [-],
                          >= 1; 0: none; default 0 */
     cgl_real floor;   /* but for errors below this [unit of the error], >= 0; default 0 */
-    cgl_real ts;      /* period of the calls [s], > 0 */
 } cgl_quality_config;
 
 typedef struct {
+    cgl_quality_config config;
     cgl_real centre;              /* mean of the last window; at first the first error [unit] */
     cgl_real sum, squares;        /* of what the errors in this window differ from it, but for outliers */
     cgl_real outlier_sum, outlier_squares; /* and of those */
@@ -63,12 +63,12 @@ typedef struct {
     bool worsening;    /* it goes up, by more than 2 % a window on average */
 } cgl_quality_report;
 
-cgl_error cgl_quality_init(const cgl_quality_config *config, cgl_quality *quality);
+cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts);
 void cgl_quality_reset(cgl_quality *quality);
 
 /* One sample: the error, the mechanical speed [rad/s], and whether it teaches something. What is not finite, or above
  * 1e14, counts for nothing. Returns true where nothing should be learned from it: an outlier. */
-bool cgl_quality_step(const cgl_quality_config *config, cgl_quality *quality, cgl_real error, cgl_real omega_m,
+bool cgl_quality_step(cgl_quality *quality, cgl_real error, cgl_real omega_m,
                       bool learning);
 
 /* Reads the quality; takes two square roots, so for a background task. */

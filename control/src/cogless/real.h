@@ -109,6 +109,16 @@ static inline cgl_real cgl_clamp(cgl_real x, cgl_real limit)
     return x > CGL_R(0.0) ? limit : (x < CGL_R(0.0) ? -limit : CGL_R(0.0));
 }
 
+/* sum + x within +-limit; 0 for NaN. What rounding takes from the sum waits in `lost`, so that small terms add up beside a
+ * large sum. */
+static inline cgl_real cgl_add(cgl_real sum, cgl_real x, cgl_real limit, cgl_real *lost)
+{
+    const cgl_real term = x + *lost, result = sum + term;
+    const bool within = CGL_OFTEN(cgl_is_within(result, limit));
+    *lost = within ? term - (result - sum) : CGL_R(0.0);
+    return within ? result : cgl_clamp(result, limit);
+}
+
 /* -1, 0 or 1; 0 for NaN. */
 static inline cgl_real cgl_sign(cgl_real x)
 {

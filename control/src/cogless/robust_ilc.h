@@ -28,7 +28,6 @@ typedef struct {
     cgl_real gamma;           /* adaptation rate [1/s^2], >= 0 */
     cgl_real viscous;         /* known friction B(omega) = viscous omega + coulomb sgn omega [1/s], default 0 */
     cgl_real coulomb;         /* [rad/s^2], default 0 */
-    cgl_real ts;              /* sampling period [s], > 0 */
     cgl_real limit;           /* the output stays within +-limit [A], > 0; b limit finite */
     cgl_memory_config memory; /* of f: entries and limit in [rad/s^2] */
 } cgl_robust_ilc_config;
@@ -42,26 +41,29 @@ typedef struct {
 } cgl_robust_ilc_terms;
 
 typedef struct {
+    cgl_robust_ilc_config config;
+    cgl_real ts;                /* sampling period [s] */
     cgl_memory memory;          /* f [rad/s^2] */
     cgl_real error_integral;    /* within +-1e9 [rad] */
+    cgl_real integral_lost, adapted_lost; /* what rounding kept from error_integral and adapted */
     cgl_real adapted;           /* r [rad/s^2] */
     cgl_real last_omega_ref;    /* [rad/s] */
     bool started;               /* last_omega_ref is valid */
     bool saturated;             /* the last output was at its limit */
-    uint32_t gentle;            /* the step that holds */
-    cgl_real q;                 /* and the learning rate [-] */
+    uint32_t gentle;            /* how gently it learns, as the guard says */
+    cgl_real q;                 /* and what that leaves of the learning rate [-] */
     cgl_robust_ilc_terms terms; /* of the last step */
 } cgl_robust_ilc;
 
 /* `cell`: CGL_MEMORY_LENGTH(cells, q_half_width) entries, which the state keeps using. */
-cgl_error cgl_robust_ilc_init(const cgl_robust_ilc_config *config, cgl_robust_ilc *law, cgl_real *cell,
+cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *config, cgl_real ts, cgl_real *cell,
                               uint32_t length);
-void cgl_robust_ilc_reset(const cgl_robust_ilc_config *config, cgl_robust_ilc *law);
+void cgl_robust_ilc_reset(cgl_robust_ilc *law);
 
 /* While the output is at its limit, the integral holds unless the error leads back, r unless S does, and f holds.
  * While the speed or its reference is not finite all three hold, with the output of a zero error; f holds too while the
  * angle is not plausible. While in->off the output is 0, the integral and r start anew, and f holds. */
-void cgl_robust_ilc_step(const cgl_robust_ilc_config *config, cgl_robust_ilc *law, const cgl_law_input *in,
+void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
                          cgl_law_output *out);
 
 #ifdef __cplusplus

@@ -5,14 +5,14 @@ static uint32_t row_length(const cgl_space_memory_config *config)
     return CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
 }
 
-CGL_SELDOM static bool is_valid(const cgl_space_memory_config *config)
+CGL_SELDOM static bool is_valid(const cgl_space_memory_config *config, cgl_real ts)
 {
     const uint32_t most = config->kind == CGL_SPACE_DELAY ? CGL_SAMPLES_MAX : CGL_CELLS_MAX;
     if (!((config->kind == CGL_SPACE_MAP || config->kind == CGL_SPACE_DELAY) && config->channels >= 1U
           && config->channels <= CGL_SPACE_CHANNELS && config->cells >= 4U && config->cells <= most
           && config->turns >= 1U && config->turns <= 65535U && config->parts >= 1U && config->parts <= 65535U
           && config->q_half_width < most && 2U * config->q_half_width + 1U <= config->cells
-          && cgl_is_positive(config->ts))) {
+          && cgl_is_positive(ts))) {
         return false;
     }
     for (uint32_t c = 0; c < config->channels; ++c) {
@@ -23,35 +23,38 @@ CGL_SELDOM static bool is_valid(const cgl_space_memory_config *config)
     }
     return config->kind == CGL_SPACE_MAP || config->method == CGL_DELAY_INVERSION
            || (config->method == CGL_DELAY_ODE && cgl_is_positive(config->k_pp)
-               && config->k_pp * config->ts < CGL_R(1.0));
+               && config->k_pp * ts < CGL_R(1.0));
 }
 
-CGL_SELDOM cgl_error cgl_space_memory_init(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real *cell,
+CGL_SELDOM cgl_error cgl_space_memory_init(cgl_space_memory *memory, const cgl_space_memory_config *config, cgl_real ts, cgl_real *cell,
                                 uint32_t length)
 {
-    if (!is_valid(config)) {
+    if (!is_valid(config, ts)) {
         return CGL_ERROR_CONFIG;
     }
     if (cell == 0
         || length < CGL_SPACE_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width)) {
         return CGL_ERROR_MEMORY;
     }
+    memory->config = *config;
+    memory->ts = ts;
     memory->cell = cell;
     memory->periods_per_rad = (cgl_real)config->parts / ((cgl_real)config->turns * CGL_TWO_PI);
     memory->length = (cgl_real)config->cells;
-    cgl_space_memory_soften(config, memory, CGL_R(1.0));
-    cgl_space_memory_reset(config, memory);
+    cgl_space_memory_soften(memory, CGL_R(1.0));
+    cgl_space_memory_reset(memory);
     return CGL_OK;
 }
 
-CGL_SELDOM void cgl_space_memory_soften(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real factor)
+CGL_SELDOM void cgl_space_memory_soften(cgl_space_memory *memory, cgl_real factor)
 {
     memory->kept = factor;
-    memory->per_width = factor / (cgl_real)(2U * config->q_half_width + 1U);
+    memory->per_width = factor / (cgl_real)(2U * memory->config.q_half_width + 1U);
 }
 
-CGL_SELDOM void cgl_space_memory_reset(const cgl_space_memory_config *config, cgl_space_memory *memory)
+CGL_SELDOM void cgl_space_memory_reset(cgl_space_memory *memory)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     const uint32_t length =
         CGL_SPACE_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width);
     for (uint32_t n = 0; n < length; ++n) {
@@ -113,8 +116,9 @@ CGL_SELDOM static void read_rows(const cgl_space_memory_config *config, const cg
 /* ---- map. The cells passed last, as many as the Q filter looks back on, wait in a ring behind it, so that it holds
  * what is one period old wherever the filter looks ---- */
 
-CGL_SELDOM static void write_waiting(const cgl_space_memory_config *config, cgl_space_memory *memory)
+CGL_SELDOM static void write_waiting(cgl_space_memory *memory)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     const uint32_t ring = config->q_half_width + 1U;
     for (; memory->known > 0U; --memory->known) {
         cgl_real *row = memory->cell;
@@ -129,12 +133,13 @@ CGL_SELDOM static void write_waiting(const cgl_space_memory_config *config, cgl_
 
 /* Cell n gets the value at `share` of the way from the last values to these; the cell that has waited longest goes
  * into the map. */
-CGL_SELDOM static void pass_cell(const cgl_space_memory_config *config, cgl_space_memory *memory, int32_t n, int direction,
+CGL_SELDOM static void pass_cell(cgl_space_memory *memory, int32_t n, int direction,
                       const cgl_real *value, cgl_real share)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     const uint32_t cell = wrap(n, config->cells), ring = config->q_half_width + 1U;
     if (direction != memory->direction || wrap((int32_t)memory->newest + direction, config->cells) != cell) {
-        write_waiting(config, memory);
+        write_waiting(memory);
         memory->direction = direction;
     }
     memory->head = memory->head + 1U < ring ? memory->head + 1U : 0U;
@@ -150,9 +155,10 @@ CGL_SELDOM static void pass_cell(const cgl_space_memory_config *config, cgl_spac
     }
 }
 
-CGL_SELDOM static void recall_from_map(const cgl_space_memory_config *config, cgl_space_memory *memory, bool learn,
+CGL_SELDOM static void recall_from_map(cgl_space_memory *memory, bool learn,
                                        cgl_real *value)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     const uint32_t cells = config->cells;
     const cgl_real position = memory->x * memory->length;
     const uint32_t n = (uint32_t)(int32_t)position;
@@ -164,8 +170,9 @@ CGL_SELDOM static void recall_from_map(const cgl_space_memory_config *config, cg
 }
 
 /* The sums around cell n, anew. What waits is not among these cells. */
-CGL_SELDOM static void sum_rows(const cgl_space_memory_config *config, cgl_space_memory *memory, uint32_t n)
+CGL_SELDOM static void sum_rows(cgl_space_memory *memory, uint32_t n)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     const uint32_t m = config->q_half_width, cells = config->cells;
     const cgl_real *row = memory->cell;
     for (uint32_t c = 0; c < config->channels; ++c, row += row_length(config)) {
@@ -182,7 +189,7 @@ CGL_SELDOM static void sum_rows(const cgl_space_memory_config *config, cgl_space
 }
 
 /* Passes the cells on the way from the last position, `moved` further. */
-CGL_SELDOM static void pass_cells(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real moved,
+CGL_SELDOM static void pass_cells(cgl_space_memory *memory, cgl_real moved,
                        const cgl_real *value)
 {
     const cgl_real from = memory->position, to = from + moved, per_way = CGL_R(1.0) / moved;
@@ -191,7 +198,7 @@ CGL_SELDOM static void pass_cells(const cgl_space_memory_config *config, cgl_spa
     int32_t n = direction > 0 || (cgl_real)start >= from ? start + direction : start;
     for (; direction > 0 ? (cgl_real)n <= to : (cgl_real)n >= to; n += direction) {
         const cgl_real share = ((cgl_real)n - from) * per_way;
-        pass_cell(config, memory, n, direction, value, share < CGL_R(1.0) ? share : CGL_R(1.0));
+        pass_cell(memory, n, direction, value, share < CGL_R(1.0) ? share : CGL_R(1.0));
     }
 }
 
@@ -203,12 +210,13 @@ static bool has_room(const cgl_space_memory_config *config)
     return 2U * config->q_half_width + 1U + (config->cells + 3U) / 4U < config->cells;
 }
 
-CGL_SELDOM static void store_in_map(const cgl_space_memory_config *config, cgl_space_memory *memory,
+CGL_SELDOM static void store_in_map(cgl_space_memory *memory,
                                     const cgl_real *value)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     const cgl_real moved = shorter_way(memory->next_position - memory->position, memory->length);
     if (memory->started && cgl_is_within(moved, CGL_R(0.25) * memory->length)) {
-        pass_cells(config, memory, moved, value);
+        pass_cells(memory, moved, value);
     }
     memory->position = memory->next_position;
     memory->at = memory->next;
@@ -216,13 +224,14 @@ CGL_SELDOM static void store_in_map(const cgl_space_memory_config *config, cgl_s
     memory->steady = memory->direction > 0 && memory->known > config->q_half_width && memory->newest == memory->at
                      && has_room(config);
     if (memory->steady) {
-        sum_rows(config, memory, memory->at);
+        sum_rows(memory, memory->at);
     }
 }
 
 /* The sums around cell n, `count` cells further than those known. */
-static inline void sum_on(const cgl_space_memory_config *config, cgl_space_memory *memory, uint32_t n, uint32_t count)
+static inline void sum_on(cgl_space_memory *memory, uint32_t n, uint32_t count)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     const uint32_t m = config->q_half_width, cells = config->cells, length = row_length(config);
     if (CGL_OFTEN(count == 1U && n > 0U)) { /* at the start anew, as changes round */
         const uint32_t next = n + m + 1U;
@@ -233,14 +242,15 @@ static inline void sum_on(const cgl_space_memory_config *config, cgl_space_memor
             memory->change[c] = *ahead - *first;
         }
     } else {
-        sum_rows(config, memory, n);
+        sum_rows(memory, n);
     }
 }
 
 /* Stores the values of the cells passed, and what waited for longest. */
-static inline void pass_on(const cgl_space_memory_config *config, cgl_space_memory *memory, uint32_t count,
+static inline void pass_on(cgl_space_memory *memory, uint32_t count,
                            cgl_real moved, const cgl_real *stored)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     const uint32_t m = config->q_half_width, cells = config->cells, length = row_length(config);
     const uint32_t channels = config->channels;
     const cgl_real per_way = CGL_R(1.0) / moved;
@@ -268,9 +278,10 @@ static inline cgl_real recalled(const cgl_space_memory *memory, uint32_t c, cgl_
 }
 
 /* Recalls, corrects and stores where a rotor goes on forward by less than a quarter; else changes nothing. */
-static inline bool step_on(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta,
+static inline bool step_on(cgl_space_memory *memory, cgl_real theta,
                            const cgl_real *gain, cgl_real step, cgl_real *value)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     if (!cgl_is_angle(theta)) {
         return false;
     }
@@ -293,12 +304,12 @@ static inline bool step_on(const cgl_space_memory_config *config, cgl_space_memo
         }
     } else {
         cgl_real stored[CGL_SPACE_CHANNELS];
-        sum_on(config, memory, n, count);
+        sum_on(memory, n, count);
         for (uint32_t c = 0; c < channels; ++c) {
             value[c] = recalled(memory, c, part) - gain[c] * step;
             stored[c] = cgl_clamp(value[c], config->limit[c]);
         }
-        pass_on(config, memory, count, moved, stored);
+        pass_on(memory, count, moved, stored);
         for (uint32_t c = 0; c < channels; ++c) {
             memory->value[c] = stored[c];
         }
@@ -319,78 +330,85 @@ static uint32_t older(const cgl_space_memory_config *config, uint32_t at)
     return at > 0U ? at - 1U : row_length(config) - 1U;
 }
 
-static bool is_oldest(const cgl_space_memory_config *config, const cgl_space_memory *memory)
+static bool is_oldest(const cgl_space_memory *memory)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     return memory->then == (memory->known < row_length(config) ? 0U : newer(config, memory->newest));
 }
 
 /* Rise of the angle to this sample. */
-static cgl_real rise(const cgl_space_memory_config *config, const cgl_space_memory *memory, uint32_t at)
+static cgl_real rise(const cgl_space_memory *memory, uint32_t at)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     return shorter_way(memory->cell[at] - memory->cell[older(config, at)], CGL_R(1.0));
 }
 
-static void go_newer(const cgl_space_memory_config *config, cgl_space_memory *memory)
+static void go_newer(cgl_space_memory *memory)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     memory->then = newer(config, memory->then);
-    memory->distance -= rise(config, memory, memory->then);
+    memory->distance -= rise(memory, memory->then);
 }
 
-static void go_older(const cgl_space_memory_config *config, cgl_space_memory *memory)
+static void go_older(cgl_space_memory *memory)
 {
-    memory->distance += rise(config, memory, memory->then);
+    const cgl_space_memory_config *const config = &memory->config;
+    memory->distance += rise(memory, memory->then);
     memory->then = older(config, memory->then);
 }
 
 /* Moves to the oldest sample less than a period ago, on with the angle: each sample is passed once a period. */
-static void invert(const cgl_space_memory_config *config, cgl_space_memory *memory)
+static void invert(cgl_space_memory *memory)
 {
     while (memory->then != memory->newest && memory->distance > CGL_R(1.0)) {
-        go_newer(config, memory);
+        go_newer(memory);
     }
-    while (!is_oldest(config, memory) && memory->distance + rise(config, memory, memory->then) <= CGL_R(1.0)) {
-        go_older(config, memory);
+    while (!is_oldest(memory) && memory->distance + rise(memory, memory->then) <= CGL_R(1.0)) {
+        go_older(memory);
     }
-    memory->tracking = !is_oldest(config, memory);
+    memory->tracking = !is_oldest(memory);
     memory->part = memory->tracking
-                       ? cgl_clamp((CGL_R(1.0) - memory->distance) / rise(config, memory, memory->then), CGL_R(1.0))
+                       ? cgl_clamp((CGL_R(1.0) - memory->distance) / rise(memory, memory->then), CGL_R(1.0))
                        : CGL_R(0.0);
 }
 
 /* A step of the differential equation, counted in samples. */
-static void follow(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real moved)
+static void follow(cgl_space_memory *memory, cgl_real moved)
 {
-    const cgl_real slope = rise(config, memory, memory->then);
+    const cgl_space_memory_config *const config = &memory->config;
+    const cgl_real slope = rise(memory, memory->then);
     const cgl_real error = memory->distance - moved + memory->part * slope - CGL_R(1.0);
-    memory->part -= (moved + config->k_pp * config->ts * error) / slope; /* P_t grows by a sample as the samples age */
+    memory->part -= (moved + config->k_pp * memory->ts * error) / slope; /* P_t grows by a sample as the samples age */
     while (memory->part < CGL_R(0.0) && memory->then != memory->newest) {
-        go_newer(config, memory);
+        go_newer(memory);
         memory->part += CGL_R(1.0);
     }
-    while (memory->part >= CGL_R(1.0) && !is_oldest(config, memory)) {
-        go_older(config, memory);
+    while (memory->part >= CGL_R(1.0) && !is_oldest(memory)) {
+        go_older(memory);
         memory->part -= CGL_R(1.0);
     }
-    memory->tracking = !is_oldest(config, memory) && memory->part >= CGL_R(0.0) && memory->part < CGL_R(1.0);
+    memory->tracking = !is_oldest(memory) && memory->part >= CGL_R(0.0) && memory->part < CGL_R(1.0);
 }
 
 /* Finds P_t for an angle that has risen by `moved` since the last sample; the distance counts to now meanwhile. */
-static void find_period(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real moved)
+static void find_period(cgl_space_memory *memory, cgl_real moved)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     memory->distance += moved;
-    memory->tracking = memory->tracking && !is_oldest(config, memory); /* the period may have outgrown the line */
+    memory->tracking = memory->tracking && !is_oldest(memory); /* the period may have outgrown the line */
     if (memory->tracking && config->method == CGL_DELAY_ODE) {
-        follow(config, memory, moved);
+        follow(memory, moved);
     }
     if (!memory->tracking || config->method == CGL_DELAY_INVERSION) {
-        invert(config, memory);
+        invert(memory);
     }
     memory->distance -= moved;
 }
 
-CGL_SELDOM static bool recall_from_line(const cgl_space_memory_config *config, cgl_space_memory *memory, bool moving, bool learn,
+CGL_SELDOM static bool recall_from_line(cgl_space_memory *memory, bool moving, bool learn,
                              cgl_real *value)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     const cgl_real moved =
         memory->known > 0U ? shorter_way(memory->x - memory->cell[memory->newest], CGL_R(1.0)) : CGL_R(1.0);
     memory->placed = moving && moved > CGL_R(0.0);
@@ -398,11 +416,11 @@ CGL_SELDOM static bool recall_from_line(const cgl_space_memory_config *config, c
         return false;
     }
     if (memory->known > 0U) {
-        find_period(config, memory, moved);
+        find_period(memory, moved);
     }
     const uint32_t length = row_length(config);
     const uint32_t age = wrap((int32_t)memory->newest - (int32_t)memory->then, length) + 1U;
-    memory->p_t = memory->tracking ? ((cgl_real)age + memory->part) * config->ts : CGL_R(0.0);
+    memory->p_t = memory->tracking ? ((cgl_real)age + memory->part) * memory->ts : CGL_R(0.0);
     const bool fits = age > config->q_half_width && age + config->q_half_width < length;
     if (!memory->tracking || !fits) {
         for (uint32_t c = 0; c < config->channels; ++c) {
@@ -416,12 +434,13 @@ CGL_SELDOM static bool recall_from_line(const cgl_space_memory_config *config, c
     return learn;
 }
 
-CGL_SELDOM static void store_in_line(const cgl_space_memory_config *config, cgl_space_memory *memory, const cgl_real *value)
+CGL_SELDOM static void store_in_line(cgl_space_memory *memory, const cgl_real *value)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     const uint32_t length = row_length(config);
     const uint32_t next = memory->known > 0U ? newer(config, memory->newest) : 0U;
     if (memory->known == length && next == memory->then) {
-        go_newer(config, memory);
+        go_newer(memory);
     }
     memory->newest = next;
     memory->cell[next] = memory->x;
@@ -430,7 +449,7 @@ CGL_SELDOM static void store_in_line(const cgl_space_memory_config *config, cgl_
     }
     /* sums of rises drift; the angles themselves do not, and the sum still tells the whole periods */
     const cgl_real apart = memory->x - memory->cell[memory->then];
-    const cgl_real sum = memory->known > 0U ? memory->distance + rise(config, memory, next) : CGL_R(0.0);
+    const cgl_real sum = memory->known > 0U ? memory->distance + rise(memory, next) : CGL_R(0.0);
     const cgl_real most = (cgl_real)CGL_SAMPLES_MAX; /* periods: the angle rises by less than one a sample */
     memory->distance = apart + (cgl_real)(int32_t)cgl_clamp(sum - apart + CGL_R(0.5), most);
     memory->known += memory->known < length ? 1U : 0U;
@@ -438,26 +457,28 @@ CGL_SELDOM static void store_in_line(const cgl_space_memory_config *config, cgl_
 
 /* ---- both ---- */
 
-CGL_SELDOM bool cgl_space_memory_recall(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta,
+CGL_SELDOM bool cgl_space_memory_recall(cgl_space_memory *memory, cgl_real theta,
                              bool moving, bool learn, cgl_real *value)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     memory->placed = cgl_is_angle(theta);
     if (memory->placed) {
         memory->x = fraction(theta * memory->periods_per_rad);
         if (config->kind == CGL_SPACE_MAP) {
-            recall_from_map(config, memory, learn, value);
+            recall_from_map(memory, learn, value);
             return learn;
         }
     }
     for (uint32_t c = 0; c < config->channels; ++c) {
         value[c] = memory->value[c];
     }
-    return memory->placed && recall_from_line(config, memory, moving, learn, value);
+    return memory->placed && recall_from_line(memory, moving, learn, value);
 }
 
-CGL_SELDOM void cgl_space_memory_update(const cgl_space_memory_config *config, cgl_space_memory *memory, const cgl_real *value,
+CGL_SELDOM void cgl_space_memory_update(cgl_space_memory *memory, const cgl_real *value,
                              bool learn)
 {
+    const cgl_space_memory_config *const config = &memory->config;
     const uint32_t channels = config->channels;
     cgl_real stored[CGL_SPACE_CHANNELS] = {CGL_R(0.0)}; /* gcc does not know that there is a channel */
     for (uint32_t c = 0; c < channels; ++c) {
@@ -465,13 +486,13 @@ CGL_SELDOM void cgl_space_memory_update(const cgl_space_memory_config *config, c
     }
     if (config->kind == CGL_SPACE_DELAY) {
         if (memory->placed) {
-            store_in_line(config, memory, stored);
+            store_in_line(memory, stored);
         }
     } else if (learn && memory->placed) {
-        store_in_map(config, memory, stored);
+        store_in_map(memory, stored);
     } else {
         if (memory->known > 0U) {
-            write_waiting(config, memory);
+            write_waiting(memory);
         }
         memory->started = memory->steady = false; /* the next value has no line back to this one */
     }
@@ -480,31 +501,30 @@ CGL_SELDOM void cgl_space_memory_update(const cgl_space_memory_config *config, c
     }
 }
 
-CGL_SELDOM static bool step_anywhere(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta,
+CGL_SELDOM static bool step_anywhere(cgl_space_memory *memory, cgl_real theta,
                                      bool moving, bool learn, const cgl_real *gain, cgl_real step, cgl_real *value)
 {
-    learn = cgl_space_memory_recall(config, memory, theta, moving, learn, value);
+    const cgl_space_memory_config *const config = &memory->config;
+    learn = cgl_space_memory_recall(memory, theta, moving, learn, value);
     for (uint32_t c = 0; learn && c < config->channels; ++c) {
         value[c] = memory->kept * value[c] - gain[c] * step;
     }
-    cgl_space_memory_update(config, memory, value, learn);
+    cgl_space_memory_update(memory, value, learn);
     return learn;
 }
 
-CGL_SELDOM void cgl_space_memory_forget(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta,
-                                        bool moving)
+CGL_SELDOM void cgl_space_memory_forget(cgl_space_memory *memory, cgl_real theta, bool moving)
 {
     static const cgl_real nothing[CGL_SPACE_CHANNELS] = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};
     cgl_real value[CGL_SPACE_CHANNELS];
-    cgl_space_memory_update(config, memory, nothing,
-                            cgl_space_memory_recall(config, memory, theta, moving, true, value));
+    cgl_space_memory_update(memory, nothing, cgl_space_memory_recall(memory, theta, moving, true, value));
 }
 
-bool cgl_space_memory_step(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta, bool moving,
+bool cgl_space_memory_step(cgl_space_memory *memory, cgl_real theta, bool moving,
                            bool learn, const cgl_real *gain, cgl_real step, cgl_real *value)
 {
-    if (learn && memory->steady && step_on(config, memory, theta, gain, step, value)) {
+    if (learn && memory->steady && step_on(memory, theta, gain, step, value)) {
         return true;
     }
-    return step_anywhere(config, memory, theta, moving, learn, gain, step, value);
+    return step_anywhere(memory, theta, moving, learn, gain, step, value);
 }

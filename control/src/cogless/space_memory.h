@@ -39,10 +39,11 @@ typedef struct {
                                            rounding; > 0, 2 (q_half_width + 1) limit finite */
     cgl_delay_method method; /* delay: how P_t is found; default CGL_DELAY_ODE, as in the paper */
     cgl_real k_pp;           /* delay, CGL_DELAY_ODE: stabilising gain [1/s], > 0, k_pp ts < 1; default 10 */
-    cgl_real ts;             /* sampling period [s], > 0 */
 } cgl_space_memory_config;
 
 typedef struct {
+    cgl_space_memory_config config;
+    cgl_real ts;                        /* sampling period [s] */
     cgl_real *cell;                     /* caller's memory, row by row of CGL_MEMORY_LENGTH(cells, q_half_width)
                                            entries. Map: a row for each channel, its cells and then a ring. Delay: a
                                            ring of x, and one for each channel */
@@ -77,11 +78,11 @@ typedef struct {
     (((channels) + ((kind) == CGL_SPACE_DELAY ? 1U : 0U)) * CGL_MEMORY_LENGTH(cells, q_half_width))
 
 /* Takes the caller's memory of `length` entries and clears it. */
-cgl_error cgl_space_memory_init(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real *cell,
+cgl_error cgl_space_memory_init(cgl_space_memory *memory, const cgl_space_memory_config *config, cgl_real ts, cgl_real *cell,
                                 uint32_t length);
 
 /* Forgets everything learned. */
-void cgl_space_memory_reset(const cgl_space_memory_config *config, cgl_space_memory *memory);
+void cgl_space_memory_reset(cgl_space_memory *memory);
 
 /* Gives the values stored one period ago, one a channel, within the limit but for rounding. theta [rad]: the angle by which
  * it repeats, any revolution below CGL_ANGLE_MAX. moving: false where the speed is too low for learning; then a delay
@@ -89,26 +90,25 @@ void cgl_space_memory_reset(const cgl_space_memory_config *config, cgl_space_mem
  * repeated as they are. False too where learn is; where the angle is not plausible; and, by delay, while the line
  * waits, or where the period exceeds the memory or is shorter than the Q filter. With an angle that is not plausible,
  * or a line that waits, the values are the last ones. */
-bool cgl_space_memory_recall(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta,
+bool cgl_space_memory_recall(cgl_space_memory *memory, cgl_real theta,
                              bool moving, bool learn, cgl_real *value);
 
 /* Stores the values at the place that recall was asked for, within the limits (not finite: 0). Map: every cell passed
  * since the last update gets a value on the straight line between the two; a jump of more than a quarter of the period
  * writes nothing. With learn false a map stays as it is, and a delay line goes on with the values given, unless it
  * waits. */
-void cgl_space_memory_update(const cgl_space_memory_config *config, cgl_space_memory *memory, const cgl_real *value,
+void cgl_space_memory_update(cgl_space_memory *memory, const cgl_real *value,
                              bool learn);
 
 /* Multiplies what is recalled to learn on from by a further factor, 0 to 1; 1 undoes it. */
-void cgl_space_memory_soften(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real factor);
+void cgl_space_memory_soften(cgl_space_memory *memory, cgl_real factor);
 
 /* In place of a step: clears the cells that the rotor has passed since the last one. */
-void cgl_space_memory_forget(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta,
-                             bool moving);
+void cgl_space_memory_forget(cgl_space_memory *memory, cgl_real theta, bool moving);
 
 /* Recall and update in one step: recalls, subtracts gain step from each channel's value if learn is true, stores, and
  * returns whether it learned. The values are those before the limit. */
-bool cgl_space_memory_step(const cgl_space_memory_config *config, cgl_space_memory *memory, cgl_real theta, bool moving,
+bool cgl_space_memory_step(cgl_space_memory *memory, cgl_real theta, bool moving,
                            bool learn, const cgl_real *gain, cgl_real step, cgl_real *value);
 
 #ifdef __cplusplus

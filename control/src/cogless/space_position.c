@@ -1,29 +1,39 @@
 #include "space_position.h"
 
 #include "angle.h"
+#include "range.h"
 
 CGL_SELDOM static bool is_valid(const cgl_space_position_config *config)
 {
-    return config->ratio >= 1U && config->ratio <= 65535U && cgl_is_not_negative(config->k_theta)
-           && cgl_is_not_negative(config->k_omega) && cgl_is_not_negative(config->k_v)
-           && cgl_is_not_negative(config->v_0) && cgl_is_not_negative(config->v_2) && cgl_is_not_negative(config->k_i)
-           && cgl_is_not_negative(config->mu_alpha) && cgl_is_not_negative(config->mu_beta)
-           && cgl_is_not_negative(config->mu_h) && cgl_is_not_negative(config->ramp)
-           && cgl_is_positive(config->omega_min)
-           && (config->index == CGL_SPACE_BY_REFERENCE || config->index == CGL_SPACE_BY_ROTOR)
-           && cgl_is_positive(config->ts) && cgl_is_positive(config->limit);
+    static const cgl_range range[] = {CGL_RANGE(cgl_space_position_config, ratio, CGL_COUNT),
+                                      CGL_RANGE(cgl_space_position_config, k_theta, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_space_position_config, k_omega, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_space_position_config, k_v, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_space_position_config, v_0, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_space_position_config, v_2, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_space_position_config, k_i, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_space_position_config, mu_alpha, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_space_position_config, mu_beta, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_space_position_config, mu_h, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_space_position_config, ramp, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_space_position_config, omega_min, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_space_position_config, limit, CGL_POSITIVE)};
+    return CGL_IS_IN_RANGE(config, range)
+           && (config->index == CGL_SPACE_BY_REFERENCE || config->index == CGL_SPACE_BY_ROTOR);
 }
 
-CGL_SELDOM cgl_error cgl_space_position_init(const cgl_space_position_config *config, cgl_space_position *law, cgl_real *cell,
+CGL_SELDOM cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, cgl_real ts, cgl_real *cell,
                                   uint32_t length)
 {
-    if (!is_valid(config)) {
+    if (!(is_valid(config) && cgl_is_positive(ts))) {
         return CGL_ERROR_CONFIG;
     }
-    const cgl_error error = cgl_space_memory_init(&config->memory, &law->memory, cell, length);
+    law->config = *config;
+    law->ts = ts;
     law->gentle = 0U;
+    const cgl_error error = cgl_space_memory_init(&law->memory, &config->memory, ts, cell, length);
     if (error == CGL_OK) {
-        cgl_space_position_reset(config, law);
+        cgl_space_position_reset(law);
     }
     return error;
 }
@@ -32,44 +42,48 @@ CGL_SELDOM cgl_error cgl_space_position_init(const cgl_space_position_config *co
 CGL_SELDOM static void start_anew(cgl_space_position *law)
 {
     static const cgl_space_position_terms nothing = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};
-    law->integral = CGL_R(0.0);
+    law->integral = law->integral_lost = CGL_R(0.0);
     law->saturated = false;
     law->terms = nothing;
 }
 
-CGL_SELDOM void cgl_space_position_reset(const cgl_space_position_config *config, cgl_space_position *law)
+CGL_SELDOM void cgl_space_position_reset(cgl_space_position *law)
 {
-    cgl_space_memory_reset(&config->memory, &law->memory);
+    cgl_space_memory_reset(&law->memory);
     law->learning_samples = 0U;
     start_anew(law);
 }
 
 /* The ramp of learning, from 0 to 1, for a sample that learns. */
-static inline cgl_real share_of_learning(const cgl_space_position_config *config, const cgl_space_position *law)
+static inline cgl_real share_of_learning(const cgl_space_position *law)
 {
-    const cgl_real elapsed = (cgl_real)law->learning_samples * config->ts;
+    const cgl_space_position_config *const config = &law->config;
+    const cgl_real elapsed = (cgl_real)law->learning_samples * law->ts;
     return elapsed >= config->ramp ? CGL_R(1.0) : elapsed / config->ramp;
 }
 
-/* The factor on the correction while the guard holds learning back. */
-CGL_SELDOM static cgl_real be_guarded(const cgl_space_position_config *config, cgl_space_position *law, const cgl_law_input *in,
-                                      cgl_real theta, cgl_real omega_ref, cgl_real alpha_ref)
+/* The factor on the correction, as the guard says, which may clear the memory too. */
+CGL_SELDOM static cgl_real follow_guard(cgl_space_position *law, const cgl_law_input *in, cgl_real place, cgl_real omega_ref,
+                                        cgl_real alpha_ref)
 {
+    const cgl_space_position_config *const config = &law->config;
     if (in->forget) {
-        cgl_space_memory_forget(&config->memory, &law->memory, theta, omega_ref > CGL_R(0.0));
+        cgl_space_memory_forget(&law->memory, place, omega_ref > CGL_R(0.0));
     }
     if (in->gentle != law->gentle) {
         law->gentle = in->gentle;
-        cgl_space_memory_soften(&config->memory, &law->memory, cgl_gentle_forgetting(in->gentle));
+        cgl_space_memory_soften(&law->memory, cgl_gentle_forgetting(in->gentle));
     }
     const cgl_real gain =
         config->mu_alpha + config->mu_beta * omega_ref * omega_ref + config->mu_h * alpha_ref * alpha_ref;
-    return cgl_gentle_gain(in->gentle > 1U ? in->gentle : 0U, gain, config->k_omega * cgl_abs(omega_ref)); /* its gains are of positions */
+    /* it learns from positions too, where the speed loop's gain is no measure */
+    return in->gentle > 1U ? cgl_gentle_gain(in->gentle, gain, config->k_omega * cgl_abs(omega_ref)) : CGL_R(1.0);
 }
 
-void cgl_space_position_step(const cgl_space_position_config *config, cgl_space_position *law,
+void cgl_space_position_step(cgl_space_position *law,
                              const cgl_law_input *in, cgl_law_output *out)
 {
+    const cgl_space_position_config *const config = &law->config;
     const cgl_real ratio = (cgl_real)config->ratio;
     const cgl_real theta = ratio * in->theta_m, theta_ref = ratio * in->theta_ref;
     const cgl_real difference = ratio * (in->omega_m - in->omega_ref);
@@ -90,13 +104,12 @@ void cgl_space_position_step(const cgl_space_position_config *config, cgl_space_
     const bool learning = in->learn && !in->off;
     const bool moving = plausible && cgl_abs(in->omega_ref) >= config->omega_min;
     cgl_real value[CGL_SPACE_CHANNELS];
-    cgl_real share = share_of_learning(config, law);
+    cgl_real share = share_of_learning(law);
     const cgl_real gain[CGL_SPACE_CHANNELS] = {config->mu_alpha, config->mu_beta * omega_ref, config->mu_h * alpha_ref};
     const cgl_real place = config->index == CGL_SPACE_BY_ROTOR ? theta : theta_ref;
-    const bool guarded = in->gentle != 0U || law->gentle != 0U || in->forget;
-    const cgl_real factor = CGL_OFTEN(!guarded) ? CGL_R(1.0) : be_guarded(config, law, in, place, omega_ref, alpha_ref);
-    const bool learn = cgl_space_memory_step(
-        &config->memory, &law->memory, place,
+    const bool guarded = in->gentle != law->gentle || in->gentle > 1U || in->forget;
+    const cgl_real factor = guarded ? follow_guard(law, in, place, omega_ref, alpha_ref) : CGL_R(1.0);
+    const bool learn = cgl_space_memory_step(&law->memory, place,
         moving && in->omega_ref > CGL_R(0.0), learning && moving && !law->saturated, gain,
         moving ? factor * share * omega_t / cgl_abs(omega_ref) : CGL_R(0.0), value);
     if (learn && (law->learning_samples == 0U || (share < CGL_R(1.0) && law->learning_samples < 0xFFFFFFFFU))) {
@@ -119,11 +132,13 @@ void cgl_space_position_step(const cgl_space_position_config *config, cgl_space_
     const cgl_real rest = terms->proportional + terms->alpha + terms->beta + terms->h;
 
     const cgl_real share_i = config->hand_over ? CGL_R(1.0) - in->share * share : CGL_R(1.0);
-    const cgl_real integral = cgl_clamp(law->integral + config->k_i * config->ts * omega_t, config->limit);
+    cgl_real lost = law->integral_lost;
+    const cgl_real integral = cgl_add(law->integral, config->k_i * law->ts * omega_t, config->limit, &lost);
     const cgl_real wanted = rest - share_i * integral;
     if (learn && cgl_is_below(wanted, config->limit)) {
         law->saturated = false;
         law->integral = integral;
+        law->integral_lost = lost;
         terms->integral = -share_i * integral;
         out->i_q_ref = wanted;
         out->status = 0U;
@@ -133,6 +148,7 @@ void cgl_space_position_step(const cgl_space_position_config *config, cgl_space_
     out->i_q_ref = cgl_clamp(wanted, config->limit);
     if (!law->saturated || omega_t * out->i_q_ref > CGL_R(0.0)) {
         law->integral = integral;
+        law->integral_lost = lost;
     } else {
         out->i_q_ref = cgl_clamp(rest - share_i * law->integral, config->limit);
     }

@@ -41,7 +41,6 @@ typedef struct {
     cgl_real ramp;         /* of learning, over the time that it learns [s], >= 0 */
     cgl_real omega_min;    /* learning freezes while the mechanical |omega_ref| is below [rad/s], > 0 */
     cgl_space_index index; /* default CGL_SPACE_BY_REFERENCE, as in the paper */
-    cgl_real ts;           /* sampling period [s], > 0 */
     cgl_real limit;        /* the output stays within +-limit [A], > 0 */
     cgl_space_memory_config memory; /* channels: 1 alpha, 2 and beta, 3 and h; limits [A], [A s/rad], [A s^2/rad]; turns
                                        and parts of a revolution of ratio theta */
@@ -56,24 +55,27 @@ typedef struct {
 } cgl_space_position_terms;
 
 typedef struct {
+    cgl_space_position_config config;
+    cgl_real ts;                    /* sampling period [s] */
     cgl_space_memory memory;        /* memory.p_t: P_t [s] */
     cgl_real integral;              /* k_i integral(omega_t), within +-limit [A] */
+    cgl_real integral_lost;         /* what rounding kept from it [A] */
     uint32_t learning_samples;      /* in which it learned; counts no further than the ramp */
     bool saturated;                 /* the last output was at its limit */
-    uint32_t gentle;                /* as the memory has it */
+    uint32_t gentle;                /* how gently it learns, as the guard says */
     cgl_space_position_terms terms; /* of the last step */
 } cgl_space_position;
 
 /* `cell`: CGL_SPACE_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
-cgl_error cgl_space_position_init(const cgl_space_position_config *config, cgl_space_position *law, cgl_real *cell,
+cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, cgl_real ts, cgl_real *cell,
                                   uint32_t length);
-void cgl_space_position_reset(const cgl_space_position_config *config, cgl_space_position *law);
+void cgl_space_position_reset(cgl_space_position *law);
 
 /* Learning freezes, and what was learned acts on, while in->learn is false, |omega_ref| is below omega_min, the output
  * was at its limit, an input is not plausible, or the memory says so. The integral holds while the output is at its
  * limit and the error would push it further. Where an input is not plausible the output is that of no error.
  * While in->off learning is frozen too, its ramp as well, and the output and the integral are 0. */
-void cgl_space_position_step(const cgl_space_position_config *config, cgl_space_position *law,
+void cgl_space_position_step(cgl_space_position *law,
                              const cgl_law_input *in, cgl_law_output *out);
 
 #ifdef __cplusplus

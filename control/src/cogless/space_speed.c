@@ -1,18 +1,26 @@
 #include "space_speed.h"
 
-CGL_SELDOM cgl_error cgl_space_speed_init(const cgl_space_speed_config *config, cgl_space_speed *law, cgl_real *cell,
+#include "range.h"
+
+CGL_SELDOM cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_config *config, cgl_real ts, cgl_real *cell,
                                uint32_t length)
 {
-    if (!(cgl_is_not_negative(config->k) && cgl_is_not_negative(config->mu_alpha)
-          && cgl_is_not_negative(config->mu_beta) && cgl_is_not_negative(config->mu_h)
-          && cgl_is_positive(config->eta_bar) && cgl_is_positive(config->omega_min) && cgl_is_positive(config->limit)
-          && config->ratio >= 1U && config->ratio <= 65535U)) {
+    static const cgl_range range[] = {CGL_RANGE(cgl_space_speed_config, k, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_space_speed_config, mu_alpha, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_space_speed_config, mu_beta, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_space_speed_config, mu_h, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_space_speed_config, eta_bar, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_space_speed_config, omega_min, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_space_speed_config, limit, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_space_speed_config, ratio, CGL_COUNT)};
+    if (!CGL_IS_IN_RANGE(config, range)) {
         return CGL_ERROR_CONFIG;
     }
-    const cgl_error error = cgl_space_memory_init(&config->memory, &law->memory, cell, length);
+    law->config = *config;
     law->gentle = 0U;
+    const cgl_error error = cgl_space_memory_init(&law->memory, &config->memory, ts, cell, length);
     if (error == CGL_OK) {
-        cgl_space_speed_reset(config, law);
+        cgl_space_speed_reset(law);
     }
     return error;
 }
@@ -25,30 +33,32 @@ CGL_SELDOM static void start_anew(cgl_space_speed *law)
     law->terms = nothing;
 }
 
-CGL_SELDOM void cgl_space_speed_reset(const cgl_space_speed_config *config, cgl_space_speed *law)
+CGL_SELDOM void cgl_space_speed_reset(cgl_space_speed *law)
 {
-    cgl_space_memory_reset(&config->memory, &law->memory);
+    cgl_space_memory_reset(&law->memory);
     start_anew(law);
 }
 
-/* The factor on the correction while the guard holds learning back. */
-CGL_SELDOM static cgl_real be_guarded(const cgl_space_speed_config *config, cgl_space_speed *law, const cgl_law_input *in,
-                                      cgl_real omega, cgl_real alpha_ref)
+/* The factor on the correction, as the guard says, which may clear the memory too. */
+CGL_SELDOM static cgl_real follow_guard(cgl_space_speed *law, const cgl_law_input *in, cgl_real theta, cgl_real omega,
+                                        cgl_real alpha_ref)
 {
+    const cgl_space_speed_config *const config = &law->config;
     if (in->forget) {
-        cgl_space_memory_forget(&config->memory, &law->memory, (cgl_real)config->ratio * in->theta_m, omega > CGL_R(0.0));
+        cgl_space_memory_forget(&law->memory, theta, omega > CGL_R(0.0));
     }
     if (in->gentle != law->gentle) {
         law->gentle = in->gentle;
-        cgl_space_memory_soften(&config->memory, &law->memory, cgl_gentle_forgetting(in->gentle));
+        cgl_space_memory_soften(&law->memory, cgl_gentle_forgetting(in->gentle));
     }
     const cgl_real gain = config->mu_alpha + config->mu_beta * omega * omega + config->mu_h * alpha_ref * alpha_ref;
     return cgl_gentle_gain(in->gentle, gain, config->k * cgl_abs(omega));
 }
 
-void cgl_space_speed_step(const cgl_space_speed_config *config, cgl_space_speed *law, const cgl_law_input *in,
+void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
                           cgl_law_output *out)
 {
+    const cgl_space_speed_config *const config = &law->config;
     const cgl_real difference = in->omega_m - in->omega_ref, theta = (cgl_real)config->ratio * in->theta_m;
     /* a sum is not finite if a part of it is not */
     const bool plausible = cgl_is_finite(difference + in->alpha_ref) && cgl_is_angle(theta);
@@ -61,8 +71,8 @@ void cgl_space_speed_step(const cgl_space_speed_config *config, cgl_space_speed 
     cgl_real delta[CGL_SPACE_CHANNELS];
     const cgl_real gain[CGL_SPACE_CHANNELS] = {config->mu_alpha, config->mu_beta * omega, config->mu_h * alpha_ref};
     const bool guarded = in->gentle != 0U || law->gentle != 0U || in->forget;
-    const cgl_real factor = CGL_OFTEN(!guarded) ? CGL_R(1.0) : be_guarded(config, law, in, omega, alpha_ref);
-    const bool learn = cgl_space_memory_step(&config->memory, &law->memory, theta, moving && omega > CGL_R(0.0),
+    const cgl_real factor = guarded ? follow_guard(law, in, theta, omega, alpha_ref) : CGL_R(1.0);
+    const bool learn = cgl_space_memory_step(&law->memory, theta, moving && omega > CGL_R(0.0),
                                              in->learn && !in->off && switched_on && !law->saturated, gain,
                                              switched_on ? factor * eta / cgl_abs(omega) : CGL_R(0.0), delta);
 

@@ -35,21 +35,22 @@ typedef struct {
 } cgl_space_speed_terms;
 
 typedef struct {
+    cgl_space_speed_config config;
     cgl_space_memory memory;     /* memory.p_t: P_t [s] */
     bool saturated;              /* the last output was at its limit */
-    uint32_t gentle;             /* as the memory has it */
+    uint32_t gentle;             /* how gently it learns, as the guard says */
     cgl_space_speed_terms terms; /* of the last step */
 } cgl_space_speed;
 
 /* `cell`: CGL_SPACE_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
-cgl_error cgl_space_speed_init(const cgl_space_speed_config *config, cgl_space_speed *law, cgl_real *cell,
+cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_config *config, cgl_real ts, cgl_real *cell,
                                uint32_t length);
-void cgl_space_speed_reset(const cgl_space_speed_config *config, cgl_space_speed *law);
+void cgl_space_speed_reset(cgl_space_speed *law);
 
 /* Ignores theta_ref. Learning freezes, and what was learned acts on, while in->learn is false, q is 0, the output was
  * at its limit, an input is not plausible, or the memory says so. Where an input is not plausible the output is that
  * of no error. While in->off learning is frozen too, and the output is 0. */
-void cgl_space_speed_step(const cgl_space_speed_config *config, cgl_space_speed *law, const cgl_law_input *in,
+void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
                           cgl_law_output *out);
 
 #ifdef __cplusplus

@@ -1,13 +1,13 @@
 #include "speed_pi.h"
 
-CGL_SELDOM static void limited(const cgl_pi_config *config, cgl_pi *pi, cgl_real error, cgl_law_output *out)
+CGL_SELDOM static void limited(cgl_pi *pi, cgl_real error, cgl_law_output *out)
 {
-    out->i_q_ref = cgl_pi_step_limited(config, pi, error, CGL_R(0.0));
+    out->i_q_ref = cgl_pi_step_limited(pi, error, CGL_R(0.0));
     out->status = (unsigned)CGL_STATUS_FROZEN | (pi->saturated ? (unsigned)CGL_STATUS_SATURATED : 0U)
                   | (cgl_is_finite(error) ? 0U : (unsigned)CGL_STATUS_FAULT);
 }
 
-void cgl_speed_pi_step(const cgl_pi_config *config, cgl_pi *pi, const cgl_law_input *in, cgl_law_output *out)
+void cgl_speed_pi_step(cgl_pi *pi, const cgl_law_input *in, cgl_law_output *out)
 {
     if (in->off) {
         cgl_pi_reset(pi);
@@ -15,9 +15,9 @@ void cgl_speed_pi_step(const cgl_pi_config *config, cgl_pi *pi, const cgl_law_in
         return;
     }
     const cgl_real error = in->omega_ref - in->omega_m;
-    if (cgl_pi_step_free(config, pi, error, CGL_R(0.0), &out->i_q_ref)) {
+    if (cgl_pi_step_free(pi, error, CGL_R(0.0), &out->i_q_ref)) {
         out->status = (unsigned)CGL_STATUS_FROZEN;
     } else {
-        limited(config, pi, error, out);
+        limited(pi, error, out);
     }
 }

@@ -27,7 +27,7 @@ CGL_SELDOM static bool is_finite_matrix(const cgl_real *row, uint32_t samples)
     return true;
 }
 
-CGL_SELDOM cgl_error cgl_trial_init(const cgl_trial_config *config, cgl_trial *law, cgl_real *memory, uint32_t length)
+CGL_SELDOM cgl_error cgl_trial_init(cgl_trial *law, const cgl_trial_config *config, cgl_real *memory, uint32_t length)
 {
     if (!(config->samples >= 2U && config->samples <= SAMPLES_MAX && config->states >= 1U
           && config->states <= CGL_TRIAL_STATES && all_finite(config->k_1, config->states)
@@ -43,22 +43,25 @@ CGL_SELDOM cgl_error cgl_trial_init(const cgl_trial_config *config, cgl_trial *l
     if (memory == 0 || length < CGL_TRIAL_LENGTH(config->samples, config->q_filter.order)) {
         return CGL_ERROR_MEMORY;
     }
+    law->config = *config;
     law->learned = memory;
     law->error = memory + config->samples;
-    cgl_trial_reset(config, law);
+    cgl_trial_reset(law);
     return CGL_OK;
 }
 
-CGL_SELDOM void cgl_trial_reset(const cgl_trial_config *config, cgl_trial *law)
+CGL_SELDOM void cgl_trial_reset(cgl_trial *law)
 {
+    const cgl_trial_config *const config = &law->config;
     for (uint32_t p = 0; p < CGL_TRIAL_LENGTH(config->samples, config->q_filter.order); ++p) {
         law->learned[p] = CGL_R(0.0);
     }
-    cgl_trial_begin(config, law, 0);
+    cgl_trial_begin(law, 0);
 }
 
-CGL_SELDOM void cgl_trial_begin(const cgl_trial_config *config, cgl_trial *law, const cgl_real *y_ref)
+CGL_SELDOM void cgl_trial_begin(cgl_trial *law, const cgl_real *y_ref)
 {
+    const cgl_trial_config *const config = &law->config;
     law->y_ref = y_ref;
     law->psi = law->v = CGL_R(0.0);
     law->theta = y_ref != 0 ? cgl_clamped(y_ref[0], CGL_REAL_MAX) : CGL_R(0.0);
@@ -70,9 +73,10 @@ CGL_SELDOM void cgl_trial_begin(const cgl_trial_config *config, cgl_trial *law, 
 }
 
 /* u = 0, and nothing is learned from this trial. */
-CGL_SELDOM static void give_up(const cgl_trial_config *config, cgl_trial *law, uint32_t p, unsigned status,
+CGL_SELDOM static void give_up(cgl_trial *law, uint32_t p, unsigned status,
                                cgl_law_output *out)
 {
+    const cgl_trial_config *const config = &law->config;
     out->i_q_ref = CGL_R(0.0);
     out->status = status | (unsigned)CGL_STATUS_FROZEN;
     law->spoilt = law->spoilt || p < config->samples;
@@ -80,9 +84,10 @@ CGL_SELDOM static void give_up(const cgl_trial_config *config, cgl_trial *law, u
 }
 
 /* One sample, from K_1 x and y = C x, if x is plausible. */
-static void step(const cgl_trial_config *config, cgl_trial *law, cgl_real feedback, cgl_real y, bool plausible, bool learn,
+static void step(cgl_trial *law, cgl_real feedback, cgl_real y, bool plausible, bool learn,
                  cgl_law_output *out)
 {
+    const cgl_trial_config *const config = &law->config;
     const uint32_t p = law->sample;
     const bool within = p < config->samples;
     if (within) {
@@ -99,7 +104,7 @@ static void step(const cgl_trial_config *config, cgl_trial *law, cgl_real feedba
 
     /* an x that is not finite shows in K_1 x, whatever the gains */
     if (!(plausible && cgl_is_finite(wanted + psi))) {
-        give_up(config, law, p, (unsigned)CGL_STATUS_FAULT, out);
+        give_up(law, p, (unsigned)CGL_STATUS_FAULT, out);
         return;
     }
     law->terms.feedback = feedback;
@@ -120,8 +125,9 @@ static void step(const cgl_trial_config *config, cgl_trial *law, cgl_real feedba
     out->status |= !within || law->spoilt ? (unsigned)CGL_STATUS_FROZEN : 0U;
 }
 
-void cgl_trial_step(const cgl_trial_config *config, cgl_trial *law, const cgl_trial_input *in, cgl_trial_output *out)
+void cgl_trial_step(cgl_trial *law, const cgl_trial_input *in, cgl_trial_output *out)
 {
+    const cgl_trial_config *const config = &law->config;
     cgl_law_output result = {CGL_R(0.0), (unsigned)CGL_STATUS_FROZEN};
     if (law->y_ref != 0) {
         cgl_real feedback = CGL_R(0.0), y = CGL_R(0.0);
@@ -129,21 +135,22 @@ void cgl_trial_step(const cgl_trial_config *config, cgl_trial *law, const cgl_tr
             feedback += config->k_1[i] * in->x[i];
             y += config->c[i] * in->x[i];
         }
-        step(config, law, feedback, y, true, in->learn, &result);
+        step(law, feedback, y, true, in->learn, &result);
     }
     out->u = result.i_q_ref;
     out->status = result.status;
 }
 
-void cgl_trial_drive_step(const cgl_trial_config *config, cgl_trial *law, const cgl_law_input *in, cgl_law_output *out)
+void cgl_trial_drive_step(cgl_trial *law, const cgl_law_input *in, cgl_law_output *out)
 {
+    const cgl_trial_config *const config = &law->config;
     if (law->y_ref == 0) {
         out->i_q_ref = CGL_R(0.0);
         out->status = (unsigned)CGL_STATUS_FROZEN | (in->off ? (unsigned)CGL_STATUS_OFF : 0U);
         return;
     }
     law->theta = cgl_unwrap(in->theta_m, law->theta);
-    step(config, law, config->k_1[0] * law->theta + config->k_1[1] * in->omega_m,
+    step(law, config->k_1[0] * law->theta + config->k_1[1] * in->omega_m,
          config->c[0] * law->theta + config->c[1] * in->omega_m, cgl_is_angle(in->theta_m),
          in->learn && !in->off, out);
     if (in->off) {
@@ -154,8 +161,9 @@ void cgl_trial_drive_step(const cgl_trial_config *config, cgl_trial *law, const 
 }
 
 /* v <- v + K_3 e(p + r), or v + L e; within the limit. */
-CGL_SELDOM static void correct(const cgl_trial_config *config, cgl_trial *law)
+CGL_SELDOM static void correct(cgl_trial *law)
 {
+    const cgl_trial_config *const config = &law->config;
     const uint32_t samples = config->samples;
     const cgl_real *row = config->learning_matrix;
     for (uint32_t p = 0; p < samples; ++p) {
@@ -173,8 +181,9 @@ CGL_SELDOM static void correct(const cgl_trial_config *config, cgl_trial *law)
     }
 }
 
-CGL_SELDOM bool cgl_trial_end(const cgl_trial_config *config, cgl_trial *law)
+CGL_SELDOM bool cgl_trial_end(cgl_trial *law)
 {
+    const cgl_trial_config *const config = &law->config;
     const bool whole = law->y_ref != 0 && law->sample >= config->samples && !law->spoilt;
     law->spoilt = true; /* a second end learns nothing */
     if (!whole) {
@@ -184,7 +193,7 @@ CGL_SELDOM bool cgl_trial_end(const cgl_trial_config *config, cgl_trial *law)
     if (config->learning_matrix == 0 && !config->filter_signal) {
         cgl_zero_phase(&config->q_filter, law->error, config->samples, tail);
     }
-    correct(config, law);
+    correct(law);
     if (config->filter_signal) {
         cgl_zero_phase(&config->q_filter, law->learned, config->samples, tail);
         for (uint32_t p = 0; p < config->samples; ++p) {

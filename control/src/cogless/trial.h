@@ -21,11 +21,11 @@
  * that of u where N = 1 and v does not go through the integrator.
  *
  *   static cgl_real memory[CGL_TRIAL_LENGTH(SAMPLES, ORDER)];
- *   cgl_trial_init(&config, &law, memory, sizeof memory / sizeof memory[0]);   once; must return CGL_OK
- *   cgl_trial_begin(&config, &law, y_ref);                                     before each trial
- *   cgl_trial_step(&config, &law, &in, &out);                                  SAMPLES times, in the interrupt;
+ *   cgl_trial_init(&law, &config, memory, sizeof memory / sizeof memory[0]);   once; must return CGL_OK
+ *   cgl_trial_begin(&law, y_ref);                                     before each trial
+ *   cgl_trial_step(&law, &in, &out);                                  SAMPLES times, in the interrupt;
  *                                                                              in a drive cgl_trial_drive_step
- *   cgl_trial_end(&config, &law);                                              after each trial, in the background
+ *   cgl_trial_end(&law);                                              after each trial, in the background
  */
 #ifndef COGLESS_TRIAL_H
 #define COGLESS_TRIAL_H
@@ -81,6 +81,7 @@ typedef struct {
 } cgl_trial_terms;
 
 typedef struct {
+    cgl_trial_config config;
     cgl_real *learned;           /* v: caller's memory, `samples` entries within +-learned_limit; may be saved, and
                                     restored, between trials */
     cgl_real *error;             /* e of this trial, behind v; then the filter's tail */
@@ -99,32 +100,32 @@ typedef struct {
 #define CGL_TRIAL_LENGTH(samples, order) (2U * (samples) + CGL_ZERO_PHASE_PAD(order))
 
 /* Takes the caller's memory of `length` entries and clears it. */
-cgl_error cgl_trial_init(const cgl_trial_config *config, cgl_trial *law, cgl_real *memory, uint32_t length);
+cgl_error cgl_trial_init(cgl_trial *law, const cgl_trial_config *config, cgl_real *memory, uint32_t length);
 
 /* Forgets everything learned, and ends the trial: steps give u = 0 until the next begin. */
-void cgl_trial_reset(const cgl_trial_config *config, cgl_trial *law);
+void cgl_trial_reset(cgl_trial *law);
 
 /* Starts a trial from psi = 0. What is learned stays; the errors of a trial that was not ended are forgotten. y_ref:
  * `samples` entries, the caller's, in flash or RAM, to be left alone until the next begin or reset. NULL: no trial. */
-void cgl_trial_begin(const cgl_trial_config *config, cgl_trial *law, const cgl_real *y_ref);
+void cgl_trial_begin(cgl_trial *law, const cgl_real *y_ref);
 
 /* One sample. psi holds while u is at its limit and the change of psi would push it further. A sample p at which u was at
  * its limit teaches nothing: e(p + r) counts as zero. A state or reference that is not finite, or so large that a sum
  * overflows, gives u = 0, holds psi, sets CGL_STATUS_FAULT, and nothing is learned from the trial. After the last sample
  * the law holds the last reference and v, learns nothing and leaves the caller's memory alone, so that end may run
  * meanwhile. Before begin u = 0. */
-void cgl_trial_step(const cgl_trial_config *config, cgl_trial *law, const cgl_trial_input *in, cgl_trial_output *out);
+void cgl_trial_step(cgl_trial *law, const cgl_trial_input *in, cgl_trial_output *out);
 
 /* One sample of a drive, where x is the mechanical angle [rad] and speed [rad/s], `states` is 2 and u a current [A]. The
  * angle may jump by whole turns: a trial starts at the turn that is nearest to its reference. An angle that is not
  * plausible is a fault. While in->off the output and psi are 0, and nothing is learned from the trial. */
-void cgl_trial_drive_step(const cgl_trial_config *config, cgl_trial *law, const cgl_law_input *in,
+void cgl_trial_drive_step(cgl_trial *law, const cgl_law_input *in,
                           cgl_law_output *out);
 
 /* Ends the trial and learns from it. Returns false, and leaves v as it is, if the trial was cut short, had a fault or a
  * sample with learning off, or has ended before. Takes a time that grows with the samples (with a matrix, with their
  * square): call it from the background. */
-bool cgl_trial_end(const cgl_trial_config *config, cgl_trial *law);
+bool cgl_trial_end(cgl_trial *law);
 
 #ifdef __cplusplus
 }

@@ -112,7 +112,6 @@ def control_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[st
         "unguarded": not drive.guard or drive.rates.position_loop is not None,
         "foc": {
             **loop.gains(belief),
-            "ts": 1 / drive.rates.current_loop,
             "current_limit": loop.current_limit,
             "advance": 1.5 if drive.inverter is not None and drive.inverter.computation_delay else 0.5,
             "decoupling": loop.decoupling,

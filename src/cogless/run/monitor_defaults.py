@@ -51,7 +51,6 @@ def monitor_config(drive: Drive, motor: StarMotor, belief: StarBelief) -> dict[s
         "current_sum": 0.0,
         "bridge": BRIDGE,
         "hold": HOLD,
-        "ts": period,
         "phases": 0 if drive.ideal else motor.phases,
     }
     if drive.inverter is not None and not isinstance(loop, IdealCurrentLoop):
@@ -67,4 +66,4 @@ def quality_config(drive: Drive) -> dict[str, float]:
     """Members of the C struct cgl_quality_config. By default the ripple's window is one revolution."""
     quality = drive.quality
     span = 2 * math.pi if quality.span is None else quality.span
-    return {**quality.model_dump(), "span": span, "ts": 1 / drive.rates.current_loop * drive.rates.divider}
+    return {**quality.model_dump(), "span": span}

@@ -130,7 +130,7 @@ class Feedback(Base):
 
     def pi_config(self, loop: LawLoop) -> dict[str, Any]:
         """Members of the C struct cgl_pi_config."""
-        return {"kp": self.kp, "ki": self.ki, "ts": loop.ts, "limit": loop.current_limit}
+        return {"kp": self.kp, "ki": self.ki, "limit": loop.current_limit}
 
 
 MOST_CELLS = 65_535  # of a map
@@ -205,7 +205,6 @@ class Learning(LearnsWhileRunning):
             "lead": loop.samples(self.lead),
             "forgetting": self.forgetting,
             "limit": abs(self.unit) * self.limit,
-            "ts": loop.ts,
         }
 
 
@@ -265,7 +264,7 @@ class RobustIlc(Learning):
     def c_config(self, loop: LawLoop) -> dict[str, Any]:
         same = {"b", "c", "g", "eta", "q", "beta_1", "beta_2", "gamma", "viscous", "coulomb"}
         memory = self.memory_config(loop)
-        return {**self.model_dump(include=same), "ts": loop.ts, "limit": loop.current_limit, "memory": memory}
+        return {**self.model_dump(include=same), "limit": loop.current_limit, "memory": memory}
 
 
 SETTLING = 1 / 8  # revolutions in each direction before a commissioning run begins to record

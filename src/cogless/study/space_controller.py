@@ -106,7 +106,6 @@ class SpaceLearning(LearnsWhileRunning):
             "limit": limits[: self.channels],
             "method": f"CGL_DELAY_{self.delay_method.upper()}",
             "k_pp": self.k_pp,
-            "ts": loop.ts,
         }
 
 
@@ -147,7 +146,6 @@ class SpacePosition(SpaceLearning):
             **self.model_dump(include=same | {"hand_over", "ramp", "omega_min"}),
             "ratio": self.ratio(loop.pole_pairs),
             "index": f"CGL_SPACE_BY_{self.index.upper()}",
-            "ts": loop.ts,
             "limit": loop.current_limit,
             "memory": self.memory_config(loop),
         }

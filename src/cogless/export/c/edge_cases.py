@@ -110,7 +110,7 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
     The angles, in counts, are the jump before the first period and the step per period.
     """
     config, monitor = subject.drive_config, subject.drive_config["monitor"]
-    limit, law, ts = config["foc"]["current_limit"], subject.divider, monitor["ts"]
+    limit, law, ts = config["foc"]["current_limit"], subject.divider, 1 / subject.rate
     hold, bridge, window = (_periods(monitor[key], ts) for key in ("hold", "bridge", "speed_window"))
     back = min(hold + bridge + window, MOST) + 2 * law + 4
     turn = min(monitor["omega_max"] * ts / 2 or 0.01, 0.05)  # rad, in a period

@@ -12,7 +12,7 @@ CALIBRATE = """
 void ${name}_calibrate(${name}_controller *controller)"""
 CALIBRATE_BODY = """
 {
-    cgl_anti_cogging_calibrate(&${name}_law_config, &controller->law);
+    cgl_anti_cogging_calibrate(&controller->law);
 }
 """
 CALIBRATE_DECLARATIONS = """void board_shut_interrupt(void);
@@ -37,7 +37,7 @@ void ${name}_begin_trial(${name}_controller *controller, const cgl_real *y_ref)"
 BEGIN_BODY = """
 {
     cgl_drive_reset(&controller->drive);
-    cgl_trial_begin(&${name}_law_config, &controller->law, y_ref);
+    cgl_trial_begin(&controller->law, y_ref);
 }
 """
 END = """
@@ -46,7 +46,7 @@ END = """
 bool ${name}_end_trial(${name}_controller *controller)"""
 END_BODY = """
 {
-    return cgl_trial_end(&${name}_law_config, &controller->law);
+    return cgl_trial_end(&controller->law);
 }
 """
 TRIAL_DECLARATIONS = """void board_shut_interrupt(void);

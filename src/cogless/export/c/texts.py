@@ -52,7 +52,7 @@ def _words(subject: Subject) -> dict[str, str]:
     rate = str(s.rate)
     entries = s.law.entries(s.law_config)
     state = s.law.state
-    config = f"&{name}_law_config, " if state != "cgl_pi" else ""
+    period = "" if s.law.name == "trial" else ", controller->drive.law_period"
     length = f"{name.upper()}_MEMORY_LENGTH"
     memory = f", controller->memory, {length}" if entries else ""
     own = {"learning_matrix": f"{name}_learning_matrix"} if s.learning_matrix is not None else {}
@@ -86,8 +86,9 @@ def _words(subject: Subject) -> dict[str, str]:
         "law_step": s.law.step,
         "law_values": initialiser(s.headers, s.law.config, s.law_config | own, s.precision),
         "drive_config": initialiser(s.headers, "cgl_drive_config", s.drive_config, s.precision),
-        "init_call": f"{state}_init(&{name}_law_config, &controller->law{memory})",
-        "reset_call": f"{state}_reset({config}&controller->law)",
+        "period": real(1 / s.rate, s.precision),
+        "init_call": f"{state}_init(&controller->law, &{name}_law_config{period}{memory})",
+        "reset_call": f"{state}_reset(&controller->law)",
         "learning": LEARNING if entries else "none",
         "reset_comment": _reset_comment(s),
         "memory_define": f"#define {length} {entries} /* numbers */\n" if entries else "",

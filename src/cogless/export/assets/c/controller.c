@@ -11,7 +11,7 @@ ${law_values}
 
 cgl_error ${name}_init(${name}_controller *controller)
 {
-    const cgl_error error = cgl_drive_init(&${name}_drive_config, &controller->drive);
+    const cgl_error error = cgl_drive_init(&controller->drive, &${name}_drive_config, ${period});
     if (error != CGL_OK) {
         return error;
     }
@@ -28,10 +28,10 @@ void ${name}_step(${name}_controller *controller, const cgl_measurement *now, co
      ${pad}      cgl_drive_output *out)
 {
     cgl_drive *drive = &controller->drive;
-    if (cgl_drive_measure(&${name}_drive_config, drive, now, reference)) {
-        ${law_step}(&${name}_law_config, &controller->law, &drive->in, &drive->command);
+    if (cgl_drive_measure(drive, now, reference)) {
+        ${law_step}(&controller->law, &drive->in, &drive->command);
     }
-    cgl_drive_actuate(&${name}_drive_config, drive, out);
+    cgl_drive_actuate(drive, out);
 }
 ${more_definitions}
 /* What `cogless design` finds, for scenario ${scenario}:
