@@ -79,9 +79,9 @@ def case(seed: int, number: int) -> tuple[Changes, dict[str, Any]]:
     current_rate, divider = d.one(8000, 8000, 10000, 20000), d.one(4, 5, 8, 10, 16)
     changes, rate = drive(d, K_t, b, current_rate, divider), current_rate // divider
     omega = d.log(0.5, 300.0)
-    changes["drive.inverter.bus_voltage"] = q(d.log(1.2, 30.0) * math.sqrt(3) * omega * K_t / 1.5 + 5.0, "V")
+    changes["drive.inverter.bus_voltage"] = q(d.log(1.2, 6.0) * math.sqrt(3) * omega * K_t / 1.5 + 5.0, "V")
     changes["drive.inverter.computation_delay"] = 0
-    changes["drive.rates.integration_steps"] = 1
+    changes["drive.rates.integration_steps"] = 2
     margin = {"rule": "phase-margin", "phase_margin": f"{d.uniform(35, 70):.4g} deg"}
     study = cogless.load(HERE / "criterion.toml", {**changes, "controller.law": {"law": "pi", "tuning": margin}})
     kp, ki = gains(study, "law")

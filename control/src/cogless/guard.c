@@ -6,9 +6,14 @@
 #define STRIKES 3U
 #define FALLS CGL_R(0.7)         /* in a window: wait another */
 #define HOLD_MOST 4U             /* windows */
-#define PROVEN CGL_R(0.5)        /* of the quietest quarter without learning */
-#define PROOF_TIME CGL_R(2.0)    /* [s] */
-#define PROOF_TURNS CGL_R(3.0)
+#define EVEN CGL_R(1.3)          /* the quarters in which learning begins, one beside another: no run-up, no burst */
+#define NO_WORSE CGL_R(0.9)      /* of the quietest of them, after */
+#define LOOK_TIME CGL_R(2.0)     /* [s] and */
+#define LOOK_TURNS CGL_R(3.0)
+#define PROVEN CGL_R(0.2)        /* and after */
+#define GAINED CGL_R(0.5)        /* of the baseline: more than this, and it is measured again in time */
+#define PROOF_TIME CGL_R(4.0)    /* [s] and */
+#define PROOF_TURNS CGL_R(16.0)
 #define RISEN CGL_R(2.5)         /* since the baseline was supposed: measure it */
 #define AGREE CGL_R(1.5)         /* two windows of a probe */
 #define PROBE_MOST 6U            /* windows */
@@ -219,7 +224,7 @@ CGL_SELDOM static void count_good(cgl_guard *guard, cgl_real omega, cgl_real v, 
     if (guard->gentle > 1U && guard->good >= RETRY << guard->backoff) {
         be_bolder(guard, omega);
         guard->gentle = step_at(guard, omega);
-    } else if (v > PROVEN * b) {
+    } else if (v > GAINED * b) {
         if (++guard->windows >= AGED) {
             probe(guard, v);
         }
@@ -228,10 +233,14 @@ CGL_SELDOM static void count_good(cgl_guard *guard, cgl_real omega, cgl_real v, 
     }
 }
 
-/* Without a baseline: goes on for a while, then looks whether learning has proven itself. */
+/* Without a baseline: looks after a while whether learning does harm, and later whether it has proven itself. */
 CGL_SELDOM static void prove(cgl_guard *guard, cgl_real omega, cgl_real v)
 {
-    if ((cgl_real)guard->time * guard->ts < PROOF_TIME || guard->way < CGL_R(4.0) * PROOF_TURNS * guard->quarter_turn) {
+    const cgl_real time = (cgl_real)guard->time * guard->ts, turn = CGL_R(4.0) * guard->quarter_turn;
+    if (time < LOOK_TIME || guard->way < LOOK_TURNS * turn) {
+        return;
+    }
+    if (v < NO_WORSE * guard->quietest && (time < PROOF_TIME || guard->way < PROOF_TURNS * turn)) {
         return;
     }
     if (v < PROVEN * guard->quietest) {
@@ -310,6 +319,9 @@ CGL_SELDOM static void judge_probe(cgl_guard *guard, cgl_real omega, cgl_real v,
         learn_on(guard, omega);
     } else if (learn && (guard->lessons > 2U || !guard->elsewhere)) {
         be_gentler(guard, omega);
+        if (guard->suspect > LOUD * bar_at(guard, omega)) {
+            be_gentler(guard, omega); /* the next step would not be enough */
+        }
         go_to(guard, CGL_GUARD_CLEAR);
     } else {
         mute(guard, MUTED);
@@ -345,7 +357,7 @@ CGL_SELDOM static void end_window(cgl_guard *guard, bool learn)
     switch (guard->phase) {
     case CGL_GUARD_IDLE:
         if (guard->taught) {
-            guard->quietest = guard->moved ? CGL_R(0.0) : guard->quietest;
+            guard->quietest = guard->moved || guard->best > EVEN * guard->quietest ? CGL_R(0.0) : guard->quietest;
             go_to(guard, CGL_GUARD_LEARN);
         } else if (calm) {
             remember(guard, omega, v);
@@ -383,8 +395,9 @@ CGL_SELDOM static void end_quarter(cgl_guard *guard, const cgl_guard_input *in)
     const cgl_real v = guard->squares / count - mean * mean;
     const cgl_real omega = cgl_abs(guard->reference), b = bar_at(guard, omega > SLOWEST ? omega : SLOWEST);
     guard->loud = b > CGL_R(0.0) && v > LOUD * b ? (uint8_t)(guard->loud + 1U) : 0U;
-    if (guard->phase == CGL_GUARD_IDLE && (guard->quarter == 0U || v < guard->quietest)) {
-        guard->quietest = v;
+    if (guard->phase == CGL_GUARD_IDLE) {
+        guard->quietest = guard->quarter == 0U || v < guard->quietest ? v : guard->quietest;
+        guard->best = guard->quarter == 0U || v > guard->best ? v : guard->best;
     }
     guard->way += cgl_abs(guard->turned);
     guard->time += guard->time < UINT32_MAX / 2U ? guard->count : 0U;
@@ -428,7 +441,6 @@ void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in)
         if (guard->settling > 0U) {
             settle(guard);
         }
-        begin_window(guard);
         return;
     }
     if (guard->tolerance < CGL_R(0.0)) {

@@ -3,8 +3,9 @@
  * It judges by windows: four quarters, each of whole quarter turns and at least a sixteenth of a second. What a window says
  * is the variance v of the speed error, averaged over two samples, so that the counts of an encoder telescope. The bar at a
  * speed is b, the variance without learning: known from before learning began, else from a probe. While it is not known,
- * learning goes on for eight turns and two seconds; then half of the quietest quarter at the start is enough as a proof, and
- * anything else is probed.
+ * learning goes on for three turns and two seconds, and then as long as there is less ripple than in the window in which it
+ * began, if that was an even one; after sixteen turns and four seconds a fifth of it is enough as a proof, anything else is
+ * probed.
  *
  *   LEARN   too much, beyond 1.18 b for three windows (beyond 4 b counts twice), or 36 b for half a window -> HOLD
  *   HOLD    learning stands still, what is learned acts. Below the bar -> LEARN; not, and not falling -> PROBE
@@ -37,7 +38,7 @@ typedef struct {
     cgl_real error;     /* of the speed [rad/s] */
     cgl_real omega_m;   /* measured mechanical speed [rad/s] */
     cgl_real omega_ref; /* and its reference [rad/s] */
-    bool plausible;     /* false: this window counts for nothing */
+    bool plausible;     /* false: this sample counts for nothing */
     bool learn;         /* the caller wants learning */
     bool learned;       /* the law did learn in its last step */
 } cgl_guard_input;
@@ -60,7 +61,7 @@ typedef struct {
     cgl_real last;                         /* v of the last window, of the first of a probe [rad^2/s^2] */
     cgl_real suspect;                      /* v when a probe began [rad^2/s^2] */
     cgl_real quietest;                     /* quarter since learning began, 0: none [rad^2/s^2] */
-    cgl_real best;                         /* v since the baseline was supposed [rad^2/s^2] */
+    cgl_real best;                         /* v since the baseline was supposed; before: the loudest quarter [rad^2/s^2] */
     cgl_real way;                          /* turned in this phase at this speed, as a sum of speeds [rad/s] */
     cgl_real here;                         /* speed at which the lessons were learned [rad/s] */
     cgl_real omega[CGL_GUARD_SPEEDS];      /* speeds with a baseline; 0: none [rad/s] */

@@ -90,17 +90,19 @@ CGL_SELDOM static void step_otherwise(cgl_pi_afc *law, cgl_real error, bool plau
                   | (law->learning ? 0U : (unsigned)CGL_STATUS_FROZEN) | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
 }
 
-/* The factor on the gain, as the guard says, which may clear the coefficients too. They leak by *kept a sample, more from
- * step to step: at the last but one at most 0.4 of the feedback's own part is learned. */
+/* The factor on the gain, which is at most the PI's own ki, as the guard says; it may clear the coefficients too. They leak to
+ * *kept of themselves a sample, more from step to step: at the last but one at most 0.4 of the feedback's own part is learned. */
 CGL_SELDOM static cgl_real follow_guard(cgl_pi_afc *law, const cgl_law_input *in, cgl_real *kept)
 {
     for (uint32_t n = 0U; in->forget && n < 2U * law->config.orders; ++n) {
         law->coefficient[n] = CGL_R(0.0);
     }
-    const cgl_gentle *const step = cgl_gentle_steps + (in->gentle < CGL_GUARD_STEPS ? in->gentle : CGL_GUARD_STEPS);
-    const cgl_real leak = LEAK * (CGL_R(1.0) - step->forgetting) * step->gain * law->config.gain * law->pi.ts;
-    *kept = leak < law->pi.config.kp ? CGL_R(1.0) - leak / law->pi.config.kp : CGL_R(0.0);
-    return step->gain;
+    const cgl_pi_config *const pi = &law->pi.config;
+    const cgl_real configured = law->config.gain;
+    const cgl_real factor = cgl_gentle_gain(in->gentle, configured, pi->ki > CGL_R(0.0) ? pi->ki : configured);
+    const cgl_real leak = LEAK * (CGL_R(1.0) - cgl_gentle_forgetting(in->gentle)) * factor * configured * law->pi.ts;
+    *kept = leak > CGL_R(0.0) ? (leak < pi->kp ? CGL_R(1.0) - leak / pi->kp : CGL_R(0.0)) : CGL_R(1.0);
+    return factor;
 }
 
 void cgl_pi_afc_step(cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *out)
@@ -119,7 +121,7 @@ void cgl_pi_afc_step(cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *o
                     && cgl_abs(in->omega_ref) >= config->omega_min;
     law->learned = CGL_R(0.0);
     cgl_real kept = CGL_R(1.0);
-    const bool guarded = in->gentle > 1U || in->forget;
+    const bool guarded = in->gentle > 0U || in->forget;
     const cgl_real gain = guarded ? config->gain * follow_guard(law, in, &kept) : config->gain;
     if (is_angle) {
         const cgl_real turns = cgl_fraction(in->theta_m * (CGL_R(1.0) / CGL_TWO_PI));
