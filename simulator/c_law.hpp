@@ -142,7 +142,7 @@ struct CLaw {
     }
     // For a law that learns over an angle: revolutions of the rotor that contain a whole number of the memory's periods.
     int turns() const
-        requires requires(const Config& c) { c.memory.turns; }
+        requires requires(const Config& c) { c.ratio; c.memory.turns; }
     {
         const std::uint64_t periods = std::uint64_t{config.ratio} * config.memory.parts;
         return static_cast<int>(config.memory.turns / std::gcd(std::uint64_t{config.memory.turns}, periods));

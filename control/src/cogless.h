@@ -19,7 +19,6 @@
 #include "cogless/polynomial.h"
 #include "cogless/quality.h"
 #include "cogless/robust_ilc.h"
-#include "cogless/space_memory.h"
 #include "cogless/space_position.h"
 #include "cogless/space_speed.h"
 #include "cogless/speed_pi.h"

@@ -14,9 +14,9 @@ static const cgl_drive_config drive_config = {
     .quality = {.span = 6.2831853f, .longest = 60.0f}};
 static const cgl_pi_ilc_config law_config = {
     .pi = {.kp = 0.14f, .ki = 2.9f, .limit = 3.0f}, .gain = 0.038f,
-    .memory = {.kind = CGL_MEMORY_ANGLE, .cells = CELLS, .periods_per_rev = POLE_PAIRS, .q_half_width = Q_HALF_WIDTH,
-               .forgetting = 1.0f, .limit = 1.0f}};
-static cgl_real map[CGL_MEMORY_LENGTH(CELLS, Q_HALF_WIDTH)]; /* the ripple that is learned */
+    .memory = {.channels = 1, .cells = CELLS, .turns = 1, .parts = POLE_PAIRS, .q_half_width = Q_HALF_WIDTH, .forgetting = 1.0f,
+               .limit = {1.0f}}};
+static cgl_real map[CGL_MEMORY_ROW(CELLS, Q_HALF_WIDTH)]; /* the ripple that is learned */
 static cgl_pi_ilc law;
 static cgl_drive drive;
 

@@ -93,7 +93,7 @@ static void prepare_law(cgl_drive *drive, const cgl_reference *reference)
     const cgl_real error = reference->omega_ref - monitor->omega_m;
     const bool learn = reference->learn && monitor->trusted && !drive->off
                        && (!drive->saturated || drive->learn_saturated);
-    const bool taught = learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
+    const bool taught = learn && drive->in.learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
     const bool outlier =
         !is_busy(drive) && cgl_quality_step(&drive->quality, error, monitor->omega_m, taught);
     drive->currents.i_d_ref = cgl_is_finite(reference->i_d_ref) ? reference->i_d_ref : CGL_R(0.0);

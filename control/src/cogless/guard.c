@@ -30,7 +30,7 @@
 #define SETTLE CGL_R(0.2)        /* with the ramp [s] */
 #define MOVED CGL_R(0.02)
 #define ELSEWHERE CGL_R(1.25)    /* another speed */
-#define CLEARED CGL_R(4.2)       /* quarters of a turn, in which every cell is passed */
+#define CLEARED CGL_R(6.2)       /* quarters of a turn, in which every cell is passed, after as many as a Q filter waits for */
 #define SLOWEST CGL_R(0.01)      /* below it is all one speed [rad/s] */
 #define SMALLEST CGL_R(1.0e-20)  /* a variance below it is nothing [rad^2/s^2] */
 #define SQUARE_MAX CGL_R(1.0e30)

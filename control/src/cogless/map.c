@@ -40,24 +40,35 @@ static cgl_map_result checked(const cgl_map *map)
     return cgl_map_is_valid(map) ? CGL_MAP_OK : CGL_MAP_INVALID;
 }
 
-CGL_SELDOM static cgl_map_result of_memory(const cgl_memory *memory, uint32_t law, uint32_t unit,
-                                cgl_map *map)
+/* ratio: of the angle in which the gains are. */
+CGL_SELDOM static cgl_map_result of_memory(const cgl_memory *memory, uint32_t law, uint32_t first_unit, uint32_t ratio,
+                                           cgl_map *map)
 {
+    static const uint32_t unit[CGL_MAP_CHANNELS] = {CGL_MAP_UNIT_NONE, CGL_MAP_UNIT_CURRENT_PER_SPEED,
+                                                    CGL_MAP_UNIT_CURRENT_PER_ACCELERATION};
     const cgl_memory_config *const config = &memory->config;
-    fill(map, law, memory->cell, config->cells, unit, config->limit);
-    map->parts = config->periods_per_rev;
-    map->learning = &memory->started;
+    fill(map, law, memory->cell, config->cells, first_unit, config->limit[0]);
+    map->stride = CGL_MEMORY_ROW(config->cells, config->q_half_width);
+    map->channels = config->channels;
+    map->turns = config->turns;
+    map->parts = memory->periods;
+    map->ratio = ratio;
+    for (uint32_t c = 1; c < (uint32_t)CGL_MAP_CHANNELS && c < config->channels; ++c) {
+        map->unit[c] = unit[c];
+        map->limit[c] = config->limit[c];
+    }
+    map->learning = &memory->learning;
     return config->kind == CGL_MEMORY_ANGLE ? checked(map) : CGL_MAP_BY_TIME;
 }
 
 CGL_SELDOM cgl_map_result cgl_map_of_pi_ilc(const cgl_pi_ilc *law, cgl_map *map)
 {
-    return of_memory(&law->memory, CGL_MAP_LAW_PI_ILC, CGL_MAP_UNIT_CURRENT, map);
+    return of_memory(&law->memory, CGL_MAP_LAW_PI_ILC, CGL_MAP_UNIT_CURRENT, 1U, map);
 }
 
 CGL_SELDOM cgl_map_result cgl_map_of_robust_ilc(const cgl_robust_ilc *law, cgl_map *map)
 {
-    return of_memory(&law->memory, CGL_MAP_LAW_ROBUST_ILC, CGL_MAP_UNIT_ACCELERATION, map);
+    return of_memory(&law->memory, CGL_MAP_LAW_ROBUST_ILC, CGL_MAP_UNIT_ACCELERATION, 1U, map);
 }
 
 CGL_SELDOM cgl_map_result cgl_map_of_anti_cogging(const cgl_anti_cogging *law,
@@ -67,37 +78,15 @@ CGL_SELDOM cgl_map_result cgl_map_of_anti_cogging(const cgl_anti_cogging *law,
     return checked(map);
 }
 
-/* ratio: of the angle that the memory counts; units_ratio: of the one in which the gains are. */
-CGL_SELDOM static cgl_map_result of_space_memory(const cgl_space_memory *memory,
-                                      uint32_t law, uint32_t ratio, uint32_t units_ratio, cgl_map *map)
-{
-    const cgl_space_memory_config *const config = &memory->config;
-    static const uint32_t unit[CGL_MAP_CHANNELS] = {CGL_MAP_UNIT_CURRENT, CGL_MAP_UNIT_CURRENT_PER_SPEED,
-                                                        CGL_MAP_UNIT_CURRENT_PER_ACCELERATION};
-    fill(map, law, memory->cell, config->cells, CGL_MAP_UNIT_CURRENT, config->limit[0]);
-    map->stride = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
-    map->channels = config->channels;
-    map->turns = config->turns;
-    map->parts = ratio * config->parts; /* both within 65535 */
-    map->ratio = units_ratio;
-    for (uint32_t c = 1; c < CGL_MAP_CHANNELS && c < config->channels; ++c) {
-        map->unit[c] = unit[c];
-        map->limit[c] = config->limit[c];
-    }
-    map->learning = &memory->started;
-    return config->kind == CGL_SPACE_MAP ? checked(map) : CGL_MAP_BY_TIME;
-}
-
 CGL_SELDOM cgl_map_result cgl_map_of_space_position(const cgl_space_position *law,
                                          cgl_map *map)
 {
-    return of_space_memory(&law->memory, CGL_MAP_LAW_SPACE_POSITION, law->config.ratio, law->config.ratio,
-                           map);
+    return of_memory(&law->memory, CGL_MAP_LAW_SPACE_POSITION, CGL_MAP_UNIT_CURRENT, law->config.ratio, map);
 }
 
 CGL_SELDOM cgl_map_result cgl_map_of_space_speed(const cgl_space_speed *law, cgl_map *map)
 {
-    return of_space_memory(&law->memory, CGL_MAP_LAW_SPACE_SPEED, law->config.ratio, 1U, map);
+    return of_memory(&law->memory, CGL_MAP_LAW_SPACE_SPEED, CGL_MAP_UNIT_CURRENT, 1U, map);
 }
 
 CGL_SELDOM cgl_map_result cgl_map_of_trial(const cgl_trial *law, cgl_map *map)

@@ -1,508 +1,35 @@
 #include "memory.h"
 
-CGL_SELDOM cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, cgl_real ts, cgl_real *cell,
-                                     uint32_t length)
+#include "angle.h"
+#include "range.h"
+#ifndef COGLESS_NO_DELAY_LINE
+#include "delay_line.h"
+#endif
+
+#define QUARTER 0x40000000U /* of a period */
+#define REACH 16U           /* cells that a rotor may always pass in a step */
+#define PER_TURN CGL_R(2.3283064365386963e-10) /* 2^-32 */
+
+CGL_SELDOM static bool is_valid(const cgl_memory_config *config, cgl_real ts)
 {
-    const uint32_t most = config->kind == CGL_MEMORY_TIME ? CGL_SAMPLES_MAX : CGL_CELLS_MAX;
-    if (!(config->cells >= 4U && config->cells <= most && config->periods_per_rev >= 1U
-          && config->periods_per_rev <= 65535U && config->q_half_width < most
-          && 2U * config->q_half_width + 1U <= config->cells && config->lead <= config->cells / 4U
-          && config->forgetting > CGL_R(0.0) && config->forgetting <= CGL_R(1.0)
-          && cgl_is_positive(config->limit) && cgl_is_positive(ts)
-          && (config->kind == CGL_MEMORY_ANGLE || config->kind == CGL_MEMORY_TIME))) {
-        return CGL_ERROR_CONFIG;
+    static const cgl_range range[] = {CGL_RANGE(cgl_memory_config, turns, CGL_COUNT),
+                                      CGL_RANGE(cgl_memory_config, parts, CGL_COUNT),
+                                      CGL_RANGE(cgl_memory_config, forgetting, CGL_POSITIVE)};
+    const uint32_t most = config->kind == CGL_MEMORY_ANGLE ? CGL_CELLS_MAX : CGL_SAMPLES_MAX;
+    bool valid = CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts) && config->forgetting <= CGL_R(1.0)
+                 && config->channels >= 1U && config->channels <= (uint32_t)CGL_CHANNELS && config->cells >= 4U
+                 && config->cells <= most && config->q_half_width < config->cells / 2U
+                 && config->lead <= config->cells / 4U;
+#ifdef COGLESS_NO_DELAY_LINE
+    valid = valid && config->kind == CGL_MEMORY_ANGLE;
+#else
+    valid = valid && (config->kind == CGL_MEMORY_ANGLE || config->kind == CGL_MEMORY_TIME || cgl_delay_is_valid(config, ts));
+#endif
+    for (uint32_t c = 0; valid && c < config->channels; ++c) {
+        valid = cgl_is_positive(config->limit[c])
+                && cgl_is_finite((cgl_real)(2U * config->q_half_width + 2U) * config->limit[c]);
     }
-    if (cell == 0 || length < CGL_MEMORY_LENGTH(config->cells, config->q_half_width)) {
-        return CGL_ERROR_MEMORY;
-    }
-    memory->config = *config;
-    memory->ts = ts;
-    memory->cell = cell;
-    memory->per_rad = (cgl_real)config->periods_per_rev / CGL_TWO_PI;
-    memory->gain = config->forgetting / (cgl_real)(2U * config->q_half_width + 1U);
-    memory->length = (cgl_real)config->cells;
-    memory->lead = (cgl_real)config->lead;
-    memory->fastest = CGL_R(0.25) * memory->length / (cgl_real)(config->lead > 0U ? config->lead : 1U);
-    cgl_memory_reset(memory);
-    return CGL_OK;
-}
-
-CGL_SELDOM void cgl_memory_reset(cgl_memory *memory)
-{
-    const cgl_memory_config *const config = &memory->config;
-    const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
-    for (uint32_t n = 0; n < length; ++n) {
-        memory->cell[n] = CGL_R(0.0);
-    }
-    memory->position = memory->value = memory->next_position = memory->correction = CGL_R(0.0);
-    memory->lag = memory->lag_position = memory->sum = memory->change = CGL_R(0.0);
-    memory->at = memory->lag_cell = memory->next = memory->newest = memory->known = memory->head = 0U;
-    memory->direction = 0;
-    memory->started = memory->lagging = memory->steady = false;
-}
-
-/* ---- by angle: a map, and behind it a ring of the entries overwritten last, which the Q filter still needs ---- */
-
-/* The cell of n in [-cells, 2 cells). */
-static uint32_t wrap_cell(const cgl_memory_config *config, int32_t n)
-{
-    const int32_t cells = (int32_t)config->cells;
-    return (uint32_t)(n < 0 ? n + cells : (n >= cells ? n - cells : n));
-}
-
-/* The entry that was overwritten `age` cells ago, age <= q_half_width. */
-static cgl_real overwritten(const cgl_memory *memory, uint32_t age)
-{
-    const cgl_memory_config *const config = &memory->config;
-    const int32_t place = (int32_t)memory->head - (int32_t)age - 1;
-    return memory->cell[config->cells + (uint32_t)(place < 0 ? place + (int32_t)config->q_half_width + 1 : place)];
-}
-
-/* The entry of one period ago at cell k in [-cells, 2 cells), for a rotor between the cells n and n + 1. */
-CGL_SELDOM static cgl_real old_entry(const cgl_memory *memory, int32_t n, int32_t k)
-{
-    const cgl_memory_config *const config = &memory->config;
-    const uint32_t cell = wrap_cell(config, k);
-    if (memory->direction < 0 ? k <= n : k > n) {
-        return memory->cell[cell]; /* the rotor has yet to pass it */
-    }
-    const int32_t ahead = (int32_t)memory->newest - (int32_t)cell;
-    const uint32_t age = wrap_cell(config, memory->direction < 0 ? -ahead : ahead);
-    return age < memory->known ? overwritten(memory, age) : memory->cell[cell];
-}
-
-/* The sum of the Q filter's entries, from n - m to n + m; *change: to that around the next cell. */
-CGL_SELDOM static cgl_real sum_anywhere(const cgl_memory *memory, int32_t n, int32_t m,
-                                        cgl_real *change)
-{
-    cgl_real sum = CGL_R(0.0);
-    for (int32_t k = n - m; k <= n + m; ++k) {
-        sum += old_entry(memory, n, k);
-    }
-    *change = old_entry(memory, n, n + m + 1) - old_entry(memory, n, n - m);
-    return sum;
-}
-
-/* Place of the angle in its period, in [0, 1). */
-static inline cgl_real find_place(const cgl_memory *memory, cgl_real theta_m)
-{
-    const cgl_real periods = theta_m * memory->per_rad;
-    const cgl_real fraction = cgl_rest(periods);
-    if (!(fraction < CGL_R(0.0))) {
-        return fraction;
-    }
-    const cgl_real positive = fraction + CGL_R(1.0);
-    return positive < CGL_R(1.0) ? positive : CGL_R(0.0); /* a tiny negative one rounds up to 1 */
-}
-
-CGL_SELDOM static bool recall_by_angle(cgl_memory *memory, cgl_real theta_m, bool learn,
-                                       cgl_real *value)
-{
-    const cgl_memory_config *const config = &memory->config;
-    memory->newest = memory->steady ? memory->at : memory->newest;
-    if (!cgl_is_angle(theta_m)) {
-        memory->started = memory->steady = false;
-        return false;
-    }
-    const cgl_real position = find_place(memory, theta_m) * memory->length;
-    const uint32_t n = (uint32_t)(int32_t)position;
-    memory->next_position = position;
-    memory->next = n < config->cells ? n : 0U;
-    cgl_real change;
-    const cgl_real sum = sum_anywhere(memory, (int32_t)memory->next,
-                                      learn ? (int32_t)config->q_half_width : 0, &change);
-    *value = sum + (position - (cgl_real)(int32_t)position) * change;
-    *value *= learn ? memory->gain : CGL_R(1.0);
-    return true;
-}
-
-/* `count` cells back from n, against the direction, get values of a line of this slope that ends `rest` cells after n
- * with `value`; or, to correct them, they get it added. */
-CGL_SELDOM static void write_line(const cgl_memory *memory, uint32_t n, uint32_t count,
-                                  int direction, cgl_real value, cgl_real rest, cgl_real slope, bool add)
-{
-    const cgl_memory_config *const config = &memory->config;
-    for (;;) {
-        cgl_real *const entry = memory->cell + n;
-        const cgl_real on_line = cgl_clamped(value - rest * slope, config->limit);
-        *entry = add ? cgl_clamped(*entry + on_line, config->limit) : on_line;
-        if (--count == 0U) {
-            break;
-        }
-        rest += CGL_R(1.0);
-        n = wrap_cell(config, (int32_t)n - direction);
-    }
-}
-
-/* The entries of `count` cells from n on, in the direction, go into the ring. */
-CGL_SELDOM static void remember(cgl_memory *memory, uint32_t n, uint32_t count,
-                                int direction)
-{
-    const cgl_memory_config *const config = &memory->config;
-    const uint32_t last = config->q_half_width;
-    for (;;) {
-        memory->cell[config->cells + memory->head] = memory->cell[n];
-        memory->head = memory->head < last ? memory->head + 1U : 0U;
-        if (--count == 0U) {
-            break;
-        }
-        n = wrap_cell(config, (int32_t)n + direction);
-    }
-    memory->newest = n;
-}
-
-/* The cells passed on the way between two positions, of which `from` and `to` are the cells at or before them. Forward a
- * position on a cell has passed it, backward too. */
-typedef struct {
-    uint32_t first, last, count;
-    cgl_real rest; /* from the last to the end of the way [cells] */
-} passage;
-
-CGL_SELDOM static passage passage_of(const cgl_memory_config *config, uint32_t from, cgl_real start, uint32_t to,
-                                 cgl_real end, bool backward)
-{
-    passage p;
-    if (!backward) {
-        p.first = from + 1U < config->cells ? from + 1U : 0U;
-        p.last = to;
-        p.count = to >= from ? to - from : to + config->cells - from;
-        p.rest = end - (cgl_real)(int32_t)to;
-    } else { /* the cells at or above */
-        const uint32_t above_from = (cgl_real)(int32_t)from < start ? from + 1U : from;
-        const uint32_t above_to = (cgl_real)(int32_t)to < end ? to + 1U : to;
-        p.first = wrap_cell(config, (int32_t)above_from - 1);
-        p.last = wrap_cell(config, (int32_t)above_to);
-        p.count = above_from >= above_to ? above_from - above_to : above_from + config->cells - above_to;
-        p.rest = (cgl_real)(int32_t)above_to - end;
-    }
-    return p;
-}
-
-/* Adds the corrections where the rotor was `lead` samples ago, at the speed that it has now. */
-CGL_SELDOM static void correct_by_angle(cgl_memory *memory, cgl_real moved,
-                                    cgl_real correction, cgl_real quarter)
-{
-    const cgl_memory_config *const config = &memory->config;
-    const cgl_real behind = memory->lead * moved;
-    if (!cgl_is_within(behind, quarter)) {
-        memory->lagging = false;
-        return;
-    }
-    const cgl_real before = memory->lag + moved, passed = before - behind;
-    if (memory->lagging && passed * moved <= CGL_R(0.0)) {
-        memory->lag = before;
-        return; /* the rotor gains speed faster than it moves: wait until the place comes by again */
-    }
-    const cgl_real cells = memory->length;
-    cgl_real place = memory->next_position - behind;
-    place = place < CGL_R(0.0) ? place + cells : place;
-    place = place >= cells ? place - cells : place;
-    const uint32_t cell = (uint32_t)(int32_t)place;
-    if (memory->lagging && cgl_is_within(passed, quarter)) {
-        const bool backward = moved < CGL_R(0.0);
-        const passage p = passage_of(config, memory->lag_cell, memory->lag_position, cell, place, backward);
-        if (p.count > 0U && p.count <= config->cells / 2U) {
-            write_line(memory, p.last, p.count, backward ? -1 : 1, correction, p.rest,
-                       (correction - memory->correction) / cgl_abs(passed), true);
-        }
-    }
-    memory->lag = behind;
-    memory->lag_position = place;
-    memory->lag_cell = cell;
-    memory->correction = correction;
-    memory->lagging = true;
-}
-
-CGL_SELDOM static void store_by_angle(cgl_memory *memory, cgl_real value, cgl_real correction)
-{
-    const cgl_memory_config *const config = &memory->config;
-    const cgl_real cells = memory->length, quarter = CGL_R(0.25) * cells;
-    const cgl_real position = memory->next_position;
-    cgl_real moved = position - memory->position;
-    if (!cgl_is_within(moved, CGL_R(0.5) * cells)) { /* the shorter way round */
-        moved += moved < CGL_R(0.0) ? cells : -cells;
-    }
-    if (!(memory->started && cgl_is_within(moved, quarter))) {
-        memory->lagging = false;
-    } else if (moved < CGL_R(0.0) || moved > CGL_R(0.0)) {
-        const bool backward = moved < CGL_R(0.0);
-        const int direction = backward ? -1 : 1;
-        const passage p = passage_of(config, memory->at, memory->position, memory->next, position, backward);
-        if (p.count > 0U && p.count <= config->cells / 2U) {
-            const uint32_t ring = config->q_half_width + 1U;
-            memory->lagging = memory->lagging && memory->direction == direction;
-            if (direction != memory->direction
-                || wrap_cell(config, (int32_t)memory->newest + direction) != p.first) {
-                memory->known = 0U; /* the ring only speaks of cells in a row */
-                memory->direction = direction;
-            }
-            memory->known = memory->known + p.count < ring ? memory->known + p.count : ring;
-            remember(memory, p.first, p.count, direction);
-            write_line(memory, p.last, p.count, direction, value, p.rest,
-                       (value - memory->value) / cgl_abs(moved), false);
-        }
-        if (config->lead > 0U) {
-            correct_by_angle(memory, moved, correction, quarter);
-        }
-    }
-    memory->position = position;
-    memory->at = memory->next;
-    memory->value = value;
-    memory->started = true;
-    memory->steady = memory->direction > 0 && memory->known > config->q_half_width && memory->newest == memory->at
-                     && (config->lead == 0U || (memory->lagging && cgl_is_within(memory->correction, config->limit)));
-    if (memory->steady) {
-        memory->sum = sum_anywhere(memory, (int32_t)memory->at, (int32_t)config->q_half_width, &memory->change);
-    }
-}
-
-/* ---- by angle, in short: for a rotor that goes on forward ---- */
-
-/* The sum of the Q filter's entries around cell 0, when the rotor comes there: summed anew, as changes to it round. The
- * entry at `head` has left the window. */
-CGL_SELDOM static cgl_real sum_at_start(const cgl_memory *memory, uint32_t head)
-{
-    const cgl_memory_config *const config = &memory->config;
-    cgl_real sum = CGL_R(0.0);
-    for (uint32_t n = 0; n <= config->q_half_width; ++n) {
-        sum += memory->cell[n];
-        sum += n != head ? memory->cell[config->cells + n] : CGL_R(0.0);
-    }
-    return sum;
-}
-
-/* The rotor comes to cell n, whose old entry goes into the ring. */
-static inline void pass_cell(cgl_memory *memory, uint32_t n)
-{
-    const cgl_memory_config *const config = &memory->config;
-    const uint32_t cells = config->cells, last = config->q_half_width;
-    cgl_real *const entry = memory->cell, *const ring = entry + cells;
-    uint32_t head = memory->head;
-    memory->sum = CGL_OFTEN(n > 0U) ? memory->sum + memory->change : sum_at_start(memory, head);
-    ring[head] = entry[n];
-    head = head < last ? head + 1U : 0U;
-    const uint32_t ahead = n + last + 1U;
-    memory->change = entry[ahead < cells ? ahead : ahead - cells] - ring[head];
-    memory->head = head;
-}
-
-/* The rotor passes all but the last of `count` cells. */
-CGL_SELDOM static void pass_more(cgl_memory *memory, uint32_t count)
-{
-    const cgl_memory_config *const config = &memory->config;
-    for (uint32_t n = memory->at; count > 1U; --count) {
-        n = n + 1U < config->cells ? n + 1U : 0U;
-        pass_cell(memory, n);
-    }
-}
-
-/* x, a number, within the limit */
-static inline cgl_real limited(cgl_real x, cgl_real limit)
-{
-    if (CGL_OFTEN(cgl_is_within(x, limit))) {
-        return x;
-    }
-    return x > CGL_R(0.0) ? limit : -limit;
-}
-
-/* Adds the corrections where the rotor was `lead` samples ago. */
-static inline void correct_on(cgl_memory *memory, cgl_real position, cgl_real moved,
-                              cgl_real correction)
-{
-    const cgl_memory_config *const config = &memory->config;
-    const uint32_t cells = config->cells;
-    const cgl_real behind = memory->lead * moved, limit = config->limit;
-    cgl_real place = position - behind, passed = place - memory->lag_position;
-    if (place < CGL_R(0.0)) {
-        place += memory->length;
-        passed += memory->length;
-    }
-    const uint32_t cell = (uint32_t)(int32_t)place;
-    uint32_t count = cell - memory->lag_cell;
-    if (cell < memory->lag_cell) {
-        count += cells;
-        passed += memory->length;
-    }
-    if (!(passed > CGL_R(0.0) && count < cells / 4U && cell < cells)) {
-        memory->next_position = position;
-        memory->newest = memory->at;
-        correct_by_angle(memory, moved, correction, CGL_R(0.25) * memory->length);
-        memory->steady = memory->lagging;
-        return;
-    }
-    if (count > 0U) {
-        const cgl_real slope = (correction - memory->correction) / passed;
-        cgl_real change = correction - (place - (cgl_real)(int32_t)cell) * slope, *entry = memory->cell + cell;
-        *entry = limited(*entry + change, limit);
-        while (--count > 0U) {
-            change -= slope;
-            entry = (entry > memory->cell ? entry : memory->cell + cells) - 1;
-            *entry = limited(*entry + change, limit);
-        }
-    }
-    memory->lag = behind;
-    memory->lag_position = place;
-    memory->lag_cell = cell;
-    memory->correction = correction;
-}
-
-/* Recalls and updates, if this is such a step; else changes nothing. What acts is the new value. */
-static inline bool step_on(cgl_memory *memory, cgl_real theta_m, cgl_real correction)
-{
-    const cgl_memory_config *const config = &memory->config;
-    const cgl_real limit = config->limit;
-    if (!(cgl_is_angle(theta_m) && cgl_is_within(correction, limit))) {
-        return false;
-    }
-    const cgl_real position = find_place(memory, theta_m) * memory->length;
-    const uint32_t n = (uint32_t)(int32_t)position, cells = config->cells;
-    uint32_t count = n - memory->at; /* cells passed */
-    cgl_real moved = position - memory->position;
-    if (n < memory->at) {
-        count += cells;
-        moved += memory->length;
-    }
-    if (!(moved < memory->fastest && n < cells)) { /* back by some cells is too far on, too */
-        return false;
-    }
-    cgl_real *entry = memory->cell + n;
-    if (count > 0U) {
-        if (config->q_half_width == 0U) {
-            memory->cell[cells] = memory->sum = *entry;
-            memory->change = memory->cell[n + 1U < cells ? n + 1U : 0U] - memory->sum;
-        } else {
-            if (count > 1U) {
-                pass_more(memory, count);
-            }
-            pass_cell(memory, n);
-        }
-    }
-    const cgl_real part = position - (cgl_real)(int32_t)n;
-    const cgl_real recalled = memory->gain * (memory->sum + part * memory->change);
-    const cgl_real value = cgl_clamp(config->lead > 0U ? recalled : recalled + correction, limit);
-    if (count > 0U) {
-        const cgl_real slope = (value - memory->value) / moved;
-        cgl_real on_line = value - part * slope;
-        *entry = limited(on_line, limit);
-        while (--count > 0U) {
-            on_line -= slope;
-            entry = (entry > memory->cell ? entry : memory->cell + cells) - 1;
-            *entry = limited(on_line, limit);
-        }
-        memory->at = n;
-    } else if (!(moved > CGL_R(0.0))) {
-        if (moved < CGL_R(0.0)) {
-            return false;
-        }
-        memory->value = value; /* it stands still, or a coarse encoder says so */
-        return true;
-    }
-    memory->position = position;
-    memory->value = value;
-    if (config->lead > 0U) {
-        correct_on(memory, position, moved, correction);
-    }
-    return true;
-}
-
-/* ---- by time: a ring of the last values ---- */
-
-/* The value stored `age` samples ago, 1 for the last one. */
-static cgl_real value_ago(const cgl_memory *memory, uint32_t age)
-{
-    const cgl_memory_config *const config = &memory->config;
-    const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
-    if (age > memory->known) {
-        return CGL_R(0.0);
-    }
-    const uint32_t place = memory->newest + length + 1U - age;
-    return memory->cell[place < length ? place : place - length];
-}
-
-CGL_SELDOM static bool recall_by_time(const cgl_memory *memory, cgl_real omega_ref, bool learn,
-                           cgl_real *value)
-{
-    const cgl_memory_config *const config = &memory->config;
-    const cgl_real periods = cgl_abs(omega_ref) * memory->ts * memory->per_rad; /* in a sample */
-    if (!(periods > CGL_R(0.0) && periods * (cgl_real)config->cells >= CGL_R(1.0)
-          && periods * (cgl_real)(config->q_half_width + 1U) <= CGL_R(1.0))) {
-        return false;
-    }
-    const cgl_real period = CGL_R(1.0) / periods;
-    uint32_t n = (uint32_t)cgl_clamped(period, (cgl_real)config->cells); /* it may round above the longest period */
-    n = n > config->q_half_width ? n : config->q_half_width + 1U;
-    const cgl_real part = cgl_clamped(period - (cgl_real)n, CGL_R(1.0));
-    const uint32_t m = learn ? config->q_half_width : 0U;
-
-    cgl_real sum = CGL_R(0.0), first = CGL_R(0.0);
-    for (uint32_t age = n + m; age >= n - m; --age) {
-        first = value_ago(memory, age);
-        sum += first;
-    }
-    sum += part * (value_ago(memory, n + m + 1U) - first);
-    *value = learn ? memory->gain * sum : sum;
-    return true;
-}
-
-CGL_SELDOM static void store_by_time(cgl_memory *memory, cgl_real value, cgl_real correction)
-{
-    const cgl_memory_config *const config = &memory->config;
-    const uint32_t length = CGL_MEMORY_LENGTH(config->cells, config->q_half_width);
-    memory->newest = memory->newest + 1U < length ? memory->newest + 1U : 0U;
-    memory->cell[memory->newest] = value;
-    if (memory->known < length) {
-        ++memory->known;
-    }
-    if (config->lead > 0U && config->lead < memory->known) {
-        const uint32_t place = memory->newest + length - config->lead;
-        const uint32_t then = place < length ? place : place - length;
-        memory->cell[then] = cgl_clamped(memory->cell[then] + correction, config->limit);
-    }
-}
-
-CGL_SELDOM static bool recall(cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref, bool learn,
-                   cgl_real *value)
-{
-    const cgl_memory_config *const config = &memory->config;
-    if (config->kind == CGL_MEMORY_TIME) {
-        return recall_by_time(memory, omega_ref, learn, value);
-    }
-    return recall_by_angle(memory, theta_m, learn, value);
-}
-
-CGL_SELDOM bool cgl_memory_recall(cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
-                       bool learn, cgl_real *value)
-{
-    const cgl_memory_config *const config = &memory->config;
-    const bool known = recall(memory, theta_m, omega_ref, learn, value);
-    *value = known ? cgl_clamped(*value, config->limit) : CGL_R(0.0); /* sums round */
-    return known;
-}
-
-CGL_SELDOM cgl_real cgl_memory_update(cgl_memory *memory, cgl_real value, cgl_real correction,
-                           bool learn)
-{
-    const cgl_memory_config *const config = &memory->config;
-    const cgl_real change = learn ? cgl_clamped(correction, CGL_REAL_MAX) : CGL_R(0.0);
-    const cgl_real acting = cgl_clamped(config->lead > 0U ? value : value + change, config->limit);
-    if (config->kind == CGL_MEMORY_TIME) {
-        store_by_time(memory, acting, change);
-    } else if (learn) {
-        store_by_angle(memory, acting, change);
-    } else {
-        memory->started = memory->lagging = memory->steady = false; /* the next value has no line back to this one */
-        memory->known = 0U; /* and when the rotor comes round, what was overwritten is two periods old */
-    }
-    return acting;
-}
-
-CGL_SELDOM static cgl_real step_anywhere(cgl_memory *memory, cgl_real theta_m,
-                                         cgl_real omega_ref, cgl_real correction, bool *learn)
-{
-    cgl_real value;
-    *learn = *learn && cgl_is_finite(correction) && cgl_is_angle(theta_m);
-    *learn = cgl_memory_recall(memory, theta_m, omega_ref, *learn, &value) && *learn;
-    return cgl_memory_update(memory, value, correction, *learn);
+    return valid;
 }
 
 CGL_SELDOM void cgl_memory_soften(cgl_memory *memory, cgl_real factor)
@@ -510,21 +37,385 @@ CGL_SELDOM void cgl_memory_soften(cgl_memory *memory, cgl_real factor)
     memory->gain = factor * memory->config.forgetting / (cgl_real)(2U * memory->config.q_half_width + 1U);
 }
 
-CGL_SELDOM void cgl_memory_forget(cgl_memory *memory, cgl_real theta_m)
+CGL_SELDOM static void take(cgl_memory *memory, const cgl_memory_config *config)
 {
-    cgl_real value;
-    if (memory->config.kind == CGL_MEMORY_TIME) {
-        memory->known = 0U;
-    } else if (recall_by_angle(memory, theta_m, true, &value)) {
-        store_by_angle(memory, CGL_R(0.0), CGL_R(0.0));
+    memory->config = *config;
+    cgl_memory_soften(memory, CGL_R(1.0));
+    for (uint32_t c = 0; c < (uint32_t)CGL_CHANNELS; ++c) {
+        memory->channel[c].limit = config->limit[c];
     }
 }
 
-cgl_real cgl_memory_step(cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
-                         cgl_real correction, bool *learn)
+CGL_SELDOM cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, cgl_real ts, uint32_t ratio,
+                                     cgl_real *cell, uint32_t length)
 {
-    if (*learn && memory->steady && step_on(memory, theta_m, correction)) {
-        return memory->value;
+    if (!(is_valid(config, ts) && ratio >= 1U && ratio <= 65535U)) {
+        return CGL_ERROR_CONFIG;
     }
-    return step_anywhere(memory, theta_m, omega_ref, correction, learn);
+    if (cell == 0
+        || length < CGL_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width)) {
+        return CGL_ERROR_MEMORY;
+    }
+    take(memory, config);
+    memory->ts = ts;
+    memory->periods = ratio * config->parts;
+    memory->cell = cell;
+    memory->map.width = (uint32_t)(0x100000000U / config->cells);
+    memory->map.per_cell = CGL_R(4294967296.0) / (cgl_real)config->cells;
+    memory->row = CGL_MEMORY_ROW(config->cells, config->q_half_width);
+    cgl_memory_reset(memory);
+    return CGL_OK;
+}
+
+CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config)
+{
+    const cgl_memory_config *const now = &memory->config;
+    if (!(is_valid(config, memory->ts) && config->kind == now->kind && config->channels == now->channels
+          && config->cells == now->cells && config->turns == now->turns && config->parts == now->parts
+          && config->q_half_width == now->q_half_width)) {
+        return CGL_ERROR_CONFIG;
+    }
+    take(memory, config);
+    cgl_real *entry = memory->cell + (config->kind == CGL_MEMORY_DELAY ? memory->row : 0U);
+    for (uint32_t c = 0; c < config->channels; ++c, entry += memory->row) {
+        for (uint32_t n = 0; n < memory->row; ++n) {
+            entry[n] = cgl_clamp(entry[n], config->limit[c]);
+        }
+        memory->channel[c].value = cgl_clamp(memory->channel[c].value, config->limit[c]);
+    }
+    memory->map.started = memory->map.lagging = false;
+    return CGL_OK;
+}
+
+CGL_SELDOM void cgl_memory_reset(cgl_memory *memory)
+{
+    const cgl_memory_config *const config = &memory->config;
+    const uint32_t length =
+        CGL_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width);
+    for (uint32_t n = 0; n < length; ++n) {
+        memory->cell[n] = CGL_R(0.0);
+    }
+    cgl_angle_map *const map = &memory->map;
+    for (cgl_channel *channel = memory->channel; channel < memory->channel + CGL_CHANNELS; ++channel) {
+        channel->value = channel->sum = channel->anew = channel->correction = CGL_R(0.0);
+    }
+    memory->learning = false;
+    map->mask = map->offset = map->shift = 0U;
+    map->angle = map->turn = map->x = map->at = map->passed = map->head = map->half = map->anew_left = map->lag_x = 0U;
+    map->part = CGL_R(0.0);
+    map->started = map->follows = map->lagging = false;
+#ifndef COGLESS_NO_DELAY_LINE
+    cgl_delay_reset(&memory->line);
+#endif
+}
+
+/* n, below two times the cells, within them. */
+static inline uint32_t wrapped(uint32_t n, uint32_t cells)
+{
+    return n < cells ? n : n - cells;
+}
+
+/* ---- where the rotor is ---- */
+
+/* The place of an angle in the period; with more turns than one, of the turn that the rotor is in. */
+CGL_SELDOM static uint32_t place_in_turns(cgl_memory *memory, uint32_t angle)
+{
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t turns = memory->config.turns;
+    if ((int32_t)(angle - map->angle) >= 0) { /* the shorter way round */
+        map->turn = angle < map->angle ? wrapped(map->turn + 1U, turns) : map->turn;
+    } else {
+        map->turn = angle > map->angle ? wrapped(map->turn + turns - 1U, turns) : map->turn;
+    }
+    map->angle = angle;
+    /* periods / turns of a revolution; the remainder of a turn first, which must not be lost */
+    const uint32_t turn = (uint32_t)((((uint64_t)map->turn * memory->periods % turns) << 32) / turns);
+    const uint32_t whole = angle / turns, rest = angle % turns;
+    return turn + whole * memory->periods + (uint32_t)((uint64_t)rest * memory->periods / turns);
+}
+
+/* The entry of cell n, as it is counted. */
+static inline uint32_t entry_of(const cgl_angle_map *map, uint32_t n)
+{
+    return (n ^ map->mask) + map->offset;
+}
+
+/* Place in the ring of the entry that was passed `age` cells ago. */
+static inline uint32_t ring_place(const cgl_memory *memory, uint32_t age)
+{
+    const uint32_t head = memory->map.head;
+    return memory->config.cells + (head >= age ? head - age : head + memory->config.q_half_width + 1U - age);
+}
+
+/* Starts anew at a place: the sum is that of one cell. */
+CGL_SELDOM static void seat(cgl_memory *memory, uint32_t x)
+{
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t cells = memory->config.cells, row = memory->row;
+    const uint64_t place = (uint64_t)x * cells;
+    map->x = x;
+    map->at = (uint32_t)(place >> 32);
+    map->part = (cgl_real)(uint32_t)place * PER_TURN;
+    map->started = true;
+    map->follows = map->lagging = false;
+    map->passed = map->head = map->half = 0U;
+    map->anew_left = 1U;
+    cgl_real *entry = memory->cell;
+    for (uint32_t c = 0; c < memory->config.channels; ++c, entry += row) {
+        memory->channel[c].sum = entry[cells] = entry[entry_of(map, map->at)];
+        memory->channel[c].anew = CGL_R(0.0);
+    }
+}
+
+/* The sum takes in a cell more on each side. */
+CGL_SELDOM static void widen(cgl_memory *memory)
+{
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t cells = memory->config.cells, half = map->half + 1U, oldest = ring_place(memory, half);
+    const uint32_t ahead = entry_of(map, wrapped(map->at + half, cells));
+    const uint32_t behind = entry_of(map, wrapped(map->at + cells - half, cells));
+    cgl_real *entry = memory->cell;
+    for (uint32_t c = 0; c < memory->config.channels; ++c, entry += memory->row) {
+        entry[oldest] = entry[behind];
+        memory->channel[c].sum += entry[ahead] + entry[behind];
+        memory->channel[c].anew = CGL_R(0.0);
+    }
+    map->half = half;
+    map->anew_left = 2U * half + 1U;
+}
+
+/* The rotor passes `count` cells, whose entries go into the ring as they are. */
+CGL_APART static void pass(cgl_memory *memory, uint32_t count)
+{
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t cells = memory->config.cells, m = memory->config.q_half_width, half = map->half;
+    const uint32_t mask = map->mask, offset = map->offset;
+    const uint32_t first = ring_place(memory, half) - cells, front = wrapped(map->at + half, cells);
+    cgl_real *entry = memory->cell;
+    for (cgl_channel *channel = memory->channel;;) {
+        cgl_real *const ring = entry + cells;
+        cgl_real sum = channel->sum, anew = channel->anew;
+        uint32_t at = map->at, ahead = front, head = map->head, leaving = first, anew_left = map->anew_left, left = count;
+        do {
+            at = wrapped(at + 1U, cells);
+            ahead = wrapped(ahead + 1U, cells);
+            head = head < m ? head + 1U : 0U;
+            const cgl_real entering = entry[(ahead ^ mask) + offset];
+            sum += entering - ring[leaving];
+            anew += entering;
+            ring[head] = entry[(at ^ mask) + offset];
+            leaving = leaving < m ? leaving + 1U : 0U;
+            if (--anew_left == 0U) {
+                sum = anew;
+                anew = CGL_R(0.0);
+                anew_left = 2U * half + 1U;
+            }
+        } while (--left > 0U);
+        channel->sum = sum;
+        channel->anew = anew;
+        entry += memory->row;
+        if (++channel >= memory->channel + memory->config.channels) {
+            map->at = at;
+            map->head = head;
+            map->anew_left = anew_left;
+            return;
+        }
+    }
+}
+
+/* The rotor is where no way leads on to: it starts, jumps, or turns back. */
+CGL_SELDOM static void start_there(cgl_memory *memory, uint32_t x, uint32_t moved, uint32_t count)
+{
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t cells = memory->config.cells;
+    if (map->started && moved >= 0U - QUARTER) {
+        const bool forward = map->mask != 0U;
+        x = (x - map->shift) ^ map->mask;
+        map->mask = forward ? 0U : 0xFFFFFFFFU;
+        map->offset = forward ? 0U : cells;
+        map->shift = forward ? 0U : 1U - map->width;
+        x = (x ^ map->mask) + map->shift;
+    }
+    seat(memory, x);
+    map->passed = moved <= QUARTER ? count : 0U; /* where it goes on like this, it is no jump */
+}
+
+/* Follows the rotor to a place in the period; how far it moved [2^-32 periods], 0 where it starts anew. */
+static inline uint32_t follow(cgl_memory *memory, uint32_t place)
+{
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t cells = memory->config.cells, x = (place ^ map->mask) + map->shift, moved = x - map->x;
+    const uint64_t wide = (uint64_t)x * cells;
+    const uint32_t n = (uint32_t)(wide >> 32), apart = n - map->at, count = apart < cells ? apart : apart + cells;
+    if (!(map->started && moved <= QUARTER && count <= REACH + 2U * map->passed)) {
+        if (map->started && moved > 0U - map->width) { /* back by less than a cell: it stands */
+            map->passed = 0U;
+        } else {
+            start_there(memory, x, moved, count);
+        }
+        return 0U;
+    }
+    map->x = x;
+    map->part = (cgl_real)(uint32_t)wide * PER_TURN;
+    map->passed = count;
+    if (count > 0U && memory->config.q_half_width > 0U) {
+        pass(memory, count);
+    } else if (count > 0U) { /* without a filter the last cell is all */
+        cgl_real *entry = memory->cell;
+        for (uint32_t c = 0; c < memory->config.channels; ++c, entry += memory->row) {
+            memory->channel[c].sum = entry[cells] = entry[entry_of(map, n)];
+        }
+        map->at = n;
+    }
+    return moved;
+}
+
+/* ---- what is learned there ---- */
+
+/* Adds the corrections where the rotor was `lead` samples ago, had it always moved as it does now. */
+CGL_SELDOM static void correct(cgl_memory *memory, uint32_t moved, const cgl_real *correction)
+{
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t cells = memory->config.cells, lead = memory->config.lead;
+    if ((uint64_t)moved * lead > QUARTER) {
+        map->lagging = false;
+        return;
+    }
+    const uint32_t x = map->x - moved * lead, passed = x - map->lag_x;
+    if (map->lagging && (passed == 0U || passed > 0x80000000U)) {
+        return; /* the rotor gains speed faster than it moves: wait until the place comes by again */
+    }
+    const uint64_t wide = (uint64_t)x * cells;
+    const uint32_t n = (uint32_t)(wide >> 32), apart = n - (uint32_t)(((uint64_t)map->lag_x * cells) >> 32);
+    const uint32_t count = apart < cells ? apart : apart + cells;
+    const bool writes = map->lagging && passed <= QUARTER && count > 0U && count <= REACH + 2U * map->passed;
+    const cgl_real part = (cgl_real)(uint32_t)wide * PER_TURN, per_cell = map->per_cell / (cgl_real)passed;
+    cgl_real *entry = memory->cell;
+    for (uint32_t c = 0; c < memory->config.channels; ++c, entry += memory->row) {
+        cgl_channel *const channel = memory->channel + c;
+        const cgl_real slope = (correction[c] - channel->correction) * per_cell, limit = channel->limit;
+        cgl_real on_line = correction[c] - part * slope;
+        uint32_t cell = n;
+        for (uint32_t left = writes ? count : 0U; left > 0U; --left) {
+            cgl_real *const corrected = entry + entry_of(map, cell);
+            *corrected = cgl_clamp(*corrected + on_line, limit);
+            on_line -= slope;
+            cell = (cell > 0U ? cell : cells) - 1U;
+        }
+        channel->correction = correction[c];
+    }
+    map->lag_x = x;
+    map->lagging = true;
+}
+
+/* What is held at the place, as it is. */
+CGL_SELDOM static void repeat(cgl_memory *memory, cgl_real *value)
+{
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t here = entry_of(map, map->at), next = entry_of(map, wrapped(map->at + 1U, memory->config.cells));
+    const cgl_real *entry = memory->cell;
+    for (uint32_t c = 0; c < memory->config.channels; ++c, entry += memory->row) {
+        value[c] = entry[here] + map->part * (entry[next] - entry[here]);
+        memory->channel[c].value = cgl_clamp(value[c], memory->channel[c].limit);
+    }
+    map->follows = map->lagging = false;
+}
+
+CGL_APART static void learn_on(cgl_memory *memory, uint32_t moved, const cgl_real *correction, cgl_real *value)
+{
+    cgl_angle_map *const map = &memory->map;
+    const uint32_t cells = memory->config.cells, m = memory->config.q_half_width, at = map->at;
+    const uint32_t ahead = entry_of(map, wrapped(at + m + 1U, cells));
+    const uint32_t oldest = cells + (map->head < m ? map->head + 1U : 0U);
+    const uint32_t count = moved > 0U && map->follows ? map->passed : 0U;
+    const bool acts = memory->config.lead == 0U;
+    const cgl_real gain = memory->gain, part = map->part;
+    const cgl_channel *const end = memory->channel + memory->config.channels;
+    cgl_real *entry = memory->cell;
+    const cgl_real *change = correction;
+    for (cgl_channel *channel = memory->channel; channel < end; ++channel, entry += memory->row) {
+        const cgl_real recalled = gain * (channel->sum + part * (entry[ahead] - entry[oldest]));
+        const cgl_real wanted = acts ? recalled + *change : recalled;
+        const cgl_real stored = cgl_clamp(wanted, channel->limit);
+        *value++ = wanted;
+        ++change;
+        if (count > 0U) {
+            const cgl_real slope = (stored - channel->value) * (map->per_cell / (cgl_real)moved);
+            cgl_real on_line = stored - part * slope;
+            uint32_t cell = at;
+            for (uint32_t left = count;;) {
+                entry[entry_of(map, cell)] = cgl_clamp(on_line, channel->limit);
+                if (--left == 0U) {
+                    break;
+                }
+                on_line -= slope;
+                cell = (cell > 0U ? cell : cells) - 1U;
+            }
+        }
+        channel->value = stored;
+    }
+    map->follows = true;
+    if (!acts && moved > 0U) {
+        correct(memory, moved, correction);
+    }
+}
+
+static inline bool are_finite(const cgl_real *x, uint32_t count)
+{
+    bool finite = cgl_is_finite(x[0]);
+    for (uint32_t c = 1U; c < count; ++c) {
+        finite = finite && cgl_is_finite(x[c]);
+    }
+    return finite;
+}
+
+/* No place is known: what acts is what acted last. */
+CGL_SELDOM static void lose(cgl_memory *memory, cgl_real *value)
+{
+    for (uint32_t c = 0; c < memory->config.channels; ++c) {
+        value[c] = memory->channel[c].value;
+    }
+    memory->map.started = memory->map.follows = memory->map.lagging = false;
+}
+
+bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool learn, const cgl_real *correction,
+                     cgl_real *value)
+{
+    learn = learn && are_finite(correction, memory->config.channels);
+    if (!cgl_is_angle(theta)) {
+        lose(memory, value);
+        learn = false;
+    } else if (CGL_OFTEN(memory->config.kind == CGL_MEMORY_ANGLE)) {
+        const uint32_t angle = cgl_turns(theta);
+        const uint32_t moved = follow(memory, CGL_OFTEN(memory->config.turns == 1U)
+                                                  ? angle * memory->periods /* whole periods fall off */
+                                                  : place_in_turns(memory, angle));
+        if (CGL_OFTEN(learn && memory->map.half == memory->config.q_half_width)) {
+            learn_on(memory, moved, correction, value);
+        } else {
+            learn = false;
+            if (memory->map.half < memory->config.q_half_width) {
+                widen(memory);
+            }
+            repeat(memory, value);
+        }
+    } else {
+#ifndef COGLESS_NO_DELAY_LINE
+        learn = cgl_delay_step(memory, theta, speed, learn, correction, value);
+#endif
+    }
+    (void)speed;
+    memory->learning = learn;
+    return learn;
+}
+
+CGL_SELDOM cgl_real cgl_memory_fastest(const cgl_memory *memory)
+{
+    const cgl_memory_config *const config = &memory->config;
+    const cgl_real period = CGL_TWO_PI * (cgl_real)config->turns / (cgl_real)memory->periods; /* of theta [rad] */
+    uint32_t samples = 4U * (config->lead > 0U ? config->lead : 1U); /* in a period, at least */
+    if (config->kind != CGL_MEMORY_ANGLE && samples < config->q_half_width + 1U) {
+        samples = config->q_half_width + 1U;
+    }
+    return period / ((cgl_real)samples * memory->ts);
 }

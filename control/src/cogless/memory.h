@@ -1,9 +1,8 @@
-/* The memory of a learning law: what was done one period ago, by angle or by time.
+/* The memory of a learning law: what was learned one period of an angle ago, for up to three functions of it at once.
  *
- * A law asks for the value of one period ago (recall), corrects it, and puts the new value in its place (update).
- * By angle, the period is a part of the revolution and the memory a map over it, whose entries are written as the rotor
- * passes them; any speed, standstill and reversal are allowed. By time, the memory is a delay line whose length follows
- * the reference speed and may be a fraction of a sample. */
+ * Angle: a map over the period, whose cells are written as the rotor passes them. Any speed, standstill and reversal are
+ * allowed. Time: a delay line as long as a period of the reference speed. Delay: a delay line read where the angle was one
+ * period less, at the time P_t ago, as in Verrelli 2016; delay_line.h. */
 #ifndef COGLESS_MEMORY_H
 #define COGLESS_MEMORY_H
 
@@ -16,86 +15,126 @@
 extern "C" {
 #endif
 
+#define CGL_CHANNELS 3
 #define CGL_CELLS_MAX 65535U      /* entries of a map */
 #define CGL_SAMPLES_MAX 16777216U /* samples in a delay line: a float counts them up to there */
 
-typedef enum { CGL_MEMORY_ANGLE, CGL_MEMORY_TIME } cgl_memory_kind;
+typedef enum { CGL_MEMORY_ANGLE, CGL_MEMORY_TIME, CGL_MEMORY_DELAY } cgl_memory_kind;
+typedef enum { CGL_DELAY_ODE, CGL_DELAY_INVERSION } cgl_delay_method;
 
 typedef struct {
-    cgl_memory_kind kind;
-    uint32_t cells;           /* angle: entries per period, 4 to 65535; time: longest period [samples], 4 to 16777216 */
-    uint32_t periods_per_rev; /* periods in one mechanical revolution: pole pairs, or 1; 1 to 65535 */
-    uint32_t q_half_width;    /* zero-phase low-pass (Q filter): mean of this many entries on each side; 0: none.
-                                 2 q_half_width + 1 <= cells */
-    uint32_t lead;            /* a correction goes to what acted this many samples ago [samples], 0 to cells / 4: makes up
-                                 for the time in which the loop answers; 0: to the present, and it acts at once */
-    cgl_real forgetting;      /* factor on what is recalled, in (0, 1]; 1: none */
-    cgl_real limit;           /* every entry stays within +-limit [unit of the entry], > 0 */
+    cgl_memory_kind kind;         /* default CGL_MEMORY_ANGLE */
+    uint32_t channels;            /* functions of the angle, 1 to CGL_CHANNELS; default 1 */
+    uint32_t cells;               /* map: entries per period, 4 to 65535; lines: longest period [samples], 4 to 16777216 */
+    uint32_t turns, parts;        /* period: turns / parts of a revolution, each 1 to 65535; default 1, 1 */
+    uint32_t q_half_width;        /* zero-phase low-pass (Q filter): mean of this many entries on each side, 0 to
+                                     cells / 2 - 1; 0: none; default 0 */
+    uint32_t lead;                /* a correction goes to what acted this many samples ago [samples], 0 to cells / 4: makes up
+                                     for the time in which the loop answers; 0: to the present, and it acts at once; default 0 */
+    cgl_real forgetting;          /* factor on what is recalled to learn on from [-], > 0, <= 1; default 1 */
+    cgl_real limit[CGL_CHANNELS]; /* entries of the channels in use stay within +-limit [unit of the entry], > 0,
+                                     2 (q_half_width + 1) limit finite */
+    cgl_delay_method method;      /* kind delay: how P_t is found; default CGL_DELAY_ODE, as in the paper */
+    cgl_real k_pp;                /* kind delay, CGL_DELAY_ODE: stabilising gain [1/s], > 0, k_pp ts < 1; default 10 */
 } cgl_memory_config;
+
+/* A map's state. The cells last passed wait as they were in a ring behind the map, as many as the Q filter looks back on: it
+ * sees what is one period old on both sides, although the map is written meanwhile. On the way back cells are counted from the
+ * other end, so that a rotor always goes on: number n is entry (n ^ mask) + offset. */
+typedef struct {
+    uint32_t mask, offset, shift;  /* forward 0; backward all ones, cells, and by how much the place is moved with them */
+    uint32_t angle;                /* last one [2^-32 revolutions] */
+    uint32_t turn;                 /* of the period's turns */
+    uint32_t x;                    /* the place in the period, as it is counted [2^-32 periods] */
+    uint32_t at;                   /* the cell at or before it */
+    cgl_real part;                 /* of the way from there to the next cell */
+    uint32_t width;                /* of a cell [2^-32 periods] */
+    cgl_real per_cell;             /* 2^-32 periods in a cell */
+    uint32_t passed;               /* cells passed in the last step */
+    uint32_t head;                 /* place in the ring of the cell passed last */
+    uint32_t half;                 /* the sum is over the cell `at` and this many on each side; q_half_width: all */
+    uint32_t anew_left;            /* cells until the channels' new sums are whole */
+    bool started;                  /* x is valid */
+    bool follows;                  /* the last step learned: the next values have a line back to its own */
+    bool lagging;                  /* lag_x and correction are valid */
+    uint32_t lag_x;                /* where the last correction went, `lead` samples behind [2^-32 periods] */
+} cgl_angle_map;
+
+/* What a channel has of its own. */
+typedef struct {
+    cgl_real value;      /* of the last step, within the limit */
+    cgl_real limit;      /* of the config */
+    cgl_real sum;        /* map: of what was one period ago in the cells of the Q filter */
+    cgl_real anew;       /* map: the same from its beginning, as changes to the sum round */
+    cgl_real correction; /* map: the last one */
+} cgl_channel;
+
+/* A delay line's state: a ring of samples in which newer ones come later. */
+typedef struct {
+    uint32_t newest;   /* place of the last sample */
+    uint32_t known;    /* samples stored so far */
+    cgl_real x;        /* delay: the angle, in [0, 1) of a period */
+    cgl_real p_t;      /* delay: P_t [s]; 0 where it is not known */
+    cgl_real distance; /* delay: from the sample `then` to the last one [periods] */
+    cgl_real part;     /* of the way from the sample `then` to the one before */
+    uint32_t then;     /* place of the sample of one period ago */
+    bool tracking;     /* delay: `then` and `part` are those of P_t */
+} cgl_delay_line;
 
 typedef struct {
     cgl_memory_config config;
-    cgl_real ts;            /* sampling period [s] */
-    cgl_real per_rad;       /* periods per angle [1/rad] */
-    cgl_real gain;          /* forgetting, over the entries of the Q filter */
-    cgl_real length;        /* cells of the config, as a number */
-    cgl_real lead;          /* and its lead */
-    cgl_real fastest;       /* angle: at which the short way of a step goes, a lead stays within a quarter [cells] */
-    cgl_real *cell;         /* caller's memory: CGL_MEMORY_LENGTH entries; by angle the map comes first */
-    cgl_real position;      /* angle: where the value below belongs [cells] */
-    uint32_t at;            /* angle: the cell at or before it */
-    cgl_real value;         /* the last stored value */
-    cgl_real next_position; /* angle: where recall was asked [cells] */
-    uint32_t next;          /* angle: the cell at or before it */
-    cgl_real lag_position;  /* angle: where the correction below belongs, `lead` samples behind [cells] */
-    cgl_real lag;           /* angle: how far behind `position` that is [cells] */
-    uint32_t lag_cell;      /* angle: the cell at or before it */
-    cgl_real correction;    /* angle: the last correction */
-    uint32_t newest;        /* angle: last cell written, while not steady; time: place of the last value */
-    uint32_t known;         /* angle: overwritten entries still remembered; time: values stored so far */
-    uint32_t head;          /* angle: place in the ring of the entry overwritten next */
-    int direction;          /* angle: of the last cells written: 1, -1, or 0 for none */
-    bool started;           /* angle: position and value are valid */
-    bool steady;            /* angle: goes on forward, the ring is full, all of this is valid, and so are: */
-    cgl_real sum;           /* the entries of one period ago that the Q filter adds up around `at` */
-    cgl_real change;        /* by which that sum changes one cell further */
-    bool lagging;           /* angle: lag_position and correction are valid */
+    cgl_real ts;                  /* sampling period [s] */
+    uint32_t row;                 /* entries of a channel: CGL_MEMORY_ROW */
+    uint32_t periods;             /* of the memory in `turns` revolutions of theta */
+    cgl_real gain;                /* forgetting, over the entries of the Q filter */
+    cgl_real *cell;               /* caller's memory, a row of CGL_MEMORY_ROW entries for each channel: a map's cells, then its
+                                     ring; a line's samples. Kind delay: a row of x comes first */
+    cgl_channel channel[CGL_CHANNELS];
+    bool learning;                /* the last step learned */
+    cgl_angle_map map;
+    cgl_delay_line line;
 } cgl_memory;
 
-/* Entries that the caller provides: the period, and as many as the Q filter looks back on. */
-#define CGL_MEMORY_LENGTH(cells, q_half_width) ((cells) + (q_half_width) + 1U)
+/* Entries of a row, and entries that the caller provides. */
+#define CGL_MEMORY_ROW(cells, q_half_width) ((cells) + (q_half_width) + 1U)
+#define CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width)                                                         \
+    (((channels) + ((kind) == CGL_MEMORY_DELAY ? 1U : 0U)) * CGL_MEMORY_ROW(cells, q_half_width))
 
-/* Takes the caller's memory of `length` entries and clears it. */
-cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, cgl_real ts, cgl_real *cell, uint32_t length);
+/* Takes the config, and the caller's memory of `length` entries, which it clears. ts: sampling period [s], > 0; ratio:
+ * revolutions of the angle that the config counts in one of theta, 1 to 65535. With COGLESS_NO_DELAY_LINE, which leaves
+ * delay_line.c out, a map is the only kind. */
+cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, cgl_real ts, uint32_t ratio, cgl_real *cell,
+                          uint32_t length);
+
+/* Takes other values of forgetting, limit, lead, method and k_pp while it runs; the rest must stay. What is learned stays,
+ * within the new limits: takes a time that grows with the cells. */
+cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config);
+
+/* Multiplies what is recalled to learn on from by a further factor, 0 to 1; 1 undoes it, 0 clears the cells that it passes
+ * while it learns with corrections of 0. */
+void cgl_memory_soften(cgl_memory *memory, cgl_real factor);
 
 /* Forgets everything learned. */
 void cgl_memory_reset(cgl_memory *memory);
 
-/* Gives the value stored one period ago, within the limit: with learn, to learn on from (Q filter and forgetting
- * applied); without, to repeat while learning is frozen. Returns false, and the value 0, where no such value exists:
- * the angle is not finite or beyond CGL_ANGLE_MAX, or (by time) the reference is so slow that a period exceeds the memory,
- * or so fast that the Q filter does. theta_m [rad] and omega_ref [rad/s] are mechanical. */
-bool cgl_memory_recall(cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
-                       bool learn, cgl_real *value);
+/* One step: recalls what was learned one period ago, adds a correction a channel if it learns, stores, and fills `value` with
+ * what acts now, one a channel: with the correction if there is no lead, and before the limit. Returns whether it learned.
+ * Where it does not, it repeats what it holds, as it is; a map stays, bit for bit.
+ *
+ * theta [rad]: the angle, any revolution below CGL_ANGLE_MAX. speed [rad/s]: of theta, by which a line goes on: kind time by
+ * its size, kind delay while it is > 0. It does not learn where `learn` is false, the angle is not plausible or a correction
+ * is not finite; a map, after a jump or a reversal of the rotor, until the Q filter's sum is whole again, a cell a step; a
+ * line, while the period is longer than it or shorter than the Q filter: then it waits, and what acts is what acted last, as
+ * with an angle that is not plausible.
+ *
+ * A rotor that turns back by less than a cell counts as one that stands. A jump is more than a quarter of the period, or more
+ * cells at once than 16 and twice as many as in the step before. */
+bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool learn, const cgl_real *correction,
+                     cgl_real *value);
 
-/* Puts the value at the place that recall was asked for, and adds the correction there or, with a lead, where the rotor
- * was `lead` samples ago. Returns what acts now: the value, with the correction if there is no lead. All stays within the
- * limit (not finite: 0). By angle, every cell passed since the last update gets a value on the straight line between the
- * two; a jump of more than a quarter of the period writes nothing. With learn false a map stays as it is, a delay line
- * goes on with the value given, and the correction is ignored. */
-cgl_real cgl_memory_update(cgl_memory *memory, cgl_real value, cgl_real correction,
-                           bool learn);
-
-/* Multiplies what is recalled to learn on from by a further factor, 0 to 1; 1 undoes it. */
-void cgl_memory_soften(cgl_memory *memory, cgl_real factor);
-
-/* In place of a step: clears the cells that the rotor has passed since the last one; a delay line at once. */
-void cgl_memory_forget(cgl_memory *memory, cgl_real theta_m);
-
-/* Recall and update in one step: recalls, adds the correction, and returns what acts now. *learn, whether to learn, becomes
- * false where no value of one period ago exists, or angle or correction are not plausible. */
-cgl_real cgl_memory_step(cgl_memory *memory, cgl_real theta_m, cgl_real omega_ref,
-                         cgl_real correction, bool *learn);
+/* The highest speed of theta at which a memory can learn [rad/s]: its lead and 4 entries of a period are within a quarter of
+ * it; a line's Q filter within the period. */
+cgl_real cgl_memory_fastest(const cgl_memory *memory);
 
 #ifdef __cplusplus
 }

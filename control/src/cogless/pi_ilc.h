@@ -30,7 +30,7 @@ typedef struct {
     cgl_real learned; /* the learned part of the last step [A] */
 } cgl_pi_ilc;
 
-/* `cell`: CGL_MEMORY_LENGTH(cells, q_half_width) entries, which the state keeps using. */
+/* `cell`: CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
 cgl_error cgl_pi_ilc_init(cgl_pi_ilc *law, const cgl_pi_ilc_config *config, cgl_real ts, cgl_real *cell, uint32_t length);
 void cgl_pi_ilc_reset(cgl_pi_ilc *law);
 

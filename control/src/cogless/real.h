@@ -64,9 +64,11 @@ static inline bool cgl_is_within(cgl_real x, cgl_real limit)
  * that such a function returns.) */
 #if defined(__GNUC__) && !defined(__FRAMAC__)
 #define CGL_SELDOM __attribute__((noinline, cold))
+#define CGL_APART __attribute__((noinline)) /* often called, but better off with registers of its own */
 #define CGL_OFTEN(condition) __builtin_expect((condition), 1)
 #else
 #define CGL_SELDOM
+#define CGL_APART
 #define CGL_OFTEN(condition) (condition)
 #endif
 

@@ -15,7 +15,7 @@ CGL_SELDOM static bool is_valid(const cgl_robust_ilc_config *config)
                                       CGL_RANGE(cgl_robust_ilc_config, viscous, CGL_FINITE),
                                       CGL_RANGE(cgl_robust_ilc_config, coulomb, CGL_FINITE),
                                       CGL_RANGE(cgl_robust_ilc_config, limit, CGL_POSITIVE)};
-    return CGL_IS_IN_RANGE(config, range) && cgl_is_positive(config->b * config->limit)
+    return CGL_IS_IN_RANGE(config, range) && config->memory.channels == 1U && cgl_is_positive(config->b * config->limit)
            && cgl_is_positive(CGL_R(1.0) / config->b);
 }
 
@@ -29,7 +29,7 @@ CGL_SELDOM cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_i
     law->ts = ts;
     law->q = config->q;
     law->gentle = 0U;
-    const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, cell, length);
+    const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, 1U, cell, length);
     if (error == CGL_OK) {
         cgl_robust_ilc_reset(law);
     }
@@ -51,16 +51,13 @@ CGL_SELDOM void cgl_robust_ilc_reset(cgl_robust_ilc *law)
     start_anew(law);
 }
 
-/* What the guard has just changed, or clears. */
-CGL_SELDOM static void follow_guard(cgl_robust_ilc *law, const cgl_law_input *in)
+/* What the guard has just changed. */
+CGL_SELDOM static void follow_guard(cgl_robust_ilc *law, uint32_t gentle)
 {
-    const cgl_robust_ilc_config *const config = &law->config;
-    law->gentle = in->gentle;
-    law->q = config->q * cgl_gentle_gain(in->gentle, config->q * config->beta_2, config->c + config->eta);
-    cgl_memory_soften(&law->memory, cgl_gentle_forgetting(in->gentle));
-    if (in->forget) {
-        cgl_memory_forget(&law->memory, in->theta_m);
-    }
+    law->gentle = gentle;
+    cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
+    law->q = law->config.q
+             * cgl_gentle_gain(gentle, law->config.q * law->config.beta_2, law->config.c + law->config.eta);
 }
 
 void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
@@ -81,13 +78,15 @@ void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
     const cgl_real surface = finite ? error + config->c * error_integral : config->c * law->error_integral;
     const cgl_real sign = cgl_sign(surface);
 
-    bool learn = in->learn && !in->off && finite && !law->saturated;
-    if (in->gentle != law->gentle || in->forget) {
-        follow_guard(law, in);
+    const uint32_t gentle = cgl_law_gentle(in);
+    if (gentle != law->gentle) {
+        follow_guard(law, gentle);
     }
     const cgl_real correction = -law->q * (config->beta_1 * sign + config->beta_2 * surface); /* (15) */
-    const cgl_real f =
-        in->share * cgl_memory_step(&law->memory, in->theta_m, in->omega_ref, correction, &learn);
+    cgl_real value;
+    const bool learn = cgl_memory_step(&law->memory, in->theta_m, in->omega_ref,
+                                       ((in->learn && !law->saturated) || in->forget) && !in->off && finite, &correction, &value);
+    const cgl_real f = in->share * cgl_clamp(value, config->memory.limit[0]);
 
     if (in->off) {
         start_anew(law);

@@ -55,7 +55,7 @@ typedef struct {
     cgl_robust_ilc_terms terms; /* of the last step */
 } cgl_robust_ilc;
 
-/* `cell`: CGL_MEMORY_LENGTH(cells, q_half_width) entries, which the state keeps using. */
+/* `cell`: CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
 cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *config, cgl_real ts, cgl_real *cell,
                               uint32_t length);
 void cgl_robust_ilc_reset(cgl_robust_ilc *law);

@@ -31,7 +31,7 @@ CGL_SELDOM cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_
     law->config = *config;
     law->ts = ts;
     law->gentle = 0U;
-    const cgl_error error = cgl_space_memory_init(&law->memory, &config->memory, ts, cell, length);
+    const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, config->ratio, cell, length);
     if (error == CGL_OK) {
         cgl_space_position_reset(law);
     }
@@ -49,7 +49,7 @@ CGL_SELDOM static void start_anew(cgl_space_position *law)
 
 CGL_SELDOM void cgl_space_position_reset(cgl_space_position *law)
 {
-    cgl_space_memory_reset(&law->memory);
+    cgl_memory_reset(&law->memory);
     law->learning_samples = 0U;
     start_anew(law);
 }
@@ -62,22 +62,23 @@ static inline cgl_real share_of_learning(const cgl_space_position *law)
     return elapsed >= config->ramp ? CGL_R(1.0) : elapsed / config->ramp;
 }
 
-/* The factor on the correction, as the guard says, which may clear the memory too. */
-CGL_SELDOM static cgl_real follow_guard(cgl_space_position *law, const cgl_law_input *in, cgl_real place, cgl_real omega_ref,
-                                        cgl_real alpha_ref)
+/* What the guard has just changed. */
+CGL_SELDOM static void follow_guard(cgl_space_position *law, uint32_t gentle)
 {
+    law->gentle = gentle;
+    cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
+}
+
+/* The factor on the correction. It learns from positions too, where the speed loop's gain is no measure of the first step. */
+static cgl_real factor_of(const cgl_space_position *law, cgl_real omega_ref, cgl_real alpha_ref)
+{
+    if (CGL_OFTEN(law->gentle <= 1U)) {
+        return CGL_R(1.0);
+    }
     const cgl_space_position_config *const config = &law->config;
-    if (in->forget) {
-        cgl_space_memory_forget(&law->memory, place, omega_ref > CGL_R(0.0));
-    }
-    if (in->gentle != law->gentle) {
-        law->gentle = in->gentle;
-        cgl_space_memory_soften(&law->memory, cgl_gentle_forgetting(in->gentle));
-    }
     const cgl_real gain =
         config->mu_alpha + config->mu_beta * omega_ref * omega_ref + config->mu_h * alpha_ref * alpha_ref;
-    /* it learns from positions too, where the speed loop's gain is no measure */
-    return in->gentle > 1U ? cgl_gentle_gain(in->gentle, gain, config->k_omega * cgl_abs(omega_ref)) : CGL_R(1.0);
+    return cgl_gentle_gain(law->gentle, gain, config->k_omega * cgl_abs(omega_ref));
 }
 
 void cgl_space_position_step(cgl_space_position *law,
@@ -85,17 +86,16 @@ void cgl_space_position_step(cgl_space_position *law,
 {
     const cgl_space_position_config *const config = &law->config;
     const cgl_real ratio = (cgl_real)config->ratio;
-    const cgl_real theta = ratio * in->theta_m, theta_ref = ratio * in->theta_ref;
     const cgl_real difference = ratio * (in->omega_m - in->omega_ref);
     /* a sum is not finite if a part of it is not */
     const bool plausible =
-        cgl_is_finite(difference + ratio * in->alpha_ref) && cgl_is_angle(theta) && cgl_is_angle(theta_ref);
+        cgl_is_finite(difference + ratio * in->alpha_ref) && cgl_is_angle(in->theta_m) && cgl_is_angle(in->theta_ref);
     const cgl_real omega = plausible ? ratio * in->omega_m : CGL_R(0.0);
     const cgl_real omega_ref = plausible ? ratio * in->omega_ref : CGL_R(0.0);
     const cgl_real alpha_ref = plausible ? ratio * in->alpha_ref : CGL_R(0.0);
 
     /* atan2(sin, cos) of a difference is the difference less its whole turns */
-    cgl_real theta_tg = plausible ? theta - theta_ref : CGL_R(0.0);
+    cgl_real theta_tg = plausible ? ratio * (in->theta_m - in->theta_ref) : CGL_R(0.0);
     if (!cgl_is_within(theta_tg, CGL_R(3.0))) {
         theta_tg = cgl_unwrap(theta_tg, CGL_R(0.0));
     }
@@ -103,16 +103,21 @@ void cgl_space_position_step(cgl_space_position *law,
 
     const bool learning = in->learn && !in->off;
     const bool moving = plausible && cgl_abs(in->omega_ref) >= config->omega_min;
-    cgl_real value[CGL_SPACE_CHANNELS];
+    cgl_real value[CGL_CHANNELS];
     cgl_real share = share_of_learning(law);
-    const cgl_real gain[CGL_SPACE_CHANNELS] = {config->mu_alpha, config->mu_beta * omega_ref, config->mu_h * alpha_ref};
-    const cgl_real place = config->index == CGL_SPACE_BY_ROTOR ? theta : theta_ref;
-    const bool guarded = in->gentle != law->gentle || in->gentle > 1U || in->forget;
-    const cgl_real factor = guarded ? follow_guard(law, in, place, omega_ref, alpha_ref) : CGL_R(1.0);
-    const bool learn = cgl_space_memory_step(&law->memory, place,
-        moving && in->omega_ref > CGL_R(0.0), learning && moving && !law->saturated, gain,
-        moving ? factor * share * omega_t / cgl_abs(omega_ref) : CGL_R(0.0), value);
-    if (learn && (law->learning_samples == 0U || (share < CGL_R(1.0) && law->learning_samples < 0xFFFFFFFFU))) {
+    const uint32_t gentle = cgl_law_gentle(in);
+    if (gentle != law->gentle) {
+        follow_guard(law, gentle);
+    }
+    const cgl_real step =
+        moving ? -share * factor_of(law, omega_ref, alpha_ref) * omega_t / cgl_abs(omega_ref) : CGL_R(0.0);
+    const cgl_real correction[CGL_CHANNELS] = {step * config->mu_alpha, step * (config->mu_beta * omega_ref),
+                                               step * (config->mu_h * alpha_ref)};
+    const bool learn = cgl_memory_step(&law->memory, config->index == CGL_SPACE_BY_ROTOR ? in->theta_m : in->theta_ref,
+                                       moving ? in->omega_ref : CGL_R(0.0),
+                                       (learning && moving && !law->saturated) || (in->forget && !in->off),
+                                       correction, value);
+    if (learn && !in->forget && (law->learning_samples == 0U || (share < CGL_R(1.0) && law->learning_samples < 0xFFFFFFFFU))) {
         ++law->learning_samples;
     } else if (law->learning_samples == 0U) {
         share = CGL_R(0.0);

@@ -16,7 +16,7 @@
 #define COGLESS_SPACE_POSITION_H
 
 #include "law.h"
-#include "space_memory.h"
+#include "memory.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -42,7 +42,7 @@ typedef struct {
     cgl_real omega_min;    /* learning freezes while the mechanical |omega_ref| is below [rad/s], > 0 */
     cgl_space_index index; /* default CGL_SPACE_BY_REFERENCE, as in the paper */
     cgl_real limit;        /* the output stays within +-limit [A], > 0 */
-    cgl_space_memory_config memory; /* channels: 1 alpha, 2 and beta, 3 and h; limits [A], [A s/rad], [A s^2/rad]; turns
+    cgl_memory_config memory; /* channels: 1 alpha, 2 and beta, 3 and h; limits [A], [A s/rad], [A s^2/rad]; turns
                                        and parts of a revolution of ratio theta */
 } cgl_space_position_config;
 
@@ -57,7 +57,7 @@ typedef struct {
 typedef struct {
     cgl_space_position_config config;
     cgl_real ts;                    /* sampling period [s] */
-    cgl_space_memory memory;        /* memory.p_t: P_t [s] */
+    cgl_memory memory;        /* memory.p_t: P_t [s] */
     cgl_real integral;              /* k_i integral(omega_t), within +-limit [A] */
     cgl_real integral_lost;         /* what rounding kept from it [A] */
     uint32_t learning_samples;      /* in which it learned; counts no further than the ramp */
@@ -66,7 +66,7 @@ typedef struct {
     cgl_space_position_terms terms; /* of the last step */
 } cgl_space_position;
 
-/* `cell`: CGL_SPACE_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
+/* `cell`: CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
 cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, cgl_real ts, cgl_real *cell,
                                   uint32_t length);
 void cgl_space_position_reset(cgl_space_position *law);

@@ -18,7 +18,7 @@ CGL_SELDOM cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_
     }
     law->config = *config;
     law->gentle = 0U;
-    const cgl_error error = cgl_space_memory_init(&law->memory, &config->memory, ts, cell, length);
+    const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, config->ratio, cell, length);
     if (error == CGL_OK) {
         cgl_space_speed_reset(law);
     }
@@ -35,46 +35,48 @@ CGL_SELDOM static void start_anew(cgl_space_speed *law)
 
 CGL_SELDOM void cgl_space_speed_reset(cgl_space_speed *law)
 {
-    cgl_space_memory_reset(&law->memory);
+    cgl_memory_reset(&law->memory);
     start_anew(law);
 }
 
-/* The factor on the correction, as the guard says, which may clear the memory too. */
-CGL_SELDOM static cgl_real follow_guard(cgl_space_speed *law, const cgl_law_input *in, cgl_real theta, cgl_real omega,
-                                        cgl_real alpha_ref)
+/* What the guard has just changed. */
+CGL_SELDOM static void follow_guard(cgl_space_speed *law, uint32_t gentle)
+{
+    law->gentle = gentle;
+    cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
+}
+
+/* The factor on the correction. */
+static cgl_real factor_of(const cgl_space_speed *law, cgl_real omega, cgl_real alpha_ref)
 {
     const cgl_space_speed_config *const config = &law->config;
-    if (in->forget) {
-        cgl_space_memory_forget(&law->memory, theta, omega > CGL_R(0.0));
-    }
-    if (in->gentle != law->gentle) {
-        law->gentle = in->gentle;
-        cgl_space_memory_soften(&law->memory, cgl_gentle_forgetting(in->gentle));
-    }
     const cgl_real gain = config->mu_alpha + config->mu_beta * omega * omega + config->mu_h * alpha_ref * alpha_ref;
-    return cgl_gentle_gain(in->gentle, gain, config->k * cgl_abs(omega));
+    return cgl_gentle_gain(law->gentle, gain, config->k * cgl_abs(omega));
 }
 
 void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
                           cgl_law_output *out)
 {
     const cgl_space_speed_config *const config = &law->config;
-    const cgl_real difference = in->omega_m - in->omega_ref, theta = (cgl_real)config->ratio * in->theta_m;
+    const cgl_real difference = in->omega_m - in->omega_ref;
     /* a sum is not finite if a part of it is not */
-    const bool plausible = cgl_is_finite(difference + in->alpha_ref) && cgl_is_angle(theta);
+    const bool plausible = cgl_is_finite(difference + in->alpha_ref) && cgl_is_angle(in->theta_m);
     const cgl_real omega = plausible ? in->omega_m : CGL_R(0.0);
     const cgl_real alpha_ref = plausible ? in->alpha_ref : CGL_R(0.0);
     const cgl_real eta = plausible ? difference : CGL_R(0.0);
 
     const bool moving = cgl_abs(omega) >= config->omega_min;
     const bool switched_on = moving && cgl_abs(eta) < config->eta_bar; /* q is not 0 */
-    cgl_real delta[CGL_SPACE_CHANNELS];
-    const cgl_real gain[CGL_SPACE_CHANNELS] = {config->mu_alpha, config->mu_beta * omega, config->mu_h * alpha_ref};
-    const bool guarded = in->gentle != 0U || law->gentle != 0U || in->forget;
-    const cgl_real factor = guarded ? follow_guard(law, in, theta, omega, alpha_ref) : CGL_R(1.0);
-    const bool learn = cgl_space_memory_step(&law->memory, theta, moving && omega > CGL_R(0.0),
-                                             in->learn && !in->off && switched_on && !law->saturated, gain,
-                                             switched_on ? factor * eta / cgl_abs(omega) : CGL_R(0.0), delta);
+    cgl_real delta[CGL_CHANNELS];
+    const uint32_t gentle = cgl_law_gentle(in);
+    if (gentle != law->gentle) {
+        follow_guard(law, gentle);
+    }
+    const cgl_real step = switched_on ? -eta * factor_of(law, omega, alpha_ref) / cgl_abs(omega) : CGL_R(0.0);
+    const cgl_real correction[CGL_CHANNELS] = {step * config->mu_alpha, step * (config->mu_beta * omega),
+                                               step * (config->mu_h * alpha_ref)};
+    const bool learn = cgl_memory_step(&law->memory, in->theta_m, moving ? omega : CGL_R(0.0),
+                                       ((in->learn && switched_on && !law->saturated) || in->forget) && !in->off, correction, delta);
 
     if (in->off) {
         start_anew(law);

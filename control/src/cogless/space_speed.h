@@ -9,7 +9,7 @@
 #define COGLESS_SPACE_SPEED_H
 
 #include "law.h"
-#include "space_memory.h"
+#include "memory.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -24,7 +24,7 @@ typedef struct {
     cgl_real omega_min; /* and while |omega| is below [rad/s], > 0 */
     cgl_real limit;     /* the output stays within +-limit [A], > 0 */
     uint32_t ratio;     /* turns and parts of the memory count revolutions of ratio theta; 1 to 65535; default 1 */
-    cgl_space_memory_config memory; /* channels: 1 alpha, 2 and beta, 3 and h; limits [A], [A s/rad], [A s^2/rad] */
+    cgl_memory_config memory; /* channels: 1 alpha, 2 and beta, 3 and h; limits [A], [A s/rad], [A s^2/rad] */
 } cgl_space_speed_config;
 
 typedef struct {
@@ -36,13 +36,13 @@ typedef struct {
 
 typedef struct {
     cgl_space_speed_config config;
-    cgl_space_memory memory;     /* memory.p_t: P_t [s] */
+    cgl_memory memory;     /* memory.p_t: P_t [s] */
     bool saturated;              /* the last output was at its limit */
     uint32_t gentle;             /* how gently it learns, as the guard says */
     cgl_space_speed_terms terms; /* of the last step */
 } cgl_space_speed;
 
-/* `cell`: CGL_SPACE_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
+/* `cell`: CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
 cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_config *config, cgl_real ts, cgl_real *cell,
                                uint32_t length);
 void cgl_space_speed_reset(cgl_space_speed *law);

@@ -143,7 +143,7 @@ def check_cells(cells: int, q_half_width: int, line: bool) -> None:
     map."""
     if not line and cells > MOST_CELLS:
         raise invalid(f"expected at most {MOST_CELLS}, since the memory is a map", "cells")
-    if 2 * q_half_width + 1 > cells:
+    if 2 * q_half_width + 2 > cells:
         raise invalid(f"expected a filter within the {cells} cells of the memory", "q_half_width")
 
 
@@ -199,12 +199,16 @@ class Learning(LearnsWhileRunning):
         assert self.limit is not None
         return {
             "kind": f"CGL_MEMORY_{self.memory.upper()}",
+            "channels": 1,
             "cells": self.cells,
-            "periods_per_rev": self.ratio(loop.pole_pairs),
+            "turns": 1,
+            "parts": self.ratio(loop.pole_pairs),
             "q_half_width": self.q_half_width,
             "lead": loop.samples(self.lead),
             "forgetting": self.forgetting,
-            "limit": abs(self.unit) * self.limit,
+            "limit": [abs(self.unit) * self.limit],
+            "method": "CGL_DELAY_ODE",
+            "k_pp": 0.0,
         }
 
 

@@ -93,16 +93,18 @@ class SpaceLearning(LearnsWhileRunning):
         return 3 if self.mu_h else 2 if self.mu_beta else 1
 
     def memory_config(self, loop: LawLoop) -> dict[str, Any]:
-        """Members of the C struct cgl_space_memory_config."""
+        """Members of the C struct cgl_memory_config."""
         period = self.ratio(loop.pole_pairs) * self.revolutions(loop.pole_pairs)
         limits = (self.alpha_limit, self.beta_limit, self.h_limit)
         return {
-            "kind": f"CGL_SPACE_{self.memory.upper()}",
+            "kind": "CGL_MEMORY_ANGLE" if self.over_angle else "CGL_MEMORY_DELAY",
             "channels": self.channels,
             "cells": self.cells,
             "turns": period.numerator,
             "parts": period.denominator,
             "q_half_width": self.q_half_width,
+            "lead": 0,
+            "forgetting": 1.0,
             "limit": limits[: self.channels],
             "method": f"CGL_DELAY_{self.delay_method.upper()}",
             "k_pp": self.k_pp,
