@@ -77,7 +77,7 @@ static bool is_allowed(cgl_drive *drive, cgl_real error, bool learn, bool wanted
     }
     const bool learned = drive->in.learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
     const cgl_guard_input in = {error,   drive->monitor.omega_m, drive->in.omega_ref, drive->monitor.trusted && !drive->off,
-                                wanted, learned};
+                                drive->saturated, wanted, learned};
     cgl_guard_step(guard, &in);
     drive->in.share = guard->share;
     drive->in.gentle = guard->gentle;

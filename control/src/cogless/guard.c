@@ -100,7 +100,7 @@ CGL_SELDOM void cgl_guard_reset(cgl_guard *guard)
     for (uint32_t k = 0U; k < CGL_GUARD_STEPS; ++k) {
         guard->from[k] = k > 0U ? CGL_REAL_MAX : CGL_R(0.0);
     }
-    guard->wait = 0U;
+    guard->wait = guard->short_of = 0U;
     guard->good = 0U;
     guard->alarms = guard->doubts = guard->lessons = guard->backoff = guard->next = 0U;
     guard->last_moved = true; /* nobody knows */
@@ -427,6 +427,24 @@ CGL_SELDOM static void settle(cgl_guard *guard)
     guard->share = cgl_is_within(rest, guard->slope) ? guard->target : guard->share + cgl_clamp(rest, guard->slope);
 }
 
+/* Whether an unusual sample counts. An instability saturates the current loop too, but now this way and now the other: what is
+ * longer than a quarter is something else, and the window that it spoils begins anew with what comes after. */
+CGL_SELDOM static bool counts(cgl_guard *guard, const cgl_guard_input *in)
+{
+    const bool weak = guard->short_of >= guard->shortest;
+    guard->short_of = in->saturated ? (weak ? guard->short_of : guard->short_of + 1U) : 0U;
+    if (guard->settling > 0U) {
+        settle(guard);
+        return false;
+    }
+    if (weak) {
+        begin_window(guard);
+        guard->last_moved = true; /* and until then the speed has to come back */
+        return false;
+    }
+    return in->plausible;
+}
+
 CGL_SELDOM static void begin_with(cgl_guard *guard, cgl_real omega_ref)
 {
     guard->reference = cgl_is_finite(omega_ref) ? omega_ref : CGL_R(0.0);
@@ -437,10 +455,8 @@ void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in)
 {
     const cgl_real error = CGL_R(0.5) * (in->error + guard->last_error);
     guard->last_error = in->error;
-    if (!CGL_OFTEN(in->plausible && guard->settling == 0U)) {
-        if (guard->settling > 0U) {
-            settle(guard);
-        }
+    if (!CGL_OFTEN(in->plausible && !in->saturated && guard->short_of == 0U && guard->settling == 0U)
+        && !counts(guard, in)) {
         return;
     }
     if (guard->tolerance < CGL_R(0.0)) {

@@ -39,6 +39,7 @@ typedef struct {
     cgl_real omega_m;   /* measured mechanical speed [rad/s] */
     cgl_real omega_ref; /* and its reference [rad/s] */
     bool plausible;     /* false: this sample counts for nothing */
+    bool saturated;     /* nor does it where the current loop has fallen short for long, as on a weak bus */
     bool learn;         /* the caller wants learning */
     bool learned;       /* the law did learn in its last step */
 } cgl_guard_input;
@@ -69,6 +70,7 @@ typedef struct {
     cgl_real from[CGL_GUARD_STEPS];        /* speed from which on gentler step k + 1 holds [rad/s] */
     uint32_t count, count_before;          /* samples in this quarter and those before */
     uint32_t shortest, longest;            /* samples in a quarter */
+    uint32_t short_of;                     /* samples in a row in which the current loop fell short */
     uint32_t settling;                     /* samples until a window begins */
     uint32_t settle;                       /* so long [samples] */
     uint32_t time;                         /* samples in this phase at this speed */
