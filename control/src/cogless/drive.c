@@ -76,8 +76,10 @@ static bool is_allowed(cgl_drive *drive, cgl_real error, bool learn, bool wanted
         return learn;
     }
     const bool learned = drive->in.learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
-    const cgl_guard_input in = {error,   drive->monitor.omega_m, drive->in.omega_ref, drive->monitor.trusted && !drive->off,
-                                drive->saturated, wanted, learned};
+    /* it goes on judging where the angle is off by a jump: the speed is right, and what is learned acts at wrong places */
+    const bool plausible = !drive->off && (drive->monitor.status & (unsigned)CGL_STATUS_ANGLE_LOST) == 0U;
+    const cgl_guard_input in = {error,  drive->monitor.omega_m, drive->in.omega_ref, plausible, drive->saturated,
+                                wanted, learned};
     cgl_guard_step(guard, &in);
     drive->in.share = guard->share;
     drive->in.gentle = guard->gentle;
