@@ -75,7 +75,7 @@ def test_learning_that_hurts_is_stopped_cleared_and_tried_more_gently(precision)
     assert guard.run(20, hurting, until=lambda s: s.forget) <= 4
     assert guard.state.share == 0
     turned = guard.run(20, hurting, until=lambda s: not s.forget)
-    assert 1 < turned < 1.5  # every cell has been passed
+    assert 1.5 < turned < 2.1  # every cell has been passed, after those that a Q filter waits for
     assert guard.state.gentle == 2 and guard.state.learn
     guard.run(3, 0.5)
     assert guard.state.share == 1 and guard.acts

@@ -77,7 +77,8 @@ static bool is_allowed(cgl_drive *drive, cgl_real error, bool learn, bool wanted
     }
     const bool learned = drive->in.learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
     /* it goes on judging where the angle is off by a jump: the speed is right, and what is learned acts at wrong places */
-    const bool plausible = !drive->off && (drive->monitor.status & (unsigned)CGL_STATUS_ANGLE_LOST) == 0U;
+    const bool shifted = (drive->monitor.status & (unsigned)CGL_STATUS_ANGLE_SHIFTED) != 0U;
+    const bool plausible = !drive->off && (drive->monitor.trusted || shifted);
     const cgl_guard_input in = {error,  drive->monitor.omega_m, drive->in.omega_ref, plausible, drive->saturated,
                                 wanted, learned};
     cgl_guard_step(guard, &in);
