@@ -20,6 +20,7 @@ import os
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -83,8 +84,10 @@ def case(seed: int, number: int) -> tuple[Changes, dict[str, Any]]:
     changes["drive.inverter.computation_delay"] = 0
     changes["drive.rates.integration_steps"] = 2
     margin = {"rule": "phase-margin", "phase_margin": f"{d.uniform(35, 70):.4g} deg"}
-    study = cogless.load(HERE / "criterion.toml", {**changes, "controller.law": {"law": "pi", "tuning": margin}})
-    kp, ki = gains(study, "law")
+    study = cogless.load(
+        HERE / "criterion.toml", {**changes, "controller.law": {"law": "pi", "tuning": margin}}
+    )
+    kp, _ = gains(study, "law")
     name, gain = d.one(*LAWS), kp * d.log(0.1, 20.0)
     duration = DURATION
     kind, asked, points = reference(d, omega, duration)
@@ -130,7 +133,13 @@ def case(seed: int, number: int) -> tuple[Changes, dict[str, Any]]:
         ]
     changes["scenario.run"] = scenario
     changes["trace.rate"] = q(next(r for r in (2000, 1600, 1000) if current_rate % r == 0), "Hz")
-    about = {"law": name, "kind": kind, "omega": omega, "points": points, "memory": law["memory"] if "memory" in law else "orders"}
+    about = {
+        "law": name,
+        "kind": kind,
+        "omega": omega,
+        "points": points,
+        "memory": law.get("memory", "orders"),
+    }
     return changes, about
 
 
@@ -162,7 +171,7 @@ def errors(study: Study, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     seen = (seen + np.concatenate(([seen[0]], seen[:-1]))) / 2
     edges = np.searchsorted(time, ends)
     held = (np.nan_to_num(trace["status"]).astype(int) & 2048) > 0
-    pairs = list(zip(edges[:-1], edges[1:], strict=True))
+    pairs = list(pairwise(edges))
     return (
         np.array([np.std(true[a:b]) for a, b in pairs]),
         np.array([np.std(seen[a:b]) for a, b in pairs]),
@@ -173,7 +182,10 @@ def errors(study: Study, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
 def spans(bad: np.ndarray, ends: np.ndarray, turns: np.ndarray) -> list[tuple[float, float, float]]:
     """Bad windows in a row: start, s, how long, s, and how many turns."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], bad.astype(int), [0]))))
-    return [(float(ends[a]), float(ends[b] - ends[a]), float(turns[b] - turns[a])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [
+        (float(ends[a]), float(ends[b] - ends[a]), float(turns[b] - turns[a]))
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+    ]
 
 
 def judge(seed: int, number: int, guard: bool) -> dict[str, Any]:
@@ -196,9 +208,13 @@ def judge(seed: int, number: int, guard: bool) -> dict[str, Any]:
     beyond = [span for span in found if span[1] > TIME and span[2] > TURNS]
     last = len(ratio) - len(ratio) // 6
     return {
-        "case": number, **about, "points": None,
+        "case": number,
+        **about,
+        "points": None,
         "beyond": beyond,
-        "beyond_true": [span for span in spans(ratio > WORSE, ends, turns) if span[1] > TIME and span[2] > TURNS],
+        "beyond_true": [
+            span for span in spans(ratio > WORSE, ends, turns) if span[1] > TIME and span[2] > TURNS
+        ],
         "share": float(np.sum(np.diff(ends)[bad]) / (ends[-1] - ends[0])),
         "end": float(np.median(ratio[last:])),
         "end_seen": float(np.median(ratio_seen[last:])),
@@ -206,8 +222,10 @@ def judge(seed: int, number: int, guard: bool) -> dict[str, Any]:
         "first": next((span for span in found), None),
         "held": float(np.mean(held)),
         "config": changes["controller.law"],
-        "ratios": [round(float(r), 3) for r in ratio], "ratios_seen": [round(float(r), 3) for r in ratio_seen],
-        "helds": [round(float(r), 2) for r in held], "ends": [round(float(r), 2) for r in ends],
+        "ratios": [round(float(r), 3) for r in ratio],
+        "ratios_seen": [round(float(r), 3) for r in ratio_seen],
+        "helds": [round(float(r), 2) for r in held],
+        "ends": [round(float(r), 2) for r in ends],
     }
 
 
@@ -229,7 +247,15 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
                 f"{np.median([row['worst'] for row in some]):.3g}, {max(row['worst'] for row in some):.3g}",
             ]
         )
-    head = ["law", "cases", "beyond the claim", "end above 1.25", "end below 0.8", "time above 1.25", "worst window: median, most"]
+    head = [
+        "law",
+        "cases",
+        "beyond the claim",
+        "end above 1.25",
+        "end below 0.8",
+        "time above 1.25",
+        "worst window: median, most",
+    ]
     return marked.table(head, lines)
 
 
@@ -250,7 +276,10 @@ def main() -> None:
     found = [row for row in rows if "error" not in row]
     for row in found:
         if row["beyond"]:
-            print(f"case {row['case']}, {row['law']}, {row['memory']}, {row['kind']}, {row['omega']:.3g} rad/s: {row['beyond'][0]}, end {row['end']:.3g}, worst {row['worst']:.3g}")
+            print(
+                f"case {row['case']}, {row['law']}, {row['memory']}, {row['kind']}, {row['omega']:.3g} rad/s: "
+                f"{row['beyond'][0]}, end {row['end']:.3g}, worst {row['worst']:.3g}"
+            )
     lines = [*table(found), "", f"{len(found)} drives, seed {arguments.seed}."]
     print(*lines, sep="\n")
     if arguments.write:

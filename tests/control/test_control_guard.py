@@ -1,6 +1,7 @@
 """The C library's guard: what it decides, from the errors that it sees."""
 
 import math
+from itertools import pairwise
 
 import pytest
 from control_library import control_library
@@ -18,7 +19,11 @@ class Guard:
 
     def __init__(self, precision="double"):
         library = control_library(precision)
-        self.lib, self.state, self.input = library.lib, library.new("cgl_guard"), library.new("cgl_guard_input")
+        self.lib, self.state, self.input = (
+            library.lib,
+            library.new("cgl_guard"),
+            library.new("cgl_guard_input"),
+        )
         assert self.lib.cgl_guard_init(self.state, TS) == self.lib.CGL_OK
         self.n = 0
 
@@ -201,7 +206,16 @@ ANYTHING = st.one_of(st.floats(width=32), st.floats(-300, 300, width=32))
 @settings(max_examples=25, deadline=None)
 @given(
     parts=st.lists(
-        st.tuples(ANYTHING, ANYTHING, ANYTHING, st.booleans(), st.booleans(), st.booleans(), st.booleans(), st.integers(1, 300)),
+        st.tuples(
+            ANYTHING,
+            ANYTHING,
+            ANYTHING,
+            st.booleans(),
+            st.booleans(),
+            st.booleans(),
+            st.booleans(),
+            st.integers(1, 300),
+        ),
         max_size=12,
     )
 )
@@ -219,7 +233,7 @@ def test_the_gain_is_at_most_the_feedbacks_own_and_smaller_from_step_to_step():
     library = control_library("double")
     steps = [library.lib.cgl_gentle_steps[k] for k in range(STEPS + 1)]
     assert (steps[0].gain, steps[0].forgetting, steps[STEPS].gain) == (1, 1, 0)
-    for before, after in zip(steps[1:-1], steps[2:], strict=True):
+    for before, after in pairwise(steps[1:]):
         assert after.most * after.gain < before.most * before.gain and after.forgetting < before.forgetting
     # whatever the phase, 1.25 times at most where |T| is up to 1.28 / k_p: gain |T| <= (1 - forgetting) / 5
     last = steps[STEPS - 1]

@@ -41,7 +41,9 @@ def study(law, omega, *, guard=True, lead="0 ms", start="0 s"):
         controller = {"law": law, "b": f"{b} rad/s^2/A", "q": 1.0, "beta_2": f"{2 * half} 1/s"}
         controller |= {"c": f"{half} 1/s", "eta": f"{half} 1/s", "beta_1": "0 rad/s^2", "g": "0 rad/s^2"}
         controller["gamma"] = "0 1/s^2"
-    return cogless.load(DRIVE, {**changes, "controller.law": {**controller, **memory, "learning_start": start}})
+    return cogless.load(
+        DRIVE, {**changes, "controller.law": {**controller, **memory, "learning_start": start}}
+    )
 
 
 def ripple(trace, first, last):
@@ -49,7 +51,9 @@ def ripple(trace, first, last):
     return float(np.std(error))
 
 
-@pytest.mark.parametrize("law, omega", [("pi-ilc", 30), ("pi-ilc", 100), ("robust-ilc", 20), ("robust-ilc", 100)])
+@pytest.mark.parametrize(
+    "law, omega", [("pi-ilc", 30), ("pi-ilc", 100), ("robust-ilc", 20), ("robust-ilc", 100)]
+)
 def test_learning_that_grows_ends_as_the_feedback_alone(law, omega):
     alone = ripple(simulate(study(law, omega, start="1e6 s"), "run", "law").trace, 5, 8)
     grown = ripple(simulate(study(law, omega, guard=False), "run", "law").trace, 5, 8)

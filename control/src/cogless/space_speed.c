@@ -46,9 +46,12 @@ CGL_SELDOM static void follow_guard(cgl_space_speed *law, uint32_t gentle)
     cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
 }
 
-/* The factor on the correction. */
+/* The factor on the correction. It grows with 1 / |omega| without bound, which is the law as proven: the first step leaves it. */
 static cgl_real factor_of(const cgl_space_speed *law, cgl_real omega, cgl_real alpha_ref)
 {
+    if (CGL_OFTEN(law->gentle <= 1U)) {
+        return CGL_R(1.0);
+    }
     const cgl_space_speed_config *const config = &law->config;
     const cgl_real gain = config->mu_alpha + config->mu_beta * omega * omega + config->mu_h * alpha_ref * alpha_ref;
     return cgl_gentle_gain(law->gentle, gain, config->k * cgl_abs(omega));
