@@ -156,6 +156,7 @@ def control_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[st
         "divider": drive.rates.divider,
         "foreign": drive.ideal,
         "learn_saturated": drive.rates.position_loop is not None,
+        "unguarded": not drive.guard or drive.rates.position_loop is not None,
         "foc": {
             **loop.gains(belief),
             "current_limit": loop.current_limit,

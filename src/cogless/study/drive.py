@@ -274,6 +274,7 @@ class Drive(Table):
     current_sensors: CurrentSensors = CurrentSensors()
     monitor: Monitor = Monitor()
     quality: Quality = Quality()
+    guard: bool = True  # learning that leaves more ripple than the feedback alone is stopped
 
     @model_validator(mode="after")
     def _bridge(self) -> Self:
