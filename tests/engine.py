@@ -48,7 +48,13 @@ BASE: dict[str, Any] = {
         "decoupling": True,
         "current_limit": 20.0,
         "belief": {"R_s": 0.8, "L_d": 2.0e-3, "L_q": 3.0e-3, "psi_f": 0.05},
-        "inverter": {"kind": "averaged", "bus_voltage": 100.0, "dead_time": 0.0, "device_drop": 0.0, "computation_delay": 1},
+        "inverter": {
+            "kind": "averaged",
+            "bus_voltage": 100.0,
+            "dead_time": 0.0,
+            "device_drop": 0.0,
+            "computation_delay": 1,
+        },
         "position_sensor": {"kind": "ideal"},
         "current_sensors": {
             "offset": [0.0, 0.0, 0.0],

@@ -63,7 +63,7 @@ def test_dead_time_compensation_leaves_a_tenth_of_a_revolution_a_minute() -> Non
 
 
 def test_an_encoder_off_the_middle_costs_nothing_once_its_error_is_learned() -> None:
-    study = load("uomodri-eccentric", {f"scenario.{name}.duration": "22 s" for name in SCENARIOS})
+    study = load("uomodri-eccentric")
     runs = run_study(study, [f"{name}/pi-ilc" for name in SCENARIOS], jobs=2).runs
     perfect, eccentric, calibrated = (float(run.metrics["speed_ripple_rad_s"]) for run in runs)
     assert eccentric > 1.5 * perfect
