@@ -1,9 +1,8 @@
-"""Inputs and what the NumPy transcriptions make of them, as text that the C tests of control/ carry with them.
-
-PYTHONPATH=tests python tests/golden_vectors.py writes control/tests/vectors anew. A file is numbers alone: how
-many cases; each has its config, how many steps, a line of inputs and outputs for each, how many entries are
-learned in the end, and these. Configs and inputs are numbers of 32 bits, so that both builds read the same.
-"""
+"""Inputs and what the NumPy transcriptions make of them, as text that the C tests of control/ carry with
+them.  PYTHONPATH=tests python tests/golden_vectors.py writes control/tests/vectors anew. A file is numbers
+alone: how many cases; each has its config, how many steps, a line of inputs and outputs for each, how many
+entries are learned in the end, and these. Configs and inputs are numbers of 32 bits, so that both builds read
+the same."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -218,6 +217,7 @@ def monitor(rng: np.random.Generator) -> list:
 
 def subjects() -> dict[str, Callable[[], list[list]]]:
     """By file: its cases."""
+
     def rng() -> np.random.Generator:
         return np.random.default_rng(11)
 
@@ -229,14 +229,20 @@ def subjects() -> dict[str, Callable[[], list[list]]]:
     speed = single([0.3, *mu, 3.0, 1.0, 3.0])
     position = single([5.0, 0.1, 0.05, 0.01, 1e-5, 2.0, *mu])
     maps = [
-        (map_of(2, cells=50, parts=3, q_half_width=3, forgetting=single(0.9)), [30.0, 55.0, -20.0, 0.0, 25.0]),
+        (
+            map_of(2, cells=50, parts=3, q_half_width=3, forgetting=single(0.9)),
+            [30.0, 55.0, -20.0, 0.0, 25.0],
+        ),
         (map_of(1, cells=41, turns=3, parts=2, lead=2, q_half_width=1), [60.0, 40.0, -50.0, 60.0]),
         (map_of(3, cells=33, ratio=7, parts=1), [3.0, 5.0, -4.0, 4.0]),
         (map_of(1, cells=65535, q_half_width=2, parts=655), [0.05, -0.05]),
         (map_of(1, cells=24, lead=5), [20.0, 12.0, 35.0]),
     ]
     lines = [
-        (line_of("time", 2, ts, cells=120, q_half_width=2, forgetting=single(0.8)), [18.0, 25.0, 16.0, 5.0, 20.0]),
+        (
+            line_of("time", 2, ts, cells=120, q_half_width=2, forgetting=single(0.8)),
+            [18.0, 25.0, 16.0, 5.0, 20.0],
+        ),
         (line_of("time", 1, ts, cells=90, parts=2, lead=3), [12.0, 14.0, 11.0]),
         (line_of("ode", 2, ts, cells=150, q_half_width=1), [20.0, 24.0, 18.0]),
         (line_of("inversion", 1, ts, cells=150, turns=2, lead=4), [40.0, 44.0, 38.0]),
@@ -247,7 +253,8 @@ def subjects() -> dict[str, Callable[[], list[list]]]:
 
     def ilc() -> list[list]:
         laws = [PiIlc(Pi(kp, ki, ts, limit), ilc_gain, map_of(1, cells=60, parts=4, q_half_width=2)),
-                PiIlc(Pi(kp, ki, ts, limit), ilc_gain, line_of("time", 1, ts, cells=200, lead=3))]  # fmt: skip
+                PiIlc(Pi(kp, ki, ts, limit), ilc_gain,
+                      line_of("time", 1, ts, cells=200, lead=3))]  # fmt: skip
         return [law(rng(), one, [kp, ki, limit, ilc_gain], ts, True) for one in laws]
 
     def sliding() -> list[list]:
@@ -256,12 +263,17 @@ def subjects() -> dict[str, Callable[[], list[list]]]:
         return [law(rng(), RobustIlc(*robust, ts, 2.5, m), [*robust, 2.5], ts, True) for m in memories]
 
     def space_speed() -> list[list]:
-        memories = [map_of(3, cells=60, parts=4, q_half_width=2, ratio=2), line_of("inversion", 1, ts, cells=150, ratio=2)]
+        memories = [
+            map_of(3, cells=60, parts=4, q_half_width=2, ratio=2),
+            line_of("inversion", 1, ts, cells=150, ratio=2),
+        ]
         return [law(rng(), SpaceSpeed(*speed, 2, m), [*speed, 2], ts, n == 0) for n, m in enumerate(memories)]
 
     def space_position() -> list[list]:
         made = []
-        for n, m in enumerate([map_of(2, cells=60, q_half_width=1, ratio=4), line_of("ode", 1, ts, cells=90, ratio=4)]):
+        for n, m in enumerate(
+            [map_of(2, cells=60, q_half_width=1, ratio=4), line_of("ode", 1, ts, cells=90, ratio=4)]
+        ):
             ramp, omega_min, hand_over = single(0.2), 1.0, n == 0
             index = ["reference", "rotor"][n]
             one = SpacePosition(4, *position, hand_over, ramp, omega_min, index, ts, 3.0, m)

@@ -124,8 +124,33 @@ static void longest(void)
     CHECK(cgl_memory_init(&memory, &config, CGL_R(1.0e-3), 1U, cell, UINT32_MAX) == CGL_ERROR_CONFIG);
 }
 
+/* The lead takes a quarter of the period at most; a line's filter all of it. */
+static void speeds(void)
+{
+    cgl_memory memory = a_map(64U, 1U, 2U, 0U);
+    const cgl_real period = CGL_TWO_PI / CGL_R(2.0) / CGL_R(1.0e-3); /* in a sample [rad/s] */
+    const struct {
+        cgl_memory_kind kind;
+        uint32_t lead, width;
+        cgl_real samples;
+    } cases[] = {{CGL_MEMORY_ANGLE, 0U, 0U, CGL_R(4.0)},
+                 {CGL_MEMORY_ANGLE, 5U, 30U, CGL_R(20.0)},
+                 {CGL_MEMORY_TIME, 5U, 30U, CGL_R(31.0)},
+                 {CGL_MEMORY_TIME, 0U, 1U, CGL_R(4.0)}};
+    for (uint32_t n = 0; n < sizeof cases / sizeof cases[0]; ++n) {
+        cgl_memory_config config = memory.config;
+        config.kind = cases[n].kind;
+        config.lead = cases[n].lead;
+        config.q_half_width = cases[n].width;
+        CHECK(cgl_memory_init(&memory, &config, CGL_R(1.0e-3), 2U, cell, sizeof cell / sizeof cell[0]) == CGL_OK);
+        const cgl_real off = cgl_memory_fastest(&memory) * cases[n].samples / period - CGL_R(1.0);
+        CHECK(off < CGL_R(1.0e-5) && off > CGL_R(-1.0e-5));
+    }
+}
+
 void memories(void)
 {
+    speeds();
     sizes();
     turns();
     jumps();

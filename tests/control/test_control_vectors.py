@@ -7,7 +7,8 @@ import pytest
 
 @pytest.mark.parametrize("name", sorted(golden_vectors.subjects()))
 def test_vectors_are_not_stale(name):
-    """PYTHONPATH=tests python tests/golden_vectors.py makes them anew. Other versions of NumPy round otherwise."""
+    """PYTHONPATH=tests python tests/golden_vectors.py makes them anew. Other versions of NumPy round
+    otherwise."""
     stored = (golden_vectors.FOLDER / f"{name}.txt").read_text().split("\n")
     fresh = golden_vectors.text(golden_vectors.subjects()[name]()).split("\n")
     assert len(stored) == len(fresh)

@@ -210,9 +210,8 @@ CGL_SELDOM bool cgl_delay_step(cgl_memory *memory, uint32_t place, cgl_real spee
     const bool reads = found && fits; /* what nothing is known of yet is 0 */
     learn = learn && (reads || (line->known < length && !line->tracking));
     const uint32_t next = line->known > 0U ? newer(memory, line->newest) : 0U;
-    const uint32_t lagging = config->lead > 0U && config->lead <= line->known
-                                 ? (next >= config->lead ? next - config->lead : next + length - config->lead)
-                                 : next;
+    const uint32_t back = next + length - (config->lead <= line->known ? config->lead : 0U);
+    const uint32_t lagging = back < length ? back : back - length;
     cgl_real *row = memory->cell + (by_time ? 0U : length);
     for (uint32_t c = 0; c < channels; ++c, row += length) {
         value[c] = CGL_R(0.0);

@@ -152,8 +152,8 @@ static inline uint32_t entry_of(const cgl_angle_map *map, uint32_t n)
 /* Place in the ring of the entry that was passed `age` cells ago. */
 static inline uint32_t ring_place(const cgl_memory *memory, uint32_t age)
 {
-    const uint32_t head = memory->map.head;
-    return memory->config.cells + (head >= age ? head - age : head + memory->config.q_half_width + 1U - age);
+    const uint32_t length = memory->config.q_half_width + 1U;
+    return memory->config.cells + wrapped(memory->map.head + length - age, length);
 }
 
 /* Starts anew at a place: the sum is that of one cell. */
