@@ -7,12 +7,12 @@
 #include <stdexcept>
 #include <vector>
 
-#include "cogless/plugin.h"
 #include "law.hpp"
+#include "plugin.h"
 
 namespace cogless {
 
-// A law from a user's shared library (cogless/plugin.h).
+// A law from a user's shared library (plugin.h).
 struct PluginLaw {
     using State = std::vector<unsigned char>;  // from operator new: aligned for any type
 

@@ -1,4 +1,4 @@
-// Opens a user's shared library that holds a speed law (cogless/plugin.h).
+// Opens a user's shared library that holds a speed law (plugin.h).
 #pragma once
 
 #include <dlfcn.h>

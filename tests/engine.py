@@ -99,11 +99,11 @@ def config(change: dict[str, Any] | None = None) -> dict[str, Any]:
     return merged(BASE, change or {})
 
 
-def packed(layout: Layout, struct: str, values: dict[str, Any], ts: float, limit: float) -> bytes:
-    """A configuration in C: the members that are given, else the law's period, the current limit, zeros."""
+def packed(layout: Layout, struct: str, values: dict[str, Any], limit: float) -> bytes:
+    """A configuration in C: the members that are given, else the current limit, zeros."""
 
     def filled(table: dict[str, Any]) -> dict[str, Any]:
-        own = {key: value for key, value in (("ts", ts), ("limit", limit)) if table.get(key) == 0}
+        own = {"limit": limit} if table.get("limit") == 0 else {}
         inner = {key: filled(value) for key, value in table.items() if isinstance(value, dict)}
         return {**table, **own, **inner}
 
@@ -115,8 +115,7 @@ def described(settings: dict[str, Any], module: ModuleType = _simulator_f64) -> 
     """The description that the engine takes: with the controller's configurations packed for it."""
     layout = control_layout("double" if module.real_bits == 64 else "single")
     drive, controller = settings["drive"], settings["controller"]
-    ts, limit = 1 / drive["current_rate"], drive["current_limit"]
-    law_ts = ts * drive["speed_divider"]
+    limit = drive["current_limit"]
     first = [*settings["trials"]["phases"], TRIAL_PHASE][0] if "trials" in settings else settings
     motor = first["motor"]
     phases, ideal = motor.get("phases", 3), drive.get("ideal_current", False)
@@ -129,19 +128,19 @@ def described(settings: dict[str, Any], module: ModuleType = _simulator_f64) -> 
         "divider": drive["speed_divider"],
         "foreign": ideal,
         "learn_saturated": "trials" in settings,
-        "foc": {**foc, "ts": ts, "current_limit": limit, "phases": phases},
-        "monitor": {"ts": ts, "phases": 0 if ideal else phases, **drive.get("monitor", {})},
-        "quality": {"span": 2 * np.pi, "longest": 60.0, "ts": law_ts, **drive.get("quality", {})},
+        "foc": {**foc, "current_limit": limit, "phases": phases},
+        "monitor": {"phases": 0 if ideal else phases, **drive.get("monitor", {})},
+        "quality": {"span": 2 * np.pi, "longest": 60.0, **drive.get("quality", {})},
     }
-    drive = {**drive, "control": packed(layout, "cgl_drive_config", control, ts, limit)}
-    return {**settings, "drive": drive, "controller": law_of(controller, layout, law_ts, limit)}
+    drive = {**drive, "control": packed(layout, "cgl_drive_config", control, limit)}
+    return {**settings, "drive": drive, "controller": law_of(controller, layout, limit)}
 
 
-def law_of(controller: dict[str, Any], layout: Layout, ts: float, limit: float) -> dict[str, Any]:
+def law_of(controller: dict[str, Any], layout: Layout, limit: float) -> dict[str, Any]:
     if controller["law"] not in C_LAWS:
         return controller
     struct = C_LAWS[controller["law"]].config
-    return {**controller, "config": packed(layout, struct, controller["config"], ts, limit)}
+    return {**controller, "config": packed(layout, struct, controller["config"], limit)}
 
 
 def unpacked(description: dict[str, Any], precision: str = "single") -> dict[str, Any]:

@@ -58,8 +58,8 @@ def test_a_pointer_is_none_and_what_follows_it_is_right(headers: Headers) -> Non
 
 
 def test_another_size_is_refused(headers: Headers) -> None:
-    with pytest.raises(ValueError, match="cgl_pi_config: 12 bytes: expected 16"):
-        Layout(headers, "f").decode("cgl_pi_config", bytes(12))
+    with pytest.raises(ValueError, match="cgl_pi_config: 8 bytes: expected 12"):
+        Layout(headers, "f").decode("cgl_pi_config", bytes(8))
 
 
 def test_leaves_are_every_number_with_its_place(headers: Headers) -> None:
@@ -111,9 +111,9 @@ def test_a_configuration_goes_through_its_bytes(precision: str, data: st.DataObj
     assert layout.decode(name, layout.pack(name, values)) == values
 
 
-PI = {"kp": 0.1, "ki": 2.0, "ts": 1e-3, "limit": 4.0}
+PI = {"kp": 0.1, "ki": 2.0, "limit": 4.0}
 MEMORY = {"kind": "CGL_MEMORY_TIME", "cells": 8, "periods_per_rev": 1, "q_half_width": 0, "lead": 0,
-          "forgetting": 1.0, "limit": 1.0, "ts": 1e-3}  # fmt: skip
+          "forgetting": 1.0, "limit": 1.0}  # fmt: skip
 
 
 def test_numbers_are_those_of_a_cast() -> None:
@@ -131,7 +131,7 @@ def test_numbers_are_those_of_a_cast() -> None:
     ("name", "values", "message"),
     [
         ("cgl_pi_config", {**PI, "kd": 0.0}, r"cgl_pi_config\.kd: unknown"),
-        ("cgl_pi_config", {"kp": 0.1, "ki": 2.0, "ts": 1e-3}, r"cgl_pi_config\.limit: missing"),
+        ("cgl_pi_config", {"kp": 0.1, "ki": 2.0}, r"cgl_pi_config\.limit: missing"),
         ("cgl_pi_config", {**PI, "kp": 1e39}, r"cgl_pi_config\.kp: 1e\+39: expected a value of cgl_real"),
         ("cgl_pi_config", {**PI, "kp": None}, r"cgl_pi_config\.kp: None: expected a value of cgl_real"),
         ("cgl_pi_config", {**PI, "kp": True}, r"cgl_pi_config\.kp: True: expected a value of cgl_real"),
@@ -146,8 +146,8 @@ def test_numbers_are_those_of_a_cast() -> None:
         ("cgl_memory_config", {**MEMORY, "kind": 1}, r"kind: 1: expected a value of cgl_memory_kind"),
         (
             "cgl_pi_ilc_config",
-            {"pi": {**PI, "ts": "1 ms"}, "gain": 0, "memory": MEMORY},
-            r"cgl_pi_ilc_config\.pi\.ts: '1 ms'",
+            {"pi": {**PI, "ki": "1 ms"}, "gain": 0, "memory": MEMORY},
+            r"cgl_pi_ilc_config\.pi\.ki: '1 ms'",
         ),
     ],
 )
@@ -168,9 +168,9 @@ def with_fields(fields: tuple[Field, ...]) -> Layout:
 
 
 def test_a_member_that_moves_in_the_header_moves_in_the_bytes() -> None:
-    kp, ki, ts, limit = control_headers().structs["cgl_pi_config"]
+    kp, ki, limit = control_headers().structs["cgl_pi_config"]
     layout = control_layout("single")
-    moved = with_fields((ki, kp, ts, limit)).pack("cgl_pi_config", PI)
+    moved = with_fields((ki, kp, limit)).pack("cgl_pi_config", PI)
     assert moved == layout.pack("cgl_pi_config", {**PI, "kp": PI["ki"], "ki": PI["kp"]})
 
 

@@ -24,6 +24,7 @@
 #include "cogless/speed_pi.h"
 #include "cogless/transform.h"
 #include "cogless/trial.h"
+#include "cogless/version.h"
 #include "cogless/zero_phase.h"
 
 #endif

@@ -10,8 +10,8 @@ from typing import Any
 
 from cogless.c_headers import Field, Headers, control_headers
 
-PLAIN = {"bool": "?", "uint32_t": "I", "int32_t": "i", "unsigned": "I", "int": "i"}
-SAME_BITS = {"f": "I", "d": "Q", "?": "?", "I": "I", "i": "I"}
+PLAIN = {"bool": "?", "uint16_t": "H", "uint32_t": "I", "int32_t": "i", "unsigned": "I", "int": "i"}
+SAME_BITS = {"f": "I", "d": "Q", "?": "?", "H": "H", "I": "I", "i": "I"}
 POINTER = struct.calcsize("P")
 
 

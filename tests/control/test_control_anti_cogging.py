@@ -14,13 +14,13 @@ from reference.pi import Pi
 class CAntiCogging:
     def __init__(self, library, r: AntiCogging):
         self.library, lib = library, library.lib
-        pi = {"kp": r.pi.kp, "ki": r.pi.ki, "ts": r.pi.ts, "limit": r.pi.limit}
+        pi = {"kp": r.pi.kp, "ki": r.pi.ki, "limit": r.pi.limit}
         self.config = library.new("cgl_anti_cogging_config", pi=pi, cells=r.cells, speed=r.speed,
                                   revolutions=r.revolutions, position_gain=r.position_gain,
                                   lead=r.lead)  # fmt: skip
         self.state = library.new("cgl_anti_cogging")
         self.table, pointer = library.array(np.ones(r.cells))
-        assert lib.cgl_anti_cogging_init(self.state, self.config, ts, pointer, r.cells) == lib.CGL_OK
+        assert lib.cgl_anti_cogging_init(self.state, self.config, r.pi.ts, pointer, r.cells) == lib.CGL_OK
         self.input, self.output = library.new("cgl_law_input"), library.new("cgl_law_output")
 
     def calibrate(self):
@@ -300,11 +300,11 @@ def test_a_calibration_in_a_drive_ends_whatever_the_reference_is(omega_ref):
     config = library.new(
         "cgl_drive_config", pole_pairs=4, divider=2, foreign=True,
         monitor={"omega_max": 200.0, "angle_step": 2 * math.pi / counts, "stuck_angle": 0.5, "bridge": 5e-3,
-                 "hold": 1e-2, "ts": 5e-4},
-        quality={"span": 2 * math.pi, "longest": 60.0, "outlier": 3.0, "ts": 1e-3},
+                 "hold": 1e-2},
+        quality={"span": 2 * math.pi, "longest": 60.0, "outlier": 3.0},
     )  # fmt: skip
     drive, out = library.new("cgl_drive"), library.new("cgl_drive_output")
-    assert lib.cgl_drive_init(drive, config, ts) == lib.CGL_OK
+    assert lib.cgl_drive_init(drive, config, 5e-4) == lib.CGL_OK
     one.calibrate()
     reference = library.new("cgl_reference", omega_ref=omega_ref, learn=True)
     seen = 0

@@ -9,15 +9,15 @@ from control_library import control_library
 TS = 1e-4
 PRECISIONS = pytest.mark.parametrize("precision", ["float", "double"])
 FOC = {
-    "kp_d": 2.0, "ki_d": 800.0, "kp_q": 2.0, "ki_q": 800.0, "ts": TS, "current_limit": 5.0, "advance": 1.5,
+    "kp_d": 2.0, "ki_d": 800.0, "kp_q": 2.0, "ki_q": 800.0, "current_limit": 5.0, "advance": 1.5,
     "decoupling": True, "L_d": 1e-3, "L_q": 1e-3, "psi_f": 0.01, "phases": 3,
 }  # fmt: skip
 NO_INTEGRAL = FOC | {"ki_d": 0.0, "ki_q": 0.0}  # the currents of these tests don't answer
 MONITOR = {
     "omega_max": 500.0, "speed_window": 2e-3, "stuck_angle": 0.5, "current_max": 10.0, "current_sum": 2.5,
-    "bridge": 5e-3, "hold": 1e-2, "ts": TS, "phases": 3,
+    "bridge": 5e-3, "hold": 1e-2, "phases": 3,
 }  # fmt: skip
-QUALITY = {"span": 2 * math.pi, "longest": 60.0, "ts": 10 * TS}
+QUALITY = {"span": 2 * math.pi, "longest": 60.0}
 CONFIG = {"pole_pairs": 4, "divider": 10, "foc": FOC, "monitor": MONITOR, "quality": QUALITY}
 
 
@@ -29,7 +29,7 @@ class Controller:
         self.lib = self.library.lib
         self.config = self.library.new("cgl_drive_config", **{**CONFIG, **changes})
         self.drive = self.library.new("cgl_drive")
-        assert self.lib.cgl_drive_init(self.drive, self.config, ts) == self.lib.CGL_OK
+        assert self.lib.cgl_drive_init(self.drive, self.config, TS) == self.lib.CGL_OK
         self.out = self.library.new("cgl_drive_output")
         self.law, self.theta, self.omega, self.busy = law, 0.5, 50.0, 0
         self.inputs: list[dict[str, float]] = []
@@ -91,7 +91,7 @@ def test_the_current_loop_is_that_of_foc(precision):
     library, lib = controller.library, controller.lib
     foc, out = library.new("cgl_foc"), library.new("cgl_foc_output")
     config = library.new("cgl_foc_config", **FOC)
-    lib.cgl_foc_init(foc, config, ts)
+    lib.cgl_foc_init(foc, config, TS)
     for _ in range(200):
         i = [float(x) for x in rng.normal(0, 0.5, 3) - np.array([0, 0, 0.1])]
         got = controller.tick(i_abc=i, i_d_ref=-0.5)
@@ -264,18 +264,25 @@ def test_a_d_axis_reference_that_is_no_number_is_none(precision):
     "changes",
     [
         {"pole_pairs": 0}, {"pole_pairs": 10001}, {"divider": 0}, {"divider": 65536},
-        {"foc": FOC | {"ts": 0.0}}, {"monitor": MONITOR | {"hold": -1.0}},
+        {"foc": FOC | {"current_limit": 0.0}}, {"monitor": MONITOR | {"hold": -1.0}},
         {"quality": QUALITY | {"span": 0.0}},
         # parts that do not agree
-        {"quality": QUALITY | {"ts": TS}}, {"quality": QUALITY | {"ts": 10 * TS * 1.0001}}, {"divider": 9},
-        {"monitor": MONITOR | {"ts": 1.0}, "quality": QUALITY | {"ts": 10.0}}, {"foc": FOC | {"ts": 2 * TS}},
         {"monitor": MONITOR | {"phases": 0}}, {"monitor": MONITOR | {"phases": 2}},
-        {"foc": FOC | {"phases": 2}}, {"foreign": True, "foc": {}, "quality": QUALITY | {"ts": TS}},
+        {"foc": FOC | {"phases": 2}},
     ],
 )  # fmt: skip
 def test_init_refuses(precision, changes):
     library = control_library(precision)
     config = library.new("cgl_drive_config", **{**CONFIG, **changes})
+    refused = library.lib.cgl_drive_init(library.new("cgl_drive"), config, TS)
+    assert refused == library.lib.CGL_ERROR_CONFIG
+
+
+@PRECISIONS
+@pytest.mark.parametrize("ts", [0.0, -TS, math.nan, math.inf])
+def test_init_refuses_a_period_that_is_none(precision, ts):
+    library = control_library(precision)
+    config = library.new("cgl_drive_config", **CONFIG)
     refused = library.lib.cgl_drive_init(library.new("cgl_drive"), config, ts)
     assert refused == library.lib.CGL_ERROR_CONFIG
 
@@ -284,11 +291,14 @@ def test_init_refuses(precision, changes):
 @pytest.mark.parametrize("ts", [1 / 15000, 1e-4, 1 / 3, 1e-9, 7.7e4])
 @pytest.mark.parametrize("divider", [1, 3, 15, 4999])
 @pytest.mark.parametrize("phases", [(3, 3), (0, 3), (2, 2)])
-def test_init_takes_parts_that_agree_but_for_rounding(precision, ts, divider, phases):
+def test_the_law_has_divider_periods(precision, ts, divider, phases):
     library = control_library(precision)
     config = library.new(
-        "cgl_drive_config", pole_pairs=4, divider=divider, foc=FOC | {"ts": ts, "phases": phases[0]},
-        monitor=MONITOR | {"ts": ts, "phases": phases[1], "bridge": 0.0, "hold": 0.0, "speed_window": 0.0},
-        quality=QUALITY | {"ts": divider * ts, "longest": divider * ts * 10},
+        "cgl_drive_config", pole_pairs=4, divider=divider, foc=FOC | {"phases": phases[0]},
+        monitor=MONITOR | {"phases": phases[1], "bridge": 0.0, "hold": 0.0, "speed_window": 0.0},
+        quality=QUALITY | {"longest": divider * ts * 10},
     )  # fmt: skip
-    assert library.lib.cgl_drive_init(library.new("cgl_drive"), config, ts) == library.lib.CGL_OK
+    drive = library.new("cgl_drive")
+    assert library.lib.cgl_drive_init(drive, config, ts) == library.lib.CGL_OK
+    assert drive.law_period == pytest.approx(divider * ts, rel=2 * library.eps)
+    assert drive.quality.longest == 10

@@ -9,35 +9,39 @@ from control_library import ControlLibrary, control_library
 NOT_NEGATIVE: list[Any] = [-1.0, -1e-30, math.nan, math.inf, -math.inf]
 POSITIVE = [0.0, *NOT_NEGATIVE]
 FINITE = [math.nan, math.inf, -math.inf]
-PI = {"kp": 0.1, "ki": 1.0, "ts": 1e-3, "limit": 2.0}
-BAD_PI = {"kp": NOT_NEGATIVE, "ki": NOT_NEGATIVE, "ts": POSITIVE, "limit": POSITIVE}
+PI = {"kp": 0.1, "ki": 1.0, "limit": 2.0}
+BAD_PI = {"kp": NOT_NEGATIVE, "ki": NOT_NEGATIVE, "limit": POSITIVE}
 MEMORY = {
     "kind": 0,
+    "channels": 1,
     "cells": 64,
-    "periods_per_rev": 4,
+    "turns": 1,
+    "parts": 4,
     "q_half_width": 3,
     "lead": 16,
     "forgetting": 1.0,
-    "limit": 2.0,
-    "ts": 1e-3,
+    "limit": [2.0],
+    "method": 0,
+    "k_pp": 0.0,
 }
 BAD_MEMORY = {
-    "kind": [2, 77, 0xFFFFFFFF],
+    "kind": [3, 77, 0xFFFFFFFF],
+    "channels": [0, 4, 0xFFFFFFFF],
     "cells": [0, 3, 6, 65536, 0xFFFFFFFF],
-    "periods_per_rev": [0, 65536, 0xFFFFFFFF],
+    "turns": [0, 65536, 0xFFFFFFFF],
+    "parts": [0, 65536, 0xFFFFFFFF],
     "q_half_width": [32, 65535, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF],
     "lead": [17, 65535, 0xFFFFFFFF],
     "forgetting": [1.0000002, *POSITIVE],
-    "limit": POSITIVE,
-    "ts": POSITIVE,
+    "limit": [[x] for x in POSITIVE],
 }
-FOC = {"kp_d": 1.0, "ki_d": 1.0, "kp_q": 1.0, "ki_q": 1.0, "ts": 1e-4, "current_limit": 5.0, "advance": 1.5,
+FOC = {"kp_d": 1.0, "ki_d": 1.0, "kp_q": 1.0, "ki_q": 1.0, "current_limit": 5.0, "advance": 1.5,
        "decoupling": True, "L_d": 1e-3, "L_q": 1e-3, "psi_f": 0.01, "phases": 2}  # fmt: skip
-BAD_FOC = {k: NOT_NEGATIVE for k in FOC if k != "decoupling"} | {"ts": POSITIVE, "current_limit": POSITIVE}
+BAD_FOC = {k: NOT_NEGATIVE for k in FOC if k != "decoupling"} | {"current_limit": POSITIVE}
 BAD_FOC["phases"] = [1, 4, 0xFFFFFFFF]
 ROBUST = {"b": 400.0, "c": 5.0, "g": 50.0, "eta": 180.0, "q": 0.1, "beta_1": 0.1, "beta_2": 0.1, "gamma": 3.0,
-          "viscous": 0.0, "coulomb": 0.0, "ts": 1e-3, "limit": 2.0}  # fmt: skip
-BAD_ROBUST = {k: NOT_NEGATIVE for k in ROBUST} | {"b": POSITIVE, "ts": POSITIVE, "limit": POSITIVE}
+          "viscous": 0.0, "coulomb": 0.0, "limit": 2.0}  # fmt: skip
+BAD_ROBUST = {k: NOT_NEGATIVE for k in ROBUST} | {"b": POSITIVE, "limit": POSITIVE}
 BAD_ROBUST |= {"viscous": FINITE, "coulomb": FINITE}
 ANTI_COGGING = {"cells": 64, "speed": 0.2, "revolutions": 1, "position_gain": 5.0, "lead": 1e-4}
 BAD_ANTI_COGGING = {
@@ -85,19 +89,14 @@ BAD_TRIAL = {
     "limit": POSITIVE,
     "learned_limit": POSITIVE,
 }
-SPACE_MEMORY = {"kind": 1, "channels": 2, "cells": 12, "turns": 2, "parts": 3, "q_half_width": 3,
-                "limit": [1.0, 0.1], "method": 0, "k_pp": 10.0, "ts": 1e-3}  # fmt: skip
-BAD_SPACE_MEMORY = {
-    "kind": [2, 0xFFFFFFFF],
-    "channels": [0, 4, 0xFFFFFFFF],
+SPACE_MEMORY = MEMORY | {"kind": 2, "channels": 2, "cells": 12, "turns": 2, "parts": 3, "lead": 0,
+                         "limit": [1.0, 0.1], "k_pp": 10.0}  # fmt: skip
+BAD_SPACE_MEMORY = BAD_MEMORY | {
     "cells": [0, 3, 6, 16777217, 0xFFFFFFFF],
-    "turns": [0, 65536, 0xFFFFFFFF],
-    "parts": [0, 65536, 0xFFFFFFFF],
     "q_half_width": [6, 32768, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF],
     "limit": [[x, 0.1] for x in POSITIVE] + [[1.0, x] for x in POSITIVE],
     "method": [2, 0xFFFFFFFF],
     "k_pp": [1000.0, *POSITIVE],
-    "ts": POSITIVE,
 }
 SPACE_GAINS = {"k_theta": 5.0, "k_omega": 5.0, "k_v": 0.0, "v_0": 0.0, "v_2": 0.0, "k_i": 50.0,
                "mu_alpha": 250.0, "mu_beta": 0.1, "mu_h": 0.1, "ramp": 1.0}  # fmt: skip
@@ -106,14 +105,12 @@ SPACE_POSITION = SPACE_GAINS | {
     "hand_over": True,
     "omega_min": 0.1,
     "index": 0,
-    "ts": 1e-4,
     "limit": 15.0,
 }
 BAD_SPACE_POSITION = {k: NOT_NEGATIVE for k in SPACE_GAINS} | {
     "ratio": [0, 65536, 0xFFFFFFFF],
     "omega_min": POSITIVE,
     "index": [2, 0xFFFFFFFF],
-    "ts": POSITIVE,
     "limit": POSITIVE,
 }
 SPACE_SPEED = {"k": 5.0, "mu_alpha": 1.0, "mu_beta": 1.0, "mu_h": 1.0, "eta_bar": 0.1, "omega_min": 0.1,
@@ -134,7 +131,7 @@ def cases(good: dict[str, Any], bad: dict[str, list[Any]]):
 CONFIGS = {
     "pi": (PI, cases(PI, BAD_PI)),
     "foc": (FOC, cases(FOC, BAD_FOC)),
-    "memory": (MEMORY, cases(MEMORY, BAD_MEMORY)),
+    "memory": (MEMORY, cases(MEMORY, BAD_MEMORY) + cases(SPACE_MEMORY, BAD_SPACE_MEMORY)),
     "pi_ilc": (
         {"pi": PI, "gain": 0.1, "memory": MEMORY},
         [{"pi": PI, "gain": g, "memory": MEMORY} for g in NOT_NEGATIVE]
@@ -146,7 +143,6 @@ CONFIGS = {
         [c | {"memory": MEMORY} for c in cases(ROBUST, BAD_ROBUST)]
         + [ROBUST | {"memory": m} for m in cases(MEMORY, BAD_MEMORY)],
     ),
-    "space_memory": (SPACE_MEMORY, cases(SPACE_MEMORY, BAD_SPACE_MEMORY)),
     "space_position": (
         SPACE_POSITION | {"memory": SPACE_MEMORY},
         [c | {"memory": SPACE_MEMORY} for c in cases(SPACE_POSITION, BAD_SPACE_POSITION)]
@@ -178,11 +174,28 @@ CONFIGS = {
 ELSEWHERE = {"trial": {"learning_matrix"}}
 # entries that the good config needs
 WITH_MEMORY = {"memory": 68, "pi_ilc": 68, "robust_ilc": 68, "anti_cogging": 64, "pi_afc": 9, "trial": 46,
-               "space_memory": 48, "space_position": 48, "space_speed": 48}  # fmt: skip
+               "space_position": 48, "space_speed": 48}  # fmt: skip
 
 
-def init(library: ControlLibrary, law: str, config: dict[str, Any], pointer=None, length=100) -> int:
-    arguments = [library.new(f"cgl_{law}_config", **config), library.new(f"cgl_{law}")]
+TIMELESS = {"feedforward", "trial"}  # these know samples only
+
+
+def init(
+    library: ControlLibrary,
+    law: str,
+    config: dict[str, Any],
+    pointer=None,
+    length=100,
+    ts: float = 1e-3,
+    state=None,
+) -> int:
+    arguments = [state or library.new(f"cgl_{law}"), library.new(f"cgl_{law}_config", **config)]
+    if law == "feedforward":
+        arguments.reverse()
+    if law not in TIMELESS:
+        arguments.append(ts)
+    if law == "memory":
+        arguments.append(1)  # revolutions of its angle in one
     if law in WITH_MEMORY:
         memory = library.array([0.0] * 100)[1] if pointer is None else pointer
         arguments += [memory, length]
@@ -197,6 +210,14 @@ def test_refuses_what_is_out_of_range(law, precision):
     assert init(library, law, good) == library.lib.CGL_OK
     for config in bad:
         assert init(library, law, config) == library.lib.CGL_ERROR_CONFIG, config
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize("law", sorted(CONFIGS.keys() - TIMELESS))
+def test_refuses_a_period_that_is_none(law, precision):
+    library = control_library(precision)
+    for ts in POSITIVE:
+        assert init(library, law, CONFIGS[law][0], ts=ts) == library.lib.CGL_ERROR_CONFIG, ts
 
 
 @pytest.mark.parametrize("precision", ["float", "double"])
@@ -217,29 +238,29 @@ def test_the_test_knows_every_field(law):
     assert fields == set(CONFIGS[law][0]) | ELSEWHERE.get(law, set())
 
 
-@pytest.mark.parametrize("law", ["memory", "space_memory"])
-@pytest.mark.parametrize(("kind", "most"), [(0, 65535), (1, 16777216)])
+@pytest.mark.parametrize("law", ["memory"])
+@pytest.mark.parametrize(("kind", "most"), [(0, 65535), (1, 16777216), (2, 16777216)])
 def test_a_delay_line_may_be_longer_than_a_map(law, kind, most):
     library = control_library("float")
-    at_most, more = (CONFIGS[law][0] | {"kind": kind, "cells": cells} for cells in (most, most + 1))
+    at_most, more = (
+        CONFIGS[law][0] | {"kind": kind, "k_pp": 1.0, "cells": cells} for cells in (most, most + 1)
+    )
     assert init(library, law, at_most) == library.lib.CGL_ERROR_MEMORY  # there is no more than that wrong
     assert init(library, law, more) == library.lib.CGL_ERROR_CONFIG
 
 
-@pytest.mark.parametrize("kind", [0, 1])
+@pytest.mark.parametrize("kind", [0, 2])
 def test_a_map_needs_no_room_for_the_angle_and_no_gain_for_p_t(kind):
     library = control_library("double")
     config = SPACE_MEMORY | {"kind": kind, "k_pp": 0.0}
     expected = library.lib.CGL_OK if kind == 0 else library.lib.CGL_ERROR_CONFIG
-    assert init(library, "space_memory", config, length=32) == expected
-    assert init(library, "space_memory", config | {"k_pp": 1.0}, length=32 + 16 * kind) == library.lib.CGL_OK
+    assert init(library, "memory", config, length=32) == expected
+    assert init(library, "memory", config | {"k_pp": 1.0}, length=32 + 8 * kind) == library.lib.CGL_OK
 
 
 def test_space_memory_refuses_sums_that_overflow():
     library = control_library("float")
-    assert (
-        init(library, "space_memory", SPACE_MEMORY | {"limit": [1e38, 0.1]}) == library.lib.CGL_ERROR_CONFIG
-    )
+    assert init(library, "memory", SPACE_MEMORY | {"limit": [1e38, 0.1]}) == library.lib.CGL_ERROR_CONFIG
 
 
 def test_robust_ilc_refuses_an_acceleration_that_overflows():

@@ -17,7 +17,7 @@ def memory_config(library, memory: AngleMemory | TimeMemory) -> dict[str, Any]:
     by_angle = isinstance(memory, AngleMemory)
     kind = library.lib.CGL_MEMORY_ANGLE if by_angle else library.lib.CGL_MEMORY_TIME
     names = ("cells", "periods_per_rev", "q_half_width", "lead", "forgetting", "limit")
-    return {"kind": kind, "ts": TS} | {name: getattr(memory, name) for name in names}
+    return {"kind": kind} | {name: getattr(memory, name) for name in names}
 
 
 class CMemory:
@@ -33,8 +33,7 @@ class CMemory:
 
     def recall(self, theta_m: float, omega_ref: float = 0.0) -> Recalled:
         def recall(learn: bool) -> tuple[float, bool]:
-            known = self.library.lib.cgl_memory_recall(self.state, theta_m, omega_ref, learn, self.out
-            )
+            known = self.library.lib.cgl_memory_recall(self.state, theta_m, omega_ref, learn, self.out)
             return self.out[0], known
 
         return Recalled(recall(True)[0], *recall(False))

@@ -12,7 +12,7 @@ from reference.monitor import TURN, Monitor, between, in_turn
 TS = 1e-4
 BOUNDS = {
     "omega_max": 200.0, "angle_step": 1e-3, "speed_window": 2e-3, "stuck_angle": 0.5, "current_max": 10.0,
-    "current_sum": 2.0, "bridge": 5e-3, "hold": 1e-2, "stuck_time": 5e-3, "ts": TS,
+    "current_sum": 2.0, "bridge": 5e-3, "hold": 1e-2, "stuck_time": 5e-3,
 }  # fmt: skip
 PRECISIONS = pytest.mark.parametrize("precision", ["float", "double"])
 
@@ -22,7 +22,7 @@ class CMonitor:
         self.library, self.lib = library, library.lib
         self.config = library.new("cgl_monitor_config", phases=fields.pop("phases", 3), **fields)
         self.state = library.new("cgl_monitor")
-        assert self.lib.cgl_monitor_init(self.state, self.config, ts) == self.lib.CGL_OK
+        assert self.lib.cgl_monitor_init(self.state, self.config, TS) == self.lib.CGL_OK
 
     def step(self, i, theta, omega, u_dc, omega_ref):
         now = self.library.new("cgl_measurement", i_abc=i, theta_m=theta, omega_m=omega, u_dc=u_dc)
@@ -411,7 +411,7 @@ def test_nothing_is_safe_before_the_first_angle(precision):
 
 @PRECISIONS
 def test_what_is_not_watched_triggers_nothing(precision):
-    zero = {name: 0.0 for name in BOUNDS if name != "ts"}
+    zero = dict.fromkeys(BOUNDS, 0.0)
     rotor = Rotor(precision, omega=3e3, **zero)
     for jump in (0.0, 1.0, 3.0):
         rotor.offset = jump
@@ -423,10 +423,10 @@ def test_what_is_not_watched_triggers_nothing(precision):
 @pytest.mark.parametrize(
     "field, value",
     [(name, v) for name in BOUNDS for v in (-1.0, math.nan, math.inf)]
-    + [("ts", 0.0), ("phases", 1), ("phases", 4), ("hold", 1e6), ("bridge", 1e6), ("speed_window", 1e6)],
+    + [("phases", 1), ("phases", 4), ("hold", 1e6), ("bridge", 1e6), ("speed_window", 1e6)],
 )
 def test_init_refuses(precision, field, value):
     library = control_library(precision)
     config = library.new("cgl_monitor_config", **{**BOUNDS, "phases": 3, field: value})
-    refused = library.lib.cgl_monitor_init(library.new("cgl_monitor"), config, ts)
+    refused = library.lib.cgl_monitor_init(library.new("cgl_monitor"), config, TS)
     assert refused == library.lib.CGL_ERROR_CONFIG

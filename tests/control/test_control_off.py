@@ -9,9 +9,9 @@ import pytest
 from control_library import ControlLibrary, control_library
 
 TS = 1e-3
-PI = {"kp": 0.1, "ki": 2.0, "ts": TS, "limit": 5.0}
-MEMORY = {"cells": 64, "periods_per_rev": 1, "q_half_width": 1, "forgetting": 1.0, "limit": 2.0, "ts": TS}
-SPACE = {"channels": 1, "cells": 64, "turns": 1, "parts": 1, "q_half_width": 1, "limit": [2.0], "ts": TS}
+PI = {"kp": 0.1, "ki": 2.0, "limit": 5.0}
+MEMORY = {"channels": 1, "cells": 64, "turns": 1, "parts": 1, "q_half_width": 1, "forgetting": 1.0,
+          "limit": [2.0]}  # fmt: skip
 ROBUST = {
     "b": 400.0,
     "c": 5.0,
@@ -20,20 +20,19 @@ ROBUST = {
     "q": 0.5,
     "beta_2": 5.0,
     "gamma": 200.0,
-    "ts": TS,
     "limit": 5.0,
 }
 POSITION = {"ratio": 1, "k_theta": 5.0, "k_omega": 0.1, "k_i": 2.0, "mu_alpha": 0.5, "omega_min": 0.1,
-            "index": 1, "ts": TS, "limit": 5.0}  # fmt: skip
+            "index": 1, "limit": 5.0}  # fmt: skip
 SPEED = {"k": 0.1, "mu_alpha": 0.5, "eta_bar": 5.0, "omega_min": 0.1, "limit": 5.0, "ratio": 1}
 LAWS: dict[str, dict[str, Any]] = {
     "speed_pi": PI,
     "pi_ilc": {"pi": PI, "gain": 0.05, "memory": MEMORY},
-    "robust_ilc": ROBUST | {"memory": MEMORY | {"limit": 300.0}},
+    "robust_ilc": ROBUST | {"memory": MEMORY | {"limit": [300.0]}},
     "anti_cogging": {"pi": PI, "cells": 64, "speed": 1.0, "revolutions": 1},
     "pi_afc": {"pi": PI, "orders": 2, "order": [1, 3], "gain": 5.0, "omega_min": 0.1, "limit": 2.0},
-    "space_position": POSITION | {"memory": SPACE},
-    "space_speed": SPEED | {"memory": SPACE},
+    "space_position": POSITION | {"memory": MEMORY},
+    "space_speed": SPEED | {"memory": MEMORY},
 }
 WITHOUT_MEMORY = {"speed_pi"}
 
@@ -49,14 +48,16 @@ def terms(state) -> dict[str, float]:
 class Law:
     """A law at 10 rad/s, with an error that repeats each revolution, on a base."""
 
-    def __init__(self, library: ControlLibrary, name: str):
+    def __init__(self, library: ControlLibrary, name: str, **changes: Any):
         self.library, self.name = library, name
         base = "cgl_pi" if name == "speed_pi" else f"cgl_{name}"
-        self.config = library.new(f"{base}_config", **LAWS[name])
+        self.config = library.new(f"{base}_config", **LAWS[name] | changes)
         self.state = library.new(base)
         self.cell, pointer = library.array(np.zeros(200))
         memory = () if name in WITHOUT_MEMORY else (pointer, 200)
-        assert getattr(library.lib, f"{base}_init")(self.config, self.state, *memory) == library.lib.CGL_OK
+        assert (
+            getattr(library.lib, f"{base}_init")(self.state, self.config, TS, *memory) == library.lib.CGL_OK
+        )
         self.out = library.new("cgl_law_output")
         self.n = 0
 
@@ -66,7 +67,7 @@ class Law:
         omega_m = 10.0 - base - 0.5 * math.sin(theta)
         inputs = self.library.new("cgl_law_input", omega_ref=10.0, omega_m=omega_m, theta_m=theta,
                                   theta_ref=theta, learn=True, off=off)  # fmt: skip
-        getattr(self.library.lib, f"cgl_{self.name}_step")(self.config, self.state, inputs, self.out)
+        getattr(self.library.lib, f"cgl_{self.name}_step")(self.state, inputs, self.out)
         return self.out.i_q_ref, self.out.status
 
 
@@ -125,7 +126,7 @@ def test_a_reset_law_does_as_a_new_one(precision, name):
     if name == "speed_pi":
         library.lib.cgl_pi_reset(law.state)
     else:
-        getattr(library.lib, f"cgl_{name}_reset")(law.config, law.state)
+        getattr(library.lib, f"cgl_{name}_reset")(law.state)
     law.n = 0
     again = [law.step() for _ in range(1000)]
     assert again == [new.step() for _ in range(1000)] != worn

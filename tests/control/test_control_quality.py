@@ -7,12 +7,13 @@ import pytest
 from control_library import control_library
 from reference.quality import Quality
 
+TS = 1e-3
 PRECISIONS = pytest.mark.parametrize("precision", ["float", "double"])
-FIELDS = {"span": 2 * math.pi, "longest": 1.0, "outlier": 0.0, "floor": 0.0, "ts": 1e-3}
+FIELDS = {"span": 2 * math.pi, "longest": 1.0, "outlier": 0.0, "floor": 0.0}
 
 
 class CQuality:
-    def __init__(self, library, **fields):
+    def __init__(self, library, ts=TS, **fields):
         self.lib = library.lib
         ts = fields.pop("ts")
         self.config = library.new("cgl_quality_config", **fields)
@@ -38,7 +39,7 @@ def ripple(library, amplitude, turns=1, offset=0.0):
 def test_equals_the_reference(precision, seed):
     library, rng = control_library(precision), np.random.default_rng(seed)
     fields = FIELDS | {"outlier": 3.0, "floor": 0.2, "longest": 0.5}
-    c, reference = CQuality(library, **fields), Quality(**fields)
+    c, reference = CQuality(library, **fields), Quality(**fields, ts=TS)
     outliers = 0
     for n in range(6000):
         scale = math.exp(-n / 3000)
@@ -121,7 +122,7 @@ def test_a_constant_error_is_no_ripple(precision):
 @pytest.mark.parametrize("rate, offset", [(20e3, 1.03), (20e3, 10.3), (1e3, -10.3)])
 def test_an_offset_that_stays_is_no_ripple_from_the_first_window_on(precision, rate, offset):
     library = control_library(precision)
-    c = CQuality(library, **FIELDS | {"ts": 1 / rate, "longest": 60.0})
+    c = CQuality(library, 1 / rate, **FIELDS | {"longest": 60.0})
     for n in range(round(3 * rate)):
         c.step(offset + 0.01 * math.sin(2 * math.pi * 6 * n / rate), 2 * math.pi)
     assert c.read().known
@@ -326,10 +327,10 @@ def test_the_peaks_of_noise_do_not_open_the_door(precision):
 @pytest.mark.parametrize(
     "field, value",
     [(name, v) for name in FIELDS for v in (-1.0, math.nan, math.inf)]
-    + [("span", 0.0), ("ts", 0.0), ("longest", 1e-4), ("longest", 1e9), ("outlier", 0.5)],
+    + [("span", 0.0), ("longest", 1e-4), ("longest", 1e9), ("outlier", 0.5)],
 )
 def test_init_refuses(precision, field, value):
     library = control_library(precision)
     config = library.new("cgl_quality_config", **{**FIELDS, field: value})
-    refused = library.lib.cgl_quality_init(library.new("cgl_quality"), config, ts)
+    refused = library.lib.cgl_quality_init(library.new("cgl_quality"), config, TS)
     assert refused == library.lib.CGL_ERROR_CONFIG

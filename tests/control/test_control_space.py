@@ -386,8 +386,7 @@ def test_the_filters_sum_sheds_its_rounding():
     for n in range(50 * 100):
         theta = 2 * math.pi * (n % 100 + 0.3) / 100
         step = 1000 * (1.1 + math.cos(3 * theta)) if n < 300 else 0.5 * memory.values[0]
-        library.lib.cgl_space_memory_step(memory.state, theta, True, True, gain, step, memory.values
-        )
+        library.lib.cgl_space_memory_step(memory.state, theta, True, True, gain, step, memory.values)
         if n == 300:
             assert abs(memory.cell[:cells]).max() > 1000
     assert memory.state.steady

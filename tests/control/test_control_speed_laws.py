@@ -25,24 +25,28 @@ class CLaw:
         self.library, lib = library, library.lib
         memory = memory_config(library, reference.memory)
         if isinstance(reference, PiIlc):
-            pi = {name: getattr(reference.pi, name) for name in ("kp", "ki", "ts", "limit")}
+            pi = {name: getattr(reference.pi, name) for name in ("kp", "ki", "limit")}
             self.config = library.new("cgl_pi_ilc_config", pi=pi, gain=reference.gain, memory=memory)
             self.state, init = library.new("cgl_pi_ilc"), lib.cgl_pi_ilc_init
             self.c_step = lib.cgl_pi_ilc_step
         else:
-            gains = {f.name: getattr(reference, f.name) for f in dataclasses.fields(reference)[:12]}
+            gains = {
+                f.name: getattr(reference, f.name)
+                for f in dataclasses.fields(reference)[:12]
+                if f.name != "ts"
+            }
             self.config = library.new("cgl_robust_ilc_config", memory=memory, **gains)
             self.state, init = library.new("cgl_robust_ilc"), lib.cgl_robust_ilc_init
             self.c_step = lib.cgl_robust_ilc_step
         length = memory["cells"] + memory["q_half_width"] + 1
         self.cell, pointer = library.array(np.zeros(length))
-        assert init(self.config, self.state, pointer, length) == lib.CGL_OK
+        assert init(self.state, self.config, TS, pointer, length) == lib.CGL_OK
         self.input, self.output = library.new("cgl_law_input"), library.new("cgl_law_output")
 
     def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:
         i = self.input
         i.omega_ref, i.omega_m, i.theta_m, i.learn = omega_ref, omega_m, theta_m, learn
-        self.c_step(self.config, self.state, i, self.output)
+        self.c_step(self.state, i, self.output)
         return self.output.i_q_ref
 
     @property
@@ -262,3 +266,16 @@ def test_learning_waits_for_its_permission_and_repeats_when_it_ends():
     once = [c.step(10.0, 0.0, 0.05 * n, learn=False) for n in range(300, 426)]
     assert np.array_equal(c.cell, before)
     assert np.ptp(once) > 0.5
+
+
+def test_adaptation_adds_up_small_terms_beside_a_large_one():
+    """gamma ts S is less than half of what a float tells apart at r = 5 rad/s^2."""
+    library, steps = control_library("float"), 200_000
+    memory = AngleMemory(16, 1, 0, 1.0, 1.0, 0)
+    gains = dict.fromkeys(("c", "g", "eta", "q", "beta_1", "beta_2", "viscous", "coulomb"), 0.0)
+    law = CLaw(library, RobustIlc(b=10.0, gamma=0.2, ts=TS, limit=20.0, memory=memory, **gains))
+    law.state.adapted = 5.0
+    assert library.real(5.0) + library.real(0.2 * TS * 0.001) == 5.0
+    for _ in range(steps):
+        law.step(0.001, 0.0, 0.0)
+    assert law.state.adapted - 5.0 == pytest.approx(steps * 0.2 * TS * 0.001, rel=0.01)

@@ -54,7 +54,9 @@ def test_both_compilers_agree_with_the_simulation(compiler: str) -> None:
     mean = (found.with_law.mean + (divider - 1) * found.without_law.mean) / divider
     assert found.all.mean == pytest.approx(mean)
     assert sum(found.by_source_with_law.values()) == pytest.approx(found.with_law.mean)
-    assert found.memory == 4 * 257 and found.memory < found.ram < found.memory + 500
+    assert (
+        found.memory == 4 * 257 and found.memory < found.ram < found.memory + 700
+    )  # the rest is states, with their configs
     assert 100 < found.constants < found.flash < 16_384
     assert 50 < found.stack < 1000
 

@@ -38,8 +38,14 @@ class Outside:
         self.drive, self.law = self.library.new("cgl_drive"), self.library.new("cgl_pi_ilc")
         self.memory, pointer = self.library.array(np.zeros(memory_length))
         lib = self.library.lib
-        assert lib.cgl_drive_init(self.drive, self.config, ts) == lib.CGL_OK
-        assert lib.cgl_pi_ilc_init(self.law, self.law_config, ts, pointer, len(self.memory)) == lib.CGL_OK
+        assert (
+            lib.cgl_drive_init(self.drive, self.config, 1 / description["drive"]["current_rate"])
+            == lib.CGL_OK
+        )
+        assert (
+            lib.cgl_pi_ilc_init(self.law, self.law_config, self.drive.law_period, pointer, len(self.memory))
+            == lib.CGL_OK
+        )
 
     def _struct(self, name: str, value: bytes) -> Any:
         ffi = self.library.ffi

@@ -86,7 +86,7 @@ def description(plant: dict[str, Any], matrix: Any = None, **law: Any) -> dict[s
 
 def trials_of(settings: dict[str, Any], module: ModuleType = _simulator_f64) -> Any:
     layout = control_layout("double" if module is _simulator_f64 else "single")
-    law = law_of(settings["controller"], layout, ts=0.0, limit=0.0)
+    law = law_of(settings["controller"], layout, limit=0.0)
     return module.LinearTrials({**settings, "controller": law})
 
 

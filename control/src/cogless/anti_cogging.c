@@ -3,15 +3,20 @@
 #include "angle.h"
 #include "range.h"
 
-CGL_SELDOM cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_config *config, cgl_real ts, cgl_real *table,
-                                uint32_t length)
+CGL_SELDOM static bool is_valid(const cgl_anti_cogging_config *config)
 {
     static const cgl_range range[] = {CGL_RANGE(cgl_anti_cogging_config, cells, CGL_COUNT),
                                       CGL_RANGE(cgl_anti_cogging_config, speed, CGL_POSITIVE),
                                       CGL_RANGE(cgl_anti_cogging_config, revolutions, CGL_COUNT),
                                       CGL_RANGE(cgl_anti_cogging_config, position_gain, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_anti_cogging_config, lead, CGL_NOT_NEGATIVE)};
-    if (!(CGL_IS_IN_RANGE(config, range) && config->cells >= 4U && config->revolutions <= 100U)) {
+    return CGL_IS_IN_RANGE(config, range) && config->cells >= 4U && config->revolutions <= 100U;
+}
+
+cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_config *config, cgl_real ts, cgl_real *table,
+                                           uint32_t length)
+{
+    if (!is_valid(config)) {
         return CGL_ERROR_CONFIG;
     }
     if (table == 0 || length < config->cells) {
@@ -31,7 +36,21 @@ CGL_SELDOM cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti
     return error;
 }
 
-CGL_SELDOM void cgl_anti_cogging_reset(cgl_anti_cogging *law)
+cgl_error cgl_anti_cogging_retune(cgl_anti_cogging *law, const cgl_anti_cogging_config *config)
+{
+    const bool same_run = law->stage == CGL_ANTI_COGGING_RUN || config->revolutions == law->config.revolutions;
+    if (!(is_valid(config) && config->cells == law->config.cells && same_run)
+        || cgl_pi_retune(&law->pi, &config->pi) != CGL_OK) {
+        return CGL_ERROR_CONFIG;
+    }
+    law->config = *config;
+    for (uint32_t n = 0; n < config->cells; ++n) {
+        law->table[n] = cgl_clamped(law->table[n], config->pi.limit);
+    }
+    return CGL_OK;
+}
+
+void cgl_anti_cogging_reset(cgl_anti_cogging *law)
 {
     const cgl_anti_cogging_config *const config = &law->config;
     if (law->stage != CGL_ANTI_COGGING_RUN) { /* half a table is worse than none */

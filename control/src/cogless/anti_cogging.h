@@ -53,6 +53,10 @@ typedef struct {
 cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_config *config, cgl_real ts, cgl_real *table,
                                 uint32_t length);
 
+/* Takes other gains and limits while it runs, as cgl_pi_retune. The table stays, within the limit; the number of cells must
+ * stay, and during a calibration that of revolutions. */
+cgl_error cgl_anti_cogging_retune(cgl_anti_cogging *law, const cgl_anti_cogging_config *config);
+
 /* Restarts the PI and ends a calibration; a table that is complete stays. */
 void cgl_anti_cogging_reset(cgl_anti_cogging *law);
 

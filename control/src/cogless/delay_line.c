@@ -50,7 +50,7 @@ static cgl_real shorter_way(cgl_real distance)
 
 /* Finds the place of one period of the reference speed ago, counted from the sample that comes next. False where the line is
  * too short for it, or the Q filter too wide. */
-static bool find_time(cgl_memory *memory, cgl_real speed)
+CGL_SELDOM static bool find_time(cgl_memory *memory, cgl_real speed)
 {
     cgl_delay_line *const line = &memory->line;
     const cgl_memory_config *const config = &memory->config;
@@ -78,18 +78,18 @@ static bool is_oldest(const cgl_memory *memory)
 }
 
 /* Rise of the angle to this sample. */
-static cgl_real rise(const cgl_memory *memory, uint32_t at)
+CGL_SELDOM static cgl_real rise(const cgl_memory *memory, uint32_t at)
 {
     return shorter_way(memory->cell[at] - memory->cell[older(memory, at)]);
 }
 
-static void go_newer(cgl_memory *memory)
+CGL_SELDOM static void go_newer(cgl_memory *memory)
 {
     memory->line.then = newer(memory, memory->line.then);
     memory->line.distance -= rise(memory, memory->line.then);
 }
 
-static void go_older(cgl_memory *memory)
+CGL_SELDOM static void go_older(cgl_memory *memory)
 {
     memory->line.distance += rise(memory, memory->line.then);
     memory->line.then = older(memory, memory->line.then);
@@ -132,7 +132,7 @@ static void follow_equation(cgl_memory *memory, cgl_real moved)
 }
 
 /* Finds P_t for an angle that has risen by `moved` since the last sample; the distance counts to now meanwhile. */
-static void find_period(cgl_memory *memory, cgl_real moved)
+CGL_SELDOM static void find_period(cgl_memory *memory, cgl_real moved)
 {
     cgl_delay_line *const line = &memory->line;
     line->distance += moved;
@@ -166,7 +166,7 @@ static bool find_angle(cgl_memory *memory, cgl_real theta, cgl_real speed)
 
 /* Keeps the angle of a sample. Sums of rises drift; the angles themselves do not, and the sum still tells the whole
  * periods. */
-static void store_angle(cgl_memory *memory, uint32_t next)
+CGL_SELDOM static void store_angle(cgl_memory *memory, uint32_t next)
 {
     cgl_delay_line *const line = &memory->line;
     memory->cell[next] = line->x;
@@ -179,7 +179,7 @@ static void store_angle(cgl_memory *memory, uint32_t next)
 /* ---- both ---- */
 
 /* The mean of the 2 m + 1 samples about the one of one period ago, between it and the one before. */
-static cgl_real mean_of(const cgl_memory *memory, const cgl_real *row, uint32_t m)
+CGL_SELDOM static cgl_real mean_of(const cgl_memory *memory, const cgl_real *row, uint32_t m)
 {
     const uint32_t length = length_of(memory);
     uint32_t n = memory->line.then + m;
@@ -193,7 +193,7 @@ static cgl_real mean_of(const cgl_memory *memory, const cgl_real *row, uint32_t 
     return sum + memory->line.part * (row[older(memory, n)] - first);
 }
 
-bool cgl_delay_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool learn, const cgl_real *correction,
+CGL_SELDOM bool cgl_delay_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool learn, const cgl_real *correction,
                     cgl_real *value)
 {
     cgl_delay_line *const line = &memory->line;

@@ -3,17 +3,17 @@
 #define POLE_PAIRS_MAX 10000U /* an electrical angle of so many turns is still below CGL_ANGLE_MAX */
 #define DIVIDER_MAX 65535U
 
-/* Whether the parts of a config agree on what they say twice. */
-CGL_SELDOM static bool agrees(const cgl_drive_config *config)
+/* Whether what the drive itself takes is in its range, and the parts agree on what they say twice. */
+CGL_SELDOM static bool is_valid(const cgl_drive_config *config)
 {
     const uint32_t phases = config->foc.phases == 0U ? 3U : config->foc.phases;
-    return config->foreign || config->monitor.phases == phases;
+    return config->pole_pairs >= 1U && config->pole_pairs <= POLE_PAIRS_MAX && config->divider >= 1U
+           && config->divider <= DIVIDER_MAX && (config->foreign || config->monitor.phases == phases);
 }
 
-CGL_SELDOM cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_real ts)
+cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_real ts)
 {
-    if (!(config->pole_pairs >= 1U && config->pole_pairs <= POLE_PAIRS_MAX && config->divider >= 1U
-          && config->divider <= DIVIDER_MAX)) {
+    if (!is_valid(config)) {
         return CGL_ERROR_CONFIG;
     }
     const cgl_real law_period = (cgl_real)config->divider * ts;
@@ -27,9 +27,6 @@ CGL_SELDOM cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *co
     if (error == CGL_OK) {
         error = cgl_guard_init(&drive->guard, law_period);
     }
-    if (error == CGL_OK && !agrees(config)) {
-        error = CGL_ERROR_CONFIG;
-    }
     if (error == CGL_OK) {
         drive->pole_pairs = (cgl_real)config->pole_pairs;
         drive->divider = config->divider;
@@ -38,6 +35,30 @@ CGL_SELDOM cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *co
         drive->unguarded = config->unguarded;
         drive->law_period = law_period;
         cgl_drive_reset(drive);
+    }
+    return error;
+}
+
+cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config)
+{
+    const cgl_foc foc = drive->foc;
+    const cgl_monitor monitor = drive->monitor;
+    if (!(is_valid(config) && (uint32_t)drive->pole_pairs == config->pole_pairs
+          && config->divider == drive->divider && config->foreign == drive->foreign)) {
+        return CGL_ERROR_CONFIG;
+    }
+    cgl_error error = config->foreign ? CGL_OK : cgl_foc_retune(&drive->foc, &config->foc);
+    if (error == CGL_OK) {
+        error = cgl_monitor_retune(&drive->monitor, &config->monitor);
+    }
+    if (error == CGL_OK) {
+        error = cgl_quality_retune(&drive->quality, &config->quality);
+    }
+    if (error == CGL_OK) {
+        drive->learn_saturated = config->learn_saturated;
+    } else {
+        drive->foc = foc;
+        drive->monitor = monitor;
     }
     return error;
 }

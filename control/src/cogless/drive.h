@@ -84,6 +84,10 @@ typedef struct {
  * drive->law_period. */
 cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_real ts);
 
+/* Takes other values of foc, monitor and quality while it runs, as their retunes, and learn_saturated; the rest must stay. The
+ * law has its own retune. */
+cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config);
+
 /* Everything but the law starts anew; the law is due at once. */
 void cgl_drive_reset(cgl_drive *drive);
 

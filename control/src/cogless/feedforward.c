@@ -17,7 +17,7 @@ CGL_SELDOM static cgl_real steady_gain(const cgl_feedforward_config *config)
     return num / den;
 }
 
-CGL_SELDOM cgl_error cgl_feedforward_init(const cgl_feedforward_config *config, cgl_feedforward *feedforward)
+cgl_error cgl_feedforward_init(const cgl_feedforward_config *config, cgl_feedforward *feedforward)
 {
     bool valid = config->numerator <= CGL_FEEDFORWARD_TAPS;
     if (valid && config->numerator > 0U) {

@@ -8,7 +8,7 @@
 
 #define BUS_MIN CGL_R(1.0e-30) /* so that its reciprocal is finite */
 
-CGL_SELDOM cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts)
+CGL_SELDOM static bool is_valid(const cgl_foc_config *config)
 {
     static const cgl_range range[] = {CGL_RANGE(cgl_foc_config, kp_d, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_foc_config, ki_d, CGL_NOT_NEGATIVE),
@@ -19,13 +19,27 @@ CGL_SELDOM cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cg
                                       CGL_RANGE(cgl_foc_config, L_d, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_foc_config, L_q, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_foc_config, psi_f, CGL_NOT_NEGATIVE)};
-    if (!(CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts)
-          && (config->phases == 0U || config->phases == 2U || config->phases == 3U))) {
+    return CGL_IS_IN_RANGE(config, range)
+           && (config->phases == 0U || config->phases == 2U || config->phases == 3U);
+}
+
+cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts)
+{
+    if (!(is_valid(config) && cgl_is_positive(ts))) {
         return CGL_ERROR_CONFIG;
     }
     foc->config = *config;
     foc->ts = ts;
     cgl_foc_reset(foc);
+    return CGL_OK;
+}
+
+cgl_error cgl_foc_retune(cgl_foc *foc, const cgl_foc_config *config)
+{
+    if (!(is_valid(config) && (config->phases == 2U) == (foc->config.phases == 2U))) {
+        return CGL_ERROR_CONFIG;
+    }
+    foc->config = *config;
     return CGL_OK;
 }
 
@@ -77,7 +91,7 @@ static bool is_shorter(vector x, vector than)
     return cgl_abs(x.d) < cgl_abs(than.d) || cgl_abs(x.q) < cgl_abs(than.q);
 }
 
-CGL_SELDOM void cgl_foc_limit(const cgl_foc *foc, cgl_real *i_d_ref, cgl_real *i_q_ref)
+void cgl_foc_limit(const cgl_foc *foc, cgl_real *i_d_ref, cgl_real *i_q_ref)
 {
     const vector wanted = {*i_d_ref, *i_q_ref};
     const vector ref = shortened(wanted, foc->config.current_limit);

@@ -46,6 +46,10 @@ typedef struct {
 } cgl_foc_output;
 
 cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts);
+
+/* Takes other values while it runs; the integrals stay, and so must the number of phases. */
+cgl_error cgl_foc_retune(cgl_foc *foc, const cgl_foc_config *config);
+
 void cgl_foc_reset(cgl_foc *foc);
 
 /* PI control of i_d and i_q with speed voltages fed forward. The references are shortened as by cgl_foc_limit. The voltage

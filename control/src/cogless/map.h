@@ -79,7 +79,7 @@ typedef struct {
     const bool *learning;               /* NULL, or true where the law's last step learned */
 } cgl_map;
 
-/* The map of a law that has been initialised. It stays valid as long as config and law do. Not CGL_MAP_OK: there is none,
+/* The map of a law that has been initialised. It stays valid until the law's next init or retune. Not CGL_MAP_OK: there is none,
  * and `map` can't be used. A table of `anti_cogging` is one while no calibration runs; a trial's signal outside of
  * cgl_trial_end. What isn't tied to the place, such as integrals and r of robust_ilc, is no part of it. */
 cgl_map_result cgl_map_of_pi_ilc(const cgl_pi_ilc *law, cgl_map *map);

@@ -1,8 +1,8 @@
 #include "map_store.h"
 
 #include "crc32.h"
+#include "version.h"
 
-#define VERSION 1U
 #define NUMBER_TYPE 1U        /* IEEE 754 binary32 */
 #define MAGIC 0x4D4C4743U     /* "CGLM" */
 #define DONE 0x454E4F44U      /* "DONE" */
@@ -27,7 +27,7 @@ CGL_SELDOM static void put(uint8_t *byte, uint32_t value)
     }
 }
 
-CGL_SELDOM static uint32_t get(const uint8_t *byte)
+static uint32_t get(const uint8_t *byte)
 {
     return byte[0] | (uint32_t)byte[1] << 8 | (uint32_t)byte[2] << 16 | (uint32_t)byte[3] << 24;
 }
@@ -64,7 +64,7 @@ static uint32_t end_of(const cgl_map *map, uint32_t align)
 }
 
 /* Header words of the map itself, from AT_CELLS to AT_UNITS. */
-CGL_SELDOM static void describe(const cgl_map *map, uint32_t *word)
+static void describe(const cgl_map *map, uint32_t *word)
 {
     word[AT_CELLS] = map->cells;
     word[AT_TURNS] = map->turns;
@@ -73,12 +73,12 @@ CGL_SELDOM static void describe(const cgl_map *map, uint32_t *word)
     word[AT_UNITS] = (map->channels > 1U ? map->unit[1] : 0U) | (map->channels > 2U ? map->unit[2] << 8 : 0U);
 }
 
-CGL_SELDOM static void make_header(const cgl_map_store *store, uint32_t *word)
+static void make_header(const cgl_map_store *store, uint32_t *word)
 {
     const cgl_map_store_config *const config = &store->config;
     const cgl_map *map = store->map;
     word[AT_MAGIC] = MAGIC;
-    word[AT_VERSION] = VERSION | CGL_MAP_HEADER << 16;
+    word[AT_VERSION] = CGL_MAP_VERSION | CGL_MAP_HEADER << 16;
     word[AT_SEQUENCE] = store->sequence;
     word[AT_MOTOR] = config->motor;
     word[AT_MOTION] = config->motion;
@@ -91,7 +91,7 @@ CGL_SELDOM static void make_header(const cgl_map_store *store, uint32_t *word)
     word[AT_HEADER_CRC] = store->header_crc;
 }
 
-CGL_SELDOM static uint32_t header_crc(const uint32_t *word)
+static uint32_t header_crc(const uint32_t *word)
 {
     uint32_t crc = 0U;
     for (uint32_t n = 0; n < AT_HEADER_CRC; ++n) {
@@ -110,7 +110,7 @@ static cgl_real *entry_at(const cgl_map *map, uint32_t k, uint32_t *channel)
 }
 
 /* The stored bytes from `position` on; both are multiples of 4. */
-CGL_SELDOM static void fill(const cgl_map_store *store, uint32_t position, uint32_t count)
+static void fill(const cgl_map_store *store, uint32_t position, uint32_t count)
 {
     const cgl_map *map = store->map;
     uint32_t header[WORDS];
@@ -160,7 +160,7 @@ static bool is_write_size(uint32_t size)
     return size >= 1U && size <= CGL_MAP_WRITE_MAX && (size & (size - 1U)) == 0U;
 }
 
-CGL_SELDOM static cgl_map_result check_header(cgl_map_store *store)
+static cgl_map_result check_header(cgl_map_store *store)
 {
     const cgl_map_store_config *const config = &store->config;
     uint32_t word[WORDS];
@@ -177,7 +177,7 @@ CGL_SELDOM static cgl_map_result check_header(cgl_map_store *store)
     if (header_crc(word) != store->header_crc) {
         return CGL_MAP_DAMAGED; /* versions do not differ up to here */
     }
-    if ((word[AT_VERSION] & 0xFFFFU) != VERSION) {
+    if ((word[AT_VERSION] & 0xFFFFU) != CGL_MAP_VERSION) {
         return CGL_MAP_OTHER_VERSION;
     }
     store->sequence = word[AT_SEQUENCE];
@@ -205,7 +205,7 @@ CGL_SELDOM static cgl_map_result check_header(cgl_map_store *store)
 }
 
 /* The entries in the buffer: whether they are within their limits, and orders the law's; and into the map. */
-CGL_SELDOM static void take_entries(cgl_map_store *store, uint32_t count, bool into)
+static void take_entries(cgl_map_store *store, uint32_t count, bool into)
 {
     const cgl_map *map = store->map;
     for (uint32_t n = 0; n < count; n += 4U) {
@@ -227,7 +227,7 @@ CGL_SELDOM static void take_entries(cgl_map_store *store, uint32_t count, bool i
     }
 }
 
-CGL_SELDOM static cgl_map_result check_mark(const cgl_map_store *store)
+static cgl_map_result check_mark(const cgl_map_store *store)
 {
     const uint32_t length = CGL_MAP_ROUND_UP(CGL_MAP_MARK, store->align);
     for (uint32_t place = 0; place < length; ++place) {
@@ -241,7 +241,7 @@ CGL_SELDOM static cgl_map_result check_mark(const cgl_map_store *store)
     return CGL_MAP_OK;
 }
 
-CGL_SELDOM static void begin_check(cgl_map_store *store, uint32_t slot)
+static void begin_check(cgl_map_store *store, uint32_t slot)
 {
     store->slot = slot;
     store->position = 0U;
@@ -251,7 +251,7 @@ CGL_SELDOM static void begin_check(cgl_map_store *store, uint32_t slot)
 }
 
 /* Checks the next piece of the slot that begin_check began with; CGL_MAP_BUSY until the slot is finished. */
-CGL_SELDOM static cgl_map_result check_step(cgl_map_store *store, bool marked, bool into)
+static cgl_map_result check_step(cgl_map_store *store, bool marked, bool into)
 {
     if (store->position == 0U) {
         const cgl_map_result result = check_header(store);
@@ -317,7 +317,7 @@ static void forget(const cgl_map *map)
     }
 }
 
-CGL_SELDOM cgl_map_result cgl_map_store_load(cgl_map_store *store, const cgl_map *map)
+cgl_map_result cgl_map_store_load(cgl_map_store *store, const cgl_map *map)
 {
     store->phase = CGL_STORE_IDLE;
     store->result = CGL_MAP_NONE;

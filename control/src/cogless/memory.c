@@ -75,7 +75,16 @@ CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_conf
           && config->q_half_width == now->q_half_width)) {
         return CGL_ERROR_CONFIG;
     }
+    bool smaller = false;
+    for (uint32_t c = 0; c < config->channels; ++c) {
+        smaller = smaller || config->limit[c] < now->limit[c];
+    }
     take(memory, config);
+    memory->map.lagging = false;
+    if (!smaller) {
+        return CGL_OK;
+    }
+    memory->map.started = false; /* the sums are of other entries */
     cgl_real *entry = memory->cell + (config->kind == CGL_MEMORY_DELAY ? memory->row : 0U);
     for (uint32_t c = 0; c < config->channels; ++c, entry += memory->row) {
         for (uint32_t n = 0; n < memory->row; ++n) {
@@ -83,7 +92,6 @@ CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_conf
         }
         memory->channel[c].value = cgl_clamp(memory->channel[c].value, config->limit[c]);
     }
-    memory->map.started = memory->map.lagging = false;
     return CGL_OK;
 }
 
@@ -128,10 +136,11 @@ CGL_SELDOM static uint32_t place_in_turns(cgl_memory *memory, uint32_t angle)
         map->turn = angle > map->angle ? wrapped(map->turn + turns - 1U, turns) : map->turn;
     }
     map->angle = angle;
-    /* periods / turns of a revolution; the remainder of a turn first, which must not be lost */
-    const uint32_t turn = (uint32_t)((((uint64_t)map->turn * memory->periods % turns) << 32) / turns);
-    const uint32_t whole = angle / turns, rest = angle % turns;
-    return turn + whole * memory->periods + (uint32_t)((uint64_t)rest * memory->periods / turns);
+    /* (turn + angle) periods / turns, of which whole periods fall off: in parts whose products fit */
+    const uint32_t whole = memory->periods / turns, over = memory->periods % turns;
+    const uint32_t from = map->turn * over % turns, rest = angle % turns;
+    return from * (0xFFFFFFFFU / turns) + from * (0xFFFFFFFFU % turns + 1U) / turns /* from / turns of 2^32 */
+           + angle / turns * memory->periods + rest * whole + rest * over / turns;
 }
 
 /* The entry of cell n, as it is counted. */

@@ -14,13 +14,13 @@ static cgl_real square(cgl_real bound)
     return bound > CGL_R(0.0) ? cgl_clamp(bound * bound, CGL_REAL_MAX) : CGL_REAL_MAX;
 }
 
-CGL_SELDOM static bool is_time(cgl_real time, cgl_real ts)
+static bool is_time(cgl_real time, cgl_real ts)
 {
     return cgl_is_not_negative(time) && time / ts <= PERIODS_MAX;
 }
 
 /* Whole periods that are no shorter. */
-CGL_SELDOM static uint32_t periods(cgl_real time, cgl_real ts)
+static uint32_t periods(cgl_real time, cgl_real ts)
 {
     const cgl_real exact = cgl_clamp(time / ts, PERIODS_MAX);
     const uint32_t whole = (uint32_t)exact;
@@ -28,20 +28,22 @@ CGL_SELDOM static uint32_t periods(cgl_real time, cgl_real ts)
     return (cgl_real)whole < exact * CGL_R(0.999) ? whole + 1U : whole;
 }
 
-CGL_SELDOM cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
+CGL_SELDOM static bool is_valid(const cgl_monitor_config *config, cgl_real ts)
 {
     static const cgl_range range[] = {CGL_RANGE(cgl_monitor_config, omega_max, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_monitor_config, angle_step, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_monitor_config, stuck_angle, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_monitor_config, current_max, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_monitor_config, current_sum, CGL_NOT_NEGATIVE)};
-    if (!(CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts)
-          && is_time(config->speed_window, ts) && is_time(config->bridge, ts)
-          && is_time(config->hold, ts) && is_time(config->stuck_time, ts)
-          && is_time((cgl_real)TRY_AGAIN * config->stuck_time, ts)
-          && (config->phases == 0U || config->phases == 2U || config->phases == 3U))) {
-        return CGL_ERROR_CONFIG;
-    }
+    return CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts)
+           && is_time(config->speed_window, ts) && is_time(config->bridge, ts)
+           && is_time(config->hold, ts) && is_time(config->stuck_time, ts)
+           && is_time((cgl_real)TRY_AGAIN * config->stuck_time, ts)
+           && (config->phases == 0U || config->phases == 2U || config->phases == 3U);
+}
+
+static void take(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
+{
     monitor->config = *config;
     monitor->ts = ts;
     cgl_monitor_limits *limits = &monitor->limits;
@@ -63,7 +65,24 @@ CGL_SELDOM cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_co
     limits->bridge = periods(config->bridge, ts);
     limits->hold = periods(config->hold, ts);
     limits->stuck = periods(config->stuck_time, ts);
+}
+
+cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
+{
+    if (!is_valid(config, ts)) {
+        return CGL_ERROR_CONFIG;
+    }
+    take(monitor, config, ts);
     cgl_monitor_reset(monitor);
+    return CGL_OK;
+}
+
+cgl_error cgl_monitor_retune(cgl_monitor *monitor, const cgl_monitor_config *config)
+{
+    if (!is_valid(config, monitor->ts)) {
+        return CGL_ERROR_CONFIG;
+    }
+    take(monitor, config, monitor->ts);
     return CGL_OK;
 }
 
@@ -77,7 +96,7 @@ CGL_SELDOM void cgl_monitor_reset(cgl_monitor *monitor)
     monitor->safe = true;
 }
 
-CGL_SELDOM bool cgl_monitor_trust(cgl_monitor *monitor)
+bool cgl_monitor_trust(cgl_monitor *monitor)
 {
     if (monitor->known) {
         monitor->shift = monitor->slip = CGL_R(0.0);
@@ -263,7 +282,7 @@ CGL_SELDOM static unsigned look_at_rotor(cgl_monitor *monitor, const cgl_measure
            | (monitor->shift < CGL_R(0.0) || monitor->shift > CGL_R(0.0) ? (unsigned)CGL_STATUS_ANGLE_SHIFTED : 0U);
 }
 
-CGL_SELDOM void cgl_monitor_look(cgl_monitor *monitor, const cgl_measurement *now,
+void cgl_monitor_look(cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref)
 {
     const cgl_monitor_config *const config = &monitor->config;

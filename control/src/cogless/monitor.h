@@ -92,6 +92,9 @@ typedef struct {
 
 cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts);
 
+/* Takes other bounds while it runs; the angle and its jumps stay, and what is held is held as long as before. */
+cgl_error cgl_monitor_retune(cgl_monitor *monitor, const cgl_monitor_config *config);
+
 /* Forgets the past: the next angle is right, and the output safe until there is one. */
 void cgl_monitor_reset(cgl_monitor *monitor);
 

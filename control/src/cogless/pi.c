@@ -2,7 +2,7 @@
 
 #include "range.h"
 
-CGL_SELDOM static bool is_valid(const cgl_pi_config *config)
+static bool is_valid(const cgl_pi_config *config)
 {
     static const cgl_range range[] = {CGL_RANGE(cgl_pi_config, kp, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_pi_config, ki, CGL_NOT_NEGATIVE),
@@ -10,7 +10,7 @@ CGL_SELDOM static bool is_valid(const cgl_pi_config *config)
     return CGL_IS_IN_RANGE(config, range);
 }
 
-CGL_SELDOM cgl_error cgl_pi_init(cgl_pi *pi, const cgl_pi_config *config, cgl_real ts)
+cgl_error cgl_pi_init(cgl_pi *pi, const cgl_pi_config *config, cgl_real ts)
 {
     if (!(is_valid(config) && cgl_is_positive(ts))) {
         return CGL_ERROR_CONFIG;
@@ -21,7 +21,7 @@ CGL_SELDOM cgl_error cgl_pi_init(cgl_pi *pi, const cgl_pi_config *config, cgl_re
     return CGL_OK;
 }
 
-CGL_SELDOM cgl_error cgl_pi_retune(cgl_pi *pi, const cgl_pi_config *config)
+cgl_error cgl_pi_retune(cgl_pi *pi, const cgl_pi_config *config)
 {
     if (!is_valid(config)) {
         return CGL_ERROR_CONFIG;
@@ -42,7 +42,7 @@ CGL_SELDOM void cgl_pi_reset(cgl_pi *pi)
     pi->saturated = false;
 }
 
-CGL_SELDOM cgl_real cgl_pi_step_limited(cgl_pi *pi, cgl_real error, cgl_real feedforward)
+CGL_SELDOM cgl_real cgl_pi_step(cgl_pi *pi, cgl_real error, cgl_real feedforward)
 {
     const cgl_pi_config *const config = &pi->config;
     const cgl_real e = cgl_is_finite(error) ? error : CGL_R(0.0);

@@ -27,16 +27,14 @@ typedef struct {
 /* Takes the config, which need not stay; ts: sampling period [s], > 0. */
 cgl_error cgl_pi_init(cgl_pi *pi, const cgl_pi_config *config, cgl_real ts);
 
-/* Takes other gains while it runs, without a jump of the output: the integral takes up what the proportional part leaves. */
+/* Takes other gains while it runs, without a jump of the output: the integral takes up what the proportional part leaves. As
+ * every retune it checks as init does, refuses with the state untouched, and is not called while a step runs. */
 cgl_error cgl_pi_retune(cgl_pi *pi, const cgl_pi_config *config);
 
 /* Forgets everything; the next output starts from zero integral. */
 void cgl_pi_reset(cgl_pi *pi);
 
-/* The step where something is at its limit or not finite; called by cgl_pi_step. */
-cgl_real cgl_pi_step_limited(cgl_pi *pi, cgl_real error, cgl_real feedforward);
-
-/* The step where nothing is at its limit and all is finite; else false, and nothing has changed. */
+/* cgl_pi_step where nothing is at its limit and all is finite, in few instructions; else false, and nothing has changed. */
 static inline bool cgl_pi_step_free(cgl_pi *pi, cgl_real error, cgl_real feedforward,
                                     cgl_real *output)
 {
@@ -58,13 +56,7 @@ static inline bool cgl_pi_step_free(cgl_pi *pi, cgl_real error, cgl_real feedfor
 
 /* Returns kp error + integral + feedforward within the limit. The integral holds while the output is at its limit and
  * the error would push it further. An error or feedforward that is not finite counts as zero. */
-static inline cgl_real cgl_pi_step(cgl_pi *pi, cgl_real error, cgl_real feedforward)
-{
-    cgl_real output;
-    return cgl_pi_step_free(pi, error, feedforward, &output)
-               ? output
-               : cgl_pi_step_limited(pi, error, feedforward);
-}
+cgl_real cgl_pi_step(cgl_pi *pi, cgl_real error, cgl_real feedforward);
 
 #ifdef __cplusplus
 }

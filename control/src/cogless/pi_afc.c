@@ -6,7 +6,7 @@
 
 #define LEAK CGL_R(12.5) /* 2.5 times the gain per kp where all but a fifth is forgotten */
 
-CGL_SELDOM static bool is_rising(const cgl_pi_afc_config *config)
+static bool is_rising(const cgl_pi_afc_config *config)
 {
     uint32_t below = 0U;
     for (uint32_t k = 0; k < config->orders; ++k) {
@@ -18,14 +18,29 @@ CGL_SELDOM static bool is_rising(const cgl_pi_afc_config *config)
     return true;
 }
 
-CGL_SELDOM cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *config, cgl_real ts, cgl_real *coefficient, uint32_t length)
+CGL_SELDOM static bool is_valid(const cgl_pi_afc_config *config)
 {
     static const cgl_range range[] = {CGL_RANGE(cgl_pi_afc_config, gain, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_pi_afc_config, lead, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_pi_afc_config, omega_min, CGL_POSITIVE),
                                       CGL_RANGE(cgl_pi_afc_config, limit, CGL_POSITIVE)};
-    if (!(config->orders >= 1U && config->orders <= CGL_PI_AFC_ORDERS && is_rising(config)
-          && CGL_IS_IN_RANGE(config, range))) {
+    return config->orders >= 1U && config->orders <= CGL_PI_AFC_ORDERS && is_rising(config)
+           && CGL_IS_IN_RANGE(config, range);
+}
+
+static bool are_same_orders(const cgl_pi_afc_config *one, const cgl_pi_afc_config *other)
+{
+    bool same = one->orders == other->orders;
+    for (uint32_t k = 0; same && k < one->orders; ++k) {
+        same = one->order[k] == other->order[k];
+    }
+    return same;
+}
+
+cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *config, cgl_real ts, cgl_real *coefficient,
+                                     uint32_t length)
+{
+    if (!is_valid(config)) {
         return CGL_ERROR_CONFIG;
     }
     if (coefficient == 0 || length < CGL_PI_AFC_LENGTH(config->orders)) {
@@ -41,7 +56,20 @@ CGL_SELDOM cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *c
     return error;
 }
 
-CGL_SELDOM void cgl_pi_afc_reset(cgl_pi_afc *law)
+cgl_error cgl_pi_afc_retune(cgl_pi_afc *law, const cgl_pi_afc_config *config)
+{
+    if (!(is_valid(config) && are_same_orders(config, &law->config))
+        || cgl_pi_retune(&law->pi, &config->pi) != CGL_OK) {
+        return CGL_ERROR_CONFIG;
+    }
+    law->config = *config;
+    for (uint32_t n = 0; n < 2U * config->orders; ++n) {
+        law->coefficient[n] = cgl_clamped(law->coefficient[n], config->limit);
+    }
+    return CGL_OK;
+}
+
+void cgl_pi_afc_reset(cgl_pi_afc *law)
 {
     const cgl_pi_afc_config *const config = &law->config;
     cgl_pi_reset(&law->pi);

@@ -44,6 +44,10 @@ typedef struct {
 
 /* `coefficient`: CGL_PI_AFC_LENGTH(orders) entries, which the state keeps using; they are cleared. */
 cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *config, cgl_real ts, cgl_real *coefficient, uint32_t length);
+
+/* Takes other gains and limits while it runs, as cgl_pi_retune. Coefficients stay, within the limit; the orders must. */
+cgl_error cgl_pi_afc_retune(cgl_pi_afc *law, const cgl_pi_afc_config *config);
+
 void cgl_pi_afc_reset(cgl_pi_afc *law);
 
 /* Learning freezes, and what was learned acts on, while in->learn is false, |omega_ref| is below omega_min, the output was at

@@ -2,20 +2,32 @@
 
 CGL_SELDOM cgl_error cgl_pi_ilc_init(cgl_pi_ilc *law, const cgl_pi_ilc_config *config, cgl_real ts, cgl_real *cell, uint32_t length)
 {
-    if (!cgl_is_not_negative(config->gain)) {
+    if (!(cgl_is_not_negative(config->gain) && config->memory.channels == 1U)) {
         return CGL_ERROR_CONFIG;
     }
     const cgl_error error = cgl_pi_init(&law->pi, &config->pi, ts);
     law->gain = law->acting = config->gain;
     law->gentle = 0U;
     law->learned = CGL_R(0.0);
-    if (config->memory.channels != 1U) {
-        return CGL_ERROR_CONFIG;
-    }
     return error != CGL_OK ? error : cgl_memory_init(&law->memory, &config->memory, ts, 1U, cell, length);
 }
 
-CGL_SELDOM void cgl_pi_ilc_reset(cgl_pi_ilc *law)
+CGL_SELDOM cgl_error cgl_pi_ilc_retune(cgl_pi_ilc *law, const cgl_pi_ilc_config *config)
+{
+    const cgl_pi before = law->pi;
+    if (!cgl_is_not_negative(config->gain) || cgl_pi_retune(&law->pi, &config->pi) != CGL_OK) {
+        return CGL_ERROR_CONFIG;
+    }
+    if (cgl_memory_retune(&law->memory, &config->memory) != CGL_OK) {
+        law->pi = before;
+        return CGL_ERROR_CONFIG;
+    }
+    law->gain = config->gain;
+    law->gentle = UINT32_MAX; /* the next step follows the guard anew */
+    return CGL_OK;
+}
+
+void cgl_pi_ilc_reset(cgl_pi_ilc *law)
 {
     cgl_pi_reset(&law->pi);
     cgl_memory_reset(&law->memory);

@@ -32,6 +32,10 @@ typedef struct {
 
 /* `cell`: CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
 cgl_error cgl_pi_ilc_init(cgl_pi_ilc *law, const cgl_pi_ilc_config *config, cgl_real ts, cgl_real *cell, uint32_t length);
+
+/* Takes other gains and limits while it runs, as cgl_pi_retune and cgl_memory_retune. */
+cgl_error cgl_pi_ilc_retune(cgl_pi_ilc *law, const cgl_pi_ilc_config *config);
+
 void cgl_pi_ilc_reset(cgl_pi_ilc *law);
 
 /* Learning freezes, and the learned part repeats, while in->learn is false, the output was at its limit, an input is not

@@ -10,23 +10,6 @@
 #define TREND_STILL CGL_R(0.04) /* of the ripple's square, a window: 2 % of the ripple */
 #define TREND_MOST CGL_R(0.16)  /* of one window, so that a large change is not seen for long */
 
-CGL_SELDOM cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
-{
-    const cgl_real longest = config->longest / ts; /* [samples] */
-    if (!(cgl_is_positive(config->span) && cgl_is_positive(ts) && cgl_is_not_negative(config->longest)
-          && config->longest >= ts && cgl_is_within(longest, CGL_R(1.0e9))
-          && cgl_is_not_negative(config->floor) && cgl_is_not_negative(config->outlier)
-          && !(config->outlier > CGL_R(0.0) && config->outlier < CGL_R(1.0)))) {
-        return CGL_ERROR_CONFIG;
-    }
-    quality->config = *config;
-    const cgl_real turned = config->span / ts;
-    quality->turned_square = cgl_clamp(turned * turned, CGL_REAL_MAX);
-    quality->longest = (uint32_t)(longest + CGL_R(0.5));
-    cgl_quality_reset(quality);
-    return CGL_OK;
-}
-
 CGL_SELDOM static void begin_window(cgl_quality *quality)
 {
     quality->sum = quality->squares = quality->outlier_sum = quality->outlier_squares = CGL_R(0.0);
@@ -36,7 +19,39 @@ CGL_SELDOM static void begin_window(cgl_quality *quality)
     quality->learned = quality->unusual = quality->run_above = false;
 }
 
-CGL_SELDOM void cgl_quality_reset(cgl_quality *quality)
+static cgl_error take(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
+{
+    const cgl_real longest = config->longest / ts; /* [samples] */
+    if (!(cgl_is_positive(config->span) && cgl_is_positive(ts) && cgl_is_not_negative(config->longest)
+          && config->longest >= ts && cgl_is_within(longest, CGL_R(1.0e9))
+          && cgl_is_not_negative(config->floor) && cgl_is_not_negative(config->outlier)
+          && !(config->outlier > CGL_R(0.0) && config->outlier < CGL_R(1.0)))) {
+        return CGL_ERROR_CONFIG;
+    }
+    quality->config = *config;
+    quality->ts = ts;
+    const cgl_real turned = config->span / ts;
+    quality->turned_square = cgl_clamp(turned * turned, CGL_REAL_MAX);
+    quality->longest = (uint32_t)(longest + CGL_R(0.5));
+    begin_window(quality);
+    return CGL_OK;
+}
+
+cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
+{
+    const cgl_error error = take(quality, config, ts);
+    if (error == CGL_OK) {
+        cgl_quality_reset(quality);
+    }
+    return error;
+}
+
+cgl_error cgl_quality_retune(cgl_quality *quality, const cgl_quality_config *config)
+{
+    return take(quality, config, quality->ts);
+}
+
+void cgl_quality_reset(cgl_quality *quality)
 {
     begin_window(quality);
     quality->centre = CGL_R(0.0);
@@ -190,7 +205,7 @@ CGL_SELDOM static cgl_real square_root(cgl_real x)
     return scale * root;
 }
 
-CGL_SELDOM cgl_quality_report cgl_quality_read(const cgl_quality *quality)
+cgl_quality_report cgl_quality_read(const cgl_quality *quality)
 {
     const cgl_real residual = square_root(quality->ripple), before = square_root(quality->before);
     const bool measured = quality->began && before > CGL_R(0.0);

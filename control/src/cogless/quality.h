@@ -27,6 +27,7 @@ typedef struct {
 
 typedef struct {
     cgl_quality_config config;
+    cgl_real ts;                  /* period of the calls [s] */
     cgl_real centre;              /* mean of the last window; at first the first error [unit] */
     cgl_real sum, squares;        /* of what the errors in this window differ from it, but for outliers */
     cgl_real outlier_sum, outlier_squares; /* and of those */
@@ -65,6 +66,11 @@ typedef struct {
 } cgl_quality_report;
 
 cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts);
+
+/* Takes other values while it runs. The window begins anew; what earlier ones told stays, and an outlier is judged by them
+ * until it ends. */
+cgl_error cgl_quality_retune(cgl_quality *quality, const cgl_quality_config *config);
+
 void cgl_quality_reset(cgl_quality *quality);
 
 /* One sample: the error, the mechanical speed [rad/s], and whether it teaches something. What is not finite, or above

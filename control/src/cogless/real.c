@@ -1,11 +1,11 @@
 #include "real.h"
 
-CGL_SELDOM bool cgl_is_positive(cgl_real x)
+bool cgl_is_positive(cgl_real x)
 {
     return x > CGL_R(0.0) && x <= CGL_REAL_MAX;
 }
 
-CGL_SELDOM bool cgl_is_not_negative(cgl_real x)
+bool cgl_is_not_negative(cgl_real x)
 {
     return x >= CGL_R(0.0) && x <= CGL_REAL_MAX;
 }

@@ -2,7 +2,7 @@
 
 #include "range.h"
 
-CGL_SELDOM static bool is_valid(const cgl_robust_ilc_config *config)
+static bool is_valid(const cgl_robust_ilc_config *config)
 {
     static const cgl_range range[] = {CGL_RANGE(cgl_robust_ilc_config, b, CGL_POSITIVE),
                                       CGL_RANGE(cgl_robust_ilc_config, c, CGL_NOT_NEGATIVE),
@@ -19,7 +19,7 @@ CGL_SELDOM static bool is_valid(const cgl_robust_ilc_config *config)
            && cgl_is_positive(CGL_R(1.0) / config->b);
 }
 
-CGL_SELDOM cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *config, cgl_real ts, cgl_real *cell,
+cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *config, cgl_real ts, cgl_real *cell,
                               uint32_t length)
 {
     if (!(is_valid(config) && cgl_is_positive(ts))) {
@@ -34,6 +34,17 @@ CGL_SELDOM cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_i
         cgl_robust_ilc_reset(law);
     }
     return error;
+}
+
+cgl_error cgl_robust_ilc_retune(cgl_robust_ilc *law, const cgl_robust_ilc_config *config)
+{
+    if (!is_valid(config) || cgl_memory_retune(&law->memory, &config->memory) != CGL_OK) {
+        return CGL_ERROR_CONFIG;
+    }
+    law->config = *config;
+    law->gentle = UINT32_MAX; /* the next step follows the guard anew */
+    law->adapted = cgl_clamped(law->adapted, config->b * config->limit);
+    return CGL_OK;
 }
 
 /* Resets all but what is learned. */
@@ -103,16 +114,6 @@ void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
     law->terms.adapted = law->adapted * per_b;
     const cgl_real wanted = law->terms.surface + law->terms.switching + law->terms.linear + law->terms.learned
                             + law->terms.adapted;
-    if (learn && cgl_is_below(wanted, config->limit)) {
-        law->saturated = false;
-        law->error_integral = error_integral;
-        law->integral_lost = lost;
-        law->adapted =
-            cgl_add(law->adapted, law->ts * config->gamma * surface, config->b * config->limit, &law->adapted_lost); /* (20) */
-        out->i_q_ref = wanted;
-        out->status = 0U;
-        return;
-    }
     law->saturated = !cgl_is_below(wanted, config->limit);
     out->i_q_ref = cgl_clamp(wanted, config->limit);
 

@@ -58,6 +58,10 @@ typedef struct {
 /* `cell`: CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
 cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *config, cgl_real ts, cgl_real *cell,
                               uint32_t length);
+
+/* Takes other gains and limits while it runs, as cgl_memory_retune; the integral and r stay, within the limit. */
+cgl_error cgl_robust_ilc_retune(cgl_robust_ilc *law, const cgl_robust_ilc_config *config);
+
 void cgl_robust_ilc_reset(cgl_robust_ilc *law);
 
 /* While the output is at its limit, the integral holds unless the error leads back, r unless S does, and f holds.

@@ -3,6 +3,8 @@
 #include "angle.h"
 #include "range.h"
 
+#define SAMPLES_MAX CGL_R(4294967040.0) /* the largest float below 2^32 */
+
 CGL_SELDOM static bool is_valid(const cgl_space_position_config *config)
 {
     static const cgl_range range[] = {CGL_RANGE(cgl_space_position_config, ratio, CGL_COUNT),
@@ -22,7 +24,7 @@ CGL_SELDOM static bool is_valid(const cgl_space_position_config *config)
            && (config->index == CGL_SPACE_BY_REFERENCE || config->index == CGL_SPACE_BY_ROTOR);
 }
 
-CGL_SELDOM cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, cgl_real ts, cgl_real *cell,
+cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, cgl_real ts, cgl_real *cell,
                                   uint32_t length)
 {
     if (!(is_valid(config) && cgl_is_positive(ts))) {
@@ -36,6 +38,38 @@ CGL_SELDOM cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_
         cgl_space_position_reset(law);
     }
     return error;
+}
+
+/* The ramp of learning, from 0 to 1, for a sample that learns. */
+static inline cgl_real share_of_learning(const cgl_space_position *law)
+{
+    const cgl_space_position_config *const config = &law->config;
+    const cgl_real elapsed = (cgl_real)law->learning_samples * law->ts;
+    return elapsed >= config->ramp ? CGL_R(1.0) : elapsed / config->ramp;
+}
+
+/* Samples of learning after which the ramp has come so far, at least one. */
+static uint32_t samples_of_share(const cgl_space_position *law, cgl_real share)
+{
+    const cgl_real samples = share * law->config.ramp / law->ts;
+    return samples < SAMPLES_MAX ? (uint32_t)samples + 1U : (uint32_t)SAMPLES_MAX;
+}
+
+cgl_error cgl_space_position_retune(cgl_space_position *law, const cgl_space_position_config *config)
+{
+    const cgl_real share = share_of_learning(law);
+    if (!(is_valid(config) && config->ratio == law->config.ratio && config->index == law->config.index)
+        || cgl_memory_retune(&law->memory, &config->memory) != CGL_OK) {
+        return CGL_ERROR_CONFIG;
+    }
+    const bool same_ramp = !(config->ramp < law->config.ramp || config->ramp > law->config.ramp);
+    law->config = *config;
+    law->gentle = UINT32_MAX; /* the next step follows the guard anew */
+    if (!same_ramp && law->learning_samples > 0U) {
+        law->learning_samples = samples_of_share(law, share);
+    }
+    law->integral = cgl_clamped(law->integral, config->limit);
+    return CGL_OK;
 }
 
 /* Resets all but what is learned. */
@@ -52,14 +86,6 @@ CGL_SELDOM void cgl_space_position_reset(cgl_space_position *law)
     cgl_memory_reset(&law->memory);
     law->learning_samples = 0U;
     start_anew(law);
-}
-
-/* The ramp of learning, from 0 to 1, for a sample that learns. */
-static inline cgl_real share_of_learning(const cgl_space_position *law)
-{
-    const cgl_space_position_config *const config = &law->config;
-    const cgl_real elapsed = (cgl_real)law->learning_samples * law->ts;
-    return elapsed >= config->ramp ? CGL_R(1.0) : elapsed / config->ramp;
 }
 
 /* What the guard has just changed. */
@@ -140,15 +166,6 @@ void cgl_space_position_step(cgl_space_position *law,
     cgl_real lost = law->integral_lost;
     const cgl_real integral = cgl_add(law->integral, config->k_i * law->ts * omega_t, config->limit, &lost);
     const cgl_real wanted = rest - share_i * integral;
-    if (learn && cgl_is_below(wanted, config->limit)) {
-        law->saturated = false;
-        law->integral = integral;
-        law->integral_lost = lost;
-        terms->integral = -share_i * integral;
-        out->i_q_ref = wanted;
-        out->status = 0U;
-        return;
-    }
     law->saturated = !cgl_is_below(wanted, config->limit);
     out->i_q_ref = cgl_clamp(wanted, config->limit);
     if (!law->saturated || omega_t * out->i_q_ref > CGL_R(0.0)) {

@@ -69,6 +69,11 @@ typedef struct {
 /* `cell`: CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
 cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, cgl_real ts, cgl_real *cell,
                                   uint32_t length);
+
+/* Takes other gains and limits while it runs, as cgl_memory_retune; ratio and index must stay. The integral stays, within
+ * the limit, and so does share. */
+cgl_error cgl_space_position_retune(cgl_space_position *law, const cgl_space_position_config *config);
+
 void cgl_space_position_reset(cgl_space_position *law);
 
 /* Learning freezes, and what was learned acts on, while in->learn is false, |omega_ref| is below omega_min, the output

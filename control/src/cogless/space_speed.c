@@ -2,8 +2,7 @@
 
 #include "range.h"
 
-CGL_SELDOM cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_config *config, cgl_real ts, cgl_real *cell,
-                               uint32_t length)
+CGL_SELDOM static bool is_valid(const cgl_space_speed_config *config)
 {
     static const cgl_range range[] = {CGL_RANGE(cgl_space_speed_config, k, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_space_speed_config, mu_alpha, CGL_NOT_NEGATIVE),
@@ -13,7 +12,13 @@ CGL_SELDOM cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_
                                       CGL_RANGE(cgl_space_speed_config, omega_min, CGL_POSITIVE),
                                       CGL_RANGE(cgl_space_speed_config, limit, CGL_POSITIVE),
                                       CGL_RANGE(cgl_space_speed_config, ratio, CGL_COUNT)};
-    if (!CGL_IS_IN_RANGE(config, range)) {
+    return CGL_IS_IN_RANGE(config, range);
+}
+
+cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_config *config, cgl_real ts, cgl_real *cell,
+                                          uint32_t length)
+{
+    if (!is_valid(config)) {
         return CGL_ERROR_CONFIG;
     }
     law->config = *config;
@@ -23,6 +28,17 @@ CGL_SELDOM cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_
         cgl_space_speed_reset(law);
     }
     return error;
+}
+
+cgl_error cgl_space_speed_retune(cgl_space_speed *law, const cgl_space_speed_config *config)
+{
+    if (!(is_valid(config) && config->ratio == law->config.ratio)
+        || cgl_memory_retune(&law->memory, &config->memory) != CGL_OK) {
+        return CGL_ERROR_CONFIG;
+    }
+    law->config = *config;
+    law->gentle = UINT32_MAX; /* the next step follows the guard anew */
+    return CGL_OK;
 }
 
 /* Resets all but what is learned. */
@@ -92,12 +108,6 @@ void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
     terms->beta = config->memory.channels > 1U ? in->share * delta[1] * omega : CGL_R(0.0);
     terms->h = config->memory.channels > 2U ? in->share * delta[2] * alpha_ref : CGL_R(0.0);
     const cgl_real wanted = terms->proportional + terms->alpha + terms->beta + terms->h;
-    if (learn && cgl_is_below(wanted, config->limit)) {
-        law->saturated = false;
-        out->i_q_ref = wanted;
-        out->status = 0U;
-        return;
-    }
     law->saturated = !cgl_is_below(wanted, config->limit);
     out->i_q_ref = cgl_clamp(wanted, config->limit);
     out->status = (law->saturated ? (unsigned)CGL_STATUS_SATURATED : 0U) | (learn ? 0U : (unsigned)CGL_STATUS_FROZEN)

@@ -45,6 +45,10 @@ typedef struct {
 /* `cell`: CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
 cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_config *config, cgl_real ts, cgl_real *cell,
                                uint32_t length);
+
+/* Takes other gains and limits while it runs, as cgl_memory_retune; ratio must stay. */
+cgl_error cgl_space_speed_retune(cgl_space_speed *law, const cgl_space_speed_config *config);
+
 void cgl_space_speed_reset(cgl_space_speed *law);
 
 /* Ignores theta_ref. Learning freezes, and what was learned acts on, while in->learn is false, q is 0, the output was

@@ -2,7 +2,7 @@
 
 CGL_SELDOM static void limited(cgl_pi *pi, cgl_real error, cgl_law_output *out)
 {
-    out->i_q_ref = cgl_pi_step_limited(pi, error, CGL_R(0.0));
+    out->i_q_ref = cgl_pi_step(pi, error, CGL_R(0.0));
     out->status = (unsigned)CGL_STATUS_FROZEN | (pi->saturated ? (unsigned)CGL_STATUS_SATURATED : 0U)
                   | (cgl_is_finite(error) ? 0U : (unsigned)CGL_STATUS_FAULT);
 }

@@ -17,7 +17,7 @@ CGL_SELDOM static bool all_finite(const cgl_real *x, uint32_t count)
     return true;
 }
 
-CGL_SELDOM static bool is_finite_matrix(const cgl_real *row, uint32_t samples)
+static bool is_finite_matrix(const cgl_real *row, uint32_t samples)
 {
     for (uint32_t p = 0; p < samples; ++p, row += samples) {
         if (!all_finite(row, samples)) {
@@ -27,17 +27,23 @@ CGL_SELDOM static bool is_finite_matrix(const cgl_real *row, uint32_t samples)
     return true;
 }
 
-CGL_SELDOM cgl_error cgl_trial_init(cgl_trial *law, const cgl_trial_config *config, cgl_real *memory, uint32_t length)
+CGL_SELDOM static bool is_valid(const cgl_trial_config *config)
 {
-    if (!(config->samples >= 2U && config->samples <= SAMPLES_MAX && config->states >= 1U
-          && config->states <= CGL_TRIAL_STATES && all_finite(config->k_1, config->states)
-          && all_finite(config->c, config->states) && cgl_is_finite(config->k_2) && cgl_is_finite(config->n)
-          && cgl_is_finite(config->k_3) && config->shift >= 1U && config->shift <= SHIFT_MAX
-          && config->shift < config->samples && cgl_is_positive(config->limit)
-          && cgl_is_positive(config->learned_limit) && cgl_is_finite(config->n * config->learned_limit)
-          && cgl_feedforward_init(&config->feedforward, &law->feedforward) == CGL_OK
-          && cgl_zero_phase_init(&config->q_filter, config->samples) == CGL_OK
-          && (config->learning_matrix == 0 || is_finite_matrix(config->learning_matrix, config->samples)))) {
+    cgl_feedforward unused;
+    return config->samples >= 2U && config->samples <= SAMPLES_MAX && config->states >= 1U
+           && config->states <= CGL_TRIAL_STATES && all_finite(config->k_1, config->states)
+           && all_finite(config->c, config->states) && cgl_is_finite(config->k_2) && cgl_is_finite(config->n)
+           && cgl_is_finite(config->k_3) && config->shift >= 1U && config->shift <= SHIFT_MAX
+           && config->shift < config->samples && cgl_is_positive(config->limit)
+           && cgl_is_positive(config->learned_limit) && cgl_is_finite(config->n * config->learned_limit)
+           && cgl_feedforward_init(&config->feedforward, &unused) == CGL_OK
+           && cgl_zero_phase_init(&config->q_filter, config->samples) == CGL_OK
+           && (config->learning_matrix == 0 || is_finite_matrix(config->learning_matrix, config->samples));
+}
+
+cgl_error cgl_trial_init(cgl_trial *law, const cgl_trial_config *config, cgl_real *memory, uint32_t length)
+{
+    if (!is_valid(config)) {
         return CGL_ERROR_CONFIG;
     }
     if (memory == 0 || length < CGL_TRIAL_LENGTH(config->samples, config->q_filter.order)) {
@@ -50,7 +56,21 @@ CGL_SELDOM cgl_error cgl_trial_init(cgl_trial *law, const cgl_trial_config *conf
     return CGL_OK;
 }
 
-CGL_SELDOM void cgl_trial_reset(cgl_trial *law)
+cgl_error cgl_trial_retune(cgl_trial *law, const cgl_trial_config *config)
+{
+    if (!(is_valid(config) && config->samples == law->config.samples && config->states == law->config.states
+          && config->q_filter.order == law->config.q_filter.order)) {
+        return CGL_ERROR_CONFIG;
+    }
+    law->config = *config;
+    for (uint32_t p = 0; p < config->samples; ++p) {
+        law->learned[p] = cgl_clamped(law->learned[p], config->learned_limit);
+    }
+    law->v = cgl_clamped(law->v, config->learned_limit);
+    return CGL_OK;
+}
+
+void cgl_trial_reset(cgl_trial *law)
 {
     const cgl_trial_config *const config = &law->config;
     for (uint32_t p = 0; p < CGL_TRIAL_LENGTH(config->samples, config->q_filter.order); ++p) {
@@ -181,7 +201,7 @@ CGL_SELDOM static void correct(cgl_trial *law)
     }
 }
 
-CGL_SELDOM bool cgl_trial_end(cgl_trial *law)
+bool cgl_trial_end(cgl_trial *law)
 {
     const cgl_trial_config *const config = &law->config;
     const bool whole = law->y_ref != 0 && law->sample >= config->samples && !law->spoilt;

@@ -102,6 +102,10 @@ typedef struct {
 /* Takes the caller's memory of `length` entries and clears it. */
 cgl_error cgl_trial_init(cgl_trial *law, const cgl_trial_config *config, cgl_real *memory, uint32_t length);
 
+/* Takes other gains and limits, between two trials as a rule. What is learned stays, within learned_limit; samples, states and
+ * the order of q_filter must stay. */
+cgl_error cgl_trial_retune(cgl_trial *law, const cgl_trial_config *config);
+
 /* Forgets everything learned, and ends the trial: steps give u = 0 until the next begin. */
 void cgl_trial_reset(cgl_trial *law);
 

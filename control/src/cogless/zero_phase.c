@@ -3,7 +3,7 @@
 #include "polynomial.h"
 
 /* The steady state of the direct form II transposed for a constant input of 1; z has order + 1 entries, the last is 0. */
-CGL_SELDOM static bool rest(const cgl_zero_phase_config *config, cgl_real *z)
+static bool rest(const cgl_zero_phase_config *config, cgl_real *z)
 {
     cgl_real sum_b = CGL_R(0.0), sum_a = CGL_R(0.0);
     for (uint32_t i = 0; i <= config->order; ++i) {
@@ -42,7 +42,7 @@ CGL_SELDOM cgl_error cgl_zero_phase_init(const cgl_zero_phase_config *config, ui
                : CGL_ERROR_CONFIG;
 }
 
-CGL_SELDOM static void start(const cgl_zero_phase_config *config, cgl_real *z, cgl_real x, cgl_real limit)
+static void start(const cgl_zero_phase_config *config, cgl_real *z, cgl_real x, cgl_real limit)
 {
     (void)rest(config, z);
     for (uint32_t i = 0; i < config->order; ++i) {
@@ -50,7 +50,7 @@ CGL_SELDOM static void start(const cgl_zero_phase_config *config, cgl_real *z, c
     }
 }
 
-CGL_SELDOM static cgl_real pass(const cgl_zero_phase_config *config, cgl_real *z, cgl_real x, cgl_real limit)
+static cgl_real pass(const cgl_zero_phase_config *config, cgl_real *z, cgl_real x, cgl_real limit)
 {
     const cgl_real in = cgl_clamped(x, limit);
     const cgl_real out = cgl_clamped(config->b[0] * in + z[0], limit);

@@ -86,7 +86,6 @@ def _words(subject: Subject) -> dict[str, str]:
         "law_step": s.law.step,
         "law_values": initialiser(s.headers, s.law.config, s.law_config | own, s.precision),
         "drive_config": initialiser(s.headers, "cgl_drive_config", s.drive_config, s.precision),
-        "period": real(1 / s.rate, s.precision),
         "init_call": f"{state}_init(&controller->law, &{name}_law_config{period}{memory})",
         "reset_call": f"{state}_reset(&controller->law)",
         "learning": LEARNING if entries else "none",
