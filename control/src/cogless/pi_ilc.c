@@ -23,6 +23,7 @@ CGL_SELDOM cgl_error cgl_pi_ilc_retune(cgl_pi_ilc *law, const cgl_pi_ilc_config 
         return CGL_ERROR_CONFIG;
     }
     law->gain = config->gain;
+    law->gentle = UINT32_MAX; /* the next step follows the guard anew */
     return CGL_OK;
 }
 

@@ -42,6 +42,7 @@ cgl_error cgl_robust_ilc_retune(cgl_robust_ilc *law, const cgl_robust_ilc_config
         return CGL_ERROR_CONFIG;
     }
     law->config = *config;
+    law->gentle = UINT32_MAX; /* the next step follows the guard anew */
     law->adapted = cgl_clamped(law->adapted, config->b * config->limit);
     return CGL_OK;
 }

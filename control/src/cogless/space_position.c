@@ -64,6 +64,7 @@ cgl_error cgl_space_position_retune(cgl_space_position *law, const cgl_space_pos
     }
     const bool same_ramp = !(config->ramp < law->config.ramp || config->ramp > law->config.ramp);
     law->config = *config;
+    law->gentle = UINT32_MAX; /* the next step follows the guard anew */
     if (!same_ramp && law->learning_samples > 0U) {
         law->learning_samples = samples_of_share(law, share);
     }

@@ -37,6 +37,7 @@ cgl_error cgl_space_speed_retune(cgl_space_speed *law, const cgl_space_speed_con
         return CGL_ERROR_CONFIG;
     }
     law->config = *config;
+    law->gentle = UINT32_MAX; /* the next step follows the guard anew */
     return CGL_OK;
 }
 
