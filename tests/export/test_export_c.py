@@ -41,6 +41,15 @@ CONTROLLERS: list[tuple[str, str, dict[str, Any]]] = [
     ("liu2018", "robust-ilc", {"drive.precision": "double"}),
     ("uomodri", "table", {"scenario.1-rev-s.duration": "1.2 s", "metric": []}),
     ("uomodri", "pi-afc", studies.AFC),
+    (
+        "uomodri",
+        "pi",
+        {
+            "drive.dead_time_compensation.band": "35 mA",
+            "drive.encoder_table.orders": [1],
+            "drive.encoder_table.omega_min": "10 rev/s",
+        },
+    ),
     ("verrelli2016", "filtered", {"drive.precision": "single"}),
     ("verrelli2016", "printed", {}),
     ("verrelli2016-speed", "learning", {"drive.precision": "single"}),
