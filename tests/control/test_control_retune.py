@@ -101,7 +101,7 @@ def test_every_law_and_every_part_of_the_drive_is_here() -> None:
     declared = re.findall(
         r"cgl_error cgl_(\w+)_retune\(", "".join((SOURCE / "cogless" / h).read_text() for h in HEADERS)
     )
-    assert set(declared) == ALL.keys()
+    assert set(declared) - {"angle_observer"} == ALL.keys()  # has tests of its own
 
 
 @PRECISIONS
@@ -281,5 +281,5 @@ def test_only_init_and_retune_take_a_config() -> None:
         for function in re.findall(r"(cgl_\w+)\(([^;{]*?const cgl_\w+_config \*[^;{]*?)\)[;\s]", text):
             takes_config.add(function[0])
     assert {"cgl_pi_ilc_init", "cgl_pi_ilc_retune", "cgl_drive_init"} <= takes_config
-    helpers = {"cgl_feedforward_reset", "cgl_feedforward_step", "cgl_zero_phase"}
+    helpers = {"cgl_delay_is_valid", "cgl_feedforward_reset", "cgl_feedforward_step", "cgl_zero_phase"}
     assert {name for name in takes_config if not name.endswith(("_init", "_retune"))} == helpers

@@ -66,7 +66,7 @@ cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config)
 CGL_SELDOM void cgl_drive_reset(cgl_drive *drive)
 {
     static const cgl_law_input no_input = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0),
-                                           false,      false, false, CGL_R(1.0), 0U};
+                                           false,      false, false, CGL_R(0.0), 0U};
     static const cgl_foc_input no_currents = {{CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)}, CGL_R(0.0), CGL_R(0.0), CGL_R(0.0),
                                               CGL_R(0.0), CGL_R(0.0)};
     drive->in = no_input;
@@ -103,7 +103,7 @@ static bool is_allowed(cgl_drive *drive, cgl_real error, bool learn, bool wanted
     const cgl_guard_input in = {error,  drive->monitor.omega_m, drive->in.omega_ref, plausible, drive->saturated,
                                 wanted, learned};
     cgl_guard_step(guard, &in);
-    drive->in.share = guard->share;
+    drive->in.muted = CGL_R(1.0) - guard->share;
     drive->in.gentle = guard->gentle;
     drive->in.forget = guard->forget;
     drive->held = cgl_guard_acts(guard) ? (unsigned)CGL_STATUS_GUARDED : 0U;

@@ -42,16 +42,16 @@ const cgl_gentle cgl_gentle_steps[CGL_GUARD_STEPS + 1U] = {
 
 CGL_SELDOM cgl_error cgl_guard_init(cgl_guard *guard, cgl_real ts)
 {
-    if (!(cgl_is_positive(ts) && ts <= CGL_R(1.0))) {
+    if (!cgl_is_positive(ts)) {
         return CGL_ERROR_CONFIG;
     }
     guard->ts = ts;
     guard->quarter_turn = CGL_R(0.5) * CGL_PI / ts;
     const cgl_real most = CGL_R(1.0e8);
-    const cgl_real shortest = SHORTEST / ts, longest = LONGEST / ts, settle = SETTLE / ts;
+    const cgl_real shortest = SHORTEST / ts, longest = LONGEST / ts, rest = SETTLE / ts;
     guard->shortest = 1U + (uint32_t)(shortest < most ? shortest : most);
     guard->longest = 1U + (uint32_t)(longest < most ? longest : most);
-    guard->settle = 1U + (uint32_t)(settle < most ? settle : most);
+    guard->settle = 1U + (uint32_t)(rest < most ? rest : most);
     guard->slope = ts < RAMP ? ts / RAMP : CGL_R(1.0);
     cgl_guard_reset(guard);
     return CGL_OK;

@@ -105,9 +105,9 @@ static inline cgl_real cgl_gentle_gain(uint32_t k, cgl_real gain, cgl_real feedb
     if (CGL_OFTEN(k == 0U)) {
         return CGL_R(1.0);
     }
-    const cgl_gentle *const step = cgl_gentle_steps + (k < CGL_GUARD_STEPS ? k : CGL_GUARD_STEPS);
-    const cgl_real most = step->most * feedback;
-    return step->gain * (gain > most ? most / gain : CGL_R(1.0));
+    const cgl_gentle *const how = cgl_gentle_steps + (k < CGL_GUARD_STEPS ? k : CGL_GUARD_STEPS);
+    const cgl_real most = how->most * feedback;
+    return how->gain * (gain > most ? most / gain : CGL_R(1.0));
 }
 
 static inline cgl_real cgl_gentle_forgetting(uint32_t k)

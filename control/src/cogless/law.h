@@ -16,7 +16,7 @@ typedef struct {
     bool learn;         /* false freezes what is learned */
     bool off;           /* true: the output is 0 and integrals start anew; what is learned stays, frozen */
     bool forget;        /* clear what is learned, cell by cell as the rotor passes */
-    cgl_real share;     /* of what is learned that acts, 0 to 1 */
+    cgl_real muted;     /* share of what is learned that does not act, 0 to 1; default 0 */
     uint32_t gentle;    /* 0: learn as configured; k >= 1: with a smaller gain and more forgetting, cgl_gentle_steps[k] */
 } cgl_law_input;
 

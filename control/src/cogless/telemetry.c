@@ -39,6 +39,7 @@ bool cgl_telemetry_read(const cgl_telemetry *telemetry, cgl_snapshot *snapshot)
                                    newest->i_q_ref, newest->u_d,    newest->u_q,     newest->u_dc};
         /* the next snapshot goes into the other buffer; only the one after it would overwrite this */
         const uint32_t after = *complete;
+        /* cppcheck-suppress knownConditionTrueFalse ; an interrupt writes it meanwhile */
         if ((after == before || after == before + 1U) && copy.count == before) {
             *snapshot = copy;
             return before != 0U;
