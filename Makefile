@@ -10,7 +10,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-com
 # modules are byte-compiled when first used; to rewrite a test's asserts again takes each worker 7 s
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help build demo test lint control pil proof fuzz mutants docs bench dist clean
+.PHONY: help build demo test hash lint control pil proof fuzz mutants docs bench dist clean
 
 help: ## what there is to make
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -47,6 +47,10 @@ demo: $(VENV)/installed ## the main job: a motor that cogs, under four controlle
 
 test: $(VENV)/tested ## the whole test suite
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile
+
+hash: $(VENV)/tested ## a trace has the same bits by each compiler, -O2 and -O3, glibc and musl
+	$(PIP) --no-build-isolation '.[pil]'
+	$(BIN)/python -m pytest -q -n 2 -m compilers
 
 lint: $(VENV)/installed ## ruff, mypy, and which room imports which
 	$(PIP) --no-build-isolation '.[lint]'

@@ -62,15 +62,11 @@ public:
         return {z[axis_], {ripple_d_.value(z), ripple_q_.value(z)}, cogging_.value(z), load_.value(z)};
     }
 
-    // The sums' Taylor coefficients of the powers 0 to 4 of a distance from the angle, in the order of AtAngle's members.
-    using Taylor = std::array<std::array<Real, 6>, 5>;
-    [[gnu::always_inline]] Taylor taylor_at(Real theta_m) const {
+    // Calls put(k, its first five Taylor coefficients) for each of AtAngle's members k.
+    template <class Put>
+    [[gnu::always_inline]] void taylor_at(Real theta_m, const Put& put) const {
         Powers::Values<Real> z;
         powers_.evaluate(theta_m, z);
-        Taylor all;
-        const auto put = [&](std::size_t k, const std::array<Real, 5>& sum) {
-            for (std::size_t n = 0; n < 5; ++n) all[n][k] = sum[n];
-        };
         const double order = axis_order_, square = -order * order;
         const Complex<Real> axis = z[axis_];
         put(0, Series<Real>::over_factorials({axis.re, -order * axis.im, square * axis.re, -order * square * axis.im,
@@ -81,7 +77,6 @@ public:
         put(3, ripple_q_.taylor(z));
         put(4, cogging_.taylor(z));
         put(5, load_.taylor(z));
-        return all;
     }
 
     // Energy stored in cogging, J.

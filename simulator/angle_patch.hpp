@@ -20,10 +20,9 @@ public:
     // Puts the polynomials where the rotor, now at theta_m, will be `ahead` (rad) further on, but so that they reach it.
     [[gnu::noinline]] void move_to(double theta_m, double ahead) {
         centre_ = theta_m + std::copysign(std::fmin(std::abs(ahead), 0.9 * reach_), ahead);
-        const AngleFunctions<double>::Taylor all = of_.taylor_at(centre_);
-        for (std::size_t n = 0; n < all.size(); ++n) {
-            for (std::size_t k = 0; k < 6; ++k) c_[n].set(k, all[n][k]);
-        }
+        of_.taylor_at(centre_, [this](std::size_t k, const std::array<double, 5>& terms) __attribute__((always_inline)) {
+            for (std::size_t n = 0; n < terms.size(); ++n) c_[n].set(k, terms[n]);
+        });
     }
 
     // Moves on where theta_m is out of reach.

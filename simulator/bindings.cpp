@@ -12,6 +12,7 @@
 #include <variant>
 
 #include "config.hpp"
+#include "linear_filter.hpp"
 #include "python_value.hpp"
 #include "trial_config.hpp"
 
@@ -25,11 +26,17 @@ namespace {
 using Array = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
 using Reals = nb::ndarray<nb::numpy, cgl_real, nb::ndim<1>>;
 
-// Copies numbers into a new array.
-Reals array_of(std::vector<cgl_real> values) {
-    auto* kept = new std::vector<cgl_real>(std::move(values));
-    const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<cgl_real>*>(p); });
-    return Reals(kept->data(), {kept->size()}, owner);
+// An array that owns its numbers.
+template <class Made, class Real>
+Made array_of(std::vector<Real> values, std::initializer_list<std::size_t> shape) {
+    auto* kept = new std::vector<Real>(std::move(values));
+    const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<Real>*>(p); });
+    return Made(kept->data(), shape, owner);
+}
+
+Array rows_of(std::vector<double> values, std::size_t columns) {
+    const std::size_t rows = values.size() / columns;
+    return array_of<Array>(std::move(values), {rows, columns});
 }
 
 // A Python object that replaces the drive's controller; it gets and returns C structs as bytes: step(measurement, reference)
@@ -118,7 +125,8 @@ void begin_trial(const Drive& drive, DriveState& state, const nb::bytes& traject
 
 Reals law_memory(const Drive& drive, DriveState& state) {
     const std::vector<cgl_real>* cells = drive.cells(state);
-    return array_of(cells != nullptr ? *cells : std::vector<cgl_real>());
+    if (cells == nullptr) return array_of<Reals>(std::vector<cgl_real>(), {0});
+    return array_of<Reals>(*cells, {cells->size()});
 }
 
 // Throws std::invalid_argument for a law that has no memory, or one of another length.
@@ -167,7 +175,7 @@ nb::object stored_of(const Engine& engine, const State& state) {
     if (!found) return nb::none();
     const cgl_map& map = found->about;
     nb::dict result;
-    result["values"] = found->channels;
+    result["values"] = rows_of(found->entries, map.cells);
     result["units"] = std::vector<std::uint32_t>(map.unit, map.unit + map.channels);
     result["limits"] = std::vector<double>(map.limit, map.limit + map.channels);
     result["law"] = map.law;
@@ -228,7 +236,7 @@ void bind_engine(nb::class_<Engine>& c) {
                   "(name, unit) of each recorded signal")
         .def("start", &Engine::start, "The state at time zero.")
         .def("stored", &stored_of<Engine, State>, "state"_a,
-             "What is learned as firmware stores it: 'values' of each channel, 'units', 'limits', 'law', 'turns', 'parts', "
+             "What is learned as firmware stores it: 'values' (channels, cells), 'units', 'limits', 'law', 'turns', 'parts', "
              "'ratio', as in cgl_map; None where there is nothing to store.");
 }
 
@@ -268,12 +276,7 @@ NB_MODULE(COGLESS_MODULE, m) {
         .def("__init__", &make_recorder<LinearTrials>, "trials"_a, "decimation"_a, "rows"_a = 0)
         .def(
             "take",
-            [](Recorder& recorder) {
-                auto* rows = new std::vector<double>(recorder.take());
-                const nb::capsule owner(rows, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
-                const std::size_t columns = recorder.columns();
-                return Array(rows->data(), {rows->size() / columns, columns}, owner);
-            },
+            [](Recorder& recorder) { return rows_of(recorder.take(), recorder.columns()); },
             "Hands over the rows so far, (rows, signals) in float64, and starts anew.");
 
     nb::class_<Drive> drive(m, "Drive", "An immutable description of a drive with its controller.");
@@ -303,6 +306,17 @@ NB_MODULE(COGLESS_MODULE, m) {
     m.def("advance_lanes", &advance_lanes, "drives"_a, "states"_a, "recorders"_a, "ticks"_a, "kernel"_a = 0,
           "Runs so many ticks of drives that are alike and at the same tick, at most as many as the kernel has lanes, with the"
           " bits of advance(). Returns why each failed, or \"\"; the others go on. kernel: an index into lane_kernels().");
+
+    m.def("filtered",
+          [](const std::vector<double>& b, const std::vector<double>& a, const std::vector<double>& state,
+             const nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>& x) {
+              std::vector<double> y(x.data(), x.data() + x.size());
+              filter(b, a, state, y.data(), y.size());
+              const std::size_t count = y.size();
+              return array_of<nb::ndarray<nb::numpy, double, nb::ndim<1>>>(std::move(y), {count});
+          },
+          "b"_a, "a"_a, "state"_a, "x"_a,
+          "x through the digital filter b, a, whose a[0] is one, from a state on, as scipy.signal.lfilter does it.");
 
     nb::class_<LinearTrials> linear(m, "LinearTrials", "An immutable description of a linear plant with the trial law.");
     linear.def("__init__",

@@ -84,7 +84,11 @@ PositionSensorConfig position_sensor(const Section& s) {
     if (p.kind == PositionSensorKind::encoder) {
         p.lines = s.integer("lines");
         p.speed_method = s.choice<SpeedMethod>(
-            "speed_method", {{"M", SpeedMethod::M}, {"T", SpeedMethod::T}, {"MT", SpeedMethod::MT}});
+            "speed_method", {{"M", SpeedMethod::M},
+                             {"T", SpeedMethod::T},
+                             {"MT", SpeedMethod::MT},
+                             {"observer", SpeedMethod::observer}});
+        if (p.speed_method == SpeedMethod::observer) p.bandwidth = s.number("bandwidth");
         p.timer = s.number("timer");
         p.eccentricity = s.number("eccentricity");
         p.eccentricity_phase = s.number("eccentricity_phase");
@@ -188,7 +192,7 @@ void read_bridge(const Section& drive, DriveConfig& config) {
     const Section inverter = drive.section("inverter");
     const Section sensors = drive.section("current_sensors");
     config.inverter = {inverter.get<std::string>("kind") == "switched", inverter.number("bus_voltage"),
-                       inverter.number("dead_time"), inverter.integer("computation_delay") != 0};
+                       inverter.number("dead_time"), inverter.number("device_drop"), inverter.integer("computation_delay") != 0};
     config.current_sensors = {sensors.phases("offset"), sensors.phases("gain_error"), sensors.number("noise"),
                               sensors.integer("bits"), sensors.number("range"),
                               config.phases.front().motor.phases == 2 ? 2 : sensors.integer("sensors")};
@@ -217,6 +221,10 @@ DriveConfig read_config(const Value& description, const CallbackLaw& own) {
     }
     if (top.has("faults")) result.faults = faults(top, current_rate);
     if (!result.ideal_current) read_bridge(drive, result);
+    if (drive.has("encoder_table")) result.encoder_table = drive.packed<cgl_encoder_table_config>("encoder_table");
+    if (drive.has("dead_time")) {
+        result.dead_time = drive.packed<cgl_dead_time_config>("dead_time");
+    }
     result.position_sensor = position_sensor(drive.section("position_sensor"));
     result.law = law(controller_section, own, 1.0 / static_cast<double>(current_rate), result.speed_divider, result.trials);
     result.integration_steps = drive.integer("integration_steps");

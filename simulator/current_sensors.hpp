@@ -1,12 +1,12 @@
 // Phase-current sensors: gain error, offset, noise, and an analogue-to-digital converter.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
 
 #include "inverter.hpp"
 #include "random.hpp"
+#include "wide.hpp"
 
 namespace cogless {
 
@@ -14,7 +14,7 @@ struct CurrentSensorsConfig {
     Phases offset{};      // A
     Phases gain_error{};  // relative: measured = (1 + gain_error) i + offset
     double noise = 0.0;   // A, standard deviation
-    int bits = 0;         // of the converter; bits of the converter; 0: no converter
+    int bits = 0;         // bits of the converter; 0: no converter
     double range = 0.0;   // A, the converter spans +-range
     int sensors = 3;      // 2: the third current, if there is one, is computed from the other two
 };
@@ -22,29 +22,37 @@ struct CurrentSensorsConfig {
 class CurrentSensors {
 public:
     explicit CurrentSensors(const CurrentSensorsConfig& config)
-        : config_(config), step_(std::ldexp(config.range, 1 - config.bits)), per_step_(1.0 / step_) {}
+        : config_(config), offset_(four_of(config.offset)), gain_error_(four_of(config.gain_error)),
+          step_(std::ldexp(config.range, 1 - config.bits)), per_step_(1.0 / step_), highest_(config.range - step_) {}
 
-    [[gnu::always_inline]] Phases measure(Phases i, Random& random) const {
-        for (std::size_t n = 0; n < static_cast<std::size_t>(config_.sensors); ++n) {
-            i[n] += config_.gain_error[n] * i[n] + config_.offset[n];
-            if (config_.noise > 0.0) i[n] += config_.noise * normal_.draw(random);
-            if (config_.bits > 0) i[n] = converted(i[n]);
+    [[gnu::always_inline]] Phases measure(const Phases& currents, Random& random) const {
+        Four i = four_of(currents);
+        i += gain_error_ * i + offset_;
+        if (config_.noise > 0.0) {
+            Four noise(0.0);
+            for (std::size_t n = 0; n < static_cast<std::size_t>(config_.sensors); ++n) {
+                noise.set(n, config_.noise * normal_.draw(random));
+            }
+            i += noise;
         }
-        if (config_.sensors == 2) i[2] = -i[0] - i[1];
-        return i;
+        if (config_.bits > 0) i = converted(i);
+        Phases measured = array_of<3>(i);
+        if (config_.sensors == 2) measured[2] = -measured[0] - measured[1];
+        return measured;
     }
 
 private:
-    // Rounds to the nearest step, halves away from zero. Within the range the step number fits an integer, which is much
-    // faster than std::round. NaN becomes the lowest step.
-    double converted(double i) const {
-        const double steps = std::max(-config_.range, std::min(i, config_.range - step_)) * per_step_;
-        return step_ * static_cast<double>(static_cast<std::int64_t>(steps + std::copysign(0.5, steps)));
+    // Rounds to the nearest step, halves away from zero. NaN becomes the lowest step.
+    [[gnu::always_inline]] Four converted(const Four& i) const {
+        const Four below = select(i > highest_, highest_, i), lowest = -config_.range;
+        const Four steps = select(below > lowest, below, lowest) * per_step_;
+        return step_ * truncated(steps + select(0.0 > steps, -0.5, 0.5));
     }
 
     CurrentSensorsConfig config_;
-    Normal normal_;
-    double step_, per_step_;  // step of the converter and its inverse: A, 1/A
+    inline static const Normal normal_;  // its tables are read at random: one copy for all drives stays in the cache
+    Four offset_, gain_error_;
+    double step_, per_step_, highest_;  // step of the converter, its inverse, and its highest output: A, 1/A, A
 };
 
 }  // namespace cogless

@@ -112,7 +112,10 @@ double* put_terms(const Law& law, const LawState& state, double* row) {
 
 Drive::Drive(const DriveConfig& config)
     : config_(config),
-      period_(1.0 / static_cast<double>(config.current_rate)),
+      current_rate_(static_cast<double>(config.current_rate)),
+      period_(1.0 / current_rate_),
+      step_(period_ / config.integration_steps),
+      dead_share_(config.inverter.dead_time / period_),
       follows_angle_(follows_angle(config.law)),
       turns_(2.0 * std::numbers::pi * turns_of(config.law)),
       reference_(config.reference, config.phases.front().initial_angle, config.phases.front().initial_speed,
@@ -132,6 +135,14 @@ Drive::Drive(const DriveConfig& config)
             throw std::invalid_argument("drive.control: expected as many phases as the motor has");
         }
     }
+    if (config_.dead_time) {
+        require(cgl_dead_time_init(&dead_time_start_, &*config_.dead_time, static_cast<cgl_real>(period_)),
+                "dead-time compensation");
+    }
+    if (config_.encoder_table) {
+        require(cgl_encoder_table_init(&encoder_table_start_, &*config_.encoder_table, static_cast<cgl_real>(period_)),
+                "encoder table");
+    }
     cgl_drive unused;
     if (cgl_drive_init(&unused, &config_.control, static_cast<cgl_real>(period_)) != CGL_OK) {
         throw std::invalid_argument("drive.control: a value is outside its range");
@@ -144,7 +155,7 @@ Drive::Drive(const DriveConfig& config)
         if (p.motor.phases != motor_phases(config_)) {
             throw std::invalid_argument("motor.phases: expected the same in every phase of the trials");
         }
-        const Plant plant(p.motor, p.mechanics, p.load, period_ / config_.integration_steps);
+        const Plant plant(p.motor, p.mechanics, p.load, step_);
         phases_.push_back({p, plant, plant.start(p.initial_angle, p.initial_speed),
                            position_sensor_.start(p.initial_angle, p.initial_speed)});
     }
@@ -153,6 +164,7 @@ Drive::Drive(const DriveConfig& config)
 DriveState Drive::start() const {
     DriveState s{};
     cgl_drive_init(&s.control, &config_.control, static_cast<cgl_real>(period_));
+    s.encoder_table = encoder_table_start_;
     restart(s, phases_.front());
     s.random = Random(config_.seed);
     s.law = start_of(config_.law);
@@ -166,6 +178,7 @@ void Drive::restart(DriveState& s, const Phase& phase) const {
     s.plant.load.target += s.added_load;
     s.position = phase.position_start;
     cgl_drive_reset(&s.control);
+    s.dead_time = dead_time_start_;
     s.asked = {};
     s.output = {};
     s.duty = {0.5, 0.5, 0.5};
@@ -215,8 +228,9 @@ void Drive::advance_trials(DriveState& s, Recorder& recorder, std::int64_t end, 
 
 cgl_drive_output Drive::step_controller(DriveState& s, const cgl_measurement& now, const cgl_reference& reference) const {
     s.asked = reference;
-    if (cgl_drive_measure(&s.control, &now, &s.asked)) step_law<star_legs>(s);
-    cgl_drive_actuate(&s.control, &s.output);
+    s.sampled = now;
+    if (measure(s)) step_law<star_legs>(s);
+    actuate(s);
     return s.output;
 }
 
@@ -243,55 +257,62 @@ void Drive::end_trial(DriveState& s) const {
         config_.law);
 }
 
-void Drive::advance_within(DriveState& s, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
-                           Controller* other) const {
+template <class F>
+void Drive::specialised(const F& f) const {
+    const auto electrical = [&]<std::size_t legs> {
+        if (config_.energy) {
+            f.template operator()<legs, Detail::energies>();
+        } else {
+            f.template operator()<legs, Detail::currents>();
+        }
+    };
     if (config_.ideal_current) {
-        run<0>(s, recorder, phase, origin, end, other);
+        f.template operator()<0, Detail::mechanics>();
     } else if (motor_phases(config_) == 2) {
-        run<bridge_legs>(s, recorder, phase, origin, end, other);
+        electrical.template operator()<bridge_legs>();
     } else {
-        run<star_legs>(s, recorder, phase, origin, end, other);
+        electrical.template operator()<star_legs>();
     }
 }
 
-template <std::size_t legs>
+void Drive::advance_within(DriveState& s, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
+                           Controller* other) const {
+    specialised([&]<std::size_t legs, Detail detail> { run<legs, detail>(s, recorder, phase, origin, end, other); });
+}
+
+template <std::size_t legs, Detail detail>
 void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
                 Controller* other) const {
-    const Plant::Exact<legs == 0 ? Detail::mechanics : Detail::currents> exact(phase.plant);
+    const Plant::Exact<detail> exact(phase.plant);
     AnglePatch patch(phase.plant.angle());
     const bool switched = legs != 0 && config_.inverter.switched;
     AtAngle<double> here{};
     if (!switched) here = exact(s.plant.theta_m);
+    Every law(config_.speed_divider, s.tick), row = recorder.rows(s.tick);
+    Faults faults = faults_at(s.tick);
     for (; s.tick < end; ++s.tick) {
         if (switched) {
             patch.move_to(s.plant.theta_m, 0.5 * period_ * s.plant.omega_m);
             here = patch(s.plant.theta_m);
         }
-        step_load(s, phase, origin);
+        step_load(s, phase, origin, s.plant.load.torque, s.plant.load.target);
         Phases current{};
         if constexpr (legs != 0) current = phase_currents<legs>(s.plant.i, here.axis);
-        const Faults faults(config_.faults, s.tick, config_.inverter.bus_voltage);
-        control<legs>(s, phase, origin, current, faults, other);
-        if (recorder.wants(s.tick)) record<legs>(s, here, phase, origin, current, recorder.next_row());
-
-        if constexpr (legs == 0) {
-            advance_plant<Detail::mechanics, 0>(s, here, patch, phase, origin, {}, {}, false, faults);
-        } else {
-            const auto [duty, open] = next_duties(s);
-            if (config_.energy) {
-                advance_plant<Detail::energies, legs>(s, here, patch, phase, origin, duty, current, open, faults);
-            } else {
-                advance_plant<Detail::currents, legs>(s, here, patch, phase, origin, duty, current, open, faults);
-            }
-        }
+        if (s.tick >= faults.until) faults = faults_at(s.tick);
+        control<legs>(s, phase, origin, law.next(), current, faults, other);
+        if (row.next()) record<legs>(s, here, phase, origin, current, recorder.next_row());
+        Acting acting{};
+        if constexpr (legs != 0) acting = next_duties(s);
+        advance_plant<legs, detail>(s, here, patch, phase, origin, acting.duty, current, acting.open, faults);
     }
 }
 
-[[gnu::always_inline]] inline void Drive::step_load(DriveState& s, const Phase& phase, std::int64_t origin) {
+[[gnu::always_inline]] inline void Drive::step_load(DriveState& s, const Phase& phase, std::int64_t origin, double& torque,
+                                                    double& target) {
     const std::vector<LoadStep>& steps = phase.config.load_steps;
     while (s.next_load_step < steps.size() && steps[s.next_load_step].tick <= s.tick - origin) {
-        s.plant.load.target = steps[s.next_load_step++].torque + s.added_load;
-        if (phase.config.load.lag <= 0.0) s.plant.load.torque = s.plant.load.target;
+        target = steps[s.next_load_step++].torque + s.added_load;
+        if (phase.config.load.lag <= 0.0) torque = target;
     }
 }
 
@@ -303,6 +324,19 @@ void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, std::int6
     s.duty = computed.duty;
     s.open = computed.open;
     return config_.inverter.computation_delay ? before : computed;
+}
+
+template <std::size_t legs>
+[[gnu::always_inline]] inline Voltage<> Drive::averaged(const Phases& duty, const Phases& current,
+                                                        const Faults& faults) const {
+    return cogless::averaged(faults.bus_voltage, dead_share_, config_.inverter.device_drop, leg_duties<legs>(duty), leg_currents<legs>(current));
+}
+
+[[gnu::always_inline]] inline void Drive::watch(DriveState& s, double from, double h, double theta_m,
+                                                const Faults& faults) const {
+    if (position_sensor_.watches()) {
+        position_sensor_.watch(s.position, from, from + h, faults.stuck ? s.seen : theta_m + faults.jump);
+    }
 }
 
 bool Drive::alike(const Drive& other) const {
@@ -327,146 +361,117 @@ void Drive::advance_lanes(std::vector<Lane>& lanes, const LaneKernel& kernel, st
         of.push_back(&lane.drive->phases_.front().plant);
         lane.recorder->reserve(ticks);
     }
-    const DriveConfig& config = first.config_;
-    const Detail detail = config.ideal_current ? Detail::mechanics : config.energy ? Detail::energies : Detail::currents;
-    const auto plants = kernel.make(of, detail);
     const std::int64_t end = lanes.front().state->tick + ticks;
-    if (config.ideal_current) {
-        run_lanes<0>(lanes, *plants, end);
-    } else if (motor_phases(config) == 2) {
-        run_lanes<bridge_legs>(lanes, *plants, end);
-    } else {
-        run_lanes<star_legs>(lanes, *plants, end);
-    }
+    first.specialised([&]<std::size_t legs, Detail detail> { run_lanes<legs, detail>(lanes, *kernel.make(of, detail), end); });
 }
 
 // As run(), but the steps of the plants are taken together. A plant whose rotor stops or breaks away takes its step alone, and
 // so does one with an open bridge.
-template <std::size_t legs>
+template <std::size_t legs, Detail detail>
 void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t end) {
-    const Drive& first = *lanes.front().drive;
-    const DriveConfig& config = first.config_;
-    constexpr Detail simple = legs == 0 ? Detail::mechanics : Detail::currents;
-    const LanePlants::View view = plants.view();
-    constexpr std::size_t most = 32;
-    std::array<double, most> u_alpha{}, u_beta{};
-    AtAngle<double> here;
-    for (std::size_t n = 0; n < lanes.size(); ++n) {
-        const Plant::Exact<simple> exact(lanes[n].drive->phases_.front().plant);
-        plants.put(n, lanes[n].state->plant, exact(lanes[n].state->plant.theta_m));
-    }
-    const double h = first.period_ / config.integration_steps;
-    struct Alone {  // what a lane needs to take its step alone
-        std::size_t lane;
-        Phases duty, current;
+    struct Running {
+        std::size_t n;  // its lane
+        Lane* lane;
+        Every law, row;
         Faults faults;
-        bool open;
+        Phases current{};
+        Acting acting{};
     };
-    std::vector<Alone> each;
-    each.reserve(lanes.size());
+    const Drive& first = *lanes.front().drive;
+    const double h = first.step_;
+    const LanePlants::View view = plants.view();
+    AtAngle<double> here;
+    std::vector<Running> all;
+    for (std::size_t n = 0; n < lanes.size(); ++n) {
+        const auto& [drive, s, recorder, error] = lanes[n];
+        all.push_back({n, &lanes[n], {drive->config_.speed_divider, s->tick}, recorder->rows(s->tick),
+                       drive->faults_at(s->tick)});
+        plants.put(n, s->plant, Plant::Exact<detail>(drive->phases_.front().plant)(s->plant.theta_m));
+    }
     for (std::int64_t tick = lanes.front().state->tick; tick < end; ++tick) {
-        each.clear();
-        for (std::size_t n = 0; n < lanes.size(); ++n) {
-            Lane& lane = lanes[n];
-            if (!lane.error.empty()) continue;
-            const Drive& drive = *lane.drive;
+        for (Running& r : all) {
+            const std::size_t n = r.n;
+            const Drive& drive = *r.lane->drive;
             const Phase& phase = drive.phases_.front();
-            DriveState& s = *lane.state;
+            DriveState& s = *r.lane->state;
             s.plant.theta_m = view.theta_m[n];
             s.plant.omega_m = view.omega_m[n];
             s.plant.i = {view.i_d[n], view.i_q[n]};
-            const std::size_t load_step = s.next_load_step;
-            s.plant.load = {view.load_torque[n], view.load_target[n]};
-            step_load(s, phase, 0);
-            if (s.next_load_step != load_step) {
-                view.load_torque[n] = s.plant.load.torque;
-                view.load_target[n] = s.plant.load.target;
-            }
-            Phases current{};
-            if constexpr (legs != 0) current = phase_currents<legs>(s.plant.i, {view.axis_re[n], view.axis_im[n]});
-            const Faults faults(drive.config_.faults, tick, drive.config_.inverter.bus_voltage);
+            step_load(s, phase, 0, view.load_torque[n], view.load_target[n]);
+            if constexpr (legs != 0) r.current = phase_currents<legs>(s.plant.i, {view.axis_re[n], view.axis_im[n]});
+            if (tick >= r.faults.until) r.faults = drive.faults_at(tick);
             try {
-                drive.control<legs>(s, phase, 0, current, faults, nullptr);
+                drive.control<legs>(s, phase, 0, r.law.next(), r.current, r.faults, nullptr);
             } catch (const std::runtime_error& error) {
                 plants.get(n, s.plant, here);
-                lane.error = error.what();
-                u_alpha[n] = u_beta[n] = 0.0;
+                r.lane->error = error.what();
                 continue;
             }
-            if (lane.recorder->wants(tick)) {
-                if constexpr (legs == 0) view.i_q[n] = s.plant.i.q;
+            if constexpr (legs == 0) view.i_q[n] = s.plant.i.q;
+            if (r.row.next()) {
                 plants.get(n, s.plant, here);
-                drive.record<legs>(s, here, phase, 0, current, lane.recorder->next_row());
+                drive.record<legs>(s, here, phase, 0, r.current, r.lane->recorder->next_row());
             }
-            if constexpr (legs == 0) {
-                view.i_q[n] = s.plant.i.q;
-                each.push_back({n, {}, {}, faults, false});
-            } else {
-                const auto [duty, open] = drive.next_duties(s);
-                InverterConfig inverter = drive.config_.inverter;
-                inverter.bus_voltage = faults.bus_voltage;
-                const Voltage<> u = averaged(inverter, leg_duties<legs>(duty), leg_currents<legs>(current), drive.period_);
-                u_alpha[n] = u.alpha;
-                u_beta[n] = u.beta;
-                each.push_back({n, duty, current, faults, open});
-                if (open) plants.get(n, s.plant, here);
+            if constexpr (legs != 0) {
+                r.acting = drive.next_duties(s);
+                const Voltage<> u = drive.averaged<legs>(r.acting.duty, r.current, r.faults);
+                view.u_alpha[n] = u.alpha;
+                view.u_beta[n] = u.beta;
+                if (r.acting.open) plants.get(n, s.plant, here);
             }
         }
-        for (int k = 0; k < config.integration_steps; ++k) {
-            const std::uint32_t stay = plants.step(u_alpha.data(), u_beta.data(), h);
-            for (const Alone& a : each) {
-                const Drive& drive = *lanes[a.lane].drive;
-                DriveState& s = *lanes[a.lane].state;
-                if (a.open) continue;
-                const double from = drive.time(tick) + k * h;
-                if ((stay >> a.lane & 1U) != 0U) {
-                    plants.get(a.lane, s.plant, here);
-                    const Voltage<> u{u_alpha[a.lane], u_beta[a.lane]};
+        std::erase_if(all, [](const Running& r) { return !r.lane->error.empty(); });
+        for (int k = 0; k < first.config_.integration_steps; ++k) {
+            const std::uint32_t stay = plants.step(h);
+            const double from = first.time(tick) + k * h;
+            for (const Running& r : all) {
+                if (r.acting.open) continue;
+                const Drive& drive = *r.lane->drive;
+                DriveState& s = *r.lane->state;
+                if ((stay >> r.n & 1U) != 0U) {
+                    plants.get(r.n, s.plant, here);
                     const Plant& plant = drive.phases_.front().plant;
-                    if constexpr (legs == 0) {
-                        plant.step<Detail::mechanics>(s.plant, here, u, from, h, Plant::Exact<Detail::mechanics>(plant));
-                    } else if (config.energy) {
-                        plant.step<Detail::energies>(s.plant, here, u, from, h, Plant::Exact<Detail::energies>(plant));
-                    } else {
-                        plant.step<Detail::currents>(s.plant, here, u, from, h, Plant::Exact<Detail::currents>(plant));
-                    }
-                    plants.put(a.lane, s.plant, here);
+                    plant.step<detail>(s.plant, here, {view.u_alpha[r.n], view.u_beta[r.n]}, from, h,
+                                       Plant::Exact<detail>(plant));
+                    plants.put(r.n, s.plant, here);
                 }
-                if (drive.position_sensor_.watches()) {
-                    const double theta_m = view.theta_m[a.lane];
-                    drive.position_sensor_.watch(s.position, from, from + h, a.faults.stuck ? s.seen : theta_m + a.faults.jump);
-                }
+                drive.watch(s, from, h, view.theta_m[r.n], r.faults);
             }
         }
-        for (const Alone& a : each) {
-            DriveState& s = *lanes[a.lane].state;
-            if (a.open) {
-                const Drive& drive = *lanes[a.lane].drive;
+        for (const Running& r : all) {
+            DriveState& s = *r.lane->state;
+            if (r.acting.open) {
+                const Drive& drive = *r.lane->drive;
                 const Phase& phase = drive.phases_.front();
                 AnglePatch patch(phase.plant.angle());
                 here = phase.plant.angle().at(s.plant.theta_m);
-                if constexpr (legs != 0) {
-                    if (config.energy) {
-                        drive.advance_plant<Detail::energies, legs>(s, here, patch, phase, 0, a.duty, a.current, true, a.faults);
-                    } else {
-                        drive.advance_plant<Detail::currents, legs>(s, here, patch, phase, 0, a.duty, a.current, true, a.faults);
-                    }
-                }
-                plants.put(a.lane, s.plant, here);
+                drive.advance_plant<legs, detail>(s, here, patch, phase, 0, r.acting.duty, r.current, true, r.faults);
+                plants.put(r.n, s.plant, here);
             }
             ++s.tick;
         }
     }
-    for (std::size_t n = 0; n < lanes.size(); ++n) {
-        if (lanes[n].error.empty()) plants.get(n, lanes[n].state->plant, here);
-    }
+    for (const Running& r : all) plants.get(r.n, r.lane->state->plant, here);
+}
+
+[[gnu::always_inline]] inline bool Drive::measure(DriveState& s) const {
+    if (!config_.encoder_table) return cgl_drive_measure(&s.control, &s.sampled, &s.asked);
+    cgl_measurement now = s.sampled;
+    cgl_encoder_table_step(&s.encoder_table, &now, s.control.i_q, true);
+    s.measured = {static_cast<double>(now.theta_m), static_cast<double>(now.omega_m)};
+    return cgl_drive_measure(&s.control, &now, &s.asked);
+}
+
+[[gnu::always_inline]] inline void Drive::actuate(DriveState& s) const {
+    cgl_drive_actuate(&s.control, &s.output);
+    const bool off = (s.output.status & static_cast<unsigned>(CGL_STATUS_OFF)) != 0U;
+    if (config_.dead_time && !off) cgl_dead_time_step(&s.dead_time, &s.control.currents, s.output.duty);
 }
 
 // Samples the sensors and runs the controller.
 template <std::size_t legs>
-void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, const Phases& current, const Faults& faults,
-                    Controller* other) const {
-    const bool law_due = s.tick % config_.speed_divider == 0;
+void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool law_due, const Phases& current,
+                    const Faults& faults, Controller* other) const {
     if (!std::isfinite(s.plant.theta_m + s.plant.omega_m + s.plant.i.d + s.plant.i.q)) {
         throw std::runtime_error("the motor's current or speed grew beyond all numbers: expected smaller gains or steps");
     }
@@ -488,8 +493,8 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, cons
         s.output = other->step(s.sampled, s.asked);
         for (cgl_real& duty : s.output.duty) duty = possible(duty);
     } else {
-        if (cgl_drive_measure(&s.control, &s.sampled, &s.asked)) step_law<legs>(s);
-        cgl_drive_actuate(&s.control, &s.output);
+        if (measure(s)) step_law<legs>(s);
+        actuate(s);
     }
     if constexpr (legs == 0) {
         const cgl_real limit = config_.control.foc.current_limit;
@@ -547,25 +552,20 @@ void Drive::step_law(DriveState& s) const {
     s.control.currents.i_d_ref = s.asked.i_d_ref = static_cast<cgl_real>(command.i_d_ref);
 }
 
-template <Detail detail, std::size_t legs>
+template <std::size_t legs, Detail detail>
 void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patch, const Phase& phase,
                           std::int64_t origin, const Phases& duty, const Phases& current, bool open, const Faults& faults) const {
     const double start = time(s.tick - origin);
-    const double longest = period_ / config_.integration_steps;
-    const bool watch = position_sensor_.watches();
-    const auto step = [&](Voltage<> u, double from, double h, auto& angle) {
+    const double longest = step_;
+    const auto step = [&](Voltage<> u, double from, double h, auto& angle) __attribute__((always_inline)) {
         phase.plant.step<detail>(s.plant, here, u, start + from, h, angle);
-        if (watch) {
-            position_sensor_.watch(s.position, start + from, start + from + h,
-                                   faults.stuck ? s.seen : s.plant.theta_m + faults.jump);
-        }
+        watch(s, start + from, h, s.plant.theta_m, faults);
     };
     const Plant::Exact<detail> exact(phase.plant);
     const auto hold = [&](Voltage<> u) {
         for (int k = 0; k < config_.integration_steps; ++k) step(u, k * longest, longest, exact);
     };
-    InverterConfig inverter = config_.inverter;
-    inverter.bus_voltage = faults.bus_voltage;
+    const InverterConfig& inverter = config_.inverter;
     if constexpr (legs == 0) {
         hold({0.0, 0.0});
     } else if (open) {
@@ -573,14 +573,14 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
         const int steps = std::max(config_.integration_steps, open_steps);
         for (int k = 0; k < steps; ++k) {
             const OpenBridge<legs> bridge =
-                open_bridge(inverter.bus_voltage, phase_currents<legs>(s.plant.i, here.axis),
+                open_bridge(faults.bus_voltage, phase_currents<legs>(s.plant.i, here.axis),
                             induced(phase.plant.motor(), here, s.plant.omega_m), OpenBridge<legs>{});
             step(bridge.u, k * period_ / steps, period_ / steps, patch);
             s.plant.i = rotor_frame<legs>(let_through(bridge, phase_currents<legs>(s.plant.i, here.axis)), here.axis);
         }
         if (!inverter.switched) here = exact(s.plant.theta_m);
     } else if (inverter.switched) {
-        const Pulses<legs> p = pulses(inverter, leg_duties<legs>(duty), leg_currents<legs>(current), period_);
+        const Pulses<legs> p = pulses(faults.bus_voltage, inverter.dead_time, inverter.device_drop, leg_duties<legs>(duty), leg_currents<legs>(current), period_);
         double from = 0.0;
         for (std::size_t n = 0; n < p.count; ++n) {
             const double length = p.stretch[n].until - from;
@@ -590,7 +590,7 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
             from = p.stretch[n].until;
         }
     } else {
-        hold(averaged(inverter, leg_duties<legs>(duty), leg_currents<legs>(current), period_));
+        hold(averaged<legs>(duty, current, faults));
     }
 }
 

@@ -15,8 +15,11 @@
 #include <vector>
 
 #include "angle_patch.hpp"
+#include "cogless/dead_time.h"
 #include "cogless/drive.h"
+#include "cogless/encoder_table.h"
 #include "current_sensors.hpp"
+#include "every.hpp"
 #include "fault.hpp"
 #include "inverter.hpp"
 #include "lane_plants.hpp"
@@ -56,6 +59,8 @@ struct DriveConfig {
     PositionSensorConfig position_sensor;
     ReferenceConfig reference;  // without trials
     cgl_drive_config control;
+    std::optional<cgl_dead_time_config> dead_time;  // none: not compensated
+    std::optional<cgl_encoder_table_config> encoder_table;  // none: the sensor is believed
     std::vector<Fault> faults;  // by the tick since the start
     Law law;
     std::int64_t current_rate;   // Hz
@@ -72,6 +77,8 @@ struct DriveState {
     PositionSensor::State position;
     Random random{0};
     cgl_drive control;
+    cgl_dead_time dead_time{};
+    cgl_encoder_table encoder_table{};
     LawState law;
     double seen = 0.0;  // rad, the angle by the position sensor
     Measurement measured{0.0, 0.0};
@@ -148,6 +155,10 @@ private:
         PositionSensor::State position_start;
     };
 
+    // The controller's part of a tick before the law; whether the law is due.
+    bool measure(DriveState& state) const;
+    // And after it.
+    void actuate(DriveState& state) const;
     void begin_law(DriveState& state, const std::vector<cgl_real>& trajectory) const;
     // Resets everything but the law and the noise to the phase's initial state.
     void restart(DriveState& state, const Phase& phase) const;
@@ -155,31 +166,41 @@ private:
     void advance_within(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
                         Controller* other) const;
 
-    // Steps the load, and returns what the inverter applies from now on.
-    struct Acting {
-        Phases duty;
-        bool open;
-    };
-    static void step_load(DriveState& state, const Phase& phase, std::int64_t origin);
-    Acting next_duties(DriveState& state) const;
-    template <std::size_t legs>
-    static void run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t end);
+    // Calls f() with the template parameters legs and detail that this drive has.
+    template <class F>
+    void specialised(const F& f) const;
 
     // Functions that run in every tick are forced inline where they are defined: with two loops gcc would call them, which
     // is 1 % slower.
     //
     // origin in all of these: the tick at which the phase's time is zero. legs: number of the inverter's legs; 0 with an
-    // ideal current loop. z: result of the plant's evaluate() at the rotor's angle.
-    template <std::size_t legs>
+    // ideal current loop. here: what depends on the rotor's angle.
+    template <std::size_t legs, Detail detail>
     void run(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
              Controller* other) const;
+    template <std::size_t legs, Detail detail>
+    static void run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t end);
+
+    // Sets the load's torque and the target that it approaches, N m, where a step of the load is due.
+    static void step_load(DriveState& state, const Phase& phase, std::int64_t origin, double& torque, double& target);
+    Faults faults_at(std::int64_t tick) const { return {config_.faults, tick, config_.inverter.bus_voltage}; }
+    // What the inverter applies from now on.
+    struct Acting {
+        Phases duty;
+        bool open;
+    };
+    Acting next_duties(DriveState& state) const;
+    // Lets the position sensor see the rotor at theta_m, h after the time `from`.
+    void watch(DriveState& state, double from, double h, double theta_m, const Faults& faults) const;
     template <std::size_t legs>
-    void control(DriveState& state, const Phase& phase, std::int64_t origin, const Phases& current, const Faults& faults,
-                 Controller* other) const;
+    Voltage<> averaged(const Phases& duty, const Phases& current, const Faults& faults) const;
+    template <std::size_t legs>
+    void control(DriveState& state, const Phase& phase, std::int64_t origin, bool law_due, const Phases& current,
+                 const Faults& faults, Controller* other) const;
     void sample_reference(DriveState& state, const Phase& phase, std::int64_t origin) const;
     template <std::size_t legs>
     void step_law(DriveState& state) const;
-    template <Detail detail, std::size_t legs>
+    template <std::size_t legs, Detail detail>
     void advance_plant(DriveState& state, AtAngle<double>& here, AnglePatch& patch, const Phase& phase, std::int64_t origin, const Phases& duty,
                        const Phases& current, bool open, const Faults& faults) const;
     // Not inlined into run(), whose loop is 4 % faster without it.
@@ -187,18 +208,21 @@ private:
     [[gnu::noinline]] void record(const DriveState& state, const AtAngle<double>& here, const Phase& phase,
                                   std::int64_t origin, const Phases& current, double* row) const;
 
-    double time(std::int64_t tick) const {
-        return static_cast<double>(tick) / static_cast<double>(config_.current_rate);
-    }
+    double time(std::int64_t tick) const { return static_cast<double>(tick) / current_rate_; }
 
     double law_period() const { return period_ * static_cast<double>(config_.speed_divider); }
 
     DriveConfig config_;
-    double period_;  // s, of the current loop
+    double current_rate_;  // Hz
+    double period_;        // s, of the current loop
+    double step_;          // s, of the integration
+    double dead_share_;    // of the period, by the inverter's dead time
     bool follows_angle_;  // whether the law follows its reference's angle
     double turns_;        // rad, the law gets the reference's angle modulo this
     Reference reference_;
     PositionSensor position_sensor_;
+    cgl_dead_time dead_time_start_{};  // used if config_.dead_time is there
+    cgl_encoder_table encoder_table_start_{};
     CurrentSensors current_sensors_;
     std::vector<Phase> phases_;
     std::vector<Signal> signals_;

@@ -1,6 +1,7 @@
 // Faults of sensors and supply that a scenario applies to a drive.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -29,16 +30,20 @@ struct Fault {
     std::size_t phase;
 };
 
-// The combined faults of one tick.
+// The combined faults of one tick, and of those after it before the tick `until`.
 struct Faults {
-    bool missing = false, stuck = false;
+    std::int64_t until = std::numeric_limits<std::int64_t>::max();
+    bool missing = false, stuck = false, currents = false;
     double jump = 0.0;  // rad
     double bus_voltage;
     Phases factor{1.0, 1.0, 1.0};  // factors on the measured currents: 1, 0 or NaN
 
     Faults(const std::vector<Fault>& all, std::int64_t tick, double nominal_voltage) : bus_voltage(nominal_voltage) {
         for (const Fault& f : all) {
+            const std::int64_t change = tick < f.from ? f.from : f.until;
+            if (tick < change) until = std::min(until, change);
             if (tick < f.from || tick >= f.until) continue;
+            currents |= f.kind == FaultKind::current_missing || f.kind == FaultKind::current_zero;
             switch (f.kind) {
                 case FaultKind::angle_missing: missing = true; break;
                 case FaultKind::angle_jump: jump += f.size; break;
@@ -57,6 +62,7 @@ struct Faults {
 
     // sensors: number of measured phases; with two sensors on three phases the third current is computed from the others.
     Phases spoilt(Phases i, int sensors, bool star) const {
+        if (!currents) return i;
         for (std::size_t n = 0; n < static_cast<std::size_t>(sensors); ++n) i[n] *= factor[n];
         if (star && sensors == 2) i[2] = -i[0] - i[1];
         return i;

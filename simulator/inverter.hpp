@@ -8,6 +8,7 @@
 #include <cstddef>
 
 #include "plant.hpp"
+#include "wide.hpp"
 
 namespace cogless {
 
@@ -24,8 +25,14 @@ struct InverterConfig {
     bool switched = false;
     double bus_voltage;          // V
     double dead_time = 0.0;      // s
+    double device_drop = 0.0;    // V, across the transistor or diode that conducts
     bool computation_delay = true;  // the duty cycles act one period after they were computed
 };
+
+// What a leg's device takes from its voltage, V: a positive current flows out of the leg.
+inline double dropped(double device_drop, double current) {
+    return current >= 0.0 ? device_drop : -device_drop;
+}
 
 // Voltage in the stationary frame from the voltages of the legs.
 inline Voltage<> stationary(const Legs<star_legs>& u) {
@@ -81,49 +88,54 @@ struct Pulses {
 // that a positive current delays the rising edge by the dead time, and a negative current the falling edge. The sign is
 // taken at the start of the period.
 template <std::size_t legs>
-Pulses<legs> pulses(const InverterConfig& config, const Legs<legs>& duty, const Legs<legs>& current, double period) {
-    struct Edge {
-        double at;  // s
-        std::size_t leg;
-        double u;  // V, the leg's voltage from here on
-    };
-    std::array<Edge, 2 * legs + 1> edges;
+Pulses<legs> pulses(double bus_voltage, double dead_time, double device_drop, const Legs<legs>& duty, const Legs<legs>& current,
+                    double period) {
+    Legs<legs> rise, fall, drop;
+    std::array<double, 2 * legs> edge;  // s, sorted
+#pragma GCC unroll 4
     for (std::size_t x = 0; x < legs; ++x) {
-        double rise = 0.0, fall = duty[x] >= 1.0 ? period : 0.0;
+        rise[x] = 0.0;
+        drop[x] = dropped(device_drop, current[x]);
+        fall[x] = duty[x] >= 1.0 ? period : 0.0;
         if (duty[x] > 0.0 && duty[x] < 1.0) {  // otherwise no edge, no dead time
-            rise = 0.5 * period * (1.0 - duty[x]) + (current[x] >= 0.0 ? config.dead_time : 0.0);
-            fall = std::min(0.5 * period * (1.0 + duty[x]) + (current[x] < 0.0 ? config.dead_time : 0.0), period);
-            rise = std::min(rise, fall);
+            const bool out = current[x] >= 0.0;
+            fall[x] = std::min(0.5 * period * (1.0 + duty[x]) + (out ? 0.0 : dead_time), period);
+            rise[x] = std::min(0.5 * period * (1.0 - duty[x]) + (out ? dead_time : 0.0), fall[x]);
         }
-        edges[x] = {rise, x, config.bus_voltage};
-        edges[legs + x] = {fall, x, 0.0};
+        edge[x] = rise[x];
+        edge[legs + x] = fall[x];
     }
-    edges.back() = {period, 0, 0.0};
-    for (std::size_t n = 1; n < 2 * legs; ++n) {  // a stable sort: a leg that rises when it falls stays low
-        const Edge moving = edges[n];
-        std::size_t place = n;
-        for (; place > 0 && edges[place - 1].at > moving.at; --place) edges[place] = edges[place - 1];
-        edges[place] = moving;
+    // neighbours in turns, without a branch that depends on the duty cycles
+#pragma GCC unroll 8
+    for (std::size_t round = 0; round < edge.size(); ++round) {
+#pragma GCC unroll 4
+        for (std::size_t n = round % 2; n + 1 < edge.size(); n += 2) {
+            const double a = edge[n], b = edge[n + 1];
+            edge[n] = std::min(a, b);
+            edge[n + 1] = std::max(a, b);
+        }
     }
 
+    const Four rises = four_of(rise), falls = four_of(fall), drops = four_of(drop);
     Pulses<legs> result;
     result.count = 0;
-    Legs<legs> u{};
     double from = 0.0;
-    for (const Edge& edge : edges) {
-        if (edge.at > from) {
-            result.stretch[result.count++] = {edge.at, stationary(u)};
-            from = edge.at;
-        }
-        u[edge.leg] = edge.u;
-    }
+    const auto hold = [&](double until) __attribute__((always_inline)) {
+        if (!(until > from)) return;
+        const Four u = select(rises > from, 0.0, select(falls > from, bus_voltage, 0.0)) - drops;
+        result.stretch[result.count++] = {until, stationary(array_of<legs>(u))};
+        from = until;
+    };
+#pragma GCC unroll 8
+    for (const double until : edge) hold(until);
+    hold(period);
     return result;
 }
 
-// The mean of the same pulses over the period.
+// The mean of the same pulses over the period. dead_share: the dead time's share of the period.
 template <std::size_t legs>
-Voltage<> averaged(const InverterConfig& config, const Legs<legs>& duty, const Legs<legs>& current, double period) {
-    const double dead_share = config.dead_time / period;
+[[gnu::always_inline]] inline Voltage<> averaged(double bus_voltage, double dead_share, double device_drop, const Legs<legs>& duty,
+                                                 const Legs<legs>& current) {
     Legs<legs> u;
     for (std::size_t x = 0; x < legs; ++x) {
         double share = duty[x];
@@ -131,7 +143,7 @@ Voltage<> averaged(const InverterConfig& config, const Legs<legs>& duty, const L
             // a rising edge is delayed to the falling edge at most, a falling edge to the end of the period
             share += current[x] >= 0.0 ? -std::min(dead_share, share) : std::min(dead_share, 0.5 * (1.0 - share));
         }
-        u[x] = config.bus_voltage * share;
+        u[x] = bus_voltage * share - dropped(device_drop, current[x]);
     }
     return stationary(u);
 }

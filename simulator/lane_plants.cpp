@@ -18,7 +18,8 @@ public:
     View view() override {
         PlantState<Real>& x = s_.x;
         return {first(x.theta_m), first(x.omega_m), first(s_.here.axis.re), first(s_.here.axis.im),
-                first(x.i.d), first(x.i.q), first(x.load.torque), first(x.load.target)};
+                first(x.i.d), first(x.i.q), first(x.load.torque), first(x.load.target),
+                first(u_.alpha), first(u_.beta)};
     }
 
     void put(std::size_t lane, const PlantState<>& x, const AtAngle<double>& here) override {
@@ -31,14 +32,7 @@ public:
         x.stuck = s_.x.stuck[lane];
     }
 
-    std::uint32_t step(const double* u_alpha, const double* u_beta, double h) override {
-        Voltage<Real> u;
-        for (std::size_t lane = 0; lane < Real::lanes; ++lane) {
-            u.alpha.set(lane, u_alpha[lane]);
-            u.beta.set(lane, u_beta[lane]);
-        }
-        return lane_step(equations_, s_, u, h, detail_);
-    }
+    std::uint32_t step(double h) override { return lane_step(equations_, s_, u_, h, detail_); }
 
 private:
     static Each<Equations<double>, Real> equations_of(const std::vector<const Plant*>& plants) {
@@ -76,6 +70,7 @@ private:
     Equations<Real> equations_;
     Detail detail_;
     LaneStates<Real> s_{};
+    Voltage<Real> u_{};
 };
 
 }  // namespace

@@ -18,6 +18,7 @@ public:
     struct View {
         const double *theta_m, *omega_m, *axis_re, *axis_im;
         double *i_d, *i_q, *load_torque, *load_target;
+        double *u_alpha, *u_beta;  // V, during the next step; they have no effect if the currents are given
     };
 
     virtual ~LanePlants() = default;
@@ -26,7 +27,7 @@ public:
     virtual void get(std::size_t lane, PlantState<>& x, AtAngle<double>& here) const = 0;
     // Advances all lanes by the nominal step h, each with its voltage, but those in which the rotor stops or breaks away within
     // it; these stay as they are. Returns them as bits.
-    virtual std::uint32_t step(const double* u_alpha, const double* u_beta, double h) = 0;
+    virtual std::uint32_t step(double h) = 0;
 };
 
 // A set of the processor's instructions, and how many lanes are computed with it.

@@ -34,21 +34,30 @@ template <Detail detail>
 std::uint32_t step(const Equations<Real>& equations, LaneStates<Real>& s, const Voltage<Real>& u, double h) {
     const Exact exact{equations.angle(), detail != Detail::mechanics || equations.angle().ripples()};
     const auto next = equations.step<detail>(s.x, s.here, u, 0.0, h, exact);
-    LaneStates<Real> then = s;
-    next.take(then.x);
-    then.here = next.here;
-    std::uint32_t stay = 0;
     if (equations.sticks()) {
         // as Plant::beyond()
-        const Real torque = equations.torques(then.x, then.here, 0.0).driving();
-        const Real beyond = select(s.x.stuck, magnitude(torque) - equations.breakaway_friction(), -s.x.direction * then.x.omega_m);
-        stay = (beyond > Real(0.0)).packed();
-        for (std::size_t lane = 0; lane < Real::lanes; ++lane) {
-            if ((stay >> lane & 1U) != 0U) copy_lane(lane, s, then);
+        Real beyond = -s.x.direction * next.y[0];
+        if (s.x.stuck.any()) {
+            PlantState<Real> then = s.x;
+            next.take(then);
+            const Real torque = equations.torques(then, next.here, 0.0).driving();
+            beyond = select(s.x.stuck, magnitude(torque) - equations.breakaway_friction(), beyond);
+        }
+        if (const auto stays = beyond > Real(0.0); stays.any()) {
+            LaneStates<Real> then = s;
+            next.take(then.x);
+            then.here = next.here;
+            const std::uint32_t stay = stays.packed();
+            for (std::size_t lane = 0; lane < Real::lanes; ++lane) {
+                if ((stay >> lane & 1U) != 0U) copy_lane(lane, s, then);
+            }
+            s = then;
+            return stay;
         }
     }
-    s = then;
-    return stay;
+    next.take(s.x);
+    s.here = next.here;
+    return 0;
 }
 
 }  // namespace

@@ -43,10 +43,10 @@ struct Term {
     const char* unit = "A";
 };
 
-// What a law has learned: the control library's description for storing it, and the entries of each channel.
+// What a law has learned: the control library's description for storing it, and the entries, channel by channel.
 struct Stored {
     cgl_map about;
-    std::vector<std::vector<double>> channels;
+    std::vector<double> entries;
 };
 
 // None if the library says that there is nothing to store. law: its pointer to the memory must be set.
@@ -56,7 +56,7 @@ std::optional<Stored> stored_map(const CState& law) {
     if (map_of(&law, &stored.about) != CGL_MAP_OK) return {};
     for (std::uint32_t c = 0; c < stored.about.channels; ++c) {
         const cgl_real* first = stored.about.entry + std::size_t{c} * stored.about.stride;
-        stored.channels.emplace_back(first, first + stored.about.cells);
+        stored.entries.insert(stored.entries.end(), first, first + stored.about.cells);
     }
     return stored;
 }

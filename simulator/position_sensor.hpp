@@ -1,29 +1,37 @@
-// Position sensors, and the speed that a drive computes from them.
+// Position sensors. The speed is computed from them by the control library, as firmware does.
 //
 // ideal: the true angle and speed. encoder: incremental, counted on all four edges. Speed by counting over a speed-loop
-// period (M), from the time between
-//   the last two edges (T), or counted edges over the exact time between the first and the last of them (MT).
+// period (M), from the time between the last two edges (T), from counts and the times of the edges (MT), or by an observer of
+// the angle at the current loop's rate.
 // resolver: an angle with `bits` bits; speed as the moving average of its differences at the current loop's rate.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <numbers>
 #include <vector>
 
+#include "cogless/angle_observer.h"
+#include "cogless/encoder.h"
+#include "cogless/speed_count.h"
+#include "cogless/speed_timed.h"
+#include "law.hpp"
 #include "maths.hpp"
 
 namespace cogless {
 
 enum class PositionSensorKind { ideal, encoder, resolver };
-enum class SpeedMethod { M, T, MT };
+enum class SpeedMethod { M, T, MT, observer };
 
 struct PositionSensorConfig {
     PositionSensorKind kind = PositionSensorKind::ideal;
     int lines = 0;                   // encoder: lines per revolution; four counts each
     SpeedMethod speed_method = SpeedMethod::M;
-    double timer = 0.0;              // encoder: Hz, the clock that times the edges (T, MT); 0: a perfect one
+    double timer = 0.0;              // encoder: Hz, the clock that times the edges (T, MT)
+    double bandwidth = 0.0;          // encoder: rad/s, of the observer
     double eccentricity = 0.0;       // encoder: rad, error of the angle once per revolution
     double eccentricity_phase = 0.0; // rad
     int bits = 0;                    // resolver
@@ -38,47 +46,64 @@ struct Measurement {
 class PositionSensor {
 public:
     struct State {
-        double theta_before = 0.0;             // encoder: its angle at the last call of watch()
-        std::int64_t count = 0;                // now
-        std::int64_t count_at_speed = 0;       // at the last speed-loop period
-        double last_edge = 0.0, edge_before = 0.0;  // s
-        int last_direction = 0, direction_before = 0;
-        double edge_at_speed = 0.0;            // s, the last edge before the last speed-loop period
-        std::int64_t edges_since_speed = 0;    // signed
-        double omega_m = 0.0;                  // rad/s, last result
-        std::vector<std::int64_t> history;     // resolver: counts of the last periods
-        std::size_t oldest = 0;
+        double theta_before = 0.0;  // encoder: its angle at the last call of watch()
+        std::int64_t count = 0;     // now
+        double omega_m = 0.0;       // rad/s, last result
+        cgl_edges edges{};
+        cgl_speed_count counted{};
+        cgl_speed_timed timed{};
+        cgl_encoder encoder{};
+        cgl_angle_observer observer{};
+        std::vector<std::uint32_t> before;  // of `counted`, whose pointer to it is set anew before each use
     };
 
-    PositionSensor(const PositionSensorConfig& config, double current_period, double speed_period)
-        : config_(config), current_period_(current_period), speed_period_(speed_period) {
-        if (config.kind == PositionSensorKind::encoder) step_ = turn / (4.0 * config.lines);
-        if (config.kind == PositionSensorKind::resolver) step_ = turn / std::ldexp(1.0, config.bits);
+    PositionSensor(const PositionSensorConfig& config, double current_period, double speed_period) : config_(config) {
+        if (config.kind == PositionSensorKind::ideal) return;
+        const bool encoder = config.kind == PositionSensorKind::encoder;
+        const double counts = encoder ? 4.0 * config.lines : std::ldexp(1.0, config.bits);
+        step_ = turn / counts;
+        counts_ = static_cast<std::uint32_t>(std::min(counts, 4294967295.0));
+        if (!encoder) {
+            counting_ = {counts_, static_cast<std::uint32_t>(config.window)};
+            counting_period_ = current_period;
+        } else {
+            counting_ = {counts_, 1};
+            counting_period_ = speed_period;
+        }
+        State unused;
+        prepare(unused, current_period);
+        start_ = unused;
     }
 
     State start(double theta_m, double omega_m) const {
-        State s;
+        State s = start_;
         if (config_.kind == PositionSensorKind::ideal) return s;
         s.theta_before = seen(theta_m);
         s.count = count(s.theta_before);
         s.omega_m = omega_m;
         // as if the rotor had turned at this speed before
-        s.count_at_speed = count(seen(theta_m - omega_m * speed_period_));
-        s.last_direction = s.direction_before = omega_m < 0.0 ? -1 : 1;
+        if (config_.kind == PositionSensorKind::resolver) {
+            for (std::uint32_t n = 0; n < counting_.window; ++n) {
+                s.before[n] = low(count(theta_m - omega_m * counting_period_ * (counting_.window - n)));
+            }
+            return s;
+        }
+        s.before[0] = low(count(seen(theta_m - omega_m * counting_period_)));
         const double edge_period = omega_m != 0.0 ? step_ / std::abs(omega_m) : 1e9;
         const double behind = s.theta_before / step_ - static_cast<double>(s.count);
-        s.last_edge = -(omega_m < 0.0 ? 1.0 - behind : behind) * edge_period;
-        s.edge_before = s.last_edge - edge_period;
-        s.edge_at_speed = s.last_edge;
-        for (int n = 0; n < config_.window && config_.kind == PositionSensorKind::resolver; ++n) {
-            s.history.push_back(count(theta_m - omega_m * current_period_ * (config_.window - n)));
-        }
+        const double since = (omega_m < 0.0 ? 1.0 - behind : behind) * edge_period;
+        s.edges = {low(s.count), 0U - ticks_of(since), ticks_of(edge_period), omega_m < 0.0, false};
+        cgl_speed_timed_reset(&s.timed, &s.edges, 0U, static_cast<cgl_real>(omega_m));
+        cgl_encoder_reset(&s.encoder, low(s.count));
+        cgl_encoder_place(&s.encoder, position(s.count));
+        cgl_angle_observer_reset(&s.observer, s.encoder.turns, static_cast<cgl_real>(omega_m));
         return s;
     }
 
     // Whether edges must be timed between samples.
     bool watches() const {
-        return config_.kind == PositionSensorKind::encoder && config_.speed_method != SpeedMethod::M;
+        return config_.kind == PositionSensorKind::encoder &&
+               (config_.speed_method == SpeedMethod::T || config_.speed_method == SpeedMethod::MT);
     }
 
     // Times the edges that the rotor passed on its way to theta_m, between the instants `from` and `to`.
@@ -94,11 +119,9 @@ public:
             const auto when = [&](std::int64_t boundary) {
                 return clocked(from + (static_cast<double>(boundary) * step_ - s.theta_before) * rate);
             };
-            s.edge_before = first == last ? s.last_edge : when(last - direction);
-            s.direction_before = first == last ? s.last_direction : direction;
-            s.last_edge = when(last);
-            s.last_direction = direction;
-            s.edges_since_speed += now - s.count;
+            const std::uint32_t edge = when(last), edge_before = first == last ? s.edges.time : when(last - direction);
+            const bool backward = direction < 0;
+            s.edges = {low(now), edge, edge - edge_before, backward, first == last && backward != s.edges.backward};
             s.count = now;
         }
         s.theta_before = theta;
@@ -108,14 +131,8 @@ public:
     [[gnu::always_inline]] Measurement sample(State& s, double time, double theta_m, double omega_m, bool speed_sample) const {
         if (config_.kind == PositionSensorKind::ideal) return {wrapped(theta_m), omega_m};
         if (!watches()) s.count = count(seen(theta_m));
-        if (config_.kind == PositionSensorKind::resolver) {
-            const std::int64_t moved = s.count - s.history[s.oldest];
-            s.omega_m = static_cast<double>(moved) * step_ / (config_.window * current_period_);
-            s.history[s.oldest] = s.count;
-            s.oldest = s.oldest + 1 < s.history.size() ? s.oldest + 1 : 0;
-        } else if (speed_sample) {
-            s.omega_m = encoder_speed(s, time);
-        }
+        const bool observed = config_.speed_method == SpeedMethod::observer;
+        if (observed || speed_sample || config_.kind == PositionSensorKind::resolver) s.omega_m = speed(s, time);
         return {wrapped(static_cast<double>(s.count) * step_), s.omega_m};
     }
 
@@ -135,33 +152,55 @@ private:
         return std::abs(counts) < 9e18 ? static_cast<std::int64_t>(counts) : 0;  // a run with such an angle ends anyway
     }
 
-    double clocked(double time) const {
-        return config_.timer > 0.0 ? round_down(time * config_.timer) / config_.timer : time;
+    static std::uint32_t low(std::int64_t count) { return static_cast<std::uint32_t>(static_cast<std::uint64_t>(count)); }
+
+    std::uint32_t position(std::int64_t count) const {
+        const std::int64_t counts = counts_, rest = count % counts;
+        return static_cast<std::uint32_t>(rest < 0 ? rest + counts : rest);
     }
 
-    double encoder_speed(State& s, double time) const {
-        if (config_.speed_method == SpeedMethod::M) {
-            const std::int64_t moved = s.count - s.count_at_speed;
-            s.count_at_speed = s.count;
-            return static_cast<double>(moved) * step_ / speed_period_;
+    // The timer at that time.
+    std::uint32_t clocked(double time) const { return low(static_cast<std::int64_t>(round_down(time * config_.timer))); }
+
+    std::uint32_t ticks_of(double duration) const {
+        return static_cast<std::uint32_t>(std::min(round_down(duration * config_.timer), 4294967295.0));
+    }
+
+    // Throws std::invalid_argument for what the control library refuses.
+    void prepare(State& s, double current_period) const {
+        s.before.resize(counting_.window);
+        const auto length = static_cast<std::uint32_t>(s.before.size());
+        require(cgl_speed_count_init(&s.counted, &counting_, static_cast<cgl_real>(counting_period_), s.before.data(), length),
+                "speed by counting");
+        if (watches()) {
+            const cgl_speed_timed_config timing = {counts_, static_cast<cgl_real>(config_.timer),
+                                                   config_.speed_method == SpeedMethod::T};
+            require(cgl_speed_timed_init(&s.timed, &timing), "speed by the time of edges");
         }
-        double speed = 0.0;
-        if (config_.speed_method == SpeedMethod::MT && s.edges_since_speed != 0) {
-            const double elapsed = s.last_edge - s.edge_at_speed;
-            speed = elapsed > 0.0 ? static_cast<double>(s.edges_since_speed) * step_ / elapsed : s.omega_m;
-        } else if (s.last_direction == s.direction_before) {
-            // between edges the rotor can't be faster than one step since the last edge
-            const double elapsed = std::max(s.last_edge - s.edge_before, clocked(time) - s.last_edge);
-            speed = elapsed > 0.0 ? s.last_direction * step_ / elapsed : s.omega_m;
+        if (config_.speed_method != SpeedMethod::observer) return;
+        const cgl_encoder_config encoder = {counts_, 0U, 0U, false, false};
+        const cgl_angle_observer_config observer = {static_cast<cgl_real>(config_.bandwidth)};
+        require(cgl_encoder_init(&s.encoder, &encoder, 0U), "encoder");
+        require(cgl_angle_observer_init(&s.observer, &observer, static_cast<cgl_real>(current_period)), "speed observer");
+    }
+
+    double speed(State& s, double time) const {
+        if (watches()) return static_cast<double>(cgl_speed_timed_step(&s.timed, &s.edges, clocked(time)));
+        if (config_.speed_method == SpeedMethod::observer) {
+            cgl_encoder_step(&s.encoder, low(s.count));
+            cgl_angle_observer_step(&s.observer, s.encoder.turns);
+            return static_cast<double>(s.observer.omega);
         }
-        s.edge_at_speed = s.last_edge;
-        s.edges_since_speed = 0;
-        return speed;
+        s.counted.before = s.before.data();
+        return static_cast<double>(cgl_speed_count_step(&s.counted, low(s.count)));
     }
 
     PositionSensorConfig config_;
-    double current_period_, speed_period_;
     double step_ = 0.0;  // rad per count
+    std::uint32_t counts_ = 0;
+    cgl_speed_count_config counting_{};
+    double counting_period_ = 0.0;  // s
+    State start_;
 };
 
 }  // namespace cogless

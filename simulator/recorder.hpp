@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "every.hpp"
+
 namespace cogless {
 
 struct Signal {
@@ -23,6 +25,8 @@ public:
     }
 
     bool wants(std::int64_t tick) const { return tick % decimation_ == 0; }
+    // The same of each tick from `first` on.
+    Every rows(std::int64_t first) const { return {decimation_, first}; }
 
     // Reserves memory for a run of `ticks` periods, so that nothing is allocated within it.
     void reserve(std::int64_t ticks) {

@@ -77,11 +77,9 @@ void archive(Archive& a, std::vector<T>& values) {
 
 template <class Archive>
 void archive(Archive& a, PositionSensor::State& s) {
-    auto& [theta_before, count, count_at_speed, last_edge, edge_before, last_direction, direction_before, edge_at_speed,
-           edges_since_speed, omega_m, history, oldest] = s;
+    auto& [theta_before, count, omega_m, edges, counted, timed, encoder, observer, before] = s;
     const auto all = [&a](auto&... members) { (archive(a, members), ...); };
-    all(theta_before, count, count_at_speed, last_edge, edge_before, last_direction, direction_before, edge_at_speed,
-        edges_since_speed, omega_m, history, oldest);
+    all(theta_before, count, omega_m, edges, counted, timed, encoder, observer, before);
 }
 
 // Laws that learn over an angle.
@@ -109,11 +107,11 @@ void archive(Archive& a, LawState& s) {
 
 template <class Archive>
 void archive(Archive& a, DriveState& s) {
-    auto& [tick, plant, position, random, control, law, seen, measured, reference_filter, reference, sampled, asked, output, duty,
-           open, next_load_step, added_load, given_reference] = s;
+    auto& [tick, plant, position, random, control, dead_time, encoder_table, law, seen, measured, reference_filter, reference, sampled, asked,
+           output, duty, open, next_load_step, added_load, given_reference] = s;
     const auto all = [&a](auto&... members) { (archive(a, members), ...); };
-    all(tick, plant, position, random, control, law, seen, measured, reference_filter, reference, sampled, asked, output, duty,
-        open, next_load_step, added_load, given_reference);
+    all(tick, plant, position, random, control, dead_time, encoder_table, law, seen, measured, reference_filter, reference, sampled, asked, output,
+        duty, open, next_load_step, added_load, given_reference);
 }
 
 }  // namespace cogless

@@ -37,6 +37,14 @@ struct alignas(8 * width) Wide {
 
         [[gnu::always_inline]] bool operator[](std::size_t lane) const { return bits[lane / width][lane % width] != 0; }
         [[gnu::always_inline]] void set(std::size_t lane, bool value) { bits[lane / width][lane % width] = value ? -1 : 0; }
+        [[gnu::always_inline]] bool any() const {
+            Mask all = *this;
+            for (std::size_t r = 1; r < registers; ++r) all.bits[0] |= bits[r];
+            for (std::size_t lane = 0; lane < width; ++lane) {
+                if (all[lane]) return true;
+            }
+            return false;
+        }
         // lane n as bit n
         [[gnu::always_inline]] std::uint32_t packed() const {
             std::uint32_t all = 0;
@@ -85,6 +93,35 @@ struct alignas(8 * width) Wide {
         return m;
     }
 };
+
+// A few numbers at once, on any processor.
+using Four = Wide<2, 2>;
+
+template <std::size_t count>
+[[gnu::always_inline]] inline Four four_of(const std::array<double, count>& all) {
+    static_assert(count == 3 || count == 4);
+    Four x;
+    x.part[0] = Four::Register{all[0], all[1]};
+    x.part[1] = Four::Register{all[2], count == 4 ? all[count - 1] : 0.0};
+    return x;
+}
+
+template <std::size_t count>
+[[gnu::always_inline]] inline std::array<double, count> array_of(const Four& x) {
+    std::array<double, count> all;
+    for (std::size_t n = 0; n < count; ++n) all[n] = x[n];
+    return all;
+}
+
+// The integers next to them towards zero; |x| below 2^31.
+[[gnu::always_inline]] inline Four truncated(const Four& x) {
+    typedef std::int32_t Whole __attribute__((vector_size(8)));
+    Four whole;
+    for (std::size_t r = 0; r < 2; ++r) {
+        whole.part[r] = __builtin_convertvector(__builtin_convertvector(x.part[r], Whole), Four::Register);
+    }
+    return whole;
+}
 
 template <class Real>
 constexpr bool is_wide = requires { Real::lanes; };

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from cogless import cli
+from cogless.__main__ import main
 
 
 def cogless(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
@@ -12,6 +12,6 @@ def cogless(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["cogless", *map(str, arguments)])
         with pytest.raises(SystemExit) as end:
-            cli.main()
+            main()
     out, err = capsys.readouterr()
     return int(end.value.code or 0), out, err

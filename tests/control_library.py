@@ -26,6 +26,7 @@ EXPORTS = """#include <stdbool.h>
 #define static
 #define inline
 #include "cogless/transform.h"
+#include "cogless/turns.h"
 #include "cogless/pi.h"
 """
 

@@ -48,7 +48,13 @@ BASE: dict[str, Any] = {
         "decoupling": True,
         "current_limit": 20.0,
         "belief": {"R_s": 0.8, "L_d": 2.0e-3, "L_q": 3.0e-3, "psi_f": 0.05},
-        "inverter": {"kind": "averaged", "bus_voltage": 100.0, "dead_time": 0.0, "computation_delay": 1},
+        "inverter": {
+            "kind": "averaged",
+            "bus_voltage": 100.0,
+            "dead_time": 0.0,
+            "device_drop": 0.0,
+            "computation_delay": 1,
+        },
         "position_sensor": {"kind": "ideal"},
         "current_sensors": {
             "offset": [0.0, 0.0, 0.0],
@@ -67,7 +73,7 @@ PI_ILC: dict[str, Any] = {
     "config": {
         "pi": {"kp": 0.1, "ki": 1.0},
         "gain": 0.03,
-        "memory": {"cells": 128, "periods_per_rev": 4, "q_half_width": 2, "forgetting": 0.99, "limit": 5.0},
+        "memory": {"cells": 128, "parts": 4, "q_half_width": 2, "forgetting": 0.99, "limit": [5.0]},
     },
 }
 
@@ -104,6 +110,7 @@ def packed(layout: Layout, struct: str, values: dict[str, Any], limit: float) ->
 
     def filled(table: dict[str, Any]) -> dict[str, Any]:
         own = {"limit": limit} if table.get("limit") == 0 else {}
+        own |= {key: 1 for key in ("channels", "turns", "parts") if table.get(key) == 0}
         inner = {key: filled(value) for key, value in table.items() if isinstance(value, dict)}
         return {**table, **own, **inner}
 

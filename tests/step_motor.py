@@ -59,8 +59,9 @@ LAW: dict[str, Any] = {
         "ramp": 1.0,
         "omega_min": 0.02,
         "memory": {
-            "kind": "CGL_SPACE_DELAY",
+            "kind": "CGL_MEMORY_DELAY",
             "channels": 3,
+            "forgetting": 1.0,
             "cells": 16000,
             "turns": 1,
             "parts": 1,

@@ -45,7 +45,7 @@ def test_bytes_come_back_as_the_values_that_went_in(headers: Headers, precision:
     assert (values["ratio"], values["hand_over"], values["index"]) == (50, True, "CGL_SPACE_BY_ROTOR")
     assert values["k_theta"] == config.k_theta
     assert values["memory"]["limit"] == list(config.memory.limit)
-    assert (values["memory"]["kind"], values["memory"]["method"]) == ("CGL_SPACE_MAP", "CGL_DELAY_INVERSION")
+    assert (values["memory"]["kind"], values["memory"]["method"]) == ("CGL_MEMORY_ANGLE", "CGL_DELAY_INVERSION")
 
 
 def test_a_pointer_is_none_and_what_follows_it_is_right(headers: Headers) -> None:
@@ -112,8 +112,8 @@ def test_a_configuration_goes_through_its_bytes(precision: str, data: st.DataObj
 
 
 PI = {"kp": 0.1, "ki": 2.0, "limit": 4.0}
-MEMORY = {"kind": "CGL_MEMORY_TIME", "cells": 8, "periods_per_rev": 1, "q_half_width": 0, "lead": 0,
-          "forgetting": 1.0, "limit": 1.0}  # fmt: skip
+MEMORY = {"kind": "CGL_MEMORY_TIME", "channels": 1, "cells": 8, "turns": 1, "parts": 1, "q_half_width": 0, "lead": 0,
+          "forgetting": 1.0, "limit": [1.0], "method": "CGL_DELAY_ODE", "k_pp": 0.0}  # fmt: skip
 
 
 def test_numbers_are_those_of_a_cast() -> None:

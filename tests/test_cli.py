@@ -164,14 +164,18 @@ def test_a_controller_that_stalls_gets_no_star(tmp_path: Path, capsys: pytest.Ca
     text = text.replace('order = [1, 2, 6]\nframe = "electrical"\n', "").replace('"4 mN*m"', '"0.4 mN*m"')
     text += '[controller.mine]\nlaw = "python"\nobject = "law.py:Zero"\n'
     study = studies.write(tmp_path, text)
-    code, out, _ = cogless(capsys, "run", study, "-o", tmp_path, "--only", "low/*")
+    named = ("--set", "controller.pi.label=PI [red]", "--set", "controller.mine.label=[b]Mine")  # no markup
+    code, out, _ = cogless(capsys, "run", study, "-o", tmp_path, "--only", "low/*", *named)
     assert code == 0
-    rows = [line for line in out.splitlines() if line.startswith("speed")]
+    said = out.splitlines()
+    assert said[1].split() == ["PI", "[red]", "fair", "[b]Mine"]
+    rows = [line for line in said if line.startswith("speed")]
     assert len(rows) == 2
     assert all(row.endswith(" !") and row.count("*") == 1 for row in rows)
-    assert "! mine did not hold the speed in speed, 0.3 to 0.4 s: mean 0 of 60 rpm" in out.splitlines()
+    assert "! [b]Mine did not hold the speed in speed, 0.3 to 0.4 s: mean 0 of 60 rpm" in said
+    assert "* best; (x) times the value of PI [red]" in said
     report = (tmp_path / "report.html").read_text()
-    assert "mine did not hold the speed in speed, 0.3 to 0.4 s: mean 0 of 60 rpm" in report
+    assert "[b]Mine did not hold the speed in speed, 0.3 to 0.4 s: mean 0 of 60 rpm" in report
 
 
 def test_a_directory_that_cannot_be_written_is_found_before_the_run(
@@ -224,7 +228,7 @@ def test_an_order_that_no_run_yields_keeps_the_runs(
 
 # A shell's background jobs ignore Ctrl-C, and so would what they start.
 HEARS = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
-COMMAND = [sys.executable, "-c", HEARS + "from cogless.cli import main; main()"]
+COMMAND = [sys.executable, "-c", HEARS + "from cogless.__main__ import main; main()"]
 WAITS = {
     "steps": "pass",  # and is asked to stop between two
     "sleeps": "time.sleep(600)",
@@ -343,6 +347,16 @@ def test_list_names_the_laws(capsys: pytest.CaptureFixture[str]) -> None:
     ]
     assert "  trial-ilc     State feedback with integral action" in out
     assert "  robust-ilc      Robust iterative learning" in out
+
+
+def test_list_loads_nothing_that_takes_time(tmp_path: Path) -> None:
+    heavy = "('typer', 'pydantic', 'rich', 'numpy', 'pint')"
+    code = "import atexit, sys; sys.argv = ['cogless', 'list']; from cogless.__main__ import main\n"
+    code += (
+        f"atexit.register(lambda: print([m for m in {heavy} if m in sys.modules], file=sys.stderr)); main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "[]" and done.stdout.startswith("Studies\n")
 
 
 def test_calibrate_prints_lines_for_the_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

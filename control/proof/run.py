@@ -36,6 +36,8 @@ EVA = [
 PARTS = {
     "leaves": "angle modulation polynomial",
     "foc": "range angle foc",
+    "dead_time": "range dead_time",
+    "sensors": "encoder speed_timed angle_observer",
     "monitor": "range angle monitor",
     "quality": "quality",
     "drive": "range angle foc monitor quality drive",
@@ -54,6 +56,7 @@ PARTS = {
 PRECISE = """
     is_valid cgl_map_is_valid cgl_pi_init cgl_memory_init cgl_pi_ilc_init cgl_robust_ilc_init
     cgl_anti_cogging_init cgl_pi_afc_init cgl_delay_is_valid cgl_space_position_init cgl_space_speed_init
+    cgl_encoder_init cgl_angle_observer_init cgl_angle_observer_retune cgl_speed_timed_init
     cgl_feedforward_init cgl_zero_phase_init cgl_trial_init cgl_trial_reset cgl_trial_end correct step
     cgl_trial_step cgl_trial_drive_step cgl_space_speed_step cgl_space_position_step cgl_robust_ilc_step
     follow learn_on repeat cgl_memory_step find_time find_angle cgl_delay_step write_bytes check_step
@@ -102,7 +105,9 @@ RUNS = [  # the longest first
     Run("trial", {"SAMPLES": "4", "ORDER": "0", "TAPS": "0"}),
     Run("trial", {"SAMPLES": "8", "ORDER": "1", "TAPS": "3"} | LIMITED),
     Run("monitor", {}), Run("monitor", DOUBLE), Run("quality", {}), Run("quality", DOUBLE),
-    Run("foc", {}), Run("foc", DOUBLE), Run("leaves", {}), Run("leaves", DOUBLE),
+    Run("foc", {}), Run("foc", DOUBLE), Run("dead_time", {}), Run("dead_time", DOUBLE),
+    Run("sensors", {}), Run("sensors", DOUBLE),
+    Run("leaves", {}), Run("leaves", DOUBLE),
     Run("pi", {}), Run("pi", LIMITED), Run("pi", DOUBLE),
 ]  # fmt: skip
 

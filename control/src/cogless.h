@@ -3,9 +3,14 @@
 #define COGLESS_H
 
 #include "cogless/angle.h"
+#include "cogless/angle_observer.h"
 #include "cogless/anti_cogging.h"
+#include "cogless/calibration.h"
 #include "cogless/crc32.h"
+#include "cogless/dead_time.h"
 #include "cogless/drive.h"
+#include "cogless/encoder.h"
+#include "cogless/encoder_table.h"
 #include "cogless/feedforward.h"
 #include "cogless/foc.h"
 #include "cogless/map.h"
@@ -21,9 +26,13 @@
 #include "cogless/robust_ilc.h"
 #include "cogless/space_position.h"
 #include "cogless/space_speed.h"
+#include "cogless/speed_count.h"
 #include "cogless/speed_pi.h"
+#include "cogless/speed_timed.h"
+#include "cogless/telemetry.h"
 #include "cogless/transform.h"
 #include "cogless/trial.h"
+#include "cogless/turns.h"
 #include "cogless/version.h"
 #include "cogless/zero_phase.h"
 

@@ -9,6 +9,7 @@
 #include "cogless/anti_cogging.h"
 #include "control.h"
 #include "memories.h"
+#include "parts.h"
 #include "random_inputs.h"
 #include "stored_maps.h"
 #include "vectors.h"
@@ -75,6 +76,7 @@ int main(int count, char **arguments)
     golden_vectors();
     memories();
     random_inputs(configs);
+    try_parts(configs);
     random_flash(10L * configs);
     stored_maps();
     readme_example();

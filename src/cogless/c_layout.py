@@ -10,8 +10,16 @@ from typing import Any
 
 from cogless.c_headers import Field, Headers, control_headers
 
-PLAIN = {"bool": "?", "uint16_t": "H", "uint32_t": "I", "int32_t": "i", "unsigned": "I", "int": "i"}
-SAME_BITS = {"f": "I", "d": "Q", "?": "?", "H": "H", "I": "I", "i": "I"}
+PLAIN = {
+    "bool": "?",
+    "uint16_t": "H",
+    "uint32_t": "I",
+    "uint64_t": "Q",
+    "int32_t": "i",
+    "unsigned": "I",
+    "int": "i",
+}
+SAME_BITS = {"f": "I", "d": "Q", "Q": "Q", "?": "?", "H": "H", "I": "I", "i": "I"}
 POINTER = struct.calcsize("P")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import sys
 import tomllib
 from pathlib import Path
 
@@ -22,6 +23,16 @@ def catalogue() -> dict[str, dict[str, str]]:
         "Control laws": dict(laws[model] for model in unions["AnyController"]),
         "Control laws of trials": dict(laws[model] for model in unions["AnyTrialController"]),
     }
+
+
+def show() -> None:
+    """Print the catalogue."""
+    bold, plain = ("\033[1m", "\033[0m") if sys.stdout.isatty() else ("", "")
+    for heading, entries in catalogue().items():
+        print(f"{bold}{heading}{plain}")
+        width = max((len(name) for name in entries), default=0)
+        for name, about in entries.items():
+            print(f"  {name:<{width}}  {about}")
 
 
 def _models() -> tuple[dict[str, tuple[str, str]], dict[str, list[str]]]:

@@ -1,4 +1,4 @@
-"""The command line: parses arguments, calls the library, prints results."""
+"""The commands: parse arguments, call the library, print results."""
 
 from __future__ import annotations
 
@@ -9,16 +9,14 @@ import os
 import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cogless.errors import StudyError
-from cogless.files import reason
-from cogless.run.side_by_side import left_behind
+from cogless.errors import INTERRUPTED, StudyError, say
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -36,7 +34,7 @@ if TYPE_CHECKING:
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 WIDE = 240  # columns if the output is no terminal, so that lines in files and pipes aren't wrapped
-DIFFERENT, WRONG, INTERRUPTED = 1, 2, 130
+DIFFERENT = 1
 
 app = typer.Typer(
     add_completion=False,
@@ -87,55 +85,6 @@ DaskOption = Annotated[
 CORES = os.cpu_count() or 1
 
 
-def main() -> None:
-    """Entry point. A user's mistake prints a line on stderr and exits with 2; Ctrl-C exits with 130."""
-    code = _flushed(_code())
-    if left_behind():
-        os._exit(code)  # sys.exit would stop threads within the engine, and crash
-    sys.exit(code)
-
-
-def _code() -> int:
-    """Run the command and return its exit code."""
-    try:
-        code = app(prog_name="cogless", standalone_mode=False)
-    except SystemExit as end:
-        return end.code if isinstance(end.code, int) else 0
-    except StudyError as error:
-        _say(str(error))
-        return WRONG
-    except (KeyboardInterrupt, typer.Abort):
-        _say("Interrupted.")
-        return INTERRUPTED
-    except OSError as error:
-        _say(f"{error.filename or 'output'}: {reason(error)}")
-        return WRONG
-    except Exception as error:
-        if not hasattr(error, "format_message"):  # not an exception of typer
-            raise
-        line = str(error.format_message()).rstrip(".")
-        if line:
-            command = getattr(getattr(error, "ctx", None), "command_path", "cogless")
-            _say(f"{line}{'' if line.endswith('?') else '.'} See {command} --help.")
-        return WRONG
-    if code == INTERRUPTED:  # typer returns this after Ctrl-C in a command
-        _say("Interrupted.")
-    return code if isinstance(code, int) else 0
-
-
-def _flushed(code: int) -> int:
-    """Flush stdout and return the exit code: `code`, or WRONG if the output can't be written (full disk)."""
-    try:
-        if sys.stdout is not None:
-            sys.stdout.flush()
-    except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the flush at exit
-        if code != WRONG and not isinstance(error, BrokenPipeError):  # the reader closed the pipe: no message
-            _say(f"output: {reason(error)}")
-        return WRONG
-    return code
-
-
 def _version(wanted: bool) -> None:
     if wanted:
         from cogless.versions import versions
@@ -178,7 +127,7 @@ def run(
     wanted = len(runs_of(loaded, only))
     folder = output or Path("results") / loaded.name
     for line in too_short(loaded, runs_of(loaded, only)):
-        _say(f"Warning: {line}.")
+        say(f"Warning: {line}.")
     failures: list[StudyError] = []
     with held(folder):
         with _run_progress(wanted) as progress:
@@ -202,7 +151,7 @@ def run(
     if results.interrupted:
         kept = ", ".join(f"{run.scenario}/{run.controller}" for run in results.runs)
         where = f" ({kept}), written to {folder}" if kept else ", nothing written"
-        _say(f"Interrupted: kept {len(results.runs)} of {wanted} runs{where}.")
+        say(f"Interrupted: kept {len(results.runs)} of {wanted} runs{where}.")
         sys.exit(INTERRUPTED)
 
 
@@ -230,6 +179,7 @@ def sweep(
     from cogless.ensemble import table
     from cogless.files import writable
     from cogless.report import sweep as report
+    from cogless.results.folder import held, new_set
 
     table.require()
     part = _shard(shard)
@@ -246,8 +196,9 @@ def sweep(
         if found is None:
             print(f"Shard: {folder / part.file}")
             return
-        table.write(found, folder / "sweep.parquet")
-        told = report.write(found, folder / "report.html", partial(_repeat, study, changes))
+        with held(folder), new_set(folder) as stage:
+            table.write(found, stage / "sweep.parquet")
+            told = report.write(found, stage / "report.html", partial(_repeat, study, changes))
     for line in told:
         print(line)
     print(f"Table: {folder / 'sweep.parquet'}")
@@ -271,6 +222,7 @@ def tune(
     from cogless.ensemble import tune as tuning
     from cogless.files import writable
     from cogless.report import sweep as report
+    from cogless.results.folder import held, new_set
     from cogless.study import TrialStudy
     from cogless.study.reading import changes_from
 
@@ -285,10 +237,12 @@ def tune(
             tuned = tuning.tune(loaded, folder, workers, progress)
         chosen = {key: value for one in tuned for key, value in one.chosen.items()}
         about = _command("tune", study, changes, [])
-        tuned_file.write(loaded, {**changes_from(changes or ()), **chosen}, path, f"By: {about}")
+        text = tuned_file.text(loaded, {**changes_from(changes or ()), **chosen}, folder, f"By: {about}")
         both = tuning.side_by_side(loaded, tuned)
-        table.write(both, folder / "sweep.parquet")
-        told = report.write(both, folder / "report.html", lambda settings, pair: "")
+        with held(folder), new_set(folder) as stage:
+            (stage / path.name).write_text(text, encoding="utf-8")
+            table.write(both, stage / "sweep.parquet")
+            told = report.write(both, stage / "report.html", lambda settings, pair: "")
     for line in [line for one in tuned for line in tuning.lines(one)] + told:
         print(line)
     print(f"Study: {path}")
@@ -423,13 +377,9 @@ def pil(
 @app.command("list")
 def list_() -> None:
     """List the shipped studies and motors, and the control laws."""
-    from cogless.catalogue import catalogue
+    from cogless.catalogue import show
 
-    for heading, entries in catalogue().items():
-        typer.secho(heading, bold=True)
-        width = max((len(name) for name in entries), default=0)
-        for name, about in entries.items():
-            print(f"  {name:<{width}}  {about}")
+    show()
 
 
 @app.command()
@@ -578,10 +528,12 @@ def _print_tables(results: AnyResults) -> None:
     study, console = results.study, _console()
     for scenario in results.scenarios:
         controllers = [run.controller for run in results.runs if run.scenario == scenario]
-        table = Table(title=scenario, title_justify="left", title_style="bold", box=None, pad_edge=False)
+        table = Table(
+            title=Text(scenario), title_justify="left", title_style="bold", box=None, pad_edge=False
+        )
         table.add_column("")
         for name in controllers:
-            table.add_column(study.label(name), justify="right")
+            table.add_column(Text(study.label(name)), justify="right")
         lines = report.lines(results, scenario)
         for line in lines:
             cells = [_cell(line, name, study.baseline) for name in controllers]
@@ -605,7 +557,7 @@ def _print_warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
 
     of_each = {name: scenario for scenario, name in runs}
     for line in dict.fromkeys(line for name, at in of_each.items() for line in warnings(study, at, name)):
-        _say(f"Warning: {line}.")
+        say(f"Warning: {line}.")
 
 
 def _cell(line: Line, controller: str, baseline: str) -> Text:
@@ -685,8 +637,3 @@ def _console(**options: Any) -> Console:
 
     console = Console(**options)
     return console if console.is_terminal else Console(width=WIDE, **options)
-
-
-def _say(line: str) -> None:
-    with suppress(OSError):  # stderr can't be written either
-        print(line, file=sys.stderr)

@@ -141,11 +141,23 @@ def convert(value_si: float, unit: str, dimension: Dimension) -> float:
 def number_in(text: str, unit: str) -> float:
     """The number of a text such as "0.1 N*m", converted to `unit`; UnitError if that is impossible."""
     found = NUMBER.fullmatch(text)
+    if not found:
+        raise _unlike(unit)
+    return float(found.group(1)) * _ratio(found.group(2), unit)
+
+
+@cache
+def _ratio(unit: str, other: str) -> float:
+    """Factor from a unit to another like it; UnitError if they aren't alike."""
     with ONE_AT_A_TIME:
-        here, there = _quantity(unit_of(text)), _quantity(unit)
-        if not found or here is None or there is None or not here.is_compatible_with(there):
-            raise UnitError(f'expected a number with a unit like "{unit}"')
-        return float(found.group(1)) * float((here / there).to("dimensionless").magnitude)
+        here, there = _quantity(unit), _quantity(other)
+        if here is None or there is None or not here.is_compatible_with(there):
+            raise _unlike(other)
+        return float((here / there).to("dimensionless").magnitude)
+
+
+def _unlike(unit: str) -> UnitError:
+    return UnitError(f'expected a number with a unit like "{unit}"')
 
 
 def format(value_si: float, unit: str, dimension: Dimension, digits: int = 6) -> str:

@@ -15,6 +15,7 @@ FIELDS = {"span": 2 * math.pi, "longest": 1.0, "outlier": 0.0, "floor": 0.0}
 class CQuality:
     def __init__(self, library, ts=TS, **fields):
         self.lib = library.lib
+        ts = fields.pop("ts")
         self.config = library.new("cgl_quality_config", **fields)
         self.state = library.new("cgl_quality")
         assert self.lib.cgl_quality_init(self.state, self.config, ts) == self.lib.CGL_OK
@@ -154,6 +155,19 @@ def test_progress_is_since_learning_began_and_ends(precision):
 
 
 @PRECISIONS
+def test_a_run_up_is_nothing_that_was_learned_away(precision):
+    library = control_library(precision)
+    learning, alone = CQuality(library, **FIELDS), CQuality(library, **FIELDS)
+    for n, (error, omega) in enumerate(ripple(library, 1.0, turns=8)):
+        run_up = 50.0 * math.exp(-n / 30)
+        learning.step(error + run_up, omega)
+        alone.step(error + run_up, omega, learning=False)
+    assert learning.read().progress == pytest.approx(0, abs=0.02)
+    report = alone.read()
+    assert (report.progress, report.improving, report.worsening) == (0, False, False)
+
+
+@PRECISIONS
 @pytest.mark.parametrize("rate, changing", [(0.979, True), (0.981, False)])
 def test_two_per_cent_a_window_is_improving_or_worsening(precision, rate, changing):
     library = control_library(precision)
@@ -172,6 +186,7 @@ def test_two_per_cent_a_window_is_improving_or_worsening(precision, rate, changi
 def test_two_per_cent_exactly_is_neither(precision, sign):
     library = control_library(precision)
     c, still = CQuality(library, **FIELDS), library.real(0.04)  # of the square
+    c.state.began = True
     c.state.trend = sign * still
     assert not (c.read().improving or c.read().worsening)
     c.state.trend = sign * np.nextafter(still, library.real(1))

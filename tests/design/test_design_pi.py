@@ -204,7 +204,7 @@ LINEAR: dict[str, Any] = {
     "mechanics": {"inertia": 5e-5},
 }
 INNER = CurrentLoop(kp=3.0, ki=800.0, R=0.8, L=3e-3, period=1e-4, delay=1)
-ENCODER = {"kind": "encoder", "lines": 100_000_000, "speed_method": "M", "timer": 0.0}
+ENCODER = {"kind": "encoder", "lines": 100_000_000, "speed_method": "M", "timer": 1e9}
 ENCODER |= {"eccentricity": 0.0, "eccentricity_phase": 0.0, "bits": 1, "window": 1}
 BETWEEN_EDGES = {**ENCODER, "lines": 100_000, "speed_method": "MT"}
 RESOLVER = {**ENCODER, "kind": "resolver", "bits": 30, "window": 25}

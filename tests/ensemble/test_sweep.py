@@ -302,6 +302,30 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], expecte
     assert lines[-2:] == [f"Table: {out / 'sweep.parquet'}", f"Report: {out / 'report.html'}"]
 
 
+def test_table_and_report_are_one_set(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study, out = studies.write(tmp_path, ensembles.TEXT), tmp_path / "out"
+    out.mkdir()
+    (out / "results.json").write_text('{"files": {}}')  # of a run
+
+    def swept(count: int) -> tuple[int, dict[str, bytes]]:
+        code, _, _ = cogless(capsys, "sweep", study, "-n", count, "-o", out, "-j", 1)
+        return code, {path.name: path.read_bytes() for path in out.iterdir() if path.suffix != ".jsonl"}
+
+    code, before = swept(3)
+    assert (code, set(before)) == (0, {"results.json", "sweep.parquet", "report.html"})
+
+    def full(*of: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("cogless.report.sweep.write", full)
+        assert swept(4) == (2, before)
+    code, after = swept(4)
+    assert code == 0 and all(after[name] != before[name] for name in ("sweep.parquet", "report.html"))
+
+
 def test_shards_by_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], expected: bytes) -> None:
     study, out = studies.write(tmp_path, ensembles.TEXT), tmp_path / "out"
     arguments = ("sweep", study, "-n", COUNT, "-o", out, "-j", 1)
@@ -357,7 +381,7 @@ def test_a_missing_extra_is_one_line(
 
 def test_killed_and_started_again(tmp_path: Path, expected: bytes) -> None:
     study, out = studies.write(tmp_path, ensembles.TEXT), tmp_path / "out"
-    command = [sys.executable, "-c", "from cogless.cli import main; main()", "sweep", str(study)]
+    command = [sys.executable, "-m", "cogless", "sweep", str(study)]
     command += ["-n", str(COUNT), "-o", str(out), "-j", "1"]
     running = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
     file, until = out / "journal.jsonl", time.monotonic() + 60

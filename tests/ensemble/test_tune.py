@@ -1,6 +1,7 @@
 """Tuning finds what is known to be best, holds what must hold, goes on after a kill, never makes worse."""
 
 import tomllib
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from commands import cogless
 from test_sweep import Here
 
 import studies
+from cogless.design.verdict import verdict
 from cogless.ensemble import search as searching
 from cogless.ensemble import tune as tuning
 from cogless.ensemble.executors import given
@@ -103,6 +105,36 @@ def test_what_must_hold_holds(tmp_path: Path) -> None:
     assert least < 0.9 * free
     assert held <= 1.02 * limit  # on fresh variants, so nearly
     assert more > 1.02 * little
+
+
+@pytest.mark.parametrize(
+    ("gain", "lead", "kind"),
+    [("0.1 A/rpm", "2 ms", "grows"), ("0.03 A/rpm", "2 ms", "may grow"), ("0.003 A/rpm", "2 ms", "settles")],
+)
+def test_growth_is_what_design_is_sure_of(tmp_path: Path, gain: str, lead: str, kind: str) -> None:
+    changes = {"controller.pi-ilc.gain": gain, "controller.pi-ilc.lead": lead}
+    changed_study = study(tmp_path, changes=changes)
+    said = verdict(changed_study, "pi-ilc")
+    assert said is not None and said.worst is not None and said.kind == kind
+    expected = said.worst.factor - 1 if kind == "grows" else 0.0
+    assert tuning.growth(changed_study, ["pi", "pi-ilc"]) == expected
+
+
+def test_gains_with_which_learning_grows_are_not_chosen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The best ki is where a forecast is made to say that learning grows."""
+
+    def ki(values: Mapping[str, Any]) -> float:
+        return float(changed(study(tmp_path), dict(values)).controller["pi"].ki)
+
+    most = ki({"controller.pi.ki": "0.4 A/rpm/s"})
+    assert ki(tuned(tmp_path).values) > most
+    (tmp_path / "pi.tune").unlink()
+    monkeypatch.setattr(tuning, "growth", lambda of, names: 0.2 * (of.controller["pi"].ki > most))
+    found = tuned(tmp_path)
+    assert found.adopted and found.after.growth == 0
+    assert ki(found.values) <= most
 
 
 def test_never_worse_than_where_it_began(tmp_path: Path) -> None:

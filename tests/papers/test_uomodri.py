@@ -13,6 +13,7 @@ from cogless import load, run_study
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data" / "laas_anti_cogging"
 sys.path.append(str(ROOT / "examples"))
+SCENARIOS = ("perfect", "eccentric", "calibrated")
 has_data = pytest.mark.skipif(not DATA.exists(), reason="the measured data are not part of this repository")
 
 
@@ -52,6 +53,21 @@ def test_learning_leaves_less_ripple_than_the_feedback_and_the_table_at_every_sp
         assert ripple[scenario, "table"] < 0.5 * pi
         assert ripple[scenario, "robust-ilc"] < 0.1 * pi
         assert ripple[scenario, "robust-ilc"] < 0.5 * ripple[scenario, "table"]
+
+
+def test_dead_time_compensation_leaves_a_tenth_of_a_revolution_a_minute() -> None:
+    runs = run_study(load("uomodri-dead-time"), ["as-it-is/pi-afc", "compensated/pi-afc"], jobs=2).runs
+    before, after = (float(run.metrics["speed_ripple_rad_s"]) * 60 / (2 * np.pi) for run in runs)
+    assert before > 0.5
+    assert after < 0.1
+
+
+def test_an_encoder_off_the_middle_costs_nothing_once_its_error_is_learned() -> None:
+    study = load("uomodri-eccentric")
+    runs = run_study(study, [f"{name}/pi-ilc" for name in SCENARIOS], jobs=2).runs
+    perfect, eccentric, calibrated = (float(run.metrics["speed_ripple_rad_s"]) for run in runs)
+    assert eccentric > 1.5 * perfect
+    assert calibrated < 1.3 * perfect
 
 
 def test_without_its_lead_learning_is_of_no_use_at_high_speed() -> None:

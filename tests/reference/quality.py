@@ -33,6 +33,7 @@ class Quality:
     ripples: list[float] = field(default_factory=list)  # standard deviations
     before: float = 0.0
     began: bool = False  # learning
+    centre: float | None = None  # mean of the last window; at first the first error
     trend: float = 0.0
 
     def step(self, error: float, omega: float, learning: bool) -> bool:
@@ -41,6 +42,7 @@ class Quality:
         self.count += 1
         self.turned += omega * self.ts if math.isfinite(omega) else 0.0
         if counts:
+            self.centre = error if self.centre is None else self.centre
             self.errors.append(error)
             self.outliers.append(outlier)
         self.signs += "-+"[error > 0] if outlier and counts else " "
@@ -54,18 +56,19 @@ class Quality:
 
     def _end(self) -> None:
         if self.errors:
-            self._take(float(np.std(self.errors)))
+            self._take(float(np.std(self.errors)), abs(float(np.mean(self.errors)) - (self.centre or 0.0)))
+            self.centre = float(np.mean(self.errors))
             if self.outlier:
                 self._judge(np.array(self.errors), np.array(self.outliers))
         self.signs = ""
         self.errors, self.outliers, self.count, self.turned, self.learned = [], [], 0, 0.0, False
 
-    def _take(self, ripple: float) -> None:
+    def _take(self, ripple: float, drift: float) -> None:
         if self.ripples:
             largest = max(ripple, self.ripples[-1]) ** 2
             change = (ripple**2 - self.ripples[-1] ** 2) / largest if largest else None
             self.trend += TREND * (clip(change, MOST) - self.trend) if change is not None else 0.0
-        if abs(self.turned) >= self.span / 16 and not self.began:
+        if abs(self.turned) >= self.span / 16 and drift <= ripple and not self.began:
             self.before = self.before if self.learned and self.before else ripple
             self.began = self.learned
         self.ripples.append(ripple)

@@ -9,6 +9,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 import synthetic
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from cogless.report import Line, compare, overtime, render, verdicts, write, write_plots
 from cogless.report.comparison import factor_text, misses
@@ -697,7 +698,8 @@ def test_page_of_a_diverged_run(made, tmp_path, value, since):
     assert len(data_of(page)["scenarios"]) == 2
     assert "PI-ILC did not hold the speed in " in page
     if since == 5000 and not np.isinf(value):  # a plot draws what isn't finite alike
-        assert len(write_plots(spoilt_results, tmp_path)) == 6
+        slow = [run for run in runs if run.scenario == "low-speed"]
+        assert len(write_plots(Results(made.study, slow), tmp_path)) == 3
 
 
 def test_page_of_runs_without_traces(made):
@@ -739,7 +741,15 @@ def test_page_is_quick_and_small(tmp_path):
     assert (tmp_path / "report.html").stat().st_size < 3_000_000
 
 
-def test_plots(made, tmp_path):
+def test_plots(made, tmp_path, monkeypatch):
+    figures = {}
+
+    def keep(canvas, path, **options):
+        figures[path.name] = canvas.figure
+        print_png(canvas, path, **options)
+
+    print_png = FigureCanvasAgg.print_png
+    monkeypatch.setattr(FigureCanvasAgg, "print_png", keep)
     written = write_plots(made, tmp_path)
     assert {path.name for path in written} == {
         f"{scenario}-{kind}.png"
@@ -748,3 +758,13 @@ def test_plots(made, tmp_path):
     }
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
     assert sorted(tmp_path.iterdir()) == sorted(written)
+    # one legend below, each controller once, in the colour of its lines
+    labels = [made.study.label(name) for name in made.study.controllers_in("low-speed")]
+    figure = next(figure for name, figure in figures.items() if "low-speed-waveforms" in name)
+    (legend,) = figure.legends
+    texts = [text.get_text() for text in legend.get_texts()]
+    assert [text for text in texts if text in labels] == labels and len(set(texts)) == len(texts)
+    colours = {line.get_label(): line.get_color() for axes in figure.axes for line in axes.get_lines()}
+    shown = {text: line.get_color() for text, line in zip(texts, legend.get_lines(), strict=True)}
+    assert shown == {text: colours[text] for text in texts}
+    assert len({shown[label] for label in labels}) == len(labels)

@@ -23,7 +23,7 @@ ENCODER = {
     "kind": "encoder",
     "lines": 5000,
     "speed_method": "MT",
-    "timer": 0.0,
+    "timer": 1e9,
     "eccentricity": OFF,
     "eccentricity_phase": 0.3,
 }

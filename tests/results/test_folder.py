@@ -21,7 +21,7 @@ from cogless import StudyError
 from cogless.results import folder as folders
 from cogless.results.folder import hashes, held, new_set
 
-COMMAND = [sys.executable, "-c", "from cogless.cli import main; main()"]
+COMMAND = [sys.executable, "-m", "cogless"]
 OURS = [folders.NEW, folders.OLD, folders.SET, folders.LINK]
 
 

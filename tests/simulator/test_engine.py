@@ -105,17 +105,17 @@ def test_references(reference: dict[str, Any], expected: Any) -> None:
 @pytest.mark.parametrize("law", ["pi-ilc", "robust-ilc"])
 def test_learning_by_angle_removes_cogging_that_the_feedback_leaves(law: str) -> None:
     gains: dict[str, Any] = {
-        "pi-ilc": {"pi": {"kp": 0.3, "ki": 3.0}, "gain": 0.1, "memory": {"limit": 5.0}},
+        "pi-ilc": {"pi": {"kp": 0.3, "ki": 3.0}, "gain": 0.1, "memory": {"limit": [5.0]}},
         "robust-ilc": {
             "b": 0.3 / 5e-4,
             "c": 10.0,
             "eta": 180.0,
             "q": 0.3,
             "beta_2": 200.0,
-            "memory": {"limit": 0.3 / 5e-4 * 20.0},
+            "memory": {"limit": [0.3 / 5e-4 * 20.0]},
         },
     }[law]
-    memory = {"cells": 256, "periods_per_rev": 4, "q_half_width": 1, "forgetting": 1.0}
+    memory = {"cells": 256, "parts": 4, "q_half_width": 1, "forgetting": 1.0}
     change: dict[str, Any] = {
         "motor": {"cogging": [{"order": 24, "torque": 0.05, "phase": 0.0}]},
         "reference": {"speed": 3.0},

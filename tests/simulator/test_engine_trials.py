@@ -144,7 +144,7 @@ def test_memory_is_the_learned_signal() -> None:
     settings = changes()
     drive = drive_of(_simulator_f64, settings)
     state = drive.start()
-    assert drive.stored(state)["values"] == [[0.0] * SAMPLES]
+    assert np.array_equal(drive.stored(state)["values"], np.zeros((1, SAMPLES)))
     rows(drive, state, 9 * TICKS)
     _, learned = expected(settings)
     assert drive.stored(state)["values"][0] == pytest.approx(learned, abs=1e-9)

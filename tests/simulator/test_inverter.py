@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine import RIPPLE, run
+from engine import RIPPLE, merged, run
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from cogless.c_layout import control_layout
 
 
 def test_switched_currents_approach_the_averaged_ones_as_the_carrier_rises() -> None:
@@ -54,6 +56,32 @@ def test_dead_time_costs_the_known_voltage(kind: str) -> None:
     expected = 0.8 * i_d + np.cos(theta_e) * alpha + np.sin(theta_e) * beta
     assert x["i_d"][-1] == pytest.approx(i_d, abs=0.02)
     assert x["u_d"][-1] == pytest.approx(expected, abs=0.01)
+
+
+@pytest.mark.parametrize("kind", ["averaged", "switched"])
+@pytest.mark.parametrize(("dead_time", "drop"), [(2e-6, 0.0), (0.0, 1.5), (2e-6, 1.5)])
+def test_compensation_gives_back_dead_time_and_drop(kind: str, dead_time: float, drop: float) -> None:
+    """At standstill with a d current the loop asks for the winding's voltage alone; without compensation for
+    the lost one too."""
+
+    class HoldD:
+        def step(self, _: object) -> tuple[float, float]:
+            return (6.0, 0.0)
+
+    change: dict[str, Any] = {
+        "initial_speed": 0.0,
+        "initial_angle": 0.1,  # phases at different currents, none at zero
+        "mechanics": {"inertia": 1e3},
+        "reference": {"speed": 0.0},
+        "drive": {"inverter": {"kind": kind, "dead_time": dead_time, "device_drop": drop}},
+        "controller": {"law": "python"},
+    }
+    values = {"time": dead_time, "drop": drop, "band": 0.1, "lag": 1e-3, "advance": 1.5, "phases": 3}
+    compensation = {"dead_time": control_layout("double").pack("cgl_dead_time_config", values)}
+    lost = run(change, 0.2, controller=HoldD())["u_d"][-1] - 0.8 * 6.0
+    assert lost > 0.9 * (100.0 * dead_time * 10000 + drop)
+    kept = run(merged(change, {"drive": compensation}), 0.2, controller=HoldD())["u_d"][-1] - 0.8 * 6.0
+    assert abs(kept) < 0.01
 
 
 def test_voltage_stays_within_the_hexagons_circle() -> None:

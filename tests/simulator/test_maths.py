@@ -1,9 +1,8 @@
-"""The engine's own elementary functions, and traces that have one hash with any C library."""
+"""The engine's own elementary functions."""
 
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -67,44 +66,3 @@ def test_elementary_functions_against_long_double(tmp_path: Path) -> None:
     assert bessel < 1e-14
     assert small == none == 0.0
     assert floors == 1
-
-
-# A run with all that the engine computes with elementary functions, and without numbers that Python computed.
-TRACE = """
-import hashlib, sys
-sys.path[:0] = [{tests!r}]
-from engine import PI_ILC, RIPPLE, config, described
-from cogless import _simulator_f32 as engine
-drive = engine.Drive(described(config({{
-    "motor": RIPPLE, "controller": PI_ILC, "energy": True, "load": {{"torque": 0.1, "lag": 0.003}},
-    "events": [{{"time": 0.01, "load": 0.3}}],
-    "reference": {{"kind": "fm", "offset": 10.0, "amplitude": 3.0, "frequency": 5.0, "depth": 2.0,
-                  "modulation": 3.0}},
-    "drive": {{"inverter": {{"kind": {inverter!r}, "dead_time": 1e-6}}, "current_sensors": {{"noise": 0.02}},
-              "position_sensor": {{"kind": "encoder", "lines": 1000, "speed_method": "M", "timer": 0.0,
-                                  "eccentricity": 0.01, "eccentricity_phase": 0.2}}}},
-}}), engine), None)
-state, recorder = drive.start(), engine.Recorder(drive, 1)
-drive.advance(state, recorder, 2000)
-print(hashlib.sha256(recorder.take().tobytes()).hexdigest())
-"""
-
-
-def trace_hash(inverter: str, **environment: str) -> str:
-    program = TRACE.format(tests=str(ROOT / "tests"), inverter=inverter)
-    made = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={**os.environ, **environment},
-    )
-    return made.stdout.strip()
-
-
-@pytest.mark.parametrize("inverter", ["averaged", "switched"])
-def test_a_trace_has_one_hash_with_and_without_fused_instructions_in_libc(inverter: str) -> None:
-    """glibc's sine differs in the last bit with -FMA; the engine's does not."""
-    plain = trace_hash(inverter)
-    tunables = "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2,-AVX2_Usable,-FMA_Usable,-FMA4_Usable"
-    assert trace_hash(inverter, GLIBC_TUNABLES=tunables) == plain

@@ -19,7 +19,7 @@ MOVES: dict[str, Any] = {"kind": "moves", "times": [1.0, 3.0, 4.0, 50.0], "angle
 
 def follow(reference: dict[str, Any], seconds: float, rate: int = 1000, **more: Any) -> dict[str, np.ndarray]:
     """A rotor that a position law doesn't move; every tick records the reference."""
-    memory = {"kind": "CGL_SPACE_MAP", "cells": 8}
+    memory = {"kind": "CGL_MEMORY_ANGLE", "cells": 8}
     gains = {"k_omega": 0.0, "k_theta": 0.0, "k_i": 0.0}
     idle = merged(LAW, {"config": {**gains, "memory": memory}, "learning_start": 1e9})
     drive = {"ideal_current": True, "current_rate": rate, "speed_divider": 1}

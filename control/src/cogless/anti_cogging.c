@@ -224,12 +224,12 @@ void cgl_anti_cogging_step(cgl_anti_cogging *law, const cgl_law_input *in,
     } else if (recording) {
         error = CGL_R(0.0);
     } else if (plausible) {
-        law->looked_up = look_up(law, in->theta_m + config->lead * in->omega_m);
+        law->looked_up = in->share * look_up(law, in->theta_m + config->lead * in->omega_m);
     }
 
     out->i_q_ref = cgl_pi_step(&law->pi, error, law->looked_up);
     out->status = (law->pi.saturated ? (unsigned)CGL_STATUS_SATURATED : 0U)
                   | (plausible && cgl_is_finite(error) ? 0U : (unsigned)CGL_STATUS_FAULT)
                   | (law->stage != CGL_ANTI_COGGING_RUN ? (unsigned)CGL_STATUS_BUSY : 0U)
-                  | (recording && !in->learn ? (unsigned)CGL_STATUS_FROZEN : 0U);
+                  | (!recording || !in->learn ? (unsigned)CGL_STATUS_FROZEN : 0U);
 }

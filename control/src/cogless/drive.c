@@ -25,10 +25,14 @@ cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_r
         error = cgl_quality_init(&drive->quality, &config->quality, law_period);
     }
     if (error == CGL_OK) {
+        error = cgl_guard_init(&drive->guard, law_period);
+    }
+    if (error == CGL_OK) {
         drive->pole_pairs = (cgl_real)config->pole_pairs;
         drive->divider = config->divider;
         drive->foreign = config->foreign;
         drive->learn_saturated = config->learn_saturated;
+        drive->unguarded = config->unguarded;
         drive->law_period = law_period;
         cgl_drive_reset(drive);
     }
@@ -62,7 +66,7 @@ cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config)
 CGL_SELDOM void cgl_drive_reset(cgl_drive *drive)
 {
     static const cgl_law_input no_input = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0),
-                                           false,      false};
+                                           false,      false, false, CGL_R(1.0), 0U};
     static const cgl_foc_input no_currents = {{CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)}, CGL_R(0.0), CGL_R(0.0), CGL_R(0.0),
                                               CGL_R(0.0), CGL_R(0.0)};
     drive->in = no_input;
@@ -70,18 +74,40 @@ CGL_SELDOM void cgl_drive_reset(cgl_drive *drive)
     drive->command.status = 0U;
     cgl_monitor_reset(&drive->monitor);
     cgl_quality_reset(&drive->quality);
+    cgl_guard_reset(&drive->guard);
     cgl_foc_reset(&drive->foc);
     drive->currents = no_currents;
     drive->i_q = CGL_R(0.0);
     drive->countdown = 0U;
     drive->saturated = drive->off = false;
-    drive->status = 0U;
+    drive->status = drive->held = 0U;
 }
 
 /* The law follows a speed of its own, which is not known here. */
 static bool is_busy(const cgl_drive *drive)
 {
     return (drive->command.status & (unsigned)CGL_STATUS_BUSY) != 0U;
+}
+
+/* What the guard says of learning, and of what was learned. */
+static bool is_allowed(cgl_drive *drive, cgl_real error, bool learn, bool wanted)
+{
+    cgl_guard *const guard = &drive->guard;
+    if (drive->unguarded || is_busy(drive)) {
+        return learn;
+    }
+    const bool learned = drive->in.learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
+    /* it goes on judging where the angle is off by a jump: the speed is right, and what is learned acts at wrong places */
+    const bool shifted = (drive->monitor.status & (unsigned)CGL_STATUS_ANGLE_SHIFTED) != 0U;
+    const bool plausible = !drive->off && (drive->monitor.trusted || shifted);
+    const cgl_guard_input in = {error,  drive->monitor.omega_m, drive->in.omega_ref, plausible, drive->saturated,
+                                wanted, learned};
+    cgl_guard_step(guard, &in);
+    drive->in.share = guard->share;
+    drive->in.gentle = guard->gentle;
+    drive->in.forget = guard->forget;
+    drive->held = cgl_guard_acts(guard) ? (unsigned)CGL_STATUS_GUARDED : 0U;
+    return learn && guard->learn;
 }
 
 /* The law's input; the law has seen what was saturated or safe. */
@@ -91,7 +117,7 @@ static void prepare_law(cgl_drive *drive, const cgl_reference *reference)
     const cgl_real error = reference->omega_ref - monitor->omega_m;
     const bool learn = reference->learn && monitor->trusted && !drive->off
                        && (!drive->saturated || drive->learn_saturated);
-    const bool taught = learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
+    const bool taught = learn && drive->in.learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
     const bool outlier =
         !is_busy(drive) && cgl_quality_step(&drive->quality, error, monitor->omega_m, taught);
     drive->currents.i_d_ref = cgl_is_finite(reference->i_d_ref) ? reference->i_d_ref : CGL_R(0.0);
@@ -101,7 +127,7 @@ static void prepare_law(cgl_drive *drive, const cgl_reference *reference)
     drive->in.theta_m = monitor->theta_m;
     drive->in.omega_m = monitor->omega_m;
     drive->in.i_q = drive->i_q;
-    drive->in.learn = learn && !outlier;
+    drive->in.learn = is_allowed(drive, error, learn && !outlier, reference->learn);
     drive->in.off = drive->off;
     drive->status |= outlier ? (unsigned)CGL_STATUS_OUTLIER : 0U;
     drive->saturated = drive->off = false;
@@ -148,7 +174,7 @@ CGL_SELDOM static void fall_short(cgl_drive *drive, cgl_drive_output *out)
 
 void cgl_drive_actuate(cgl_drive *drive, cgl_drive_output *out)
 {
-    drive->status |= drive->command.status;
+    drive->status |= drive->command.status | drive->held;
     if (drive->monitor.safe) {
         drive->command.i_q_ref = CGL_R(0.0);
         cgl_foc_reset(&drive->foc);

@@ -17,6 +17,7 @@
 #include <stdint.h>
 
 #include "foc.h"
+#include "guard.h"
 #include "law.h"
 #include "monitor.h"
 #include "quality.h"
@@ -33,6 +34,7 @@ typedef struct {
     bool foreign;          /* somebody else controls the currents: foc is not used, actuate gives the law's reference */
     bool learn_saturated;  /* learn although the current loop falls short: for a law that learns from whole trials, of
                               which one such period would spoil all; default false */
+    bool unguarded;        /* learning is not watched by the guard; default false */
     cgl_foc_config foc;
     /* init refuses parts that do not agree */
     cgl_monitor_config monitor; /* with foc.phases; phases 0 as a rule if the current loop is foreign */
@@ -61,11 +63,13 @@ typedef struct {
     uint32_t divider;
     bool foreign;
     bool learn_saturated;
+    bool unguarded;
     cgl_real law_period;    /* period of the law [s] */
     cgl_law_input in;       /* for the law that is due */
     cgl_law_output command; /* of the law's last step; finite, as every law's is */
     cgl_monitor monitor;
     cgl_quality quality;
+    cgl_guard guard;        /* not used if unguarded */
     cgl_foc foc;
     cgl_foc_input currents; /* of this period, for foc */
     cgl_real i_q;           /* measured in the last period [A] */
@@ -73,6 +77,7 @@ typedef struct {
     bool saturated;         /* the current loop fell short of its reference since the law's last step */
     bool off;               /* the output was safe since then */
     unsigned status;        /* of this period so far */
+    unsigned held;          /* CGL_STATUS_GUARDED, or 0 */
 } cgl_drive;
 
 /* Takes the config, which need not stay; ts: period of the current loop [s], > 0. A law's init then takes

@@ -2,6 +2,7 @@
 #ifndef COGLESS_LAW_H
 #define COGLESS_LAW_H
 
+#include "guard.h"
 #include "real.h"
 #include "status.h"
 
@@ -14,12 +15,21 @@ typedef struct {
     cgl_real i_q;       /* measured q-axis current [A]; only a calibration run reads it */
     bool learn;         /* false freezes what is learned */
     bool off;           /* true: the output is 0 and integrals start anew; what is learned stays, frozen */
+    bool forget;        /* clear what is learned, cell by cell as the rotor passes */
+    cgl_real share;     /* of what is learned that acts, 0 to 1 */
+    uint32_t gentle;    /* 0: learn as configured; k >= 1: with a smaller gain and more forgetting, cgl_gentle_steps[k] */
 } cgl_law_input;
 
 typedef struct {
     cgl_real i_q_ref; /* reference for the current loop [A], within the law's limit */
     unsigned status;  /* CGL_STATUS_ bits */
 } cgl_law_output;
+
+/* How gently a law learns: to forget is to learn nothing and to recall nothing. */
+static inline uint32_t cgl_law_gentle(const cgl_law_input *in)
+{
+    return in->forget ? CGL_GUARD_STEPS : in->gentle;
+}
 
 /* The output of a law that is off. */
 static inline void cgl_law_off(cgl_law_output *out)

@@ -32,10 +32,15 @@ CGL_SELDOM static bool is_valid(const cgl_memory_config *config, cgl_real ts)
     return valid;
 }
 
+CGL_SELDOM void cgl_memory_soften(cgl_memory *memory, cgl_real factor)
+{
+    memory->gain = factor * memory->config.forgetting / (cgl_real)(2U * memory->config.q_half_width + 1U);
+}
+
 CGL_SELDOM static void take(cgl_memory *memory, const cgl_memory_config *config)
 {
     memory->config = *config;
-    memory->gain = config->forgetting / (cgl_real)(2U * config->q_half_width + 1U);
+    cgl_memory_soften(memory, CGL_R(1.0));
     for (uint32_t c = 0; c < (uint32_t)CGL_CHANNELS; ++c) {
         memory->channel[c].limit = config->limit[c];
     }

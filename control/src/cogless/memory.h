@@ -110,6 +110,10 @@ cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, c
  * within the new limits: takes a time that grows with the cells. */
 cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config);
 
+/* Multiplies what is recalled to learn on from by a further factor, 0 to 1; 1 undoes it, 0 clears the cells that it passes
+ * while it learns with corrections of 0. */
+void cgl_memory_soften(cgl_memory *memory, cgl_real factor);
+
 /* Forgets everything learned. */
 void cgl_memory_reset(cgl_memory *memory);
 

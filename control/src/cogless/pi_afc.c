@@ -4,6 +4,8 @@
 #include "range.h"
 #include "sine.h"
 
+#define LEAK CGL_R(12.5) /* 2.5 times the gain per kp where all but a fifth is forgotten */
+
 static bool is_rising(const cgl_pi_afc_config *config)
 {
     uint32_t below = 0U;
@@ -86,7 +88,7 @@ static void sincos_of_order(cgl_real h, cgl_real turns, cgl_real *sine, cgl_real
 
 /* The orders' sum at an angle, after what `correction` [A] adds to each at the angle that it belongs to. */
 static cgl_real sum_of_orders(cgl_pi_afc *law, cgl_real turns, cgl_real turns_before,
-                              cgl_real moved, cgl_real correction)
+                              cgl_real moved, cgl_real correction, cgl_real kept)
 {
     const cgl_pi_afc_config *const config = &law->config;
     cgl_real *const a = law->coefficient, *const b = a + config->orders;
@@ -98,8 +100,8 @@ static cgl_real sum_of_orders(cgl_pi_afc *law, cgl_real turns, cgl_real turns_be
         }
         if (law->learning) {
             sincos_of_order(h, turns_before, &sine, &cosine);
-            a[k] = cgl_clamp(a[k] + correction * cosine, config->limit);
-            b[k] = cgl_clamp(b[k] + correction * sine, config->limit);
+            a[k] = cgl_clamp(kept * a[k] + correction * cosine, config->limit);
+            b[k] = cgl_clamp(kept * b[k] + correction * sine, config->limit);
         }
         sincos_of_order(h, turns, &sine, &cosine);
         sum += a[k] * cosine + b[k] * sine;
@@ -114,6 +116,21 @@ CGL_SELDOM static void step_otherwise(cgl_pi_afc *law, cgl_real error, bool plau
     out->i_q_ref = cgl_pi_step(&law->pi, error, law->learned);
     out->status = (law->pi.saturated ? (unsigned)CGL_STATUS_SATURATED : 0U)
                   | (law->learning ? 0U : (unsigned)CGL_STATUS_FROZEN) | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
+}
+
+/* The factor on the gain, which is at most the PI's own ki, as the guard says; it may clear the coefficients too. They leak to
+ * *kept of themselves a sample, more from step to step: at the last but one at most 0.4 of the feedback's own part is learned. */
+CGL_SELDOM static cgl_real follow_guard(cgl_pi_afc *law, const cgl_law_input *in, cgl_real *kept)
+{
+    for (uint32_t n = 0U; in->forget && n < 2U * law->config.orders; ++n) {
+        law->coefficient[n] = CGL_R(0.0);
+    }
+    const cgl_pi_config *const pi = &law->pi.config;
+    const cgl_real configured = law->config.gain;
+    const cgl_real factor = cgl_gentle_gain(in->gentle, configured, pi->ki > CGL_R(0.0) ? pi->ki : configured);
+    const cgl_real leak = LEAK * (CGL_R(1.0) - cgl_gentle_forgetting(in->gentle)) * factor * configured * law->pi.ts;
+    *kept = leak > CGL_R(0.0) ? (leak < pi->kp ? CGL_R(1.0) - leak / pi->kp : CGL_R(0.0)) : CGL_R(1.0);
+    return factor;
 }
 
 void cgl_pi_afc_step(cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *out)
@@ -131,11 +148,14 @@ void cgl_pi_afc_step(cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *o
     law->learning = in->learn && plausible && cgl_is_angle(before) && !law->pi.saturated
                     && cgl_abs(in->omega_ref) >= config->omega_min;
     law->learned = CGL_R(0.0);
+    cgl_real kept = CGL_R(1.0);
+    const bool guarded = in->gentle > 0U || in->forget;
+    const cgl_real gain = guarded ? config->gain * follow_guard(law, in, &kept) : config->gain;
     if (is_angle) {
         const cgl_real turns = cgl_fraction(in->theta_m * (CGL_R(1.0) / CGL_TWO_PI));
         const cgl_real turns_before = cgl_fraction(before * (CGL_R(1.0) / CGL_TWO_PI));
-        law->learned = sum_of_orders(law, turns, turns_before, in->omega_ref * law->pi.ts,
-                                     cgl_clamp(config->gain * law->pi.ts * error, CGL_REAL_MAX));
+        law->learned = in->share * sum_of_orders(law, turns, turns_before, in->omega_ref * law->pi.ts,
+                                     cgl_clamp(gain * law->pi.ts * error, CGL_REAL_MAX), kept);
     }
     if (law->learning && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {
         out->status = 0U;

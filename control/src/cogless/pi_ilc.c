@@ -6,7 +6,8 @@ CGL_SELDOM cgl_error cgl_pi_ilc_init(cgl_pi_ilc *law, const cgl_pi_ilc_config *c
         return CGL_ERROR_CONFIG;
     }
     const cgl_error error = cgl_pi_init(&law->pi, &config->pi, ts);
-    law->gain = config->gain;
+    law->gain = law->acting = config->gain;
+    law->gentle = 0U;
     law->learned = CGL_R(0.0);
     return error != CGL_OK ? error : cgl_memory_init(&law->memory, &config->memory, ts, 1U, cell, length);
 }
@@ -22,6 +23,7 @@ CGL_SELDOM cgl_error cgl_pi_ilc_retune(cgl_pi_ilc *law, const cgl_pi_ilc_config 
         return CGL_ERROR_CONFIG;
     }
     law->gain = config->gain;
+    law->gentle = UINT32_MAX; /* the next step follows the guard anew */
     return CGL_OK;
 }
 
@@ -48,15 +50,27 @@ CGL_SELDOM static void step_otherwise(cgl_pi_ilc *law, const cgl_law_input *in,
                   | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
 }
 
+/* What the guard has just changed. */
+CGL_SELDOM static void follow_guard(cgl_pi_ilc *law, uint32_t gentle)
+{
+    law->gentle = gentle;
+    cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
+    law->acting = law->gain * cgl_gentle_gain(gentle, law->gain, law->pi.config.kp);
+}
+
 void cgl_pi_ilc_step(cgl_pi_ilc *law, const cgl_law_input *in,
                      cgl_law_output *out)
 {
     const cgl_real error = in->omega_ref - in->omega_m;
-    const cgl_real correction = law->gain * error;
+    const uint32_t gentle = cgl_law_gentle(in);
+    if (gentle != law->gentle) {
+        follow_guard(law, gentle);
+    }
+    const cgl_real correction = law->acting * error;
     cgl_real value;
     const bool learn = cgl_memory_step(&law->memory, in->theta_m, in->omega_ref,
-                                       in->learn && !in->off && !law->pi.saturated, &correction, &value);
-    law->learned = cgl_clamp(value, law->memory.config.limit[0]);
+                                       ((in->learn && !law->pi.saturated) || in->forget) && !in->off, &correction, &value);
+    law->learned = in->share * cgl_clamp(value, law->memory.config.limit[0]);
     if (learn && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {
         out->status = 0U;
     } else {

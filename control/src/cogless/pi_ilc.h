@@ -23,7 +23,9 @@ typedef struct {
 
 typedef struct {
     cgl_pi pi;
-    cgl_real gain;     /* learning gain [A s/rad] */
+    cgl_real gain;    /* learning gain [A s/rad] */
+    cgl_real acting;  /* what the guard leaves of it [A s/rad] */
+    uint32_t gentle;  /* how gently, as the guard says */
     cgl_memory memory;
     cgl_real learned; /* the learned part of the last step [A] */
 } cgl_pi_ilc;

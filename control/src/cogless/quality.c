@@ -99,7 +99,8 @@ CGL_SELDOM static void end_window(cgl_quality *quality, cgl_real turned)
             quality->trend += TREND_SMOOTHING * (change - quality->trend);
         }
         const bool moved = turned * turned >= quality->turned_square * MOVED_SQUARE; /* at rest nothing begins */
-        if (moved && !quality->began) {
+        const bool settled = mean * mean <= ripple; /* a run-up is no ripple that learning could take away */
+        if (moved && settled && !quality->began) {
             quality->before = quality->learned && quality->before > CGL_R(0.0) ? quality->before : ripple;
             quality->began = quality->learned;
         }
@@ -209,7 +210,7 @@ cgl_quality_report cgl_quality_read(const cgl_quality *quality)
     const cgl_real residual = square_root(quality->ripple), before = square_root(quality->before);
     const bool measured = quality->began && before > CGL_R(0.0);
     const cgl_quality_report report = {residual, measured ? CGL_R(1.0) - residual / before : CGL_R(0.0),
-                                       quality->windows > 0U, quality->trend < -TREND_STILL,
-                                       quality->trend > TREND_STILL};
+                                       quality->windows > 0U, quality->began && quality->trend < -TREND_STILL,
+                                       quality->began && quality->trend > TREND_STILL};
     return report;
 }

@@ -58,10 +58,11 @@ typedef struct {
 
 typedef struct {
     cgl_real residual; /* standard deviation of the error over the last window [unit of the error]; 0 before the first */
-    cgl_real progress; /* 1 - residual / the one at the start of learning: 0 nothing yet, 1 all gone, < 0 worse [-] */
+    cgl_real progress; /* 1 - residual / the one before learning, in a window that was no run-up: 0 nothing learned, 1 all
+                          gone, < 0 worse [-] */
     bool known;        /* there is a whole window */
-    bool improving;    /* the residual still comes down, by more than 2 % a window on average */
-    bool worsening;    /* it goes up, by more than 2 % a window on average */
+    bool improving;    /* learning, and the residual still comes down, by more than 2 % a window on average */
+    bool worsening;    /* learning, and it goes up, by more than 2 % a window on average */
 } cgl_quality_report;
 
 cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts);

@@ -27,6 +27,8 @@ cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *
     }
     law->config = *config;
     law->ts = ts;
+    law->q = config->q;
+    law->gentle = 0U;
     const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, 1U, cell, length);
     if (error == CGL_OK) {
         cgl_robust_ilc_reset(law);
@@ -40,6 +42,7 @@ cgl_error cgl_robust_ilc_retune(cgl_robust_ilc *law, const cgl_robust_ilc_config
         return CGL_ERROR_CONFIG;
     }
     law->config = *config;
+    law->gentle = UINT32_MAX; /* the next step follows the guard anew */
     law->adapted = cgl_clamped(law->adapted, config->b * config->limit);
     return CGL_OK;
 }
@@ -57,6 +60,15 @@ CGL_SELDOM void cgl_robust_ilc_reset(cgl_robust_ilc *law)
 {
     cgl_memory_reset(&law->memory);
     start_anew(law);
+}
+
+/* What the guard has just changed. */
+CGL_SELDOM static void follow_guard(cgl_robust_ilc *law, uint32_t gentle)
+{
+    law->gentle = gentle;
+    cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
+    law->q = law->config.q
+             * cgl_gentle_gain(gentle, law->config.q * law->config.beta_2, law->config.c + law->config.eta);
 }
 
 void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
@@ -77,11 +89,15 @@ void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
     const cgl_real surface = finite ? error + config->c * error_integral : config->c * law->error_integral;
     const cgl_real sign = cgl_sign(surface);
 
-    const cgl_real correction = -config->q * (config->beta_1 * sign + config->beta_2 * surface); /* (15) */
+    const uint32_t gentle = cgl_law_gentle(in);
+    if (gentle != law->gentle) {
+        follow_guard(law, gentle);
+    }
+    const cgl_real correction = -law->q * (config->beta_1 * sign + config->beta_2 * surface); /* (15) */
     cgl_real value;
     const bool learn = cgl_memory_step(&law->memory, in->theta_m, in->omega_ref,
-                                       in->learn && !in->off && finite && !law->saturated, &correction, &value);
-    const cgl_real f = cgl_clamp(value, config->memory.limit[0]);
+                                       ((in->learn && !law->saturated) || in->forget) && !in->off && finite, &correction, &value);
+    const cgl_real f = in->share * cgl_clamp(value, config->memory.limit[0]);
 
     if (in->off) {
         start_anew(law);

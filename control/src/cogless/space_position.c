@@ -32,6 +32,7 @@ cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_posit
     }
     law->config = *config;
     law->ts = ts;
+    law->gentle = 0U;
     const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, config->ratio, cell, length);
     if (error == CGL_OK) {
         cgl_space_position_reset(law);
@@ -63,6 +64,7 @@ cgl_error cgl_space_position_retune(cgl_space_position *law, const cgl_space_pos
     }
     const bool same_ramp = !(config->ramp < law->config.ramp || config->ramp > law->config.ramp);
     law->config = *config;
+    law->gentle = UINT32_MAX; /* the next step follows the guard anew */
     if (!same_ramp && law->learning_samples > 0U) {
         law->learning_samples = samples_of_share(law, share);
     }
@@ -84,6 +86,25 @@ CGL_SELDOM void cgl_space_position_reset(cgl_space_position *law)
     cgl_memory_reset(&law->memory);
     law->learning_samples = 0U;
     start_anew(law);
+}
+
+/* What the guard has just changed. */
+CGL_SELDOM static void follow_guard(cgl_space_position *law, uint32_t gentle)
+{
+    law->gentle = gentle;
+    cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
+}
+
+/* The factor on the correction. It learns from positions too, where the speed loop's gain is no measure of the first step. */
+static cgl_real factor_of(const cgl_space_position *law, cgl_real omega_ref, cgl_real alpha_ref)
+{
+    if (CGL_OFTEN(law->gentle <= 1U)) {
+        return CGL_R(1.0);
+    }
+    const cgl_space_position_config *const config = &law->config;
+    const cgl_real gain =
+        config->mu_alpha + config->mu_beta * omega_ref * omega_ref + config->mu_h * alpha_ref * alpha_ref;
+    return cgl_gentle_gain(law->gentle, gain, config->k_omega * cgl_abs(omega_ref));
 }
 
 void cgl_space_position_step(cgl_space_position *law,
@@ -110,13 +131,19 @@ void cgl_space_position_step(cgl_space_position *law,
     const bool moving = plausible && cgl_abs(in->omega_ref) >= config->omega_min;
     cgl_real value[CGL_CHANNELS];
     cgl_real share = share_of_learning(law);
-    const cgl_real step = moving ? -share * omega_t / cgl_abs(omega_ref) : CGL_R(0.0);
+    const uint32_t gentle = cgl_law_gentle(in);
+    if (gentle != law->gentle) {
+        follow_guard(law, gentle);
+    }
+    const cgl_real step =
+        moving ? -share * factor_of(law, omega_ref, alpha_ref) * omega_t / cgl_abs(omega_ref) : CGL_R(0.0);
     const cgl_real correction[CGL_CHANNELS] = {step * config->mu_alpha, step * (config->mu_beta * omega_ref),
                                                step * (config->mu_h * alpha_ref)};
     const bool learn = cgl_memory_step(&law->memory, config->index == CGL_SPACE_BY_ROTOR ? in->theta_m : in->theta_ref,
-                                       moving ? in->omega_ref : CGL_R(0.0), learning && moving && !law->saturated,
+                                       moving ? in->omega_ref : CGL_R(0.0),
+                                       (learning && moving && !law->saturated) || (in->forget && !in->off),
                                        correction, value);
-    if (learn && (law->learning_samples == 0U || (share < CGL_R(1.0) && law->learning_samples < 0xFFFFFFFFU))) {
+    if (learn && !in->forget && (law->learning_samples == 0U || (share < CGL_R(1.0) && law->learning_samples < 0xFFFFFFFFU))) {
         ++law->learning_samples;
     } else if (law->learning_samples == 0U) {
         share = CGL_R(0.0);
@@ -130,12 +157,12 @@ void cgl_space_position_step(cgl_space_position *law,
     cgl_space_position_terms *terms = &law->terms;
     terms->proportional =
         -(config->k_omega + config->v_0 + config->v_2 * omega * omega) * omega_t - config->k_v * theta_tg;
-    terms->alpha = value[0];
-    terms->beta = config->memory.channels > 1U ? value[1] * omega_ref : CGL_R(0.0);
-    terms->h = config->memory.channels > 2U ? value[2] * alpha_ref : CGL_R(0.0);
+    terms->alpha = in->share * value[0];
+    terms->beta = config->memory.channels > 1U ? in->share * value[1] * omega_ref : CGL_R(0.0);
+    terms->h = config->memory.channels > 2U ? in->share * value[2] * alpha_ref : CGL_R(0.0);
     const cgl_real rest = terms->proportional + terms->alpha + terms->beta + terms->h;
 
-    const cgl_real share_i = config->hand_over ? CGL_R(1.0) - share : CGL_R(1.0);
+    const cgl_real share_i = config->hand_over ? CGL_R(1.0) - in->share * share : CGL_R(1.0);
     cgl_real lost = law->integral_lost;
     const cgl_real integral = cgl_add(law->integral, config->k_i * law->ts * omega_t, config->limit, &lost);
     const cgl_real wanted = rest - share_i * integral;

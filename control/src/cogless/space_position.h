@@ -62,6 +62,7 @@ typedef struct {
     cgl_real integral_lost;         /* what rounding kept from it [A] */
     uint32_t learning_samples;      /* in which it learned; counts no further than the ramp */
     bool saturated;                 /* the last output was at its limit */
+    uint32_t gentle;                /* how gently it learns, as the guard says */
     cgl_space_position_terms terms; /* of the last step */
 } cgl_space_position;
 

@@ -22,6 +22,7 @@ cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_confi
         return CGL_ERROR_CONFIG;
     }
     law->config = *config;
+    law->gentle = 0U;
     const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, config->ratio, cell, length);
     if (error == CGL_OK) {
         cgl_space_speed_reset(law);
@@ -36,6 +37,7 @@ cgl_error cgl_space_speed_retune(cgl_space_speed *law, const cgl_space_speed_con
         return CGL_ERROR_CONFIG;
     }
     law->config = *config;
+    law->gentle = UINT32_MAX; /* the next step follows the guard anew */
     return CGL_OK;
 }
 
@@ -53,6 +55,24 @@ CGL_SELDOM void cgl_space_speed_reset(cgl_space_speed *law)
     start_anew(law);
 }
 
+/* What the guard has just changed. */
+CGL_SELDOM static void follow_guard(cgl_space_speed *law, uint32_t gentle)
+{
+    law->gentle = gentle;
+    cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
+}
+
+/* The factor on the correction. It grows with 1 / |omega| without bound, which is the law as proven: the first step leaves it. */
+static cgl_real factor_of(const cgl_space_speed *law, cgl_real omega, cgl_real alpha_ref)
+{
+    if (CGL_OFTEN(law->gentle <= 1U)) {
+        return CGL_R(1.0);
+    }
+    const cgl_space_speed_config *const config = &law->config;
+    const cgl_real gain = config->mu_alpha + config->mu_beta * omega * omega + config->mu_h * alpha_ref * alpha_ref;
+    return cgl_gentle_gain(law->gentle, gain, config->k * cgl_abs(omega));
+}
+
 void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
                           cgl_law_output *out)
 {
@@ -67,11 +87,15 @@ void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
     const bool moving = cgl_abs(omega) >= config->omega_min;
     const bool switched_on = moving && cgl_abs(eta) < config->eta_bar; /* q is not 0 */
     cgl_real delta[CGL_CHANNELS];
-    const cgl_real step = switched_on ? -eta / cgl_abs(omega) : CGL_R(0.0);
+    const uint32_t gentle = cgl_law_gentle(in);
+    if (gentle != law->gentle) {
+        follow_guard(law, gentle);
+    }
+    const cgl_real step = switched_on ? -eta * factor_of(law, omega, alpha_ref) / cgl_abs(omega) : CGL_R(0.0);
     const cgl_real correction[CGL_CHANNELS] = {step * config->mu_alpha, step * (config->mu_beta * omega),
                                                step * (config->mu_h * alpha_ref)};
     const bool learn = cgl_memory_step(&law->memory, in->theta_m, moving ? omega : CGL_R(0.0),
-                                       in->learn && !in->off && switched_on && !law->saturated, correction, delta);
+                                       ((in->learn && switched_on && !law->saturated) || in->forget) && !in->off, correction, delta);
 
     if (in->off) {
         start_anew(law);
@@ -80,9 +104,9 @@ void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
     }
     cgl_space_speed_terms *terms = &law->terms;
     terms->proportional = -config->k * eta;
-    terms->alpha = delta[0];
-    terms->beta = config->memory.channels > 1U ? delta[1] * omega : CGL_R(0.0);
-    terms->h = config->memory.channels > 2U ? delta[2] * alpha_ref : CGL_R(0.0);
+    terms->alpha = in->share * delta[0];
+    terms->beta = config->memory.channels > 1U ? in->share * delta[1] * omega : CGL_R(0.0);
+    terms->h = config->memory.channels > 2U ? in->share * delta[2] * alpha_ref : CGL_R(0.0);
     const cgl_real wanted = terms->proportional + terms->alpha + terms->beta + terms->h;
     law->saturated = !cgl_is_below(wanted, config->limit);
     out->i_q_ref = cgl_clamp(wanted, config->limit);

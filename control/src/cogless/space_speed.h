@@ -38,6 +38,7 @@ typedef struct {
     cgl_space_speed_config config;
     cgl_memory memory;     /* memory.p_t: P_t [s] */
     bool saturated;              /* the last output was at its limit */
+    uint32_t gentle;             /* how gently it learns, as the guard says */
     cgl_space_speed_terms terms; /* of the last step */
 } cgl_space_speed;
 

@@ -21,7 +21,8 @@ enum {
     CGL_STATUS_CURRENT = 128,      /* a current is not finite, too large, or the three do not add up to zero */
     CGL_STATUS_BUS = 256,          /* the bus voltage is not finite or not positive */
     CGL_STATUS_OUTLIER = 512,      /* the error is far beyond the usual: nothing is learned from it */
-    CGL_STATUS_OFF = 1024          /* the output is held at zero: open the bridge, if the hardware can */
+    CGL_STATUS_OFF = 1024,         /* the output is held at zero: open the bridge, if the hardware can */
+    CGL_STATUS_GUARDED = 2048      /* the guard holds learning back: it stands still, is tried more gently, or does not act */
 };
 
 #endif

@@ -1,6 +1,6 @@
 """Growth of the error over simulated trials of finite length, which the frequency response doesn't show.
 
-At both ends of the trial the filter extends the signal (filtfilt reflects it about its last sample), and the
+At both ends of the trial the filter extends the signal (it reflects it about its last sample), and the
 shift repeats the last error. So the error may grow there although it shrinks at every frequency. The
 simulation starts with noise in v, without a reference, and applies the update trial by trial.
 """
@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cogless.design.feedforward import polynomials
+from cogless.design.linear_filter import forward, forward_and_backward
 from cogless.design.model import Model, Real
 from cogless.design.response import Filter, Filtered, Loop
 
@@ -27,18 +28,16 @@ def growth(
     samples: int,
 ) -> Real:
     """Factor per trial of each loop's error: its geometric mean over the last half of `TRIALS` trials."""
-    from scipy.signal import filtfilt, lfilter
-
     transfer = [polynomials(Model(loop.A, loop.B), loop.C) for loop in loops]
 
     def error(v: Real) -> Real:
         # filtered in the time domain: a product of spectra spreads the largest samples' rounding over all
-        e = -np.array([lfilter(b, a, row) for (a, b), row in zip(transfer, v, strict=True)])
+        e = -np.array([forward(b, a, row) for (a, b), row in zip(transfer, v, strict=True)])
         e[:, :shift] = 0.0
         return e
 
     def smooth(x: Real) -> Real:
-        return x if q_filter is None else np.asarray(filtfilt(q_filter.b, q_filter.a, x))
+        return x if q_filter is None else forward_and_backward(q_filter.b, q_filter.a, x)
 
     def ahead(e: Real) -> Real:
         return np.hstack([e[:, shift:], np.repeat(e[:, -1:], shift, axis=1)])

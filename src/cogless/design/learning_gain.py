@@ -12,15 +12,16 @@ The sweep also shows when there is no solution.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from cogless.design.error import DesignError
 from cogless.design.feedforward import zeros
 from cogless.design.hull import enclose
-from cogless.design.lmi import TOLERANCE, Check, minimise
+from cogless.design.lmi import TOLERANCE, Check, Unknown, minimise
 from cogless.design.model import Model, Real
 from cogless.design.response import Bundle, Complex, Loop, best_gain, direction
 
@@ -219,44 +220,52 @@ def _solve(
     vertices: Sequence[Vertex], T: Real, f: Real, g: float, unit: float
 ) -> tuple[float, tuple[float, float], Check, str] | None:
     """Solves (32) to (35) in the coordinates eta = T eta~, with v scaled by `unit`; None if `check` fails."""
-    import cvxpy as cp
-
     n = len(f)
     inverse = np.linalg.inv(T)
     start = (inverse @ f) / g
-    G_1, G_2, W = cp.Variable((n, n)), cp.Variable((1, 1)), cp.Variable((1, 1))
-    beta_1, beta_2 = cp.Variable((1, 1)), cp.Variable((1, 1))
-    Y = [(cp.Variable((n, n), symmetric=True), cp.Variable((1, 1))) for _ in vertices]
     row, column, zero, one = np.zeros((1, n)), np.zeros((n, 1)), np.zeros((1, 1)), np.eye(1)
-    constraints = []
-    for vertex, (Y_1, Y_2) in zip(vertices, Y, strict=True):
+    scalar, weighted, symmetric = Unknown(1, 1), Unknown(1, 1, weight=1.0), Unknown(n, n, symmetric=True)
+    # beta_1, beta_2, G_1, Y_1 of the first vertex, G_2, its Y_2, W, then Y_1 and Y_2 of the others
+    unknowns = [weighted, weighted, Unknown(n, n), symmetric, scalar, scalar, scalar]
+    unknowns += [symmetric, scalar] * (len(vertices) - 1)
+
+    def sorted_out(x: Sequence[Real]) -> tuple[Real, Real, Real, list[tuple[Real, Real]]]:
+        """G_1, G_2, W, and for each vertex Y_1 and Y_2."""
+        return x[2], x[4], x[6], [(x[3], x[5]), *zip(x[7::2], x[8::2], strict=True)]
+
+    def of_vertex(vertex: Vertex, k: int, *x: Real) -> Real:
+        G_1, G_2, W, Y = sorted_out(x)
+        Y_1, Y_2 = Y[k]
         moved = (inverse @ vertex.A @ T) @ G_1
         driven = (inverse @ vertex.B / unit) @ W
         seen = -(vertex.Gamma @ T) @ G_1
         left = G_2 - vertex.Upsilon / unit * W
-        constraints += [
-            cp.bmat(
-                [
-                    [G_1 + G_1.T - Y_1, column, moved.T, seen.T, seen.T],
-                    [row, 2 * G_2 - Y_2, driven.T, left, left],
-                    [moved, driven, Y_1, column, column],
-                    [seen, left, row, Y_2, zero],
-                    [seen, left, row, zero, one],
-                ]
-            )
-            >> 0,
-            cp.bmat([[beta_1, start[None, :]], [start[:, None], Y_1]]) >> 0,
-            cp.bmat([[beta_2, one], [one, Y_2]]) >> 0,
-        ]
-    status = minimise((beta_1 + beta_2)[0, 0], constraints)
-    if W.value is None or G_2.value is None or any(a.value is None or b.value is None for a, b in Y):
+        return np.block(
+            [
+                [G_1 + G_1.T - Y_1, column, moved.T, seen.T, seen.T],
+                [row, 2 * G_2 - Y_2, driven.T, left, left],
+                [moved, driven, Y_1, column, column],
+                [seen, left, row, Y_2, zero],
+                [seen, left, row, zero, one],
+            ]
+        )
+
+    def first_cost(k: int, *x: Real) -> Real:
+        return np.block([[x[0], start[None, :]], [start[:, None], sorted_out(x)[3][k][0]]])
+
+    def second_cost(k: int, *x: Real) -> Real:
+        return np.block([[x[1], one], [one, sorted_out(x)[3][k][1]]])
+
+    blocks: list[Callable[..., Real]] = []
+    for k, vertex in enumerate(vertices):
+        blocks += [partial(of_vertex, vertex, k), partial(first_cost, k), partial(second_cost, k)]
+    status, x = minimise(unknowns, blocks)
+    if x is None:
         return None
-    K_3 = float(W.value[0, 0] / G_2.value[0, 0] / unit)
+    _, G_2, W, Y = sorted_out(x)
+    K_3 = float(W[0, 0] / G_2[0, 0] / unit)
     try:
-        P = []
-        for Y_1, Y_2 in Y:
-            both = np.block([[np.asarray(Y_1.value), column], [row, np.asarray(Y_2.value)]])
-            P.append(np.linalg.inv(both))
+        P = [np.linalg.inv(np.block([[Y_1, column], [row, Y_2]])) for Y_1, Y_2 in Y]
         first = g * g * max(float(start @ p[:n, :n] @ start) for p in P)
         second = g * g * max(float(p[n, n]) for p in P)
         result = check(vertices, K_3, P, T, f, g, (first + second) * (1 + 1e-9))

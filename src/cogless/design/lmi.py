@@ -1,22 +1,25 @@
 """Semidefinite programs, solved by Clarabel, and a check of the solutions by the eigenvalues of the blocks.
 
 The problems are always in coordinates scaled by a Riccati or Lyapunov solution. In unscaled coordinates
-Clarabel and SCS return wrong gains and report them as optimal. cvxpy is imported only inside the function
-that uses it, because the import takes longer than most designs.
+Clarabel and SCS return wrong gains and report them as optimal. Clarabel is imported only inside the function
+that uses it.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from cogless.design.model import Real
 
 TOLERANCE = 1e-7  # an eigenvalue above minus this share of the block's largest counts as positive
+STATUS = {  # Clarabel's, of those that come with a solution
+    "Solved": "optimal",
+    "AlmostSolved": "optimal_inaccurate",
+    "MaxIterations": "user_limit",
+}
 
 
 @dataclass(frozen=True)
@@ -29,20 +32,71 @@ class Check:
     passed: bool
 
 
-def minimise(objective: Any, constraints: list[Any]) -> str:
-    """Solves in place and returns the status: "optimal", "optimal_inaccurate", "infeasible", "failed", ..."""
-    import cvxpy as cp
+@dataclass(frozen=True)
+class Unknown:
+    """An unknown matrix. `weight`: of its top left entry in the cost."""
 
-    problem = cp.Problem(cp.Minimize(objective), constraints)
-    settings = {"tol_gap_abs": 1e-9, "tol_gap_rel": 1e-9, "tol_feas": 1e-9, "max_threads": 1}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # "may be inaccurate": all solutions are checked anyway
-        try:
-            # Clarabel's own equilibration would undo our scaling, and then it sometimes fails
-            problem.solve(solver=cp.CLARABEL, equilibrate_enable=False, **settings)
-        except cp.SolverError:
-            return "failed"
-    return str(problem.status)
+    rows: int
+    columns: int
+    symmetric: bool = False
+    weight: float = 0.0
+
+    @property
+    def basis(self) -> Real:
+        """Matrices (count, rows, columns) whose linear combinations it can be."""
+        one = np.eye(self.rows * self.columns).reshape(-1, self.columns, self.rows).swapaxes(1, 2)
+        if not self.symmetric:
+            return one
+        both = (one + one.swapaxes(1, 2)) / (1 + np.eye(self.rows))
+        i, j = np.triu_indices(self.rows)
+        return np.asarray(both[j * self.rows + i])
+
+
+def minimise(
+    unknowns: Sequence[Unknown], blocks: Sequence[Callable[..., Real]]
+) -> tuple[str, list[Real] | None]:
+    """Minimises the weighted sum such that all blocks are positive semidefinite.
+
+    A block is an affine function of the unknowns, its value a symmetric matrix. Returns the status, such as
+    "optimal" or "optimal_inaccurate", and the unknowns' values, or "failed" and None.
+    """
+    import clarabel
+    from scipy.sparse import csc_matrix
+
+    bases = [unknown.basis for unknown in unknowns]
+    zeros = [np.zeros(basis.shape[1:]) for basis in bases]
+    at_zero = [block(*zeros) for block in blocks]
+    columns, cost = [], []
+    for n, (unknown, basis) in enumerate(zip(unknowns, bases, strict=True)):
+        for one in basis:
+            values = [*zeros[:n], one, *zeros[n + 1 :]]
+            slopes = [block(*values) - start for block, start in zip(blocks, at_zero, strict=True)]
+            columns.append(np.concatenate([_triangle(slope) for slope in slopes]))
+            cost.append(unknown.weight * one[0, 0])
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-9
+    settings.max_threads = 1
+    settings.equilibrate_enable = False  # it would undo our scaling, and then the solver sometimes fails
+    solution = clarabel.DefaultSolver(
+        csc_matrix((len(cost), len(cost))),
+        np.array(cost),
+        csc_matrix(-np.array(columns).T),
+        np.concatenate([_triangle(start) for start in at_zero]),
+        [clarabel.PSDTriangleConeT(len(start)) for start in at_zero],
+        settings,
+    ).solve()
+    status = STATUS.get(str(solution.status))
+    if status is None:
+        return "failed", None
+    parts = np.split(np.asarray(solution.x), np.cumsum([len(basis) for basis in bases])[:-1])
+    return status, [np.tensordot(part, basis, 1) for part, basis in zip(parts, bases, strict=True)]
+
+
+def _triangle(matrix: Real) -> Real:
+    """The upper triangle of a symmetric matrix, column by column, such that products of matrices are kept."""
+    i, j = np.tril_indices(len(matrix))
+    return np.where(i == j, 1.0, np.sqrt(2.0)) * matrix[j, i]
 
 
 def smallest_share(blocks: Sequence[Real]) -> float:

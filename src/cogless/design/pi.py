@@ -6,7 +6,8 @@ The open speed loop, from speed error to measured speed, sampled with period T =
 
 P is the response from current reference to measured speed. It consists of N exact steps x' = A x + B i_ref,
 each of one current-loop period T_c. From one speed sample to the next this gives X(z) = (z - A^N)^-1 B_N.
-With an ideal sensor the measured speed is omega. Otherwise it is (theta now - theta W steps ago) / (W T_c).
+With an ideal sensor the measured speed is omega, with an observer its response to theta. Otherwise it is
+(theta now - theta W steps ago) / (W T_c).
 With W = m N - r (0 <= r < N), theta W steps ago was that of z^-m (A^r X + B_r). An encoder has W = N, so a
 delay of T / 2. If it is timed from edge to edge (method T), this is its largest delay while two edges or more
 come in a period.
@@ -31,9 +32,10 @@ import numpy as np
 from cogless.design.current_loop import NO_MARGIN, CurrentLoop, IdealLoop, current_loops, tuned
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.design.model import exponential
+from cogless.design.observer import observed
 from cogless.study import Study, for_scenario
 from cogless.study.controller import Feedback, Tuning
-from cogless.study.drive import IdealSensor, Resolver
+from cogless.study.drive import Encoder, IdealSensor, Resolver
 
 CURRENT, INTEGRAL, WAITING, OMEGA, THETA, REFERENCE = range(6)  # indices of the state x, then of i_ref
 
@@ -54,6 +56,7 @@ class SpeedLoop:
     steps: int  # current-loop periods per speed-loop period
     window: int  # current-loop periods over which the speed is averaged; 0: speed at the sample
     current: CurrentLoop | IdealLoop  # of the q axis
+    bandwidth: float = 0.0  # rad/s, of an observer of the angle that gives the speed; 0: none
 
     @property
     def period(self) -> float:
@@ -65,6 +68,9 @@ class SpeedLoop:
         z, whole = np.exp(1j * w * self.period), self.step_of(self.steps)
         A, B = whole[:REFERENCE, :REFERENCE], whole[:REFERENCE, REFERENCE:]
         x = np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)[:, :, 0]
+        if self.bandwidth:
+            speed = observed(w, self.bandwidth, self.current.period)
+            return np.asarray(speed * x[:, THETA]), np.asarray(x[:, THETA])
         if self.window == 0:
             return np.asarray(x[:, OMEGA]), np.asarray(x[:, THETA])
         samples = -(-self.window // self.steps)
@@ -131,7 +137,8 @@ def _speed_loop(study: Study, scenario: str | None) -> SpeedLoop:
     rates, sensor, motor = study_here.drive.rates, study_here.drive.position_sensor, study_here.motor.star()
     steps = window = study_here.drive.rates.divider
     K_t = motor.K_t if scenario is not None else motor.power_factor * motor.pole_pairs * study.belief.psi_f
-    if isinstance(sensor, IdealSensor):
+    bandwidth = sensor.bandwidth if isinstance(sensor, Encoder) else 0.0
+    if isinstance(sensor, IdealSensor) or bandwidth:
         window = 0
     elif isinstance(sensor, Resolver):
         window = sensor.window
@@ -140,6 +147,7 @@ def _speed_loop(study: Study, scenario: str | None) -> SpeedLoop:
         steps=steps,
         window=window,
         current=current_loops(study, scenario).get("q") or IdealLoop(1 / rates.current_loop),
+        bandwidth=bandwidth,
     )
 
 

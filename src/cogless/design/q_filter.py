@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from cogless.design.error import DesignError
 from cogless.design.finite import growth
+from cogless.design.linear_filter import butterworth_polynomials
 from cogless.design.response import Bundle, Filter, Loop, best_gain, factor
 
 SHIFTS = 6  # shifts tried, from the relative degree upwards
@@ -25,10 +26,7 @@ def butterworth(cutoff: float, order: int, period: float) -> Filter:
         )
     if order < 1:
         raise DesignError(f"q_filter: order {order}: expected at least 1")
-    from scipy.signal import butter
-
-    b, a = butter(order, cutoff * period * 2)
-    return Filter(b, a)
+    return Filter(*butterworth_polynomials(order, cutoff * period * 2))
 
 
 def better_shift(

@@ -29,6 +29,7 @@ import numpy as np
 from cogless.design.angle_functions import functions_in
 from cogless.design.learning_loop import LearningLoop, plants, sensitivity
 from cogless.design.margins import Complex, Real
+from cogless.design.observer import counting_window
 from cogless.design.pi import pi_response
 from cogless.study import Study, for_scenario
 from cogless.study.drive import Encoder, Resolver
@@ -58,6 +59,9 @@ def sampled(study: Study, scenario: str) -> Sampled | None:
     drive = for_scenario(study, scenario).drive
     sensor = drive.position_sensor
     if isinstance(sensor, Encoder):
+        if sensor.bandwidth:
+            window = counting_window(sensor.bandwidth, 1 / drive.rates.current_loop)
+            return Sampled(math.tau / (4 * sensor.lines), window, False)
         timed = sensor.speed_method != "M"
         return Sampled(math.tau / (4 * sensor.lines), 1 / drive.rates.outer_loop, timed)
     if isinstance(sensor, Resolver):

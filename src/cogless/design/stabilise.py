@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from cogless.design.lmi import minimise
+from cogless.design.lmi import Unknown, minimise
 from cogless.design.model import Model, Real
 
 TRIES = 3  # each in coordinates in which the Y of the try before is I
@@ -44,21 +45,21 @@ def stabilise(models: Sequence[Model], T: Real) -> Common | None:
 
 def _solve(models: Sequence[Model], T: Real) -> tuple[Real, Real] | None:
     """Solves the program for t in the coordinates T: K and the coordinates in which Y is I, or None."""
-    import cvxpy as cp
-
     n, inverse = len(T), np.linalg.inv(T)
     driven = [inverse @ model.B for model in models]
     size = max(float(np.linalg.norm(b)) for b in driven)
-    Y, W, t = cp.Variable((n, n), symmetric=True), cp.Variable((1, n)), cp.Variable()
-    constraints = [Y << np.eye(n)]
-    for model, b in zip(models, driven, strict=True):
+
+    def shrinks(model: Model, b: Real, t: Real, Y: Real, W: Real) -> Real:
         moved = (inverse @ model.A @ T) @ Y + b / size @ W
-        constraints.append(cp.bmat([[Y, moved.T], [moved, Y]]) >> t * np.eye(2 * n))
-    minimise(-t, constraints)
-    if Y.value is None or W.value is None:
+        return np.block([[Y, moved.T], [moved, Y]]) - t * np.eye(2 * n)
+
+    vertices = [partial(shrinks, model, b) for model, b in zip(models, driven, strict=True)]
+    unknowns = [Unknown(1, 1, weight=-1.0), Unknown(n, n, symmetric=True), Unknown(1, n)]
+    _, found = minimise(unknowns, [lambda t, Y, W: np.eye(n) - Y, *vertices])
+    if found is None:
         return None
-    y = np.asarray(Y.value)
+    _, y, w = found
     if not np.all(np.isfinite(y)) or np.linalg.eigvalsh(y)[0] < NONE:
         return None
-    K = np.linalg.solve(y, np.asarray(W.value)[0]) / size @ inverse
+    K = np.linalg.solve(y, w[0]) / size @ inverse
     return K, T @ np.linalg.cholesky(y)

@@ -13,12 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 import numpy as np
 
 from cogless.design.error import DesignError
-from cogless.design.lmi import TOLERANCE, Check, minimise, smallest_share
+from cogless.design.lmi import TOLERANCE, Check, Unknown, minimise, smallest_share
 from cogless.design.model import Model, Real, uncontrollable_mode
 from cogless.design.polytope import UncertainPlant
 from cogless.design.stabilise import Common, stabilise
@@ -123,8 +123,8 @@ def check(
     return Check(smallest, cost, bound, smallest >= -TOLERANCE and cost <= bound * (1 + 1e-5))
 
 
-def _of_the_cost(Y: Any, closed: Any, q: Any, w: Any) -> list[list[Any]]:
-    """The block rows of (9), with Q^-1 and 1/R scaled to one; entries are numbers or solver variables."""
+def _of_the_cost(Y: Real, closed: Real, q: Real, w: Real) -> list[list[Real]]:
+    """The block rows of (9), with Q^-1 and 1/R scaled to one."""
     n, zero = Y.shape[0], np.zeros
     return [
         [Y, closed.T, q.T, w.T],
@@ -170,26 +170,27 @@ def solve_scaled(
 
     Also returns the T that makes this solution's Y~ the identity, for another attempt.
     """
-    import cvxpy as cp
-
     n, inverse = len(Q), np.linalg.inv(T)
     root = np.linalg.cholesky(T.T @ Q @ T).T
     start = inverse @ gamma
     size = float(np.linalg.norm(start))
     start = start / size
-    Y, W = cp.Variable((n, n), symmetric=True), cp.Variable((1, n))
-    beta = cp.Variable((1, 1))
-    constraints = [cp.bmat([[beta, start[None, :]], [start[:, None], Y]]) >> 0]
-    for model in models:
+
+    def cost(beta: Real, Y: Real, W: Real) -> Real:
+        return np.block([[beta, start[None, :]], [start[:, None], Y]])
+
+    def of_vertex(model: Model, beta: Real, Y: Real, W: Real) -> Real:
         closed = (inverse @ model.A @ T) @ Y + (inverse @ model.B / np.sqrt(R)) @ W
-        constraints.append(cp.bmat(_of_the_cost(Y, closed, root @ Y, W)) >> 0)
-    status = minimise(beta[0, 0], constraints)
-    if Y.value is None or W.value is None:
+        return np.block(_of_the_cost(Y, closed, root @ Y, W))
+
+    unknowns = [Unknown(1, 1, weight=1.0), Unknown(n, n, symmetric=True), Unknown(1, n)]
+    status, values = minimise(unknowns, [cost, *(partial(of_vertex, model) for model in models)])
+    if values is None:
         return None, None
-    y = np.asarray(Y.value)
+    _, y, w = values
     if not np.all(np.isfinite(y)) or np.linalg.eigvalsh(y)[0] <= 0:
         return None, None
-    K = (np.linalg.solve(y, np.asarray(W.value)[0]) / np.sqrt(R)) @ inverse
+    K = (np.linalg.solve(y, w[0]) / np.sqrt(R)) @ inverse
     # the bound computed from this Y, not the one that the solver reports
     bound = float(start @ np.linalg.solve(y, start)) * size**2 * (1 + 1e-9)
     result = check(models, Q, R, gamma, K, T @ y @ T.T, T, bound)

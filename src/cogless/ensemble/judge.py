@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cogless.ensemble.columns import Column
 from cogless.ensemble.table import Sweep
 from cogless.ensemble.work import Pair
+from cogless.study.error_messages import toml
 
 Array = NDArray[np.float64]
 CONFIDENCE = 1.96  # standard deviations, for 95 %
@@ -98,16 +99,3 @@ def likely(share: float, count: int) -> tuple[float, float]:
 def settings(sweep: Sweep, variant: int, scenario: str) -> list[str]:
     """What differs from the study in a variant's scenario, each as KEY=VALUE for --set."""
     return [f"{key}={toml(value)}" for key, value in sweep.ensemble.changes(variant, scenario).items()]
-
-
-def toml(value: object) -> str:
-    """A value as TOML, as it stands behind --set."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    if isinstance(value, list):
-        return f"[{', '.join(toml(item) for item in value)}]"
-    if isinstance(value, dict):
-        return f"{{ {', '.join(f'{key} = {toml(item)}' for key, item in value.items())} }}"
-    return repr(value)

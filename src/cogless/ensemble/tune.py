@@ -6,7 +6,7 @@ Every setting meets the same variants, seeds included, so that settings differ b
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cogless.design.verdict import verdict as forecast
 from cogless.ensemble import judge
 from cogless.ensemble.axes import Reader, tried
 from cogless.ensemble.columns import Column, columns
@@ -26,7 +27,7 @@ from cogless.ensemble.table import Sweep, gathered
 from cogless.ensemble.work import Pair, rows
 from cogless.errors import StudyError
 from cogless.run.simulate import runs_of
-from cogless.study import AnyStudy, changed
+from cogless.study import AnyStudy, TrialStudy, changed
 from cogless.study.error_messages import MISSING, shown
 from cogless.study.metric import result_name
 from cogless.study.reading import split
@@ -89,14 +90,23 @@ class Subject:
 
 @dataclass(frozen=True)
 class Score:
-    """How good a setting is: the smaller the better. `violation`: by how much limits are missed, relative."""
+    """How good a setting is: the smaller the better.
+
+    `violation`: by how much limits are missed, relative. `growth`: as `growth` forecasts.
+    """
 
     violation: float
     value: float
+    growth: float = 0.0
+
+    @property
+    def missed(self) -> float:
+        """By how much the setting misses what must hold."""
+        return self.violation + self.growth
 
     @property
     def order(self) -> tuple[float, float]:
-        return self.violation, self.value
+        return self.missed, self.value
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,9 +157,9 @@ class Evaluation:
 
     def scores(self, candidates: Sequence[Mapping[str, Any]]) -> list[Score]:
         """Scores of candidates; the first that is ever scored is what the others are measured by."""
-        return [self.score(sweep) for sweep in self.sweeps(candidates)]
+        return [self.score(sweep, c) for sweep, c in zip(self.sweeps(candidates), candidates, strict=True)]
 
-    def score(self, sweep: Sweep) -> Score:
+    def score(self, sweep: Sweep, candidate: Mapping[str, Any]) -> Score:
         index = self.columns.index(column_of(self.study, self.tune.minimise, "minimise"))
         found = np.array([self._statistic(judge.badness(sweep, p, index)) for p, _ in self._taken(index)])
         if self.scales is None:
@@ -162,7 +172,8 @@ class Evaluation:
             for pair, _ in self._taken(place):
                 edge = judge.quantile(judge.badness(sweep, pair, place), hold.share)
                 violation += max(0.0, (edge - limit) / (abs(limit) or 1.0))
-        return Score(violation, float(np.mean(found / self.scales)))
+        grows = growth(changed(self.study, candidate), {name for _, name in self.subject.pairs})
+        return Score(violation, float(np.mean(found / self.scales)), grows)
 
     def _taken(self, index: int) -> list[tuple[int, Pair]]:
         """The runs in whose scenarios a metric is taken."""
@@ -213,8 +224,9 @@ def _tuned(searched: Evaluation, check: Evaluation, path: Path, progress: Progre
         lambda tried, value: progress(subject.name, tried, budget, value),
     )
     values = _values(subject, best)
-    before, after = check.sweeps([_values(subject, start), values])
-    return Tuned(subject, values, check.score(before), check.score(after), before, after)
+    first = _values(subject, start)
+    before, after = check.sweeps([first, values])
+    return Tuned(subject, values, check.score(before, first), check.score(after, values), before, after)
 
 
 def side_by_side(study: AnyStudy, tuned: Sequence[Tuned]) -> Sweep:
@@ -266,11 +278,24 @@ def _values(subject: Subject, settings: Settings) -> dict[str, Any]:
     }
 
 
+def growth(study: AnyStudy, controllers: Iterable[str]) -> float:
+    """By how much design forecasts that learning grows, which short runs don't show: the factor in a period
+    less 1, or 1 where it is unstable; 0 where it settles, or where the forecast isn't sure.
+
+    The largest of these controllers; 0 for studies of trials.
+    """
+    if isinstance(study, TrialStudy):
+        return 0.0
+    found = [verdict for name in controllers if (verdict := forecast(study, name)) is not None]
+    sure = [each for each in found if each.kind in ("grows", "unstable", "feedback unstable")]
+    return max((each.worst.factor - 1 if each.worst else 1.0 for each in sure), default=0.0)
+
+
 def _penalised(score: Score) -> float:
     """One number for the search, which only compares: whoever misses a limit is worse than all who don't."""
     most = 1e6
-    if score.violation > 0:
-        return most * (1 + min(score.violation, most))
+    if score.missed > 0:
+        return most * (1 + min(score.missed, most))
     return min(score.value, most)
 
 

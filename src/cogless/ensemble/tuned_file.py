@@ -1,4 +1,4 @@
-"""Write a study anew with other values, its text and comments as they were."""
+"""The text of a study with other values, its text and comments as they were."""
 
 from __future__ import annotations
 
@@ -7,25 +7,23 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from cogless.files import replacing
 from cogless.study import AnyStudy
 from cogless.study.reading import put
 
 
-def write(study: AnyStudy, changes: Mapping[str, Any], path: Path, about: str) -> None:
-    """Write the file of a study with changes, by dotted key. `about`: a comment for its top.
+def text(study: AnyStudy, changes: Mapping[str, Any], folder: Path, about: str) -> str:
+    """The file of a study with changes, by dotted key. `about`: a comment for its top.
 
-    Files that it names beside itself are named from the new place.
+    Files that it names beside itself are named from `folder`, where it is to stand.
     """
     import tomlkit
 
     source = study.source.path
     document = tomlkit.parse(source.read_text(encoding="utf-8-sig"))
-    _moved(document, source.parent, path.parent)
+    _moved(document, source.parent, folder)
     for key, value in changes.items():
         put(document, key, value)
-    with replacing(path) as temporary:
-        temporary.write_text(f"# {about}\n{tomlkit.dumps(document)}", encoding="utf-8")
+    return f"# {about}\n{tomlkit.dumps(document)}"
 
 
 def _moved(tables: Any, here: Path, there: Path) -> None:

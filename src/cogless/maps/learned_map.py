@@ -50,7 +50,7 @@ def memory_of(
     """
     if stored is None:
         return {}
-    values = np.asarray(stored["values"])
+    values: Reals = stored["values"]
     if isinstance(study, TrialStudy):
         return {"learned": values[0]}
     if ORDER in stored["units"]:

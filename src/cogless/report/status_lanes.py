@@ -19,6 +19,7 @@ STATES: dict[int, str] = {
     Status.SATURATED: "at its limit (current or voltage)",
     Status.FROZEN: "not learning",
     Status.OUTLIER: "error far beyond the usual",
+    Status.GUARDED: "learning held back by the guard",
 }
 
 

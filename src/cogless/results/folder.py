@@ -115,7 +115,8 @@ def _listed(folder: Path) -> list[str]:
 def _switch(folder: Path) -> None:
     new, old, link = folder / NEW, folder / OLD, folder / LINK
     names = _files(new)
-    before = sorted({*_listed(folder), *(name for name in names if (folder / name).is_file())})
+    run = _listed(folder) if INDEX in names else []  # a sweep's table and report leave a run's files alone
+    before = sorted({*run, *(name for name in names if (folder / name).is_file())})
     try:
         for name in before:
             (old / name).parent.mkdir(parents=True, exist_ok=True)

@@ -19,6 +19,7 @@ class Status(IntFlag):
     BUS = 256
     OUTLIER = 512
     OFF = 1024
+    GUARDED = 2048
 
 
 SAFE = Status.FAULT | Status.OFF  # the controller holds its safe output

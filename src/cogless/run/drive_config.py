@@ -49,7 +49,7 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
         "initial_angle": experiment.initial_angle if run else 0.0,
         "seed": study_here.seed,
         "energy": study_here.trace.energy,
-        "drive": drive_config(study_here.drive, study.motor.star(), motor),
+        "drive": drive_config(study_here.drive, study.motor.star(), motor, study.mechanics.inertia),
         "controller": _controller(study, study_here, controller, mode),
     }
 
@@ -83,11 +83,11 @@ def _reference(reference: Reference) -> dict[str, Any]:
     }
 
 
-def drive_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[str, Any]:
+def drive_config(drive: Drive, motor: StarMotor, driven: StarMotor, inertia: float) -> dict[str, Any]:
     """The engine's description of a drive.
 
     `motor`: the study's motor, from which parameters that a belief leaves out are taken. `driven`: the motor
-    in this run, with overrides.
+    in this run, with overrides. `inertia`: as the controller assumes it, kg m^2.
     """
     values = control_config(drive, motor, driven)
     config = {
@@ -97,7 +97,54 @@ def drive_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[str,
         "position_sensor": sensor_fields(drive.position_sensor),
         "current_sensors": drive.current_sensors.model_dump(),
     }
-    return config if drive.inverter is None else config | {"inverter": drive.inverter.model_dump()}
+    table = encoder_table_config(drive, motor, inertia)
+    if table is not None:
+        config["encoder_table"] = control_layout(drive.precision).pack("cgl_encoder_table_config", table)
+    if drive.inverter is None:
+        return config
+    compensation = dead_time_config(drive, motor, driven)
+    if compensation is not None:
+        config["dead_time"] = control_layout(drive.precision).pack("cgl_dead_time_config", compensation)
+    return config | {"inverter": drive.inverter.model_dump()}
+
+
+def encoder_table_config(drive: Drive, motor: StarMotor, inertia: float) -> dict[str, Any] | None:
+    """Members of the C struct cgl_encoder_table_config; None: the sensor is believed."""
+    table = drive.encoder_table
+    if table is None:
+        return None
+    K_t = motor.power_factor * motor.pole_pairs * drive.belief.resolved(motor).psi_f
+    return {
+        "orders": len(table.orders),
+        "order": list(table.orders),
+        "gain": 1 / table.time_constant,
+        "omega_min": table.omega_min,
+        "bandwidth": table.bandwidth,
+        "b": K_t / inertia,
+        "limit": table.limit,
+    }
+
+
+def dead_time_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[str, Any] | None:
+    """Members of the C struct cgl_dead_time_config; None: not compensated."""
+    compensation, inverter = drive.dead_time_compensation, drive.inverter
+    if compensation is None or inverter is None:
+        return None
+    belief = drive.belief.resolved(motor)
+    kp_q = drive.current_loop.gains(belief)["kp_q"]
+    return {
+        "time": inverter.dead_time if compensation.time is None else compensation.time,
+        "drop": inverter.device_drop if compensation.drop is None else compensation.drop,
+        "band": compensation.band,
+        "lag": belief.L_q / kp_q if kp_q > 0 else 0.0,
+        "advance": _advance(drive),
+        "phases": driven.phases,
+    }
+
+
+def _advance(drive: Drive) -> float:
+    """Current-loop periods from sampling to the middle of the period in which the voltage acts."""
+    return 1.5 if drive.inverter is not None and drive.inverter.computation_delay else 0.5
 
 
 def control_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[str, Any]:
@@ -109,10 +156,11 @@ def control_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[st
         "divider": drive.rates.divider,
         "foreign": drive.ideal,
         "learn_saturated": drive.rates.position_loop is not None,
+        "unguarded": not drive.guard or drive.rates.position_loop is not None,
         "foc": {
             **loop.gains(belief),
             "current_limit": loop.current_limit,
-            "advance": 1.5 if drive.inverter is not None and drive.inverter.computation_delay else 0.5,
+            "advance": _advance(drive),
             "decoupling": loop.decoupling,
             "L_d": belief.L_d,
             "L_q": belief.L_q,

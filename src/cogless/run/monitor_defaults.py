@@ -18,6 +18,7 @@ SUM_SHARE = 0.5  # of the current limit
 STUCK_ANGLE = 0.5  # rad
 STUCK_TIME = 0.1  # s
 BRIDGE = 5e-3  # s
+SETTLED = 10.0  # time constants after which an observer has forgotten a jump to a part in a thousand
 HOLD = 10e-3  # s
 
 
@@ -39,6 +40,8 @@ def monitor_config(drive: Drive, motor: StarMotor, belief: StarBelief) -> dict[s
     if isinstance(sensor, Encoder):
         # an angle jump is in the counts of one law period, and the speed from them is used in the next period
         step, window = 2 * math.pi / (4 * sensor.lines), 2 * drive.rates.divider * period
+        if sensor.bandwidth:
+            window = SETTLED / sensor.bandwidth
     elif isinstance(sensor, Resolver):
         step, window = 2 * math.pi / 2**sensor.bits, sensor.window * period
     derived = {

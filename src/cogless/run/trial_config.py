@@ -42,12 +42,14 @@ def engine_config(
             "controller": law,
         }
     assert study.drive is not None and study.motor is not None
+    assert study.mechanics is not None
+    driven = study.hardware(scenario)[0].motor.star()
     phases = [_drive_phase(study, scenario, index, *phase) for index, phase in enumerate(experiment.phases)]
     return {
         "trials": {"samples": samples, "count": experiment.trials, "phases": phases},
         "seed": study.seed,
         "energy": study.trace.energy,
-        "drive": drive_config(study.drive, study.motor.star(), study.hardware(scenario)[0].motor.star()),
+        "drive": drive_config(study.drive, study.motor.star(), driven, study.mechanics.inertia),
         "faults": [fault.model_dump() for fault in experiment.faults],
         "controller": law,
     }

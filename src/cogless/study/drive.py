@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -12,23 +13,28 @@ from cogless.study.monitor import Monitor, Quality
 from cogless.study.motor import StarMotor
 from cogless.study.table import (
     Angle,
+    AngularSpeedMagnitude,
     Current,
     CurrentGain,
     CurrentIntegralGain,
     CurrentLimit,
     CurrentMagnitude,
+    Duration,
     FluxLinkage,
     Frequency,
     Inductance,
     Resistance,
+    Span,
     Table,
     Time,
     Voltage,
+    VoltageMagnitude,
     check_precision,
     check_sizes,
     invalid,
 )
 
+ORDERS, ORDER_MAX = 4, 1000  # of a table of the sensor's error: CGL_ENCODER_TABLE_ORDERS, and encoder_table.c
 PERIODS_MAX = 5e8  # largest number of periods that the controller counts
 OUTER_LOOPS = ("speed_loop", "position_loop")
 
@@ -163,7 +169,16 @@ class Inverter(Table):
     kind: Literal["averaged", "switched"] = "averaged"
     bus_voltage: Voltage  # V
     dead_time: Time = 0.0  # s
+    device_drop: VoltageMagnitude = 0.0  # V, across the transistor or diode that conducts
     computation_delay: Literal[0, 1] = 1  # current-loop samples
+
+
+class DeadTimeCompensation(Table):
+    """Correction of the duty cycles by the signs of the phase currents' references."""
+
+    time: Time | None = None  # s, as the controller believes it; default: the inverter's
+    drop: VoltageMagnitude | None = None  # V, likewise
+    band: CurrentLimit  # A: below it a phase gets a part of the correction
 
 
 class IdealSensor(Table):
@@ -177,10 +192,50 @@ class Encoder(Table):
 
     kind: Literal["encoder"]
     lines: Annotated[int, Field(ge=1, le=10_000_000)]  # a revolution
-    speed_method: Literal["M", "T", "MT"] = "M"  # M: counts per period; T: time per count; MT: both
+    # M: counts per period; T: time per count; MT: both; observer: of the angle
+    speed_method: Literal["M", "T", "MT", "observer"] = "M"
+    observer_bandwidth: Frequency | None = None  # Hz, with observer only
     timer: Frequency = 100e6  # Hz, for T and MT
     eccentricity: Angle = 0.0  # rad, amplitude of the error once per revolution
     eccentricity_phase: Angle = 0.0  # rad
+
+    @model_validator(mode="after")
+    def _observed(self) -> Self:
+        given = self.observer_bandwidth is not None
+        if given != (self.speed_method == "observer"):
+            expected = 'expected none, unless speed_method is "observer"' if given else "expected a frequency"
+            raise invalid(expected, "observer_bandwidth", value=None if given else "missing")
+        return self
+
+    @property
+    def bandwidth(self) -> float:
+        """Bandwidth of the observer that gives the speed, rad/s; 0 if there is none."""
+        return 2 * math.pi * (self.observer_bandwidth or 0.0)
+
+
+class EncoderTable(Table):
+    """Correction of the position sensor's own error, learned while the motor turns fast."""
+
+    orders: Annotated[tuple[int, ...], Field(strict=False)]  # mechanical
+    omega_min: AngularSpeedMagnitude  # rad/s: learns above it
+    time_constant: Duration = 0.5  # s, of learning
+    limit: Span = math.radians(2)  # rad, of each coefficient
+
+    @model_validator(mode="after")
+    def _rising(self) -> Self:
+        rising = all(a < b for a, b in pairwise((0, *self.orders, ORDER_MAX + 1)))
+        if not rising or not 1 <= len(self.orders) <= ORDERS:
+            raise invalid(f"expected 1 to {ORDERS} orders that rise, from 1 to {ORDER_MAX}", "orders")
+        if self.limit * self.orders[-1] > 1:
+            raise invalid(f"expected at most {1 / self.orders[-1]:.3g} rad", "limit")
+        if not self.omega_min:
+            raise invalid("expected a speed above zero", "omega_min")
+        return self
+
+    @property
+    def bandwidth(self) -> float:
+        """Bandwidth of the observer that predicts the angle, rad/s: far below the lowest order."""
+        return self.omega_min * self.orders[0] / 4
 
 
 class Resolver(Table):
@@ -213,10 +268,13 @@ class Drive(Table):
     rates: Rates
     current_loop: AnyCurrentLoop
     inverter: Inverter | None = None  # not with an ideal current loop
+    dead_time_compensation: DeadTimeCompensation | None = None  # likewise
     position_sensor: PositionSensor = IdealSensor()
+    encoder_table: EncoderTable | None = None
     current_sensors: CurrentSensors = CurrentSensors()
     monitor: Monitor = Monitor()
     quality: Quality = Quality()
+    guard: bool = True  # learning that leaves more ripple than the feedback alone is stopped
 
     @model_validator(mode="after")
     def _bridge(self) -> Self:
@@ -224,6 +282,20 @@ class Drive(Table):
             raise invalid("expected none, since the current loop is ideal", "inverter")
         if not self.ideal and self.inverter is None:
             raise invalid("expected a table of bus_voltage, ...", "inverter", value="missing")
+        if self.dead_time_compensation is None:
+            return self
+        if self.ideal:
+            raise invalid("expected none, since the current loop is ideal", "dead_time_compensation")
+        check_sizes(self.dead_time_compensation, "dead_time_compensation")
+        return self
+
+    @model_validator(mode="after")
+    def _observable(self) -> Self:
+        """Refuse an observer that is faster than the current loop's sampling lets it be."""
+        sensor, fastest = self.position_sensor, self.rates.current_loop / math.pi
+        if isinstance(sensor, Encoder) and (sensor.observer_bandwidth or 0.0) > fastest:
+            expected = f"expected at most {fastest:.4g} Hz, a third of current_loop"
+            raise invalid(expected, "position_sensor", "observer_bandwidth")
         return self
 
     @model_validator(mode="after")
@@ -251,4 +323,5 @@ class Drive(Table):
 def sensor_fields(sensor: IdealSensor | Encoder | Resolver) -> dict[str, Any]:
     """Fields of all kinds of sensor in one table, as the engine reads them; unused ones have defaults."""
     absent = {**Encoder(kind="encoder", lines=1).model_dump(), **Resolver(kind="resolver").model_dump()}
-    return {**absent, **sensor.model_dump()}
+    bandwidth = sensor.bandwidth if isinstance(sensor, Encoder) else 0.0
+    return {**absent, **sensor.model_dump(), "bandwidth": bandwidth}

@@ -69,8 +69,17 @@ def _in_quotes(part: str) -> bool:
 
 def shown(value: Any) -> str:
     """A value as written in TOML, shortened to 60 characters."""
-    text = _escaped(value)
+    text = toml(value)
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def toml(value: Any) -> str:
+    """A value as written in TOML, in one line."""
+    if isinstance(value, list):
+        return f"[{', '.join(map(toml, value))}]"
+    if isinstance(value, dict) and value:
+        return f"{{ {', '.join(f'{dotted((key,))} = {toml(item)}' for key, item in value.items())} }}"
+    return repr(value) if isinstance(value, float) else _escaped(value)  # JSON has no nan and inf
 
 
 def _escaped(value: Any) -> str:

@@ -10,6 +10,7 @@ from cogless.study.controller import AntiCogging, Learning
 from cogless.study.table import invalid
 
 if TYPE_CHECKING:
+    from cogless.study.drive import Drive
     from cogless.study.mechanics import Mechanics
     from cogless.study.motor import StarMotor
     from cogless.study.study import Study
@@ -60,15 +61,18 @@ def natural_rates(
 
 def dead_time(study: Study) -> None:
     """Check that the dead time leaves time to switch within a current-loop period."""
-    if study.drive.inverter is not None:
-        check_dead_time(study.drive.inverter.dead_time, study.drive.rates.current_loop)
+    check_dead_time(study.drive)
 
 
-def check_dead_time(dead_time: float, rate: float) -> None:
-    """Refuse a dead time (s) of half a current-loop period or more. `rate`: of the current loop, Hz."""
-    if dead_time >= 0.5 / rate:
-        expected = f"expected less than half a period of the current loop, {0.5 / rate:.3g} s"
+def check_dead_time(drive: Drive) -> None:
+    """Refuse dead times, true and believed, of half a current-loop period or more."""
+    longest = 0.5 / drive.rates.current_loop
+    expected = f"expected less than half a period of the current loop, {longest:.3g} s"
+    if drive.inverter is not None and drive.inverter.dead_time >= longest:
         raise invalid(expected, "drive", "inverter", "dead_time")
+    compensation = drive.dead_time_compensation
+    if compensation is not None and (compensation.time or 0.0) >= longest:
+        raise invalid(expected, "drive", "dead_time_compensation", "time")
 
 
 def size(study: Study) -> None:

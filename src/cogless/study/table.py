@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Self, TypeVar
@@ -139,15 +139,21 @@ def check_precision(table: Table, precision: str, *above: str, terms: int = 1) -
             raise invalid(f"{expected} in {precision} precision", *above, key)
 
 
-def dotted_keys(override: dict[str, Any]) -> dict[str, Any]:
-    """Flatten nested tables of an override to dotted keys.
+def dotted_keys(
+    tables: dict[str, Any], inside: Callable[[str, Any], bool] | None = None, above: str = ""
+) -> dict[str, Any]:
+    """Flatten nested tables to dotted keys.
 
     TOML reads mechanics.inertia as {"mechanics": {"inertia": x}}; this becomes {"mechanics.inertia": x}.
+
+    `inside`: whether the value at a dotted key is such a table, rather than a value itself; by default the
+    outermost tables are. `above`: the dotted key above these tables, with a dot behind it.
     """
+    inside = inside or (lambda key, value: "." not in key and isinstance(value, dict))
     flat: dict[str, Any] = {}
-    for key, value in override.items():
-        within = "." not in key and isinstance(value, dict)
-        flat |= {f"{key}.{inner}": entry for inner, entry in value.items()} if within else {key: value}
+    for key, value in tables.items():
+        name = above + key
+        flat |= dotted_keys(value, inside, f"{name}.") if inside(name, value) else {name: value}
     return flat
 
 
@@ -228,6 +234,7 @@ Current = Annotated[float, Quantity(units.CURRENT)]
 CurrentMagnitude = Annotated[float, Quantity(units.CURRENT, ">=")]
 CurrentLimit = Annotated[float, Quantity(units.CURRENT, ">")]
 Voltage = Annotated[float, Quantity(units.VOLTAGE, ">")]
+VoltageMagnitude = Annotated[float, Quantity(units.VOLTAGE, ">=")]
 Torque = Annotated[float, Quantity(units.TORQUE)]
 TorqueMagnitude = Annotated[float, Quantity(units.TORQUE, ">=")]
 Resistance = Annotated[float, Quantity(units.RESISTANCE, ">=")]

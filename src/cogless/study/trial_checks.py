@@ -192,8 +192,7 @@ def integration(study: TrialStudy) -> None:
     top = max(study.top_speed(name) for name in study.scenario)
     found = numerics.natural_rates(study.motor.star(), study.mechanics, top, electrical=not study.drive.ideal)
     numerics.check_step(1 / (rates.current_loop * rates.integration_steps), rates.integration_steps, found)
-    if study.drive.inverter is not None:
-        numerics.check_dead_time(study.drive.inverter.dead_time, rates.current_loop)
+    numerics.check_dead_time(study.drive)
 
 
 Check = Callable[["TrialStudy"], None]

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from cogless.study.table import Many, Table, invalid
+from cogless.study.table import Many, Table, dotted_keys, invalid
 
 FORMS = ("uniform", "log", "normal", "corners", "list")
 Number = str | float | int  # a text with a unit or with %, or a plain number
@@ -72,7 +72,7 @@ class Vary(Table):
         if not isinstance(data, dict):
             return data
         own = {key: data[key] for key in ("together", "seeds") if key in data}
-        return {"keys": flat_keys({key: data[key] for key in data if key not in own}), **own}
+        return {"keys": _flat({key: data[key] for key in data if key not in own}), **own}
 
     @model_validator(mode="after")
     def _known(self) -> Self:
@@ -111,8 +111,8 @@ class Tune(Table):
 
     @field_validator("keys", mode="before")
     @classmethod
-    def _flat(cls, keys: Any) -> Any:
-        return flat_keys(keys)
+    def _dotted(cls, keys: Any) -> Any:
+        return _flat(keys)
 
     @field_validator("keys")
     @classmethod
@@ -125,15 +125,16 @@ class Tune(Table):
         return keys
 
 
-def flat_keys(keys: Any) -> Any:
-    """Tables by dotted key, from nested ones, as TOML reads mechanics.inertia = {...}."""
-    if not isinstance(keys, dict):
-        return keys
-    flat: dict[str, Any] = {}
-    for key, value in keys.items():
-        inside = isinstance(value, dict) and value and all(isinstance(v, dict | list) for v in value.values())
-        if inside and not any(name in FORMS for name in value):
-            flat |= {f"{key}.{inner}": entry for inner, entry in flat_keys(value).items()}
-        else:
-            flat[key] = value
-    return flat
+def _flat(keys: Any) -> Any:
+    """Distributions or ranges by dotted key; what is no table stays as it is."""
+    return dotted_keys(keys, _holds_more) if isinstance(keys, dict) else keys
+
+
+def _holds_more(_key: str, value: Any) -> bool:
+    """Whether a value is a table of distributions or ranges, and no distribution itself."""
+    return (
+        isinstance(value, dict)
+        and bool(value)
+        and all(isinstance(inner, dict | list) for inner in value.values())
+        and not any(form in value for form in FORMS)
+    )

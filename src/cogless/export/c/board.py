@@ -5,14 +5,9 @@ from __future__ import annotations
 from importlib.resources import files
 from string import Template
 
+from cogless.export.c.motion import HEADERS
 from cogless.export.c.subject import Subject
 from cogless.study.drive import Encoder, IdealSensor, Resolver
-
-METHODS = {
-    "M": "the counts of a period of the law over its time",
-    "T": "one count over the time between the last two edges",
-    "MT": "counts over the time from the last edge before a period of the law to the last one in it",
-}
 
 
 def board(subject: Subject) -> dict[str, str]:
@@ -90,8 +85,12 @@ def _speed(subject: Subject) -> str:
     drive = subject.study.drive
     sensor = drive.position_sensor if drive is not None else IdealSensor()
     if isinstance(sensor, Encoder):
-        how = f"an encoder of {sensor.lines} lines, {4 * sensor.lines} counts: {METHODS[sensor.speed_method]}"
-    elif isinstance(sensor, Resolver):
+        return (
+            f"from an encoder of {sensor.lines} lines, {4 * sensor.lines} counts, by the code that was "
+            f"simulated: `cogless/{HEADERS[sensor.speed_method]}` says what it measures, `measure_motion` in "
+            "the example calls it"
+        )
+    if isinstance(sensor, Resolver):
         time = 1e3 * sensor.window / subject.rate
         how = f"a resolver of {2**sensor.bits} counts: the mean over {sensor.window} calls, {time:.3g} ms"
     else:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from cogless.c_laws import C_LAWS
-from cogless.c_layout import control_layout
+from cogless.c_layout import Layout, control_layout
 from cogless.export import folder, sources
 from cogless.export.c.edge_cases import awkward
 from cogless.export.c.figures import figures
+from cogless.export.c.motion import motion_parts
 from cogless.export.c.names import identifier
 from cogless.export.c.subject import Subject, study_hash
 from cogless.export.c.texts import texts
@@ -21,7 +23,6 @@ from cogless.versions import versions
 
 # periods of the self-test: enough for the law to do something, few enough for a microcontroller's flash
 TICKS, LAW_STEPS, MOST_TICKS = 400, 80, 2000
-ENTRY = "drive.h"  # header of the drive's controller
 
 
 def export_c(
@@ -71,6 +72,8 @@ def subject_of(prepared: Prepared, command: str = "") -> Subject:
         layout=layout,
         drive_config=layout.decode("cgl_drive_config", drive["control"]),
         law_config=layout.decode(law.config, controller["config"]),
+        dead_time_config=_part(layout, drive, "dead_time"),
+        encoder_table_config=_part(layout, drive, "encoder_table"),
         rate=round(prepared.rate),
         memory_length=len(prepared.memory),
         map=None if stored is None else np.shape(stored["values"]),
@@ -81,6 +84,11 @@ def subject_of(prepared: Prepared, command: str = "") -> Subject:
     )
 
 
+def _part(layout: Layout, drive: dict[str, Any], name: str) -> dict[str, Any] | None:
+    """The decoded configuration of a part that a drive may have; None if it hasn't."""
+    return layout.decode(f"cgl_{name}_config", drive[name]) if name in drive else None
+
+
 def contents(subject: Subject, prepared: Prepared, recording: Recording) -> dict[str, bytes]:
     """Contents of the exported files, by their path in the folder."""
     motion = recording.begun[0][1] if recording.begun else None
@@ -88,6 +96,7 @@ def contents(subject: Subject, prepared: Prepared, recording: Recording) -> dict
     written = texts(subject, recording, prepared.memory, stretches)
     made = {name: text.encode() for name, text in written.items()}
     library = control_sources() / "cogless"
-    names = {*sources.closure([ENTRY, subject.law.header]), *(sources.store() if subject.map else ())}
+    parts = [*subject.parts, *motion_parts(subject)]
+    names = {*sources.closure(parts), *(sources.store() if subject.map else ())}
     copied = {f"cogless/{name}": (library / name).read_bytes() for name in names}
     return made | copied | {"cogless/LICENSE": sources.licence().read_bytes()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from string import Template
 
+from cogless.export.c.literals import initialiser, real
 from cogless.export.c.subject import Subject
 
 CALIBRATE = """
@@ -37,7 +38,7 @@ void ${name}_begin_trial(${name}_controller *controller, const cgl_real *y_ref)"
 BEGIN_BODY = """
 {
     cgl_drive_reset(&controller->drive);
-    cgl_trial_begin(&controller->law, y_ref);
+${begin_resets}    cgl_trial_begin(&controller->law, y_ref);
 }
 """
 END = """
@@ -76,6 +77,55 @@ TRIAL_ROW = (
     "`${name}_end_trial` from the background |\n"
 )
 
+PART = {
+    "part_includes": '#include "cogless/${part}.h"\n',
+    "part_members": "    cgl_${part} ${part};\n",
+    "part_declarations": "extern const cgl_${part}_config ${name}_${part}_config;\n",
+    "part_configs": """
+const cgl_${part}_config ${name}_${part}_config = {
+${values}
+};
+""",
+    "part_inits": """    if (cgl_${part}_init(&controller->${part}, &${name}_${part}_config, ${period})
+        != CGL_OK) {
+        return CGL_ERROR_CONFIG;
+    }
+""",
+    "part_resets": "    cgl_${part}_reset(&controller->${part});\n",
+}
+CORRECT = """    cgl_measurement corrected = *now; /* without the sensor's own error */
+    cgl_encoder_table_step(&controller->encoder_table, &corrected, drive->i_q, true);
+"""
+BEGIN_RESETS = "    cgl_dead_time_reset(&controller->dead_time);\n"
+COMPENSATE = """    if ((out->status & (unsigned)CGL_STATUS_OFF) == 0U) {
+        cgl_dead_time_step(&controller->dead_time, &drive->currents, out->duty);
+    }
+"""
+
+
+def parts(subject: Subject) -> dict[str, str]:
+    """Texts that fill the templates' placeholders for parts around the drive; empty where there are none."""
+    configs = {"dead_time": subject.dead_time_config, "encoder_table": subject.encoder_table_config}
+    texts = dict.fromkeys(PART, "")
+    for part, config in configs.items():
+        if config is None:
+            continue
+        words = {
+            "part": part,
+            "name": subject.name,
+            "period": real(1 / subject.rate, subject.precision),
+            "values": initialiser(subject.headers, f"cgl_{part}_config", config, subject.precision),
+        }
+        for key, text in PART.items():
+            texts[key] += Template(text).substitute(words)
+    table = subject.encoder_table_config is not None
+    return {
+        **texts,
+        "correct": CORRECT if table else "",
+        "measured_now": "&corrected" if table else "now",
+        "compensate": COMPENSATE if subject.dead_time_config is not None else "",
+    }
+
 
 def extras(subject: Subject) -> dict[str, str]:
     """Texts that fill the templates' placeholders for these parts; empty for laws that don't need them."""
@@ -103,6 +153,7 @@ def extras(subject: Subject) -> dict[str, str]:
         "name": subject.name,
         "divider": str(subject.divider),
         "samples": str(subject.law_config.get("samples", "")),
+        "begin_resets": BEGIN_RESETS if subject.dead_time_config else "",
     }
     return {key: Template(text).substitute(words) for key, text in found.items()}
 

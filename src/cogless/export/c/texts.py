@@ -9,8 +9,9 @@ from string import Template
 
 from cogless.export.c.board import board
 from cogless.export.c.edge_cases import Stretch
-from cogless.export.c.extras import extras
+from cogless.export.c.extras import extras, parts
 from cogless.export.c.literals import array, initialiser, real
+from cogless.export.c.motion import motion
 from cogless.export.c.names import stem
 from cogless.export.c.self_test import self_test_words
 from cogless.export.c.subject import Subject, study_hash
@@ -98,6 +99,8 @@ def _words(subject: Subject) -> dict[str, str]:
         "figures": _figures(s.figures),
         **board(s),
         **extras(s),
+        **parts(s),
+        **motion(s),
     }
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cogless.export import sources
-from cogless.export.c.command import ENTRY, subject_of
+from cogless.export.c.command import subject_of
 from cogless.export.c.literals import array
 from cogless.export.c.names import stem
 from cogless.export.c.subject import Subject
@@ -49,7 +49,7 @@ def controller_unit(run: Prepared) -> Unit:
         subject = replace(subject, name=f"my_{subject.name}")
     variables = _variables(run)
     library = control_sources() / "cogless"
-    closure = sources.closure([ENTRY, subject.law.header])
+    closure = sources.closure(subject.parts)
     files = texts((library / name for name in closure), "cogless/")
     files = in_precision(files, run.engine.real_bits) | controller_texts(subject)
     files["controller_model.c"] = asset("controller_model.c")

@@ -25,6 +25,7 @@ PYTHON = (
     "lane_plants.cpp",
     "lane_step.cpp",
     "lane_step.hpp",
+    "linear_filter.hpp",
 )
 
 EXTERNAL_CONTROL = "external_control"

@@ -8,31 +8,31 @@ ${drive_config}
 const ${law_config} ${name}_law_config = {
 ${law_values}
 };
-
+${part_configs}
 cgl_error ${name}_init(${name}_controller *controller)
 {
     const cgl_error error = cgl_drive_init(&controller->drive, &${name}_drive_config, ${period});
     if (error != CGL_OK) {
         return error;
     }
-    return ${init_call};
+${part_inits}    return ${init_call};
 }
 
 void ${name}_reset(${name}_controller *controller)
 {
     cgl_drive_reset(&controller->drive);
     ${reset_call};
-}
+${part_resets}}
 
 void ${name}_step(${name}_controller *controller, const cgl_measurement *now, const cgl_reference *reference,
      ${pad}      cgl_drive_output *out)
 {
     cgl_drive *drive = &controller->drive;
-    if (cgl_drive_measure(drive, now, reference)) {
+${correct}    if (cgl_drive_measure(drive, ${measured_now}, reference)) {
         ${law_step}(&controller->law, &drive->in, &drive->command);
     }
     cgl_drive_actuate(drive, out);
-}
+${compensate}}
 ${more_definitions}
 /* What `cogless design` finds, for scenario ${scenario}:
  *

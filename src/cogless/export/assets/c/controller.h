@@ -13,7 +13,7 @@ ${title_comment}
 #ifndef ${NAME}_CONTROLLER_H
 #define ${NAME}_CONTROLLER_H
 
-#include "cogless/drive.h"
+${part_includes}#include "cogless/drive.h"
 #include "cogless/${law_header}"
 
 ${precision_check}
@@ -29,12 +29,12 @@ ${memory_define}
 typedef struct {
     cgl_drive drive;
     ${law_state} law;
-${memory_member}} ${name}_controller;
+${part_members}${memory_member}} ${name}_controller;
 
 /* The configured constants; they can stay in flash. */
 extern const cgl_drive_config ${name}_drive_config;
 extern const ${law_config} ${name}_law_config;
-
+${part_declarations}
 /* Once, before the first step. Do not run the motor where this is not CGL_OK. */
 cgl_error ${name}_init(${name}_controller *controller);
 

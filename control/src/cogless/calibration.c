@@ -1,0 +1,177 @@
+#include "calibration.h"
+
+#include "angle.h"
+#include "range.h"
+
+#define POLE_PAIRS_MAX 10000U
+#define STEPS_MAX CGL_R(1.0e9)
+
+CGL_SELDOM cgl_error cgl_offsets_init(cgl_offsets *offsets, const cgl_offsets_config *config)
+{
+    static const cgl_range range[] = {CGL_RANGE(cgl_offsets_config, samples, CGL_COUNT),
+                                      CGL_RANGE(cgl_offsets_config, largest, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_offsets_config, spread, CGL_POSITIVE)};
+    if (!(CGL_IS_IN_RANGE(config, range) && (config->phases == 2U || config->phases == 3U))) {
+        return CGL_ERROR_CONFIG;
+    }
+    offsets->config = *config;
+    cgl_offsets_reset(offsets);
+    return CGL_OK;
+}
+
+CGL_SELDOM void cgl_offsets_reset(cgl_offsets *offsets)
+{
+    for (int x = 0; x < 3; ++x) {
+        offsets->mean[x] = offsets->low[x] = offsets->high[x] = CGL_R(0.0);
+    }
+    offsets->count = 0U;
+    offsets->result = CGL_CALIBRATION_BUSY;
+}
+
+cgl_calibration cgl_offsets_step(cgl_offsets *offsets, const cgl_real i_abc[3])
+{
+    if (offsets->result != CGL_CALIBRATION_BUSY) {
+        return offsets->result;
+    }
+    const bool first = offsets->count == 0U;
+    ++offsets->count;
+    const bool last = offsets->count >= offsets->config.samples;
+    for (uint32_t x = 0; x < offsets->config.phases; ++x) {
+        const cgl_real i = i_abc[x];
+        const cgl_real low = first || i < offsets->low[x] ? i : offsets->low[x];
+        const cgl_real high = first || i > offsets->high[x] ? i : offsets->high[x];
+        /* false for NaN; a mean of what is within the spread of finite numbers is finite */
+        if (!(cgl_is_finite(i) && high - low <= offsets->config.spread)) {
+            offsets->result = CGL_CALIBRATION_FAILED;
+            return offsets->result;
+        }
+        offsets->low[x] = low;
+        offsets->high[x] = high;
+        offsets->mean[x] = first ? i : offsets->mean[x] + (i - offsets->mean[x]) / (cgl_real)offsets->count;
+        if (last && !cgl_is_within(offsets->mean[x], offsets->config.largest)) {
+            offsets->result = CGL_CALIBRATION_FAILED;
+            return offsets->result;
+        }
+    }
+    if (last) {
+        offsets->result = CGL_CALIBRATION_DONE;
+    }
+    return offsets->result;
+}
+
+/* The stages: the field stands at `to` sweeps, the rotor comes to rest, the angle goes to a reading. */
+enum { RISE, FORWARD_HALF, FORWARD_REST, BACK, FALL };
+
+CGL_SELDOM cgl_error cgl_align_init(cgl_align *align, const cgl_align_config *config, cgl_real ts)
+{
+    static const cgl_range range[] = {CGL_RANGE(cgl_align_config, current, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_align_config, ramp, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_align_config, sweep, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_align_config, speed, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_align_config, settle, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_align_config, tolerance, CGL_POSITIVE)};
+    if (!(CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts) && config->pole_pairs >= 1U
+          && config->pole_pairs <= POLE_PAIRS_MAX && config->sweep <= CGL_PI && config->tolerance < CGL_R(1.0)
+          && config->ramp <= STEPS_MAX * ts && config->settle <= STEPS_MAX * ts
+          && config->sweep <= STEPS_MAX * ts * config->speed)) {
+        return CGL_ERROR_CONFIG;
+    }
+    align->config = *config;
+    align->ts = ts;
+    cgl_align_reset(align);
+    return CGL_OK;
+}
+
+CGL_SELDOM void cgl_align_reset(cgl_align *align)
+{
+    align->theta_e = -align->config.sweep;
+    align->current = align->theta_m = align->zero = align->apart = CGL_R(0.0);
+    align->far[0] = align->far[1] = align->near[0] = align->near[1] = CGL_R(0.0);
+    align->stage = RISE;
+    align->wait = 0U;
+    align->result = CGL_CALIBRATION_BUSY;
+}
+
+/* x, nearer to `to` by one step. */
+static cgl_real toward(cgl_real x, cgl_real to, cgl_real step)
+{
+    return cgl_is_within(to - x, step) ? to : x + (to > x ? step : -step);
+}
+
+/* Whether the rotor went as far as the field, and its way. */
+static bool has_followed(const cgl_align *align)
+{
+    const cgl_real way = CGL_R(2.0) * align->config.sweep / (cgl_real)align->config.pole_pairs;
+    return cgl_is_within(align->far[1] - align->far[0] - way, align->config.tolerance * way);
+}
+
+/* Takes the reading of a stage that has come to rest. */
+static void read(cgl_align *align)
+{
+    switch (align->stage) {
+    case RISE:
+        align->far[0] = align->theta_m;
+        break;
+    case FORWARD_HALF:
+        align->near[0] = align->theta_m;
+        break;
+    case FORWARD_REST:
+        align->far[1] = align->theta_m;
+        break;
+    default:
+        align->near[1] = align->theta_m;
+        align->zero = CGL_R(0.5) * (align->near[0] + align->near[1]);
+        align->apart = CGL_R(0.5) * (align->near[1] - align->near[0]);
+        break;
+    }
+    ++align->stage;
+}
+
+static void end(cgl_align *align)
+{
+    /* a rotor that turns against the field, or sticks, comes back to where it was too: its way tells */
+    const bool followed = has_followed(align) && cgl_abs(align->apart) * (cgl_real)align->config.pole_pairs
+                                                     <= align->config.sweep;
+    align->zero = cgl_unwrap(align->zero, CGL_R(0.0));
+    align->result = followed ? CGL_CALIBRATION_DONE : CGL_CALIBRATION_FAILED;
+}
+
+cgl_calibration cgl_align_step(cgl_align *align, cgl_real theta_m, cgl_align_output *out)
+{
+    static const cgl_real place[] = {CGL_R(-1.0), CGL_R(0.0), CGL_R(1.0), CGL_R(0.0), CGL_R(0.0)}; /* in sweeps */
+    const cgl_align_config *const config = &align->config;
+    const cgl_real ts = align->ts;
+    if (align->result == CGL_CALIBRATION_BUSY && !cgl_is_angle(theta_m)) {
+        align->result = CGL_CALIBRATION_FAILED;
+    }
+    if (align->result != CGL_CALIBRATION_BUSY) {
+        align->current = CGL_R(0.0);
+        out->theta_e = align->theta_e;
+        out->omega_e = out->i_d_ref = CGL_R(0.0);
+        return align->result;
+    }
+    align->theta_m = cgl_unwrap(theta_m, align->theta_m);
+    const bool falls = align->stage == FALL;
+    const cgl_real before = align->theta_e, to = place[align->stage] * config->sweep;
+    const cgl_real wanted = falls ? CGL_R(0.0) : config->current;
+    align->current = toward(align->current, wanted, config->current * (ts / config->ramp));
+    const bool there = !(align->current < wanted) && !(align->current > wanted);
+    if (there && !falls) {
+        align->theta_e = toward(before, to, config->speed * ts);
+    }
+    if (there && falls) {
+        end(align);
+    } else if (there && !(align->theta_e < to) && !(align->theta_e > to)) {
+        if (align->wait == 0U) {
+            align->wait = (uint32_t)(config->settle / ts) + 2U;
+        }
+        if (--align->wait == 1U) {
+            align->wait = 0U;
+            read(align);
+        }
+    }
+    out->theta_e = align->theta_e;
+    out->omega_e = (align->theta_e - before) / ts;
+    out->i_d_ref = align->current;
+    return align->result;
+}

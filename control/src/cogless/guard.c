@@ -1,0 +1,475 @@
+#include "guard.h"
+
+#define BAR CGL_R(1.18)          /* times the baseline's variance: 9 % of its ripple */
+#define FAR CGL_R(4.0)           /* beyond it a window counts twice */
+#define LOUD CGL_R(36.0)         /* beyond it half a window is enough */
+#define STRIKES 3U
+#define FALLS CGL_R(0.7)         /* in a window: wait another */
+#define HOLD_MOST 4U             /* windows */
+#define EVEN CGL_R(1.3)          /* the quarters in which learning begins, one beside another: no run-up, no burst */
+#define NO_WORSE CGL_R(0.9)      /* of the quietest of them, after */
+#define LOOK_TIME CGL_R(2.0)     /* [s] and */
+#define LOOK_TURNS CGL_R(3.0)
+#define PROVEN CGL_R(0.2)        /* and after */
+#define GAINED CGL_R(0.5)        /* of the baseline: more than this, and it is measured again in time */
+#define PROOF_TIME CGL_R(4.0)    /* [s] and */
+#define PROOF_TURNS CGL_R(16.0)
+#define RISEN CGL_R(2.5)         /* since the baseline was supposed: measure it */
+#define AGREE CGL_R(1.5)         /* two windows of a probe */
+#define PROBE_MOST 6U            /* windows */
+#define AGED 100U                /* windows after which a baseline is measured anew where little is gained */
+#define MUTED 40U                /* windows */
+#define RETRY 50U                /* good windows until a gentler step is taken back, doubled each time */
+#define MOVING 8U                /* windows with a reference that moves are patient */
+#define SAME CGL_R(1.1)          /* one speed */
+#define NEAR CGL_R(2.8)          /* so far a baseline is carried */
+#define BELOW CGL_R(0.7)         /* a step holds from there on */
+#define SHORTEST CGL_R(0.0625)   /* [s] */
+#define LONGEST CGL_R(1.25)      /* [s] */
+#define RAMP CGL_R(0.1)          /* of the share [s] */
+#define SETTLE CGL_R(0.2)        /* with the ramp [s] */
+#define MOVED CGL_R(0.02)
+#define ELSEWHERE CGL_R(1.25)    /* another speed */
+#define CLEARED CGL_R(6.2)       /* quarters of a turn, in which every cell is passed, after as many as a Q filter waits for */
+#define SLOWEST CGL_R(0.01)      /* below it is all one speed [rad/s] */
+#define SMALLEST CGL_R(1.0e-20)  /* a variance below it is nothing [rad^2/s^2] */
+#define SQUARE_MAX CGL_R(1.0e30)
+
+const cgl_gentle cgl_gentle_steps[CGL_GUARD_STEPS + 1U] = {
+    {CGL_REAL_MAX, CGL_R(1.0), CGL_R(1.0)}, {CGL_R(1.01), CGL_R(1.0), CGL_R(1.0)}, {CGL_R(0.5), CGL_R(1.0), CGL_R(0.98)},
+    {CGL_R(0.5), CGL_R(0.5), CGL_R(0.95)},  {CGL_R(0.5), CGL_R(0.25), CGL_R(0.9)}, {CGL_R(0.5), CGL_R(0.0625), CGL_R(0.8)},
+    {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)}};
+
+CGL_SELDOM cgl_error cgl_guard_init(cgl_guard *guard, cgl_real ts)
+{
+    if (!(cgl_is_positive(ts) && ts <= CGL_R(1.0))) {
+        return CGL_ERROR_CONFIG;
+    }
+    guard->ts = ts;
+    guard->quarter_turn = CGL_R(0.5) * CGL_PI / ts;
+    const cgl_real most = CGL_R(1.0e8);
+    const cgl_real shortest = SHORTEST / ts, longest = LONGEST / ts, settle = SETTLE / ts;
+    guard->shortest = 1U + (uint32_t)(shortest < most ? shortest : most);
+    guard->longest = 1U + (uint32_t)(longest < most ? longest : most);
+    guard->settle = 1U + (uint32_t)(settle < most ? settle : most);
+    guard->slope = ts < RAMP ? ts / RAMP : CGL_R(1.0);
+    cgl_guard_reset(guard);
+    return CGL_OK;
+}
+
+CGL_SELDOM static void begin_quarter(cgl_guard *guard)
+{
+    guard->sum = guard->squares = guard->turned = CGL_R(0.0);
+    guard->mark = guard->quarter_turn;
+    guard->count = 0U;
+}
+
+CGL_SELDOM static void begin_window(cgl_guard *guard)
+{
+    begin_quarter(guard);
+    guard->sum_before = guard->squares_before = CGL_R(0.0);
+    guard->count_before = 0U;
+    guard->quarter = guard->loud = 0U;
+    guard->moved = guard->taught = false;
+    guard->tolerance = CGL_R(-1.0); /* the reference of the first sample is to come */
+}
+
+CGL_SELDOM static void go_to(cgl_guard *guard, cgl_guard_phase phase)
+{
+    const bool acts = phase <= CGL_GUARD_HOLD;
+    guard->phase = (uint8_t)phase;
+    guard->target = acts ? CGL_R(1.0) : CGL_R(0.0);
+    guard->settling = guard->share < guard->target || guard->share > guard->target ? guard->settle : 0U;
+    guard->learn = phase <= CGL_GUARD_LEARN;
+    guard->forget = phase == CGL_GUARD_CLEAR;
+    guard->windows = guard->strikes = 0U;
+    guard->way = CGL_R(0.0);
+    guard->time = 0U;
+    begin_window(guard);
+}
+
+CGL_SELDOM void cgl_guard_reset(cgl_guard *guard)
+{
+    guard->share = CGL_R(1.0);
+    guard->gentle = 1U;
+    guard->last_error = guard->centre = guard->reference = guard->last = guard->suspect = CGL_R(0.0);
+    guard->quietest = guard->here = CGL_R(0.0);
+    for (uint32_t n = 0U; n < CGL_GUARD_SPEEDS; ++n) {
+        guard->omega[n] = guard->baseline[n] = CGL_R(0.0);
+    }
+    for (uint32_t k = 0U; k < CGL_GUARD_STEPS; ++k) {
+        guard->from[k] = k > 0U ? CGL_REAL_MAX : CGL_R(0.0);
+    }
+    guard->wait = guard->short_of = 0U;
+    guard->good = 0U;
+    guard->alarms = guard->doubts = guard->lessons = guard->backoff = guard->next = 0U;
+    guard->last_moved = true; /* nobody knows */
+    guard->elsewhere = guard->supposed = false;
+    guard->best = CGL_R(0.0);
+    go_to(guard, CGL_GUARD_IDLE);
+}
+
+/* How far apart two speeds are, as a ratio of at least 1. */
+static cgl_real apart(cgl_real a, cgl_real b)
+{
+    return a > b ? (b > CGL_R(0.0) ? a / b : CGL_REAL_MAX) : (b > a ? (a > CGL_R(0.0) ? b / a : CGL_REAL_MAX) : CGL_R(1.0));
+}
+
+/* Place of the baseline nearest to a speed, CGL_GUARD_SPEEDS if there is none within `most`. */
+CGL_SELDOM static uint32_t nearest(const cgl_guard *guard, cgl_real omega, cgl_real most)
+{
+    uint32_t found = CGL_GUARD_SPEEDS;
+    for (uint32_t n = 0U; n < CGL_GUARD_SPEEDS; ++n) {
+        if (guard->baseline[n] > CGL_R(0.0)) {
+            const cgl_real way = apart(guard->omega[n], omega);
+            if (way < most) {
+                most = way;
+                found = n;
+            }
+        }
+    }
+    return found;
+}
+
+/* The variance without learning at a speed, 0 where nobody knows: that of a near speed; towards higher speeds it falls. */
+CGL_SELDOM static cgl_real bar_at(const cgl_guard *guard, cgl_real omega)
+{
+    const uint32_t n = nearest(guard, omega, NEAR);
+    if (n == CGL_GUARD_SPEEDS) {
+        return CGL_R(0.0);
+    }
+    const cgl_real ratio = guard->omega[n] / omega;
+    return guard->baseline[n] * (omega > SAME * guard->omega[n] ? ratio * ratio : CGL_R(1.0));
+}
+
+CGL_SELDOM static void remember(cgl_guard *guard, cgl_real omega, cgl_real baseline)
+{
+    uint32_t n = nearest(guard, omega, SAME);
+    if (n == CGL_GUARD_SPEEDS) {
+        n = guard->next;
+        guard->next = (uint8_t)(n + 1U < CGL_GUARD_SPEEDS ? n + 1U : 0U);
+    }
+    guard->omega[n] = omega;
+    guard->baseline[n] = baseline;
+}
+
+/* The gentler step that holds at a speed. */
+CGL_SELDOM static uint32_t step_at(const cgl_guard *guard, cgl_real omega)
+{
+    uint32_t k = CGL_GUARD_STEPS;
+    while (k > 0U && omega < guard->from[k - 1U]) {
+        --k;
+    }
+    return k;
+}
+
+CGL_SELDOM static void be_gentler(cgl_guard *guard, cgl_real omega)
+{
+    const uint32_t k = step_at(guard, omega);
+    const cgl_real from = BELOW * omega;
+    for (uint32_t n = 0U; n <= k && n < CGL_GUARD_STEPS; ++n) {
+        guard->from[n] = guard->from[n] < from ? guard->from[n] : from;
+    }
+    guard->backoff = (uint8_t)(guard->backoff < 6U ? guard->backoff + 1U : 6U);
+    guard->good = 0U;
+    guard->alarms = 0U;
+}
+
+/* A gentler step is taken back at this speed and a little above. */
+CGL_SELDOM static void be_bolder(cgl_guard *guard, cgl_real omega)
+{
+    const uint32_t k = step_at(guard, omega);
+    for (uint32_t n = k > 1U ? k - 1U : 1U; n < CGL_GUARD_STEPS; ++n) {
+        const cgl_real from = CGL_R(1.25) * omega;
+        guard->from[n] = guard->from[n] > from ? guard->from[n] : from;
+    }
+    guard->good = 0U;
+}
+
+CGL_SELDOM static void probe(cgl_guard *guard, cgl_real v)
+{
+    guard->suspect = v;
+    go_to(guard, CGL_GUARD_PROBE);
+}
+
+CGL_SELDOM static void hold(cgl_guard *guard, cgl_real v)
+{
+    go_to(guard, CGL_GUARD_HOLD);
+    guard->last = v;
+}
+
+CGL_SELDOM static void mute(cgl_guard *guard, uint32_t windows)
+{
+    go_to(guard, CGL_GUARD_MUTE);
+    guard->wait = windows;
+}
+
+/* Learning begins or goes on at this speed. */
+CGL_SELDOM static void learn_on(cgl_guard *guard, cgl_real omega)
+{
+    const uint32_t k = step_at(guard, omega);
+    guard->gentle = k;
+    if (k == CGL_GUARD_STEPS) {
+        mute(guard, RETRY << guard->backoff);
+    } else {
+        go_to(guard, CGL_GUARD_LEARN);
+    }
+}
+
+CGL_SELDOM static void count_good(cgl_guard *guard, cgl_real omega, cgl_real v, cgl_real b)
+{
+    guard->strikes = 0U;
+    guard->alarms = (uint8_t)(guard->alarms > 0U && guard->good % 2U == 0U ? guard->alarms - 1U : guard->alarms);
+    guard->good = (uint16_t)(guard->good < UINT16_MAX ? guard->good + 1U : UINT16_MAX);
+    if (guard->gentle > 1U && guard->good >= RETRY << guard->backoff) {
+        be_bolder(guard, omega);
+        guard->gentle = step_at(guard, omega);
+    } else if (v > GAINED * b) {
+        if (++guard->windows >= AGED) {
+            probe(guard, v);
+        }
+    } else {
+        guard->windows = 0U;
+    }
+}
+
+/* Without a baseline: looks after a while whether learning does harm, and later whether it has proven itself. */
+CGL_SELDOM static void prove(cgl_guard *guard, cgl_real omega, cgl_real v)
+{
+    const cgl_real time = (cgl_real)guard->time * guard->ts, turn = CGL_R(4.0) * guard->quarter_turn;
+    if (time < LOOK_TIME || guard->way < LOOK_TURNS * turn) {
+        return;
+    }
+    if (v < NO_WORSE * guard->quietest && (time < PROOF_TIME || guard->way < PROOF_TURNS * turn)) {
+        return;
+    }
+    if (v < PROVEN * guard->quietest) {
+        remember(guard, omega, guard->quietest);
+        guard->supposed = true;
+        guard->best = v;
+    } else {
+        probe(guard, v);
+    }
+}
+
+CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real omega, cgl_real v, bool calm)
+{
+    if (apart(omega, guard->here) > SAME) {
+        guard->quietest = guard->here > CGL_R(0.0) ? CGL_R(0.0) : guard->quietest;
+        guard->here = omega;
+        guard->elsewhere = guard->elsewhere || guard->lessons > 0U;
+        guard->lessons = 0U;
+    }
+    if (guard->taught && guard->lessons < UINT8_MAX) {
+        ++guard->lessons;
+    }
+    guard->gentle = step_at(guard, omega);
+    const cgl_real b = bar_at(guard, omega);
+    if (guard->gentle == CGL_GUARD_STEPS) {
+        mute(guard, RETRY << guard->backoff);
+    } else if (!(b > CGL_R(0.0))) {
+        if (calm) {
+            prove(guard, omega, v);
+        }
+    } else if (v <= BAR * b && !(guard->supposed && v > RISEN * guard->best)) {
+        guard->best = v < guard->best ? v : guard->best;
+        count_good(guard, omega, v, b);
+    } else {
+        guard->strikes = (uint8_t)(guard->strikes + (v > FAR * b && calm ? 2U : 1U));
+        if (guard->strikes < (calm ? STRIKES : MOVING) + guard->doubts) {
+            return;
+        }
+        if (v <= BAR * b) {
+            probe(guard, v);
+        } else {
+            hold(guard, v);
+        }
+    }
+}
+
+CGL_SELDOM static void judge_holding(cgl_guard *guard, cgl_real omega, cgl_real v)
+{
+    const cgl_real b = bar_at(guard, omega), last = guard->last;
+    guard->last = v;
+    ++guard->windows;
+    if (v <= BAR * b) {
+        guard->alarms = (uint8_t)(guard->alarms + (guard->windows > 1U ? 10U : 5U));
+        if (guard->alarms >= 20U) {
+            be_gentler(guard, omega);
+        }
+        learn_on(guard, omega);
+    } else if (!(v < FALLS * last && guard->windows < HOLD_MOST)) {
+        probe(guard, v);
+    }
+}
+
+CGL_SELDOM static void judge_probe(cgl_guard *guard, cgl_real omega, cgl_real v, bool calm, bool learn)
+{
+    ++guard->windows;
+    const cgl_real last = guard->last;
+    const bool agree = v <= AGREE * last && last <= AGREE * v;
+    guard->last = v;
+    if (guard->windows < 2U || (!(calm && agree) && guard->windows < PROBE_MOST)) {
+        return;
+    }
+    remember(guard, omega, v < last ? v : last);
+    guard->supposed = false;
+    if (guard->suspect <= BAR * bar_at(guard, omega)) {
+        guard->doubts = (uint8_t)(guard->doubts < 3U ? 2U * guard->doubts + 1U : 7U);
+        learn_on(guard, omega);
+    } else if (learn && (guard->lessons > 2U || !guard->elsewhere)) {
+        be_gentler(guard, omega);
+        if (guard->suspect > LOUD * bar_at(guard, omega)) {
+            be_gentler(guard, omega); /* the next step would not be enough */
+        }
+        go_to(guard, CGL_GUARD_CLEAR);
+    } else {
+        mute(guard, MUTED);
+    }
+}
+
+CGL_SELDOM static void judge_mute(cgl_guard *guard, cgl_real omega, cgl_real v, bool calm, bool learn)
+{
+    if (calm) {
+        remember(guard, omega, v);
+    }
+    const bool forbidden = step_at(guard, omega) == CGL_GUARD_STEPS;
+    guard->wait -= guard->wait > 0U ? 1U : 0U;
+    if (calm && !forbidden && apart(omega, guard->here) > ELSEWHERE) {
+        learn_on(guard, omega);
+    } else if (guard->wait == 0U && learn) {
+        if (forbidden) {
+            be_bolder(guard, omega);
+        }
+        go_to(guard, CGL_GUARD_CLEAR);
+    }
+}
+
+CGL_SELDOM static void end_window(cgl_guard *guard, bool learn)
+{
+    const cgl_real count = (cgl_real)guard->count_before, mean = guard->sum_before / count;
+    const cgl_real variance = guard->squares_before / count - mean * mean;
+    const cgl_real v = variance > SMALLEST ? variance : SMALLEST;
+    const cgl_real speed = cgl_abs(guard->reference), omega = speed > SLOWEST ? speed : SLOWEST;
+    const bool calm = !guard->moved && !guard->last_moved && mean * mean <= v;
+    guard->centre += mean;
+    guard->last_moved = guard->moved;
+    switch (guard->phase) {
+    case CGL_GUARD_IDLE:
+        if (guard->taught) {
+            guard->quietest = guard->moved || guard->best > EVEN * guard->quietest ? CGL_R(0.0) : guard->quietest;
+            go_to(guard, CGL_GUARD_LEARN);
+        } else if (calm) {
+            remember(guard, omega, v);
+        }
+        break;
+    case CGL_GUARD_LEARN:
+        judge_learning(guard, omega, v, calm);
+        break;
+    case CGL_GUARD_HOLD:
+        judge_holding(guard, omega, v);
+        break;
+    case CGL_GUARD_PROBE:
+        judge_probe(guard, omega, v, calm, learn);
+        break;
+    case CGL_GUARD_MUTE:
+        judge_mute(guard, omega, v, calm, learn);
+        break;
+    default: /* CLEAR ends with a turn */
+        break;
+    }
+    begin_window(guard);
+}
+
+CGL_SELDOM static void end_quarter(cgl_guard *guard, const cgl_guard_input *in)
+{
+    if (cgl_abs(guard->turned) >= guard->mark && guard->count < guard->shortest) {
+        guard->mark += guard->quarter_turn;
+        return;
+    }
+    if (!(guard->squares <= SQUARE_MAX && cgl_is_finite(guard->turned))) {
+        begin_window(guard);
+        return;
+    }
+    const cgl_real count = (cgl_real)guard->count, mean = guard->sum / count;
+    const cgl_real v = guard->squares / count - mean * mean;
+    const cgl_real omega = cgl_abs(guard->reference), b = bar_at(guard, omega > SLOWEST ? omega : SLOWEST);
+    guard->loud = b > CGL_R(0.0) && v > LOUD * b ? (uint8_t)(guard->loud + 1U) : 0U;
+    if (guard->phase == CGL_GUARD_IDLE) {
+        guard->quietest = guard->quarter == 0U || v < guard->quietest ? v : guard->quietest;
+        guard->best = guard->quarter == 0U || v > guard->best ? v : guard->best;
+    }
+    guard->way += cgl_abs(guard->turned);
+    guard->time += guard->time < UINT32_MAX / 2U ? guard->count : 0U;
+    guard->sum_before += guard->sum;
+    guard->squares_before += guard->squares;
+    guard->count_before += guard->count;
+    ++guard->quarter;
+    if (guard->phase == CGL_GUARD_CLEAR && guard->way > CLEARED * guard->quarter_turn) {
+        guard->elsewhere = false;
+        learn_on(guard, omega);
+    } else if (guard->phase == CGL_GUARD_HOLD && guard->loud >= 2U) {
+        probe(guard, v);
+    } else if (guard->phase == CGL_GUARD_LEARN && guard->loud >= 2U && !guard->moved && !guard->last_moved) {
+        hold(guard, v);
+    } else if (guard->quarter == 4U) {
+        end_window(guard, in->learn);
+    } else {
+        begin_quarter(guard);
+    }
+}
+
+/* The share goes to its target, and what swings by that dies out. */
+CGL_SELDOM static void settle(cgl_guard *guard)
+{
+    const cgl_real rest = guard->target - guard->share;
+    --guard->settling;
+    guard->share = cgl_is_within(rest, guard->slope) ? guard->target : guard->share + cgl_clamp(rest, guard->slope);
+}
+
+/* Whether an unusual sample counts. An instability saturates the current loop too, but now this way and now the other: what is
+ * longer than a quarter is something else, and the window that it spoils begins anew with what comes after. */
+CGL_SELDOM static bool counts(cgl_guard *guard, const cgl_guard_input *in)
+{
+    const bool weak = guard->short_of >= guard->shortest;
+    guard->short_of = in->saturated ? (weak ? guard->short_of : guard->short_of + 1U) : 0U;
+    if (guard->settling > 0U) {
+        settle(guard);
+        return false;
+    }
+    if (weak) {
+        begin_window(guard);
+        guard->last_moved = true; /* and until then the speed has to come back */
+        return false;
+    }
+    return in->plausible;
+}
+
+CGL_SELDOM static void begin_with(cgl_guard *guard, cgl_real omega_ref)
+{
+    guard->reference = cgl_is_finite(omega_ref) ? omega_ref : CGL_R(0.0);
+    guard->tolerance = MOVED * cgl_abs(guard->reference);
+}
+
+void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in)
+{
+    const cgl_real error = CGL_R(0.5) * (in->error + guard->last_error);
+    guard->last_error = in->error;
+    if (!CGL_OFTEN(in->plausible && !in->saturated && guard->short_of == 0U && guard->settling == 0U)
+        && !counts(guard, in)) {
+        return;
+    }
+    if (guard->tolerance < CGL_R(0.0)) {
+        begin_with(guard, in->omega_ref);
+    }
+    const cgl_real deviation = error - guard->centre;
+    guard->sum += deviation;
+    guard->squares += deviation * deviation;
+    guard->turned += in->omega_m;
+    guard->moved = guard->moved || !cgl_is_within(in->omega_ref - guard->reference, guard->tolerance);
+    guard->taught = guard->taught || in->learned;
+    ++guard->count;
+    if (!(cgl_abs(guard->turned) < guard->mark && guard->count < guard->longest)) {
+        end_quarter(guard, in);
+    }
+}

@@ -1,0 +1,35 @@
+/* Angles and counts that wrap: uint32_t, of which 2^32 is a revolution, or a counter that runs round. */
+#ifndef COGLESS_TURNS_H
+#define COGLESS_TURNS_H
+
+#include <stdint.h>
+
+#include "real.h"
+
+#define CGL_TURN_BITS CGL_R(4294967296.0) /* 2^32 */
+
+/* An angle in turns as radians in [0, 2 pi), rounded down to what the number type holds. */
+static inline cgl_real cgl_radians(uint32_t turns)
+{
+#ifdef COGLESS_DOUBLE
+    return (cgl_real)turns * (CGL_TWO_PI / CGL_TURN_BITS);
+#else
+    return (cgl_real)(turns >> 9) * (CGL_TWO_PI / 8388608.0f); /* 23 bits: the product stays below 2 pi */
+#endif
+}
+
+/* How far `to` is ahead of `from`, the short way round: in [-2^31, 2^31). */
+static inline cgl_real cgl_steps(uint32_t from, uint32_t to)
+{
+    const uint32_t ahead = to - from;
+    return ahead < 0x80000000U ? (cgl_real)ahead : -(cgl_real)(0U - ahead);
+}
+
+/* The angle, in turns, that is `by` revolutions ahead; |by| < 1/2, else as far as that. */
+static inline uint32_t cgl_turned(uint32_t turns, cgl_real by)
+{
+    const cgl_real steps = cgl_clamp(by, CGL_R(0.4999)) * CGL_TURN_BITS;
+    return turns + (uint32_t)(int32_t)steps;
+}
+
+#endif

@@ -1,0 +1,223 @@
+/* Random bit patterns at the parts around a law: sensors, calibration, dead time, telemetry. Whatever comes in, what comes out is
+ * finite and within its limits. */
+#include "parts.h"
+
+#include "check.h"
+#include "cogless/angle.h"
+#include "cogless/angle_observer.h"
+#include "cogless/calibration.h"
+#include "cogless/dead_time.h"
+#include "cogless/drive.h"
+#include "cogless/encoder.h"
+#include "cogless/encoder_table.h"
+#include "cogless/speed_count.h"
+#include "cogless/speed_timed.h"
+#include "cogless/telemetry.h"
+
+#define STEPS_PER_CONFIG 300
+
+static bool within(cgl_real x, cgl_real limit)
+{
+    return x >= -limit && x <= limit; /* false for NaN */
+}
+
+static bool are_duties(const cgl_real duty[3])
+{
+    bool all = true;
+    for (int x = 0; x < 3; ++x) {
+        all = all && duty[x] >= CGL_R(0.0) && duty[x] <= CGL_R(1.0);
+    }
+    return all;
+}
+
+static cgl_dead_time_config random_dead_time(void)
+{
+    cgl_dead_time_config config;
+    config.time = random_gain(CGL_R(1.0e-5));
+    config.drop = random_gain(CGL_R(1.0));
+    config.band = random_gain(CGL_R(0.1));
+    config.lag = random_gain(CGL_R(1.0e-3));
+    config.advance = random_gain(CGL_R(2.0));
+    config.phases = random_below(2) ? 3U : 2U * random_below(2);
+    return config;
+}
+
+static void try_dead_time(void)
+{
+    cgl_dead_time_config config;
+    cgl_dead_time dead_time;
+    do {
+        config = random_dead_time();
+    } while (cgl_dead_time_init(&dead_time, &config, random_gain(CGL_R(1.0e-4))) != CGL_OK);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        const cgl_foc_input in = {{CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)},
+                                  random_real(CGL_R(7.0)),
+                                  random_real(CGL_R(1000.0)),
+                                  random_real(CGL_R(300.0)),
+                                  random_real(CGL_R(5.0)),
+                                  random_real(CGL_R(5.0))};
+        cgl_real duty[3];
+        for (int x = 0; x < 3; ++x) {
+            duty[x] = random_below(8) ? cgl_abs(cgl_clamp(random_gain(CGL_R(1.0)), CGL_R(1.0))) : CGL_R(1.0);
+        }
+        cgl_dead_time_step(&dead_time, &in, duty);
+        CHECK(are_duties(duty));
+        CHECK(cgl_is_finite(dead_time.i_d) && cgl_is_finite(dead_time.i_q));
+    }
+}
+
+static void try_speed(void)
+{
+    const cgl_speed_count_config counting = {1U + (random_bits() >> random_below(32)), 1U + random_below(20)};
+    const cgl_speed_timed_config timing = {1U + (random_bits() >> random_below(32)), random_gain(CGL_R(1.0e8)),
+                                           random_below(2) != 0U};
+    uint32_t before[20];
+    cgl_speed_count counted;
+    cgl_speed_timed timed;
+    cgl_edges edges = {0U, 0U, 0U, false, false};
+    const bool counts = cgl_speed_count_init(&counted, &counting, random_gain(CGL_R(1.0e-3)), before, 20U) == CGL_OK;
+    const bool times = cgl_speed_timed_init(&timed, &timing) == CGL_OK;
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        cgl_edges_pass(&edges, random_below(2) ? edges.count + random_below(5) - 2U : random_bits(), random_bits());
+        CHECK(!counts || cgl_is_finite(cgl_speed_count_step(&counted, edges.count)));
+        CHECK(!times || cgl_is_finite(cgl_speed_timed_step(&timed, &edges, random_bits())));
+    }
+}
+
+static void try_angle_observer(void)
+{
+    cgl_angle_observer_config config;
+    cgl_angle_observer observer;
+    do {
+        config.bandwidth = random_gain(CGL_R(1.0e3));
+    } while (cgl_angle_observer_init(&observer, &config, random_gain(CGL_R(1.0e-3))) != CGL_OK);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        if (random_below(50) == 0U) {
+            cgl_angle_observer_reset(&observer, random_bits(), random_real(CGL_R(100.0)));
+        }
+        cgl_angle_observer_step(&observer, random_bits() >> random_below(32));
+        CHECK(within(observer.omega, observer.omega_max) && within(observer.alpha, observer.alpha_max));
+    }
+}
+
+static void try_encoder(void)
+{
+    cgl_encoder_config config;
+    cgl_encoder encoder;
+    do {
+        config.counts = random_bits() >> random_below(32);
+        config.absolute = random_below(2) != 0U;
+        config.range = config.absolute ? config.counts : random_bits() >> random_below(32);
+        config.zero = random_bits() >> random_below(32);
+        config.backward = random_below(2) != 0U;
+    } while (cgl_encoder_init(&encoder, &config, random_bits()) != CGL_OK);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        cgl_encoder_step(&encoder, random_below(2) ? encoder.reading + random_below(9) - 4U : random_bits());
+        if (random_below(20) == 0U) {
+            cgl_encoder_index(&encoder, random_bits() >> random_below(32));
+        } else if (random_below(20) == 0U) {
+            cgl_encoder_place(&encoder, random_bits());
+        }
+        CHECK(encoder.position < config.counts);
+        const cgl_real theta = cgl_radians(encoder.turns);
+        CHECK(theta >= CGL_R(0.0) && theta < CGL_TWO_PI);
+    }
+}
+
+static void try_encoder_table(void)
+{
+    cgl_encoder_table_config config;
+    cgl_encoder_table table;
+    cgl_real theta, omega;
+    do {
+        config.orders = 1U + random_below(CGL_ENCODER_TABLE_ORDERS);
+        for (uint32_t k = 0, order = 0U; k < CGL_ENCODER_TABLE_ORDERS; ++k) {
+            order += 1U + random_below(20);
+            config.order[k] = order;
+        }
+        config.gain = random_gain(CGL_R(5.0));
+        config.omega_min = random_gain(CGL_R(100.0));
+        config.bandwidth = random_gain(CGL_R(20.0));
+        config.b = random_gain(CGL_R(500.0));
+        config.limit = random_gain(CGL_R(0.02));
+        theta = CGL_R(1.0);
+        omega = (cgl_real)random_below(200);
+    } while (cgl_encoder_table_init(&table, &config, random_gain(CGL_R(1.0e-3))) != CGL_OK);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        const bool wild = random_below(4) == 0U;
+        theta = cgl_fraction((theta + CGL_R(0.01) * omega) / CGL_TWO_PI) * CGL_TWO_PI;
+        cgl_measurement now = {{CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)}, wild ? random_real(CGL_R(7.0)) : theta,
+                               wild ? random_real(CGL_R(100.0)) : omega, CGL_R(24.0)};
+        const bool plausible = cgl_is_angle(now.theta_m) && cgl_is_finite(now.omega_m);
+        cgl_encoder_table_step(&table, &now, random_real(CGL_R(2.0)), random_below(8) != 0U);
+        if (plausible) {
+            CHECK(cgl_is_finite(now.theta_m) && cgl_is_finite(now.omega_m));
+        }
+        for (uint32_t k = 0; k < CGL_ENCODER_TABLE_ORDERS; ++k) {
+            CHECK(within(table.a[k], config.limit) && within(table.c[k], config.limit));
+        }
+        CHECK(within(table.observer.omega, table.observer.omega_max));
+    }
+}
+
+static void try_calibration(void)
+{
+    const cgl_offsets_config averaging = {1U + random_below(400), 2U + random_below(2), random_gain(CGL_R(1.0)),
+                                          random_gain(CGL_R(10.0))};
+    cgl_offsets offsets;
+    const bool averages = cgl_offsets_init(&offsets, &averaging) == CGL_OK;
+    cgl_align_config config;
+    cgl_align align;
+    do {
+        config.pole_pairs = 1U + random_below(20);
+        config.current = random_gain(CGL_R(5.0));
+        config.ramp = random_gain(CGL_R(0.01));
+        config.sweep = random_gain(CGL_R(2.0));
+        config.speed = random_gain(CGL_R(100.0));
+        config.settle = random_gain(CGL_R(0.01));
+        config.tolerance = random_gain(CGL_R(1.0));
+    } while (cgl_align_init(&align, &config, random_gain(CGL_R(1.0e-3))) != CGL_OK);
+    const bool wild = random_below(4) == 0U;
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        cgl_align_output out;
+        const cgl_real theta = wild ? random_real(CGL_R(6.0)) : align.theta_e / (cgl_real)config.pole_pairs;
+        const cgl_calibration result = cgl_align_step(&align, theta, &out);
+        CHECK(cgl_is_finite(out.omega_e) && within(out.theta_e, config.sweep));
+        CHECK(out.i_d_ref >= CGL_R(0.0) && out.i_d_ref <= config.current * CGL_R(1.00001));
+        CHECK(result == CGL_CALIBRATION_BUSY || within(out.i_d_ref, CGL_R(0.0)));
+        CHECK(cgl_is_finite(align.zero) && cgl_is_finite(align.apart));
+        const cgl_real i_abc[3] = {random_real(CGL_R(0.1)), random_real(CGL_R(0.1)), random_real(CGL_R(0.1))};
+        if (averages) {
+            (void)cgl_offsets_step(&offsets, i_abc);
+            CHECK(cgl_is_finite(offsets.mean[0]) && cgl_is_finite(offsets.mean[1]) && cgl_is_finite(offsets.mean[2]));
+        }
+    }
+}
+
+static void try_telemetry(void)
+{
+    cgl_telemetry telemetry;
+    cgl_telemetry_reset(&telemetry);
+    cgl_snapshot snapshot;
+    CHECK(!cgl_telemetry_read(&telemetry, &snapshot));
+    static cgl_drive drive;
+    static cgl_drive_output out;
+    for (uint32_t n = 1; n < 100U; ++n) {
+        out.status = n;
+        cgl_telemetry_write(&telemetry, &drive, &out);
+        CHECK(cgl_telemetry_read(&telemetry, &snapshot) && snapshot.count == n && snapshot.status == n);
+    }
+}
+
+void try_parts(long rounds)
+{
+    for (long round = 0; round < rounds; ++round) {
+        try_dead_time();
+        try_speed();
+        try_angle_observer();
+        try_encoder();
+        try_encoder_table();
+        try_calibration();
+        try_telemetry();
+    }
+}

@@ -1,0 +1,81 @@
+"""Entry point: runs a command and gives its exit code."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from cogless.errors import INTERRUPTED, WRONG, StudyError, say
+from cogless.files import reason
+
+
+def main() -> None:
+    """Entry point. A user's mistake prints a line on stderr and exits with 2; Ctrl-C exits with 130."""
+    code = _flushed(_code())
+    from cogless.run.side_by_side import left_behind
+
+    if left_behind():
+        os._exit(code)  # sys.exit would stop threads within the engine, and crash
+    sys.exit(code)
+
+
+def _code() -> int:
+    """Run the command and return its exit code."""
+    try:
+        code = _command()
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else 0
+    except StudyError as error:
+        say(str(error))
+        return WRONG
+    except KeyboardInterrupt:
+        say("Interrupted.")
+        return INTERRUPTED
+    except OSError as error:
+        say(f"{error.filename or 'output'}: {reason(error)}")
+        return WRONG
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # not an exception of typer
+            raise
+        line = str(error.format_message()).rstrip(".")
+        if line:
+            command = getattr(getattr(error, "ctx", None), "command_path", "cogless")
+            say(f"{line}{'' if line.endswith('?') else '.'} See {command} --help.")
+        return WRONG
+    if code == INTERRUPTED:  # typer returns this after Ctrl-C in a command
+        say("Interrupted.")
+    return code if isinstance(code, int) else 0
+
+
+def _command() -> object:
+    """Run the command; SystemExit or an exception if it fails."""
+    if sys.argv[1:] == ["list"]:  # typer and pydantic load for twice as long as the list takes
+        from cogless.catalogue import show
+
+        show()
+        return 0
+    import typer
+
+    from cogless.cli import app
+
+    try:
+        return app(prog_name="cogless", standalone_mode=False)
+    except typer.Abort:
+        raise KeyboardInterrupt from None
+
+
+def _flushed(code: int) -> int:
+    """Flush stdout and return the exit code: `code`, or WRONG if the output can't be written (full disk)."""
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the flush at exit
+        if code != WRONG and not isinstance(error, BrokenPipeError):  # the reader closed the pipe: no message
+            say(f"output: {reason(error)}")
+        return WRONG
+    return code
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,33 @@
+"""Response of the speed observer, control/src/cogless/angle_observer.c, at the current loop's rate."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cogless.design.margins import Complex, Real
+
+
+def observed(w: Real, bandwidth: float, period: float) -> Complex:
+    """Response from the sampled angle to the observed speed, 1/s, at w in rad/s.
+
+    `bandwidth`: of the three poles, rad/s. `period`: of the observer, s.
+    """
+    T, p = period, math.exp(-bandwidth * period)
+    gains = np.array([1 - p**3, 1.5 * (1 - p) ** 2 * (1 + p) / T, (1 - p) ** 3 / T**2])
+    predict = np.array([[1, T, T**2 / 2], [0, 1, T], [0, 0, 1]])
+    step = predict - np.outer(gains, predict[0])
+    z = np.exp(1j * np.asarray(w) * T)
+    x = np.linalg.solve(
+        np.eye(3) - step / z[..., None, None], np.broadcast_to(gains[:, None], (*z.shape, 3, 1))
+    )
+    return np.asarray(x[..., 1, 0])
+
+
+def counting_window(bandwidth: float, period: float) -> float:
+    """Window, s, whose counts have as much noise of the speed as the observer, from the same steps."""
+    circle = np.linspace(0, math.pi / period, 4097)
+    return math.sqrt(
+        2 / float(np.trapezoid(np.abs(observed(circle, bandwidth, period)) ** 2, circle) / circle[-1])
+    )

@@ -1,0 +1,180 @@
+"""The sensor's own error, learned by its orders: what converges, what may not disturb or break it."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from control_library import control_library
+
+TS = 1e-4
+USUAL: dict[str, Any] = {
+    "orders": 2,
+    "order": [1, 3],
+    "gain": 4.0,
+    "omega_min": 50.0,
+    "bandwidth": 12.0,
+    "b": 400.0,
+    "limit": 0.1,
+}
+ERROR = {1: 0.009 * np.exp(0.7j), 3: 0.002 * np.exp(-2.0j)}  # Re c exp(j n theta)
+
+
+def table_of(precision: str = "float", **changes: Any):
+    library = control_library(precision)
+    state = library.new("cgl_encoder_table")
+    error = library.lib.cgl_encoder_table_init(
+        state, library.new("cgl_encoder_table_config", **{**USUAL, **changes}), TS
+    )
+    return library, state, error
+
+
+def sensed(theta: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Angle and speed by the sensor, whose error is a function of the angle that it shows."""
+    shown = theta.copy()
+    for _ in range(30):
+        shown = theta + sum(np.real(c * np.exp(1j * n * shown)) for n, c in ERROR.items())
+    slope = sum(np.real(1j * n * c * np.exp(1j * n * shown)) for n, c in ERROR.items())
+    return shown, omega / (1 - slope)
+
+
+def run(library, state, theta, omega, i_q, learn: bool = True) -> np.ndarray:
+    """Corrected angles and speeds."""
+    found = []
+    shown, speed = sensed(theta, omega)
+    now = library.new("cgl_measurement")
+    for n, angle in enumerate(shown % (2 * np.pi)):
+        now.theta_m, now.omega_m = angle, speed[n]
+        library.lib.cgl_encoder_table_step(state, now, i_q[n], learn)
+        found.append((now.theta_m, now.omega_m))
+    return np.array(found)
+
+
+def learned(state) -> dict[int, complex]:
+    return {order: complex(state.a[k], -state.c[k]) for k, order in enumerate((1, 3))}
+
+
+def steady(speed: float, seconds: float = 3.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    t = TS * np.arange(round(seconds / TS))
+    return speed * t, np.full_like(t, speed), np.zeros_like(t)
+
+
+@pytest.mark.parametrize(("precision", "bound"), [("double", 2e-5), ("float", 4e-5)])
+@pytest.mark.parametrize("speed", [80.0, -80.0])
+def test_it_learns_the_error_and_takes_it_out_of_angle_and_speed(
+    precision: str, bound: float, speed: float
+) -> None:
+    library, state, error = table_of(precision)
+    assert error == library.lib.CGL_OK
+    theta, omega, i_q = steady(speed)
+    found = run(library, state, theta, omega, i_q)
+    for order, value in learned(state).items():
+        assert abs(value - ERROR[order]) < bound
+    late = slice(-2000, None)
+    off = (found[late, 0] - theta[late] + np.pi) % (2 * np.pi) - np.pi
+    assert np.abs(off).max() < 2 * bound
+    assert np.abs(found[late, 1] - speed).max() < 1e-3 * abs(speed)
+
+
+def test_a_rotor_that_follows_the_error_is_seen_through_by_its_current() -> None:
+    """A stiff loop makes the rotor follow the sensor: it shows a constant speed, only the current tells."""
+    speed, b = 80.0, 400.0
+    t = TS * np.arange(40_000)
+    shown = speed * t
+    ripple = sum(np.real(c * np.exp(1j * n * shown)) for n, c in ERROR.items())
+    i_q = sum(np.real(c * (n * speed) ** 2 * np.exp(1j * n * shown)) for n, c in ERROR.items()) / b
+    theta = shown - ripple
+    for known, close in ((b, True), (0.0, False)):
+        library, state, _ = table_of("double", b=known)
+        run(library, state, theta, np.gradient(theta, TS), i_q)
+        assert (
+            all(abs(value - ERROR[n]) < 0.05 * abs(ERROR[n]) for n, value in learned(state).items()) == close
+        )
+
+
+@pytest.mark.parametrize("current", [0.5, -5.0])
+def test_a_load_that_the_current_holds_against_keeps_nothing_from_being_learned(current: float) -> None:
+    library, state, _ = table_of()
+    theta, omega, i_q = steady(80.0, 6.0)
+    run(library, state, theta, omega, i_q + current)
+    for order, value in learned(state).items():
+        assert abs(value - ERROR[order]) < 1e-4
+
+
+def test_what_it_takes_for_the_sensor_of_a_torque_ripple_falls_with_the_square_of_the_speed() -> None:
+    """A torque of order 3 that nobody knows, an acceleration of d, moves the rotor by d / (3 omega)^2."""
+    found = []
+    for speed in (60.0, 120.0):
+        t = TS * np.arange(40_000)
+        moved = 300.0 / (3 * speed) ** 2
+        theta = speed * t - moved * np.cos(3 * speed * t)
+        library, state, _ = table_of("double")
+        run(library, state, theta, np.gradient(theta, TS), np.zeros_like(t))
+        found.append(abs(learned(state)[3] - ERROR[3]))
+        assert found[-1] == pytest.approx(moved, rel=0.25)
+    assert found[0] / found[1] == pytest.approx(4.0, rel=0.3)
+
+
+@pytest.mark.parametrize(("speed", "learn"), [(49.0, True), (80.0, False)])
+def test_it_learns_nothing_when_slow_or_not_allowed(speed: float, learn: bool) -> None:
+    library, state, _ = table_of()
+    run(library, state, *steady(speed, 1.5), learn)
+    assert learned(state) == {1: 0.0, 3: 0.0}
+    assert not state.learning
+
+
+@pytest.mark.parametrize("place", ["theta_m", "omega_m", "i_q"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 3e38, 1e30])
+def test_what_is_not_plausible_is_not_learned(place: str, value: float) -> None:
+    library, state, _ = table_of()
+    theta, omega, i_q = steady(80.0)
+    run(library, state, theta, omega, i_q)
+    before = learned(state)
+    now = library.new("cgl_measurement", theta_m=1.0, omega_m=80.0)
+    if place != "i_q":
+        setattr(now, place, value)
+    library.lib.cgl_encoder_table_step(state, now, value if place == "i_q" else 0.0, True)
+    if place == "theta_m" or not math.isfinite(value):
+        passed = getattr(now, place) if place != "i_q" else value
+        assert passed == value or math.isnan(value) or place == "theta_m"
+    run(library, state, theta[:8000], omega[:8000], i_q[:8000])
+    for order, found in learned(state).items():
+        assert abs(found - before[order]) < 2e-4
+    assert math.isfinite(state.observer.omega)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"orders": 0},
+        {"orders": 5},
+        {"order": [3, 1]},
+        {"order": [0, 1]},
+        {"order": [1, 1001]},
+        {"gain": -1.0},
+        {"gain": 1001.0},
+        {"omega_min": 0.0},
+        {"bandwidth": 17.0},
+        {"bandwidth": 0.0},
+        {"b": -1.0},
+        {"b": math.nan},
+        {"limit": 0.0},
+        {"limit": 0.34},
+        {"bandwidth": 1e-9},
+    ],
+)
+def test_init_refuses(wrong: dict[str, Any]) -> None:
+    library, _state, error = table_of(**wrong)
+    assert error == library.lib.CGL_ERROR_CONFIG
+
+
+def test_retune_keeps_what_was_learned_and_refuses_other_orders() -> None:
+    library, state, _ = table_of()
+    state.a[0], state.c[1] = 0.05, -0.01
+    others = library.new("cgl_encoder_table_config", **{**USUAL, "order": [1, 2]})
+    assert library.lib.cgl_encoder_table_retune(state, others) == library.lib.CGL_ERROR_CONFIG
+    tighter = library.new("cgl_encoder_table_config", **{**USUAL, "limit": 0.02})
+    assert library.lib.cgl_encoder_table_retune(state, tighter) == library.lib.CGL_OK
+    assert (state.a[0], state.c[1]) == (pytest.approx(0.02), pytest.approx(-0.01))
+    library.lib.cgl_encoder_table_reset(state)
+    assert learned(state) == {1: 0.0, 3: 0.0}

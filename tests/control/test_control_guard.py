@@ -1,0 +1,246 @@
+"""The C library's guard: what it decides, from the errors that it sees."""
+
+import math
+from itertools import pairwise
+
+import pytest
+from control_library import control_library
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+PRECISIONS = pytest.mark.parametrize("precision", ["float", "double"])
+TS, OMEGA = 1e-3, 2 * math.pi * 4  # a window is a turn, 0.25 s
+WINDOW = 250
+STEPS = 6
+
+
+class Guard:
+    """A guard, and a drive whose ripple depends on what the guard lets act."""
+
+    def __init__(self, precision="double"):
+        library = control_library(precision)
+        self.lib, self.state, self.input = (
+            library.lib,
+            library.new("cgl_guard"),
+            library.new("cgl_guard_input"),
+        )
+        assert self.lib.cgl_guard_init(self.state, TS) == self.lib.CGL_OK
+        self.n = 0
+
+    @property
+    def phase(self):
+        return self.state.phase
+
+    @property
+    def acts(self):
+        return self.state.phase > self.lib.CGL_GUARD_LEARN or self.state.gentle > 1
+
+    def step(
+        self, error, omega_m=OMEGA, omega_ref=OMEGA, plausible=True, saturated=False, learn=True, learned=True
+    ):
+        self.input[0] = (error, omega_m, omega_ref, plausible, saturated, learn, learned)
+        self.lib.cgl_guard_step(self.state, self.input)
+
+    def run(self, windows, amplitude, wanted=True, omega=OMEGA, until=None):
+        """Steps for so many windows at most, until `until` holds; amplitude: of the ripple, or a function of
+        the guard's state. Returns the windows that it took."""
+        for n in range(round(windows * WINDOW)):
+            if until is not None and until(self.state):
+                return n / WINDOW
+            size = amplitude(self.state) if callable(amplitude) else amplitude
+            error = size * math.sin(6 * OMEGA * TS * self.n)
+            self.step(error, omega, omega, learn=wanted, learned=wanted and bool(self.state.learn))
+            self.n += 1
+        return windows
+
+
+def hurting(state):
+    """Ripple of 1 without what is learned, and of 3 with it."""
+    return 1 + 2 * state.share
+
+
+@PRECISIONS
+def test_learning_that_helps_is_left_alone(precision):
+    guard = Guard(precision)
+    guard.run(4, 1.0, wanted=False)
+    for amplitude in (1.0, 0.7, 0.5, 0.4, *[0.3] * 300):
+        guard.run(1, amplitude)
+        assert guard.state.learn and guard.state.share == 1 and not guard.acts and not guard.state.forget
+
+
+@PRECISIONS
+def test_learning_that_hurts_is_stopped_cleared_and_tried_more_gently(precision):
+    guard, lib = Guard(precision), control_library(precision).lib
+    guard.run(4, 1.0, wanted=False)
+    guard.run(5, 0.5)
+    assert not guard.acts
+    assert guard.run(20, hurting, until=lambda s: not s.learn) <= 3
+    assert guard.phase == lib.CGL_GUARD_HOLD and guard.state.share == 1
+    assert guard.run(20, hurting, until=lambda s: s.share == 0) <= 4
+    assert guard.run(20, hurting, until=lambda s: s.forget) <= 4
+    assert guard.state.share == 0
+    turned = guard.run(20, hurting, until=lambda s: not s.forget)
+    assert 1.5 < turned < 2.1  # every cell has been passed, after those that a Q filter waits for
+    assert guard.state.gentle == 2 and guard.state.learn
+    guard.run(3, 0.5)
+    assert guard.state.share == 1 and guard.acts
+
+
+@PRECISIONS
+def test_a_step_is_taken_back_after_a_while_without_trouble(precision):
+    guard = Guard(precision)
+    guard.run(4, 1.0, wanted=False)
+    guard.run(40, hurting, until=lambda s: s.gentle == 2)
+    waited = guard.run(1000, 0.3, until=lambda s: s.gentle == 1)
+    assert 90 < waited < 110
+    guard.run(40, hurting, until=lambda s: s.gentle == 2)
+    assert guard.run(1000, 0.3, until=lambda s: s.gentle == 1) > 1.9 * waited
+
+
+@PRECISIONS
+@pytest.mark.parametrize("factor", [1.5, 5.0])
+def test_a_load_with_more_ripple_is_no_fault_of_learning(precision, factor):
+    guard = Guard(precision)
+    guard.run(4, 1.0, wanted=False)
+    guard.run(20, 0.5)
+    guard.run(25, factor)  # with and without what is learned
+    assert guard.state.gentle == 1 and guard.state.learn and guard.state.share == 1
+    guard.run(100, factor)
+    assert not guard.acts
+
+
+@PRECISIONS
+def test_one_bad_window_is_a_shock(precision):
+    guard = Guard(precision)
+    guard.run(4, 1.0, wanted=False)
+    for _ in range(20):
+        guard.run(6, 0.5)
+        guard.run(0.25, 8.0)
+        assert not guard.acts
+
+
+@PRECISIONS
+def test_a_weak_bus_is_no_fault_of_learning(precision):
+    guard = Guard(precision)
+    guard.run(4, 1.0, wanted=False)
+    guard.run(6, 0.5)
+    for n in range(2 * WINDOW):
+        guard.step(20.0 + math.sin(n), omega_m=0.0, saturated=True, learned=False)
+    for n in range(40):  # and the speed comes back
+        guard.step(20.0 * math.exp(-n / 10))
+    guard.run(6, 0.5)
+    assert not guard.acts and guard.state.learn
+
+
+@PRECISIONS
+def test_an_instability_that_saturates_now_this_way_and_now_the_other_is_seen(precision):
+    guard = Guard(precision)
+    guard.run(4, 1.0, wanted=False)
+    for n in range(2 * WINDOW):
+        guard.step(20.0 * (-1) ** (n // 5), saturated=n % 5 > 1, learned=n % 5 <= 1)
+    assert guard.acts
+
+
+@PRECISIONS
+def test_without_a_known_baseline_it_looks_after_two_seconds(precision):
+    guard = Guard(precision)
+    taken = guard.run(100, hurting, until=lambda s: s.share < 1)
+    assert 2.0 <= taken * WINDOW * TS <= 3.0
+    guard.run(20, hurting, until=lambda s: s.gentle == 2)
+    assert guard.state.gentle == 2
+
+
+@PRECISIONS
+def test_learning_that_has_proven_itself_is_never_probed(precision):
+    guard = Guard(precision)
+    guard.run(1, 1.0)
+    for _ in range(200):
+        guard.run(1, 0.2)
+        assert guard.state.share == 1 and guard.state.learn
+
+
+@PRECISIONS
+def test_at_the_last_step_nothing_is_learned_and_it_is_tried_again_much_later(precision):
+    guard = Guard(precision)
+    guard.run(4, 1.0, wanted=False)
+    bad = lambda s: 1 + 0.5 * s.share  # noqa: E731
+    assert guard.run(400, bad, until=lambda s: s.gentle == STEPS) < 120
+    assert guard.state.share < 1 and not guard.state.learn
+    assert guard.run(2000, bad, until=lambda s: s.share == 1) > 500
+
+
+@PRECISIONS
+def test_at_half_the_speed_learning_goes_on_as_before(precision):
+    guard = Guard(precision)
+    guard.run(4, 1.0, wanted=False)
+    guard.run(40, hurting, until=lambda s: s.gentle == 2)
+    guard.run(12, 0.5, omega=OMEGA / 2)
+    assert guard.state.gentle == 1
+    guard.run(4, 0.5)
+    assert guard.state.gentle == 2
+
+
+@PRECISIONS
+def test_what_was_learned_at_another_speed_is_kept_while_it_does_not_act(precision):
+    guard, lib = Guard(precision), control_library(precision).lib
+    guard.run(4, 1.0, wanted=False)
+    guard.run(20, 0.3)
+    guard.run(30, hurting, omega=2 * OMEGA, until=lambda s: s.phase == lib.CGL_GUARD_MUTE)
+    assert guard.phase == lib.CGL_GUARD_MUTE and not guard.state.forget
+    guard.run(8, 0.3)
+    assert guard.phase == lib.CGL_GUARD_LEARN and guard.state.share == 1
+
+
+@PRECISIONS
+def test_a_law_that_learns_nothing_is_left_alone(precision):
+    guard = Guard(precision)
+    for n in range(20000):
+        guard.step(math.sin(n) * (1 + n % 7), learned=False)
+    assert guard.state.share == 1 and guard.state.learn and not guard.acts
+
+
+ANYTHING = st.one_of(st.floats(width=32), st.floats(-300, 300, width=32))
+
+
+@PRECISIONS
+@settings(max_examples=25, deadline=None)
+@given(
+    parts=st.lists(
+        st.tuples(
+            ANYTHING,
+            ANYTHING,
+            ANYTHING,
+            st.booleans(),
+            st.booleans(),
+            st.booleans(),
+            st.booleans(),
+            st.integers(1, 300),
+        ),
+        max_size=12,
+    )
+)
+def test_whatever_comes_in_the_share_stays_within_0_and_1(precision, parts):
+    guard = Guard(precision)
+    state = guard.state
+    for *values, count in parts:
+        for n in range(count):
+            guard.step(values[0] * (1 - 2 * (n % 2)), *values[1:])
+            assert 0 <= state.share <= 1 and 1 <= state.gentle <= STEPS
+            assert not (state.forget and state.learn) and state.phase <= guard.lib.CGL_GUARD_MUTE
+
+
+def test_the_gain_is_at_most_the_feedbacks_own_and_smaller_from_step_to_step():
+    library = control_library("double")
+    steps = [library.lib.cgl_gentle_steps[k] for k in range(STEPS + 1)]
+    assert (steps[0].gain, steps[0].forgetting, steps[STEPS].gain) == (1, 1, 0)
+    for before, after in pairwise(steps[1:]):
+        assert after.most * after.gain < before.most * before.gain and after.forgetting < before.forgetting
+    # whatever the phase, 1.25 times at most where |T| is up to 1.28 / k_p: gain |T| <= (1 - forgetting) / 5
+    last = steps[STEPS - 1]
+    assert 1.28 * last.most * last.gain <= (1 - last.forgetting) / 5 + 1e-9
+
+
+@pytest.mark.parametrize("ts", [0.0, -1e-3, math.nan, math.inf, 2.0])
+def test_a_period_that_is_none_is_refused(ts):
+    library = control_library("double")
+    assert library.lib.cgl_guard_init(library.new("cgl_guard"), ts) == library.lib.CGL_ERROR_CONFIG

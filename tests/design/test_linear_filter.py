@@ -1,0 +1,27 @@
+"""Filters of our own against scipy.signal's, bit for bit."""
+
+import numpy as np
+import pytest
+from scipy.signal import butter, filtfilt, lfilter
+
+from cogless.design.linear_filter import butterworth_polynomials, forward, forward_and_backward
+
+
+@pytest.mark.parametrize("order", range(1, 9))
+@pytest.mark.parametrize("cutoff", [1e-3, 0.05, 0.3, 0.9])
+def test_butterworth_has_scipys_bits(order: int, cutoff: float) -> None:
+    for ours, theirs in zip(butterworth_polynomials(order, cutoff), butter(order, cutoff), strict=True):
+        assert np.array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("order", [1, 2, 5])
+def test_signals_come_out_with_scipys_bits(order: int) -> None:
+    b, a = butter(order, 0.2)
+    x = np.random.default_rng(order).normal(size=(3, 200))
+    assert np.array_equal(forward_and_backward(b, a, x), filtfilt(b, a, x))
+    assert np.array_equal(forward(b, a, x[1]), lfilter(b, a, x[1]))
+
+
+def test_a_constant_passes_both_ways_unchanged_from_its_first_sample() -> None:
+    b, a = butter(3, 0.1)
+    np.testing.assert_allclose(forward_and_backward(b, a, np.full((1, 60), 2.5)), 2.5, rtol=1e-9)
