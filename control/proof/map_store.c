@@ -51,6 +51,7 @@ int main(void)
     if (cgl_map_store_init(&store, &config, buffer, sizeof buffer) != CGL_OK || !cgl_map_is_valid(&map)) {
         return 0;
     }
+    //@ dynamic_split store.phase;
     while (any_bool()) {
         learning = any_bool();
         if (any_bool()) {
