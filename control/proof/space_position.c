@@ -14,7 +14,6 @@ int main(void)
         return 0;
     }
     //@ widen_hints global:"all", Q_HALF_WIDTH, CELLS - 1, CELLS + Q_HALF_WIDTH, CELLS + Q_HALF_WIDTH + 1;
-    //@ dynamic_split law.memory.map.mask; // what belongs to it stays with it
     while (any_bool()) {
         const cgl_law_input in = any_input();
         cgl_law_output out;

@@ -66,6 +66,14 @@ static void check_off(const cgl_law_input *in, const cgl_law_output *out)
 
 /* ---- inputs: any, or a rotor that turns so that something is learned ---- */
 
+/* As of a guard: mostly nothing. */
+static void ask_of_guard(cgl_law_input *in)
+{
+    in->share = random_below(4) ? CGL_R(1.0) : CGL_R(0.01) * (cgl_real)random_below(101);
+    in->gentle = random_below(8) ? 0U : random_below(CGL_GUARD_STEPS + 1U);
+    in->forget = random_below(30) == 0U;
+}
+
 static void next_input(cgl_law_input *in, int step)
 {
     static cgl_real theta, omega;
@@ -83,6 +91,7 @@ static void next_input(cgl_law_input *in, int step)
     in->theta_ref = in->alpha_ref = CGL_R(0.0);
     in->learn = random_below(8) != 0U;
     in->off = random_below(50) == 0U;
+    ask_of_guard(in);
 }
 
 /* Any, or a rotor that follows a reference which mostly rises. */
@@ -103,6 +112,7 @@ static void next_position_input(cgl_law_input *in, int step)
     in->i_q = CGL_R(0.0);
     in->learn = random_below(8) != 0U;
     in->off = random_below(50) == 0U;
+    ask_of_guard(in);
 }
 
 static cgl_pi_config random_pi(void)
@@ -196,7 +206,8 @@ static void check_learning(const cgl_law_input *in, const cgl_law_output *out, c
 {
     const bool frozen = (out->status & (unsigned)CGL_STATUS_FROZEN) != 0U;
     CHECK(frozen == !memory->learning);
-    CHECK(frozen || (in->learn && !in->off && (out->status & (unsigned)CGL_STATUS_FAULT) == 0U));
+    const bool fault = (out->status & (unsigned)CGL_STATUS_FAULT) != 0U;
+    CHECK(frozen || (!in->off && (in->forget || (in->learn && !fault)))); /* to forget, no speed is needed */
     check_writing(memory, old, before);
 }
 
@@ -507,7 +518,10 @@ static void try_pi_afc(void)
         check_off(&in, &out);
         const bool frozen = (out.status & (unsigned)CGL_STATUS_FROZEN) != 0U;
         CHECK(frozen == !law.learning && (frozen || (out.status & (unsigned)CGL_STATUS_FAULT) == 0U));
-        CHECK(memcmp(before, fenced + GUARD, (frozen ? length : 0U) * sizeof before[0]) == 0);
+        CHECK(memcmp(before, fenced + GUARD, (frozen && !in.forget ? length : 0U) * sizeof before[0]) == 0);
+        for (uint32_t n = 0; frozen && in.forget && !in.off && n < 2U * config.orders; ++n) {
+            CHECK(within(law.coefficient[n], CGL_R(0.0))); /* to forget is to clear, although nothing is learned */
+        }
         CHECK(memcmp(before + 2U * config.orders, law.coefficient + 2U * config.orders,
                      config.orders * sizeof before[0]) == 0);
         CHECK(within(out.i_q_ref, config.pi.limit));
@@ -938,6 +952,7 @@ static cgl_drive_config random_drive(cgl_real ts)
     config.divider = random_below(10) ? 1U + random_below(20) : random_bits() >> random_below(32);
     config.foreign = random_below(3) == 0U;
     config.learn_saturated = random_below(2) != 0U;
+    config.unguarded = random_below(2) != 0U;
     config.foc = random_foc();
     config.monitor = random_monitor(ts, random_below(4));
     config.quality = random_quality((cgl_real)config.divider * ts);
