@@ -15,7 +15,6 @@ FIELDS = {"span": 2 * math.pi, "longest": 1.0, "outlier": 0.0, "floor": 0.0}
 class CQuality:
     def __init__(self, library, ts=TS, **fields):
         self.lib = library.lib
-        ts = fields.pop("ts")
         self.config = library.new("cgl_quality_config", **fields)
         self.state = library.new("cgl_quality")
         assert self.lib.cgl_quality_init(self.state, self.config, ts) == self.lib.CGL_OK
