@@ -277,7 +277,8 @@ def main() -> None:
     for row in found:
         if row["beyond"]:
             print(
-                f"case {row['case']}, {row['law']}, {row['memory']}, {row['kind']}, {row['omega']:.3g} rad/s: "
+                f"case {row['case']}, {row['law']}, {row['memory']}, {row['kind']}, "
+                f"{row['omega']:.3g} rad/s: "
                 f"{row['beyond'][0]}, end {row['end']:.3g}, worst {row['worst']:.3g}"
             )
     lines = [*table(found), "", f"{len(found)} drives, seed {arguments.seed}."]

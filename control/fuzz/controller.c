@@ -133,7 +133,9 @@ static void run(feed *from, const cgl_drive_config *config, cgl_drive *drive)
             cgl_law_input in = {feed_real(from, CGL_R(7.0)),   feed_real(from, CGL_R(100.0)),
                                 feed_real(from, CGL_R(100.0)), feed_real(from, CGL_R(7.0)),
                                 feed_real(from, CGL_R(100.0)), feed_real(from, CGL_R(5.0)),
-                                feed_bool(from),               feed_below(from, 8U) == 0U};
+                                feed_bool(from),               feed_below(from, 8U) == 0U,
+                                feed_below(from, 8U) == 0U,    feed_real(from, CGL_R(1.0)),
+                                feed_below(from, 8U)};
             cgl_law_output out;
             step_law(&in, &out);
         } else {

@@ -55,7 +55,7 @@ static inline bool is_number(cgl_real x) { return x >= -CGL_REAL_MAX && x <= CGL
 static inline cgl_law_input any_input(void)
 {
     const cgl_law_input in = {any_real(), any_real(), any_real(), any_real(),
-                              any_real(), any_real(), any_bool(), any_bool()};
+                              any_real(), any_real(), any_bool(), any_bool(), any_bool(), any_real(), any_bits()};
     return in;
 }
 

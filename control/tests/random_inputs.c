@@ -69,7 +69,7 @@ static void check_off(const cgl_law_input *in, const cgl_law_output *out)
 /* As of a guard: mostly nothing. */
 static void ask_of_guard(cgl_law_input *in)
 {
-    in->share = random_below(4) ? CGL_R(1.0) : CGL_R(0.01) * (cgl_real)random_below(101);
+    in->muted = random_below(4) ? CGL_R(0.0) : CGL_R(0.01) * (cgl_real)random_below(101);
     in->gentle = random_below(8) ? 0U : random_below(CGL_GUARD_STEPS + 1U);
     in->forget = random_below(30) == 0U;
 }

@@ -197,7 +197,7 @@ static void memory(void)
 #define STEPS(law, step)                                                                                               \
     do {                                                                                                               \
         for (uint32_t left = count(); left > 0U; --left) {                                                             \
-            cgl_law_input in = {.share = CGL_R(1.0)};                                                                       \
+            cgl_law_input in = {.learn = false};                                                                       \
             cgl_law_output out;                                                                                        \
             in.theta_ref = real();                                                                                     \
             in.omega_ref = real();                                                                                     \
@@ -314,7 +314,7 @@ static void anti_cogging(void)
     CHECK(cgl_anti_cogging_init(&law, &config, real(), cell, CELLS) == CGL_OK);
     reals(cell, config.cells);
     for (uint32_t left = count(); left > 0U; --left) {
-        cgl_law_input in = {.learn = true, .share = CGL_R(1.0)};
+        cgl_law_input in = {.learn = true};
         cgl_law_output out;
         in.omega_ref = real();
         in.omega_m = real();

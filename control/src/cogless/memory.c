@@ -108,7 +108,7 @@ CGL_SELDOM void cgl_memory_reset(cgl_memory *memory)
         channel->value = channel->sum = channel->anew = channel->correction = CGL_R(0.0);
     }
     memory->learning = false;
-    map->mask = map->offset = map->shift = 0U;
+    map->backward = false;
     map->angle = map->turn = map->x = map->at = map->passed = map->head = map->half = map->anew_left = map->lag_x = 0U;
     map->part = CGL_R(0.0);
     map->started = map->follows = map->lagging = false;
@@ -144,9 +144,9 @@ CGL_SELDOM static uint32_t place_in_turns(cgl_memory *memory, uint32_t angle)
 }
 
 /* The entry of cell n, as it is counted. */
-static inline uint32_t entry_of(const cgl_angle_map *map, uint32_t n)
+static inline uint32_t entry_of(const cgl_memory *memory, uint32_t n)
 {
-    return (n ^ map->mask) + map->offset;
+    return memory->map.backward ? memory->config.cells - 1U - n : n;
 }
 
 /* Place in the ring of the entry that was passed `age` cells ago. */
@@ -171,7 +171,7 @@ CGL_SELDOM static void seat(cgl_memory *memory, uint32_t x)
     map->anew_left = 1U;
     cgl_real *entry = memory->cell;
     for (uint32_t c = 0; c < memory->config.channels; ++c, entry += row) {
-        memory->channel[c].sum = entry[cells] = entry[entry_of(map, map->at)];
+        memory->channel[c].sum = entry[cells] = entry[entry_of(memory, map->at)];
         memory->channel[c].anew = CGL_R(0.0);
     }
 }
@@ -181,8 +181,8 @@ CGL_SELDOM static void widen(cgl_memory *memory)
 {
     cgl_angle_map *const map = &memory->map;
     const uint32_t cells = memory->config.cells, half = map->half + 1U, oldest = ring_place(memory, half);
-    const uint32_t ahead = entry_of(map, wrapped(map->at + half, cells));
-    const uint32_t behind = entry_of(map, wrapped(map->at + cells - half, cells));
+    const uint32_t ahead = entry_of(memory, wrapped(map->at + half, cells));
+    const uint32_t behind = entry_of(memory, wrapped(map->at + cells - half, cells));
     cgl_real *entry = memory->cell;
     for (uint32_t c = 0; c < memory->config.channels; ++c, entry += memory->row) {
         entry[oldest] = entry[behind];
@@ -198,7 +198,6 @@ CGL_APART static void pass(cgl_memory *memory, uint32_t count)
 {
     cgl_angle_map *const map = &memory->map;
     const uint32_t cells = memory->config.cells, m = memory->config.q_half_width, half = map->half;
-    const uint32_t mask = map->mask, offset = map->offset;
     const uint32_t first = ring_place(memory, half) - cells, front = wrapped(map->at + half, cells);
     cgl_real *entry = memory->cell;
     for (cgl_channel *channel = memory->channel;;) {
@@ -209,10 +208,10 @@ CGL_APART static void pass(cgl_memory *memory, uint32_t count)
             at = wrapped(at + 1U, cells);
             ahead = wrapped(ahead + 1U, cells);
             head = head < m ? head + 1U : 0U;
-            const cgl_real entering = entry[(ahead ^ mask) + offset];
+            const cgl_real entering = entry[entry_of(memory, ahead)];
             sum += entering - ring[leaving];
             anew += entering;
-            ring[head] = entry[(at ^ mask) + offset];
+            ring[head] = entry[entry_of(memory, at)];
             leaving = leaving < m ? leaving + 1U : 0U;
             if (--anew_left == 0U) {
                 sum = anew;
@@ -236,14 +235,9 @@ CGL_APART static void pass(cgl_memory *memory, uint32_t count)
 CGL_SELDOM static void start_there(cgl_memory *memory, uint32_t x, uint32_t moved, uint32_t count)
 {
     cgl_angle_map *const map = &memory->map;
-    const uint32_t cells = memory->config.cells;
     if (map->started && moved >= 0U - QUARTER - map->width) { /* from where it seemed to stand: by up to a cell more */
-        const bool forward = map->mask != 0U;
-        x = (x - map->shift) ^ map->mask;
-        map->mask = forward ? 0U : 0xFFFFFFFFU;
-        map->offset = forward ? 0U : cells;
-        map->shift = forward ? 0U : 1U - map->width;
-        x = (x ^ map->mask) + map->shift;
+        map->backward = !map->backward;
+        x = 0U - map->width - x;
     }
     seat(memory, x);
     map->passed = moved <= QUARTER ? count : 0U; /* where it goes on like this, it is no jump */
@@ -253,7 +247,7 @@ CGL_SELDOM static void start_there(cgl_memory *memory, uint32_t x, uint32_t move
 static inline uint32_t follow(cgl_memory *memory, uint32_t place)
 {
     cgl_angle_map *const map = &memory->map;
-    const uint32_t cells = memory->config.cells, x = (place ^ map->mask) + map->shift, moved = x - map->x;
+    const uint32_t cells = memory->config.cells, x = map->backward ? 0U - map->width - place : place, moved = x - map->x;
     const uint64_t wide = (uint64_t)x * cells;
     const uint32_t n = (uint32_t)(wide >> 32), apart = n - map->at, count = apart < cells ? apart : apart + cells;
     if (!(map->started && moved <= QUARTER && count <= REACH + 2U * map->passed)) {
@@ -272,7 +266,7 @@ static inline uint32_t follow(cgl_memory *memory, uint32_t place)
     } else if (count > 0U) { /* without a filter the last cell is all */
         cgl_real *entry = memory->cell;
         for (uint32_t c = 0; c < memory->config.channels; ++c, entry += memory->row) {
-            memory->channel[c].sum = entry[cells] = entry[entry_of(map, n)];
+            memory->channel[c].sum = entry[cells] = entry[entry_of(memory, n)];
         }
         map->at = n;
     }
@@ -306,7 +300,7 @@ CGL_SELDOM static void correct(cgl_memory *memory, uint32_t moved, const cgl_rea
         cgl_real on_line = correction[c] - part * slope;
         uint32_t cell = n;
         for (uint32_t left = writes ? count : 0U; left > 0U; --left) {
-            cgl_real *const corrected = entry + entry_of(map, cell);
+            cgl_real *const corrected = entry + entry_of(memory, cell);
             *corrected = cgl_clamp(*corrected + on_line, limit);
             on_line -= slope;
             cell = (cell > 0U ? cell : cells) - 1U;
@@ -321,7 +315,7 @@ CGL_SELDOM static void correct(cgl_memory *memory, uint32_t moved, const cgl_rea
 CGL_SELDOM static void repeat(cgl_memory *memory, cgl_real *value)
 {
     cgl_angle_map *const map = &memory->map;
-    const uint32_t here = entry_of(map, map->at), next = entry_of(map, wrapped(map->at + 1U, memory->config.cells));
+    const uint32_t here = entry_of(memory, map->at), next = entry_of(memory, wrapped(map->at + 1U, memory->config.cells));
     const cgl_real *entry = memory->cell;
     for (uint32_t c = 0; c < memory->config.channels; ++c, entry += memory->row) {
         value[c] = entry[here] + map->part * (entry[next] - entry[here]);
@@ -334,7 +328,7 @@ CGL_APART static void learn_on(cgl_memory *memory, uint32_t moved, const cgl_rea
 {
     cgl_angle_map *const map = &memory->map;
     const uint32_t cells = memory->config.cells, m = memory->config.q_half_width, at = map->at;
-    const uint32_t ahead = entry_of(map, wrapped(at + m + 1U, cells));
+    const uint32_t ahead = entry_of(memory, wrapped(at + m + 1U, cells));
     const uint32_t oldest = cells + (map->head < m ? map->head + 1U : 0U);
     const uint32_t count = moved > 0U && map->follows ? map->passed : 0U;
     const bool acts = memory->config.lead == 0U;
@@ -353,7 +347,7 @@ CGL_APART static void learn_on(cgl_memory *memory, uint32_t moved, const cgl_rea
             cgl_real on_line = stored - part * slope;
             uint32_t cell = at;
             for (uint32_t left = count;;) {
-                entry[entry_of(map, cell)] = cgl_clamp(on_line, channel->limit);
+                entry[entry_of(memory, cell)] = cgl_clamp(on_line, channel->limit);
                 if (--left == 0U) {
                     break;
                 }

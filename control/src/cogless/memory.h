@@ -40,9 +40,9 @@ typedef struct {
 
 /* A map's state. The cells last passed wait as they were in a ring behind the map, as many as the Q filter looks back on: it
  * sees what is one period old on both sides, although the map is written meanwhile. On the way back cells are counted from the
- * other end, so that a rotor always goes on: number n is entry (n ^ mask) + offset. */
+ * other end, so that a rotor always goes on. */
 typedef struct {
-    uint32_t mask, offset, shift;  /* forward 0; backward all ones, cells, and by how much the place is moved with them */
+    bool backward;                 /* number n is entry cells - 1 - n, a place x is at -width - x; forward n and x */
     uint32_t angle;                /* last one [2^-32 revolutions] */
     uint32_t turn;                 /* of the period's turns */
     uint32_t x;                    /* the place in the period, as it is counted [2^-32 periods] */
