@@ -45,8 +45,7 @@ def store() -> list[str]:
 
     The headers name the structs of all laws; the .c files of those laws aren't needed.
     """
-    headers = closure((f"{name}.h" for name in STORE), code=False)
-    return sorted([*headers, *(f"{name}.c" for name in STORE)])
+    return closure((f"{name}{end}" for name in STORE for end in (".h", ".c")), code=False)
 
 
 def defined_in() -> dict[str, str]:
