@@ -106,16 +106,20 @@ def config(change: dict[str, Any] | None = None) -> dict[str, Any]:
 
 
 def packed(layout: Layout, struct: str, values: dict[str, Any], limit: float) -> bytes:
-    """A configuration in C: the members that are given, else the current limit, zeros."""
+    """A configuration in C: the members that are given, else the current limit, a memory's ones, zeros."""
+
+    def usual(table: dict[str, Any]) -> dict[str, Any]:
+        ones = {key: 1 for key in ("channels", "turns", "parts") if key in table}
+        inner = {key: usual(value) for key, value in table.items() if isinstance(value, dict)}
+        return {**table, **ones, **inner}
 
     def filled(table: dict[str, Any]) -> dict[str, Any]:
         own = {"limit": limit} if table.get("limit") == 0 else {}
-        own |= {key: 1 for key in ("channels", "turns", "parts") if table.get(key) == 0}
         inner = {key: filled(value) for key, value in table.items() if isinstance(value, dict)}
         return {**table, **own, **inner}
 
     zeros = layout.decode(struct, bytes(layout.size(struct)))
-    return layout.pack(struct, filled(merged(zeros, values)))
+    return layout.pack(struct, filled(merged(usual(zeros), values)))
 
 
 def described(settings: dict[str, Any], module: ModuleType = _simulator_f64) -> dict[str, Any]:
@@ -135,6 +139,7 @@ def described(settings: dict[str, Any], module: ModuleType = _simulator_f64) -> 
         "divider": drive["speed_divider"],
         "foreign": ideal,
         "learn_saturated": "trials" in settings,
+        "unguarded": drive.get("unguarded", False),
         "foc": {**foc, "current_limit": limit, "phases": phases},
         "monitor": {"phases": 0 if ideal else phases, **drive.get("monitor", {})},
         "quality": {"span": 2 * np.pi, "longest": 60.0, **drive.get("quality", {})},

@@ -99,7 +99,7 @@ def test_a_draw_is_spread_over_the_lines_and_always_the_same() -> None:
 def test_those_tests_come_first_that_are_about_it() -> None:
     for file, of, first in (
         ("src/cogless/results/metrics.py", "def overshoot", "tests/results/test_metrics.py"),
-        ("control/src/cogless/quality.c", "set_bounds(const", "tests/control/test_control_quality.py"),
+        ("control/src/cogless/quality.c", "set_bounds(cgl_quality", "tests/control/test_control_quality.py"),
         ("simulator/open_bridge.hpp", "let_through(const", "tests/simulator/test_open_bridge.py"),
     ):
         text = (ROOT / file).read_text()

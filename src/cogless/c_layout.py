@@ -12,6 +12,7 @@ from cogless.c_headers import Field, Headers, control_headers
 
 PLAIN = {
     "bool": "?",
+    "uint8_t": "B",
     "uint16_t": "H",
     "uint32_t": "I",
     "uint64_t": "Q",
@@ -19,7 +20,7 @@ PLAIN = {
     "unsigned": "I",
     "int": "i",
 }
-SAME_BITS = {"f": "I", "d": "Q", "Q": "Q", "?": "?", "H": "H", "I": "I", "i": "I"}
+SAME_BITS = {"f": "I", "d": "Q", "Q": "Q", "?": "?", "B": "B", "H": "H", "I": "I", "i": "I"}
 POINTER = struct.calcsize("P")
 
 

@@ -117,7 +117,7 @@ def test_double_equals_the_reference(seed):
         assert c.output.status == (
             lib.CGL_STATUS_SATURATED * reference.pi.saturated
             | lib.CGL_STATUS_FAULT * (not known)
-            | lib.CGL_STATUS_FROZEN * (recording and not learn)
+            | lib.CGL_STATUS_FROZEN * (not (recording and learn))
             | lib.CGL_STATUS_BUSY * reference.calibrating
         ), n
         seen |= c.output.status

@@ -83,11 +83,11 @@ def test_off_gives_nothing_and_keeps_what_is_learned(precision, name):
     assert before != 0 and all(terms(law.state).get(name, 1.0) for name in ("learned", "looked_up", "alpha"))
     law.step(off=True)
     assert not any(terms(law.state).values())
-    learned = law.cell.copy()
+    learned = law.cell[:64].copy()  # behind a map is a ring of the cells last passed
     assert learned.any() == (name not in WITHOUT_MEMORY)
     for _ in range(700):
         assert law.step(off=True) == (0.0, library.lib.CGL_STATUS_OFF | library.lib.CGL_STATUS_FROZEN)
-    assert np.array_equal(law.cell, learned)
+    assert np.array_equal(law.cell[:64], learned)
     status = law.step(base=0.0)[1]
     assert not status & library.lib.CGL_STATUS_OFF
 

@@ -119,7 +119,7 @@ def test_speed_pi_is_the_pi_of_the_speed_error(precision, omega_ref, omega_m, st
     out = library.new("cgl_law_output")
     inputs = library.new("cgl_law_input", omega_ref=omega_ref, omega_m=omega_m)
     library.lib.cgl_speed_pi_step(law.state, inputs, out)
-    assert out.status == status
+    assert out.status == status | library.lib.CGL_STATUS_FROZEN  # nothing is learned
     assert out.i_q_ref == CPi(library, Pi(kp=0.5, ki=50.0, ts=1e-3, limit=2.0)).step(omega_ref - omega_m)
 
 

@@ -120,6 +120,7 @@ def test_learning_by_angle_removes_cogging_that_the_feedback_leaves(law: str) ->
         "motor": {"cogging": [{"order": 24, "torque": 0.05, "phase": 0.0}]},
         "reference": {"speed": 3.0},
         "initial_speed": 3.0,
+        "drive": {"unguarded": True},
     }
     x = run({**change, "controller": {"law": law, "config": merged({"memory": memory}, gains)}}, 12.0)
     ripple = [np.ptp(x["omega_m"][(x["time"] > t) & (x["time"] < t + 0.5)]) for t in (0.02, 11.4)]

@@ -15,7 +15,7 @@ MagneticSensorI2C sensor(AS5600_I2C);
 
 static cgl_drive_config drive_config;
 static cgl_pi_ilc_config law_config;
-static cgl_real map_of_ripple[CGL_MEMORY_LENGTH(CELLS, Q_HALF_WIDTH)];
+static cgl_real map_of_ripple[CGL_MEMORY_ROW(CELLS, Q_HALF_WIDTH)];
 static cgl_pi_ilc law;
 static cgl_drive drive;
 static bool learns;
@@ -43,12 +43,14 @@ static bool start_learning()
     law_config.pi.limit = 0.3f * motor.current_limit;
     law_config.gain = 0.3f * motor.PID_velocity.P; // A s/rad
     law_config.memory.kind = CGL_MEMORY_ANGLE;
+    law_config.memory.channels = 1;
     law_config.memory.cells = CELLS;
-    law_config.memory.periods_per_rev = 1;
+    law_config.memory.turns = 1;                   // the map is of one turn
+    law_config.memory.parts = 1;
     law_config.memory.q_half_width = Q_HALF_WIDTH;
     law_config.memory.lead = 3;                    // ms until the speed filter has seen a current's effect
     law_config.memory.forgetting = 1.0f;
-    law_config.memory.limit = 0.3f * motor.current_limit;
+    law_config.memory.limit[0] = 0.3f * motor.current_limit;
     return cgl_drive_init(&drive, &drive_config, 1.0f / LEARN_RATE) == CGL_OK
            && cgl_pi_ilc_init(&law, &law_config, drive.law_period, map_of_ripple, sizeof map_of_ripple / sizeof map_of_ripple[0]) == CGL_OK;
 }
