@@ -46,7 +46,9 @@ def test_learning_is_judged_with_the_plant_of_the_scenario() -> None:
     assert found.kind == "grows"
     assert found.words() in warnings(other, "varying", "angle")[0]
     without = changed(other, {"controller.angle.learning": False})
-    assert ripple(other, "varying", "angle") > 3 * ripple(without, "varying", "angle")
+    alone = changed(other, {"drive.guard": False})
+    assert ripple(alone, "varying", "angle") > 3 * ripple(without, "varying", "angle")
+    assert ripple(other, "varying", "angle") < 1.25 * ripple(without, "varying", "angle")  # the guard stops it
     assert ripple(told, "varying", "angle") < ripple(without, "varying", "angle")
 
 
@@ -92,7 +94,11 @@ def test_what_learning_leaves_is_foretold(speed: str, changes: Changes, harms: b
     """From the orders of motor and load; where it leaves more than its feedback, that's said."""
     law = {f"controller.pi-ilc.{key}": value for key, value in {"lead": "0 s", **changes}.items()}
     only = {"s": {"duration": "6 s", "reference": speed, "initial_speed": speed}}
-    perfect = {"drive.position_sensor": {"kind": "ideal"}, "drive.inverter.dead_time": "0 s"}
+    perfect = {
+        "drive.position_sensor": {"kind": "ideal"},
+        "drive.inverter.dead_time": "0 s",
+        "drive.guard": False,  # the law alone is judged
+    }
     slow = {"drive.current_loop.bandwidth": "400 Hz"} if harms else {}
     quiet = {"drive.current_sensors": {}, "scenario": only, "metric": []}
     study = load("uomodri", {**perfect, **law, **slow, **quiet})

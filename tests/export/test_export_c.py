@@ -417,7 +417,7 @@ def test_a_linear_plant_has_no_drive(tmp_path: Path) -> None:
             {},
             (
                 "theta_e = 4 theta_m",
-                "2500 lines, 10000 counts: the counts of a period",
+                "2500 lines, 10000 counts, by the code that was simulated: `cogless/speed_count.h` says",
                 "in the order a, b, c",
                 "gates off",
                 "psi_f / L_d = 2.27 A",
@@ -448,7 +448,7 @@ def test_a_linear_plant_has_no_drive(tmp_path: Path) -> None:
                 "CGL_MAP_STORED_LENGTH(3, 1024",
             ),
         ),
-        ("uomodri", "pi", {}, ("the last edge before a period of the law to the last one in it",)),
+        ("uomodri", "pi", {}, ("20000 counts, by the code that was simulated: `cogless/speed_timed.h` says",)),
     ],
 )
 def test_the_readme_says_what_a_board_needs(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import studies
-from cogless import cli
+from cogless.__main__ import main
 from cogless.design.unlearned import foreseen
 from cogless.report import compare, render, verdicts
 from cogless.report.unlearned import unlearned
@@ -198,7 +198,7 @@ def test_run_says_so_before_it_runs(tmp_path, monkeypatch, capsys):
     only = ("--only", "*/ilc", "-o", str(tmp_path / "out"))
     monkeypatch.setattr(sys, "argv", ["cogless", "run", str(Path(tmp_path) / "short.toml"), *only])
     with pytest.raises(NotImplementedError):
-        cli.main()
+        main()
     assert capsys.readouterr().err == f"Warning: controller.ilc: learns nothing in short: {HALF}.\n"
 
 

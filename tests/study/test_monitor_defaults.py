@@ -75,7 +75,6 @@ def test_defaults_follow_from_the_drive() -> None:
             "current_sum": 2.0,
             "bridge": 5e-3,
             "hold": 1e-2,
-            "ts": 1 / 20_000,
             "phases": 3,
         }
     )

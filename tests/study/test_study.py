@@ -206,7 +206,7 @@ def test_the_engine_is_told_everything_in_si(tmp_path: Path) -> None:
     assert control["foc"]["ki_d"] == pytest.approx(2 * math.pi * 800 * 15.42)
     assert found["controller"]["law"] == "pi"
     assert found["controller"]["config"] == pytest.approx(
-        {"kp": 0.1432394, "ki": 2.8647889, "ts": 1e-3, "limit": study.drive.current_loop.current_limit}
+        {"kp": 0.1432394, "ki": 2.8647889, "limit": study.drive.current_loop.current_limit}
     )
 
 
