@@ -48,7 +48,9 @@ def test_learning_is_judged_with_the_plant_of_the_scenario() -> None:
     without = changed(other, {"controller.angle.learning": False})
     alone = changed(other, {"drive.guard": False})
     assert ripple(alone, "varying", "angle") > 3 * ripple(without, "varying", "angle")
-    assert ripple(other, "varying", "angle") < 1.25 * ripple(without, "varying", "angle")  # the guard stops it
+    assert ripple(other, "varying", "angle") < 1.25 * ripple(
+        without, "varying", "angle"
+    )  # the guard stops it
     assert ripple(told, "varying", "angle") < ripple(without, "varying", "angle")
 
 

@@ -448,7 +448,12 @@ def test_a_linear_plant_has_no_drive(tmp_path: Path) -> None:
                 "CGL_MAP_STORED_LENGTH(3, 1024",
             ),
         ),
-        ("uomodri", "pi", {}, ("20000 counts, by the code that was simulated: `cogless/speed_timed.h` says",)),
+        (
+            "uomodri",
+            "pi",
+            {},
+            ("20000 counts, by the code that was simulated: `cogless/speed_timed.h` says",),
+        ),
     ],
 )
 def test_the_readme_says_what_a_board_needs(
