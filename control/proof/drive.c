@@ -18,7 +18,7 @@ static cgl_drive_config any_drive(void)
 int main(void)
 {
     cgl_drive_config config = any_drive();
-    cgl_drive drive;
+    static cgl_drive drive; /* zeros: Eva does not keep together what is foreign and what of the loop is not used */
     if (cgl_drive_init(&drive, &config, any_real()) != CGL_OK) {
         return 0;
     }
