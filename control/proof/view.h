@@ -14,8 +14,10 @@
 #define cgl_clamped cgl_clamped_as_written
 #define cgl_is_positive cgl_is_positive_as_written
 #define cgl_is_not_negative cgl_is_not_negative_as_written
+#define cgl_add cgl_add_as_written
 #include "cogless/real.h"
 #undef cgl_is_within
+#undef cgl_add
 #undef cgl_is_finite
 #undef cgl_is_angle
 #undef cgl_clamp
@@ -47,6 +49,18 @@ static inline cgl_real cgl_rest(cgl_real x)
 {
     const cgl_real rest = cgl_rest_as_written(x);
     return rest > CGL_R(-1.0) && rest < CGL_R(1.0) ? rest : CGL_R(0.0);
+}
+
+/* The same with a branch in place of a bool, which Eva does not keep together with the number. */
+static inline cgl_real cgl_add(cgl_real sum, cgl_real x, cgl_real limit, cgl_real *lost)
+{
+    const cgl_real term = x + *lost, result = sum + term;
+    if (cgl_is_within(result, limit)) {
+        *lost = term - (result - sum);
+        return result;
+    }
+    *lost = CGL_R(0.0);
+    return cgl_clamp(result, limit);
 }
 
 #endif
