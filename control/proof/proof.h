@@ -55,7 +55,7 @@ static inline bool is_number(cgl_real x) { return x >= -CGL_REAL_MAX && x <= CGL
 static inline cgl_law_input any_input(void)
 {
     const cgl_real any = any_real();
-    const cgl_real muted = any >= CGL_R(0.0) && any <= CGL_R(1.0) ? any : CGL_R(0.0); /* the guard's, or the caller's word */
+    const cgl_real muted = any == any && any >= CGL_R(0.0) && any <= CGL_R(1.0) ? any : CGL_R(0.0); /* the guard's, or the caller's word */
     const cgl_law_input in = {any_real(), any_real(), any_real(), any_real(),
                               any_real(), any_real(), any_bool(), any_bool(), any_bool(), muted, any_bits()};
     return in;
