@@ -86,7 +86,8 @@ static void step_law(const cgl_law_input *in, cgl_law_output *out)
     if (in->off) {
         HOLDS(within(out->i_q_ref, CGL_R(0.0)));
     }
-    if ((out->status & (unsigned)CGL_STATUS_FROZEN) != 0U || in->off || !in->learn) {
+    const bool frozen = (out->status & (unsigned)CGL_STATUS_FROZEN) != 0U || !in->learn;
+    if (in->off || (frozen && !in->forget)) {
         HOLDS(memcmp(before, law_learned(&length), length * sizeof before[0]) == 0);
     }
 }

@@ -28,7 +28,7 @@ fuzz() { # name
   if ! "$out/$1" -runs="$runs" -max_len=512 -len_control=0 -timeout=10 -artifact_prefix="$out/$1-" \
       "$out/$1.corpus" >"$out/$1.log" 2>&1; then
     printf '%-24s FAILED\n' "$1"
-    grep -E -m3 'HOLDS|control/|ERROR|runtime error' "$out/$1.log" || tail -n 5 "$out/$1.log"
+    grep -E -m3 '^control/|runtime error|ERROR: Add' "$out/$1.log" || tail -n 5 "$out/$1.log"
     return 1
   fi
   done=$(sed -n 's/^Done \([0-9]*\) runs.*/\1/p' "$out/$1.log")

@@ -224,7 +224,7 @@ void cgl_anti_cogging_step(cgl_anti_cogging *law, const cgl_law_input *in,
     } else if (recording) {
         error = CGL_R(0.0);
     } else if (plausible) {
-        law->looked_up = (CGL_R(1.0) - in->muted) * look_up(law, in->theta_m + config->lead * in->omega_m);
+        law->looked_up = cgl_law_share(in) * look_up(law, in->theta_m + config->lead * in->omega_m);
     }
 
     out->i_q_ref = cgl_pi_step(&law->pi, error, law->looked_up);

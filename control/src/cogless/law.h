@@ -15,8 +15,8 @@ typedef struct {
     cgl_real i_q;       /* measured q-axis current [A]; only a calibration run reads it */
     bool learn;         /* false freezes what is learned */
     bool off;           /* true: the output is 0 and integrals start anew; what is learned stays, frozen */
-    bool forget;        /* clear what is learned, cell by cell as the rotor passes */
-    cgl_real muted;     /* share of what is learned that does not act, 0 to 1; default 0 */
+    bool forget;        /* clear what is learned, cell by cell as the rotor passes, even where learn is false; not while off */
+    cgl_real muted;     /* share of what is learned that does not act, 0 to 1; default 0, and so is whatever is no share */
     uint32_t gentle;    /* 0: learn as configured; k >= 1: with a smaller gain and more forgetting, cgl_gentle_steps[k] */
 } cgl_law_input;
 
@@ -29,6 +29,13 @@ typedef struct {
 static inline uint32_t cgl_law_gentle(const cgl_law_input *in)
 {
     return in->forget ? CGL_GUARD_STEPS : in->gentle;
+}
+
+/* The share of what is learned that acts, 0 to 1; whatever is no share acts. */
+static inline cgl_real cgl_law_share(const cgl_law_input *in)
+{
+    const cgl_real share = CGL_R(1.0) - in->muted;
+    return CGL_OFTEN(share >= CGL_R(0.0) && share <= CGL_R(1.0)) ? share : CGL_R(1.0);
 }
 
 /* The output of a law that is off. */

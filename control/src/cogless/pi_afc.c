@@ -154,7 +154,7 @@ void cgl_pi_afc_step(cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *o
     if (is_angle) {
         const cgl_real turns = cgl_fraction(in->theta_m * (CGL_R(1.0) / CGL_TWO_PI));
         const cgl_real turns_before = cgl_fraction(before * (CGL_R(1.0) / CGL_TWO_PI));
-        law->learned = (CGL_R(1.0) - in->muted) * sum_of_orders(law, turns, turns_before, in->omega_ref * law->pi.ts,
+        law->learned = cgl_law_share(in) * sum_of_orders(law, turns, turns_before, in->omega_ref * law->pi.ts,
                                      cgl_clamp(gain * law->pi.ts * error, CGL_REAL_MAX), kept);
     }
     if (law->learning && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {

@@ -70,7 +70,7 @@ void cgl_pi_ilc_step(cgl_pi_ilc *law, const cgl_law_input *in,
     cgl_real value;
     const bool learn = cgl_memory_step(&law->memory, in->theta_m, in->omega_ref,
                                        ((in->learn && !law->pi.saturated) || in->forget) && !in->off, &correction, &value);
-    law->learned = (CGL_R(1.0) - in->muted) * cgl_clamp(value, law->memory.config.limit[0]);
+    law->learned = cgl_law_share(in) * cgl_clamp(value, law->memory.config.limit[0]);
     if (learn && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {
         out->status = 0U;
     } else {

@@ -97,7 +97,7 @@ void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
     cgl_real value;
     const bool learn = cgl_memory_step(&law->memory, in->theta_m, in->omega_ref,
                                        ((in->learn && !law->saturated) || in->forget) && !in->off && finite, &correction, &value);
-    const cgl_real f = (CGL_R(1.0) - in->muted) * cgl_clamp(value, config->memory.limit[0]);
+    const cgl_real f = cgl_law_share(in) * cgl_clamp(value, config->memory.limit[0]);
 
     if (in->off) {
         start_anew(law);

@@ -154,15 +154,16 @@ void cgl_space_position_step(cgl_space_position *law,
         cgl_law_off(out);
         return;
     }
+    const cgl_real acts = cgl_law_share(in);
     cgl_space_position_terms *terms = &law->terms;
     terms->proportional =
         -(config->k_omega + config->v_0 + config->v_2 * omega * omega) * omega_t - config->k_v * theta_tg;
-    terms->alpha = (CGL_R(1.0) - in->muted) * value[0];
-    terms->beta = config->memory.channels > 1U ? (CGL_R(1.0) - in->muted) * value[1] * omega_ref : CGL_R(0.0);
-    terms->h = config->memory.channels > 2U ? (CGL_R(1.0) - in->muted) * value[2] * alpha_ref : CGL_R(0.0);
+    terms->alpha = acts * value[0];
+    terms->beta = config->memory.channels > 1U ? acts * value[1] * omega_ref : CGL_R(0.0);
+    terms->h = config->memory.channels > 2U ? acts * value[2] * alpha_ref : CGL_R(0.0);
     const cgl_real rest = terms->proportional + terms->alpha + terms->beta + terms->h;
 
-    const cgl_real share_i = config->hand_over ? CGL_R(1.0) - (CGL_R(1.0) - in->muted) * share : CGL_R(1.0);
+    const cgl_real share_i = config->hand_over ? CGL_R(1.0) - acts * share : CGL_R(1.0);
     cgl_real lost = law->integral_lost;
     const cgl_real integral = cgl_add(law->integral, config->k_i * law->ts * omega_t, config->limit, &lost);
     const cgl_real wanted = rest - share_i * integral;

@@ -102,11 +102,12 @@ void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
         cgl_law_off(out);
         return;
     }
+    const cgl_real acts = cgl_law_share(in);
     cgl_space_speed_terms *terms = &law->terms;
     terms->proportional = -config->k * eta;
-    terms->alpha = (CGL_R(1.0) - in->muted) * delta[0];
-    terms->beta = config->memory.channels > 1U ? (CGL_R(1.0) - in->muted) * delta[1] * omega : CGL_R(0.0);
-    terms->h = config->memory.channels > 2U ? (CGL_R(1.0) - in->muted) * delta[2] * alpha_ref : CGL_R(0.0);
+    terms->alpha = acts * delta[0];
+    terms->beta = config->memory.channels > 1U ? acts * delta[1] * omega : CGL_R(0.0);
+    terms->h = config->memory.channels > 2U ? acts * delta[2] * alpha_ref : CGL_R(0.0);
     const cgl_real wanted = terms->proportional + terms->alpha + terms->beta + terms->h;
     law->saturated = !cgl_is_below(wanted, config->limit);
     out->i_q_ref = cgl_clamp(wanted, config->limit);
