@@ -3,8 +3,11 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "cogless/crc32.h"
+
 static int failed;
 static uint64_t seed = 88172645463325252u;
+static uint32_t heard;
 
 void check(bool holds, const char *condition, const char *file, int line)
 {
@@ -67,6 +70,53 @@ cgl_real random_gain(cgl_real usual)
         const cgl_real x = random_below(8) ? ordinary(usual) : random_real(usual);
         if (cgl_is_finite(x)) {
             return cgl_abs(x);
+        }
+    }
+}
+
+void hear_bits(uint32_t bits)
+{
+    const uint8_t bytes[4] = {(uint8_t)bits, (uint8_t)(bits >> 8), (uint8_t)(bits >> 16), (uint8_t)(bits >> 24)};
+    heard = cgl_crc32(heard, bytes, 4U);
+}
+
+void hear(cgl_real x)
+{
+#ifdef COGLESS_DOUBLE
+    uint64_t bits = 0U;
+#else
+    uint32_t bits = 0U;
+#endif
+    if (x >= x) {
+        memcpy(&bits, &x, sizeof bits);
+    }
+    for (uint32_t n = 0; n < sizeof bits / sizeof(uint32_t); ++n) {
+        hear_bits((uint32_t)(bits >> (32U * n)));
+    }
+}
+
+void hear_all(const cgl_real *x, uint32_t count)
+{
+    for (uint32_t n = 0; n < count; ++n) {
+        hear(x[n]);
+    }
+}
+
+void try_subjects(const random_subject *subjects, uint32_t count, long configs)
+{
+    const long first = 60L;
+    for (uint32_t k = 0; k < count; ++k) {
+        seed = 88172645463325252u + ((uint64_t)k << 40);
+        heard = 0U;
+        for (long n = 0; n < configs; ++n) {
+            subjects[k].one();
+            if (n + 1L == first) {
+                const uint32_t expected = sizeof(cgl_real) == sizeof(float) ? subjects[k].in_float : subjects[k].in_double;
+                CHECK(heard == expected);
+                if (heard != expected) {
+                    printf("  %s: 0x%08lxU\n", subjects[k].name, (unsigned long)heard);
+                }
+            }
         }
     }
 }

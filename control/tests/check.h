@@ -20,4 +20,20 @@ cgl_real random_real(cgl_real usual);
 /* Not negative and finite; mostly ordinary, sometimes of any size. */
 cgl_real random_gain(cgl_real usual);
 
+/* What a test of random inputs says, into a checksum: numbers, all of them NaN alike; or bits. */
+void hear(cgl_real x);
+void hear_all(const cgl_real *x, uint32_t count);
+void hear_bits(uint32_t bits);
+
+/* A subject of random inputs, and the checksum of what its first configs say in each build. */
+typedef struct {
+    const char *name;
+    void (*one)(void); /* one random config */
+    uint32_t in_float, in_double;
+} random_subject;
+
+/* Each subject with so many configs, and random numbers of its own. The checksums are the same on every processor and with
+ * every compiler that keeps to IEEE 754 and fuses no products; a change of arithmetic changes them, and prints the new ones. */
+void try_subjects(const random_subject *subjects, uint32_t count, long configs);
+
 #endif

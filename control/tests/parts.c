@@ -1,5 +1,5 @@
 /* Random bit patterns at the parts around a law: sensors, calibration, dead time, telemetry. Whatever comes in, what comes out is
- * finite and within its limits. */
+ * finite and within its limits, and has the bits that it had when this was released. */
 #include "parts.h"
 
 #include "check.h"
@@ -50,6 +50,10 @@ static void try_dead_time(void)
         config = random_dead_time();
     } while (cgl_dead_time_init(&dead_time, &config, random_gain(CGL_R(1.0e-4))) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        if (random_below(100) == 0U) {
+            config = random_dead_time();
+            hear_bits((uint32_t)cgl_dead_time_retune(&dead_time, &config));
+        }
         const cgl_foc_input in = {{CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)},
                                   random_real(CGL_R(7.0)),
                                   random_real(CGL_R(1000.0)),
@@ -61,6 +65,7 @@ static void try_dead_time(void)
             duty[x] = random_below(8) ? cgl_abs(cgl_clamp(random_gain(CGL_R(1.0)), CGL_R(1.0))) : CGL_R(1.0);
         }
         cgl_dead_time_step(&dead_time, &in, duty);
+        hear_all(duty, 3U);
         CHECK(are_duties(duty));
         CHECK(cgl_is_finite(dead_time.i_d) && cgl_is_finite(dead_time.i_q));
     }
@@ -75,12 +80,18 @@ static void try_speed(void)
     cgl_speed_count counted;
     cgl_speed_timed timed;
     cgl_edges edges = {0U, 0U, 0U, false, false};
+    uint32_t now = random_bits();
     const bool counts = cgl_speed_count_init(&counted, &counting, random_gain(CGL_R(1.0e-3)), before, 20U) == CGL_OK;
     const bool times = cgl_speed_timed_init(&timed, &timing) == CGL_OK;
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
-        cgl_edges_pass(&edges, random_below(2) ? edges.count + random_below(5) - 2U : random_bits(), random_bits());
-        CHECK(!counts || cgl_is_finite(cgl_speed_count_step(&counted, edges.count)));
-        CHECK(!times || cgl_is_finite(cgl_speed_timed_step(&timed, &edges, random_bits())));
+        now += random_below(50) ? random_below(5000) : random_bits();
+        const uint32_t count = random_below(20) ? edges.count + random_below(5) - 2U : random_bits();
+        cgl_edges_pass(&edges, count, now);
+        const cgl_real by_count = counts ? cgl_speed_count_step(&counted, edges.count) : CGL_R(0.0);
+        const cgl_real by_time = times ? cgl_speed_timed_step(&timed, &edges, now + random_below(5000)) : CGL_R(0.0);
+        CHECK(cgl_is_finite(by_count) && cgl_is_finite(by_time));
+        hear(by_count);
+        hear(by_time);
     }
 }
 
@@ -93,9 +104,17 @@ static void try_angle_observer(void)
     } while (cgl_angle_observer_init(&observer, &config, random_gain(CGL_R(1.0e-3))) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         if (random_below(50) == 0U) {
-            cgl_angle_observer_reset(&observer, random_bits(), random_real(CGL_R(100.0)));
+            const uint32_t theta = random_bits();
+            cgl_angle_observer_reset(&observer, theta, random_real(CGL_R(100.0)));
         }
-        cgl_angle_observer_step(&observer, random_bits() >> random_below(32));
+        if (random_below(100) == 0U) {
+            config.bandwidth = random_gain(CGL_R(1.0e3));
+            hear_bits((uint32_t)cgl_angle_observer_retune(&observer, &config));
+        }
+        const uint32_t size = random_below(32);
+        cgl_angle_observer_step(&observer, random_bits() >> size);
+        hear_bits(observer.theta);
+        hear(observer.omega);
         CHECK(within(observer.omega, observer.omega_max) && within(observer.alpha, observer.alpha_max));
     }
 }
@@ -119,6 +138,7 @@ static void try_encoder(void)
             cgl_encoder_place(&encoder, random_bits());
         }
         CHECK(encoder.position < config.counts);
+        hear_bits(encoder.turns);
         const cgl_real theta = cgl_radians(encoder.turns);
         CHECK(theta >= CGL_R(0.0) && theta < CGL_TWO_PI);
     }
@@ -144,18 +164,28 @@ static void try_encoder_table(void)
         omega = (cgl_real)random_below(200);
     } while (cgl_encoder_table_init(&table, &config, random_gain(CGL_R(1.0e-3))) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        if (random_below(100) == 0U) {
+            cgl_encoder_table_config other = config;
+            other.gain = random_gain(CGL_R(5.0));
+            other.limit = random_gain(CGL_R(0.02));
+            other.order[0] += random_below(4) ? 0U : 1U;
+            config = cgl_encoder_table_retune(&table, &other) == CGL_OK ? other : config;
+        }
         const bool wild = random_below(4) == 0U;
         theta = cgl_fraction((theta + CGL_R(0.01) * omega) / CGL_TWO_PI) * CGL_TWO_PI;
         cgl_measurement now = {{CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)}, wild ? random_real(CGL_R(7.0)) : theta,
                                wild ? random_real(CGL_R(100.0)) : omega, CGL_R(24.0)};
         const bool plausible = cgl_is_angle(now.theta_m) && cgl_is_finite(now.omega_m);
-        cgl_encoder_table_step(&table, &now, random_real(CGL_R(2.0)), random_below(8) != 0U);
+        const bool learn = random_below(8) != 0U;
+        cgl_encoder_table_step(&table, &now, random_real(CGL_R(2.0)), learn);
         if (plausible) {
             CHECK(cgl_is_finite(now.theta_m) && cgl_is_finite(now.omega_m));
         }
         for (uint32_t k = 0; k < CGL_ENCODER_TABLE_ORDERS; ++k) {
             CHECK(within(table.a[k], config.limit) && within(table.c[k], config.limit));
         }
+        hear(now.theta_m);
+        hear(now.omega_m);
         CHECK(within(table.observer.omega, table.observer.omega_max));
     }
 }
@@ -186,9 +216,15 @@ static void try_calibration(void)
         CHECK(out.i_d_ref >= CGL_R(0.0) && out.i_d_ref <= config.current * CGL_R(1.00001));
         CHECK(result == CGL_CALIBRATION_BUSY || within(out.i_d_ref, CGL_R(0.0)));
         CHECK(cgl_is_finite(align.zero) && cgl_is_finite(align.apart));
+        hear(out.theta_e);
+        hear(out.omega_e);
+        hear(out.i_d_ref);
+        hear(align.zero);
+        hear_bits((uint32_t)result);
         const cgl_real i_abc[3] = {random_real(CGL_R(0.1)), random_real(CGL_R(0.1)), random_real(CGL_R(0.1))};
         if (averages) {
-            (void)cgl_offsets_step(&offsets, i_abc);
+            hear_bits((uint32_t)cgl_offsets_step(&offsets, i_abc));
+            hear_all(offsets.mean, 3U);
             CHECK(cgl_is_finite(offsets.mean[0]) && cgl_is_finite(offsets.mean[1]) && cgl_is_finite(offsets.mean[2]));
         }
     }
@@ -209,15 +245,16 @@ static void try_telemetry(void)
     }
 }
 
-void try_parts(long rounds)
+void try_parts(long configs)
 {
-    for (long round = 0; round < rounds; ++round) {
-        try_dead_time();
-        try_speed();
-        try_angle_observer();
-        try_encoder();
-        try_encoder_table();
-        try_calibration();
-        try_telemetry();
-    }
+    static const random_subject subjects[] = {
+        {"dead_time", try_dead_time, 0xea399657U, 0x7eda2521U},
+        {"speed", try_speed, 0x03f512edU, 0xb35c2c60U},
+        {"angle_observer", try_angle_observer, 0x9725e6e3U, 0x7999c596U},
+        {"encoder", try_encoder, 0x59f19e31U, 0x59f19e31U},
+        {"encoder_table", try_encoder_table, 0xb2258731U, 0x2eacf879U},
+        {"calibration", try_calibration, 0xc57123a2U, 0x7a4cc7c2U},
+        {"telemetry", try_telemetry, 0x00000000U, 0x00000000U},
+    };
+    try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);
 }

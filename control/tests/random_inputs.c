@@ -1,5 +1,6 @@
 /* Random bit patterns at every init and step of every law. Whatever comes in, outputs are finite and within their limits,
- * so is what is learned, and nothing outside the caller's memory is written. To be run under the sanitizers too. */
+ * so is what is learned, and nothing outside the caller's memory is written. To be run under the sanitizers too. And what
+ * comes out has the bits that it had when this was released. */
 #include "random_inputs.h"
 
 #include <string.h>
@@ -59,6 +60,8 @@ static void check_cells(uint32_t length, cgl_real limit)
 
 static void check_off(const cgl_law_input *in, const cgl_law_output *out)
 {
+    hear(out->i_q_ref);
+    hear_bits(out->status);
     const unsigned off = (unsigned)CGL_STATUS_OFF | (unsigned)CGL_STATUS_FROZEN;
     CHECK(((out->status & (unsigned)CGL_STATUS_OFF) != 0U) == in->off);
     CHECK(!in->off || (within(out->i_q_ref, CGL_R(0.0)) && (out->status & off) == off));
@@ -219,10 +222,14 @@ static void try_angle(void)
         cgl_real sine, cosine;
         cgl_sincos(random_real(CGL_R(1.0e5)), &sine, &cosine);
         CHECK(within(sine, CGL_R(1.000001)) && within(cosine, CGL_R(1.000001)));
+        hear(sine);
+        hear(cosine);
         const cgl_real fraction = cgl_fraction(random_real(CGL_R(1.0e9)));
         CHECK(fraction >= CGL_R(0.0) && fraction < CGL_R(1.0));
+        hear(fraction);
         const cgl_real theta = random_real(CGL_R(7.0)), last = random_real(CGL_R(100.0));
         const cgl_real unwrapped = cgl_unwrap(theta, last);
+        hear(unwrapped);
         if (cgl_is_angle(theta) && cgl_is_angle(last)) {
             CHECK(cgl_abs(unwrapped - last) < CGL_R(3.18)); /* pi, and rounding at 1e5 rad */
         } else {
@@ -244,7 +251,9 @@ static void try_modulation(void)
 {
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         cgl_real duty[3];
-        cgl_modulate(random_real(CGL_R(100.0)), random_real(CGL_R(100.0)), random_real(CGL_R(100.0)), duty);
+        const cgl_real u_alpha = random_real(CGL_R(100.0)), u_beta = random_real(CGL_R(100.0));
+        cgl_modulate(u_alpha, u_beta, random_real(CGL_R(100.0)), duty);
+        hear_all(duty, 3U);
         CHECK(are_duties(duty));
     }
 }
@@ -282,9 +291,19 @@ static void try_foc(void)
                                   random_real(CGL_R(300.0)),
                                   random_real(CGL_R(5.0)),
                                   random_real(CGL_R(5.0))};
+        if (random_below(100) == 0U) {
+            const cgl_foc_config other = random_foc();
+            config = cgl_foc_retune(&foc, &other) == CGL_OK ? other : config;
+        }
         const cgl_foc before = foc;
         cgl_foc_output out;
         cgl_foc_step(&foc, &in, &out);
+        hear_all(out.duty, 3U);
+        hear(out.i_d);
+        hear(out.i_q);
+        hear(out.u_d);
+        hear(out.u_q);
+        hear_bits(out.status);
         CHECK(are_duties(out.duty));
         CHECK(cgl_is_finite(out.u_d) && cgl_is_finite(out.u_q));
         CHECK(cgl_is_finite(out.i_d) && cgl_is_finite(out.i_q));
@@ -310,7 +329,10 @@ static void try_pi(void)
         config = random_pi();
     } while (cgl_pi_init(&pi, &config, ts) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
-        CHECK(within(cgl_pi_step(&pi, random_real(CGL_R(10.0)), random_real(CGL_R(1.0))), config.limit));
+        const cgl_real error = random_real(CGL_R(10.0)), feedforward = random_real(CGL_R(1.0));
+        const cgl_real output = cgl_pi_step(&pi, error, feedforward);
+        hear(output);
+        CHECK(within(output, config.limit));
         CHECK(within(pi.integral, config.limit));
         cgl_law_input in;
         cgl_law_output out;
@@ -318,7 +340,26 @@ static void try_pi(void)
         cgl_speed_pi_step(&pi, &in, &out);
         check_off(&in, &out);
         CHECK(within(out.i_q_ref, config.limit));
+        if (random_below(100) == 0U) {
+            const cgl_pi_config other = random_pi();
+            config = cgl_pi_retune(&pi, &other) == CGL_OK ? other : config;
+        }
     }
+}
+
+/* Another config for a state that has this one: mostly of the same sizes, which retune wants. */
+static cgl_memory_config another_memory(const cgl_memory_config *now)
+{
+    cgl_memory_config other = random_memory(now->channels);
+    if (random_below(4) != 0U) {
+        other.kind = now->kind;
+        other.cells = now->cells;
+        other.turns = now->turns;
+        other.parts = now->parts;
+        other.q_half_width = now->q_half_width;
+        other.lead = random_below(now->cells / 4U + 1U);
+    }
+    return other;
 }
 
 static void try_memory(void)
@@ -345,6 +386,8 @@ static void try_memory(void)
         const cgl_memory old = memory;
         const bool learned = cgl_memory_step(&memory, in.theta_ref, in.omega_ref, in.learn, correction, value);
         CHECK(learned == memory.learning && (in.learn || !learned));
+        hear_all(value, config.channels);
+        hear_bits(learned);
         for (uint32_t c = 0; c < config.channels; ++c) {
             CHECK(!learned || cgl_is_finite(correction[c]));
             CHECK(cgl_is_finite(value[c]) || (learned && config.lead == 0U)); /* a large correction on a large value */
@@ -354,22 +397,16 @@ static void try_memory(void)
         if (random_below(1000) == 0U) {
             cgl_memory_reset(&memory);
         } else if (random_below(1000) == 0U) {
-            cgl_memory_config other = random_memory(config.channels);
             const cgl_memory_config now = memory.config;
-            if (random_below(4) != 0U) {
-                other.kind = now.kind;
-                other.cells = now.cells;
-                other.turns = now.turns;
-                other.parts = now.parts;
-                other.q_half_width = now.q_half_width;
-                other.lead = random_below(now.cells / 4U + 1U);
-            }
+            const cgl_memory_config other = another_memory(&now);
             if (cgl_memory_retune(&memory, &other) != CGL_OK) {
                 CHECK(memcmp(&memory.config, &now, sizeof now) == 0);
             }
             check_memory(&memory);
         }
     }
+    hear_all(memory.cell, length);
+    hear(cgl_memory_fastest(&memory));
 }
 
 static void try_pi_ilc(void)
@@ -400,9 +437,17 @@ static void try_pi_ilc(void)
         CHECK(within(law.pi.integral, config.pi.limit));
         if (random_below(1000) == 0U) {
             cgl_pi_ilc_reset(&law);
+        } else if (random_below(100) == 0U) {
+            cgl_pi_ilc_config other = config;
+            other.pi = random_pi();
+            other.gain = random_gain(CGL_R(0.1));
+            other.memory = another_memory(&config.memory);
+            config = cgl_pi_ilc_retune(&law, &other) == CGL_OK ? other : config;
+            CHECK(memcmp(&law.memory.config, &config.memory, sizeof config.memory) == 0);
         }
     }
     check_memory(&law.memory);
+    hear_all(law.memory.cell, length);
 }
 
 static void try_robust_ilc(void)
@@ -442,9 +487,18 @@ static void try_robust_ilc(void)
         CHECK(within(law.adapted, config.b * config.limit));
         if (random_below(1000) == 0U) {
             cgl_robust_ilc_reset(&law);
+        } else if (random_below(100) == 0U) {
+            cgl_robust_ilc_config other = config;
+            other.c = random_gain(CGL_R(10.0));
+            other.beta_2 = random_gain(CGL_R(1.0));
+            other.limit = random_gain(CGL_R(5.0));
+            other.memory = another_memory(&config.memory);
+            config = cgl_robust_ilc_retune(&law, &other) == CGL_OK ? other : config;
+            CHECK(memcmp(&law.memory.config, &config.memory, sizeof config.memory) == 0);
         }
     }
     check_memory(&law.memory);
+    hear_all(law.memory.cell, length);
 }
 
 static void try_anti_cogging(void)
@@ -464,6 +518,12 @@ static void try_anti_cogging(void)
     for (int step = 0; step < 4 * STEPS_PER_CONFIG; ++step) {
         if (random_below(400) == 0U) {
             cgl_anti_cogging_calibrate(&law);
+        } else if (random_below(400) == 0U) {
+            cgl_anti_cogging_config other = config;
+            other.pi = random_pi();
+            other.lead = random_gain(CGL_R(1.0e-3));
+            other.cells += random_below(8) ? 0U : 1U;
+            config = cgl_anti_cogging_retune(&law, &other) == CGL_OK ? other : config;
         } else if (random_below(2000) == 0U) {
             cgl_anti_cogging_reset(&law);
         }
@@ -478,6 +538,7 @@ static void try_anti_cogging(void)
     }
     check_cells(config.cells, config.pi.limit);
     check_fence(config.cells);
+    hear_all(law.table, config.cells);
 }
 
 static cgl_pi_afc_config random_pi_afc(void)
@@ -530,6 +591,13 @@ static void try_pi_afc(void)
         check_cells(2U * config.orders, config.limit);
         if (random_below(1000) == 0U) {
             cgl_pi_afc_reset(&law);
+        } else if (random_below(100) == 0U) {
+            cgl_pi_afc_config other = config;
+            other.pi = random_pi();
+            other.gain = random_gain(CGL_R(10.0));
+            other.limit = random_gain(CGL_R(2.0));
+            other.order[random_below(40) ? CGL_PI_AFC_ORDERS - 1U : 0U] += 1U;
+            config = cgl_pi_afc_retune(&law, &other) == CGL_OK ? other : config;
         }
     }
     check_fence(length);
@@ -577,9 +645,18 @@ static void try_space_position(void)
         CHECK(within(law.integral, config.limit));
         if (random_below(1000) == 0U) {
             cgl_space_position_reset(&law);
+        } else if (random_below(100) == 0U) {
+            cgl_space_position_config other = config;
+            other.k_omega = random_gain(CGL_R(5.0));
+            other.mu_alpha = random_gain(CGL_R(250.0));
+            other.limit = random_gain(CGL_R(500.0));
+            other.memory = another_memory(&config.memory);
+            config = cgl_space_position_retune(&law, &other) == CGL_OK ? other : config;
+            CHECK(memcmp(&law.memory.config, &config.memory, sizeof config.memory) == 0);
         }
     }
     check_memory(&law.memory);
+    hear_all(law.memory.cell, length);
 }
 
 static void try_space_speed(void)
@@ -614,9 +691,18 @@ static void try_space_speed(void)
         CHECK(within(out.i_q_ref, config.limit));
         if (random_below(1000) == 0U) {
             cgl_space_speed_reset(&law);
+        } else if (random_below(100) == 0U) {
+            cgl_space_speed_config other = config;
+            other.k = random_gain(CGL_R(5.0));
+            other.mu_alpha = random_gain(CGL_R(250.0));
+            other.limit = random_gain(CGL_R(500.0));
+            other.memory = another_memory(&config.memory);
+            config = cgl_space_speed_retune(&law, &other) == CGL_OK ? other : config;
+            CHECK(memcmp(&law.memory.config, &config.memory, sizeof config.memory) == 0);
         }
     }
     check_memory(&law.memory);
+    hear_all(law.memory.cell, length);
 }
 
 /* ---- learning from trial to trial ---- */
@@ -683,6 +769,7 @@ static void try_zero_phase(void)
         if (finite || config.order > 0U) {
             check_cells(samples, CGL_REAL_MAX);
         }
+        hear_all(x, samples);
         check_fence(samples + pad);
     }
 }
@@ -734,6 +821,9 @@ static void check_trial_step(const cgl_trial_config *config, cgl_trial *law, boo
     memcpy(v, law->learned, config->samples * sizeof v[0]);
     cgl_trial_output out;
     cgl_trial_step(law, &in, &out);
+    hear(out.u);
+    hear(law->terms.feedforward);
+    hear_bits(out.status);
     CHECK(within(out.u, config->limit));
     CHECK(cgl_is_finite(law->psi) && within(law->v, config->learned_limit));
     CHECK(cgl_is_finite(law->terms.feedback) && cgl_is_finite(law->terms.integral));
@@ -771,6 +861,7 @@ static void check_trial_end(const cgl_trial_config *config, cgl_trial *law, bool
     CHECK(learned == whole);
     CHECK(learned || memcmp(v, law->learned, config->samples * sizeof v[0]) == 0);
     check_cells(config->samples, config->learned_limit);
+    hear_all(law->learned, config->samples);
     CHECK(!cgl_trial_end(law)); /* not twice */
 }
 
@@ -890,6 +981,9 @@ static void try_monitor(void)
         long_way = monitor;
         cgl_monitor_step(&monitor, &now, omega_ref);
         cgl_monitor_look(&long_way, &now, omega_ref);
+        hear(monitor.theta_m);
+        hear(monitor.omega_m);
+        hear_bits(monitor.status);
         check_monitor(&config, &monitor);
         check_monitor(&config, &long_way);
         CHECK(monitor.status == long_way.status && monitor.trusted == long_way.trusted);
@@ -897,6 +991,11 @@ static void try_monitor(void)
         CHECK(!(monitor.omega_m < long_way.omega_m) && !(monitor.omega_m > long_way.omega_m));
         if (random_below(500) == 0U) {
             cgl_monitor_trust(&monitor);
+        } else if (random_below(500) == 0U) {
+            const cgl_monitor_config other = random_monitor(ts, random_below(4));
+            const bool at_once = monitor.trusted /* else counts and speed stay beyond its limits for a while */
+                                 && (!(other.omega_max > CGL_R(0.0)) || cgl_abs(monitor.omega_m) < other.omega_max);
+            config = at_once && cgl_monitor_retune(&monitor, &other) == CGL_OK ? other : config;
         } else if (random_below(1000) == 0U) {
             cgl_monitor_reset(&monitor);
         } else if (random_below(500) == 0U) { /* as after years */
@@ -936,11 +1035,19 @@ static void try_quality(void)
         const cgl_real error = random_below(10) ? CGL_R(0.1) * (cgl_real)random_below(10) : random_real(CGL_R(10.0));
         const cgl_real omega_m = random_below(10) ? CGL_R(100.0) : random_real(CGL_R(100.0));
         const bool outlier = cgl_quality_step(&quality, error, omega_m, random_below(2) != 0U);
+        const cgl_quality_report report = cgl_quality_read(&quality);
+        hear(report.residual);
+        hear(report.progress);
+        hear_bits((uint32_t)outlier + 2U * (uint32_t)report.improving + 4U * (uint32_t)report.worsening);
         CHECK(cgl_is_finite(error) || outlier);
         CHECK(!outlier || config.outlier > CGL_R(0.0) || !(cgl_abs(error) <= CGL_R(1.0e14)));
         check_quality(&quality);
         if (random_below(100) == 0U) {
             quality.windows = UINT32_MAX;
+        } else if (random_below(200) == 0U) {
+            cgl_quality_config other = random_quality(ts);
+            other.outlier = config.outlier; /* another one holds from the next window on */
+            config = cgl_quality_retune(&quality, &other) == CGL_OK ? other : config;
         }
     }
 }
@@ -1009,6 +1116,11 @@ static void try_drive(void)
         }
         cgl_drive_output out;
         cgl_drive_actuate(&drive, &out);
+        hear_all(out.duty, 3U);
+        hear(out.i_d_ref);
+        hear(out.u_d);
+        hear(out.u_q);
+        hear_bits(out.status);
         check_drive(&config, &drive, &out);
         CHECK(within(out.i_q_ref, law.limit));
         if (random_below(1000) == 0U) {
@@ -1061,23 +1173,24 @@ static void try_any_config(void)
 
 void random_inputs(long configs)
 {
-    for (long n = 0; n < configs; ++n) {
-        try_angle();
-        try_modulation();
-        try_foc();
-        try_pi();
-        try_memory();
-        try_pi_ilc();
-        try_robust_ilc();
-        try_space_position();
-        try_space_speed();
-        try_anti_cogging();
-        try_pi_afc();
-        try_zero_phase();
-        try_trial();
-        try_monitor();
-        try_quality();
-        try_drive();
-        try_any_config();
-    }
+    static const random_subject subjects[] = {
+        {"angle", try_angle, 0x24552c34U, 0x32ee43c6U},
+        {"modulation", try_modulation, 0x3f9fb973U, 0x03e77d72U},
+        {"foc", try_foc, 0x58016a27U, 0xefbfbb2dU},
+        {"pi", try_pi, 0xe4ca8bb2U, 0x69069c68U},
+        {"memory", try_memory, 0xe7124fa7U, 0xbf18915aU},
+        {"pi_ilc", try_pi_ilc, 0x2c68d719U, 0x11cb44fbU},
+        {"robust_ilc", try_robust_ilc, 0xda37e079U, 0xff369302U},
+        {"space_position", try_space_position, 0xbade278dU, 0xa517605bU},
+        {"space_speed", try_space_speed, 0x35d7e7edU, 0x366e07e0U},
+        {"anti_cogging", try_anti_cogging, 0xc9eb639bU, 0xbba80a58U},
+        {"pi_afc", try_pi_afc, 0xfbac0c6dU, 0x0c5baa8aU},
+        {"zero_phase", try_zero_phase, 0x428ca5d0U, 0x74f1ea8fU},
+        {"trial", try_trial, 0x8d22b465U, 0xc1424a47U},
+        {"monitor", try_monitor, 0x67e82230U, 0x23cd28fbU},
+        {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
+        {"drive", try_drive, 0xe53b38baU, 0x3b44c6a9U},
+        {"any_config", try_any_config, 0x00000000U, 0x00000000U},
+    };
+    try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);
 }
