@@ -34,9 +34,15 @@ uint32_t random_below(uint32_t n)
     return random_bits() % n;
 }
 
+uint32_t random_word(void)
+{
+    const uint32_t bits = random_bits();
+    return bits >> random_below(32);
+}
+
 static cgl_real any_bits(void)
 {
-    const uint64_t bits = ((uint64_t)random_bits() << 32) | random_bits();
+    const uint64_t high = random_bits(), bits = (high << 32) | random_bits();
     cgl_real x;
     memcpy(&x, &bits, sizeof x);
     return x;

@@ -14,6 +14,8 @@ int failures(void);
 
 uint32_t random_bits(void);
 uint32_t random_below(uint32_t n);
+/* Of any size, small numbers as often as large ones. */
+uint32_t random_word(void);
 /* Any number of the type, in equal shares: any bits at all, a corner (NaN, infinity, denormal, largest, zero), an ordinary
  * number up to `usual` in size. */
 cgl_real random_real(cgl_real usual);

@@ -9,6 +9,8 @@
 #include "cogless/dead_time.h"
 #include "cogless/drive.h"
 #include "cogless/encoder.h"
+#include "cogless/hall.h"
+#include "cogless/low_pass.h"
 #include "cogless/encoder_table.h"
 #include "cogless/speed_count.h"
 #include "cogless/speed_timed.h"
@@ -73,8 +75,8 @@ static void try_dead_time(void)
 
 static void try_speed(void)
 {
-    const cgl_speed_count_config counting = {1U + (random_bits() >> random_below(32)), 1U + random_below(20)};
-    const cgl_speed_timed_config timing = {1U + (random_bits() >> random_below(32)), random_gain(CGL_R(1.0e8)),
+    const cgl_speed_count_config counting = {1U + random_word(), 1U + random_below(20)};
+    const cgl_speed_timed_config timing = {1U + random_word(), random_gain(CGL_R(1.0e8)),
                                            random_below(2) != 0U};
     uint32_t before[20];
     cgl_speed_count counted;
@@ -111,11 +113,47 @@ static void try_angle_observer(void)
             config.bandwidth = random_gain(CGL_R(1.0e3));
             hear_bits((uint32_t)cgl_angle_observer_retune(&observer, &config));
         }
-        const uint32_t size = random_below(32);
-        cgl_angle_observer_step(&observer, random_bits() >> size);
+        cgl_angle_observer_step(&observer, random_word());
         hear_bits(observer.theta);
         hear(observer.omega);
         CHECK(within(observer.omega, observer.omega_max) && within(observer.alpha, observer.alpha_max));
+    }
+}
+
+static void try_low_pass(void)
+{
+    cgl_low_pass_config config;
+    cgl_low_pass filter;
+    do {
+        config.bandwidth = random_gain(CGL_R(1.0e3));
+    } while (cgl_low_pass_init(&filter, &config, random_gain(CGL_R(1.0e-3))) != CGL_OK);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        const cgl_real x = random_real(CGL_R(100.0)), before = filter.y;
+        const cgl_real y = cgl_low_pass_step(&filter, x);
+        hear(y);
+        CHECK(cgl_is_finite(filter.y) && (!cgl_is_finite(x) || within(y, cgl_abs(x) + cgl_abs(before))));
+    }
+}
+
+static void try_hall(void)
+{
+    cgl_hall_config config;
+    cgl_hall hall;
+    do {
+        config.pole_pairs = random_word();
+        config.edges = random_below(8);
+        config.timer = random_gain(CGL_R(1.0e8));
+    } while (cgl_hall_init(&hall, &config) != CGL_OK);
+    uint32_t now = random_bits();
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        const uint32_t edge = random_below(8) ? now + random_below(100) : random_bits();
+        now = edge + (random_below(8) ? random_below(100) : random_bits());
+        cgl_hall_step(&hall, random_below(2) ? (hall.position + random_below(3)) % 6U : random_bits(), edge, now);
+        hear_bits(hall.turns);
+        hear(hall.omega_m);
+        CHECK(hall.position < hall.sectors && within(hall.omega_m, hall.per_tick));
+        const cgl_real theta = cgl_radians(hall.turns);
+        CHECK(theta >= CGL_R(0.0) && theta < CGL_TWO_PI);
     }
 }
 
@@ -124,16 +162,16 @@ static void try_encoder(void)
     cgl_encoder_config config;
     cgl_encoder encoder;
     do {
-        config.counts = random_bits() >> random_below(32);
+        config.counts = random_word();
         config.absolute = random_below(2) != 0U;
-        config.range = config.absolute ? config.counts : random_bits() >> random_below(32);
-        config.zero = random_bits() >> random_below(32);
+        config.range = config.absolute ? config.counts : random_word();
+        config.zero = random_word();
         config.backward = random_below(2) != 0U;
     } while (cgl_encoder_init(&encoder, &config, random_bits()) != CGL_OK);
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         cgl_encoder_step(&encoder, random_below(2) ? encoder.reading + random_below(9) - 4U : random_bits());
         if (random_below(20) == 0U) {
-            cgl_encoder_index(&encoder, random_bits() >> random_below(32));
+            cgl_encoder_index(&encoder, random_word());
         } else if (random_below(20) == 0U) {
             cgl_encoder_place(&encoder, random_bits());
         }
@@ -254,6 +292,8 @@ void try_parts(long configs)
         {"encoder", try_encoder, 0x59f19e31U, 0x59f19e31U},
         {"encoder_table", try_encoder_table, 0xb2258731U, 0x2eacf879U},
         {"calibration", try_calibration, 0xc57123a2U, 0x7a4cc7c2U},
+        {"low_pass", try_low_pass, 0x00000000U, 0x00000000U},
+        {"hall", try_hall, 0x00000000U, 0x00000000U},
         {"telemetry", try_telemetry, 0x00000000U, 0x00000000U},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);

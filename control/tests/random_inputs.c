@@ -548,7 +548,7 @@ static cgl_pi_afc_config random_pi_afc(void)
     config.orders = 1U + random_below(CGL_PI_AFC_ORDERS);
     uint32_t order = 0U;
     for (uint32_t k = 0; k < CGL_PI_AFC_ORDERS; ++k) {
-        order += random_below(60) ? 1U + random_below(40) : random_bits() >> random_below(32);
+        order += random_below(60) ? 1U + random_below(40) : random_word();
         config.order[k] = order;
     }
     config.gain = random_gain(CGL_R(10.0));
@@ -741,7 +741,7 @@ static cgl_feedforward_config random_feedforward(void)
     cgl_feedforward_config config;
     config.numerator = random_below(2) ? random_below(CGL_FEEDFORWARD_TAPS + 1U) : 0U;
     config.denominator = 1U + random_below(4);
-    config.preview = random_below(4) ? random_below(8) : random_bits() >> random_below(32);
+    config.preview = random_below(4) ? random_below(8) : random_word();
     random_stable(config.den, CGL_FEEDFORWARD_TAPS - 1U);
     random_stable(config.den, config.denominator - 1U);
     for (uint32_t i = 0; i < CGL_FEEDFORWARD_TAPS; ++i) {
@@ -1055,8 +1055,8 @@ static void try_quality(void)
 static cgl_drive_config random_drive(cgl_real ts)
 {
     cgl_drive_config config;
-    config.pole_pairs = random_below(10) ? 1U + random_below(10) : random_bits() >> random_below(32);
-    config.divider = random_below(10) ? 1U + random_below(20) : random_bits() >> random_below(32);
+    config.pole_pairs = random_below(10) ? 1U + random_below(10) : random_word();
+    config.divider = random_below(10) ? 1U + random_below(20) : random_word();
     config.foreign = random_below(3) == 0U;
     config.learn_saturated = random_below(2) != 0U;
     config.unguarded = random_below(2) != 0U;
@@ -1136,15 +1136,15 @@ static void try_any_config(void)
     const uint32_t length = random_below(CELLS_MAX);
     const cgl_real ts = random_gain(CGL_R(1.0e-3));
     cgl_memory_config memory = random_memory(1U + random_below(CGL_CHANNELS));
-    *(random_below(2) ? &memory.cells : &memory.q_half_width) = random_bits() >> random_below(32);
-    *(random_below(2) ? &memory.channels : &memory.parts) = random_bits() >> random_below(32);
+    *(random_below(2) ? &memory.cells : &memory.q_half_width) = random_word();
+    *(random_below(2) ? &memory.channels : &memory.parts) = random_word();
     cgl_memory state;
-    if (cgl_memory_init(&state, &memory, ts, random_bits() >> random_below(32), fence(length), length) == CGL_OK) {
+    if (cgl_memory_init(&state, &memory, ts, random_word(), fence(length), length) == CGL_OK) {
         CHECK(memory_length(&memory) <= length);
     }
     check_fence(length);
-    const cgl_anti_cogging_config table = {random_pi(), random_bits() >> random_below(32), random_real(CGL_R(1.0)),
-                                           random_bits() >> random_below(32), random_real(CGL_R(1.0)),
+    const cgl_anti_cogging_config table = {random_pi(), random_word(), random_real(CGL_R(1.0)),
+                                           random_word(), random_real(CGL_R(1.0)),
                                            random_real(CGL_R(1.0))};
     cgl_anti_cogging law;
     if (cgl_anti_cogging_init(&law, &table, ts, fence(length), length) == CGL_OK) {
@@ -1152,7 +1152,7 @@ static void try_any_config(void)
     }
     check_fence(length);
     cgl_pi_afc_config orders = random_pi_afc();
-    *(random_below(2) ? &orders.orders : &orders.order[random_below(CGL_PI_AFC_ORDERS)]) = random_bits() >> random_below(32);
+    *(random_below(2) ? &orders.orders : &orders.order[random_below(CGL_PI_AFC_ORDERS)]) = random_word();
     cgl_pi_afc by_order;
     if (cgl_pi_afc_init(&by_order, &orders, ts, fence(length), length) == CGL_OK) {
         CHECK(CGL_PI_AFC_LENGTH(orders.orders) <= length);
@@ -1161,9 +1161,9 @@ static void try_any_config(void)
     static cgl_real matrix[SAMPLES_MAX * SAMPLES_MAX];
     cgl_trial_config trial = random_trial(matrix);
     trial.learning_matrix = NULL; /* its length is the caller's word */
-    *(random_below(2) ? &trial.samples : &trial.shift) = random_bits() >> random_below(32);
+    *(random_below(2) ? &trial.samples : &trial.shift) = random_word();
     *(random_below(2) ? &trial.feedforward.numerator : &trial.feedforward.denominator) = random_bits();
-    *(random_below(2) ? &trial.states : &trial.q_filter.order) = random_bits() >> random_below(32);
+    *(random_below(2) ? &trial.states : &trial.q_filter.order) = random_word();
     cgl_trial trials;
     if (cgl_trial_init(&trials, &trial, fence(length), length) == CGL_OK) {
         CHECK(CGL_TRIAL_LENGTH(trial.samples, trial.q_filter.order) <= length);

@@ -574,7 +574,7 @@ void random_flash(long tries)
             random_slot(&all, random_below(2));
         }
         for (uint32_t count = random_below(4); count > 0U; --count) { /* fields of any kind under a CRC that is right */
-            set_header(&all, random_below(2), 4U + random_below(53), 1U + random_below(4), random_bits() >> random_below(32));
+            set_header(&all, random_below(2), 4U + random_below(53), 1U + random_below(4), random_word());
         }
         for (uint32_t count = random_below(3); count > 0U; --count) {
             all.byte[0][64U + random_below(160)] = (uint8_t)random_bits();
