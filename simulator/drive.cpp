@@ -16,6 +16,7 @@ namespace {
 constexpr int open_steps = 32;  // steps in a period with an open bridge, small enough for the diodes to switch in time
 
 int motor_phases(const DriveConfig& config) { return config.phases.front().motor.phases; }
+bool has_load_side(const DriveConfig& config) { return config.phases.front().mechanics.load_side.has_value(); }
 
 // A law that follows its reference's angle; its turns() is the number of revolutions after which that angle wraps.
 template <class One>
@@ -48,6 +49,7 @@ std::vector<Signal> signals_of(const DriveConfig& config) {
     const bool trials = config.trials.has_value(), trial_law = std::holds_alternative<TrialLaw>(config.law);
     const bool electrical = !config.ideal_current, energy = config.energy;
     const bool three_phases = motor_phases(config) == 3, path = follows_angle(config.law);
+    const bool load_side = has_load_side(config);
     std::vector<Signal> all;
 #define CGL_SIGNAL(name, unit, about, when, value) \
     if (when) all.push_back({name, unit});
@@ -154,6 +156,9 @@ Drive::Drive(const DriveConfig& config)
     for (const PhaseConfig& p : config_.phases) {
         if (p.motor.phases != motor_phases(config_)) {
             throw std::invalid_argument("motor.phases: expected the same in every phase of the trials");
+        }
+        if (p.mechanics.load_side.has_value() != has_load_side(config_)) {
+            throw std::invalid_argument("mechanics.load_side: expected in every phase of the trials, or in none");
         }
         const Plant plant(p.motor, p.mechanics, p.load, step_);
         phases_.push_back({p, plant, plant.start(p.initial_angle, p.initial_speed),
@@ -599,7 +604,7 @@ void Drive::record(const DriveState& s, const AtAngle<double>& here, const Phase
                    const Phases& current, double* row) const {
     const auto* learning = std::get_if<TrialLaw>(&config_.law);
     const bool trials = config_.trials.has_value(), trial_law = learning != nullptr;
-    const bool path = follows_angle_, energy = config_.energy;
+    const bool path = follows_angle_, energy = config_.energy, load_side = has_load_side(config_);
     constexpr bool electrical = legs != 0, three_phases = legs == star_legs;
     const Torques<> torques = phase.plant.equations().torques(s.plant, here, time(s.tick - origin));
     // The law uses the reference of its last sample until the next one; recorded errors use the reference at this instant.
