@@ -246,6 +246,9 @@ DriveConfig read_config(const Value& description, const CallbackLaw& own) {
         result.dead_time = drive.packed<cgl_dead_time_config>("dead_time");
     }
     result.position_sensor = position_sensor(drive.section("position_sensor"));
+    result.sensor_on_load =
+        drive.section("position_sensor").has("side") &&
+        drive.section("position_sensor").choice<bool>("side", {{"motor", false}, {"load", true}});
     result.law = law(controller_section, own, 1.0 / static_cast<double>(current_rate), result.speed_divider, result.trials);
     result.integration_steps = drive.integer("integration_steps");
     result.learning_start = controller_section.has("learning_start") ? controller_section.number("learning_start") : 0.0;

@@ -161,8 +161,11 @@ Drive::Drive(const DriveConfig& config)
             throw std::invalid_argument("mechanics.load_side: expected in every phase of the trials, or in none");
         }
         const Plant plant(p.motor, p.mechanics, p.load, step_);
-        phases_.push_back({p, plant, plant.start(p.initial_angle, p.initial_speed),
-                           position_sensor_.start(p.initial_angle, p.initial_speed)});
+        if (config_.sensor_on_load && !has_load_side(config_)) {
+            throw std::invalid_argument("drive.position_sensor.side: expected a load side in the mechanics");
+        }
+        const PlantState<> begin = plant.start(p.initial_angle, p.initial_speed);
+        phases_.push_back({p, plant, begin, position_sensor_.start(turning(begin).theta, turning(begin).omega)});
     }
 }
 
@@ -344,6 +347,13 @@ template <std::size_t legs>
     }
 }
 
+[[gnu::always_inline]] inline Measurement Drive::of_motor(const Phase& phase, Measurement at) const {
+    if (!config_.sensor_on_load) return at;
+    constexpr double turn = 2.0 * std::numbers::pi;
+    const double ratio = phase.plant.equations().load_side()->ratio(), theta = ratio * at.theta_m;
+    return {theta - turn * round_down(theta / turn), ratio * at.omega_m};
+}
+
 bool Drive::alike(const Drive& other) const {
     const auto fits = [](const Drive& d) {
         return !d.config_.trials && !(d.config_.inverter.switched && !d.config_.ideal_current) &&
@@ -480,9 +490,10 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
     if (!std::isfinite(s.plant.theta_m + s.plant.omega_m + s.plant.i.d + s.plant.i.q)) {
         throw std::runtime_error("the motor's current or speed grew beyond all numbers: expected smaller gains or steps");
     }
-    if (!faults.stuck) s.seen = s.plant.theta_m + faults.jump;
-    s.measured = faults.spoilt(position_sensor_.sample(s.position, time(s.tick - origin), s.seen,
-                                                       faults.stuck ? 0.0 : s.plant.omega_m, law_due));
+    const Turning at = turning(s.plant);
+    if (!faults.stuck) s.seen = at.theta + faults.jump;
+    s.measured = faults.spoilt(of_motor(
+        phase, position_sensor_.sample(s.position, time(s.tick - origin), s.seen, faults.stuck ? 0.0 : at.omega, law_due)));
     Phases i{};
     if constexpr (legs != 0) {
         i = faults.spoilt(current_sensors_.measure(current, s.random), config_.current_sensors.sensors,
@@ -564,7 +575,7 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
     const double longest = step_;
     const auto step = [&](Voltage<> u, double from, double h, auto& angle) __attribute__((always_inline)) {
         phase.plant.step<detail>(s.plant, here, u, start + from, h, angle);
-        watch(s, start + from, h, s.plant.theta_m, faults);
+        watch(s, start + from, h, turning(s.plant).theta, faults);
     };
     const Plant::Exact<detail> exact(phase.plant);
     const auto hold = [&](Voltage<> u) {

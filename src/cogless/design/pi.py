@@ -143,7 +143,7 @@ def _speed_loop(study: Study, scenario: str | None) -> SpeedLoop:
     elif isinstance(sensor, Resolver):
         window = sensor.window
     return SpeedLoop(
-        b=K_t / study_here.mechanics.inertia,
+        b=K_t / study_here.mechanics.stiff.inertia,
         steps=steps,
         window=window,
         current=current_loops(study, scenario).get("q") or IdealLoop(1 / rates.current_loop),

@@ -181,13 +181,19 @@ class DeadTimeCompensation(Table):
     band: CurrentLimit  # A: below it a phase gets a part of the correction
 
 
-class IdealSensor(Table):
+class Mounted(Table):
+    """A sensor on the shaft of the motor or of the load."""
+
+    side: Literal["motor", "load"] = "motor"  # load: its angle times the gear's ratio is the drive's angle
+
+
+class IdealSensor(Mounted):
     """An ideal sensor, which gives the true angle and speed."""
 
     kind: Literal["ideal"] = "ideal"
 
 
-class Encoder(Table):
+class Encoder(Mounted):
     """Incremental encoder with quadrature signals: four counts per line."""
 
     kind: Literal["encoder"]
@@ -238,7 +244,7 @@ class EncoderTable(Table):
         return self.omega_min * self.orders[0] / 4
 
 
-class Resolver(Table):
+class Resolver(Mounted):
     """Resolver and its digital converter; the speed is a moving average over `window`."""
 
     kind: Literal["resolver"]
