@@ -172,15 +172,6 @@ class LoadSide(Mass):
         )
         return 1 / self.ratio - spread, 1 / self.ratio + spread
 
-    @property
-    def antiresonance(self) -> float:
-        """Undamped frequency at which the load swings against a motor that stands, rad/s."""
-        return math.sqrt(self.stiffness / self.inertia)
-
-    def resonance(self, inertia: float) -> float:
-        """Undamped frequency of both masses, rad/s; `inertia`: of the motor's side, kg m^2."""
-        return math.sqrt(self.stiffness * (1 / self.inertia + 1 / (self.ratio**2 * inertia)))
-
 
 class Mechanics(Mass):
     """Inertia, friction and load of everything that turns with the rotor."""
@@ -195,12 +186,15 @@ class Mechanics(Mass):
 
     @property
     def stiff(self) -> Mechanics:
-        """The same seen from the motor if shaft and gear were rigid; without friction's parts by position."""
+        """The same seen from the motor if shaft and gear were rigid: sums of inertia and sliding friction."""
         side = self.load_side
         if side is None:
             return self
-        return Mechanics(
-            inertia=self.inertia + side.inertia / side.ratio**2,
-            viscous_friction=self.viscous_friction + side.viscous_friction / side.ratio**2,
-            coulomb_friction=self.coulomb_friction + side.coulomb_friction / side.ratio,
+        return self.model_copy(
+            update={
+                "inertia": self.inertia + side.inertia / side.ratio**2,
+                "viscous_friction": self.viscous_friction + side.viscous_friction / side.ratio**2,
+                "coulomb_friction": self.coulomb_friction + side.coulomb_friction / side.ratio,
+                "load_side": None,
+            }
         )
