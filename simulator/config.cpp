@@ -129,14 +129,34 @@ Law law(const Section& s, const CallbackLaw& own, double period, int divider, co
     return trials && name == TrialLaw::name ? trial_law(s, 2, *trials) : c_law(name, s, static_cast<cgl_real>(divider) * static_cast<cgl_real>(period));
 }
 
+FrictionConfig friction(const Section& s) {
+    FrictionConfig f{s.number("viscous_friction"), s.number("coulomb_friction"), s.number("breakaway_friction")};
+    if (s.has("stribeck_speed")) f.stribeck_speed = s.number("stribeck_speed");
+    if (s.has("friction_harmonics")) f.harmonics = harmonics(s.sections("friction_harmonics"));
+    f.table = s.table("friction_table", "angle", "torque");
+    return f;
+}
+
+MechanicsConfig mechanics(const Section& s) {
+    MechanicsConfig m{s.number("inertia"), friction(s)};
+    if (!s.has("load_side")) return m;
+    const Section side = s.section("load_side");
+    m.load_side = {side.number("inertia"), friction(side), side.number("stiffness"), side.number("damping"),
+                   side.number("backlash"), side.number("ratio")};
+    for (const Section& e : side.sections("gear_errors")) {
+        const bool input = e.choice<bool>("side", {{"input", true}, {"output", false}});
+        (input ? m.load_side->input_errors : m.load_side->output_errors)
+            .push_back({e.integer("order"), e.number("angle"), e.number("phase")});
+    }
+    return m;
+}
+
 // Motor, mechanics, load and their initial state; the other keys differ with and without trials.
 PhaseConfig phase(const Section& s) {
-    const Section mechanics = s.section("mechanics");
     const Section load = s.section("load");
     return {
         .motor = motor(s.section("motor")),
-        .mechanics = {mechanics.number("inertia"), mechanics.number("viscous_friction"),
-                      mechanics.number("coulomb_friction"), mechanics.number("breakaway_friction")},
+        .mechanics = mechanics(s.section("mechanics")),
         .load = {load.number("torque"), load.number("lag"), harmonics(load.sections("harmonics")),
                  load.table("angle_table", "angle", "torque"), load.table("time_table", "time", "torque")},
         .load_steps = {},
@@ -240,6 +260,9 @@ DriveConfig read_config(const Value& description, const CallbackLaw& own) {
         result.dead_time = drive.packed<cgl_dead_time_config>("dead_time");
     }
     result.position_sensor = position_sensor(drive.section("position_sensor"));
+    result.sensor_on_load =
+        drive.section("position_sensor").has("side") &&
+        drive.section("position_sensor").choice<bool>("side", {{"motor", false}, {"load", true}});
     result.law = law(controller_section, own, 1.0 / static_cast<double>(current_rate), result.speed_divider, result.trials);
     result.integration_steps = drive.integer("integration_steps");
     result.learning_start = controller_section.has("learning_start") ? controller_section.number("learning_start") : 0.0;

@@ -16,6 +16,7 @@ namespace {
 constexpr int open_steps = 32;  // steps in a period with an open bridge, small enough for the diodes to switch in time
 
 int motor_phases(const DriveConfig& config) { return config.phases.front().motor.phases; }
+bool has_load_side(const DriveConfig& config) { return config.phases.front().mechanics.load_side.has_value(); }
 
 // A law that follows its reference's angle; its turns() is the number of revolutions after which that angle wraps.
 template <class One>
@@ -48,6 +49,7 @@ std::vector<Signal> signals_of(const DriveConfig& config) {
     const bool trials = config.trials.has_value(), trial_law = std::holds_alternative<TrialLaw>(config.law);
     const bool electrical = !config.ideal_current, energy = config.energy;
     const bool three_phases = motor_phases(config) == 3, path = follows_angle(config.law);
+    const bool load_side = has_load_side(config);
     std::vector<Signal> all;
 #define CGL_SIGNAL(name, unit, about, when, value) \
     if (when) all.push_back({name, unit});
@@ -159,9 +161,15 @@ Drive::Drive(const DriveConfig& config)
         if (p.motor.phases != motor_phases(config_)) {
             throw std::invalid_argument("motor.phases: expected the same in every phase of the trials");
         }
+        if (p.mechanics.load_side.has_value() != has_load_side(config_)) {
+            throw std::invalid_argument("mechanics.load_side: expected in every phase of the trials, or in none");
+        }
         const Plant plant(p.motor, p.mechanics, p.load, step_);
-        phases_.push_back({p, plant, plant.start(p.initial_angle, p.initial_speed),
-                           position_sensor_.start(p.initial_angle, p.initial_speed)});
+        if (config_.sensor_on_load && !has_load_side(config_)) {
+            throw std::invalid_argument("drive.position_sensor.side: expected a load side in the mechanics");
+        }
+        const PlantState<> begin = plant.start(p.initial_angle, p.initial_speed);
+        phases_.push_back({p, plant, begin, position_sensor_.start(turning(begin).theta, turning(begin).omega)});
     }
 }
 
@@ -347,6 +355,13 @@ template <std::size_t legs>
     }
 }
 
+[[gnu::always_inline]] inline Measurement Drive::of_motor(const Phase& phase, Measurement at) const {
+    if (!config_.sensor_on_load) return at;
+    constexpr double turn = 2.0 * std::numbers::pi;
+    const double ratio = phase.plant.equations().load_side()->ratio(), theta = ratio * at.theta_m;
+    return {theta - turn * round_down(theta / turn), ratio * at.omega_m};
+}
+
 bool Drive::alike(const Drive& other) const {
     const auto fits = [](const Drive& d) {
         return !d.config_.trials && !(d.config_.inverter.switched && !d.config_.ideal_current) &&
@@ -483,9 +498,10 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
     if (!std::isfinite(s.plant.theta_m + s.plant.omega_m + s.plant.i.d + s.plant.i.q)) {
         throw std::runtime_error("the motor's current or speed grew beyond all numbers: expected smaller gains or steps");
     }
-    if (!faults.stuck) s.seen = s.plant.theta_m + faults.jump;
-    s.measured = faults.spoilt(position_sensor_.sample(s.position, time(s.tick - origin), s.seen,
-                                                       faults.stuck ? 0.0 : s.plant.omega_m, law_due));
+    const Turning at = turning(s.plant);
+    if (!faults.stuck) s.seen = at.theta + faults.jump;
+    s.measured = faults.spoilt(of_motor(
+        phase, position_sensor_.sample(s.position, time(s.tick - origin), s.seen, faults.stuck ? 0.0 : at.omega, law_due)));
     if (config_.speed_filter) {
         s.measured.omega_m =
             static_cast<double>(cgl_low_pass_step(&s.speed_filter, static_cast<cgl_real>(s.measured.omega_m)));
@@ -596,7 +612,7 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
     const double longest = step_;
     const auto step = [&](Voltage<> u, double from, double h, auto& angle) __attribute__((always_inline)) {
         phase.plant.step<detail>(s.plant, here, u, start + from, h, angle);
-        watch(s, start + from, h, s.plant.theta_m, faults);
+        watch(s, start + from, h, turning(s.plant).theta, faults);
     };
     const Plant::Exact<detail> exact(phase.plant);
     const auto hold = [&](Voltage<> u) {
@@ -636,7 +652,7 @@ void Drive::record(const DriveState& s, const AtAngle<double>& here, const Phase
                    const Phases& current, double* row) const {
     const auto* learning = std::get_if<TrialLaw>(&config_.law);
     const bool trials = config_.trials.has_value(), trial_law = learning != nullptr;
-    const bool path = follows_angle_, energy = config_.energy;
+    const bool path = follows_angle_, energy = config_.energy, load_side = has_load_side(config_);
     constexpr bool electrical = legs != 0, three_phases = legs == star_legs;
     const Torques<> torques = phase.plant.equations().torques(s.plant, here, time(s.tick - origin));
     // The law uses the reference of its last sample until the next one; recorded errors use the reference at this instant.

@@ -6,6 +6,8 @@
 #include <cmath>
 
 #include "equations.hpp"
+#include "instant.hpp"
+#include "train_step.hpp"
 
 namespace cogless {
 
@@ -56,8 +58,10 @@ public:
         x.theta_m = theta_m;
         x.omega_m = omega_m;
         x.load = equations_.load().start();
-        x.stuck = equations_.sticks() && omega_m == 0.0;
+        const DriveTrain* train = equations_.train();
+        x.stuck = (train != nullptr ? train->friction.sticks() : equations_.sticks()) && omega_m == 0.0;
         x.direction = omega_m < 0.0 ? -1.0 : 1.0;
+        if (const LoadSide* side = equations_.load_side()) x.side = side->start(theta_m, omega_m);
         return x;
     }
 
@@ -66,7 +70,9 @@ public:
     template <Detail detail, class Angle>
     [[gnu::always_inline]] void step(PlantState<>& x, AtAngle<double>& here, Voltage<> u, double time, double h,
                                      Angle&& angle) const {
-        if (equations_.sticks()) {
+        if (equations_.train() != nullptr) {
+            TrainStep<detail, std::remove_reference_t<Angle>>(equations_, u, angle).advance(x, here, time, h);
+        } else if (equations_.sticks()) {
             step_with_stops<detail>(x, here, u, time, h, angle);
         } else {
             const auto step = equations_.step<detail>(x, here, u, time, h, angle);
@@ -108,31 +114,6 @@ private:
         return beyond(then, step.here, time);
     }
 
-    // The time in (0, h] at which `beyond` reaches zero from below; it is above zero at h. Illinois's regula falsi.
-    template <Detail detail, class Angle>
-    double instant(const PlantState<>& x, const AtAngle<double>& here, Voltage<> u, double time, double h, double at_start,
-                   double at_end, Angle& angle) const {
-        double low = 0.0, high = h, below = at_start, above = at_end;
-        for (int n = 0; n < 160 && high - low > 1e-15 * h; ++n) {
-            // a bisection now and then, since rounding errors near zero can mislead the other steps for long
-            const bool bisect = n % 3 == 2 || !(below < 0.0);
-            const double middle = bisect ? 0.5 * (low + high) : low + (high - low) * below / (below - above);
-            if (!(middle > low && middle < high)) break;
-            const double value = beyond<detail>(x, equations_.step<detail>(x, here, u, time, middle, angle), time + middle);
-            if (std::abs(value) <= 1e-15 * (at_end - at_start)) return middle;
-            if (value > 0.0) {
-                if (high - middle < 0.5 * (high - low)) below *= 0.5;
-                high = middle;
-                above = value;
-            } else {
-                if (middle - low < 0.5 * (high - low)) above *= 0.5;
-                low = middle;
-                below = value;
-            }
-        }
-        return high;
-    }
-
     // Goes on to the instant at which friction changes, and changes it; returns the time that passed. at_end: beyond() at the
     // end of the step.
     template <Detail detail, class Angle>
@@ -142,7 +123,10 @@ private:
         // torque that grew at once, such as by a load without lag, breaks the rotor away at once
         const double done = x.stuck && !(at_start < 0.0)
                                 ? 0.0
-                                : instant<detail>(x, here, u, time, h, at_start, at_end, angle);
+                                : instant(h, at_start, at_end, [&](double middle) {
+                                      return beyond<detail>(x, equations_.step<detail>(x, here, u, time, middle, angle),
+                                                            time + middle);
+                                  });
         if (done > 0.0) {
             const auto step = equations_.step<detail>(x, here, u, time, done, angle);
             step.take(x);

@@ -217,7 +217,7 @@ def test_the_load_of_a_scenario_replaces_that_of_the_mechanics(tmp_path: Path) -
     )
     low = engine_config(study, "low", "pi")["load"]
     assert (low["torque"], low["lag"], low["time_table"]) == (0.0, 0.03, None)
-    assert low["angle_table"] == {"angle": (0.0, pytest.approx(math.pi)), "torque": (0.0, 0.1)}
+    assert low["angle_table"] == {"angle": (0.0, pytest.approx(math.pi)), "torque": (0.0, 0.1), "file": None}
     assert engine_config(study, "step", "pi")["load"]["torque"] == 0.1
 
 

@@ -41,7 +41,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             "controller.pi.gain: 1: expected one of label, baseline, kp, ki, tuning, law"),
         ("mechanics", {}, 'mechanics.inertia: missing: expected an inertia above zero, such as "1 kg*m^2"'),
         ("mechanics", 3, "mechanics: 3: expected a table of inertia, viscous_friction, coulomb_friction, "
-            "breakaway_friction, load"),
+            "breakaway_friction, stribeck_speed, friction_harmonics, friction_table, load_side, load"),
         # quantities
         ("mechanics.load", 0.5, 'mechanics.load: 0.5: expected a text with a unit, such as "0.5 N*m"'),
         ("mechanics.inertia", "2.5e-4",
@@ -84,7 +84,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("drive.position_sensor", {"lines": 3},
             "drive.position_sensor.kind: missing: expected one that says which kind it is"),
         ("drive.position_sensor", {"kind": "ideal", "lines": 3},
-            "drive.position_sensor.lines: 3: expected one of kind"),
+            "drive.position_sensor.lines: 3: expected one of side, kind"),
         ("drive.position_sensor", {"kind": "encoder", "lines": 0},
             "drive.position_sensor.lines: 0: expected a number of 1 or more"),
         ("drive.inverter.computation_delay", 2, "drive.inverter.computation_delay: 2: expected 0 or 1"),

@@ -173,19 +173,24 @@ def functions_in(study: Study, scenario: str) -> AngleFunctions:
 def angle_functions(
     motor: StarMotor, mechanics: Mechanics, load: Load, constant: float | None = None
 ) -> AngleFunctions:
-    """Angle functions of a motor with a load; `constant`, N*m, replaces the load's constant torque."""
+    """Angle functions of a motor with a load; `constant`, N*m, replaces the load's constant torque.
+
+    A load behind a gear is seen from the motor. What doesn't repeat over the motor's revolution is left out.
+    """
+    ratio, mechanics = mechanics.ratio, mechanics.stiff
     factor = motor.power_factor * motor.pole_pairs
     flux = [(h.order * motor.pole_pairs, h.order * h.q, h.q_phase) for h in motor.flux_harmonics]
     flux += [(h.order * motor.pole_pairs, h.d, h.d_phase) for h in motor.flux_harmonics]
-    torques = [(h.order, h.torque, h.phase) for h in load.harmonics]
+    of_load = [(h.order / ratio, h.torque / ratio, h.phase) for h in load.harmonics]
+    torques = [(int(order), torque, phase) for order, torque, phase in of_load if not order % 1]
     torques += [(c.order, -(c.torque or 0.0), c.phase) for c in motor.cogging]
     level = load.torque if constant is None else constant
     return AngleFunctions(
         K=_series(factor * motor.psi_f, [(n, factor * c, phase) for n, c, phase in flux]),
         torque=_series(
-            level + mechanics.coulomb_friction,
+            level / ratio + mechanics.coulomb_friction,
             [(n, c, p - math.pi / 2) for n, c, p in torques],
-            load.angle_table,
+            load.angle_table if ratio == 1 else None,
         ),
         J=mechanics.inertia,
         D=mechanics.viscous_friction,

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.margins import Complex, Real
-from cogless.design.pi import OMEGA, REFERENCE, THETA, SpeedLoop
+from cogless.design.pi import SpeedLoop
 
 ALMOST = 1 - 1e-12  # magnitude given to a pole on the unit circle, so that its response is finite
 ROUNDING = 1e-6  # error of the integrators' poles at z = 1: a double pole if nothing is fed back
@@ -71,7 +71,7 @@ def oscillation(loop: SpeedLoop, feedback: Linear) -> Oscillation | None:
 
 def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = ()) -> Complex:
     """Closed-loop poles in z at the law's sample rate, with those of integrators outside any feedback."""
-    whole, states = loop.step_of(loop.steps), REFERENCE
+    whole, states, (speed, angle) = loop.step_of(loop.steps), loop.states, loop.sensed
     samples = -(-loop.window // loop.steps)  # over which the sensor looks back
     first = states + 1 + samples
     size = first + 2 * len(resonators)  # x, the integral, past angles, resonators' states in a fixed frame
@@ -79,12 +79,12 @@ def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = (
     def unit(n: int) -> Real:
         return np.asarray(np.eye(size)[n])
 
-    omega = unit(OMEGA)
+    omega = unit(speed)
     if samples:
-        omega = (unit(THETA) - unit(first - 1)) / (loop.window * loop.current.period)
-    omega_t = feedback.ratio * (omega + feedback.k_theta * unit(THETA))
+        omega = (unit(angle) - unit(first - 1)) / (loop.window * loop.current.period)
+    omega_t = feedback.ratio * (omega + feedback.k_theta * unit(angle))
     integral = unit(states) + feedback.k_i * loop.period * omega_t
-    wanted = -feedback.k * omega_t - integral - feedback.k_v * feedback.ratio * unit(THETA)
+    wanted = -feedback.k * omega_t - integral - feedback.k_v * feedback.ratio * unit(angle)
 
     step = np.zeros((size, size))
     for n, each in enumerate(resonators):
@@ -95,11 +95,11 @@ def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = (
         step[at + 1] = math.sin(turn) * p + math.cos(turn) * q + math.sin(phase) * found
         wanted = wanted - step[at]
     step[:states, :states] = whole[:states, :states]
-    step[:states] += np.outer(whole[:states, REFERENCE], wanted)
+    step[:states] += np.outer(whole[:states, states], wanted)
     step[states] = integral
     if samples:
-        then = loop.step_of(samples * loop.steps - loop.window)[THETA]
+        then = loop.step_of(samples * loop.steps - loop.window)[angle]
         step[states + 1, :states] = then[:states]
-        step[states + 1] += then[REFERENCE] * wanted
+        step[states + 1] += then[states] * wanted
         step[states + 2 : first, states + 1 : first - 1] = np.eye(samples - 1)
     return np.asarray(np.linalg.eigvals(step))

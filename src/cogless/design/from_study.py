@@ -106,7 +106,8 @@ def uncertain_plant(study: TrialStudy) -> UncertainPlant:
 
 def _uncertain(mechanics: Mechanics, motor: Motor) -> dict[str, float]:
     """Values of the drive's parameters for which a design may have a range."""
-    numbers = (mechanics.inertia, mechanics.viscous_friction, motor.star().K_t)
+    stiff = mechanics.stiff
+    numbers = (stiff.inertia, stiff.viscous_friction, motor.star().K_t)
     return dict(zip(UNCERTAIN, numbers, strict=True))
 
 

@@ -234,7 +234,8 @@ class LearningLoop(ABC):
     @property
     def frequencies(self) -> Real:
         """Frequencies from that of the learning period up to `highest`, Hz."""
-        return np.linspace(self.periods_per_second, self.highest, POINTS)
+        even = np.linspace(self.periods_per_second, self.highest, POINTS)
+        return _with_near(even, self.plant)
 
     def worst(self) -> Worst:
         """The largest factor per period over `frequencies`."""
@@ -242,6 +243,14 @@ class LearningLoop(ABC):
         factors = self.factor(f)
         k = int(np.argmax(factors))
         return Worst(float(factors[k]), float(f[k]))
+
+
+def _with_near(f: Real, loop: SpeedLoop) -> Real:
+    """Frequencies f, Hz, and between their ends those around the resonances of the loop's soft shaft."""
+    if loop.near is None:
+        return f
+    more = loop.near / (2 * math.pi)
+    return np.union1d(f, more[(more > f[0]) & (more < f[-1])])
 
 
 def opened(feedback: Linear, P_omega: Complex, P_theta: Complex) -> Complex:
@@ -274,4 +283,5 @@ def _closed_at(loop: SpeedLoop, feedback: Linear, frequencies: bytes) -> Complex
 def plants(loop: SpeedLoop) -> tuple[Real, Complex, Complex]:
     """Frequencies, Hz, and the plants P_omega and P_theta of pi.py at them."""
     f = np.geomspace(LOWEST, 0.5 / loop.period, GRID)
+    f = _with_near(f, loop)
     return f, *loop.plant(2 * math.pi * f)

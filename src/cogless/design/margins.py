@@ -43,9 +43,16 @@ def finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def margins_of(response: Callable[[Real], Complex], period: float, integrators: int) -> Margins:
-    """Margins of L = response(w), w in rad/s, with sample `period` and `integrators` poles at z = 1."""
+def margins_of(
+    response: Callable[[Real], Complex], period: float, integrators: int, near: Real | None = None
+) -> Margins:
+    """Margins of L = response(w), w in rad/s, with sample `period` and `integrators` poles at z = 1.
+
+    `near`: frequencies, rad/s, around narrow resonances.
+    """
     w = np.geomspace(1e-4, 1, POINTS) * math.pi / period
+    if near is not None:
+        w = np.union1d(w, near[(near > w[0]) & (near < w[-1])])
     L = response(w)
     if not _stable(L, integrators):
         return UNSTABLE

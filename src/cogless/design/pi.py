@@ -23,6 +23,7 @@ gives the gain. T_e depends only weakly on w_c, so a few rounds of substitution 
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -33,11 +34,12 @@ from cogless.design.current_loop import NO_MARGIN, CurrentLoop, IdealLoop, curre
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.design.model import exponential
 from cogless.design.observer import observed
+from cogless.design.soft_shaft import SoftShaft, soft_shaft
 from cogless.study import Study, for_scenario
 from cogless.study.controller import Feedback, Tuning
 from cogless.study.position_sensor import Counted, Hall
 
-CURRENT, INTEGRAL, WAITING, OMEGA, THETA, REFERENCE = range(6)  # indices of the state x, then of i_ref
+CURRENT, INTEGRAL, WAITING, OMEGA, THETA = range(5)  # indices of the state x; a soft shaft adds two
 
 
 def pi_response(w: Real, T: float, k: float, k_i: float) -> Complex:
@@ -60,11 +62,32 @@ class SpeedLoop:
     delay: float = 0.0  # s, by which angle and speed are older, and the current reference acts later
     low_pass: float = 0.0  # rad/s, of a filter behind the speed; 0: none
     held: bool = False  # the speed that enters it is computed once per speed-loop period
+    shaft: SoftShaft | None = None  # none: rigid
 
     @property
     def period(self) -> float:
         """Speed-loop period, s."""
         return self.steps * self.current.period
+
+    @property
+    def states(self) -> int:
+        """Number of states x, and the index of i_ref, which is kept behind them."""
+        return 5 if self.shaft is None else 7
+
+    @property
+    def sensed(self) -> tuple[int, int]:
+        """Indices of the speed and the angle that the position sensor is at."""
+        return (5, 6) if self.shaft is not None and self.shaft.on_load else (OMEGA, THETA)
+
+    @property
+    def rigid(self) -> SpeedLoop:
+        """The same with both masses as one."""
+        return dataclasses.replace(self, shaft=None)
+
+    @property
+    def near(self) -> Real | None:
+        """Frequencies around the resonances of a soft shaft, rad/s; None: it is rigid."""
+        return None if self.shaft is None else self.shaft.near(self.period)
 
     def plant(self, w: Real) -> tuple[Complex, Complex]:
         """P(jw), from current reference to measured speed, and the response to the sampled angle, rad/A."""
@@ -78,19 +101,19 @@ class SpeedLoop:
 
     def _sampled(self, w: Real) -> tuple[Complex, Complex]:
         """Responses to the speed and the angle that the sensor gives."""
-        z, whole = np.exp(1j * w * self.period), self.step_of(self.steps)
-        A, B = whole[:REFERENCE, :REFERENCE], whole[:REFERENCE, REFERENCE:]
+        z, whole, states = np.exp(1j * w * self.period), self.step_of(self.steps), self.states
+        A, B, (omega, theta) = whole[:states, :states], whole[:states, states:], self.sensed
         x = np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)[:, :, 0]
         if self.bandwidth:
             speed = observed(w, self.bandwidth, self.current.period)
-            return np.asarray(speed * x[:, THETA]), np.asarray(x[:, THETA])
+            return np.asarray(speed * x[:, theta]), np.asarray(x[:, theta])
         if self.window == 0:
-            return np.asarray(x[:, OMEGA]), np.asarray(x[:, THETA])
+            return np.asarray(x[:, omega]), np.asarray(x[:, theta])
         samples = -(-self.window // self.steps)
-        then = self.step_of(samples * self.steps - self.window)[THETA]
-        theta_then = (x @ then[:REFERENCE] + then[REFERENCE]) / z**samples
-        turned = x[:, THETA] - theta_then
-        return np.asarray(turned / (self.window * self.current.period)), np.asarray(x[:, THETA])
+        then = self.step_of(samples * self.steps - self.window)[theta]
+        theta_then = (x @ then[:states] + then[states]) / z**samples
+        turned = x[:, theta] - theta_then
+        return np.asarray(turned / (self.window * self.current.period)), np.asarray(x[:, theta])
 
     def _filter(self, w: Real) -> Complex:
         """Response of the speed's low-pass, which runs at the current loop's rate.
@@ -116,25 +139,35 @@ class SpeedLoop:
 def _step(around: SpeedLoop) -> Real:
     """The matrix that takes (x, i_ref) to their values one current-loop period later."""
     loop, T = around.current, around.current.period
+    reference, size = around.states, around.states + 1
+    moving = [CURRENT, *range(OMEGA, reference)]
+    count = len(moving)
+    rates = np.zeros((count + 1, count + 1))  # of change of what moves, under a constant voltage
+    if around.shaft is None:
+        rates[1, 0], rates[2, 1] = around.b, 1.0
+    else:
+        rates[:] = around.shaft.rates(around.b)
     if isinstance(loop, IdealLoop):
-        step = np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
-        step[CURRENT, REFERENCE] = 1.0
-        step[OMEGA, REFERENCE] = around.b * T
-        step[THETA, [OMEGA, REFERENCE]] = T, around.b * T**2 / 2
+        step = np.diag([0.0] * OMEGA + [1.0] * (size - OMEGA))
+        step[CURRENT, reference] = 1.0
+        if around.shaft is None:
+            step[OMEGA, reference] = around.b * T
+            step[THETA, [OMEGA, reference]] = T, around.b * T**2 / 2
+        else:
+            held = exponential(rates[:count, :count] * T)
+            step[np.ix_(moving[1:], moving[1:])] = held[1:, 1:]
+            step[moving[1:], reference] = held[1:, 0]
         return step
-    rates = np.zeros((4, 4))  # of change of i, omega, theta under a constant voltage
-    rates[0, 0], rates[0, 3] = -loop.R / loop.L, 1 / loop.L
-    rates[1, 0], rates[2, 1] = around.b, 1.0
+    rates[0, 0], rates[0, count] = -loop.R / loop.L, 1 / loop.L
     motor = exponential(rates * loop.period)
-    voltage = np.zeros(6)  # the current controller's output, kp (i_ref - i) + integral
-    voltage[[CURRENT, INTEGRAL, REFERENCE]] = -loop.kp, 1.0, loop.kp
-    step = np.eye(6)
-    step[INTEGRAL, [CURRENT, REFERENCE]] = -loop.ki * loop.period, loop.ki * loop.period
+    voltage = np.zeros(size)  # the current controller's output, kp (i_ref - i) + integral
+    voltage[[CURRENT, INTEGRAL, reference]] = -loop.kp, 1.0, loop.kp
+    step = np.eye(size)
+    step[INTEGRAL, [CURRENT, reference]] = -loop.ki * loop.period, loop.ki * loop.period
     step[WAITING] = voltage
-    moving = [CURRENT, OMEGA, THETA]
-    step[np.ix_(moving, moving)] = motor[:3, :3]
-    acting = np.eye(6)[WAITING] if loop.delay else voltage
-    step[moving] += np.outer(motor[:3, 3], acting)
+    step[np.ix_(moving, moving)] = motor[:count, :count]
+    acting = np.eye(size)[WAITING] if loop.delay else voltage
+    step[moving] += np.outer(motor[:count, count], acting)
     return step
 
 
@@ -166,7 +199,7 @@ def _speed_loop(study: Study, scenario: str | None) -> SpeedLoop:
         window = rates.divider  # at least: slow_running.py tells where edges come more rarely
     delay = sensor.latency if isinstance(sensor, Counted) else 0.0
     return SpeedLoop(
-        b=K_t / study_here.mechanics.inertia,
+        b=K_t / study_here.mechanics.stiff.inertia,
         steps=rates.divider,
         window=window,
         current=current_loops(study, scenario).get("q") or IdealLoop(1 / rates.current_loop),
@@ -174,6 +207,7 @@ def _speed_loop(study: Study, scenario: str | None) -> SpeedLoop:
         delay=delay + (bus.mean_delay if bus is not None else 0.0),
         low_pass=math.tau * (study_here.drive.speed_filter or 0.0),
         held=isinstance(sensor, Counted) and sensor.each_law_period,
+        shaft=soft_shaft(study_here),
     )
 
 
@@ -184,7 +218,7 @@ def gains(study: Study, name: str) -> tuple[float, float]:
     if controller.tuning is None:
         return controller.kp or 0.0, controller.ki or 0.0
     with tuned(study, name):
-        design = phase_margin_pi(speed_loop(study), controller.tuning)
+        design = phase_margin_pi(speed_loop(study).rigid, controller.tuning)
     return design.kp, design.ki
 
 
@@ -215,4 +249,4 @@ def margins(loop: SpeedLoop, kp: float, ki: float) -> Margins:
     if isinstance(loop.current, CurrentLoop) and not loop.current.margins().stable:
         return UNSTABLE
     integrators = 1 + (ki > 0) if kp or ki else 0
-    return margins_of(lambda w: loop.response(w, kp, ki), loop.period, integrators)
+    return margins_of(lambda w: loop.response(w, kp, ki), loop.period, integrators, loop.near)

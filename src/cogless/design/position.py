@@ -51,7 +51,7 @@ def position_gains(study: Study, name: str) -> Gains:
         return controller.k_theta or 0.0, controller.k_omega or 0.0, controller.k_i
     ratio = controller.ratio(study.motor.pole_pairs)
     with tuned(study, name):
-        found = phase_margin_position(speed_loop(study), ratio, controller.tuning)
+        found = phase_margin_position(speed_loop(study).rigid, ratio, controller.tuning)
     return found
 
 
@@ -71,7 +71,7 @@ def position_margins(loop: SpeedLoop, feedback: Linear) -> Margins:
         integrators = 1 + (feedback.k_theta > 0) + (feedback.k_i > 0)
     if feedback.k_v:
         integrators = max(integrators, 2)
-    return margins_of(lambda w: open_loop(loop, feedback, w), loop.period, integrators)
+    return margins_of(lambda w: open_loop(loop, feedback, w), loop.period, integrators, loop.near)
 
 
 @lru_cache(maxsize=32)

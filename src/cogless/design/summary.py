@@ -158,10 +158,10 @@ def design(study: Study, name: str) -> Design:
         sampled = f"but sampled: {known.short()}"
         proof = dataclasses.replace(proof, obstacles=(*proof.obstacles, sampled))
     rule = tuning.rule if tuning else None
-    return Design(controller.law, rule, numbers, _weakest(study, name), known, proof)
+    return Design(controller.law, rule, numbers, weakest_margins(study, name), known, proof)
 
 
-def _weakest(study: Study, name: str) -> Margins | None:
+def weakest_margins(study: Study, name: str) -> Margins | None:
     """Margins at the slowest or the fastest reference, whichever are smaller; v of a position law differs."""
     scenarios = [study.scenario[key] for key in study.scenarios_of(name)]
     speeds = {speed for s in scenarios for speed in (s.slowest, s.top_reference)} or {0.0}

@@ -10,7 +10,7 @@ from cogless import units
 from cogless.design.angle_functions import Bounds
 from cogless.design.margins import Margins
 from cogless.design.summary import Design, Gain, current_loop_summary, summary
-from cogless.design.warnings import loop_warnings, notes, told_apart
+from cogless.design.warnings import loop_warnings, notes, shaft_notes, told_apart
 from cogless.study import Study
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def design_table(study: Study) -> Group:
         learning = design.learning.words() if design.learning else ""
         table.add_row(study.label(name), design.law, design.rule or "", gains, *margins, learning)
     own = [line for name in designs for line in notes(study, name)]
-    known = [f"{line}." for line in (*loop_warnings(loops), *own)]
+    known = [f"{line}." for line in (*shaft_notes(study), *loop_warnings(loops), *own)]
     return Group(table, *(Text(line) for line in (*known, *_theorems(study, designs))))
 
 

@@ -377,7 +377,7 @@ def _torques(study: Study, scenario: str) -> list[float]:
     study_here = for_scenario(study, scenario)
     motor = study_here.motor.star()
     theta = np.linspace(0, 2 * math.pi / motor.pole_pairs, ANGLES, endpoint=False)
-    K_t = study_here.mechanics.inertia / angle_functions(motor, study_here.mechanics, Load()).h(theta)
+    K_t = study_here.mechanics.stiff.inertia / angle_functions(motor, study_here.mechanics, Load()).h(theta)
     found = K_t / motor.K_t
     least, most = float(np.min(found)), float(np.max(found))
     return [least, most, 1.0] if most > least + RIPPLE and least > 0 else [1.0]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 from cogless.design import verdict as learning
 from cogless.design.feedback import unstable_feedback
 from cogless.design.map_size import map_warning
+from cogless.design.pi import speed_loop
 from cogless.design.slow_running import slow_warning
-from cogless.design.summary import CurrentLoopDesign, current_loop_summary
+from cogless.design.summary import CurrentLoopDesign, current_loop_summary, weakest_margins
 from cogless.design.unlearned import foreseen
 from cogless.study import AnyStudy, Study, TrialStudy
 
@@ -22,6 +24,7 @@ def warnings(study: AnyStudy, scenario: str, name: str) -> list[str]:
         found = trial_warnings(design_study(study, [(scenario, name)])[scenario, name])
         return [f"controller.{name}: {line}" for line in found]
     return [
+        *shaft_notes(study),
         *loop_warnings(current_loop_summary(study)),
         *(f"controller.{name}: {line}" for line in _feedback_and_learning(study, name)),
         *notes(study, name),
@@ -30,7 +33,7 @@ def warnings(study: AnyStudy, scenario: str, name: str) -> list[str]:
 
 def notes(study: Study, name: str) -> list[str]:
     """Warnings of a map with too few cells and of too few sensor edges, one line each, key first."""
-    found = (map_warning(study, name), slow_warning(study, name))
+    found = (map_warning(study, name), slow_warning(study, name), _less_margin(study, name))
     return [f"controller.{name}: {line}" for line in found if line is not None]
 
 
@@ -40,6 +43,32 @@ def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
         return []
     found = ((scenario, name, foreseen(study, scenario, name)) for scenario, name in runs)
     return [f"controller.{name}: learns nothing in {where}: {why}" for where, name, why in found if why]
+
+
+def shaft_notes(study: Study) -> list[str]:
+    """Where a soft shaft swings, and what the design makes of it; empty if there is none."""
+    shaft = speed_loop(study).shaft
+    if shaft is None:
+        return []
+    low, high = (w / (2 * math.pi) for w in (shaft.antiresonance, shaft.resonance))
+    gap = study.mechanics.load_side is not None and study.mechanics.load_side.backlash > 0
+    return [
+        f"mechanics.load_side: antiresonance {low:.4g} Hz, resonance {high:.4g} Hz; rules tune for "
+        f"both masses as one, margins are with the shaft{', its gap closed' if gap else ''}"
+    ]
+
+
+def _less_margin(study: Study, name: str) -> str | None:
+    """A warning if a tuned loop has less phase margin with its soft shaft than its rule asks for."""
+    tuning = getattr(study.controller[name], "tuning", None)
+    if tuning is None or speed_loop(study).shaft is None:
+        return None
+    found = weakest_margins(study, name)
+    if found is None or not found.stable or found.phase_margin > 0.9 * tuning.phase_margin:
+        return None
+    has, asked = math.degrees(found.phase_margin), math.degrees(tuning.phase_margin)
+    at = found.crossover / (2 * math.pi)
+    return f"with the soft shaft its phase margin is {has:.3g} deg at {at:.4g} Hz, not {asked:.3g} deg"
 
 
 def loop_warnings(loops: dict[str, CurrentLoopDesign]) -> list[str]:

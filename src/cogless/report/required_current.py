@@ -24,7 +24,7 @@ def needed_current(results: Results, run: Run) -> Callable[[slice], Array] | Non
     if "alpha_ref" not in trace or "tau_cogging" not in trace:
         return None
     study = for_scenario(results.study, run.scenario)
-    mechanics, K_t = study.mechanics, study.motor.star().K_t
+    mechanics, K_t = study.mechanics.stiff, study.motor.star().K_t
 
     def needed(rows: slice) -> Array:
         speed, alpha, load, cogging, i_q, tau_e = (
@@ -32,7 +32,7 @@ def needed_current(results: Results, run: Run) -> Callable[[slice], Array] | Non
             for name in ("omega_ref", "alpha_ref", "tau_load", "tau_cogging", "i_q", "tau_e")
         )
         friction = mechanics.viscous_friction * speed + mechanics.coulomb_friction * np.sign(speed)
-        torque = mechanics.inertia * alpha + friction + load - cogging
+        torque = mechanics.inertia * alpha + friction + load / study.mechanics.ratio - cogging
         return np.asarray(i_q + (torque - tau_e) / K_t)
 
     return needed

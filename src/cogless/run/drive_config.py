@@ -51,7 +51,7 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
         "initial_angle": experiment.initial_angle if run else 0.0,
         "seed": study_here.seed,
         "energy": study_here.trace.energy,
-        "drive": drive_config(study_here.drive, study.motor.star(), motor, study.mechanics.inertia),
+        "drive": drive_config(study_here.drive, study.motor.star(), motor, study.mechanics.stiff.inertia),
         "controller": _controller(study, study_here, controller, mode),
     }
 
@@ -67,9 +67,9 @@ def motor_config(motor: StarMotor) -> dict[str, Any]:
 
 
 def mechanics_config(mechanics: Mechanics) -> dict[str, Any]:
-    numbers = mechanics.model_dump(exclude={"load"})
-    if mechanics.breakaway_friction is None:
-        numbers["breakaway_friction"] = mechanics.coulomb_friction
+    numbers = mechanics.model_dump(exclude={"load"}) | {"breakaway_friction": mechanics.breakaway}
+    if mechanics.load_side is not None:
+        numbers["load_side"]["breakaway_friction"] = mechanics.load_side.breakaway
     return numbers
 
 

@@ -87,6 +87,18 @@ def leads(study: Study) -> None:
                 raise invalid(expected, "controller", name, "lead")
 
 
+def sensor_side(study: Study | TrialStudy) -> None:
+    """Check that a sensor on the load's side has one, and that its turn holds whole turns of the motor."""
+    if study.drive is None or study.mechanics is None or study.drive.position_sensor.side == "motor":
+        return
+    key = ("drive", "position_sensor", "side")
+    if study.mechanics.load_side is None:
+        raise invalid('expected "motor", since there is no mechanics.load_side', *key)
+    if study.mechanics.ratio % 1:
+        expected = f'expected "motor", since the ratio {study.mechanics.ratio:g} is not whole'
+        raise invalid(f"{expected}: the load's angle would not tell the motor's", *key)
+
+
 def calibration(study: StudyBase) -> None:
     """Check that targets name existing runs and metrics, and that their values suit the metric's kind."""
     if study.calibration is None:
@@ -118,6 +130,7 @@ BOTH: tuple[Callable[[Any], None], ...] = (
     references,
     baseline,
     outer_loop,
+    sensor_side,
     energy,
     metric_checks.known_signals,
     metric_checks.metrics,

@@ -1,18 +1,22 @@
-"""Mechanics that the motor turns: inertia, friction and load."""
+"""Mechanics that the motor turns: inertia, friction, shaft, gear and load."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
+from cogless import units
 from cogless.study.table import (
     Angle,
+    AngleMagnitude,
+    AngularSpeedMagnitude,
     Inertia,
     Many,
+    Stiffness,
     Table,
     Time,
     Torque,
@@ -21,11 +25,13 @@ from cogless.study.table import (
     invalid,
 )
 
+Order = Annotated[int, Field(ge=1, le=10_000)]
 
-class LoadHarmonic(Table):
-    """A part of the load torque: torque sin(order theta_m + phase), with theta_m the mechanical angle."""
 
-    order: Annotated[int, Field(ge=1, le=10_000)]
+class TorqueHarmonic(Table):
+    """A part of a torque: torque sin(order theta + phase), with theta the mechanical angle."""
+
+    order: Order
     torque: Torque  # N*m
     phase: Angle = 0.0  # rad
 
@@ -33,15 +39,28 @@ class LoadHarmonic(Table):
 class AngleTable(Table):
     """Torque over the mechanical angle, linear between points, periodic in one revolution."""
 
-    angle: Many[Angle]  # rad
-    torque: Many[Torque]  # N*m
+    angle: Many[Angle] = ()  # rad
+    torque: Many[Torque] = ()  # N*m
+    file: str | None = None  # CSV with the columns angle and torque, units in its heading; beside the study
 
     @model_validator(mode="after")
-    def _shape(self) -> Self:
+    def _shape(self, info: ValidationInfo) -> Self:
+        if self.file is not None:
+            if self.angle or self.torque:
+                raise invalid("expected none, since angle and torque are given", "file")
+            return self._read(info)
         check_table("angle", self.angle, self.torque)
         if self.angle[-1] - self.angle[0] >= 2 * math.pi * (1 - 1e-9):
             raise invalid("expected less than one revolution from the first to the last angle", "angle")
         return self
+
+    def _read(self, info: ValidationInfo) -> Self:
+        from cogless.study.angle_table import read
+
+        if not info.context or self.file is None:
+            return self
+        found = read(info.context["folder"] / self.file, {"torque": units.TORQUE})
+        return self.model_copy(update={"angle": found.angle, "torque": found.value})
 
 
 class TimeTable(Table):
@@ -69,7 +88,7 @@ class Load(Table):
 
     torque: Torque = 0.0  # N*m
     lag: Time = 0.0  # s
-    harmonics: Many[LoadHarmonic] = ()
+    harmonics: Many[TorqueHarmonic] = ()
     angle_table: AngleTable | None = None
     time_table: TimeTable | None = None
 
@@ -78,17 +97,104 @@ class Load(Table):
         return data if isinstance(data, dict) else {"torque": data}
 
 
-class Mechanics(Table):
-    """Inertia, friction and load of everything that turns with the rotor."""
+class Mass(Table):
+    """Inertia and friction of what turns as one body."""
 
-    inertia: Inertia  # kg*m^2, rotor and load together
+    inertia: Inertia  # kg*m^2
     viscous_friction: ViscousFriction = 0.0  # N*m*s/rad
     coulomb_friction: TorqueMagnitude = 0.0  # N*m
     breakaway_friction: TorqueMagnitude | None = None  # N*m, default: coulomb_friction
-    load: Load = Load()
+    stribeck_speed: AngularSpeedMagnitude = 0.0  # rad/s; 0: no fall, friction jumps to coulomb_friction
+    friction_harmonics: Many[TorqueHarmonic] = ()  # N*m, added to coulomb_friction and breakaway_friction
+    friction_table: AngleTable | None = None  # N*m, likewise
+
+    @property
+    def breakaway(self) -> float:
+        """Friction at standstill, N m, without the parts that depend on the angle."""
+        return self.coulomb_friction if self.breakaway_friction is None else self.breakaway_friction
 
     @model_validator(mode="after")
     def _breakaway(self) -> Self:
-        if self.breakaway_friction is not None and self.breakaway_friction < self.coulomb_friction:
+        if self.breakaway < self.coulomb_friction:
             raise invalid("expected no less than coulomb_friction", "breakaway_friction")
+        if self.stribeck_speed and self.breakaway == self.coulomb_friction:
+            raise invalid(
+                "expected none, unless breakaway_friction exceeds coulomb_friction", "stribeck_speed"
+            )
         return self
+
+    @model_validator(mode="after")
+    def _never_drives(self) -> Self:
+        """Refuse friction that is below zero at some angle."""
+        lowest = min(self.friction_table.torque, default=0.0) if self.friction_table else 0.0
+        least = self.coulomb_friction + lowest
+        if least < 0:
+            raise invalid("expected no more below zero than coulomb_friction is above", "friction_table")
+        if sum(abs(h.torque) for h in self.friction_harmonics) > least * (1 + 1e-9):
+            raise invalid(
+                f"expected amplitudes of {least:.6g} N*m or less together, the rest of the friction",
+                "friction_harmonics",
+            )
+        return self
+
+
+class GearError(Table):
+    """A part of a gear's transmission error: angle sin(order theta + phase), theta of its input or output."""
+
+    side: Literal["input", "output"]
+    order: Order
+    angle: AngleMagnitude  # rad, of the output
+    phase: Angle = 0.0  # rad
+
+
+class LoadSide(Mass):
+    """A second mass behind a gear and a soft shaft with backlash; inertia and friction are its own."""
+
+    stiffness: Stiffness  # N*m/rad
+    damping: ViscousFriction = 0.0  # N*m*s/rad
+    backlash: AngleMagnitude = 0.0  # rad, the whole gap
+    ratio: Annotated[float, Field(gt=0)] = 1.0  # motor's speed over the load's
+    gear_errors: Many[GearError] = ()
+
+    @model_validator(mode="after")
+    def _turns_on(self) -> Self:
+        if self.slope[0] <= 0:
+            raise invalid(
+                "expected smaller ones: with these the gear's output would turn back", "gear_errors"
+            )
+        return self
+
+    @property
+    def slope(self) -> tuple[float, float]:
+        """Bounds of the output's speed over the input's."""
+        spread = sum(
+            e.order * e.angle * (1.0 if e.side == "input" else 1 / self.ratio) for e in self.gear_errors
+        )
+        return 1 / self.ratio - spread, 1 / self.ratio + spread
+
+
+class Mechanics(Mass):
+    """Inertia, friction and load of everything that turns with the rotor."""
+
+    load_side: LoadSide | None = None  # none: inertia is of rotor and load together
+    load: Load = Load()
+
+    @property
+    def ratio(self) -> float:
+        """The motor's speed over the load's."""
+        return self.load_side.ratio if self.load_side else 1.0
+
+    @property
+    def stiff(self) -> Mechanics:
+        """The same seen from the motor if shaft and gear were rigid: sums of inertia and sliding friction."""
+        side = self.load_side
+        if side is None:
+            return self
+        return self.model_copy(
+            update={
+                "inertia": self.inertia + side.inertia / side.ratio**2,
+                "viscous_friction": self.viscous_friction + side.viscous_friction / side.ratio**2,
+                "coulomb_friction": self.coulomb_friction + side.coulomb_friction / side.ratio,
+                "load_side": None,
+            }
+        )

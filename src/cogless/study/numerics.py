@@ -11,7 +11,7 @@ from cogless.study.table import invalid
 
 if TYPE_CHECKING:
     from cogless.study.drive import Drive
-    from cogless.study.mechanics import Mechanics
+    from cogless.study.mechanics import LoadSide, Mass, Mechanics
     from cogless.study.motor import StarMotor
     from cogless.study.study import Study
 
@@ -43,6 +43,7 @@ def natural_rates(
 ) -> list[tuple[float, str]]:
     """Natural rates of the plant, 1/s, each with its cause. `top`: the largest mechanical speed, rad/s."""
     inductance, inertia = min(motor.L_d, motor.L_q), mechanics.inertia
+    side = mechanics.load_side
     swing = motor.K_t * motor.pole_pairs * motor.psi_f / (inertia * inductance)
     flux_orders = [h.order * motor.pole_pairs for h in motor.flux_harmonics]
     orders = [motor.pole_pairs, *flux_orders, *(h.order for h in motor.cogging)]
@@ -56,6 +57,35 @@ def natural_rates(
         (mechanics.viscous_friction / inertia, "the speed (viscous_friction / inertia)"),
         (math.sqrt(cogging / inertia), "the speed in the cogging torque"),
         (top * max(orders), "the highest order at top speed"),
+        *_of_friction(mechanics, top, "mechanics"),
+        *(() if side is None else (_of_shaft(mechanics, side), *_of_load_side(side, top))),
+    ]
+
+
+def _of_friction(mass: Mass, top: float, key: str) -> list[tuple[float, str]]:
+    """Rates of friction that depends on speed and position."""
+    found = [(top * h.order, f"{key}.friction_harmonics at top speed") for h in mass.friction_harmonics]
+    if mass.stribeck_speed:
+        # the steepest slope of exp(-x^2) is sqrt(2 / e)
+        slope = (mass.breakaway - mass.coulomb_friction) / mass.stribeck_speed * math.sqrt(2 / math.e)
+        found.append((slope / mass.inertia, f"the speed with {key}.stribeck_speed"))
+    return found
+
+
+def _of_shaft(mechanics: Mechanics, side: LoadSide) -> tuple[float, str]:
+    """Rate of the shaft's twist: the magnitude of its fastest root."""
+    per_inertia = 1 / side.inertia + side.slope[1] ** 2 / mechanics.inertia
+    square, half = side.stiffness * per_inertia, side.damping * per_inertia / 2
+    rate = half + math.sqrt(half**2 - square) if half**2 > square else math.sqrt(square)
+    return rate, "the twist of the shaft (mechanics.load_side: stiffness, damping, both inertias)"
+
+
+def _of_load_side(side: LoadSide, top: float) -> list[tuple[float, str]]:
+    speed = top / side.ratio
+    return [
+        (side.viscous_friction / side.inertia, "the load's speed (viscous_friction / inertia)"),
+        *((e.order * (top if e.side == "input" else speed), "the gear's error") for e in side.gear_errors),
+        *_of_friction(side, speed, "mechanics.load_side"),
     ]
 
 

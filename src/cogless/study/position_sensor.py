@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
@@ -15,7 +15,13 @@ from cogless.units import ANGLE
 ORDER_MAX = 1000  # of a sensor's error
 
 
-class IdealSensor(Table):
+class Mounted(Table):
+    """A sensor on the shaft of the motor or of the load."""
+
+    side: Literal["motor", "load"] = "motor"  # load: its angle times the gear's ratio is the drive's angle
+
+
+class IdealSensor(Mounted):
     """An ideal sensor, which gives the true angle and speed."""
 
     kind: Literal["ideal"] = "ideal"
@@ -29,7 +35,7 @@ class AngleOrder(Table):
     phase: Angle = 0.0  # rad
 
 
-class Counted(Table):
+class Counted(Mounted):
     """A sensor that shows the angle in steps; its speed follows from them."""
 
     kind: str
@@ -177,6 +183,7 @@ class Resolver(Counted):
 class Hall(Table):
     """Three Hall sensors: six steps per electrical revolution, with the angle between them interpolated."""
 
+    side: ClassVar[Literal["motor"]] = "motor"
     kind: Literal["hall"]
     # rad, electrical: by which each edge of a revolution comes late, from that at angle zero on
     placement: Annotated[tuple[Angle, ...], Field(strict=False)] = (0.0,) * 6

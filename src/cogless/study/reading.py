@@ -322,7 +322,7 @@ def _hardware(study: TrialStudy, scenario: str) -> tuple[Hardware, ...]:
 
 def _part(model: type[Model], key: str, source: Source, prefix: str) -> Model:
     try:
-        return model.model_validate(source.tables[key])
+        return model.model_validate(source.tables[key], context={"folder": source.path.parent})
     except ValidationError as error:
         found = [replace(p, key=(key, *p.key)) for p in problems(error, source.tables[key])]
         raise _error(found, source, prefix) from None

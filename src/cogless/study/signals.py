@@ -25,6 +25,7 @@ NEEDED = {
     "electrical": "expected another, since the current loop is ideal",
     "three_phases": "expected another, since the motor has two phases",
     "energy": "expected another, or trace.energy = true",
+    "load_side": "expected another, or a table mechanics.load_side",
     "path": OF_A_LAW,
     "trial_law": OF_A_LAW,
 }
@@ -51,6 +52,7 @@ def kinds(study: Study | TrialStudy) -> set[str]:
         "electrical": study.drive is not None and not study.drive.ideal,
         "three_phases": motor is not None and motor.phases == 3,
         "energy": study.trace.energy,
+        "load_side": study.mechanics is not None and study.mechanics.load_side is not None,
         "path": any(isinstance(law, SpaceLearning) for law in study.controller.values()),
         "trials": trials,
         "trial_law": any(isinstance(law, TrialLaw) for law in study.controller.values()),
