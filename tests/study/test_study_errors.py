@@ -81,7 +81,8 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'motor.temperature.flux_coefficient: "-0.02 1/K": expected one that leaves something at 90 degC'),
         ("motor.temperature", {"winding": "90 degC", "heating": {"ambient": "20 degC", "winding_capacity":
             "1 uJ/K", "magnet_capacity": "1 J/K", "winding_to_ambient": "1 K/W"}},
-            "motor.temperature.heating: expected larger capacities, since a temperature changes within 0.5 us"),
+            "motor.temperature.heating: expected larger capacities, since a temperature changes within "
+            "0.5 us"),
         # drive
         ("drive.rates.speed_loop", "7 kHz",
             'drive.rates.speed_loop: "7 kHz": expected a rate that divides current_loop, 15000 Hz'),
