@@ -131,6 +131,7 @@ BOTH: tuple[Callable[[Any], None], ...] = (
     baseline,
     outer_loop,
     sensor_side,
+    numerics.heating,
     energy,
     metric_checks.known_signals,
     metric_checks.metrics,

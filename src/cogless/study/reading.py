@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 import re
 import tomllib
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
@@ -21,6 +22,7 @@ from cogless.errors import StudyError
 from cogless.files import reason, shipped
 from cogless.study import checks, reuse, trial_checks
 from cogless.study.base import Source, StudyBase
+from cogless.study.datasheet_words import replaced_by, replaced_by_any
 from cogless.study.error_messages import MISSING, Problem, dotted, look_up, problems, shown, study_error
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
@@ -33,7 +35,6 @@ AnyStudy = Study | TrialStudy
 AStudy = TypeVar("AStudy", bound=StudyBase)
 Model = TypeVar("Model", bound=Table)
 Made = TypeVar("Made")
-MAGNET = {"psi_f", "K_t", "kv"}  # three keys for the magnet's flux: setting one replaces the others
 DEEPEST = 32  # levels of tables and arrays
 LONGEST_NAME = 1000  # characters of a path in a message
 # tomllib needs time and memory that grow with the square of the number of a key's parts.
@@ -219,8 +220,8 @@ def _apply(tables: dict[str, Any], changes: Changes) -> None:
         parts = split(key)
         _own(tables, parts[:-1])
         motor = tables.get("motor")
-        if len(parts) == 2 and parts[0] == "motor" and parts[1] in MAGNET and isinstance(motor, dict):
-            for other in MAGNET - {str(parts[1])}:
+        if len(parts) == 2 and parts[0] == "motor" and isinstance(motor, dict):
+            for other in replaced_by(str(parts[1])):
                 motor.pop(other, None)
         put(tables, key, value)
 
@@ -269,9 +270,16 @@ def _with_datasheet(path: Path, tables: dict[str, Any]) -> Source:
     where = f"{path}: motor.datasheet: "
     sheet = find(motor["datasheet"], "motors", "datasheet", path.parent, where)
     fields = read(sheet)
-    if MAGNET & motor.keys():
-        fields = {key: value for key, value in fields.items() if key not in MAGNET}
+    said_here = replaced_by_any(motor)
+    fields = {key: _beside(sheet, path, value) for key, value in fields.items() if key not in said_here}
     return Source(path, {**tables, "motor": {**fields, **motor}}, sheet, frozenset(motor))
+
+
+def _beside(sheet: Path, study: Path, value: Any) -> Any:
+    """A datasheet's value; the file of a table is named relative to the datasheet, and here to the study."""
+    if not isinstance(value, dict) or not isinstance(value.get("file"), str):
+        return value
+    return {**value, "file": os.path.relpath(sheet.parent / value["file"], study.parent)}
 
 
 def _replaced(source: Source, tables: dict[str, Any]) -> Source:
