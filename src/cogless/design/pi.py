@@ -136,7 +136,7 @@ def _speed_loop(study: Study, scenario: str | None) -> SpeedLoop:
     study_here = study if scenario is None else for_scenario(study, scenario)
     rates, sensor, motor = study_here.drive.rates, study_here.drive.position_sensor, study_here.motor.star()
     steps = window = study_here.drive.rates.divider
-    K_t = motor.K_t if scenario is not None else motor.power_factor * motor.pole_pairs * study.belief.psi_f
+    K_t = motor.K_t if scenario is not None else study.K_t
     bandwidth = sensor.bandwidth if isinstance(sensor, Encoder) else 0.0
     if isinstance(sensor, IdealSensor) or bandwidth:
         window = 0
