@@ -10,9 +10,12 @@ from hypothesis import strategies as st
 
 import cogless
 import studies
+from cogless import units
 from cogless.errors import StudyError
 from cogless.run.drive_config import engine_config
+from cogless.run.simulate import simulate
 from cogless.study import changed, for_scenario, load
+from cogless.study.datasheet_words import MAGNET
 from cogless.study.drive import Belief
 from cogless.study.motor import Motor
 from cogless.study.reading import parse_change, split, with_unit
@@ -267,21 +270,80 @@ def test_shipped_studies_and_motors_are_found_by_name(
     )
 
 
-def test_three_ways_to_say_the_magnet() -> None:
-    """300 r/min per volt, line to line and peak, is psi_f = 60 / (sqrt(3) 2 pi 300 pole_pairs)."""
-    base = {"pole_pairs": 12, "R_s": "0.53 ohm", "L_d": "210 uH", "L_q": "210 uH"}
-    stars = [
-        Motor.model_validate({**base, **magnet}).star()
-        for magnet in ({"kv": "300 rpm/V"}, {"psi_f": "1.53147 mWb"}, {"K_t": "27.5664 mN*m/A"})
-    ]
-    assert [star.K_t for star in stars] == pytest.approx([0.0275664] * 3, rel=1e-4)
-    assert [star.psi_f for star in stars] == pytest.approx([1.53147e-3] * 3, rel=1e-4)
+WINDING = {"pole_pairs": 12, "R_s": "0.53 ohm", "L_d": "210 uH", "L_q": "210 uH"}
+# Back-EMF of 300 r/min per volt: amplitude in V per r/min from line to line and of a phase, and both rms.
+LINES, PHASE = 1 / 300, 1 / 300 / math.sqrt(3)
+LINES_RMS, PHASE_RMS = LINES / math.sqrt(2), PHASE / math.sqrt(2)
+WORDS = {
+    "psi_f": "1.531468 mWb",  # 60 / (sqrt(3) 2 pi 300 pole_pairs)
+    "K_t": "27.56644 mN*m/A",
+    "K_t_rms": f"{27.56644 * math.sqrt(2)} mN*m/A",
+    "kv": "300 rpm/V",
+    "kv_line_to_line_rms": f"{1 / LINES_RMS} rpm/V",
+    "kv_phase_peak": f"{1 / PHASE} rpm/V",
+    "kv_phase_rms": f"{1 / PHASE_RMS} rpm/V",
+    "K_e_line_to_line_peak": f"{LINES} V/rpm",
+    "K_e_line_to_line_rms": f"{LINES_RMS} V/rpm",
+    "K_e_phase_peak": f"{PHASE} V/rpm",
+    "K_e_phase_rms": f"{PHASE_RMS} V/rpm",
+}
 
 
-@pytest.mark.parametrize("key", ["kv", "K_t", "psi_f"])
+@pytest.mark.parametrize("word", MAGNET)
+def test_all_words_for_the_magnet_mean_the_same(word: str) -> None:
+    star = Motor.model_validate({**WINDING, word: WORDS[word]}).star()
+    assert (star.K_t, star.psi_f) == pytest.approx((0.02756644, 1.531468e-3), rel=1e-6)
+
+
+def test_words_that_agree_may_stand_side_by_side() -> None:
+    """Of all words for one thing the first counts."""
+    star = Motor.model_validate(
+        {**WINDING, **WORDS, "resistance_line_to_line": "1.04 ohm", "inductance_line_to_line": "0.43 mH"}
+    ).star()
+    assert (star.R_s, star.L_d, star.psi_f) == pytest.approx((0.53, 210e-6, 1.531468e-3))
+
+
+@pytest.mark.parametrize("winding", ["star", "delta"])
+def test_resistance_between_two_terminals(winding: str) -> None:
+    """Two phases of a star in series; one of a delta beside the two others."""
+    R, L = 0.9, 0.3e-3
+    factor = 2.0 if winding == "star" else 2 / 3
+    common = {"pole_pairs": 7, "K_t": "0.1 N*m/A", "winding": winding}
+    of_winding = {**common, "R_s": f"{R} ohm", "L_d": f"{L} H", "L_q": f"{L} H"}
+    of_lines = {
+        **common,
+        "resistance_line_to_line": f"{factor * R} ohm",
+        "inductance_line_to_line": f"{factor * L} H",
+    }
+    one, other = (Motor.model_validate(keys).star() for keys in (of_winding, of_lines))
+    assert (one.R_s, one.L_d, one.L_q) == pytest.approx((other.R_s, other.L_d, other.L_q))
+
+
+def test_a_study_by_the_datasheets_words_and_in_si_gives_the_same_bits(tmp_path: Path) -> None:
+    """All that the engine is told is the same, so the run is."""
+    words = """resistance_line_to_line = "30.84 ohm"
+inductance_line_to_line = "60 mH"
+kv_line_to_line_rms = "29.78 rpm/V"
+cogging = [ {order = 24, torque_peak_to_peak = "8 mN*m"} ]"""
+    K_t = math.sqrt(1.5) / units.parse("29.78 rpm/V", units.SPEED_CONSTANT)
+    in_si = f"""R_s = "15.42 ohm"
+L_d = "0.03 H"
+L_q = "0.03 H"
+K_t = "{K_t!r} N*m/A"
+cogging = [ {{order = 24, torque = "0.004 N*m"}} ]"""
+    before, after = studies.BASE.partition("pole_pairs = 4\n")[0], studies.BASE.partition("[mechanics]")[2]
+    runs = []
+    for text in (words, in_si):
+        study = studies.study(tmp_path, {}, f"{before}pole_pairs = 4\n{text}\n[mechanics]{after}")
+        runs.append((engine_config(study, "low", "fair"), simulate(study, "low", "fair").trace.data))
+    assert runs[0][0] == runs[1][0]
+    assert runs[0][1].tobytes() == runs[1][1].tobytes()
+
+
+@pytest.mark.parametrize("key", ["kv", "K_t", "psi_f", "K_e_phase_rms"])
 @pytest.mark.parametrize("sheet", ["uomodri", "liu2018"])
 def test_one_word_for_the_magnet_replaces_the_datasheets(tmp_path: Path, sheet: str, key: str) -> None:
-    value = {"kv": "300 rpm/V", "K_t": "0.03 N*m/A", "psi_f": "2 mWb"}[key]
+    value = {"kv": "300 rpm/V", "K_t": "0.03 N*m/A", "psi_f": "2 mWb", "K_e_phase_rms": "2 mV/rpm"}[key]
     before, after = studies.BASE.partition("[motor]")[0], studies.BASE.partition("[mechanics]")[2]
     alone = f'{before}[motor]\ndatasheet = "{sheet}"\n[mechanics]{after}'
     with_key = alone.replace("[mechanics]", f'{key} = "{value}"\n[mechanics]')

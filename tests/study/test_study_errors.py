@@ -9,6 +9,7 @@ import studies
 from cogless.errors import StudyError
 from cogless.study import load
 from cogless.study.laws import AnyController
+from cogless.study.motor import Motor
 from cogless.study.reading import parse_change
 
 LAWS = [get_args(model.model_fields["law"].annotation)[0] for model in get_args(AnyController)]
@@ -67,7 +68,8 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         # motor
         ("motor.winding", "wye", 'motor.winding: "wye": expected "star" or "delta"'),
         ("motor.cogging", [{"order": 24}],
-            'motor.cogging.0: expected either torque, such as "4 mN*m", or current, such as "0.2 A"'),
+            'motor.cogging.0: expected either torque, such as "4 mN*m", torque_peak_to_peak, '
+            'or current, such as "0.2 A"'),
         ("motor.cogging.0.order", 0, "motor.cogging.0.order: 0: expected a number of 1 or more"),
         # drive
         ("drive.rates.speed_loop", "7 kHz",
@@ -272,10 +274,51 @@ def test_a_scenario_whose_name_is_a_number_can_be_changed(tmp_path: Path) -> Non
     assert changed.scenario["60"].duration == 0.5
 
 
-def test_one_word_for_the_magnet(tmp_path: Path) -> None:
-    text = studies.BASE.replace('psi_f = "68 mWb"', 'psi_f = "68 mWb"\nK_t = "0.4 N*m/A"')
-    expected = 'motor: expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"'
-    assert line_of(tmp_path, None, text) == f"study.toml: {expected}"
+MAGNET, RESISTANCE = 'psi_f = "68 mWb"', 'R_s = "15.42 ohm"'
+INDUCTANCE = 'L_d = "30 mH"\nL_q = "30 mH"'
+
+
+PHASE_OR_LINES = "; they differ by 2, the factor between phase and line to line, or poles and pole pairs"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "line"),
+    [
+        (MAGNET, "", 'motor: expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"'),
+        (RESISTANCE, "",
+            'motor.R_s: missing: expected a resistance, such as "1 ohm", or resistance_line_to_line'),
+        ('L_q = "30 mH"', "",
+            'motor.L_q: missing: expected an inductance, such as "1 mH", or inductance_line_to_line'),
+        (MAGNET, 'kv_phase_rms = "60 rpm/V"\nwinding = "delta"',
+            'motor.kv_phase_rms: "60 rpm/V": expected a word from line to line, '
+            "since a delta has no star point"),
+        (MAGNET, 'K_e_phase_rms = "1 V"',
+            'motor.K_e_phase_rms: "1 V": expected a voltage per speed, such as "1 V/rpm"'),
+        (RESISTANCE, f'{RESISTANCE}\nresistance_line_to_line = "15.42 ohm"',
+            'motor.resistance_line_to_line: "15.42 ohm": expected R_s and resistance_line_to_line to agree '
+            f"within 5%{PHASE_OR_LINES}"),
+        (INDUCTANCE, f'{INDUCTANCE}\ninductance_line_to_line = "30 mH"',
+            'motor.inductance_line_to_line: "30 mH": expected L_d and inductance_line_to_line to agree '
+            f"within 5%{PHASE_OR_LINES}"),
+    ],
+)  # fmt: skip
+def test_words_of_a_datasheet(tmp_path: Path, before: str, after: str, line: str) -> None:
+    assert line_of(tmp_path, None, studies.BASE.replace(before, after)) == f"study.toml: {line}"
+
+
+@pytest.mark.parametrize(
+    ("kv", "why"),
+    [
+        ("14.33 rpm/V", "; they differ by sqrt(2), the factor between rms and peak"),
+        ("35.11 rpm/V", "; they differ by sqrt(3), the factor between phase and line to line"),
+        ("23.4 rpm/V", "; they differ by 2/sqrt(3), the factor between K_t and 1/kv, which is 2/sqrt(3) K_t"),
+        ("27 rpm/V", ", not to differ by a factor of 1.33"),
+    ],
+)
+def test_a_torque_and_a_speed_constant_that_disagree(tmp_path: Path, kv: str, why: str) -> None:
+    text = studies.BASE.replace(MAGNET, f'K_t = "0.408 N*m/A"\nkv = "{kv}"')
+    expected = f"expected K_t and kv to agree within 5%{why}"
+    assert line_of(tmp_path, None, text) == f'study.toml: motor.kv: "{kv}": {expected}'
 
 
 def test_energies_are_recorded_on_request(tmp_path: Path) -> None:
@@ -316,15 +359,14 @@ def lines_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.B
 def test_several_mistakes_are_all_told_in_the_order_of_the_file(tmp_path: Path) -> None:
     """Values, unknown and missing keys of one table and of others; keys meant are not missing too."""
     text = studies.BASE.replace("pole_pairs = 4\n", 'pole_pairs = 4.5\nteeths = 1\nr_s = "1 H"\n')
-    text = text.replace('R_s = "15.42 ohm"\n', "").replace('L_q = "30 mH"\n', "")
+    text = text.replace('R_s = "15.42 ohm"\n', "").replace("{order = 24, ", "{")
     text = text.replace('"2.5e-4 kg*m^2"', '"1 s"').replace('kp = "0.015 A/rpm"', "kp = false")
     text = text.replace("order = [1, 2, 6]", 'order = ["x"]').replace('event = "0.1 s"', "event = 1")
     assert lines_of(tmp_path, None, text) == [
         "motor.pole_pairs: 4.5: expected a whole number",
-        "motor.teeths: 1: expected one of kind, datasheet, pole_pairs, R_s, L_d, L_q, psi_f, K_t, kv, "
-        "winding, rated_torque, rated_speed, flux_harmonics, cogging",
+        "motor.teeths: 1: expected one of " + ", ".join(Motor.model_fields),
         'motor.r_s: "1 H": expected a known key, perhaps "R_s"',
-        'motor.L_q: missing: expected an inductance above zero, such as "1 mH"',
+        "motor.cogging.0.order: missing: expected a value",
         'mechanics.inertia: "1 s": expected an inertia, such as "1 kg*m^2"',
         'controller.pi.kp: false: expected a gain of the speed loop of zero or more, such as "1 A/rpm"',
         'metric.1.order.0: "x": expected a number',

@@ -9,9 +9,11 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from cogless.study.datasheet_words import MAGNET, OF_A_PHASE, check_agreement, torque_constant
 from cogless.study.table import (
     Angle,
     AngularSpeed,
+    BackEmfConstant,
     Current,
     FluxAmplitude,
     FluxLinkage,
@@ -46,32 +48,54 @@ class Cogging(Table):
 
     order: Order
     torque: Torque | None = None  # N*m
+    torque_peak_to_peak: Torque | None = None  # N*m, twice the amplitude
     current: Current | None = None  # A, measured as the holding current: torque = K_t current
     phase: Angle = 0.0  # rad
 
     @model_validator(mode="after")
     def _one_amplitude(self) -> Self:
-        if (self.torque is None) == (self.current is None):
-            raise invalid('expected either torque, such as "4 mN*m", or current, such as "0.2 A"')
+        if [self.torque, self.torque_peak_to_peak, self.current].count(None) != 2:
+            expected = 'torque, such as "4 mN*m", torque_peak_to_peak, or current, such as "0.2 A"'
+            raise invalid(f"expected either {expected}")
         return self
+
+    def as_torque(self, K_t: float) -> Cogging:
+        """The same harmonic with its amplitude as a torque; `K_t` in N*m/A."""
+        if self.torque is not None:
+            return self
+        half = (self.torque_peak_to_peak or 0.0) / 2
+        amplitude = half if self.current is None else K_t * self.current
+        return self.model_copy(update={"torque": amplitude, "torque_peak_to_peak": None, "current": None})
 
 
 class Motor(Table):
     """A synchronous motor, described as in its datasheet.
 
-    R_s, L_d, L_q and flux linkages are those of one winding. K_t refers to the peak of the line current.
+    R_s, L_d, L_q and flux linkages are those of one winding. K_t refers to the peak of the line current. What
+    other words refer to is in their name; a phase is from line to star point.
     Phase angles of harmonics refer to the star equivalent's angle.
     """
 
     kind: Literal["pmsm"] = "pmsm"
     datasheet: str | None = None  # its file; its fields are already merged in here
     pole_pairs: Annotated[int, Field(ge=1, le=1000)]
-    R_s: Resistance  # ohm
-    L_d: Inductance  # H
-    L_q: Inductance  # H
+    # one word for each of resistance, inductance and magnet; several must agree, and the first counts
+    R_s: Resistance | None = None  # ohm
+    resistance_line_to_line: Resistance | None = None  # ohm
+    L_d: Inductance | None = None  # H
+    L_q: Inductance | None = None  # H
+    inductance_line_to_line: Inductance | None = None  # H, of a motor with L_d = L_q
     psi_f: FluxLinkage | None = None  # Wb, peak
     K_t: TorqueConstant | None = None  # N*m/A, 1.5 pole_pairs psi_f of the star equivalent
+    K_t_rms: TorqueConstant | None = None  # N*m/A, per rms line current
     kv: SpeedConstant | None = None  # rad/s/V, no-load speed per peak voltage from line to line
+    kv_line_to_line_rms: SpeedConstant | None = None  # rad/s/V
+    kv_phase_peak: SpeedConstant | None = None  # rad/s/V
+    kv_phase_rms: SpeedConstant | None = None  # rad/s/V
+    K_e_line_to_line_peak: BackEmfConstant | None = None  # V*s/rad
+    K_e_line_to_line_rms: BackEmfConstant | None = None  # V*s/rad
+    K_e_phase_peak: BackEmfConstant | None = None  # V*s/rad
+    K_e_phase_rms: BackEmfConstant | None = None  # V*s/rad
     winding: Literal["star", "delta"] = "star"
     rated_torque: Torque | None = None  # N*m, informative
     rated_speed: AngularSpeed | None = None  # rad/s, informative
@@ -79,10 +103,51 @@ class Motor(Table):
     cogging: Many[Cogging] = ()
 
     @model_validator(mode="after")
-    def _one_flux(self) -> Self:
-        if [self.psi_f, self.K_t, self.kv].count(None) != 2:
+    def _words(self) -> Self:
+        if not self._torque_constants:
             raise invalid('expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"')
+        if not self._resistances:
+            raise invalid(
+                'expected a resistance, such as "1 ohm", or resistance_line_to_line', "R_s", value="missing"
+            )
+        for axis, other in (("L_d", self.L_q), ("L_q", self.L_d)):
+            if getattr(self, axis) is None and (other is not None or self.inductance_line_to_line is None):
+                expected = 'expected an inductance, such as "1 mH", or inductance_line_to_line'
+                raise invalid(expected, axis, value="missing")
+        for word in OF_A_PHASE:
+            if self.winding == "delta" and getattr(self, word) is not None:
+                raise invalid("expected a word from line to line, since a delta has no star point", word)
+        for found in (self._torque_constants, self._resistances, self._inductances):
+            check_agreement(found)
         return self
+
+    @property
+    def _factors(self) -> tuple[float, float]:
+        """Impedance and flux linkage of the star equivalent over those of a winding."""
+        return (1 / 3, 1 / math.sqrt(3)) if self.winding == "delta" else (1.0, 1.0)
+
+    @property
+    def _torque_constants(self) -> dict[str, float]:
+        """K_t of the star equivalent, N*m/A, by each word for the magnet that is given."""
+        flux = self._factors[1]
+        given = {word: value for word in MAGNET if (value := getattr(self, word)) is not None}
+        return {word: torque_constant(word, v, self.pole_pairs, flux) for word, v in given.items()}
+
+    @property
+    def _resistances(self) -> dict[str, float]:
+        """Resistance of the star equivalent, ohm, by each word that is given."""
+        of_lines = self.resistance_line_to_line
+        found = {} if self.R_s is None else {"R_s": self._factors[0] * self.R_s}
+        return found if of_lines is None else {**found, "resistance_line_to_line": of_lines / 2}
+
+    @property
+    def _inductances(self) -> dict[str, float]:
+        """Mean inductance of both axes of the star equivalent, H, by each word that is given."""
+        of_lines, impedance = self.inductance_line_to_line, self._factors[0]
+        found = {}
+        if self.L_d is not None and self.L_q is not None:
+            found["L_d"] = impedance * (self.L_d + self.L_q) / 2
+        return found if of_lines is None else {**found, "inductance_line_to_line": of_lines / 2}
 
     @property
     def phases(self) -> int:
@@ -98,19 +163,17 @@ class Motor(Table):
     @cached_property
     def star_equivalent(self) -> StarMotor:
         """As `star`, which every kind of motor has."""
-        delta = self.winding == "delta"
-        impedance, flux = (1 / 3, 1 / math.sqrt(3)) if delta else (1.0, 1.0)
-        if self.psi_f is not None:
-            K_t = 1.5 * self.pole_pairs * flux * self.psi_f
-        elif self.kv is not None:
-            K_t = math.sqrt(3) / 2 / self.kv  # peak line voltage: sqrt(3) pole_pairs psi_f omega_m
-        else:
-            K_t = self.K_t or 0.0
+        impedance, flux = self._factors
+        K_t = next(iter(self._torque_constants.values()))
+        L_d, L_q = (
+            next(iter(self._inductances.values())) if L is None else impedance * L
+            for L in (self.L_d, self.L_q)
+        )
         return StarMotor(
             pole_pairs=self.pole_pairs,
-            R_s=impedance * self.R_s,
-            L_d=impedance * self.L_d,
-            L_q=impedance * self.L_q,
+            R_s=next(iter(self._resistances.values())),
+            L_d=L_d,
+            L_q=L_q,
             psi_f=K_t / (1.5 * self.pole_pairs),
             K_t=K_t,
             impedance_factor=impedance,
@@ -118,10 +181,7 @@ class Motor(Table):
             flux_harmonics=tuple(
                 h.model_copy(update={"d": flux * h.d, "q": flux * h.q}) for h in self.flux_harmonics
             ),
-            cogging=tuple(
-                c if c.current is None else c.model_copy(update={"torque": K_t * c.current, "current": None})
-                for c in self.cogging
-            ),
+            cogging=tuple(c.as_torque(K_t) for c in self.cogging),
         )
 
 

@@ -21,6 +21,7 @@ from cogless.errors import StudyError
 from cogless.files import reason, shipped
 from cogless.study import checks, reuse, trial_checks
 from cogless.study.base import Source, StudyBase
+from cogless.study.datasheet_words import replaced_by, replaced_by_any
 from cogless.study.error_messages import MISSING, Problem, dotted, look_up, problems, shown, study_error
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
@@ -33,7 +34,6 @@ AnyStudy = Study | TrialStudy
 AStudy = TypeVar("AStudy", bound=StudyBase)
 Model = TypeVar("Model", bound=Table)
 Made = TypeVar("Made")
-MAGNET = {"psi_f", "K_t", "kv"}  # three keys for the magnet's flux: setting one replaces the others
 DEEPEST = 32  # levels of tables and arrays
 LONGEST_NAME = 1000  # characters of a path in a message
 # tomllib needs time and memory that grow with the square of the number of a key's parts.
@@ -219,8 +219,8 @@ def _apply(tables: dict[str, Any], changes: Changes) -> None:
         parts = split(key)
         _own(tables, parts[:-1])
         motor = tables.get("motor")
-        if len(parts) == 2 and parts[0] == "motor" and parts[1] in MAGNET and isinstance(motor, dict):
-            for other in MAGNET - {str(parts[1])}:
+        if len(parts) == 2 and parts[0] == "motor" and isinstance(motor, dict):
+            for other in replaced_by(str(parts[1])):
                 motor.pop(other, None)
         put(tables, key, value)
 
@@ -269,8 +269,8 @@ def _with_datasheet(path: Path, tables: dict[str, Any]) -> Source:
     where = f"{path}: motor.datasheet: "
     sheet = find(motor["datasheet"], "motors", "datasheet", path.parent, where)
     fields = read(sheet)
-    if MAGNET & motor.keys():
-        fields = {key: value for key, value in fields.items() if key not in MAGNET}
+    said_here = replaced_by_any(motor)
+    fields = {key: value for key, value in fields.items() if key not in said_here}
     return Source(path, {**tables, "motor": {**fields, **motor}}, sheet, frozenset(motor))
 
 
