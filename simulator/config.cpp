@@ -80,22 +80,31 @@ PositionSensorConfig position_sensor(const Section& s) {
     PositionSensorConfig p;
     p.kind = s.choice<PositionSensorKind>("kind", {{"ideal", PositionSensorKind::ideal},
                                                    {"encoder", PositionSensorKind::encoder},
-                                                   {"resolver", PositionSensorKind::resolver}});
-    if (p.kind == PositionSensorKind::encoder) {
-        p.lines = s.integer("lines");
-        p.speed_method = s.choice<SpeedMethod>(
-            "speed_method", {{"M", SpeedMethod::M},
-                             {"T", SpeedMethod::T},
-                             {"MT", SpeedMethod::MT},
-                             {"observer", SpeedMethod::observer}});
-        if (p.speed_method == SpeedMethod::observer) p.bandwidth = s.number("bandwidth");
-        p.timer = s.number("timer");
-        p.eccentricity = s.number("eccentricity");
-        p.eccentricity_phase = s.number("eccentricity_phase");
-    } else if (p.kind == PositionSensorKind::resolver) {
-        p.bits = s.integer("bits");
-        p.window = s.integer("window");
+                                                   {"absolute", PositionSensorKind::absolute},
+                                                   {"resolver", PositionSensorKind::resolver},
+                                                   {"hall", PositionSensorKind::hall}});
+    if (p.kind == PositionSensorKind::ideal) return p;
+    p.counts = s.number("counts");
+    if (s.has("window")) p.window = s.integer("window");
+    if (s.has("timer")) p.timer = s.number("timer");
+    if (p.kind == PositionSensorKind::hall) {
+        const std::vector<double> placement = s.numbers("placement", p.placement.size());
+        std::copy(placement.begin(), placement.end(), p.placement.begin());
+        return p;
     }
+    p.speed_method = s.choice<SpeedMethod>("speed_method", {{"M", SpeedMethod::M},
+                                                            {"average", SpeedMethod::average},
+                                                            {"T", SpeedMethod::T},
+                                                            {"MT", SpeedMethod::MT},
+                                                            {"observer", SpeedMethod::observer}});
+    if (p.speed_method == SpeedMethod::observer) p.bandwidth = s.number("bandwidth");
+    if (s.has("error")) {
+        for (const Section& e : s.sections("error")) {
+            p.error.push_back({e.integer("order"), e.number("amplitude"), e.number("phase")});
+        }
+    }
+    p.error_table = s.table("error_table", "angle", "error");
+    if (s.has("latency")) p.latency = s.number("latency");
     return p;
 }
 
@@ -222,6 +231,11 @@ DriveConfig read_config(const Value& description, const CallbackLaw& own) {
     if (top.has("faults")) result.faults = faults(top, current_rate);
     if (!result.ideal_current) read_bridge(drive, result);
     if (drive.has("encoder_table")) result.encoder_table = drive.packed<cgl_encoder_table_config>("encoder_table");
+    if (drive.has("speed_filter")) result.speed_filter = {static_cast<cgl_real>(drive.number("speed_filter"))};
+    if (drive.has("bus")) {
+        const Section bus = drive.section("bus");
+        result.bus = {bus.number("delay_measured"), bus.number("delay_command"), bus.number("jitter"), bus.number("quantum")};
+    }
     if (drive.has("dead_time")) {
         result.dead_time = drive.packed<cgl_dead_time_config>("dead_time");
     }

@@ -143,6 +143,10 @@ Drive::Drive(const DriveConfig& config)
         require(cgl_encoder_table_init(&encoder_table_start_, &*config_.encoder_table, static_cast<cgl_real>(period_)),
                 "encoder table");
     }
+    if (config_.speed_filter) {
+        require(cgl_low_pass_init(&speed_filter_start_, &*config_.speed_filter, static_cast<cgl_real>(period_)), "speed filter");
+    }
+    if (config_.bus) bus_.emplace(*config_.bus, period_, law_period());
     cgl_drive unused;
     if (cgl_drive_init(&unused, &config_.control, static_cast<cgl_real>(period_)) != CGL_OK) {
         throw std::invalid_argument("drive.control: a value is outside its range");
@@ -165,6 +169,7 @@ DriveState Drive::start() const {
     DriveState s{};
     cgl_drive_init(&s.control, &config_.control, static_cast<cgl_real>(period_));
     s.encoder_table = encoder_table_start_;
+    s.bus.random = Random(~config_.seed);  // of its own: the noise of the sensors stays as it is
     restart(s, phases_.front());
     s.random = Random(config_.seed);
     s.law = start_of(config_.law);
@@ -179,6 +184,9 @@ void Drive::restart(DriveState& s, const Phase& phase) const {
     s.position = phase.position_start;
     cgl_drive_reset(&s.control);
     s.dead_time = dead_time_start_;
+    s.speed_filter = speed_filter_start_;
+    cgl_low_pass_reset(&s.speed_filter, static_cast<cgl_real>(phase.config.initial_speed));
+    if (bus_) bus_->restart(s.bus, phase.config.initial_angle, phase.config.initial_speed);
     s.asked = {};
     s.output = {};
     s.duty = {0.5, 0.5, 0.5};
@@ -478,6 +486,10 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
     if (!faults.stuck) s.seen = s.plant.theta_m + faults.jump;
     s.measured = faults.spoilt(position_sensor_.sample(s.position, time(s.tick - origin), s.seen,
                                                        faults.stuck ? 0.0 : s.plant.omega_m, law_due));
+    if (config_.speed_filter) {
+        s.measured.omega_m =
+            static_cast<double>(cgl_low_pass_step(&s.speed_filter, static_cast<cgl_real>(s.measured.omega_m)));
+    }
     Phases i{};
     if constexpr (legs != 0) {
         i = faults.spoilt(current_sensors_.measure(current, s.random), config_.current_sensors.sensors,
@@ -493,7 +505,12 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
         s.output = other->step(s.sampled, s.asked);
         for (cgl_real& duty : s.output.duty) duty = possible(duty);
     } else {
-        if (measure(s)) step_law<legs>(s);
+        const bool due = measure(s);
+        if (bus_) {
+            over_bus<legs>(s, due);
+        } else if (due) {
+            step_law<legs>(s);
+        }
         actuate(s);
     }
     if constexpr (legs == 0) {
@@ -504,6 +521,26 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
             s.control.saturated = true;
         }
         s.plant.i.q = static_cast<double>(s.output.i_q_ref);
+    }
+}
+
+template <std::size_t legs>
+void Drive::over_bus(DriveState& s, bool law_due) const {
+    cgl_drive& drive = s.control;
+    bus_->measure(s.bus, {static_cast<double>(drive.monitor.theta_m), static_cast<double>(drive.monitor.omega_m)});
+    if (law_due) {
+        const Measurement then = bus_->arrived(s.bus);
+        drive.in.theta_m = static_cast<cgl_real>(then.theta_m);
+        drive.in.omega_m = static_cast<cgl_real>(then.omega_m);
+        const cgl_real i_q_ref = drive.command.i_q_ref, i_d_ref = drive.currents.i_d_ref;
+        step_law<legs>(s);
+        bus_->send(s.bus, s.tick, static_cast<double>(drive.command.i_q_ref), static_cast<double>(drive.currents.i_d_ref));
+        drive.command.i_q_ref = i_q_ref;
+        drive.currents.i_d_ref = s.asked.i_d_ref = i_d_ref;
+    }
+    if (const SentCommand* command = bus_->received(s.bus, s.tick)) {
+        drive.command.i_q_ref = static_cast<cgl_real>(command->i_q_ref);
+        drive.currents.i_d_ref = s.asked.i_d_ref = static_cast<cgl_real>(command->i_d_ref);
     }
 }
 

@@ -15,9 +15,11 @@
 #include <vector>
 
 #include "angle_patch.hpp"
+#include "bus.hpp"
 #include "cogless/dead_time.h"
 #include "cogless/drive.h"
 #include "cogless/encoder_table.h"
+#include "cogless/low_pass.h"
 #include "current_sensors.hpp"
 #include "every.hpp"
 #include "fault.hpp"
@@ -61,6 +63,8 @@ struct DriveConfig {
     cgl_drive_config control;
     std::optional<cgl_dead_time_config> dead_time;  // none: not compensated
     std::optional<cgl_encoder_table_config> encoder_table;  // none: the sensor is believed
+    std::optional<cgl_low_pass_config> speed_filter;        // none: the measured speed as it is
+    std::optional<BusConfig> bus;                           // none: the law runs in the drive
     std::vector<Fault> faults;  // by the tick since the start
     Law law;
     std::int64_t current_rate;   // Hz
@@ -79,6 +83,8 @@ struct DriveState {
     cgl_drive control;
     cgl_dead_time dead_time{};
     cgl_encoder_table encoder_table{};
+    cgl_low_pass speed_filter{};
+    Bus::State bus{};
     LawState law;
     double seen = 0.0;  // rad, the angle by the position sensor
     Measurement measured{0.0, 0.0};
@@ -157,6 +163,9 @@ private:
 
     // The controller's part of a tick before the law; whether the law is due.
     bool measure(DriveState& state) const;
+    // Gives the law what has reached it over the bus, and the drive its command.
+    template <std::size_t legs>
+    void over_bus(DriveState& state, bool law_due) const;
     // And after it.
     void actuate(DriveState& state) const;
     void begin_law(DriveState& state, const std::vector<cgl_real>& trajectory) const;
@@ -223,6 +232,8 @@ private:
     PositionSensor position_sensor_;
     cgl_dead_time dead_time_start_{};  // used if config_.dead_time is there
     cgl_encoder_table encoder_table_start_{};
+    cgl_low_pass speed_filter_start_{};
+    std::optional<Bus> bus_;
     CurrentSensors current_sensors_;
     std::vector<Phase> phases_;
     std::vector<Signal> signals_;

@@ -1,12 +1,16 @@
 // Position sensors. The speed is computed from them by the control library, as firmware does.
 //
-// ideal: the true angle and speed. encoder: incremental, counted on all four edges. Speed by counting over a speed-loop
-// period (M), from the time between the last two edges (T), from counts and the times of the edges (MT), or by an observer of
-// the angle at the current loop's rate.
-// resolver: an angle with `bits` bits; speed as the moving average of its differences at the current loop's rate.
+// ideal: the true angle and speed. The others show the angle in steps:
+// encoder: incremental, counted on all four edges, which can be timed.
+// absolute: a word of the angle.
+// resolver: an angle with its converter's steps.
+// hall: six steps per electrical revolution, each edge with an error of its placement; the angle between two edges is
+// interpolated.
+// Each but hall may have an error that depends on the angle. All but those with timed edges may see an angle that is some time old.
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -16,26 +20,38 @@
 
 #include "cogless/angle_observer.h"
 #include "cogless/encoder.h"
+#include "cogless/hall.h"
 #include "cogless/speed_count.h"
 #include "cogless/speed_timed.h"
 #include "law.hpp"
 #include "maths.hpp"
+#include "table.hpp"
 
 namespace cogless {
 
-enum class PositionSensorKind { ideal, encoder, resolver };
-enum class SpeedMethod { M, T, MT, observer };
+enum class PositionSensorKind { ideal, encoder, absolute, resolver, hall };
+// M: by counting over a speed-loop period. average: by counting over a window, at the current loop's rate. T: from the time
+// between the last two edges. MT: from counts and the times of edges. observer: of the angle, at the current loop's rate.
+enum class SpeedMethod { M, average, T, MT, observer };
+
+// A part of the sensor's error, amplitude sin(order theta_m + phase).
+struct AngleOrder {
+    int order;         // of the mechanical revolution
+    double amplitude;  // rad
+    double phase;      // rad
+};
 
 struct PositionSensorConfig {
     PositionSensorKind kind = PositionSensorKind::ideal;
-    int lines = 0;                   // encoder: lines per revolution; four counts each
+    double counts = 0.0;                  // steps in a mechanical revolution
     SpeedMethod speed_method = SpeedMethod::M;
-    double timer = 0.0;              // encoder: Hz, the clock that times the edges (T, MT)
-    double bandwidth = 0.0;          // encoder: rad/s, of the observer
-    double eccentricity = 0.0;       // encoder: rad, error of the angle once per revolution
-    double eccentricity_phase = 0.0; // rad
-    int bits = 0;                    // resolver
-    int window = 1;                  // resolver: current-loop periods in the moving average
+    double timer = 0.0;                   // Hz, the clock that times the edges (T, MT, hall)
+    double bandwidth = 0.0;               // rad/s, of the observer
+    int window = 1;                       // average: current-loop periods; hall: intervals between edges
+    std::vector<AngleOrder> error = {};
+    Table error_table = {};               // rad, error over the mechanical angle
+    double latency = 0.0;                 // s, age of the angle that is sampled
+    std::array<double, 6> placement = {}; // hall: rad, mechanical, by which each edge comes late
 };
 
 struct Measurement {
@@ -54,22 +70,22 @@ public:
         cgl_speed_timed timed{};
         cgl_encoder encoder{};
         cgl_angle_observer observer{};
+        cgl_hall hall{};
+        std::vector<Measurement> past;      // true angle and speed, the newest at `newest`; empty without latency
+        std::size_t newest = 0;
         std::vector<std::uint32_t> before;  // of `counted`, whose pointer to it is set anew before each use
     };
 
     PositionSensor(const PositionSensorConfig& config, double current_period, double speed_period) : config_(config) {
         if (config.kind == PositionSensorKind::ideal) return;
-        const bool encoder = config.kind == PositionSensorKind::encoder;
-        const double counts = encoder ? 4.0 * config.lines : std::ldexp(1.0, config.bits);
-        step_ = turn / counts;
-        counts_ = static_cast<std::uint32_t>(std::min(counts, 4294967295.0));
-        if (!encoder) {
-            counting_ = {counts_, static_cast<std::uint32_t>(config.window)};
-            counting_period_ = current_period;
-        } else {
-            counting_ = {counts_, 1};
-            counting_period_ = speed_period;
-        }
+        step_ = turn / config.counts;
+        counts_ = static_cast<std::uint32_t>(std::min(config.counts, 4294967295.0));
+        counting_ = {counts_, static_cast<std::uint32_t>(averages() ? config.window : 1)};
+        counting_period_ = averages() ? current_period : speed_period;
+        const double late = config.latency / current_period;
+        late_ = static_cast<std::size_t>(late + 1e-9);
+        later_ = std::max(0.0, late - static_cast<double>(late_));
+        current_period_ = current_period;
         State unused;
         prepare(unused, current_period);
         start_ = unused;
@@ -78,17 +94,18 @@ public:
     State start(double theta_m, double omega_m) const {
         State s = start_;
         if (config_.kind == PositionSensorKind::ideal) return s;
+        // as if the rotor had turned at this speed before
+        for (std::size_t n = 0; n < s.past.size(); ++n) {
+            s.past[s.past.size() - 1 - n] = {theta_m - omega_m * current_period_ * static_cast<double>(n + 1), omega_m};
+        }
+        s.newest = s.past.empty() ? 0 : s.past.size() - 1;
+        theta_m -= omega_m * config_.latency;
         s.theta_before = seen(theta_m);
         s.count = count(s.theta_before);
         s.omega_m = omega_m;
-        // as if the rotor had turned at this speed before
-        if (config_.kind == PositionSensorKind::resolver) {
-            for (std::uint32_t n = 0; n < counting_.window; ++n) {
-                s.before[n] = low(count(theta_m - omega_m * counting_period_ * (counting_.window - n)));
-            }
-            return s;
+        for (std::uint32_t n = 0; n < counting_.window; ++n) {
+            s.before[n] = low(count(seen(theta_m - omega_m * counting_period_ * (counting_.window - n))));
         }
-        s.before[0] = low(count(seen(theta_m - omega_m * counting_period_)));
         const double edge_period = omega_m != 0.0 ? step_ / std::abs(omega_m) : 1e9;
         const double behind = s.theta_before / step_ - static_cast<double>(s.count);
         const double since = (omega_m < 0.0 ? 1.0 - behind : behind) * edge_period;
@@ -97,13 +114,14 @@ public:
         cgl_encoder_reset(&s.encoder, low(s.count));
         cgl_encoder_place(&s.encoder, position(s.count));
         cgl_angle_observer_reset(&s.observer, s.encoder.turns, static_cast<cgl_real>(omega_m));
+        if (config_.kind == PositionSensorKind::hall) start_hall(s, theta_m, omega_m, edge_period);
         return s;
     }
 
     // Whether edges must be timed between samples.
     bool watches() const {
-        return config_.kind == PositionSensorKind::encoder &&
-               (config_.speed_method == SpeedMethod::T || config_.speed_method == SpeedMethod::MT);
+        return config_.kind == PositionSensorKind::hall || config_.speed_method == SpeedMethod::T ||
+               config_.speed_method == SpeedMethod::MT;
     }
 
     // Times the edges that the rotor passed on its way to theta_m, between the instants `from` and `to`.
@@ -117,7 +135,7 @@ public:
             const std::int64_t last = direction > 0 ? now : now + 1;
             const double rate = (to - from) / (theta - s.theta_before);
             const auto when = [&](std::int64_t boundary) {
-                return clocked(from + (static_cast<double>(boundary) * step_ - s.theta_before) * rate);
+                return clocked(from + (edge_at(boundary) - s.theta_before) * rate);
             };
             const std::uint32_t edge = when(last), edge_before = first == last ? s.edges.time : when(last - direction);
             const bool backward = direction < 0;
@@ -130,9 +148,11 @@ public:
     // Measures, once per current-loop period; speed_sample: the speed loop runs in it too.
     [[gnu::always_inline]] Measurement sample(State& s, double time, double theta_m, double omega_m, bool speed_sample) const {
         if (config_.kind == PositionSensorKind::ideal) return {wrapped(theta_m), omega_m};
+        if (config_.kind == PositionSensorKind::hall) return sample_hall(s, time);
+        if (!s.past.empty()) theta_m = old(s, theta_m, omega_m);
         if (!watches()) s.count = count(seen(theta_m));
         const bool observed = config_.speed_method == SpeedMethod::observer;
-        if (observed || speed_sample || config_.kind == PositionSensorKind::resolver) s.omega_m = speed(s, time);
+        if (observed || speed_sample || averages()) s.omega_m = speed(s, time);
         return {wrapped(static_cast<double>(s.count) * step_), s.omega_m};
     }
 
@@ -141,15 +161,62 @@ private:
 
     static double wrapped(double theta) { return theta - turn * round_down(theta / turn); }
 
+    bool averages() const { return config_.speed_method == SpeedMethod::average; }
+
     double seen(double theta_m) const {
-        return config_.eccentricity != 0.0
-                   ? theta_m + config_.eccentricity * sine(theta_m + config_.eccentricity_phase)
-                   : theta_m;
+        double error = 0.0;
+        for (const AngleOrder& e : config_.error) error += e.amplitude * sine(e.order * theta_m + e.phase);
+        if (!config_.error_table.empty()) error += config_.error_table.periodic(theta_m);
+        return theta_m + error;
     }
+
+    // The true angle `latency` ago, of third order between two samples; takes in that of now.
+    double old(State& s, double theta_m, double omega_m) const {
+        const std::size_t size = s.past.size();
+        s.newest = s.newest + 1 < size ? s.newest + 1 : 0;
+        s.past[s.newest] = {theta_m, omega_m};
+        const auto ago = [&](std::size_t n) { return s.past[s.newest >= n ? s.newest - n : s.newest + size - n]; };
+        const Measurement b = ago(late_);
+        if (later_ < 1e-9) return b.theta_m;
+        const Measurement a = ago(late_ + 1);
+        const double h = current_period_, u = 1.0 - later_, moved = b.theta_m - a.theta_m;
+        return a.theta_m + u * (h * a.omega_m + u * (3.0 * moved - h * (2.0 * a.omega_m + b.omega_m) +
+                                                     u * (h * (a.omega_m + b.omega_m) - 2.0 * moved)));
+    }
+
+    // Where the sensor changes from the step before `boundary` to this.
+    double edge_at(std::int64_t boundary) const {
+        const double even = static_cast<double>(boundary) * step_;
+        return config_.kind == PositionSensorKind::hall ? even + config_.placement[sector(boundary)] : even;
+    }
+
+    static std::size_t sector(std::int64_t count) { return static_cast<std::size_t>((count % 6 + 6) % 6); }
 
     std::int64_t count(double theta) const {
         const double counts = round_down(theta / step_);
-        return std::abs(counts) < 9e18 ? static_cast<std::int64_t>(counts) : 0;  // a run with such an angle ends anyway
+        if (!(std::abs(counts) < 9e18)) return 0;  // a run with such an angle ends anyway
+        const auto even = static_cast<std::int64_t>(counts);
+        if (config_.kind != PositionSensorKind::hall) return even;
+        return theta < edge_at(even) ? even - 1 : (theta >= edge_at(even + 1) ? even + 1 : even);
+    }
+
+    Measurement sample_hall(State& s, double time) const {
+        cgl_hall_step(&s.hall, static_cast<std::uint32_t>(sector(s.count)), s.edges.time, clocked(time));
+        s.omega_m = static_cast<double>(s.hall.omega_m);
+        return {static_cast<double>(cgl_radians(s.hall.turns)), s.omega_m};
+    }
+
+    // Lets the rotor pass the last edges before now at this speed, if that is less than long ago.
+    void start_hall(State& s, double theta_m, double omega_m, double edge_period) const {
+        constexpr std::int64_t before = 7;
+        const std::int64_t way = omega_m < 0.0 ? -1 : 1, first = s.count - before * way;
+        const bool timed = static_cast<double>(before + 1) * edge_period * config_.timer < 2e9;
+        cgl_hall_reset(&s.hall, position(timed ? first : s.count));
+        for (std::int64_t n = first + way; timed && n != s.count + way; n += way) {
+            const std::uint32_t edge = clocked((edge_at(way > 0 ? n : n + 1) - theta_m) / omega_m);
+            cgl_hall_step(&s.hall, static_cast<std::uint32_t>(sector(n)), edge, edge);
+            s.edges.time = edge;
+        }
     }
 
     static std::uint32_t low(std::int64_t count) { return static_cast<std::uint32_t>(static_cast<std::uint64_t>(count)); }
@@ -172,11 +239,17 @@ private:
         const auto length = static_cast<std::uint32_t>(s.before.size());
         require(cgl_speed_count_init(&s.counted, &counting_, static_cast<cgl_real>(counting_period_), s.before.data(), length),
                 "speed by counting");
-        if (watches()) {
+        if (watches() && config_.kind != PositionSensorKind::hall) {
             const cgl_speed_timed_config timing = {counts_, static_cast<cgl_real>(config_.timer),
                                                    config_.speed_method == SpeedMethod::T};
             require(cgl_speed_timed_init(&s.timed, &timing), "speed by the time of edges");
         }
+        if (config_.kind == PositionSensorKind::hall) {
+            const cgl_hall_config hall = {counts_ / 6U, static_cast<std::uint32_t>(config_.window),
+                                          static_cast<cgl_real>(config_.timer)};
+            require(cgl_hall_init(&s.hall, &hall), "Hall sensors");
+        }
+        if (config_.latency > 0.0) s.past.resize(late_ + 2);
         if (config_.speed_method != SpeedMethod::observer) return;
         const cgl_encoder_config encoder = {counts_, 0U, 0U, false, false};
         const cgl_angle_observer_config observer = {static_cast<cgl_real>(config_.bandwidth)};
@@ -200,6 +273,9 @@ private:
     std::uint32_t counts_ = 0;
     cgl_speed_count_config counting_{};
     double counting_period_ = 0.0;  // s
+    double current_period_ = 0.0;   // s
+    std::size_t late_ = 0;          // latency in whole current-loop periods
+    double later_ = 0.0;            // and the rest of it
     State start_;
 };
 

@@ -77,9 +77,16 @@ void archive(Archive& a, std::vector<T>& values) {
 
 template <class Archive>
 void archive(Archive& a, PositionSensor::State& s) {
-    auto& [theta_before, count, omega_m, edges, counted, timed, encoder, observer, before] = s;
+    auto& [theta_before, count, omega_m, edges, counted, timed, encoder, observer, hall, past, newest, before] = s;
     const auto all = [&a](auto&... members) { (archive(a, members), ...); };
-    all(theta_before, count, omega_m, edges, counted, timed, encoder, observer, before);
+    all(theta_before, count, omega_m, edges, counted, timed, encoder, observer, hall, past, newest, before);
+}
+
+template <class Archive>
+void archive(Archive& a, Bus::State& s) {
+    auto& [past, newest, sent, first, waiting, random] = s;
+    const auto all = [&a](auto&... members) { (archive(a, members), ...); };
+    all(past, newest, sent, first, waiting, random);
 }
 
 // Laws that learn over an angle.
@@ -107,10 +114,10 @@ void archive(Archive& a, LawState& s) {
 
 template <class Archive>
 void archive(Archive& a, DriveState& s) {
-    auto& [tick, plant, position, random, control, dead_time, encoder_table, law, seen, measured, reference_filter, reference, sampled, asked,
+    auto& [tick, plant, position, random, control, dead_time, encoder_table, speed_filter, bus, law, seen, measured, reference_filter, reference, sampled, asked,
            output, duty, open, next_load_step, added_load, given_reference] = s;
     const auto all = [&a](auto&... members) { (archive(a, members), ...); };
-    all(tick, plant, position, random, control, dead_time, encoder_table, law, seen, measured, reference_filter, reference, sampled, asked, output,
+    all(tick, plant, position, random, control, dead_time, encoder_table, speed_filter, bus, law, seen, measured, reference_filter, reference, sampled, asked, output,
         duty, open, next_load_step, added_load, given_reference);
 }
 

@@ -11,9 +11,9 @@ import pytest
 from cogless import load
 from cogless.c_laws import C_LAWS, CLaw
 from cogless.results.metrics import KINDS
-from cogless.study.drive import PositionSensor
 from cogless.study.laws import AnyController
 from cogless.study.metric import EACH_PHASE, Metric
+from cogless.study.position_sensor import PositionSensor
 from cogless.study.reading import changes_from
 from cogless.study.trial_controller import TrialLaw
 
@@ -167,7 +167,7 @@ def test_a_position_sensor_has_all_that_belongs_to_one(kind: str) -> None:
         "simulator/position_sensor.hpp": "PositionSensorKind::{}",
         "tests/simulator/*.py": '"{}"',
         "docs/theory/sensors.md": "**{}**",
-        "docs/guide/study-file.md": "study-table}} drive." + model,
+        "docs/guide/study-file.md": "study-table}} position_sensor." + model,
     }
     assert lacks(kind, places) == []
 

@@ -19,11 +19,10 @@ BUSY: dict[str, Any] = {
     "drive": {
         "position_sensor": {
             "kind": "encoder",
-            "lines": 1000,
+            "counts": 4000.0,
             "speed_method": "MT",
             "timer": 1e8,
-            "eccentricity": 1e-3,
-            "eccentricity_phase": 0.0,
+            "error": [{"order": 1, "amplitude": 1e-3, "phase": 0.0}],
         },
         "current_sensors": {"noise": 0.01, "bits": 12, "range": 20.0},
     },

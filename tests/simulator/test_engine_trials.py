@@ -178,12 +178,12 @@ def test_each_trial_starts_afresh() -> None:
         "initial_speed": 0.7,
     }
     for loop in ({"ideal_current": True}, {"ideal_current": False}):
-        sensor = {"kind": "encoder", "lines": 500, "speed_method": "MT", "timer": 1e6}
+        sensor = {"kind": "encoder", "counts": 2000.0, "speed_method": "MT", "timer": 1e6}
         settings = trial_config(
             3,
             [phase(0, THERE_AND_BACK, [(80, 0.4)], **fresh)],
             {**CONTROLLER, "k_3": 0.0},
-            position_sensor={**sensor, "eccentricity": 1e-3, "eccentricity_phase": 0.0},
+            position_sensor={**sensor, "error": [{"order": 1, "amplitude": 1e-3, "phase": 0.0}]},
             **loop,
         )
         x = signals(drive_of(_simulator_f64, settings), _simulator_f64, 3 * TICKS)
@@ -219,7 +219,7 @@ def test_resolver_and_moving_average_are_the_papers(speed: float) -> None:
     """Sixteen-point moving average of the angle's difference at the current loop's rate, 14 bit."""
     start = {"initial_speed": speed, "initial_angle": 0.1}
     heavy = {"mechanics": {"inertia": 1e15, "viscous_friction": 0.0}, **start}
-    sensor = {"kind": "resolver", "bits": 14, "window": 16}
+    sensor = {"kind": "resolver", "counts": 2.0**14, "speed_method": "average", "window": 16}
     reference = 0.1 + speed * np.arange(SAMPLES) / 400
     settings = trial_config(2, [{"from": 0, "reference": reference, **heavy}], position_sensor=sensor)
     x = signals(drive_of(_simulator_f64, settings), _simulator_f64, 2 * TICKS)

@@ -98,8 +98,7 @@ def test_friction_sticks() -> None:
 
 
 def test_timed_edges_of_an_encoder() -> None:
-    sensor = {"kind": "encoder", "lines": 500, "speed_method": "MT", "timer": 1e9}
-    sensor |= {"eccentricity": 0.0, "eccentricity_phase": 0.0}
+    sensor = {"kind": "encoder", "counts": 2000.0, "speed_method": "MT", "timer": 1e9}
     change = {**IDEAL, "initial_speed": 3.7, "drive": {"ideal_current": True, "position_sensor": sensor}}
     omega = run(change, 0.5, controller=Law(lambda time: 0.0))["omega_measured"][200:]
     omega = run(change, 0.5, controller=Law(lambda time: 0.0))["omega_measured"][200:]

@@ -14,8 +14,8 @@ from cogless import _simulator_f64 as engine
 
 KERNELS = range(len(engine.lane_kernels()))
 STOPS = {"mechanics": {"coulomb_friction": 0.02, "breakaway_friction": 0.05}, "initial_speed": 0.0}
-ENCODER = {"kind": "encoder", "lines": 500, "speed_method": "MT", "timer": 1e6}
-ECCENTRIC = {**ENCODER, "eccentricity": 0.01, "eccentricity_phase": 0.3}
+ENCODER = {"kind": "encoder", "counts": 2000.0, "speed_method": "MT", "timer": 1e6}
+ECCENTRIC = {**ENCODER, "error": [{"order": 1, "amplitude": 0.01, "phase": 0.3}]}
 SENSORS = {"noise": 0.05, "bits": 12, "range": 25.0, "offset": [0.05, -0.03, 0.0]}
 REVERSING = {"kind": "sine", "offset": 0.0, "amplitude": 2.0, "frequency": 20.0}
 THIRD = {"harmonics": [{"order": 3, "torque": 0.05, "phase": 0.1}]}

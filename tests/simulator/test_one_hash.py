@@ -66,11 +66,10 @@ def description(inverter: str) -> dict[str, Any]:
             "current_sensors": {"noise": 0.02},
             "position_sensor": {
                 "kind": "encoder",
-                "lines": 1000,
+                "counts": 4000.0,
                 "speed_method": "M",
                 "timer": 1e9,
-                "eccentricity": 0.01,
-                "eccentricity_phase": 0.2,
+                "error": [{"order": 1, "amplitude": 0.01, "phase": 0.2}],
             },
         },
     }

@@ -18,17 +18,19 @@ def measured(speed: float, sensor: dict[str, Any], seconds: float = 1.0) -> np.n
     return run(change, seconds)["omega_measured"]
 
 
-def encoder(method: str, **more: float) -> dict[str, Any]:
+def encoder(method: str, **more: Any) -> dict[str, Any]:
     return {
         "kind": "encoder",
-        "lines": 500,
+        "counts": 2000.0,
         "speed_method": method,
         "timer": 1e9,
         "bandwidth": 0.0,
-        "eccentricity": 0.0,
-        "eccentricity_phase": 0.0,
         **more,
     }
+
+
+def word(bits: int, kind: str = "resolver", **more: Any) -> dict[str, Any]:
+    return {"kind": kind, "counts": 2.0**bits, "speed_method": "average", **more}
 
 
 @pytest.mark.parametrize("speed", [3.7, -3.7, 0.4, 41.0])
@@ -110,7 +112,7 @@ def test_no_edge_for_long_bounds_the_speed() -> None:
 @pytest.mark.parametrize("speed", [12.0, -12.0])
 def test_eccentricity_adds_its_derivative(speed: float) -> None:
     eccentricity, phase = 5e-3, 0.7
-    sensor = encoder("MT", eccentricity=eccentricity, eccentricity_phase=phase)
+    sensor = encoder("MT", error=[{"order": 1, "amplitude": eccentricity, "phase": phase}])
     change = {**STEADY, "initial_speed": speed, "drive": {"position_sensor": sensor}}
     x = run(change, 1.0)
     middle = x["theta_m"] - speed * 0.5e-3  # the estimate is the mean over about a millisecond
@@ -126,7 +128,7 @@ def test_resolver_is_a_moving_average_of_a_quantised_angle() -> None:
         {
             **STEADY,
             "initial_speed": speed,
-            "drive": {"position_sensor": {"kind": "resolver", "bits": bits, "window": window}},
+            "drive": {"position_sensor": word(bits, window=window)},
         },
         1.0,
     )

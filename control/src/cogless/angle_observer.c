@@ -1,19 +1,9 @@
 #include "angle_observer.h"
 
+#include "decay.h"
 #include "turns.h"
 
 #define FASTEST CGL_R(2.0) /* bandwidth in 1/ts: beyond it nothing is smoothed */
-
-/* exp(-x), 0 <= x <= 2, to the last digits: 1 / exp(x) by its series, whose terms are all positive. */
-static cgl_real decay(cgl_real x)
-{
-    cgl_real sum = CGL_R(1.0), term = CGL_R(1.0);
-    for (uint32_t n = 1U; n <= 24U; ++n) {
-        term *= x / (cgl_real)n;
-        sum += term;
-    }
-    return CGL_R(1.0) / sum;
-}
 
 CGL_SELDOM cgl_error cgl_angle_observer_init(cgl_angle_observer *observer, const cgl_angle_observer_config *config,
                                              cgl_real ts)
@@ -34,7 +24,7 @@ CGL_SELDOM cgl_error cgl_angle_observer_retune(cgl_angle_observer *observer, con
     if (!(cgl_is_positive(config->bandwidth) && config->bandwidth * ts <= FASTEST)) {
         return CGL_ERROR_CONFIG;
     }
-    const cgl_real p = decay(config->bandwidth * ts), q = CGL_R(1.0) - p;
+    const cgl_real p = cgl_decay(config->bandwidth * ts), q = CGL_R(1.0) - p;
     observer->config = *config;
     observer->l1 = CGL_R(1.0) - p * p * p;
     observer->l2 = CGL_R(1.5) * q * q * (CGL_R(1.0) + p) / ts;

@@ -35,7 +35,7 @@ from cogless.design.model import exponential
 from cogless.design.observer import observed
 from cogless.study import Study, for_scenario
 from cogless.study.controller import Feedback, Tuning
-from cogless.study.drive import Encoder, IdealSensor, Resolver
+from cogless.study.position_sensor import Counted, Hall
 
 CURRENT, INTEGRAL, WAITING, OMEGA, THETA, REFERENCE = range(6)  # indices of the state x, then of i_ref
 
@@ -57,6 +57,9 @@ class SpeedLoop:
     window: int  # current-loop periods over which the speed is averaged; 0: speed at the sample
     current: CurrentLoop | IdealLoop  # of the q axis
     bandwidth: float = 0.0  # rad/s, of an observer of the angle that gives the speed; 0: none
+    delay: float = 0.0  # s, by which angle and speed are older, and the current reference acts later
+    low_pass: float = 0.0  # rad/s, of a filter behind the speed; 0: none
+    held: bool = False  # the speed that enters it is computed once per speed-loop period
 
     @property
     def period(self) -> float:
@@ -65,6 +68,16 @@ class SpeedLoop:
 
     def plant(self, w: Real) -> tuple[Complex, Complex]:
         """P(jw), from current reference to measured speed, and the response to the sampled angle, rad/A."""
+        speed, theta = self._sampled(w)
+        if self.low_pass:
+            speed = speed * self._filter(w)
+        if self.delay:
+            late = np.exp(-1j * w * self.delay)
+            speed, theta = speed * late, theta * late
+        return np.asarray(speed), np.asarray(theta)
+
+    def _sampled(self, w: Real) -> tuple[Complex, Complex]:
+        """Responses to the speed and the angle that the sensor gives."""
         z, whole = np.exp(1j * w * self.period), self.step_of(self.steps)
         A, B = whole[:REFERENCE, :REFERENCE], whole[:REFERENCE, REFERENCE:]
         x = np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)[:, :, 0]
@@ -78,6 +91,17 @@ class SpeedLoop:
         theta_then = (x @ then[:REFERENCE] + then[REFERENCE]) / z**samples
         turned = x[:, THETA] - theta_then
         return np.asarray(turned / (self.window * self.current.period)), np.asarray(x[:, THETA])
+
+    def _filter(self, w: Real) -> Complex:
+        """Response of the speed's low-pass, which runs at the current loop's rate.
+
+        A speed that is held for N of its steps enters anew in the step before the law's.
+        """
+        p, N = math.exp(-self.low_pass * self.current.period), self.steps
+        if not self.held:
+            return np.asarray((1 - p) / (1 - p * np.exp(-1j * w * self.current.period)))
+        back = np.exp(-1j * w * self.period)
+        return np.asarray((1 - p + (p - p**N) * back) / (1 - p**N * back))
 
     def response(self, w: Real, kp: float, ki: float) -> Complex:
         """L(jw), the open loop with gains kp and ki."""
@@ -135,19 +159,21 @@ def speed_loop(study: Study, scenario: str | None = None) -> SpeedLoop:
 def _speed_loop(study: Study, scenario: str | None) -> SpeedLoop:
     study_here = study if scenario is None else for_scenario(study, scenario)
     rates, sensor, motor = study_here.drive.rates, study_here.drive.position_sensor, study_here.motor.star()
-    steps = window = study_here.drive.rates.divider
     K_t = motor.K_t if scenario is not None else study.K_t
-    bandwidth = sensor.bandwidth if isinstance(sensor, Encoder) else 0.0
-    if isinstance(sensor, IdealSensor) or bandwidth:
-        window = 0
-    elif isinstance(sensor, Resolver):
-        window = sensor.window
+    bus = study_here.drive.bus
+    window = sensor.periods(rates.divider) if isinstance(sensor, Counted) else 0
+    if isinstance(sensor, Hall):
+        window = rates.divider  # at least: slow_running.py tells where edges come more rarely
+    delay = sensor.latency if isinstance(sensor, Counted) else 0.0
     return SpeedLoop(
         b=K_t / study_here.mechanics.inertia,
-        steps=steps,
+        steps=rates.divider,
         window=window,
         current=current_loops(study, scenario).get("q") or IdealLoop(1 / rates.current_loop),
-        bandwidth=bandwidth,
+        bandwidth=sensor.bandwidth if isinstance(sensor, Counted) else 0.0,
+        delay=delay + (bus.mean_delay if bus is not None else 0.0),
+        low_pass=math.tau * (study_here.drive.speed_filter or 0.0),
+        held=isinstance(sensor, Counted) and sensor.each_law_period,
     )
 
 

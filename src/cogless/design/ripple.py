@@ -32,7 +32,7 @@ from cogless.design.margins import Complex, Real
 from cogless.design.observer import counting_window
 from cogless.design.pi import pi_response
 from cogless.study import Study, for_scenario
-from cogless.study.drive import Encoder, Resolver
+from cogless.study.position_sensor import Counted, Hall
 from cogless.study.spoken import speed_text
 
 FREQUENCIES = 2000
@@ -58,14 +58,15 @@ def sampled(study: Study, scenario: str) -> Sampled | None:
     """How the position sensor measures speed in a scenario; None for an ideal sensor."""
     drive = for_scenario(study, scenario).drive
     sensor = drive.position_sensor
-    if isinstance(sensor, Encoder):
+    if isinstance(sensor, Counted):
+        window = sensor.periods(drive.rates.divider) / drive.rates.current_loop
         if sensor.bandwidth:
             window = counting_window(sensor.bandwidth, 1 / drive.rates.current_loop)
-            return Sampled(math.tau / (4 * sensor.lines), window, False)
-        timed = sensor.speed_method != "M"
-        return Sampled(math.tau / (4 * sensor.lines), 1 / drive.rates.outer_loop, timed)
-    if isinstance(sensor, Resolver):
-        return Sampled(math.tau / 2**sensor.bits, sensor.window / drive.rates.current_loop, False)
+        return Sampled(sensor.step, window, sensor.timed)
+    if isinstance(sensor, Hall):
+        # the mean over n intervals, half an interval old: as late as one edge of (n + 1) / 2 of them
+        step = sensor.step(study.motor.pole_pairs) * (sensor.edges + 1) / 2
+        return Sampled(step, 1 / drive.rates.outer_loop, True)
     return None
 
 

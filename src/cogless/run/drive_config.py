@@ -5,6 +5,7 @@ The controller's configuration in it is the C struct of the control library, as 
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal
 
 from cogless.c_laws import C_LAWS
@@ -15,10 +16,11 @@ from cogless.design.space_bounds import learned_limits
 from cogless.run.monitor_defaults import monitor_config, quality_config
 from cogless.study import AnyStudy, Study, for_scenario
 from cogless.study.controller import Feedback, LawLoop, Learning, LibraryLaw, PythonLaw
-from cogless.study.drive import Drive, sensor_fields
+from cogless.study.drive import Drive
 from cogless.study.laws import AnyController
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import StarMotor
+from cogless.study.position_sensor import sensor_fields
 from cogless.study.reference import Reference
 from cogless.study.space_controller import SpaceLearning, SpacePosition
 
@@ -94,12 +96,16 @@ def drive_config(drive: Drive, motor: StarMotor, driven: StarMotor, inertia: flo
         "current_rate": round(drive.rates.current_loop),
         "integration_steps": drive.rates.integration_steps,
         "control": control_layout(drive.precision).pack("cgl_drive_config", values),
-        "position_sensor": sensor_fields(drive.position_sensor),
+        "position_sensor": sensor_fields(drive.position_sensor, driven.pole_pairs),
         "current_sensors": drive.current_sensors.model_dump(),
     }
     table = encoder_table_config(drive, motor, inertia)
     if table is not None:
         config["encoder_table"] = control_layout(drive.precision).pack("cgl_encoder_table_config", table)
+    if drive.speed_filter is not None:
+        config["speed_filter"] = math.tau * drive.speed_filter
+    if drive.bus is not None:
+        config["bus"] = drive.bus.model_dump()
     if drive.inverter is None:
         return config
     compensation = dead_time_config(drive, motor, driven)

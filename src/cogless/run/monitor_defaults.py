@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 
-from cogless.study.drive import Drive, Encoder, IdealCurrentLoop, Resolver, StarBelief
+from cogless.study.drive import Drive, IdealCurrentLoop, StarBelief
 from cogless.study.motor import StarMotor
+from cogless.study.position_sensor import Counted, Hall
 
 SPEED_MARGIN = 1.5  # of the no-load speed
 CURRENT_MARGIN = 2.0  # of the current limit
@@ -37,13 +38,17 @@ def monitor_config(drive: Drive, motor: StarMotor, belief: StarBelief) -> dict[s
     sensor, loop = drive.position_sensor, drive.current_loop
     period = 1 / drive.rates.current_loop
     step, window = 0.0, 0.0
-    if isinstance(sensor, Encoder):
+    if isinstance(sensor, Counted):
         # an angle jump is in the counts of one law period, and the speed from them is used in the next period
-        step, window = 2 * math.pi / (4 * sensor.lines), 2 * drive.rates.divider * period
+        held = 1 if sensor.speed_method == "average" else 2
+        step, window = sensor.step, held * sensor.periods(drive.rates.divider) * period
         if sensor.bandwidth:
             window = SETTLED / sensor.bandwidth
-    elif isinstance(sensor, Resolver):
-        step, window = 2 * math.pi / 2**sensor.bits, sensor.window * period
+    elif isinstance(sensor, Hall):
+        # an edge may be placed half a sector late, and the angle jumps there
+        step, window = 1.5 * sensor.step(motor.pole_pairs), 2 * drive.rates.divider * period
+    if drive.speed_filter:
+        window += SETTLED / (2 * math.pi * drive.speed_filter)
     derived = {
         "omega_max": 0.0,
         "angle_step": step,

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+from pydantic_core import PydanticCustomError
+
 from cogless import units
 from cogless.study.csv_file import finite, lines, scale, shown
 from cogless.study.table import invalid
@@ -55,11 +57,19 @@ class OverAngle:
         return [(float(abs(c)), float(np.angle(1j * c))) for c in waves]
 
 
-def read(path: Path, columns: Mapping[str, Dimension]) -> OverAngle:
+def read(path: Path, columns: Mapping[str, Dimension], key: str = "file") -> OverAngle:
     """Read the column `angle` and one of `columns`, whichever the heading has; others are left alone.
 
-    A last point a revolution after the first closes the table and is left out. The errors name the line.
+    A last point a revolution after the first closes the table and is left out. `key`: of the study's table,
+    whose value is the file. The errors name it and the line.
     """
+    try:
+        return _read(path, columns)
+    except PydanticCustomError as error:
+        raise invalid((error.context or {})["expected"], key) from None
+
+
+def _read(path: Path, columns: Mapping[str, Dimension]) -> OverAngle:
     heading, *rows = lines(path) or [[]]
     names = [found[1].lower() if (found := NAME.match(cell)) else "" for cell in heading]
     name = _only(heading, names, columns)

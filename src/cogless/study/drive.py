@@ -11,8 +11,8 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from cogless.study.monitor import Monitor, Quality
 from cogless.study.motor import StarMotor
+from cogless.study.position_sensor import ORDER_MAX, Counted, IdealSensor, PositionSensor
 from cogless.study.table import (
-    Angle,
     AngularSpeedMagnitude,
     Current,
     CurrentGain,
@@ -34,7 +34,8 @@ from cogless.study.table import (
     invalid,
 )
 
-ORDERS, ORDER_MAX = 4, 1000  # of a table of the sensor's error: CGL_ENCODER_TABLE_ORDERS, and encoder_table.c
+ORDERS = 4  # of a table of the sensor's error: CGL_ENCODER_TABLE_ORDERS
+PAST_MAX = 100_000  # longest delay in current-loop periods
 PERIODS_MAX = 5e8  # largest number of periods that the controller counts
 OUTER_LOOPS = ("speed_loop", "position_loop")
 
@@ -181,38 +182,6 @@ class DeadTimeCompensation(Table):
     band: CurrentLimit  # A: below it a phase gets a part of the correction
 
 
-class IdealSensor(Table):
-    """An ideal sensor, which gives the true angle and speed."""
-
-    kind: Literal["ideal"] = "ideal"
-
-
-class Encoder(Table):
-    """Incremental encoder with quadrature signals: four counts per line."""
-
-    kind: Literal["encoder"]
-    lines: Annotated[int, Field(ge=1, le=10_000_000)]  # a revolution
-    # M: counts per period; T: time per count; MT: both; observer: of the angle
-    speed_method: Literal["M", "T", "MT", "observer"] = "M"
-    observer_bandwidth: Frequency | None = None  # Hz, with observer only
-    timer: Frequency = 100e6  # Hz, for T and MT
-    eccentricity: Angle = 0.0  # rad, amplitude of the error once per revolution
-    eccentricity_phase: Angle = 0.0  # rad
-
-    @model_validator(mode="after")
-    def _observed(self) -> Self:
-        given = self.observer_bandwidth is not None
-        if given != (self.speed_method == "observer"):
-            expected = 'expected none, unless speed_method is "observer"' if given else "expected a frequency"
-            raise invalid(expected, "observer_bandwidth", value=None if given else "missing")
-        return self
-
-    @property
-    def bandwidth(self) -> float:
-        """Bandwidth of the observer that gives the speed, rad/s; 0 if there is none."""
-        return 2 * math.pi * (self.observer_bandwidth or 0.0)
-
-
 class EncoderTable(Table):
     """Correction of the position sensor's own error, learned while the motor turns fast."""
 
@@ -238,17 +207,6 @@ class EncoderTable(Table):
         return self.omega_min * self.orders[0] / 4
 
 
-class Resolver(Table):
-    """Resolver and its digital converter; the speed is a moving average over `window`."""
-
-    kind: Literal["resolver"]
-    bits: Annotated[int, Field(ge=1, le=32)] = 14
-    window: Annotated[int, Field(ge=1, le=100_000)] = 16  # current-loop samples
-
-
-PositionSensor = Annotated[IdealSensor | Encoder | Resolver, Field(discriminator="kind")]
-
-
 class CurrentSensors(Table):
     """Phase current sensors with an error per phase, and their analog-to-digital converter."""
 
@@ -258,6 +216,20 @@ class CurrentSensors(Table):
     bits: Annotated[int, Field(ge=0, le=32)] = 0  # 0: no converter
     range: CurrentLimit = 10.0  # A: the converter spans +-range
     sensors: Literal[2, 3] = 3  # 2: i_c = -i_a - i_b
+
+
+class Bus(Table):
+    """A bus between the drive and its law, which runs elsewhere, as on a PC."""
+
+    delay_measured: Time = 0.0  # s, age of angle and speed when the law gets them
+    delay_command: Time = 0.0  # s, from the law's step until its current reference acts
+    jitter: Time = 0.0  # s, the most by which either may take longer
+    quantum: CurrentMagnitude = 0.0  # A, of the current reference
+
+    @property
+    def mean_delay(self) -> float:
+        """Mean delay of both ways together, s."""
+        return self.delay_measured + self.delay_command + self.jitter
 
 
 class Drive(Table):
@@ -271,6 +243,8 @@ class Drive(Table):
     dead_time_compensation: DeadTimeCompensation | None = None  # likewise
     position_sensor: PositionSensor = IdealSensor()
     encoder_table: EncoderTable | None = None
+    speed_filter: Frequency | None = None  # Hz, low-pass of first order behind the measured speed
+    bus: Bus | None = None
     current_sensors: CurrentSensors = CurrentSensors()
     monitor: Monitor = Monitor()
     quality: Quality = Quality()
@@ -293,9 +267,26 @@ class Drive(Table):
     def _observable(self) -> Self:
         """Refuse an observer that is faster than the current loop's sampling lets it be."""
         sensor, fastest = self.position_sensor, self.rates.current_loop / math.pi
-        if isinstance(sensor, Encoder) and (sensor.observer_bandwidth or 0.0) > fastest:
-            expected = f"expected at most {fastest:.4g} Hz, a third of current_loop"
+        expected = f"expected at most {fastest:.4g} Hz, a third of current_loop"
+        if isinstance(sensor, Counted) and (sensor.observer_bandwidth or 0.0) > fastest:
             raise invalid(expected, "position_sensor", "observer_bandwidth")
+        if (self.speed_filter or 0.0) > fastest:
+            raise invalid(expected, "speed_filter")
+        return self
+
+    @model_validator(mode="after")
+    def _remembered(self) -> Self:
+        """Refuse delays that are longer than a drive's memory of them."""
+        longest, rate = PAST_MAX / self.rates.current_loop, self.rates.current_loop
+        sensor, bus = self.position_sensor, self.bus
+        found = {"position_sensor.latency": sensor.latency} if isinstance(sensor, Counted) else {}
+        if bus is not None:
+            keys = ("delay_measured", "delay_command", "jitter")
+            found |= {f"bus.{key}": getattr(bus, key) for key in keys}
+        for key, delay in found.items():
+            if delay > longest:
+                expected = f"expected at most {longest:g} s, {PAST_MAX} periods of {rate:g} Hz"
+                raise invalid(expected, *key.split("."))
         return self
 
     @model_validator(mode="after")
@@ -318,10 +309,3 @@ class Drive(Table):
     def ideal(self) -> bool:
         """Whether the current loop is ideal."""
         return isinstance(self.current_loop, IdealCurrentLoop)
-
-
-def sensor_fields(sensor: IdealSensor | Encoder | Resolver) -> dict[str, Any]:
-    """Fields of all kinds of sensor in one table, as the engine reads them; unused ones have defaults."""
-    absent = {**Encoder(kind="encoder", lines=1).model_dump(), **Resolver(kind="resolver").model_dump()}
-    bandwidth = sensor.bandwidth if isinstance(sensor, Encoder) else 0.0
-    return {**absent, **sensor.model_dump(), "bandwidth": bandwidth}

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
-from pydantic_core import PydanticCustomError
 
 from cogless import units
 from cogless.study.angle_table import OverAngle, read
@@ -41,10 +40,7 @@ class Start(Table):
     @model_validator(mode="after")
     def _readable(self, info: ValidationInfo) -> Self:
         if self.table is not None and info.context:
-            try:
-                self._over_angle = read(info.context["folder"] / self.table, COLUMNS)
-            except PydanticCustomError as error:
-                raise invalid(error.message(), "table") from None
+            self._over_angle = read(info.context["folder"] / self.table, COLUMNS, "table")
         return self
 
     @property

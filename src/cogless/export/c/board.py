@@ -7,7 +7,7 @@ from string import Template
 
 from cogless.export.c.motion import HEADERS
 from cogless.export.c.subject import Subject
-from cogless.study.drive import Encoder, IdealSensor, Resolver
+from cogless.study.position_sensor import Encoder, IdealSensor, Resolver
 
 
 def board(subject: Subject) -> dict[str, str]:

@@ -6,7 +6,7 @@ from string import Template
 
 from cogless.export.c.literals import real
 from cogless.export.c.subject import Subject
-from cogless.study.drive import Encoder
+from cogless.study.position_sensor import Encoder
 
 HEADERS = {
     "M": "speed_count.h",

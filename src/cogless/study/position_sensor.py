@@ -1,0 +1,216 @@
+"""Position sensors: what they measure, how, and their errors."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
+
+from cogless.study.angle_table import OverAngle, read
+from cogless.study.table import Angle, Frequency, Many, Table, Time, invalid
+from cogless.units import ANGLE
+
+ORDER_MAX = 1000  # of a sensor's error
+
+
+class IdealSensor(Table):
+    """An ideal sensor, which gives the true angle and speed."""
+
+    kind: Literal["ideal"] = "ideal"
+
+
+class AngleOrder(Table):
+    """A part of a sensor's error: amplitude sin(order theta_m + phase)."""
+
+    order: Annotated[int, Field(ge=1, le=ORDER_MAX)]  # of the mechanical revolution
+    amplitude: Angle  # rad
+    phase: Angle = 0.0  # rad
+
+
+class Counted(Table):
+    """A sensor that shows the angle in steps; its speed follows from them."""
+
+    kind: str
+    speed_method: Literal["M", "average", "T", "MT", "observer"] = "M"
+    window: Annotated[int, Field(ge=1, le=100_000)] = 16  # current-loop periods, with average only
+    observer_bandwidth: Frequency | None = None  # Hz, with observer only
+    eccentricity: Angle = 0.0  # rad, amplitude of the error once per revolution
+    eccentricity_phase: Angle = 0.0  # rad
+    error: Many[AngleOrder] = ()
+    error_table: str | None = None  # CSV of angle and error, beside the study
+    latency: Time = 0.0  # s, age of the angle that is sampled
+    _errors: OverAngle | None = PrivateAttr(default=None)
+
+    @model_validator(mode="after")
+    def _of_a_method(self) -> Self:
+        for key, method in (("observer_bandwidth", "observer"), ("window", "average")):
+            given = key in self.model_fields_set and getattr(self, key) is not None
+            if given and self.speed_method != method:
+                raise invalid(f'expected none, unless speed_method is "{method}"', key)
+        if self.observer_bandwidth is None and self.speed_method == "observer":
+            raise invalid("expected a frequency", "observer_bandwidth", value="missing")
+        if self.timed and self.latency:
+            raise invalid("expected none, since the edges are timed", "latency")
+        slope = sum(abs(part["order"] * part["amplitude"]) for part in self.orders)
+        if slope >= 1:
+            expected = "expected orders whose amplitudes, each times its order, add up to less than 1 rad"
+            raise invalid(
+                f"{expected}, or the angle runs backward", "error" if self.error else "eccentricity"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _file(self, info: ValidationInfo) -> Self:
+        if self.error_table is None or not info.context:
+            return self
+        self._errors = read(info.context["folder"] / self.error_table, {"error": ANGLE}, "error_table")
+        points = [*zip(self._errors.angle, self._errors.value, strict=True)]
+        points.append((points[0][0] + math.tau, points[0][1]))
+        if any(f - e <= a - b for (a, e), (b, f) in pairwise(points)):
+            raise invalid("expected an error that never falls as fast as the angle rises", "error_table")
+        return self
+
+    @property
+    def counts(self) -> int:
+        """Steps of the angle in a revolution."""
+        raise NotImplementedError
+
+    @property
+    def step(self) -> float:
+        """Angle of a step, rad."""
+        return math.tau / self.counts
+
+    @property
+    def bandwidth(self) -> float:
+        """Bandwidth of the observer that gives the speed, rad/s; 0 if there is none."""
+        return math.tau * (self.observer_bandwidth or 0.0)
+
+    @property
+    def timed(self) -> bool:
+        """Whether the speed is timed from edge to edge."""
+        return self.speed_method in ("T", "MT")
+
+    @property
+    def each_law_period(self) -> bool:
+        """Whether the speed is computed once per period of the outer loop, not of the current loop."""
+        return self.speed_method in ("M", "T", "MT")
+
+    @property
+    def orders(self) -> list[dict[str, Any]]:
+        """The error's orders: order, amplitude and phase (rad); eccentricity is the first."""
+        first = {"order": 1, "amplitude": self.eccentricity, "phase": self.eccentricity_phase}
+        return [first] * bool(self.eccentricity) + [order.model_dump() for order in self.error]
+
+    def periods(self, divider: int) -> int:
+        """Current-loop periods over which the speed is averaged; 0 with an observer.
+
+        `divider`: current-loop periods in one of the outer loop.
+        """
+        if self.speed_method == "observer":
+            return 0
+        return self.window if self.speed_method == "average" else divider
+
+    def fields(self) -> dict[str, Any]:
+        """What the engine reads."""
+        table = self._errors
+        return {
+            "kind": self.kind,
+            "counts": float(self.counts),
+            "speed_method": self.speed_method,
+            "window": self.window,
+            "bandwidth": self.bandwidth,
+            "error": self.orders,
+            "error_table": table and {"angle": list(table.angle), "error": list(table.value)},
+            "latency": self.latency,
+        }
+
+
+class Encoder(Counted):
+    """Incremental encoder with quadrature signals: four counts per line."""
+
+    kind: Literal["encoder"]
+    lines: Annotated[int, Field(ge=1, le=10_000_000)]  # a revolution
+    # M: counts per period; average: over a window; T: time per count; MT: both; observer: of the angle
+    timer: Frequency = 100e6  # Hz, for T and MT
+
+    @property
+    def counts(self) -> int:
+        return 4 * self.lines
+
+    def fields(self) -> dict[str, Any]:
+        return {**super().fields(), "timer": self.timer}
+
+
+class Absolute(Counted):
+    """Absolute encoder, whose word is the angle."""
+
+    kind: Literal["absolute"]
+    bits: Annotated[int, Field(ge=1, le=31)] | None = None
+    positions: Annotated[int, Field(ge=2, le=2**31)] | None = None  # instead of bits
+    speed_method: Literal["M", "average", "observer"] = "average"
+
+    @model_validator(mode="after")
+    def _bits_or_positions(self) -> Self:
+        if (self.bits is None) == (self.positions is None):
+            raise invalid("expected either bits, such as 14, or positions, such as 10000")
+        return self
+
+    @property
+    def counts(self) -> int:
+        return self.positions or 1 << (self.bits or 0)
+
+
+class Resolver(Counted):
+    """Resolver and its digital converter."""
+
+    kind: Literal["resolver"]
+    bits: Annotated[int, Field(ge=1, le=32)] = 14
+    speed_method: Literal["M", "average", "observer"] = "average"
+
+    @property
+    def counts(self) -> int:
+        return 1 << self.bits
+
+
+class Hall(Table):
+    """Three Hall sensors: six steps per electrical revolution, with the angle between them interpolated."""
+
+    kind: Literal["hall"]
+    # rad, electrical: by which each edge of a revolution comes late, from that at angle zero on
+    placement: Annotated[tuple[Angle, ...], Field(strict=False)] = (0.0,) * 6
+    edges: Annotated[int, Field(ge=1, le=6)] = 6  # intervals between edges that the speed is taken over
+    timer: Frequency = 1e6  # Hz, the clock that times the edges
+
+    @model_validator(mode="after")
+    def _apart(self) -> Self:
+        if len(self.placement) != 6:
+            raise invalid("expected six angles, one for each edge", "placement")
+        if any(abs(late) >= math.radians(30) for late in self.placement):
+            raise invalid("expected less than 30 deg each, or edges change places", "placement")
+        return self
+
+    def step(self, pole_pairs: int) -> float:
+        """Mechanical angle from edge to edge, rad."""
+        return math.tau / (6 * pole_pairs)
+
+    def fields(self, pole_pairs: int) -> dict[str, Any]:
+        """What the engine reads."""
+        return {
+            "kind": self.kind,
+            "counts": 6.0 * pole_pairs,
+            "window": self.edges,
+            "timer": self.timer,
+            "placement": [late / pole_pairs for late in self.placement],
+        }
+
+
+PositionSensor = Annotated[IdealSensor | Encoder | Absolute | Resolver | Hall, Field(discriminator="kind")]
+
+
+def sensor_fields(sensor: IdealSensor | Counted | Hall, pole_pairs: int) -> dict[str, Any]:
+    """What the engine reads of a position sensor."""
+    if isinstance(sensor, Hall):
+        return sensor.fields(pole_pairs)
+    return sensor.fields() if isinstance(sensor, Counted) else sensor.model_dump()
