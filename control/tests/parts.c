@@ -9,6 +9,8 @@
 #include "cogless/dead_time.h"
 #include "cogless/drive.h"
 #include "cogless/encoder.h"
+#include "cogless/hall.h"
+#include "cogless/low_pass.h"
 #include "cogless/encoder_table.h"
 #include "cogless/speed_count.h"
 #include "cogless/speed_timed.h"
@@ -97,6 +99,40 @@ static void try_angle_observer(void)
         }
         cgl_angle_observer_step(&observer, random_bits() >> random_below(32));
         CHECK(within(observer.omega, observer.omega_max) && within(observer.alpha, observer.alpha_max));
+    }
+}
+
+static void try_low_pass(void)
+{
+    cgl_low_pass_config config;
+    cgl_low_pass filter;
+    do {
+        config.bandwidth = random_gain(CGL_R(1.0e3));
+    } while (cgl_low_pass_init(&filter, &config, random_gain(CGL_R(1.0e-3))) != CGL_OK);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        const cgl_real x = random_real(CGL_R(100.0)), before = filter.y;
+        const cgl_real y = cgl_low_pass_step(&filter, x);
+        CHECK(cgl_is_finite(filter.y) && (!cgl_is_finite(x) || within(y, cgl_abs(x) + cgl_abs(before))));
+    }
+}
+
+static void try_hall(void)
+{
+    cgl_hall_config config;
+    cgl_hall hall;
+    do {
+        config.pole_pairs = random_bits() >> random_below(32);
+        config.edges = random_below(8);
+        config.timer = random_gain(CGL_R(1.0e8));
+    } while (cgl_hall_init(&hall, &config) != CGL_OK);
+    uint32_t now = random_bits();
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        const uint32_t edge = random_below(8) ? now + random_below(100) : random_bits();
+        now = edge + (random_below(8) ? random_below(100) : random_bits());
+        cgl_hall_step(&hall, random_below(2) ? (hall.position + random_below(3)) % 6U : random_bits(), edge, now);
+        CHECK(hall.position < hall.sectors && within(hall.omega_m, hall.per_tick));
+        const cgl_real theta = cgl_radians(hall.turns);
+        CHECK(theta >= CGL_R(0.0) && theta < CGL_TWO_PI);
     }
 }
 
@@ -215,6 +251,8 @@ void try_parts(long rounds)
         try_dead_time();
         try_speed();
         try_angle_observer();
+        try_low_pass();
+        try_hall();
         try_encoder();
         try_encoder_table();
         try_calibration();

@@ -204,10 +204,11 @@ LINEAR: dict[str, Any] = {
     "mechanics": {"inertia": 5e-5},
 }
 INNER = CurrentLoop(kp=3.0, ki=800.0, R=0.8, L=3e-3, period=1e-4, delay=1)
-ENCODER = {"kind": "encoder", "lines": 100_000_000, "speed_method": "M", "timer": 1e9}
-ENCODER |= {"eccentricity": 0.0, "eccentricity_phase": 0.0, "bits": 1, "window": 1}
-BETWEEN_EDGES = {**ENCODER, "lines": 100_000, "speed_method": "MT"}
-RESOLVER = {**ENCODER, "kind": "resolver", "bits": 30, "window": 25}
+ENCODER = {"kind": "encoder", "counts": 4e8, "speed_method": "M", "timer": 1e9}
+BETWEEN_EDGES = {**ENCODER, "counts": 4e5, "speed_method": "MT"}
+RESOLVER = {"kind": "resolver", "counts": 2.0**30, "speed_method": "average", "window": 25}
+FILTER = 2 * math.pi * 100
+BUS = {"delay_measured": 2e-3, "delay_command": 1e-3, "jitter": 0.0, "quantum": 0.0}
 
 
 def loudness(signal: NDArray[np.float64]) -> tuple[float, float]:
@@ -219,20 +220,45 @@ def loudness(signal: NDArray[np.float64]) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(
-    ("sensor", "window"), [(ENCODER, 10), (BETWEEN_EDGES, 10), (RESOLVER, 25)], ids=["M", "MT", "resolver"]
+    ("drive", "window", "more"),
+    [
+        ({"position_sensor": ENCODER}, 10, {}),
+        ({"position_sensor": BETWEEN_EDGES}, 10, {}),
+        ({"position_sensor": RESOLVER}, 25, {}),
+        ({"position_sensor": {**ENCODER, "latency": 5e-4}}, 10, {"delay": 5e-4}),
+        ({"position_sensor": {**RESOLVER, "latency": 7.5e-4}}, 25, {"delay": 7.5e-4}),
+        ({"position_sensor": ENCODER, "speed_filter": FILTER}, 10, {"low_pass": FILTER, "held": True}),
+        ({"position_sensor": RESOLVER, "speed_filter": FILTER}, 25, {"low_pass": FILTER}),
+        ({"position_sensor": {"kind": "ideal"}, "speed_filter": FILTER}, 0, {"low_pass": FILTER}),
+        ({"position_sensor": ENCODER, "bus": BUS}, 10, {"delay": 3e-3}),
+        ({"position_sensor": ENCODER, "bus": {**BUS, "delay_command": 3e-4}}, 10, {"delay": 2.3e-3}),
+    ],
+    ids=[
+        "M",
+        "MT",
+        "resolver",
+        "latency",
+        "late resolver",
+        "filter",
+        "filter of a resolver",
+        "ideal, filter",
+        "bus",
+        "bus between samples",
+    ],
 )
 def test_the_simulated_drive_starts_to_oscillate_at_the_gain_margin(
-    sensor: dict[str, Any], window: int
+    drive: dict[str, Any], window: int, more: dict[str, Any]
 ) -> None:
-    loop = SpeedLoop(b=1.5 * 4 * 0.005 / 5e-5, steps=10, window=window, current=INNER)
+    loop = SpeedLoop(b=1.5 * 4 * 0.005 / 5e-5, steps=10, window=window, current=INNER, **more)
     design = phase_margin_pi(loop, tuning(math.radians(60)))
+    seconds = max(0.4, 300 / design.margins.phase_crossover)
 
     def at(factor: float) -> tuple[float, float]:
         raised = factor * design.margins.gain_margin
         law = {"law": "pi", "config": {"kp": raised * design.kp, "ki": raised * design.ki}}
         start = {"initial_speed": 9.9, "controller": law}
-        change = engine.merged({**LINEAR, **start}, {"drive": {"position_sensor": sensor}})
-        return loudness(engine.run(change, 0.4)["omega_measured"][500::10])
+        change = engine.merged({**LINEAR, **start}, {"drive": drive})
+        return loudness(engine.run(change, seconds)["omega_measured"][500::10])
 
     (below, _), (_, turning), (above, _) = at(0.98), at(1.0), at(1.02)
     assert below < 0.7
@@ -275,6 +301,18 @@ def test_the_sensor_decides_what_the_speed_is_a_mean_over(tmp_path: Path) -> Non
     assert speed_loop(studies.study(tmp_path)).window == 0
     resolver = studies.study(tmp_path, {"drive.position_sensor": {"kind": "resolver", "window": 30}})
     assert speed_loop(resolver).window == 30
+    absolute = {"kind": "absolute", "bits": 14, "window": 30, "latency": "40 us"}
+    late = studies.study(
+        tmp_path,
+        {
+            "drive.position_sensor": absolute,
+            "drive.speed_filter": "200 Hz",
+            "drive.bus": {"delay_command": "1 ms", "jitter": "0.5 ms"},
+        },
+    )
+    loop = speed_loop(late)
+    assert (loop.window, loop.held, loop.low_pass) == (30, False, pytest.approx(400 * math.pi))
+    assert loop.delay == pytest.approx(40e-6 + 1e-3 + 0.5e-3)
     for method in ("M", "T", "MT"):
         encoder = {"kind": "encoder", "lines": 2500, "speed_method": method}
         assert speed_loop(studies.study(tmp_path, {"drive.position_sensor": encoder})).window == 15

@@ -41,8 +41,16 @@ def test_a_run_repeats_bit_for_bit() -> None:
     assert all(np.array_equal(first[name], second[name]) for name in first)
 
 
-def test_a_run_in_pieces_is_the_same_run() -> None:
-    drive = drive_of(_simulator_f64, config(BUSY))
+LATE: dict[str, Any] = {
+    "position_sensor": {"kind": "absolute", "counts": 2.0**14, "speed_method": "M", "latency": 2.5e-4},
+    "speed_filter": 900.0,
+    "bus": {"delay_measured": 1e-3, "delay_command": 5e-4, "jitter": 1e-3, "quantum": 0.01},
+}
+
+
+@pytest.mark.parametrize("late", [{}, LATE])
+def test_a_run_in_pieces_is_the_same_run(late: dict[str, Any]) -> None:
+    drive = drive_of(_simulator_f64, config({**BUSY, "drive": {**BUSY["drive"], **late}}))
     whole = rows(drive, drive.start(), 4000)
     state = drive.start()
     pieces = [rows(drive, state, n) for n in (1, 999, 7, 2993)]

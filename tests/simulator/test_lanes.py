@@ -16,6 +16,8 @@ KERNELS = range(len(engine.lane_kernels()))
 STOPS = {"mechanics": {"coulomb_friction": 0.02, "breakaway_friction": 0.05}, "initial_speed": 0.0}
 ENCODER = {"kind": "encoder", "counts": 2000.0, "speed_method": "MT", "timer": 1e6}
 ECCENTRIC = {**ENCODER, "error": [{"order": 1, "amplitude": 0.01, "phase": 0.3}]}
+WORD = {"kind": "absolute", "counts": 2.0**14, "speed_method": "average", "window": 10}
+HALL = {"kind": "hall", "counts": 24.0, "window": 6, "timer": 1e6, "placement": [0.01] + 5 * [0.0]}
 SENSORS = {"noise": 0.05, "bits": 12, "range": 25.0, "offset": [0.05, -0.03, 0.0]}
 REVERSING = {"kind": "sine", "offset": 0.0, "amplitude": 2.0, "frequency": 20.0}
 THIRD = {"harmonics": [{"order": 3, "torque": 0.05, "phase": 0.1}]}
@@ -58,6 +60,15 @@ def variants(count: int, seed: int, **change: Any) -> list[Any]:
     "change",
     [
         {"motor": RIPPLE, "drive": {"position_sensor": ECCENTRIC, "current_sensors": SENSORS}},
+        {
+            "motor": RIPPLE,
+            "drive": {
+                "position_sensor": {**WORD, "latency": 2.5e-4},
+                "speed_filter": 900.0,
+                "bus": {"delay_measured": 1e-3, "delay_command": 5e-4, "jitter": 1e-3, "quantum": 0.01},
+            },
+        },
+        {"motor": RIPPLE, "drive": {"position_sensor": HALL}},
         {"motor": RIPPLE, "energy": True, "drive": {"integration_steps": 3}},
         {
             "motor": RIPPLE,
@@ -71,7 +82,7 @@ def variants(count: int, seed: int, **change: Any) -> list[Any]:
             "load": THIRD,
         },
     ],
-    ids=["sensors", "energy", "stick-slip", "load", "open bridge", "two phases"],
+    ids=["sensors", "bus", "hall", "energy", "stick-slip", "load", "open bridge", "two phases"],
 )
 def test_a_lane_has_the_bits_of_its_drive_alone(change: dict[str, Any], kernel: int) -> None:
     count = engine.lane_kernels()[kernel][1]

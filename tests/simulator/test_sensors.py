@@ -224,3 +224,183 @@ def test_noise_has_its_deviation_and_depends_on_the_seed() -> None:
     assert not np.array_equal(noises[0], noises[2])
     # independent noise on three phases: variance of a Clarke component is 2/3 of one phase's
     assert noises[0][1:].std() == pytest.approx(0.05 * np.sqrt(2.0 / 3.0), rel=0.05)
+
+
+def angle_error(
+    x: dict[str, np.ndarray], sensor: dict[str, Any], true: np.ndarray | None = None
+) -> np.ndarray:
+    """Measured less true angle, within half a revolution, without the mean half step of rounding down."""
+    error = x["theta_measured"] - (x["theta_m"] if true is None else true)
+    return (error + np.pi) % TURN - np.pi + TURN / sensor["counts"] / 2
+
+
+def turning(sensor: dict[str, Any], speed: float, seconds: float, **more: Any) -> dict[str, np.ndarray]:
+    drive = {"position_sensor": sensor, **more}
+    return run({**STEADY, "initial_speed": speed, "drive": drive}, seconds)
+
+
+ORDERS = [
+    {"order": 1, "amplitude": 8e-3, "phase": 0.4},
+    {"order": 2, "amplitude": -3e-3, "phase": -1.2},
+    {"order": 17, "amplitude": 4e-4, "phase": 2.0},
+]
+
+
+def spectrum(error: np.ndarray) -> np.ndarray:
+    """Orders of an error over whole revolutions, as amplitudes of sines with their phases."""
+    return 2j * np.fft.rfft(error) / len(error)
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        {**encoder("M"), "counts": 2.0**22},
+        word(22, "absolute", window=16),
+        word(22, "resolver", window=16),
+        {**word(22, "absolute"), "speed_method": "observer", "bandwidth": 200.0},
+    ],
+    ids=["encoder", "absolute", "resolver", "observer"],
+)
+def test_the_orders_of_an_error_are_in_the_measured_angle(sensor: dict[str, Any]) -> None:
+    speed = TURN / 0.5  # a revolution in 5000 samples
+    x = turning({**sensor, "error": ORDERS}, speed, 0.5)
+    found = spectrum(angle_error(x, sensor))
+    wanted = np.zeros(len(found), complex)
+    for part in ORDERS:
+        wanted[part["order"]] = part["amplitude"] * np.exp(1j * part["phase"])
+    # rounding leaves the root of the samples' number less than a step
+    assert np.abs(found - wanted)[1:].max() < TURN / 2**22
+
+
+def test_a_table_of_an_error_is_its_orders_but_for_interpolation() -> None:
+    points = 360
+    angle = TURN / points * np.arange(points)
+    error = sum(p["amplitude"] * np.sin(p["order"] * angle + p["phase"]) for p in ORDERS)
+    table = {"angle": angle.tolist(), "error": error.tolist()}
+    by_table, by_orders = (
+        spectrum(angle_error(turning({**word(24), **change}, TURN / 0.5, 0.5), word(24)))
+        for change in ({"error_table": table}, {"error": ORDERS})
+    )
+    for part in ORDERS:
+        n, amplitude = part["order"], abs(part["amplitude"])
+        # straight lines between points keep sinc^2 of an order
+        kept = np.sinc(n / points) ** 2
+        assert by_table[n] == pytest.approx(
+            kept * by_orders[n], abs=2e-3 * amplitude * (n * TURN / points) + 1e-6
+        )
+
+
+@pytest.mark.parametrize("latency", [1e-4, 3e-4, 2.5e-4, 0.4e-4])
+@pytest.mark.parametrize("speed", [9.0, -30.0])
+def test_latency_shifts_angle_and_speed(latency: float, speed: float) -> None:
+    """The rotor swings, so the angle between two samples has to be right too."""
+    change = {
+        "mechanics": {"inertia": 1e-3},
+        "load": {"harmonics": [{"order": 4, "torque": 0.5, "phase": 0.0}]},
+        "controller": {"config": {"kp": 0.0, "ki": 0.0}},
+        "initial_speed": speed,
+        "initial_angle": 0.3,
+    }
+    sensor = word(32, "absolute", window=1)
+    free = {"ideal_current": True}
+    late = run({**change, "drive": {**free, "position_sensor": {**sensor, "latency": latency}}}, 0.3)
+    fine = run({**change, "drive": {**free, "current_rate": 100_000, "speed_divider": 100}}, 0.3)
+    then = np.interp(late["time"] - latency, fine["time"], fine["theta_m"])
+    error = angle_error(late, sensor, then)[10:]
+    assert np.abs(error).max() < 3e-8  # of the interpolation of `then`
+    assert np.ptp(late["omega_m"]) > 0.5
+    middle = then - np.interp(late["time"] - latency - 1e-4, fine["time"], fine["theta_m"])
+    assert late["omega_measured"][10:] == pytest.approx(middle[10:] / 1e-4, abs=1e-3)
+
+
+def test_a_latency_of_zero_changes_no_bit() -> None:
+    plain, late = (turning({**word(14), **more}, 9.0, 0.1) for more in ({}, {"latency": 0.0}))
+    assert all(np.array_equal(plain[name], late[name]) for name in plain)
+
+
+def test_an_absolute_encoder_counts_as_a_resolver_does() -> None:
+    one, other = (turning(word(14, kind, window=8), 9.0, 0.1) for kind in ("absolute", "resolver"))
+    assert all(np.array_equal(one[name], other[name]) for name in one)
+
+
+PLACEMENT = [0.1, -0.05, 0.02, 0.0, -0.12, 0.07]  # rad, electrical
+
+
+def hall(pole_pairs: int = 4, **more: Any) -> dict[str, Any]:
+    placement = [late / pole_pairs for late in more.pop("placement", [0.0] * 6)]
+    return {
+        "kind": "hall", "counts": 6.0 * pole_pairs, "window": 6, "timer": 1e8, "placement": placement, **more
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("speed", [9.0, -9.0, 123.0])
+@pytest.mark.parametrize("placement", [[0.0] * 6, PLACEMENT])
+def test_hall_speed_is_exact_whatever_the_placement(speed: float, placement: list[float]) -> None:
+    x = turning(hall(placement=placement), speed, 0.5)
+    revolution = TURN / 4 / abs(speed)  # electrical; a tick of the timer is its error
+    assert x["omega_measured"][5:] == pytest.approx(speed, rel=2 / (revolution * 1e8))
+
+
+def test_hall_speed_over_one_interval_shows_the_placement() -> None:
+    x = turning(hall(placement=PLACEMENT, window=1), 9.0, 0.5)
+    late = np.append(PLACEMENT, PLACEMENT[0])
+    intervals = 1 + np.diff(late) / (np.pi / 3)
+    seen = np.unique(np.round(x["omega_measured"][3000:] / 9.0, 4))
+    assert seen == pytest.approx(np.unique(np.round(1 / intervals, 4)), abs=2e-4)
+
+
+@pytest.mark.parametrize("speed", [9.0, -41.0])
+def test_hall_angle_is_interpolated_between_edges(speed: float) -> None:
+    exact = angle_error(turning(hall(), speed, 0.5), hall()) - TURN / 24 / 2
+    assert np.abs(exact).max() < 1e-4
+    placed = turning(hall(placement=PLACEMENT), speed, 0.5)
+    error = 4 * (angle_error(placed, hall()) - TURN / 24 / 2)  # electrical
+    # behind an edge that comes late the angle is behind, until the next
+    theta = 4 * placed["theta_m"] % TURN
+    edges = (np.arange(7) * np.pi / 3 + np.append(PLACEMENT, PLACEMENT[0])) % TURN
+    for n in range(6):
+        inside = (theta - edges[n]) % TURN < (edges[n + 1] - edges[n]) % TURN
+        late = PLACEMENT[n] if speed > 0 else PLACEMENT[(n + 1) % 6]
+        width = np.pi / 3
+        near = inside & (np.abs((theta - edges[n if speed > 0 else n + 1] + np.pi) % TURN - np.pi) < 0.7)
+        assert error[near] == pytest.approx(-late, abs=2e-3)
+        assert np.abs(error[inside]).max() < width
+
+
+def test_hall_speed_falls_where_no_edge_comes_and_is_zero_after_a_turn_back() -> None:
+    stops = {"inertia": 1e-3, "coulomb_friction": 0.5, "breakaway_friction": 0.5}
+    change = {**STEADY, "mechanics": stops, "initial_speed": 40.0, "drive": {"position_sensor": hall()}}
+    x = run(change, 1.0)
+    assert x["omega_m"][-1] == 0.0
+    assert 0 < x["omega_measured"][-1] <= 1.5 * TURN / 24 / 0.9
+    swings = {"inertia": 1e-3}
+    load = {"harmonics": [{"order": 1, "torque": 0.3, "phase": 0.0}]}
+    change = {
+        **STEADY,
+        "mechanics": swings,
+        "load": load,
+        "initial_speed": 10.0,
+        "drive": {"position_sensor": hall()},
+    }
+    x = run(change, 2.0)
+    back = np.flatnonzero(np.diff(np.sign(x["omega_m"])))
+    assert len(back) > 2
+    assert x["omega_measured"].min() < -5 and x["omega_measured"].max() > 5
+    assert np.count_nonzero(x["omega_measured"] == 0.0) > 20
+
+
+def test_the_speed_filter_answers_a_step_as_a_lag() -> None:
+    bandwidth = TURN * 200
+    change = {
+        "controller": {"config": {"kp": 0.0, "ki": 0.0}},
+        "initial_speed": 0.0,
+        "events": [{"time": 0.01, "load": -30.0}],
+        "mechanics": {"inertia": 2e-3, "viscous_friction": 1.0},
+        "drive": {"speed_filter": bandwidth},
+    }
+    x = run(change, 0.05)
+    p, y = np.exp(-bandwidth * 1e-4), 0.0
+    for omega, found in zip(x["omega_m"], x["omega_measured"], strict=True):
+        y = p * y + (1 - p) * omega
+        assert found == pytest.approx(y, rel=1e-12, abs=1e-15)
+    assert x["omega_measured"][-1] == pytest.approx(30.0, rel=1e-3)

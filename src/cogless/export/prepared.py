@@ -164,5 +164,9 @@ def _check(study: AnyStudy, scenario: str, controller: str) -> None:
         raise StudyError(
             f'{where}: "{law.law}": is C of your own already: expected a law of the control library'
         )
+    if study.drive is not None and study.drive.bus is not None:
+        raise StudyError(
+            f"{study.source.path}: drive.bus: the law runs elsewhere: expected none, to export law and drive"
+        )
     if isinstance(study, TrialStudy) and study.drive is None:
         raise StudyError(f"{study.source.path}: plant: a linear plant: expected a study with a drive")
