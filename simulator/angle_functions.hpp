@@ -27,11 +27,11 @@ public:
         : powers_(orders(motor, load)), axis_(powers_.place(motor.pole_pairs)), axis_order_(motor.pole_pairs) {
         for (const FluxHarmonic& h : motor.flux_harmonics) {
             // e_d += d psi_d / d theta_e - psi_q and e_q += d psi_q / d theta_e + psi_d, written as sine and cosine
-            const double in_d = -h.order * h.d, in_q = h.order * h.q;
+            const double order = static_cast<double>(h.order) / motor.pole_pairs;
+            const double in_d = -order * h.d, in_q = order * h.q;
             const Complex<double> d = unit_vector(h.d_phase), q = unit_vector(h.q_phase);
-            const int order = h.order * motor.pole_pairs;
-            ripple_d_.add(powers_, order, in_d * d.re - h.q * q.re, in_d * d.im - h.q * q.im);
-            ripple_q_.add(powers_, order, -in_q * q.im - h.d * d.im, in_q * q.re + h.d * d.re);
+            ripple_d_.add(powers_, h.order, in_d * d.re - h.q * q.re, in_d * d.im - h.q * q.im);
+            ripple_q_.add(powers_, h.order, -in_q * q.im - h.d * d.im, in_q * q.re + h.d * d.re);
         }
         for (const Harmonic& h : motor.cogging) cogging_.add(powers_, h);
         for (const Harmonic& h : load.harmonics) load_.add(powers_, h);
@@ -49,6 +49,13 @@ public:
     bool alike(const AngleFunctions& other) const {
         return powers_ == other.powers_ && axis_ == other.axis_ && ripple_d_.alike(other.ripple_d_) &&
                ripple_q_.alike(other.ripple_q_) && cogging_.alike(other.cogging_) && load_.alike(other.load_);
+    }
+
+    // As another motor's, with the magnets' flux changed by a factor. Cogging goes with its square.
+    void scale(const AngleFunctions& of, double flux) {
+        ripple_d_.scale(of.ripple_d_, flux);
+        ripple_q_.scale(of.ripple_q_, flux);
+        cogging_.scale(of.cogging_, flux * flux);
     }
 
     // Whether some torque ripples, apart from the currents' direction.
@@ -92,7 +99,7 @@ private:
 
     static std::vector<int> orders(const PmsmConfig& motor, const LoadConfig& load) {
         std::vector<int> all{motor.pole_pairs};
-        for (const FluxHarmonic& h : motor.flux_harmonics) all.push_back(h.order * motor.pole_pairs);
+        for (const FluxHarmonic& h : motor.flux_harmonics) all.push_back(h.order);
         for (const Harmonic& h : motor.cogging) all.push_back(h.order);
         for (const Harmonic& h : load.harmonics) all.push_back(h.order);
         return all;

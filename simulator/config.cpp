@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numbers>
 #include <string>
 
 #include "plugin_library.hpp"
@@ -19,14 +20,30 @@ std::vector<Harmonic> harmonics(const std::vector<Section>& sections) {
     return all;
 }
 
+ThermalConfig thermal(const Section& s) {
+    const bool drifts = s.get<bool>("drifts");
+    const auto of_drift = [&](const char* key) { return drifts ? s.number(key) : 0.0; };
+    return {s.number("reference"), s.number("resistance_coefficient"), s.number("flux_coefficient"),
+            {s.number("winding"), s.number("magnet")}, drifts, of_drift("ambient"), of_drift("winding_capacity"),
+            of_drift("magnet_capacity"), of_drift("winding_to_ambient"), of_drift("winding_to_magnet"),
+            of_drift("magnet_to_ambient")};
+}
+
 PmsmConfig motor(const Section& s) {
     PmsmConfig m{s.integer("pole_pairs"), s.number("R_s"), s.number("L_d"), s.number("L_q"), s.number("psi_f"), {},
                  harmonics(s.sections("cogging")), s.has("phases") ? s.integer("phases") : 3};
     if (m.phases != 2 && m.phases != 3) s.refuse("phases", "expected 2 or 3");
     for (const Section& h : s.sections("flux_harmonics")) {
-        m.flux_harmonics.push_back({h.integer("order"), h.number("d"), h.number("q"), h.number("d_phase"),
+        m.flux_harmonics.push_back({h.integer("order") * m.pole_pairs, h.number("d"), h.number("q"), h.number("d_phase"),
                                     h.number("q_phase")});
     }
+    if (s.has("torque_ripple")) {  // by orders of the mechanical revolution, in psi_d alone
+        for (const Section& h : s.sections("torque_ripple")) {
+            m.flux_harmonics.push_back({h.integer("order"), h.number("share") * m.psi_f, 0.0,
+                                        h.number("phase") - 0.5 * std::numbers::pi, 0.0});
+        }
+    }
+    if (s.has("temperature")) m.thermal = thermal(s.section("temperature"));
     return m;
 }
 

@@ -48,6 +48,7 @@ std::vector<Signal> signals_of(const DriveConfig& config) {
     const bool trials = config.trials.has_value(), trial_law = std::holds_alternative<TrialLaw>(config.law);
     const bool electrical = !config.ideal_current, energy = config.energy;
     const bool three_phases = motor_phases(config) == 3, path = follows_angle(config.law);
+    const bool thermal = config.phases.front().motor.thermal.has_value();
     std::vector<Signal> all;
 #define CGL_SIGNAL(name, unit, about, when, value) \
     if (when) all.push_back({name, unit});
@@ -159,8 +160,11 @@ Drive::Drive(const DriveConfig& config)
         if (p.motor.phases != motor_phases(config_)) {
             throw std::invalid_argument("motor.phases: expected the same in every phase of the trials");
         }
-        const Plant plant(p.motor, p.mechanics, p.load, step_);
-        phases_.push_back({p, plant, plant.start(p.initial_angle, p.initial_speed),
+        const Plant cold(p.motor, p.mechanics, p.load, step_);
+        Plant plant = cold;
+        if (p.motor.thermal) plant.warm(cold, p.motor.thermal->warmth(p.motor.thermal->start));
+        const bool drifts = p.motor.thermal && p.motor.thermal->drifts;
+        phases_.push_back({p, plant, drifts ? std::optional(cold) : std::nullopt, plant.start(p.initial_angle, p.initial_speed),
                            position_sensor_.start(p.initial_angle, p.initial_speed)});
     }
 }
@@ -170,6 +174,7 @@ DriveState Drive::start() const {
     cgl_drive_init(&s.control, &config_.control, static_cast<cgl_real>(period_));
     s.encoder_table = encoder_table_start_;
     s.bus.random = Random(~config_.seed);  // of its own: the noise of the sensors stays as it is
+    if (const auto& thermal = phases_.front().config.motor.thermal) s.temperature = thermal->start;
     restart(s, phases_.front());
     s.random = Random(config_.seed);
     s.law = start_of(config_.law);
@@ -181,6 +186,7 @@ void Drive::restart(DriveState& s, const Phase& phase) const {
     s.plant = phase.plant_start;
     s.plant.load.torque += s.added_load;
     s.plant.load.target += s.added_load;
+    if (const auto& thermal = phase.config.motor.thermal; thermal && !thermal->drifts) s.temperature = thermal->start;
     s.position = phase.position_start;
     cgl_drive_reset(&s.control);
     s.dead_time = dead_time_start_;
@@ -285,11 +291,19 @@ void Drive::specialised(const F& f) const {
 
 void Drive::advance_within(DriveState& s, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
                            Controller* other) const {
-    specialised([&]<std::size_t legs, Detail detail> { run<legs, detail>(s, recorder, phase, origin, end, other); });
+    std::optional<Phase> warm;
+    if (phase.cold) warm_up(s, warm.emplace(phase));
+    specialised([&]<std::size_t legs, Detail detail> {
+        run<legs, detail>(s, recorder, warm ? *warm : phase, warm ? &*warm : nullptr, origin, end, other);
+    });
+}
+
+void Drive::warm_up(const DriveState& s, Phase& phase) {
+    phase.plant.warm(*phase.cold, phase.config.motor.thermal->warmth(s.temperature));
 }
 
 template <std::size_t legs, Detail detail>
-void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
+void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, Phase* warm, std::int64_t origin, std::int64_t end,
                 Controller* other) const {
     const Plant::Exact<detail> exact(phase.plant);
     AnglePatch patch(phase.plant.angle());
@@ -311,7 +325,15 @@ void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, std::int6
         if (row.next()) record<legs>(s, here, phase, origin, current, recorder.next_row());
         Acting acting{};
         if constexpr (legs != 0) acting = next_duties(s);
+        const Currents<> before = s.plant.i;
         advance_plant<legs, detail>(s, here, patch, phase, origin, acting.duty, current, acting.open, faults);
+        if (warm != nullptr) {
+            const Pmsm<>& cold = phase.cold->motor();
+            s.temperature = phase.config.motor.thermal->after(s.temperature, cold.copper_loss(before), cold.copper_loss(s.plant.i),
+                                                              period_);
+            warm_up(s, *warm);
+            if (!switched) here = exact(s.plant.theta_m);
+        }
     }
 }
 
@@ -350,7 +372,7 @@ template <std::size_t legs>
 bool Drive::alike(const Drive& other) const {
     const auto fits = [](const Drive& d) {
         return !d.config_.trials && !(d.config_.inverter.switched && !d.config_.ideal_current) &&
-               !std::holds_alternative<CallbackLaw>(d.config_.law);
+               !std::holds_alternative<CallbackLaw>(d.config_.law) && !d.phases_.front().cold;
     };
     const DriveConfig &a = config_, &b = other.config_;
     return fits(*this) && fits(other) && a.ideal_current == b.ideal_current && motor_phases(a) == motor_phases(b) &&
@@ -637,6 +659,7 @@ void Drive::record(const DriveState& s, const AtAngle<double>& here, const Phase
     const auto* learning = std::get_if<TrialLaw>(&config_.law);
     const bool trials = config_.trials.has_value(), trial_law = learning != nullptr;
     const bool path = follows_angle_, energy = config_.energy;
+    const bool thermal = config_.phases.front().motor.thermal.has_value();
     constexpr bool electrical = legs != 0, three_phases = legs == star_legs;
     const Torques<> torques = phase.plant.equations().torques(s.plant, here, time(s.tick - origin));
     // The law uses the reference of its last sample until the next one; recorded errors use the reference at this instant.

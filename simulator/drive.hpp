@@ -97,6 +97,7 @@ struct DriveState {
     bool open = false;           // true: the inverter's transistors are off instead
     std::size_t next_load_step = 0;
     double added_load = 0.0;                     // N m, by add_load()
+    Temperatures temperature{};                  // of a motor with temperatures; goes on from trial to trial
     std::optional<Motion> given_reference = {};  // replaces the described reference; not in trials
 };
 
@@ -124,7 +125,8 @@ public:
     // ticks exceed the number of trials.
     void advance(DriveState& state, Recorder& recorder, std::int64_t ticks, Controller* other = nullptr) const;
 
-    // Whether both can be lanes of one LanePlants: no trials, no pulses, no load from tables, no law in another language, and
+    // Whether both can be lanes of one LanePlants: no trials, no pulses, no load from tables, no law in another language, no
+    // drift of temperatures, and
     // motors, rates and details alike.
     bool alike(const Drive& other) const;
 
@@ -156,7 +158,8 @@ private:
     // A phase with all that follows from it.
     struct Phase {
         PhaseConfig config;
-        Plant plant;
+        Plant plant;                // at the temperatures of the start
+        std::optional<Plant> cold;  // at the reference temperature, if the motor's temperatures drift
         PlantState<> plant_start;
         PositionSensor::State position_start;
     };
@@ -184,9 +187,12 @@ private:
     //
     // origin in all of these: the tick at which the phase's time is zero. legs: number of the inverter's legs; 0 with an
     // ideal current loop. here: what depends on the rotor's angle.
+    // warm: null, or the same as phase: then its motor changes with the temperatures.
     template <std::size_t legs, Detail detail>
-    void run(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
+    void run(DriveState& state, Recorder& recorder, const Phase& phase, Phase* warm, std::int64_t origin, std::int64_t end,
              Controller* other) const;
+    // Puts the motor's resistance and flux where the temperatures are.
+    static void warm_up(const DriveState& state, Phase& phase);
     template <std::size_t legs, Detail detail>
     static void run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t end);
 

@@ -84,6 +84,11 @@ public:
                !load_.has_tables() && !other.load_.has_tables();
     }
 
+    void warm(const Equations& of, const Warmth& by) {
+        motor_.warm(of.motor_, by);
+        angle_.scale(of.angle_, by.flux);
+    }
+
     const AngleFunctions<Real>& angle() const { return angle_; }
     const Pmsm<Real>& motor() const { return motor_; }
     const Load<Real>& load() const { return load_; }
@@ -147,7 +152,7 @@ public:
                 d[2] = di.q;
                 if constexpr (detail == Detail::energies) {
                     d[3] = motor_.power_factor() * (u_d * i.d + u_q * i.q);
-                    d[4] = motor_.power_factor() * motor_.R_s() * (i.d * i.d + i.q * i.q);
+                    d[4] = motor_.copper_loss(i);
                     d[5] = friction * omega_m;
                     d[6] = load_torque * omega_m;
                 }

@@ -121,6 +121,14 @@ public:
         add(powers, h.order, h.amplitude * unit.re, h.amplitude * unit.im);
     }
 
+    // Another sum of the same orders, times a factor.
+    void scale(const Series& of, double factor) {
+        for (std::size_t n = 0; n < terms_.size(); ++n) {
+            terms_[n].in_sine = of.terms_[n].in_sine * factor;
+            terms_[n].in_cosine = of.terms_[n].in_cosine * factor;
+        }
+    }
+
     bool empty() const { return terms_.empty(); }
 
     [[gnu::always_inline]] Real value(const Powers::Values<Real>& z) const {

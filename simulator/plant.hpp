@@ -17,6 +17,12 @@ public:
         : equations_(motor, mechanics, load, nominal_step),
           two_angles_(Each<AngleFunctions<double>, Two>{&equations_.angle(), &equations_.angle()}) {}
 
+    // As another plant, with its motor's resistance and its magnets' flux changed by these factors.
+    void warm(const Plant& of, const Warmth& by) {
+        equations_.warm(of.equations_, by);
+        two_angles_.scale(of.two_angles_, by.flux);
+    }
+
     const Equations<>& equations() const { return equations_; }
     const Pmsm<>& motor() const { return equations_.motor(); }
 

@@ -5,13 +5,15 @@
 // energy and torque times speed, to rounding.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "harmonics.hpp"
+#include "thermal.hpp"
 
 namespace cogless {
 
-// psi_d += d cos(order theta_e + d_phase), psi_q += q sin(order theta_e + q_phase); order: waves per electrical revolution
+// psi_d += d cos(order theta_m + d_phase), psi_q += q sin(order theta_m + q_phase); order: waves per mechanical revolution
 struct FluxHarmonic {
     int order;
     double d, q;              // V s
@@ -26,6 +28,7 @@ struct PmsmConfig {
     std::vector<FluxHarmonic> flux_harmonics;
     std::vector<Harmonic> cogging;  // N m, mechanical orders
     int phases = 3;                 // or 2
+    std::optional<ThermalConfig> thermal = {};
 };
 
 template <class Real = double>
@@ -59,13 +62,20 @@ public:
         return power_factor_ == other.power_factor_ && pole_pairs_ == other.pole_pairs_;
     }
 
-    Real R_s() const { return R_s_; }
+    // As another motor, with its resistance and its magnets' flux changed by these factors.
+    void warm(const Pmsm& of, const Warmth& by) {
+        R_s_ = of.R_s_ * by.resistance;
+        psi_f_ = of.psi_f_ * by.flux;
+    }
+
     double pole_pairs() const { return pole_pairs_; }
 
     // Ratio of the power of all phases to u_d i_d + u_q i_q in the amplitude-invariant frame: 3/2, or 1 with two phases.
     double power_factor() const { return power_factor_; }
 
     Real magnetic_energy(Currents<Real> i) const { return 0.5 * power_factor_ * (L_d_ * i.d * i.d + L_q_ * i.q * i.q); }
+
+    Real copper_loss(Currents<Real> i) const { return power_factor_ * R_s_ * (i.d * i.d + i.q * i.q); }
 
     // ripple: the part of the flux harmonics.
     [[gnu::always_inline]] Linkage<Real> linkage(Linkage<Real> ripple, Currents<Real> i) const {

@@ -26,6 +26,7 @@ DIMENSIONS: dict[str, Dimension] = {
         units.VOLTAGE,
         units.TORQUE,
         units.ENERGY,
+        units.TEMPERATURE,
         units.NONE,
     )
 }

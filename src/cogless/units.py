@@ -32,6 +32,8 @@ DEFINITIONS = """
     second = [time] = s
     ampere = [current] = A
     gram = [mass] = g
+    kelvin = [temperature] = K
+    celsius = [celsius] = degC
     radian = [angle] = rad
     degree = 3.141592653589793 / 180 * radian = deg = °
     revolution = 2 * 3.141592653589793 * radian = rev = turn = r
@@ -91,6 +93,10 @@ FLUX_LINKAGE = Dimension("a flux linkage", "Wb", "mWb")
 TORQUE_CONSTANT = Dimension("a torque constant", "N*m/A")
 BACK_EMF_CONSTANT = Dimension("a voltage per speed", "V*s/rad", "V/rpm")
 SPEED_CONSTANT = Dimension("a speed per voltage", "rad/s/V", "rpm/V")
+TEMPERATURE = Dimension("a temperature", "degC")
+TEMPERATURE_COEFFICIENT = Dimension("a change per kelvin", "1/K")
+THERMAL_RESISTANCE = Dimension("a thermal resistance", "K/W")
+HEAT_CAPACITY = Dimension("a heat capacity", "J/K")
 INERTIA = Dimension("an inertia", "kg*m^2")
 VISCOUS_FRICTION = Dimension("a viscous friction", "N*m*s/rad", also=("N*m*s",))
 CURRENT_GAIN = Dimension("a gain of the current loop", "V/A")

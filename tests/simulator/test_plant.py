@@ -185,3 +185,32 @@ def test_load_tables_by_angle_and_by_time() -> None:
     by_angle = np.interp(x["theta_m"], angles, [0.0, 0.1, 0.2, 0.1], period=2.0 * np.pi)
     by_time = np.interp(x["time"], [0.1, 0.2], [0.0, 0.3])
     assert x["tau_load"] == pytest.approx(by_angle + by_time, abs=1e-12)
+
+
+def test_torque_constant_ripple_at_constant_current() -> None:
+    """K_t (1 + share sin(order theta_m + phase)), at orders of the mechanical revolution, also odd ones."""
+    ripple = [{"order": 12, "share": 0.015, "phase": 0.4}, {"order": 1, "share": 0.02, "phase": -1.0}]
+
+    class Constant:
+        def step(self, _: object) -> float:
+            return 2.0
+
+    x = run(
+        {
+            "motor": {"torque_ripple": ripple},
+            "drive": {"ideal_current": True},
+            "mechanics": {"inertia": 1.0},
+            "controller": {"law": "python"},
+        },
+        0.7,
+        controller=Constant(),
+    )
+    shape = 1 + sum(r["share"] * np.sin(r["order"] * x["theta_m"] + r["phase"]) for r in ripple)
+    assert x["tau_e"][1:] == pytest.approx((1.5 * 4 * 0.05 * 2.0 * shape)[1:], rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["averaged", "switched"])
+def test_torque_constant_ripple_keeps_the_balance_of_power(kind: str) -> None:
+    ripple = [{"order": 7, "share": 0.05, "phase": 0.4}, {"order": 12, "share": 0.03, "phase": 0.0}]
+    x = run({**LOADED, "motor": {"torque_ripple": ripple}, "drive": {"inverter": {"kind": kind}}}, 1.0)
+    assert residual(x) < 2e-6 * x["energy_electrical"].max()

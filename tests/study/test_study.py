@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from engine import unpacked
 from hypothesis import given
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 import cogless
 import studies
 from cogless import units
+from cogless.design.angle_functions import functions_in
 from cogless.errors import StudyError
 from cogless.run.drive_config import engine_config
 from cogless.run.simulate import simulate
@@ -384,3 +386,44 @@ def test_an_override_is_judged_by_its_own_scenario(tmp_path: Path) -> None:
     assert studies.study(tmp_path, changes).scenario["low"].override
     with pytest.raises(StudyError, match="integration_steps: 4: expected"):
         studies.study(tmp_path, {**changes, **slow})
+
+
+# Ripple and temperature
+
+HEATING = {
+    "ambient": "25 degC",
+    "winding_capacity": "20 J/K",
+    "magnet_capacity": "60 J/K",
+    "winding_to_ambient": "4 K/W",
+}
+HOT = {"winding": "80 degC", "flux_coefficient": "-0.0011 1/K"}
+
+
+def test_torque_ripple_in_per_cent(tmp_path: Path) -> None:
+    change = {"motor.torque_ripple": [{"order": 12, "percent": 1.5}, {"order": 7, "percent_peak_to_peak": 4}]}
+    study = studies.study(tmp_path, change)
+    told = engine_config(study, "low", "pi")["motor"]["torque_ripple"]
+    assert [(h["order"], h["share"]) for h in told] == [(12, 0.015), (7, 0.02)]
+    K = functions_in(study, "low").K
+    theta = np.array([0.3, 1.7])
+    expected = study.motor.star().K_t * (1 + 0.015 * np.sin(12 * theta) + 0.02 * np.sin(7 * theta))
+    assert K.at(theta) == pytest.approx(expected)
+
+
+def test_a_temperature_is_not_told_to_the_controller(tmp_path: Path) -> None:
+    """What the motor is at the reference stays the belief, the base of gains, and what a design sees."""
+    cold, hot = studies.study(tmp_path), studies.study(tmp_path, {"motor.temperature": HOT})
+    one, other = (engine_config(study, "low", "fair") for study in (cold, hot))
+    told = other["motor"].pop("temperature")
+    assert (told["winding"], told["magnet"], told["reference"], told["drifts"]) == (80.0, 80.0, 20.0, False)
+    assert one == other
+    assert hot.motor.star().R_s == cold.motor.star().R_s
+
+
+def test_temperatures_are_recorded(tmp_path: Path) -> None:
+    metric = {"name": "hottest", "kind": "maximum", "signal": "temperature_winding", "unit": "degC"}
+    change = {"motor.temperature": {**HOT, "heating": HEATING}, "metric": [metric]}
+    study = studies.study(tmp_path, change)
+    x = simulate(study, "low", "fair").trace
+    assert x["temperature_winding"][0] == pytest.approx(80.0)
+    assert x["temperature_winding"][-1] < 80.0 == x["temperature_magnet"][-1]  # no path from the magnets

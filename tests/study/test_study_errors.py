@@ -71,6 +71,17 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'motor.cogging.0: expected either torque, such as "4 mN*m", torque_peak_to_peak, '
             'or current, such as "0.2 A"'),
         ("motor.cogging.0.order", 0, "motor.cogging.0.order: 0: expected a number of 1 or more"),
+        ("motor.torque_ripple", [{"order": 6}],
+            "motor.torque_ripple.0: expected either percent, such as 1.5, or percent_peak_to_peak"),
+        ("motor.temperature", {"winding": "350 K"},
+            'motor.temperature.winding: "350 K": expected a temperature, such as "1 degC"'),
+        ("motor.temperature", {"winding": "-300 degC"},
+            'motor.temperature.winding: "-300 degC": expected -273.15 degC or more'),
+        ("motor.temperature", {"winding": "90 degC", "flux_coefficient": "-0.02 1/K"},
+            'motor.temperature.flux_coefficient: "-0.02 1/K": expected one that leaves something at 90 degC'),
+        ("motor.temperature", {"winding": "90 degC", "heating": {"ambient": "20 degC", "winding_capacity":
+            "1 uJ/K", "magnet_capacity": "1 J/K", "winding_to_ambient": "1 K/W"}},
+            "motor.temperature.heating: expected larger capacities, since a temperature changes within 0.5 us"),
         # drive
         ("drive.rates.speed_loop", "7 kHz",
             'drive.rates.speed_loop: "7 kHz": expected a rate that divides current_loop, 15000 Hz'),

@@ -177,6 +177,7 @@ def angle_functions(
     factor = motor.power_factor * motor.pole_pairs
     flux = [(h.order * motor.pole_pairs, h.order * h.q, h.q_phase) for h in motor.flux_harmonics]
     flux += [(h.order * motor.pole_pairs, h.d, h.d_phase) for h in motor.flux_harmonics]
+    flux += [(r.order, r.share * motor.psi_f, r.phase - math.pi / 2) for r in motor.torque_ripple]
     torques = [(h.order, h.torque, h.phase) for h in load.harmonics]
     torques += [(c.order, -(c.torque or 0.0), c.phase) for c in motor.cogging]
     level = load.torque if constant is None else constant

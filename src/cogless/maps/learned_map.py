@@ -25,6 +25,8 @@ def motor_identity(motor: StarMotor) -> int:
     data = struct.pack("<II4d", motor.pole_pairs, motor.phases, motor.R_s, motor.L_d, motor.L_q, motor.psi_f)
     for flux in motor.flux_harmonics:
         data += struct.pack("<I4d", flux.order, flux.d, flux.q, flux.d_phase, flux.q_phase)
+    for ripple in motor.torque_ripple:
+        data += struct.pack("<I2d", ripple.order, ripple.share, ripple.phase)
     for cogging in motor.cogging:
         data += struct.pack("<I2d", cogging.order, cogging.torque or 0.0, cogging.phase)
     return crc32(data)

@@ -58,8 +58,11 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
 
 def motor_config(motor: StarMotor) -> dict[str, Any]:
     numbers = {key: getattr(motor, key) for key in ("pole_pairs", "R_s", "L_d", "L_q", "psi_f")}
+    ripple = [{"order": r.order, "share": r.share, "phase": r.phase} for r in motor.torque_ripple]
     return {
         **numbers,
+        **({"torque_ripple": ripple} if ripple else {}),
+        **({} if motor.temperature is None else {"temperature": motor.temperature.engine_config()}),
         "phases": motor.phases,
         "flux_harmonics": [harmonic.model_dump() for harmonic in motor.flux_harmonics],
         "cogging": [harmonic.model_dump(include={"order", "torque", "phase"}) for harmonic in motor.cogging],

@@ -118,6 +118,7 @@ BOTH: tuple[Callable[[Any], None], ...] = (
     references,
     baseline,
     outer_loop,
+    numerics.heating,
     energy,
     metric_checks.known_signals,
     metric_checks.metrics,

@@ -20,8 +20,8 @@ OF_LINEAR_PLANTS = ("y_ref", "y", "y_error", "u", "load")  # signals beside thos
 # Dimension of every signal that a run may have, recorded or derived; a linear plant's have no unit.
 SIGNALS = {
     **dict.fromkeys(OF_LINEAR_PLANTS, units.NONE),
-    **dimensions(("electrical", "three_phases", "path", "energy"), C_LAWS),
-    **dimensions(("electrical", "three_phases", "energy", "trials", "trial_law"), ()),
+    **dimensions(("electrical", "three_phases", "path", "thermal", "energy"), C_LAWS),
+    **dimensions(("electrical", "three_phases", "thermal", "energy", "trials", "trial_law"), ()),
 }
 
 OWN_DIMENSIONS = {

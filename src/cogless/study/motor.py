@@ -26,6 +26,7 @@ from cogless.study.table import (
     TorqueConstant,
     invalid,
 )
+from cogless.study.temperature import MotorTemperature
 
 Order = Annotated[int, Field(ge=1, le=10_000)]
 
@@ -41,6 +42,29 @@ class FluxHarmonic(Table):
     q: FluxAmplitude = 0.0  # Wb
     d_phase: Angle = 0.0  # rad
     q_phase: Angle = 0.0  # rad
+
+
+class TorqueRipple(Table):
+    """A harmonic of the torque constant over the mechanical angle, in per cent of its mean.
+
+    K_t (1 + percent / 100 sin(order theta_m + phase)).
+    """
+
+    order: Order
+    percent: float | None = None  # amplitude
+    percent_peak_to_peak: float | None = None  # twice the amplitude
+    phase: Angle = 0.0  # rad
+
+    @model_validator(mode="after")
+    def _one_amplitude(self) -> Self:
+        if (self.percent is None) == (self.percent_peak_to_peak is None):
+            raise invalid("expected either percent, such as 1.5, or percent_peak_to_peak")
+        return self
+
+    @property
+    def share(self) -> float:
+        """Amplitude as a share of K_t."""
+        return (self.percent_peak_to_peak or 0.0) / 200 if self.percent is None else self.percent / 100
 
 
 class Cogging(Table):
@@ -100,7 +124,9 @@ class Motor(Table):
     rated_torque: Torque | None = None  # N*m, informative
     rated_speed: AngularSpeed | None = None  # rad/s, informative
     flux_harmonics: Many[FluxHarmonic] = ()
+    torque_ripple: Many[TorqueRipple] = ()
     cogging: Many[Cogging] = ()
+    temperature: MotorTemperature | None = None
 
     @model_validator(mode="after")
     def _words(self) -> Self:
@@ -181,6 +207,8 @@ class Motor(Table):
             flux_harmonics=tuple(
                 h.model_copy(update={"d": flux * h.d, "q": flux * h.q}) for h in self.flux_harmonics
             ),
+            torque_ripple=self.torque_ripple,
+            temperature=self.temperature,
             cogging=tuple(c.as_torque(K_t) for c in self.cogging),
         )
 
@@ -200,6 +228,8 @@ class StarMotor:
     flux_harmonics: tuple[FluxHarmonic, ...]
     cogging: tuple[Cogging, ...]
     phases: int = 3
+    torque_ripple: tuple[TorqueRipple, ...] = ()
+    temperature: MotorTemperature | None = None  # of the simulated motor; the rest is at its reference
 
     @property
     def power_factor(self) -> float:

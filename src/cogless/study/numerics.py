@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from cogless.study.mechanics import Mechanics
     from cogless.study.motor import StarMotor
     from cogless.study.study import Study
+    from cogless.study.trial_study import TrialStudy
 
 LARGEST_STEP = 0.5  # RK4 step in time constants: at 0.5 its error is 0.04 % per step, at 2.8 it is unstable
 FEWEST_SAMPLES = 4  # per learned period, at least; the lead may be at most the period / FEWEST_SAMPLES
@@ -45,7 +46,8 @@ def natural_rates(
     inductance, inertia = min(motor.L_d, motor.L_q), mechanics.inertia
     swing = motor.K_t * motor.pole_pairs * motor.psi_f / (inertia * inductance)
     flux_orders = [h.order * motor.pole_pairs for h in motor.flux_harmonics]
-    orders = [motor.pole_pairs, *flux_orders, *(h.order for h in motor.cogging)]
+    torque_orders = [*(r.order for r in motor.torque_ripple), *(h.order for h in motor.cogging)]
+    orders = [motor.pole_pairs, *flux_orders, *torque_orders]
     cogging = sum(abs(h.torque or 0.0) * h.order for h in motor.cogging)
     of_current = [
         (motor.R_s / inductance, "the current (R_s / L)"),
@@ -57,6 +59,17 @@ def natural_rates(
         (math.sqrt(cogging / inertia), "the speed in the cogging torque"),
         (top * max(orders), "the highest order at top speed"),
     ]
+
+
+def heating(study: Study | TrialStudy) -> None:
+    """Check that temperatures, which are integrated once per current-loop period, change slowly."""
+    temperature = None if study.motor is None else study.motor.star().temperature
+    if temperature is None or temperature.heating is None or study.drive is None:
+        return
+    fastest, rate = temperature.heating.fastest, study.drive.rates.current_loop
+    if fastest > LARGEST_STEP * rate:
+        expected = f"expected larger capacities, since a temperature changes within {1e6 / fastest:.3g} us"
+        raise invalid(expected, "motor", "temperature", "heating")
 
 
 def dead_time(study: Study) -> None:

@@ -10,6 +10,7 @@ from cogless import units
 from cogless.c_laws import C_LAWS
 from cogless.signals import dimensions, exists
 from cogless.study.metric import OF_LINEAR_PLANTS
+from cogless.study.motor import Motor
 from cogless.study.space_controller import SpaceLearning
 from cogless.study.trial_controller import TrialLaw
 from cogless.study.trial_study import TrialStudy
@@ -24,6 +25,7 @@ OF_A_LAW = "expected a signal that a controller of this study has"
 NEEDED = {
     "electrical": "expected another, since the current loop is ideal",
     "three_phases": "expected another, since the motor has two phases",
+    "thermal": "expected another, or a table motor.temperature",
     "energy": "expected another, or trace.energy = true",
     "path": OF_A_LAW,
     "trial_law": OF_A_LAW,
@@ -50,6 +52,7 @@ def kinds(study: Study | TrialStudy) -> set[str]:
     has = {
         "electrical": study.drive is not None and not study.drive.ideal,
         "three_phases": motor is not None and motor.phases == 3,
+        "thermal": isinstance(motor, Motor) and motor.temperature is not None,
         "energy": study.trace.energy,
         "path": any(isinstance(law, SpaceLearning) for law in study.controller.values()),
         "trials": trials,
