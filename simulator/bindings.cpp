@@ -129,15 +129,18 @@ Reals law_memory(const Drive& drive, DriveState& state) {
     return array_of<Reals>(*cells, {cells->size()});
 }
 
-// Throws std::invalid_argument for a law that has no memory, or one of another length.
-void load_memory(const Drive& drive, DriveState& state, const std::vector<double>& values) {
-    std::vector<cgl_real>* cells = drive.cells(state);
-    if (cells == nullptr) throw std::invalid_argument("this law has no memory");
-    if (values.size() != cells->size()) {
-        throw std::invalid_argument("the memory has " + std::to_string(cells->size()) + " entries, not " +
-                                    std::to_string(values.size()));
-    }
-    std::transform(values.begin(), values.end(), cells->begin(), [](double x) { return static_cast<cgl_real>(x); });
+// Throws std::invalid_argument for a law without a map, or values of another shape.
+void load_map(const Drive& drive, DriveState& state, const std::vector<std::vector<double>>& values) {
+    std::visit(
+        [&](const auto& law) {
+            using State = typename std::decay_t<decltype(law)>::State;
+            if constexpr (requires(State s) { law.load(s, values); }) {
+                law.load(std::get<State>(state.law), values);
+            } else {
+                throw std::invalid_argument("this law has no map");
+            }
+        },
+        drive.config().law);
 }
 
 nb::dict quality_of(const Drive&, const DriveState& state) {
@@ -296,8 +299,8 @@ NB_MODULE(COGLESS_MODULE, m) {
         .def("begin_trial", &begin_trial, "state"_a, "trajectory"_a)
         .def("end_trial", &Drive::end_trial, "state"_a);
     drive.def("law_memory", &law_memory, "state"_a, "A copy of all of the law's memory, which in C is the caller's.");
-    drive.def("load_memory", &load_memory, "state"_a, "values"_a,
-              "Puts all of the law's memory in, such as an anti-cogging table.");
+    drive.def("load_map", &load_map, "state"_a, "values"_a,
+              "Loads a map of the form of `stored`, (channels, cells), into the law's memory, before its first step.");
     drive.def("quality", &quality_of, "state"_a,
               "How good learning is: 'residual' rad/s, 'progress', 'improving', 'worsening'; all of it if 'known'.");
 

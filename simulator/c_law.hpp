@@ -140,6 +140,12 @@ struct CLaw {
         Row::set_memory(s.law, s.cell);
         return stored_map<Row::map_of>(s.law);
     }
+    void load(auto& s, const std::vector<std::vector<double>>& values) const
+        requires HasMemory<Row>
+    {
+        Row::set_memory(s.law, s.cell);
+        put_map<Row::map_of>(s.law, values);
+    }
     // For a law that learns over an angle: revolutions of the rotor that contain a whole number of the memory's periods.
     int turns() const
         requires requires(const Config& c) { c.ratio; c.memory.turns; }

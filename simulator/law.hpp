@@ -1,6 +1,7 @@
 // Inputs, outputs and learned values that all laws have in common.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -59,6 +60,23 @@ std::optional<Stored> stored_map(const CState& law) {
         stored.entries.insert(stored.entries.end(), first, first + stored.about.cells);
     }
     return stored;
+}
+
+// Puts values, channel by channel, in place of what a law has learned. Throws std::invalid_argument if it has no map, or one of
+// another shape.
+template <auto map_of, class CState>
+void put_map(const CState& law, const std::vector<std::vector<double>>& values) {
+    cgl_map map;
+    if (map_of(&law, &map) != CGL_MAP_OK) throw std::invalid_argument("this law has no map");
+    const auto fits = [&map](const auto& channel) { return channel.size() == map.cells; };
+    if (values.size() != map.channels || !std::all_of(values.begin(), values.end(), fits)) {
+        throw std::invalid_argument("the map has " + std::to_string(map.channels) + " channels of " + std::to_string(map.cells) +
+                                    " entries");
+    }
+    for (std::uint32_t c = 0; c < map.channels; ++c) {
+        std::transform(values[c].begin(), values[c].end(), map.entry + std::size_t{c} * map.stride,
+                       [](double x) { return static_cast<cgl_real>(x); });
+    }
 }
 
 // Throws std::invalid_argument if a law's init returned an error.

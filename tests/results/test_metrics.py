@@ -65,6 +65,17 @@ def test_sine_has_its_closed_forms():
     assert value("maximum", trace(x=lambda time: -5 + 0 * time)) == 5
 
 
+def test_jitter_and_relative_ripple_of_a_sine():
+    """3 + 2 sin: sigma is sqrt(2); from 1 to 5, so the ratio is 4/6, also of a negative signal."""
+    window = (1.0, 2.0 - 1 / RATE)
+    for sign in (1, -1):
+        t = trace(x=lambda time, sign=sign: sign * (3 + 2 * np.sin(2 * np.pi * 5 * time)))
+        assert value("three-sigma", t, window=window) == pytest.approx(3 * math.sqrt(2), rel=1e-9)
+        assert value("ripple-ratio", t, window=window) == pytest.approx(4 / 6, rel=1e-9)
+    assert math.isnan(value("ripple-ratio", trace(x=lambda time: np.where(time < 2, 1.0, -1.0))))
+    assert value("ripple-ratio", trace(x=5.0)) == 0
+
+
 @pytest.mark.parametrize("frame", ["electrical", "mechanical"])
 @pytest.mark.parametrize("direction", [1, -1])
 def test_orders_under_acceleration(frame, direction):

@@ -170,18 +170,19 @@ def test_a_controller_without_step_is_refused() -> None:
         drive.advance(drive.start(), _simulator_f32.Recorder(drive, 1), 1, 5)
 
 
-def test_the_memory_can_be_put_back() -> None:
+def test_a_map_can_be_put_back() -> None:
     drive = drive_of(_simulator_f32, config(CHANGE))
     _, state = rows(drive, _simulator_f32, 8000)
-    learned, fresh = drive.law_memory(state), drive.start()
-    drive.load_memory(fresh, learned)
-    assert np.array_equal(drive.law_memory(fresh), learned)
-    with pytest.raises(ValueError, match=f"{len(learned)} entries, not 3"):
-        drive.load_memory(fresh, [1.0, 2.0, 3.0])
+    learned, fresh = drive.stored(state)["values"], drive.start()
+    assert learned.any()
+    drive.load_map(fresh, learned)
+    assert np.array_equal(drive.stored(fresh)["values"], learned)
+    with pytest.raises(ValueError, match=f"1 channels of {learned.shape[1]} entries"):
+        drive.load_map(fresh, [[1.0, 2.0, 3.0]])
     plain = drive_of(_simulator_f32, config())
     assert len(plain.law_memory(plain.start())) == 0
-    with pytest.raises(ValueError, match="this law has no memory"):
-        plain.load_memory(plain.start(), [1.0])
+    with pytest.raises(ValueError, match="this law has no map"):
+        plain.load_map(plain.start(), [[1.0]])
 
 
 @pytest.mark.parametrize(("section", "key"), [("drive", "control"), ("controller", "config")])

@@ -192,7 +192,7 @@ def speed_loop(study: Study, scenario: str | None = None) -> SpeedLoop:
 def _speed_loop(study: Study, scenario: str | None) -> SpeedLoop:
     study_here = study if scenario is None else for_scenario(study, scenario)
     rates, sensor, motor = study_here.drive.rates, study_here.drive.position_sensor, study_here.motor.star()
-    K_t = motor.K_t if scenario is not None else motor.power_factor * motor.pole_pairs * study.belief.psi_f
+    K_t = motor.K_t if scenario is not None else study.K_t
     bus = study_here.drive.bus
     window = sensor.periods(rates.divider) if isinstance(sensor, Counted) else 0
     if isinstance(sensor, Hall):

@@ -33,7 +33,7 @@ UNITS = (
     ("amplitude of the sine", "A", "sine_A"),
     ("order", "", "order"),
 )
-ORDER = 8  # code of the unit
+CURRENT, COSINE, SINE, ORDER = 1, 6, 7, 8  # codes of units
 
 Array = NDArray[np.float32]
 # All of the header except its CRC.

@@ -31,6 +31,7 @@ SQUARES = {
     "rms": "rms",
     "maximum": "rms",
     "ripple-rms": "ripple-rms",
+    "three-sigma": "ripple-rms",
     "peak-to-peak": "ripple-rms",
     "order": "order",
 }

@@ -165,6 +165,17 @@ def ripple_rms(m: MetricInput) -> Array:
     return np.asarray(np.std(m.x, axis=-1))
 
 
+def three_sigma(m: MetricInput) -> Array:
+    """Three times the root of the mean square about the mean, in the signal's unit."""
+    return 3 * ripple_rms(m)
+
+
+def ripple_ratio(m: MetricInput) -> float:
+    """(max - min) / |max + min|: half the peak-to-peak value over the middle; NaN if that is 0."""
+    high, low = float(np.max(m.x)), float(np.min(m.x))
+    return (high - low) / abs(high + low) if high + low else math.nan
+
+
 def mean(m: MetricInput) -> Array:
     """Mean over time, in the signal's unit."""
     return np.asarray(np.mean(m.x, axis=-1))
@@ -284,6 +295,8 @@ KINDS: dict[str, Callable[[MetricInput], Value | Array]] = {
     "peak-to-peak": peak_to_peak,
     "rms": rms,
     "ripple-rms": ripple_rms,
+    "three-sigma": three_sigma,
+    "ripple-ratio": ripple_ratio,
     "mean": mean,
     "maximum": maximum,
     "order": order,

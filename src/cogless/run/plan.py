@@ -18,9 +18,10 @@ from cogless.results.status import Status
 from cogless.run.advance import ENGINES, advance, failures, trace_of
 from cogless.run.drive_config import Mode, engine_config
 from cogless.run.own_law import make_law
+from cogless.run.starting import starting_map
 from cogless.run.trial_config import engine_config as trial_config
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
-from cogless.study.controller import AntiCogging
+from cogless.study.controller import AntiCogging, Startable
 from cogless.study.trial_controller import TrialLaw
 
 
@@ -28,8 +29,9 @@ from cogless.study.trial_controller import TrialLaw
 class Plan:
     """A run that is ready to start.
 
-    `engine`: the engine's Python module. `description`: the run as the engine reads it. `table`: contents of
-    the law's memory at the start, A, or empty. `design`: gains of a law of trials, else None.
+    `engine`: the engine's Python module. `description`: the run as the engine reads it. `learned`: what
+    the law's map has at the start, channels of entries, or None. `design`: gains of a law of trials, else
+    None.
     """
 
     study: AnyStudy
@@ -43,13 +45,13 @@ class Plan:
     divider: int  # ticks per sample of the law
     decimation: int  # ticks per row of the trace
     design: TrialDesign | None = None
-    table: Any = ()
+    learned: Any = None
 
     def start(self) -> Any:
-        """The state at time zero, with `table` loaded into the law's memory."""
+        """The state at time zero, with `learned` loaded into the law's memory."""
         state = self.drive.start()
-        if len(self.table):
-            self.drive.load_memory(state, self.table)
+        if self.learned is not None:
+            self.drive.load_map(state, self.learned)
         return state
 
     @property
@@ -84,10 +86,12 @@ def plan(
         if design is None and isinstance(study.controller[controller], TrialLaw):
             design = design_study(study, [(scenario, controller)])[scenario, controller]
         return _trials(study, scenario, controller, design)
-    made = _speed(study, scenario, controller, "run")
-    if not isinstance(study.controller[controller], AntiCogging):
+    made, law = _speed(study, scenario, controller, "run"), study.controller[controller]
+    if isinstance(law, Startable) and law.start is not None:
+        return replace(made, learned=starting_map(study, controller, law, made.drive))
+    if not isinstance(law, AntiCogging):
         return made
-    return replace(made, table=_commissioned(study, scenario, controller, stop or Event()))
+    return replace(made, learned=_commissioned(study, scenario, controller, stop or Event()))
 
 
 @contextmanager
@@ -151,7 +155,7 @@ def _commissioned(study: Study, scenario: str, controller: str, stop: Event) -> 
     StudyError: the run isn't done after three times the expected duration.
     """
     law = study.controller[controller]
-    assert isinstance(law, AntiCogging)
+    assert isinstance(law, AntiCogging) and law.calibration is not None
     made = _speed(study, scenario, controller, "learn")
     drive, state, expected = made.drive, made.drive.start(), law.calibration.duration
     piece = made.divider * math.ceil(made.rate / made.divider)  # 1 s
@@ -160,6 +164,6 @@ def _commissioned(study: Study, scenario: str, controller: str, stop: Event) -> 
         with failures(study, scenario, controller, lambda: f", commissioning run,{made.when(state.tick)}"):
             advance(partial(drive.advance, state, recorder), piece, lambda share: None, stop)
         if not int(trace_of(drive, recorder)["status"][-1]) & Status.BUSY:
-            return drive.law_memory(state).tolist()
+            return drive.stored(state)["values"]
     line = f"{study.source.path}: controller.{controller}.calibration: scenario {scenario}"
     raise StudyError(f"{line}: not done after {3 * expected:.3g} s: expected kp and ki that hold its speed")

@@ -23,7 +23,7 @@ from cogless.run.carry_out import carried_out, carried_out_together
 from cogless.run.plan import Plan, plan
 from cogless.run.side_by_side import side_by_side
 from cogless.study import AnyStudy, Study, TrialStudy
-from cogless.study.controller import OwnLaw
+from cogless.study.controller import OwnLaw, Startable
 
 StudyProgress = Callable[[str, str, float], None]
 
@@ -189,12 +189,14 @@ def _without_trace(run: Run | StudyError) -> Run | StudyError:
 
 
 def _prepare(study: AnyStudy, runs: Sequence[tuple[str, str]]) -> Designs:
-    """Compute the designs for these runs of trials, and load each user's controller once.
+    """Compute the designs for these runs of trials, and load each user's controller and each starting map
+    once.
 
     So a missing file or class is found before the first run.
     """
     for controller, scenario in {controller: scenario for scenario, controller in reversed(runs)}.items():
-        if isinstance(study.controller[controller], OwnLaw):
+        law = study.controller[controller]
+        if isinstance(law, OwnLaw) or (isinstance(law, Startable) and law.start is not None):
             plan(study, scenario, controller)
     return design_study(study, runs) if isinstance(study, TrialStudy) else {}
 

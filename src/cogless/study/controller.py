@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
+from cogless.study.start import Start
 from cogless.study.table import (
     AccelerationGain,
     CurrentBound,
@@ -147,7 +148,13 @@ def check_cells(cells: int, q_half_width: int, line: bool) -> None:
         raise invalid(f"expected a filter within the {cells} cells of the memory", "q_half_width")
 
 
-class LearnsWhileRunning(Base):
+class Startable(Base):
+    """A law whose map over the angle can be one that was learned before."""
+
+    start: Start | None = None  # default: zeros
+
+
+class LearnsWhileRunning(Startable):
     """A law that learns during the run, from a time on."""
 
     learning_start: StartTime = 0.0  # s
@@ -287,20 +294,29 @@ class Commissioning(Table):
         return 2 * (self.revolutions + SETTLING) * 2 * math.pi / self.speed
 
 
-class AntiCogging(Feedback):
-    """PI with a current table over the mechanical angle, learned in a commissioning run."""
+UNUSED = Commissioning(speed=1.0, position_gain=0.0)
+
+
+class AntiCogging(Feedback, Startable):
+    """PI with a current table over the mechanical angle, learned in a commissioning run or before."""
 
     law: Literal["anti-cogging"]
     cells: Annotated[int, Field(ge=4, le=MOST_CELLS)] = 720  # a revolution
     lead: StartTime = 0.0  # s: the table is read at the angle expected after this time
-    calibration: Commissioning
+    calibration: Commissioning | None = None  # in place of a start
+
+    @model_validator(mode="after")
+    def _filled_once(self) -> Self:
+        if (self.calibration is None) == (self.start is None):
+            raise invalid("expected either a calibration, which fills the table, or a start")
+        return self
 
     @property
     def learned(self) -> bool:
         return True
 
     def c_config(self, loop: LawLoop) -> dict[str, Any]:
-        run = self.calibration.model_dump()
+        run = (self.calibration or UNUSED).model_dump()
         return {"pi": self.pi_config(loop), "cells": self.cells, "lead": self.lead, **run}
 
 

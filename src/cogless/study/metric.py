@@ -25,6 +25,7 @@ SIGNALS = {
 }
 
 OWN_DIMENSIONS = {
+    "ripple-ratio": units.NONE,
     "trials-to-floor": units.NONE,
     "copper-loss": units.POWER,
     "chattering": units.CURRENT,
@@ -51,6 +52,8 @@ class Metric(Table):
         "peak-to-peak",
         "rms",
         "ripple-rms",
+        "three-sigma",
+        "ripple-ratio",
         "mean",
         "maximum",
         "order",

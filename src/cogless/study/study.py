@@ -30,6 +30,12 @@ class Study(StudyBase):
         return self.drive.belief.resolved(self.motor.star())
 
     @property
+    def K_t(self) -> float:
+        """Torque constant that the controller assumes, N*m/A."""
+        motor = self.motor.star()
+        return motor.power_factor * motor.pole_pairs * self.belief.psi_f
+
+    @property
     def trace_rate(self) -> float:
         """Recorded rows per second, Hz."""
         return self.trace.rate or self.drive.rates.current_loop
