@@ -1,7 +1,8 @@
 """Poles of a sampled position or speed loop: whether it is stable, and how fast an oscillation grows if not.
 
 The state is the plant's x of pi.py, x' = A x + B i_ref from one sample of the law to the next, with the
-angles that the sensor remembers, the integral, a filter's states, and a delay's past speeds and angles. The feedback is
+angles that the sensor remembers, the integral, a filter's states, and a delay's past speeds and angles. The
+feedback is
 
     i_ref = -(k + k_i T z / (z - 1) + sum R) omega_t - k_v ratio theta,
     omega_t = ratio (omega + k_theta theta)
