@@ -170,15 +170,23 @@ def test_an_angle_of_several_turns_is_measured_without_jumps() -> None:
 
 
 def test_each_trial_starts_afresh() -> None:
-    """Without learning, all trials are the same: plant, lagged load, sensors and current loop."""
+    """Without learning, all trials are the same: plant, load, sensors, filter, bus and current loop."""
     fresh: dict[str, Any] = {
         "motor": RIPPLE,
         "mechanics": {"coulomb_friction": 0.02, "breakaway_friction": 0.03},
         "load": {"torque": 0.1, "lag": 0.01, "time_table": {"time": [0.1, 0.4], "torque": [0.0, 0.3]}},
         "initial_speed": 0.7,
     }
-    for loop in ({"ideal_current": True}, {"ideal_current": False}):
-        sensor = {"kind": "encoder", "counts": 2000.0, "speed_method": "MT", "timer": 1e6}
+    timed = {"kind": "encoder", "counts": 2000.0, "speed_method": "MT", "timer": 1e6}
+    late = {"kind": "absolute", "counts": 2.0**14, "speed_method": "average", "window": 8, "latency": 3e-4}
+    hall = {"kind": "hall", "counts": 24.0, "window": 6, "timer": 1e6, "placement": 6 * [0.0]}
+    bus = {"delay_measured": 2e-3, "delay_command": 3e-3, "jitter": 0.0, "quantum": 1e-3}
+    for sensor, loop in (
+        (timed, {"ideal_current": True}),
+        (timed, {"ideal_current": False}),
+        (late, {"ideal_current": True, "speed_filter": 600.0, "bus": bus}),
+        (hall, {"ideal_current": True}),
+    ):
         settings = trial_config(
             3,
             [phase(0, THERE_AND_BACK, [(80, 0.4)], **fresh)],
