@@ -164,7 +164,7 @@ def test_a_position_sensor_has_all_that_belongs_to_one(kind: str) -> None:
     model = "IdealSensor" if kind == "ideal" else kind.title()
     places = {
         "simulator/config.cpp": '{{"{}", PositionSensorKind::',
-        "simulator/position_sensor.hpp": "PositionSensorKind::{}",
+        "simulator/position_sensor.hpp": "// {}: ",
         "tests/simulator/*.py": '"{}"',
         "docs/theory/sensors.md": "**{}**",
         "docs/guide/study-file.md": "study-table}} position_sensor." + model,

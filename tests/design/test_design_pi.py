@@ -19,6 +19,7 @@ from rich.console import Console
 from scipy.linalg import expm
 
 import studies
+from cogless.design.closed_loop import Linear, poles
 from cogless.design.current_loop import CurrentLoop, current_loops
 from cogless.design.margins import Margins
 from cogless.design.pi import SpeedLoop, gains, margins, phase_margin_pi, speed_loop
@@ -264,6 +265,32 @@ def test_the_simulated_drive_starts_to_oscillate_at_the_gain_margin(
     assert below < 0.7
     assert above > 1.4
     assert turning / loop.period == pytest.approx(design.margins.phase_crossover, rel=0.003)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"delay": 1e-3},
+        {"delay": 2.3e-3},
+        {"delay": 0.4e-3},
+        {"low_pass": FILTER, "held": True},
+        {"low_pass": FILTER},
+        {"low_pass": 2 * FILTER, "held": True, "delay": 3e-3},
+    ],
+)
+@pytest.mark.parametrize("window", [0, 10, 25])
+def test_poles_leave_the_circle_at_the_gain_margin(window: int, more: dict[str, Any]) -> None:
+    """A delay of part of a sample is a straight line between two, which damps where the phase crosses."""
+    loop = SpeedLoop(b=1.5 * 4 * 0.005 / 5e-5, steps=10, window=window, current=INNER, **more)
+    design = phase_margin_pi(loop, tuning(math.radians(60)))
+
+    def largest(factor: float) -> float:
+        gain = factor * design.margins.gain_margin
+        return radius(poles(loop, Linear(1, gain * design.kp, k_i=gain * design.ki)))
+
+    exact = more.get("delay", 0.0) * 1e3 % 1 == 0 and (more.get("held") or "low_pass" not in more)
+    assert largest(0.999 if exact else 0.93) < 1
+    assert largest(1.001 if exact else 1.2) > 1
 
 
 def test_the_simulated_current_loop_starts_to_oscillate_at_its_gain_margin() -> None:

@@ -430,7 +430,7 @@ def test_a_linear_plant_has_no_drive(tmp_path: Path) -> None:
             "ilc",
             {},
             (
-                "16384 counts: the mean over 16 calls, 2 ms",
+                "a resolver of 16384 counts, by the code that was simulated: `cogless/speed_count.h` says",
                 "the law every 20 calls. The study's current loop is ideal",
                 "the current references are zero",
                 ".motion",

@@ -21,11 +21,10 @@ TURN = 2 * math.pi
 OFF = math.radians(0.5)
 ENCODER = {
     "kind": "encoder",
-    "lines": 5000,
+    "counts": 20000.0,
     "speed_method": "MT",
     "timer": 1e9,
-    "eccentricity": OFF,
-    "eccentricity_phase": 0.3,
+    "error": [{"order": 1, "amplitude": OFF, "phase": 0.3}],
 }
 STUDY = (
     f'title = "An encoder that is off centre"\n{studies.IDEAL}'

@@ -91,8 +91,9 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'trace.rate: "4 kHz": expected a rate that divides drive.rates.current_loop, 15000 Hz'),
         ("drive.current_loop.kp", "1 V/A",
             'drive.current_loop: expected either kp and ki or bandwidth, such as "800 Hz"'),
-        ("drive.position_sensor", {"kind": "hall"},
-            'drive.position_sensor.kind: "hall": expected one of "ideal", "encoder", "resolver"'),
+        ("drive.position_sensor", {"kind": "laser"},
+            'drive.position_sensor.kind: "laser": expected one of "ideal", "encoder", "absolute", '
+            '"resolver", "hall"'),
         ("drive.position_sensor", {"lines": 3},
             "drive.position_sensor.kind: missing: expected one that says which kind it is"),
         ("drive.position_sensor", {"kind": "ideal", "lines": 3},

@@ -1,7 +1,8 @@
 """Poles of a sampled position or speed loop: whether it is stable, and how fast an oscillation grows if not.
 
 The state is the plant's x of pi.py, x' = A x + B i_ref from one sample of the law to the next, with the
-angles that the sensor remembers and the integral. The feedback is
+angles that the sensor remembers, the integral, a filter's states, and a delay's past speeds and angles. The
+feedback is
 
     i_ref = -(k + k_i T z / (z - 1) + sum R) omega_t - k_v ratio theta,
     omega_t = ratio (omega + k_theta theta)
@@ -74,7 +75,12 @@ def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = (
     whole, states = loop.step_of(loop.steps), REFERENCE
     samples = -(-loop.window // loop.steps)  # over which the sensor looks back
     first = states + 1 + samples
-    size = first + 2 * len(resonators)  # x, the integral, past angles, resonators' states in a fixed frame
+    filtered = first + 2 * len(resonators)
+    delayed, late = filtered + 2 * bool(loop.low_pass), loop.delay / loop.period
+    back = int(late + ROUNDING)  # whole samples
+    held = back + 1 if loop.delay else 0
+    # x, the integral, past angles, resonators' states in a fixed frame, the filter, past speeds and angles
+    size = delayed + 2 * held
 
     def unit(n: int) -> Real:
         return np.asarray(np.eye(size)[n])
@@ -82,11 +88,29 @@ def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = (
     omega = unit(OMEGA)
     if samples:
         omega = (unit(THETA) - unit(first - 1)) / (loop.window * loop.current.period)
-    omega_t = feedback.ratio * (omega + feedback.k_theta * unit(THETA))
-    integral = unit(states) + feedback.k_i * loop.period * omega_t
-    wanted = -feedback.k * omega_t - integral - feedback.k_v * feedback.ratio * unit(THETA)
-
     step = np.zeros((size, size))
+    if loop.low_pass:
+        a_step = math.exp(-loop.low_pass * loop.current.period)
+        kept = a_step**loop.steps
+        new = 1 - a_step if loop.held else (1 - kept) / 2  # else its input moves between two samples
+        step[filtered + 1] = omega
+        step[filtered] = kept * unit(filtered) + (1 - kept - new) * unit(filtered + 1) + new * omega
+        omega = step[filtered].copy()
+
+    def past(signal: Real, line: int) -> Real:
+        """The signal `loop.delay` ago, kept at `line`; straight between two samples."""
+        if not held:
+            return signal
+        each = [signal, *(unit(line + n) for n in range(held))]
+        step[line : line + held] = each[:-1]
+        share = max(0.0, late - back)
+        return np.asarray((1 - share) * each[back] + share * each[back + 1])
+
+    omega, theta = past(omega, delayed), past(unit(THETA), delayed + held)
+    omega_t = feedback.ratio * (omega + feedback.k_theta * theta)
+    integral = unit(states) + feedback.k_i * loop.period * omega_t
+    wanted = -feedback.k * omega_t - integral - feedback.k_v * feedback.ratio * theta
+
     for n, each in enumerate(resonators):
         turn, phase, at = each.w * loop.period, each.w * each.lead, first + 2 * n
         p, q = unit(at), unit(at + 1)

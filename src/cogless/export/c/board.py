@@ -5,9 +5,9 @@ from __future__ import annotations
 from importlib.resources import files
 from string import Template
 
-from cogless.export.c.motion import HEADERS
+from cogless.export.c.motion import HEADERS, corner, sensor
 from cogless.export.c.subject import Subject
-from cogless.study.position_sensor import Encoder, IdealSensor, Resolver
+from cogless.study.position_sensor import Counted, Encoder, Hall
 
 
 def board(subject: Subject) -> dict[str, str]:
@@ -82,20 +82,29 @@ def _measured(subject: Subject) -> str:
 
 def _speed(subject: Subject) -> str:
     """Text on how the study's sensor measures the speed."""
-    drive = subject.study.drive
-    sensor = drive.position_sensor if drive is not None else IdealSensor()
-    if isinstance(sensor, Encoder):
-        return (
-            f"from an encoder of {sensor.lines} lines, {4 * sensor.lines} counts, by the code that was "
-            f"simulated: `cogless/{HEADERS[sensor.speed_method]}` says what it measures, `measure_motion` in "
-            "the example calls it"
+    found, simulated = sensor(subject), "by the code that was simulated"
+    frequency = corner(subject)
+    then = (
+        "" if frequency is None else f", then through a low-pass of {frequency:g} Hz (`cogless/low_pass.h`)"
+    )
+    example = "`measure_motion` in the example calls it"
+    if isinstance(found, Hall):
+        return f"from Hall sensors, {simulated}: `cogless/hall.h` says what it measures{then}, {example}"
+    if isinstance(found, Counted):
+        kind = (
+            f"{found.lines} lines, {found.counts} counts"
+            if isinstance(found, Encoder)
+            else f"{found.counts} counts"
         )
-    if isinstance(sensor, Resolver):
-        time = 1e3 * sensor.window / subject.rate
-        how = f"a resolver of {2**sensor.bits} counts: the mean over {sensor.window} calls, {time:.3g} ms"
-    else:
-        return "as it is: the study's sensor is ideal. A real one's delay is in none of the gains"
-    return f"measured as in the study, since gains and `.speed_window` assume it. {how[0].upper()}{how[1:]}"
+        article = "an" if found.kind in ("encoder", "absolute") else "a"
+        name = "absolute encoder" if found.kind == "absolute" else found.kind
+        header = HEADERS[found.speed_method]
+        says = f"`cogless/{header}` says what it measures{then}, {example}"
+        return f"from {article} {name} of {kind}, {simulated}: {says}"
+    return (
+        "measured as in the study, since gains and `.speed_window` assume it. As it is: the study's sensor "
+        f"is ideal{then}. A real one's delay is in none of the gains"
+    )
 
 
 def _maps(subject: Subject) -> str:

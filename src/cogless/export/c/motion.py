@@ -1,28 +1,34 @@
-"""Code for the example: angle and speed from the study's encoder, by the parts that simulated them."""
+"""Code for the example: angle and speed from the study's sensor, by the parts that simulated them."""
 
 from __future__ import annotations
 
+import math
 from string import Template
 
 from cogless.export.c.literals import real
 from cogless.export.c.subject import Subject
-from cogless.study.position_sensor import Encoder
+from cogless.study.position_sensor import Counted, Encoder, Hall, IdealSensor
 
 HEADERS = {
     "M": "speed_count.h",
+    "average": "speed_count.h",
     "T": "speed_timed.h",
     "MT": "speed_timed.h",
     "observer": "angle_observer.h",
 }
-DECLARATIONS = "uint32_t board_counter(void); /* the encoder's: 16 bits, four counts a line */\n"
-TIMES = """uint32_t board_edge_time(void); /* the timer as captured at the counter's last edge [ticks] */
+COUNTER = "uint32_t board_counter(void); /* the encoder's: 16 bits, four counts a line */\n"
+WORD = "uint32_t board_counter(void); /* the sensor's word, 0 to ${last} */\n"
+HALL = "uint32_t board_hall(void); /* the sector, 0 to 5 in the order of the forward electrical angle */\n"
+TIMES = """uint32_t board_edge_time(void); /* the timer as captured at the last edge [ticks] */
 uint32_t board_timer(void); /* the timer now [ticks] */
 """
-STATES = {
-    "M": """static const cgl_speed_count_config speed_config = {.counts = ${counts}U, .window = 1U};
+COUNTED = """static const cgl_speed_count_config speed_config = {.counts = ${counts}U, .window = ${window}U};
 static cgl_speed_count speed;
-static uint32_t count_before[1];
-""",
+static uint32_t count_before[${window}];
+"""
+STATES = {
+    "M": COUNTED,
+    "average": COUNTED,
     "MT": """static const cgl_speed_timed_config speed_config = {
     .counts = ${counts}U, .timer = ${timer}${last_interval}};
 static cgl_speed_timed speed;
@@ -32,17 +38,43 @@ static cgl_edges edges;
 static cgl_angle_observer speed;
 """,
 }
-DEFINITIONS = """static const cgl_encoder_config encoder_config = {.counts = ${counts}U, .range = 65536U};
+DEFINITIONS = """static const cgl_encoder_config encoder_config = {
+    .counts = ${counts}U, .range = ${range}U${absolute}};
 static cgl_encoder encoder;
 ${states}
-/* The encoder's part of the measurements. Its zero is where it stood at the start: call cgl_encoder_index at
- * the index pulse, or cgl_encoder_place. */
+/* ${about} */
 static void measure_motion(cgl_measurement *now)
 {
 ${due}    cgl_encoder_step(&encoder, board_counter());
     now->theta_m = cgl_radians(encoder.turns);
-${speed}}
+${speed}${filter}}
 """
+ABOUT = """The encoder's part of the measurements. Its zero is where it stood at the start: call
+ * cgl_encoder_index at the index pulse, or cgl_encoder_place."""
+ABOUT_WORD = "The sensor's part of the measurements. encoder_config.zero: its word at angle zero."
+HALL_DEFINITIONS = """static const cgl_hall_config hall_config = {
+    .pole_pairs = ${pole_pairs}U, .edges = ${edges}U, .timer = ${timer}};
+static cgl_hall hall;
+${states}
+/* The Hall sensors' part of the measurements. Which of the electrical revolutions it is they do not know. */
+static void measure_motion(cgl_measurement *now)
+{
+    cgl_hall_step(&hall, board_hall(), board_edge_time(), board_timer());
+    now->theta_m = cgl_radians(hall.turns);
+    now->omega_m = hall.omega_m;
+${filter}}
+"""
+FILTER_DEFINITIONS = """${states}
+/* What the drive does to the measured speed. */
+static void measure_motion(cgl_measurement *now)
+{
+${filter}}
+"""
+FILTER_STATE = """static const cgl_low_pass_config filter_config = {.bandwidth = ${corner}};
+static cgl_low_pass speed_filter;
+"""
+FILTER = "    now->omega_m = cgl_low_pass_step(&speed_filter, now->omega_m);\n"
+FILTER_START = "cgl_low_pass_init(&speed_filter, &filter_config, ${period})"
 DUE = """    static cgl_real omega_m;
     static uint32_t countdown; /* calls until the speed is due, with the law */
 """
@@ -53,64 +85,91 @@ WHEN_DUE = """    if (countdown == 0U) {
     --countdown;
     now->omega_m = omega_m;
 """
+COUNT = "cgl_speed_count_step(&speed, encoder.count)"
 SPEED = {
-    "M": WHEN_DUE.replace("${step}", "cgl_speed_count_step(&speed, encoder.count)"),
+    "M": WHEN_DUE.replace("${step}", COUNT),
+    "average": f"    now->omega_m = {COUNT};\n",
     "MT": "    cgl_edges_pass(&edges, encoder.count, board_edge_time());\n"
     + WHEN_DUE.replace("${step}", "cgl_speed_timed_step(&speed, &edges, board_timer())"),
     "observer": "    cgl_angle_observer_step(&speed, encoder.turns);\n    now->omega_m = speed.omega;\n",
 }
 STARTS = {
-    "M": "cgl_speed_count_init(&speed, &speed_config, ${law_period}, count_before, 1U)",
+    "M": "cgl_speed_count_init(&speed, &speed_config, ${law_period}, count_before, ${window}U)",
+    "average": "cgl_speed_count_init(&speed, &speed_config, ${period}, count_before, ${window}U)",
     "MT": "cgl_speed_timed_init(&speed, &speed_config)",
     "observer": "cgl_angle_observer_init(&speed, &speed_config, ${period})",
 }
-START = """
-           && cgl_encoder_init(&encoder, &encoder_config, board_counter()) == CGL_OK
-           && ${start} == CGL_OK"""
+ENCODER_START = "cgl_encoder_init(&encoder, &encoder_config, board_counter())"
+HALL_START = "cgl_hall_init(&hall, &hall_config)"
 EMPTY = dict.fromkeys(
     ("motion_includes", "motion_declarations", "motion_definitions", "motion_start", "motion_call"), ""
 )
 
 
-def sensor(subject: Subject) -> Encoder | None:
-    """The study's encoder; None for another sensor."""
+def sensor(subject: Subject) -> IdealSensor | Counted | Hall:
+    """The study's position sensor; without a drive, an ideal one."""
     drive = subject.study.drive
-    found = drive.position_sensor if drive is not None else None
-    return found if isinstance(found, Encoder) else None
+    return drive.position_sensor if drive is not None else IdealSensor()
+
+
+def corner(subject: Subject) -> float | None:
+    """Frequency of the drive's speed filter, Hz; None without one."""
+    drive = subject.study.drive
+    return None if drive is None else drive.speed_filter
 
 
 def motion_parts(subject: Subject) -> list[str]:
-    """Headers of the control library that the example needs for the study's sensor."""
-    encoder = sensor(subject)
-    return [] if encoder is None else ["encoder.h", HEADERS[encoder.speed_method]]
+    """Headers of the control library that the example needs for the study's sensor and speed filter."""
+    found = sensor(subject)
+    parts = ["encoder.h", HEADERS[found.speed_method]] if isinstance(found, Counted) else []
+    if isinstance(found, Hall):
+        parts = ["hall.h"]
+    return parts + ["low_pass.h"] * (corner(subject) is not None)
 
 
 def motion(subject: Subject) -> dict[str, str]:
-    """Texts that fill the example's placeholders for angle and speed; empty for a sensor without counts."""
-    encoder = sensor(subject)
-    if encoder is None:
+    """Texts that fill the example's placeholders for angle and speed; empty if the board measures both."""
+    found, frequency = sensor(subject), corner(subject)
+    if isinstance(found, IdealSensor) and frequency is None:
         return EMPTY
-    method = "MT" if encoder.speed_method == "T" else encoder.speed_method
     words = {
-        "counts": str(4 * encoder.lines),
-        "timer": real(encoder.timer, subject.precision),
-        "last_interval": ", .last_interval = true" if encoder.speed_method == "T" else "",
-        "bandwidth": real(encoder.bandwidth, subject.precision),
         "NAME": subject.name.upper(),
         "period": real(1 / subject.rate, subject.precision),
         "law_period": real(subject.divider / subject.rate, subject.precision),
+        "pole_pairs": str(subject.drive_config["pole_pairs"]),
+        "corner": real(math.tau * (frequency or 0.0), subject.precision),
     }
-    parts = {
-        "states": STATES[method],
-        "due": "" if method == "observer" else DUE,
-        "speed": SPEED[method],
-        "start": STARTS[method],
-    }
-    words |= {key: Template(text).substitute(words) for key, text in parts.items()}
+    declarations, starts, states, text, more = "", list[str](), "", FILTER_DEFINITIONS, dict[str, str]()
+    if isinstance(found, Counted):
+        timer = found.timer if isinstance(found, Encoder) else 0.0
+        method = "MT" if found.timed else found.speed_method
+        count = min(found.counts, 2**32 - 1)
+        words |= {
+            "counts": str(count),
+            "last": str(count - 1),
+            "range": "65536" if isinstance(found, Encoder) else str(count),
+            "absolute": "" if isinstance(found, Encoder) else ", .absolute = true",
+            "about": ABOUT if isinstance(found, Encoder) else ABOUT_WORD,
+            "window": str(found.window if method == "average" else 1),
+            "timer": real(timer, subject.precision),
+            "last_interval": ", .last_interval = true" if found.speed_method == "T" else "",
+            "bandwidth": real(found.bandwidth, subject.precision),
+        }
+        declarations = (COUNTER if isinstance(found, Encoder) else WORD) + TIMES * found.timed
+        starts, states, text = [ENCODER_START, STARTS[method]], STATES[method], DEFINITIONS
+        more = {"due": DUE if found.each_law_period else "", "speed": SPEED[method]}
+    elif isinstance(found, Hall):
+        words |= {"edges": str(found.edges), "timer": real(found.timer, subject.precision)}
+        declarations, starts, text = HALL + TIMES, [HALL_START], HALL_DEFINITIONS
+    if frequency is not None:
+        starts, states = [*starts, FILTER_START], states + FILTER_STATE
+    more |= {"states": states, "filter": "" if frequency is None else FILTER}
+    words |= {key: Template(part).substitute(words) for key, part in more.items()}
+    start = "".join(f"\n           && {Template(each).substitute(words)} == CGL_OK" for each in starts)
     return {
         "motion_includes": "".join(f'#include "cogless/{header}"\n' for header in motion_parts(subject)),
-        "motion_declarations": DECLARATIONS + (TIMES if method == "MT" else ""),
-        "motion_definitions": "\n" + Template(DEFINITIONS).substitute(words),
-        "motion_start": Template(START).substitute(words),
+        "motion_declarations": Template(declarations).substitute(words),
+        "motion_definitions": "\n" + Template(text).substitute(words),
+        "motion_start": start,
         "motion_call": "    measure_motion(&now);\n",
     }

@@ -1,0 +1,187 @@
+"""Position sensors, speed filter and bus as a study writes them: what they measure, and what is refused."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import studies
+from cogless.errors import StudyError
+from cogless.export.prepared import prepare
+from cogless.run.drive_config import engine_config
+from cogless.run.simulate import run_study
+from cogless.study import load
+
+SENSOR = "drive.position_sensor"
+OBSERVER = {"speed_method": "observer", "observer_bandwidth": "100 Hz"}
+WORD = {"kind": "absolute", "bits": 14}
+ENCODER = {"kind": "encoder", "lines": 2500}
+WAVES = {1: (0.4, 0.3), 2: (0.15, -1.0)}  # order: amplitude and phase, deg and rad
+TURN = f"""title = "Errors of a sensor"
+{studies.IDEAL}
+[scenario.turn]
+duration = "1.2 s"
+reference = "60 rpm"
+initial_speed = "60 rpm"
+[controller.pi]
+law = "pi"
+kp = "0.002 A/rpm"
+ki = "0.01 A/rpm/s"
+[[metric]]
+name = "position_error"
+kind = "order"
+signal = "theta_sensor_error"
+frame = "mechanical"
+order = [1, 2, 3]
+unit = "deg"
+[[metric]]
+name = "true_ripple"
+kind = "ripple-rms"
+signal = "omega_m"
+[[metric]]
+name = "measured_ripple"
+kind = "ripple-rms"
+signal = "omega_measured"
+"""
+
+
+def csv(folder: Path, points: int = 720) -> str:
+    rows = ["angle [deg],error [deg]"]
+    for n in range(points + 1):
+        angle = 360 * n / points
+        error = sum(a * math.sin(k * math.radians(angle) + p) for k, (a, p) in WAVES.items())
+        rows.append(f"{angle!r},{error!r}")
+    (folder / "error.csv").write_text("\n".join(rows))
+    return "error.csv"
+
+
+def orders() -> list[dict[str, Any]]:
+    return [{"order": k, "amplitude": f"{a} deg", "phase": f"{p} rad"} for k, (a, p) in WAVES.items()]
+
+
+@pytest.mark.parametrize("kind", [WORD, {"kind": "resolver"}, {**ENCODER, "lines": 65536}])
+@pytest.mark.parametrize("by", ["orders", "table"])
+def test_the_orders_of_the_error_are_a_metric(tmp_path: Path, kind: dict[str, Any], by: str) -> None:
+    error = {"error": orders()} if by == "orders" else {"error_table": csv(tmp_path)}
+    study = load(studies.write(tmp_path, TURN), {SENSOR: {**kind, **error}})
+    (run,) = run_study(study).runs
+    found = np.degrees(run.metrics["position_error_rad"])
+    # the angle is sampled in steps, and the trace has two rows a period of the law
+    assert found == pytest.approx([0.4, 0.15, 0.0], abs=2e-3)
+    assert run.metrics["measured_ripple_rad_s"] != run.metrics["true_ripple_rad_s"]
+
+
+def test_eccentricity_is_the_error_of_order_one(tmp_path: Path) -> None:
+    path = studies.write(tmp_path, TURN)
+    eccentric = {**WORD, "eccentricity": "0.4 deg", "eccentricity_phase": "0.3 rad"}
+    ordered = {**WORD, "error": orders()[:1]}
+    one, other = (
+        engine_config(load(path, {SENSOR: sensor}), "turn", "pi")["drive"]["position_sensor"]
+        for sensor in (eccentric, ordered)
+    )
+    assert one == other
+
+
+@pytest.mark.parametrize(
+    ("sensor", "more"),
+    [
+        ({**WORD, "latency": "0.7 ms"}, {}),
+        ({"kind": "absolute", "positions": 10_000, **OBSERVER}, {}),
+        ({**ENCODER, "speed_method": "average", "window": 4}, {"drive.speed_filter": "100 Hz"}),
+        ({"kind": "hall", "placement": ["3 deg", "0 deg", "-4 deg", "0 deg", "2 deg", "0 deg"]}, {}),
+        (WORD, {"drive.bus": {"delay_measured": "1 ms", "delay_command": "2 ms", "quantum": "1 mA"}}),
+    ],
+)  # fmt: skip
+def test_a_drive_turns_with_each(tmp_path: Path, sensor: dict[str, Any], more: dict[str, Any]) -> None:
+    study = load(studies.write(tmp_path, TURN), {SENSOR: sensor, **more})
+    (run,) = run_study(study).runs
+    assert run.trace["omega_m"][-200:].mean() == pytest.approx(2 * math.pi, rel=0.1)
+
+
+def test_a_law_elsewhere_is_not_exported(tmp_path: Path) -> None:
+    study = load(studies.write(tmp_path), {"drive.bus": {"delay_command": "1 ms"}})
+    with pytest.raises(StudyError) as error:
+        prepare(study, "low", "pi")
+    assert str(error.value).endswith(
+        "study.toml: drive.bus: the law runs elsewhere: expected none, to export law and drive"
+    )
+
+
+def line_of(folder: Path, changes: dict[str, Any]) -> str:
+    with pytest.raises(StudyError) as error:
+        load(studies.write(folder), changes)
+    line = str(error.value)
+    assert "\n" not in line
+    return line.split("study.toml: ", 1)[1].replace(f"{folder}/", "")
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({SENSOR: {"kind": "absolute"}},
+            "drive.position_sensor: expected either bits, such as 14, or positions, such as 10000"),
+        ({SENSOR: {**WORD, "positions": 3}},
+            "drive.position_sensor: expected either bits, such as 14, or positions, such as 10000"),
+        ({SENSOR: {**WORD, "speed_method": "MT"}},
+            'drive.position_sensor.speed_method: "MT": expected "M", "average" or "observer"'),
+        ({SENSOR: {**WORD, "speed_method": "observer"}},
+            "drive.position_sensor.observer_bandwidth: missing: expected a frequency"),
+        ({SENSOR: {**WORD, "speed_method": "M", "window": 3}},
+            'drive.position_sensor.window: 3: expected none, unless speed_method is "average"'),
+        ({SENSOR: {**WORD, "latency": "-1 us"}},
+            'drive.position_sensor.latency: "-1 us": expected a time of zero or more, such as "1 s"'),
+        ({SENSOR: {**WORD, "latency": "7 s"}},
+            'drive.position_sensor.latency: "7 s": expected at most 6.66667 s, 100000 periods of 15000 Hz'),
+        ({SENSOR: {**ENCODER, "speed_method": "MT", "latency": "1 us"}},
+            'drive.position_sensor.latency: "1 us": expected none, since the edges are timed'),
+        ({SENSOR: {**WORD, "error": [{"order": 100, "amplitude": "1 deg"}]}},
+            'drive.position_sensor.error: [{ order = 100, amplitude = "1 deg" }]: expected orders whose '
+            "amplitudes, each times its order, add up to less than 1 rad, or the angle runs backward"),
+        ({SENSOR: {**WORD, "error": [{"order": 0, "amplitude": "1 deg"}]}},
+            "drive.position_sensor.error.0.order: 0: expected a number of 1 or more"),
+        ({SENSOR: {**WORD, "error": [{"order": 1, "amplitude": "1 mm"}]}},
+            'drive.position_sensor.error.0.amplitude: "1 mm": expected an angle, such as "1 deg"'),
+        ({SENSOR: {**WORD, "error_table": "none.csv"}},
+            'drive.position_sensor.error_table: "none.csv": expected a readable file at none.csv'),
+        ({SENSOR: {"kind": "hall", "placement": ["1 deg"]}},
+            'drive.position_sensor.placement: ["1 deg"]: expected six angles, one for each edge'),
+        ({SENSOR: {"kind": "hall", "placement": ["30 deg"] + 5 * ["0 deg"]}},
+            'drive.position_sensor.placement: ["30 deg", "0 deg", "0 deg", "0 deg", "0 deg", "0 deg"]: '
+            "expected less than 30 deg each, or edges change places"),
+        ({SENSOR: {"kind": "hall", "edges": 7}},
+            "drive.position_sensor.edges: 7: expected a number of 6 or less"),
+        ({"drive.speed_filter": "5 kHz"},
+            'drive.speed_filter: "5 kHz": expected at most 4775 Hz, a third of current_loop'),
+        ({"drive.bus": {"delay": "1 ms"}},
+            'drive.bus.delay: "1 ms": expected one of delay_measured, delay_command, jitter, quantum'),
+        ({"drive.bus": {"jitter": "8 s"}},
+            'drive.bus.jitter: "8 s": expected at most 6.66667 s, 100000 periods of 15000 Hz'),
+        ({"drive.bus": {"quantum": "1 V"}},
+            'drive.bus.quantum: "1 V": expected a current, such as "1 A"'),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_one_line(tmp_path: Path, changes: dict[str, Any], line: str) -> None:
+    assert line_of(tmp_path, changes) == line
+
+
+@pytest.mark.parametrize(
+    ("rows", "problem"),
+    [
+        ([(a, math.nan if a == 50 else 0.1) for a in range(0, 360, 10)],
+            'line 7: "nan": expected a finite error'),
+        ([(a, 0.1) for a in range(0, 360, 10) if not 90 < a < 180],
+            "line 11: the next angle comes after 90 deg: expected at most 50 deg, 5 times the usual"),
+        ([(a, 0.01 * a) for a in range(0, 361, 10)],
+            "line 38: the error does not close over the revolution: from the last to the first it steps "
+            "36 times as far as anywhere else"),
+        ([(a, 15.0 * (a % 20 == 0)) for a in range(0, 360, 10)],
+            "expected an error that never falls as fast as the angle rises"),
+    ],
+)  # fmt: skip
+def test_a_table_that_is_none_is_one_line(tmp_path: Path, rows: list[Any], problem: str) -> None:
+    text = "\n".join(["angle [deg],error [deg]", *(f"{a},{e}" for a, e in rows)])
+    (tmp_path / "e.csv").write_text(text)
+    found = line_of(tmp_path, {SENSOR: {**WORD, "error_table": "e.csv"}})
+    assert found == f'drive.position_sensor.error_table: "e.csv": {problem}'
