@@ -73,6 +73,20 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("motor.cogging.0.order", 0, "motor.cogging.0.order: 0: expected a number of 1 or more"),
         ("motor.torque_ripple", [{"order": 6}],
             "motor.torque_ripple.0: expected either percent, such as 1.5, or percent_peak_to_peak"),
+        ("motor.saturation", {"q": {"current": ["0 A", "1 A", "2 A"]}},
+            "motor.saturation.q: expected either flux or inductance"),
+        ("motor.saturation", {"q": {"current": ["1 A", "2 A", "3 A"], "flux": ["0 Wb", "1 Wb", "2 Wb"]}},
+            'motor.saturation.q.current: ["1 A", "2 A", "3 A"]: expected three or more values that rise, '
+            "zero among them"),
+        ("motor.saturation", {"q": {"current": ["0 A", "1 A", "2 A"], "inductance": ["3 mH", "3 mH"]}},
+            'motor.saturation.q.inductance: ["3 mH", "3 mH"]: expected as many values as current has, 3'),
+        ("motor.saturation", {"q": {"current": ["0 A", "1 A", "2 A"], "flux": ["1 Wb", "2 Wb", "3 Wb"]}},
+            'motor.saturation.q.flux: ["1 Wb", "2 Wb", "3 Wb"]: expected zero at zero current'),
+        ("motor.saturation", {"q": {"current": ["0 A", "1 A", "4 A"], "inductance": ["3 H", "3 H", "0.5 H"]}},
+            'motor.saturation.q.inductance: ["3 H", "3 H", "0.5 H"]: expected a flux linkage that grows with '
+            "the current"),
+        ("motor.saturation", {"q": {"current": ["0 A", "1 A", "2 A"], "inductance": ["15 mH"] * 3}},
+            "motor.saturation.q: expected 0.03 H at zero current, as L_q, not 0.015 H"),
         ("motor.temperature", {"winding": "350 K"},
             'motor.temperature.winding: "350 K": expected a temperature, such as "1 degC"'),
         ("motor.temperature", {"winding": "-300 degC"},
@@ -81,7 +95,8 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'motor.temperature.flux_coefficient: "-0.02 1/K": expected one that leaves something at 90 degC'),
         ("motor.temperature", {"winding": "90 degC", "heating": {"ambient": "20 degC", "winding_capacity":
             "1 uJ/K", "magnet_capacity": "1 J/K", "winding_to_ambient": "1 K/W"}},
-            "motor.temperature.heating: expected larger capacities, since a temperature changes within 0.5 us"),
+            "motor.temperature.heating: expected larger capacities, since a temperature changes within "
+            "0.5 us"),
         # drive
         ("drive.rates.speed_loop", "7 kHz",
             'drive.rates.speed_loop: "7 kHz": expected a rate that divides current_loop, 15000 Hz'),

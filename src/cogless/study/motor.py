@@ -10,6 +10,8 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from cogless.study.datasheet_words import MAGNET, OF_A_PHASE, check_agreement, torque_constant
+from cogless.study.motor_tables import BackEmfTable, CoggingTable
+from cogless.study.saturation import Saturation
 from cogless.study.table import (
     Angle,
     AngularSpeed,
@@ -126,6 +128,9 @@ class Motor(Table):
     flux_harmonics: Many[FluxHarmonic] = ()
     torque_ripple: Many[TorqueRipple] = ()
     cogging: Many[Cogging] = ()
+    cogging_table: CoggingTable | None = None  # added to cogging
+    back_emf_table: BackEmfTable | None = None  # a word for the magnet, and flux harmonics
+    saturation: Saturation | None = None  # of the star equivalent
     temperature: MotorTemperature | None = None
 
     @model_validator(mode="after")
@@ -143,8 +148,17 @@ class Motor(Table):
         for word in OF_A_PHASE:
             if self.winding == "delta" and getattr(self, word) is not None:
                 raise invalid("expected a word from line to line, since a delta has no star point", word)
+        measured = self.back_emf_table
+        if self.winding == "delta" and measured is not None and measured.between == "phase":
+            expected = 'expected "line-to-line", since a delta has no star point'
+            raise invalid(expected, "back_emf_table", "between")
         for found in (self._torque_constants, self._resistances, self._inductances):
             check_agreement(found)
+        if self.saturation is not None:
+            if self.winding == "delta":
+                raise invalid("expected none, since the winding is a delta", "saturation")
+            star = self.star()
+            self.saturation.check(star.L_d, star.L_q)
         return self
 
     @property
@@ -157,7 +171,11 @@ class Motor(Table):
         """K_t of the star equivalent, N*m/A, by each word for the magnet that is given."""
         flux = self._factors[1]
         given = {word: value for word in MAGNET if (value := getattr(self, word)) is not None}
-        return {word: torque_constant(word, v, self.pole_pairs, flux) for word, v in given.items()}
+        found = {word: torque_constant(word, v, self.pole_pairs, flux) for word, v in given.items()}
+        if self.back_emf_table is None:
+            return found
+        psi_f, _ = self.back_emf_table.flux(self.pole_pairs)
+        return {**found, "back_emf_table": 1.5 * self.pole_pairs * psi_f}
 
     @property
     def _resistances(self) -> dict[str, float]:
@@ -204,13 +222,30 @@ class Motor(Table):
             K_t=K_t,
             impedance_factor=impedance,
             flux_factor=flux,
-            flux_harmonics=tuple(
-                h.model_copy(update={"d": flux * h.d, "q": flux * h.q}) for h in self.flux_harmonics
+            flux_harmonics=(
+                *(h.model_copy(update={"d": flux * h.d, "q": flux * h.q}) for h in self.flux_harmonics),
+                *self._measured_flux(),
             ),
             torque_ripple=self.torque_ripple,
+            saturation=self.saturation,
             temperature=self.temperature,
-            cogging=tuple(c.as_torque(K_t) for c in self.cogging),
+            cogging=(*(c.as_torque(K_t) for c in self.cogging), *self._measured_cogging(K_t)),
         )
+
+    def _measured_flux(self) -> list[FluxHarmonic]:
+        if self.back_emf_table is None:
+            return []
+        _, harmonics = self.back_emf_table.flux(self.pole_pairs)
+        return [
+            FluxHarmonic.model_construct(order=h, d=d, q=q, d_phase=d_phase, q_phase=q_phase)
+            for h, d, q, d_phase, q_phase in harmonics
+        ]
+
+    def _measured_cogging(self, K_t: float) -> list[Cogging]:
+        if self.cogging_table is None:
+            return []
+        found = self.cogging_table.harmonics(K_t, self.pole_pairs)
+        return [Cogging.model_construct(order=n, torque=amplitude, phase=p) for n, amplitude, p in found]
 
 
 @dataclass(frozen=True)
@@ -229,6 +264,7 @@ class StarMotor:
     cogging: tuple[Cogging, ...]
     phases: int = 3
     torque_ripple: tuple[TorqueRipple, ...] = ()
+    saturation: Saturation | None = None  # of the simulated motor; L_d, L_q, psi_f are without current
     temperature: MotorTemperature | None = None  # of the simulated motor; the rest is at its reference
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 import re
 import tomllib
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
@@ -270,8 +271,15 @@ def _with_datasheet(path: Path, tables: dict[str, Any]) -> Source:
     sheet = find(motor["datasheet"], "motors", "datasheet", path.parent, where)
     fields = read(sheet)
     said_here = replaced_by_any(motor)
-    fields = {key: value for key, value in fields.items() if key not in said_here}
+    fields = {key: _beside(sheet, path, value) for key, value in fields.items() if key not in said_here}
     return Source(path, {**tables, "motor": {**fields, **motor}}, sheet, frozenset(motor))
+
+
+def _beside(sheet: Path, study: Path, value: Any) -> Any:
+    """A datasheet's value; the file of a table is named relative to the datasheet, and here to the study."""
+    if not isinstance(value, dict) or not isinstance(value.get("file"), str):
+        return value
+    return {**value, "file": os.path.relpath(sheet.parent / value["file"], study.parent)}
 
 
 def _replaced(source: Source, tables: dict[str, Any]) -> Source:
@@ -322,7 +330,7 @@ def _hardware(study: TrialStudy, scenario: str) -> tuple[Hardware, ...]:
 
 def _part(model: type[Model], key: str, source: Source, prefix: str) -> Model:
     try:
-        return model.model_validate(source.tables[key])
+        return model.model_validate(source.tables[key], context={"folder": source.path.parent})
     except ValidationError as error:
         found = [replace(p, key=(key, *p.key)) for p in problems(error, source.tables[key])]
         raise _error(found, source, prefix) from None
