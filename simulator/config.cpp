@@ -29,6 +29,13 @@ ThermalConfig thermal(const Section& s) {
             of_drift("magnet_to_ambient")};
 }
 
+// A curve of flux over current; of constant inductance, if it is not given.
+Curve curve(const Section& curves, const char* name, double inductance) {
+    if (!curves.has(name)) return {{0.0, 1.0}, {0.0, inductance}, {inductance, inductance}};
+    const Section s = curves.section(name);
+    return {s.get<std::vector<double>>("current"), s.get<std::vector<double>>("flux"), s.get<std::vector<double>>("slope")};
+}
+
 PmsmConfig motor(const Section& s) {
     PmsmConfig m{s.integer("pole_pairs"), s.number("R_s"), s.number("L_d"), s.number("L_q"), s.number("psi_f"), {},
                  harmonics(s.sections("cogging")), s.has("phases") ? s.integer("phases") : 3};
@@ -42,6 +49,11 @@ PmsmConfig motor(const Section& s) {
             m.flux_harmonics.push_back({h.integer("order"), h.number("share") * m.psi_f, 0.0,
                                         h.number("phase") - 0.5 * std::numbers::pi, 0.0});
         }
+    }
+    if (s.has("saturation")) {
+        const Section curves = s.section("saturation");
+        m.saturation = std::make_shared<Saturation>(Saturation{curve(curves, "d", m.L_d), curve(curves, "q", m.L_q),
+                                                               curve(curves, "cross", 0.0)});
     }
     if (s.has("temperature")) m.thermal = thermal(s.section("temperature"));
     return m;

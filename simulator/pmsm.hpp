@@ -5,10 +5,13 @@
 // energy and torque times speed, to rounding.
 #pragma once
 
+#include <memory>
 #include <optional>
+#include <type_traits>
 #include <vector>
 
 #include "harmonics.hpp"
+#include "saturation.hpp"
 #include "thermal.hpp"
 
 namespace cogless {
@@ -29,6 +32,7 @@ struct PmsmConfig {
     std::vector<Harmonic> cogging;  // N m, mechanical orders
     int phases = 3;                 // or 2
     std::optional<ThermalConfig> thermal = {};
+    std::shared_ptr<const Saturation> saturation = {};  // replaces L_d and L_q, if given
 };
 
 template <class Real = double>
@@ -47,7 +51,8 @@ class Pmsm {
 public:
     explicit Pmsm(const PmsmConfig& config)
         : power_factor_(0.5 * config.phases), pole_pairs_(config.pole_pairs), R_s_(config.R_s), L_d_(config.L_d),
-          L_q_(config.L_q), psi_f_(config.psi_f), per_L_d_(1.0 / config.L_d), per_L_q_(1.0 / config.L_q) {}
+          L_q_(config.L_q), psi_f_(config.psi_f), per_L_d_(1.0 / config.L_d), per_L_q_(1.0 / config.L_q),
+          saturation_(config.saturation) {}
 
     // Those of several motors that are alike, one for each lane.
     explicit Pmsm(const Each<Pmsm<double>, Real>& of)
@@ -59,7 +64,8 @@ public:
 
     // Whether lanes can hold both.
     bool alike(const Pmsm& other) const {
-        return power_factor_ == other.power_factor_ && pole_pairs_ == other.pole_pairs_;
+        return power_factor_ == other.power_factor_ && pole_pairs_ == other.pole_pairs_ && !saturation_ &&
+               !other.saturation_;
     }
 
     // As another motor, with its resistance and its magnets' flux changed by these factors.
@@ -73,12 +79,20 @@ public:
     // Ratio of the power of all phases to u_d i_d + u_q i_q in the amplitude-invariant frame: 3/2, or 1 with two phases.
     double power_factor() const { return power_factor_; }
 
-    Real magnetic_energy(Currents<Real> i) const { return 0.5 * power_factor_ * (L_d_ * i.d * i.d + L_q_ * i.q * i.q); }
+    Real magnetic_energy(Currents<Real> i) const {
+        if constexpr (std::is_same_v<Real, double>) {
+            if (saturation_) return power_factor_ * saturation_->energy(i.d, i.q);
+        }
+        return 0.5 * power_factor_ * (L_d_ * i.d * i.d + L_q_ * i.q * i.q);
+    }
 
     Real copper_loss(Currents<Real> i) const { return power_factor_ * R_s_ * (i.d * i.d + i.q * i.q); }
 
     // ripple: the part of the flux harmonics.
     [[gnu::always_inline]] Linkage<Real> linkage(Linkage<Real> ripple, Currents<Real> i) const {
+        if constexpr (std::is_same_v<Real, double>) {
+            if (saturation_) [[unlikely]] return saturated_linkage(ripple, i);
+        }
         return {ripple.d - L_q_ * i.q, ripple.q + (psi_f_ + L_d_ * i.d)};
     }
 
@@ -89,6 +103,11 @@ public:
     [[gnu::always_inline]] Currents<Real> derivative(Linkage<Real> e, Currents<Real> i, Real u_d, Real u_q,
                                                      Real omega_m) const {
         const Real omega_e = pole_pairs_ * omega_m;
+        if constexpr (std::is_same_v<Real, double>) {
+            if (saturation_) [[unlikely]] {
+                return saturated_derivative(i, u_d - R_s_ * i.d - omega_e * e.d, u_q - R_s_ * i.q - omega_e * e.q);
+            }
+        }
         return {(u_d - R_s_ * i.d) * per_L_d_ - (omega_e * per_L_d_) * e.d,
                 (u_q - R_s_ * i.q) * per_L_q_ - (omega_e * per_L_q_) * e.q};
     }
@@ -97,9 +116,22 @@ private:
     template <class>
     friend class Pmsm;
 
+    // Apart, so that motors without saturation keep their registers.
+    [[gnu::noinline]] Linkage<Real> saturated_linkage(Linkage<Real> ripple, Currents<Real> i) const {
+        const Saturation::Flux flux = saturation_->flux(i.d, i.q);
+        return {ripple.d - flux.q, ripple.q + (psi_f_ + flux.d)};
+    }
+    // v: the voltages that change the flux of the currents.
+    [[gnu::noinline]] Currents<Real> saturated_derivative(Currents<Real> i, Real v_d, Real v_q) const {
+        const Saturation::Flux l = saturation_->flux(i.d, i.q);
+        const double per_det = 1.0 / (l.l_dd * l.l_qq - l.l_dq * l.l_dq);
+        return {(l.l_qq * v_d - l.l_dq * v_q) * per_det, (l.l_dd * v_q - l.l_dq * v_d) * per_det};
+    }
+
     double power_factor_, pole_pairs_;
     Real R_s_, L_d_, L_q_, psi_f_;
     Real per_L_d_, per_L_q_;  // products cost less than quotients
+    std::shared_ptr<const Saturation> saturation_ = {};
 };
 
 }  // namespace cogless

@@ -167,6 +167,9 @@ def test_orders_stay_when_the_cells_change() -> None:
     np.testing.assert_allclose(waves, [[0.5, 0.0], [0.0, -0.2], [2.0, 9.0]], atol=1e-7)
     np.testing.assert_allclose(start.entries(stored(waves, (6, 7, 8)), OWN, 1.0)[0], WAVE, atol=1e-7)
     np.testing.assert_array_equal(start.entries(stored(waves, (6, 7, 8)), AFC, 1.0), np.float32(waves))
+    halves = stored([[1.0, 0.0], [0.0, 0.0], [1.0, 2.0]], (6, 7, 8), parts=2)  # orders of half a revolution
+    found = start.entries(halves, {**AFC, "values": np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 2.0]])}, 1.0)
+    np.testing.assert_allclose(found[:2], [[0.0, 1.0], [0.0, 0.0]], atol=1e-7)
 
 
 def test_a_map_of_an_electrical_revolution_repeats_in_a_mechanical_one() -> None:

@@ -427,3 +427,23 @@ def test_temperatures_are_recorded(tmp_path: Path) -> None:
     x = simulate(study, "low", "fair").trace
     assert x["temperature_winding"][0] == pytest.approx(80.0)
     assert x["temperature_winding"][-1] < 80.0 == x["temperature_magnet"][-1]  # no path from the magnets
+
+
+# Saturation
+
+CURRENT = ["0 A", "1 A", "2 A", "4 A"]
+
+
+def test_saturation_by_apparent_inductance(tmp_path: Path) -> None:
+    """Flux is inductance times current; from zero on, the axis is alike in both directions."""
+    q = {"current": CURRENT, "inductance": ["30 mH", "30 mH", "27 mH", "20 mH"]}
+    magnet = {"current": CURRENT, "flux": ["0 Wb", "-0.2 mWb", "-1 mWb", "-4 mWb"]}
+    study = studies.study(tmp_path, {"motor.saturation": {"q": q, "magnet": magnet}})
+    told = engine_config(study, "low", "fair")["motor"]["saturation"]
+    assert told.keys() == {"q", "cross"}
+    assert told["q"]["current"] == [-4, -2, -1, 0, 1, 2, 4]
+    assert told["q"]["flux"] == pytest.approx([-0.08, -0.054, -0.03, 0, 0.03, 0.054, 0.08])
+    assert told["cross"]["flux"] == pytest.approx([-4e-3, -1e-3, -2e-4, 0, -2e-4, -1e-3, -4e-3])
+    x = simulate(study, "step", "fair").trace
+    at = (x["time"] > 0.15) & (x["time"] < 0.2)  # under load
+    assert x["tau_e"][at].max() < (6 * 0.068 * x["i_q"][at]).max() * (1 - 1e-4)

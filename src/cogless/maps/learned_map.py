@@ -25,6 +25,9 @@ def motor_identity(motor: StarMotor) -> int:
     data = struct.pack("<II4d", motor.pole_pairs, motor.phases, motor.R_s, motor.L_d, motor.L_q, motor.psi_f)
     for flux in motor.flux_harmonics:
         data += struct.pack("<I4d", flux.order, flux.d, flux.q, flux.d_phase, flux.q_phase)
+    if motor.saturation is not None:
+        for curve in motor.saturation.engine_config().values():
+            data += struct.pack(f"<{2 * len(curve['flux'])}d", *curve["current"], *curve["flux"])
     for ripple in motor.torque_ripple:
         data += struct.pack("<I2d", ripple.order, ripple.share, ripple.phase)
     for cogging in motor.cogging:

@@ -33,8 +33,11 @@ def entries(stored: StoredMap, law: Mapping[str, Any], unit: float) -> Reals:
     if count.denominator != 1:
         raise MapError(f"a map over {_shown(period)}: expected one that fits into the law's {_shown(own)}")
     cells = law["values"].shape[1]
-    alike = stored.units == units and (len(units) == 1 or stored.ratio == law["ratio"])
-    if alike and not (ORDER in units and not np.array_equal(stored.values[2], law["values"][2])):
+    if ORDER in units:
+        alike = stored.units == units and count == 1 and np.array_equal(stored.values[2], law["values"][2])
+    else:
+        alike = stored.units == units and (len(units) == 1 or stored.ratio == law["ratio"])
+    if alike:
         found = np.array([resampled(np.tile(channel, int(count)), cells) for channel in stored.values])
     elif stored.units in AS_CURRENT:
         found = of_current(np.tile(_current(stored), int(count)), law, unit)

@@ -62,6 +62,7 @@ def motor_config(motor: StarMotor) -> dict[str, Any]:
     return {
         **numbers,
         **({"torque_ripple": ripple} if ripple else {}),
+        **({} if motor.saturation is None else {"saturation": motor.saturation.engine_config()}),
         **({} if motor.temperature is None else {"temperature": motor.temperature.engine_config()}),
         "phases": motor.phases,
         "flux_harmonics": [harmonic.model_dump() for harmonic in motor.flux_harmonics],

@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from cogless.study.datasheet_words import MAGNET, OF_A_PHASE, check_agreement, torque_constant
 from cogless.study.motor_tables import BackEmfTable, CoggingTable
+from cogless.study.saturation import Saturation
 from cogless.study.table import (
     Angle,
     AngularSpeed,
@@ -129,6 +130,7 @@ class Motor(Table):
     cogging: Many[Cogging] = ()
     cogging_table: CoggingTable | None = None  # added to cogging
     back_emf_table: BackEmfTable | None = None  # a word for the magnet, and flux harmonics
+    saturation: Saturation | None = None  # of the star equivalent
     temperature: MotorTemperature | None = None
 
     @model_validator(mode="after")
@@ -152,6 +154,11 @@ class Motor(Table):
             raise invalid(expected, "back_emf_table", "between")
         for found in (self._torque_constants, self._resistances, self._inductances):
             check_agreement(found)
+        if self.saturation is not None:
+            if self.winding == "delta":
+                raise invalid("expected none, since the winding is a delta", "saturation")
+            star = self.star()
+            self.saturation.check(star.L_d, star.L_q)
         return self
 
     @property
@@ -220,6 +227,7 @@ class Motor(Table):
                 *self._measured_flux(),
             ),
             torque_ripple=self.torque_ripple,
+            saturation=self.saturation,
             temperature=self.temperature,
             cogging=(*(c.as_torque(K_t) for c in self.cogging), *self._measured_cogging(K_t)),
         )
@@ -256,6 +264,7 @@ class StarMotor:
     cogging: tuple[Cogging, ...]
     phases: int = 3
     torque_ripple: tuple[TorqueRipple, ...] = ()
+    saturation: Saturation | None = None  # of the simulated motor; L_d, L_q, psi_f are without current
     temperature: MotorTemperature | None = None  # of the simulated motor; the rest is at its reference
 
     @property

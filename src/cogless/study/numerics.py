@@ -43,7 +43,8 @@ def natural_rates(
     motor: StarMotor, mechanics: Mechanics, top: float, *, electrical: bool = True
 ) -> list[tuple[float, str]]:
     """Natural rates of the plant, 1/s, each with its cause. `top`: the largest mechanical speed, rad/s."""
-    inductance, inertia = min(motor.L_d, motor.L_q), mechanics.inertia
+    saturated = motor.saturation.smallest if motor.saturation else math.inf
+    inductance, inertia = min(motor.L_d, motor.L_q, saturated), mechanics.inertia
     side = mechanics.load_side
     swing = motor.K_t * motor.pole_pairs * motor.psi_f / (inertia * inductance)
     flux_orders = [h.order * motor.pole_pairs for h in motor.flux_harmonics]

@@ -1,0 +1,142 @@
+"""Flux linkages of a motor over its currents, by tables: saturation of L_d, L_q and of the magnets' flux."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise, product
+from typing import Any, Self
+
+from pydantic import model_validator
+
+from cogless.study.table import Current, FluxAmplitude, Inductance, Many, Table, invalid
+
+START = 0.1  # relative difference of a table's inductance at zero current from L_d or L_q
+Points = tuple[tuple[float, ...], tuple[float, ...]]  # currents (A) and flux linkages (Wb)
+
+
+class OverCurrent(Table):
+    """Flux linkage of an axis over its own current, without the magnets': `flux`, or `inductance`.
+
+    Currents from zero mean that the axis is alike in both directions. Between points it is monotone and
+    smooth, beyond the last it is straight.
+    """
+
+    current: Many[Current]  # A, rising
+    flux: Many[FluxAmplitude] | None = None  # Wb, zero at zero
+    inductance: Many[Inductance] | None = None  # H, flux over current, not its slope
+
+    @model_validator(mode="after")
+    def _shape(self) -> Self:
+        if (self.flux is None) == (self.inductance is None):
+            raise invalid("expected either flux or inductance")
+        name = "inductance" if self.flux is None else "flux"
+        check_points(self.current, self.flux or self.inductance or (), name)
+        _, flux = self.points()
+        if any(b <= a for a, b in pairwise(flux)):
+            raise invalid("expected a flux linkage that grows with the current", name)
+        return self
+
+    def points(self) -> Points:
+        """Points over both directions of the current."""
+        flux = self.flux
+        if flux is None:
+            flux = tuple(L * i for L, i in zip(self.inductance or (), self.current, strict=True))
+        if self.current[0] < 0:
+            return self.current, flux
+        return mirrored(self.current, flux, -1)
+
+
+class MagnetOverCurrent(Table):
+    """Flux linkage that the q axis' current takes from or gives to the d axis; alike in both directions."""
+
+    current: Many[Current]  # A, rising from zero
+    flux: Many[FluxAmplitude]  # Wb, zero at zero, usually negative
+
+    @model_validator(mode="after")
+    def _shape(self) -> Self:
+        check_points(self.current, self.flux, "flux")
+        if self.current[0] < 0:
+            raise invalid("expected currents from zero on", "current")
+        return self
+
+    def points(self) -> Points:
+        """Points over both directions of the current."""
+        return mirrored(self.current, self.flux, 1)
+
+
+def mirrored(current: tuple[float, ...], flux: tuple[float, ...], sign: int) -> Points:
+    """Points from zero on, and the same for negative currents with flux times `sign`."""
+    below = tuple(-i for i in reversed(current[1:])), tuple(sign * f for f in reversed(flux[1:]))
+    return (*below[0], *current), (*below[1], *flux)
+
+
+def check_points(current: tuple[float, ...], value: tuple[float, ...], name: str) -> None:
+    """Refuse currents that do not rise or lack zero, and fluxes of another number or not zero there."""
+    if len(current) < 3 or any(b <= a for a, b in pairwise(current)) or 0.0 not in current:
+        raise invalid("expected three or more values that rise, zero among them", "current")
+    if len(value) != len(current):
+        raise invalid(f"expected as many values as current has, {len(current)}", name)
+    if name == "flux" and value[current.index(0.0)] != 0.0:
+        raise invalid("expected zero at zero current", name)
+
+
+class Saturation(Table):
+    """Saturation of the two axes and of the magnets' flux; what is left out stays as in [motor].
+
+    lambda_d = psi_f + d(i_d) + magnet(i_q), lambda_q = q(i_q) + i_d magnet'(i_q).
+    """
+
+    d: OverCurrent | None = None
+    q: OverCurrent | None = None
+    magnet: MagnetOverCurrent | None = None
+
+    def engine_config(self) -> dict[str, Any]:
+        """As the engine reads it: points with the slopes of a monotone cubic between them."""
+        names = {"d": self.d, "q": self.q, "cross": self.magnet}
+        return {name: _curve(*table.points()) for name, table in names.items() if table is not None}
+
+    def check(self, L_d: float, L_q: float) -> None:
+        """Refuse tables that do not begin at L_d and L_q, or that have no stable current somewhere."""
+        for axis, table, L in (("d", self.d, L_d), ("q", self.q, L_q)):
+            if table is None:
+                continue
+            curve = _curve(*table.points())
+            found = curve["slope"][curve["current"].index(0.0)]
+            if not math.isclose(found, L, rel_tol=START):
+                raise invalid(
+                    f"expected {L:.4g} H at zero current, as L_{axis}, not {found:.4g} H", "saturation", axis
+                )
+        if self.magnet is not None:
+            self._check_definite(L_d, L_q)
+
+    def _check_definite(self, L_d: float, L_q: float) -> None:
+        from scipy.interpolate import CubicHermiteSpline
+
+        tables = self.engine_config()
+        d, q, cross = (
+            CubicHermiteSpline(t["current"], t["flux"], t["slope"]) if t else None
+            for t in (tables.get(name) for name in ("d", "q", "cross"))
+        )
+        assert cross is not None
+        reach = tables.get("d", tables["cross"])["current"]
+        # the second derivative is straight between points, so its extremes are at their two sides
+        sides = [i * (1 + side) for i in tables["cross"]["current"] for side in (-1e-9, 1e-9)]
+        for i_d, i_q in product((reach[0], 0.0, reach[-1]), sides[1:-1]):
+            l_dd, l_qq = (L if s is None else float(s(i, 1)) for L, s, i in ((L_d, d, i_d), (L_q, q, i_q)))
+            l_qq += i_d * float(cross(i_q, 2))
+            if l_dd * l_qq <= float(cross(i_q, 1)) ** 2:
+                where = f"i_d = {i_d:.3g} A, i_q = {i_q:.3g} A"
+                raise invalid(f"expected less curvature: no inductance at {where}", "saturation", "magnet")
+
+    @property
+    def smallest(self) -> float:
+        """Smallest differential inductance of the tables, H; infinite without one."""
+        curves = [_curve(*table.points()) for table in (self.d, self.q) if table is not None]
+        return min((min(curve["slope"]) for curve in curves), default=math.inf)
+
+
+def _curve(current: tuple[float, ...], flux: tuple[float, ...]) -> dict[str, list[float]]:
+    from scipy.interpolate import PchipInterpolator
+
+    slope = PchipInterpolator(current, flux).derivative()(current)
+    return {"current": list(current), "flux": list(flux), "slope": slope.tolist()}
