@@ -343,7 +343,8 @@ template <std::size_t legs>
 [[gnu::always_inline]] inline void Drive::watch(DriveState& s, double from, double h, double theta_m,
                                                 const Faults& faults) const {
     if (position_sensor_.watches()) {
-        position_sensor_.watch(s.position, from, from + h, faults.stuck ? s.seen : theta_m + faults.jump);
+        const double theta = config_.sensor_on_load ? s.plant.side.theta : theta_m;
+        position_sensor_.watch(s.position, from, from + h, faults.stuck ? s.seen : theta + faults.jump);
     }
 }
 
@@ -575,7 +576,7 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
     const double longest = step_;
     const auto step = [&](Voltage<> u, double from, double h, auto& angle) __attribute__((always_inline)) {
         phase.plant.step<detail>(s.plant, here, u, start + from, h, angle);
-        watch(s, start + from, h, turning(s.plant).theta, faults);
+        watch(s, start + from, h, s.plant.theta_m, faults);
     };
     const Plant::Exact<detail> exact(phase.plant);
     const auto hold = [&](Voltage<> u) {

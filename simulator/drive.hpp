@@ -191,7 +191,7 @@ private:
         bool open;
     };
     Acting next_duties(DriveState& state) const;
-    // Lets the position sensor see its shaft at theta_m, h after the time `from`.
+    // Lets the position sensor see the rotor at theta_m, or the load side, h after the time `from`.
     void watch(DriveState& state, double from, double h, double theta_m, const Faults& faults) const;
     // Angle and speed of the shaft that the position sensor is on.
     struct Turning {

@@ -1,4 +1,4 @@
-"""A load behind a soft shaft in the design: its frequencies, the loop's margins and stability, and what is told."""
+"""A load behind a soft shaft in the design: its frequencies, the margins and stability, and what is told."""
 
 from __future__ import annotations
 
