@@ -165,7 +165,9 @@ Drive::Drive(const DriveConfig& config)
             throw std::invalid_argument("drive.position_sensor.side: expected a load side in the mechanics");
         }
         const PlantState<> begin = plant.start(p.initial_angle, p.initial_speed);
-        phases_.push_back({p, plant, begin, position_sensor_.start(turning(begin).theta, turning(begin).omega)});
+        phases_.push_back({p, plant, begin,
+                           config_.sensor_on_load ? position_sensor_.start(begin.side.theta, begin.side.omega)
+                                                  : position_sensor_.start(p.initial_angle, p.initial_speed)});
     }
 }
 
@@ -348,8 +350,10 @@ template <std::size_t legs>
     }
 }
 
-[[gnu::always_inline]] inline Measurement Drive::of_motor(const Phase& phase, Measurement at) const {
-    if (!config_.sensor_on_load) return at;
+Measurement Drive::measure_load(DriveState& s, const Phase& phase, std::int64_t origin, bool law_due, const Faults& faults) const {
+    if (!faults.stuck) s.seen = s.plant.side.theta + faults.jump;
+    const Measurement at = position_sensor_.sample(s.position, time(s.tick - origin), s.seen,
+                                                   faults.stuck ? 0.0 : s.plant.side.omega, law_due);
     constexpr double turn = 2.0 * std::numbers::pi;
     const double ratio = phase.plant.equations().load_side()->ratio(), theta = ratio * at.theta_m;
     return {theta - turn * round_down(theta / turn), ratio * at.omega_m};
@@ -491,10 +495,13 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
     if (!std::isfinite(s.plant.theta_m + s.plant.omega_m + s.plant.i.d + s.plant.i.q)) {
         throw std::runtime_error("the motor's current or speed grew beyond all numbers: expected smaller gains or steps");
     }
-    const Turning at = turning(s.plant);
-    if (!faults.stuck) s.seen = at.theta + faults.jump;
-    s.measured = faults.spoilt(of_motor(
-        phase, position_sensor_.sample(s.position, time(s.tick - origin), s.seen, faults.stuck ? 0.0 : at.omega, law_due)));
+    if (config_.sensor_on_load) {
+        s.measured = faults.spoilt(measure_load(s, phase, origin, law_due, faults));
+    } else {
+        if (!faults.stuck) s.seen = s.plant.theta_m + faults.jump;
+        s.measured = faults.spoilt(position_sensor_.sample(s.position, time(s.tick - origin), s.seen,
+                                                           faults.stuck ? 0.0 : s.plant.omega_m, law_due));
+    }
     Phases i{};
     if constexpr (legs != 0) {
         i = faults.spoilt(current_sensors_.measure(current, s.random), config_.current_sensors.sensors,

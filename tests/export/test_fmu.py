@@ -33,7 +33,7 @@ pytestmark = pytest.mark.skipif(
     not (shutil.which("cc") and shutil.which("c++")), reason="no C and C++ compiler on the PATH"
 )
 
-# a drive with everything that an FMU has to keep: an encoder's edges, noise, a converter, a lag, cogging, a gap
+# a drive with everything that an FMU has to keep: an encoder's edges, noise, a converter, cogging, a gap
 STUDY = """
 title = "A drive with <everything> & more"
 seed = 5
@@ -92,7 +92,17 @@ ROOT = Path(__file__).parents[2]
 OWN = "drive_variables.hpp"  # of each drive; the engine has none of it
 ENGINE = {path.name for path in (*ROOT.glob("simulator/*.cpp"), *ROOT.glob("control/src/cogless/*.c"))}
 CURRENTS = ("i_d", "i_q", "i_a", "i_b", "i_c")
-PLANT = ("theta_m", "omega_m", "omega_ref", *CURRENTS, "tau_e", "tau_cogging", "tau_load", "theta_load", "tau_shaft")
+PLANT = (
+    "theta_m",
+    "omega_m",
+    "omega_ref",
+    *CURRENTS,
+    "tau_e",
+    "tau_cogging",
+    "tau_load",
+    "theta_load",
+    "tau_shaft",
+)
 INSIDE = ("i_q_ref", "u_d", "u_q", "status")
 
 
