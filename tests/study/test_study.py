@@ -322,3 +322,14 @@ def test_an_override_is_judged_by_its_own_scenario(tmp_path: Path) -> None:
     assert studies.study(tmp_path, changes).scenario["low"].override
     with pytest.raises(StudyError, match="integration_steps: 4: expected"):
         studies.study(tmp_path, {**changes, **slow})
+
+
+def test_friction_by_position_comes_from_a_csv_file(tmp_path: Path) -> None:
+    angles = range(0, 360, 30)
+    lines = [f"{angle},{2 + angle % 60 / 30}" for angle in angles]
+    (tmp_path / "friction.csv").write_text("\n".join(["angle [deg],torque [mN*m]", *lines]))
+    study = studies.study(tmp_path, {"mechanics.friction_table": {"file": "friction.csv"}})
+    table = engine_config(study, "low", "pi")["mechanics"]["friction_table"]
+    assert table["angle"] == pytest.approx([math.radians(angle) for angle in angles])
+    assert table["torque"] == pytest.approx([2e-3, 3e-3] * 6)
+    assert studies.study(tmp_path).mechanics.friction_table is None
