@@ -174,7 +174,8 @@ Drive::Drive(const DriveConfig& config)
         const bool drifts = p.motor.thermal && p.motor.thermal->drifts;
         const PlantState<> begin = plant.start(p.initial_angle, p.initial_speed);
         phases_.push_back({p, plant, drifts ? std::optional(cold) : std::nullopt, begin,
-                           position_sensor_.start(turning(begin).theta, turning(begin).omega)});
+                           config_.sensor_on_load ? position_sensor_.start(begin.side.theta, begin.side.omega)
+                                                  : position_sensor_.start(p.initial_angle, p.initial_speed)});
     }
 }
 
@@ -374,12 +375,15 @@ template <std::size_t legs>
 [[gnu::always_inline]] inline void Drive::watch(DriveState& s, double from, double h, double theta_m,
                                                 const Faults& faults) const {
     if (position_sensor_.watches()) {
-        position_sensor_.watch(s.position, from, from + h, faults.stuck ? s.seen : theta_m + faults.jump);
+        const double theta = config_.sensor_on_load ? s.plant.side.theta : theta_m;
+        position_sensor_.watch(s.position, from, from + h, faults.stuck ? s.seen : theta + faults.jump);
     }
 }
 
-[[gnu::always_inline]] inline Measurement Drive::of_motor(const Phase& phase, Measurement at) const {
-    if (!config_.sensor_on_load) return at;
+Measurement Drive::measure_load(DriveState& s, const Phase& phase, std::int64_t origin, bool law_due, const Faults& faults) const {
+    if (!faults.stuck) s.seen = s.plant.side.theta + faults.jump;
+    const Measurement at = position_sensor_.sample(s.position, time(s.tick - origin), s.seen,
+                                                   faults.stuck ? 0.0 : s.plant.side.omega, law_due);
     constexpr double turn = 2.0 * std::numbers::pi;
     const double ratio = phase.plant.equations().load_side()->ratio(), theta = ratio * at.theta_m;
     return {theta - turn * round_down(theta / turn), ratio * at.omega_m};
@@ -521,10 +525,13 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
     if (!std::isfinite(s.plant.theta_m + s.plant.omega_m + s.plant.i.d + s.plant.i.q)) {
         throw std::runtime_error("the motor's current or speed grew beyond all numbers: expected smaller gains or steps");
     }
-    const Turning at = turning(s.plant);
-    if (!faults.stuck) s.seen = at.theta + faults.jump;
-    s.measured = faults.spoilt(of_motor(
-        phase, position_sensor_.sample(s.position, time(s.tick - origin), s.seen, faults.stuck ? 0.0 : at.omega, law_due)));
+    if (config_.sensor_on_load) {
+        s.measured = faults.spoilt(measure_load(s, phase, origin, law_due, faults));
+    } else {
+        if (!faults.stuck) s.seen = s.plant.theta_m + faults.jump;
+        s.measured = faults.spoilt(position_sensor_.sample(s.position, time(s.tick - origin), s.seen,
+                                                           faults.stuck ? 0.0 : s.plant.omega_m, law_due));
+    }
     if (config_.speed_filter) {
         s.measured.omega_m =
             static_cast<double>(cgl_low_pass_step(&s.speed_filter, static_cast<cgl_real>(s.measured.omega_m)));
@@ -635,7 +642,7 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
     const double longest = step_;
     const auto step = [&](Voltage<> u, double from, double h, auto& angle) __attribute__((always_inline)) {
         phase.plant.step<detail>(s.plant, here, u, start + from, h, angle);
-        watch(s, start + from, h, turning(s.plant).theta, faults);
+        watch(s, start + from, h, s.plant.theta_m, faults);
     };
     const Plant::Exact<detail> exact(phase.plant);
     const auto hold = [&](Voltage<> u) {

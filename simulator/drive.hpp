@@ -206,17 +206,11 @@ private:
         bool open;
     };
     Acting next_duties(DriveState& state) const;
-    // Lets the position sensor see its shaft at theta_m, h after the time `from`.
+    // Lets the position sensor see the rotor at theta_m, or the load side, h after the time `from`.
     void watch(DriveState& state, double from, double h, double theta_m, const Faults& faults) const;
-    // Angle and speed of the shaft that the position sensor is on.
-    struct Turning {
-        double theta, omega;
-    };
-    [[gnu::always_inline]] Turning turning(const PlantState<>& x) const {
-        return config_.sensor_on_load ? Turning{x.side.theta, x.side.omega} : Turning{x.theta_m, x.omega_m};
-    }
-    // What the drive makes of the sensor's angle and speed.
-    Measurement of_motor(const Phase& phase, Measurement at) const;
+    // What the drive makes of a position sensor on the load side. Not inlined into the loop, which hardly ever needs it.
+    [[gnu::noinline]] Measurement measure_load(DriveState& state, const Phase& phase, std::int64_t origin, bool law_due,
+                                               const Faults& faults) const;
     template <std::size_t legs>
     Voltage<> averaged(const Phases& duty, const Phases& current, const Faults& faults) const;
     template <std::size_t legs>

@@ -159,7 +159,7 @@ public:
     [[gnu::always_inline]] Step<detail, with_train> step(const PlantState<Real>& x, const AtAngle<Real>& here, Voltage<Real> u,
                                                          double time, double h, Angle&& angle) const {
         using Made = Step<detail, with_train>;
-        using Vector = Made::Vector;
+        using Vector = typename Made::Vector;
         const auto load = load_.later(x.load, h);
         // grouped for the shortest chain from one stage's state to the next
         const Real per_inertia = select(x.stuck, Real(0.0), per_inertia_);

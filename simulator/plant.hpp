@@ -17,6 +17,7 @@ class Plant {
 public:
     Plant(const PmsmConfig& motor, const MechanicsConfig& mechanics, const LoadConfig& load, double nominal_step)
         : equations_(motor, mechanics, load, nominal_step),
+          has_instants_(equations_.sticks() || equations_.train() != nullptr),
           two_angles_(Each<AngleFunctions<double>, Two>{&equations_.angle(), &equations_.angle()}) {}
 
     // As another plant, with its motor's resistance and its magnets' flux changed by these factors.
@@ -76,18 +77,24 @@ public:
     template <Detail detail, class Angle>
     [[gnu::always_inline]] void step(PlantState<>& x, AtAngle<double>& here, Voltage<> u, double time, double h,
                                      Angle&& angle) const {
-        if (equations_.train() != nullptr) {
-            TrainStep<detail, std::remove_reference_t<Angle>>(equations_, u, angle).advance(x, here, time, h);
-        } else if (equations_.sticks()) {
-            step_with_stops<detail>(x, here, u, time, h, angle);
-        } else {
+        if (!has_instants_) {
             const auto step = equations_.step<detail>(x, here, u, time, h, angle);
             step.take(x);
             here = step.here;
+        } else if (equations_.train() != nullptr) {
+            step_with_train<detail>(x, here, u, time, h, angle);
+        } else {
+            step_with_stops<detail>(x, here, u, time, h, angle);
         }
     }
 
 private:
+    template <Detail detail, class Angle>
+    [[gnu::noinline]] void step_with_train(PlantState<>& x, AtAngle<double>& here, Voltage<> u, double time, double h,
+                                           Angle& angle) const {
+        TrainStep<detail, Angle>(equations_, u, angle).advance(x, here, time, h);
+    }
+
     template <Detail detail, class Angle>
     void step_with_stops(PlantState<>& x, AtAngle<double>& here, Voltage<> u, double time, double h, Angle&& angle) const {
         constexpr int most_pieces = 16;  // limit for a rotor that stops and breaks away repeatedly within one step
@@ -146,6 +153,7 @@ private:
     }
 
     Equations<> equations_;
+    bool has_instants_;  // within a step
     AngleFunctions<Two> two_angles_;
 };
 

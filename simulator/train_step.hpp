@@ -12,7 +12,7 @@ namespace cogless {
 
 template <Detail detail, class Angle>
 class TrainStep {
-    using Step = Equations<>::Step<detail, true>;
+    using Step = typename Equations<>::template Step<detail, true>;
     enum Change { motor, load, contact, changes };
 
 public:

@@ -33,7 +33,7 @@ pytestmark = pytest.mark.skipif(
     not (shutil.which("cc") and shutil.which("c++")), reason="no C and C++ compiler on the PATH"
 )
 
-# a drive with everything that an FMU has to keep: an encoder's edges, noise, a converter, a lag, cogging
+# a drive with everything that an FMU has to keep: an encoder's edges, noise, a converter, cogging, a gap
 STUDY = """
 title = "A drive with <everything> & more"
 seed = 5
@@ -50,6 +50,16 @@ flux_harmonics = [ {order = 6, d = "1 mWb", q = "1 mWb"} ]
 [mechanics]
 inertia = "5e-4 kg*m^2"
 coulomb_friction = "5 mN*m"
+breakaway_friction = "8 mN*m"
+stribeck_speed = "10 rpm"
+friction_table = { angle = ["0 deg", "180 deg"], torque = ["0 N*m", "1 mN*m"] }
+[mechanics.load_side]
+inertia = "2e-4 kg*m^2"
+stiffness = "30 N*m/rad"
+damping = "5 mN*m*s/rad"
+backlash = "0.2 deg"
+coulomb_friction = "2 mN*m"
+gear_errors = [ {side = "output", order = 3, angle = "0.1 deg", phase = "10 deg"} ]
 [drive]
 rates = { current_loop = "10 kHz", speed_loop = "1 kHz" }
 current_loop = { bandwidth = "500 Hz", current_limit = "10 A" }
@@ -82,7 +92,17 @@ ROOT = Path(__file__).parents[2]
 OWN = "drive_variables.hpp"  # of each drive; the engine has none of it
 ENGINE = {path.name for path in (*ROOT.glob("simulator/*.cpp"), *ROOT.glob("control/src/cogless/*.c"))}
 CURRENTS = ("i_d", "i_q", "i_a", "i_b", "i_c")
-PLANT = ("theta_m", "omega_m", "omega_ref", *CURRENTS, "tau_e", "tau_cogging", "tau_load")
+PLANT = (
+    "theta_m",
+    "omega_m",
+    "omega_ref",
+    *CURRENTS,
+    "tau_e",
+    "tau_cogging",
+    "tau_load",
+    "theta_load",
+    "tau_shaft",
+)
 INSIDE = ("i_q_ref", "u_d", "u_q", "status")
 
 

@@ -572,9 +572,12 @@ def test_variants_that_are_alike_run_in_step_and_give_what_each_gives_alone(tmp_
     base = changed(studies.study(tmp_path), laws)
     many = [changed(base, {"mechanics.inertia": f"{n} kg*cm^2"}) for n in (4, 5, 6)]
     switched = changed(base, {"drive.inverter.kind": "switched"})
-    results = rollout([*many, switched], ["low/ilc", "low/python"], jobs=1)
-    assert [[run.lanes for run in one.runs] for one in results] == [[3, 1], [3, 1], [3, 1], [1, 1]]
-    for study, one in zip([*many, switched], results, strict=True):
+    side = {"inertia": "1 kg*cm^2", "stiffness": "30 N*m/rad", "backlash": "0.1 deg"}
+    soft = changed(base, {"mechanics.load_side": side})
+    every = [*many, switched, soft]
+    results = rollout(every, ["low/ilc", "low/python"], jobs=1)
+    assert [[run.lanes for run in one.runs] for one in results] == [[3, 1], [3, 1], [3, 1], [1, 1], [1, 1]]
+    for study, one in zip(every, results, strict=True):
         for run, other in zip(one.runs, run_study(study, ["low/ilc", "low/python"]).runs, strict=True):
             assert run.metrics == other.metrics and run.quality == other.quality
             assert np.array_equal(run.trace.data, other.trace.data)

@@ -447,3 +447,14 @@ def test_saturation_by_apparent_inductance(tmp_path: Path) -> None:
     x = simulate(study, "step", "fair").trace
     at = (x["time"] > 0.15) & (x["time"] < 0.2)  # under load
     assert x["tau_e"][at].max() < (6 * 0.068 * x["i_q"][at]).max() * (1 - 1e-4)
+
+
+def test_friction_by_position_comes_from_a_csv_file(tmp_path: Path) -> None:
+    angles = range(0, 360, 30)
+    lines = [f"{angle},{2 + angle % 60 / 30}" for angle in angles]
+    (tmp_path / "friction.csv").write_text("\n".join(["angle [deg],torque [mN*m]", *lines]))
+    study = studies.study(tmp_path, {"mechanics.friction_table": {"file": "friction.csv"}})
+    table = engine_config(study, "low", "pi")["mechanics"]["friction_table"]
+    assert table["angle"] == pytest.approx([math.radians(angle) for angle in angles])
+    assert table["torque"] == pytest.approx([2e-3, 3e-3] * 6)
+    assert studies.study(tmp_path).mechanics.friction_table is None

@@ -18,6 +18,7 @@ ILC = {**PI, "law": "pi-ilc", "gain": 0}
 TABLE = {**PI, "law": "anti-cogging", "calibration": {"speed": "2 rpm", "position_gain": "20 1/s"}}
 METRIC = {"name": "m", "kind": "rms", "signal": "i_q"}
 TARGET = {"scenario": "low", "controller": "pi", "metric": "speed_ripple", "value": "5 rpm"}
+SIDE = {"inertia": "1e-4 kg*m^2", "stiffness": "30 N*m/rad"}
 PARAMETER = {"key": "motor.cogging.0.torque"}
 
 
@@ -120,6 +121,37 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'drive.current_sensors.offset: ["0 A", "0 A"]: expected 3 values'),
         ("mechanics.breakaway_friction", "-1 N*m",
             'mechanics.breakaway_friction: "-1 N*m": expected a torque of zero or more, such as "1 N*m"'),
+        ("mechanics.load_side", {"inertia": "1e-4 kg*m^2"},
+            'mechanics.load_side.stiffness: missing: expected a torsional stiffness above zero, such as '
+            '"1 N*m/rad"'),
+        ("mechanics.load_side", {**SIDE, "stiffness": "30 N*m"},
+            'mechanics.load_side.stiffness: "30 N*m": expected a torsional stiffness, such as "1 N*m/rad"'),
+        ("mechanics.load_side", {**SIDE, "ratio": 0},
+            "mechanics.load_side.ratio: 0: expected a number above 0"),
+        ("mechanics.load_side", {**SIDE, "stiffness": "1e9 N*m/rad"},
+            "drive.rates.integration_steps: 1: expected 499 or more, since the twist of the shaft "
+            "(mechanics.load_side: stiffness, damping, both inertias) changes within 0.267 us"),
+        ("mechanics.load_side", {**SIDE, "damping": "1 N*m*s/rad"},
+            "drive.rates.integration_steps: 1: expected 2 or more, since the twist of the shaft "
+            "(mechanics.load_side: stiffness, damping, both inertias) changes within 71.6 us"),
+        ("mechanics.load_side",
+            {**SIDE, "gear_errors": [{"side": "input", "order": 100, "angle": "10 mrad"}]},
+            'mechanics.load_side.gear_errors: [{ side = "input", order = 100, angle = "10 mrad" }]: '
+            "expected smaller ones: the gear's output would turn back"),
+        ("drive.position_sensor", {"kind": "ideal", "side": "load"},
+            'drive.position_sensor.side: "load": expected "motor", since there is no mechanics.load_side'),
+        ("mechanics.stribeck_speed", "1 rpm",
+            'mechanics.stribeck_speed: "1 rpm": expected 0, unless breakaway_friction exceeds '
+            "coulomb_friction"),
+        ("mechanics.friction_harmonics", [{"order": 1, "torque": "1 N*m"}],
+            'mechanics.friction_harmonics: [{ order = 1, torque = "1 N*m" }]: expected amplitudes of 0 N*m '
+            "or less together, the rest of the friction"),
+        ("mechanics.friction_table", {"angle": ["0 deg", "90 deg"], "torque": ["0 N*m", "-1 N*m"]},
+            "mechanics.friction_table: expected no more below zero than coulomb_friction is above"),
+        ("mechanics.friction_table", {"file": "nowhere.csv"},
+            'mechanics.friction_table.file: "nowhere.csv": expected a readable file at nowhere.csv'),
+        ("metric", [{**METRIC, "signal": "omega_load"}],
+            'metric.0.signal: "omega_load": expected another, or a table mechanics.load_side'),
         ("mechanics.load", {"time_table": {"time": ["1 s", "0 s"], "torque": ["1 N*m", "1 N*m"]}},
             'mechanics.load.time_table.time: ["1 s", "0 s"]: '
             "expected one or more values, each above the one before"),

@@ -24,7 +24,6 @@ def warnings(study: AnyStudy, scenario: str, name: str) -> list[str]:
         found = trial_warnings(design_study(study, [(scenario, name)])[scenario, name])
         return [f"controller.{name}: {line}" for line in found]
     return [
-        *shaft_notes(study),
         *loop_warnings(current_loop_summary(study)),
         *(f"controller.{name}: {line}" for line in _feedback_and_learning(study, name)),
         *notes(study, name),

@@ -118,9 +118,7 @@ class Mass(Table):
         if self.breakaway < self.coulomb_friction:
             raise invalid("expected no less than coulomb_friction", "breakaway_friction")
         if self.stribeck_speed and self.breakaway == self.coulomb_friction:
-            raise invalid(
-                "expected none, unless breakaway_friction exceeds coulomb_friction", "stribeck_speed"
-            )
+            raise invalid("expected 0, unless breakaway_friction exceeds coulomb_friction", "stribeck_speed")
         return self
 
     @model_validator(mode="after")
@@ -159,9 +157,7 @@ class LoadSide(Mass):
     @model_validator(mode="after")
     def _turns_on(self) -> Self:
         if self.slope[0] <= 0:
-            raise invalid(
-                "expected smaller ones: with these the gear's output would turn back", "gear_errors"
-            )
+            raise invalid("expected smaller ones: the gear's output would turn back", "gear_errors")
         return self
 
     @property
