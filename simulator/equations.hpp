@@ -65,6 +65,7 @@ public:
         : angle_(motor, load), motor_(motor), inertia_(mechanics.inertia), per_inertia_(1.0 / mechanics.inertia),
           viscous_friction_(mechanics.viscous_friction), coulomb_friction_(mechanics.coulomb_friction),
           breakaway_friction_(mechanics.breakaway_friction), sticks_(mechanics.breakaway_friction > 0.0),
+          plain_(!sticks_ && !motor_.saturates()),
           load_(load, nominal_step) {}
 
     // Those of several motors that are alike, one for each lane.
@@ -75,7 +76,7 @@ public:
           per_inertia_(each<Real>(of, &Equations<double>::per_inertia_)),
           viscous_friction_(each<Real>(of, &Equations<double>::viscous_friction_)),
           coulomb_friction_(each<Real>(of, &Equations<double>::coulomb_friction_)),
-          breakaway_friction_(each<Real>(of, &Equations<double>::breakaway_friction_)), sticks_(of[0]->sticks_),
+          breakaway_friction_(each<Real>(of, &Equations<double>::breakaway_friction_)), sticks_(of[0]->sticks_), plain_(of[0]->plain_),
           load_(members(of, &Equations<double>::load_)) {}
 
     // Whether lanes can hold both.
@@ -93,11 +94,17 @@ public:
     const Pmsm<Real>& motor() const { return motor_; }
     const Load<Real>& load() const { return load_; }
     bool sticks() const { return sticks_; }
+    // Whether each step is one step(), without friction that sticks, of a motor that does not saturate.
+    bool plain() const { return plain_; }
     Real breakaway_friction() const { return breakaway_friction_; }
 
     // here, in these and below: what depends on the angle, at x.theta_m.
     [[gnu::always_inline]] Torques<Real> torques(const PlantState<Real>& x, const AtAngle<Real>& here, double time) const {
-        return {motor_.torque(motor_.linkage(here.ripple, x.i), x.i), here.cogging,
+        Linkage<Real> e = motor_.linkage(here.ripple, x.i);
+        if constexpr (std::is_same_v<Real, double>) {
+            if (motor_.saturates()) e = motor_.template linkage<true>(here.ripple, x.i);
+        }
+        return {motor_.torque(e, x.i), here.cogging,
                 x.load.torque + part_of_angle_and_time(here, x.theta_m, time)};
     }
 
@@ -128,7 +135,7 @@ public:
     // One step, within which the rotor neither stops nor breaks away. angle(theta) returns what depends on an angle,
     // angle.both() on two, and share_angles says whether it is dear: then by Nystrom's method. The voltage has no effect if
     // the currents are given. With lanes, h is the nominal step.
-    template <Detail detail, class Angle>
+    template <Detail detail, bool saturated = false, class Angle>
     [[gnu::always_inline]] Step<detail> step(const PlantState<Real>& x, const AtAngle<Real>& here, Voltage<Real> u,
                                              double time, double h, Angle&& angle) const {
         const auto load = load_.later(x.load, h);
@@ -139,7 +146,7 @@ public:
                                double when) __attribute__((always_inline)) {
             const Currents<Real> i = detail == Detail::mechanics ? x.i : Currents<Real>{y[1], y[2]};
             const Real omega_m = y[0];
-            const Linkage<Real> e = motor_.linkage(there.ripple, i);
+            const Linkage<Real> e = motor_.template linkage<saturated>(there.ripple, i);
             const Real load_torque = load_constant + part_of_angle_and_time(there, theta_m, when);
             const Real friction = viscous_friction_ * omega_m + coulomb;
             Vector<detail> d;
@@ -147,7 +154,7 @@ public:
             if constexpr (detail != Detail::mechanics) {
                 const Real u_d = there.axis.re * u.alpha + there.axis.im * u.beta;
                 const Real u_q = there.axis.re * u.beta - there.axis.im * u.alpha;
-                const Currents<Real> di = motor_.derivative(e, i, u_d, u_q, omega_m);
+                const Currents<Real> di = motor_.template derivative<saturated>(e, i, u_d, u_q, omega_m);
                 d[1] = di.d;
                 d[2] = di.q;
                 if constexpr (detail == Detail::energies) {
@@ -218,7 +225,7 @@ private:
     Pmsm<Real> motor_;
     Real inertia_, per_inertia_;  // a product costs less than a quotient
     Real viscous_friction_, coulomb_friction_, breakaway_friction_;
-    bool sticks_;
+    bool sticks_, plain_;
     Load<Real> load_;
 };
 

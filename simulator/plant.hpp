@@ -72,7 +72,7 @@ public:
     template <Detail detail, class Angle>
     [[gnu::always_inline]] void step(PlantState<>& x, AtAngle<double>& here, Voltage<> u, double time, double h,
                                      Angle&& angle) const {
-        if (equations_.sticks()) {
+        if (!equations_.plain()) {
             step_with_stops<detail>(x, here, u, time, h, angle);
         } else {
             const auto step = equations_.step<detail>(x, here, u, time, h, angle);
@@ -82,12 +82,26 @@ public:
     }
 
 private:
+    // A step within which the rotor neither stops nor breaks away, of any motor.
+    template <Detail detail, class Angle>
+    [[gnu::always_inline]] Equations<>::Step<detail> whole(const PlantState<>& x, const AtAngle<double>& here, Voltage<> u,
+                                                           double time, double h, Angle& angle) const {
+        if (equations_.motor().saturates()) return saturated<detail>(x, here, u, time, h, angle);
+        return equations_.step<detail>(x, here, u, time, h, angle);
+    }
+    // Apart, so that other motors keep their registers.
+    template <Detail detail, class Angle>
+    [[gnu::noinline]] Equations<>::Step<detail> saturated(const PlantState<>& x, const AtAngle<double>& here, Voltage<> u,
+                                                          double time, double h, Angle& angle) const {
+        return equations_.step<detail, true>(x, here, u, time, h, angle);
+    }
+
     template <Detail detail, class Angle>
     void step_with_stops(PlantState<>& x, AtAngle<double>& here, Voltage<> u, double time, double h, Angle&& angle) const {
         constexpr int most_pieces = 16;  // limit for a rotor that stops and breaks away repeatedly within one step
         for (int piece = 0; h > 0.0; ++piece) {
-            const auto step = equations_.step<detail>(x, here, u, time, h, angle);
-            const double at_end = beyond<detail>(x, step, time + h);
+            const auto step = whole<detail>(x, here, u, time, h, angle);
+            const double at_end = equations_.sticks() ? beyond<detail>(x, step, time + h) : 0.0;
             if (piece == most_pieces || !(at_end > 0.0)) {
                 step.take(x);
                 here = step.here;
@@ -124,7 +138,7 @@ private:
             const bool bisect = n % 3 == 2 || !(below < 0.0);
             const double middle = bisect ? 0.5 * (low + high) : low + (high - low) * below / (below - above);
             if (!(middle > low && middle < high)) break;
-            const double value = beyond<detail>(x, equations_.step<detail>(x, here, u, time, middle, angle), time + middle);
+            const double value = beyond<detail>(x, whole<detail>(x, here, u, time, middle, angle), time + middle);
             if (std::abs(value) <= 1e-15 * (at_end - at_start)) return middle;
             if (value > 0.0) {
                 if (high - middle < 0.5 * (high - low)) below *= 0.5;
@@ -150,7 +164,7 @@ private:
                                 ? 0.0
                                 : instant<detail>(x, here, u, time, h, at_start, at_end, angle);
         if (done > 0.0) {
-            const auto step = equations_.step<detail>(x, here, u, time, done, angle);
+            const auto step = whole<detail>(x, here, u, time, done, angle);
             step.take(x);
             here = step.here;
         }
