@@ -75,7 +75,7 @@ public:
           per_inertia_(each<Real>(of, &Equations<double>::per_inertia_)),
           viscous_friction_(each<Real>(of, &Equations<double>::viscous_friction_)),
           coulomb_friction_(each<Real>(of, &Equations<double>::coulomb_friction_)),
-          breakaway_friction_(each<Real>(of, &Equations<double>::breakaway_friction_)), sticks_(of[0]->sticks_),
+          breakaway_friction_(each<Real>(of, &Equations<double>::breakaway_friction_)), sticks_(of[0]->sticks_), plain_(of[0]->plain_),
           load_(members(of, &Equations<double>::load_)) {}
 
     // Whether lanes can hold both.
@@ -100,7 +100,11 @@ public:
 
     // here, in these and below: what depends on the angle, at x.theta_m.
     [[gnu::always_inline]] Torques<Real> torques(const PlantState<Real>& x, const AtAngle<Real>& here, double time) const {
-        const Real e = motor_.torque(motor_.linkage(here.ripple, x.i), x.i);
+        Linkage<Real> linkage = motor_.linkage(here.ripple, x.i);
+        if constexpr (std::is_same_v<Real, double>) {
+            if (motor_.saturates()) linkage = motor_.template linkage<true>(here.ripple, x.i);
+        }
+        const Real e = motor_.torque(linkage, x.i);
         if constexpr (std::is_same_v<Real, double>) {
             if (const LoadSide* side = load_side()) {
                 const LoadSide::Shaft shaft = side->shaft(x.side.contact, x.theta_m, x.omega_m, x.side.theta, x.side.omega);
@@ -155,7 +159,7 @@ public:
     // One step, within which nothing stops, breaks away, meets or parts. angle(theta) returns what depends on an angle,
     // angle.both() on two, and share_angles says whether it is dear: then by Nystrom's method. The voltage has no effect if
     // the currents are given. With lanes, h is the nominal step.
-    template <Detail detail, bool with_train = false, class Angle>
+    template <Detail detail, bool with_train = false, bool saturated = false, class Angle>
     [[gnu::always_inline]] Step<detail, with_train> step(const PlantState<Real>& x, const AtAngle<Real>& here, Voltage<Real> u,
                                                          double time, double h, Angle&& angle) const {
         using Made = Step<detail, with_train>;
@@ -168,7 +172,7 @@ public:
                                Real theta_load) __attribute__((always_inline)) {
             const Currents<Real> i = detail == Detail::mechanics ? x.i : Currents<Real>{y[1], y[2]};
             const Real omega_m = y[0];
-            const Linkage<Real> e = motor_.linkage(there.ripple, i);
+            const Linkage<Real> e = motor_.template linkage<saturated>(there.ripple, i);
             Real load_torque, opposing, friction, lost, taken;
             Vector d;
             if constexpr (with_train) {
@@ -198,7 +202,7 @@ public:
             if constexpr (detail != Detail::mechanics) {
                 const Real u_d = there.axis.re * u.alpha + there.axis.im * u.beta;
                 const Real u_q = there.axis.re * u.beta - there.axis.im * u.alpha;
-                const Currents<Real> di = motor_.derivative(e, i, u_d, u_q, omega_m);
+                const Currents<Real> di = motor_.template derivative<saturated>(e, i, u_d, u_q, omega_m);
                 d[1] = di.d;
                 d[2] = di.q;
                 if constexpr (detail == Detail::energies) {

@@ -17,7 +17,7 @@ class Plant {
 public:
     Plant(const PmsmConfig& motor, const MechanicsConfig& mechanics, const LoadConfig& load, double nominal_step)
         : equations_(motor, mechanics, load, nominal_step),
-          has_instants_(equations_.sticks() || equations_.train() != nullptr),
+          plain_(!equations_.sticks() && equations_.train() == nullptr && !equations_.motor().saturates()),
           two_angles_(Each<AngleFunctions<double>, Two>{&equations_.angle(), &equations_.angle()}) {}
 
     // As another plant, with its motor's resistance and its magnets' flux changed by these factors.
@@ -77,7 +77,7 @@ public:
     template <Detail detail, class Angle>
     [[gnu::always_inline]] void step(PlantState<>& x, AtAngle<double>& here, Voltage<> u, double time, double h,
                                      Angle&& angle) const {
-        if (!has_instants_) {
+        if (plain_) {
             const auto step = equations_.step<detail>(x, here, u, time, h, angle);
             step.take(x);
             here = step.here;
@@ -89,6 +89,20 @@ public:
     }
 
 private:
+    // A step within which the rotor neither stops nor breaks away, of any motor.
+    template <Detail detail, class Angle>
+    [[gnu::always_inline]] Equations<>::Step<detail> whole(const PlantState<>& x, const AtAngle<double>& here, Voltage<> u,
+                                                           double time, double h, Angle& angle) const {
+        if (equations_.motor().saturates()) return saturated<detail>(x, here, u, time, h, angle);
+        return equations_.step<detail>(x, here, u, time, h, angle);
+    }
+    // Apart, so that other motors keep their registers.
+    template <Detail detail, class Angle>
+    [[gnu::noinline]] Equations<>::Step<detail> saturated(const PlantState<>& x, const AtAngle<double>& here, Voltage<> u,
+                                                          double time, double h, Angle& angle) const {
+        return equations_.step<detail, false, true>(x, here, u, time, h, angle);
+    }
+
     template <Detail detail, class Angle>
     [[gnu::noinline]] void step_with_train(PlantState<>& x, AtAngle<double>& here, Voltage<> u, double time, double h,
                                            Angle& angle) const {
@@ -99,8 +113,8 @@ private:
     void step_with_stops(PlantState<>& x, AtAngle<double>& here, Voltage<> u, double time, double h, Angle&& angle) const {
         constexpr int most_pieces = 16;  // limit for a rotor that stops and breaks away repeatedly within one step
         for (int piece = 0; h > 0.0; ++piece) {
-            const auto step = equations_.step<detail>(x, here, u, time, h, angle);
-            const double at_end = beyond<detail>(x, step, time + h);
+            const auto step = whole<detail>(x, here, u, time, h, angle);
+            const double at_end = equations_.sticks() ? beyond<detail>(x, step, time + h) : 0.0;
             if (piece == most_pieces || !(at_end > 0.0)) {
                 step.take(x);
                 here = step.here;
@@ -137,11 +151,11 @@ private:
         const double done = x.stuck && !(at_start < 0.0)
                                 ? 0.0
                                 : instant(h, at_start, at_end, [&](double middle) {
-                                      return beyond<detail>(x, equations_.step<detail>(x, here, u, time, middle, angle),
+                                      return beyond<detail>(x, whole<detail>(x, here, u, time, middle, angle),
                                                             time + middle);
                                   });
         if (done > 0.0) {
-            const auto step = equations_.step<detail>(x, here, u, time, done, angle);
+            const auto step = whole<detail>(x, here, u, time, done, angle);
             step.take(x);
             here = step.here;
         }
@@ -153,7 +167,7 @@ private:
     }
 
     Equations<> equations_;
-    bool has_instants_;  // within a step
+    bool plain_;  // a step is one of equations_, of a motor that does not saturate
     AngleFunctions<Two> two_angles_;
 };
 

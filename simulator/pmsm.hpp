@@ -88,10 +88,14 @@ public:
 
     Real copper_loss(Currents<Real> i) const { return power_factor_ * R_s_ * (i.d * i.d + i.q * i.q); }
 
-    // ripple: the part of the flux harmonics.
+    bool saturates() const { return saturation_ != nullptr; }
+
+    // ripple: the part of the flux harmonics. saturated, here and below: for a motor that saturates.
+    template <bool saturated = false>
     [[gnu::always_inline]] Linkage<Real> linkage(Linkage<Real> ripple, Currents<Real> i) const {
-        if constexpr (std::is_same_v<Real, double>) {
-            if (saturation_) [[unlikely]] return saturated_linkage(ripple, i);
+        if constexpr (saturated) {
+            const Saturation::Flux flux = saturation_->flux(i.d, i.q);
+            return {ripple.d - flux.q, ripple.q + (psi_f_ + flux.d)};
         }
         return {ripple.d - L_q_ * i.q, ripple.q + (psi_f_ + L_d_ * i.d)};
     }
@@ -100,13 +104,15 @@ public:
         return (power_factor_ * pole_pairs_) * (e.d * i.d + e.q * i.q);
     }
 
+    template <bool saturated = false>
     [[gnu::always_inline]] Currents<Real> derivative(Linkage<Real> e, Currents<Real> i, Real u_d, Real u_q,
                                                      Real omega_m) const {
         const Real omega_e = pole_pairs_ * omega_m;
-        if constexpr (std::is_same_v<Real, double>) {
-            if (saturation_) [[unlikely]] {
-                return saturated_derivative(i, u_d - R_s_ * i.d - omega_e * e.d, u_q - R_s_ * i.q - omega_e * e.q);
-            }
+        if constexpr (saturated) {
+            const Saturation::Flux l = saturation_->flux(i.d, i.q);
+            const Real v_d = u_d - R_s_ * i.d - omega_e * e.d, v_q = u_q - R_s_ * i.q - omega_e * e.q;
+            const Real per_det = 1.0 / (l.l_dd * l.l_qq - l.l_dq * l.l_dq);
+            return {(l.l_qq * v_d - l.l_dq * v_q) * per_det, (l.l_dd * v_q - l.l_dq * v_d) * per_det};
         }
         return {(u_d - R_s_ * i.d) * per_L_d_ - (omega_e * per_L_d_) * e.d,
                 (u_q - R_s_ * i.q) * per_L_q_ - (omega_e * per_L_q_) * e.q};
@@ -115,18 +121,6 @@ public:
 private:
     template <class>
     friend class Pmsm;
-
-    // Apart, so that motors without saturation keep their registers.
-    [[gnu::noinline]] Linkage<Real> saturated_linkage(Linkage<Real> ripple, Currents<Real> i) const {
-        const Saturation::Flux flux = saturation_->flux(i.d, i.q);
-        return {ripple.d - flux.q, ripple.q + (psi_f_ + flux.d)};
-    }
-    // v: the voltages that change the flux of the currents.
-    [[gnu::noinline]] Currents<Real> saturated_derivative(Currents<Real> i, Real v_d, Real v_q) const {
-        const Saturation::Flux l = saturation_->flux(i.d, i.q);
-        const double per_det = 1.0 / (l.l_dd * l.l_qq - l.l_dq * l.l_dq);
-        return {(l.l_qq * v_d - l.l_dq * v_q) * per_det, (l.l_dd * v_q - l.l_dq * v_d) * per_det};
-    }
 
     double power_factor_, pole_pairs_;
     Real R_s_, L_d_, L_q_, psi_f_;

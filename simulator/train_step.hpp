@@ -41,6 +41,7 @@ private:
     };
 
     Step over(const PlantState<>& x, const AtAngle<double>& here, double time, double h) const {
+        if (equations_.motor().saturates()) return equations_.step<detail, true, true>(x, here, u_, time, h, angle_);
         return equations_.step<detail, true>(x, here, u_, time, h, angle_);
     }
 
