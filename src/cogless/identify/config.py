@@ -1,4 +1,4 @@
-"""The file that says what a drive's logs hold: columns, what is known of motor and drive, the kinds of logs."""
+"""The file that says what a drive's logs hold: columns, kinds of logs, what is known of motor and drive."""
 
 from __future__ import annotations
 
@@ -45,11 +45,12 @@ SIGNALS: dict[str, Dimension] = {
     "u_q": units.VOLTAGE,
     "torque": units.TORQUE,
     "direction": units.NONE,
+    "part": units.NONE,  # each of its values is a log of its own, named FILE#VALUE
 }
 
 
 class Column(Table):
-    """A column of the logs: its heading, its unit (default: SI), and -1 as `sign` where it counts backwards."""
+    """A column of the logs: heading, unit (default: SI), and -1 as `sign` where it counts backwards."""
 
     name: str
     unit: str = ""

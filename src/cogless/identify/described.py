@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cogless.identify.estimate import Estimate, Value
 from cogless.identify.log import Log
+from cogless.identify.result import Estimate, Value
 
 PI = {"pi": {"law": "pi", "baseline": True, "tuning": {"rule": "phase-margin", "phase_margin": "60 deg"}}}
 
@@ -69,10 +69,12 @@ def scenario_name(log: Log) -> str:
 
 def scenario(made: Estimate, log: Log) -> dict[str, Any]:
     """The scenario of a log whose reference is known: it begins where the log does."""
-    table = next(t for t, rule in zip(made.known.tables["log"], made.known.log, strict=True) if rule == log.rule)
+    table = next(
+        t for t, rule in zip(made.known.tables["log"], made.known.log, strict=True) if rule == log.rule
+    )
     rows = log.stretches[0]
     theta = log["theta"][rows]
-    few = max(2, round(0.02 / log.dt))
+    few = max(2, round(0.005 / log.dt))
     speed = (theta[few] - theta[0]) / (few * log.dt)
     found: dict[str, Any] = {
         "duration": f"{log.dt * (rows.stop - rows.start):.6g} s",

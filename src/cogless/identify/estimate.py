@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from cogless.identify.files import Array
 from cogless.identify.log import Log
 from cogless.identify.orders import found_orders
 from cogless.identify.regression import Fit, fit
+from cogless.identify.result import Estimate, Value, wave_of
 from cogless.identify.weak_form import Model, Rows, Sensor, rows_of
 
 WIDTH = 6e-3  # s, of the kernel
@@ -25,52 +26,6 @@ ROUNDS = 3  # delay and the sensor's error are taken out, and found again
 Progress = Callable[[str, float], None]
 
 
-@dataclass(frozen=True)
-class Value:
-    """A number and its error at 95 %, SI."""
-
-    value: float
-    error: float
-
-    def times(self, factor: float) -> Value:
-        return Value(self.value * factor, self.error * abs(factor))
-
-
-@dataclass(frozen=True)
-class Wave:
-    """size sin(order theta + phase), with errors at 95 %, SI."""
-
-    order: int
-    size: Value
-    phase: Value
-
-
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """What the logs tell. Torques are over K_t, in A; `ripple` is a share of K_t.
-
-    A value that can't be told is not in `values`; `left_out` has a sentence on each.
-    """
-
-    known: Identification
-    logs: tuple[Log, ...]
-    values: dict[str, Value]
-    cogging: tuple[Wave, ...]
-    ripple: tuple[Wave, ...]
-    encoder: tuple[Wave, ...]
-    loads: dict[str, Value]
-    remarks: tuple[str, ...]
-    left_out: tuple[str, ...]
-    model: Model = field(repr=False, default=Model())
-    rows: tuple[Rows, ...] = field(repr=False, default=())
-    fit: Fit | None = field(repr=False, default=None)
-
-    @property
-    def K_t(self) -> float:
-        """Torque constant that is taken as known, N*m/A."""
-        return self.known.motor.star().K_t
-
-
 def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> Estimate:
     """Estimate all that the logs tell. StudyError: nothing can be told."""
     remarks = [remark for log in logs for remark in log.remarks]
@@ -80,7 +35,7 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
         raise StudyError("\n".join(said) or "no log is left: expected logs with theta and i_q")
     findings.check_sign(known, used, _rows(known, used, Model(), WIDTH))
     left: list[str] = []
-    model = _start(known, used, left)
+    used, model = _start(known, used, left)
     rows, found, model = _searched(known, used, model, progress)
     rows, found, model = _significant(known, used, model)
     rows, found, model = _told_apart(known, used, model, left)
@@ -94,31 +49,28 @@ def _rows(known: Identification, logs: Sequence[Log], model: Model, width: float
     return [rows for log in logs for rows in rows_of(log, model, width, sensor)]
 
 
-def _start(known: Identification, logs: Sequence[Log], left: list[str]) -> Model:
-    """The columns that the kinds of logs allow to ask for."""
-    moving = [log for log in logs if log.dt]
-    columns = {"offset"}
+def _start(known: Identification, logs: Sequence[Log], left: list[str]) -> tuple[list[Log], Model]:
+    """The logs and columns that tell something together."""
+    held, moving = [log for log in logs if not log.dt], [log for log in logs if log.dt]
+    sixth = (6 * known.motor.pole_pairs,)
     if not moving:
-        left.append("No log of a turning motor: inertia and friction cannot be identified; add an acceleration log.")
-        return Model(columns=frozenset(columns))
-    columns |= {"c"}
-    speeds = findings.speeds(moving)
-    if findings.one_speed(speeds):
         left.append(
-            f"One speed only ({speeds[0][1] / (2 * np.pi):.3g} rev/s): inertia, viscous friction and delay cannot be "
-            "identified; add an acceleration log and a second speed."
+            "No log of a turning motor: inertia and friction cannot be identified; add an acceleration log."
         )
+    elif findings.one_speed(moving):
+        left.append(findings.said_of_one_speed(moving))
+        if not held:
+            raise StudyError(left[-1])
     else:
-        columns |= {"j", "b", "delay"}
-    fed_back = [log for log in moving if findings.feedback(log) is not None]
-    if fed_back and len(fed_back) == len(moving):
-        columns -= {"delay"}
-        left.append(
-            "All logs of a turning motor show the feedback law: the delay cannot be identified; add an acceleration log."
-        )
-    poles = known.motor.pole_pairs
-    encoder = (1, 2) if "j" in columns else ()
-    return Model(cogging=(6 * poles,), encoder=encoder, columns=frozenset(columns))
+        columns = {"j", "b", "c", "offset", "delay"}
+        if all(findings.feedback(log) is not None for log in moving):
+            columns -= {"delay"}
+            left.append(
+                "All logs of a turning motor show the feedback law: the delay cannot be identified; "
+                "add an acceleration log."
+            )
+        return list(logs), Model(cogging=sixth, encoder=(1, 2), columns=frozenset(columns))
+    return held, Model(cogging=sixth, columns=frozenset({"offset"}))
 
 
 def _searched(
@@ -134,7 +86,7 @@ def _searched(
             break
         model = replace(model, cogging=tuple(sorted({*model.cogging, *new})))
     poles = known.motor.pole_pairs
-    if any(log.kind == "load" for log in logs):
+    if "j" in model.columns:  # the currents that accelerate are loads of both signs
         ripple = (2 * poles, 6 * poles)
         model = replace(model, ripple=ripple, cogging=tuple(sorted({*model.cogging, *ripple})))
     return _settled(known, logs, model)
@@ -166,27 +118,20 @@ def refit(known: Identification, logs: Sequence[Log], model: Model) -> tuple[Fit
     return found, settled
 
 
-def _significant(
-    known: Identification, logs: Sequence[Log], model: Model
-) -> tuple[list[Rows], Fit, Model]:
+def _significant(known: Identification, logs: Sequence[Log], model: Model) -> tuple[list[Rows], Fit, Model]:
     """Keep the orders that stand out of their errors."""
     rows = _rows(known, logs, model, WIDTH)
     found = fit(rows)
 
     def stands_out(kind: str, order: int, taken: tuple[float, float] = (0.0, 0.0)) -> bool:
-        names = ((kind, order, "c"), (kind, order, "s"))
-        size = np.hypot(*(found[name] + out for name, out in zip(names, taken, strict=True)))
-        return bool(size > SURE * np.hypot(*(found.error(name) for name in names)))
+        error = np.hypot(found.error((kind, order, "c")), found.error((kind, order, "s")))
+        return bool(_size(found, kind, order, taken) > SURE * error)
 
-    largest = max((np.hypot(found["cogging", n, "c"], found["cogging", n, "s"]) for n in model.cogging), default=0.0)
-    kept = {
-        n
-        for n in model.cogging
-        if stands_out("cogging", n)
-        and np.hypot(found["cogging", n, "c"], found["cogging", n, "s"]) > SMALLEST * largest
-    }
+    largest = max((_size(found, "cogging", n) for n in model.cogging), default=0.0)
+    kept = {n for n in model.cogging if stands_out("cogging", n)}
+    kept = {n for n in kept if _size(found, "cogging", n) > SMALLEST * largest}
     ripple = tuple(n for n in model.ripple if stands_out("ripple", n))
-    j = found["j",] if ("j",) in found else 0.0
+    j = found.get("j")
     encoder = tuple(
         n
         for n in model.encoder
@@ -199,15 +144,20 @@ def _significant(
     return _settled(known, logs, pruned)
 
 
+def _size(found: Fit, kind: str, order: int, taken: tuple[float, float] = (0.0, 0.0)) -> float:
+    """Amplitude of an order, A, with what is already taken out."""
+    return float(np.hypot(found[kind, order, "c"] + taken[0], found[kind, order, "s"] + taken[1]))
+
+
 CURES = {
     "j": "Inertia cannot be told apart from cogging or friction; add an acceleration log.",
     "b": "Viscous and Coulomb friction cannot be told apart; add a log at a second, fast speed.",
     "c": "Friction and a load cannot be told apart; record each log in both directions.",
-    "offset": "An offset of the current cannot be told apart from friction; record each log in both directions.",
+    "offset": "A current offset and friction cannot be told apart; record each log in both directions.",
     "delay": "The delay of the log cannot be told apart from inertia; add an acceleration log.",
     "load": "The load of {0} cannot be told apart from friction; record it in both directions.",
     "ripple": "Order {0}: K_t ripple and cogging cannot be told apart; record logs with loads of both signs.",
-    "encoder": "Order {0}: the encoder's error and cogging cannot be told apart; add a log at a second, fast speed.",
+    "encoder": "Order {0}: the encoder's error and cogging cannot be told apart; add a log at a fast speed.",
     "cogging": "Order {0}: cogging cannot be told apart from the rest; add a slow sweep.",
 }
 WEAKEST = ("delay", "encoder", "ripple", "offset", "b", "cogging", "load", "c", "c_hold", "j")
@@ -232,10 +182,13 @@ def _told_apart(
 
 def _without(model: Model, name: tuple[str | int, ...]) -> Model:
     kind = str(name[0])
-    if kind in ("cogging", "ripple", "encoder"):
-        kept = tuple(n for n in getattr(model, kind) if n != name[1])
-        error = {n: pair for n, pair in model.error.items() if kind != "encoder" or n != name[1]}
-        return replace(model, error=error, **{kind: kept})
+    if kind == "cogging":
+        return replace(model, cogging=tuple(n for n in model.cogging if n != name[1]))
+    if kind == "ripple":
+        return replace(model, ripple=tuple(n for n in model.ripple if n != name[1]))
+    if kind == "encoder":
+        kept = tuple(n for n in model.encoder if n != name[1])
+        return replace(model, encoder=kept, error={n: model.error[n] for n in kept if n in model.error})
     delay = 0.0 if kind == "delay" else model.delay
     return replace(model, columns=model.columns - {kind}, delay=delay)
 
@@ -293,12 +246,3 @@ def _spread(known: Identification, logs: Sequence[Log], model: Model, found: Fit
         other = fit(_rows(known, logs, model, factor * WIDTH))
         moved.append([other[name] - found[name] if name in other else 0.0 for name in found.names])
     return np.asarray(np.sqrt(np.mean(np.square(moved), axis=0)))
-
-
-def wave_of(order: int, cosine: Value, sine: Value) -> Wave:
-    """The wave of a cosine and a sine part."""
-    size = float(np.hypot(cosine.value, sine.value))
-    along = np.hypot(cosine.value * cosine.error, sine.value * sine.error) / max(size, 1e-300)
-    across = np.hypot(sine.value * cosine.error, cosine.value * sine.error) / max(size, 1e-300)
-    phase = float(np.arctan2(cosine.value, sine.value))
-    return Wave(order, Value(size, float(along)), Value(phase, float(across) / max(size, 1e-300)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import gzip
+import io
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -57,11 +58,8 @@ def _check(path: Path, columns: Columns) -> None:
 def _csv(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:
     packed = path.name.lower().endswith(".gz")
     try:
-        opened = gzip.open(path, "rt", encoding="utf-8-sig", newline="") if packed else path.open(
-            encoding="utf-8-sig", newline=""
-        )
-        with opened as file:
-            yield "", _rows(path, file, wanted)
+        with path.open("rb") as raw, gzip.open(raw) if packed else raw as data:
+            yield "", _rows(path, io.TextIOWrapper(data, encoding="utf-8-sig", newline=""), wanted)
     except UnicodeDecodeError:
         raise StudyError(f"{path}: not UTF-8: expected a CSV in UTF-8") from None
     except csv.Error as error:

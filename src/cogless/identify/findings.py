@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cogless.errors import StudyError
 from cogless.identify.config import Identification
+from cogless.identify.files import Array
 from cogless.identify.log import Log
 from cogless.identify.regression import Fit, fit
+from cogless.identify.result import Estimate
 from cogless.identify.weak_form import Model, Rows
-
-if TYPE_CHECKING:
-    from cogless.identify.estimate import Estimate
 
 ALIKE = 0.15  # speeds that differ by less are one
 FED_BACK = 0.99  # correlation of i_q with the speed of some samples before
@@ -29,13 +27,18 @@ LIKELY_RIPPLE = 0.1  # of K_t, at most
 
 def usable(known: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
     """The logs that can be used, and sentences on the others and on logs that mislead."""
-    used, said = [], []
+    used: list[Log] = []
+    said: list[str] = []
+    offsets = _offsets(logs)
+    if offsets is not None:
+        shown = ", ".join(f"{1e3 * offset:.3g}" for offset in offsets)
+        said.append(f"With the bridge off the phase currents show {shown} mA; this is taken out of i_q.")
     for log in logs:
         without = _unusable(known, log)
         if without:
             said.append(without)
             continue
-        used.append(_prepared(known, log))
+        used.append(_prepared(known, log, offsets))
         law = feedback(log)
         if law is not None:
             lag, correlation, gain = law
@@ -44,13 +47,14 @@ def usable(known: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[
                 f"{-gain:.3g} A*s/rad): this is the feedback law, and tells little of the motor; "
                 "add an acceleration log."
             )
-    return used, said
+    plant = [log for log in used if feedback(log) is None]
+    return (plant if any(log.dt for log in plant) else used), said
 
 
 def _unusable(known: Identification, log: Log) -> str | None:
     """Why a log can't be used, with the cure; None if it can."""
     if "theta" not in log:
-        return f"{log.name}: no angle: cogging and inertia cannot be placed; record the encoder's angle as theta."
+        return f"{log.name}: no angle: cogging cannot be placed; record the encoder's angle as theta."
     if "i_q" not in log and log.kind not in ("coast-down", "bridge-off"):
         return (
             f"{log.name}: no current: torque is not known; record i_q, or say that the log is a coast-down "
@@ -60,18 +64,33 @@ def _unusable(known: Identification, log: Log) -> str | None:
         return None
     speed = float(np.percentile(np.abs(np.diff(log["theta"])), 80)) / log.dt
     rate, poles = 1 / log.dt, known.motor.pole_pairs
-    if rate < SLOW_SAMPLING and poles * speed / (2 * np.pi) > rate / 8:
-        needed = 8 * 6 * poles * speed / (2 * np.pi)
+    order = 6 * poles  # where cogging and K_t ripple are strong in most motors
+    if rate < SLOW_SAMPLING and order * speed / (2 * np.pi) > rate / 8:
+        needed = 8 * order * speed / (2 * np.pi)
         return (
-            f"{log.name}: order {poles} at {speed / (2 * np.pi):.3g} rev/s is above an eighth of the sampling rate, "
-            f"{rate:.3g} Hz; record {needed:.2g} rows a second, or turn more slowly."
+            f"{log.name}: order {order} at {speed / (2 * np.pi):.3g} rev/s is above an eighth of the "
+            f"sampling rate, {rate:.3g} Hz; record {needed:.2g} rows a second, or turn more slowly."
         )
     return None
 
 
-def _prepared(known: Identification, log: Log) -> Log:
-    """The log with torque in A, and no current where the bridge is off."""
+def _offsets(logs: Sequence[Log]) -> tuple[float, float, float] | None:
+    """Offsets of the phase currents, A, from logs with the bridge off; None if there is none."""
+    off = [log for log in logs if log.kind == "bridge-off" and "i_a" in log and "i_b" in log]
+    if not off:
+        return None
+    a, b = (float(np.mean(np.concatenate([log[name] for log in off]))) for name in ("i_a", "i_b"))
+    with_c = [log["i_c"] for log in off if "i_c" in log]
+    return a, b, float(np.mean(np.concatenate(with_c))) if with_c else -a - b
+
+
+def _prepared(known: Identification, log: Log, offsets: tuple[float, float, float] | None) -> Log:
+    """The log with torque in A, without the currents' offsets, and no current where the bridge is off."""
     signals = dict(log.signals)
+    if offsets is not None and "i_q" in signals:
+        theta_e = known.motor.pole_pairs * signals["theta"]
+        waves = [np.sin(theta_e - third * 2 * np.pi / 3) for third in range(3)]
+        signals["i_q"] = signals["i_q"] + 2 / 3 * sum(o * w for o, w in zip(offsets, waves, strict=True))
     if "torque" in signals:
         signals["torque"] = signals["torque"] / known.motor.star().K_t
     if log.kind in ("coast-down", "bridge-off"):
@@ -93,28 +112,32 @@ def check_sign(known: Identification, logs: Sequence[Log], rows: Sequence[Rows])
         if wrong and power - stored < 0:
             heading = known.columns["i_q"].name
             raise StudyError(
-                f"{log.name}: {heading}: the current brakes the motor that it turns (inertia and friction come out "
-                f'negative): expected the other sign: columns.i_q = {{ name = "{heading}", sign = '
+                f"{log.name}: {heading}: the current brakes the motor that it turns (inertia and friction "
+                f'come out negative): expected the other sign: columns.i_q = {{ name = "{heading}", sign = '
                 f"{-known.columns['i_q'].sign} }}"
             )
 
 
-def speeds(logs: Sequence[Log]) -> list[tuple[float, float]]:
-    """Lowest and highest speed of each log, rad/s, over a revolution or a quarter of the log, without sign."""
-    found = []
-    for log in logs:
-        theta = log["theta"]
-        rows = max(2, len(theta) // 20)
-        mean = np.abs(theta[rows:] - theta[:-rows]) / (rows * log.dt)
-        low, high = np.percentile(mean, [30, 95])
-        found.append((float(low), float(high)))
-    return found
+def one_speed(logs: Sequence[Log]) -> bool:
+    """Whether all logs are at one speed, from means over a twentieth of each."""
+    low, high = zip(*(np.percentile(_speeds(log), [30, 95]) for log in logs), strict=True)
+    return bool(min(low) > (1 - ALIKE) * max(high))
 
 
-def one_speed(found: Sequence[tuple[float, float]]) -> bool:
-    """Whether all logs are at one speed."""
-    lows, highs = [low for low, _ in found], [high for _, high in found]
-    return min(lows) > (1 - ALIKE) * max(highs)
+def said_of_one_speed(logs: Sequence[Log]) -> str:
+    """What logs of one speed tell, and what they don't."""
+    speed = float(np.median(np.concatenate([_speeds(log) for log in logs]))) / (2 * np.pi)
+    turning = [(log["i_q"], np.sign(log["theta"][-1] - log["theta"][0])) for log in logs]
+    mean = float(np.mean([np.mean(current) * sign for current, sign in turning]))
+    return (
+        f"One speed only ({speed:.3g} rev/s): inertia, friction and delay cannot be identified (its mean current, "
+        f"{mean:.3g} A, is friction and load together); add an acceleration log and a second speed."
+    )
+
+
+def _speeds(log: Log) -> Array:
+    theta, rows = log["theta"], max(2, len(log) // 20)
+    return np.asarray(np.abs(theta[rows:] - theta[:-rows]) / (rows * log.dt))
 
 
 def feedback(log: Log) -> tuple[int, float, float] | None:
@@ -151,8 +174,8 @@ def between_logs(rows: Sequence[Rows], found: Fit, model: Model, left: list[str]
             low, high = min(friction, key=friction.__getitem__), max(friction, key=friction.__getitem__)
             if friction[high] - friction[low] > FRICTION * found["c",]:
                 said.append(
-                    f"Sessions differ: friction {friction[low]:.3g} A in {low} and {friction[high]:.3g} A in {high}; "
-                    "identify each session by itself, or warm the motor up first."
+                    f"Sessions differ: friction {friction[low]:.3g} A in {low} and {friction[high]:.3g} A in "
+                    f"{high}; identify each session by itself, or warm the motor up first."
                 )
     if model.cogging:
         said += _turned(by_log, found, model, left)
@@ -173,8 +196,8 @@ def _turned(by_log: dict[str, list[Rows]], found: Fit, model: Model, left: list[
             left.append("Cogging is left out, since its place differs between the logs.")
             return [
                 f"{name}: order {strongest} is turned by {np.degrees(turn):.0f} deg against {first}, "
-                f"{np.degrees(abs(turn)) / strongest:.2g} deg of the rotor or more: the index has slipped, or the encoder "
-                "counts from where it was switched on; find the index before each log."
+                f"{np.degrees(abs(turn)) / strongest:.2g} deg of the rotor or more: the index has slipped, or "
+                "the encoder counts from where it was switched on; find the index before each log."
             ]
     return []
 
@@ -196,34 +219,29 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
     """Leave out what the findings forbid, and say what stays open."""
     values, cogging = dict(made.values), made.cogging
     poles = made.known.motor.pole_pairs
-    moving = [log for log in made.logs if log.dt]
     if "j" in values and not values["j"].value > 2 * values["j"].error:
         left.append("Inertia is not larger than its error; add an acceleration log.")
         del values["j"]
     if "b" in values and values["b"].value < 0:
         small = values["b"].value > -2 * values["b"].error
         if not small:
-            left.append("Viscous friction comes out negative; add a log at a second, fast speed, or at a longer rest.")
+            left.append(
+                "Viscous friction comes out negative; add a log at a second, fast speed, or at a longer rest."
+            )
         del values["b"]
-    if "j" not in values and moving:
-        held = any(not log.dt for log in made.logs)
-        if cogging and not held:
-            left.append("Without the inertia cogging cannot be identified from a turning motor; add a hold map.")
-            cogging = ()
     if any("is left out, since its place" in sentence for sentence in left):
         cogging = ()
-    bridge = any(log.kind == "bridge-off" and "i_a" in log for log in made.logs)
-    if any(wave.order == poles for wave in cogging) and not bridge:
+    if any(wave.order == poles for wave in cogging) and _offsets(made.logs) is None:
         left.append(
             f"Order {poles} is the pole pairs: cogging and a current offset cannot be told apart; "
             "record currents with the bridge off."
         )
         cogging = tuple(wave for wave in cogging if wave.order != poles)
     current = float(np.mean([abs(np.mean(each.y)) for each in made.rows])) if made.rows else 0.0
-    if not made.ripple and not made.loads and any(wave.order == 6 * poles for wave in cogging):
+    if not any(log.dt for log in made.logs) and any(wave.order == 6 * poles for wave in cogging):
         left.append(
-            f"Order {6 * poles} is six times the pole pairs: K_t ripple and cogging cannot be told apart at one load; "
-            f"a ripple of {100 * LIKELY_RIPPLE:.0f} % would be {LIKELY_RIPPLE * current:.2g} A of it; "
+            f"Order {6 * poles} is six times the pole pairs: K_t ripple and cogging cannot be told apart "
+            f"at one load; a ripple of {100 * LIKELY_RIPPLE:.0f} % would be {LIKELY_RIPPLE * current:.2g} A of it; "
             "record logs with loads of both signs."
         )
     return replace(made, values=values, cogging=cogging, left_out=tuple(dict.fromkeys(left)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -58,12 +59,23 @@ def load_logs(paths: list[Path], known: Identification) -> list[Log]:
     logs = []
     for path in paths:
         for name, columns in read(path, headings):
-            logs.append(_log(path, name, columns, known))
+            logs += [_log(path, part, own, known) for part, own in _parts(name, columns, known)]
     names = [log.name for log in logs]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise StudyError(f"{twice}: given twice: expected each log once")
     return logs
+
+
+def _parts(name: str, columns: Columns, known: Identification) -> Iterator[tuple[str, Columns]]:
+    """The log, or where it has a column of parts, a log for each of its values."""
+    column = known.columns.get("part")
+    values = columns.pop(column.name, None) if column is not None else None
+    if values is None:
+        yield name, columns
+        return
+    for value in np.unique(values):
+        yield f"{name}#{value:g}", {key: of[values == value] for key, of in columns.items()}
 
 
 def _log(path: Path, name: str, columns: Columns, known: Identification) -> Log:
@@ -73,10 +85,13 @@ def _log(path: Path, name: str, columns: Columns, known: Identification) -> Log:
         if column.name in columns
     }
     rule = known.rule(name)
-    where = str(path) if name == path.name else f"{path}: {name}"
+    where = str(path) if name.startswith(path.name) else f"{path}: {name}"
     for signal in found:
-        if not np.any(found[signal] != found[signal][0]) and signal in ("t", "theta"):
-            raise StudyError(f"{where}: {known.columns[signal].name}: never changes: expected a moving {signal}")
+        still = signal == "t" or (signal == "theta" and rule.kind != "bridge-off")
+        if still and not np.any(found[signal] != found[signal][0]):
+            raise StudyError(
+                f"{where}: {known.columns[signal].name}: never changes: expected a moving {signal}"
+            )
     if rule.kind == "hold" and "t" not in found:
         return _hold(where, name, rule, found, known)
     if "t" not in found:
@@ -117,10 +132,13 @@ def _timed(where: str, name: str, rule: LogRule, found: Columns, known: Identifi
         remarks.append(f"{name}: {len(ends)} gaps, the longest {longest:.3g} s; the log is cut there.")
     if "theta" in found:
         found["theta"] = _unwrapped(name, found["theta"], remarks)
+        whole = _slip(name, found["theta"], known.step, remarks)
+        t, found = t[:whole], {signal: values[:whole] for signal, values in found.items()}
+        edges = [*(edge for edge in edges if edge < len(t)), len(t)]
         _repeats(name, found, known.step, remarks)
     parts: list[Columns] = []
     jitter = 0.0
-    for first, last in zip(edges, edges[1:], strict=False):
+    for first, last in pairwise(edges):
         if last - first >= FEWEST:
             part, off = _even(t[first:last], {s: v[first:last] for s, v in found.items()}, dt)
             parts.append(part)
@@ -128,15 +146,16 @@ def _timed(where: str, name: str, rule: LogRule, found: Columns, known: Identifi
     if not parts:
         raise StudyError(f"{where}: no {FEWEST} rows without a gap: expected a log without so many gaps")
     if jitter > 0.05 * dt:
-        remarks.append(f"{name}: the clock jitters by {1e3 * jitter:.2g} ms rms, rows are {1e3 * dt:.3g} ms apart.")
-    whole = {s: np.concatenate([part[s] for part in parts]) for s in parts[0]}
-    if "theta" in whole:
-        _slips(name, whole["theta"], known.step, remarks)
+        remarks.append(
+            f"{name}: the clock jitters by {1e3 * jitter:.2g} ms rms, rows are {1e3 * dt:.3g} ms apart."
+        )
+    joined = {s: np.concatenate([part[s] for part in parts]) for s in parts[0]}
+    if "theta" in joined:
         offset = 0.5 * known.step if known.angle_offset is None else known.angle_offset
-        whole["theta"] = whole["theta"] + offset
+        joined["theta"] = joined["theta"] + offset
     starts = np.cumsum([0, *(len(next(iter(part.values()))) for part in parts)])
-    stretches = tuple(slice(int(a), int(b)) for a, b in zip(starts, starts[1:], strict=False))
-    return Log(name, rule, parts and _period(t, dt), whole, stretches, remarks)
+    stretches = tuple(slice(int(a), int(b)) for a, b in pairwise(starts))
+    return Log(name, rule, _period(t, dt), joined, stretches, remarks)
 
 
 def _period(t: Array, dt: float) -> float:
@@ -180,20 +199,16 @@ def _repeats(name: str, found: Columns, step: float, remarks: list[str]) -> None
         )
 
 
-def _slips(name: str, theta: Array, step: float, remarks: list[str]) -> None:
-    """Tell of jumps of the angle that no rotor makes: far more than the rows around them."""
+def _slip(name: str, theta: Array, step: float, remarks: list[str]) -> int:
+    """Rows before the angle jumps as no rotor does: far more than in the rows around; all if it never does."""
     moved = np.diff(theta)
     around = np.maximum(np.abs(np.roll(moved, 2)), np.abs(np.roll(moved, -2)))
     jumps = np.flatnonzero(np.abs(moved) > 10 * around + 20 * step + 1e-3)
-    if len(jumps):
-        at, size = jumps[0], np.degrees(moved[jumps[0]])
-        remarks.append(
-            f"{name}: row {at + 2}: the angle jumps by {size:.2g} deg: the index has slipped, or counts are lost; "
-            "check the encoder's wiring, and record this log again."
-        )
-
-
-def stretches_of(log: Log) -> Iterator[tuple[slice, Columns]]:
-    """Each stretch of a log and its signals."""
-    for rows in log.stretches:
-        yield rows, {signal: values[rows] for signal, values in log.signals.items()}
+    if not len(jumps):
+        return len(theta)
+    at, size = int(jumps[0]) + 1, np.degrees(moved[jumps[0]])
+    remarks.append(
+        f"{name}: row {at + 1}: the angle jumps by {size:.2g} deg: the index has slipped, or counts are lost; "
+        "what follows is left out; check the encoder's wiring, and record this log again."
+    )
+    return at

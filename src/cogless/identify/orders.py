@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -55,17 +56,19 @@ def _independent(rows: Rows, width: float) -> float:
     """How many independent values these filtered rows have."""
     if not rows.log.dt:
         return len(rows.y) / 4
-    span = len(rows.y) * max(1, round(width_of(rows.log, width) / rows.log.dt)) * rows.log.dt
-    return span / (2 * np.sqrt(np.pi) * width_of(rows.log, width))
+    span: float = len(rows.y) * max(1, round(width_of(rows.log, width) / rows.log.dt)) * rows.log.dt
+    return span / (2 * math.sqrt(math.pi) * width_of(rows.log, width))
 
 
-def found_orders(rows: Sequence[Rows], fit: Fit, width: float, known: Sequence[int], most: int = 3) -> list[int]:
+def found_orders(
+    rows: Sequence[Rows], fit: Fit, width: float, known: Sequence[int], most: int = 3
+) -> list[int]:
     """Up to `most` new orders in the residual, the strongest first; none by chance at a rate of 1 %."""
     share, counts = gains(rows, fit, width)
     spare = counts - 2
     with np.errstate(divide="ignore"):
         statistic = share / 2 / np.maximum(1e-300, 1 - np.minimum(share, 1 - 1e-12)) * spare
-    limit = fisher.isf(FALSE_ALARM / len(share), 2, spare)
+    limit = np.asarray(fisher.isf(FALSE_ALARM / len(share), 2, spare))
     strongest = np.argsort(-share)
     wanted = [int(k) + 1 for k in strongest if statistic[k] > limit[k] and int(k) + 1 not in known]
     best = share[wanted[0] - 1] if wanted else 0.0

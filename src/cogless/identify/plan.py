@@ -55,10 +55,13 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
     if not isinstance(study, Study) or study.motor.kind != "pmsm":
         raise StudyError(f"{study.source.path}: expected a study of speed with a synchronous motor")
     feedback = next(
-        (name for name, law in study.controller.items() if isinstance(law, Feedback) and not law.learned), None
+        (name for name, law in study.controller.items() if isinstance(law, Feedback) and not law.learned),
+        None,
     )
     if feedback is None:
-        raise StudyError(f"{study.source.path}: controller: expected one without learning, such as law = \"pi\"")
+        raise StudyError(
+            f'{study.source.path}: controller: expected one without learning, such as law = "pi"'
+        )
     source = study.source.tables
     motor = {key: value for key, value in source["motor"].items() if key != "datasheet"}
     known = {key: value for key, value in motor.items() if key not in ("cogging", "flux_harmonics")}
@@ -79,7 +82,13 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
     ]
     identify = {
         "title": study.title,
-        "columns": {"t": "time", "theta": "theta_measured", "omega": "omega_measured", "i_q": "i_q", "i_d": "i_d"},
+        "columns": {
+            "t": "time",
+            "theta": "theta_measured",
+            "omega": "omega_measured",
+            "i_q": "i_q",
+            "i_d": "i_d",
+        },
         "motor": known,
         "drive": source["drive"],
         "controller": controller,
@@ -99,9 +108,8 @@ def text(tables: dict[str, Any]) -> str:
     """Tables as TOML, a line for each key of the first two levels."""
     lines: list[str] = []
     for key, value in tables.items():
-        if not isinstance(value, dict):
-            if not (isinstance(value, list) and value and isinstance(value[0], dict)):
-                lines.append(f"{key} = {toml(value)}")
+        if not isinstance(value, dict) and not _are_tables(value):
+            lines.append(f"{key} = {toml(value)}")
     for key, value in tables.items():
         if isinstance(value, dict):
             if all(isinstance(item, dict) for item in value.values()) and key in ("scenario", "controller"):
@@ -109,7 +117,11 @@ def text(tables: dict[str, Any]) -> str:
                     lines += ["", f"[{key}.{name}]", *(f"{k} = {toml(v)}" for k, v in item.items())]
             else:
                 lines += ["", f"[{key}]", *(f"{k} = {toml(v)}" for k, v in value.items())]
-        elif isinstance(value, list) and value and isinstance(value[0], dict):
+        elif _are_tables(value):
             for item in value:
                 lines += ["", f"[[{key}]]", *(f"{k} = {toml(v)}" for k, v in item.items())]
     return "\n".join(lines) + "\n"
+
+
+def _are_tables(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and isinstance(value[0], dict)

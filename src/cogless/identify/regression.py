@@ -1,4 +1,4 @@
-"""Joint least squares over all logs, without the bias that an angle in steps gives, and errors by jackknife."""
+"""Joint least squares over all logs, without the bias of an angle in steps, and errors by jackknife."""
 
 from __future__ import annotations
 
@@ -41,13 +41,19 @@ class Fit:
     def __getitem__(self, name: Name) -> float:
         return float(self.values[self.names.index(name)])
 
+    def get(self, key: str) -> float:
+        """The coefficient of a single column, 0 if it isn't there."""
+        return dict(zip(self.names, self.values.tolist(), strict=True)).get((key,), 0.0)
+
     def error(self, name: Name) -> float:
         return float(self.errors[self.names.index(name)])
 
     def prediction(self, rows: Rows, without: str | None = None) -> Array:
         """i_q that the coefficients give for these rows, A. `without`: a log that they are not from."""
-        values = self.values if without is None else solved(
-            [block for block in self.blocks if block.log != without], len(self.names)
+        values = (
+            self.values
+            if without is None
+            else solved([block for block in self.blocks if block.log != without], len(self.names))
         )
         found = dict(zip(self.names, values, strict=True))
         return np.asarray(rows.columns @ np.array([found.get(name, 0.0) for name in rows.names]))

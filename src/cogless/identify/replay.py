@@ -15,9 +15,10 @@ import numpy as np
 
 from cogless.errors import StudyError
 from cogless.identify import described
-from cogless.identify.estimate import Estimate, Progress, Value, Wave, refit, wave_of
+from cogless.identify.estimate import Progress, refit
 from cogless.identify.log import Log
 from cogless.identify.regression import Fit
+from cogless.identify.result import Estimate, Value, Wave, wave_of
 from cogless.identify.weak_form import Model, Name
 from cogless.results.trace import Trace
 from cogless.run.simulate import rollout
@@ -94,8 +95,8 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
         if set(traces) != set(moving):
             without = ", ".join(sorted(set(moving) - set(traces)))
             said = (
-                f"No simulation of {without}: without its reference and controller in the file of columns, errors "
-                "of the closed loop (delay, steps of the angle) are not corrected."
+                f"No simulation of {without}: without its reference and controller in the file of columns, "
+                "errors of the closed loop (delay, steps of the angle) are not corrected."
             )
             return replace(first, remarks=(*first.remarks, said)), traces
         logs = [simulated_log(made, log, traces[log.name]) if log.dt else log for log in made.logs]
@@ -132,8 +133,14 @@ def _corrected(first: Estimate, made: Estimate, fit: Fit, model: Model) -> Estim
                     return tuple(started)
                 truth = now.size.value * float(function(now.phase.value))
                 start = was.size.value * float(function(was.phase.value))
-                error = float(np.hypot(was.size.error * function(was.phase.value), was.size.value * was.phase.error * (
-                    np.cos if part == "c" else np.sin)(was.phase.value)))
+                error = float(
+                    np.hypot(
+                        was.size.error * function(was.phase.value),
+                        was.size.value
+                        * was.phase.error
+                        * (np.cos if part == "c" else np.sin)(was.phase.value),
+                    )
+                )
                 parts.append(told(name, truth, fit[name], Value(start, error)))
             out.append(wave_of(now.order, *parts))
         return tuple(out)

@@ -97,9 +97,7 @@ def shifted(x: Array, rows: float) -> Array:
     k = np.floor(n).astype(int)
     f = n - k
     a, b, c, d = (x[np.clip(k + m, 0, len(x) - 1)] for m in (-1, 0, 1, 2))
-    return np.asarray(
-        b + 0.5 * f * (c - a + f * (2 * a - 5 * b + 4 * c - d + f * (3 * (b - c) + d - a)))
-    )
+    return np.asarray(b + 0.5 * f * (c - a + f * (2 * a - 5 * b + 4 * c - d + f * (3 * (b - c) + d - a))))
 
 
 def corrected(theta: Array, model: Model) -> Array:
@@ -155,7 +153,7 @@ def _moving(log: Log, rows: slice, model: Model, kernel: Kernel, width: float, s
         return [kernel.of(w(order * theta), kernel.second, step) for w in (np.cos, np.sin)]
 
     def ripple(order: int) -> list[Array]:
-        """Torque of a wave of the magnet's flux, psi_d: by i_q, and by its slope and i_d where that is known."""
+        """Torque of a wave of the magnet's flux, psi_d: by i_q, and by its slope with i_d, where known."""
         cosine, sine = np.cos(order * theta), np.sin(order * theta)
         direct = order / pole_pairs * i_d
         return [mean(current * cosine - direct * sine), mean(current * sine + direct * cosine)]
