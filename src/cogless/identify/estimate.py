@@ -24,6 +24,7 @@ SURE = 5.0  # standard errors from which on an order is one
 SMALLEST = 1e-3  # of the largest order, likewise
 ROUNDS = 3  # delay and the sensor's error are taken out, and found again
 Progress = Callable[[str, float], None]
+State = tuple[list[Rows], Fit, Model]
 
 
 def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> Estimate:
@@ -36,9 +37,8 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
     findings.check_sign(known, used, _rows(known, used, Model(), WIDTH))
     left: list[str] = []
     used, model = _start(known, used, left)
-    rows, found, model = _searched(known, used, model, progress)
-    rows, found, model = _significant(known, used, model)
-    rows, found, model = _told_apart(known, used, model, left)
+    state = _significant(known, used, *_searched(known, used, model, progress))
+    rows, found, model = _told_apart(known, used, *state, left)
     progress("errors", 0.0)
     remarks += findings.between_logs(rows, found, model, left)
     return _told(known, used, model, rows, found, remarks, left)
@@ -73,9 +73,7 @@ def _start(known: Identification, logs: Sequence[Log], left: list[str]) -> tuple
     return held, Model(cogging=sixth, columns=frozenset({"offset"}))
 
 
-def _searched(
-    known: Identification, logs: Sequence[Log], model: Model, progress: Progress
-) -> tuple[list[Rows], Fit, Model]:
+def _searched(known: Identification, logs: Sequence[Log], model: Model, progress: Progress) -> State:
     """Add the orders that the residual has, the strongest first."""
     while True:
         progress(f"orders: {len(model.cogging)}", 0.0)
@@ -92,7 +90,7 @@ def _searched(
     return _settled(known, logs, model)
 
 
-def _settled(known: Identification, logs: Sequence[Log], model: Model) -> tuple[list[Rows], Fit, Model]:
+def _settled(known: Identification, logs: Sequence[Log], model: Model) -> State:
     """Fit, take delay and the sensor's error out, and fit again."""
     for _ in range(ROUNDS):
         rows = _rows(known, logs, model, WIDTH)
@@ -118,10 +116,10 @@ def refit(known: Identification, logs: Sequence[Log], model: Model) -> tuple[Fit
     return found, settled
 
 
-def _significant(known: Identification, logs: Sequence[Log], model: Model) -> tuple[list[Rows], Fit, Model]:
+def _significant(
+    known: Identification, logs: Sequence[Log], rows: list[Rows], found: Fit, model: Model
+) -> State:
     """Keep the orders that stand out of their errors."""
-    rows = _rows(known, logs, model, WIDTH)
-    found = fit(rows)
 
     def stands_out(kind: str, order: int, taken: tuple[float, float] = (0.0, 0.0)) -> bool:
         error = np.hypot(found.error((kind, order, "c")), found.error((kind, order, "s")))
@@ -141,7 +139,7 @@ def _significant(known: Identification, logs: Sequence[Log], model: Model) -> tu
     pruned = replace(
         model, cogging=tuple(sorted(kept | set(ripple))), ripple=ripple, encoder=encoder, error=error
     )
-    return _settled(known, logs, pruned)
+    return (rows, found, model) if pruned == model else _settled(known, logs, pruned)
 
 
 def _size(found: Fit, kind: str, order: int, taken: tuple[float, float] = (0.0, 0.0)) -> float:
@@ -164,12 +162,10 @@ WEAKEST = ("delay", "encoder", "ripple", "offset", "b", "cogging", "load", "c", 
 
 
 def _told_apart(
-    known: Identification, logs: Sequence[Log], model: Model, left: list[str]
-) -> tuple[list[Rows], Fit, Model]:
+    known: Identification, logs: Sequence[Log], rows: list[Rows], found: Fit, model: Model, left: list[str]
+) -> State:
     """Leave out what can't be told apart, one after the other, the least important first."""
     while True:
-        rows = _rows(known, logs, model, WIDTH)
-        found = fit(rows)
         wide = [name for name, by in zip(found.names, found.inflation, strict=True) if by > LARGEST_INFLATION]
         wide = [name for name in wide if str(name[0]) in CURES and name[0] != "load"]
         if not wide:
@@ -178,6 +174,8 @@ def _told_apart(
         if str(worst[0]) not in ("offset",):
             left.append(CURES[str(worst[0])].format(*worst[1:]))
         model = _without(model, worst)
+        rows = _rows(known, logs, model, WIDTH)
+        found = fit(rows)
 
 
 def _without(model: Model, name: tuple[str | int, ...]) -> Model:

@@ -59,11 +59,13 @@ def _csv(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:
     packed = path.name.lower().endswith(".gz")
     try:
         with path.open("rb") as raw, gzip.open(raw) if packed else raw as data:
-            yield "", _rows(path, io.TextIOWrapper(data, encoding="utf-8-sig", newline=""), wanted)
+            with io.TextIOWrapper(data, encoding="utf-8-sig", newline="") as file:
+                columns = _rows(path, file, wanted)
     except UnicodeDecodeError:
         raise StudyError(f"{path}: not UTF-8: expected a CSV in UTF-8") from None
     except csv.Error as error:
         raise StudyError(f"{path}: {error}: expected a CSV") from None
+    yield "", columns
 
 
 def _rows(path: Path, file: Iterator[str], wanted: list[str]) -> Columns:

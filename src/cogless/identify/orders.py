@@ -36,7 +36,7 @@ def gains(rows: Sequence[Rows], fit: Fit, width: float, highest: int = HIGHEST) 
         total += float(r @ r)
         independent = _independent(each, width)
         weight += independent
-        rotation = np.exp(1j * each.theta)
+        rotation = np.exp(1j * each.theta).astype(np.complex64)
         wave = np.ones_like(rotation)
         kernel = width_of(each.log, width) if each.log.dt else 0.0
         for n in range(1, highest + 1):
@@ -61,7 +61,7 @@ def _independent(rows: Rows, width: float) -> float:
 
 
 def found_orders(
-    rows: Sequence[Rows], fit: Fit, width: float, known: Sequence[int], most: int = 3
+    rows: Sequence[Rows], fit: Fit, width: float, known: Sequence[int], most: int = 6
 ) -> list[int]:
     """Up to `most` new orders in the residual, the strongest first; none by chance at a rate of 1 %."""
     share, counts = gains(rows, fit, width)
@@ -72,4 +72,4 @@ def found_orders(
     strongest = np.argsort(-share)
     wanted = [int(k) + 1 for k in strongest if statistic[k] > limit[k] and int(k) + 1 not in known]
     best = share[wanted[0] - 1] if wanted else 0.0
-    return [n for n in wanted if share[n - 1] > 0.3 * best][:most]
+    return [n for n in wanted if share[n - 1] > 0.1 * best][:most]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,11 +16,18 @@ OF_A_LOG = 4  # at least
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Normal equations of a part of a log, per squared A of its noise: matrix @ coefficients = vector."""
+    """Normal equations of a part of a log: matrix @ coefficients = vector."""
 
     log: str
     matrix: Array
     vector: Array
+    steps: Array  # what the steps of the angle added to the diagonal, taken off it
+    squares: float  # of its currents, A^2
+    rows: int
+
+    def per(self, noise: float) -> Block:
+        """The block with the weight of this noise, A."""
+        return replace(self, matrix=self.matrix / noise**2, vector=self.vector / noise**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +40,6 @@ class Fit:
     inflation: Array
     blocks: tuple[Block, ...]
     noise: dict[str, float]  # of each log: residual, A rms
-    parts: Array  # solutions with each block left out
 
     def __contains__(self, name: object) -> bool:
         return name in self.names
@@ -43,7 +49,8 @@ class Fit:
 
     def get(self, key: str) -> float:
         """The coefficient of a single column, 0 if it isn't there."""
-        return dict(zip(self.names, self.values.tolist(), strict=True)).get((key,), 0.0)
+        found = dict(zip(self.names, self.values.tolist(), strict=True))
+        return float(found.get((key,), 0.0))
 
     def error(self, name: Name) -> float:
         return float(self.errors[self.names.index(name)])
@@ -62,30 +69,42 @@ class Fit:
 def fit(rows: Sequence[Rows]) -> Fit:
     """Solve; each log weighs by the variance of its residual, found by solving three times."""
     names = all_names(rows)
-    noise = {each.log.name: 1.0 for each in rows}
-    values = np.zeros(len(names))
-    of_a_log = max(OF_A_LOG, -(-BLOCKS // len(noise)))
+    logs = {each.log.name for each in rows}
+    of_a_log = max(OF_A_LOG, -(-BLOCKS // len(logs)))
+    plain = [block for each in rows for block in _blocks(each, names, of_a_log)]
+    noise = dict.fromkeys(logs, 1.0)
     for _ in range(3):
-        blocks = [block for each in rows for block in _blocks(each, names, noise[each.log.name], of_a_log)]
+        blocks = [block.per(noise[block.log]) for block in plain]
         values = solved(blocks, len(names))
-        noise = _noises(rows, names, values)
+        noise = {log: _noise([block for block in plain if block.log == log], values) for log in logs}
     parts = np.array([solved([b for b in blocks if b is not out], len(names)) for out in blocks])
     count = len(parts)
     errors = np.sqrt((count - 1) / count * np.sum((parts - parts.mean(axis=0)) ** 2, axis=0))
-    return Fit(names, values, errors, inflation(blocks), tuple(blocks), noise, parts)
+    return Fit(names, values, errors, inflation(blocks), tuple(blocks), noise)
 
 
-def _blocks(rows: Rows, names: Sequence[Name], noise: float, count: int) -> list[Block]:
+def _blocks(rows: Rows, names: Sequence[Name], count: int) -> list[Block]:
     place = [names.index(name) for name in rows.names]
     found = []
     for part in np.array_split(np.arange(len(rows.y)), min(count, max(1, len(rows.y) // 10))):
-        columns = rows.columns[part]
+        columns, y = rows.columns[part], rows.y[part]
         matrix, vector = np.zeros((len(names), len(names))), np.zeros(len(names))
-        inner = columns.T @ columns - np.diag(rows.noise[part].sum(axis=0))
-        matrix[np.ix_(place, place)] = inner / noise**2
-        vector[place] = columns.T @ rows.y[part] / noise**2
-        found.append(Block(rows.log.name, matrix, vector))
+        steps = np.zeros(len(names))
+        steps[place] = rows.noise[part].sum(axis=0)
+        matrix[np.ix_(place, place)] = columns.T @ columns
+        matrix -= np.diag(steps)
+        vector[place] = columns.T @ y
+        found.append(Block(rows.log.name, matrix, vector, steps, float(y @ y), len(y)))
     return found
+
+
+def _noise(blocks: Sequence[Block], values: Array) -> float:
+    """Residual of a log, A rms: at least a millionth of its current."""
+    total, rows = sum(block.squares for block in blocks), sum(block.rows for block in blocks)
+    left = sum(
+        b.squares - 2 * values @ b.vector + values @ b.matrix @ values + b.steps @ values**2 for b in blocks
+    )
+    return float(np.sqrt(max(left, 1e-12 * total, 1e-24) / max(rows, 1)))
 
 
 def solved(blocks: Sequence[Block], size: int) -> Array:
@@ -98,16 +117,6 @@ def solved(blocks: Sequence[Block], size: int) -> Array:
     found = np.zeros(size)
     found[used] = np.linalg.lstsq(scaled, vector[used] / scale[used], rcond=1e-10)[0] / scale[used]
     return found
-
-
-def _noises(rows: Sequence[Rows], names: Sequence[Name], values: Array) -> dict[str, float]:
-    squares: dict[str, list[Array]] = {}
-    known = dict(zip(names, values, strict=True))
-    for each in rows:
-        residual = each.y - each.columns @ np.array([known[name] for name in each.names])
-        squares.setdefault(each.log.name, []).append(residual**2)
-    smallest = 1e-9 * max(1e-12, float(np.max([np.max(np.abs(each.y), initial=0) for each in rows])))
-    return {log: max(smallest, float(np.sqrt(np.mean(np.concatenate(s))))) for log, s in squares.items()}
 
 
 def inflation(blocks: Sequence[Block]) -> Array:

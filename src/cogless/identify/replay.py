@@ -110,18 +110,22 @@ def _corrected(first: Estimate, made: Estimate, fit: Fit, model: Model) -> Estim
     """The first estimate less the bias of the simulation of the present one."""
     assert first.fit is not None
 
-    def told(name: Name, truth: float, found: float, was: Value) -> Value:
-        del name
+    def told(truth: float, found: float, was: Value) -> Value:
         bias = found - truth
         error = float(np.hypot(np.sqrt(2) * was.error, 0.1 * bias))  # the simulation has its own noise
         return Value(was.value - bias, error)
+
+    def got(name: Name) -> float:
+        if name[0] != "encoder":
+            return fit[name]
+        return model.error[int(name[1])]["cs".index(str(name[2]))] + fit[name] / fit["j",]
 
     values = dict(first.values)
     for key in values:
         if (key,) not in fit or key == "c_hold":
             continue
-        got = model.delay + fit[key,] if key == "delay" else fit[key,]
-        values[key] = told((key,), _truth(made, key), got, first.values[key])
+        told_now = model.delay + fit[key,] if key == "delay" else fit[key,]
+        values[key] = told(_truth(made, key), told_now, first.values[key])
 
     def waves(kind: str, here: Sequence[Wave], started: Sequence[Wave]) -> tuple[Wave, ...]:
         out = []
@@ -141,7 +145,7 @@ def _corrected(first: Estimate, made: Estimate, fit: Fit, model: Model) -> Estim
                         * (np.cos if part == "c" else np.sin)(was.phase.value),
                     )
                 )
-                parts.append(told(name, truth, fit[name], Value(start, error)))
+                parts.append(told(truth, got(name), Value(start, error)))
             out.append(wave_of(now.order, *parts))
         return tuple(out)
 
@@ -149,6 +153,7 @@ def _corrected(first: Estimate, made: Estimate, fit: Fit, model: Model) -> Estim
         first,
         values=values,
         cogging=waves("cogging", made.cogging, first.cogging),
+        encoder=waves("encoder", made.encoder, first.encoder),
         ripple=waves("ripple", made.ripple, first.ripple),
     )
 
