@@ -1,4 +1,4 @@
-"""Logs of motors with a known truth: the planned sequence, played by the engine, as its drive would log it."""
+"""Logs of motors with a known truth: the planned sequence as the engine plays it."""
 
 from __future__ import annotations
 

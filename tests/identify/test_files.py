@@ -77,7 +77,7 @@ def test_every_kind_of_file_gives_the_same_log(tmp_path, name):
     half = np.pi / COUNTS  # a count rounds down: the angle is half a count further
     assert log["theta"][[0, -1]] == pytest.approx([half, 6 * np.pi + half])
     assert log["i_q"][[0, -1]] == pytest.approx([0.1, -0.1])
-    assert log.remarks == ["%s: the angle wraps 3 times, and is unwrapped." % name]
+    assert log.remarks == [f"{name}: the angle wraps 3 times, and is unwrapped."]
 
 
 def test_a_gap_cuts_a_log_and_is_told(tmp_path):

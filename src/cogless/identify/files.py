@@ -58,9 +58,12 @@ def _check(path: Path, columns: Columns) -> None:
 def _csv(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:
     packed = path.name.lower().endswith(".gz")
     try:
-        with path.open("rb") as raw, gzip.open(raw) if packed else raw as data:
-            with io.TextIOWrapper(data, encoding="utf-8-sig", newline="") as file:
-                columns = _rows(path, file, wanted)
+        with (
+            path.open("rb") as raw,
+            gzip.open(raw) if packed else raw as data,
+            io.TextIOWrapper(data, encoding="utf-8-sig", newline="") as file,
+        ):
+            columns = _rows(path, file, wanted)
     except UnicodeDecodeError:
         raise StudyError(f"{path}: not UTF-8: expected a CSV in UTF-8") from None
     except csv.Error as error:

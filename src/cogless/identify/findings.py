@@ -130,8 +130,8 @@ def said_of_one_speed(logs: Sequence[Log]) -> str:
     turning = [(log["i_q"], np.sign(log["theta"][-1] - log["theta"][0])) for log in logs]
     mean = float(np.mean([np.mean(current) * sign for current, sign in turning]))
     return (
-        f"One speed only ({speed:.3g} rev/s): inertia, friction and delay cannot be identified (its mean current, "
-        f"{mean:.3g} A, is friction and load together); add an acceleration log and a second speed."
+        f"One speed only ({speed:.3g} rev/s): inertia, friction and delay cannot be identified (its mean "
+        f"current, {mean:.3g} A, is friction and load together); add an acceleration log and a second speed."
     )
 
 
@@ -196,8 +196,8 @@ def _turned(by_log: dict[str, list[Rows]], found: Fit, model: Model, left: list[
             left.append("Cogging is left out, since its place differs between the logs.")
             return [
                 f"{name}: order {strongest} is turned by {np.degrees(turn):.0f} deg against {first}, "
-                f"{np.degrees(abs(turn)) / strongest:.2g} deg of the rotor or more: the index has slipped, or "
-                "the encoder counts from where it was switched on; find the index before each log."
+                f"{np.degrees(abs(turn)) / strongest:.2g} deg of the rotor or more: the index has slipped, "
+                "or the encoder counts from where it was switched on; find the index before each log."
             ]
     return []
 
@@ -240,8 +240,8 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
     current = float(np.mean([abs(np.mean(each.y)) for each in made.rows])) if made.rows else 0.0
     if not any(log.dt for log in made.logs) and any(wave.order == 6 * poles for wave in cogging):
         left.append(
-            f"Order {6 * poles} is six times the pole pairs: K_t ripple and cogging cannot be told apart "
-            f"at one load; a ripple of {100 * LIKELY_RIPPLE:.0f} % would be {LIKELY_RIPPLE * current:.2g} A of it; "
-            "record logs with loads of both signs."
+            f"Order {6 * poles} is six times the pole pairs: K_t ripple and cogging cannot be told "
+            f"apart at one load; a ripple of {100 * LIKELY_RIPPLE:.0f} % would be {LIKELY_RIPPLE * current:.2g} A "
+            "of it; record logs with loads of both signs."
         )
     return replace(made, values=values, cogging=cogging, left_out=tuple(dict.fromkeys(left)))

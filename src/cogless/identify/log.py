@@ -200,7 +200,7 @@ def _repeats(name: str, found: Columns, step: float, remarks: list[str]) -> None
 
 
 def _slip(name: str, theta: Array, step: float, remarks: list[str]) -> int:
-    """Rows before the angle jumps as no rotor does: far more than in the rows around; all if it never does."""
+    """Rows before the angle jumps as no rotor does: far more than in rows around it; all if it never does."""
     moved = np.diff(theta)
     around = np.maximum(np.abs(np.roll(moved, 2)), np.abs(np.roll(moved, -2)))
     jumps = np.flatnonzero(np.abs(moved) > 10 * around + 20 * step + 1e-3)
@@ -208,7 +208,7 @@ def _slip(name: str, theta: Array, step: float, remarks: list[str]) -> int:
         return len(theta)
     at, size = int(jumps[0]) + 1, np.degrees(moved[jumps[0]])
     remarks.append(
-        f"{name}: row {at + 1}: the angle jumps by {size:.2g} deg: the index has slipped, or counts are lost; "
-        "what follows is left out; check the encoder's wiring, and record this log again."
+        f"{name}: row {at + 1}: the angle jumps by {size:.2g} deg: the index has slipped, or counts are "
+        "lost; what follows is left out; check the encoder's wiring, and record this log again."
     )
     return at
