@@ -10,18 +10,19 @@ import numpy as np
 from cogless.errors import StudyError
 from cogless.identify import findings
 from cogless.identify.config import Identification
-from cogless.identify.files import Array
 from cogless.identify.log import Log
 from cogless.identify.orders import found_orders
 from cogless.identify.regression import Fit, fit
-from cogless.identify.result import Estimate, Value, wave_of
-from cogless.identify.weak_form import Model, Rows, Sensor, rows_of
+from cogless.identify.result import Estimate, Value, Wave, wave_of
+from cogless.identify.weak_form import Model, Name, Rows, Sensor, rows_of
 
 WIDTH = 6e-3  # s, of the kernel
 OTHERS = (0.75, 1.35)  # times that: how far the values move is a part of their errors
 LARGEST_INFLATION = 100.0  # of a variance by the other columns
+SETTLED = 0.1  # standard errors that may be left of what is taken out
 SURE = 5.0  # standard errors from which on an order is one
 SMALLEST = 1e-3  # of the largest order, likewise
+MOST_ORDERS = 40
 ROUNDS = 3  # delay and the sensor's error are taken out, and found again
 Progress = Callable[[str, float], None]
 State = tuple[list[Rows], Fit, Model]
@@ -74,15 +75,20 @@ def _start(known: Identification, logs: Sequence[Log], left: list[str]) -> tuple
 
 
 def _searched(known: Identification, logs: Sequence[Log], model: Model, progress: Progress) -> State:
-    """Add the orders that the residual has, the strongest first."""
+    """Add the orders that the residual has, the strongest first; then look for delay and encoder's error.
+
+    These would take the place of orders that are not found yet.
+    """
+    sought = replace(model, encoder=(), columns=model.columns - {"delay"})
     while True:
-        progress(f"orders: {len(model.cogging)}", 0.0)
-        rows = _rows(known, logs, model, WIDTH)
+        progress(f"orders: {len(sought.cogging)}", 0.0)
+        rows = _rows(known, logs, sought, WIDTH)
         found = fit(rows)
-        new = found_orders(rows, found, WIDTH, model.cogging)
-        if not new or len(model.cogging) > 40:
+        new = found_orders(rows, found, WIDTH, sought.cogging)
+        if not new or len(sought.cogging) > MOST_ORDERS:
             break
-        model = replace(model, cogging=tuple(sorted({*model.cogging, *new})))
+        sought = replace(sought, cogging=tuple(sorted({*sought.cogging, *new})))
+    model = replace(model, cogging=sought.cogging)
     poles = known.motor.pole_pairs
     if "j" in model.columns:  # the currents that accelerate are loads of both signs
         ripple = (2 * poles, 6 * poles)
@@ -91,29 +97,51 @@ def _searched(known: Identification, logs: Sequence[Log], model: Model, progress
 
 
 def _settled(known: Identification, logs: Sequence[Log], model: Model) -> State:
-    """Fit, take delay and the sensor's error out, and fit again."""
+    """Fit, take delay and the sensor's error out, and fit again, until little is left of them."""
     for _ in range(ROUNDS):
         rows = _rows(known, logs, model, WIDTH)
         found = fit(rows)
-        if ("delay",) in found:
-            model = replace(model, delay=model.delay + found["delay",])
-        if model.encoder and ("j",) in found and found["j",] > 0:
-            error = dict(model.error)
-            for order in model.encoder:
-                c, s = error.get(order, (0.0, 0.0))
-                error[order] = (
-                    c + found["encoder", order, "c"] / found["j",],
-                    s + found["encoder", order, "s"] / found["j",],
-                )
-            model = replace(model, error=error)
-    rows = _rows(known, logs, model, WIDTH)
-    return rows, fit(rows), model
+        left = [name for name in found.names if name[0] in ("delay", "encoder")]
+        if all(abs(found[name]) < SETTLED * found.error(name) for name in left):
+            break
+        model = _taken_out(model, found)
+    else:
+        rows = _rows(known, logs, model, WIDTH)
+        found = fit(rows)
+    return rows, found, model
 
 
-def refit(known: Identification, logs: Sequence[Log], model: Model) -> tuple[Fit, Model]:
-    """The same fit of other logs: its coefficients, and the model with the delay and errors taken out."""
-    _, found, settled = _settled(known, logs, model)
-    return found, settled
+def _taken_out(model: Model, found: Fit) -> Model:
+    """The model with the delay and the sensor's error that are left taken out."""
+    error = dict(model.error)
+    j = found.get("j")
+    for order in model.encoder if j > 0 else ():
+        c, s = error.get(order, (0.0, 0.0))
+        error[order] = (c + found["encoder", order, "c"] / j, s + found["encoder", order, "s"] / j)
+    return replace(model, delay=model.delay + found.get("delay"), error=error)
+
+
+def settled(known: Identification, logs: Sequence[Log], model: Model) -> Model:
+    """The model with the delay and the sensor's error of these logs taken out."""
+    return _settled(known, logs, model)[2]
+
+
+def coefficients(
+    known: Identification, logs: Sequence[Log], model: Model, factor: float = 1.0
+) -> dict[Name, float]:
+    """Each coefficient by a kernel of so many times the width; delay [s] and encoder's error [rad] whole."""
+    return _whole(model, fit(_rows(known, logs, model, factor * WIDTH)))
+
+
+def _whole(model: Model, found: Fit) -> dict[Name, float]:
+    whole = dict(zip(found.names, found.values.tolist(), strict=True))
+    if ("delay",) in whole:
+        whole["delay",] += model.delay
+    for order in model.encoder:
+        for part, out in zip("cs", model.error.get(order, (0.0, 0.0)), strict=True):
+            name: Name = ("encoder", order, part)
+            whole[name] = out + whole[name] / found["j",]
+    return whole
 
 
 def _significant(
@@ -200,47 +228,35 @@ def _told(
     remarks: Sequence[str],
     left: list[str],
 ) -> Estimate:
-    spread = _spread(known, logs, model, found)
+    here = _whole(model, found)
+    others = [coefficients(known, logs, model, factor) for factor in OTHERS]
+    empty = Estimate(known, tuple(logs), {}, (), (), (), {}, tuple(remarks), (), model, tuple(rows), found)
+    return findings.without_nonsense(with_values(empty, here, others), left)
 
-    def value(name: tuple[str | int, ...], plus: float = 0.0) -> Value:
-        place = found.names.index(name)
-        error = 2 * float(np.hypot(found.errors[place], spread[place]))
-        return Value(found[name] + plus, error)
 
-    values = {str(name[0]): value(name) for name in found.names if len(name) == 1}
-    if "delay" in values:
-        values["delay"] = value(("delay",), model.delay)
-    cogging = [wave_of(n, value(("cogging", n, "c")), value(("cogging", n, "s"))) for n in model.cogging]
-    ripple = [wave_of(n, value(("ripple", n, "c")), value(("ripple", n, "s"))) for n in model.ripple]
-    encoder = []
-    if model.encoder and "j" in values:
-        j = values["j"].value
-        for n in model.encoder:
-            c, s = (value(("encoder", n, part)).times(1 / j) for part in "cs")
-            out = model.error.get(n, (0.0, 0.0))
-            encoder.append(wave_of(n, Value(c.value + out[0], c.error), Value(s.value + out[1], s.error)))
-    loads = {str(name[1]): value(name) for name in found.names if name[0] == "load"}
-    made = Estimate(
-        known,
-        tuple(logs),
-        values,
-        tuple(cogging),
-        tuple(ripple),
-        tuple(encoder),
-        loads,
-        tuple(remarks),
-        (),
-        model,
-        tuple(rows),
-        found,
+def with_values(
+    made: Estimate, here: dict[Name, float], others: Sequence[dict[Name, float]], runs: int = 1
+) -> Estimate:
+    """The estimate with these coefficients; their errors are the fit's, and how far `others` are from them.
+
+    `runs`: sets of logs that are in them, each with its own noise.
+    """
+    assert made.fit is not None
+    found, scale = made.fit, {"encoder": 1 / (made.fit.get("j") or 1.0)}
+
+    def value(name: Name) -> Value:
+        own = found.error(name) * abs(scale.get(str(name[0]), 1.0))
+        spread = np.sqrt(np.mean([(other.get(name, here[name]) - here[name]) ** 2 for other in others]))
+        return Value(here[name], 2 * float(np.hypot(np.sqrt(runs) * own, spread)))
+
+    def waves(kind: str, orders: Sequence[int]) -> tuple[Wave, ...]:
+        return tuple(wave_of(n, value((kind, n, "c")), value((kind, n, "s"))) for n in orders)
+
+    return replace(
+        made,
+        values={str(name[0]): value(name) for name in here if len(name) == 1},
+        cogging=waves("cogging", made.model.cogging),
+        ripple=waves("ripple", made.model.ripple),
+        encoder=waves("encoder", made.model.encoder),
+        loads={str(name[1]): value(name) for name in here if name[0] == "load"},
     )
-    return findings.without_nonsense(made, left)
-
-
-def _spread(known: Identification, logs: Sequence[Log], model: Model, found: Fit) -> Array:
-    """How far each coefficient moves with the width of the kernel, as a standard error."""
-    moved = []
-    for factor in OTHERS:
-        other = fit(_rows(known, logs, model, factor * WIDTH))
-        moved.append([other[name] - found[name] if name in other else 0.0 for name in found.names])
-    return np.asarray(np.sqrt(np.mean(np.square(moved), axis=0)))

@@ -18,6 +18,7 @@ from cogless.identify.weak_form import Model, Rows
 ALIKE = 0.15  # speeds that differ by less are one
 FED_BACK = 0.99  # correlation of i_q with the speed of some samples before
 LAGS = 6  # samples
+STILL, STILL_FOR = 0.25, 0.02  # share of a log without motion that spoils it; s, without a count
 SLOW_SAMPLING = 250.0  # Hz; a faster log is never refused
 FRICTION = 0.2  # relative difference between logs that is told
 TURNED = 0.35  # rad of the strongest order's phase between logs, likewise
@@ -62,6 +63,13 @@ def _unusable(known: Identification, log: Log) -> str | None:
         )
     if not log.dt:
         return None
+    rows = max(1, round(STILL_FOR / log.dt))
+    still = float(np.mean(np.abs(log["theta"][rows:] - log["theta"][:-rows]) <= known.step))
+    if still > STILL and log.kind != "bridge-off":
+        return (
+            f"{log.name}: the rotor stands still {100 * still:.0f} % of the time, where friction is "
+            "not known; turn faster, or with more feedback."
+        )
     speed = float(np.percentile(np.abs(np.diff(log["theta"])), 80)) / log.dt
     rate, poles = 1 / log.dt, known.motor.pole_pairs
     order = 6 * poles  # where cogging and K_t ripple are strong in most motors
@@ -241,7 +249,7 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
     if not any(log.dt for log in made.logs) and any(wave.order == 6 * poles for wave in cogging):
         left.append(
             f"Order {6 * poles} is six times the pole pairs: K_t ripple and cogging cannot be told "
-            f"apart at one load; a ripple of {100 * LIKELY_RIPPLE:.0f} % would be {LIKELY_RIPPLE * current:.2g} A "
-            "of it; record logs with loads of both signs."
+            f"apart at one load; a ripple of {100 * LIKELY_RIPPLE:.0f} % would be "
+            f"{LIKELY_RIPPLE * current:.2g} A of it; record logs with loads of both signs."
         )
     return replace(made, values=values, cogging=cogging, left_out=tuple(dict.fromkeys(left)))

@@ -15,11 +15,10 @@ import numpy as np
 
 from cogless.errors import StudyError
 from cogless.identify import described
-from cogless.identify.estimate import Progress, refit
+from cogless.identify.estimate import OTHERS, Progress, coefficients, settled, with_values
 from cogless.identify.log import Log
-from cogless.identify.regression import Fit
-from cogless.identify.result import Estimate, Value, Wave, wave_of
-from cogless.identify.weak_form import Model, Name
+from cogless.identify.result import Estimate
+from cogless.identify.weak_form import Name
 from cogless.results.trace import Trace
 from cogless.run.simulate import rollout
 from cogless.study import Study
@@ -100,64 +99,42 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
             )
             return replace(first, remarks=(*first.remarks, said)), traces
         logs = [simulated_log(made, log, traces[log.name]) if log.dt else log for log in made.logs]
-        model = replace(made.model, delay=0.0, error={})
-        fit, model = refit(made.known, logs, model)
-        made = _corrected(first, made, fit, model)
+        made = _corrected(first, made, logs)
     return made, traces
 
 
-def _corrected(first: Estimate, made: Estimate, fit: Fit, model: Model) -> Estimate:
-    """The first estimate less the bias of the simulation of the present one."""
-    assert first.fit is not None
+def _corrected(first: Estimate, made: Estimate, simulated: Sequence[Log]) -> Estimate:
+    """The first estimate less the bias that these logs show, which are simulated with the present one."""
+    known, real, truth = first.known, first.model, _truth(made)
+    played = settled(known, simulated, replace(real, delay=0.0, error={}))
 
-    def told(truth: float, found: float, was: Value) -> Value:
-        bias = found - truth
-        error = float(np.hypot(np.sqrt(2) * was.error, 0.1 * bias))  # the simulation has its own noise
-        return Value(was.value - bias, error)
+    def unbiased(factor: float) -> dict[Name, float]:
+        measured = coefficients(known, first.logs, real, factor)
+        biased = coefficients(known, simulated, played, factor)
+        return {
+            name: value - (biased[name] - truth[name] if name in truth else 0.0)
+            for name, value in measured.items()
+        }
 
-    def got(name: Name) -> float:
-        if name[0] != "encoder":
-            return fit[name]
-        return model.error[int(name[1])]["cs".index(str(name[2]))] + fit[name] / fit["j",]
-
-    values = dict(first.values)
-    for key in values:
-        if (key,) not in fit or key == "c_hold":
-            continue
-        told_now = model.delay + fit[key,] if key == "delay" else fit[key,]
-        values[key] = told(_truth(made, key), told_now, first.values[key])
-
-    def waves(kind: str, here: Sequence[Wave], started: Sequence[Wave]) -> tuple[Wave, ...]:
-        out = []
-        for now, was in zip(here, started, strict=True):
-            parts = []
-            for part, function in (("c", np.sin), ("s", np.cos)):
-                name = (kind, now.order, part)
-                if name not in fit:
-                    return tuple(started)
-                truth = now.size.value * float(function(now.phase.value))
-                start = was.size.value * float(function(was.phase.value))
-                error = float(
-                    np.hypot(
-                        was.size.error * function(was.phase.value),
-                        was.size.value
-                        * was.phase.error
-                        * (np.cos if part == "c" else np.sin)(was.phase.value),
-                    )
-                )
-                parts.append(told(truth, got(name), Value(start, error)))
-            out.append(wave_of(now.order, *parts))
-        return tuple(out)
-
-    return replace(
-        first,
-        values=values,
-        cogging=waves("cogging", made.cogging, first.cogging),
-        encoder=waves("encoder", made.encoder, first.encoder),
-        ripple=waves("ripple", made.ripple, first.ripple),
-    )
+    corrected = with_values(first, unbiased(1.0), [unbiased(factor) for factor in OTHERS], runs=2)
+    kept = {key: value for key, value in corrected.values.items() if key in first.values}
+    orders = {wave.order for wave in first.cogging}
+    cogging = tuple(wave for wave in corrected.cogging if wave.order in orders)
+    return replace(corrected, values=kept, cogging=cogging)
 
 
-def _truth(made: Estimate, key: str) -> float:
-    """The value that the simulation has; it logs without delay, and has no offset of i_q."""
-    return 0.0 if key in ("delay", "offset") else made.values[key].value
+def _truth(made: Estimate) -> dict[Name, float]:
+    """Coefficients that the simulation has; it logs without delay, and has no offset of i_q.
+
+    Those of what is left out of the motor are 0.
+    """
+    truth: dict[Name, float] = {(key,): 0.0 for key in ("b", "c", "delay", "offset")}
+    truth |= {(key,): made.values[key].value for key in ("j", "b", "c") if key in made.values}
+    truth |= {("load", name): value.value for name, value in made.loads.items()}
+    for kind, orders in (("cogging", made.model.cogging), ("ripple", made.model.ripple)):
+        truth |= {(kind, order, part): 0.0 for order in orders for part in "cs"}
+    for kind, waves in (("cogging", made.cogging), ("ripple", made.ripple), ("encoder", made.encoder)):
+        for wave in waves:
+            truth[kind, wave.order, "c"] = wave.size.value * float(np.sin(wave.phase.value))
+            truth[kind, wave.order, "s"] = wave.size.value * float(np.cos(wave.phase.value))
+    return truth
