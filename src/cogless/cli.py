@@ -374,6 +374,64 @@ def pil(
         sys.exit(DIFFERENT)
 
 
+@app.command()
+def identify(
+    logs: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="LOG...", help="Logs: CSV (gz), NPZ, Parquet, MAT, MDF4, traces.nc."),
+    ] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", metavar="FILE", help="TOML: columns, what is known, kinds of logs."),
+    ] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Where results go.")] = Path(
+        "results/identified"
+    ),
+    plan: Annotated[
+        str | None,
+        typer.Option(
+            "--plan", metavar="STUDY", help="Write the sequence of logs to record for this study's motor."
+        ),
+    ] = None,
+) -> None:
+    """Find a motor's inertia, friction, cogging and K_t ripple in its drive's logs.
+
+    Writes motor.toml, study.toml ready to run, an anti-cogging table, and report.html. What the logs cannot
+    tell is left out, with a sentence on what to record.
+    """
+    from cogless.results.folder import held, new_set
+
+    if plan is not None:
+        from cogless.identify import plan as planning
+
+        study = _load(plan, None)
+        with held(output), new_set(output) as stage:
+            planning.write(study, stage)
+        print(f"Study: {output / 'study.toml'}")
+        print(f"Columns: {output / 'id.toml'}")
+        return
+    if not logs or config is None:
+        raise StudyError("identify: expected logs and --config FILE, or --plan STUDY")
+    from cogless.identify import command, write
+    from cogless.report import identified as report
+
+    with held(output):
+        with _console(stderr=True).status("Identifying") as status:
+            found = command.identified(
+                logs, config, lambda what, share: status.update(f"Identifying: {what}")
+            )
+        with new_set(output) as stage:
+            write.write_all(found.estimate, stage)
+            report.write_report(found, stage / "report.html")
+    for line in command.lines(found.estimate):
+        print(line)
+    for line in (*found.estimate.left_out, *found.estimate.remarks):
+        print(f"! {line}")
+    if "j" in found.estimate.values:
+        print(f"Study: {output / 'study.toml'}")
+    print(f"Report: {output / 'report.html'}")
+
+
 @app.command("list")
 def list_() -> None:
     """List the shipped studies and motors, and the control laws."""

@@ -54,7 +54,7 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
     changes = dict(changes or {})
     if "motor.datasheet" in changes:
         put(tables, "motor.datasheet", changes.pop("motor.datasheet"))
-    source = _with_datasheet(path, tables)
+    source = with_datasheet(path, tables)
     _check_names(path, source.tables, changes)
     _apply(source.tables, changes)
     return checked(source)
@@ -263,7 +263,7 @@ def _check_names(path: Path, tables: dict[str, Any], changes: Changes) -> None:
                 raise StudyError(f"{path}: {key}: {shown(value)}: {expected}")
 
 
-def _with_datasheet(path: Path, tables: dict[str, Any]) -> Source:
+def with_datasheet(path: Path, tables: dict[str, Any]) -> Source:
     motor = tables.get("motor")
     if not isinstance(motor, dict) or not isinstance(motor.get("datasheet"), str):
         return Source(path, tables)

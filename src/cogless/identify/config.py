@@ -1,0 +1,159 @@
+"""The file that says what a drive's logs hold: columns, kinds of logs, what is known of motor and drive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import PrivateAttr, ValidationError, field_validator, model_validator
+
+from cogless import units
+from cogless.study.drive import Drive, Encoder, Resolver
+from cogless.study.error_messages import problems, study_error
+from cogless.study.laws import Controller
+from cogless.study.motor import Motor
+from cogless.study.reading import read, with_datasheet
+from cogless.study.reference import Reference
+from cogless.study.table import Angle, Line, Many, Table, invalid, one_of
+from cogless.units import Dimension
+
+KINDS = (
+    "hold",  # current that holds the rotor at each angle, at rest
+    "slow-sweep",
+    "constant-speed",
+    "acceleration",
+    "coast-down",
+    "load",  # a load that is constant within the log, and not known
+    "bridge-off",  # the motor carries no current; the phase currents show their offsets
+    "table-on",  # an anti-cogging table is on; i_q has its current
+)
+Kind = Literal[
+    "hold", "slow-sweep", "constant-speed", "acceleration", "coast-down", "load", "bridge-off", "table-on"
+]
+COUNT = "count"  # a unit of the angle: of the position sensor
+SIGNALS: dict[str, Dimension] = {
+    "t": units.TIME,
+    "theta": units.ANGLE,
+    "omega": units.ANGULAR_SPEED,
+    "i_q": units.CURRENT,
+    "i_d": units.CURRENT,
+    "i_a": units.CURRENT,
+    "i_b": units.CURRENT,
+    "i_c": units.CURRENT,
+    "u_q": units.VOLTAGE,
+    "torque": units.TORQUE,
+    "direction": units.NONE,
+    "part": units.NONE,  # each of its values is a log of its own, named FILE#VALUE
+}
+
+
+class Column(Table):
+    """A column of the logs: heading, unit (default: SI), and -1 as `sign` where it counts backwards."""
+
+    name: str
+    unit: str = ""
+    sign: Literal[1, -1] = 1
+
+    @classmethod
+    def spelled_out(cls, data: Any) -> Any:
+        return {"name": data} if isinstance(data, str) else data
+
+
+class LogRule(Table):
+    """What is known of the files whose names match."""
+
+    file: str  # with * and ?
+    kind: Kind | None = None
+    session: Line | None = None  # of one warm-up, or of one day
+    reference: Reference | None = None  # of the controller in the log
+    controller: str | None = None  # one of the file's
+
+
+class Identification(Table):
+    """What a drive's logs hold. Motor, drive and controllers are described as in a study."""
+
+    title: Line = "A motor from its drive's logs"
+    columns: Mapping[str, Column]
+    motor: Motor
+    drive: Drive
+    controller: Mapping[str, Controller] = {}
+    log: Many[LogRule] = ()
+    angle_offset: Angle | None = None  # rad, added to theta; default: half a count, since counts round down
+    _path: Path = PrivateAttr(default=Path())
+    _tables: dict[str, Any] = PrivateAttr(default_factory=dict)
+
+    @field_validator("columns")
+    @classmethod
+    def _known(cls, columns: Mapping[str, Column]) -> Mapping[str, Column]:
+        for key, column in columns.items():
+            if key not in SIGNALS:
+                raise invalid(one_of(SIGNALS), key)
+            if column.unit in ("", COUNT if key == "theta" else ""):
+                continue
+            try:
+                units.factor(column.unit, SIGNALS[key])
+            except units.UnitError as error:
+                raise invalid(str(error), key, "unit") from None
+        if "t" not in columns and "theta" not in columns:
+            raise invalid('expected the headings of the columns, such as t = "time_s"')
+        return columns
+
+    @model_validator(mode="after")
+    def _counted(self) -> Identification:
+        column = self.columns.get("theta")
+        if column is not None and column.unit == COUNT and not self.counts:
+            raise invalid("expected a drive.position_sensor with counts", "columns", "theta", "unit")
+        for index, rule in enumerate(self.log):
+            if rule.controller is not None and rule.controller not in self.controller:
+                raise invalid(one_of(self.controller), "log", index, "controller")
+        return self
+
+    @property
+    def counts(self) -> int:
+        """Counts of the position sensor per revolution; 0: no steps are known."""
+        sensor = self.drive.position_sensor
+        if isinstance(sensor, Encoder):
+            return 4 * sensor.lines
+        return 2**sensor.bits if isinstance(sensor, Resolver) else 0
+
+    @property
+    def step(self) -> float:
+        """Smallest step of the measured angle, rad; 0: none is known."""
+        return SIGNALS_TURN / self.counts if self.counts else 0.0
+
+    @property
+    def path(self) -> Path:
+        """The file it was read from."""
+        return self._path
+
+    @property
+    def tables(self) -> dict[str, Any]:
+        """The file's tables as read, with texts of units, the datasheet merged in."""
+        return self._tables
+
+    def factor(self, signal: str) -> float:
+        """What a number of this signal's column is multiplied with to be SI."""
+        column = self.columns[signal]
+        if column.unit == COUNT:
+            return column.sign * self.step
+        return column.sign * (units.factor(column.unit, SIGNALS[signal]) if column.unit else 1.0)
+
+    def rule(self, file: str) -> LogRule:
+        """What is known of a file, by the first rule that its name matches."""
+        return next((rule for rule in self.log if fnmatchcase(file, rule.file)), LogRule(file="*"))
+
+
+SIGNALS_TURN = 6.283185307179586  # rad
+
+
+def load(path: Path) -> Identification:
+    """Read the file. StudyError lists its mistakes, one per line."""
+    source = with_datasheet(path, read(path))
+    try:
+        found = Identification.model_validate(source.tables, context={"folder": path.parent, "checks": ()})
+    except ValidationError as error:
+        raise study_error([problem.line(path) for problem in problems(error, source.tables)]) from None
+    found._path, found._tables = path, source.tables
+    return found

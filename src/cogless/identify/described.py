@@ -1,0 +1,131 @@
+"""A study, as tables, of the motor that an estimate describes; the logs become its scenarios."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from cogless.identify.log import Log
+from cogless.identify.result import Estimate, Value
+
+PI = {"pi": {"law": "pi", "baseline": True, "tuning": {"rule": "phase-margin", "phase_margin": "60 deg"}}}
+
+
+def motor(made: Estimate) -> dict[str, Any]:
+    """The motor's table: what was known, and cogging and ripple as they were found."""
+    known = {key: value for key, value in made.known.tables["motor"].items() if key != "datasheet"}
+    psi_f = made.known.motor.star().psi_f / made.known.motor.star().flux_factor
+    poles = made.known.motor.pole_pairs
+    found: dict[str, Any] = {
+        "cogging": [
+            {
+                "order": wave.order,
+                "torque": f"{1e3 * made.K_t * wave.size.value:.5g} mN*m",
+                "phase": f"{np.degrees(wave.phase.value):.5g} deg",
+            }
+            for wave in made.cogging
+        ],
+        "flux_harmonics": [
+            {
+                "order": wave.order // poles,
+                "d": f"{1e6 * psi_f * wave.size.value:.5g} uWb",
+                "d_phase": f"{np.degrees(wave.phase.value) - 90:.5g} deg",
+            }
+            for wave in made.ripple
+        ],
+    }
+    return {**known, **{key: value for key, value in found.items() if value}}
+
+
+def mechanics(made: Estimate) -> dict[str, Any]:
+    """Inertia and friction; a friction that can't be told is left out. KeyError: no inertia."""
+    found = {"inertia": f"{made.values['j'].times(made.K_t).value:.6g} kg*m^2"}
+    for key, name, unit in (("c", "coulomb_friction", "N*m"), ("b", "viscous_friction", "N*m*s/rad")):
+        torque = made.values.get(key, Value(0.0, 0.0)).times(made.K_t).value
+        if torque > 0:
+            found[name] = f"{torque:.6g} {unit}"
+    return found
+
+
+def drive(made: Estimate) -> dict[str, Any]:
+    """The drive's table, with the eccentricity of its encoder where that was found."""
+    table = dict(made.known.tables["drive"])
+    once = next((wave for wave in made.encoder if wave.order == 1), None)
+    if once is not None and isinstance(table.get("position_sensor"), dict):
+        sensor = dict(table["position_sensor"])
+        if sensor.get("kind") == "encoder":
+            sensor["eccentricity"] = f"{np.degrees(once.size.value):.5g} deg"
+            sensor["eccentricity_phase"] = f"{np.degrees(once.phase.value):.5g} deg"
+            table["position_sensor"] = sensor
+    return table
+
+
+def scenario_name(log: Log) -> str:
+    """The log's name as the key of a scenario."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", log.name.split(".")[0]).strip("-") or "log"
+
+
+def scenario(made: Estimate, log: Log) -> dict[str, Any]:
+    """The scenario of a log whose reference is known: it begins where the log does."""
+    table = next(
+        t for t, rule in zip(made.known.tables["log"], made.known.log, strict=True) if rule == log.rule
+    )
+    rows = log.stretches[0]
+    theta = log["theta"][rows]
+    few = max(2, round(0.005 / log.dt))
+    speed = (theta[few] - theta[0]) / (few * log.dt)
+    found: dict[str, Any] = {
+        "duration": f"{log.dt * (rows.stop - rows.start):.6g} s",
+        "reference": table["reference"],
+        "initial_angle": f"{theta[0] % (2 * np.pi):.6g} rad",
+        "initial_speed": f"{speed:.6g} rad/s",
+    }
+    if log.name in made.loads:
+        found["load"] = f"{made.K_t * made.loads[log.name].value:.6g} N*m"
+    if log.rule.controller is not None:
+        found["controllers"] = [log.rule.controller]
+    return found
+
+
+def replayable(made: Estimate) -> list[Log]:
+    """The logs whose reference and controller are known, so that the engine can play them."""
+    return [
+        log
+        for log in made.logs
+        if log.dt and log.rule.reference is not None and made.known.controller and log.kind != "table-on"
+    ]
+
+
+def study(made: Estimate) -> dict[str, Any]:
+    """The whole study. KeyError: no inertia."""
+    replayed = {scenario_name(log): scenario(made, log) for log in replayable(made)}
+    moving = [log for log in made.logs if log.dt]
+    speed = max((float(np.median(np.abs(np.diff(log["theta"])))) / log.dt for log in moving), default=6.28)
+    steady = {"duration": "10 s", "reference": f"{speed:.4g} rad/s", "initial_speed": f"{speed:.4g} rad/s"}
+    return {
+        "title": made.known.title,
+        "motor": motor(made),
+        "mechanics": mechanics(made),
+        "drive": drive(made),
+        "scenario": replayed or {"steady": steady},
+        "controller": made.known.tables.get("controller") or PI,
+        "metric": [
+            {"name": "speed_ripple", "kind": "ripple-rms", "signal": "omega_m", "unit": "rad/s"},
+            *(
+                [
+                    {
+                        "name": "speed_order",
+                        "kind": "order",
+                        "signal": "omega_m",
+                        "order": sorted(wave.order for wave in made.cogging),
+                        "frame": "mechanical",
+                        "unit": "rad/s",
+                    }
+                ]
+                if made.cogging
+                else []
+            ),
+        ],
+    }

@@ -1,0 +1,262 @@
+"""From logs to a motor: orders, joint fit, what can't be told apart left out, errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cogless.errors import StudyError
+from cogless.identify import findings
+from cogless.identify.config import Identification
+from cogless.identify.log import Log
+from cogless.identify.orders import found_orders
+from cogless.identify.regression import Fit, fit
+from cogless.identify.result import Estimate, Value, Wave, wave_of
+from cogless.identify.weak_form import Model, Name, Rows, Sensor, rows_of
+
+WIDTH = 6e-3  # s, of the kernel
+OTHERS = (0.75, 1.35)  # times that: how far the values move is a part of their errors
+LARGEST_INFLATION = 100.0  # of a variance by the other columns
+SETTLED = 0.1  # standard errors that may be left of what is taken out
+SURE = 5.0  # standard errors from which on an order is one
+SMALLEST = 1e-3  # of the largest order, likewise
+MOST_ORDERS = 40
+ROUNDS = 3  # delay and the sensor's error are taken out, and found again
+Progress = Callable[[str, float], None]
+State = tuple[list[Rows], Fit, Model]
+
+
+def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> Estimate:
+    """Estimate all that the logs tell. StudyError: nothing can be told."""
+    remarks = [remark for log in logs for remark in log.remarks]
+    used, said = findings.usable(known, logs)
+    remarks += said
+    if not used:
+        raise StudyError("\n".join(said) or "no log is left: expected logs with theta and i_q")
+    findings.check_sign(known, used, _rows(known, used, Model(), WIDTH))
+    left: list[str] = []
+    used, model = _start(known, used, left)
+    state = _significant(known, used, *_searched(known, used, model, progress))
+    rows, found, model = _told_apart(known, used, *state, left)
+    progress("errors", 0.0)
+    remarks += findings.between_logs(rows, found, model, left)
+    return _told(known, used, model, rows, found, remarks, left)
+
+
+def _rows(known: Identification, logs: Sequence[Log], model: Model, width: float) -> list[Rows]:
+    sensor = Sensor(known.step, known.motor.pole_pairs)
+    return [rows for log in logs for rows in rows_of(log, model, width, sensor)]
+
+
+def _start(known: Identification, logs: Sequence[Log], left: list[str]) -> tuple[list[Log], Model]:
+    """The logs and columns that tell something together."""
+    held, moving = [log for log in logs if not log.dt], [log for log in logs if log.dt]
+    sixth = (6 * known.motor.pole_pairs,)
+    if not moving:
+        left.append(
+            "No log of a turning motor: inertia and friction cannot be identified; add an acceleration log."
+        )
+    elif findings.one_speed(moving):
+        left.append(findings.said_of_one_speed(moving))
+        if not held:
+            raise StudyError(left[-1])
+    else:
+        columns = {"j", "b", "c", "offset", "delay"}
+        if all(findings.feedback(log) is not None for log in moving):
+            columns -= {"delay"}
+            left.append(
+                "All logs of a turning motor show the feedback law: the delay cannot be identified; "
+                "add an acceleration log."
+            )
+        return list(logs), Model(cogging=sixth, encoder=(1, 2), columns=frozenset(columns))
+    return held, Model(cogging=sixth, columns=frozenset({"offset"}))
+
+
+def _searched(known: Identification, logs: Sequence[Log], model: Model, progress: Progress) -> State:
+    """Add the orders that the residual has, the strongest first; then look for delay and encoder's error.
+
+    These would take the place of orders that are not found yet.
+    """
+    sought = replace(model, encoder=(), columns=model.columns - {"delay"})
+    while True:
+        progress(f"orders: {len(sought.cogging)}", 0.0)
+        rows = _rows(known, logs, sought, WIDTH)
+        found = fit(rows)
+        new = found_orders(rows, found, WIDTH, sought.cogging)
+        if not new or len(sought.cogging) > MOST_ORDERS:
+            break
+        sought = replace(sought, cogging=tuple(sorted({*sought.cogging, *new})))
+    model = replace(model, cogging=sought.cogging)
+    poles = known.motor.pole_pairs
+    if "j" in model.columns:  # the currents that accelerate are loads of both signs
+        ripple = (2 * poles, 6 * poles)
+        model = replace(model, ripple=ripple, cogging=tuple(sorted({*model.cogging, *ripple})))
+    return _settled(known, logs, model)
+
+
+def _settled(known: Identification, logs: Sequence[Log], model: Model) -> State:
+    """Fit, take delay and the sensor's error out, and fit again, until little is left of them."""
+    for _ in range(ROUNDS):
+        rows = _rows(known, logs, model, WIDTH)
+        found = fit(rows)
+        left = [name for name in found.names if name[0] in ("delay", "encoder")]
+        if all(abs(found[name]) < SETTLED * found.error(name) for name in left):
+            break
+        model = _taken_out(model, found)
+    else:
+        rows = _rows(known, logs, model, WIDTH)
+        found = fit(rows)
+    return rows, found, model
+
+
+def _taken_out(model: Model, found: Fit) -> Model:
+    """The model with the delay and the sensor's error that are left taken out."""
+    error = dict(model.error)
+    j = found.get("j")
+    for order in model.encoder if j > 0 else ():
+        c, s = error.get(order, (0.0, 0.0))
+        error[order] = (c + found["encoder", order, "c"] / j, s + found["encoder", order, "s"] / j)
+    return replace(model, delay=model.delay + found.get("delay"), error=error)
+
+
+def settled(known: Identification, logs: Sequence[Log], model: Model) -> Model:
+    """The model with the delay and the sensor's error of these logs taken out."""
+    return _settled(known, logs, model)[2]
+
+
+def coefficients(
+    known: Identification, logs: Sequence[Log], model: Model, factor: float = 1.0
+) -> dict[Name, float]:
+    """Each coefficient by a kernel of so many times the width; delay [s] and encoder's error [rad] whole."""
+    return _whole(model, fit(_rows(known, logs, model, factor * WIDTH)))
+
+
+def _whole(model: Model, found: Fit) -> dict[Name, float]:
+    whole = dict(zip(found.names, found.values.tolist(), strict=True))
+    if ("delay",) in whole:
+        whole["delay",] += model.delay
+    for order in model.encoder:
+        for part, out in zip("cs", model.error.get(order, (0.0, 0.0)), strict=True):
+            name: Name = ("encoder", order, part)
+            whole[name] = out + whole[name] / found["j",]
+    return whole
+
+
+def _significant(
+    known: Identification, logs: Sequence[Log], rows: list[Rows], found: Fit, model: Model
+) -> State:
+    """Keep the orders that stand out of their errors."""
+
+    def stands_out(kind: str, order: int, taken: tuple[float, float] = (0.0, 0.0)) -> bool:
+        error = np.hypot(found.error((kind, order, "c")), found.error((kind, order, "s")))
+        return bool(_size(found, kind, order, taken) > SURE * error)
+
+    largest = max((_size(found, "cogging", n) for n in model.cogging), default=0.0)
+    kept = {n for n in model.cogging if stands_out("cogging", n)}
+    kept = {n for n in kept if _size(found, "cogging", n) > SMALLEST * largest}
+    ripple = tuple(n for n in model.ripple if stands_out("ripple", n))
+    j = found.get("j")
+    encoder = tuple(
+        n
+        for n in model.encoder
+        if stands_out("encoder", n, (j * model.error.get(n, (0, 0))[0], j * model.error.get(n, (0, 0))[1]))
+    )
+    error = {n: pair for n, pair in model.error.items() if n in encoder}
+    pruned = replace(
+        model, cogging=tuple(sorted(kept | set(ripple))), ripple=ripple, encoder=encoder, error=error
+    )
+    return (rows, found, model) if pruned == model else _settled(known, logs, pruned)
+
+
+def _size(found: Fit, kind: str, order: int, taken: tuple[float, float] = (0.0, 0.0)) -> float:
+    """Amplitude of an order, A, with what is already taken out."""
+    return float(np.hypot(found[kind, order, "c"] + taken[0], found[kind, order, "s"] + taken[1]))
+
+
+CURES = {
+    "j": "Inertia cannot be told apart from cogging or friction; add an acceleration log.",
+    "b": "Viscous and Coulomb friction cannot be told apart; add a log at a second, fast speed.",
+    "c": "Friction and a load cannot be told apart; record each log in both directions.",
+    "offset": "A current offset and friction cannot be told apart; record each log in both directions.",
+    "delay": "The delay of the log cannot be told apart from inertia; add an acceleration log.",
+    "load": "The load of {0} cannot be told apart from friction; record it in both directions.",
+    "ripple": "Order {0}: K_t ripple and cogging cannot be told apart; record logs with loads of both signs.",
+    "encoder": "Order {0}: the encoder's error and cogging cannot be told apart; add a log at a fast speed.",
+    "cogging": "Order {0}: cogging cannot be told apart from the rest; add a slow sweep.",
+}
+WEAKEST = ("delay", "encoder", "ripple", "offset", "b", "cogging", "load", "c", "c_hold", "j")
+
+
+def _told_apart(
+    known: Identification, logs: Sequence[Log], rows: list[Rows], found: Fit, model: Model, left: list[str]
+) -> State:
+    """Leave out what can't be told apart, one after the other, the least important first."""
+    while True:
+        wide = [name for name, by in zip(found.names, found.inflation, strict=True) if by > LARGEST_INFLATION]
+        wide = [name for name in wide if str(name[0]) in CURES and name[0] != "load"]
+        if not wide:
+            return rows, found, model
+        worst = min(wide, key=lambda name: WEAKEST.index(str(name[0])))
+        if str(worst[0]) not in ("offset",):
+            left.append(CURES[str(worst[0])].format(*worst[1:]))
+        model = _without(model, worst)
+        rows = _rows(known, logs, model, WIDTH)
+        found = fit(rows)
+
+
+def _without(model: Model, name: tuple[str | int, ...]) -> Model:
+    kind = str(name[0])
+    if kind == "cogging":
+        return replace(model, cogging=tuple(n for n in model.cogging if n != name[1]))
+    if kind == "ripple":
+        return replace(model, ripple=tuple(n for n in model.ripple if n != name[1]))
+    if kind == "encoder":
+        kept = tuple(n for n in model.encoder if n != name[1])
+        return replace(model, encoder=kept, error={n: model.error[n] for n in kept if n in model.error})
+    delay = 0.0 if kind == "delay" else model.delay
+    return replace(model, columns=model.columns - {kind}, delay=delay)
+
+
+def _told(
+    known: Identification,
+    logs: Sequence[Log],
+    model: Model,
+    rows: Sequence[Rows],
+    found: Fit,
+    remarks: Sequence[str],
+    left: list[str],
+) -> Estimate:
+    here = _whole(model, found)
+    others = [coefficients(known, logs, model, factor) for factor in OTHERS]
+    empty = Estimate(known, tuple(logs), {}, (), (), (), {}, tuple(remarks), (), model, tuple(rows), found)
+    return findings.without_nonsense(with_values(empty, here, others), left)
+
+
+def with_values(
+    made: Estimate, here: dict[Name, float], others: Sequence[dict[Name, float]], runs: int = 1
+) -> Estimate:
+    """The estimate with these coefficients; their errors are the fit's, and how far `others` are from them.
+
+    `runs`: sets of logs that are in them, each with its own noise.
+    """
+    assert made.fit is not None
+    found, scale = made.fit, {"encoder": 1 / (made.fit.get("j") or 1.0)}
+
+    def value(name: Name) -> Value:
+        own = found.error(name) * abs(scale.get(str(name[0]), 1.0))
+        spread = np.sqrt(np.mean([(other.get(name, here[name]) - here[name]) ** 2 for other in others]))
+        return Value(here[name], 2 * float(np.hypot(np.sqrt(runs) * own, spread)))
+
+    def waves(kind: str, orders: Sequence[int]) -> tuple[Wave, ...]:
+        return tuple(wave_of(n, value((kind, n, "c")), value((kind, n, "s"))) for n in orders)
+
+    return replace(
+        made,
+        values={str(name[0]): value(name) for name in here if len(name) == 1},
+        cogging=waves("cogging", made.model.cogging),
+        ripple=waves("ripple", made.model.ripple),
+        encoder=waves("encoder", made.model.encoder),
+        loads={str(name[1]): value(name) for name in here if name[0] == "load"},
+    )

@@ -1,0 +1,202 @@
+"""Read the columns of a log file: CSV (packed or not), NPZ, Parquet, MAT, MDF4, and traces of a run."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.errors import StudyError
+from cogless.files import reason
+
+Array = NDArray[np.float64]
+Columns = dict[str, Array]
+BLOCK = 1 << 16  # rows of a CSV that are converted together
+DELIMITERS = (",", ";", "\t")
+
+
+def read(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:
+    """Yield the name and the wanted columns of each log in a file; a trace file has several, others one.
+
+    A column that isn't there is left out. StudyError names file, column and row.
+    """
+    name = path.name.lower()
+    suffix = Path(name.removesuffix(".gz")).suffix
+    reader = READERS.get(suffix)
+    if reader is None:
+        raise StudyError(f"{path}: unknown kind of file: expected one of {', '.join(READERS)}, .csv.gz")
+    try:
+        for part, columns in reader(path, wanted):
+            _check(path, columns)
+            yield part or path.name, columns
+    except (OSError, EOFError, zipfile.BadZipFile) as error:
+        why = reason(error) if isinstance(error, OSError) else str(error)
+        raise StudyError(f"{path}: {why}: expected a readable {suffix} file") from error
+
+
+def _check(path: Path, columns: Columns) -> None:
+    lengths = {len(values) for values in columns.values()}
+    if not lengths or lengths == {0}:
+        raise StudyError(f"{path}: no rows: expected a log")
+    if len(lengths) > 1:
+        raise StudyError(f"{path}: columns of {min(lengths)} and {max(lengths)} rows: expected one clock")
+    for name, values in columns.items():
+        wrong = np.flatnonzero(~np.isfinite(values))
+        if len(wrong):
+            raise StudyError(
+                f"{path}: {name}: row {wrong[0] + 1}: {values[wrong[0]]}: expected a finite number "
+                f"({len(wrong)} rows lack one)"
+            )
+
+
+def _csv(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:
+    packed = path.name.lower().endswith(".gz")
+    try:
+        with (
+            path.open("rb") as raw,
+            gzip.open(raw) if packed else raw as data,
+            io.TextIOWrapper(data, encoding="utf-8-sig", newline="") as file,
+        ):
+            columns = _rows(path, file, wanted)
+    except UnicodeDecodeError:
+        raise StudyError(f"{path}: not UTF-8: expected a CSV in UTF-8") from None
+    except csv.Error as error:
+        raise StudyError(f"{path}: {error}: expected a CSV") from None
+    yield "", columns
+
+
+def _rows(path: Path, file: Iterator[str], wanted: list[str]) -> Columns:
+    first = next(file, "")
+    if not first.strip():
+        raise StudyError(f"{path}: empty: expected a heading and rows of numbers")
+    delimiter = max(DELIMITERS, key=first.count)
+    heading = [cell.strip() for cell in next(csv.reader([first], delimiter=delimiter))]
+    places = {name: heading.index(name) for name in wanted if name in heading}
+    if not places:
+        raise StudyError(f"{path}: columns {', '.join(heading[:12])}: expected {', '.join(wanted)}")
+    blocks: dict[str, list[Array]] = {name: [] for name in places}
+    cells: dict[str, list[str]] = {name: [] for name in places}
+    row = 0
+
+    def convert() -> None:
+        for name, texts in cells.items():
+            try:
+                blocks[name].append(np.array(texts, dtype=np.float64))
+            except ValueError:
+                at, text = next((n, t) for n, t in enumerate(texts) if not _number(t))
+                place = row - len(texts) + at + 1
+                raise StudyError(f'{path}: {name}: row {place}: "{text}": expected a number') from None
+            texts.clear()
+
+    for values in csv.reader(file, delimiter=delimiter):
+        if not values:
+            continue
+        row += 1
+        for name, place in places.items():
+            if place >= len(values):
+                raise StudyError(f"{path}: {name}: row {row}: missing: expected a number")
+            cells[name].append(values[place])
+        if row % BLOCK == 0:
+            convert()
+    convert()
+    return {name: np.concatenate(parts) for name, parts in blocks.items()}
+
+
+def _number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _npz(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            yield "", {name: _numbers(path, name, file[name]) for name in wanted if name in file}
+    except ValueError as error:
+        raise StudyError(f"{path}: {error}: expected arrays of numbers") from None
+
+
+def _parquet(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:
+    try:
+        import pyarrow.parquet as pq
+    except ImportError:
+        raise StudyError(f"{path}: expected the extra: pip install 'cogless[logs]'") from None
+    from pyarrow.lib import ArrowException
+
+    try:
+        there = set(pq.read_schema(path).names)
+        table = pq.read_table(path, columns=[name for name in wanted if name in there])
+    except ArrowException as error:
+        raise StudyError(f"{path}: {str(error).splitlines()[0]}: expected a Parquet file") from None
+    yield "", {name: _numbers(path, name, table[name].to_numpy()) for name in table.column_names}
+
+
+def _mat(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        found = loadmat(path, variable_names=wanted)
+    except NotImplementedError:
+        raise StudyError(f"{path}: MATLAB 7.3: expected an older format (save -v7)") from None
+    except (MatReadError, ValueError, TypeError) as error:
+        raise StudyError(f"{path}: {error}: expected a MAT file") from None
+    yield "", {name: _numbers(path, name, found[name]) for name in wanted if name in found}
+
+
+def _mdf(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:
+    """Channels of an MDF4 file, brought to the time of the first; the column `t` is then its time."""
+    try:
+        from asammdf import MDF
+        from asammdf.blocks.utils import MdfException
+    except ImportError:
+        raise StudyError(f"{path}: expected the extra: pip install 'cogless[logs]'") from None
+    try:
+        with MDF(path) as file:
+            there = [name for name in wanted if name in file]
+            signals = [file.get(name) for name in there]
+    except MdfException as error:
+        raise StudyError(f"{path}: {error}: expected an MDF file") from None
+    if not signals:
+        raise StudyError(f"{path}: no such channels: expected {', '.join(wanted)}")
+    time = np.asarray(signals[0].timestamps, dtype=np.float64)
+    found = {name: np.asarray(s.interp(time).samples, float) for name, s in zip(there, signals, strict=True)}
+    yield "", {**{name: time for name in wanted[:1] if name not in found}, **found}
+
+
+def _trace(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:
+    """The runs of a traces.nc, each a log named by its scenario."""
+    import netCDF4
+
+    with netCDF4.Dataset(path) as file:
+        runs = [
+            (scenario, group) for scenario, outer in file.groups.items() for group in outer.groups.values()
+        ]
+        for scenario, group in runs:
+            there = group.variables
+            yield scenario, {n: _numbers(path, n, np.asarray(there[n][:])) for n in wanted if n in there}
+
+
+def _numbers(path: Path, name: str, values: NDArray[np.generic]) -> Array:
+    try:
+        return np.asarray(values, dtype=np.float64).ravel()
+    except (TypeError, ValueError):
+        raise StudyError(f"{path}: {name}: expected numbers") from None
+
+
+READERS: dict[str, Callable[[Path, list[str]], Iterator[tuple[str, Columns]]]] = {
+    ".csv": _csv,
+    ".npz": _npz,
+    ".parquet": _parquet,
+    ".mat": _mat,
+    ".mf4": _mdf,
+    ".nc": _trace,
+}

@@ -1,0 +1,255 @@
+"""Sentences on logs that mislead, each with its cure; and what they forbid to conclude."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cogless.errors import StudyError
+from cogless.identify.config import Identification
+from cogless.identify.files import Array
+from cogless.identify.log import Log
+from cogless.identify.regression import Fit, fit
+from cogless.identify.result import Estimate
+from cogless.identify.weak_form import Model, Rows
+
+ALIKE = 0.15  # speeds that differ by less are one
+FED_BACK = 0.99  # correlation of i_q with the speed of some samples before
+LAGS = 6  # samples
+STILL, STILL_FOR = 0.25, 0.02  # share of a log without motion that spoils it; s, without a count
+SLOW_SAMPLING = 250.0  # Hz; a faster log is never refused
+FRICTION = 0.2  # relative difference between logs that is told
+TURNED = 0.35  # rad of the strongest order's phase between logs, likewise
+STANDS_OUT = 5.0  # standard errors
+LIKELY_RIPPLE = 0.1  # of K_t, at most
+
+
+def usable(known: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
+    """The logs that can be used, and sentences on the others and on logs that mislead."""
+    used: list[Log] = []
+    said: list[str] = []
+    offsets = _offsets(logs)
+    if offsets is not None:
+        shown = ", ".join(f"{1e3 * offset:.3g}" for offset in offsets)
+        said.append(f"With the bridge off the phase currents show {shown} mA; this is taken out of i_q.")
+    for log in logs:
+        without = _unusable(known, log)
+        if without:
+            said.append(without)
+            continue
+        used.append(_prepared(known, log, offsets))
+        law = feedback(log)
+        if law is not None:
+            lag, correlation, gain = law
+            said.append(
+                f"{log.name}: i_q follows the speed of {lag} samples earlier (correlation {correlation:.4f}, "
+                f"{-gain:.3g} A*s/rad): this is the feedback law, and tells little of the motor; "
+                "add an acceleration log."
+            )
+    plant = [log for log in used if feedback(log) is None]
+    return (plant if any(log.dt for log in plant) else used), said
+
+
+def _unusable(known: Identification, log: Log) -> str | None:
+    """Why a log can't be used, with the cure; None if it can."""
+    if "theta" not in log:
+        return f"{log.name}: no angle: cogging cannot be placed; record the encoder's angle as theta."
+    if "i_q" not in log and log.kind not in ("coast-down", "bridge-off"):
+        return (
+            f"{log.name}: no current: torque is not known; record i_q, or say that the log is a coast-down "
+            "or that the bridge was off."
+        )
+    if not log.dt:
+        return None
+    rows = max(1, round(STILL_FOR / log.dt))
+    still = float(np.mean(np.abs(log["theta"][rows:] - log["theta"][:-rows]) <= known.step))
+    if still > STILL and log.kind != "bridge-off":
+        return (
+            f"{log.name}: the rotor stands still {100 * still:.0f} % of the time, where friction is "
+            "not known; turn faster, or with more feedback."
+        )
+    speed = float(np.percentile(np.abs(np.diff(log["theta"])), 80)) / log.dt
+    rate, poles = 1 / log.dt, known.motor.pole_pairs
+    order = 6 * poles  # where cogging and K_t ripple are strong in most motors
+    if rate < SLOW_SAMPLING and order * speed / (2 * np.pi) > rate / 8:
+        needed = 8 * order * speed / (2 * np.pi)
+        return (
+            f"{log.name}: order {order} at {speed / (2 * np.pi):.3g} rev/s is above an eighth of the "
+            f"sampling rate, {rate:.3g} Hz; record {needed:.2g} rows a second, or turn more slowly."
+        )
+    return None
+
+
+def _offsets(logs: Sequence[Log]) -> tuple[float, float, float] | None:
+    """Offsets of the phase currents, A, from logs with the bridge off; None if there is none."""
+    off = [log for log in logs if log.kind == "bridge-off" and "i_a" in log and "i_b" in log]
+    if not off:
+        return None
+    a, b = (float(np.mean(np.concatenate([log[name] for log in off]))) for name in ("i_a", "i_b"))
+    with_c = [log["i_c"] for log in off if "i_c" in log]
+    return a, b, float(np.mean(np.concatenate(with_c))) if with_c else -a - b
+
+
+def _prepared(known: Identification, log: Log, offsets: tuple[float, float, float] | None) -> Log:
+    """The log with torque in A, without the currents' offsets, and no current where the bridge is off."""
+    signals = dict(log.signals)
+    if offsets is not None and "i_q" in signals:
+        theta_e = known.motor.pole_pairs * signals["theta"]
+        waves = [np.sin(theta_e - third * 2 * np.pi / 3) for third in range(3)]
+        signals["i_q"] = signals["i_q"] + 2 / 3 * sum(o * w for o, w in zip(offsets, waves, strict=True))
+    if "torque" in signals:
+        signals["torque"] = signals["torque"] / known.motor.star().K_t
+    if log.kind in ("coast-down", "bridge-off"):
+        signals["i_q"] = np.zeros(len(log))
+    return replace(log, signals=signals)
+
+
+def check_sign(known: Identification, logs: Sequence[Log], rows: Sequence[Rows]) -> None:
+    """Refuse currents of the wrong sign: they brake a motor that turns against friction."""
+    for log in logs:
+        own = [each for each in rows if each.log is log and len(each.y) > 30]
+        if not log.dt or not own or log.kind in ("load", "coast-down", "bridge-off"):
+            continue
+        found = fit(own)
+        wrong = found["c",] < -STANDS_OUT * found.error(("c",)) and found["j",] <= 0
+        speed = np.concatenate([each.omega for each in own])
+        power = float(np.mean(np.concatenate([each.y for each in own]) * speed))
+        stored = found["j",] * float(np.mean(np.concatenate([each.columns[:, 0] for each in own]) * speed))
+        if wrong and power - stored < 0:
+            heading = known.columns["i_q"].name
+            raise StudyError(
+                f"{log.name}: {heading}: the current brakes the motor that it turns (inertia and friction "
+                f'come out negative): expected the other sign: columns.i_q = {{ name = "{heading}", sign = '
+                f"{-known.columns['i_q'].sign} }}"
+            )
+
+
+def one_speed(logs: Sequence[Log]) -> bool:
+    """Whether all logs are at one speed, from means over a twentieth of each."""
+    low, high = zip(*(np.percentile(_speeds(log), [30, 95]) for log in logs), strict=True)
+    return bool(min(low) > (1 - ALIKE) * max(high))
+
+
+def said_of_one_speed(logs: Sequence[Log]) -> str:
+    """What logs of one speed tell, and what they don't."""
+    speed = float(np.median(np.concatenate([_speeds(log) for log in logs]))) / (2 * np.pi)
+    turning = [(log["i_q"], np.sign(log["theta"][-1] - log["theta"][0])) for log in logs]
+    mean = float(np.mean([np.mean(current) * sign for current, sign in turning]))
+    return (
+        f"One speed only ({speed:.3g} rev/s): inertia, friction and delay cannot be identified (its mean "
+        f"current, {mean:.3g} A, is friction and load together); add an acceleration log and a second speed."
+    )
+
+
+def _speeds(log: Log) -> Array:
+    theta, rows = log["theta"], max(2, len(log) // 20)
+    return np.asarray(np.abs(theta[rows:] - theta[:-rows]) / (rows * log.dt))
+
+
+def feedback(log: Log) -> tuple[int, float, float] | None:
+    """Lag in samples, correlation and gain of i_q on the speed before, where that is a feedback law."""
+    if "omega" not in log or "i_q" not in log or not log.dt:
+        return None
+    omega, current = log["omega"], log["i_q"]
+    best = (0, 0.0, 0.0)
+    for lag in range(LAGS):
+        x, y = omega[: len(omega) - lag], current[lag:]
+        if np.std(x) == 0 or np.std(y) == 0:
+            return None
+        correlation = float(np.corrcoef(x, y)[0, 1])
+        if abs(correlation) > abs(best[1]):
+            best = (lag, correlation, float(np.polyfit(x, y, 1)[0]))
+    lag, correlation, gain = best
+    return (lag, abs(correlation), gain) if correlation < -FED_BACK else None
+
+
+def between_logs(rows: Sequence[Rows], found: Fit, model: Model, left: list[str]) -> list[str]:
+    """Sentences on differences between logs: friction, and the place of the strongest order."""
+    said = []
+    by_log: dict[str, list[Rows]] = {}
+    for each in rows:
+        by_log.setdefault(each.log.name, []).append(each)
+    if ("c",) in found and found["c",] > 0:
+        friction = {
+            name: of
+            for name, own in by_log.items()
+            if own[0].log.dt and own[0].log.kind != "load"
+            for of in [_own(own, found, (("c",),))[0].real]
+        }
+        if len(friction) > 1:
+            low, high = min(friction, key=friction.__getitem__), max(friction, key=friction.__getitem__)
+            if friction[high] - friction[low] > FRICTION * found["c",]:
+                said.append(
+                    f"Sessions differ: friction {friction[low]:.3g} A in {low} and {friction[high]:.3g} A in "
+                    f"{high}; identify each session by itself, or warm the motor up first."
+                )
+    if model.cogging:
+        said += _turned(by_log, found, model, left)
+    return said
+
+
+def _turned(by_log: dict[str, list[Rows]], found: Fit, model: Model, left: list[str]) -> list[str]:
+    strongest = max(model.cogging, key=lambda n: np.hypot(found["cogging", n, "c"], found["cogging", n, "s"]))
+    names = (("cogging", strongest, "c"), ("cogging", strongest, "s"))
+    waves = {name: _own(own, found, names) for name, own in by_log.items()}
+    clear = {name: w for name, (w, error) in waves.items() if error > 0 and abs(w) > 10 * error}
+    if len(clear) < 2:
+        return []
+    first = max(clear, key=lambda name: abs(clear[name]) / waves[name][1])
+    for name, wave in clear.items():
+        turn = float(np.angle(wave / clear[first]))
+        if abs(turn) > TURNED:
+            left.append("Cogging is left out, since its place differs between the logs.")
+            return [
+                f"{name}: order {strongest} is turned by {np.degrees(turn):.0f} deg against {first}, "
+                f"{np.degrees(abs(turn)) / strongest:.2g} deg of the rotor or more: the index has slipped, "
+                "or the encoder counts from where it was switched on; find the index before each log."
+            ]
+    return []
+
+
+def _own(rows: Sequence[Rows], found: Fit, names: Sequence[tuple[str | int, ...]]) -> tuple[complex, float]:
+    """One or two coefficients as these rows alone would have them (the second imaginary), and their error."""
+    a = np.concatenate([each.columns[:, [each.names.index(name) for name in names]] for each in rows])
+    r = np.concatenate([each.y - found.prediction(each) for each in rows])
+    matrix = a.T @ a
+    if np.linalg.cond(matrix) > 1e8:
+        return 0j, 0.0
+    moved = np.linalg.solve(matrix, a.T @ r)
+    own = [found[name] + by for name, by in zip(names, moved, strict=True)]
+    error = float(np.std(r - a @ moved) * np.sqrt(np.max(np.diag(np.linalg.inv(matrix)))) * 3)
+    return complex(own[0], own[1] if len(own) > 1 else 0.0), error
+
+
+def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
+    """Leave out what the findings forbid, and say what stays open."""
+    values, cogging = dict(made.values), made.cogging
+    poles = made.known.motor.pole_pairs
+    if "j" in values and not values["j"].value > 2 * values["j"].error:
+        left.append("Inertia is not larger than its error; add an acceleration log.")
+        del values["j"]
+    if "b" in values and values["b"].value < 0:
+        small = values["b"].value > -2 * values["b"].error
+        if not small:
+            left.append(
+                "Viscous friction comes out negative; add a log at a second, fast speed, or at a longer rest."
+            )
+        del values["b"]
+    if any("is left out, since its place" in sentence for sentence in left):
+        cogging = ()
+    if any(wave.order == poles for wave in cogging) and _offsets(made.logs) is None:
+        left.append(
+            f"Order {poles} is the pole pairs: cogging and a current offset cannot be told apart; "
+            "record currents with the bridge off."
+        )
+        cogging = tuple(wave for wave in cogging if wave.order != poles)
+    current = float(np.mean([abs(np.mean(each.y)) for each in made.rows])) if made.rows else 0.0
+    if not any(log.dt for log in made.logs) and any(wave.order == 6 * poles for wave in cogging):
+        left.append(
+            f"Order {6 * poles} is six times the pole pairs: K_t ripple and cogging cannot be told "
+            f"apart at one load; a ripple of {100 * LIKELY_RIPPLE:.0f} % would be "
+            f"{LIKELY_RIPPLE * current:.2g} A of it; record logs with loads of both signs."
+        )
+    return replace(made, values=values, cogging=cogging, left_out=tuple(dict.fromkeys(left)))

@@ -1,0 +1,214 @@
+"""A log with one clock: its rows at equal times, in stretches without gaps, and what was wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from cogless.errors import StudyError
+from cogless.identify.config import Identification, LogRule
+from cogless.identify.files import Array, Columns, read
+
+TURN = 2 * np.pi
+GAP = 2.5  # periods without a row
+FEWEST = 100  # rows
+REPEATED = 0.2  # share of rows that repeat the one before, from which on it is told
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A log in SI units.
+
+    `dt`: time between rows, s; 0: a hold map has none. `stretches`: rows without a gap between them.
+    `remarks`: what was found on the way, a sentence each.
+    """
+
+    name: str
+    rule: LogRule
+    dt: float
+    signals: Columns
+    stretches: tuple[slice, ...]
+    remarks: list[str] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(next(iter(self.signals.values())))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.signals
+
+    def __getitem__(self, name: str) -> Array:
+        return self.signals[name]
+
+    @property
+    def kind(self) -> str:
+        return self.rule.kind or ""
+
+    @property
+    def duration(self) -> float:
+        """Time that the log covers, s."""
+        return self.dt * len(self)
+
+
+def load_logs(paths: list[Path], known: Identification) -> list[Log]:
+    """Read all logs. StudyError: a file, a column or a row that can't be used."""
+    headings = [column.name for column in known.columns.values()]
+    logs = []
+    for path in paths:
+        for name, columns in read(path, headings):
+            logs += [_log(path, part, own, known) for part, own in _parts(name, columns, known)]
+    names = [log.name for log in logs]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise StudyError(f"{twice}: given twice: expected each log once")
+    return logs
+
+
+def _parts(name: str, columns: Columns, known: Identification) -> Iterator[tuple[str, Columns]]:
+    """The log, or where it has a column of parts, a log for each of its values."""
+    column = known.columns.get("part")
+    values = columns.pop(column.name, None) if column is not None else None
+    if values is None:
+        yield name, columns
+        return
+    for value in np.unique(values):
+        yield f"{name}#{value:g}", {key: of[values == value] for key, of in columns.items()}
+
+
+def _log(path: Path, name: str, columns: Columns, known: Identification) -> Log:
+    found = {
+        signal: known.factor(signal) * columns[column.name]
+        for signal, column in known.columns.items()
+        if column.name in columns
+    }
+    rule = known.rule(name)
+    where = str(path) if name.startswith(path.name) else f"{path}: {name}"
+    for signal in found:
+        still = signal == "t" or (signal == "theta" and rule.kind != "bridge-off")
+        if still and not np.any(found[signal] != found[signal][0]):
+            raise StudyError(
+                f"{where}: {known.columns[signal].name}: never changes: expected a moving {signal}"
+            )
+    if rule.kind == "hold" and "t" not in found:
+        return _hold(where, name, rule, found, known)
+    if "t" not in found:
+        raise StudyError(f"{where}: {_heading(known, 't')}: missing: expected the time of each row")
+    if len(found["t"]) < FEWEST:
+        raise StudyError(f"{where}: {len(found['t'])} rows: expected {FEWEST} or more")
+    return _timed(where, name, rule, found, known)
+
+
+def _heading(known: Identification, signal: str) -> str:
+    return known.columns[signal].name if signal in known.columns else f"columns.{signal}"
+
+
+def _hold(where: str, name: str, rule: LogRule, found: Columns, known: Identification) -> Log:
+    for signal in ("theta", "i_q", "direction"):
+        if signal not in found:
+            expected = "a hold map needs theta, i_q and the direction that the rotor came from"
+            raise StudyError(f"{where}: {_heading(known, signal)}: missing: {expected}")
+    found["direction"] = np.sign(found["direction"])
+    return Log(name, rule, 0.0, found, (slice(0, len(found["theta"])),))
+
+
+def _timed(where: str, name: str, rule: LogRule, found: Columns, known: Identification) -> Log:
+    t, remarks = found.pop("t"), []
+    back = np.flatnonzero(np.diff(t) < 0)
+    if len(back):
+        at = back[0] + 2
+        raise StudyError(f"{where}: {_heading(known, 't')}: row {at}: the time goes back: expected one clock")
+    keep = np.concatenate(([True], np.diff(t) > 0))
+    if not keep.all():
+        remarks.append(f"{name}: {np.sum(~keep)} rows have the time of the row before and are left out.")
+        t, found = t[keep], {signal: values[keep] for signal, values in found.items()}
+    dt = float(np.median(np.diff(t)))
+    ends = np.flatnonzero(np.diff(t) > GAP * dt) + 1
+    edges = [0, *ends.tolist(), len(t)]
+    if len(ends):
+        longest = float(np.max(np.diff(t)))
+        remarks.append(f"{name}: {len(ends)} gaps, the longest {longest:.3g} s; the log is cut there.")
+    if "theta" in found:
+        found["theta"] = _unwrapped(name, found["theta"], remarks)
+        whole = _slip(name, found["theta"], known.step, remarks)
+        t, found = t[:whole], {signal: values[:whole] for signal, values in found.items()}
+        edges = [*(edge for edge in edges if edge < len(t)), len(t)]
+        _repeats(name, found, known.step, remarks)
+    parts: list[Columns] = []
+    jitter = 0.0
+    for first, last in pairwise(edges):
+        if last - first >= FEWEST:
+            part, off = _even(t[first:last], {s: v[first:last] for s, v in found.items()}, dt)
+            parts.append(part)
+            jitter = max(jitter, off)
+    if not parts:
+        raise StudyError(f"{where}: no {FEWEST} rows without a gap: expected a log without so many gaps")
+    if jitter > 0.05 * dt:
+        remarks.append(
+            f"{name}: the clock jitters by {1e3 * jitter:.2g} ms rms, rows are {1e3 * dt:.3g} ms apart."
+        )
+    joined = {s: np.concatenate([part[s] for part in parts]) for s in parts[0]}
+    if "theta" in joined:
+        offset = 0.5 * known.step if known.angle_offset is None else known.angle_offset
+        joined["theta"] = joined["theta"] + offset
+    starts = np.cumsum([0, *(len(next(iter(part.values()))) for part in parts)])
+    stretches = tuple(slice(int(a), int(b)) for a, b in pairwise(starts))
+    return Log(name, rule, _period(t, dt), joined, stretches, remarks)
+
+
+def _period(t: Array, dt: float) -> float:
+    """Mean time between rows where there is no gap, s."""
+    steps = np.diff(t)
+    return float(np.mean(steps[steps <= GAP * dt]))
+
+
+def _even(t: Array, found: Columns, dt: float) -> tuple[Columns, float]:
+    """Bring rows to equal times; returns them and the jitter of the clock, s rms.
+
+    Times that are only rounded, to steps as large as their jitter, are taken for equal ones.
+    """
+    k = np.arange(len(t))
+    slope, start = np.polyfit(k, t - t[0], 1)
+    off = t - t[0] - (start + slope * k)
+    jitter = float(np.std(off))
+    grain = float(np.min(np.diff(np.unique(np.round(np.diff(t), 9))), initial=np.inf))
+    if jitter < 0.02 * dt or (np.isfinite(grain) and grain > 0.1 * dt and jitter <= grain):
+        return found, jitter
+    even = np.arange(t[0], t[-1], slope)
+    return {signal: np.interp(even, t, values) for signal, values in found.items()}, jitter
+
+
+def _unwrapped(name: str, theta: Array, remarks: list[str]) -> Array:
+    jumps = int(np.sum(np.abs(np.diff(theta)) > 0.5 * TURN))
+    if jumps:
+        remarks.append(f"{name}: the angle wraps {jumps} times, and is unwrapped.")
+    return np.unwrap(theta)
+
+
+def _repeats(name: str, found: Columns, step: float, remarks: list[str]) -> None:
+    moved = abs(np.diff(found["theta"]))
+    if np.mean(moved) < 2 * step:
+        return  # so slow that a count lasts longer than a row
+    same = np.logical_and.reduce([np.diff(found[s]) == 0 for s in found if s in ("theta", "omega", "i_q")])
+    if np.mean(same) > REPEATED:
+        remarks.append(
+            f"{name}: {100 * np.mean(same):.0f} % of the rows repeat the one before: "
+            "the log is faster than the drive; record at the drive's own rate."
+        )
+
+
+def _slip(name: str, theta: Array, step: float, remarks: list[str]) -> int:
+    """Rows before the angle jumps as no rotor does: far more than in rows around it; all if it never does."""
+    moved = np.diff(theta)
+    around = np.maximum(np.abs(np.roll(moved, 2)), np.abs(np.roll(moved, -2)))
+    jumps = np.flatnonzero(np.abs(moved) > 10 * around + 20 * step + 1e-3)
+    if not len(jumps):
+        return len(theta)
+    at, size = int(jumps[0]) + 1, np.degrees(moved[jumps[0]])
+    remarks.append(
+        f"{name}: row {at + 1}: the angle jumps by {size:.2g} deg: the index has slipped, or counts are "
+        "lost; what follows is left out; check the encoder's wiring, and record this log again."
+    )
+    return at

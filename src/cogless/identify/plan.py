@@ -1,0 +1,127 @@
+"""The commissioning sequence of a motor: a study that plays it, and the file for its logs."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from cogless.errors import StudyError
+from cogless.study import AnyStudy, Study
+from cogless.study.controller import Feedback
+from cogless.study.error_messages import toml
+
+RATE = 1000.0  # rows of a log a second
+KINDS = {
+    "slow": "slow-sweep",
+    "one-speed": "constant-speed",
+    "fast": "constant-speed",
+    "acceleration": "acceleration",
+    "load-forwards": "load",
+    "load-backwards": "load",
+}
+
+
+def scenarios(study: Study) -> dict[str, Any]:
+    """Scenarios of the sequence. Speeds follow from the study's first scenario's."""
+    first = next(iter(study.scenario.values()))
+    v = first.top_reference or 2 * math.pi
+    load = 0.2 * study.drive.current_loop.current_limit * study.motor.star().K_t
+
+    def profile(*points: tuple[float, float]) -> dict[str, Any]:
+        return {
+            "duration": f"{points[-1][0]:.6g} s",
+            "reference": {"profile": [[f"{t:.6g} s", f"{v * x:.6g} rad/s"] for t, x in points]},
+        }
+
+    def both_ways(speed: float, turns: float) -> dict[str, Any]:
+        time = max(2.0, turns * 2 * math.pi / (v * speed))
+        made = profile((0, speed), (time, speed), (time + 0.4, -speed), (2 * time + 0.4, -speed))
+        return {**made, "initial_speed": f"{v * speed:.6g} rad/s"}
+
+    sweeps = [(0.5 + 0.8 * n, 5.0 * (-1) ** n) for n in range(9)]
+    return {
+        "slow": both_ways(0.25, 2),
+        "one-speed": both_ways(1.0, 4),
+        "fast": both_ways(6.0, 12),
+        "acceleration": profile((0, 0), *sweeps),
+        "load-forwards": {**both_ways(1.0, 4), "load": f"{load:.4g} N*m"},
+        "load-backwards": {**both_ways(1.0, 4), "load": f"{-load:.4g} N*m"},
+    }
+
+
+def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The study that plays the sequence, and the file for its logs, as tables."""
+    if not isinstance(study, Study) or study.motor.kind != "pmsm":
+        raise StudyError(f"{study.source.path}: expected a study of speed with a synchronous motor")
+    feedback = next(
+        (name for name, law in study.controller.items() if isinstance(law, Feedback) and not law.learned),
+        None,
+    )
+    if feedback is None:
+        raise StudyError(
+            f'{study.source.path}: controller: expected one without learning, such as law = "pi"'
+        )
+    source = study.source.tables
+    motor = {key: value for key, value in source["motor"].items() if key != "datasheet"}
+    known = {key: value for key, value in motor.items() if key not in ("cogging", "flux_harmonics")}
+    controller = {feedback: source["controller"][feedback]}
+    play = {
+        "title": f"Commissioning: {study.title}",
+        "motor": motor,
+        "mechanics": source["mechanics"],
+        "drive": source["drive"],
+        "trace": {"rate": f"{RATE:g} Hz"},
+        "scenario": scenarios(study),
+        "controller": controller,
+        "metric": [{"name": "speed_ripple", "kind": "ripple-rms", "signal": "omega_m"}],
+    }
+    logs = [
+        {"file": name, "kind": KINDS[name], "controller": feedback, "reference": made["reference"]}
+        for name, made in play["scenario"].items()
+    ]
+    identify = {
+        "title": study.title,
+        "columns": {
+            "t": "time",
+            "theta": "theta_measured",
+            "omega": "omega_measured",
+            "i_q": "i_q",
+            "i_d": "i_d",
+        },
+        "motor": known,
+        "drive": source["drive"],
+        "controller": controller,
+        "log": logs,
+    }
+    return play, identify
+
+
+def write(study: AnyStudy, folder: Path) -> None:
+    """Write study.toml and id.toml to a folder."""
+    play, identify = tables(study)
+    for name, made in (("study", play), ("id", identify)):
+        (folder / f"{name}.toml").write_text(text(made), encoding="utf-8")
+
+
+def text(tables: dict[str, Any]) -> str:
+    """Tables as TOML, a line for each key of the first two levels."""
+    lines: list[str] = []
+    for key, value in tables.items():
+        if not isinstance(value, dict) and not _are_tables(value):
+            lines.append(f"{key} = {toml(value)}")
+    for key, value in tables.items():
+        if isinstance(value, dict):
+            if all(isinstance(item, dict) for item in value.values()) and key in ("scenario", "controller"):
+                for name, item in value.items():
+                    lines += ["", f"[{key}.{name}]", *(f"{k} = {toml(v)}" for k, v in item.items())]
+            else:
+                lines += ["", f"[{key}]", *(f"{k} = {toml(v)}" for k, v in value.items())]
+        elif _are_tables(value):
+            for item in value:
+                lines += ["", f"[[{key}]]", *(f"{k} = {toml(v)}" for k, v in item.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _are_tables(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and isinstance(value[0], dict)

@@ -1,0 +1,67 @@
+"""What logs tell: values and waves with their errors, and what is left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cogless.identify.config import Identification
+from cogless.identify.log import Log
+from cogless.identify.regression import Fit
+from cogless.identify.weak_form import Model, Rows
+
+
+@dataclass(frozen=True)
+class Value:
+    """A number and its error at 95 %, SI."""
+
+    value: float
+    error: float
+
+    def times(self, factor: float) -> Value:
+        return Value(self.value * factor, self.error * abs(factor))
+
+
+@dataclass(frozen=True)
+class Wave:
+    """size sin(order theta + phase), with errors at 95 %, SI."""
+
+    order: int
+    size: Value
+    phase: Value
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What the logs tell. Torques are over K_t, in A; `ripple` is a share of K_t.
+
+    A value that can't be told is not in `values`; `left_out` has a sentence on each.
+    """
+
+    known: Identification
+    logs: tuple[Log, ...]
+    values: dict[str, Value]
+    cogging: tuple[Wave, ...]
+    ripple: tuple[Wave, ...]
+    encoder: tuple[Wave, ...]
+    loads: dict[str, Value]
+    remarks: tuple[str, ...]
+    left_out: tuple[str, ...]
+    model: Model = field(repr=False, default=Model())
+    rows: tuple[Rows, ...] = field(repr=False, default=())
+    fit: Fit | None = field(repr=False, default=None)
+
+    @property
+    def K_t(self) -> float:
+        """Torque constant that is taken as known, N*m/A."""
+        return self.known.motor.star().K_t
+
+
+def wave_of(order: int, cosine: Value, sine: Value) -> Wave:
+    """The wave of a cosine and a sine part."""
+    size = float(np.hypot(cosine.value, sine.value))
+    along = np.hypot(cosine.value * cosine.error, sine.value * sine.error) / max(size, 1e-300)
+    across = np.hypot(sine.value * cosine.error, cosine.value * sine.error) / max(size, 1e-300)
+    phase = float(np.arctan2(cosine.value, sine.value))
+    return Wave(order, Value(size, float(along)), Value(phase, float(across) / max(size, 1e-300)))

@@ -1,0 +1,154 @@
+"""Files of an estimate: the motor, a study ready to run, an anti-cogging table, a stored map, all values."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cogless.identify import described, plan
+from cogless.identify.result import Estimate, Value, Wave
+from cogless.maps import stored_map
+from cogless.maps.learned_map import motor_identity
+from cogless.maps.map_table import to_csv
+from cogless.maps.stored_map import StoredMap
+from cogless.study.error_messages import toml
+from cogless.study.motor import Motor
+
+CELLS, POINTS = 1024, 8  # of the table, at least; for each wave of the highest order
+CURRENT = 1  # code of the map's unit
+NAMES = {
+    "j": ("inertia over K_t", "A*s^2/rad", "inertia", "kg*m^2"),
+    "c": ("Coulomb friction over K_t", "A", "coulomb_friction", "N*m"),
+    "c_hold": ("friction at rest over K_t", "A", "", "N*m"),
+    "b": ("viscous friction over K_t", "A*s/rad", "viscous_friction", "N*m*s/rad"),
+    "delay": ("delay of i_q after the angle", "s", "", ""),
+    "offset": ("offset of i_q, or a load", "A", "", ""),
+}
+
+
+def write_all(made: Estimate, folder: Path) -> None:
+    """Write motor.toml, identified.json, and what the logs tell of study.toml, cogging.csv, cogging.bin."""
+    (folder / "identified.json").write_text(
+        json.dumps(to_dict(made), indent=2, ensure_ascii=False) + "\n", "utf-8"
+    )
+    (folder / "motor.toml").write_text(_motor(made), "utf-8")
+    if "j" in made.values:
+        (folder / "study.toml").write_text(_study(made), "utf-8")
+    if made.cogging:
+        table = compensation(made)
+        (folder / "cogging.csv").write_text(to_csv(table), "utf-8")
+        stored_map.write(folder / "cogging.bin", bytes(table))
+
+
+def to_dict(made: Estimate) -> dict[str, Any]:
+    """All values with their errors at 95 %, SI, and every sentence."""
+
+    def waves(found: Sequence[Wave], factor: float, unit: str) -> list[dict[str, Any]]:
+        return [
+            {
+                "order": wave.order,
+                f"amplitude{unit}": wave.size.value * factor,
+                "amplitude_error": wave.size.error * factor,
+                "phase_rad": wave.phase.value,
+                "phase_error": wave.phase.error,
+            }
+            for wave in found
+        ]
+
+    return {
+        "K_t_N_m_per_A": made.K_t,
+        "values": {
+            key: {"about": NAMES[key][0], "unit": NAMES[key][1], "value": value.value, "error": value.error}
+            for key, value in made.values.items()
+        },
+        "cogging": waves(made.cogging, made.K_t, "_N_m"),
+        "torque_constant_ripple": waves(made.ripple, 1.0, ""),
+        "encoder": waves(made.encoder, 1.0, "_rad"),
+        "loads_N_m": {
+            name: {"value": value.value * made.K_t, "error": value.error * made.K_t}
+            for name, value in made.loads.items()
+        },
+        "logs": [log.name for log in made.logs],
+        "remarks": list(made.remarks),
+        "left_out": list(made.left_out),
+    }
+
+
+def compensation(made: Estimate) -> StoredMap:
+    """The current that cancels the cogging, over the mechanical angle."""
+    cells = max(CELLS, POINTS * max(wave.order for wave in made.cogging))
+    angle = 2 * np.pi / cells * np.arange(cells)
+    current = -sum(wave.size.value * np.sin(wave.order * angle + wave.phase.value) for wave in made.cogging)
+    limit = float(np.max(np.abs(current)))
+    motor = Motor.model_validate(described.motor(made))
+    return StoredMap(
+        np.asarray(current, dtype=np.float32),
+        (CURRENT,),
+        (float(np.nextafter(np.float32(limit), np.float32(np.inf))),),
+        law=stored_map.LAWS.index("anti-cogging"),
+        motor=motor_identity(motor.star()),
+    )
+
+
+def shown(value: Value, unit: str = "") -> str:
+    """A value with its error at 95 %, as text: digits as far as the error has two."""
+    if value.error <= 0 or not np.isfinite(value.error):
+        return f"{value.value:.4g} {unit}".rstrip()
+    digits = max(1, int(np.floor(np.log10(max(abs(value.value), value.error) / value.error))) + 2)
+    return f"{value.value:.{digits}g} +- {value.error:.2g} {unit}".rstrip()
+
+
+def _said(made: Estimate) -> list[str]:
+    return [f"# {line}" for line in (*made.left_out, *made.remarks)]
+
+
+def _head(made: Estimate) -> list[str]:
+    return [
+        f"# By cogless identify, from {', '.join(log.name for log in made.logs)}.",
+        "# +-: error at 95 %. Torques follow from currents by the K_t below, which is taken as exact.",
+        *_said(made),
+    ]
+
+
+def _wave_lines(made: Estimate) -> list[str]:
+    return [
+        f"# cogging, order {wave.order}: {shown(wave.size.times(1e3 * made.K_t), 'mN*m')}, "
+        f"phase {shown(wave.phase.times(180 / np.pi), 'deg')}"
+        for wave in made.cogging
+    ] + [
+        f"# K_t ripple, order {wave.order}: {shown(wave.size.times(100), '%')}, "
+        f"phase {shown(wave.phase.times(180 / np.pi), 'deg')}"
+        for wave in made.ripple
+    ]
+
+
+def _motor(made: Estimate) -> str:
+    table = described.motor(made)
+    lines = [*_head(made), *_wave_lines(made)]
+    for key, value in table.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            lines += [f"{key} = [", *(f"  {toml(item)}," for item in value), "]"]
+        else:
+            lines.append(f"{key} = {toml(value)}")
+    return "\n".join(lines) + "\n"
+
+
+def _study(made: Estimate) -> str:
+    tables = described.study(made)
+    tables["motor"] = {"datasheet": "motor.toml"}
+    notes = [
+        f"# {about}: {shown(made.values[key], unit)}"
+        + (f"; {name} {shown(made.values[key].times(made.K_t), torque)}" if name else "")
+        for key, (about, unit, name, torque) in NAMES.items()
+        if key in made.values
+    ]
+    notes += [f"# load of {name}: {shown(v.times(made.K_t), 'N*m')}" for name, v in made.loads.items()]
+    notes += [
+        f"# encoder's error, order {wave.order}: {shown(wave.size.times(180 / np.pi), 'deg')}"
+        for wave in made.encoder
+    ]
+    return "\n".join([*_head(made), *notes, "", plan.text(tables)])

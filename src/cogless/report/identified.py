@@ -1,0 +1,173 @@
+"""The report of an identification: values with errors, measured over simulated, what to record next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.files import replacing
+from cogless.identify import described
+from cogless.identify.command import Identified, lines
+from cogless.identify.log import Log
+from cogless.identify.result import Estimate, Wave
+from cogless.report.markup import asset, note, table
+from cogless.results.trace import Trace
+from cogless.versions import versions
+
+Array = NDArray[np.float64]
+WIDE, HIGH, EDGE = 720, 200, 46  # of a picture
+POINTS = 700
+
+
+def write_report(found: Identified, path: Path) -> None:
+    """Write the report; if this fails, no incomplete file is left."""
+    with replacing(path) as temporary:
+        temporary.write_text(render(found), encoding="utf-8")
+
+
+def render(found: Identified) -> str:
+    """The report as one HTML text that needs nothing else. All of the user's text is escaped."""
+    made = found.estimate
+    sections = [
+        ("What was found", _values(made)),
+        ("What is left out, and what to record next", _sentences(made)),
+        ("Orders", _orders(made)),
+        ("Measured over simulated", _replays(found)),
+        ("What each log contributed", _logs(made)),
+    ]
+    body = "".join(f"<section><h2>{escape(name)}</h2>{text}</section>" for name, text in sections if text)
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(made.known.title)}</title><style>{asset('report.css')}"
+        ".picture{width:100%;height:auto}.picture text{font-size:12px;fill:var(--soft)}</style></head>"
+        "<body>"
+        f'<header><p class="brand">cogless identify</p><h1>{escape(made.known.title)}</h1></header>'
+        f"<main>{body}</main><footer><p>Made by cogless {escape(versions()['cogless'])}. "
+        "Errors are at 95 %.</p></footer></body></html>\n"
+    )
+
+
+def _values(made: Estimate) -> str:
+    rows = "".join(
+        f"<tr><th>{escape(line[:30].strip())}</th><td>{escape(line[30:].strip())}</td></tr>"
+        for line in lines(made)
+    )
+    return table("", "Values", "<th>Value</th><th>with its error</th>", rows) or note(
+        "Nothing could be told."
+    )
+
+
+def _sentences(made: Estimate) -> str:
+    said = [*made.left_out, *made.remarks]
+    if not said:
+        return note("Nothing is left out.")
+    return '<ul class="verdicts">' + "".join(f"<li>{escape(line)}</li>" for line in said) + "</ul>"
+
+
+def _orders(made: Estimate) -> str:
+    return "".join(
+        _bars(title, waves, factor, unit)
+        for title, waves, factor, unit in (
+            ("Cogging", made.cogging, 1e3 * made.K_t, "mN m"),
+            ("Ripple of K_t", made.ripple, 100.0, "%"),
+            ("Encoder's error", made.encoder, 180 / np.pi, "deg"),
+        )
+        if waves
+    )
+
+
+def _bars(title: str, waves: Sequence[Wave], factor: float, unit: str) -> str:
+    top = max(wave.size.value + wave.size.error for wave in waves) * factor
+    place = (WIDE - EDGE) / len(waves)
+    parts = []
+    for n, wave in enumerate(waves):
+        x, low = EDGE + (n + 0.5) * place, HIGH - 24
+        height = (HIGH - 40) * factor / top
+        y, e = low - height * wave.size.value, height * wave.size.error
+        half = min(20.0, 0.3 * place)
+        parts.append(
+            f'<rect x="{x - half:.1f}" y="{y:.1f}" width="{2 * half:.1f}" height="{low - y:.1f}" '
+            'fill="var(--c1)"/>'
+            f'<path d="M{x:.1f} {y - e:.1f}V{y + e:.1f}" stroke="var(--ink)" stroke-width="2"/>'
+            f'<text x="{x:.1f}" y="{HIGH - 8}" text-anchor="middle">{wave.order}</text>'
+        )
+    parts.append(f'<text x="0" y="16">{top:.3g}</text><text x="0" y="{HIGH - 24}">0</text>')
+    return f"<h3>{escape(title)} ({escape(unit)}) by mechanical order, with errors</h3>" + _picture(
+        title, "".join(parts)
+    )
+
+
+def _picture(about: str, inner: str) -> str:
+    box = f'viewBox="0 0 {WIDE} {HIGH}" role="img"'
+    return f'<svg class="picture" {box} aria-label="{escape(about)}">{inner}</svg>'
+
+
+def _replays(found: Identified) -> str:
+    made = found.estimate
+    logs = [log for log in described.replayable(made) if log.name in found.traces]
+    text = "".join(
+        _overlay(log, trace, measured, simulated)
+        for log in logs
+        for trace in [found.traces[log.name]]
+        for measured, simulated in (("omega", "omega_measured"), ("i_q", "i_q"))
+        if measured in log
+    )
+    key = (
+        '<p class="note"><span class="key" style="--colour:var(--c0)">measured</span> '
+        '<span class="key" style="--colour:var(--c2)">simulated</span></p>'
+    )
+    return key + text if text else ""
+
+
+def _overlay(log: Log, trace: Trace, measured: str, simulated: str) -> str:
+    """One log's signal over the simulated one, in a second from its middle."""
+    x, y = log[measured][log.stretches[0]], np.asarray(trace[simulated])
+    count = min(len(x), len(y), round(1.0 / log.dt))
+    start = max(0, (min(len(x), len(y)) - count) // 2)
+    x, y = x[start : start + count], y[start : start + count]
+    low, high = float(min(x.min(), y.min())), float(max(x.max(), y.max()))
+    span = (high - low) or 1.0
+    every = max(1, count // POINTS)
+
+    def line(values: Array, colour: str) -> str:
+        points = " ".join(
+            f"{EDGE + (WIDE - EDGE) * n / count:.1f},{HIGH - 20 - (HIGH - 40) * (v - low) / span:.1f}"
+            for n, v in zip(range(0, count, every), values[::every], strict=True)
+        )
+        return f'<polyline points="{points}" fill="none" stroke="var({colour})" stroke-width="1.3"/>'
+
+    axis = f'<text x="0" y="24">{high:.3g}</text><text x="0" y="{HIGH - 20}">{low:.3g}</text>'
+    unit = "rad/s" if measured == "omega" else "A"
+    ratio = float(np.std(y) / np.std(x)) if np.std(x) else float("nan")
+    title = f"{log.name}: {measured} ({unit}), 1 s; standard deviation simulated over measured {ratio:.2f}"
+    return f"<h3>{escape(title)}</h3>" + _picture(title, line(x, "--c0") + line(y, "--c2") + axis)
+
+
+def _logs(made: Estimate) -> str:
+    """Rows, kind and residual of each log, and how well the others predict its current."""
+    if made.fit is None:
+        return ""
+    body = ""
+    for log in made.logs:
+        rows = [each for each in made.rows if each.log.name == log.name and len(each.y)]
+        if not rows:
+            continue
+        y = np.concatenate([each.y for each in rows])
+        own = np.concatenate([each.y - made.fit.prediction(each) for each in rows])
+        others = np.concatenate([each.y - made.fit.prediction(each, log.name) for each in rows])
+        spread = float(np.std(y)) or 1.0
+        cells = [
+            log.kind or "not said",
+            f"{len(log)}",
+            f"{1e3 * float(np.std(own)):.3g} mA",
+            f"{100 * float(np.std(others)) / spread:.2g} % of its current",
+        ]
+        body += f"<tr><th>{escape(log.name)}</th>{''.join(f'<td>{escape(c)}</td>' for c in cells)}</tr>"
+    names = ("Log", "kind", "rows", "not explained, rms", "error when predicted by the others")
+    head = "".join(f"<th>{name}</th>" for name in names)
+    return table("numbers", "Logs", head, body)

@@ -1,0 +1,123 @@
+"""The same log from every kind of file, with units, counts, wraps, gaps and a rounded clock."""
+
+from __future__ import annotations
+
+import gzip
+
+import numpy as np
+import pytest
+
+from cogless.identify import config
+from cogless.identify.files import read
+from cogless.identify.log import load_logs
+
+COUNTS = 10_000
+ID = f"""
+[columns]
+t = {{ name = "ms", unit = "ms" }}
+theta = {{ name = "counts", unit = "count" }}
+i_q = {{ name = "current", unit = "mA", sign = -1 }}
+[motor]
+pole_pairs = 4
+R_s = "1 ohm"
+L_d = "1 mH"
+L_q = "1 mH"
+K_t = "0.3 N*m/A"
+[drive]
+rates = {{ current_loop = "10 kHz", speed_loop = "1 kHz" }}
+current_loop = {{ bandwidth = "500 Hz", current_limit = "10 A" }}
+inverter = {{ bus_voltage = "48 V" }}
+position_sensor = {{ kind = "encoder", lines = {COUNTS // 4} }}
+"""
+ROWS = 1000
+COLUMNS = {
+    "ms": np.arange(ROWS) * 1.0,
+    "counts": np.floor(np.linspace(0, 3 * COUNTS, ROWS)) % COUNTS,
+    "current": np.linspace(-100, 100, ROWS),
+}
+
+
+def logs(folder, name, columns=None):
+    """The log of these columns in a file of this name."""
+    path, columns = folder / name, columns or COLUMNS
+    text = (
+        ",".join(columns)
+        + "\n"
+        + "".join(f"{','.join(map(str, row))}\n" for row in zip(*columns.values(), strict=True))
+    )
+    if name.endswith(".gz"):
+        path.write_bytes(gzip.compress(text.encode()))
+    elif name.endswith(".csv"):
+        path.write_text(text)
+    elif name.endswith(".npz"):
+        np.savez(path, **columns)
+    elif name.endswith(".mat"):
+        from scipy.io import savemat
+
+        savemat(path, columns)
+    elif name.endswith(".parquet"):
+        pa = pytest.importorskip("pyarrow")
+        import pyarrow.parquet as pq
+
+        pq.write_table(pa.table(columns), path)
+    else:
+        asammdf = pytest.importorskip("asammdf", reason="the extra cogless[logs] is not installed")
+        with asammdf.MDF() as file:
+            file.append([asammdf.Signal(x, columns["ms"] * 1e-3, name=key) for key, x in columns.items()])
+            file.save(path)
+    (folder / "id.toml").write_text(ID)
+    known = config.load(folder / "id.toml")
+    return load_logs([path], known)
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.csv.gz", "a.npz", "a.mat", "a.parquet", "a.mf4"])
+def test_every_kind_of_file_gives_the_same_log(tmp_path, name):
+    (log,) = logs(tmp_path, name)
+    assert log.dt == pytest.approx(1e-3)
+    half = np.pi / COUNTS  # a count rounds down: the angle is half a count further
+    assert log["theta"][[0, -1]] == pytest.approx([half, 6 * np.pi + half])
+    assert log["i_q"][[0, -1]] == pytest.approx([0.1, -0.1])
+    assert log.remarks == [f"{name}: the angle wraps 3 times, and is unwrapped."]
+
+
+def test_a_gap_cuts_a_log_and_is_told(tmp_path):
+    late = np.where(np.arange(ROWS) < 400, COLUMNS["ms"], COLUMNS["ms"] + 50)
+    (log,) = logs(tmp_path, "a.npz", {**COLUMNS, "ms": late})
+    assert [rows.stop - rows.start for rows in log.stretches] == [400, 600]
+    assert "a.npz: 1 gaps, the longest 0.051 s; the log is cut there." in log.remarks
+
+
+def test_a_rounded_clock_is_a_regular_one_and_a_jittering_one_is_interpolated(tmp_path):
+    theta = np.linspace(0, 3 * COUNTS, ROWS)
+    regular = np.arange(ROWS) * 2.4
+    (rounded,) = logs(tmp_path, "a.npz", {**COLUMNS, "ms": np.round(regular)})
+    assert len(rounded) == ROWS
+    assert any("the clock jitters by 0.2" in line for line in rounded.remarks)
+    jitter = regular + np.random.default_rng(0).uniform(-0.5, 0.5, ROWS)
+    columns = {**COLUMNS, "ms": jitter, "current": np.interp(jitter, regular, theta)}
+    (even,) = logs(tmp_path, "b.npz", columns)
+    assert np.diff(even["i_q"], 2) == pytest.approx(0, abs=1e-6)
+
+
+def test_rows_that_repeat_are_told(tmp_path):
+    held = {key: x if key == "ms" else np.repeat(x[::2], 2) for key, x in COLUMNS.items()}
+    (log,) = logs(tmp_path, "a.npz", held)
+    assert any(line.startswith("a.npz: 50 % of the rows repeat the one before") for line in log.remarks)
+
+
+def test_rows_of_the_same_time_are_left_out(tmp_path):
+    twice = COLUMNS["ms"].copy()
+    twice[10] = twice[9]
+    (log,) = logs(tmp_path, "a.npz", {**COLUMNS, "ms": twice})
+    assert any("1 rows have the time of the row before" in line for line in log.remarks)
+
+
+def test_a_long_csv_is_read_in_blocks(tmp_path):
+    rows = 150_000
+    path = tmp_path / "a.csv"
+    path.write_text("t;x\n" + "".join(f"{n};{n % 7}\n" for n in range(rows)))
+    ((name, columns),) = read(path, ["t", "x", "absent"])
+    assert name == "a.csv"
+    assert columns.keys() == {"t", "x"}
+    assert len(columns["x"]) == rows
+    assert columns["x"][-1] == (rows - 1) % 7

@@ -1,0 +1,100 @@
+"""Motors of known truth come out of their own logs, with intervals that hold it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from identify.commissioned import MOTORS, commissioned, write
+
+from cogless.identify import command, described
+from cogless.identify.result import Estimate, Wave
+from cogless.study.mechanics import Mechanics
+from cogless.study.motor import Motor
+
+DELAY = 1e-3  # s, of i_q in the logs: a row
+
+
+@pytest.fixture(scope="module", params=["servo", "drone"])
+def found(request, tmp_path_factory) -> tuple[str, Estimate]:
+    """A motor and what its logs tell, i_q logged late."""
+    folder = tmp_path_factory.mktemp(request.param)
+    paths = write(folder, *commissioned(request.param, late=1))
+    made = command.identified(paths, folder / "id.toml", lambda what, share: None)
+    return request.param, made.estimate
+
+
+def by_order(waves: tuple[Wave, ...]) -> dict[int, Wave]:
+    return {wave.order: wave for wave in waves}
+
+
+def turned(a: float, b: float) -> float:
+    """The angle between two phases, deg."""
+    return float(np.degrees(abs((a - b + np.pi) % (2 * np.pi) - np.pi)))
+
+
+def test_inertia_and_friction_are_the_motors(found):
+    name, made = found
+    truth = Mechanics.model_validate(MOTORS[name]["mechanics"])
+    for key, value, share in (
+        ("j", truth.inertia, 0.01),
+        ("c", truth.coulomb_friction, 0.01),
+        ("b", truth.viscous_friction, 0.05),
+    ):
+        got = made.values[key].times(made.K_t)
+        assert got.value == pytest.approx(value, rel=share), key
+        assert 0 < got.error < 2 * share * value, key
+
+
+def test_cogging_is_the_motors(found):
+    name, made = found
+    truth = Motor.model_validate(MOTORS[name]["motor"]).star()
+    got = by_order(made.cogging)
+    wanted = [c for c in truth.cogging if c.order != truth.pole_pairs]
+    for harmonic in wanted:
+        wave = got[harmonic.order]
+        assert wave.size.value * made.K_t == pytest.approx(harmonic.torque, rel=0.03)
+        assert turned(wave.phase.value, harmonic.phase) < 2
+    assert set(got) == {harmonic.order for harmonic in wanted}  # and no order that the motor lacks
+
+
+def test_ripple_of_the_torque_constant_is_told_apart_from_cogging_of_its_order(found):
+    name, made = found
+    truth = Motor.model_validate(MOTORS[name]["motor"]).star()
+    (harmonic,), (wave,) = truth.flux_harmonics, made.ripple
+    assert wave.order == harmonic.order * truth.pole_pairs
+    share = harmonic.d / truth.psi_f
+    assert wave.size.error < {"servo": 0.05, "drone": 0.25}[name] * share  # of the drone's, 1 kHz see little
+    assert wave.size.value == pytest.approx(share, abs=wave.size.error)
+    assert turned(wave.phase.value, harmonic.d_phase + np.pi / 2) < 6
+
+
+def test_the_logs_delay_is_found(found):
+    _, made = found
+    assert made.values["delay"].value == pytest.approx(DELAY, abs=5e-5)
+
+
+def test_eccentricity_is_the_encoders(found):
+    name, made = found
+    once = by_order(made.encoder).get(1)
+    if name != "servo":
+        assert once is None
+        return
+    assert once is not None
+    assert np.degrees(once.size.value) == pytest.approx(0.1, rel=0.05)
+    assert turned(once.phase.value, 0.0) < 3
+    assert described.drive(made)["position_sensor"]["eccentricity"].startswith("0.1")
+    assert set(by_order(made.encoder)) == {1}
+
+
+def test_cogging_of_the_order_of_the_pole_pairs_is_left_out_with_a_cure(found):
+    name, made = found
+    said = [line for line in made.left_out if "is the pole pairs" in line]
+    assert len(said) == (name == "drone")
+    assert all("record currents with the bridge off" in line for line in said)
+
+
+def test_known_loads_come_out(found):
+    name, made = found
+    limit = float(MOTORS[name]["drive"]["current_loop"]["current_limit"].split()[0])
+    assert made.loads["load-forwards.npz"].value == pytest.approx(0.2 * limit, rel=0.01)
+    assert made.loads["load-backwards.npz"].value == pytest.approx(-0.2 * limit, rel=0.01)

@@ -1,0 +1,119 @@
+"""One chain of commands: plan, simulate, identify, run; and the real motor's logs."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from identify.commissioned import study_text
+
+from cogless import load, run_study
+from cogless.maps import stored_map
+
+DATA = Path(__file__).parents[3] / "shared" / "data" / "laas_anti_cogging"
+
+
+def cogless(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """A command as a user gives it."""
+    command = [sys.executable, "-m", "cogless", *arguments]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def chain(tmp_path_factory) -> Path:
+    """A folder after plan, run and identify of the gimbal."""
+    folder = tmp_path_factory.mktemp("chain")
+    (folder / "motor.toml").write_text(study_text("gimbal"))
+    for command in (
+        ["identify", "--plan", "motor.toml", "-o", "plan"],
+        ["run", "plan/study.toml", "-o", "logs"],
+        ["identify", "logs/traces.nc", "--config", "plan/id.toml", "-o", "found"],
+    ):
+        done = cogless(*command, cwd=folder)
+        assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_the_found_motor_ripples_as_the_true_one(chain):
+    """Speed ripple at one speed of the planned sequence, of the motor that was found and of the true one."""
+
+    def ripple(study: str) -> float:
+        (run,) = run_study(load(chain / study), ["one-speed/pi"]).runs
+        return float(np.std(run.trace["omega_m"][run.trace.window(2.0, 3.9)]))
+
+    assert ripple("found/study.toml") == pytest.approx(ripple("plan/study.toml"), rel=0.05)
+
+
+def test_the_found_study_runs(chain):
+    done = cogless("run", "found/study.toml", "--only", "fast/*", "-o", "again", cwd=chain)
+    assert done.returncode == 0, done.stderr
+    assert (chain / "again/report.html").is_file()
+
+
+def test_values_have_errors_and_sources(chain):
+    found = json.loads((chain / "found/identified.json").read_text())
+    inertia = found["values"]["j"]
+    assert inertia["value"] * found["K_t_N_m_per_A"] == pytest.approx(8e-5, rel=0.01)
+    assert 0 < inertia["error"] < 0.02 * inertia["value"]
+    assert {wave["order"] for wave in found["cogging"]} == {12, 42, 84}
+    text = (chain / "found/motor.toml").read_text()
+    assert "# cogging, order 42: 6" in text
+    assert "+-" in text
+    assert "from slow, one-speed, fast" in text
+
+
+def test_the_table_cancels_the_cogging(chain):
+    newest = stored_map.newest(stored_map.read(chain / "found/cogging.bin"))
+    assert newest is not None
+    assert newest.map.law_name == "anti-cogging"
+    angle, current = newest.map.angle, newest.map.values[0]
+    cogging = sum(
+        torque * np.sin(order * angle + np.radians(phase))
+        for order, torque, phase in ((42, 6e-3, 30), (12, 2e-3, -70), (84, 0.8e-3, 120))
+    )
+    assert np.std(0.08 * current + cogging) < 0.02 * np.std(cogging)
+    assert (chain / "found/cogging.csv").read_text().startswith("theta_m_rad,current_A\n")
+
+
+def test_the_report_says_what_was_found(chain):
+    page = (chain / "found/report.html").read_text()
+    for text in ("inertia over K_t", "Measured over simulated", "load-backwards", "predicted by the others"):
+        assert text in page
+    assert "src=" not in page and "href=" not in page  # works offline
+
+
+def test_mistakes_on_the_command_line_are_told(tmp_path):
+    for arguments, message in (
+        (["identify"], "identify: expected logs and --config FILE, or --plan STUDY"),
+        (["identify", "a.csv", "--config", "no.toml"], "no.toml: no such file: expected a TOML file"),
+    ):
+        done = cogless(*arguments, cwd=tmp_path)
+        assert done.returncode == 2
+        assert done.stderr.startswith(message)
+        assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the measured logs of the LAAS board are not beside this clone")
+def test_the_real_motors_hold_map(tmp_path):
+    """The values of motors/uomodri.toml, and what one speed under a feedback law cannot tell."""
+    done = cogless(
+        "identify",
+        str(DATA / "static_holding_current.csv"),
+        str(DATA / "speed_test1_500Hz.csv.gz"),
+        *("--config", str(Path(__file__).parents[2] / "examples" / "uomodri_logs.toml")),
+        *("-o", "found"),
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / "found/identified.json").read_text())
+    assert found["values"]["c_hold"]["value"] == pytest.approx(0.0529, rel=0.02)
+    by_order = {wave["order"]: wave for wave in found["cogging"]}
+    assert by_order[72]["amplitude_N_m"] / found["K_t_N_m_per_A"] == pytest.approx(0.1844, rel=0.01)
+    assert np.degrees(by_order[72]["phase_rad"]) == pytest.approx(40.5, abs=1.5)
+    assert "j" not in found["values"]
+    assert 12 not in by_order
+    assert any(line.startswith("One speed only") for line in found["left_out"])

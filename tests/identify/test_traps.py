@@ -1,0 +1,216 @@
+"""Logs that mislead end in one clear sentence with its cure, and in nothing false."""
+
+from __future__ import annotations
+
+import gzip
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from identify.commissioned import commissioned, write
+
+from cogless.errors import StudyError
+from cogless.identify import config
+from cogless.identify.estimate import estimate
+from cogless.identify.log import load_logs
+from cogless.identify.result import Estimate
+
+INERTIA = 5e-4  # kg m^2, of the servo
+
+
+def shortened() -> tuple[str, dict[str, dict[str, np.ndarray]]]:
+    """The servo's logs, as much of them as a test needs."""
+    text, logs = commissioned("servo", late=1)
+    names = {"one-speed": slice(2000, 6000), "fast": slice(1000, 3400), "acceleration": slice(0, 5000)}
+    return text, {name: {key: x[rows] for key, x in logs[name].items()} for name, rows in names.items()}
+
+
+def told(folder: Path, text: str, logs: dict[str, dict[str, np.ndarray]]) -> Estimate:
+    paths = write(folder, text, logs)
+    known = config.load(folder / "id.toml")
+    return estimate(known, load_logs(paths, known), lambda what, share: None)
+
+
+def refused(folder: Path, text: str, logs: dict[str, dict[str, np.ndarray]]) -> str:
+    with pytest.raises(StudyError) as error:
+        told(folder, text, logs)
+    return str(error.value)
+
+
+def changed(logs, name, **signals):
+    return {**logs, name: {**logs[name], **signals}}
+
+
+def test_one_speed_tells_no_inertia(tmp_path):
+    text, logs = shortened()
+    said = refused(tmp_path, text, {"one-speed": logs["one-speed"]})
+    assert said.startswith("One speed only (1 rev/s): inertia, friction and delay cannot be identified")
+    assert "add an acceleration log and a second speed" in said
+
+
+def test_a_current_of_the_wrong_sign_is_refused_with_the_line_that_turns_it(tmp_path):
+    text, logs = shortened()
+    said = refused(tmp_path, text, changed(logs, "fast", i_q=-logs["fast"]["i_q"]))
+    assert said.startswith("fast.npz: i_q: the current brakes the motor")
+    assert 'columns.i_q = { name = "i_q", sign = -1 }' in said
+
+
+def test_the_sign_of_a_column_turns_it(tmp_path):
+    text, logs = shortened()
+    turned = {name: {**log, "i_q": -log["i_q"], "i_d": -log["i_d"]} for name, log in logs.items()}
+    text = text.replace('i_q = "i_q"', 'i_q = { name = "i_q", sign = -1 }')
+    text = text.replace('i_d = "i_d"', 'i_d = { name = "i_d", sign = -1 }')
+    made = told(tmp_path, text, turned)
+    assert made.values["j"].times(made.K_t).value == pytest.approx(INERTIA, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("without", "sentence"),
+    [
+        ("theta", "no angle: cogging cannot be placed; record the encoder's angle as theta."),
+        ("i_q", "no current: torque is not known; record i_q, or say that the log is a coast-down"),
+    ],
+)
+def test_a_log_without_angle_or_current_says_what_to_record(tmp_path, without, sentence):
+    text, logs = shortened()
+    poor = {name: {key: x for key, x in log.items() if key != without} for name, log in logs.items()}
+    lines = refused(tmp_path, text, poor).splitlines()
+    assert len(lines) == len(logs)
+    assert all(sentence in line for line in lines)
+
+
+def test_50_hz_are_too_slow(tmp_path):
+    text, logs = shortened()
+    slow = {name: {key: x[::20] for key, x in log.items()} for name, log in logs.items()}
+    lines = refused(tmp_path, text, slow).splitlines()
+    assert re.fullmatch(
+        r"fast.npz: order 24 at \S+ rev/s is above an eighth of the sampling rate, 50 Hz; "
+        r"record 1.2e\+03 rows a second, or turn more slowly.",
+        lines[1],
+    )
+
+
+def test_an_index_that_slips_between_logs_leaves_cogging_out(tmp_path):
+    text, logs = shortened()
+    logs["slow"] = {key: x[2000:7000] for key, x in commissioned("servo", late=1)[1]["slow"].items()}
+    theta = (logs["one-speed"]["theta"] + 0.1) % (2 * np.pi)
+    made = told(tmp_path, text, changed(logs, "one-speed", theta=theta))
+    assert any("order 24 is turned by" in line and "the index has slipped" in line for line in made.remarks)
+    assert "Cogging is left out, since its place differs between the logs." in made.left_out
+    assert made.cogging == ()
+    assert made.values["j"].times(made.K_t).value == pytest.approx(INERTIA, rel=0.02)
+
+
+def test_an_index_that_slips_within_a_log_cuts_it_there(tmp_path):
+    text, logs = shortened()
+    theta = logs["one-speed"]["theta"].copy()
+    theta[3000:] = (theta[3000:] + 0.1) % (2 * np.pi)
+    write(tmp_path, text, changed(logs, "one-speed", theta=theta))
+    known = config.load(tmp_path / "id.toml")
+    (log,) = load_logs([tmp_path / "one-speed.npz"], known)
+    assert len(log) == 3000
+    assert any("row 3001: the angle jumps by" in line for line in log.remarks)
+
+
+def test_sessions_of_different_friction_are_told(tmp_path):
+    text, logs = shortened()
+    more = logs["one-speed"]["i_q"] + 0.1 * np.sign(logs["one-speed"]["omega"])
+    made = told(tmp_path, text, changed(logs, "one-speed", i_q=more))
+    assert any(
+        line.startswith("Sessions differ: friction 0.1") and "one-speed.npz" in line for line in made.remarks
+    )
+
+
+def test_a_feedback_law_is_no_plant(tmp_path):
+    text, logs = shortened()
+    omega = logs["one-speed"]["omega"]
+    law = np.roll(-0.05 * (omega - 6.28), 2)
+    made = told(tmp_path, text, changed(logs, "one-speed", i_q=law))
+    (said,) = [line for line in made.remarks if "feedback law" in line]
+    assert said.startswith(
+        "one-speed.npz: i_q follows the speed of 2 samples earlier (correlation 1.0000, 0.05 A*s/rad)"
+    )
+    assert said.endswith("add an acceleration log.")
+    assert made.values["j"].times(made.K_t).value == pytest.approx(INERTIA, rel=0.02)
+
+
+CSV = "t,theta,omega,i_q\n" + "".join(f"{n / 1000},{0.01 * n:.5f},10,{0.1}\n" for n in range(200))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.csv", b"", "a.csv: empty: expected a heading and rows of numbers"),
+        ("a.csv", b"t,theta\n", "a.csv: no rows: expected a log"),
+        (
+            "a.csv",
+            CSV.replace("0.01,0.10000", "0.01,nan").encode(),
+            "a.csv: theta: row 11: nan: expected a finite",
+        ),
+        (
+            "a.csv",
+            CSV.replace("0.01,0.10000", "0.01,x").encode(),
+            'a.csv: theta: row 11: "x": expected a number',
+        ),
+        (
+            "a.csv",
+            CSV.replace("0.01,0.10000,10,0.1", "0.01").encode(),
+            "a.csv: theta: row 11: missing: expected",
+        ),
+        ("a.csv", CSV.encode("utf-16"), "a.csv: not UTF-8: expected a CSV in UTF-8"),
+        ("a.csv", b"time,angle\n1,2\n", "a.csv: columns time, angle: expected t, theta, omega, i_q"),
+        (
+            "a.csv",
+            CSV.replace("t,theta", "T,theta").encode(),
+            "a.csv: t: missing: expected the time of each row",
+        ),
+        (
+            "a.csv",
+            CSV.replace("\n0.1,", "\n0.01,").encode(),
+            "a.csv: t: row 101: the time goes back: expected one clock",
+        ),
+        ("a.csv.gz", CSV.encode(), "a.csv.gz: Not a gzipped file"),
+        ("a.csv.gz", gzip.compress(CSV.encode())[:80], "a.csv.gz: Compressed file ended"),
+        (
+            "a.txt",
+            CSV.encode(),
+            "a.txt: unknown kind of file: expected one of .csv, .npz, .parquet, .mat, .mf4, .nc",
+        ),
+        ("a.npz", b"PK no", "a.npz: "),
+        ("a.mat", b"no", "a.mat: "),
+        ("a.parquet", b"no", "a.parquet: "),
+    ],
+)
+def test_a_bad_file_is_told_in_one_line(tmp_path, name, content, message):
+    (tmp_path / name).write_bytes(content)
+    text = shortened()[0].replace('i_d = "i_d"', "")
+    (tmp_path / "id.toml").write_text(text)
+    with pytest.raises(StudyError) as error:
+        load_logs([tmp_path / name], config.load(tmp_path / "id.toml"))
+    assert "\n" not in str(error.value)
+    assert str(error.value).startswith(f"{tmp_path}/{message}")
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "message"),
+    [
+        ('theta = "theta"', 'angle = "theta"', 'columns.angle: "theta": expected one of "t", "theta"'),
+        (
+            'omega = "omega"',
+            'omega = { name = "omega", unit = "A" }',
+            'columns.omega.unit: "A": expected an angular',
+        ),
+        ("pole_pairs = 4", "pole_pairs = 0", "motor.pole_pairs: 0: expected a number of 1 or more"),
+        ('kind = "slow-sweep"', 'kind = "sweep"', 'log.0.kind: "sweep": expected "hold", "slow-sweep"'),
+        ('controller = "pi"', 'controller = "p"', 'log.0.controller: "p": expected one of "pi"'),
+    ],
+)
+def test_a_mistake_in_the_file_of_columns_names_its_key(tmp_path, was, now, message):
+    path = tmp_path / "id.toml"
+    text = shortened()[0]
+    assert was in text
+    path.write_text(text.replace(was, now, 1))
+    with pytest.raises(StudyError) as error:
+        config.load(path)
+    assert str(error.value).splitlines()[0].startswith(f"{path}: {message}")
