@@ -2,12 +2,13 @@
 
 #define BAR CGL_R(1.18)          /* times the baseline's variance: 9 % of its ripple */
 #define FAR CGL_R(4.0)           /* beyond it a window counts twice */
-#define LOUD CGL_R(36.0)         /* beyond it half a window is enough */
+#define LOUD CGL_R(36.0)         /* beyond it, */
+#define LOUD_QUARTERS CGL_R(2.0) /* or beyond the squares of so many such quarters, a window is over */
 #define STRIKES 3U
 #define FALLS CGL_R(0.7)         /* in a window: wait another */
 #define HOLD_MOST 4U             /* windows */
-#define EVEN CGL_R(1.3)          /* the quarters in which learning begins, one beside another: no run-up, no burst */
-#define NO_WORSE CGL_R(0.9)      /* of the quietest of them, after */
+#define EVEN CGL_R(1.3)          /* the first quarter of a window to its quietest: more is a run-up */
+#define NO_WORSE CGL_R(0.9)      /* of that quietest, after */
 #define LOOK_TIME CGL_R(2.0)     /* [s] and */
 #define LOOK_TURNS CGL_R(3.0)
 #define PROVEN CGL_R(0.2)        /* and after */
@@ -31,6 +32,7 @@
 #define MOVED CGL_R(0.02)
 #define ELSEWHERE CGL_R(1.25)    /* another speed */
 #define CLEARED CGL_R(6.2)       /* quarters of a turn, in which every cell is passed, after as many as a Q filter waits for */
+#define STALLED CGL_R(0.5)       /* of the reference: an error of more, and the rotor doesn't turn with it */
 #define SLOWEST CGL_R(0.01)      /* below it is all one speed [rad/s] */
 #define SMALLEST CGL_R(1.0e-20)  /* a variance below it is nothing [rad^2/s^2] */
 #define SQUARE_MAX CGL_R(1.0e30)
@@ -62,6 +64,7 @@ CGL_SELDOM static void begin_quarter(cgl_guard *guard)
     guard->sum = guard->squares = guard->turned = CGL_R(0.0);
     guard->mark = guard->quarter_turn;
     guard->count = 0U;
+    guard->most = CGL_REAL_MAX;
 }
 
 CGL_SELDOM static void begin_window(cgl_guard *guard)
@@ -69,7 +72,7 @@ CGL_SELDOM static void begin_window(cgl_guard *guard)
     begin_quarter(guard);
     guard->sum_before = guard->squares_before = CGL_R(0.0);
     guard->count_before = 0U;
-    guard->quarter = guard->loud = 0U;
+    guard->quarter = 0U;
     guard->moved = guard->taught = false;
     guard->tolerance = CGL_R(-1.0); /* the reference of the first sample is to come */
 }
@@ -104,9 +107,14 @@ CGL_SELDOM void cgl_guard_reset(cgl_guard *guard)
     guard->good = 0U;
     guard->alarms = guard->doubts = guard->lessons = guard->backoff = guard->next = 0U;
     guard->last_moved = true; /* nobody knows */
-    guard->elsewhere = guard->supposed = false;
+    guard->elsewhere = guard->supposed = guard->compared = false;
     guard->best = CGL_R(0.0);
     go_to(guard, CGL_GUARD_IDLE);
+}
+
+static cgl_real larger(cgl_real a, cgl_real b)
+{
+    return a > b ? a : b;
 }
 
 /* How far apart two speeds are, as a ratio of at least 1. */
@@ -140,6 +148,23 @@ CGL_SELDOM static cgl_real bar_at(const cgl_guard *guard, cgl_real omega)
     }
     const cgl_real ratio = guard->omega[n] / omega;
     return guard->baseline[n] * (omega > SAME * guard->omega[n] ? ratio * ratio : CGL_R(1.0));
+}
+
+/* Sets what the squares of this quarter may come to. */
+CGL_SELDOM static void watch(cgl_guard *guard)
+{
+    const cgl_real speed = cgl_abs(guard->reference), omega = speed > SLOWEST ? speed : SLOWEST, b = bar_at(guard, omega);
+    const bool begins = guard->phase == CGL_GUARD_IDLE && guard->taught && !guard->moved;
+    const bool goes_on = guard->phase == CGL_GUARD_LEARN && !guard->moved && !guard->last_moved;
+    const bool compared = guard->compared || (begins && guard->quarter > 0U);
+    const cgl_real bar = b > CGL_R(0.0) || !compared ? b : guard->quietest;
+    if (!(begins || goes_on || guard->phase == CGL_GUARD_HOLD) || !(bar > CGL_R(0.0))) {
+        guard->most = CGL_REAL_MAX;
+        return;
+    }
+    const cgl_real turn = guard->quarter_turn / omega, shortest = (cgl_real)guard->shortest, longest = (cgl_real)guard->longest;
+    const cgl_real count = turn > shortest ? (turn < longest ? turn : longest) : shortest;
+    guard->most = LOUD_QUARTERS * LOUD * bar * count;
 }
 
 CGL_SELDOM static void remember(cgl_guard *guard, cgl_real omega, cgl_real baseline)
@@ -237,13 +262,14 @@ CGL_SELDOM static void count_good(cgl_guard *guard, cgl_real omega, cgl_real v, 
 CGL_SELDOM static void prove(cgl_guard *guard, cgl_real omega, cgl_real v)
 {
     const cgl_real time = (cgl_real)guard->time * guard->ts, turn = CGL_R(4.0) * guard->quarter_turn;
-    if (time < LOOK_TIME || guard->way < LOOK_TURNS * turn) {
+    const bool harms = guard->compared && v > FAR * guard->quietest;
+    if (!harms && (time < LOOK_TIME || guard->way < LOOK_TURNS * turn)) {
         return;
     }
-    if (v < NO_WORSE * guard->quietest && (time < PROOF_TIME || guard->way < PROOF_TURNS * turn)) {
+    if (guard->compared && v < NO_WORSE * guard->quietest && (time < PROOF_TIME || guard->way < PROOF_TURNS * turn)) {
         return;
     }
-    if (v < PROVEN * guard->quietest) {
+    if (guard->compared && v < PROVEN * guard->quietest) {
         remember(guard, omega, guard->quietest);
         guard->supposed = true;
         guard->best = v;
@@ -255,7 +281,7 @@ CGL_SELDOM static void prove(cgl_guard *guard, cgl_real omega, cgl_real v)
 CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real omega, cgl_real v, bool calm)
 {
     if (apart(omega, guard->here) > SAME) {
-        guard->quietest = guard->here > CGL_R(0.0) ? CGL_R(0.0) : guard->quietest;
+        guard->compared = guard->compared && !(guard->here > CGL_R(0.0));
         guard->here = omega;
         guard->elsewhere = guard->elsewhere || guard->lessons > 0U;
         guard->lessons = 0U;
@@ -349,15 +375,18 @@ CGL_SELDOM static void end_window(cgl_guard *guard, bool learn)
 {
     const cgl_real count = (cgl_real)guard->count_before, mean = guard->sum_before / count;
     const cgl_real variance = guard->squares_before / count - mean * mean;
-    const cgl_real v = variance > SMALLEST ? variance : SMALLEST;
     const cgl_real speed = cgl_abs(guard->reference), omega = speed > SLOWEST ? speed : SLOWEST;
+    const cgl_real error = guard->centre + mean; /* where the rotor doesn't turn, all of it is ripple */
+    const cgl_real v = larger(variance + (cgl_abs(error) > STALLED * omega ? error * error : CGL_R(0.0)), SMALLEST);
+    if (guard->taught && !guard->elsewhere && !guard->compared) {
+        guard->compared = !guard->moved && guard->best <= EVEN * guard->quietest;
+    }
     const bool calm = !guard->moved && !guard->last_moved && mean * mean <= v;
     guard->centre += mean;
     guard->last_moved = guard->moved;
     switch (guard->phase) {
     case CGL_GUARD_IDLE:
         if (guard->taught) {
-            guard->quietest = guard->moved || guard->best > EVEN * guard->quietest ? CGL_R(0.0) : guard->quietest;
             go_to(guard, CGL_GUARD_LEARN);
         } else if (calm) {
             remember(guard, omega, v);
@@ -381,25 +410,45 @@ CGL_SELDOM static void end_window(cgl_guard *guard, bool learn)
     begin_window(guard);
 }
 
+/* More squares than this quarter may have. False: it was the mean that moved, and the quarter goes on. */
+CGL_SELDOM static bool ends_loud(cgl_guard *guard)
+{
+    const cgl_real count = (cgl_real)guard->count, mean = guard->sum / count;
+    const cgl_real squares = guard->squares - guard->sum * mean;
+    if (guard->moved || squares < guard->most) {
+        guard->most = guard->moved ? CGL_REAL_MAX : CGL_R(2.0) * guard->squares;
+        return false;
+    }
+    if (guard->phase == CGL_GUARD_HOLD) {
+        guard->share = CGL_R(0.0); /* no time to fade */
+        probe(guard, squares / count);
+    } else {
+        hold(guard, squares / count);
+    }
+    return true;
+}
+
 CGL_SELDOM static void end_quarter(cgl_guard *guard, const cgl_guard_input *in)
 {
-    if (cgl_abs(guard->turned) >= guard->mark && guard->count < guard->shortest) {
-        guard->mark += guard->quarter_turn;
-        return;
-    }
     if (!(guard->squares <= SQUARE_MAX && cgl_is_finite(guard->turned))) {
         begin_window(guard);
         return;
     }
-    const cgl_real count = (cgl_real)guard->count, mean = guard->sum / count;
-    const cgl_real v = guard->squares / count - mean * mean;
-    const cgl_real omega = cgl_abs(guard->reference), b = bar_at(guard, omega > SLOWEST ? omega : SLOWEST);
-    guard->loud = b > CGL_R(0.0) && v > LOUD * b ? (uint8_t)(guard->loud + 1U) : 0U;
-    if (guard->phase == CGL_GUARD_IDLE) {
-        guard->quietest = guard->quarter == 0U || v < guard->quietest ? v : guard->quietest;
-        guard->best = guard->quarter == 0U || v > guard->best ? v : guard->best;
+    if (guard->squares >= guard->most && ends_loud(guard)) {
+        return;
     }
-    guard->way += cgl_abs(guard->turned);
+    const bool turned = cgl_abs(guard->turned) >= guard->mark;
+    if (guard->count < guard->longest && !(turned && guard->count >= guard->shortest)) {
+        guard->mark += turned ? guard->quarter_turn : CGL_R(0.0);
+        return;
+    }
+    const cgl_real count = (cgl_real)guard->count, mean = guard->sum / count;
+    const cgl_real v = guard->squares / count - mean * mean, omega = cgl_abs(guard->reference);
+    if (!guard->compared && !guard->supposed) {
+        guard->best = guard->quarter == 0U ? v : guard->best;
+        guard->quietest = guard->quarter == 0U || v < guard->quietest ? v : guard->quietest;
+    }
+    guard->way += guard->phase == CGL_GUARD_CLEAR ? cgl_abs(guard->turned) : omega * count;
     guard->time += guard->time < UINT32_MAX / 2U ? guard->count : 0U;
     guard->sum_before += guard->sum;
     guard->squares_before += guard->squares;
@@ -408,14 +457,11 @@ CGL_SELDOM static void end_quarter(cgl_guard *guard, const cgl_guard_input *in)
     if (guard->phase == CGL_GUARD_CLEAR && guard->way > CLEARED * guard->quarter_turn) {
         guard->elsewhere = false;
         learn_on(guard, omega);
-    } else if (guard->phase == CGL_GUARD_HOLD && guard->loud >= 2U) {
-        probe(guard, v);
-    } else if (guard->phase == CGL_GUARD_LEARN && guard->loud >= 2U && !guard->moved && !guard->last_moved) {
-        hold(guard, v);
     } else if (guard->quarter == 4U) {
         end_window(guard, in->learn);
     } else {
         begin_quarter(guard);
+        watch(guard);
     }
 }
 
@@ -449,6 +495,7 @@ CGL_SELDOM static void begin_with(cgl_guard *guard, cgl_real omega_ref)
 {
     guard->reference = cgl_is_finite(omega_ref) ? omega_ref : CGL_R(0.0);
     guard->tolerance = MOVED * cgl_abs(guard->reference);
+    watch(guard);
 }
 
 void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in)
@@ -469,7 +516,7 @@ void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in)
     guard->moved = guard->moved || !cgl_is_within(in->omega_ref - guard->reference, guard->tolerance);
     guard->taught = guard->taught || in->learned;
     ++guard->count;
-    if (!(cgl_abs(guard->turned) < guard->mark && guard->count < guard->longest)) {
+    if (!(cgl_abs(guard->turned) < guard->mark && guard->count < guard->longest && guard->squares < guard->most)) {
         end_quarter(guard, in);
     }
 }

@@ -61,8 +61,9 @@ typedef struct {
     cgl_real sum_before, squares_before;   /* in the quarters before */
     cgl_real last;                         /* v of the last window, of the first of a probe [rad^2/s^2] */
     cgl_real suspect;                      /* v when a probe began [rad^2/s^2] */
-    cgl_real quietest;                     /* quarter since learning began, 0: none [rad^2/s^2] */
-    cgl_real best;                         /* v since the baseline was supposed; before: the loudest quarter [rad^2/s^2] */
+    cgl_real most;                         /* what `squares` may come to in this quarter */
+    cgl_real quietest;                     /* quarter of the window that learning is compared with [rad^2/s^2] */
+    cgl_real best;                         /* v since the baseline was supposed; before: that window's first quarter [rad^2/s^2] */
     cgl_real way;                          /* turned in this phase at this speed, as a sum of speeds [rad/s] */
     cgl_real here;                         /* speed at which the lessons were learned [rad/s] */
     cgl_real omega[CGL_GUARD_SPEEDS];      /* speeds with a baseline; 0: none [rad/s] */
@@ -78,7 +79,6 @@ typedef struct {
     uint16_t good;                         /* windows since the last step */
     uint8_t phase;                         /* cgl_guard_phase */
     uint8_t quarter;                       /* of the window */
-    uint8_t loud;                          /* quarters in a row */
     uint8_t strikes, alarms, doubts;
     uint8_t windows;                       /* in this phase */
     uint8_t lessons;                       /* windows in which it learned here */
@@ -86,6 +86,7 @@ typedef struct {
     uint8_t next;                          /* place of the baseline that is forgotten next */
     bool moved, last_moved;                /* the reference did, in this window and the last */
     bool taught;                           /* something, in this window */
+    bool compared;                         /* `quietest` is known: that window was even */
     bool supposed;                         /* the baseline: from the quietest quarter, not measured */
     bool elsewhere;                        /* something was learned at another speed */
 } cgl_guard;
