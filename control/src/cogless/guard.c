@@ -11,6 +11,7 @@
 #define NO_WORSE CGL_R(0.9)      /* of that quietest, after */
 #define LOOK_TIME CGL_R(2.0)     /* [s] and */
 #define LOOK_TURNS CGL_R(3.0)
+#define HALTS CGL_R(0.9)         /* of the samples are learned from: fewer, and it looks at once */
 #define PROVEN CGL_R(0.2)        /* and after */
 #define GAINED CGL_R(0.5)        /* of the baseline: more than this, and it is measured again in time */
 #define PROOF_TIME CGL_R(4.0)    /* [s] and */
@@ -27,8 +28,9 @@
 #define BELOW CGL_R(0.7)         /* a step holds from there on */
 #define SHORTEST CGL_R(0.0625)   /* [s] */
 #define LONGEST CGL_R(1.25)      /* [s] */
-#define RAMP CGL_R(0.1)          /* of the share [s] */
-#define SETTLE CGL_R(0.2)        /* with the ramp [s] */
+#define RAMP CGL_R(0.5)          /* of the share [s]: slow to the feedback, which takes over a load that was learned */
+#define SETTLE CGL_R(0.6)        /* with the ramp [s] */
+#define QUICK CGL_R(5.0)         /* so much faster, and a third of the time, for what does harm */
 #define MOVED CGL_R(0.02)
 #define ELSEWHERE CGL_R(1.25)    /* another speed */
 #define CLEARED CGL_R(6.2)       /* quarters of a turn, in which every cell is passed, after as many as a Q filter waits for */
@@ -54,7 +56,6 @@ CGL_SELDOM cgl_error cgl_guard_init(cgl_guard *guard, cgl_real ts)
     guard->shortest = 1U + (uint32_t)(shortest < most ? shortest : most);
     guard->longest = 1U + (uint32_t)(longest < most ? longest : most);
     guard->settle = 1U + (uint32_t)(rest < most ? rest : most);
-    guard->slope = ts < RAMP ? ts / RAMP : CGL_R(1.0);
     cgl_guard_reset(guard);
     return CGL_OK;
 }
@@ -62,9 +63,9 @@ CGL_SELDOM cgl_error cgl_guard_init(cgl_guard *guard, cgl_real ts)
 CGL_SELDOM static void begin_quarter(cgl_guard *guard)
 {
     guard->sum = guard->squares = guard->turned = CGL_R(0.0);
-    guard->mark = guard->quarter_turn;
     guard->count = 0U;
     guard->most = CGL_REAL_MAX;
+    guard->length = guard->longest;
 }
 
 CGL_SELDOM static void begin_window(cgl_guard *guard)
@@ -73,7 +74,8 @@ CGL_SELDOM static void begin_window(cgl_guard *guard)
     guard->sum_before = guard->squares_before = CGL_R(0.0);
     guard->count_before = 0U;
     guard->quarter = 0U;
-    guard->moved = guard->taught = false;
+    guard->moved = false;
+    guard->taught = 0U;
     guard->tolerance = CGL_R(-1.0); /* the reference of the first sample is to come */
 }
 
@@ -83,6 +85,7 @@ CGL_SELDOM static void go_to(cgl_guard *guard, cgl_guard_phase phase)
     guard->phase = (uint8_t)phase;
     guard->target = acts ? CGL_R(1.0) : CGL_R(0.0);
     guard->settling = guard->share < guard->target || guard->share > guard->target ? guard->settle : 0U;
+    guard->slope = guard->ts < RAMP ? guard->ts / RAMP : CGL_R(1.0);
     guard->learn = phase <= CGL_GUARD_LEARN;
     guard->forget = phase == CGL_GUARD_CLEAR;
     guard->windows = guard->strikes = 0U;
@@ -150,21 +153,22 @@ CGL_SELDOM static cgl_real bar_at(const cgl_guard *guard, cgl_real omega)
     return guard->baseline[n] * (omega > SAME * guard->omega[n] ? ratio * ratio : CGL_R(1.0));
 }
 
-/* Sets what the squares of this quarter may come to. */
+/* Sets how long this quarter is, and what its squares may come to. */
 CGL_SELDOM static void watch(cgl_guard *guard)
 {
     const cgl_real speed = cgl_abs(guard->reference), omega = speed > SLOWEST ? speed : SLOWEST, b = bar_at(guard, omega);
-    const bool begins = guard->phase == CGL_GUARD_IDLE && guard->taught && !guard->moved;
+    const cgl_real turn = guard->quarter_turn / omega, shortest = (cgl_real)guard->shortest, longest = (cgl_real)guard->longest;
+    const cgl_real turns = turn < shortest ? (cgl_real)(1U + (uint32_t)((shortest - CGL_R(1.0)) / turn)) : CGL_R(1.0);
+    const cgl_real length = turns * turn < longest ? turns * turn : longest;
+    guard->length = (uint32_t)(length + CGL_R(0.5));
+    guard->most = CGL_REAL_MAX;
+    const bool begins = guard->phase == CGL_GUARD_IDLE && guard->taught > 0U && !guard->moved;
     const bool goes_on = guard->phase == CGL_GUARD_LEARN && !guard->moved && !guard->last_moved;
     const bool compared = guard->compared || (begins && guard->quarter > 0U);
     const cgl_real bar = b > CGL_R(0.0) || !compared ? b : guard->quietest;
-    if (!(begins || goes_on || guard->phase == CGL_GUARD_HOLD) || !(bar > CGL_R(0.0))) {
-        guard->most = CGL_REAL_MAX;
-        return;
+    if ((begins || goes_on || guard->phase == CGL_GUARD_HOLD) && bar > CGL_R(0.0)) {
+        guard->most = LOUD_QUARTERS * LOUD * bar * length;
     }
-    const cgl_real turn = guard->quarter_turn / omega, shortest = (cgl_real)guard->shortest, longest = (cgl_real)guard->longest;
-    const cgl_real count = turn > shortest ? (turn < longest ? turn : longest) : shortest;
-    guard->most = LOUD_QUARTERS * LOUD * bar * count;
 }
 
 CGL_SELDOM static void remember(cgl_guard *guard, cgl_real omega, cgl_real baseline)
@@ -211,10 +215,14 @@ CGL_SELDOM static void be_bolder(cgl_guard *guard, cgl_real omega)
     guard->good = 0U;
 }
 
-CGL_SELDOM static void probe(cgl_guard *guard, cgl_real v)
+CGL_SELDOM static void probe(cgl_guard *guard, cgl_real v, bool harms)
 {
     guard->suspect = v;
     go_to(guard, CGL_GUARD_PROBE);
+    if (harms) {
+        guard->slope *= QUICK;
+        guard->settling = guard->settling / 3U;
+    }
 }
 
 CGL_SELDOM static void hold(cgl_guard *guard, cgl_real v)
@@ -251,7 +259,7 @@ CGL_SELDOM static void count_good(cgl_guard *guard, cgl_real omega, cgl_real v, 
         guard->gentle = step_at(guard, omega);
     } else if (v > GAINED * b) {
         if (++guard->windows >= AGED) {
-            probe(guard, v);
+            probe(guard, v, false);
         }
     } else {
         guard->windows = 0U;
@@ -262,19 +270,24 @@ CGL_SELDOM static void count_good(cgl_guard *guard, cgl_real omega, cgl_real v, 
 CGL_SELDOM static void prove(cgl_guard *guard, cgl_real omega, cgl_real v)
 {
     const cgl_real time = (cgl_real)guard->time * guard->ts, turn = CGL_R(4.0) * guard->quarter_turn;
-    const bool harms = guard->compared && v > FAR * guard->quietest;
+    const bool halts = (cgl_real)guard->taught < HALTS * (cgl_real)guard->count_before; /* at a limit, as what is unstable */
+    const bool harms = halts || (guard->compared && v > FAR * guard->quietest);
     if (!harms && (time < LOOK_TIME || guard->way < LOOK_TURNS * turn)) {
         return;
     }
-    if (guard->compared && v < NO_WORSE * guard->quietest && (time < PROOF_TIME || guard->way < PROOF_TURNS * turn)) {
+    const bool late = time >= PROOF_TIME && guard->way >= PROOF_TURNS * turn;
+    if (guard->compared && v < (late ? PROVEN : NO_WORSE) * guard->quietest) {
+        guard->strikes = 0U;
+        if (late) {
+            remember(guard, omega, guard->quietest);
+            guard->supposed = true;
+            guard->best = v;
+        }
         return;
     }
-    if (guard->compared && v < PROVEN * guard->quietest) {
-        remember(guard, omega, guard->quietest);
-        guard->supposed = true;
-        guard->best = v;
-    } else {
-        probe(guard, v);
+    guard->strikes = (uint8_t)(guard->strikes + (harms ? STRIKES : 2U));
+    if (guard->strikes >= STRIKES) {
+        probe(guard, v, harms);
     }
 }
 
@@ -286,7 +299,7 @@ CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real omega, cgl_real
         guard->elsewhere = guard->elsewhere || guard->lessons > 0U;
         guard->lessons = 0U;
     }
-    if (guard->taught && guard->lessons < UINT8_MAX) {
+    if (guard->taught > 0U && guard->lessons < UINT8_MAX) {
         ++guard->lessons;
     }
     guard->gentle = step_at(guard, omega);
@@ -306,7 +319,7 @@ CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real omega, cgl_real
             return;
         }
         if (v <= BAR * b) {
-            probe(guard, v);
+            probe(guard, v, false);
         } else {
             hold(guard, v);
         }
@@ -325,7 +338,7 @@ CGL_SELDOM static void judge_holding(cgl_guard *guard, cgl_real omega, cgl_real 
         }
         learn_on(guard, omega);
     } else if (!(v < FALLS * last && guard->windows < HOLD_MOST)) {
-        probe(guard, v);
+        probe(guard, v, true);
     }
 }
 
@@ -378,7 +391,7 @@ CGL_SELDOM static void end_window(cgl_guard *guard, bool learn)
     const cgl_real speed = cgl_abs(guard->reference), omega = speed > SLOWEST ? speed : SLOWEST;
     const cgl_real error = guard->centre + mean; /* where the rotor doesn't turn, all of it is ripple */
     const cgl_real v = larger(variance + (cgl_abs(error) > STALLED * omega ? error * error : CGL_R(0.0)), SMALLEST);
-    if (guard->taught && !guard->elsewhere && !guard->compared) {
+    if (guard->taught > 0U && !guard->elsewhere && !guard->compared) {
         guard->compared = !guard->moved && guard->best <= EVEN * guard->quietest;
     }
     const bool calm = !guard->moved && !guard->last_moved && mean * mean <= v;
@@ -386,7 +399,7 @@ CGL_SELDOM static void end_window(cgl_guard *guard, bool learn)
     guard->last_moved = guard->moved;
     switch (guard->phase) {
     case CGL_GUARD_IDLE:
-        if (guard->taught) {
+        if (guard->taught > 0U) {
             go_to(guard, CGL_GUARD_LEARN);
         } else if (calm) {
             remember(guard, omega, v);
@@ -416,12 +429,12 @@ CGL_SELDOM static bool ends_loud(cgl_guard *guard)
     const cgl_real count = (cgl_real)guard->count, mean = guard->sum / count;
     const cgl_real squares = guard->squares - guard->sum * mean;
     if (guard->moved || squares < guard->most) {
-        guard->most = guard->moved ? CGL_REAL_MAX : CGL_R(2.0) * guard->squares;
+        guard->most = guard->moved ? CGL_REAL_MAX : guard->squares + guard->sum * mean;
         return false;
     }
     if (guard->phase == CGL_GUARD_HOLD) {
         guard->share = CGL_R(0.0); /* no time to fade */
-        probe(guard, squares / count);
+        probe(guard, squares / count, true);
     } else {
         hold(guard, squares / count);
     }
@@ -437,9 +450,7 @@ CGL_SELDOM static void end_quarter(cgl_guard *guard, const cgl_guard_input *in)
     if (guard->squares >= guard->most && ends_loud(guard)) {
         return;
     }
-    const bool turned = cgl_abs(guard->turned) >= guard->mark;
-    if (guard->count < guard->longest && !(turned && guard->count >= guard->shortest)) {
-        guard->mark += turned ? guard->quarter_turn : CGL_R(0.0);
+    if (guard->count < guard->length) {
         return;
     }
     const cgl_real count = (cgl_real)guard->count, mean = guard->sum / count;
@@ -491,11 +502,16 @@ CGL_SELDOM static bool counts(cgl_guard *guard, const cgl_guard_input *in)
     return in->plausible;
 }
 
-CGL_SELDOM static void begin_with(cgl_guard *guard, cgl_real omega_ref)
+/* The first sample of a window, or a reference that has moved since. */
+CGL_SELDOM static void compare_reference(cgl_guard *guard, cgl_real omega_ref)
 {
-    guard->reference = cgl_is_finite(omega_ref) ? omega_ref : CGL_R(0.0);
-    guard->tolerance = MOVED * cgl_abs(guard->reference);
-    watch(guard);
+    if (guard->tolerance < CGL_R(0.0)) {
+        guard->reference = cgl_is_finite(omega_ref) ? omega_ref : CGL_R(0.0);
+        guard->tolerance = MOVED * cgl_abs(guard->reference);
+        watch(guard);
+    } else {
+        guard->moved = true;
+    }
 }
 
 void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in)
@@ -506,17 +522,18 @@ void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in)
         && !counts(guard, in)) {
         return;
     }
-    if (guard->tolerance < CGL_R(0.0)) {
-        begin_with(guard, in->omega_ref);
+    if (!CGL_OFTEN(cgl_is_within(in->omega_ref - guard->reference, guard->tolerance))) {
+        compare_reference(guard, in->omega_ref);
     }
     const cgl_real deviation = error - guard->centre;
     guard->sum += deviation;
     guard->squares += deviation * deviation;
-    guard->turned += in->omega_m;
-    guard->moved = guard->moved || !cgl_is_within(in->omega_ref - guard->reference, guard->tolerance);
-    guard->taught = guard->taught || in->learned;
+    if (guard->forget) {
+        guard->turned += in->omega_m;
+    }
+    guard->taught += in->learned ? 1U : 0U;
     ++guard->count;
-    if (!(cgl_abs(guard->turned) < guard->mark && guard->count < guard->longest && guard->squares < guard->most)) {
+    if (!(guard->count < guard->length && guard->squares < guard->most)) {
         end_quarter(guard, in);
     }
 }

@@ -57,7 +57,7 @@ typedef struct {
     cgl_real last_error;                   /* [rad/s] */
     cgl_real centre;                       /* mean of the last window [rad/s] */
     cgl_real reference, tolerance;         /* at the start of this window, and what it may differ by [rad/s] */
-    cgl_real sum, squares, turned, mark;   /* in this quarter; and where it may end */
+    cgl_real sum, squares, turned;         /* in this quarter; the last where what is learned is cleared */
     cgl_real sum_before, squares_before;   /* in the quarters before */
     cgl_real last;                         /* v of the last window, of the first of a probe [rad^2/s^2] */
     cgl_real suspect;                      /* v when a probe began [rad^2/s^2] */
@@ -70,7 +70,8 @@ typedef struct {
     cgl_real baseline[CGL_GUARD_SPEEDS];   /* and these, b [rad^2/s^2] */
     cgl_real from[CGL_GUARD_STEPS];        /* speed from which on gentler step k + 1 holds [rad/s] */
     uint32_t count, count_before;          /* samples in this quarter and those before */
-    uint32_t shortest, longest;            /* samples in a quarter */
+    uint32_t taught;                       /* samples that taught something, in this window */
+    uint32_t length, shortest, longest;    /* samples in this quarter, and in any */
     uint32_t short_of;                     /* samples in a row in which the current loop fell short */
     uint32_t settling;                     /* samples until a window begins */
     uint32_t settle;                       /* so long [samples] */
@@ -85,7 +86,6 @@ typedef struct {
     uint8_t backoff;
     uint8_t next;                          /* place of the baseline that is forgotten next */
     bool moved, last_moved;                /* the reference did, in this window and the last */
-    bool taught;                           /* something, in this window */
     bool compared;                         /* `quietest` is known: that window was even */
     bool supposed;                         /* the baseline: from the quietest quarter, not measured */
     bool elsewhere;                        /* something was learned at another speed */
