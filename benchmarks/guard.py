@@ -6,9 +6,10 @@ Each case is a drive and a learning law drawn at random, most of them badly: lea
 twenty times the feedback's own, leads wrong by up to four samples, a computation delay, an inertia and a
 torque constant that the controller isn't told, speeds up to the limit, changing speeds and load steps. It
 runs twice, with learning and with the same feedback without. A window is whole turns of the reference, at
-least 0.25 s, or 5 s; it is bad where the speed error's standard deviation is more than 1.25 times that of the
-feedback in the same window (its rms, where the rotor does not turn with the reference). The claim: bad windows in a row last at most 20 turns or 5 s, whichever is
-longer. --off: without the guard. --write puts the table into docs/laws/guard.md.
+least 0.25 s, or 5 s; it is bad where the speed error's standard deviation (its rms, where the rotor does not
+turn with the reference) is more than 1.25 times that of the feedback in the same window. The claim: bad
+windows in a row last at most 20 turns or 5 s, whichever is longer. --off: without the guard. --write puts the
+table into docs/laws/guard.md.
 """
 
 from __future__ import annotations

@@ -173,8 +173,8 @@ def test_a_burst_is_over_within_the_quarter_in_which_it_begins(precision, known,
     guard.run(4, math.sqrt(2))
     assert guard.state.learn and guard.state.share == 1
     once = 36 + 10 * amplitude**2 / WINDOW
-    assert 17 < squares_until(guard, amplitude, lambda s: not s.learn) < once
-    assert 17 < squares_until(guard, amplitude, lambda s: s.share == 0) < once
+    assert 14 < squares_until(guard, amplitude, lambda s: not s.learn) < once
+    assert 14 < squares_until(guard, amplitude, lambda s: s.share == 0) < once
 
 
 @PRECISIONS
@@ -215,18 +215,18 @@ def test_what_is_at_its_limit_from_the_start_is_looked_at_at_once(precision):
         if guard.state.share < 1:
             break
         guard.step(20.0 * (-1) ** (n // 5), learned=n % 5 < 3)
-    assert n < 2.1 * WINDOW
+    assert n < 3.1 * WINDOW
 
 
 @PRECISIONS
 def test_a_rotor_that_swings_and_does_not_turn_is_looked_at_in_turns_of_the_reference(precision):
     guard = Guard(precision)
     swing = [1.5 * OMEGA * math.sin(2 * math.pi * n / 50) for n in range(20000)]
-    for n, omega in enumerate(swing):
-        if guard.state.share < 1:
-            break
-        guard.step(OMEGA - omega, omega_m=omega)
-    assert n * TS < 6
+    taken = 0
+    while guard.state.share == 1 and taken < len(swing):
+        guard.step(OMEGA - swing[taken], omega_m=swing[taken])
+        taken += 1
+    assert taken * TS < 6
 
 
 @PRECISIONS

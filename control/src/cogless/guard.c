@@ -271,8 +271,8 @@ CGL_SELDOM static void prove(cgl_guard *guard, cgl_real omega, cgl_real v)
 {
     const cgl_real time = (cgl_real)guard->time * guard->ts, turn = CGL_R(4.0) * guard->quarter_turn;
     const bool halts = (cgl_real)guard->taught < HALTS * (cgl_real)guard->count_before; /* at a limit, as what is unstable */
-    const bool harms = halts || (guard->compared && v > FAR * guard->quietest);
-    if (!harms && (time < LOOK_TIME || guard->way < LOOK_TURNS * turn)) {
+    const bool harms = guard->compared && v > FAR * guard->quietest;
+    if (!harms && !halts && (time < LOOK_TIME || guard->way < LOOK_TURNS * turn)) {
         return;
     }
     const bool late = time >= PROOF_TIME && guard->way >= PROOF_TURNS * turn;

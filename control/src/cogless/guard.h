@@ -1,14 +1,14 @@
 /* A guard that acts: learning stops and fades out where it leaves more speed ripple than the same feedback without it.
  *
- * It judges by windows: four quarters, each of whole quarter turns and at least a sixteenth of a second. What a window says
- * is the variance v of the speed error, averaged over two samples, so that the counts of an encoder telescope. The bar at a
- * speed is b, the variance without learning: known from before learning began, else from a probe. While it is not known,
- * learning goes on for three turns and two seconds, and then as long as there is less ripple than in the window in which it
- * began, if that was an even one; after sixteen turns and four seconds a fifth of it is enough as a proof, anything else is
- * probed.
+ * It judges by windows: four quarters, each of whole quarter turns of the reference and at least a sixteenth of a second. What
+ * a window says is the variance v of the speed error, averaged over two samples, so that the counts of an encoder telescope.
+ * The bar at a speed is b, the variance without learning: known from before learning began, else from a probe. While it is not
+ * known, learning goes on for three turns and two seconds, and then as long as there is less ripple than in the first window
+ * that was even; after sixteen turns and four seconds a fifth of it is enough as a proof, anything else is probed. A burst is
+ * 72 times the squares of a quarter: it need not end.
  *
- *   LEARN   too much, beyond 1.18 b for three windows (beyond 4 b counts twice), or 36 b for half a window -> HOLD
- *   HOLD    learning stands still, what is learned acts. Below the bar -> LEARN; not, and not falling -> PROBE
+ *   LEARN   too much, beyond 1.18 b for three windows (beyond 4 b counts twice), or a burst -> HOLD
+ *   HOLD    learning stands still, what is learned acts. Below the bar -> LEARN; not, and not falling, or a burst -> PROBE
  *   PROBE   nothing learned acts: measures b. It was too much, and learned here -> CLEAR and gentler;
  *           learned elsewhere -> MUTE; it was not -> LEARN with more patience
  *   CLEAR   what is learned is forgotten, cell by cell, for one turn -> LEARN
