@@ -227,7 +227,7 @@ def judge(seed: int, number: int, guard: bool) -> dict[str, Any]:
     bad = (ratio > WORSE) & (ratio_seen > WORSE)
     found = spans(bad, ends, turns)
     beyond = [span for span in found if span[1] > TIME and span[2] > TURNS]
-    last = len(ratio) - len(ratio) // 6
+    last = len(ratio) - max(1, len(ratio) // 6)
     return {
         "case": number,
         **about,
