@@ -7,6 +7,7 @@
 #include "board.h"
 #include "check.h"
 #include "cogless/anti_cogging.h"
+#include "cogless/quality.h"
 #include "control.h"
 #include "memories.h"
 #include "parts.h"
@@ -70,6 +71,19 @@ static void long_calibration(void)
     CHECK(cgl_abs(law.friction) < CGL_R(1.0e-6));
 }
 
+/* ---- more samples than a float counts ---- */
+
+static void long_window(void)
+{
+    const cgl_quality_config config = {CGL_TWO_PI, CGL_R(1.0e5), CGL_R(0.0), CGL_R(0.0)};
+    cgl_quality quality;
+    CHECK(cgl_quality_init(&quality, &config, CGL_R(1.0e-3)) == CGL_OK);
+    for (uint32_t n = 0; quality.windows == 0U; ++n) {
+        cgl_quality_step(&quality, n % 2U ? CGL_R(1.0) : CGL_R(-1.0), CGL_R(0.0), false);
+    }
+    CHECK(cgl_is_within(cgl_quality_read(&quality).residual - CGL_R(1.0), CGL_R(1.0e-4)));
+}
+
 int main(int count, char **arguments)
 {
     const long configs = count > 1 ? strtol(arguments[1], NULL, 10) : 500L;
@@ -81,6 +95,7 @@ int main(int count, char **arguments)
     stored_maps();
     readme_example();
     long_calibration();
+    long_window();
     printf("%d failures\n", failures());
     return failures() > 0 ? 1 : 0;
 }

@@ -150,6 +150,97 @@ def test_without_a_known_baseline_it_looks_after_two_seconds(precision):
     assert guard.state.gentle == 2
 
 
+def squares_until(guard, amplitude, until):
+    """Sum of the squared errors, in windows of a variance of 1, until `until` holds."""
+    total = last = 0.0
+    while not until(guard.state):
+        error = amplitude * (-1) ** (guard.n // 5)
+        guard.step(error, learned=bool(guard.state.learn))
+        guard.n += 1
+        total += ((error + last) / 2) ** 2
+        last = error
+    return total / WINDOW
+
+
+@PRECISIONS
+@pytest.mark.parametrize("amplitude", [10.0, 100.0])
+@pytest.mark.parametrize("known", [True, False])
+def test_a_burst_is_over_within_the_quarter_in_which_it_begins(precision, known, amplitude):
+    """72 quarters of the baseline are 18 windows, counted from the start of a quarter, and a period of the
+    burst: until learning stops, and once more until nothing learned acts."""
+    guard = Guard(precision)
+    guard.run(4, math.sqrt(2), wanted=not known)
+    guard.run(4, math.sqrt(2))
+    assert guard.state.learn and guard.state.share == 1
+    once = 36 + 10 * amplitude**2 / WINDOW
+    assert 14 < squares_until(guard, amplitude, lambda s: not s.learn) < once
+    assert 14 < squares_until(guard, amplitude, lambda s: s.share == 0) < once
+
+
+@PRECISIONS
+def test_a_jump_of_the_mean_holds_learning_for_a_window_at_most(precision):
+    guard = Guard(precision)
+    guard.run(4, 1.0, wanted=False)
+    guard.run(4.1, 0.5)
+    for n in range(6 * WINDOW):
+        guard.step(8.0 + 0.5 * math.sin(6 * OMEGA * TS * n), learned=bool(guard.state.learn))
+        assert guard.state.share == 1 and (guard.state.learn or n < 1.5 * WINDOW)
+
+
+@PRECISIONS
+def test_learning_that_visibly_helps_is_left_alone_from_a_run_up_on(precision):
+    guard = Guard(precision)
+    for n in range(WINDOW):
+        guard.step(OMEGA * math.exp(-n / 60), omega_m=OMEGA * (1 - math.exp(-n / 60)))
+    for n in range(40):
+        guard.run(1, 0.9**n)
+        assert guard.state.share == 1 and guard.state.learn
+
+
+@PRECISIONS
+def test_a_bad_window_where_the_proof_is_due_proves_nothing(precision):
+    guard, late = Guard(precision), 16
+    for knock in (late - 1, late, late + 1):
+        guard.lib.cgl_guard_reset(guard.state)
+        guard.run(1, 1.0)
+        for n in range(40):
+            guard.run(1, 0.9 if n == knock else 0.2)
+            assert guard.state.share == 1 and guard.state.learn
+
+
+@PRECISIONS
+def test_what_is_at_its_limit_from_the_start_is_looked_at_at_once(precision):
+    guard = Guard(precision)
+    for n in range(10 * WINDOW):
+        if guard.state.share < 1:
+            break
+        guard.step(20.0 * (-1) ** (n // 5), learned=n % 5 < 3)
+    assert n < 3.1 * WINDOW
+
+
+@PRECISIONS
+def test_a_rotor_that_swings_and_does_not_turn_is_looked_at_in_turns_of_the_reference(precision):
+    guard = Guard(precision)
+    swing = [1.5 * OMEGA * math.sin(2 * math.pi * n / 50) for n in range(20000)]
+    taken = 0
+    while guard.state.share == 1 and taken < len(swing):
+        guard.step(OMEGA - swing[taken], omega_m=swing[taken])
+        taken += 1
+    assert taken * TS < 6
+
+
+@PRECISIONS
+def test_a_rotor_that_stands_without_learning_is_no_better_than_one_that_turns_unevenly(precision):
+    """A feedback without an integral, under a load: what is learned moves the rotor."""
+    guard = Guard(precision)
+    for _ in range(40):
+        for n in range(WINDOW):
+            share = guard.state.share
+            error = 0.1 * math.sin(6 * OMEGA * TS * n) * share + OMEGA * (1 - share)
+            guard.step(error, omega_m=OMEGA * share, learned=bool(guard.state.learn))
+    assert guard.state.gentle == 1 and guard.state.learn and guard.state.share == 1
+
+
 @PRECISIONS
 def test_learning_that_has_proven_itself_is_never_probed(precision):
     guard = Guard(precision)

@@ -2,14 +2,16 @@
 
 #define BAR CGL_R(1.18)          /* times the baseline's variance: 9 % of its ripple */
 #define FAR CGL_R(4.0)           /* beyond it a window counts twice */
-#define LOUD CGL_R(36.0)         /* beyond it half a window is enough */
+#define LOUD CGL_R(36.0)         /* beyond it, */
+#define LOUD_QUARTERS CGL_R(2.0) /* or beyond the squares of so many such quarters, a window is over */
 #define STRIKES 3U
 #define FALLS CGL_R(0.7)         /* in a window: wait another */
 #define HOLD_MOST 4U             /* windows */
-#define EVEN CGL_R(1.3)          /* the quarters in which learning begins, one beside another: no run-up, no burst */
-#define NO_WORSE CGL_R(0.9)      /* of the quietest of them, after */
+#define EVEN CGL_R(1.3)          /* the first quarter of a window to its quietest: more is a run-up */
+#define NO_WORSE CGL_R(0.9)      /* of that quietest, after */
 #define LOOK_TIME CGL_R(2.0)     /* [s] and */
 #define LOOK_TURNS CGL_R(3.0)
+#define HALTS CGL_R(0.9)         /* of the samples are learned from: fewer, and it looks at once */
 #define PROVEN CGL_R(0.2)        /* and after */
 #define GAINED CGL_R(0.5)        /* of the baseline: more than this, and it is measured again in time */
 #define PROOF_TIME CGL_R(4.0)    /* [s] and */
@@ -26,11 +28,13 @@
 #define BELOW CGL_R(0.7)         /* a step holds from there on */
 #define SHORTEST CGL_R(0.0625)   /* [s] */
 #define LONGEST CGL_R(1.25)      /* [s] */
-#define RAMP CGL_R(0.1)          /* of the share [s] */
-#define SETTLE CGL_R(0.2)        /* with the ramp [s] */
+#define RAMP CGL_R(0.5)          /* of the share [s]: slow to the feedback, which takes over a load that was learned */
+#define SETTLE CGL_R(0.6)        /* with the ramp [s] */
+#define QUICK CGL_R(5.0)         /* so much faster, and a third of the time, for what does harm */
 #define MOVED CGL_R(0.02)
 #define ELSEWHERE CGL_R(1.25)    /* another speed */
 #define CLEARED CGL_R(6.2)       /* quarters of a turn, in which every cell is passed, after as many as a Q filter waits for */
+#define STALLED CGL_R(0.5)       /* of the reference: an error of more, and the rotor doesn't turn with it */
 #define SLOWEST CGL_R(0.01)      /* below it is all one speed [rad/s] */
 #define SMALLEST CGL_R(1.0e-20)  /* a variance below it is nothing [rad^2/s^2] */
 #define SQUARE_MAX CGL_R(1.0e30)
@@ -52,7 +56,6 @@ CGL_SELDOM cgl_error cgl_guard_init(cgl_guard *guard, cgl_real ts)
     guard->shortest = 1U + (uint32_t)(shortest < most ? shortest : most);
     guard->longest = 1U + (uint32_t)(longest < most ? longest : most);
     guard->settle = 1U + (uint32_t)(rest < most ? rest : most);
-    guard->slope = ts < RAMP ? ts / RAMP : CGL_R(1.0);
     cgl_guard_reset(guard);
     return CGL_OK;
 }
@@ -60,8 +63,9 @@ CGL_SELDOM cgl_error cgl_guard_init(cgl_guard *guard, cgl_real ts)
 CGL_SELDOM static void begin_quarter(cgl_guard *guard)
 {
     guard->sum = guard->squares = guard->turned = CGL_R(0.0);
-    guard->mark = guard->quarter_turn;
     guard->count = 0U;
+    guard->most = CGL_REAL_MAX;
+    guard->length = guard->longest;
 }
 
 CGL_SELDOM static void begin_window(cgl_guard *guard)
@@ -69,8 +73,9 @@ CGL_SELDOM static void begin_window(cgl_guard *guard)
     begin_quarter(guard);
     guard->sum_before = guard->squares_before = CGL_R(0.0);
     guard->count_before = 0U;
-    guard->quarter = guard->loud = 0U;
-    guard->moved = guard->taught = false;
+    guard->quarter = 0U;
+    guard->moved = false;
+    guard->taught = 0U;
     guard->tolerance = CGL_R(-1.0); /* the reference of the first sample is to come */
 }
 
@@ -80,6 +85,7 @@ CGL_SELDOM static void go_to(cgl_guard *guard, cgl_guard_phase phase)
     guard->phase = (uint8_t)phase;
     guard->target = acts ? CGL_R(1.0) : CGL_R(0.0);
     guard->settling = guard->share < guard->target || guard->share > guard->target ? guard->settle : 0U;
+    guard->slope = guard->ts < RAMP ? guard->ts / RAMP : CGL_R(1.0);
     guard->learn = phase <= CGL_GUARD_LEARN;
     guard->forget = phase == CGL_GUARD_CLEAR;
     guard->windows = guard->strikes = 0U;
@@ -104,9 +110,14 @@ CGL_SELDOM void cgl_guard_reset(cgl_guard *guard)
     guard->good = 0U;
     guard->alarms = guard->doubts = guard->lessons = guard->backoff = guard->next = 0U;
     guard->last_moved = true; /* nobody knows */
-    guard->elsewhere = guard->supposed = false;
+    guard->elsewhere = guard->supposed = guard->compared = false;
     guard->best = CGL_R(0.0);
     go_to(guard, CGL_GUARD_IDLE);
+}
+
+static cgl_real larger(cgl_real a, cgl_real b)
+{
+    return a > b ? a : b;
 }
 
 /* How far apart two speeds are, as a ratio of at least 1. */
@@ -140,6 +151,24 @@ CGL_SELDOM static cgl_real bar_at(const cgl_guard *guard, cgl_real omega)
     }
     const cgl_real ratio = guard->omega[n] / omega;
     return guard->baseline[n] * (omega > SAME * guard->omega[n] ? ratio * ratio : CGL_R(1.0));
+}
+
+/* Sets how long this quarter is, and what its squares may come to. */
+CGL_SELDOM static void watch(cgl_guard *guard)
+{
+    const cgl_real speed = cgl_abs(guard->reference), omega = speed > SLOWEST ? speed : SLOWEST, b = bar_at(guard, omega);
+    const cgl_real turn = guard->quarter_turn / omega, shortest = (cgl_real)guard->shortest, longest = (cgl_real)guard->longest;
+    const cgl_real turns = turn < shortest ? (cgl_real)(1U + (uint32_t)((shortest - CGL_R(1.0)) / turn)) : CGL_R(1.0);
+    const cgl_real length = turns * turn < longest ? turns * turn : longest;
+    guard->length = (uint32_t)(length + CGL_R(0.5));
+    guard->most = CGL_REAL_MAX;
+    const bool begins = guard->phase == CGL_GUARD_IDLE && guard->taught > 0U && !guard->moved;
+    const bool goes_on = guard->phase == CGL_GUARD_LEARN && !guard->moved && !guard->last_moved;
+    const bool compared = guard->compared || (begins && guard->quarter > 0U);
+    const cgl_real bar = b > CGL_R(0.0) || !compared ? b : guard->quietest;
+    if ((begins || goes_on || guard->phase == CGL_GUARD_HOLD) && bar > CGL_R(0.0)) {
+        guard->most = LOUD_QUARTERS * LOUD * bar * length;
+    }
 }
 
 CGL_SELDOM static void remember(cgl_guard *guard, cgl_real omega, cgl_real baseline)
@@ -186,10 +215,14 @@ CGL_SELDOM static void be_bolder(cgl_guard *guard, cgl_real omega)
     guard->good = 0U;
 }
 
-CGL_SELDOM static void probe(cgl_guard *guard, cgl_real v)
+CGL_SELDOM static void probe(cgl_guard *guard, cgl_real v, bool harms)
 {
     guard->suspect = v;
     go_to(guard, CGL_GUARD_PROBE);
+    if (harms) {
+        guard->slope *= QUICK;
+        guard->settling = guard->settling / 3U;
+    }
 }
 
 CGL_SELDOM static void hold(cgl_guard *guard, cgl_real v)
@@ -226,7 +259,7 @@ CGL_SELDOM static void count_good(cgl_guard *guard, cgl_real omega, cgl_real v, 
         guard->gentle = step_at(guard, omega);
     } else if (v > GAINED * b) {
         if (++guard->windows >= AGED) {
-            probe(guard, v);
+            probe(guard, v, false);
         }
     } else {
         guard->windows = 0U;
@@ -237,30 +270,36 @@ CGL_SELDOM static void count_good(cgl_guard *guard, cgl_real omega, cgl_real v, 
 CGL_SELDOM static void prove(cgl_guard *guard, cgl_real omega, cgl_real v)
 {
     const cgl_real time = (cgl_real)guard->time * guard->ts, turn = CGL_R(4.0) * guard->quarter_turn;
-    if (time < LOOK_TIME || guard->way < LOOK_TURNS * turn) {
+    const bool halts = (cgl_real)guard->taught < HALTS * (cgl_real)guard->count_before; /* at a limit, as what is unstable */
+    const bool harms = guard->compared && v > FAR * guard->quietest;
+    if (!harms && !halts && (time < LOOK_TIME || guard->way < LOOK_TURNS * turn)) {
         return;
     }
-    if (v < NO_WORSE * guard->quietest && (time < PROOF_TIME || guard->way < PROOF_TURNS * turn)) {
+    const bool late = time >= PROOF_TIME && guard->way >= PROOF_TURNS * turn;
+    if (guard->compared && v < (late ? PROVEN : NO_WORSE) * guard->quietest) {
+        guard->strikes = 0U;
+        if (late) {
+            remember(guard, omega, guard->quietest);
+            guard->supposed = true;
+            guard->best = v;
+        }
         return;
     }
-    if (v < PROVEN * guard->quietest) {
-        remember(guard, omega, guard->quietest);
-        guard->supposed = true;
-        guard->best = v;
-    } else {
-        probe(guard, v);
+    guard->strikes = (uint8_t)(guard->strikes + (harms ? STRIKES : 2U));
+    if (guard->strikes >= STRIKES) {
+        probe(guard, v, harms);
     }
 }
 
 CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real omega, cgl_real v, bool calm)
 {
     if (apart(omega, guard->here) > SAME) {
-        guard->quietest = guard->here > CGL_R(0.0) ? CGL_R(0.0) : guard->quietest;
+        guard->compared = guard->compared && !(guard->here > CGL_R(0.0));
         guard->here = omega;
         guard->elsewhere = guard->elsewhere || guard->lessons > 0U;
         guard->lessons = 0U;
     }
-    if (guard->taught && guard->lessons < UINT8_MAX) {
+    if (guard->taught > 0U && guard->lessons < UINT8_MAX) {
         ++guard->lessons;
     }
     guard->gentle = step_at(guard, omega);
@@ -280,7 +319,7 @@ CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real omega, cgl_real
             return;
         }
         if (v <= BAR * b) {
-            probe(guard, v);
+            probe(guard, v, false);
         } else {
             hold(guard, v);
         }
@@ -299,7 +338,7 @@ CGL_SELDOM static void judge_holding(cgl_guard *guard, cgl_real omega, cgl_real 
         }
         learn_on(guard, omega);
     } else if (!(v < FALLS * last && guard->windows < HOLD_MOST)) {
-        probe(guard, v);
+        probe(guard, v, true);
     }
 }
 
@@ -349,15 +388,18 @@ CGL_SELDOM static void end_window(cgl_guard *guard, bool learn)
 {
     const cgl_real count = (cgl_real)guard->count_before, mean = guard->sum_before / count;
     const cgl_real variance = guard->squares_before / count - mean * mean;
-    const cgl_real v = variance > SMALLEST ? variance : SMALLEST;
     const cgl_real speed = cgl_abs(guard->reference), omega = speed > SLOWEST ? speed : SLOWEST;
+    const cgl_real error = guard->centre + mean; /* where the rotor doesn't turn, all of it is ripple */
+    const cgl_real v = larger(variance + (cgl_abs(error) > STALLED * omega ? error * error : CGL_R(0.0)), SMALLEST);
+    if (guard->taught > 0U && !guard->elsewhere && !guard->compared) {
+        guard->compared = !guard->moved && guard->best <= EVEN * guard->quietest;
+    }
     const bool calm = !guard->moved && !guard->last_moved && mean * mean <= v;
     guard->centre += mean;
     guard->last_moved = guard->moved;
     switch (guard->phase) {
     case CGL_GUARD_IDLE:
-        if (guard->taught) {
-            guard->quietest = guard->moved || guard->best > EVEN * guard->quietest ? CGL_R(0.0) : guard->quietest;
+        if (guard->taught > 0U) {
             go_to(guard, CGL_GUARD_LEARN);
         } else if (calm) {
             remember(guard, omega, v);
@@ -381,25 +423,43 @@ CGL_SELDOM static void end_window(cgl_guard *guard, bool learn)
     begin_window(guard);
 }
 
+/* More squares than this quarter may have. False: it was the mean that moved, and the quarter goes on. */
+CGL_SELDOM static bool ends_loud(cgl_guard *guard)
+{
+    const cgl_real count = (cgl_real)guard->count, mean = guard->sum / count;
+    const cgl_real squares = guard->squares - guard->sum * mean;
+    if (guard->moved || squares < guard->most) {
+        guard->most = guard->moved ? CGL_REAL_MAX : guard->squares + guard->sum * mean;
+        return false;
+    }
+    if (guard->phase == CGL_GUARD_HOLD) {
+        guard->share = CGL_R(0.0); /* no time to fade */
+        probe(guard, squares / count, true);
+    } else {
+        hold(guard, squares / count);
+    }
+    return true;
+}
+
 CGL_SELDOM static void end_quarter(cgl_guard *guard, const cgl_guard_input *in)
 {
-    if (cgl_abs(guard->turned) >= guard->mark && guard->count < guard->shortest) {
-        guard->mark += guard->quarter_turn;
-        return;
-    }
     if (!(guard->squares <= SQUARE_MAX && cgl_is_finite(guard->turned))) {
         begin_window(guard);
         return;
     }
-    const cgl_real count = (cgl_real)guard->count, mean = guard->sum / count;
-    const cgl_real v = guard->squares / count - mean * mean;
-    const cgl_real omega = cgl_abs(guard->reference), b = bar_at(guard, omega > SLOWEST ? omega : SLOWEST);
-    guard->loud = b > CGL_R(0.0) && v > LOUD * b ? (uint8_t)(guard->loud + 1U) : 0U;
-    if (guard->phase == CGL_GUARD_IDLE) {
-        guard->quietest = guard->quarter == 0U || v < guard->quietest ? v : guard->quietest;
-        guard->best = guard->quarter == 0U || v > guard->best ? v : guard->best;
+    if (guard->squares >= guard->most && ends_loud(guard)) {
+        return;
     }
-    guard->way += cgl_abs(guard->turned);
+    if (guard->count < guard->length) {
+        return;
+    }
+    const cgl_real count = (cgl_real)guard->count, mean = guard->sum / count;
+    const cgl_real v = guard->squares / count - mean * mean, omega = cgl_abs(guard->reference);
+    if (!guard->compared && !guard->supposed) {
+        guard->best = guard->quarter == 0U ? v : guard->best;
+        guard->quietest = guard->quarter == 0U || v < guard->quietest ? v : guard->quietest;
+    }
+    guard->way += guard->phase == CGL_GUARD_CLEAR ? cgl_abs(guard->turned) : omega * count;
     guard->time += guard->time < UINT32_MAX / 2U ? guard->count : 0U;
     guard->sum_before += guard->sum;
     guard->squares_before += guard->squares;
@@ -408,14 +468,11 @@ CGL_SELDOM static void end_quarter(cgl_guard *guard, const cgl_guard_input *in)
     if (guard->phase == CGL_GUARD_CLEAR && guard->way > CLEARED * guard->quarter_turn) {
         guard->elsewhere = false;
         learn_on(guard, omega);
-    } else if (guard->phase == CGL_GUARD_HOLD && guard->loud >= 2U) {
-        probe(guard, v);
-    } else if (guard->phase == CGL_GUARD_LEARN && guard->loud >= 2U && !guard->moved && !guard->last_moved) {
-        hold(guard, v);
     } else if (guard->quarter == 4U) {
         end_window(guard, in->learn);
     } else {
         begin_quarter(guard);
+        watch(guard);
     }
 }
 
@@ -445,10 +502,16 @@ CGL_SELDOM static bool counts(cgl_guard *guard, const cgl_guard_input *in)
     return in->plausible;
 }
 
-CGL_SELDOM static void begin_with(cgl_guard *guard, cgl_real omega_ref)
+/* The first sample of a window, or a reference that has moved since. */
+CGL_SELDOM static void compare_reference(cgl_guard *guard, cgl_real omega_ref)
 {
-    guard->reference = cgl_is_finite(omega_ref) ? omega_ref : CGL_R(0.0);
-    guard->tolerance = MOVED * cgl_abs(guard->reference);
+    if (guard->tolerance < CGL_R(0.0)) {
+        guard->reference = cgl_is_finite(omega_ref) ? omega_ref : CGL_R(0.0);
+        guard->tolerance = MOVED * cgl_abs(guard->reference);
+        watch(guard);
+    } else {
+        guard->moved = true;
+    }
 }
 
 void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in)
@@ -459,17 +522,18 @@ void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in)
         && !counts(guard, in)) {
         return;
     }
-    if (guard->tolerance < CGL_R(0.0)) {
-        begin_with(guard, in->omega_ref);
+    if (!CGL_OFTEN(cgl_is_within(in->omega_ref - guard->reference, guard->tolerance))) {
+        compare_reference(guard, in->omega_ref);
     }
     const cgl_real deviation = error - guard->centre;
     guard->sum += deviation;
     guard->squares += deviation * deviation;
-    guard->turned += in->omega_m;
-    guard->moved = guard->moved || !cgl_is_within(in->omega_ref - guard->reference, guard->tolerance);
-    guard->taught = guard->taught || in->learned;
+    if (guard->forget) {
+        guard->turned += in->omega_m;
+    }
+    guard->taught += in->learned ? 1U : 0U;
     ++guard->count;
-    if (!(cgl_abs(guard->turned) < guard->mark && guard->count < guard->longest)) {
+    if (!(guard->count < guard->length && guard->squares < guard->most)) {
         end_quarter(guard, in);
     }
 }

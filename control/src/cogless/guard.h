@@ -1,14 +1,14 @@
 /* A guard that acts: learning stops and fades out where it leaves more speed ripple than the same feedback without it.
  *
- * It judges by windows: four quarters, each of whole quarter turns and at least a sixteenth of a second. What a window says
- * is the variance v of the speed error, averaged over two samples, so that the counts of an encoder telescope. The bar at a
- * speed is b, the variance without learning: known from before learning began, else from a probe. While it is not known,
- * learning goes on for three turns and two seconds, and then as long as there is less ripple than in the window in which it
- * began, if that was an even one; after sixteen turns and four seconds a fifth of it is enough as a proof, anything else is
- * probed.
+ * It judges by windows: four quarters, each of whole quarter turns of the reference and at least a sixteenth of a second. What
+ * a window says is the variance v of the speed error, averaged over two samples, so that the counts of an encoder telescope.
+ * The bar at a speed is b, the variance without learning: known from before learning began, else from a probe. While it is not
+ * known, learning goes on for three turns and two seconds, and then as long as there is less ripple than in the first window
+ * that was even; after sixteen turns and four seconds a fifth of it is enough as a proof, anything else is probed. A burst is
+ * 72 times the squares of a quarter: it need not end.
  *
- *   LEARN   too much, beyond 1.18 b for three windows (beyond 4 b counts twice), or 36 b for half a window -> HOLD
- *   HOLD    learning stands still, what is learned acts. Below the bar -> LEARN; not, and not falling -> PROBE
+ *   LEARN   too much, beyond 1.18 b for three windows (beyond 4 b counts twice), or a burst -> HOLD
+ *   HOLD    learning stands still, what is learned acts. Below the bar -> LEARN; not, and not falling, or a burst -> PROBE
  *   PROBE   nothing learned acts: measures b. It was too much, and learned here -> CLEAR and gentler;
  *           learned elsewhere -> MUTE; it was not -> LEARN with more patience
  *   CLEAR   what is learned is forgotten, cell by cell, for one turn -> LEARN
@@ -57,19 +57,21 @@ typedef struct {
     cgl_real last_error;                   /* [rad/s] */
     cgl_real centre;                       /* mean of the last window [rad/s] */
     cgl_real reference, tolerance;         /* at the start of this window, and what it may differ by [rad/s] */
-    cgl_real sum, squares, turned, mark;   /* in this quarter; and where it may end */
+    cgl_real sum, squares, turned;         /* in this quarter; the last where what is learned is cleared */
     cgl_real sum_before, squares_before;   /* in the quarters before */
     cgl_real last;                         /* v of the last window, of the first of a probe [rad^2/s^2] */
     cgl_real suspect;                      /* v when a probe began [rad^2/s^2] */
-    cgl_real quietest;                     /* quarter since learning began, 0: none [rad^2/s^2] */
-    cgl_real best;                         /* v since the baseline was supposed; before: the loudest quarter [rad^2/s^2] */
+    cgl_real most;                         /* what `squares` may come to in this quarter */
+    cgl_real quietest;                     /* quarter of the window that learning is compared with [rad^2/s^2] */
+    cgl_real best;                         /* v since the baseline was supposed; before: that window's first quarter [rad^2/s^2] */
     cgl_real way;                          /* turned in this phase at this speed, as a sum of speeds [rad/s] */
     cgl_real here;                         /* speed at which the lessons were learned [rad/s] */
     cgl_real omega[CGL_GUARD_SPEEDS];      /* speeds with a baseline; 0: none [rad/s] */
     cgl_real baseline[CGL_GUARD_SPEEDS];   /* and these, b [rad^2/s^2] */
     cgl_real from[CGL_GUARD_STEPS];        /* speed from which on gentler step k + 1 holds [rad/s] */
     uint32_t count, count_before;          /* samples in this quarter and those before */
-    uint32_t shortest, longest;            /* samples in a quarter */
+    uint32_t taught;                       /* samples that taught something, in this window */
+    uint32_t length, shortest, longest;    /* samples in this quarter, and in any */
     uint32_t short_of;                     /* samples in a row in which the current loop fell short */
     uint32_t settling;                     /* samples until a window begins */
     uint32_t settle;                       /* so long [samples] */
@@ -78,14 +80,13 @@ typedef struct {
     uint16_t good;                         /* windows since the last step */
     uint8_t phase;                         /* cgl_guard_phase */
     uint8_t quarter;                       /* of the window */
-    uint8_t loud;                          /* quarters in a row */
     uint8_t strikes, alarms, doubts;
     uint8_t windows;                       /* in this phase */
     uint8_t lessons;                       /* windows in which it learned here */
     uint8_t backoff;
     uint8_t next;                          /* place of the baseline that is forgotten next */
     bool moved, last_moved;                /* the reference did, in this window and the last */
-    bool taught;                           /* something, in this window */
+    bool compared;                         /* `quietest` is known: that window was even */
     bool supposed;                         /* the baseline: from the quietest quarter, not measured */
     bool elsewhere;                        /* something was learned at another speed */
 } cgl_guard;

@@ -6,6 +6,7 @@
 #define WAIT 16U                 /* a part of a window: so long nothing is learned after such, as a wave passes through zero */
 #define TWICE_SQUARE CGL_R(4.0)  /* of what lasts is learned, more is something else */
 #define MOVED_SQUARE CGL_R(0.00390625) /* of the span's square: a sixteenth of it */
+#define PART 0xFFFU /* samples whose sums are added up on their own, as one bit less than a power of two */
 #define TREND_SMOOTHING CGL_R(0.25)
 #define TREND_STILL CGL_R(0.04) /* of the ripple's square, a window: 2 % of the ripple */
 #define TREND_MOST CGL_R(0.16)  /* of one window, so that a large change is not seen for long */
@@ -14,6 +15,7 @@ CGL_SELDOM static void begin_window(cgl_quality *quality)
 {
     quality->sum = quality->squares = quality->outlier_sum = quality->outlier_squares = CGL_R(0.0);
     quality->peak_square = quality->turned = CGL_R(0.0);
+    quality->sum_before = quality->squares_before = quality->sum_lost = quality->squares_lost = CGL_R(0.0);
     quality->left = quality->longest;
     quality->missing = quality->outliers = quality->run = quality->run_left = 0U;
     quality->learned = quality->unusual = quality->run_above = false;
@@ -68,13 +70,21 @@ static cgl_real larger(cgl_real a, cgl_real b)
     return a > b ? a : b;
 }
 
+/* A part of the window is over: its sums go to those before, where small terms add up beside large sums. */
+CGL_SELDOM static void end_part(cgl_quality *quality)
+{
+    quality->sum_before = cgl_add(quality->sum_before, quality->sum, CGL_REAL_MAX, &quality->sum_lost);
+    quality->squares_before = cgl_add(quality->squares_before, quality->squares, CGL_REAL_MAX, &quality->squares_lost);
+    quality->sum = quality->squares = CGL_R(0.0);
+}
+
 /* The bounds of the next window. An outlier counts as one that just was none, so that a shock raises the usual little. */
 CGL_SELDOM static void set_bounds(cgl_quality *quality, uint32_t samples)
 {
     const cgl_quality_config *const config = &quality->config;
     const cgl_real count = (cgl_real)samples, share = (cgl_real)quality->outliers / count, centre = quality->centre;
-    const cgl_real square = quality->squares / count
-                            + centre * (CGL_R(2.0) * (quality->sum / count) + (CGL_R(1.0) - share) * centre)
+    const cgl_real square = quality->squares_before / count
+                            + centre * (CGL_R(2.0) * (quality->sum_before / count) + (CGL_R(1.0) - share) * centre)
                             + share * quality->usual_square;
     const cgl_real usual = larger(config->outlier * config->outlier * square, config->floor * config->floor);
     const cgl_real peak = quality->unusual ? quality->peak_square : CGL_R(0.0);
@@ -89,8 +99,10 @@ CGL_SELDOM static void end_window(cgl_quality *quality, cgl_real turned)
 {
     const cgl_quality_config *const config = &quality->config;
     const uint32_t samples = quality->longest - quality->left - quality->missing;
+    end_part(quality);
     if (samples > 0U) {
-        const cgl_real sum = quality->sum + quality->outlier_sum, squares = quality->squares + quality->outlier_squares;
+        const cgl_real sum = quality->sum_before + quality->outlier_sum;
+        const cgl_real squares = quality->squares_before + quality->outlier_squares;
         const cgl_real count = (cgl_real)samples, mean = sum / count;
         const cgl_real ripple = larger(squares / count - mean * mean, CGL_R(0.0)), last = quality->ripple;
         const cgl_real largest = larger(ripple, last);
@@ -159,6 +171,9 @@ CGL_SELDOM static bool step_unusual(cgl_quality *quality, cgl_real error, cgl_re
     --quality->left;
     if (turned * turned < quality->turned_square && quality->left > 0U) {
         quality->turned = turned;
+        if ((quality->left & PART) == 0U) {
+            end_part(quality);
+        }
     } else {
         end_window(quality, turned);
     }
@@ -171,7 +186,7 @@ bool cgl_quality_step(cgl_quality *quality, cgl_real error, cgl_real omega_m,
 {
     const cgl_real square = error * error;
     const cgl_real turned = quality->turned + omega_m;
-    if (!(square <= quality->quick_square && turned * turned < quality->turned_square && quality->left > 1U)) {
+    if (!(square <= quality->quick_square && turned * turned < quality->turned_square && (quality->left & PART) > 1U)) {
         return step_unusual(quality, error, omega_m, learning);
     }
     const cgl_real deviation = error - quality->centre;

@@ -29,7 +29,9 @@ typedef struct {
     cgl_quality_config config;
     cgl_real ts;                  /* period of the calls [s] */
     cgl_real centre;              /* mean of the last window; at first the first error [unit] */
-    cgl_real sum, squares;        /* of what the errors in this window differ from it, but for outliers */
+    cgl_real sum, squares;        /* of what the errors in this part of the window differ from it, but for outliers */
+    cgl_real sum_before, squares_before; /* and in the parts before */
+    cgl_real sum_lost, squares_lost; /* what rounding kept from those */
     cgl_real outlier_sum, outlier_squares; /* and of those */
     uint32_t outliers;            /* in this window */
     uint32_t wait;                /* a sixteenth of the last window [samples] */

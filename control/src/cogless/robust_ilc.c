@@ -28,6 +28,7 @@ cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *
     law->config = *config;
     law->ts = ts;
     law->q = config->q;
+    law->beta_1 = config->beta_1;
     law->gentle = 0U;
     const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, 1U, cell, length);
     if (error == CGL_OK) {
@@ -69,6 +70,7 @@ CGL_SELDOM static void follow_guard(cgl_robust_ilc *law, uint32_t gentle)
     cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
     law->q = law->config.q
              * cgl_gentle_gain(gentle, law->config.q * law->config.beta_2, law->config.c + law->config.eta);
+    law->beta_1 = gentle > 1U ? CGL_R(0.0) : law->config.beta_1; /* no gain bounds what switches */
 }
 
 void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
@@ -93,7 +95,7 @@ void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
     if (gentle != law->gentle) {
         follow_guard(law, gentle);
     }
-    const cgl_real correction = -law->q * (config->beta_1 * sign + config->beta_2 * surface); /* (15) */
+    const cgl_real correction = -law->q * (law->beta_1 * sign + config->beta_2 * surface); /* (15) */
     cgl_real value;
     const bool learn = cgl_memory_step(&law->memory, in->theta_m, in->omega_ref,
                                        ((in->learn && !law->saturated) || in->forget) && !in->off && finite, &correction, &value);

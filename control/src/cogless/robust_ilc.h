@@ -51,7 +51,7 @@ typedef struct {
     bool started;               /* last_omega_ref is valid */
     bool saturated;             /* the last output was at its limit */
     uint32_t gentle;            /* how gently it learns, as the guard says */
-    cgl_real q;                 /* and what that leaves of the learning rate [-] */
+    cgl_real q, beta_1;         /* and what that leaves of those */
     cgl_robust_ilc_terms terms; /* of the last step */
 } cgl_robust_ilc;
 
