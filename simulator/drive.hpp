@@ -29,6 +29,7 @@
 #include "random.hpp"
 #include "recorder.hpp"
 #include "reference.hpp"
+#include "table.hpp"
 #include "trials.hpp"
 
 namespace cogless {
@@ -37,6 +38,12 @@ namespace cogless {
 struct LoadStep {
     std::int64_t tick;
     double torque;  // N m
+};
+
+// Torque mode for a time: a current from outside instead of the speed reference.
+struct TorqueMode {
+    double from, until;  // s
+    Table current;       // A over s
 };
 
 // A phase of trials: the plant from the trial `from` on, and its initial state at each trial's start.
@@ -61,6 +68,7 @@ struct DriveConfig {
     cgl_drive_config control;
     std::optional<cgl_dead_time_config> dead_time;  // none: not compensated
     std::optional<cgl_encoder_table_config> encoder_table;  // none: the sensor is believed
+    std::optional<TorqueMode> torque_mode;  // not in trials
     std::vector<Fault> faults;  // by the tick since the start
     Law law;
     std::int64_t current_rate;   // Hz

@@ -66,7 +66,7 @@ cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config)
 CGL_SELDOM void cgl_drive_reset(cgl_drive *drive)
 {
     static const cgl_law_input no_input = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0),
-                                           false,      false, false, CGL_R(0.0), 0U};
+                                           false,      false, false, CGL_R(0.0), 0U, false, CGL_R(0.0)};
     static const cgl_foc_input no_currents = {{CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)}, CGL_R(0.0), CGL_R(0.0), CGL_R(0.0),
                                               CGL_R(0.0), CGL_R(0.0)};
     drive->in = no_input;
@@ -93,7 +93,7 @@ static bool is_busy(const cgl_drive *drive)
 static bool is_allowed(cgl_drive *drive, cgl_real error, bool learn, bool wanted)
 {
     cgl_guard *const guard = &drive->guard;
-    if (drive->unguarded || is_busy(drive)) {
+    if (drive->unguarded || is_busy(drive) || drive->in.torque) {
         return learn;
     }
     const bool learned = drive->in.learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
@@ -115,15 +115,18 @@ static void prepare_law(cgl_drive *drive, const cgl_reference *reference)
 {
     const cgl_monitor *monitor = &drive->monitor;
     const cgl_real error = reference->omega_ref - monitor->omega_m;
-    const bool learn = reference->learn && monitor->trusted && !drive->off
+    const bool torque = reference->torque;
+    const bool learn = reference->learn && !torque && monitor->trusted && !drive->off
                        && (!drive->saturated || drive->learn_saturated);
     const bool taught = learn && drive->in.learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
     const bool outlier =
-        !is_busy(drive) && cgl_quality_step(&drive->quality, error, monitor->omega_m, taught);
+        !is_busy(drive) && !torque && cgl_quality_step(&drive->quality, error, monitor->omega_m, taught);
     drive->currents.i_d_ref = cgl_is_finite(reference->i_d_ref) ? reference->i_d_ref : CGL_R(0.0);
-    drive->in.theta_ref = reference->theta_ref;
-    drive->in.omega_ref = reference->omega_ref;
-    drive->in.alpha_ref = reference->alpha_ref;
+    drive->in.torque = torque;
+    drive->in.i_q_ref = reference->i_q_ref;
+    drive->in.theta_ref = torque ? monitor->theta_m : reference->theta_ref;
+    drive->in.omega_ref = torque ? monitor->omega_m : reference->omega_ref;
+    drive->in.alpha_ref = torque ? CGL_R(0.0) : reference->alpha_ref;
     drive->in.theta_m = monitor->theta_m;
     drive->in.omega_m = monitor->omega_m;
     drive->in.i_q = drive->i_q;
@@ -138,7 +141,7 @@ bool cgl_drive_measure(cgl_drive *drive, const cgl_measurement *now,
                        const cgl_reference *reference)
 {
     cgl_monitor *monitor = &drive->monitor;
-    cgl_monitor_step(monitor, now, is_busy(drive) ? CGL_R(0.0) : reference->omega_ref);
+    cgl_monitor_step(monitor, now, is_busy(drive) || reference->torque ? CGL_R(0.0) : reference->omega_ref);
     drive->status = monitor->status;
     drive->off = drive->off || monitor->safe;
     if (!drive->foreign) {

@@ -48,6 +48,9 @@ typedef struct {
     cgl_real i_d_ref;   /* d-axis current reference [A], usually 0; it leaves the law sqrt(foc.current_limit^2 - i_d_ref^2), so
                            give the law no higher limit. Taken, as all of these but omega_ref, where the law is due */
     bool learn;         /* false freezes what is learned */
+    bool torque;        /* torque mode: i_q_ref acts, and what is learned beside it, frozen; references of angle and speed
+                           are not followed, and the guard, the quality and the watch for a stuck angle stand still */
+    cgl_real i_q_ref;   /* q-axis current reference of torque mode [A], within the law's limit */
 } cgl_reference;
 
 typedef struct {

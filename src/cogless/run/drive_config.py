@@ -20,6 +20,7 @@ from cogless.study.laws import AnyController
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import StarMotor
 from cogless.study.reference import Reference
+from cogless.study.scenario import TorqueMode
 from cogless.study.space_controller import SpaceLearning, SpacePosition
 
 Mode = Literal["run", "learn"]
@@ -44,6 +45,7 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
         "load": load.model_dump(),
         "events": [event.model_dump() for event in experiment.events] if run else [],
         "faults": [fault.model_dump() for fault in experiment.faults] if run else [],
+        "torque_mode": _torque_mode(experiment.torque_mode) if run else None,
         "reference": _reference(experiment.reference if run else Reference.model_validate("0 rpm")),
         "initial_speed": experiment.initial_speed if run else 0.0,
         "initial_angle": experiment.initial_angle if run else 0.0,
@@ -81,6 +83,13 @@ def _reference(reference: Reference) -> dict[str, Any]:
         "speeds": [speed for _, speed in reference.points],
         "angles": [angle for _, angle in reference.moves],
     }
+
+
+def _torque_mode(mode: TorqueMode | None) -> dict[str, Any] | None:
+    if mode is None:
+        return None
+    time, value = map(list, zip(*mode.points, strict=True))
+    return {"from": mode.time, "until": min(mode.end, 1e300), "current": {"time": time, "value": value}}
 
 
 def drive_config(drive: Drive, motor: StarMotor, driven: StarMotor, inertia: float) -> dict[str, Any]:
