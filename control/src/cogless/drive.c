@@ -8,6 +8,9 @@ CGL_SELDOM static bool is_valid(const cgl_drive_config *config)
 {
     const uint32_t phases = config->foc.phases == 0U ? 3U : config->foc.phases;
     return config->pole_pairs >= 1U && config->pole_pairs <= POLE_PAIRS_MAX && config->divider >= 1U
+#ifdef COGLESS_NO_GUARD
+           && config->unguarded
+#endif
            && config->divider <= DIVIDER_MAX && (config->foreign || config->monitor.phases == phases);
 }
 
@@ -24,9 +27,11 @@ cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_r
     if (error == CGL_OK) {
         error = cgl_quality_init(&drive->quality, &config->quality, law_period);
     }
+#ifndef COGLESS_NO_GUARD
     if (error == CGL_OK) {
         error = cgl_guard_init(&drive->guard, law_period);
     }
+#endif
     if (error == CGL_OK) {
         drive->pole_pairs = (cgl_real)config->pole_pairs;
         drive->divider = config->divider;
@@ -74,7 +79,9 @@ CGL_SELDOM void cgl_drive_reset(cgl_drive *drive)
     drive->command.status = 0U;
     cgl_monitor_reset(&drive->monitor);
     cgl_quality_reset(&drive->quality);
+#ifndef COGLESS_NO_GUARD
     cgl_guard_reset(&drive->guard);
+#endif
     cgl_foc_reset(&drive->foc);
     drive->currents = no_currents;
     drive->i_q = CGL_R(0.0);
@@ -89,6 +96,7 @@ static bool is_busy(const cgl_drive *drive)
     return (drive->command.status & (unsigned)CGL_STATUS_BUSY) != 0U;
 }
 
+#ifndef COGLESS_NO_GUARD
 /* What the guard says of learning, and of what was learned. */
 static bool is_allowed(cgl_drive *drive, cgl_real error, bool learn, bool wanted)
 {
@@ -109,6 +117,7 @@ static bool is_allowed(cgl_drive *drive, cgl_real error, bool learn, bool wanted
     drive->held = cgl_guard_acts(guard) ? (unsigned)CGL_STATUS_GUARDED : 0U;
     return learn && guard->learn;
 }
+#endif
 
 /* The law's input; the law has seen what was saturated or safe. */
 static void prepare_law(cgl_drive *drive, const cgl_reference *reference)
@@ -130,7 +139,11 @@ static void prepare_law(cgl_drive *drive, const cgl_reference *reference)
     drive->in.theta_m = monitor->theta_m;
     drive->in.omega_m = monitor->omega_m;
     drive->in.i_q = drive->i_q;
+#ifdef COGLESS_NO_GUARD
+    drive->in.learn = learn && !outlier;
+#else
     drive->in.learn = is_allowed(drive, error, learn && !outlier, reference->learn);
+#endif
     drive->in.off = drive->off;
     drive->status |= outlier ? (unsigned)CGL_STATUS_OUTLIER : 0U;
     drive->saturated = drive->off = false;

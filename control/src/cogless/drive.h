@@ -34,7 +34,8 @@ typedef struct {
     bool foreign;          /* somebody else controls the currents: foc is not used, actuate gives the law's reference */
     bool learn_saturated;  /* learn although the current loop falls short: for a law that learns from whole trials, of
                               which one such period would spoil all; default false */
-    bool unguarded;        /* learning is not watched by the guard; default false */
+    bool unguarded;        /* learning is not watched by the guard; default false. With COGLESS_NO_GUARD, which leaves guard.c
+                              out, it must be true */
     cgl_foc_config foc;
     /* init refuses parts that do not agree */
     cgl_monitor_config monitor; /* with foc.phases; phases 0 as a rule if the current loop is foreign */

@@ -32,7 +32,12 @@ typedef struct {
 /* How gently a law learns: to forget is to learn nothing and to recall nothing. */
 static inline uint32_t cgl_law_gentle(const cgl_law_input *in)
 {
+#ifdef COGLESS_NO_GUARD
+    (void)in;
+    return 0U;
+#else
     return in->forget ? CGL_GUARD_STEPS : in->gentle;
+#endif
 }
 
 /* The share of what is learned that acts, 0 to 1; whatever is no share acts. */

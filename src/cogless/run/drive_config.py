@@ -51,7 +51,13 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
         "initial_angle": experiment.initial_angle if run else 0.0,
         "seed": study_here.seed,
         "energy": study_here.trace.energy,
-        "drive": drive_config(study_here.drive, study.motor.star(), motor, study.mechanics.inertia),
+        "drive": drive_config(
+            study_here.drive,
+            study.motor.star(),
+            motor,
+            study.mechanics.inertia,
+            study.controller[controller].learns,
+        ),
         "controller": _controller(study, study_here, controller, mode),
     }
 
@@ -92,13 +98,16 @@ def _torque_mode(mode: TorqueMode | None) -> dict[str, Any] | None:
     return {"from": mode.time, "until": min(mode.end, 1e300), "current": {"time": time, "value": value}}
 
 
-def drive_config(drive: Drive, motor: StarMotor, driven: StarMotor, inertia: float) -> dict[str, Any]:
+def drive_config(
+    drive: Drive, motor: StarMotor, driven: StarMotor, inertia: float, learns: bool
+) -> dict[str, Any]:
     """The engine's description of a drive.
 
     `motor`: the study's motor, from which parameters that a belief leaves out are taken. `driven`: the motor
-    in this run, with overrides. `inertia`: as the controller assumes it, kg m^2.
+    in this run, with overrides. `inertia`: as the controller assumes it, kg m^2. `learns`: the law learns
+    while it runs, so that it needs a guard.
     """
-    values = control_config(drive, motor, driven)
+    values = control_config(drive, motor, driven, learns)
     config = {
         "current_rate": round(drive.rates.current_loop),
         "integration_steps": drive.rates.integration_steps,
@@ -156,7 +165,7 @@ def _advance(drive: Drive) -> float:
     return 1.5 if drive.inverter is not None and drive.inverter.computation_delay else 0.5
 
 
-def control_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[str, Any]:
+def control_config(drive: Drive, motor: StarMotor, driven: StarMotor, learns: bool) -> dict[str, Any]:
     """Members of the C struct cgl_drive_config. With an ideal current loop, only the limit in `foc` is
     used."""
     loop, belief = drive.current_loop, drive.belief.resolved(motor)
@@ -165,7 +174,7 @@ def control_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[st
         "divider": drive.rates.divider,
         "foreign": drive.ideal,
         "learn_saturated": drive.rates.position_loop is not None,
-        "unguarded": not drive.guard or drive.rates.position_loop is not None,
+        "unguarded": not (drive.guard and learns) or drive.rates.position_loop is not None,
         "foc": {
             **loop.gains(belief),
             "current_limit": loop.current_limit,
