@@ -10,7 +10,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-com
 # modules are byte-compiled when first used; to rewrite a test's asserts again takes each worker 7 s
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help build demo test hash lint control pil proof fuzz mutants docs bench dist clean
+.PHONY: help build demo test hash lint control misra pil proof fuzz mutants docs bench dist clean
 
 help: ## what there is to make
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -65,6 +65,10 @@ control: $(VENV)/tools ## the C library alone, float and double, with sanitizers
 	  cmake --build build/control-double-$$real && \
 	  ctest --test-dir build/control-double-$$real --output-on-failure || exit 1; \
 	done
+
+misra: ## MISRA C:2012 by cppcheck's addon; control/MISRA.md has the deviations
+	cppcheck --quiet --std=c99 --addon=misra --suppressions-list=control/misra.txt --error-exitcode=1 \
+	  -I control/src control/src
 
 pil: $(VENV)/installed ## every law on an emulated Cortex-M4F, against the simulation; its table in the docs
 	$(PIP) --no-build-isolation '.[pil]'

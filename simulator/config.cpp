@@ -277,6 +277,11 @@ DriveConfig read_config(const Value& description, const CallbackLaw& own) {
         result.phases = {single_phase(top, current_rate)};
         result.reference = reference(top.section("reference"));
     }
+    if (top.has("torque_mode")) {
+        const Section mode = top.section("torque_mode");
+        result.torque_mode = {mode.number("from"), mode.number("until"), mode.table("current", "time", "value")};
+        if (result.torque_mode->current.empty()) mode.refuse("current", "expected one or more points");
+    }
     if (top.has("faults")) result.faults = faults(top, current_rate);
     if (!result.ideal_current) read_bridge(drive, result);
     if (drive.has("encoder_table")) result.encoder_table = drive.packed<cgl_encoder_table_config>("encoder_table");

@@ -157,6 +157,9 @@ Drive::Drive(const DriveConfig& config)
     if (config_.trials ? !takes_trials(config_.law) : std::holds_alternative<TrialLaw>(config_.law)) {
         throw std::invalid_argument("controller.law: expected \"trial\" or a law of your own with trials, \"trial\" only with them");
     }
+    if (config_.torque_mode && (std::holds_alternative<CallbackLaw>(config_.law) || std::holds_alternative<PluginLaw>(config_.law))) {
+        throw std::invalid_argument("torque_mode: expected a law of the control library");
+    }
     start_of(config_.law);
     for (const PhaseConfig& p : config_.phases) {
         if (p.motor.phases != motor_phases(config_)) {
@@ -604,7 +607,11 @@ void Drive::sample_reference(DriveState& s, const Phase& phase, std::int64_t ori
         theta_ref = s.reference.theta - turns_ * round_down(s.reference.theta / turns_);
     }
     s.asked = {static_cast<cgl_real>(theta_ref), static_cast<cgl_real>(s.reference.omega),
-               static_cast<cgl_real>(s.reference.alpha), s.asked.i_d_ref, t >= config_.learning_start};
+               static_cast<cgl_real>(s.reference.alpha), s.asked.i_d_ref, t >= config_.learning_start, false, CGL_R(0.0)};
+    if (config_.torque_mode) {
+        s.asked.torque = t >= config_.torque_mode->from && t < config_.torque_mode->until;
+        s.asked.i_q_ref = static_cast<cgl_real>(config_.torque_mode->current.held(t));
+    }
 }
 
 template <std::size_t legs>

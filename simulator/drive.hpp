@@ -31,6 +31,7 @@
 #include "random.hpp"
 #include "recorder.hpp"
 #include "reference.hpp"
+#include "table.hpp"
 #include "trials.hpp"
 
 namespace cogless {
@@ -39,6 +40,12 @@ namespace cogless {
 struct LoadStep {
     std::int64_t tick;
     double torque;  // N m
+};
+
+// Torque mode for a time: a current from outside instead of the speed reference.
+struct TorqueMode {
+    double from, until;  // s
+    Table current;       // A over s
 };
 
 // A phase of trials: the plant from the trial `from` on, and its initial state at each trial's start.
@@ -66,6 +73,7 @@ struct DriveConfig {
     std::optional<cgl_encoder_table_config> encoder_table;  // none: the sensor is believed
     std::optional<cgl_low_pass_config> speed_filter;        // none: the measured speed as it is
     std::optional<BusConfig> bus;                           // none: the law runs in the drive
+    std::optional<TorqueMode> torque_mode;  // not in trials
     std::vector<Fault> faults;  // by the tick since the start
     Law law;
     std::int64_t current_rate;   // Hz

@@ -65,6 +65,22 @@ def pi_config() -> tuple[float, float, float]:
     return kp, ki, limit
 
 
+def torque_mode(n: int) -> tuple[bool, float]:
+    """Whether step n is of torque mode, and the current that is asked for then; once it is too large, or
+    none."""
+    current = math.nan if n == 131 else 40.0 if n == 135 else 0.4 * math.cos(0.3 * n)
+    return n % 45 > 38, single(current)
+
+
+def stood_by(law: Any, i: PositionInput, current: float) -> tuple[float, int]:
+    """Output and status of a step in torque mode."""
+    by_speed = isinstance(law, PiIlc | RobustIlc | PiAfc)
+    out = law.torque(current, i.omega_ref, i.omega_m, i.theta_m) if by_speed else law.torque(i, current)
+    limit = law.pi.limit if hasattr(law, "pi") else law.limit
+    fault = not (math.isfinite(current) and math.isfinite(i.theta_m))
+    return out, (abs(out) >= limit) + 2 * fault + 4
+
+
 def saturated(law: Any) -> bool:
     return law.pi.saturated if hasattr(law, "pi") else law.saturated
 
@@ -129,13 +145,17 @@ def memory(rng: np.random.Generator, m: AngleMemory | DelayLine, speeds: list[fl
 def law(rng: np.random.Generator, law: Any, config: list[float], ts: float, back: bool) -> list:
     """A law of speed or position with a memory, or by orders."""
     rows = []
-    for i in law_inputs(rng, 300, ts, back):
+    for n, i in enumerate(law_inputs(rng, 300, ts, back)):
+        torque, current = torque_mode(n)
+        if torque:
+            rows.append([*i[:5], i.learn, torque, current, *stood_by(law, i, current)])
+            continue
         by_speed = isinstance(law, PiIlc | RobustIlc | PiAfc)
         out = law.step(i.omega_ref, i.omega_m, i.theta_m, i.learn) if by_speed else law.step(i)
         read = [i.omega_ref, i.omega_m, i.theta_m] if by_speed else list(i[:5])
         fault = not all(map(math.isfinite, read if not isinstance(law, SpaceSpeed) else i[1:5]))
         status = saturated(law) + 2 * fault + 4 * (not law.learning)
-        rows.append([*i[:5], i.learn, out, status])
+        rows.append([*i[:5], i.learn, torque, current, out, status])
     learned = [*law.a, *law.b] if isinstance(law, PiAfc) else []
     held = getattr(law, "memory", None)
     if isinstance(held, AngleMemory):
@@ -161,7 +181,9 @@ def anti_cogging(rng: np.random.Generator) -> list:
     for n, (theta, omega) in enumerate(way(rng, 200, ts, [30.0, -40.0])):
         omega_ref, omega, theta = single([omega + 0.2 * math.sin(0.1 * n), omega, theta - 4.0])
         theta = math.nan if n == 120 else theta
-        rows.append([omega_ref, omega, theta, law.step(omega_ref, omega, theta, 0.0)])
+        torque, current = torque_mode(n)
+        out = law.torque(current, omega, theta) if torque else law.step(omega_ref, omega, theta, 0.0)
+        rows.append([omega_ref, omega, theta, torque, current, out])
     return case([kp, ki, limit, 16, 1.0, 1, 5.0, lead, ts, *law.table], rows)
 
 

@@ -70,6 +70,8 @@ static cgl_reference feed_reference(feed *from)
     reference.alpha_ref = any ? feed_real(from, CGL_R(1000.0)) : CGL_R(0.0);
     reference.i_d_ref = any ? feed_real(from, CGL_R(5.0)) : CGL_R(0.0);
     reference.learn = !any || feed_bool(from);
+    reference.torque = any && feed_below(from, 4U) == 0U;
+    reference.i_q_ref = reference.torque ? feed_real(from, CGL_R(5.0)) : CGL_R(0.0);
     return reference;
 }
 
@@ -87,7 +89,10 @@ static void step_law(const cgl_law_input *in, cgl_law_output *out)
         HOLDS(within(out->i_q_ref, CGL_R(0.0)));
     }
     const bool frozen = (out->status & (unsigned)CGL_STATUS_FROZEN) != 0U || !in->learn;
-    if (in->off || (frozen && !in->forget)) {
+    if (in->torque) {
+        HOLDS((out->status & (unsigned)CGL_STATUS_FROZEN) != 0U);
+    }
+    if (in->off || in->torque || (frozen && !in->forget)) {
         HOLDS(memcmp(before, law_learned(&length), length * sizeof before[0]) == 0);
     }
 }
@@ -137,7 +142,8 @@ static void run(feed *from, const cgl_drive_config *config, cgl_drive *drive)
                                 feed_real(from, CGL_R(100.0)), feed_real(from, CGL_R(5.0)),
                                 feed_bool(from),               feed_below(from, 8U) == 0U,
                                 feed_below(from, 8U) == 0U,    feed_real(from, CGL_R(1.0)),
-                                feed_below(from, 8U)};
+                                feed_below(from, 8U),          feed_below(from, 8U) == 0U,
+                                feed_real(from, CGL_R(5.0))};
             cgl_law_output out;
             step_law(&in, &out);
         } else {

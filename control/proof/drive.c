@@ -24,7 +24,7 @@ int main(void)
     }
     while (any_bool()) {
         const cgl_measurement now = {{any_real(), any_real(), any_real()}, any_real(), any_real(), any_real()};
-        const cgl_reference reference = {any_real(), any_real(), any_real(), any_real(), any_bool()};
+        const cgl_reference reference = {any_real(), any_real(), any_real(), any_real(), any_bool(), any_bool(), any_real()};
         cgl_drive_output out;
         if (any_bool()) {
             cgl_drive_reset(&drive);

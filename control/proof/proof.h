@@ -57,7 +57,7 @@ static inline cgl_law_input any_input(void)
     const cgl_real any = any_real();
     const cgl_real muted = any == any && any >= CGL_R(0.0) && any <= CGL_R(1.0) ? any : CGL_R(0.0); /* the guard's, or the caller's word */
     const cgl_law_input in = {any_real(), any_real(), any_real(), any_real(),
-                              any_real(), any_real(), any_bool(), any_bool(), any_bool(), muted, any_bits()};
+                              any_real(), any_real(), any_bool(), any_bool(), any_bool(), muted, any_bits(), any_bool(), any_real()};
     return in;
 }
 

@@ -205,6 +205,8 @@ static void memory(void)
             in.theta_m = real();                                                                                       \
             in.omega_m = real();                                                                                       \
             in.learn = flag();                                                                                         \
+            in.torque = flag();                                                                                        \
+            in.i_q_ref = real();                                                                                       \
             step(&(law), &in, &out);                                                                                   \
             expect(out.i_q_ref);                                                                                       \
             expect_same(out.status);                                                                                   \
@@ -319,6 +321,8 @@ static void anti_cogging(void)
         in.omega_ref = real();
         in.omega_m = real();
         in.theta_m = real();
+        in.torque = flag();
+        in.i_q_ref = real();
         cgl_anti_cogging_step(&law, &in, &out);
         expect(out.i_q_ref);
     }

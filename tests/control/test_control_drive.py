@@ -34,17 +34,19 @@ class Controller:
         self.law, self.theta, self.omega, self.busy = law, 0.5, 50.0, 0
         self.inputs: list[dict[str, float]] = []
 
-    def tick(self, learn=True, omega_ref=50.0, i_d_ref=0.0, **measured):
+    def tick(self, learn=True, omega_ref=50.0, i_d_ref=0.0, torque=False, i_q_ref=0.0, **measured):
         self.theta = (self.theta + self.omega * TS) % (2 * math.pi)
         now = {"i_abc": [0.2, -0.1, -0.1], "theta_m": self.theta, "omega_m": self.omega, "u_dc": 24.0}
         now |= measured
         reference = self.library.new(
-            "cgl_reference", theta_ref=0.3, omega_ref=omega_ref, alpha_ref=7.0, i_d_ref=i_d_ref, learn=learn
-        )
+            "cgl_reference", theta_ref=0.3, omega_ref=omega_ref, alpha_ref=7.0, i_d_ref=i_d_ref, learn=learn,
+            torque=torque, i_q_ref=i_q_ref,
+        )  # fmt: skip
         measurement = self.library.new("cgl_measurement", **now)
         if self.lib.cgl_drive_measure(self.drive, measurement, reference):
             law_input = getattr(self.drive, "in")
             names = ("theta_ref", "omega_ref", "alpha_ref", "theta_m", "omega_m", "i_q", "learn", "off")
+            names += ("torque", "i_q_ref")
             self.inputs.append({name: getattr(law_input, name) for name in names})
             self.drive.command.i_q_ref = 0.0 if law_input.off else self.law
             self.drive.command.status = self.busy
@@ -82,6 +84,29 @@ def test_the_law_gets_the_reference_and_what_was_measured(precision):
     assert now["i_q"] == pytest.approx(controller.drive.i_q, abs=0.1)
     assert now["i_q"] != 0
     assert (now["learn"], now["off"]) == (True, False)
+
+
+def states(controller) -> list[bytes]:
+    ffi, drive = controller.library.ffi, controller.drive
+    return [bytes(ffi.buffer(ffi.addressof(drive, part))) for part in ("quality", "guard")]
+
+
+@PRECISIONS
+def test_in_torque_mode_references_follow_the_rotor_and_nothing_is_judged(precision):
+    """A speed of 50 rad/s is no error beside a reference of -300, and a rotor held still is not stuck."""
+    controller = Controller(precision, foc=NO_INTEGRAL)
+    controller.ticks(3000)
+    before = states(controller)
+    controller.ticks(20, torque=True, i_q_ref=0.4, omega_ref=-300.0)
+    now = controller.inputs[-1]
+    assert (now["theta_ref"], now["omega_ref"], now["alpha_ref"]) == (now["theta_m"], now["omega_m"], 0)
+    assert (now["torque"], now["learn"], now["i_q_ref"]) == (True, False, pytest.approx(0.4))
+    controller.omega = 0.0
+    controller.ticks(5000, torque=True, i_q_ref=0.4, omega_ref=-300.0)
+    assert controller.out.status == 0
+    assert states(controller) == before
+    controller.ticks(5000, omega_ref=-300.0)
+    assert controller.has("ANGLE_STUCK")
 
 
 @PRECISIONS

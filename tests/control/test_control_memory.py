@@ -460,9 +460,9 @@ def test_learning_waits_a_cell_a_step_after_a_jump_and_a_reversal(width, directi
 
     goes(direction, 0.0)  # forward first, whatever it does
     assert goes(direction, 0.13 * direction) == 0
-    assert goes(direction, 2.0 * direction) == width  # a jump
+    assert goes(direction, 2.0 * direction) == max(width, 1)  # a jump of more than a quarter
     assert goes(-direction, -0.2 * direction) == width  # back by two cells
-    assert goes(-direction, -2.9 * direction) == width
+    assert goes(-direction, -2.9 * direction) == max(width, 1)
     assert goes(direction, 0.05 * direction) == width  # stands at first, and learns
 
 
@@ -650,21 +650,44 @@ def test_reset_forgets_and_retune_does_not():
     assert memory.step(1.0, learn=False) == ([0.0], False)
 
 
-def test_the_fastest_speed_leaves_the_lead_a_quarter_of_the_period():
-    """Below it a map with that lead learns; above, the lead has no place."""
+@pytest.mark.parametrize("lead", [0, 1, 5])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_above_its_fastest_speed_a_map_stays_and_acts(lead, direction):
+    """There a sample, and the lead, are a quarter of the period. Forgetting would have cleared it."""
     library = control_library("double")
-    reference = AngleMemory(cells=64, parts=2, ratio=3, lead=5, limit=[1.0])
-    fastest = library.lib.cgl_memory_fastest(CMemory(library, reference).state)
-    assert fastest == pytest.approx(2 * math.pi / 6 / (4 * 5 * TS))
-    for share, learns in ((0.99, True), (1.02, False)):
-        memory = CMemory(library, reference)
-        for n in range(100):
-            memory.step(n * share * fastest * TS % (2 * math.pi), 0.0, True, [0.1])
-        assert memory.map().any() == learns
-    line = DelayLine(kind="time", ts=TS, cells=100, q_half_width=40, limit=[1.0])
+    reference = AngleMemory(cells=64, parts=2, ratio=3, lead=lead, forgetting=0.5, limit=[1.0])
+    memory = CMemory(library, reference)
+    fastest = library.lib.cgl_memory_fastest(memory.state)
+    assert fastest == pytest.approx(2 * math.pi / 6 / (4 * max(1, lead) * TS))
+    taught = np.cos(np.arange(64))
+    memory.map()[:] = taught
+    theta, seen = 1.0, []
+    for n in range(300):
+        theta += direction * 1.01 * fastest * TS
+        values, learned = memory.step(theta % (2 * math.pi), 0.0, True, [0.1])
+        assert not learned or n <= 1  # until it is on its way
+        seen += values
+    assert np.array_equal(memory.map(), taught)
+    assert np.ptp(seen) > 1.5
+    for _ in range(300):
+        theta += direction * 0.99 * fastest * TS
+        _, learned = memory.step(theta % (2 * math.pi), 0.0, True, [0.0])
+    assert learned and abs(memory.map()).max() < 1e-3
+
+
+@pytest.mark.parametrize("kind", LINES)
+@pytest.mark.parametrize("lead, width, samples", [(0, 0, 4), (5, 0, 20), (0, 40, 41), (3, 40, 41)])
+def test_above_its_fastest_speed_a_line_learns_nothing(kind, lead, width, samples):
+    library = control_library("double")
+    line = DelayLine(kind=kind, ts=TS, cells=100, q_half_width=width, lead=lead, limit=[1.0])
     fastest = library.lib.cgl_memory_fastest(CMemory(library, line).state)
-    assert CMemory(library, line).step(0.0, 0.999 * fastest)[1]
-    assert not CMemory(library, line).step(0.0, 1.001 * fastest)[1]
+    assert fastest == pytest.approx(2 * math.pi / (samples * TS))
+    for share, learns in ((0.98, True), (1.03, False)):
+        memory, theta = CMemory(library, line), 0.0
+        for _ in range(400):
+            theta += share * fastest * TS
+            _, learned = memory.step(theta % (2 * math.pi), share * fastest, True, [0.1])
+        assert learned == learns
 
 
 # ---- interpolation and filter

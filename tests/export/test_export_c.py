@@ -83,18 +83,17 @@ def library_part(source: Path, *flags: str) -> Path:
     return made
 
 
-def is_double(exported: Path) -> list[str]:
-    """The flag of an export in double precision."""
-    header = next(exported.glob("*_controller.h")).read_text()
-    return ["-DCOGLESS_DOUBLE"] if "define COGLESS_DOUBLE for" in header else []
+def macros(exported: Path) -> list[str]:
+    """The macros with which an export's README compiles every file."""
+    return re.findall(r"`(-D\w+)`", (exported / "README.md").read_text().split("never with")[0])
 
 
 def compiled(exported: Path, *flags: str) -> Path:
     """The self-test of an export."""
-    program, double = exported.parent / "self_test", is_double(exported)
-    library = [library_part(source, *double) for source in (exported / "cogless").glob("*.c")]
+    program, defined = exported.parent / "self_test", macros(exported)
+    library = [library_part(source, *defined) for source in (exported / "cogless").glob("*.c")]
     own = [exported / "self_test.c", *exported.glob("*_controller.c")]
-    subprocess.run(["cc", *FLAGS, *flags, *double, "-o", program, *own, *library], check=True)
+    subprocess.run(["cc", *FLAGS, *flags, *defined, "-o", program, *own, *library], check=True)
     return program
 
 
@@ -109,7 +108,7 @@ def once(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 def test_the_self_test_repeats_the_simulation(once: tuple[Subject, Path], tmp_path: Path) -> None:
     subject, exported = once
     name, periods = subject.name, min(2000, max(400, 80 * subject.divider))
-    strict = ["cc", *FLAGS, *STRICT, *is_double(exported)]
+    strict = ["cc", *FLAGS, *STRICT, *macros(exported)]
     run = subprocess.run([compiled(exported, *STRICT)], capture_output=True, text=True, check=False)
     assert run.returncode == 0
     assert re.fullmatch(rf"{name}: {periods} periods and \d+ stretches, all bits equal\n", run.stdout)
@@ -157,9 +156,19 @@ def test_the_self_test_finds_every_limit_and_fault(
     export_c(load(study, changes), controller, exported)
     source = next(exported.glob("*_controller.c"))
     text = source.read_text()
-    subprocess.run(["cc", *FLAGS, "-c", exported / "self_test.c"], cwd=tmp_path, check=True)
-    library = [library_part(part) for part in (exported / "cogless").glob("*.c")]
-    program = ["cc", *FLAGS, "-o", tmp_path / "self_test", source, tmp_path / "self_test.o", *library]
+    defined = macros(exported)
+    subprocess.run(["cc", *FLAGS, *defined, "-c", exported / "self_test.c"], cwd=tmp_path, check=True)
+    library = [library_part(part, *defined) for part in (exported / "cogless").glob("*.c")]
+    program = [
+        "cc",
+        *FLAGS,
+        *defined,
+        "-o",
+        tmp_path / "self_test",
+        source,
+        tmp_path / "self_test.o",
+        *library,
+    ]
     for name in ("limit", "hold", "bridge", "outlier", *more):
         for factor in (0.8, 1.25):
             if name in ("current_limit", "limit") and factor > 1:
@@ -288,10 +297,10 @@ def test_the_readme_saves_and_loads_what_was_learned(once: tuple[Subject, Path],
     program, name = tmp_path / "maps", subject.name
     text = f'#include "{name}_controller.h"\nstatic {name}_controller controller;\n{code[1]}'
     (tmp_path / "maps.c").write_text(text + FLASH.replace("NAME", name))
-    double = is_double(exported)
-    library = [library_part(source, *double) for source in (exported / "cogless").glob("*.c")]
+    defined = macros(exported)
+    library = [library_part(source, *defined) for source in (exported / "cogless").glob("*.c")]
     own = [tmp_path / "maps.c", *exported.glob("*_controller.c")]
-    command = ["cc", *FLAGS, *STRICT, *double, "-I", exported, "-o", program, *own, *library]
+    command = ["cc", *FLAGS, *STRICT, *defined, "-I", exported, "-o", program, *own, *library]
     subprocess.run(command, check=True)
     run = subprocess.run([program], capture_output=True, text=True, check=False)
     assert (run.returncode, run.stdout) == (0, "0 1 0.03125\n")
@@ -334,7 +343,10 @@ def test_it_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.Ca
 def test_an_export_of_what_settles_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     options = ("--controller", "pi-ilc", "--to", "c", "-o", tmp_path / "out")
     assert cogless(capsys, "export", "uomodri", *options)[2] == ""
-    assert "| what `cogless design` says of it | settles |" in (tmp_path / "out" / "README.md").read_text()
+    assert (
+        "| what `cogless design` says of it | settles; learns up to 25000 rpm |"
+        in (tmp_path / "out" / "README.md").read_text()
+    )
 
 
 def test_the_command_that_made_it_makes_it_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -116,3 +116,7 @@ class AntiCogging:
         usable = math.isfinite(omega_m) and is_angle(theta_m)
         ahead = theta_m + self.lead * omega_m
         return self.pi.step(omega_ref - omega_m, self.looked_up(ahead) if usable else 0.0)
+
+    def torque(self, current: float, omega_m: float, theta_m: float) -> float:
+        usable = math.isfinite(omega_m) and is_angle(theta_m)
+        return self.pi.torque(current, self.looked_up(theta_m + self.lead * omega_m) if usable else 0.0)

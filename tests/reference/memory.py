@@ -49,6 +49,11 @@ class Memory:
     def repeat(self) -> tuple[list[float], bool]:
         return list(self.value), False
 
+    @property
+    def fewest(self) -> int:
+        """Samples in a period in which it learns, at least."""
+        return 4 * max(1, self.lead)
+
     def clipped(self, values: list[float]) -> list[float]:
         return [clip(0.0 if math.isnan(v) else v, k) for v, k in zip(values, self.limit, strict=True)]
 
@@ -85,7 +90,7 @@ class AngleMemory(Memory):
         return self.behind[n] if n <= self.at else self.cell(n)
 
     def follow(self, place: int) -> int:
-        """How far the rotor moved [2^-32 periods]; 0 where it stands, or starts anew."""
+        """How far the rotor moved [2^-32 periods]; 0 where it stands, or starts anew, but after a leap."""
         x = self.counted(place)
         moved = (x - self.x) % WHOLE
         count = (x * self.cells // WHOLE - self.at) % self.cells
@@ -97,8 +102,9 @@ class AngleMemory(Memory):
             self.x, self.at, self.passed = x, self.at + count, count
         else:  # a new way begins: what was passed is the map
             self.back ^= self.started and moved >= WHOLE - QUARTER - WHOLE // self.cells
+            leaps = self.started and QUARTER < moved < WHOLE - QUARTER - WHOLE // self.cells
             self.x, self.passed = self.counted(place), count if moved <= QUARTER else 0
-            self.at, moved = self.x * self.cells // WHOLE, 0
+            self.at, moved = self.x * self.cells // WHOLE, WHOLE if leaps else 0
             reach = range(self.at - self.q_half_width, self.at + 1)
             self.behind = {n: list(self.cell(n)) for n in reach}
             self.half, self.started, self.follows, self.corrected = 0, True, False, None
@@ -112,9 +118,6 @@ class AngleMemory(Memory):
 
     def correct(self, moved: int, correction: list[float]) -> None:
         """Adds to the cells that the rotor passed `lead` samples ago, had it always moved as it does now."""
-        if moved * self.lead > QUARTER:
-            self.corrected = None
-            return
         x = (self.x - moved * self.lead) % WHOLE
         if self.corrected is not None:
             start, before = self.corrected
@@ -140,7 +143,7 @@ class AngleMemory(Memory):
         moved = self.follow(self.place(theta))
         part = self.x * self.cells % WHOLE / WHOLE
         m = self.q_half_width
-        if not (learn and self.half == m):
+        if not (learn and self.half == m and moved <= WHOLE // self.fewest):
             self.half = min(self.half + 1, m)
             self.follows, self.corrected = False, None
             here, there = self.cell(self.at), self.cell(self.at + 1)
@@ -180,6 +183,10 @@ class DelayLine(Memory):
     then: int = 0  # the sample just after the place of one period ago
     tracking: bool = False
     now: tuple[int, float] = (0, 0.0)
+
+    @property
+    def fewest(self) -> int:
+        return max(super().fewest, self.q_half_width + 1)
 
     @property
     def length(self) -> int:
@@ -229,7 +236,7 @@ class DelayLine(Memory):
         """Whether the period has changed its place in the line; finds it then."""
         if self.kind == "time":
             a_sample = abs(speed) * self.ts * self.ratio * self.parts / (2 * math.pi * self.turns)
-            within = a_sample > 0 and a_sample * self.cells >= 1 and a_sample * (self.q_half_width + 1) <= 1
+            within = a_sample > 0 and a_sample * self.cells >= 1 and a_sample * self.fewest <= 1
             self.p_t = self.ts / a_sample if within else 0.0
             return within
         rest = self.place(theta) / WHOLE
@@ -257,7 +264,9 @@ class DelayLine(Memory):
         by_time = self.kind == "time"
         age, m = math.floor(self.p_t / self.ts), self.q_half_width
         reads = by_time or (self.tracking and age > m and age + m < self.length)
-        learn = learn and (reads or (len(self.rows) < self.length and not self.tracking))
+        learn = learn and (
+            (reads and age >= self.fewest) or (len(self.rows) < self.length and not self.tracking)
+        )
         values = [0.0] * len(self.limit)
         if reads:
             part = self.p_t / self.ts - age

@@ -14,6 +14,12 @@ class Pi:
     integral: float = 0.0
     saturated: bool = False
 
+    def torque(self, current: float, feedforward: float = 0.0) -> float:
+        """Somebody else's current, which the integral is to take over from."""
+        current = finite_or_zero(current)
+        self.integral, self.saturated = clip(current, self.limit), False
+        return clip(current + feedforward, self.limit)
+
     def step(self, error: float, feedforward: float = 0.0) -> float:
         e, ff = finite_or_zero(error), finite_or_zero(feedforward)
         integrated = clip(self.integral + self.ki * self.ts * e, self.limit)

@@ -40,6 +40,15 @@ class PiAfc:
             b = self.b + self.gain * ts * e * np.sin(self.orders * before)
             self.a = np.where(sampled, np.clip(a, -self.limit, self.limit), self.a)
             self.b = np.where(sampled, np.clip(b, -self.limit, self.limit), self.b)
-        terms = self.a * np.cos(self.orders * theta_m) + self.b * np.sin(self.orders * theta_m)
-        self.learned = clip(float(np.sum(terms[sampled])), self.limit)
+        self.learned = self.recalled(theta_m, sampled)
         return self.pi.step(e, self.learned)
+
+    def recalled(self, theta_m: float, sampled: np.ndarray) -> float:
+        terms = self.a * np.cos(self.orders * theta_m) + self.b * np.sin(self.orders * theta_m)
+        return clip(float(np.sum(terms[sampled])), self.limit)
+
+    def torque(self, current: float, omega_ref: float, omega_m: float, theta_m: float) -> float:
+        sampled = ~(self.orders * abs(omega_ref) * self.pi.ts >= math.pi)
+        self.learning = False
+        self.learned = self.recalled(theta_m, sampled) if is_angle(theta_m) else 0.0
+        return self.pi.torque(current, self.learned)

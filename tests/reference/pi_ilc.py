@@ -21,3 +21,8 @@ class PiIlc:
         (u,), self.learning = self.memory.step(theta_m, omega_ref, may, [self.gain * e])  # (29)
         self.learned = clip(u, self.memory.limit[0])
         return self.pi.step(e, self.learned)
+
+    def torque(self, current: float, omega_ref: float, omega_m: float, theta_m: float) -> float:
+        (u,), self.learning = self.memory.step(theta_m, omega_ref, False, [0.0])
+        self.learned = clip(u, self.memory.limit[0])
+        return self.pi.torque(current, self.learned)

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 
-from .limits import clip, sgn
+from .limits import clip, finite_or_zero, sgn
 from .memory import AngleMemory, DelayLine
 
 
@@ -62,3 +62,14 @@ class RobustIlc:
         if finite and learn and (not self.saturated or S * u < 0):
             self.r = clip(self.r + self.ts * self.gamma * S, self.b * self.limit)  # (20)
         return u
+
+    def torque(self, current: float, omega_ref: float, omega_m: float, theta_m: float) -> float:
+        """r will take over from the current, less the friction that is known."""
+        current = finite_or_zero(current)
+        omega = omega_m if math.isfinite(omega_ref - omega_m) else 0.0
+        (f,), self.learning = self.memory.step(theta_m, omega_ref, False, [0.0])
+        B = self.viscous * omega + self.coulomb * sgn(omega)
+        r = self.b * clip(current, self.limit) - B
+        self.r = clip(r, self.b * self.limit) if self.gamma > 0 else 0.0
+        self.integral_e, self.omega_ref_before, self.saturated = 0.0, None, False
+        return clip(current - clip(f, self.memory.limit[0]) / self.b, self.limit)

@@ -87,6 +87,22 @@ class SpacePosition:
         self.terms |= dict(zip(("alpha", "beta", "h"), [*i_hat, 0.0, 0.0], strict=False))
         return clip(sum(self.terms.values()), self.limit)
 
+    def torque(self, i: PositionInput, current: float) -> float:
+        """The integral will take over from the current, where it has a share."""
+        n, current = self.ratio, finite_or_zero(current)
+        plausible = all(map(math.isfinite, i[:5])) and is_angle(i.theta_ref) and is_angle(i.theta_m)
+        moving = plausible and abs(i.omega_ref) >= self.omega_min
+        theta = i.theta_m if self.index == "rotor" else i.theta_ref
+        values, self.learning = self.memory.step(
+            theta, i.omega_ref if moving else 0.0, False, [0.0] * len(self.memory.limit)
+        )
+        f = [1.0, n * i.omega_ref, n * i.alpha_ref] if plausible else [1.0, 0.0, 0.0]
+        ramp = 1.0 if self.learned * self.ts >= self.ramp else self.learned * self.ts / self.ramp
+        share_i = 1 - ramp * (self.learned > 0) if self.hand_over else 1.0
+        start = clip(-clip(current, self.limit) / share_i, self.limit) if share_i > 0 else 0.0
+        self.integral, self.saturated = start, False
+        return clip(current + sum(v * f_i for v, f_i in zip(values, f, strict=False)), self.limit)
+
 
 @dataclass
 class SpaceSpeed:
@@ -122,3 +138,13 @@ class SpaceSpeed:
         self.terms = {"proportional": -self.k * eta}
         self.terms |= dict(zip(("alpha", "beta", "h"), [*(-delta * f).tolist(), 0.0, 0.0], strict=False))
         return clip(finite_or_zero(wanted), self.limit)
+
+    def torque(self, i: PositionInput, current: float) -> float:
+        known = (i.omega_ref, i.alpha_ref, i.omega_m)
+        plausible = all(map(math.isfinite, known)) and is_angle(i.theta_m)
+        f = [1.0, i.omega_m, i.alpha_ref] if plausible else [1.0, 0.0, 0.0]
+        speed = f[1] if abs(f[1]) >= self.omega_min else 0.0
+        values, self.learning = self.memory.step(i.theta_m, speed, False, [0.0] * len(self.memory.limit))
+        self.saturated = False
+        wanted = finite_or_zero(current) + sum(v * f_i for v, f_i in zip(values, f, strict=False))
+        return clip(wanted, self.limit)

@@ -181,14 +181,22 @@ static cgl_real look_up(const cgl_anti_cogging *law, cgl_real theta_m)
     return cgl_clamp(here + (x - (cgl_real)n) * (next - here), config->pi.limit);
 }
 
-CGL_SELDOM static void switch_off(cgl_anti_cogging *law, cgl_law_output *out)
+/* What the table gives at a plausible angle. */
+static void look(cgl_anti_cogging *law, const cgl_law_input *in)
 {
+    law->looked_up = cgl_law_share(in) * look_up(law, in->theta_m + law->config.lead * in->omega_m);
+}
+
+/* Off, or in torque mode: a calibration begins anew after it. */
+CGL_SELDOM static void stand_by(cgl_anti_cogging *law, const cgl_law_input *in, cgl_law_output *out)
+{
+    law->looked_up = CGL_R(0.0);
     if (law->stage != CGL_ANTI_COGGING_RUN && law->started) {
         cgl_anti_cogging_calibrate(law);
+    } else if (!in->off && cgl_is_finite(in->omega_m) && cgl_is_angle(in->theta_m)) {
+        look(law, in);
     }
-    cgl_pi_reset(&law->pi);
-    law->looked_up = CGL_R(0.0);
-    cgl_law_off(out);
+    cgl_pi_start(&law->pi, cgl_law_stand_by(in, law->looked_up, law->config.pi.limit, out));
     out->status |= law->stage != CGL_ANTI_COGGING_RUN ? (unsigned)CGL_STATUS_BUSY : 0U;
 }
 
@@ -196,8 +204,8 @@ void cgl_anti_cogging_step(cgl_anti_cogging *law, const cgl_law_input *in,
                            cgl_law_output *out)
 {
     const cgl_anti_cogging_config *const config = &law->config;
-    if (in->off) {
-        switch_off(law, out);
+    if (cgl_law_stands_by(in)) {
+        stand_by(law, in, out);
         return;
     }
     const bool recording = law->stage != CGL_ANTI_COGGING_RUN;
@@ -224,7 +232,7 @@ void cgl_anti_cogging_step(cgl_anti_cogging *law, const cgl_law_input *in,
     } else if (recording) {
         error = CGL_R(0.0);
     } else if (plausible) {
-        law->looked_up = cgl_law_share(in) * look_up(law, in->theta_m + config->lead * in->omega_m);
+        look(law, in);
     }
 
     out->i_q_ref = cgl_pi_step(&law->pi, error, law->looked_up);

@@ -55,7 +55,7 @@ CGL_SELDOM static bool find_time(cgl_memory *memory, cgl_real speed)
     const cgl_real per_rad = (cgl_real)memory->periods / ((cgl_real)config->turns * CGL_TWO_PI);
     const cgl_real periods = cgl_abs(speed) * memory->ts * per_rad; /* in a sample */
     if (!(periods > CGL_R(0.0) && periods * (cgl_real)config->cells >= CGL_R(1.0)
-          && periods * (cgl_real)(config->q_half_width + 1U) <= CGL_R(1.0))) {
+          && periods * (cgl_real)memory->fewest <= CGL_R(1.0))) {
         return false;
     }
     const cgl_real period = CGL_R(1.0) / periods;
@@ -208,7 +208,7 @@ CGL_SELDOM bool cgl_delay_step(cgl_memory *memory, uint32_t place, cgl_real spee
     const bool found = by_time || line->tracking;
     const bool fits = age > config->q_half_width && age + config->q_half_width < length;
     const bool reads = found && fits; /* what nothing is known of yet is 0 */
-    learn = learn && (reads || (line->known < length && !line->tracking));
+    learn = learn && ((reads && age >= memory->fewest) || (line->known < length && !line->tracking));
     const uint32_t next = line->known > 0U ? newer(memory, line->newest) : 0U;
     const uint32_t back = next + length - (config->lead <= line->known ? config->lead : 0U);
     const uint32_t lagging = back < length ? back : back - length;

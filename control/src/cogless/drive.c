@@ -8,6 +8,9 @@ CGL_SELDOM static bool is_valid(const cgl_drive_config *config)
 {
     const uint32_t phases = config->foc.phases == 0U ? 3U : config->foc.phases;
     return config->pole_pairs >= 1U && config->pole_pairs <= POLE_PAIRS_MAX && config->divider >= 1U
+#ifdef COGLESS_NO_GUARD
+           && config->unguarded
+#endif
            && config->divider <= DIVIDER_MAX && (config->foreign || config->monitor.phases == phases);
 }
 
@@ -24,9 +27,11 @@ cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_r
     if (error == CGL_OK) {
         error = cgl_quality_init(&drive->quality, &config->quality, law_period);
     }
+#ifndef COGLESS_NO_GUARD
     if (error == CGL_OK) {
         error = cgl_guard_init(&drive->guard, law_period);
     }
+#endif
     if (error == CGL_OK) {
         drive->pole_pairs = (cgl_real)config->pole_pairs;
         drive->divider = config->divider;
@@ -66,7 +71,7 @@ cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config)
 CGL_SELDOM void cgl_drive_reset(cgl_drive *drive)
 {
     static const cgl_law_input no_input = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0),
-                                           false,      false, false, CGL_R(0.0), 0U};
+                                           false,      false, false, CGL_R(0.0), 0U, false, CGL_R(0.0)};
     static const cgl_foc_input no_currents = {{CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)}, CGL_R(0.0), CGL_R(0.0), CGL_R(0.0),
                                               CGL_R(0.0), CGL_R(0.0)};
     drive->in = no_input;
@@ -74,7 +79,9 @@ CGL_SELDOM void cgl_drive_reset(cgl_drive *drive)
     drive->command.status = 0U;
     cgl_monitor_reset(&drive->monitor);
     cgl_quality_reset(&drive->quality);
+#ifndef COGLESS_NO_GUARD
     cgl_guard_reset(&drive->guard);
+#endif
     cgl_foc_reset(&drive->foc);
     drive->currents = no_currents;
     drive->i_q = CGL_R(0.0);
@@ -89,11 +96,12 @@ static bool is_busy(const cgl_drive *drive)
     return (drive->command.status & (unsigned)CGL_STATUS_BUSY) != 0U;
 }
 
+#ifndef COGLESS_NO_GUARD
 /* What the guard says of learning, and of what was learned. */
 static bool is_allowed(cgl_drive *drive, cgl_real error, bool learn, bool wanted)
 {
     cgl_guard *const guard = &drive->guard;
-    if (drive->unguarded || is_busy(drive)) {
+    if (drive->unguarded || is_busy(drive) || drive->in.torque) {
         return learn;
     }
     const bool learned = drive->in.learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
@@ -109,25 +117,33 @@ static bool is_allowed(cgl_drive *drive, cgl_real error, bool learn, bool wanted
     drive->held = cgl_guard_acts(guard) ? (unsigned)CGL_STATUS_GUARDED : 0U;
     return learn && guard->learn;
 }
+#endif
 
 /* The law's input; the law has seen what was saturated or safe. */
 static void prepare_law(cgl_drive *drive, const cgl_reference *reference)
 {
     const cgl_monitor *monitor = &drive->monitor;
     const cgl_real error = reference->omega_ref - monitor->omega_m;
-    const bool learn = reference->learn && monitor->trusted && !drive->off
+    const bool torque = reference->torque;
+    const bool learn = reference->learn && !torque && monitor->trusted && !drive->off
                        && (!drive->saturated || drive->learn_saturated);
     const bool taught = learn && drive->in.learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
     const bool outlier =
-        !is_busy(drive) && cgl_quality_step(&drive->quality, error, monitor->omega_m, taught);
+        !is_busy(drive) && !torque && cgl_quality_step(&drive->quality, error, monitor->omega_m, taught);
     drive->currents.i_d_ref = cgl_is_finite(reference->i_d_ref) ? reference->i_d_ref : CGL_R(0.0);
-    drive->in.theta_ref = reference->theta_ref;
-    drive->in.omega_ref = reference->omega_ref;
-    drive->in.alpha_ref = reference->alpha_ref;
+    drive->in.torque = torque;
+    drive->in.i_q_ref = reference->i_q_ref;
+    drive->in.theta_ref = torque ? monitor->theta_m : reference->theta_ref;
+    drive->in.omega_ref = torque ? monitor->omega_m : reference->omega_ref;
+    drive->in.alpha_ref = torque ? CGL_R(0.0) : reference->alpha_ref;
     drive->in.theta_m = monitor->theta_m;
     drive->in.omega_m = monitor->omega_m;
     drive->in.i_q = drive->i_q;
+#ifdef COGLESS_NO_GUARD
+    drive->in.learn = learn && !outlier;
+#else
     drive->in.learn = is_allowed(drive, error, learn && !outlier, reference->learn);
+#endif
     drive->in.off = drive->off;
     drive->status |= outlier ? (unsigned)CGL_STATUS_OUTLIER : 0U;
     drive->saturated = drive->off = false;
@@ -138,7 +154,7 @@ bool cgl_drive_measure(cgl_drive *drive, const cgl_measurement *now,
                        const cgl_reference *reference)
 {
     cgl_monitor *monitor = &drive->monitor;
-    cgl_monitor_step(monitor, now, is_busy(drive) ? CGL_R(0.0) : reference->omega_ref);
+    cgl_monitor_step(monitor, now, is_busy(drive) || reference->torque ? CGL_R(0.0) : reference->omega_ref);
     drive->status = monitor->status;
     drive->off = drive->off || monitor->safe;
     if (!drive->foreign) {

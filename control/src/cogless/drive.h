@@ -34,7 +34,8 @@ typedef struct {
     bool foreign;          /* somebody else controls the currents: foc is not used, actuate gives the law's reference */
     bool learn_saturated;  /* learn although the current loop falls short: for a law that learns from whole trials, of
                               which one such period would spoil all; default false */
-    bool unguarded;        /* learning is not watched by the guard; default false */
+    bool unguarded;        /* learning is not watched by the guard; default false. With COGLESS_NO_GUARD, which leaves guard.c
+                              out, it must be true */
     cgl_foc_config foc;
     /* init refuses parts that do not agree */
     cgl_monitor_config monitor; /* with foc.phases; phases 0 as a rule if the current loop is foreign */
@@ -48,6 +49,9 @@ typedef struct {
     cgl_real i_d_ref;   /* d-axis current reference [A], usually 0; it leaves the law sqrt(foc.current_limit^2 - i_d_ref^2), so
                            give the law no higher limit. Taken, as all of these but omega_ref, where the law is due */
     bool learn;         /* false freezes what is learned */
+    bool torque;        /* torque mode: i_q_ref acts, and what is learned beside it, frozen; references of angle and speed
+                           are not followed, and the guard, the quality and the watch for a stuck angle stand still */
+    cgl_real i_q_ref;   /* q-axis current reference of torque mode [A], within the law's limit */
 } cgl_reference;
 
 typedef struct {

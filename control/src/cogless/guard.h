@@ -98,6 +98,21 @@ typedef struct {
     cgl_real forgetting; /* factor on what is recalled [-] */
 } cgl_gentle;
 
+#ifdef COGLESS_NO_GUARD
+static inline cgl_real cgl_gentle_gain(uint32_t k, cgl_real gain, cgl_real feedback)
+{
+    (void)k;
+    (void)gain;
+    (void)feedback;
+    return CGL_R(1.0);
+}
+
+static inline cgl_real cgl_gentle_forgetting(uint32_t k)
+{
+    (void)k;
+    return CGL_R(1.0);
+}
+#else
 extern const cgl_gentle cgl_gentle_steps[CGL_GUARD_STEPS + 1U];
 
 /* Factor, 0 to 1, on a law's correction at step k. gain: of learning in a period, and of the feedback, in one unit; >= 0. */
@@ -115,6 +130,7 @@ static inline cgl_real cgl_gentle_forgetting(uint32_t k)
 {
     return cgl_gentle_steps[k < CGL_GUARD_STEPS ? k : CGL_GUARD_STEPS].forgetting;
 }
+#endif
 
 /* ts: period of the calls [s], > 0. */
 cgl_error cgl_guard_init(cgl_guard *guard, cgl_real ts);

@@ -7,7 +7,8 @@
 #include "status.h"
 
 typedef struct {
-    cgl_real theta_ref; /* mechanical angle reference [rad], any revolution below CGL_ANGLE_MAX; laws of position read it */
+    cgl_real theta_ref; /* mechanical angle reference [rad], any revolution below CGL_ANGLE_MAX; laws of position read it. In
+                           torque mode these three follow the rotor: theta_m, omega_m and 0 */
     cgl_real omega_ref; /* its derivative: mechanical speed reference [rad/s] */
     cgl_real alpha_ref; /* the derivative of that [rad/s^2]; the space-learning laws read it */
     cgl_real theta_m;   /* measured mechanical angle [rad], any revolution below CGL_ANGLE_MAX */
@@ -15,9 +16,12 @@ typedef struct {
     cgl_real i_q;       /* measured q-axis current [A]; only a calibration run reads it */
     bool learn;         /* false freezes what is learned */
     bool off;           /* true: the output is 0 and integrals start anew; what is learned stays, frozen */
-    bool forget;        /* clear what is learned, cell by cell as the rotor passes, even where learn is false; not while off */
+    bool forget;        /* clear what is learned, cell by cell as the rotor passes, even where learn is false; not while off,
+                           nor in torque mode */
     cgl_real muted;     /* share of what is learned that does not act, 0 to 1; default 0, and so is whatever is no share */
     uint32_t gentle;    /* 0: learn as configured; k >= 1: with a smaller gain and more forgetting, cgl_gentle_steps[k] */
+    bool torque;        /* torque mode: the output is i_q_ref and what is learned, frozen; the feedback does not act */
+    cgl_real i_q_ref;   /* somebody else's current, in torque mode [A] */
 } cgl_law_input;
 
 typedef struct {
@@ -28,7 +32,12 @@ typedef struct {
 /* How gently a law learns: to forget is to learn nothing and to recall nothing. */
 static inline uint32_t cgl_law_gentle(const cgl_law_input *in)
 {
+#ifdef COGLESS_NO_GUARD
+    (void)in;
+    return 0U;
+#else
     return in->forget ? CGL_GUARD_STEPS : in->gentle;
+#endif
 }
 
 /* The share of what is learned that acts, 0 to 1; whatever is no share acts. */
@@ -38,11 +47,23 @@ static inline cgl_real cgl_law_share(const cgl_law_input *in)
     return CGL_OFTEN(share >= CGL_R(0.0) && share <= CGL_R(1.0)) ? share : CGL_R(1.0);
 }
 
-/* The output of a law that is off. */
-static inline void cgl_law_off(cgl_law_output *out)
+/* The feedback does not act: the law is off, or in torque mode. */
+static inline bool cgl_law_stands_by(const cgl_law_input *in)
 {
-    out->i_q_ref = CGL_R(0.0);
-    out->status = (unsigned)CGL_STATUS_OFF | (unsigned)CGL_STATUS_FROZEN;
+    return in->off || in->torque;
 }
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* The output of a law that stands by: 0 where it is off, else i_q_ref and what is learned [A] within the limit [A]. Returns the
+ * current that the feedback takes over from, so that the output does not jump when it acts again [A]. An i_q_ref that is not
+ * finite counts as 0. */
+cgl_real cgl_law_stand_by(const cgl_law_input *in, cgl_real learned, cgl_real limit, cgl_law_output *out);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -7,6 +7,7 @@
 #endif
 
 #define QUARTER 0x40000000U /* of a period */
+#define QUARTER_BACK 0xC0000000U
 #define REACH 16U           /* cells that a rotor may always pass in a step */
 #define PER_TURN CGL_R(2.3283064365386963e-10) /* 2^-32 */
 
@@ -39,7 +40,10 @@ CGL_SELDOM void cgl_memory_soften(cgl_memory *memory, cgl_real factor)
 
 CGL_SELDOM static void take(cgl_memory *memory, const cgl_memory_config *config)
 {
+    const uint32_t within_quarter = 4U * (config->lead > 0U ? config->lead : 1U), wide = config->q_half_width + 1U;
     memory->config = *config;
+    memory->fewest = config->kind != CGL_MEMORY_ANGLE && within_quarter < wide ? wide : within_quarter;
+    memory->map.most = (uint32_t)(0x100000000U / memory->fewest);
     cgl_memory_soften(memory, CGL_R(1.0));
     for (uint32_t c = 0; c < (uint32_t)CGL_CHANNELS; ++c) {
         memory->channel[c].limit = config->limit[c];
@@ -231,19 +235,23 @@ CGL_APART static void pass(cgl_memory *memory, uint32_t count)
     }
 }
 
-/* The rotor is where no way leads on to: it starts, jumps, or turns back. */
-CGL_SELDOM static void start_there(cgl_memory *memory, uint32_t x, uint32_t moved, uint32_t count)
+/* The rotor is where no way leads on to: it starts, jumps, or turns back. Returns 0, or how far it is beyond a quarter of the
+ * period either way. */
+CGL_SELDOM static uint32_t start_there(cgl_memory *memory, uint32_t x, uint32_t moved, uint32_t count)
 {
     cgl_angle_map *const map = &memory->map;
-    if (map->started && moved >= 0U - QUARTER - map->width) { /* from where it seemed to stand: by up to a cell more */
+    const bool back = map->started && moved >= QUARTER_BACK - map->width;
+    const uint32_t leap = map->started && moved > QUARTER && !back ? moved : 0U;
+    if (back) { /* from where it seemed to stand: by up to a cell more */
         map->backward = !map->backward;
         x = 0U - map->width - x;
     }
     seat(memory, x);
     map->passed = moved <= QUARTER ? count : 0U; /* where it goes on like this, it is no jump */
+    return leap;
 }
 
-/* Follows the rotor to a place in the period; how far it moved [2^-32 periods], 0 where it starts anew. */
+/* Follows the rotor to a place in the period; how far it moved [2^-32 periods], 0 where it starts anew but after a leap. */
 static inline uint32_t follow(cgl_memory *memory, uint32_t place)
 {
     cgl_angle_map *const map = &memory->map;
@@ -253,10 +261,9 @@ static inline uint32_t follow(cgl_memory *memory, uint32_t place)
     if (!(map->started && moved <= QUARTER && count <= REACH + 2U * map->passed)) {
         if (map->started && moved > 0U - map->width) { /* back by less than a cell: it stands */
             map->passed = 0U;
-        } else {
-            start_there(memory, x, moved, count);
+            return 0U;
         }
-        return 0U;
+        return start_there(memory, x, moved, count);
     }
     map->x = x;
     map->part = (cgl_real)(uint32_t)wide * PER_TURN;
@@ -280,10 +287,6 @@ CGL_SELDOM static void correct(cgl_memory *memory, uint32_t moved, const cgl_rea
 {
     cgl_angle_map *const map = &memory->map;
     const uint32_t cells = memory->config.cells, lead = memory->config.lead;
-    if ((uint64_t)moved * lead > QUARTER) {
-        map->lagging = false;
-        return;
-    }
     const uint32_t x = map->x - moved * lead, passed = x - map->lag_x;
     if (map->lagging && (passed == 0U || passed > 0x80000000U)) {
         return; /* the rotor gains speed faster than it moves: wait until the place comes by again */
@@ -395,7 +398,7 @@ bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool le
                                                                  : place_in_turns(memory, angle);
     if (CGL_OFTEN(memory->config.kind == CGL_MEMORY_ANGLE)) {
         const uint32_t moved = follow(memory, place);
-        if (CGL_OFTEN(learn && memory->map.half == memory->config.q_half_width)) {
+        if (CGL_OFTEN(learn && memory->map.half == memory->config.q_half_width && moved <= memory->map.most)) {
             learn_on(memory, moved, correction, value);
         } else {
             learn = false;
@@ -418,9 +421,5 @@ CGL_SELDOM cgl_real cgl_memory_fastest(const cgl_memory *memory)
 {
     const cgl_memory_config *const config = &memory->config;
     const cgl_real period = CGL_TWO_PI * (cgl_real)config->turns / (cgl_real)memory->periods; /* of theta [rad] */
-    uint32_t samples = 4U * (config->lead > 0U ? config->lead : 1U); /* in a period, at least */
-    if (config->kind != CGL_MEMORY_ANGLE && samples < config->q_half_width + 1U) {
-        samples = config->q_half_width + 1U;
-    }
-    return period / ((cgl_real)samples * memory->ts);
+    return period / ((cgl_real)memory->fewest * memory->ts);
 }

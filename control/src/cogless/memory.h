@@ -50,6 +50,7 @@ typedef struct {
     cgl_real part;                 /* of the way from there to the next cell */
     uint32_t width;                /* of a cell [2^-32 periods] */
     cgl_real per_cell;             /* 2^-32 periods in a cell */
+    uint32_t most;                 /* way of a step in which it learns [2^-32 periods] */
     uint32_t passed;               /* cells passed in the last step */
     uint32_t head;                 /* place in the ring of the cell passed last */
     uint32_t half;                 /* the sum is over the cell `at` and this many on each side; q_half_width: all */
@@ -85,6 +86,7 @@ typedef struct {
     cgl_memory_config config;
     cgl_real ts;                  /* sampling period [s] */
     uint32_t row;                 /* entries of a channel: CGL_MEMORY_ROW */
+    uint32_t fewest;              /* samples in a period, with fewer of which it does not learn */
     uint32_t periods;             /* of the memory in `turns` revolutions of theta */
     cgl_real gain;                /* forgetting, over the entries of the Q filter */
     cgl_real *cell;               /* caller's memory, a row of CGL_MEMORY_ROW entries for each channel: a map's cells, then its
@@ -123,17 +125,17 @@ void cgl_memory_reset(cgl_memory *memory);
  *
  * theta [rad]: the angle, any revolution below CGL_ANGLE_MAX. speed [rad/s]: of theta, by which a line goes on: kind time by
  * its size, kind delay while it is > 0. It does not learn where `learn` is false, the angle is not plausible or a correction
- * is not finite; a map, after a jump or a reversal of the rotor, until the Q filter's sum is whole again, a cell a step; a
- * line, while the period is longer than it or shorter than the Q filter: then it waits, and what acts is what acted last, as
- * with an angle that is not plausible.
+ * is not finite, or above cgl_memory_fastest; a map, after a jump or a reversal of the rotor, until the Q filter's sum is whole again, a cell a step; a
+ * line, while the period is longer than it. A line then waits, and a line by time above cgl_memory_fastest too: what acts is what
+ * acted last, as with an angle that is not plausible.
  *
  * A rotor that turns back by less than a cell counts as one that stands. A jump is more than a quarter of the period, or more
  * cells at once than 16 and twice as many as in the step before. */
 bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool learn, const cgl_real *correction,
                      cgl_real *value);
 
-/* The highest speed of theta at which a memory can learn [rad/s]: its lead and 4 entries of a period are within a quarter of
- * it; a line's Q filter within the period. */
+/* The highest speed of theta at which a memory learns [rad/s]: a sample, and the lead, are at most a quarter of the period, and a
+ * line's Q filter is within the period. */
 cgl_real cgl_memory_fastest(const cgl_memory *memory);
 
 #ifdef __cplusplus

@@ -37,7 +37,13 @@ cgl_error cgl_pi_retune(cgl_pi *pi, const cgl_pi_config *config)
 
 CGL_SELDOM void cgl_pi_reset(cgl_pi *pi)
 {
-    pi->integral = pi->lost = CGL_R(0.0);
+    cgl_pi_start(pi, CGL_R(0.0));
+}
+
+CGL_SELDOM void cgl_pi_start(cgl_pi *pi, cgl_real integral)
+{
+    pi->integral = cgl_clamped(integral, pi->config.limit);
+    pi->lost = CGL_R(0.0);
     pi->proportional = CGL_R(0.0);
     pi->saturated = false;
 }

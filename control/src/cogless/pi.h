@@ -34,6 +34,9 @@ cgl_error cgl_pi_retune(cgl_pi *pi, const cgl_pi_config *config);
 /* Forgets everything; the next output starts from zero integral. */
 void cgl_pi_reset(cgl_pi *pi);
 
+/* The same from another integral [output], which is taken within the limit. */
+void cgl_pi_start(cgl_pi *pi, cgl_real integral);
+
 /* cgl_pi_step where nothing is at its limit and all is finite, in few instructions; else false, and nothing has changed. */
 static inline bool cgl_pi_step_free(cgl_pi *pi, cgl_real error, cgl_real feedforward,
                                     cgl_real *output)

@@ -110,9 +110,13 @@ static cgl_real sum_of_orders(cgl_pi_afc *law, cgl_real turns, cgl_real turns_be
 }
 
 /* A step in which something is at its limit, not plausible, or not learning. */
-CGL_SELDOM static void step_otherwise(cgl_pi_afc *law, cgl_real error, bool plausible,
+CGL_SELDOM static void step_otherwise(cgl_pi_afc *law, const cgl_law_input *in, cgl_real error, bool plausible,
                                       cgl_law_output *out)
 {
+    if (cgl_law_stands_by(in)) {
+        cgl_pi_start(&law->pi, cgl_law_stand_by(in, law->learned, law->pi.config.limit, out));
+        return;
+    }
     out->i_q_ref = cgl_pi_step(&law->pi, error, law->learned);
     out->status = (law->pi.saturated ? (unsigned)CGL_STATUS_SATURATED : 0U)
                   | (law->learning ? 0U : (unsigned)CGL_STATUS_FROZEN) | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
@@ -122,7 +126,7 @@ CGL_SELDOM static void step_otherwise(cgl_pi_afc *law, cgl_real error, bool plau
  * *kept of themselves a sample, more from step to step: at the last but one at most 0.4 of the feedback's own part is learned. */
 CGL_SELDOM static cgl_real follow_guard(cgl_pi_afc *law, const cgl_law_input *in, cgl_real *kept)
 {
-    for (uint32_t n = 0U; in->forget && n < 2U * law->config.orders; ++n) {
+    for (uint32_t n = 0U; in->forget && !cgl_law_stands_by(in) && n < 2U * law->config.orders; ++n) {
         law->coefficient[n] = CGL_R(0.0);
     }
     const cgl_pi_config *const pi = &law->pi.config;
@@ -136,22 +140,15 @@ CGL_SELDOM static cgl_real follow_guard(cgl_pi_afc *law, const cgl_law_input *in
 void cgl_pi_afc_step(cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *out)
 {
     const cgl_pi_afc_config *const config = &law->config;
-    if (in->off) {
-        cgl_pi_reset(&law->pi);
-        law->learned = CGL_R(0.0);
-        law->learning = false;
-        cgl_law_off(out);
-        return;
-    }
     const cgl_real error = in->omega_ref - in->omega_m, before = in->theta_m - in->omega_ref * config->lead;
     const bool is_angle = cgl_is_angle(in->theta_m), plausible = cgl_is_finite(error) && is_angle;
-    law->learning = in->learn && plausible && cgl_is_angle(before) && !law->pi.saturated
+    law->learning = in->learn && !cgl_law_stands_by(in) && plausible && cgl_is_angle(before) && !law->pi.saturated
                     && cgl_abs(in->omega_ref) >= config->omega_min;
     law->learned = CGL_R(0.0);
     cgl_real kept = CGL_R(1.0);
     const bool guarded = in->gentle > 0U || in->forget;
     const cgl_real gain = guarded ? config->gain * follow_guard(law, in, &kept) : config->gain;
-    if (is_angle) {
+    if (is_angle && !in->off) {
         const cgl_real turns = cgl_fraction(in->theta_m * (CGL_R(1.0) / CGL_TWO_PI));
         const cgl_real turns_before = cgl_fraction(before * (CGL_R(1.0) / CGL_TWO_PI));
         law->learned = cgl_law_share(in) * sum_of_orders(law, turns, turns_before, in->omega_ref * law->pi.ts,
@@ -160,6 +157,6 @@ void cgl_pi_afc_step(cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *o
     if (law->learning && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {
         out->status = 0U;
     } else {
-        step_otherwise(law, error, plausible, out);
+        step_otherwise(law, in, error, plausible, out);
     }
 }

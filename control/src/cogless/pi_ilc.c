@@ -38,10 +38,9 @@ void cgl_pi_ilc_reset(cgl_pi_ilc *law)
 CGL_SELDOM static void step_otherwise(cgl_pi_ilc *law, const cgl_law_input *in,
                                       cgl_real error, bool learn, cgl_law_output *out)
 {
-    if (in->off) {
-        cgl_pi_reset(&law->pi);
-        law->learned = CGL_R(0.0);
-        cgl_law_off(out);
+    if (cgl_law_stands_by(in)) {
+        law->learned = in->off ? CGL_R(0.0) : law->learned;
+        cgl_pi_start(&law->pi, cgl_law_stand_by(in, law->learned, law->pi.config.limit, out));
         return;
     }
     const bool plausible = cgl_is_finite(error) && cgl_is_angle(in->theta_m);
@@ -69,7 +68,7 @@ void cgl_pi_ilc_step(cgl_pi_ilc *law, const cgl_law_input *in,
     const cgl_real correction = law->acting * error;
     cgl_real value;
     const bool learn = cgl_memory_step(&law->memory, in->theta_m, in->omega_ref,
-                                       ((in->learn && !law->pi.saturated) || in->forget) && !in->off, &correction, &value);
+                                       ((in->learn && !law->pi.saturated) || in->forget) && !cgl_law_stands_by(in), &correction, &value);
     law->learned = cgl_law_share(in) * cgl_clamp(value, law->memory.config.limit[0]);
     if (learn && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {
         out->status = 0U;

@@ -63,6 +63,21 @@ CGL_SELDOM void cgl_robust_ilc_reset(cgl_robust_ilc *law)
     start_anew(law);
 }
 
+/* Off, or in torque mode: r will take over the current, less the friction that the law adds of its own [rad/s^2]. */
+CGL_SELDOM static void stand_by(cgl_robust_ilc *law, const cgl_law_input *in, cgl_real learned, cgl_real friction,
+                                cgl_law_output *out)
+{
+    const cgl_robust_ilc_config *const config = &law->config;
+    const cgl_real current = cgl_law_stand_by(in, learned, config->limit, out);
+    start_anew(law);
+    if (!in->off) {
+        law->terms.learned = learned;
+        law->adapted = config->gamma > CGL_R(0.0)
+                           ? cgl_clamped(config->b * current - friction, config->b * config->limit)
+                           : CGL_R(0.0);
+    }
+}
+
 /* What the guard has just changed. */
 CGL_SELDOM static void follow_guard(cgl_robust_ilc *law, uint32_t gentle)
 {
@@ -98,17 +113,16 @@ void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
     const cgl_real correction = -law->q * (law->beta_1 * sign + config->beta_2 * surface); /* (15) */
     cgl_real value;
     const bool learn = cgl_memory_step(&law->memory, in->theta_m, in->omega_ref,
-                                       ((in->learn && !law->saturated) || in->forget) && !in->off && finite, &correction, &value);
+                                       ((in->learn && !law->saturated) || in->forget) && !cgl_law_stands_by(in) && finite, &correction, &value);
     const cgl_real f = cgl_law_share(in) * cgl_clamp(value, config->memory.limit[0]);
 
-    if (in->off) {
-        start_anew(law);
-        cgl_law_off(out);
+    const cgl_real friction = config->viscous * omega + config->coulomb * cgl_sign(omega);
+    const cgl_real per_b = CGL_R(1.0) / config->b;
+    if (cgl_law_stands_by(in)) {
+        stand_by(law, in, -f * per_b, friction, out);
         return;
     }
     /* (16) and (19), term by term */
-    const cgl_real friction = config->viscous * omega + config->coulomb * cgl_sign(omega);
-    const cgl_real per_b = CGL_R(1.0) / config->b;
     law->terms.surface = (config->c * error + acceleration + friction) * per_b;
     law->terms.switching = config->g * sign * per_b;
     law->terms.linear = config->eta * surface * per_b;

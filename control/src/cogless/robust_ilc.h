@@ -66,7 +66,8 @@ void cgl_robust_ilc_reset(cgl_robust_ilc *law);
 
 /* While the output is at its limit, the integral holds unless the error leads back, r unless S does, and f holds.
  * While the speed or its reference is not finite all three hold, with the output of a zero error; f holds too while the
- * angle is not plausible. While in->off the output is 0, the integral and r start anew, and f holds. */
+ * angle is not plausible. While in->off the output is 0, the integral and r start anew, and f holds. So they do in torque
+ * mode, but where gamma > 0, r starts from in->i_q_ref. */
 void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
                          cgl_law_output *out);
 

@@ -88,6 +88,17 @@ CGL_SELDOM void cgl_space_position_reset(cgl_space_position *law)
     start_anew(law);
 }
 
+/* Torque mode: the integral will take over the current, where it has a share. */
+CGL_SELDOM static void hold(cgl_space_position *law, const cgl_law_input *in, cgl_real share_i, cgl_law_output *out)
+{
+    cgl_space_position_terms *const terms = &law->terms;
+    const cgl_real limit = law->config.limit;
+    const cgl_real current = cgl_law_stand_by(in, terms->alpha + terms->beta + terms->h, limit, out);
+    law->integral = share_i > CGL_R(0.0) ? cgl_clamped(-current / share_i, limit) : CGL_R(0.0);
+    law->integral_lost = terms->proportional = terms->integral = CGL_R(0.0);
+    law->saturated = false;
+}
+
 /* What the guard has just changed. */
 CGL_SELDOM static void follow_guard(cgl_space_position *law, uint32_t gentle)
 {
@@ -127,7 +138,7 @@ void cgl_space_position_step(cgl_space_position *law,
     }
     const cgl_real omega_t = plausible ? difference + config->k_theta * theta_tg : CGL_R(0.0);
 
-    const bool learning = in->learn && !in->off;
+    const bool learning = in->learn && !cgl_law_stands_by(in);
     const bool moving = plausible && cgl_abs(in->omega_ref) >= config->omega_min;
     cgl_real value[CGL_CHANNELS];
     cgl_real share = share_of_learning(law);
@@ -141,7 +152,7 @@ void cgl_space_position_step(cgl_space_position *law,
                                                step * (config->mu_h * alpha_ref)};
     const bool learn = cgl_memory_step(&law->memory, config->index == CGL_SPACE_BY_ROTOR ? in->theta_m : in->theta_ref,
                                        moving ? in->omega_ref : CGL_R(0.0),
-                                       (learning && moving && !law->saturated) || (in->forget && !in->off),
+                                       (learning && moving && !law->saturated) || (in->forget && !cgl_law_stands_by(in)),
                                        correction, value);
     if (learn && !in->forget && (law->learning_samples == 0U || (share < CGL_R(1.0) && law->learning_samples < 0xFFFFFFFFU))) {
         ++law->learning_samples;
@@ -151,7 +162,7 @@ void cgl_space_position_step(cgl_space_position *law,
 
     if (in->off) {
         start_anew(law);
-        cgl_law_off(out);
+        (void)cgl_law_stand_by(in, CGL_R(0.0), config->limit, out);
         return;
     }
     const cgl_real acts = cgl_law_share(in);
@@ -161,9 +172,13 @@ void cgl_space_position_step(cgl_space_position *law,
     terms->alpha = acts * value[0];
     terms->beta = config->memory.channels > 1U ? acts * value[1] * omega_ref : CGL_R(0.0);
     terms->h = config->memory.channels > 2U ? acts * value[2] * alpha_ref : CGL_R(0.0);
+    const cgl_real share_i = config->hand_over ? CGL_R(1.0) - acts * share : CGL_R(1.0);
+    if (in->torque) {
+        hold(law, in, share_i, out);
+        return;
+    }
     const cgl_real rest = terms->proportional + terms->alpha + terms->beta + terms->h;
 
-    const cgl_real share_i = config->hand_over ? CGL_R(1.0) - acts * share : CGL_R(1.0);
     cgl_real lost = law->integral_lost;
     const cgl_real integral = cgl_add(law->integral, config->k_i * law->ts * omega_t, config->limit, &lost);
     const cgl_real wanted = rest - share_i * integral;

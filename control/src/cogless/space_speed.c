@@ -95,11 +95,11 @@ void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
     const cgl_real correction[CGL_CHANNELS] = {step * config->mu_alpha, step * (config->mu_beta * omega),
                                                step * (config->mu_h * alpha_ref)};
     const bool learn = cgl_memory_step(&law->memory, in->theta_m, moving ? omega : CGL_R(0.0),
-                                       ((in->learn && switched_on && !law->saturated) || in->forget) && !in->off, correction, delta);
+                                       ((in->learn && switched_on && !law->saturated) || in->forget) && !cgl_law_stands_by(in), correction, delta);
 
     if (in->off) {
         start_anew(law);
-        cgl_law_off(out);
+        (void)cgl_law_stand_by(in, CGL_R(0.0), config->limit, out);
         return;
     }
     const cgl_real acts = cgl_law_share(in);
@@ -108,6 +108,12 @@ void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
     terms->alpha = acts * delta[0];
     terms->beta = config->memory.channels > 1U ? acts * delta[1] * omega : CGL_R(0.0);
     terms->h = config->memory.channels > 2U ? acts * delta[2] * alpha_ref : CGL_R(0.0);
+    if (in->torque) {
+        terms->proportional = CGL_R(0.0);
+        law->saturated = false;
+        (void)cgl_law_stand_by(in, terms->alpha + terms->beta + terms->h, config->limit, out);
+        return;
+    }
     const cgl_real wanted = terms->proportional + terms->alpha + terms->beta + terms->h;
     law->saturated = !cgl_is_below(wanted, config->limit);
     out->i_q_ref = cgl_clamp(wanted, config->limit);

@@ -53,7 +53,8 @@ void cgl_space_speed_reset(cgl_space_speed *law);
 
 /* Ignores theta_ref. Learning freezes, and what was learned acts on, while in->learn is false, q is 0, the output was
  * at its limit, an input is not plausible, or the memory says so. Where an input is not plausible the output is that
- * of no error. While in->off learning is frozen too, and the output is 0. */
+ * of no error. While in->off learning is frozen too, and the output is 0. In torque mode alpha, beta omega and
+ * h alpha_ref act on in->i_q_ref. */
 void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
                           cgl_law_output *out);
 

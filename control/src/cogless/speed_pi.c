@@ -9,9 +9,8 @@ CGL_SELDOM static void limited(cgl_pi *pi, cgl_real error, cgl_law_output *out)
 
 void cgl_speed_pi_step(cgl_pi *pi, const cgl_law_input *in, cgl_law_output *out)
 {
-    if (in->off) {
-        cgl_pi_reset(pi);
-        cgl_law_off(out);
+    if (cgl_law_stands_by(in)) {
+        cgl_pi_start(pi, cgl_law_stand_by(in, CGL_R(0.0), pi->config.limit, out));
         return;
     }
     const cgl_real error = in->omega_ref - in->omega_m;

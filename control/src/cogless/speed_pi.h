@@ -9,7 +9,8 @@
 extern "C" {
 #endif
 
-/* Config and state are those of the scalar PI: kp [A s/rad], ki [A/rad], limit [A]. While in->off the output is 0 and the integral too. */
+/* Config and state are those of the scalar PI: kp [A s/rad], ki [A/rad], limit [A]. While in->off the output is 0 and the integral too; in
+ * torque mode both are in->i_q_ref. */
 void cgl_speed_pi_step(cgl_pi *pi, const cgl_law_input *in, cgl_law_output *out);
 
 #ifdef __cplusplus

@@ -164,19 +164,19 @@ void cgl_trial_step(cgl_trial *law, const cgl_trial_input *in, cgl_trial_output 
 void cgl_trial_drive_step(cgl_trial *law, const cgl_law_input *in, cgl_law_output *out)
 {
     const cgl_trial_config *const config = &law->config;
-    if (law->y_ref == 0) {
+    const bool stands_by = cgl_law_stands_by(in);
+    if (law->y_ref != 0) {
+        law->theta = cgl_unwrap(in->theta_m, law->theta);
+        step(law, config->k_1[0] * law->theta + config->k_1[1] * in->omega_m,
+             config->c[0] * law->theta + config->c[1] * in->omega_m, cgl_is_angle(in->theta_m), in->learn && !stands_by, out);
+    } else {
         out->i_q_ref = CGL_R(0.0);
-        out->status = (unsigned)CGL_STATUS_FROZEN | (in->off ? (unsigned)CGL_STATUS_OFF : 0U);
-        return;
+        out->status = (unsigned)CGL_STATUS_FROZEN;
     }
-    law->theta = cgl_unwrap(in->theta_m, law->theta);
-    step(law, config->k_1[0] * law->theta + config->k_1[1] * in->omega_m,
-         config->c[0] * law->theta + config->c[1] * in->omega_m, cgl_is_angle(in->theta_m),
-         in->learn && !in->off, out);
-    if (in->off) {
+    if (stands_by) {
         law->psi = CGL_R(0.0);
         law->terms = no_terms;
-        cgl_law_off(out);
+        (void)cgl_law_stand_by(in, CGL_R(0.0), config->limit, out);
     }
 }
 

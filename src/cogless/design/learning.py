@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cogless.design.fastest import fewest_samples
 from cogless.design.learning_loop import SETTLED, LearningLoop
 from cogless.study.controller import Learning
 from cogless.study.spoken import speed_text
@@ -40,16 +41,18 @@ class PeriodicLoop(LearningLoop):
     @property
     def frozen(self) -> str | None:
         samples = 1 / self.plant.period / self.periods_per_second  # in a period
-        cells, wide = self.law.cells, self.law.q_half_width
+        cells, wide, fewest = self.law.cells, self.law.q_half_width, fewest_samples(self.law, self.lead)
         speed = speed_text(self.study, self.omega_m)
         found = f"a period at {speed} has {round(samples, 1):.10g} samples, "
-        if self.law.memory == "time":
-            if samples > cells:
-                return f"{found}cells {cells}"
-            return f"{found}the Q filter needs {wide + 1}" if samples < wide + 1 else None
+        if self.law.memory == "time" and samples > cells:
+            return f"{found}cells {cells}"
+        if samples >= fewest:
+            return None
         if samples < 4:
             return f"{found}at least 4 are needed"
-        return f"{found}lead {self.lead} is over a quarter" if self.lead > samples / 4 else None
+        if self.lead > samples / 4:
+            return f"{found}lead {self.lead} is over a quarter"
+        return f"{found}the Q filter needs {wide + 1}"
 
     def settling_leads(self) -> set[int]:
         """The leads, in samples, with which learning would settle."""

@@ -6,7 +6,9 @@ import dataclasses
 import math
 from typing import Any, get_args
 
+from cogless import units
 from cogless.design.current_loop import current_loops, weakness
+from cogless.design.fastest import fastest
 from cogless.design.feedback import feedback_of
 from cogless.design.margins import Margins, finite
 from cogless.design.pi import gains, speed_loop
@@ -40,6 +42,14 @@ class Design:
     margins: Margins | None  # with the plant that the controller assumes
     learning: Verdict | None  # whether its learning settles; None if it doesn't learn
     theorem: Theorem | None = None  # for a law that learns in angle: the conditions of its proof
+    fastest: float | None = None  # rad/s, up to which it learns; None if it doesn't learn
+
+    def words(self) -> str:
+        """Whether learning settles, and up to which speed it learns, in one line; empty without learning."""
+        if self.learning is None or self.fastest is None:
+            return self.learning.words() if self.learning else ""
+        speed = units.format(self.fastest, self.learning.unit, units.ANGULAR_SPEED, digits=6)
+        return f"{self.learning.words()}; learns up to {speed}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,6 +95,7 @@ def design_dict(design: Design) -> dict[str, Any]:
         "margins": design.margins and _margins(design.margins),
         "learning": design.learning and _learning(design.learning),
         "theorem": design.theorem and _theorem(design.theorem),
+        "fastest_rad_s": design.fastest,
     }
 
 
@@ -158,7 +169,7 @@ def design(study: Study, name: str) -> Design:
         sampled = f"but sampled: {known.short()}"
         proof = dataclasses.replace(proof, obstacles=(*proof.obstacles, sampled))
     rule = tuning.rule if tuning else None
-    return Design(controller.law, rule, numbers, weakest_margins(study, name), known, proof)
+    return Design(controller.law, rule, numbers, weakest_margins(study, name), known, proof, fastest(study, name))
 
 
 def weakest_margins(study: Study, name: str) -> Margins | None:

@@ -46,8 +46,7 @@ def design_table(study: Study) -> Group:
     designs = summary(study)
     for name, design in designs.items():
         gains, margins = _gains(design.gains), _margins(design.margins)
-        learning = design.learning.words() if design.learning else ""
-        table.add_row(study.label(name), design.law, design.rule or "", gains, *margins, learning)
+        table.add_row(study.label(name), design.law, design.rule or "", gains, *margins, design.words())
     own = [line for name in designs for line in notes(study, name)]
     known = [f"{line}." for line in (*shaft_notes(study), *loop_warnings(loops), *own)]
     return Group(table, *(Text(line) for line in (*known, *_theorems(study, designs))))

@@ -129,7 +129,6 @@ class Target:
 def build(prepared: Prepared, toolchain: Toolchain) -> tuple[Subject, Image]:
     """Compile the files of an export, unchanged, for the Cortex-M4F; StudyError if that fails."""
     subject = subject_of(prepared)
-    defines = ["COGLESS_DOUBLE"] if subject.precision == "d" else []
     with ExitStack() as stack:
         assets = stack.enter_context(as_file(files("cogless.pil").joinpath("assets")))
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
@@ -143,7 +142,7 @@ def build(prepared: Prepared, toolchain: Toolchain) -> tuple[Subject, Image]:
             [*own, *sorted((folder / "cogless").glob("*.c"))],
             assets / "image.ld",
             folder / "image.elf",
-            defines,
+            subject.defines,
         )
         return subject, read(folder / "image.elf")
 

@@ -22,6 +22,7 @@ from cogless.study.mechanics import Mechanics
 from cogless.study.motor import StarMotor
 from cogless.study.position_sensor import sensor_fields
 from cogless.study.reference import Reference
+from cogless.study.scenario import TorqueMode
 from cogless.study.space_controller import SpaceLearning, SpacePosition
 
 Mode = Literal["run", "learn"]
@@ -46,12 +47,19 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
         "load": load.model_dump(),
         "events": [event.model_dump() for event in experiment.events] if run else [],
         "faults": [fault.model_dump() for fault in experiment.faults] if run else [],
+        "torque_mode": _torque_mode(experiment.torque_mode) if run else None,
         "reference": _reference(experiment.reference if run else Reference.model_validate("0 rpm")),
         "initial_speed": experiment.initial_speed if run else 0.0,
         "initial_angle": experiment.initial_angle if run else 0.0,
         "seed": study_here.seed,
         "energy": study_here.trace.energy,
-        "drive": drive_config(study_here.drive, study.motor.star(), motor, study.mechanics.stiff.inertia),
+        "drive": drive_config(
+            study_here.drive,
+            study.motor.star(),
+            motor,
+            study.mechanics.stiff.inertia,
+            study.controller[controller].learns,
+        ),
         "controller": _controller(study, study_here, controller, mode),
     }
 
@@ -89,13 +97,23 @@ def _reference(reference: Reference) -> dict[str, Any]:
     }
 
 
-def drive_config(drive: Drive, motor: StarMotor, driven: StarMotor, inertia: float) -> dict[str, Any]:
+def _torque_mode(mode: TorqueMode | None) -> dict[str, Any] | None:
+    if mode is None:
+        return None
+    time, value = map(list, zip(*mode.points, strict=True))
+    return {"from": mode.time, "until": min(mode.end, 1e300), "current": {"time": time, "value": value}}
+
+
+def drive_config(
+    drive: Drive, motor: StarMotor, driven: StarMotor, inertia: float, learns: bool
+) -> dict[str, Any]:
     """The engine's description of a drive.
 
     `motor`: the study's motor, from which parameters that a belief leaves out are taken. `driven`: the motor
-    in this run, with overrides. `inertia`: as the controller assumes it, kg m^2.
+    in this run, with overrides. `inertia`: as the controller assumes it, kg m^2. `learns`: the law learns
+    while it runs, so that it needs a guard.
     """
-    values = control_config(drive, motor, driven)
+    values = control_config(drive, motor, driven, learns)
     config = {
         "current_rate": round(drive.rates.current_loop),
         "integration_steps": drive.rates.integration_steps,
@@ -157,7 +175,7 @@ def _advance(drive: Drive) -> float:
     return 1.5 if drive.inverter is not None and drive.inverter.computation_delay else 0.5
 
 
-def control_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[str, Any]:
+def control_config(drive: Drive, motor: StarMotor, driven: StarMotor, learns: bool) -> dict[str, Any]:
     """Members of the C struct cgl_drive_config. With an ideal current loop, only the limit in `foc` is
     used."""
     loop, belief = drive.current_loop, drive.belief.resolved(motor)
@@ -166,7 +184,7 @@ def control_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[st
         "divider": drive.rates.divider,
         "foreign": drive.ideal,
         "learn_saturated": drive.rates.position_loop is not None,
-        "unguarded": not drive.guard or drive.rates.position_loop is not None,
+        "unguarded": not (drive.guard and learns) or drive.rates.position_loop is not None,
         "foc": {
             **loop.gains(belief),
             "current_limit": loop.current_limit,

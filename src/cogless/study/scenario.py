@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Self
 
 from pydantic import Field, field_validator, model_validator
@@ -14,6 +15,7 @@ from cogless.study.reference import Reference
 from cogless.study.table import (
     Angle,
     AngularSpeed,
+    Current,
     Duration,
     Many,
     Table,
@@ -33,6 +35,42 @@ class Event(Table):
     def is_at(self, time: float) -> bool:
         """Whether the event is at this time, s, apart from rounding in the conversion of units."""
         return math.isclose(self.time, time, abs_tol=1e-9)
+
+
+class TorqueMode(Table):
+    """Torque mode for a part of a run: an outer loop's current replaces the speed loop.
+
+    What the law has learned acts on beside it, frozen.
+    """
+
+    time: Time  # s, when it begins
+    duration: Duration | None = None  # s; default: to the end
+    current: Current = 0.0  # A
+    profile: Many[tuple[Time, Current]] = ()  # s, A; replaces current: linear between points, ends held
+
+    @classmethod
+    def spelled_out(cls, data: Any) -> Any:
+        if isinstance(data, dict) and isinstance(data.get("profile"), list):
+            return {**data, "profile": tuple(tuple(p) if isinstance(p, list) else p for p in data["profile"])}
+        return data
+
+    @model_validator(mode="after")
+    def _one_current(self) -> Self:
+        if len({"current", "profile"} & self.model_fields_set) != 1:
+            raise invalid("expected either current or profile")
+        if any(b <= a for (a, _), (b, _) in pairwise(self.profile)):
+            raise invalid("expected points, each later than the one before", "profile")
+        return self
+
+    @property
+    def end(self) -> float:
+        """End of torque mode, s; infinite if it lasts to the end of the run."""
+        return math.inf if self.duration is None else self.time + self.duration
+
+    @property
+    def points(self) -> tuple[tuple[float, float], ...]:
+        """Points of the current: time, s, and current, A."""
+        return self.profile or ((0.0, self.current),)
 
 
 class Experiment(Table):
@@ -68,6 +106,7 @@ class Scenario(Experiment):
     initial_angle: Angle = 0.0  # rad, mechanical
     load: Load | None = None  # replaces mechanics.load
     events: Many[Event] = ()
+    torque_mode: TorqueMode | None = None
     # changes of motor, drive and mechanics for this scenario only
     override: dict[str, Any] = Field(default={})
 
@@ -86,6 +125,9 @@ class Scenario(Experiment):
             if event.time <= before:
                 raise invalid("expected a time after the event before", "events", index, "time")
             before = event.time
+        if self.torque_mode is not None and self.torque_mode.time >= self.duration:
+            expected = f"expected a time within the scenario's {self.duration:g} s"
+            raise invalid(expected, "torque_mode", "time")
         for key in self.override:
             if key.split(".")[0] not in ("motor", "drive", "mechanics") or key == "motor.datasheet":
                 expected = "expected a key of motor, drive or mechanics"

@@ -98,5 +98,5 @@ def contents(subject: Subject, prepared: Prepared, recording: Recording) -> dict
     library = control_sources() / "cogless"
     parts = [*subject.parts, *motion_parts(subject)]
     names = {*sources.closure(parts), *(sources.store() if subject.map else ())}
-    copied = {f"cogless/{name}": (library / name).read_bytes() for name in names}
+    copied = {f"cogless/{name}": (library / name).read_bytes() for name in names - subject.unused}
     return made | copied | {"cogless/LICENSE": sources.licence().read_bytes()}

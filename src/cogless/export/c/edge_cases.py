@@ -48,6 +48,8 @@ class _Inputs:
     u_dc: float
     theta_m: float = 0.0
     learn: bool = True
+    torque: bool = False
+    i_q_ref: float = 0.0
 
 
 def awkward(subject: Subject, prepared: Prepared, motion: bytes | None) -> list[Stretch]:
@@ -95,8 +97,10 @@ def fnv(words: Iterable[int], total: int = FNV_START) -> int:
 def _values(inputs: _Inputs) -> dict[str, Any]:
     """Values of the inputs, by their paths in the C structs."""
     values = {f"i_abc[{n}]": _held(current) for n, current in enumerate(inputs.i_abc)}
-    values |= {name: _held(getattr(inputs, name)) for name in ("theta_m", "omega_m", "u_dc", "omega_ref")}
-    return {**values, "learn": inputs.learn}
+    values |= {
+        name: _held(getattr(inputs, name)) for name in ("theta_m", "omega_m", "u_dc", "omega_ref", "i_q_ref")
+    }
+    return {**values, "learn": inputs.learn, "torque": inputs.torque}
 
 
 def _held(value: float) -> float:
@@ -166,7 +170,11 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
                 ("the angle stands still while the reference turns", min(periods, MOST), 0, 0, stuck),
                 ("all is well again", back, 0, step, plain),
             ]
-    plan.append(("learning is frozen", 2 * law, 0, step, replace(plain, learn=False)))
+    plan += [
+        ("learning is frozen", 2 * law, 0, step, replace(plain, learn=False)),
+        ("torque mode", 2 * law, 0, step, replace(plain, torque=True, i_q_ref=0.2 * limit)),
+        ("and back", 2 * law, 0, step, plain),
+    ]
     return [entry for entry in plan if entry[1] > 0]
 
 

@@ -23,8 +23,7 @@ def figures(study: AnyStudy, scenario: str, controller: str) -> tuple[list[tuple
 
     found = design(study, controller)
     loop = {f"current_loop.{axis}": entry for axis, entry in current_loop_dict(study).items()}
-    said = found.learning.words() if found.learning else ""
-    return [*_flat(loop), *_flat(design_dict(found))], said
+    return [*_flat(loop), *_flat(design_dict(found))], found.words()
 
 
 def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:

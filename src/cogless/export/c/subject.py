@@ -50,6 +50,25 @@ class Subject:
         ]
 
     @property
+    def defines(self) -> list[str]:
+        """Macros with which every file is compiled: of the precision, and of parts that aren't used."""
+        own = {"COGLESS_DOUBLE": self.precision == "d", "COGLESS_NO_GUARD": self.drive_config["unguarded"]}
+        own["COGLESS_NO_DELAY_LINE"] = self._kind == "CGL_MEMORY_ANGLE"
+        return [name for name, wanted in own.items() if wanted]
+
+    @property
+    def unused(self) -> set[str]:
+        """Files of the control library that these macros leave out."""
+        parts = {"COGLESS_NO_GUARD": {"guard.c"}, "COGLESS_NO_DELAY_LINE": {"delay_line.c", "delay_line.h"}}
+        return set().union(*(parts.get(name, set()) for name in self.defines))
+
+    @property
+    def _kind(self) -> str | None:
+        """Kind of the law's memory; None if it has none of the library's memories."""
+        memory = self.law_config.get("memory")
+        return memory["kind"] if isinstance(memory, dict) else None
+
+    @property
     def headers(self) -> Headers:
         return self.layout.headers
 

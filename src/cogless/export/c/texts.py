@@ -75,8 +75,8 @@ def _words(subject: Subject) -> dict[str, str]:
         "law": str(getattr(s.study.controller[s.controller], "law", s.law.name)),
         "precision": "double: define COGLESS_DOUBLE for every file" if double else "single",
         "precision_check": _precision_check(double),
-        "double_flag": " and `-DCOGLESS_DOUBLE`" if double else "",
-        "flags": FLAGS + (" -DCOGLESS_DOUBLE" if double else ""),
+        "defines": "".join(f", `-D{name}`" for name in s.defines),
+        "flags": " ".join([FLAGS, *(f"-D{name}" for name in s.defines)]),
         "rate": rate,
         "law_rate": f"{s.rate / s.divider:g}",
         "period": real(1 / s.rate, s.precision),
@@ -96,12 +96,20 @@ def _words(subject: Subject) -> dict[str, str]:
         "memory_text": f"{s.memory_length} numbers, within `{name}_controller`" if entries else "none",
         "matrix": _matrix(name, s.learning_matrix, s.precision),
         "verdict_row": f"| what `cogless design` says of it | {s.verdict} |\n" if s.verdict else "",
+        "verdict_comment": _verdict_comment(s.verdict),
         "figures": _figures(s.figures),
         **board(s),
         **extras(s),
         **parts(s),
         **motion(s),
     }
+
+
+def _verdict_comment(verdict: str) -> str:
+    """What `cogless design` says of learning, as lines of the header's comment; empty without learning."""
+    start, indent = " * learning         ", " *                  "
+    said = textwrap.fill(_safe(verdict), 118, initial_indent=start, subsequent_indent=indent)
+    return f"{said}\n" if verdict else ""
 
 
 def _safe(text: str) -> str:

@@ -5,7 +5,7 @@ ${title_comment}
  * in ${stem}.c, together with what `cogless design` finds.
  *
  * law              ${law}
- * study            ${study}, sha256 of its tables:
+${verdict_comment} * study            ${study}, sha256 of its tables:
  *                  ${hash}
  * precision        ${precision}
  * ${name}_step is called ${rate} times a second, the law runs ${law_rate} times a second
