@@ -77,9 +77,19 @@ def test_what_an_encoder_off_the_middle_does_to_knowledge_and_to_learning() -> N
     assert seen < 0.5 * off["knows-and-learns"]["speed_ripple_rad_s"]
 
 
+def test_on_a_soft_shaft_learning_that_would_grow_is_stopped_and_a_wider_q_filter_repairs_it() -> None:
+    made = metrics(load("on-the-bench"), "soft-shaft/pi", "soft-shaft/pi-ilc", "soft-shaft/pi-afc")
+    wide = metrics(load("on-the-bench", {"controller.pi-ilc.q_half_width": 3}), "soft-shaft/pi-ilc")
+    last = {name: m["speed_ripple_rad_s"] for name, m in made.items()}
+    assert last["pi-ilc"] < 1.1 * last["pi"]
+    assert last["pi-afc"] < 0.1 * last["pi"]
+    assert wide["pi-ilc"]["speed_ripple_rad_s"] < 0.1 * last["pi"]
+
+
 def test_knowledge_helps_from_the_start_and_a_warm_motor_harms_neither() -> None:
     study = load(
-        "on-the-bench", {f"scenario.{name}.duration": "4 s" for name in ("as-known", "eccentric", "warm")}
+        "on-the-bench",
+        {f"scenario.{name}.duration": "4 s" for name in ("as-known", "eccentric", "warm", "soft-shaft")},
     )
     made = metrics(study, "warm/pi", "warm/pi-ilc", "warm/knows-and-learns", "warm/known-table")
     first = {name: m["ripple_at_first_rad_s"] for name, m in made.items()}
