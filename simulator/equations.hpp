@@ -75,7 +75,7 @@ public:
           per_inertia_(each<Real>(of, &Equations<double>::per_inertia_)),
           viscous_friction_(each<Real>(of, &Equations<double>::viscous_friction_)),
           coulomb_friction_(each<Real>(of, &Equations<double>::coulomb_friction_)),
-          breakaway_friction_(each<Real>(of, &Equations<double>::breakaway_friction_)), sticks_(of[0]->sticks_), plain_(of[0]->plain_),
+          breakaway_friction_(each<Real>(of, &Equations<double>::breakaway_friction_)), sticks_(of[0]->sticks_),
           load_(members(of, &Equations<double>::load_)) {}
 
     // Whether lanes can hold both.

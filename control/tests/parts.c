@@ -288,12 +288,12 @@ void try_parts(long configs)
     static const random_subject subjects[] = {
         {"dead_time", try_dead_time, 0xea399657U, 0x7eda2521U},
         {"speed", try_speed, 0x03f512edU, 0xb35c2c60U},
-        {"angle_observer", try_angle_observer, 0x9725e6e3U, 0x7999c596U},
+        {"angle_observer", try_angle_observer, 0xfc9c7959U, 0x7dfbe762U},
         {"encoder", try_encoder, 0x59f19e31U, 0x59f19e31U},
         {"encoder_table", try_encoder_table, 0xb2258731U, 0x2eacf879U},
         {"calibration", try_calibration, 0xc57123a2U, 0x7a4cc7c2U},
-        {"low_pass", try_low_pass, 0x00000000U, 0x00000000U},
-        {"hall", try_hall, 0x00000000U, 0x00000000U},
+        {"low_pass", try_low_pass, 0xf5533bbbU, 0xa76651f1U},
+        {"hall", try_hall, 0xb8415665U, 0x3a0696a6U},
         {"telemetry", try_telemetry, 0x00000000U, 0x00000000U},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);

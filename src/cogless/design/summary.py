@@ -169,7 +169,9 @@ def design(study: Study, name: str) -> Design:
         sampled = f"but sampled: {known.short()}"
         proof = dataclasses.replace(proof, obstacles=(*proof.obstacles, sampled))
     rule = tuning.rule if tuning else None
-    return Design(controller.law, rule, numbers, weakest_margins(study, name), known, proof, fastest(study, name))
+    return Design(
+        controller.law, rule, numbers, weakest_margins(study, name), known, proof, fastest(study, name)
+    )
 
 
 def weakest_margins(study: Study, name: str) -> Margins | None:

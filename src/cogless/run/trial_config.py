@@ -49,7 +49,9 @@ def engine_config(
         "trials": {"samples": samples, "count": experiment.trials, "phases": phases},
         "seed": study.seed,
         "energy": study.trace.energy,
-        "drive": drive_config(study.drive, study.motor.star(), driven, study.mechanics.stiff.inertia, learns=False),
+        "drive": drive_config(
+            study.drive, study.motor.star(), driven, study.mechanics.stiff.inertia, learns=False
+        ),
         "faults": [fault.model_dump() for fault in experiment.faults],
         "controller": law,
     }
