@@ -10,10 +10,11 @@ from typing import Any, Literal
 from pydantic import PrivateAttr, ValidationError, field_validator, model_validator
 
 from cogless import units
-from cogless.study.drive import Drive, Encoder, Resolver
+from cogless.study.drive import Drive
 from cogless.study.error_messages import problems, study_error
 from cogless.study.laws import Controller
 from cogless.study.motor import Motor
+from cogless.study.position_sensor import Counted
 from cogless.study.reading import read, with_datasheet
 from cogless.study.reference import Reference
 from cogless.study.table import Angle, Line, Many, Table, invalid, one_of
@@ -114,9 +115,7 @@ class Identification(Table):
     def counts(self) -> int:
         """Counts of the position sensor per revolution; 0: no steps are known."""
         sensor = self.drive.position_sensor
-        if isinstance(sensor, Encoder):
-            return 4 * sensor.lines
-        return 2**sensor.bits if isinstance(sensor, Resolver) else 0
+        return sensor.counts if isinstance(sensor, Counted) else 0
 
     @property
     def step(self) -> float:
