@@ -57,7 +57,7 @@ def test_an_installed_library_is_found_and_the_example_learns(
     run(cmake, "-S", CONTROL / "examples" / "cmake", "-B", example, f"-DCMAKE_PREFIX_PATH={prefix}")
     run(cmake, "--build", example)
     ripple = turns(run(example / "learn").stdout)
-    assert len(ripple) == 10
+    assert len(ripple) == 12
     assert 0 < ripple[-1] < 0.1 * ripple[1]
 
 

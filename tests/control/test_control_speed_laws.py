@@ -258,11 +258,11 @@ def test_learning_waits_for_its_permission_and_repeats_when_it_ends():
     for n in range(200):
         assert c.step(10.0, 9.0 + math.sin(0.05 * n), 0.05 * n, learn=False) == 0.0
         assert c.output.status == library.lib.CGL_STATUS_FROZEN
-    for n in range(300):
+    for n in range(200, 500):
         c.step(10.0, 9.0 + math.sin(0.05 * n), 0.05 * n)
         assert c.output.status == 0
     before = c.cell.copy()
-    once = [c.step(10.0, 0.0, 0.05 * n, learn=False) for n in range(300, 426)]
+    once = [c.step(10.0, 0.0, 0.05 * n, learn=False) for n in range(500, 626)]
     assert np.array_equal(c.cell[:32], before[:32])  # the ring behind the map goes on
     assert np.ptp(once) > 0.5
 

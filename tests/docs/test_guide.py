@@ -36,7 +36,19 @@ OF_CONTROLLERS = {inner for law in MODELS if issubclass(law, Base) for inner in 
 
 # Numbers without a dimension, or with one that depends on what is designed.
 RATIOS = {
-    *("forgetting", "q", "outlier", "depth", "gain_error", "weight", "order", "correlation", "share", "over"),
+    *(
+        "forgetting",
+        "q",
+        "outlier",
+        "depth",
+        "gain_error",
+        "weight",
+        "order",
+        "correlation",
+        "share",
+        "over",
+        "ratio",
+    ),
     *("K_s", "N", "K_3", "K_stab", "K_ilc", "change_weight", "learned_limit"),
     *("state_weight", "input_weight", "initial_state", "initial_change", "initial_error"),
     *("percent", "percent_peak_to_peak"),

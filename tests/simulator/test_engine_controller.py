@@ -135,7 +135,7 @@ def test_trials_begin_and_end_outside_too() -> None:
     drive = drive_of(_simulator_f32, trial_config(2, [{"reference": reference}]))
     idle = Idle()
     rows(drive, _simulator_f32, 2 * 3 * 20, idle)
-    trial = [f"begin {reference}", *["24 20"] * 60, "end"]
+    trial = [f"begin {reference}", *["24 24"] * 60, "end"]
     assert idle.heard == trial * 2
 
 

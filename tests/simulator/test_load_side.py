@@ -359,14 +359,7 @@ def test_friction_falls_with_speed_as_stribeck_says() -> None:
 def test_a_sensor_on_the_load_gives_its_angle_times_the_ratio() -> None:
     for sensor in (
         {"kind": "ideal"},
-        {
-            "kind": "encoder",
-            "lines": 25000,
-            "speed_method": "M",
-            "timer": 1e8,
-            "eccentricity": 0.0,
-            "eccentricity_phase": 0.0,
-        },
+        {"kind": "encoder", "counts": 1e5, "speed_method": "M", "timer": 1e8},
     ):
         x = run({**with_side(GEAR), "drive": {"position_sensor": {**sensor, "side": "load"}}}, 1.5)
         counts = 5.0 * 2 * np.pi / 1e5 if sensor["kind"] == "encoder" else 1e-9

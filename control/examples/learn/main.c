@@ -1,4 +1,4 @@
-/* Runs the controller on the motor of numbers: a turn to get to speed and one to measure without much learned, then eight
+/* Runs the controller on the motor of numbers: a turn to get to speed, one to measure without much learned, then ten
  * to learn. Prints the ripple before and after; ends with 0 if nine tenths of it are gone. */
 #include <stdio.h>
 
@@ -17,7 +17,7 @@ int main(void)
         return 2;
     }
     cgl_real first = CGL_R(0.0);
-    for (int second = 1; second <= 10; ++second) { /* the reference is a turn a second */
+    for (int second = 1; second <= 12; ++second) { /* the reference is a turn a second */
         for (int n = 0; n < BOARD_RATE; ++n) {
             current_loop_interrupt();
         }

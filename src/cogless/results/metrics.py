@@ -171,7 +171,7 @@ def three_sigma(m: MetricInput) -> Array:
 
 
 def ripple_ratio(m: MetricInput) -> float:
-    """(max - min) / |max + min|: half the peak-to-peak value over the middle; NaN if that is 0."""
+    """(max - min) / |max + min|, no unit: half the peak-to-peak value over the middle; NaN if that is 0."""
     high, low = float(np.max(m.x)), float(np.min(m.x))
     return (high - low) / abs(high + low) if high + low else math.nan
 

@@ -123,6 +123,7 @@ class Counted(Mounted):
         table = self._errors
         return {
             "kind": self.kind,
+            "side": self.side,
             "counts": float(self.counts),
             "speed_method": self.speed_method,
             "window": self.window,
