@@ -158,8 +158,12 @@ CGL_SELDOM static void watch(cgl_guard *guard)
 {
     const cgl_real speed = cgl_abs(guard->reference), omega = speed > SLOWEST ? speed : SLOWEST, b = bar_at(guard, omega);
     const cgl_real turn = guard->quarter_turn / omega, shortest = (cgl_real)guard->shortest, longest = (cgl_real)guard->longest;
-    const cgl_real turns = turn < shortest ? (cgl_real)(1U + (uint32_t)((shortest - CGL_R(1.0)) / turn)) : CGL_R(1.0);
-    const cgl_real length = turns * turn < longest ? turns * turn : longest;
+    cgl_real length = turn < longest ? turn : longest;
+    if (turn < shortest) {
+        const cgl_real more = (shortest - CGL_R(1.0)) / turn; /* quarter turns; a rotor so fast that they count nothing: any time */
+        const cgl_real whole = more < CGL_R(1.0e6) ? (cgl_real)(1U + (uint32_t)more) * turn : shortest;
+        length = whole < longest ? whole : longest;
+    }
     guard->length = (uint32_t)(length + CGL_R(0.5));
     guard->most = CGL_REAL_MAX;
     const bool begins = guard->phase == CGL_GUARD_IDLE && guard->taught > 0U && !guard->moved;

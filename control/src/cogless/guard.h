@@ -98,6 +98,8 @@ typedef struct {
     cgl_real forgetting; /* factor on what is recalled [-] */
 } cgl_gentle;
 
+extern const cgl_gentle cgl_gentle_steps[CGL_GUARD_STEPS + 1U];
+
 #ifdef COGLESS_NO_GUARD
 static inline cgl_real cgl_gentle_gain(uint32_t k, cgl_real gain, cgl_real feedback)
 {
@@ -113,8 +115,6 @@ static inline cgl_real cgl_gentle_forgetting(uint32_t k)
     return CGL_R(1.0);
 }
 #else
-extern const cgl_gentle cgl_gentle_steps[CGL_GUARD_STEPS + 1U];
-
 /* Factor, 0 to 1, on a law's correction at step k. gain: of learning in a period, and of the feedback, in one unit; >= 0. */
 static inline cgl_real cgl_gentle_gain(uint32_t k, cgl_real gain, cgl_real feedback)
 {

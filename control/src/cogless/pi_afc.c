@@ -46,14 +46,16 @@ cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *config, cgl_
     if (coefficient == 0 || length < CGL_PI_AFC_LENGTH(config->orders)) {
         return CGL_ERROR_MEMORY;
     }
-    const cgl_error error = cgl_pi_init(&law->pi, &config->pi, ts);
+    if (cgl_pi_init(&law->pi, &config->pi, ts) != CGL_OK) {
+        return CGL_ERROR_CONFIG;
+    }
     law->config = *config;
     law->coefficient = coefficient;
     for (uint32_t k = 0; k < config->orders; ++k) {
         coefficient[2U * config->orders + k] = (cgl_real)config->order[k];
     }
     cgl_pi_afc_reset(law);
-    return error;
+    return CGL_OK;
 }
 
 cgl_error cgl_pi_afc_retune(cgl_pi_afc *law, const cgl_pi_afc_config *config)
