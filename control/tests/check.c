@@ -21,6 +21,20 @@ int failures(void)
     return failed;
 }
 
+bool within(cgl_real x, cgl_real limit)
+{
+    return x >= -limit && x <= limit; /* false for NaN */
+}
+
+bool are_duties(const cgl_real duty[3])
+{
+    bool all = true;
+    for (int x = 0; x < 3; ++x) {
+        all = all && duty[x] >= CGL_R(0.0) && duty[x] <= CGL_R(1.0);
+    }
+    return all;
+}
+
 uint32_t random_bits(void)
 {
     seed ^= seed << 13; /* xorshift64 */

@@ -12,6 +12,11 @@
 void check(bool holds, const char *condition, const char *file, int line);
 int failures(void);
 
+/* Within +-limit; no NaN is. */
+bool within(cgl_real x, cgl_real limit);
+/* Each from 0 to 1. */
+bool are_duties(const cgl_real duty[3]);
+
 uint32_t random_bits(void);
 uint32_t random_below(uint32_t n);
 /* Of any size, small numbers as often as large ones. */

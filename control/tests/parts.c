@@ -18,20 +18,6 @@
 
 #define STEPS_PER_CONFIG 300
 
-static bool within(cgl_real x, cgl_real limit)
-{
-    return x >= -limit && x <= limit; /* false for NaN */
-}
-
-static bool are_duties(const cgl_real duty[3])
-{
-    bool all = true;
-    for (int x = 0; x < 3; ++x) {
-        all = all && duty[x] >= CGL_R(0.0) && duty[x] <= CGL_R(1.0);
-    }
-    return all;
-}
-
 static cgl_dead_time_config random_dead_time(void)
 {
     cgl_dead_time_config config;

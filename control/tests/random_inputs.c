@@ -46,11 +46,6 @@ static void check_fence(uint32_t length)
     }
 }
 
-static bool within(cgl_real x, cgl_real limit)
-{
-    return x >= -limit && x <= limit; /* false for NaN */
-}
-
 static void check_cells(uint32_t length, cgl_real limit)
 {
     for (uint32_t n = 0; n < length; ++n) {
@@ -238,15 +233,6 @@ static void try_angle(void)
             CHECK(cgl_is_finite(unwrapped) || !cgl_is_finite(last));
         }
     }
-}
-
-static bool are_duties(const cgl_real duty[3])
-{
-    bool all = true;
-    for (int x = 0; x < 3; ++x) {
-        all = all && duty[x] >= CGL_R(0.0) && duty[x] <= CGL_R(1.0);
-    }
-    return all;
 }
 
 static void try_modulation(void)

@@ -125,9 +125,9 @@ void cgl_memory_reset(cgl_memory *memory);
  *
  * theta [rad]: the angle, any revolution below CGL_ANGLE_MAX. speed [rad/s]: of theta, by which a line goes on: kind time by
  * its size, kind delay while it is > 0. It does not learn where `learn` is false, the angle is not plausible or a correction
- * is not finite, or above cgl_memory_fastest; a map, after a jump or a reversal of the rotor, until the Q filter's sum is whole again, a cell a step; a
- * line, while the period is longer than it. A line then waits, and a line by time above cgl_memory_fastest too: what acts is what
- * acted last, as with an angle that is not plausible.
+ * is not finite, or above cgl_memory_fastest; a map, after a jump or a reversal of the rotor, until the Q filter's sum is
+ * whole again, a cell a step; a line, while the period is longer than it. A line then waits, and a line by time above
+ * cgl_memory_fastest too: what acts is what acted last, as with an angle that is not plausible.
  *
  * A rotor that turns back by less than a cell counts as one that stands. A jump is more than a quarter of the period, or more
  * cells at once than 16 and twice as many as in the step before. */
