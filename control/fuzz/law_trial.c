@@ -80,7 +80,8 @@ void law_step(const cgl_law_input *in, cgl_law_output *out)
         cgl_trial_output u;
         cgl_trial_step(&law, &x, &u);
         out->i_q_ref = in->off ? CGL_R(0.0) : u.u;
-        out->status = u.status;
+        /* the face without an angle knows no torque mode: what the drive's would say */
+        out->status = u.status | (in->torque ? (unsigned)CGL_STATUS_FROZEN : 0U);
         HOLDS(within(u.u, config.limit));
     }
     HOLDS(cgl_is_finite(law.psi) && within(law.v, config.learned_limit));
