@@ -1,6 +1,11 @@
-"""A command of cogless within the process that tests run in."""
+"""A command of cogless within the process that tests run in, or in a fork of it."""
 
+import os
+import signal
 import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -15,3 +20,55 @@ def cogless(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int
             main()
     out, err = capsys.readouterr()
     return int(end.value.code or 0), out, err
+
+
+class Fork:
+    """A command in a process of its own, which may be killed, and need not import all anew."""
+
+    def __init__(self, pid: int, folder: Path) -> None:
+        self.pid, self.folder = pid, folder
+
+    def send(self, number: signal.Signals) -> None:
+        os.kill(self.pid, number)
+
+    def runs(self) -> bool:
+        return os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None
+
+    def end(self) -> int:
+        """Waits for it: its exit code, or less than 0 for a signal."""
+        return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+
+    @property
+    def out(self) -> str:
+        return (self.folder / "stdout").read_text()
+
+    @property
+    def err(self) -> str:
+        return (self.folder / "stderr").read_text()
+
+
+def forked(folder: Path, *arguments: object, first: Callable[[], None] = lambda: None) -> Fork:
+    """Starts a command, in a session of its own, with what it writes in `folder`. `first`: called before it
+    in its process."""
+    pid = os.fork()
+    if pid:
+        return Fork(pid, folder)
+    code = 70
+    try:
+        os.setsid()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        for number, name in ((1, "stdout"), (2, "stderr")):
+            file = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            os.dup2(file, number)
+        sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w", buffering=1)
+        sys.argv = ["cogless", *map(str, arguments)]
+        first()
+        main()
+    except SystemExit as end:
+        code = int(end.code or 0)
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+        os._exit(code)

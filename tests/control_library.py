@@ -8,6 +8,7 @@ import functools
 import hashlib
 import os
 import re
+import runpy
 import subprocess
 import tempfile
 from dataclasses import dataclass, field
@@ -83,17 +84,23 @@ def control_library(precision: str) -> ControlLibrary:
     sources = sorted((SOURCE / "cogless").glob("*.c"))
     texts = [path.read_bytes() for path in (Path(__file__), *sorted((SOURCE / "cogless").iterdir()))]
     digest = hashlib.sha256(b"".join(texts)).hexdigest()[:16]
-    library = BUILT / f"{precision}-{digest}.so"
+    library, parsed = (BUILT / f"{precision}-{digest}.{end}" for end in ("so", "py"))
+    BUILT.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         scratch = Path(folder)
-        ffi = cffi.FFI()
-        (scratch / "empty").mkdir()
-        ffi.cdef(declarations(double, scratch / "empty"))
+        if not parsed.exists():  # takes seconds
+            made = BUILT / f"{os.getpid()}.py"
+            (scratch / "empty").mkdir()
+            ffi = cffi.FFI()
+            ffi.set_source("parsed", None)
+            ffi.cdef(declarations(double, scratch / "empty"))
+            ffi.emit_python_code(str(made))
+            made.replace(parsed)
         if not library.exists():
-            BUILT.mkdir(parents=True, exist_ok=True)
             exports, made = scratch / "exports.c", BUILT / f"{os.getpid()}.so"
             exports.write_text(EXPORTS)
             flags = [*FLAGS, *double, "-shared", "-fPIC", f"-I{SOURCE}"]
             subprocess.run(["cc", *flags, "-o", made, exports, *sources], check=True)
             made.replace(library)
+    ffi = runpy.run_path(str(parsed))["ffi"]
     return ControlLibrary(ffi, ffi.dlopen(str(library)), np.float64 if double else np.float32)

@@ -3,6 +3,7 @@
 import inspect
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
-from commands import cogless
+from commands import cogless, forked
 
 import studies
 from cogless.catalogue import catalogue
@@ -246,19 +247,17 @@ def test_ctrl_c_keeps_finished_runs(tmp_path: Path, how: str, presses: int) -> N
     text = text.replace('reference = "60 rpm"\n', 'reference = "60 rpm"\ncontrollers = ["pi", "fair"]\n', 1)
     text += '[controller.mine]\nlaw = "python"\nobject = "law.py:Touches"\n[trace]\nrate = "1 kHz"\n'
     study, folder = studies.write(tmp_path, text), tmp_path / "out"
-    command = [*COMMAND, "run", study, "-o", folder, "--jobs=1"]
-    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    run = forked(tmp_path, "run", study, "-o", folder, "--jobs=1")
     until = time.monotonic() + 60
-    while not (tmp_path / "begun").exists() and run.poll() is None and time.monotonic() < until:
+    while not (tmp_path / "begun").exists() and run.runs() and time.monotonic() < until:
         time.sleep(0.02)
     begun = time.monotonic()
     for _ in range(presses):
-        run.send_signal(signal.SIGINT)
+        run.send(signal.SIGINT)
         time.sleep(0.1)
-    _, err = run.communicate(timeout=30)
+    assert run.end() == 130
     assert time.monotonic() - begun < 10  # a second to give up, and what writing takes
-    assert run.returncode == 130
-    assert err == f"Interrupted: kept 2 of 4 runs (low/pi, low/fair), written to {folder}.\n"
+    assert run.err == f"Interrupted: kept 2 of 4 runs (low/pi, low/fair), written to {folder}.\n"
     results = json.loads((folder / "results.json").read_text())
     assert results["interrupted"] is True
     assert {path.name for path in folder.iterdir()} == {"results.json", "traces.nc", "report.html"}
@@ -283,22 +282,21 @@ def test_a_full_disk_behind_stdout(tmp_path: Path, command: list[str]) -> None:
 @pytest.mark.parametrize("room", [1000, 40_000, 100_000])
 def test_results_that_have_no_room_are_printed_nevertheless(tmp_path: Path, room: int) -> None:
     """First the traces don't fit, then the report; the set that was there stays, whole."""
-    limit = "import resource, os; room = int(os.environ.get('ROOM', 1e9))\n"
-    limit += "resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))\n"
-    words = ["run", str(studies.write(tmp_path)), "--only=low/pi", "--set=trace.rate=1 kHz", "-o", "out"]
-    command = [sys.executable, "-c", limit + COMMAND[-1], *words]
-    subprocess.run(command, check=True, capture_output=True, cwd=tmp_path)
-    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
-    limited = {**os.environ, "ROOM": str(room)}
-    run = subprocess.run(
-        [*command, "--set=seed=5"], capture_output=True, text=True, cwd=tmp_path, env=limited
-    )
+    import resource
+
+    def limited() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
+
+    out = tmp_path / "out"
+    words = ("run", studies.write(tmp_path), "--only=low/pi", "--set=trace.rate=1 kHz", "-o", out)
+    assert forked(tmp_path, *words).end() == 0
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    run = forked(tmp_path, *words, "--set=seed=5", first=limited)
     file = "traces.nc" if room < 60_000 else "report.html"
-    assert (run.returncode, run.stderr.count("\n")) == (2, 1)
-    assert run.stderr.startswith(f"out/{file}: ")
-    assert run.stderr.endswith(": expected a file that can be written\n")
-    assert "speed ripple" in run.stdout and "Report:" not in run.stdout
-    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+    assert run.end() == 2
+    assert re.fullmatch(rf"{out / file}: [^\n]*: expected a file that can be written\n", run.err)
+    assert "speed ripple" in run.out and "Report:" not in run.out
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
 def test_no_traces(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

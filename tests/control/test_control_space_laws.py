@@ -40,10 +40,11 @@ class CLaw:
         assert getattr(lib, f"{self.name}_init")(self.state, self.config, ts, pointer, length) == lib.CGL_OK
         self.input, self.output = library.new("cgl_law_input"), library.new("cgl_law_output")
         self.c_step = getattr(lib, f"{self.name}_step")
+        self.names = [name for name in TERMS if hasattr(self.state.terms, name)]
 
     def step(self, i: PositionInput) -> float:
-        for name, value in i._asdict().items():
-            setattr(self.input, name, value)
+        into = self.input
+        into.theta_ref, into.omega_ref, into.alpha_ref, into.theta_m, into.omega_m, into.learn = i
         self.c_step(self.state, self.input, self.output)
         return self.output.i_q_ref
 
@@ -53,7 +54,7 @@ class CLaw:
 
     @property
     def terms(self) -> dict[str, float]:
-        return {name: getattr(self.state.terms, name) for name in TERMS if hasattr(self.state.terms, name)}
+        return {name: getattr(self.state.terms, name) for name in self.names}
 
 
 # ---- agreement with the reference

@@ -3,8 +3,6 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -16,7 +14,7 @@ from typing import Any
 import ensembles
 import numpy as np
 import pytest
-from commands import cogless
+from commands import cogless, forked
 
 import studies
 from cogless.ensemble import executors, journal, table
@@ -381,15 +379,14 @@ def test_a_missing_extra_is_one_line(
 
 def test_killed_and_started_again(tmp_path: Path, expected: bytes) -> None:
     study, out = studies.write(tmp_path, ensembles.TEXT), tmp_path / "out"
-    command = [sys.executable, "-m", "cogless", "sweep", str(study)]
-    command += ["-n", str(COUNT), "-o", str(out), "-j", "1"]
-    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
+    command = ("sweep", study, "-n", COUNT, "-o", out, "-j", 1)
+    running = forked(tmp_path, *command)
     file, until = out / "journal.jsonl", time.monotonic() + 60
     while time.monotonic() < until and not (file.is_file() and file.read_bytes().count(b"\n") >= 2):
         time.sleep(0.01)
     os.killpg(running.pid, signal.SIGKILL)
-    running.wait()
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, timeout=60)
+    assert running.end() == -signal.SIGKILL
+    assert forked(tmp_path, *command).end() == 0
     assert (out / "sweep.parquet").read_bytes() == expected
     assert json.loads(file.read_text().splitlines()[0])["runs"] == ["low/pi", "low/pi-ilc"]
 

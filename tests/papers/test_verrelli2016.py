@@ -82,15 +82,17 @@ def test_learning_helps_on_a_fair_feedback_too(runs: dict[tuple[str, str], Run])
     assert learned["angle_after_rad"] < 0.3 * fair["angle_after_rad"]
 
 
-def test_one_hour_stays_bounded_and_no_worse() -> None:
+def test_ten_minutes_stay_bounded_and_no_worse() -> None:
+    """1,500 periods: what grew by a ten-thousandth in each would be larger than in the second minute. The
+    hour is in docs/verrelli2016_tables.py."""
     study = load(
         "verrelli2016",
-        {"trace.rate": "100 Hz", "metric": [], "scenario.two-minutes.duration": "3600 s"},
+        {"trace.rate": "100 Hz", "metric": [], "scenario.two-minutes.duration": "600 s"},
     )
     (run,) = run_study(study, ["two-minutes/filtered"]).runs
     error = 50 * run.trace["omega_error"]
     minute = np.ptp(error[run.trace.window(60, 120)])
-    last = np.ptp(error[run.trace.window(3540, 3600)])
+    last = np.ptp(error[run.trace.window(540, 600)])
     assert last <= minute < 0.08
 
 

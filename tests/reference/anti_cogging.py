@@ -107,7 +107,9 @@ class AntiCogging:
 
     def looked_up(self, theta_m: float) -> float:
         x = theta_m / (2 * math.pi) % 1.0 * self.cells
-        return float(np.interp(x, np.arange(self.cells + 1), np.append(self.table, self.table[0])))
+        n = min(int(x), self.cells - 1)
+        here, there = self.table[n], self.table[(n + 1) % self.cells]
+        return float(here + (x - n) * (there - here))
 
     def step(self, omega_ref: float, omega_m: float, theta_m: float, i_q: float, learn: bool = True) -> float:
         if self.calibrating:

@@ -70,5 +70,5 @@ class Foc:
         if self.phases == 3:
             duty = modulate(u_stator, u_dc)
         else:  # two H-bridges: mean voltage u_dc (2 duty - 1)
-            duty = np.array([np.clip((1 + x / u_dc) / 2, 0, 1) for x in (u_stator.real, u_stator.imag, 0.0)])
+            duty = np.array([(1 + x / u_dc) / 2 for x in (u_stator.real, u_stator.imag, 0.0)]).clip(0, 1)
         return FocOutput(duty, i, u, followed, abs(wanted) > u_max or abs(asked) > self.current_limit)

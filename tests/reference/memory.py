@@ -4,6 +4,7 @@ samples in a row (liu2018 (29), verrelli2016 (4), (6) and Section 5)."""
 import math
 from bisect import bisect_right
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,6 +13,14 @@ from .limits import clip, is_angle
 WHOLE = 1 << 32  # a revolution, or a period
 QUARTER = 1 << 30
 MOVES = 8  # samples by which the place of one period ago moves in a step, at most
+
+
+def mean_between(rows: list[list[float]], part: float) -> list[float]:
+    """By channel, the mean of the points that lie `part` of the way from each row to the next."""
+    return [
+        sum((1 - part) * a + part * b for a, b in pairwise(column)) / (len(rows) - 1)
+        for column in zip(*rows, strict=True)
+    ]
 
 
 @dataclass(kw_only=True)
@@ -150,9 +159,8 @@ class AngleMemory(Memory):
             values = [a + part * (b - a) for a, b in zip(here, there, strict=True)]
             self.value = self.clipped(values)
             return values, False
-        window = np.array([self.ago(n) for n in range(self.at - m, self.at + m + 2)])
-        mean = ((1 - part) * window[:-1] + part * window[1:]).mean(axis=0)
-        values = (self.forgetting * mean).tolist()
+        mean = mean_between([self.ago(n) for n in range(self.at - m, self.at + m + 2)], part)
+        values = [self.forgetting * v for v in mean]
         if self.lead == 0:
             values = [v + c for v, c in zip(values, correction, strict=True)]
         stored = self.clipped(values)
@@ -270,12 +278,9 @@ class DelayLine(Memory):
         values = [0.0] * len(self.limit)
         if reads:
             part = self.p_t / self.ts - age
-            reach = range(-m, m + 1) if learn else [0]
-            lines = [
-                (1 - part) * np.array(self.ago(age + k)) + part * np.array(self.ago(age + k + 1))
-                for k in reach
-            ]
-            values = ((self.forgetting if learn else 1.0) * np.mean(lines, axis=0)).tolist()
+            reach = range(age - m, age + m + 2) if learn else (age, age + 1)
+            factor = self.forgetting if learn else 1.0
+            values = [factor * v for v in mean_between([self.ago(n) for n in reach], part)]
         if learn and self.lead == 0:
             values = [v + c for v, c in zip(values, correction, strict=True)]
         self.value = self.clipped(values)

@@ -21,4 +21,4 @@ def modulate(u: complex, u_dc: float) -> np.ndarray:
     first = within.real / (2 / 3 * u_dc) - second / 2
     zero = 1 - first - second
     duty = first * ACTIVE[sector] + second * ACTIVE[(sector + 1) % 6] + zero / 2
-    return np.clip(duty, 0, 1)
+    return duty.clip(0, 1)

@@ -4,8 +4,6 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import numpy as np
-
 from .limits import clip, finite_or_zero, is_angle
 from .memory import AngleMemory, DelayLine
 
@@ -127,16 +125,17 @@ class SpaceSpeed:
         eta = omega - omega_ref
         moving = abs(omega) >= self.omega_min
         q = 1 / abs(omega) if abs(eta) < self.eta_bar and moving else 0.0
-        f = np.array([-1.0, -eta - omega_ref, -alpha_ref])[: len(self.memory.limit)]
-        mu = np.array([self.mu_alpha, self.mu_beta, self.mu_h])[: len(f)]
+        f = [-1.0, -eta - omega_ref, -alpha_ref][: len(self.memory.limit)]
+        mu = (self.mu_alpha, self.mu_beta, self.mu_h)
         may = i.learn and q > 0 and not self.saturated
         speed = omega if moving else 0.0
-        values, self.learning = self.memory.step(i.theta_m, speed, may, (mu * eta * f * q).tolist())  # (4)
-        delta = np.array(values)
-        wanted = -self.k * eta - float(delta @ f)
+        change = [m * eta * f_i * q for m, f_i in zip(mu, f, strict=False)]
+        delta, self.learning = self.memory.step(i.theta_m, speed, may, change)  # (4)
+        learned = [-d * f_i for d, f_i in zip(delta, f, strict=True)]
+        wanted = -self.k * eta + sum(learned)
         self.saturated = abs(wanted) >= self.limit
         self.terms = {"proportional": -self.k * eta}
-        self.terms |= dict(zip(("alpha", "beta", "h"), [*(-delta * f).tolist(), 0.0, 0.0], strict=False))
+        self.terms |= dict(zip(("alpha", "beta", "h"), [*learned, 0.0, 0.0], strict=False))
         return clip(finite_or_zero(wanted), self.limit)
 
     def torque(self, i: PositionInput, current: float) -> float:

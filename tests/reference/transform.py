@@ -4,7 +4,7 @@ import cmath
 
 import numpy as np
 
-TURN = np.exp(2j * np.pi / 3)
+TURN = cmath.exp(2j * cmath.pi / 3)
 
 
 def clarke(abc: np.ndarray) -> complex:
