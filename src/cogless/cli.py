@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from cogless.results import AnyResults
     from cogless.run.simulate import StudyProgress
     from cogless.study import AnyStudy
+    from cogless.study.arena import Arena
 
 # The matrices of the designs are so small that several BLAS threads would only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -112,7 +113,7 @@ def run(
     no_traces: Annotated[bool, typer.Option("--no-traces", help="Write no traces.nc.")] = False,
     jobs: JobsOption = CORES,
 ) -> None:
-    """Simulate a study: every controller in every scenario.
+    """Simulate a study: every controller in every scenario. Of an arena: every law on every plant.
 
     Prints a table of controllers against metrics and writes results.json, traces.nc and report.html.
 
@@ -123,6 +124,10 @@ def run(
     from cogless.run.simulate import RunError, run_study, runs_of
     from cogless.study import TrialStudy
 
+    arena = _arena(study, changes)
+    if arena is not None:
+        _run_arena(arena, output or Path("results") / arena.name, only, jobs)
+        return
     loaded = _load(study, changes)
     wanted = len(runs_of(loaded, only))
     folder = output or Path("results") / loaded.name
@@ -551,9 +556,44 @@ def _repeat(study: str, changes: list[str] | None, own: list[str], pair: tuple[s
 
 
 def _load(study: str, changes: list[str] | None) -> AnyStudy:
-    from cogless.study.reading import changes_from, load
+    from cogless.design.auto import load
+    from cogless.study.reading import changes_from
 
     return load(study, changes_from(changes or ()))
+
+
+def _arena(study: str, changes: list[str] | None) -> Arena | None:
+    """The arena of a file, or None if it has a study."""
+    from cogless.study.arena import arena_of, is_arena
+    from cogless.study.reading import changes_from, find, put, read
+
+    path = find(study, "studies", "study")
+    tables = read(path)
+    if not is_arena(tables):
+        return None
+    for key, value in changes_from(changes or ()).items():
+        put(tables, key, value)
+    return arena_of(path, tables)
+
+
+def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int) -> None:
+    from cogless.ensemble import arena_files
+    from cogless.ensemble.arena import chosen, run_arena
+    from cogless.results.folder import held, new_set
+
+    plants = len(chosen(arena, only))
+    with held(folder):
+        with _bar() as bar:
+            task = bar.add_task("", total=plants)
+            results = run_arena(
+                arena, only, lambda name, done: bar.update(task, completed=done, description=name), jobs
+            )
+        with new_set(folder) as stage:
+            arena_files.write(results, stage / "results.json")
+    _console().print(arena_files.table(results))
+    for (plant, law), why in results.absent.items():
+        say(f"Absent: {law} on {plant}: {why}")
+    print(f"Results: {folder / 'results.json'}")
 
 
 def _write(results: AnyResults, folder: Path, plots: bool, traces: bool) -> None:
