@@ -317,7 +317,7 @@ def test_a_study_s_own_code_is_named_and_may_be_refused(
         "open(__file__ + '.ran', 'w').close()\nclass Mine:\n    def step(self, i): return 0.0\n"
     )
     words = ("run", study, "--only", "low/*", "-o", tmp_path / "out")
-    line = f'{study}: controller.mine.law: "python": expected no code of the study\'s own, with --no-code\n'
+    line = f'{study}: controller.mine.law: "python": expected no code of the file\'s own, with --no-code\n'
     for command in (words, ("sweep", study), ("tune", study), ("calibrate", study)):
         assert cogless(capsys, *command, "--no-code") == (2, "", line)
     assert not (tmp_path / "mine.py.ran").exists()

@@ -6,11 +6,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from cogless.design.auto import load
     from cogless.errors import StudyError
     from cogless.results import Results, Run, TrialResults
     from cogless.results.trace import Trace
     from cogless.run.simulate import rollout, run_study
-    from cogless.study import Study, TrialStudy, changed, for_scenario, load
+    from cogless.study import Study, TrialStudy, changed, for_scenario
 
 # Module of each public name. It is imported at first use, so that importing cogless stays quick.
 _HOMES = {
@@ -24,7 +25,7 @@ _HOMES = {
     "TrialStudy": "cogless.study",
     "changed": "cogless.study",
     "for_scenario": "cogless.study",
-    "load": "cogless.study",
+    "load": "cogless.design.auto",
     "Trace": "cogless.results.trace",
 }
 

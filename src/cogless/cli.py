@@ -8,7 +8,7 @@ import math
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from cogless.results import AnyResults
     from cogless.run.simulate import StudyProgress
     from cogless.study import AnyStudy
+    from cogless.study.arena import Arena
 
 # The matrices of the designs are so small that several BLAS threads would only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -83,7 +84,8 @@ DaskOption = Annotated[
     typer.Option("--dask", metavar="ADDRESS", help="Run on a Dask cluster, such as tcp://node1:8786."),
 ]
 NoCodeOption = Annotated[
-    bool, typer.Option("--no-code", help="Refuse a study that brings code of its own, in Python or a library.")
+    bool,
+    typer.Option("--no-code", help="Refuse a study that brings code of its own, in Python or a library."),
 ]
 CORES = os.cpu_count() or 1
 
@@ -116,7 +118,7 @@ def run(
     jobs: JobsOption = CORES,
     no_code: NoCodeOption = False,
 ) -> None:
-    """Simulate a study: every controller in every scenario.
+    """Simulate a study: every controller in every scenario. Of an arena: every law on every plant.
 
     Prints a table of controllers against metrics and writes results.json, traces.nc and report.html.
 
@@ -127,6 +129,11 @@ def run(
     from cogless.run.simulate import RunError, run_study, runs_of
     from cogless.study import TrialStudy
 
+    arena = _arena(study, changes)
+    if arena is not None:
+        _name_code(arena.path, "law", arena.law, no_code)
+        _run_arena(arena, output or Path("results") / arena.name, only, jobs)
+        return
     loaded = _to_run(study, changes, no_code)
     wanted = len(runs_of(loaded, only))
     folder = output or Path("results") / loaded.name
@@ -562,23 +569,63 @@ def _repeat(study: str, changes: list[str] | None, own: list[str], pair: tuple[s
 
 
 def _load(study: str, changes: list[str] | None) -> AnyStudy:
-    from cogless.study.reading import changes_from, load
+    from cogless.design.auto import load
+    from cogless.study.reading import changes_from
 
     return load(study, changes_from(changes or ()))
 
 
 def _to_run(study: str, changes: list[str] | None, no_code: bool) -> AnyStudy:
     """The study, whose own code is named before any of it runs."""
+    loaded = _load(study, changes)
+    _name_code(loaded.source.path, "controller", loaded.controller, no_code)
+    return loaded
+
+
+def _name_code(path: Path, table: str, laws: Mapping[str, Any], no_code: bool) -> None:
+    """Say which files' code these laws run, or refuse it."""
     from cogless.study.controller import OwnLaw
 
-    loaded = _load(study, changes)
-    for name, controller in loaded.controller.items():
-        if isinstance(controller, OwnLaw):
-            where = f'{loaded.source.path}: controller.{name}.law: "{controller.law}"'
+    for name, law in laws.items():
+        if isinstance(law, OwnLaw):
             if no_code:
-                raise StudyError(f"{where}: expected no code of the study's own, with --no-code")
-            print(f"Code: controller.{name} runs {loaded.source.path.parent / controller.code}.")
-    return loaded
+                where = f'{path}: {table}.{name}.law: "{law.law}"'
+                raise StudyError(f"{where}: expected no code of the file's own, with --no-code")
+            print(f"Code: {table}.{name} runs {path.parent / law.code}.")
+
+
+def _arena(study: str, changes: list[str] | None) -> Arena | None:
+    """The arena of a file, or None if it has a study."""
+    from cogless.study.arena import arena_of, is_arena
+    from cogless.study.reading import changes_from, find, put, read
+
+    path = find(study, "studies", "study")
+    tables = read(path)
+    if not is_arena(tables):
+        return None
+    for key, value in changes_from(changes or ()).items():
+        put(tables, key, value)
+    return arena_of(path, tables)
+
+
+def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int) -> None:
+    from cogless.ensemble import arena_files
+    from cogless.ensemble.arena import chosen, run_arena
+    from cogless.results.folder import held, new_set
+
+    plants = len(chosen(arena, only))
+    with held(folder):
+        with _bar() as bar:
+            task = bar.add_task("", total=plants)
+            results = run_arena(
+                arena, only, lambda name, done: bar.update(task, completed=done, description=name), jobs
+            )
+        with new_set(folder) as stage:
+            arena_files.write(results, stage / "results.json")
+    _console().print(arena_files.table(results))
+    for (plant, law), why in results.absent.items():
+        say(f"Absent: {law} on {plant}: {why}")
+    print(f"Results: {folder / 'results.json'}")
 
 
 def _write(results: AnyResults, folder: Path, plots: bool, traces: bool) -> None:

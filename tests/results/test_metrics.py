@@ -330,3 +330,16 @@ def test_overshoot_is_beyond_the_mean_over_the_last_quarter():
     for slope in (2.0, -2.0):
         t = trace(x=lambda time, slope=slope: slope * np.maximum(time - 1.0, 0.0))
         assert value("overshoot", t, event=1.0) == pytest.approx(0.5, abs=5 / RATE)
+
+
+def test_time_to_learn_is_when_the_last_piece_above_the_band_ends():
+    """A sine of 2 until 2.2 s, then of 0.5, in pieces of half a second from 1 s on."""
+    t = trace(x=lambda time: np.where(time < 2.2, 2.0, 0.5) * np.sin(2 * np.pi * 10 * time))
+
+    def learned(band):
+        return value("time-to-learn", t, band=band, smooth=0.5, window=(1.0, 3.9))
+
+    assert learned(0.5) == pytest.approx(1.5)  # the piece that ends at 2.5 s has an rms of 0.94
+    assert learned(1.0) == pytest.approx(1.0)
+    assert learned(5.0) == 0
+    assert learned(0.3) is None

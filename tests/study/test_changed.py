@@ -11,10 +11,12 @@ import cogless
 import studies
 from cogless.errors import StudyError
 from cogless.study import Study, changed, load
+from cogless.study.arena import is_arena
 from cogless.study.error_messages import look_up
-from cogless.study.reading import checked, shipped, split
+from cogless.study.reading import checked, read, shipped, split
 
-SPEED = [name for name in shipped("studies") if isinstance(load(name), Study)]
+FILES = {name: path for name, path in shipped("studies").items() if not is_arena(read(path))}
+SPEED = [name for name in FILES if isinstance(load(name), Study)]
 # Values that are right, wrong by themselves, or wrong beside others; a key may not have them at all.
 VALUES = [
     0,

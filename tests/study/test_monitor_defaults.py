@@ -19,8 +19,11 @@ from cogless.run.own_law import make_law
 from cogless.run.simulate import simulate
 from cogless.run.trial_config import engine_config as trial_engine_config
 from cogless.study import TrialStudy, load
+from cogless.study.arena import is_arena
+from cogless.study.reading import read
 
-STUDIES = sorted(path.stem for path in (Path(__file__).parents[2] / "studies").glob("*.toml"))
+FILES = (Path(__file__).parents[2] / "studies").glob("*.toml")
+STUDIES = sorted(path.stem for path in FILES if not is_arena(read(path)))
 # not learning and at its limit are a law's own matter
 ALARMS = 2 | 16 | 32 | 64 | 128 | 256 | 512 | 1024
 SECONDS = 2.0

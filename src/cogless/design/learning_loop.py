@@ -65,6 +65,7 @@ class LearningLoop(ABC):
     alpha_m: float = 0.0  # rad/s^2
     torque: float = 1.0  # torque constant at an angle / its mean: differs from 1 if K_t ripples
     scenario: str | None = None  # whose true plant is used; None: the plant that the controller assumes
+    late: float = 0.0  # s, delay that the study doesn't tell
 
     @property
     @abstractmethod
@@ -122,7 +123,7 @@ class LearningLoop(ABC):
     def plant(self) -> SpeedLoop:
         """The speed loop that the law acts on, with the mean torque constant times `torque`."""
         loop = speed_loop(self.study, self.scenario)
-        return dataclasses.replace(loop, b=loop.b * self.torque)
+        return dataclasses.replace(loop, b=loop.b * self.torque, delay=loop.delay + self.late)
 
     @property
     def periods_per_second(self) -> float:

@@ -215,7 +215,7 @@ def gains(study: Study, name: str) -> tuple[float, float]:
     """kp and ki of a controller of the study: as given there, or from its tuning rule."""
     controller = study.controller[name]
     assert isinstance(controller, Feedback)
-    if controller.tuning is None:
+    if controller.kp is not None or controller.tuning is None:
         return controller.kp or 0.0, controller.ki or 0.0
     with tuned(study, name):
         design = phase_margin_pi(speed_loop(study).rigid, controller.tuning)

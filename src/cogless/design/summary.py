@@ -162,7 +162,7 @@ def design(study: Study, name: str) -> Design:
     numbers = own | {key: gain for key, gain in _numbers(controller).items() if key not in own}
     if isinstance(controller, Learning):
         numbers["lead"] = _lead(study, controller)
-    tuning = controller.tuning if isinstance(controller, Feedback | SpacePosition) else None
+    tuning = getattr(controller, "tuning", None)
     known, proof = verdict(study, name), theorem(study, name)
     if proof is not None and known is not None and known.kind not in ("settles", "rests"):
         # the proof is for continuous time only

@@ -240,6 +240,23 @@ def exceeds(m: MetricInput) -> float | None:
     return float(m.trace.time[m.rows][outside[0]]) if len(outside) else None
 
 
+def time_to_learn(m: MetricInput) -> float | None:
+    """Time from the window's start after which the signal's RMS stays within the band, s; None when never.
+
+    The RMS is that of pieces of the window, each `smooth` long; the last may be shorter and doesn't count.
+    """
+    if m.metric.smooth is None or m.metric.band is None:
+        raise m.error("expected a band, and smooth")
+    x, each = m.part(m.signal, m.rows), max(1, round(m.metric.smooth / m.trace.period))
+    pieces = x[: len(x) // each * each].reshape(-1, each)
+    if not len(pieces):
+        raise m.error("window is shorter than smooth")
+    outside = np.flatnonzero(~(np.sqrt(np.mean(pieces**2, axis=1)) <= m.metric.band))
+    if len(outside) and outside[-1] == len(pieces) - 1:
+        return None
+    return float(outside[-1] + 1) * each * m.trace.period if len(outside) else 0.0
+
+
 def copper_loss(m: MetricInput) -> float:
     """Mean copper loss R_s (i_d^2 + i_q^2), times 3/2 for three phases or 1 for two, W."""
     i_d, i_q = m.trace.part("i_d", m.rows), m.trace.part("i_q", m.rows)
@@ -304,6 +321,7 @@ KINDS: dict[str, Callable[[MetricInput], Value | Array]] = {
     "settling": settling,
     "overshoot": overshoot,
     "exceeds": exceeds,
+    "time-to-learn": time_to_learn,
     "copper-loss": copper_loss,
     "chattering": chattering,
     "first-rms": first_rms,

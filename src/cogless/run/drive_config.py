@@ -10,9 +10,11 @@ from typing import Any, Literal
 
 from cogless.c_laws import C_LAWS
 from cogless.c_layout import control_layout
+from cogless.design.auto import missing
 from cogless.design.pi import gains
 from cogless.design.position import position_gains
 from cogless.design.space_bounds import learned_limits
+from cogless.errors import StudyError
 from cogless.run.monitor_defaults import monitor_config, quality_config
 from cogless.study import AnyStudy, Study, for_scenario
 from cogless.study.controller import Feedback, LawLoop, Learning, LibraryLaw, PythonLaw
@@ -228,6 +230,9 @@ def own_law_config(study: AnyStudy, name: str) -> dict[str, Any]:
 def _filled(study: Study, study_here: Study, name: str) -> AnyController:
     """A controller with the gains from its tuning rule and the default limits from the drive filled in."""
     law, found = study.controller[name], dict[str, Any]()
+    if name in missing(study):
+        where = f"{study.source.path}: controller.{name}.tuning"
+        raise StudyError(f"{where}: expected a study from cogless.load, which applies the rule auto")
     if isinstance(law, Feedback):
         found = dict(zip(("kp", "ki"), gains(study, name), strict=True))
     if isinstance(law, Learning) and law.limit is None:

@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -32,13 +32,23 @@ from cogless.study.table import (
 
 
 class Tuning(Table):
-    """A rule that computes kp and ki; cogless.design.pi describes it."""
+    """A rule that computes the feedback's gains (cogless.design.pi), and as auto all others too.
 
-    rule: Literal["phase-margin"]
-    phase_margin: PhaseMargin  # rad
+    cogless.design.auto describes auto; keys that the study gives stay as they are.
+    """
+
+    rule: Literal["phase-margin", "auto"]
+    phase_margin: PhaseMargin = math.radians(45)  # rad, must be given unless the rule is auto
+
+    @property
+    def is_auto(self) -> bool:
+        """Whether the rule computes all of the law's numbers."""
+        return self.rule == "auto"
 
     @model_validator(mode="after")
     def _range(self) -> Self:
+        if not self.is_auto and "phase_margin" not in self.model_fields_set:
+            raise invalid('expected one, such as "60 deg"', "phase_margin", value="missing")
         if not 0.3 < self.phase_margin < 1.45:
             raise invalid('expected a phase margin from "20 deg" to "80 deg"', "phase_margin")
         return self
@@ -63,6 +73,12 @@ class LawLoop:
         return round(time * (self.current_rate / self.divider))
 
 
+class AutoTuning(Tuning):
+    """The rule auto alone."""
+
+    rule: Literal["auto"]
+
+
 class Base(Table):
     """A controller: the keys that every law has.
 
@@ -72,6 +88,15 @@ class Base(Table):
 
     label: Line | None = None  # in tables and report; default: its name
     baseline: bool = False  # ratios in tables are relative to it
+
+    # keys that the rule auto gives (cogless.design.auto), with what stands there until it does
+    AUTOMATIC: ClassVar[dict[str, Any]] = {}
+
+    @classmethod
+    def spelled_out(cls, data: Any) -> Any:
+        tuning = data.get("tuning") if isinstance(data, dict) else None
+        is_auto = isinstance(tuning, dict) and tuning.get("rule") == "auto"
+        return {**cls.AUTOMATIC, **data} if is_auto else data
 
     @property
     def learns(self) -> bool:
@@ -124,7 +149,9 @@ class Feedback(Base):
     @model_validator(mode="after")
     def _gains_or_rule(self) -> Self:
         gains = (self.kp is not None, self.ki is not None)
-        if gains not in ((True, True), (False, False)) or all(gains) == (self.tuning is not None):
+        # by hand beside the rule auto, too, which then computes the other numbers
+        allowed = self.tuning is None or self.tuning.is_auto if all(gains) else self.tuning is not None
+        if gains not in ((True, True), (False, False)) or not allowed:
             rule = '{ rule = "phase-margin", phase_margin = "60 deg" }'
             raise invalid(f"expected either kp and ki or tuning, such as {rule}")
         return self
@@ -219,6 +246,9 @@ class Learning(LearnsWhileRunning):
         }
 
 
+PERIODIC = {"lead": 0.0, "cells": 1024, "q_half_width": 0}
+
+
 class Pi(Feedback):
     """Proportional-integral speed control."""
 
@@ -233,6 +263,8 @@ class PiIlc(Feedback, Learning):
 
     law: Literal["pi-ilc"]
     gain: SpeedGain  # A*s/rad, learning
+
+    AUTOMATIC: ClassVar[dict[str, Any]] = {"gain": 0.0, **PERIODIC}
 
     @property
     def learning_gain(self) -> tuple[float, float]:
@@ -256,6 +288,13 @@ class RobustIlc(Learning):
     gamma: RateGainPerTime  # 1/s^2
     viscous: RateGain = 0.0  # 1/s: B(x) = viscous omega + coulomb sgn(omega)
     coulomb: AccelerationGain = 0.0  # rad/s^2
+    tuning: AutoTuning | None = None  # in place of the gains
+
+    AUTOMATIC: ClassVar[dict[str, Any]] = {
+        **dict.fromkeys(("c", "g", "eta", "q", "beta_1", "beta_2", "gamma"), 0.0),
+        "b": 1.0,
+        **PERIODIC,
+    }
 
     @property
     def linear(self) -> tuple[float, float]:
@@ -304,6 +343,12 @@ class AntiCogging(Feedback, Startable):
     cells: Annotated[int, Field(ge=4, le=MOST_CELLS)] = 720  # a revolution
     lead: StartTime = 0.0  # s: the table is read at the angle expected after this time
     calibration: Commissioning | None = None  # in place of a start
+
+    AUTOMATIC: ClassVar[dict[str, Any]] = {
+        "cells": 720,
+        "lead": 0.0,
+        "calibration": {"speed": 1.0, "position_gain": 0.0},
+    }
 
     @model_validator(mode="after")
     def _filled_once(self) -> Self:

@@ -31,10 +31,11 @@ OWN_DIMENSIONS = {
     "chattering": units.CURRENT,
     "settling": units.TIME,
     "exceeds": units.TIME,
+    "time-to-learn": units.TIME,
 }
 STATE = re.compile(r"x_\d+")
 AT_AN_EVENT = ("dip", "settling", "overshoot")
-WITH_A_BAND = ("settling", "exceeds")
+WITH_A_BAND = ("settling", "exceeds", "time-to-learn")
 EACH_TRIAL = ("rms", "ripple-rms", "mean", "maximum", "peak-to-peak")  # in a study of trials
 EACH_PHASE = ("first-rms", "final-rms", "trials-to-floor")  # only there
 
@@ -61,6 +62,7 @@ class Metric(Table):
         "settling",
         "overshoot",
         "exceeds",
+        "time-to-learn",
         "copper-loss",
         "chattering",
         "first-rms",
@@ -78,7 +80,8 @@ class Metric(Table):
     event: Time | None = None  # s
     band: float | None = None  # half width, SI
     floor: float | None = None  # of trials-to-floor, SI
-    smooth: Duration | None = None  # s: the signal is averaged over this time first, to remove ripple
+    # s: the signal is averaged over this time first, to remove ripple; time-to-learn: pieces of this length
+    smooth: Duration | None = None
     unit: str | None = None  # in tables and report; default: SI
     better: Literal["lower", "higher", "none"] = "lower"
     limit: float | None = None  # SI: what is still good; `cogless sweep` tells the share that keeps it
@@ -134,14 +137,14 @@ class Metric(Table):
             "event": self.kind in AT_AN_EVENT,
             "band": self.kind in WITH_A_BAND,
             "floor": self.kind == "trials-to-floor",
+            "smooth": self.kind == "time-to-learn",
         }
         for key, needed in needs.items():
             if needed and getattr(self, key) in (None, ()):
                 raise invalid(f'expected one, since kind is "{self.kind}"', key, value="missing")
-            if not needed and key != "event" and getattr(self, key) is not None:
+            optional = key == "event" or (key == "smooth" and self.kind in AT_AN_EVENT)
+            if not needed and not optional and getattr(self, key) is not None:
                 raise invalid(f'expected none, since kind is "{self.kind}"', key)
-        if self.smooth is not None and self.kind not in AT_AN_EVENT:
-            raise invalid(f'expected none, since kind is "{self.kind}"', "smooth")
         if self.last is not None and (self.window, self.event) != (None, None):
             raise invalid("expected one of window, last and event", "last")
         if self.window is not None and self.window[1] <= self.window[0]:

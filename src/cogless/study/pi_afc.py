@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from itertools import pairwise
-from typing import Any, Literal, Self
+from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
@@ -23,6 +23,8 @@ class PiAfc(Feedback, LearnsWhileRunning):
     lead: StartTime = 0.0  # s: delay from the current to the measured speed
     omega_min: LawSpeed = 0.01  # rad/s, mechanical: below it learning pauses, but the learned part stays on
     limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
+
+    AUTOMATIC: ClassVar[dict[str, Any]] = {"orders": [1], "gain": 0.0, "lead": 0.0}
 
     @property
     def over_angle(self) -> bool:

@@ -21,6 +21,7 @@ from cogless import units
 from cogless.errors import StudyError
 from cogless.files import reason, shipped
 from cogless.study import checks, reuse, trial_checks
+from cogless.study.arena import is_arena
 from cogless.study.base import Source, StudyBase
 from cogless.study.datasheet_words import replaced_by, replaced_by_any
 from cogless.study.error_messages import MISSING, Problem, dotted, look_up, problems, shown, study_error
@@ -51,6 +52,8 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
     """
     path = find(study, "studies", "study")
     tables = read(path)
+    if is_arena(tables):
+        raise StudyError(f"{path}: an arena: expected a study; cogless run takes both")
     changes = dict(changes or {})
     if "motor.datasheet" in changes:
         put(tables, "motor.datasheet", changes.pop("motor.datasheet"))

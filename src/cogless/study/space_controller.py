@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from cogless import units
-from cogless.study.controller import Cells, LawLoop, LearnsWhileRunning, Tuning, check_cells
+from cogless.study.controller import AutoTuning, Cells, LawLoop, LearnsWhileRunning, Tuning, check_cells
 from cogless.study.table import (
     CurrentBound,
     LawSpeed,
@@ -111,6 +111,9 @@ class SpaceLearning(LearnsWhileRunning):
         }
 
 
+MECHANICAL = {"period": {"of": "mechanical"}, "mu_alpha": 1.0, "cells": 1024, "q_half_width": 0}
+
+
 class SpacePosition(SpaceLearning):
     """Position control that learns in angle, with hand-over from integral action (Verrelli 2016, law 6)."""
 
@@ -126,6 +129,8 @@ class SpacePosition(SpaceLearning):
     hand_over: bool = True  # integral action fades out as learning fades in
     ramp: StartTime = 1.0  # s
     index: Literal["reference", "rotor"] = "reference"  # the angle that the memory is over
+
+    AUTOMATIC: ClassVar[dict[str, Any]] = {"frame": "mechanical", "hand_over": False, **MECHANICAL}
 
     @model_validator(mode="after")
     def _gains_or_rule(self) -> Self:
@@ -159,6 +164,9 @@ class SpaceSpeed(SpaceLearning):
     law: Literal["space-speed"]
     k: SpeedGain  # A*s/rad
     eta_bar: LawSpeed  # rad/s: learning pauses while the speed error is larger
+    tuning: AutoTuning | None = None  # in place of the gains
+
+    AUTOMATIC: ClassVar[dict[str, Any]] = {"k": 0.0, "eta_bar": 1.0, **MECHANICAL}
 
     @property
     def linear(self) -> tuple[float, float]:

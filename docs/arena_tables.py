@@ -1,0 +1,166 @@
+"""Tables of the arena for docs/studies/arena.md: who wins each column, what it costs, and every plant.
+
+cogless run arena -o results/arena
+python docs/arena_tables.py --write results/arena/results.json
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from functools import partial
+from pathlib import Path
+
+from marked import Blocks, main, number, table
+from pil_tables import CASES
+from pil_tables import PAGE as COSTS
+
+import cogless
+from cogless.ensemble.arena_scores import COLUMNS, Scores
+
+LEARNED_ON = 0.95  # times the bar: more ripple than that is no win of a law that learns
+LOSES = 1.02  # times the bar: worse than it
+
+
+def costs() -> dict[str, tuple[str, str]]:
+    """Instructions (mean, of the law) and RAM in bytes of each law, from the guide's tables; the first case
+    counts.
+    """
+    page = COSTS.read_text(encoding="utf-8")
+    rows = {name: _rows(page, name) for name in ("time", "memory")}
+    found: dict[str, tuple[str, str]] = {}
+    for name, study, _, controller, changes in CASES:
+        law = getattr(cogless.load(study, changes).controller[controller], "law", "")
+        if name in rows["time"] and name in rows["memory"]:
+            found.setdefault(law, (rows["time"][name]["law"], rows["memory"][name]["RAM"]))
+    return found
+
+
+def _rows(page: str, block: str) -> dict[str, dict[str, str]]:
+    """The rows of a generated table: first cell -> heading -> cell."""
+    text = re.search(rf"<!-- begin {block} -->\n(.*?)<!-- end", page, re.DOTALL)
+    assert text is not None
+    cells = [[c.strip() for c in line.strip("| ").split("|")] for line in text[1].splitlines() if "|" in line]
+    head, _, *rows = cells
+    return {row[0]: dict(zip(head, row, strict=True)) for row in rows}
+
+
+def main_table(scores: Scores) -> list[str]:
+    known, rows = costs(), []
+    best = {column: scores.winners(column) for column in COLUMNS}
+    for law in scores.laws:
+        cells = [_cell(scores.score(column, law), law in best[column]) for column in COLUMNS]
+        spent = known.get(scores.content["laws"][law]["law"], ("-", "-"))
+        rows.append([scores.label(law), *cells, *spent, str(scores.met(law))])
+    head = ["law", *(c.title for c in COLUMNS.values()), "instructions", "RAM", "plants"]
+    return table(head, rows)
+
+
+def _cell(value: float | None, bold: bool) -> str:
+    if value is None:
+        return "-"
+    text = number(value) if math.isfinite(value) else "∞"
+    return f"**{text}**" if bold else text
+
+
+def winner_table(scores: Scores) -> list[str]:
+    """The winner of each column, and where it is worse than the bar: its price."""
+    known, rows = costs(), []
+    for column, about in COLUMNS.items():
+        winners = scores.winners(column)
+        if not winners:
+            continue
+        law = winners[0]
+        score = scores.score(column, law)
+        dearer = [
+            f"{COLUMNS[other].title} {number(value)} times"
+            for other in COLUMNS
+            if (value := scores.score(other, law)) is not None and value > LOSES
+        ]
+        lost = _lost(scores, column, law)
+        instructions, ram = known.get(scores.content["laws"][law]["law"], ("-", "-"))
+        price = [f"{instructions} instructions, {ram} bytes", *dearer, *lost]
+        equals = ", ".join(scores.label(other) for other in winners[1:])
+        name = scores.label(law) + (f" (as good: {equals})" if equals else "")
+        rows.append([about.title, name, f"{number(score)}", "; ".join(price)])
+    return table(["column", "winner", "times the bar", "what it costs"], rows)
+
+
+def _lost(scores: Scores, column: str, law: str) -> list[str]:
+    """The plants on which the winner of a column is worse than the bar there."""
+    lost = [p for p in scores.plants if (r := scores.ratio(column, p, law)) is not None and r > LOSES]
+    return [f"loses to the bar on {', '.join(lost)}"] if lost else []
+
+
+def losers(scores: Scores) -> list[str]:
+    """A line for each law that learns: where its ripple is no lower than the bar's."""
+    found = []
+    for law in scores.laws:
+        worse = [
+            f"{plant} ({number(ratio)})"
+            for plant in scores.plants
+            if law != scores.bar
+            and (ratio := scores.ratio("ripple", plant, law)) is not None
+            and ratio > LEARNED_ON
+        ]
+        if worse:
+            found.append(f"- {scores.label(law)}: {', '.join(worse)}")
+    return found or ["- none"]
+
+
+def plant_tables(scores: Scores) -> list[str]:
+    lines: list[str] = []
+    for plant in scores.plants:
+        laws = [law for law in scores.laws if scores.value("ripple", plant, law) is not None]
+        rows = []
+        for law in laws:
+            cells = []
+            for column, about in COLUMNS.items():
+                best = scores.best(partial(scores.value, column, plant), laws)
+                value = scores.value(column, plant, law)
+                assert value is not None
+                text = "never" if math.isinf(value) else number(value / about.scale)
+                cells.append(f"**{text}**" if law in best else text)
+            rows.append([scores.label(law), *cells])
+        head = ["law", *(f"{c.title} [{c.unit}]" for c in COLUMNS.values())]
+        lines += [f"### {plant}", "", f"{_sentence(scores, plant)}", "", *table(head, rows), ""]
+    return lines[:-1]
+
+
+def _sentence(scores: Scores, plant: str) -> str:
+    about = str(scores.content["plants"][plant]["about"])
+    away = [
+        f"{scores.label(each['law'])} ({each['why']})"
+        for each in scores.content["absent"]
+        if each["plant"] == plant
+    ]
+    stays = f" Not on it: {', '.join(away)}." if away else ""
+    return f"{about[0].upper()}{about[1:]}.{stays}"
+
+
+def seeds(scores: Scores) -> list[str]:
+    changing = scores.unsteady()
+    count = len(scores.seeds)
+    if not changing:
+        return [f"No column's winner changes over {count} seeds."]
+    lines = [f"Of {len(COLUMNS)} columns, {len(changing)} change their winner over {count} seeds:", ""]
+    for column, each in changing.items():
+        named = ", ".join(f"{scores.label(laws[0])} with seed {seed}" for seed, laws in each.items() if laws)
+        lines.append(f"- {COLUMNS[column].title}: {named}")
+    return lines
+
+
+def blocks(path: Path) -> Blocks:
+    scores = Scores(json.loads(path.read_text(encoding="utf-8")))
+    return {
+        "scores": main_table(scores),
+        "winners": winner_table(scores),
+        "losers": losers(scores),
+        "seeds": seeds(scores),
+        "plants": plant_tables(scores),
+    }
+
+
+if __name__ == "__main__":
+    main(Path(__file__).parent / "studies" / "arena.md", blocks)

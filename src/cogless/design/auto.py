@@ -1,0 +1,351 @@
+"""The rule auto: every number of a learning law, from the design's own measures of stability.
+
+The feedback is the PI, or the position feedback, of the rule phase-margin, by default at 45 degrees. What
+the law learns must settle at every speed that its scenarios hold, as told and in every corner that the rule
+allows for: an inertia off by 50 %, so K_t / J of 1 / 1.5 and 2 times what the study tells, and a delay of
+one sample that it doesn't tell. With X of learning_loop.py, per unit of the learning gain:
+
+    map         ten cells or more in a wave of the highest order that is known of motor and load
+    gain        1 / max |X|: the frequency that answers most is learned in one period
+    lead        the one with which learning settles up to the highest frequency, in the worst corner
+    Q filter    the narrowest with which no frequency grows by more than `SETTLED` in a period
+
+The gain is halved while no filter is enough, and while the design foresees that half of it leaves less
+ripple: each period adds the noise of a sensor's counts. docs/laws/auto.md has the laws one by one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cogless.design.angle_functions import functions_in
+from cogless.design.closed_loop import oscillation
+from cogless.design.learning import LONGEST_LEAD, PeriodicLoop
+from cogless.design.learning_loop import SETTLED, LearningLoop
+from cogless.design.margins import Complex, Real, margins_of
+from cogless.design.order_learning import OrderLoop
+from cogless.design.pi import gains, phase_margin_pi, speed_loop
+from cogless.design.ripple import ripple
+from cogless.design.space_learning import SpaceLoop
+from cogless.design.verdict import WIDEST
+from cogless.errors import StudyError
+from cogless.study import AnyStudy, Study, changed
+from cogless.study import load as load_study
+from cogless.study.controller import SETTLING, AntiCogging, PiIlc, RobustIlc
+from cogless.study.error_messages import dotted
+from cogless.study.laws import AnyController
+from cogless.study.pi_afc import ORDERS, PiAfc
+from cogless.study.reading import Changes
+from cogless.study.space_controller import SpacePosition, SpaceSpeed
+
+# true K_t / J over that of the study, and samples of delay that the study doesn't tell: as told, and each
+# corner
+AS_TOLD = (1.0, 0)
+CORNERS = (AS_TOLD, (1 / 1.5, 0), (2.0, 0), (1.0, 1))
+CELLS = 10  # in a wave of the highest order
+FEWEST_CELLS, MOST_CELLS = 256, 8192
+HALVINGS = 10
+LEARNED = 30  # periods after which the ripple that is left counts
+FREQUENCIES = 1000
+IN_PHASE = 0.1  # least cos arg X that counts as learning in the right direction
+MARGIN = 2.0  # of the gain on single orders
+SLOWER = 4.0  # the commissioning run's position loop / the speed loop's crossover, inverse
+
+Values = dict[str, Any]
+
+
+def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
+    """Read a study, as `cogless.study.load`, and give the laws with the rule auto their numbers."""
+    return filled(load_study(study, changes))
+
+
+def filled(study: AnyStudy) -> AnyStudy:
+    """The study with the numbers that the rule auto gives; keys that it gives itself stay."""
+    if not isinstance(study, Study):
+        return study
+    found: Values = {}
+    for name in missing(study):
+        values, given = automatic(study, name), study.source.tables["controller"][name]
+        found |= {dotted(("controller", name, key)): v for key, v in values.items() if key not in given}
+    return changed(study, found) if found else study
+
+
+def missing(study: Study) -> list[str]:
+    """Names of the controllers whose numbers the rule auto has still to give."""
+    tables = study.source.tables["controller"]
+    return [
+        name
+        for name, law in study.controller.items()
+        if is_auto(law) and not law.AUTOMATIC.keys() <= tables[name].keys()
+    ]
+
+
+def is_auto(law: AnyController) -> bool:
+    """Whether a controller's tuning rule is auto."""
+    tuning = getattr(law, "tuning", None)
+    return tuning is not None and tuning.is_auto
+
+
+def automatic(study: Study, name: str) -> Values:
+    """The numbers of a controller's keys, SI, by the rule auto. StudyError: there are none that settle."""
+    law = study.controller[name]
+    rules: dict[type, Callable[[Study, str, Any], Values]] = {
+        PiIlc: _pi_ilc,
+        RobustIlc: _robust_ilc,
+        PiAfc: _pi_afc,
+        AntiCogging: _anti_cogging,
+        SpaceSpeed: _space_speed,
+        SpacePosition: _space_position,
+    }
+    rule = rules.get(type(law))
+    return {} if rule is None else rule(study, name, law)
+
+
+def _pi_ilc(study: Study, name: str, law: PiIlc) -> Values:
+    return _periodic(study, name, law, lambda gain: {"gain": gain})
+
+
+def _robust_ilc(study: Study, name: str, law: RobustIlc) -> Values:
+    """The linear part is that of the PI, the switching twice what the current sensors' noise shows."""
+    assert law.tuning is not None
+    b = study.K_t / study.mechanics.stiff.inertia
+    pi = _phase_margin_pi(study, name, law)
+    half, both = b * pi[0] / 2, b * pi[1]
+    apart = math.sqrt(max(half**2 - both, 0.0))  # two real roots, or a double one: ki as near as these come
+    given = {"b": b, "c": half - apart, "eta": half + apart, "q": 1.0, "beta_1": 0.0, "gamma": 0.0}
+    given["g"] = 2 * b * study.drive.current_sensors.noise
+    with_it = _with(study, name, given)
+    return given | _periodic(with_it, name, law, lambda gain: {"beta_2": gain * b})
+
+
+def _pi_afc(study: Study, name: str, law: PiAfc) -> Values:
+    """Orders that are known and can settle in every corner, the largest first; one lead, one gain for all."""
+    found = _known_orders(study, name)
+    held = [n for n in found if _settles(study, name, n)] or found[:1]
+    orders = sorted(held[:ORDERS]) or [1]
+    T = speed_loop(study).period
+    loops = list(_loops(OrderLoop, _with(study, name, {"orders": tuple(orders), "gain": 1.0}), name))
+
+    def in_phase(n: int) -> float:
+        return min(float(np.min(_cosine(loop, loop.frequencies, n), initial=1.0)) for loop in loops)
+
+    lead = max(range(LONGEST_LEAD + 1), key=in_phase) * T
+    kp, ki = gains(study, name)
+    gain = (ki or kp / T) / len(orders)
+    for _ in range(2 * HALVINGS):
+        tried = _with(study, name, {"orders": tuple(orders), "gain": MARGIN * gain, "lead": lead})
+        if all(loop.worst().factor <= SETTLED for loop in _loops(OrderLoop, tried, name)):
+            return {"orders": orders, "gain": gain, "lead": lead}
+        gain /= 2
+    raise _no_gain(study, name)
+
+
+def _settles(study: Study, name: str, order: int) -> bool:
+    """Whether an order can be learned at all speeds and corners with some lead."""
+    loops = list(_loops(OrderLoop, _with(study, name, {"orders": (order,), "gain": 1.0}), name))
+    if not all(len(loop.frequencies) for loop in loops):
+        return False
+    leads = range(LONGEST_LEAD + 1)
+    return any(all(np.all(_cosine(loop, loop.frequencies, n) > IN_PHASE) for loop in loops) for n in leads)
+
+
+def _anti_cogging(study: Study, name: str, law: AntiCogging) -> Values:
+    """The table is read ahead by the delay to the torque; the run is so slow that its position loop
+    follows.
+    """
+    pi = gains(study, name)
+    loop = replace(speed_loop(study).rigid, window=0, bandwidth=0.0, delay=0.0, low_pass=0.0)
+    w = np.array([1e-3 * math.pi / loop.period])
+    lead = max(0.0, -float(np.angle(1j * loop.plant(w)[0][0])) / float(w[0]))
+    margins = margins_of(lambda w: speed_loop(study).rigid.response(w, *pi), loop.period, 2)
+    position_gain = margins.crossover / SLOWER
+    highest = max([*_known_orders(study, name), 1])
+    speed = position_gain / highest
+    turns = 1 + SETTLING
+    run = {"speed": speed, "revolutions": 1, "position_gain": position_gain}
+    cells = min(_cells(study, name), int(2 * math.pi * turns / speed / loop.period))
+    return {"cells": cells, "lead": lead, "calibration": run}
+
+
+def _space_speed(study: Study, name: str, law: SpaceSpeed) -> Values:
+    """k is the PI's kp; learning pauses while the error alone asks for all the current that there is."""
+    k = _phase_margin_pi(study, name, law)[0]
+    given = {"k": k, "eta_bar": study.drive.current_loop.current_limit / k}
+    return given | _in_angle(_with(study, name, given), name)
+
+
+def _space_position(study: Study, name: str, law: SpacePosition) -> Values:
+    """The integral stays beside what is learned: a load may change at any angle."""
+    given = {"frame": "mechanical", "hand_over": False}
+    return given | _in_angle(_with(study, name, given), name)
+
+
+def _periodic(study: Study, name: str, law: PiIlc | RobustIlc, keys: Callable[[float], Values]) -> Values:
+    """Map, lead, gain and Q filter. `keys`: the keys of a learning gain in A*s/rad."""
+    T, map_ = speed_loop(study).period, {"cells": _cells(study, name)}
+    unit = list(_loops(PeriodicLoop, _with(study, name, map_ | keys(1.0)), name))
+    slowest_period = min(1 / loop.periods_per_second for loop in unit) / T  # samples
+    longest = max(1, min(LONGEST_LEAD, int(slowest_period / 4), map_["cells"] // 4))
+    f = _grid(unit)
+    gain = 1 / max(float(np.max(np.abs(loop.x(f, 0)))) for loop in unit)
+    lead = max(range(1, longest + 1), key=lambda n: min(_reach(gain * loop.x(f, n), f) for loop in unit))
+
+    def tried(gain: float) -> Values:
+        return {**map_, **keys(gain), "lead": lead * T}
+
+    return _filtered(study, name, PeriodicLoop, gain, tried)
+
+
+def _in_angle(study: Study, name: str) -> Values:
+    """Map, gain and Q filter of a law that learns over the angle, and has no lead."""
+    map_ = {"cells": _cells(study, name), "period": {"of": "mechanical"}}
+    unit = list(_loops(SpaceLoop, _with(study, name, {"cells": map_["cells"], "mu_alpha": 1.0}), name))
+    f = _grid(unit)
+    gain = 1 / max(float(np.max(np.abs(loop.x(f)))) for loop in unit)
+    found = _filtered(study, name, SpaceLoop, gain, lambda gain: {"cells": map_["cells"], "mu_alpha": gain})
+    return found | map_
+
+
+def _filtered(
+    study: Study, name: str, kind: type[LearningLoop], gain: float, keys: Callable[[float], Values]
+) -> Values:
+    """Of the gain's halves those with which a Q filter lets learning settle; of these the one that leaves
+    least.
+
+    Each with the narrowest such filter. What is left is the ripple that the design foresees after `LEARNED`
+    periods, with the noise of a sensor's counts.
+    """
+    found: list[tuple[float, Values]] = []
+    for _ in range(HALVINGS):
+        values = keys(gain)
+        width = _narrowest(list(_loops(kind, _with(study, name, values), name)))
+        if width is not None:
+            values |= {"q_half_width": width}
+            found.append((_left(study, name, kind, values), values))
+        if len(found) > 1 and found[-1][0] >= found[-2][0]:
+            break
+        gain /= 2
+    if not found:
+        raise _no_gain(study, name)
+    return min(found, key=lambda pair: pair[0])[1]
+
+
+def _left(study: Study, name: str, kind: type[LearningLoop], values: Values) -> float:
+    """Ripple after LEARNED periods over that of the feedback alone, as foreseen; the mean over scenarios."""
+    tried, ratios = _with(study, name, values), []
+    for key in _scenarios(study, name):
+        speed = study.scenario[key].top_reference
+        if speed:
+            loop = kind(tried, name, speed, scenario=key)
+            ratios.append(ripple(loop, LEARNED / loop.periods_per_second).ratio)
+    return sum(ratios) / len(ratios)
+
+
+def _narrowest(loops: list[LearningLoop]) -> int | None:
+    """The narrowest Q filter with which learning settles in all of these loops; None if there is none."""
+    if any(loop.oscillation() is not None for loop in loops):
+        return None
+    grow: list[tuple[LearningLoop, Real, Real]] = []
+    for loop in loops:
+        f = loop.frequencies
+        without = loop.unfiltered(f)
+        high = without > SETTLED
+        grow.append((loop, f[high], without[high]))
+    for n in range(min(WIDEST, *(loop.widest_filter for loop in loops)) + 1):
+        if all(np.all(loop.q(f, n) * without <= SETTLED) for loop, f, without in grow):
+            return n
+    return None
+
+
+def _loops(kind: type[LearningLoop], study: Study, name: str) -> Iterator[LearningLoop]:
+    """The law's learning loops at its scenarios' slowest and fastest speeds, in every corner.
+
+    A corner in which the feedback alone is unstable is left out: no learning gain would help there.
+    """
+    scenarios = [study.scenario[key] for key in _scenarios(study, name)]
+    speeds = sorted({speed for s in scenarios for speed in (s.slowest, s.top_reference)} - {0.0})
+    if not speeds:
+        where = f"{study.source.path}: controller.{name}.tuning"
+        raise StudyError(f"{where}: expected a scenario of this controller in which the rotor turns")
+    T = speed_loop(study).period
+    for speed, corner in product(speeds, CORNERS):
+        loop = kind(study, name, speed, torque=corner[0], late=corner[1] * T)
+        if corner == AS_TOLD or oscillation(loop.plant, loop.feedback) is None:
+            yield loop
+
+
+def _scenarios(study: Study, name: str) -> list[str]:
+    """Names of the scenarios that a controller is tuned for: its own, or all if it runs in none."""
+    return study.scenarios_of(name) or list(study.scenario)
+
+
+def _with(study: Study, name: str, values: Values) -> Study:
+    """The study with a controller that has other numbers."""
+    law = study.controller[name].model_copy(update=values)
+    return study.model_copy(update={"controller": {**study.controller, name: law}})
+
+
+def _grid(loops: Iterable[LearningLoop]) -> Real:
+    """Frequencies from the slowest learning period's to half of the sampling rate, Hz."""
+    loops = list(loops)
+    low = min(loop.periods_per_second for loop in loops)
+    return np.geomspace(low, 0.499 / loops[0].plant.period, FREQUENCIES)
+
+
+def _cosine(loop: LearningLoop, f: Real, lead: int) -> Real:
+    """cos arg of the closed loop from the learned current to the error, `lead` samples ahead."""
+    x = loop.closed(f) * np.exp(2j * np.pi * f * lead * loop.plant.period)
+    return np.asarray(np.real(x) / np.maximum(np.abs(x), 1e-300))
+
+
+def _reach(x: Complex, f: Real) -> float:
+    """The frequency up to which learning by X settles, Hz."""
+    grows = np.flatnonzero(np.abs(1 - x) > SETTLED)
+    return float(f[grows[0]]) if len(grows) else float(f[-1])
+
+
+def _known_orders(study: Study, name: str) -> list[int]:
+    """Whole mechanical orders that are known of motor and load, those of the largest current first.
+
+    Behind them those that every drive may have: current sensors' offsets and gains make the electrical
+    orders 1 and 2, dead time and the winding 6.
+    """
+    current: dict[int, float] = {}
+    for key in _scenarios(study, name):
+        functions, speed = functions_in(study, key), study.scenario[key].top_reference
+        points = 4 * max([*functions.orders, 16])
+        needed = functions.current(np.arange(points) / points * math.tau, speed)
+        for n, wave in enumerate(np.abs(np.fft.rfft(needed)) / points):
+            current[n] = max(current.get(n, 0.0), float(wave))
+    largest = max((wave for n, wave in current.items() if n), default=0.0)
+    found = [n for n, wave in current.items() if n and wave > 1e-3 * largest and largest > 0]
+    usual = [n * study.motor.pole_pairs for n in (1, 2, 6)]
+    return list(dict.fromkeys([*sorted(found, key=lambda n: -current[n]), *usual]))
+
+
+def _cells(study: Study, name: str) -> int:
+    """Cells of a map over a revolution: a power of two."""
+    wanted = CELLS * max([*_known_orders(study, name), 1])
+    return min(MOST_CELLS, max(FEWEST_CELLS, 1 << (wanted - 1).bit_length()))
+
+
+def _phase_margin_pi(study: Study, name: str, law: RobustIlc | SpaceSpeed) -> tuple[float, float]:
+    """kp and ki that a PI in the law's place would have."""
+    assert law.tuning is not None
+    from cogless.design.current_loop import tuned
+
+    with tuned(study, name):
+        design = phase_margin_pi(speed_loop(study).rigid, law.tuning)
+    return design.kp, design.ki
+
+
+def _no_gain(study: Study, name: str) -> StudyError:
+    where = f"{study.source.path}: controller.{name}.tuning"
+    return StudyError(f"{where}: expected a loop in which some gain lets learning settle: none does here")

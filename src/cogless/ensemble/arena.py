@@ -1,0 +1,238 @@
+"""Run an arena: every law on every plant, told the truth and told wrongly, under a load's step and a
+fault.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any
+
+from cogless.design.auto import automatic, missing
+from cogless.errors import StudyError
+from cogless.results import AnyResults
+from cogless.results.metrics import Value
+from cogless.run.simulate import RunError, rollout
+from cogless.study import Study, changed
+from cogless.study import load as load_study
+from cogless.study.arena import Arena, ArenaPlant
+from cogless.study.base import Source
+from cogless.study.controller import Feedback, OwnLaw
+from cogless.study.error_messages import dotted
+from cogless.study.reading import checked, find
+
+TOLD, LATE, HEAVY, LIGHT = (
+    "told",
+    "late",
+    "heavy",
+    "light",
+)  # what the plant is, beside what the laws are told
+UNTOLD = (LATE, HEAVY, LIGHT)
+INERTIA = {HEAVY: 1.5, LIGHT: 0.5}  # times that which the laws are told
+DROPOUT = "50 ms"  # without an angle
+GOLDEN = 137.508  # deg, between the first angles of two seeds
+
+Progress = Callable[[str, int], None]
+
+
+@dataclass(frozen=True)
+class ArenaRun:
+    """A finished run. `case`: TOLD, or what the laws weren't told."""
+
+    plant: str
+    case: str
+    law: str
+    seed: int
+    metrics: Mapping[str, Value]
+
+
+@dataclass(frozen=True)
+class ArenaResults:
+    """All runs of an arena, and why some laws weren't on some plants: (plant, law) -> reason."""
+
+    arena: Arena
+    runs: Sequence[ArenaRun]
+    absent: Mapping[tuple[str, str], str]
+    settings: Mapping[tuple[str, str], Mapping[str, Any]]  # numbers that the rule auto gave, SI
+
+
+def run_arena(
+    arena: Arena, only: Sequence[str] | None = None, progress: Progress | None = None, jobs: int = 1
+) -> ArenaResults:
+    """Run an arena, or the pairs PLANT/LAW of it that match `only`. `progress`: called with each plant.
+
+    StudyError: a plant or a law that can't be prepared. A law for which no numbers are found on a plant, or
+    that fails there, is `absent` from it.
+    """
+    runs: list[ArenaRun] = []
+    absent: dict[tuple[str, str], str] = {}
+    settings: dict[tuple[str, str], Mapping[str, Any]] = {}
+    wanted = chosen(arena, only)
+    for done, (plant, laws) in enumerate(wanted.items()):
+        if progress is not None:
+            progress(plant, done)
+        study, why = prepared(arena, plant, laws)
+        absent |= {(plant, law): reason for law, reason in why.items()}
+        settings |= {(plant, law): study.source.tables["controller"][law] for law in study.controller}
+        studies = [_seeded(study, seed) for seed in arena.seeds]
+        for seed, results in zip(arena.seeds, _rolled(studies, jobs), strict=True):
+            runs += [ArenaRun(plant, run.scenario, run.controller, seed, run.metrics) for run in results.runs]
+            made = {(run.scenario, run.controller) for run in results.runs}
+            lost = {law for case in study.scenario for law in study.controller if (case, law) not in made}
+            absent |= {(plant, law): "fails on the way" for law in sorted(lost)}
+    return ArenaResults(arena, runs, absent, settings)
+
+
+def chosen(arena: Arena, only: Sequence[str] | None) -> dict[str, list[str]]:
+    """The laws to run on each plant. StudyError: a pattern that matches nothing."""
+    pairs = [(plant, law) for plant in arena.plant for law in arena.law]
+    for pattern in only or ():
+        if not any(fnmatchcase("/".join(pair), pattern) for pair in pairs):
+            known = f"plants {', '.join(arena.plant)} and laws {', '.join(arena.law)}"
+            raise StudyError(f'{arena.path}: --only: "{pattern}": expected PLANT/LAW of the {known}')
+    found: dict[str, list[str]] = {}
+    for plant, law in pairs:
+        if not only or any(fnmatchcase(f"{plant}/{law}", pattern) for pattern in only):
+            found.setdefault(plant, []).append(law)
+    return found
+
+
+def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[str, str]]:
+    """The study of a plant with these laws, and the reasons why others of them stay away."""
+    plant = arena.plant[name]
+    path = find(plant.study, "studies", "study", arena.path.parent, f"{arena.path}: plant.{name}.study: ")
+    base = load_study(path, plant.changes)
+    if not isinstance(base, Study) or plant.scenario not in base.scenario:
+        known = ", ".join(base.scenario) if isinstance(base, Study) else "a study of speed"
+        raise StudyError(f'{arena.path}: plant.{name}.scenario: "{plant.scenario}": expected {known}')
+    controllers = {law: _controller(arena, plant, law) for law in laws}
+    absent = {law: "has a feedback of its own" for law, table in controllers.items() if table is None}
+    present = {law: table for law, table in controllers.items() if table is not None}
+    if not present:
+        raise StudyError(f"{arena.path}: plant.{name}: expected a law that can run there")
+    kept = ("title", "motor", "mechanics", "drive", "assumption")
+    tables = {key: table for key, table in base.source.tables.items() if key in kept}
+    tables |= {
+        "trace": {"rate": f"{base.drive.rates.speed_loop!r} Hz"},
+        "scenario": _scenarios(base, plant),
+        "controller": present,
+        "metric": _metrics(plant),
+    }
+    source = Source(base.source.path, tables, base.source.datasheet, base.source.own_motor_keys)
+    study = checked(source)
+    assert isinstance(study, Study)
+    return _tuned(study, absent)
+
+
+def _tuned(study: Study, absent: dict[str, str]) -> tuple[Study, dict[str, str]]:
+    """The study with the numbers of the rule auto; a law for which there are none leaves it."""
+    found: dict[str, Any] = {}
+    lost = {}
+    for name in missing(study):
+        try:
+            given, values = study.source.tables["controller"][name], automatic(study, name)
+        except StudyError as error:
+            lost[name] = str(error).rpartition("tuning: ")[2]
+            continue
+        found |= {dotted(("controller", name, key)): v for key, v in values.items() if key not in given}
+    if lost:
+        tables = dict(study.source.tables)
+        tables["controller"] = {k: v for k, v in tables["controller"].items() if k not in lost}
+        source = study.source
+        left = checked(Source(source.path, tables, source.datasheet, source.own_motor_keys))
+        assert isinstance(left, Study)
+        study = left
+    return (changed(study, found) if found else study), absent | lost
+
+
+def _controller(arena: Arena, plant: ArenaPlant, name: str) -> dict[str, Any] | None:
+    """A law's table for a plant; None if the plant's feedback is by hand and the law has none to set."""
+    table, law = dict(arena.laws[name]), arena.law[name]
+    if plant.feedback is None or isinstance(law, OwnLaw):
+        return table
+    if not isinstance(law, Feedback):
+        return None
+    if law.tuning is not None and not law.tuning.is_auto:
+        del table["tuning"]
+    return table | plant.feedback.model_dump()
+
+
+def _scenarios(base: Study, plant: ArenaPlant) -> dict[str, dict[str, Any]]:
+    """Tables of the scenarios: one as the laws are told, with a step and a fault, and three that they
+    aren't.
+    """
+    own = base.source.tables["scenario"][plant.scenario]
+    taken = {key: own[key] for key in ("reference", "initial_speed", "load", "override") if key in own}
+    if plant.reference is not None:
+        taken["reference"] = plant.reference
+    if isinstance(taken["reference"], str):
+        taken["initial_speed"] = taken["reference"]
+    override = taken.pop("override", {})
+    load = base.scenario[plant.scenario].load or base.mechanics.load
+    off, fault = plant.learn + plant.hold, plant.learn + 2 * plant.hold
+    events = [
+        {"time": f"{plant.learn!r} s", "load": f"{load.torque + plant.load!r} N*m"},
+        {"time": f"{off!r} s", "load": f"{load.torque!r} N*m"},
+    ]
+    told = {
+        **taken,
+        "override": override,
+        "duration": f"{fault + plant.hold!r} s",
+        "events": events,
+        "faults": [{"kind": "angle-missing", "time": f"{fault!r} s", "duration": DROPOUT}],
+    }
+    short = {**taken, "duration": f"{plant.learn!r} s"}
+    late = {"drive.bus.delay_command": f"{1 / base.drive.rates.outer_loop!r} s"}
+    of_inertia = {
+        case: {"mechanics.inertia": f"{share * base.mechanics.inertia!r} kg*m^2"}
+        for case, share in INERTIA.items()
+    }
+    untold = {LATE: late, **of_inertia}
+    return {TOLD: told} | {case: {**short, "override": override | untold[case]} for case in UNTOLD}
+
+
+def _metrics(plant: ArenaPlant) -> list[dict[str, Any]]:
+    """The arena's columns as metrics of a study."""
+
+    def s(time: float) -> str:
+        return f"{time!r} s"
+
+    end = plant.learn + 3 * plant.hold
+    learned = [s(plant.learn - plant.window), s(plant.learn)]
+    step = {"signal": "omega_error", "event": s(plant.learn), "smooth": s(plant.smooth)}
+    recovered = [s(end - min(plant.window, plant.hold / 2)), s(end)]
+    of_error = {"signal": "omega_error", "unit": "rpm"}
+    only_told = {"scenarios": [TOLD]}
+    pieces = {"window": ["0 s", s(plant.learn)], "smooth": s(plant.smooth)}
+    return [
+        {"name": "ripple", "kind": "rms", "window": learned, **of_error},
+        {"name": "dip", "kind": "dip", **step, "unit": "rpm", **only_told},
+        {"name": "settling", "kind": "settling", "band": f"{plant.band!r} rad/s", **step, **only_told},
+        {
+            "name": "time_to_learn",
+            "kind": "time-to-learn",
+            "signal": "omega_error",
+            "band": f"{plant.target!r} rad/s",
+            **pieces,
+            **only_told,
+        },
+        {"name": "copper_loss", "kind": "copper-loss", "window": learned, **only_told},
+        {"name": "chattering", "kind": "chattering", "window": learned, **only_told},
+        {"name": "after_fault", "kind": "rms", "window": recovered, **of_error, **only_told},
+    ]
+
+
+def _seeded(study: Study, seed: int) -> Study:
+    """The study with other noise, and another angle to begin at."""
+    angle = f"{GOLDEN * seed % 360!r} deg"
+    return changed(
+        study, {"seed": seed} | {f"scenario.{case}.initial_angle": angle for case in study.scenario}
+    )
+
+
+def _rolled(studies: Sequence[Study], jobs: int) -> list[AnyResults]:
+    try:
+        return rollout(studies, jobs=jobs, keep_traces=False)
+    except RunError as error:  # of a law that fails; all others are finished
+        return error.all_results

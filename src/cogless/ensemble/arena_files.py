@@ -1,0 +1,83 @@
+"""The files and the table of an arena's results."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cogless.ensemble.arena import ArenaResults
+from cogless.ensemble.arena_scores import COLUMNS, Scores
+from cogless.files import replacing
+from cogless.results.metrics import Value
+from cogless.results.results_json import as_json
+from cogless.versions import versions
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+def to_dict(results: ArenaResults) -> dict[str, Any]:
+    """Content of results.json, in plain types; a number that isn't finite becomes null, meaning "never"."""
+    arena = results.arena
+    plants = {name: as_json(plant.model_dump(mode="json")) for name, plant in arena.plant.items()}
+    laws = {name: {"label": arena.label(name), **as_json(table)} for name, table in arena.laws.items()}
+    return {
+        "study": arena.name,
+        "title": arena.title,
+        "version": versions()["cogless"],
+        "versions": versions(),
+        "seeds": list(arena.seeds),
+        "bar": arena.bar,
+        "plants": plants,
+        "laws": laws,
+        "absent": [{"plant": p, "law": law, "why": why} for (p, law), why in results.absent.items()],
+        "settings": [
+            {"plant": p, "law": law, "controller": as_json(dict(t))}
+            for (p, law), t in results.settings.items()
+        ],
+        "runs": [
+            {
+                "plant": run.plant,
+                "case": run.case,
+                "law": run.law,
+                "seed": run.seed,
+                "metrics": {name: _plain(value) for name, value in run.metrics.items()},
+            }
+            for run in results.runs
+        ],
+    }
+
+
+def _plain(value: Value) -> float | None:
+    assert value is None or not isinstance(value, list)  # the arena has no metric of several numbers
+    return value if value is not None and math.isfinite(value) else None
+
+
+def write(results: ArenaResults, path: Path) -> None:
+    """Write results.json, completely or not at all."""
+    text = json.dumps(to_dict(results), indent=1, allow_nan=False, ensure_ascii=False)
+    with replacing(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def table(results: ArenaResults) -> Table:
+    """The scores: a row for each law, * for the best of a column."""
+    from rich.table import Table
+
+    scores = Scores(to_dict(results))
+    found = Table(box=None, pad_edge=False, title=f"Times {scores.label(scores.bar)}, mean over plants")
+    found.add_column("law")
+    for column in COLUMNS.values():
+        found.add_column(column.title, justify="right")
+    found.add_column("plants", justify="right")
+    best = {column: scores.winners(column) for column in COLUMNS}
+    for law in scores.laws:
+        cells = [_cell(scores.score(column, law), law in best[column]) for column in COLUMNS]
+        found.add_row(scores.label(law), *cells, str(scores.met(law)))
+    return found
+
+
+def _cell(value: float | None, is_best: bool) -> str:
+    return "-" if value is None else f"{value:.3g}{' *' if is_best else '  '}"

@@ -1,0 +1,146 @@
+"""Scores of an arena from its results.json: each law against the bar, column by column, and who wins.
+
+A law's score in a column is the geometric mean over plants of its value divided by the bar's, each the mean
+over seeds. It is a law's fit for all plants at once, so plants that a law stays away from lower no one's
+score: `met` tells on how many it was.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from cogless.ensemble.arena import TOLD, UNTOLD
+
+Content = Mapping[str, Any]  # of results.json
+LEAST_TIME = 1e-3  # s; shorter ones count as this
+EVEN = 1.02  # times the best: laws that are as good
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the arena. `metric`: its name in results.json; `never`: the plant's time that stands for
+    never.
+    """
+
+    title: str
+    metric: str
+    unit: str
+    scale: float  # of the unit in SI
+    untold: bool = False  # the worst of what the laws weren't told
+    never: str | None = None
+
+
+RPM = math.pi / 30
+COLUMNS = {
+    "ripple": Column("ripple", "ripple_rad_s", "r/min", RPM),
+    "dip": Column("dip", "dip_rad_s", "r/min", RPM),
+    "settling": Column("settling", "settling_s", "s", 1.0, never="hold"),
+    "time_to_learn": Column("time to learn", "time_to_learn_s", "s", 1.0, never="learn"),
+    "copper_loss": Column("copper loss", "copper_loss_W", "W", 1.0),
+    "chattering": Column("chattering", "chattering_A", "A", 1.0),
+    "after_fault": Column("after a fault", "after_fault_rad_s", "r/min", RPM),
+    "wrong_model": Column("wrong model", "ripple_rad_s", "r/min", RPM, untold=True),
+}
+
+
+@dataclass(frozen=True)
+class Scores:
+    """The scores of one results.json."""
+
+    content: Content
+
+    @cached_property
+    def _values(self) -> dict[tuple[str, str, str, int], Mapping[str, Any]]:
+        return {(r["plant"], r["case"], r["law"], r["seed"]): r["metrics"] for r in self.content["runs"]}
+
+    @property
+    def plants(self) -> list[str]:
+        return list(self.content["plants"])
+
+    @property
+    def laws(self) -> list[str]:
+        return list(self.content["laws"])
+
+    @property
+    def seeds(self) -> list[int]:
+        return list(self.content["seeds"])
+
+    @property
+    def bar(self) -> str:
+        return str(self.content["bar"])
+
+    def label(self, law: str) -> str:
+        return str(self.content["laws"][law]["label"])
+
+    def of_seed(self, column: str, plant: str, law: str, seed: int) -> float | None:
+        """A law's value on a plant, SI; infinite where it is never reached or not finite; None if it wasn't
+        run.
+        """
+        known = COLUMNS[column]
+        found = []
+        for case in UNTOLD if known.untold else (TOLD,):
+            metrics = self._values.get((plant, case, law, seed))
+            if metrics is None:
+                return None
+            value = metrics.get(known.metric)
+            found.append(math.inf if value is None else float(value))
+        return max(found)
+
+    def value(self, column: str, plant: str, law: str, seeds: Iterable[int] | None = None) -> float | None:
+        """A law's value on a plant as the mean over seeds; infinite if it is in any of them."""
+        each = [self.of_seed(column, plant, law, seed) for seed in (self.seeds if seeds is None else seeds)]
+        known = [value for value in each if value is not None]
+        return sum(known) / len(known) if len(known) == len(each) and known else None
+
+    def ratio(self, column: str, plant: str, law: str, seeds: Iterable[int] | None = None) -> float | None:
+        """A law's value over the bar's; None if either wasn't run. What is never reached counts as the time
+        given.
+        """
+        of = (self.value(column, plant, name, seeds) for name in (law, self.bar))
+        found = [None if value is None else self._counted(column, plant, value) for value in of]
+        return found[0] / found[1] if found[0] is not None and found[1] else None
+
+    def _counted(self, column: str, plant: str, value: float) -> float | None:
+        never = COLUMNS[column].never
+        if never is not None:
+            return max(LEAST_TIME, min(value, float(self.content["plants"][plant][never])))
+        return value
+
+    def met(self, law: str) -> int:
+        """The number of plants that a law was on."""
+        return sum(self.value("ripple", plant, law) is not None for plant in self.plants)
+
+    def score(self, column: str, law: str, seeds: Iterable[int] | None = None) -> float | None:
+        """Geometric mean of the ratios over plants; infinite if one is; None if it was on none."""
+        seeds = None if seeds is None else list(seeds)
+        ratios = [r for p in self.plants if (r := self.ratio(column, p, law, seeds)) is not None]
+        if not ratios or math.inf in ratios:
+            return math.inf if ratios else None
+        return math.exp(sum(math.log(max(r, 1e-9)) for r in ratios) / len(ratios))
+
+    def best(self, value: Callable[[str], float | None], among: Sequence[str] | None = None) -> list[str]:
+        """The laws whose value is the least, with those that are as good; the best first."""
+        found = {law: v for law in (among or self.laws) if (v := value(law)) is not None and v < math.inf}
+        order = sorted(found, key=lambda law: found[law])
+        return [law for law in order if found[law] <= EVEN * found[order[0]]]
+
+    def winners(self, column: str, seeds: Iterable[int] | None = None) -> list[str]:
+        """The laws with the best score of a column; only those that were on every plant that the bar was
+        on.
+        """
+        seeds = None if seeds is None else list(seeds)
+        everywhere = [law for law in self.laws if self.met(law) == self.met(self.bar)]
+        return self.best(lambda law: self.score(column, law, seeds), everywhere)
+
+    def unsteady(self) -> dict[str, dict[int, list[str]]]:
+        """The columns whose winner changes with the seed: seed -> its best laws, best first."""
+        found = {}
+        for column in COLUMNS:
+            each = {seed: self.winners(column, [seed]) for seed in self.seeds}
+            if len({laws[0] for laws in each.values() if laws}) > 1:
+                found[column] = each
+        return found

@@ -1,0 +1,95 @@
+"""The rule auto: what it gives settles in every case that it allows for, and what a study gives stays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cogless import load, run_study
+from cogless.design.auto import CORNERS, filled, missing
+from cogless.design.learning import PeriodicLoop
+from cogless.design.learning_loop import SETTLED
+from cogless.design.pi import speed_loop
+from cogless.design.summary import design
+from cogless.design.verdict import verdict
+from cogless.errors import StudyError
+from cogless.study import Study
+from cogless.study import load as load_raw
+
+LAWS = ("pi-ilc", "robust-ilc", "pi-afc", "anti-cogging", "space-speed", "space-position")
+
+
+def with_law(law: str, study: str = "uomodri", **more: object) -> Study:
+    changes = {"controller.mine.law": law, "controller.mine.tuning": {"rule": "auto"}}
+    found = load(study, {**changes, **{f"controller.mine.{key}": value for key, value in more.items()}})
+    assert isinstance(found, Study)
+    return found
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_learning_settles_and_the_design_tells_the_rule(law: str) -> None:
+    study = with_law(law)
+    found = verdict(study, "mine")
+    assert found is None or found.kind == "settles"
+    assert missing(study) == []
+    assert design(study, "mine").rule == "auto"
+
+
+@pytest.mark.parametrize("law", ["pi-ilc", "robust-ilc"])
+@pytest.mark.parametrize("corner", CORNERS)
+def test_no_frequency_grows_in_any_corner(law: str, corner: tuple[float, int]) -> None:
+    study = with_law(law)
+    late = corner[1] * speed_loop(study).period
+    for speed in (1.571, 25.13):
+        loop = PeriodicLoop(study, "mine", speed, torque=corner[0], late=late)
+        assert np.max(loop.factor(loop.frequencies)) <= SETTLED
+
+
+def test_a_delay_beyond_what_the_rule_allows_for_grows() -> None:
+    """The corners are no idle claim: far outside them learning doesn't settle."""
+    study = with_law("pi-ilc")
+    loop = PeriodicLoop(study, "mine", 25.13, late=6 * speed_loop(study).period)
+    assert np.max(loop.factor(loop.frequencies)) > SETTLED
+
+
+def test_a_number_by_hand_stays() -> None:
+    by_rule, by_hand = with_law("pi-ilc"), with_law("pi-ilc", gain=0.01, cells=512)
+    assert by_hand.controller["mine"].gain == 0.01  # type: ignore[union-attr]
+    assert by_hand.controller["mine"].cells == 512  # type: ignore[union-attr]
+    assert by_hand.controller["mine"].lead > 0  # type: ignore[union-attr]
+    assert by_rule.controller["mine"].gain > 0.05  # type: ignore[union-attr]
+
+
+def test_a_feedback_by_hand_is_what_learning_is_designed_around() -> None:
+    soft = with_law("pi-ilc", kp=0.05, ki=5.0)
+    assert design(soft, "mine").gains["kp"].value == 0.05
+    assert soft.controller["mine"].gain < 0.5 * with_law("pi-ilc").controller["mine"].gain  # type: ignore[union-attr]
+
+
+def test_a_filled_study_is_filled_already() -> None:
+    study = with_law("pi-ilc")
+    assert filled(study) is study
+
+
+def test_a_study_without_its_numbers_doesnt_run() -> None:
+    changes = {"controller.mine.law": "pi-ilc", "controller.mine.tuning": {"rule": "auto"}}
+    with pytest.raises(StudyError, match=r"controller\.mine\.tuning: expected a study from cogless\.load"):
+        run_study(load_raw("uomodri", changes), ["1-rev-s/mine"])
+
+
+def test_an_axis_at_rest_has_nothing_to_tune_for() -> None:
+    with pytest.raises(StudyError, match="expected a scenario of this controller in which the rotor turns"):
+        load(
+            "uomodri",
+            {
+                "controller.mine.law": "pi-ilc",
+                "controller.mine.tuning": {"rule": "auto"},
+                "scenario": {"rest": {"duration": "5 s", "reference": "0 rpm"}},
+                "metric": [],
+            },
+        )
+
+
+def test_phase_margin_must_be_given_for_its_own_rule() -> None:
+    with pytest.raises(StudyError, match=r"controller\.pi\.tuning\.phase_margin: missing: expected one"):
+        load("uomodri", {"controller.pi.tuning": {"rule": "phase-margin"}})

@@ -1,0 +1,159 @@
+"""The arena: who meets where, what is counted, and a law of one's own by one line."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cogless import load
+from cogless.ensemble import arena_files
+from cogless.ensemble.arena import LATE, TOLD, ArenaResults, prepared, run_arena
+from cogless.ensemble.arena_scores import COLUMNS, Scores
+from cogless.errors import StudyError
+from cogless.files import shipped
+from cogless.study.arena import Arena, arena_of
+from cogless.study.reading import read
+
+PLANT = {
+    "study": "uomodri",
+    "scenario": "fast",
+    "learn": "3 s",
+    "window": "0.25 s",
+    "hold": "0.5 s",
+    "load": "4 mN*m",
+    "smooth": "13.9 ms",
+    "band": "4 rpm",
+    "target": "2 rpm",
+}
+AUTO = {"rule": "auto"}
+LAWS = {
+    "bar": {"law": "pi", "tuning": AUTO, "baseline": True},
+    "pi-ilc": {"law": "pi-ilc", "tuning": AUTO},
+}
+
+
+def arena(folder: Path, **more: Any) -> Arena:
+    tables: dict[str, Any] = {"title": "T", "seeds": [0, 1], "plant": {"drone": PLANT}, "law": LAWS, **more}
+    return arena_of(folder / "mine.toml", tables)
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> ArenaResults:
+    folder = tmp_path_factory.mktemp("arena")
+    (folder / "own.py").write_text(
+        "class P:\n    def step(self, inputs):\n        return 0.1 * (inputs.omega_ref - inputs.omega_m)\n"
+    )
+    mine = {"law": "python", "object": "own.py:P", "learning": False}
+    return run_arena(arena(folder, law={**LAWS, "mine": mine}))
+
+
+def test_every_law_meets_every_case_with_every_seed(results: ArenaResults) -> None:
+    assert results.absent == {}
+    assert len(results.runs) == 3 * 4 * 2
+    scores = Scores(arena_files.to_dict(results))
+    assert [scores.met(law) for law in scores.laws] == [1, 1, 1]
+    assert all(scores.score(column, "bar") == pytest.approx(1) for column in COLUMNS)
+
+
+def test_learning_beats_the_bar_and_a_law_of_ones_own_is_judged_too(results: ArenaResults) -> None:
+    scores = Scores(arena_files.to_dict(results))
+    learned, own = scores.score("ripple", "pi-ilc"), scores.score("ripple", "mine")
+    assert learned is not None and learned < 0.3
+    assert own is not None and own > 1  # no integral
+    assert scores.winners("ripple") == ["pi-ilc"]
+
+
+def test_seeds_are_other_noise_and_another_angle(results: ArenaResults) -> None:
+    ripple = {r.seed: r.metrics["ripple_rad_s"] for r in results.runs if (r.case, r.law) == (TOLD, "bar")}
+    assert ripple[0] != ripple[1]
+
+
+def test_results_are_plain_json(results: ArenaResults, tmp_path: Path) -> None:
+    arena_files.write(results, tmp_path / "results.json")
+    content = json.loads((tmp_path / "results.json").read_text())
+    assert content == json.loads(json.dumps(arena_files.to_dict(results)))
+    gain = next(each["controller"] for each in content["settings"] if each["law"] == "pi-ilc")
+    assert gain["gain"] > 0  # what the rule gave stands in the results
+
+
+def test_laws_are_not_told_of_the_delay_nor_of_the_inertia(tmp_path: Path) -> None:
+    study, absent = prepared(arena(tmp_path), "drone", ["bar", "pi-ilc"])
+    assert absent == {}
+    assert study.drive.bus is None
+    assert study.scenario[LATE].override["drive.bus.delay_command"] == "0.0002 s"
+    assert study.scenario["heavy"].override["mechanics.inertia"] == "9e-06 kg*m^2"
+
+
+def test_a_feedback_by_hand_keeps_laws_without_a_pi_away(tmp_path: Path) -> None:
+    laws = {**LAWS, "robust": {"law": "robust-ilc", "tuning": AUTO}}
+    plant = {**PLANT, "feedback": {"kp": 0.05, "ki": 2.0}}
+    study, absent = prepared(arena(tmp_path, law=laws, plant={"drone": plant}), "drone", list(laws))
+    assert absent == {"robust": "has a feedback of its own"}
+    assert study.controller["bar"].kp == 0.05  # type: ignore[union-attr]
+
+
+def test_the_shipped_arena_can_be_prepared_everywhere() -> None:
+    path = shipped("studies")["arena"]
+    found = arena_of(path, read(path))
+    for plant in found.plant:
+        study, absent = prepared(found, plant, [found.bar])
+        assert list(study.controller) == [found.bar] and absent == {}
+
+
+def test_a_mistake_is_told_in_a_line(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match=r'plant\.drone\.scenario: "nowhere": expected 1-rev-s, slow, fast'):
+        prepared(arena(tmp_path, plant={"drone": {**PLANT, "scenario": "nowhere"}}), "drone", ["bar"])
+    with pytest.raises(StudyError, match=r"law: .*baseline = true"):
+        arena(tmp_path, law={"bar": {"law": "pi", "tuning": AUTO}})
+    with pytest.raises(StudyError, match=r"window: \"5 s\": expected a time within learn"):
+        arena(tmp_path, plant={"drone": {**PLANT, "window": "5 s"}})
+    with pytest.raises(StudyError, match="expected PLANT/LAW"):
+        run_arena(arena(tmp_path), ["sea/*"])
+    with pytest.raises(StudyError, match="an arena: expected a study"):
+        load("arena")
+
+
+def content(values: dict[str, list[float | None]], column: str = "time_to_learn_s") -> dict[str, Any]:
+    """Results of laws on plants a, b with one seed; each law's values in the order of the plants."""
+    runs = [
+        {"plant": plant, "case": TOLD, "law": law, "seed": 0, "metrics": {"ripple_rad_s": 1.0, column: value}}
+        for law, each in values.items()
+        for plant, value in zip("ab", each, strict=False)
+    ]
+    plants = {name: {"learn": 8.0, "hold": 2.0} for name in "ab"}
+    laws = {law: {"label": law, "law": "pi"} for law in values}
+    return {"plants": plants, "laws": laws, "seeds": [0], "bar": next(iter(values)), "runs": runs}
+
+
+def test_never_counts_as_the_time_that_there_was() -> None:
+    scores = Scores(content({"bar": [None, 4.0], "law": [2.0, None]}))
+    assert scores.value("time_to_learn", "a", "bar") == math.inf
+    assert scores.score("time_to_learn", "law") == pytest.approx(math.sqrt(2 / 8 * 8 / 4))
+
+
+def test_a_law_that_stays_away_from_a_plant_wins_no_column() -> None:
+    scores = Scores(content({"bar": [4.0, 4.0], "shy": [0.1]}))
+    assert scores.met("shy") == 1
+    assert scores.winners("time_to_learn") == ["bar"]
+
+
+def test_a_ripple_that_is_not_finite_never_wins() -> None:
+    scores = Scores(content({"bar": [1.0, 1.0], "law": [0.1, None]}, "copper_loss_W"))
+    assert scores.score("copper_loss", "law") == math.inf
+    assert scores.winners("copper_loss") == ["bar"]
+
+
+def test_a_winner_that_changes_with_the_seed_is_named() -> None:
+    found = content({"bar": [1.0, 1.0], "law": [0.5, 0.5]}, "copper_loss_W")
+    found["seeds"] = [0, 1]
+    again = {"bar": 1.0, "law": 2.0}
+    more = [
+        {**r, "seed": 1, "metrics": {"ripple_rad_s": 1.0, "copper_loss_W": again[r["law"]]}}
+        for r in found["runs"]
+    ]
+    found["runs"] += more
+    assert Scores(found).unsteady() == {"copper_loss": {0: ["law"], 1: ["bar"]}}
