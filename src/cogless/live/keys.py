@@ -31,7 +31,7 @@ All = Mapping[Place, Packed]
 
 @dataclass(frozen=True)
 class Landing:
-    """One number that a key sets: the value in SI times `scale`, `rounded` or not; or by stop, of `values`."""
+    """A number that a key sets: its value in SI times `scale`, `rounded` or not; or by stop, of `values`."""
 
     number: Number
     scale: float = 1.0

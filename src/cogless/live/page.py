@@ -45,7 +45,7 @@ def render(study: Study, command: str) -> str:
     scripts = {
         "worker": asset("engine.js") + asset("metrics.js") + asset("worker.js"),
         "uplot_js": report_asset("uplot.min.js"),
-        "js": asset("live.js"),
+        "js": asset("bytes.js") + asset("live.js"),
     }
     styles = {
         "uplot_css": report_asset("uplot.min.css"),

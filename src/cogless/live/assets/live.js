@@ -11,15 +11,14 @@
     if (className) element.className = className;
     return element;
   };
-  const bytesOf = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   const number = (x) => (x == null || Number.isNaN(x) ? "–" : Math.abs(x) >= 1e5 || (x !== 0 && Math.abs(x) < 1e-4) ? x.toExponential(2) : String(Number(x.toPrecision(3))));
   const listed = (items) => (items.length < 2 ? items.join("") : `${items.slice(0, -1).join(", ")} and ${items.at(-1)}`);
   const byName = (list, name) => list.find((one) => one.name === name);
 
   // ------------------------------------------------------------------ state
 
+  const { runs, keys, described, read } = liveBytes(page);
   const state = { scenario: page.scenarios[0].name, shown: [], values: new Map() }; // values: by key, where not the study's
-  const keys = new Map(page.keys.map((key) => [key.key, key]));
   const scenario = () => byName(page.scenarios, state.scenario);
   const controllers = () => scenario().controllers.map((name) => byName(page.controllers, name));
   const shown = () => controllers().filter((c) => state.shown.includes(c.name));
@@ -59,35 +58,8 @@
 
   // ------------------------------------------------------------------ runs
 
-  const READ = { d: "getFloat64", f: "getFloat32", q: "getBigInt64", Q: "getBigUint64", I: "getUint32", i: "getInt32", H: "getUint16", B: "getUint8", "?": "getUint8" };
-  const WRITE = Object.fromEntries(Object.entries(READ).map(([format, name]) => [format, name.replace("get", "set")]));
-  const read = (view, [offset, format]) => Number(view[READ[format]](offset, true));
-  const write = (view, offset, format, x) => view[WRITE[format]](offset, "qQ".includes(format) ? BigInt(x) : x, true);
-  const even = (x) => { // rounded as Python rounds
-    const below = Math.floor(x), half = x - below;
-    return half < 0.5 ? below : half > 0.5 ? below + 1 : below + (below % 2 ? 1 : 0);
-  };
-  const runs = new Map(Object.entries(page.runs).map(([place, run]) => [place, { ...run, data: bytesOf(run.bytes) }]));
-
-  // A run's description with all changed values in it.
-  function described(place, off = false) {
-    const run = runs.get(place), data = run.data.slice(), view = new DataView(data.buffer);
-    for (const [name, x] of state.values) {
-      const key = keys.get(name);
-      for (const [offset, format, ...how] of key.lands[place] ?? []) {
-        if (key.stops.length) write(view, offset, format, how[0][key.stops.indexOf(x)]);
-        else {
-          const si = (key.unit ? x * key.factor : x) * how[0];
-          write(view, offset, format, how[1] ? even(si) : si);
-        }
-      }
-    }
-    if (off) write(view, ...run.off, page.off);
-    return { data, view, run };
-  }
-
   function job(name, off) {
-    const place = `${state.scenario}/${name}`, { data, view, run } = described(`${place}/run`, off);
+    const place = `${state.scenario}/${name}`, { data, view, run } = described(`${place}/run`, state.values, off);
     const at = (what) => read(view, run.about[`page.${what}`]);
     const about = { events: [], ...Object.fromEntries(["pole_pairs", "R_s", "power_factor", "speed_period", "unit"].map((what) => [what, at(what)])) };
     for (let n = 0; run.about[`page.events.${n}`]; n++) about.events.push(at(`events.${n}`));
@@ -97,7 +69,7 @@
       learned = { channels, cells, values: Array.from({ length: channels * cells }, (_, n) => view.getFloat64(from + 8 * n, true)) };
     }
     if (runs.has(`${place}/learn`)) {
-      const before = described(`${place}/learn`);
+      const before = described(`${place}/learn`, state.values);
       learn = { description: before.data, ticks: read(before.view, before.run.about["page.ticks"]), divider: at("divider"), rate: scenario().rate, busy: page.busy };
     }
     return { description: data, ticks: at("ticks"), decimation: at("decimation"), learned, learn, about, metrics: scenario().metrics };
@@ -509,7 +481,7 @@
     buttons();
     drawKeys();
     drawChanges();
-    const packed = new Blob([bytesOf($("engine").textContent)]).stream().pipeThrough(new DecompressionStream("gzip"));
+    const packed = new Blob([liveBytes.of($("engine").textContent)]).stream().pipeThrough(new DecompressionStream("gzip"));
     const module = await new Response(packed).arrayBuffer();
     const code = URL.createObjectURL(new Blob([$("worker").textContent], { type: "text/javascript" }));
     for (let n = 0; n < Math.max(2, Math.min(4, navigator.hardwareConcurrency || 2)); n++) {

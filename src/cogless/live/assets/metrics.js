@@ -31,12 +31,14 @@ const liveMetrics = (() => {
       return this.made.get(name);
     }
     column(k) {
-      return Float64Array.from({ length: this.count }, (_, i) => this.rows[i * this.columns + k]);
+      const all = new Float64Array(this.count);
+      for (let i = 0, at = k; i < this.count; i++, at += this.columns) all[i] = this.rows[at];
+      return all;
     }
     derived(name) {
-      const [a, b, of] = DERIVED[name];
-      const x = this.get(a), y = this.get(b);
-      return x.map((value, i) => of(value, y[i]));
+      const [a, b, of] = DERIVED[name], x = this.get(a), y = this.get(b), all = new Float64Array(this.count);
+      for (let i = 0; i < this.count; i++) all[i] = of(x[i], y[i]);
+      return all;
     }
     // First row at or after t, and the one behind the last at or before it.
     left(t) { return this.search((x) => x < t); }
@@ -57,17 +59,21 @@ const liveMetrics = (() => {
 
   const sum = (x) => { // with Kahan's correction, to be as near to the sum as numpy's
     let total = 0, lost = 0;
-    for (const value of x) {
-      const y = value - lost, t = total + y;
+    for (let i = 0; i < x.length; i++) {
+      const y = x[i] - lost, t = total + y;
       lost = t - total - y;
       total = t;
     }
     return total;
   };
   const mean = (x) => sum(x) / x.length;
-  const extreme = (x, better) => x.reduce((a, b) => (Number.isNaN(a) || Number.isNaN(b) ? NaN : better(a, b)), x[0]);
-  const largest = (x) => extreme(x, Math.max);
-  const smallest = (x) => extreme(x, Math.min);
+  const extreme = (x, better) => {
+    let found = x[0];
+    for (let i = 1; i < x.length; i++) if (!(better * (x[i] - found) <= 0)) found = Number.isNaN(found) ? found : x[i];
+    return found;
+  };
+  const largest = (x) => extreme(x, 1);
+  const smallest = (x) => extreme(x, -1);
 
   function declared(m, end) {
     if (m.last != null) return [Math.max(0, end - m.last), end];
@@ -133,7 +139,10 @@ const liveMetrics = (() => {
       if (theta[i] < theta[low]) low = i;
       if (theta[i] > theta[high]) high = i;
     }
-    const [first, last] = [Math.min(low, high), Math.max(low, high)];
+    const [first, last] = [Math.min(low, high), Math.max(low, high)], direction = high >= low ? 1 : -1;
+    let back = first + 1;
+    while (back <= last && direction * (theta[back] - theta[back - 1]) >= 0) back++;
+    if (back > last) return [theta.subarray(first, last + 1), x.subarray(first, last + 1)]; // it never turns back
     const keep = [];
     let least = Infinity;
     for (let i = last; i >= first; i--) {
@@ -159,23 +168,33 @@ const liveMetrics = (() => {
   }
   function lastPart(angle, x, length) {
     const n = angle.length, direction = angle[n - 1] >= angle[0] ? 1 : -1;
-    const travelled = angle.map((a) => direction * (a - angle[0]));
-    const start = Math.max(0, travelled[n - 1] - length);
-    let first = travelled.findIndex((t) => t > start);
-    first = Math.min((first < 0 ? n : first) - 1, n - 2);
-    const share = (start - travelled[first]) / (travelled[first + 1] - travelled[first] || 1);
-    const cut = (from, values) => Float64Array.from([from, ...values.subarray(first + 1)]);
+    const travelled = (i) => direction * (angle[i] - angle[0]);
+    const start = Math.max(0, travelled(n - 1) - length);
+    let first = 0;
+    while (first < n - 2 && travelled(first + 1) <= start) first++;
+    const share = (start - travelled(first)) / (travelled(first + 1) - travelled(first) || 1);
+    const cut = (from, values) => {
+      const part = values.slice(first);
+      part[0] = from;
+      return part;
+    };
     return [cut(angle[0] + direction * start, angle), cut(x[first] + share * (x[first + 1] - x[first]), x)];
   }
   function amplitudes(theta, x, orders, poles, electrical) {
     const part = whole(theta, x, orders, poles, electrical);
     if (!part) return orders.map(() => NaN);
     const [angle, values] = part, n = angle.length, length = angle[n - 1] - angle[0];
-    const step = Float64Array.from({ length: n - 1 }, (_, i) => angle[i + 1] - angle[i]);
-    const offset = sum(step.map((h, i) => h * (values[i + 1] + values[i]))) / (2 * length);
+    const integral = (y) => {
+      let total = 0;
+      for (let i = 1; i < n; i++) total += (angle[i] - angle[i - 1]) * (y[i] + y[i - 1]);
+      return total / 2;
+    };
+    const offset = integral(values) / length, re = new Float64Array(n), im = new Float64Array(n);
     return orders.map((order) => {
-      const re = values.map((v, i) => (v - offset) * Math.cos(order * angle[i])), im = values.map((v, i) => (v - offset) * Math.sin(order * angle[i]));
-      const integral = (y) => sum(step.map((h, i) => h * (y[i + 1] + y[i]))) / 2;
+      for (let i = 0; i < n; i++) {
+        re[i] = (values[i] - offset) * Math.cos(order * angle[i]);
+        im[i] = (values[i] - offset) * Math.sin(order * angle[i]);
+      }
       return (2 * Math.hypot(integral(re), integral(im))) / Math.abs(length);
     });
   }

@@ -43,6 +43,7 @@
     return { at, values };
   }
 
+  const cos = Float64Array.from({ length: CELLS }, (_, k) => Math.cos((TAU * k) / CELLS));
   // Amplitudes of a signal's orders, of the mechanical revolution, over its last whole revolutions.
   function spectrum(theta, x) {
     const part = whole(theta, x, [1], 1, false);
@@ -55,7 +56,6 @@
       const share = (at - angle[i]) / (angle[i + 1] - angle[i] || 1);
       cell[k % CELLS] += (values[i] + share * (values[i + 1] - values[i])) / turns;
     }
-    const cos = Float64Array.from({ length: CELLS }, (_, k) => Math.cos((TAU * k) / CELLS));
     return Array.from({ length: ORDERS }, (_, n) => {
       let re = 0, im = 0;
       for (let k = 0; k < CELLS; k++) {
