@@ -1,7 +1,9 @@
 // Opens a user's shared library that holds a speed law (plugin.h).
 #pragma once
 
+#ifndef __wasm__
 #include <dlfcn.h>
+#endif
 
 #include <memory>
 #include <stdexcept>
@@ -11,6 +13,11 @@
 
 namespace cogless {
 
+#ifdef __wasm__
+inline PluginLaw open_plugin(const std::string& path, const std::vector<double>&, double) {
+    throw std::invalid_argument(path + ": a page can't open a library");
+}
+#else
 inline PluginLaw open_plugin(const std::string& path, std::vector<double> params, double ts) {
     void* handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
     if (handle == nullptr) throw std::invalid_argument(dlerror());
@@ -38,5 +45,6 @@ inline PluginLaw open_plugin(const std::string& path, std::vector<double> params
     law.ts = ts;
     return law;
 }
+#endif
 
 }  // namespace cogless

@@ -167,6 +167,28 @@ def run(
 
 
 @app.command()
+def live(
+    study: StudyArgument,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="The page.", show_default="STUDY-live.html"),
+    ] = None,
+    changes: SetOption = None,
+) -> None:
+    """Write a page that runs a study of speed in the browser: turn a gain, and see the ripple follow.
+
+    One HTML file with the engine and the control laws inside. It needs no network and no installation.
+    """
+    from cogless.live import write
+
+    loaded = _load(study, changes)
+    path = output or Path(f"{loaded.name}-live.html")
+    with _console(stderr=True).status("Making the page"):
+        write(loaded, path, _command("run", study, changes, []))
+    print(f"Page: {path}")
+
+
+@app.command()
 def sweep(
     study: StudyArgument,
     count: Annotated[int, typer.Option("-n", min=1, metavar="N", help="Variants to draw.")] = 1000,

@@ -17,7 +17,7 @@ from cogless.export.fmu.variables import (
 from cogless.export.prepared import Prepared
 from cogless.files import control_sources
 
-# Sources of the engine that only Python needs.
+# Sources of the engine that only Python or a page needs.
 PYTHON = (
     "bindings.cpp",
     "python_value.hpp",
@@ -26,6 +26,8 @@ PYTHON = (
     "lane_step.cpp",
     "lane_step.hpp",
     "linear_filter.hpp",
+    "web.cpp",
+    "packed_value.hpp",
 )
 
 EXTERNAL_CONTROL = "external_control"

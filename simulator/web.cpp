@@ -1,0 +1,104 @@
+// The engine as a WebAssembly module: one drive at a time, in numbers and bytes that lie in the module's memory.
+//
+// The target has no exceptions. What is thrown goes to the host, with its message, and the host gives this instance up.
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <exception>
+#include <optional>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "config.hpp"
+#include "drive.hpp"
+#include "packed_value.hpp"
+
+#define CGL_WEB(name) __attribute__((export_name(#name), used))
+
+// Ends the call in the host: it never returns.
+extern "C" [[noreturn]] __attribute__((import_module("host"), import_name("failed"))) void host_failed(const char* text,
+                                                                                                       std::size_t size);
+
+namespace {
+
+using namespace cogless;
+
+struct Engine {
+    Drive drive;
+    DriveState state;
+    Recorder recorder;
+};
+
+std::optional<Engine> engine;
+std::vector<double> room;  // what the host hands over
+std::vector<double> rows;  // what it gets
+std::string names;         // of the signals, each with its unit
+std::optional<Stored> kept;
+
+}  // namespace
+
+extern "C" {
+
+// Room for so many bytes from the host, aligned for a double.
+CGL_WEB(room) double* cogless_room(std::size_t bytes) {
+    room.assign(bytes / sizeof(double) + 1, 0.0);
+    return room.data();
+}
+
+// Makes the drive that so many bytes in the room describe, at time zero.
+CGL_WEB(open) void cogless_open(std::size_t bytes, double decimation, double count) {
+    const Drive drive(read_config(PackedValue::read({reinterpret_cast<const char*>(room.data()), bytes})));
+    names.clear();
+    for (const Signal& signal : drive.signals()) names += signal.name + " " + signal.unit + "\n";
+    const auto every = static_cast<std::int64_t>(decimation);
+    engine.emplace(drive, drive.start(), Recorder(drive.signals().size(), every, static_cast<std::size_t>(count)));
+}
+
+// Loads the map in the room: channels of cells.
+CGL_WEB(load) void cogless_load(std::size_t channels, std::size_t cells) {
+    std::vector<std::vector<double>> values;
+    for (std::size_t c = 0; c < channels; ++c) values.emplace_back(&room[c * cells], &room[c * cells] + cells);
+    std::visit(
+        [&](const auto& law) {
+            using State = typename std::decay_t<decltype(law)>::State;
+            if constexpr (requires(State s) { law.load(s, values); }) law.load(std::get<State>(engine->state.law), values);
+        },
+        engine->drive.config().law);
+}
+
+CGL_WEB(advance) void cogless_advance(double ticks) {
+    engine->drive.advance(engine->state, engine->recorder, static_cast<std::int64_t>(ticks));
+}
+
+// The rows since the last call; their numbers are row_numbers() doubles.
+CGL_WEB(rows) const double* cogless_rows() {
+    rows = engine->recorder.take();
+    return rows.data();
+}
+CGL_WEB(row_numbers) std::size_t cogless_row_numbers() { return rows.size(); }
+
+CGL_WEB(signals) const char* cogless_signals() { return names.c_str(); }
+
+// Entries of the learned map, channel by channel; null where nothing is learned.
+CGL_WEB(stored) const double* cogless_stored() {
+    kept = std::visit(
+        [](const auto& law) -> std::optional<Stored> {
+            using State = typename std::decay_t<decltype(law)>::State;
+            if constexpr (requires(State s) { law.stored(s); }) return law.stored(std::get<State>(engine->state.law));
+            else return {};
+        },
+        engine->drive.config().law);
+    return kept ? kept->entries.data() : nullptr;
+}
+CGL_WEB(stored_channels) std::size_t cogless_stored_channels() { return kept ? kept->about.channels : 0; }
+CGL_WEB(stored_cells) std::size_t cogless_stored_cells() { return kept ? kept->about.cells : 0; }
+
+// What the compiler calls for a throw. All that this code throws is a std::exception.
+void* __cxa_allocate_exception(std::size_t size) noexcept { return std::malloc(size); }
+[[noreturn]] void __cxa_throw(void* thrown, void*, void (*)(void*)) {
+    const std::string_view why = static_cast<std::exception*>(thrown)->what();
+    host_failed(why.data(), why.size());
+}
+
+}  // extern "C"

@@ -1,0 +1,25 @@
+"""A study as a live page: one offline HTML file with engine and control laws inside, as WebAssembly."""
+
+from pathlib import Path
+
+from cogless.errors import StudyError
+from cogless.files import replacing
+from cogless.live.blobs import held
+from cogless.live.page import render
+from cogless.study import AnyStudy, TrialStudy
+
+__all__ = ["render", "write"]
+
+
+def write(study: AnyStudy, path: Path, command: str) -> None:
+    """Write the page. `command`: the one that runs the study.
+
+    StudyError: a study of trials, or one that has only laws of the user's own; no WebAssembly engine.
+    """
+    if isinstance(study, TrialStudy):
+        raise StudyError(f"{study.source.path}: live: expected a study of speed, not one of trials")
+    if not held(study):
+        raise StudyError(f"{study.source.path}: live: expected a controller of the control library")
+    text = render(study, command)
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

@@ -1,0 +1,32 @@
+"use strict";
+// The engine's descriptions of all runs, as bytes, and changed values in their places (src/cogless/live/keys.py finds these).
+const liveBytes = (page) => {
+  const READ = { d: "getFloat64", f: "getFloat32", q: "getBigInt64", Q: "getBigUint64", I: "getUint32", i: "getInt32", H: "getUint16", B: "getUint8", "?": "getUint8" };
+  const keys = new Map(page.keys.map((key) => [key.key, key]));
+  const runs = new Map(Object.entries(page.runs).map(([place, run]) => [place, { ...run, data: liveBytes.of(run.bytes) }]));
+  const read = (view, [offset, format]) => Number(view[READ[format]](offset, true));
+  const write = (view, offset, format, x) => view[READ[format].replace("get", "set")](offset, "qQ".includes(format) ? BigInt(x) : x, true);
+  const even = (x) => { // rounded as Python rounds
+    const below = Math.floor(x), part = x - below;
+    return part < 0.5 ? below : part > 0.5 ? below + 1 : below + (below % 2);
+  };
+
+  // A run's description with these values, by key, in it. off: learning never starts.
+  function described(place, values, off = false) {
+    const run = runs.get(place), data = run.data.slice(), view = new DataView(data.buffer);
+    for (const [name, x] of values) {
+      const key = keys.get(name);
+      for (const [offset, format, ...how] of key.lands[place] ?? []) {
+        if (key.stops.length) write(view, offset, format, how[0][key.stops.indexOf(x)]);
+        else {
+          const si = (key.unit ? x * key.factor : x) * how[0];
+          write(view, offset, format, how[1] ? even(si) : si);
+        }
+      }
+    }
+    if (off) write(view, ...run.off, page.off);
+    return { data, view, run };
+  }
+  return { keys, runs, described, read };
+};
+liveBytes.of = (base64) => Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));

@@ -1,0 +1,501 @@
+"use strict";
+// The page: values on the left, what the drive does with them on the right. The address holds all that was changed.
+(() => {
+  const page = JSON.parse(document.getElementById("data").textContent);
+  const $ = (id) => document.getElementById(id);
+  const root = document.documentElement;
+  const style = (name) => getComputedStyle(root).getPropertyValue(name).trim();
+  const make = (tag, parent, text = "", className = "") => {
+    const element = parent.appendChild(document.createElement(tag));
+    element.textContent = text;
+    if (className) element.className = className;
+    return element;
+  };
+  const number = (x) => (x == null || Number.isNaN(x) ? "–" : Math.abs(x) >= 1e5 || (x !== 0 && Math.abs(x) < 1e-4) ? x.toExponential(2) : String(Number(x.toPrecision(3))));
+  const listed = (items) => (items.length < 2 ? items.join("") : `${items.slice(0, -1).join(", ")} and ${items.at(-1)}`);
+  const byName = (list, name) => list.find((one) => one.name === name);
+
+  // ------------------------------------------------------------------ state
+
+  const { runs, keys, described, read } = liveBytes(page);
+  const state = { scenario: page.scenarios[0].name, shown: [], values: new Map() }; // values: by key, where not the study's
+  const scenario = () => byName(page.scenarios, state.scenario);
+  const controllers = () => scenario().controllers.map((name) => byName(page.controllers, name));
+  const shown = () => controllers().filter((c) => state.shown.includes(c.name));
+  const value = (key) => state.values.get(key.key) ?? key.start;
+  const usual = () => { // the baseline, and the first that learns
+    const here = controllers();
+    return [...new Set([here.find((c) => c.baseline), here.find((c) => c.learns), here[0]])].filter(Boolean).slice(0, 2).map((c) => c.name);
+  };
+  const bounded = (key, x) => {
+    if (key.stops.length) return key.stops.reduce((a, b) => (Math.abs(b - x) < Math.abs(a - x) ? b : a));
+    const inside = Math.min(key.high, Math.max(key.low, x));
+    return key.whole ? Math.round(inside) : inside;
+  };
+  function set(key, x) {
+    const to = bounded(key, x);
+    if (to === key.start) state.values.delete(key.key); else state.values.set(key.key, to);
+  }
+
+  function fromAddress() {
+    const given = new URLSearchParams(location.hash.slice(1));
+    state.scenario = byName(page.scenarios, given.get("scenario"))?.name ?? page.scenarios[0].name;
+    const wanted = (given.get("controllers") ?? "").split("\n").filter((name) => scenario().controllers.includes(name));
+    state.shown = wanted.length ? wanted : usual();
+    state.values.clear();
+    for (const [name, text] of given) if (keys.has(name) && text.trim() && Number.isFinite(Number(text))) set(keys.get(name), Number(text));
+  }
+  function address() {
+    const all = new URLSearchParams({ scenario: state.scenario, controllers: state.shown.join("\n") });
+    for (const [name, x] of state.values) all.set(name, x);
+    return `#${all}`;
+  }
+  let later = 0;
+  const keepAddress = () => {
+    clearTimeout(later);
+    later = setTimeout(() => { if (location.hash !== address()) history.replaceState(null, "", address()); }, 150);
+  };
+
+  // ------------------------------------------------------------------ runs
+
+  function job(name, off) {
+    const place = `${state.scenario}/${name}`, { data, view, run } = described(`${place}/run`, state.values, off);
+    const at = (what) => read(view, run.about[`page.${what}`]);
+    const about = { events: [], ...Object.fromEntries(["pole_pairs", "R_s", "power_factor", "speed_period", "unit"].map((what) => [what, at(what)])) };
+    for (let n = 0; run.about[`page.events.${n}`]; n++) about.events.push(at(`events.${n}`));
+    let learned = null, learn = null;
+    if (run.learned) {
+      const [from, channels, cells] = run.learned;
+      learned = { channels, cells, values: Array.from({ length: channels * cells }, (_, n) => view.getFloat64(from + 8 * n, true)) };
+    }
+    if (runs.has(`${place}/learn`)) {
+      const before = described(`${place}/learn`, state.values);
+      learn = { description: before.data, ticks: read(before.view, before.run.about["page.ticks"]), divider: at("divider"), rate: scenario().rate, busy: page.busy };
+    }
+    return { description: data, ticks: at("ticks"), decimation: at("decimation"), learned, learn, about, metrics: scenario().metrics };
+  }
+
+  const workers = [];
+  const done = new Map(); // by place: {job, result or error}, the newest
+  let asked = 0, running = 0;
+  const same = (a, b) => a && b && a.length === b.length && a.every((x, i) => x === b[i]);
+  const slot = (name, off) => `${state.scenario}/${name}${off ? "/off" : ""}`;
+  const isThere = (name, off) => {
+    const found = done.get(slot(name, off)), wanted = job(name, off);
+    return found && same(found.job.description, wanted.description) && same(found.job.learn?.description ?? [], wanted.learn?.description ?? []);
+  };
+  const bar = (c) => c.learns && runs.get(`${state.scenario}/${c.name}/run`).off;
+
+  // What is still to be run: what is shown first, then the bars with learning off.
+  function missing() {
+    const all = [...shown().map((c) => [c.name, false]), ...shown().filter(bar).map((c) => [c.name, true])];
+    return all.filter(([name, off]) => !isThere(name, off));
+  }
+  function go() {
+    for (const worker of workers) {
+      if (worker.busy) continue;
+      const next = missing().find(([name, off]) => !workers.some((w) => w.busy === slot(name, off)));
+      if (!next) break;
+      const wanted = job(...next), at = slot(...next), id = ++asked;
+      worker.busy = at;
+      running += 1;
+      worker.onmessage = ({ data }) => {
+        worker.busy = null;
+        running -= 1;
+        done.set(at, { job: wanted, id, result: data.result, error: data.error });
+        go();
+        draw();
+      };
+      worker.postMessage({ id, job: wanted });
+    }
+    $("state").className = "";
+    $("state").textContent = running ? "Running." : "";
+  }
+
+  // ------------------------------------------------------------------ values
+
+  const inputs = new Map();
+  function drawKeys() {
+    const box = $("keys"), open = new Set([...box.querySelectorAll("details[open]")].map((d) => d.dataset.group));
+    const first = !box.childElementCount;
+    box.textContent = "";
+    inputs.clear();
+    const groups = new Map();
+    for (const key of page.keys) {
+      if (key.scenario !== null && key.scenario !== state.scenario) continue;
+      if (key.controller !== null && !state.shown.includes(key.controller)) continue;
+      const group = key.controller ?? key.group;
+      groups.set(group, [...(groups.get(group) ?? []), key]);
+    }
+    let n = 0;
+    for (const [group, list] of groups) {
+      const details = make("details", box);
+      details.dataset.group = group;
+      const about = byName(page.controllers, group);
+      const of = list[0].controller !== null && about;
+      details.open = first ? Boolean(of) || group === "Load and motion" : open.has(group) || (of && !open.size);
+      const summary = make("summary", details);
+      const title = make("span", summary, of ? about.label : group, of ? "key" : "");
+      if (of) title.style.setProperty("--colour", `var(--c${about.colour})`);
+      for (const key of list) slide(details, key, `k${n++}`);
+    }
+    refreshKeys();
+  }
+  function slide(parent, key, id) {
+    const row = make("div", parent, "", "slide");
+    const label = make("label", row, key.label);
+    label.htmlFor = id;
+    label.title = key.key;
+    const right = make("span", row);
+    const field = make("input", right);
+    Object.assign(field, { type: "number", id, min: key.low, max: key.high, step: key.whole ? 1 : "any" });
+    make("span", right, key.unit, "unit");
+    const range = make("input", row);
+    const stops = key.stops.length, span = key.high - key.low;
+    Object.assign(range, { type: "range", min: stops ? 0 : key.low, max: stops ? stops - 1 : key.high, step: stops || key.whole ? 1 : span / 200 });
+    range.setAttribute("aria-label", `${key.label} ${key.unit}`);
+    range.addEventListener("input", () => {
+      begin();
+      set(key, stops ? key.stops[range.value] : Number(Number(range.value).toPrecision(4)));
+      refresh(range);
+    });
+    range.addEventListener("change", () => { dragging = false; });
+    field.addEventListener("change", () => {
+      if (field.value.trim() && Number.isFinite(field.valueAsNumber)) {
+        begin();
+        set(key, field.valueAsNumber);
+        dragging = false;
+      }
+      refresh();
+    });
+    inputs.set(key, { row, field, range });
+  }
+  function refreshKeys(source) {
+    for (const [key, { row, field, range }] of inputs) {
+      const x = value(key);
+      field.value = x;
+      if (range !== source) range.value = key.stops.length ? key.stops.indexOf(x) : x;
+      range.setAttribute("aria-valuetext", `${x} ${key.unit}`);
+      row.classList.toggle("changed", state.values.has(key.key));
+    }
+  }
+
+  // The run before a change stays as a ghost, until the next change begins.
+  let dragging = false, ghost = new Map();
+  function begin() {
+    if (dragging) return;
+    dragging = true;
+    ghost = new Map([...done].filter(([, found]) => found.result));
+  }
+  function refresh(source) {
+    refreshKeys(source);
+    drawChanges();
+    keepAddress();
+    go();
+  }
+
+  // ------------------------------------------------------------------ what changed
+
+  const changes = () => [...state.values].map(([name, x]) => ({ key: keys.get(name), x }));
+  const quoted = (text) => (/^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", `'"'"'`)}'`);
+  const spelled = (key, x) => (key.unit ? `${x} ${key.unit}` : String(x));
+  function drawChanges() {
+    const box = $("changes"), all = changes();
+    box.textContent = "";
+    if (!all.length) make("p", box, "Nothing: these are the study's values.");
+    else {
+      const list = make("ul", box);
+      for (const { key, x } of all) {
+        const item = make("li", list);
+        make("code", item, key.key);
+        item.append(`: ${spelled(key, x)}, in the study ${spelled(key, key.start)}`);
+      }
+    }
+    const only = shown().flatMap((c) => ["--only", quoted(`${state.scenario}/${c.name}`)]);
+    const sets = all.flatMap(({ key, x }) => ["--set", quoted(`${key.key}=${spelled(key, x)}`)]);
+    $("command").textContent = [page.command, ...sets, ...only].join(" ");
+    $("download").download = `${page.name}-changed.toml`;
+    for (const button of $("scenarios").children) button.setAttribute("aria-pressed", String(button.dataset.name === state.scenario));
+    for (const button of $("controllers").children) button.setAttribute("aria-pressed", String(state.shown.includes(button.dataset.name)));
+  }
+
+  // Parts of a dotted key, as the study's reader splits it.
+  const split = (key) => key.split('"').flatMap((piece, n) => (n % 2 ? [piece] : piece.split(".").filter(Boolean)));
+  const dotted = (parts) => parts.map((p) => (/^[\w-]+$/.test(p) ? p : JSON.stringify(p))).join(".");
+  function toml() {
+    const all = changes(), texts = page.toml.map((s) => ({ ...s, lines: s.lines.map(([k, v]) => [k, v]) }));
+    for (const { key, x } of all) {
+      const parts = split(key.key), section = texts.filter((s) => s.path.every((p, i) => p === parts[i])).at(-1);
+      const name = dotted(parts.slice(section.path.length)), text = key.unit ? JSON.stringify(spelled(key, x)) : String(x);
+      const line = section.lines.find(([k]) => k === name);
+      if (line) line[1] = text; else section.lines.push([name, text]);
+    }
+    const about = ["# Changed in the live page:", ...all.map(({ key, x }) => `#   ${key.key} = ${spelled(key, x)} (was ${spelled(key, key.start)})`), `# ${$("command").textContent}`, ""];
+    return about.concat(texts.map(({ heading, lines }) => [...(heading ? [`[${heading}]`] : []), ...lines.map(([k, v]) => `${k} = ${v}`), ""].join("\n"))).join("\n");
+  }
+
+  // ------------------------------------------------------------------ what it does
+
+  const found = (name, off = false, from = done) => from.get(slot(name, off))?.result;
+  const TOTALS = ["ripple-rms", "rms", "three-sigma", "peak-to-peak"];
+  const judged = () => scenario().metrics.findIndex((m) => TOTALS.includes(m.kind) && m.better === "lower");
+  const rpm = (x) => (x == null ? null : (x * 30) / Math.PI);
+
+  // Since when a run's errors stay above those with learning off; null: they don't, or do from the beginning.
+  function worseSince(mine, base) {
+    const count = Math.min(mine.length, base.length), worse = Array.from({ length: count }, (_, i) => !(mine[i] <= 1.05 * base[i]));
+    if (count < 3 || !worse.at(-1) || worse.every(Boolean)) return null;
+    return 2 * (1 + worse.lastIndexOf(false));
+  }
+
+  function drawVerdict() {
+    const list = $("verdicts"), which = judged();
+    list.textContent = "";
+    for (const c of shown()) {
+      const run = done.get(slot(c.name, false));
+      if (!run) continue;
+      const item = make("li", list), head = make("p", item, "", "headline"), off = found(c.name, true);
+      const label = make("span", head, c.label, "key");
+      label.style.setProperty("--colour", `var(--c${c.colour})`);
+      if (run.error) {
+        item.className = "worse";
+        head.append(`: ${run.error}.`);
+        continue;
+      }
+      const metric = scenario().metrics[which];
+      if (!metric) continue;
+      const x = run.result.values[which] / metric.factor, words = metric.titles[0], unit = metric.unit.replace("rpm", "r/min");
+      head.append(`: ${number(x)} ${unit} of ${words}`);
+      if (off) {
+        const base = off.values[which] / metric.factor, ratio = base / x;
+        item.className = ratio > 1.05 ? "better" : ratio < 0.95 ? "worse" : "";
+        const how = ratio > 1.05 ? `${number(ratio)} times less than` : ratio < 0.95 ? `${number(1 / ratio)} times as much as` : "as much as";
+        head.append(`, ${how} with learning off (${number(base)} ${unit}).`);
+        const since = worseSince(run.result.errors, off.errors);
+        if (since !== null) {
+          item.className = "worse";
+          make("p", item, `It grows: no worse than without learning until ${since} s, then worse.`, "fault");
+        }
+      } else head.append(c.learns ? "." : ", with nothing that learns.");
+      const before = found(c.name, false, ghost);
+      if (before && before !== run.result) make("p", item, `Before the change: ${number(before.values[which] / metric.factor)} ${unit}.`, "details");
+    }
+  }
+
+  function drawNumbers() {
+    const table = $("numbers");
+    table.textContent = "";
+    const columns = shown().flatMap((c) => [{ c, off: false }, ...(bar(c) ? [{ c, off: true }] : [])]);
+    const head = make("tr", make("thead", table));
+    make("th", head, "");
+    for (const { c, off } of columns) {
+      const cell = make("th", head, "", off ? "off" : "");
+      cell.scope = "col";
+      const label = make("span", cell, off ? `${c.label}, learning off` : c.label, "key");
+      label.style.setProperty("--colour", off ? "var(--line)" : `var(--c${c.colour})`);
+    }
+    const body = make("tbody", table);
+    scenario().metrics.forEach((metric, m) => metric.titles.forEach((title, k) => {
+      const row = make("tr", body);
+      make("th", row, metric.unit ? `${title} [${metric.unit.replace("rpm", "r/min")}]` : title).scope = "row";
+      const of = (result) => (result ? [].concat(result.values[m])[k] : undefined);
+      for (const { c, off } of columns) {
+        const x = of(found(c.name, off)), was = of(found(c.name, off, ghost));
+        const cell = make("td", row, x === undefined ? "" : number(x == null ? x : x / metric.factor), off ? "off" : "");
+        if (x != null && was != null && was !== x) make("span", cell, `was ${number(was / metric.factor)}`, "was");
+      }
+    }));
+  }
+
+  // ------------------------------------------------------------------ plots
+
+  const FONT = "12px system-ui, sans-serif";
+  const plots = new Map();
+  const axis = (label, side) => ({
+    label, side, labelSize: 20, labelFont: FONT, font: FONT, size: side === 3 ? 58 : 34, labelGap: 0,
+    stroke: style("--soft"), grid: { stroke: style("--grid"), width: 1 }, ticks: { stroke: style("--grid"), width: 1, size: 4 },
+  });
+  // A chart; `series`: [{label, colour, dash, faint, values}] over xs. It is made anew only if the number of series changes.
+  function chart(box, name, { title, x, y, xs, series, height = 190 }) {
+    const data = [xs, ...series.map((s) => s.values)], look = JSON.stringify([title, y, series.map((s) => [s.label, s.colour, s.dash])]);
+    const before = plots.get(name);
+    if (before?.look === look && before.card.isConnected) {
+      before.plot.setData(data);
+      return;
+    }
+    before?.plot.destroy();
+    const card = before?.card ?? make("div", box, "", "panel");
+    card.textContent = "";
+    const head = make("header", card);
+    make("strong", head, title);
+    const readout = make("span", head, "", "readout"), space = make("div", card, "", "plot");
+    space.setAttribute("role", "img");
+    space.setAttribute("aria-label", `${title}; ${y} over ${x}`);
+    const plot = new uPlot({
+      width: Math.max(240, space.clientWidth || 600), height, legend: { show: false }, scales: { x: { time: false } },
+      cursor: { drag: { x: true, y: false }, points: { show: false }, sync: { key: name.split(":")[0] } },
+      axes: [axis(x, 2), axis(y, 3)],
+      series: [{}, ...series.map((s) => ({ stroke: s.colour, width: s.dash ? 1 : 1.5, dash: s.dash ? [5, 4] : undefined, alpha: s.dash ? 0.7 : 1, points: { show: false }, spanGaps: true }))],
+      hooks: { setCursor: [(u) => {
+        readout.textContent = "";
+        const i = u.cursor.idx;
+        if (i == null) return;
+        make("span", readout, `${number(u.data[0][i])}`);
+        series.forEach((s, k) => {
+          if (!s.label || u.data[k + 1][i] == null) return;
+          make("span", readout, `${s.label} ${number(u.data[k + 1][i])}`, "key").style.setProperty("--colour", s.colour);
+        });
+      }] },
+    }, data, space);
+    plots.set(name, { plot, look, card, space });
+  }
+  function drop(name) {
+    plots.get(name)?.plot.destroy();
+    plots.get(name)?.card.remove();
+    plots.delete(name);
+  }
+
+  // Curves of several runs on one axis: each run has its own times.
+  function joined(curves) {
+    const tables = curves.map((c) => [c.at, c.values]);
+    return tables.length ? uPlot.join(tables) : [[]];
+  }
+  function curves(pick) {
+    const all = [];
+    for (const c of shown()) {
+      const colour = style(`--c${c.colour}`), now = found(c.name), before = found(c.name, false, ghost);
+      if (before && before !== now) all.push({ label: "", colour, dash: true, ...pick(before, c) });
+      if (now) all.push({ label: c.label, colour, dash: false, ...pick(now, c) });
+    }
+    return all.filter((c) => c.values?.length);
+  }
+  function lines(box, name, about, pick, more = []) {
+    const all = [...more, ...curves(pick)].filter((c) => c.values?.length);
+    if (!all.length) {
+      drop(name);
+      return;
+    }
+    const [xs, ...ys] = joined(all);
+    chart(box, name, { ...about, xs, series: all.map((c, i) => ({ ...c, values: ys[i] })) });
+  }
+
+  function drawPlots() {
+    const first = shown().map((c) => found(c.name)).find(Boolean);
+    if (!first) return;
+    const degrees = (run) => run.turn.time.map((t) => t - run.turn.time.at(-1));
+    const reference = { label: "reference", colour: style("--ink"), dash: false, at: degrees(first), values: first.turn.wanted?.map(rpm) };
+    const ago = "time before the end (s)";
+    lines($("turn"), "turn:speed", { title: "Speed", x: ago, y: "r/min" }, (run) => ({ at: degrees(run), values: run.turn.speed.map(rpm) }), [reference]);
+    lines($("turn"), "turn:current", { title: "Current", x: ago, y: "i_q (A)" }, (run) => ({ at: degrees(run), values: run.turn.current }));
+    lines($("turn"), "turn:torque", { title: "Motor torque", x: ago, y: "mN m" }, (run) => ({ at: degrees(run), values: run.turn.torque?.map((t) => 1e3 * t) }));
+    lines($("orders"), "orders:speed", { title: "Speed", x: "order of the mechanical revolution", y: "amplitude (r/min)" }, (run) => {
+      const spikes = (run.orders ?? []).flatMap((a, n) => [[n + 0.75, 0], [n + 1, rpm(a)], [n + 1.25, 0]]);
+      return { at: spikes.map((s) => s[0]), values: spikes.map((s) => s[1]) };
+    });
+    const error = first.error === "theta_error" ? { title: "Angle error", y: "mrad", of: (x) => 1e3 * x } : { title: "Speed error", y: "r/min", of: rpm };
+    lines($("whole"), "whole:error", { ...error, x: "time (s)" }, (run) => ({ at: run.whole.at, values: run.whole.values.map(error.of) }));
+    lines($("whole"), "whole:current", { title: "Current", x: "time (s)", y: "i_q (A)" }, (run) => ({ at: run.current.at, values: run.current.values }));
+    lines($("map"), "map:current", { title: "Learned current", x: "angle of the rotor (deg)", y: "A" }, learnedOf);
+    document.getElementById("map").parentElement.hidden = !plots.has("map:current");
+  }
+  // The first channel of what is learned, as a current over the angle.
+  function learnedOf(run, c) {
+    if (!run.map) return {};
+    const { cells, channels, values } = run.map;
+    if (c.law === "pi-afc") {
+      const waves = Array.from({ length: cells }, (_, n) => [values[n], values[cells + n], values[2 * cells + n]]);
+      const points = 8 * Math.round(Math.max(...waves.map((w) => w[2])));
+      const at = Array.from({ length: points }, (_, k) => (2 * Math.PI * k) / points);
+      return { at: at.map((a) => (a * 180) / Math.PI), values: at.map((a) => waves.reduce((s, [x, y, n]) => s + x * Math.cos(n * a) + y * Math.sin(n * a), 0)) };
+    }
+    const own = values.slice(0, cells), every = Math.max(1, Math.floor(cells / 1024));
+    const kept = own.map((v, k) => [(360 * c.turn * k) / cells, v]).filter((_, k) => k % every === 0);
+    return channels ? { at: kept.map((p) => p[0]), values: kept.map((p) => p[1]) } : {};
+  }
+
+  let drawn = 0;
+  function draw() {
+    if (drawn) return;
+    drawn = requestAnimationFrame(() => {
+      drawn = 0;
+      drawVerdict();
+      drawNumbers();
+      drawPlots();
+    });
+  }
+
+  // ------------------------------------------------------------------ buttons
+
+  function choose(list, box, pressed) {
+    for (const one of list) {
+      const button = make("button", box, one.label ?? one.name);
+      button.type = "button";
+      button.dataset.name = one.name;
+      if (one.colour !== undefined) button.style.setProperty("--colour", `var(--c${one.colour})`);
+      button.addEventListener("click", () => pressed(one.name));
+    }
+  }
+  function another() {
+    ghost = new Map();
+    dragging = false;
+    buttons();
+    drawKeys();
+    refresh();
+    draw();
+  }
+  function buttons() {
+    $("controllers").textContent = "";
+    choose(controllers(), $("controllers"), (name) => {
+      const next = state.shown.includes(name) ? state.shown.filter((n) => n !== name) : [...state.shown, name];
+      if (next.length) state.shown = next;
+      another();
+    });
+  }
+  choose(page.scenarios, $("scenarios"), (name) => {
+    state.scenario = name;
+    state.shown = state.shown.filter((n) => scenario().controllers.includes(n));
+    if (!state.shown.length) state.shown = usual();
+    another();
+  });
+  $("reset").addEventListener("click", () => {
+    begin();
+    state.values.clear();
+    dragging = false;
+    refresh();
+  });
+  $("copy").addEventListener("click", () => navigator.clipboard?.writeText($("command").textContent));
+  $("download").addEventListener("click", () => {
+    $("download").href = `data:application/toml;charset=utf-8,${encodeURIComponent(toml())}`;
+  });
+  $("download").href = "#";
+  addEventListener("hashchange", () => { if (location.hash !== address()) { fromAddress(); another(); } });
+  let resized = 0;
+  addEventListener("resize", () => {
+    clearTimeout(resized);
+    resized = setTimeout(() => { for (const { plot, space } of plots.values()) plot.setSize({ width: Math.max(240, space.clientWidth), height: plot.height }); }, 100);
+  });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { for (const name of [...plots.keys()]) drop(name); draw(); });
+
+  async function start() {
+    fromAddress();
+    buttons();
+    drawKeys();
+    drawChanges();
+    const packed = new Blob([liveBytes.of($("engine").textContent)]).stream().pipeThrough(new DecompressionStream("gzip"));
+    const module = await new Response(packed).arrayBuffer();
+    const code = URL.createObjectURL(new Blob([$("worker").textContent], { type: "text/javascript" }));
+    for (let n = 0; n < Math.max(2, Math.min(4, navigator.hardwareConcurrency || 2)); n++) {
+      const worker = new Worker(code);
+      worker.onerror = (event) => {
+        $("state").className = "failed";
+        $("state").textContent = `The engine doesn't start: ${event.message}.`;
+      };
+      worker.postMessage({ module });
+      workers.push(worker);
+    }
+    go();
+  }
+  start();
+  // for scripts, and the page's own tests
+  window.cogless = { page, state, toml, set: (name, x) => { begin(); set(keys.get(name), x); dragging = false; refresh(); }, job, isIdle: () => !running && !missing().length && !drawn, result: (name, off) => done.get(slot(name, off)) };
+})();

@@ -1,0 +1,124 @@
+"use strict";
+// Carries out one run after the other, and hands back what the page shows: numbers, and curves thinned to its width.
+(() => {
+  const { Trace, evaluate, whole, TAU, largest, smallest } = liveMetrics;
+  const POINTS = 600; // of a curve over the whole run: a lowest and a highest value each
+  const CELLS = 1024; // of a revolution in the spectrum
+  const ORDERS = 160; // of a revolution at most
+  const PIECE = 2.0; // s, over which errors are compared
+  const tables = new Map(); // what a commissioning run has learned, by its description
+  let compiled = null, module = null;
+
+  // A slow run before the run, which fills a table; it is over when its status says so, looked at every second.
+  function commissioned({ description, ticks, divider, rate, busy }) {
+    const name = description.join();
+    if (!tables.has(name)) {
+      const engine = new Engine(module), piece = divider * Math.ceil(rate / divider);
+      engine.open(description, divider, 0);
+      for (let done = 0; !tables.has(name); done += piece) {
+        if (done >= ticks) throw new Error("the commissioning run is not done after three times its length: expected kp and ki that hold its speed");
+        engine.advance(piece);
+        const { rows, count, columns, names } = engine.take();
+        if (!(rows[(count - 1) * columns + names.indexOf("status")] & busy)) tables.set(name, engine.stored());
+      }
+      if (tables.size > 8) tables.delete(tables.keys().next().value);
+    }
+    return tables.get(name);
+  }
+
+  // Lowest and highest value of each bucket, in their order in time.
+  function thin(time, x) {
+    const size = Math.max(1, Math.ceil(x.length / POINTS)), at = [], values = [];
+    for (let from = 0; from < x.length; from += size) {
+      let low = from, high = from;
+      for (let i = from; i < Math.min(from + size, x.length); i++) {
+        if (x[i] < x[low]) low = i;
+        if (x[i] > x[high]) high = i;
+      }
+      for (const i of size === 1 ? [from] : low < high ? [low, high] : [high, low]) {
+        at.push(time[i]);
+        values.push(x[i]);
+      }
+    }
+    return { at, values };
+  }
+
+  const cos = Float64Array.from({ length: CELLS }, (_, k) => Math.cos((TAU * k) / CELLS));
+  // Amplitudes of a signal's orders, of the mechanical revolution, over its last whole revolutions.
+  function spectrum(theta, x) {
+    const part = whole(theta, x, [1], 1, false);
+    if (!part) return null;
+    const [angle, values] = part, turns = Math.round(Math.abs(angle[angle.length - 1] - angle[0]) / TAU);
+    const direction = angle[angle.length - 1] >= angle[0] ? 1 : -1, cell = new Float64Array(CELLS);
+    for (let i = 0, k = 0; k < turns * CELLS; k++) {
+      const at = angle[0] + (direction * k * TAU) / CELLS;
+      while (i < angle.length - 2 && direction * (angle[i + 1] - at) < 0) i++;
+      const share = (at - angle[i]) / (angle[i + 1] - angle[i] || 1);
+      cell[k % CELLS] += (values[i] + share * (values[i + 1] - values[i])) / turns;
+    }
+    return Array.from({ length: ORDERS }, (_, n) => {
+      let re = 0, im = 0;
+      for (let k = 0; k < CELLS; k++) {
+        const phase = ((n + 1) * k) % CELLS;
+        re += cell[k] * cos[phase];
+        im += cell[k] * cos[(phase + CELLS / 4) % CELLS];
+      }
+      return (2 / CELLS) * Math.hypot(re, im);
+    });
+  }
+
+  // Peak-to-peak errors in successive windows.
+  function errors(trace, name) {
+    const rows = Math.round(PIECE / trace.period), x = trace.get(name), found = [];
+    for (let from = 0; rows && from + rows <= x.length; from += rows) {
+      const part = x.subarray(from, from + rows);
+      found.push(largest(part) - smallest(part));
+    }
+    return found;
+  }
+
+  // Rows of the last revolution, at most of the last second.
+  function lastTurn(trace) {
+    const theta = trace.get("theta_m"), end = trace.count - 1, from = trace.left(trace.time[end] - 1);
+    let first = end;
+    while (first > from && Math.abs(theta[end] - theta[first - 1]) <= TAU) first--;
+    return first;
+  }
+
+  function carriedOut({ description, ticks, decimation, learned, learn, about, metrics, path }) {
+    const begun = performance.now(), engine = new Engine(module);
+    engine.open(description, decimation, Math.ceil(ticks / decimation));
+    const start = learn ? commissioned(learn) : learned;
+    if (start) engine.load(start);
+    engine.advance(ticks);
+    const stored = engine.stored(), trace = new Trace(engine.take()), ran = performance.now();
+    const values = metrics.map((m) => evaluate(m, trace, about));
+    const error = path && trace.has("theta_error") ? "theta_error" : "omega_error";
+    const first = lastTurn(trace), late = (name) => (trace.has(name) ? Array.from(trace.get(name).subarray(first)) : null);
+    const [settledFrom, settledTo] = trace.window(Math.max(0, trace.time[trace.count - 1] - 4), trace.time[trace.count - 1]);
+    const map = stored && { cells: stored.cells, channels: stored.channels, values: Array.from(stored.values, (v) => v / about.unit), turns: stored.turns, parts: stored.parts };
+    return {
+      values, map, error,
+      names: trace.names,
+      whole: thin(trace.time, trace.get(error)),
+      current: thin(trace.time, trace.get("i_q")),
+      turn: { time: Array.from(trace.time.subarray(first)), speed: late("omega_m"), wanted: late("omega_ref"), current: late("i_q"), torque: late(trace.has("tau_motor") ? "tau_motor" : "tau_e") },
+      orders: spectrum(trace.get("theta_m").subarray(settledFrom, settledTo), trace.get("omega_m").subarray(settledFrom, settledTo)),
+      errors: errors(trace, error),
+      ms: { engine: ran - begun, all: performance.now() - begun },
+    };
+  }
+
+  self.onmessage = async ({ data }) => {
+    if (data.module) {
+      compiled = WebAssembly.compile(data.module);
+      return;
+    }
+    try {
+      module = await compiled;
+      self.postMessage({ id: data.id, result: carriedOut(data.job) });
+    } catch (error) {
+      self.postMessage({ id: data.id, error: error.message });
+    }
+  };
+})();

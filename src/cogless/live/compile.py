@@ -1,0 +1,60 @@
+"""Compile the engine and the control laws to WebAssembly: `python compile.py SOURCES FOLDER`.
+
+SOURCES has control/src and simulator in it. Only the standard library and ziglang are needed, so that the
+build of a wheel can run this file, too.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+# The engine's sources that a page needs; drive.cpp and what it includes is all of the plant.
+ENGINE = ("web.cpp", "config.cpp", "trial_config.cpp", "drive.cpp")
+# As the native module is compiled, so that numbers are rounded in the same way.
+FLAGS = ("-target", "wasm32-wasi", "-O2", "-ffp-contract=off", "-fno-sanitize=all")
+NAMES = {"single": "engine_single.wasm", "double": "engine_double.wasm"}
+
+
+class CompileError(Exception):
+    """The compiler's first error."""
+
+
+def compiled(sources: Path, target: Path, precision: str) -> None:
+    """Write the module with control laws in "single" or "double" precision.
+
+    CompileError: the sources don't compile.
+    """
+    library, simulator = sources / "control" / "src", sources / "simulator"
+    defines = ["-DCOGLESS_DOUBLE"] if precision == "double" else []
+    common = [*FLAGS, *defines, f"-I{library}", f"-I{simulator}"]
+    c = ["cc", *common, "-std=c99"]
+    # a throw only has to reach the host: web.cpp has what the compiler calls for it
+    cpp = ["c++", *common, "-fexceptions", "-std=c++20"]
+    jobs = [(c, path) for path in sorted((library / "cogless").glob("*.c"))]
+    jobs = [(cpp, simulator / name) for name in ENGINE] + jobs
+    with tempfile.TemporaryDirectory() as temporary, ThreadPoolExecutor(os.cpu_count()) as pool:
+        objects = [str(Path(temporary) / f"{path.name}.o") for _, path in jobs]
+        commands = [[*how, "-c", str(path), "-o", at] for (how, path), at in zip(jobs, objects, strict=True)]
+        list(pool.map(_zig, commands))
+        made = Path(temporary) / "engine.wasm"
+        _zig([*cpp, "-mexec-model=reactor", "-s", "-Wl,--gc-sections", *objects, "-o", str(made)])
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(made.read_bytes())
+
+
+def _zig(arguments: list[str]) -> None:
+    command = [sys.executable, "-m", "ziglang", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        lines = done.stderr.splitlines() or [f"exit {done.returncode}"]
+        raise CompileError(next((line for line in lines if "error" in line), lines[0]))
+
+
+if __name__ == "__main__":
+    for one, name in NAMES.items():
+        compiled(Path(sys.argv[1]), Path(sys.argv[2]) / name, one)

@@ -1,0 +1,61 @@
+"""The engine as a WebAssembly module: from the package, or compiled once by ziglang and kept."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from cogless.errors import StudyError
+from cogless.files import control_sources, package_folders, replacing
+from cogless.live.compile import FLAGS, NAMES, CompileError, compiled
+
+
+def module(precision: str) -> bytes:
+    """The module with control laws in "single" or "double" precision.
+
+    StudyError: it came with no wheel, and there is no compiler for it.
+    """
+    for folder in package_folders():
+        shipped = folder / "live" / NAMES[precision]
+        if shipped.is_file():
+            return shipped.read_bytes()
+    sources = control_sources().parents[1]
+    kept = _cache() / f"{_state(sources)}-{NAMES[precision]}"
+    if not kept.is_file():
+        if importlib.util.find_spec("ziglang") is None:
+            raise StudyError("live: no WebAssembly engine: expected ziglang (pip install 'cogless[web]')")
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(kept) as temporary:
+            try:
+                compiled(sources, temporary, precision)
+            except CompileError as error:
+                raise StudyError(f"live: the engine does not compile: {error}") from None
+    return kept.read_bytes()
+
+
+def is_there(precision: str) -> bool:
+    """Whether the module needs no compiling."""
+    sources = control_sources().parents[1]
+    places = [folder / "live" / NAMES[precision] for folder in package_folders()]
+    return any(place.is_file() for place in (*places, _cache() / f"{_state(sources)}-{NAMES[precision]}"))
+
+
+def _cache() -> Path:
+    given = os.environ.get("XDG_CACHE_HOME")
+    return (Path(given) if given else Path.home() / ".cache") / "cogless"
+
+
+def _state(sources: Path) -> str:
+    """What tells these sources and options from others."""
+    found = hashlib.sha256(" ".join(FLAGS).encode())
+    for path in _files(sources):
+        found.update(path.relative_to(sources).as_posix().encode() + b"\0" + path.read_bytes())
+    return found.hexdigest()[:16]
+
+
+def _files(sources: Path) -> Iterator[Path]:
+    for folder in ("control/src", "simulator"):
+        yield from sorted(path for path in (sources / folder).rglob("*") if path.is_file())

@@ -1,0 +1,200 @@
+"""The live page: one HTML file with the engine in it, which runs a study again at each change of a value."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import json
+from html import escape
+from string import Template
+from typing import Any
+
+from cogless.design.unlearned import revolutions_learned
+from cogless.files import package_folders
+from cogless.live import engine, toml
+from cogless.live.blobs import OFF, held
+from cogless.live.keys import Found, Key, Place, adjustable, packed
+from cogless.live.packed import Packed
+from cogless.report.markup import asset as report_asset
+from cogless.results.metrics import result_name
+from cogless.results.status import Status
+from cogless.study import Study, for_scenario
+from cogless.study.metric import SIGNALS, Metric
+from cogless.units import NONE, factor
+from cogless.versions import versions
+
+COLOURS = 8  # as in the report
+FORBID = (
+    "default-src 'none'; script-src {scripts} 'wasm-unsafe-eval'; style-src {styles}; worker-src blob:; "
+    "base-uri 'none'; form-action 'none'"
+)
+
+
+def render(study: Study, command: str) -> str:
+    """The page as one HTML text. `command`: the one that runs the study, without changes made in the page.
+
+    StudyError: no WebAssembly engine, or no run that a page can hold.
+    """
+    module = engine.module(study.drive.precision)
+    found = adjustable(study)
+    blocks = {
+        "data": json.dumps(data(study, found, command), separators=(",", ":"), allow_nan=False),
+        "engine": base64.b64encode(gzip.compress(module, mtime=0)).decode(),
+    }
+    scripts = {
+        "worker": asset("engine.js") + asset("metrics.js") + asset("worker.js"),
+        "uplot_js": report_asset("uplot.min.js"),
+        "js": asset("bytes.js") + asset("live.js"),
+    }
+    styles = {
+        "uplot_css": report_asset("uplot.min.css"),
+        "css": report_asset("report.css") + asset("live.css"),
+    }
+    policy = FORBID.format(
+        scripts=_hashes([scripts["uplot_js"], scripts["js"]]), styles=_hashes(styles.values())
+    )
+    return Template(asset("live.html")).substitute(
+        title=escape(study.title),
+        description=f'<p class="description">{escape(study.description)}</p>' if study.description else "",
+        version=escape(versions()["cogless"]),
+        policy=policy,
+        left_out=_left_out(study, found),
+        **{name: text.replace("<", "\\u003c") for name, text in blocks.items()},
+        **scripts,
+        **styles,
+    )
+
+
+def asset(name: str) -> str:
+    """The text of a file in this folder's assets/."""
+    for folder in package_folders():
+        path = folder / "live" / "assets" / name
+        if path.is_file():
+            return path.read_text(encoding="utf-8")
+    raise FileNotFoundError(name)
+
+
+def _hashes(texts: Any) -> str:
+    return " ".join(
+        f"'sha256-{base64.b64encode(hashlib.sha256(t.encode()).digest()).decode()}'" for t in texts
+    )
+
+
+def data(study: Study, found: Found, command: str) -> dict[str, Any]:
+    """All that the page's scripts need, as plain values."""
+    pairs = held(study)
+    names = [name for name in study.controller if any(name == c for _, c in pairs)]
+    others = [name for name in names if name != study.baseline]
+    return {
+        "command": command,
+        "name": study.name,
+        "toml": toml.sections(study._source),
+        "off": OFF,
+        "busy": int(Status.BUSY),
+        "scenarios": [
+            {
+                "name": scenario,
+                "controllers": [c for s, c in pairs if s == scenario],
+                "metrics": [_metric(metric) for metric in study.metrics_in(scenario)],
+                "rate": for_scenario(study, scenario).drive.rates.current_loop,
+            }
+            for scenario in dict.fromkeys(scenario for scenario, _ in pairs)
+        ],
+        "controllers": [
+            {
+                "name": name,
+                "label": study.label(name),
+                "colour": 0 if name == study.baseline else 1 + others.index(name) % (COLOURS - 1),
+                "learns": study.controller[name].learns,
+                "baseline": name == study.baseline,
+                "law": study.controller[name].law,
+                "turn": _turn(study, name),
+            }
+            for name in names
+        ],
+        "keys": [_key(key) for key in found.keys],
+        "runs": {"/".join(place): _run(blob) for place, blob in packed(study, pairs).items()},
+    }
+
+
+def _turn(study: Study, name: str) -> float:
+    """Mechanical revolutions that the learned map spans."""
+    return float(revolutions_learned(study, name) or 1)
+
+
+def _metric(metric: Metric) -> dict[str, Any]:
+    dimension = metric.dimension
+    unit = metric.unit or dimension.unit
+    orders = metric.order or (None,)
+    words = metric.name.replace("_", " ")
+    return {
+        "name": result_name(metric),
+        "titles": [words if order is None else f"{words} {order:g}" for order in orders],
+        "unit": unit,
+        "factor": factor(unit, dimension) if dimension is not NONE and unit else 1.0,
+        "kind": metric.kind,
+        "signal": metric.signal,
+        "signal_unit": SIGNALS[metric.signal].unit if metric.signal else "",
+        "units": {name: SIGNALS[name].unit for name in ("omega_ref", "i_d_ref", "i_q_ref")},
+        "order": metric.order,
+        "frame": metric.frame,
+        "window": metric.window,
+        "last": metric.last,
+        "event": metric.event,
+        "band": metric.band,
+        "smooth": metric.smooth,
+        "better": metric.wanted,
+    }
+
+
+def _run(blob: Packed) -> dict[str, Any]:
+    """A packed description, and the places in it of what the page reads."""
+    found = {n.path: [n.offset, n.format] for n in blob.numbers}
+    about = {path: at for path, at in found.items() if path.startswith("page.") and ".learned." not in path}
+    shape = next((shape.split()[1] for shape in blob.shape if shape.startswith("page.learned ")), None)
+    return {
+        "bytes": base64.b64encode(blob.data).decode(),
+        "about": about,
+        "off": found.get("controller.learning_start"),
+        "learned": shape and [found["page.learned.0"][0], *map(int, shape.split("x"))],
+    }
+
+
+def _key(key: Key) -> dict[str, Any]:
+    candidate = key.candidate
+    return {
+        "key": candidate.key,
+        "label": candidate.label,
+        "group": candidate.group,
+        "scenario": candidate.scenario,
+        "controller": candidate.controller,
+        "unit": candidate.unit,
+        "factor": candidate.factor,
+        "start": candidate.start,
+        "low": candidate.low,
+        "high": candidate.high,
+        "whole": candidate.whole,
+        "stops": key.stops,
+        "lands": {_place(place): [_landing(key, one) for one in lands] for place, lands in key.lands.items()},
+    }
+
+
+def _place(place: Place) -> str:
+    return "/".join(place)
+
+
+def _landing(key: Key, one: Any) -> list[Any]:
+    if key.stops:
+        return [one.number.offset, one.number.format, list(one.values)]
+    return [one.number.offset, one.number.format, one.scale, one.rounded]
+
+
+def _left_out(study: Study, found: Found) -> str:
+    own = [name for name in study.controller if not any(name == c for _, c in held(study))]
+    lines = [f"{study.label(name)}: its law is code of its own, which the page doesn't run." for name in own]
+    lines += [f"{key}: {why}." for key, why in found.left_out]
+    if not lines:
+        return ""
+    rows = "".join(f"<li>{escape(line)}</li>" for line in lines)
+    return f"<details><summary>Keys that the page can't change</summary><ul>{rows}</ul></details>"

@@ -1,0 +1,66 @@
+"""A study's tables as lines of TOML that a page can change one by one."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from cogless.study.base import Source
+
+BARE = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-")
+NAMED = ("scenario", "controller")  # tables of tables by name
+
+
+def sections(source: Source) -> list[dict[str, Any]]:
+    """The study's sections in order.
+
+    `path`: of the section's heading; `lines`: each a dotted key below it, and its value.
+    """
+    top: dict[str, Any] = {}
+    below: list[tuple[tuple[str, ...], dict[str, Any]]] = []
+    for key, value in source.tables.items():
+        if not isinstance(value, dict):
+            top[key] = value
+        elif key in NAMED:
+            below += [((key, name), inner) for name, inner in value.items()]
+        elif key == "motor" and source.datasheet is not None:
+            below.append(((key,), {k: v for k, v in value.items() if k in source.own_motor_keys}))
+        else:
+            below.append(((key,), value))
+    return [
+        {
+            "path": path,
+            "heading": dotted(path),
+            "lines": [[dotted(key), text(v)] for key, v in _leaves(table)],
+        }
+        for path, table in [((), top), *below]
+    ]
+
+
+def _leaves(table: Mapping[str, Any], above: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    for key, value in table.items():
+        if isinstance(value, dict) and value:
+            yield from _leaves(value, (*above, key))
+        else:
+            yield (*above, key), value
+
+
+def dotted(path: tuple[str, ...]) -> str:
+    """A key of several parts."""
+    return ".".join(
+        part if part and set(part) <= BARE else json.dumps(part, ensure_ascii=False) for part in path
+    )
+
+
+def text(value: Any) -> str:
+    """A value on one line."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{dotted((key,))} = {text(inner)}" for key, inner in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(text, value)) + "]"
+    return repr(value)

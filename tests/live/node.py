@@ -1,0 +1,39 @@
+"""The page's scripts in node, and the engine's module, if both are there."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+from cogless.live import engine
+from cogless.live.page import asset
+
+NODE = shutil.which("node")
+NO_NODE = "" if NODE else "needs node"
+NO_ENGINE = "" if engine.is_there("single") else "needs the WebAssembly engine: make web"
+
+
+def run_node(folder: Path, assets: tuple[str, ...], script: str, given: Any) -> Any:
+    """What a script returns, which sees `given` and what is defined in these assets."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "given.json").write_text(json.dumps(given))
+    read = 'const given = JSON.parse(require("fs").readFileSync(process.argv[2]));'
+    body = f"const made = (() => {{ {script} }})();\nconsole.log(JSON.stringify(made));"
+    text = "\n".join([*map(asset, assets), read, body])
+    (folder / "script.cjs").write_text(text)
+    done = subprocess.run(
+        [NODE or "", str(folder / "script.cjs"), str(folder / "given.json")], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def module_file(folder: Path, precision: str) -> str:
+    """The module as a file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{precision}.wasm"
+    path.write_bytes(engine.module(precision))
+    return str(path)

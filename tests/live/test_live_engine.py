@@ -1,0 +1,118 @@
+"""The engine as WebAssembly against the native one, bit for bit."""
+
+import base64
+import hashlib
+
+import numpy as np
+import pytest
+from node import NO_ENGINE, NO_NODE, module_file, run_node
+
+import studies
+from cogless.errors import StudyError
+from cogless.files import shipped
+from cogless.live import engine
+from cogless.live.blobs import blobs, held
+from cogless.live.packed import pack
+from cogless.run.plan import plan
+from cogless.study import Study, load
+
+TICKS = 3000
+SPEED = [name for name in shipped("studies") if isinstance(load(name), Study)]
+RUN = """
+const crypto = require("crypto");
+const module = new WebAssembly.Module(require("fs").readFileSync(given.module));
+return given.jobs.map((job) => {
+  try {
+    const engine = new Engine(module);
+    engine.open(Buffer.from(job.description, "base64"), job.decimation, 10);
+    if (job.learned) engine.load(job.learned);
+    engine.advance(job.ticks);
+    const { rows, names } = engine.take();
+    const hash = crypto.createHash("sha256").update(rows).digest("hex"), stored = engine.stored();
+    return { hash, names, stored: stored && stored.values.length };
+  } catch (error) {
+    return { error: error.message };
+  }
+});
+"""
+
+needs = pytest.mark.skipif(bool(NO_NODE or NO_ENGINE), reason=NO_NODE or NO_ENGINE)
+
+
+def native(planned, ticks):
+    """Hash of the native engine's rows, and the number of entries that it learned."""
+    state, recorder = planned.start(), planned.engine.Recorder(planned.drive, planned.decimation)
+    planned.drive.advance(state, recorder, ticks)
+    stored = planned.drive.stored(state)
+    entries = None if stored is None else int(np.size(stored["values"]))
+    return hashlib.sha256(recorder.take().tobytes()).hexdigest(), entries
+
+
+def job(study, planned, ticks):
+    learned = None
+    if planned.learned is not None:
+        values = np.asarray(planned.learned, np.float64)
+        learned = {"channels": len(values), "cells": values.shape[1], "values": values.ravel().tolist()}
+    description = pack(planned.description, study.drive.precision).data
+    return {
+        "description": base64.b64encode(description).decode(),
+        "decimation": planned.decimation,
+        "ticks": ticks,
+        "learned": learned,
+    }
+
+
+@needs
+@pytest.mark.parametrize("name", SPEED)
+def test_each_row_of_each_signal_has_the_native_bits(tmp_path, name):
+    study = load(name)
+    # the commissioning of a table, which takes seconds, is another test's
+    plans = [plan(study, *pair) for pair in held(study) if not tabled(study, pair[1])]
+    given = {
+        "module": module_file(tmp_path, study.drive.precision),
+        "jobs": [job(study, each, TICKS) for each in plans],
+    }
+    for each, made in zip(plans, run_node(tmp_path, ("engine.js",), RUN, given), strict=True):
+        assert "error" not in made, made
+        assert (made["hash"], made["stored"]) == native(each, TICKS), each.names[1:]
+        assert made["names"] == [signal for signal, _ in each.drive.signals]
+
+
+def tabled(study, controller):
+    return getattr(study.controller[controller], "calibration", None) is not None
+
+
+@needs
+def test_what_the_engine_refuses_reaches_the_page_in_its_words(tmp_path):
+    study = load("uomodri")
+    blob = blobs(study, "slow", "pi-ilc")["run"]
+    (place,) = [n for n in blob.numbers if n.path == "controller.config.gain"]
+    wrong = bytearray(blob.data)
+    wrong[place.offset : place.offset + 4] = np.float32(-1.0).tobytes()
+    jobs = [
+        {"description": base64.b64encode(data).decode(), "decimation": 4, "ticks": 10, "learned": None}
+        for data in (bytes(wrong), blob.data[:100])
+    ]
+    made = run_node(tmp_path, ("engine.js",), RUN, {"module": module_file(tmp_path, "single"), "jobs": jobs})
+    assert made == [{"error": "pi-ilc: a gain is outside its range"}, {"error": "description: too short"}]
+
+
+def test_without_the_module_one_line_says_how_to_get_it(monkeypatch, tmp_path):
+    monkeypatch.setattr(engine, "package_folders", list)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(engine.importlib.util, "find_spec", lambda name: None)
+    assert not engine.is_there("single")
+    with pytest.raises(StudyError, match=r"^live: no WebAssembly engine: expected ziglang \(pip install"):
+        engine.module("single")
+
+
+def test_packed_numbers_lie_where_they_say(tmp_path):
+    study = studies.study(tmp_path)
+    blob = blobs(study, *held(study)[0])["run"]
+    found = {n.path: n.read(blob.data) for n in blob.numbers}
+    assert found["motor.R_s"] == study.motor.R_s
+    assert found["mechanics.inertia"] == study.mechanics.inertia
+    assert found["page.ticks"] == 6000
+    assert len({n.offset for n in blob.numbers}) == len(blob.numbers)
+    with pytest.raises(TypeError, match=r"controller.x: complex"):
+        pack({"controller": {"law": "python", "x": 1j}}, "single")

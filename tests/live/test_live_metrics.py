@@ -1,0 +1,100 @@
+"""The page's metrics against cogless's, on one trace."""
+
+import math
+
+import numpy as np
+import pytest
+from node import NO_NODE, run_node
+
+from cogless.live.page import _metric
+from cogless.results.metrics import KINDS, Conditions, evaluate, result_name
+from cogless.results.trace import Trace
+from cogless.study.metric import Metric
+
+pytestmark = pytest.mark.skipif(bool(NO_NODE), reason=NO_NODE)
+
+NAMES = {
+    "time": "s",
+    "theta_m": "rad",
+    "omega_m": "rad/s",
+    "omega_ref": "rad/s",
+    "i_d": "A",
+    "i_q": "A",
+    "i_q_ref": "A",
+}
+ABOUT = {"pole_pairs": 4, "R_s": 0.7, "power_factor": 1.5, "speed_period": 1e-3, "events": [0.8, 1.5]}
+WINDOWS = ({"window": ["0.3 s", "1.2 s"]}, {"last": "0.5 s"}, {})
+AT_EVENTS = ("dip", "settling", "overshoot", "exceeds")
+COMPUTE = """
+const all = Float64Array.from(given.rows.flat().map((x) => (x === null ? NaN : x)));
+const { Trace, evaluate, kinds } = liveMetrics, { rows, names, metrics, about } = given;
+const trace = new Trace({ rows: all, count: rows.length, columns: names.length, names });
+return { kinds, values: metrics.map((m) => evaluate(m, trace, about)) };
+"""
+
+
+def trace(reverses=False):
+    """Two seconds of a speed with ripple and a step; once with a reversal."""
+    time = np.arange(2000) * 1e-3
+    rng = np.random.default_rng(7)
+    speed = 12.0 * (np.cos(2.5 * time) if reverses else 1.0) + 3.0 * (time > 0.8) * np.exp(-(time - 0.8) * 9)
+    theta = np.cumsum(speed) * 1e-3
+    omega = speed + 0.4 * np.sin(8 * theta) + 0.1 * np.cos(2.5 * theta) + 0.01 * rng.standard_normal(2000)
+    current = 0.5 + 0.2 * np.sin(8 * theta + 1)
+    columns = [
+        time,
+        theta,
+        omega,
+        speed * 0 + 12.0,
+        0.01 * current,
+        current,
+        current + 0.01 * rng.standard_normal(2000),
+    ]
+    return Trace(tuple(NAMES), tuple(NAMES.values()), np.column_stack(columns))
+
+
+def metrics():
+    """Each kind, in several windows and frames."""
+    for n, window in enumerate(WINDOWS):
+        for kind in ("peak-to-peak", "rms", "ripple-rms", "three-sigma", "ripple-ratio", "mean", "maximum"):
+            for signal in ("omega_m", "omega_error", "i_amplitude"):
+                yield {"name": f"{kind[0]}{n}", "kind": kind, "signal": signal, **window}
+        for frame, orders in (("mechanical", [8, 2.5]), ("electrical", [2, 1])):
+            yield {
+                "name": f"o{n}",
+                "kind": "order",
+                "signal": "omega_m",
+                "order": orders,
+                "frame": frame,
+                **window,
+            }
+        yield {"name": f"c{n}", "kind": "copper-loss", **window}
+        yield {"name": f"h{n}", "kind": "chattering", **window}
+    yield {"name": "e", "kind": "rms", "signal": "omega_m", "frame": "electrical"}
+    for event in ("0.8 s", "1.5 s"):
+        for smooth in ({}, {"smooth": "50 ms"}):
+            yield {"name": "d", "kind": "dip", "event": event, **smooth}
+            yield {"name": "s", "kind": "settling", "event": event, "band": "1 rad/s", **smooth}
+            yield {"name": "v", "kind": "overshoot", "event": event, "signal": "i_q", **smooth}
+    yield {"name": "x", "kind": "exceeds", "signal": "omega_m", "band": "0.6 rad/s"}
+    yield {"name": "y", "kind": "exceeds", "signal": "i_q", "band": "1 A"}
+
+
+def flat(value):
+    return [math.nan if x is None else x for x in (value if isinstance(value, list) else [value])]
+
+
+@pytest.mark.parametrize("reverses", [False, True])
+def test_each_kind_in_each_window(tmp_path, reverses):
+    ran, all_of = trace(reverses), [Metric.model_validate(table) for table in metrics()]
+    rows = [[None if math.isnan(x) else x for x in row] for row in ran.data.tolist()]
+    given = {"names": list(NAMES), "rows": rows, "metrics": [_metric(m) for m in all_of], "about": ABOUT}
+    made = run_node(tmp_path, ("metrics.js",), COMPUTE, given)
+    conditions = Conditions(**{**ABOUT, "events": tuple(ABOUT["events"])})
+    for metric, value in zip(all_of, made["values"], strict=True):
+        wanted = evaluate(metric, ran, conditions)
+        assert flat(value) == pytest.approx(flat(wanted), rel=1e-9, abs=1e-12, nan_ok=True), result_name(
+            metric
+        )
+    of_trials = {"first-rms", "final-rms", "trials-to-floor"}
+    assert set(made["kinds"]) == KINDS.keys() - of_trials
