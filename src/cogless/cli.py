@@ -606,10 +606,10 @@ def _to_run(study: str, changes: list[str] | None, no_code: bool) -> AnyStudy:
 
 def _name_code(path: Path, table: str, laws: Mapping[str, Any], no_code: bool) -> None:
     """Say which files' code these laws run, or refuse it."""
-    from cogless.study.controller import OwnLaw
+    from cogless.study.controller import LibraryLaw, PythonLaw
 
     for name, law in laws.items():
-        if isinstance(law, OwnLaw):
+        if isinstance(law, PythonLaw | LibraryLaw):
             if no_code:
                 where = f'{path}: {table}.{name}.law: "{law.law}"'
                 raise StudyError(f"{where}: expected no code of the file's own, with --no-code")
