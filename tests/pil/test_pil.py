@@ -10,11 +10,13 @@ import json
 import re
 import shutil
 import struct
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from commands import cogless
+from kept import kept
 
 import studies
 from cogless import load
@@ -41,6 +43,26 @@ CASES: list[tuple[str, str, str, dict[str, Any], int]] = [
     ("verrelli2016", "twelve-seconds", "printed", {}, 300),  # double precision
     ("mandra2019", "table-1", "ilc", {}, 21_000),  # 20,000 in a trial
 ]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def images() -> Iterator[None]:
+    """An image of the same files is built once, and kept."""
+    build_image = toolchain.Toolchain.build
+
+    def built(
+        tools: toolchain.Toolchain, sources: list[Path], script: Path, image: Path, defines: list[str]
+    ) -> None:
+        def make(made: Path) -> None:
+            build_image(tools, sources, script, made, defines)
+
+        headers = {header for source in sources for header in source.parent.glob("*.h")}
+        words = [tools.name, *tools.flags, *toolchain.LINK, *tools.libraries, *defines]
+        shutil.copy(kept("image.elf", words, [*sources, *sorted(headers), script], make), image)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(toolchain.Toolchain, "build", built)
+        yield
 
 
 @needs_both
