@@ -38,8 +38,8 @@ COMPILERS = [
 ]
 needs_both = pytest.mark.skipif(not (EMULATOR and COMPILERS), reason="no emulator or no cross compiler")
 CASES: list[tuple[str, str, str, dict[str, Any], int]] = [
-    ("liu2018", "900-rpm", "robust-ilc", {}, 3000),
-    ("uomodri", "1-rev-s", "pi-afc", studies.AFC, 3000),
+    ("liu2018", "900-rpm", "robust-ilc", {}, 1500),
+    ("uomodri", "1-rev-s", "pi-afc", studies.AFC, 1500),
     ("verrelli2016", "twelve-seconds", "printed", {}, 300),  # double precision
     ("mandra2019", "table-1", "ilc", {}, 21_000),  # 20,000 in a trial
 ]
@@ -68,8 +68,8 @@ def images() -> Iterator[None]:
 @needs_both
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_both_compilers_agree_with_the_simulation(compiler: str) -> None:
-    found = compare(load("liu2018"), "pi-ilc", "60-rpm", 3000, toolchain.find(compiler))
-    assert (found.difference, found.ticks) == (None, 3000)
+    found = compare(load("liu2018"), "pi-ilc", "60-rpm", 1500, toolchain.find(compiler))
+    assert (found.difference, found.ticks) == (None, 1500)
     assert found.without_law is not None
     assert found.without_law.most < found.with_law.least <= found.with_law.mean <= found.with_law.most
     divider = 15
