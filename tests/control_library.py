@@ -5,8 +5,6 @@ source.
 """
 
 import functools
-import hashlib
-import os
 import re
 import runpy
 import subprocess
@@ -17,9 +15,9 @@ from typing import Any
 
 import cffi
 import numpy as np
+from kept import kept, version
 
 SOURCE = Path(__file__).parents[1] / "control" / "src"
-BUILT = Path(__file__).parents[1] / "build" / "tests"
 HEADERS = sorted(h.name for h in (SOURCE / "cogless").glob("*.h"))
 FLAGS = ["-std=c99", "-O2", "-ffp-contract=off"]
 # in this unit the inline functions of the headers become ordinary ones, which a library can export
@@ -82,25 +80,23 @@ def control_library(precision: str) -> ControlLibrary:
     """The library computing in "float" or "double", compiled once for all that run tests side by side."""
     double = ["-DCOGLESS_DOUBLE"] if precision == "double" else []
     sources = sorted((SOURCE / "cogless").glob("*.c"))
-    texts = [path.read_bytes() for path in (Path(__file__), *sorted((SOURCE / "cogless").iterdir()))]
-    digest = hashlib.sha256(b"".join(texts)).hexdigest()[:16]
-    library, parsed = (BUILT / f"{precision}-{digest}.{end}" for end in ("so", "py"))
-    BUILT.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as folder:
-        scratch = Path(folder)
-        if not parsed.exists():  # takes seconds
-            made = BUILT / f"{os.getpid()}.py"
-            (scratch / "empty").mkdir()
+    flags = [*FLAGS, *double, "-shared", "-fPIC", f"-I{SOURCE}"]
+    read = [Path(__file__), *sorted((SOURCE / "cogless").iterdir())]
+
+    def parse(made: Path) -> None:
+        with tempfile.TemporaryDirectory() as empty:
             ffi = cffi.FFI()
             ffi.set_source("parsed", None)
-            ffi.cdef(declarations(double, scratch / "empty"))
+            ffi.cdef(declarations(double, Path(empty)))
             ffi.emit_python_code(str(made))
-            made.replace(parsed)
-        if not library.exists():
-            exports, made = scratch / "exports.c", BUILT / f"{os.getpid()}.so"
+
+    def compiled(made: Path) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            exports = Path(folder) / "exports.c"
             exports.write_text(EXPORTS)
-            flags = [*FLAGS, *double, "-shared", "-fPIC", f"-I{SOURCE}"]
             subprocess.run(["cc", *flags, "-o", made, exports, *sources], check=True)
-            made.replace(library)
+
+    parsed = kept(f"{precision}.py", [], read, parse)
+    library = kept(f"{precision}.so", [version("cc"), *flags], read, compiled)
     ffi = runpy.run_path(str(parsed))["ffi"]
     return ControlLibrary(ffi, ffi.dlopen(str(library)), np.float64 if double else np.float32)

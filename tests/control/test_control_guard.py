@@ -219,6 +219,31 @@ def test_what_is_at_its_limit_from_the_start_is_looked_at_at_once(precision):
 
 
 @PRECISIONS
+@pytest.mark.parametrize("begun", [0.0, 1.0])
+def test_a_burst_is_seen_although_the_mean_has_moved(precision, begun):
+    """A law without an integral takes the mean error away, here at once, and then or later it swings."""
+    guard = Guard(precision)
+    guard.run(4, 0.01, wanted=False)
+    calm = round(begun * WINDOW)
+    for n in range(calm + 4 * WINDOW):
+        if guard.state.share < 1:
+            break
+        size = 0.3 if n >= calm else 0.01
+        guard.step(1.0 + size * math.sin(6 * OMEGA * TS * n), learned=bool(guard.state.learn))
+    assert guard.state.share == 0
+    assert calm < n < calm + 0.6 * WINDOW  # what is left of the quarter, and two looks
+
+
+@PRECISIONS
+def test_a_mean_that_moves_is_no_burst(precision):
+    guard = Guard(precision)
+    guard.run(4, 0.01, wanted=False)
+    for n in range(20 * WINDOW):
+        guard.step(1.0 + 0.01 * math.sin(6 * OMEGA * TS * n), learned=bool(guard.state.learn))
+        assert guard.state.learn and guard.state.share == 1
+
+
+@PRECISIONS
 def test_a_rotor_that_swings_and_does_not_turn_is_looked_at_in_turns_of_the_reference(precision):
     guard = Guard(precision)
     swing = [1.5 * OMEGA * math.sin(2 * math.pi * n / 50) for n in range(20000)]

@@ -23,7 +23,7 @@ SETTLED, SHOWS = 1e-3, 2e-2  # A, of the current's second differences: a smooth 
 Changes = dict[str, Any]
 
 
-def section_5(changes: Changes, seconds: float = 25.0, name: str = "filtered") -> Study:
+def section_5(changes: Changes, seconds: float = 18.0, name: str = "filtered") -> Study:
     """One scenario and one controller of it; `law.` and `reference.` for their keys."""
     plain = {"metric": [], "trace.rate": "10 kHz", f"scenario.{SCENARIO}.duration": f"{seconds} s"}
     plain |= {f"scenario.{SCENARIO}.controllers": [name], "scenario.twelve-seconds.controllers": ["pi"]}

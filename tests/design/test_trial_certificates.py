@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -95,34 +96,33 @@ def test_relative_degree_one(controller: str, J: float, B: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "parameters"),
+    ("name", "corners"),
     [
-        ("current_lag", {"J": 6e-4, "K_t": 0.38}),
-        ("current_lag", {"J": 9e-4, "K_t": 0.36}),
-        ("current_lag", {"J": 7e-4, "K_t": 0.37}),
-        ("two_mass", {"J_l": 3e-4, "c": 65.0}),
-        ("two_mass", {"J_l": 6e-4, "c": 55.0}),
+        ("current_lag", [{"J": 6e-4, "K_t": 0.38}, {"J": 9e-4, "K_t": 0.36}, {"J": 7e-4, "K_t": 0.37}]),
+        ("two_mass", [{"J_l": 3e-4, "c": 65.0}, {"J_l": 6e-4, "c": 55.0}]),
     ],
 )
-def test_a_zero_outside_the_unit_circle_and_order_four(name: str, parameters: dict[str, float]) -> None:
+def test_a_zero_outside_the_unit_circle_and_order_four(name: str, corners: list[dict[str, float]]) -> None:
     """With the filter on the learned signal, its change from trial to trial is what shrinks."""
-    of_file = study(
-        EXAMPLES / f"{name}.toml",
-        {"scenario.moves.changes": [], "scenario.moves.override": parameters,
-         "scenario.moves.load_steps": [[100, 0.3]]},
-    )  # fmt: skip
-    (run,) = run_study(of_file, ["moves/ilc"]).runs
-    exact = certificate(run).exact
-    assert exact is not None and exact.stable and exact.with_filter is not None
-    assert exact.with_filter.contracting and exact.growth is not None
-    # what the filter does at the trial's ends is beyond any factor by frequency
-    factor = max(exact.with_filter.norm, exact.growth)
-    assert factor < 0.995
-    trials = of_file.scenario["moves"].trials
-    change = sizes(np.diff(by_trial(run, "learned", trials), axis=0))
-    assert np.all(change[1:] <= factor * change[:-1] * 1.02 + 1e-9)
-    error = sizes(by_trial(run, "y_error", trials))
-    assert error[-1] < 0.7 * error[0]
+    path = EXAMPLES / f"{name}.toml"
+    moves = tomllib.loads(path.read_text(encoding="utf-8"))["scenario"]["moves"]
+    moves |= {"changes": [], "load_steps": [[100, 0.3]]}
+    scenarios = {f"corner-{n}": {**moves, "override": corner} for n, corner in enumerate(corners)}
+    of_file = study(path, {f"scenario.{each}": table for each, table in scenarios.items()})
+    runs = run_study(of_file, [f"{each}/ilc" for each in scenarios]).runs
+    assert len(runs) == len(corners)
+    for run in runs:
+        exact = certificate(run).exact
+        assert exact is not None and exact.stable and exact.with_filter is not None
+        assert exact.with_filter.contracting and exact.growth is not None
+        # what the filter does at the trial's ends is beyond any factor by frequency
+        factor = max(exact.with_filter.norm, exact.growth)
+        assert factor < 0.995
+        trials = moves["trials"]
+        change = sizes(np.diff(by_trial(run, "learned", trials), axis=0))
+        assert np.all(change[1:] <= factor * change[:-1] * 1.02 + 1e-9)
+        error = sizes(by_trial(run, "y_error", trials))
+        assert error[-1] < 0.7 * error[0]
 
 
 def test_plants_that_need_a_filter_say_so(tmp_path: Path) -> None:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import os
 import re
 import shlex
 import subprocess
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ import numpy as np
 import pytest
 import trial_studies
 from commands import cogless
+from kept import kept, version
 
 import studies
 from cogless import load
@@ -65,22 +64,18 @@ library = "own.so"
 """
 
 
-@functools.cache
-def library_object(name: str, *flags: str) -> bytes:
-    """A source of the control library compiled, once for all exports that have a copy of it."""
-    with tempfile.TemporaryDirectory() as folder:
-        made = Path(folder) / "made.o"
-        subprocess.run(["cc", *FLAGS, *STRICT, *flags, "-c", LIBRARY / name, "-o", made], check=True)
-        return made.read_bytes()
-
-
 def library_part(source: Path, *flags: str) -> Path:
     """What to link for a source of an export: the library's object, or the source where a test changed it."""
-    if source.read_bytes() != (LIBRARY / source.name).read_bytes():
+    own = LIBRARY / source.name
+    if source.read_bytes() != own.read_bytes():
         return source
-    made = source.parents[2] / f"{source.stem}.o"
-    made.write_bytes(library_object(source.name, *flags))
-    return made
+    command = ["cc", *FLAGS, *STRICT, *flags, "-c"]
+    return kept(
+        f"{source.stem}.o",
+        [version("cc"), *command],
+        [own, *sorted(LIBRARY.glob("*.h"))],
+        lambda made: subprocess.run([*command, own, "-o", made], check=True),
+    )
 
 
 def macros(exported: Path) -> list[str]:
@@ -90,11 +85,16 @@ def macros(exported: Path) -> list[str]:
 
 def compiled(exported: Path, *flags: str) -> Path:
     """The self-test of an export."""
-    program, defined = exported.parent / "self_test", macros(exported)
-    library = [library_part(source, *defined) for source in (exported / "cogless").glob("*.c")]
+    defined = macros(exported)
+    library = [library_part(source, *defined) for source in sorted((exported / "cogless").glob("*.c"))]
     own = [exported / "self_test.c", *exported.glob("*_controller.c")]
-    subprocess.run(["cc", *FLAGS, *flags, *defined, "-o", program, *own, *library], check=True)
-    return program
+    command = ["cc", *FLAGS, *flags, *defined]
+    return kept(
+        "self_test.program",
+        [version("cc"), *command],
+        [*own, *library, *sorted(exported.rglob("*.h"))],
+        lambda made: subprocess.run([*command, "-o", made, *own, *library], check=True),
+    )
 
 
 @pytest.fixture(scope="module", params=CONTROLLERS, ids=lambda found: "-".join(found[:2]))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import hashlib
-import os
 import re
 import shutil
 import subprocess
@@ -17,9 +15,10 @@ import fmpy
 import numpy as np
 import pytest
 import trial_studies
-from control_library import BUILT
 from fmpy.validation import validate_fmu
 from fmus import Slave
+from kept import kept
+from kept import version as compilers_version
 from numpy.typing import NDArray
 
 from cogless.errors import StudyError
@@ -148,13 +147,13 @@ def shared() -> Iterator[None]:
     def compiled(source: Path, folder: Path) -> Path:
         included = (each for each in sorted(source.parent.rglob("*.*")) if each.suffix not in (".c", ".cpp"))
         read = [source, *(each for each in included if each.name != OWN or source.name not in ENGINE)]
-        texts = [" ".join(build.OPTIONS).encode(), *(each.read_bytes() for each in read)]
-        kept = BUILT / f"{source.stem}-{hashlib.sha256(b''.join(texts)).hexdigest()[:16]}.o"
-        if not kept.exists():
-            BUILT.mkdir(parents=True, exist_ok=True)
-            (made,) = compile_all([source], folder)
-            shutil.copy(made, BUILT / f"{os.getpid()}.o").replace(kept)
-        return kept
+        words = [
+            *build.OPTIONS,
+            *(compilers_version(build.compiler(language)[0]) for language in build.COMPILERS),
+        ]
+        return kept(
+            f"{source.stem}.o", words, read, lambda made: shutil.move(*compile_all([source], folder), made)
+        )
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(export, "objects", objects)

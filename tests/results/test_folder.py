@@ -15,6 +15,7 @@ from pathlib import Path
 
 import netCDF4
 import pytest
+from commands import forked
 
 import studies
 from cogless import StudyError
@@ -194,17 +195,15 @@ SHORT = ("--only=low/*", "--set=trace.rate=1 kHz")
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGKILL")
 def test_killed_at_random_moments_a_run_leaves_a_whole_set(tmp_path: Path) -> None:
     study, out, chance = studies.write(tmp_path), tmp_path / "out", random.Random(13)
-    command = [*COMMAND, "run", str(study), "-o", str(out), *SHORT]
+    command = ("run", study, "-o", out, *SHORT)
     begun = time.monotonic()
-    subprocess.run([*command, "--set=seed=0"], check=True, capture_output=True)
+    assert forked(tmp_path, *command, "--set=seed=0").end() == 0
     whole = time.monotonic() - begun
     for seed in range(1, int(os.environ.get("COGLESS_KILLS", "3")) + 1):
-        run = subprocess.Popen(
-            [*command, f"--set=seed={seed}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
-        time.sleep(whole * chance.uniform(0.5, 1.1))
-        run.send_signal(signal.SIGKILL)
-        run.wait()
+        run = forked(tmp_path, *command, f"--set=seed={seed}")
+        time.sleep(whole * chance.uniform(0.3, 1.1))
+        run.send(signal.SIGKILL)
+        run.end()
         assert len(run_ids(out)) == 1
-    subprocess.run(command, check=True, capture_output=True)
+    assert forked(tmp_path, *command).end() == 0
     assert sorted(p.name for p in out.iterdir()) == ["report.html", "results.json", "traces.nc"]

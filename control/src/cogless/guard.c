@@ -71,7 +71,7 @@ CGL_SELDOM static void begin_quarter(cgl_guard *guard)
 CGL_SELDOM static void begin_window(cgl_guard *guard)
 {
     begin_quarter(guard);
-    guard->sum_before = guard->squares_before = CGL_R(0.0);
+    guard->sum_before = guard->squares_before = guard->drift = CGL_R(0.0);
     guard->count_before = 0U;
     guard->quarter = 0U;
     guard->moved = false;
@@ -398,7 +398,8 @@ CGL_SELDOM static void end_window(cgl_guard *guard, bool learn)
     if (guard->taught > 0U && !guard->elsewhere && !guard->compared) {
         guard->compared = !guard->moved && guard->best <= EVEN * guard->quietest;
     }
-    const bool calm = !guard->moved && !guard->last_moved && mean * mean <= v;
+    const cgl_real way = guard->drift + mean;
+    const bool calm = !guard->moved && !guard->last_moved && way * way <= v;
     guard->centre += mean;
     guard->last_moved = guard->moved;
     switch (guard->phase) {
@@ -427,13 +428,29 @@ CGL_SELDOM static void end_window(cgl_guard *guard, bool learn)
     begin_window(guard);
 }
 
-/* More squares than this quarter may have. False: it was the mean that moved, and the quarter goes on. */
+/* The mean has moved so far: from here on deviations are from where it is. */
+CGL_SELDOM static void follow_mean(cgl_guard *guard, cgl_real mean)
+{
+    const cgl_real before = (cgl_real)guard->count_before * mean;
+    guard->centre += mean;
+    guard->drift += mean;
+    guard->squares -= guard->sum * mean;
+    guard->sum = CGL_R(0.0);
+    guard->squares_before += mean * (before - CGL_R(2.0) * guard->sum_before);
+    guard->sum_before -= before;
+}
+
+/* More squares than this quarter may have. False: it was the mean that moved; about it the quarter may have as many as before. */
 CGL_SELDOM static bool ends_loud(cgl_guard *guard)
 {
     const cgl_real count = (cgl_real)guard->count, mean = guard->sum / count;
     const cgl_real squares = guard->squares - guard->sum * mean;
-    if (guard->moved || squares < guard->most) {
-        guard->most = guard->moved ? CGL_REAL_MAX : guard->squares + guard->sum * mean;
+    if (guard->moved) {
+        guard->most = CGL_REAL_MAX;
+        return false;
+    }
+    if (squares < guard->most) {
+        follow_mean(guard, mean);
         return false;
     }
     if (guard->phase == CGL_GUARD_HOLD) {

@@ -55,7 +55,8 @@ typedef struct {
     cgl_real target;                       /* of the share */
     cgl_real slope;                        /* of the share, a step */
     cgl_real last_error;                   /* [rad/s] */
-    cgl_real centre;                       /* mean of the last window [rad/s] */
+    cgl_real centre;                       /* mean of the last window, or of what came since if it moved far [rad/s] */
+    cgl_real drift;                        /* of the centre in this window [rad/s] */
     cgl_real reference, tolerance;         /* at the start of this window, and what it may differ by [rad/s] */
     cgl_real sum, squares, turned;         /* in this quarter; the last where what is learned is cleared */
     cgl_real sum_before, squares_before;   /* in the quarters before */
