@@ -14,15 +14,15 @@ from cogless.identify.log import Log
 from cogless.identify.orders import found_orders
 from cogless.identify.regression import Fit, fit
 from cogless.identify.result import Estimate, Value, Wave, wave_of
-from cogless.identify.weak_form import Model, Name, Rows, Sensor, rows_of
+from cogless.identify.weak_form import WIDTH, Model, Name, Rows, Sensor, rows_of
 
-WIDTH = 6e-3  # s, of the kernel
-OTHERS = (0.75, 1.35)  # times that: how far the values move is a part of their errors
+OTHERS = (0.75, 1.35)  # times the kernel's width: how far the values move is a part of their errors
 LARGEST_INFLATION = 100.0  # of a variance by the other columns
 SETTLED = 0.1  # standard errors that may be left of what is taken out
 SURE = 5.0  # standard errors from which on an order is one
 SMALLEST = 1e-3  # of the largest order, likewise
 MOST_ORDERS = 40
+LONGEST_DELAY = 5e-3  # s
 ROUNDS = 3  # delay and the sensor's error are taken out, and found again
 Progress = Callable[[str, float], None]
 State = tuple[list[Rows], Fit, Model]
@@ -39,7 +39,7 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
     left: list[str] = []
     used, model = _start(known, used, left)
     state = _significant(known, used, *_searched(known, used, model, progress))
-    rows, found, model = _told_apart(known, used, *state, left)
+    rows, found, model = _told_apart(known, used, *_likely_delay(known, used, *state, left), left)
     progress("errors", 0.0)
     remarks += findings.between_logs(rows, found, model, left)
     return _told(known, used, model, rows, found, remarks, left)
@@ -189,6 +189,22 @@ CURES = {
 WEAKEST = ("delay", "encoder", "ripple", "offset", "b", "cogging", "load", "c", "c_hold", "j")
 
 
+def _likely_delay(
+    known: Identification, logs: Sequence[Log], rows: list[Rows], found: Fit, model: Model, left: list[str]
+) -> State:
+    """Leave the delay out where the logs hardly show it: nothing in them changes fast."""
+    if ("delay",) not in found:
+        return rows, found, model
+    delay, error = model.delay + found["delay",], 2 * found.error(("delay",))
+    if abs(delay) < LONGEST_DELAY and error < LONGEST_DELAY:
+        return rows, found, model
+    left.append(
+        f"The delay of the log comes out as {1e3 * delay:.2g} +- {1e3 * error:.2g} ms, which no drive has; it is "
+        "left out; add an acceleration log that turns around sharply."
+    )
+    return _settled(known, logs, _left(model, "delay", ("delay",)))
+
+
 def _told_apart(
     known: Identification, logs: Sequence[Log], rows: list[Rows], found: Fit, model: Model, left: list[str]
 ) -> State:
@@ -199,15 +215,29 @@ def _told_apart(
         if not wide:
             return rows, found, model
         worst = min(wide, key=lambda name: WEAKEST.index(str(name[0])))
-        if str(worst[0]) not in ("offset",):
+        if worst[0] != "offset" or "c" in model.columns:
             left.append(CURES[str(worst[0])].format(*worst[1:]))
         model = _without(model, worst)
         rows = _rows(known, logs, model, WIDTH)
         found = fit(rows)
 
 
-def _without(model: Model, name: tuple[str | int, ...]) -> Model:
+def _without(model: Model, name: Name) -> Model:
+    """The model without a column; what takes its place in the fit is not told, either."""
     kind = str(name[0])
+    others: set[tuple[str, int]] = set()
+    if kind == "cogging":
+        others = {("j", 0), *(("cogging", order) for order in model.cogging)}
+    elif kind == "ripple":
+        others = {("cogging", int(name[1]))}
+    elif kind in ("b", "offset"):
+        others = {("c", 0)}
+    elif kind == "delay":
+        others = {("j", 0)}
+    return replace(_left(model, kind, name), untold=model.untold | others)
+
+
+def _left(model: Model, kind: str, name: Name) -> Model:
     if kind == "cogging":
         return replace(model, cogging=tuple(n for n in model.cogging if n != name[1]))
     if kind == "ripple":
@@ -249,12 +279,17 @@ def with_values(
         spread = np.sqrt(np.mean([(other.get(name, here[name]) - here[name]) ** 2 for other in others]))
         return Value(here[name], 2 * float(np.hypot(np.sqrt(runs) * own, spread)))
 
+    untold = made.model.untold
+
     def waves(kind: str, orders: Sequence[int]) -> tuple[Wave, ...]:
-        return tuple(wave_of(n, value((kind, n, "c")), value((kind, n, "s"))) for n in orders)
+        told = (n for n in orders if (kind, n) not in untold)
+        return tuple(wave_of(n, value((kind, n, "c")), value((kind, n, "s"))) for n in told)
 
     return replace(
         made,
-        values={str(name[0]): value(name) for name in here if len(name) == 1},
+        values={
+            str(name[0]): value(name) for name in here if len(name) == 1 and (str(name[0]), 0) not in untold
+        },
         cogging=waves("cogging", made.model.cogging),
         ripple=waves("ripple", made.model.ripple),
         encoder=waves("encoder", made.model.encoder),

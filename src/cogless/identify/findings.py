@@ -30,7 +30,7 @@ def usable(known: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[
     """The logs that can be used, and sentences on the others and on logs that mislead."""
     used: list[Log] = []
     said: list[str] = []
-    offsets = _offsets(logs)
+    offsets = offsets_of(logs)
     if offsets is not None:
         shown = ", ".join(f"{1e3 * offset:.3g}" for offset in offsets)
         said.append(f"With the bridge off the phase currents show {shown} mA; this is taken out of i_q.")
@@ -82,7 +82,7 @@ def _unusable(known: Identification, log: Log) -> str | None:
     return None
 
 
-def _offsets(logs: Sequence[Log]) -> tuple[float, float, float] | None:
+def offsets_of(logs: Sequence[Log]) -> tuple[float, float, float] | None:
     """Offsets of the phase currents, A, from logs with the bridge off; None if there is none."""
     off = [log for log in logs if log.kind == "bridge-off" and "i_a" in log and "i_b" in log]
     if not off:
@@ -239,7 +239,7 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
         del values["b"]
     if any("is left out, since its place" in sentence for sentence in left):
         cogging = ()
-    if any(wave.order == poles for wave in cogging) and _offsets(made.logs) is None:
+    if any(wave.order == poles for wave in cogging) and offsets_of(made.logs) is None:
         left.append(
             f"Order {poles} is the pole pairs: cogging and a current offset cannot be told apart; "
             "record currents with the bridge off."

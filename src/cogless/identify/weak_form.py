@@ -17,6 +17,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from cogless.identify.files import Array
 from cogless.identify.log import Log
 
+WIDTH = 6e-3  # s, of the kernel
 REACH = 4  # of the kernel, in widths
 SHORTEST = 3  # width of the kernel, in rows, at least
 VISIBLE = 1 / 3  # of the sampling rate: a faster wave has no effect that a log could show
@@ -27,8 +28,8 @@ Name = tuple[str | int, ...]
 class Model:
     """What is looked for. Orders are mechanical.
 
-    `delay`: time by which i_q is logged after the angle, s, taken out; `encoder`: (cos, sin) of the sensor's
-    error by order, rad, taken out.
+    `delay`: time by which i_q is logged after the angle, s, taken out; `error`: (cos, sin) of the sensor's
+    error by order, rad, taken out. `untold`: what has a column, but in it something that can't be told apart.
     """
 
     cogging: tuple[int, ...] = ()
@@ -37,6 +38,7 @@ class Model:
     columns: frozenset[str] = frozenset({"j", "b", "c"})
     delay: float = 0.0
     error: dict[int, tuple[float, float]] = field(default_factory=dict)
+    untold: frozenset[tuple[str, int]] = frozenset()  # kind, and order or 0
 
 
 @dataclass(frozen=True)
