@@ -199,8 +199,8 @@ def _likely_delay(
     if abs(delay) < LONGEST_DELAY and error < LONGEST_DELAY:
         return rows, found, model
     left.append(
-        f"The delay of the log comes out as {1e3 * delay:.2g} +- {1e3 * error:.2g} ms, which no drive has; it is "
-        "left out; add an acceleration log that turns around sharply."
+        f"The delay of the log comes out as {1e3 * delay:.2g} +- {1e3 * error:.2g} ms, which no drive "
+        "has; it is left out; add an acceleration log that turns around sharply."
     )
     return _settled(known, logs, _left(model, "delay", ("delay",)))
 

@@ -16,7 +16,6 @@ import numpy as np
 from cogless.errors import StudyError
 from cogless.identify import described
 from cogless.identify.estimate import OTHERS, Progress, coefficients, settled, with_values
-from cogless.identify.files import Array
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate
 from cogless.identify.weak_form import Name
@@ -28,11 +27,10 @@ from cogless.study.reading import checked
 
 ROUNDS = 2
 OFF = 0.01  # relative difference of a log's rate from one that divides the current loop's
-FINEST = 10  # simulated rows for one of the log, at most: currents that are logged late lie between its rows
 
 
 def played(made: Estimate, jobs: int = 1) -> dict[str, Trace]:
-    """The simulated trace of each log that can be played, by its name, at the log's rate or a multiple.
+    """The simulated trace of each log that can be played, by its name, at the log's rate.
 
     StudyError: the study isn't valid, or a run failed.
     """
@@ -40,10 +38,9 @@ def played(made: Estimate, jobs: int = 1) -> dict[str, Trace]:
     tables = described.study(made)
     studies, names = [], []
     for log in logs:
-        every = _every(made, log)
-        if every is None:
+        rate = _rate(made, log)
+        if rate is None:
             continue
-        rate = made.known.drive.rates.current_loop / every * _finer(every)
         name = described.scenario_name(log)
         one = {**tables, "scenario": {name: tables["scenario"][name]}, "trace": {"rate": f"{rate:.9g} Hz"}}
         one["metric"] = []
@@ -58,35 +55,23 @@ def played(made: Estimate, jobs: int = 1) -> dict[str, Trace]:
     return {name: result.runs[0].trace for (name, _), result in zip(names, results, strict=True)}
 
 
-def _every(made: Estimate, log: Log) -> int | None:
-    """Periods of the current loop between the log's rows; None if there is no such number."""
-    periods = made.known.drive.rates.current_loop * log.dt
-    every = max(1, round(periods))
-    return every if abs(every / periods - 1) < OFF else None
-
-
-def _finer(every: int) -> int:
-    """Simulated rows for one of a log that has a row in so many periods of the current loop."""
-    return max(n for n in range(1, FINEST + 1) if every % n == 0)
+def _rate(made: Estimate, log: Log) -> float | None:
+    """A rate of rows that divides the current loop's and is the log's; None if there is none."""
+    loop = made.known.drive.rates.current_loop
+    rate = loop / max(1, round(loop * log.dt))
+    return rate if abs(rate * log.dt - 1) < OFF else None
 
 
 def simulated_log(made: Estimate, log: Log, trace: Trace) -> Log:
-    """A trace as the drive would have logged it: currents as late as was found."""
+    """A trace as the drive would have logged it."""
     offset = 0.5 * made.known.step if made.known.angle_offset is None else made.known.angle_offset
-    step = max(1, round(log.dt / trace.period))
-    late = made.values["delay"].value if "delay" in made.values else 0.0
-    rows = np.arange(0, len(trace), step)
-
-    def current(name: str) -> Array:
-        x = trace[name]
-        return np.asarray(np.interp(rows - late / trace.period, np.arange(len(x)), x))
-
     signals = {
-        "theta": np.unwrap(trace["theta_measured"])[rows] + offset,
-        "omega": trace["omega_measured"][rows],
-        **{name: current(name) for name in ("i_q", "i_d") if name in log and name in trace},
+        "theta": np.unwrap(trace["theta_measured"]) + offset,
+        "omega": trace["omega_measured"],
+        "i_q": trace["i_q"],
     }
-    return Log(log.name, log.rule, step * trace.period, signals, (slice(0, len(rows)),))
+    signals |= {name: trace[name] for name in ("i_d",) if name in log and name in trace}
+    return Log(log.name, log.rule, trace.period, signals, (slice(0, len(trace)),))
 
 
 def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Trace]]:
@@ -133,18 +118,22 @@ def _corrected(first: Estimate, made: Estimate, simulated: Sequence[Log]) -> Est
 
     corrected = with_values(first, unbiased(1.0), [unbiased(factor) for factor in OTHERS], runs=2)
     kept = {key: value for key, value in corrected.values.items() if key in first.values}
+    if "delay" in kept:  # a current that is held looks the same wherever in its period it is logged
+        held = 0.5 / (known.drive.rates.speed_loop or known.drive.rates.current_loop)
+        delay = kept["delay"]
+        kept["delay"] = replace(delay, error=float(np.hypot(delay.error, held)))
     orders = {wave.order for wave in first.cogging}
     cogging = tuple(wave for wave in corrected.cogging if wave.order in orders)
     return replace(corrected, values=kept, cogging=cogging)
 
 
 def _truth(made: Estimate) -> dict[Name, float]:
-    """Coefficients that the simulation has; it has no offset of i_q.
+    """Coefficients that the simulation has; it logs without delay, and has no offset of i_q.
 
     Those of what is left out of the motor are 0.
     """
     truth: dict[Name, float] = {(key,): 0.0 for key in ("b", "c", "delay", "offset")}
-    truth |= {(key,): made.values[key].value for key in ("j", "b", "c", "delay") if key in made.values}
+    truth |= {(key,): made.values[key].value for key in ("j", "b", "c") if key in made.values}
     truth |= {("load", name): value.value for name, value in made.loads.items()}
     for kind, orders in (("cogging", made.model.cogging), ("ripple", made.model.ripple)):
         truth |= {(kind, order, part): 0.0 for order in orders for part in "cs"}

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
 from cogless.identify.files import Array
 from cogless.identify.log import Log
@@ -147,16 +148,18 @@ def _moving(log: Log, rows: slice, model: Model, kernel: Kernel, width: float, s
     def mean(x: Array) -> Array:
         return kernel.of(x, kernel.value, step)
 
+    def visible(order: int) -> NDArray[np.bool_]:
+        return np.asarray(np.abs(order * slow) < 2 * np.pi * VISIBLE / dt)
+
     def cogging(order: int) -> list[Array]:
-        seen = np.abs(order * slow) < 2 * np.pi * VISIBLE / dt
-        return [mean(np.where(seen, w(order * theta), 0.0)) for w in (np.cos, np.sin)]
+        return [mean(np.where(visible(order), w(order * theta), 0.0)) for w in (np.cos, np.sin)]
 
     def encoder(order: int) -> list[Array]:
         return [kernel.of(w(order * theta), kernel.second, step) for w in (np.cos, np.sin)]
 
     def ripple(order: int) -> list[Array]:
         """Torque of a wave of the magnet's flux, psi_d: by i_q, and by its slope with i_d, where known."""
-        cosine, sine = np.cos(order * theta), np.sin(order * theta)
+        cosine, sine = (np.where(visible(order), w(order * theta), 0.0) for w in (np.cos, np.sin))
         direct = order / pole_pairs * i_d
         return [mean(current * cosine - direct * sine), mean(current * sine + direct * cosine)]
 
