@@ -56,7 +56,7 @@ WRONG: dict[str, dict[str, Any]] = {
     "unbalance": {"motor": {"cogging": [{"order": 1, "torque": "4 mN*m"}]}},
     "of 6 p": {"motor": {"cogging": [{"order": 42, "torque": "5 mN*m", "phase": "30 deg"}]}},
 }
-COLUMNS = ("t", "theta", "omega", "i_q", "i_q_ref", "i_d")
+COLUMNS = ("t", "theta", "omega", "i_q", "i_q_ref", "i_d", "u_q")
 
 
 @cache
@@ -93,6 +93,7 @@ def played(wrong: str) -> tuple[str, Logs]:
             "theta": theta,
             "omega": trace["omega_measured"],
             "i_q_ref": trace["i_q_ref"],
+            "u_q": trace["u_q"],
             "i_q": -2 / 3 * sum(i * np.sin(x) for i, x in zip(currents, turned, strict=True)),
             "i_d": 2 / 3 * sum(i * np.cos(x) for i, x in zip(currents, turned, strict=True)),
         }
@@ -209,6 +210,17 @@ def test_the_command_answers_first_and_writes_a_report(tmp_path):
     assert "Most of the ripple is cogging" in page and "src=" not in page
     found = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert found["orders"][0]["causes"][0].keys() == {"name", "share", "error"}
+
+
+@pytest.mark.parametrize(
+    ("K_t", "says"),
+    [("0.08", "as the file of columns has it (0.08)."), ("0.09", "correct motor.K_t or kv.")],
+)
+def test_the_voltage_tells_a_wrong_k_t(tmp_path, K_t, says):
+    text, logs = played("cogging")
+    made = diagnose(tmp_path, text.replace('K_t = "0.08', f'K_t = "{K_t}'), logs)
+    (said,) = [line for line in made.said if line.startswith("The voltage says K_t = 0.0")]
+    assert said.endswith(says)
 
 
 def test_logs_that_never_turn_steadily_are_refused(tmp_path):

@@ -8,16 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from cogless.errors import StudyError
-from cogless.identify import findings
+from cogless.identify import findings, voltage
 from cogless.identify.config import Identification
 from cogless.identify.log import Log
 from cogless.identify.orders import found_orders
-from cogless.identify.regression import Fit, fit
+from cogless.identify.regression import LARGEST_INFLATION, Fit, fit
 from cogless.identify.result import Estimate, Value, Wave, wave_of
 from cogless.identify.weak_form import WIDTH, Model, Name, Rows, Sensor, rows_of
 
 OTHERS = (0.75, 1.35)  # times the kernel's width: how far the values move is a part of their errors
-LARGEST_INFLATION = 100.0  # of a variance by the other columns
 SETTLED = 0.1  # standard errors that may be left of what is taken out
 SURE = 5.0  # standard errors from which on an order is one
 SMALLEST = 1e-3  # of the largest order, likewise
@@ -41,6 +40,7 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
     state = _significant(known, used, *_searched(known, used, model, progress))
     rows, found, model = _told_apart(known, used, *_likely_delay(known, used, *state, left), left)
     progress("errors", 0.0)
+    remarks += voltage.check(known, used)
     remarks += findings.between_logs(rows, found, model, left)
     return _told(known, used, model, rows, found, remarks, left)
 
@@ -130,7 +130,12 @@ def coefficients(
     known: Identification, logs: Sequence[Log], model: Model, factor: float = 1.0
 ) -> dict[Name, float]:
     """Each coefficient by a kernel of so many times the width; delay [s] and encoder's error [rad] whole."""
-    return _whole(model, fit(_rows(known, logs, model, factor * WIDTH)))
+    return _whole(model, fitted(known, logs, model, factor))
+
+
+def fitted(known: Identification, logs: Sequence[Log], model: Model, factor: float = 1.0) -> Fit:
+    """The fit with a kernel of so many times the width."""
+    return fit(_rows(known, logs, model, factor * WIDTH))
 
 
 def _whole(model: Model, found: Fit) -> dict[Name, float]:
@@ -265,19 +270,23 @@ def _told(
 
 
 def with_values(
-    made: Estimate, here: dict[Name, float], others: Sequence[dict[Name, float]], runs: int = 1
+    made: Estimate,
+    here: dict[Name, float],
+    others: Sequence[dict[Name, float]],
+    simulated: Fit | None = None,
 ) -> Estimate:
     """The estimate with these coefficients; their errors are the fit's, and how far `others` are from them.
 
-    `runs`: sets of logs that are in them, each with its own noise.
+    `simulated`: the fit of simulated logs that the coefficients are corrected with, which has its own noise.
     """
     assert made.fit is not None
     found, scale = made.fit, {"encoder": 1 / (made.fit.get("j") or 1.0)}
 
     def value(name: Name) -> Value:
-        own = found.error(name) * abs(scale.get(str(name[0]), 1.0))
+        within = found.error(name) * (1.0 if simulated is None else np.sqrt(2))
+        own = max(within, found.between_logs(name, simulated)) * abs(scale.get(str(name[0]), 1.0))
         spread = np.sqrt(np.mean([(other.get(name, here[name]) - here[name]) ** 2 for other in others]))
-        return Value(here[name], 2 * float(np.hypot(np.sqrt(runs) * own, spread)))
+        return Value(here[name], 2 * float(np.hypot(own, spread)))
 
     untold = made.model.untold
 

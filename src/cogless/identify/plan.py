@@ -101,6 +101,7 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
             "i_q": "i_q",
             "i_q_ref": "i_q_ref",
             "i_d": "i_d",
+            "u_q": "u_q",
         },
         "motor": known,
         "drive": source["drive"],

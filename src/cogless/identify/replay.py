@@ -15,7 +15,7 @@ import numpy as np
 
 from cogless.errors import StudyError
 from cogless.identify import described
-from cogless.identify.estimate import OTHERS, Progress, coefficients, settled, with_values
+from cogless.identify.estimate import OTHERS, Progress, coefficients, fitted, settled, with_values
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate
 from cogless.identify.weak_form import Name
@@ -116,7 +116,12 @@ def _corrected(first: Estimate, made: Estimate, simulated: Sequence[Log]) -> Est
             for name, value in measured.items()
         }
 
-    corrected = with_values(first, unbiased(1.0), [unbiased(factor) for factor in OTHERS], runs=2)
+    corrected = with_values(
+        first,
+        unbiased(1.0),
+        [unbiased(factor) for factor in OTHERS],
+        fitted(known, simulated, played),
+    )
     kept = {key: value for key, value in corrected.values.items() if key in first.values}
     if "delay" in kept:  # a current that is held looks the same wherever in its period it is logged
         held = 0.5 / (known.drive.rates.speed_loop or known.drive.rates.current_loop)
