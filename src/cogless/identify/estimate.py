@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -274,10 +275,12 @@ def with_values(
     here: dict[Name, float],
     others: Sequence[dict[Name, float]],
     simulated: Fit | None = None,
+    phase: Mapping[Name, float] = MappingProxyType({}),
 ) -> Estimate:
     """The estimate with these coefficients; their errors are the fit's, and how far `others` are from them.
 
     `simulated`: the fit of simulated logs that the coefficients are corrected with, which has its own noise.
+    `phase`: what they move by if currents that are held are logged in the middle of their period.
     """
     assert made.fit is not None
     found, scale = made.fit, {"encoder": 1 / (made.fit.get("j") or 1.0)}
@@ -286,7 +289,7 @@ def with_values(
         within = found.error(name) * (1.0 if simulated is None else np.sqrt(2))
         own = max(within, found.between_logs(name, simulated)) * abs(scale.get(str(name[0]), 1.0))
         spread = np.sqrt(np.mean([(other.get(name, here[name]) - here[name]) ** 2 for other in others]))
-        return Value(here[name], 2 * float(np.hypot(own, spread)))
+        return Value(here[name], float(np.hypot(2 * np.hypot(own, spread), phase.get(name, 0.0))))
 
     untold = made.model.untold
 

@@ -131,7 +131,10 @@ def _replays(found: Identified) -> str:
 
 def _overlay(log: Log, trace: Trace, measured: str, simulated: str) -> str:
     """One log's signal over the simulated one, in a second from its middle."""
-    x, y = log[measured][log.stretches[0]], np.asarray(trace[simulated])
+    x, y = (
+        log[measured][log.stretches[0]],
+        np.asarray(trace[simulated])[:: max(1, round(log.dt / trace.period))],
+    )
     count = min(len(x), len(y), round(1.0 / log.dt))
     start = max(0, (min(len(x), len(y)) - count) // 2)
     x, y = x[start : start + count], y[start : start + count]
