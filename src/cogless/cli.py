@@ -467,6 +467,45 @@ def identify(
     print(f"Report: {output / 'report.html'}")
 
 
+@app.command()
+def diagnose(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(metavar="LOG...", help="Logs: CSV (gz), NPZ, Parquet, MAT, MDF4, traces.nc."),
+    ],
+    config: Annotated[
+        Path, typer.Option("--config", metavar="FILE", help="TOML: columns, what is known, kinds of logs.")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="Write diagnosis.json and report.html there."),
+    ] = None,
+) -> None:
+    """Say where the ripple in a drive's logs comes from.
+
+    Shares of each order to cogging, K_t ripple, dead time, currents' offset and gain, the encoder and
+    mechanics, at each log's speed and load, with how sure that is.
+    """
+    from cogless.identify import diagnosis
+
+    with _console(stderr=True).status("Diagnosing") as status:
+        made = diagnosis.diagnosed(logs, config, lambda what, share: status.update(f"Diagnosing: {what}"))
+    for line in diagnosis.lines(made):
+        print(line)
+    for line in made.said:
+        print(f"! {line}")
+    if output is not None:
+        from cogless.report import diagnosed as report
+        from cogless.results.folder import held, new_set
+
+        with held(output), new_set(output) as stage:
+            (stage / "diagnosis.json").write_text(
+                json.dumps(diagnosis.to_dict(made), indent=2, ensure_ascii=False) + "\n", "utf-8"
+            )
+            report.write_report(made, stage / "report.html")
+        print(f"Report: {output / 'report.html'}")
+
+
 @app.command("list")
 def list_() -> None:
     """List the shipped studies and motors, and the control laws."""

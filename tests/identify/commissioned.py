@@ -15,7 +15,13 @@ from cogless.study import load
 
 PI = {"pi": {"law": "pi", "tuning": {"rule": "phase-margin", "phase_margin": "60 deg"}}}
 METRIC = {"name": "speed_ripple", "kind": "ripple-rms", "signal": "omega_m"}
-HEADINGS = {"theta_measured": "theta", "omega_measured": "omega", "i_q": "i_q", "i_d": "i_d"}
+HEADINGS = {
+    "theta_measured": "theta",
+    "omega_measured": "omega",
+    "i_q": "i_q",
+    "i_q_ref": "i_q_ref",
+    "i_d": "i_d",
+}
 
 MOTORS: dict[str, dict[str, Any]] = {
     "gimbal": {

@@ -39,6 +39,7 @@ SIGNALS: dict[str, Dimension] = {
     "theta": units.ANGLE,
     "omega": units.ANGULAR_SPEED,
     "i_q": units.CURRENT,
+    "i_q_ref": units.CURRENT,
     "i_d": units.CURRENT,
     "i_a": units.CURRENT,
     "i_b": units.CURRENT,

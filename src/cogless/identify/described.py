@@ -9,6 +9,10 @@ import numpy as np
 
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value
+from cogless.study import numerics
+from cogless.study.drive import Drive
+from cogless.study.mechanics import Mechanics
+from cogless.study.motor import Motor, StarMotor
 
 PI = {"pi": {"law": "pi", "baseline": True, "tuning": {"rule": "phase-margin", "phase_margin": "60 deg"}}}
 
@@ -62,6 +66,15 @@ def drive(made: Estimate) -> dict[str, Any]:
     return table
 
 
+def with_steps(
+    table: dict[str, Any], drive: Drive, motor: StarMotor, mechanics: Mechanics, top: float
+) -> dict[str, Any]:
+    """The drive's table with as many integration steps as speeds up to `top`, rad/s, need."""
+    rates = drive.rates
+    steps = max(rates.integration_steps, numerics.steps_needed(motor, mechanics, top, rates.current_loop))
+    return {**table, "rates": {**table["rates"], "integration_steps": steps}}
+
+
 def scenario_name(log: Log) -> str:
     """The log's name as the key of a scenario."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", log.name.split(".")[0]).strip("-") or "log"
@@ -100,15 +113,19 @@ def replayable(made: Estimate) -> list[Log]:
 
 def study(made: Estimate) -> dict[str, Any]:
     """The whole study. KeyError: no inertia."""
+    star = Motor.model_validate(motor(made)).star()
+    masses = Mechanics.model_validate(mechanics(made))
     replayed = {scenario_name(log): scenario(made, log) for log in replayable(made)}
     moving = [log for log in made.logs if log.dt]
     speed = max((float(np.median(np.abs(np.diff(log["theta"])))) / log.dt for log in moving), default=6.28)
+    references = [log.rule.reference for log in replayable(made)]
+    top = max([speed, *(abs(v) for one in references if one is not None for v in one.speeds())])
     steady = {"duration": "10 s", "reference": f"{speed:.4g} rad/s", "initial_speed": f"{speed:.4g} rad/s"}
     return {
         "title": made.known.title,
         "motor": motor(made),
         "mechanics": mechanics(made),
-        "drive": drive(made),
+        "drive": with_steps(drive(made), made.known.drive, star, masses, 1.2 * top),
         "scenario": replayed or {"steady": steady},
         "controller": made.known.tables.get("controller") or PI,
         "metric": [

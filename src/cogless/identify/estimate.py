@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
 from cogless.errors import StudyError
-from cogless.identify import findings
+from cogless.identify import findings, voltage
 from cogless.identify.config import Identification
 from cogless.identify.log import Log
 from cogless.identify.orders import found_orders
-from cogless.identify.regression import Fit, fit
+from cogless.identify.regression import LARGEST_INFLATION, Fit, fit
 from cogless.identify.result import Estimate, Value, Wave, wave_of
-from cogless.identify.weak_form import Model, Name, Rows, Sensor, rows_of
+from cogless.identify.weak_form import WIDTH, Model, Name, Rows, Sensor, rows_of
 
-WIDTH = 6e-3  # s, of the kernel
-OTHERS = (0.75, 1.35)  # times that: how far the values move is a part of their errors
-LARGEST_INFLATION = 100.0  # of a variance by the other columns
+OTHERS = (0.75, 1.35)  # times the kernel's width: how far the values move is a part of their errors
 SETTLED = 0.1  # standard errors that may be left of what is taken out
 SURE = 5.0  # standard errors from which on an order is one
 SMALLEST = 1e-3  # of the largest order, likewise
 MOST_ORDERS = 40
+LONGEST_DELAY = 5e-3  # s
 ROUNDS = 3  # delay and the sensor's error are taken out, and found again
 Progress = Callable[[str, float], None]
 State = tuple[list[Rows], Fit, Model]
@@ -39,8 +39,9 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
     left: list[str] = []
     used, model = _start(known, used, left)
     state = _significant(known, used, *_searched(known, used, model, progress))
-    rows, found, model = _told_apart(known, used, *state, left)
+    rows, found, model = _told_apart(known, used, *_likely_delay(known, used, *state, left), left)
     progress("errors", 0.0)
+    remarks += voltage.check(known, used)
     remarks += findings.between_logs(rows, found, model, left)
     return _told(known, used, model, rows, found, remarks, left)
 
@@ -130,7 +131,12 @@ def coefficients(
     known: Identification, logs: Sequence[Log], model: Model, factor: float = 1.0
 ) -> dict[Name, float]:
     """Each coefficient by a kernel of so many times the width; delay [s] and encoder's error [rad] whole."""
-    return _whole(model, fit(_rows(known, logs, model, factor * WIDTH)))
+    return _whole(model, fitted(known, logs, model, factor))
+
+
+def fitted(known: Identification, logs: Sequence[Log], model: Model, factor: float = 1.0) -> Fit:
+    """The fit with a kernel of so many times the width."""
+    return fit(_rows(known, logs, model, factor * WIDTH))
 
 
 def _whole(model: Model, found: Fit) -> dict[Name, float]:
@@ -189,6 +195,22 @@ CURES = {
 WEAKEST = ("delay", "encoder", "ripple", "offset", "b", "cogging", "load", "c", "c_hold", "j")
 
 
+def _likely_delay(
+    known: Identification, logs: Sequence[Log], rows: list[Rows], found: Fit, model: Model, left: list[str]
+) -> State:
+    """Leave the delay out where the logs hardly show it: nothing in them changes fast."""
+    if ("delay",) not in found:
+        return rows, found, model
+    delay, error = model.delay + found["delay",], 2 * found.error(("delay",))
+    if abs(delay) < LONGEST_DELAY and error < LONGEST_DELAY:
+        return rows, found, model
+    left.append(
+        f"The delay of the log comes out as {1e3 * delay:.2g} +- {1e3 * error:.2g} ms, which no drive "
+        "has; it is left out; add an acceleration log that turns around sharply."
+    )
+    return _settled(known, logs, _left(model, "delay", ("delay",)))
+
+
 def _told_apart(
     known: Identification, logs: Sequence[Log], rows: list[Rows], found: Fit, model: Model, left: list[str]
 ) -> State:
@@ -199,15 +221,29 @@ def _told_apart(
         if not wide:
             return rows, found, model
         worst = min(wide, key=lambda name: WEAKEST.index(str(name[0])))
-        if str(worst[0]) not in ("offset",):
+        if worst[0] != "offset" or "c" in model.columns:
             left.append(CURES[str(worst[0])].format(*worst[1:]))
         model = _without(model, worst)
         rows = _rows(known, logs, model, WIDTH)
         found = fit(rows)
 
 
-def _without(model: Model, name: tuple[str | int, ...]) -> Model:
+def _without(model: Model, name: Name) -> Model:
+    """The model without a column; what takes its place in the fit is not told, either."""
     kind = str(name[0])
+    others: set[tuple[str, int]] = set()
+    if kind == "cogging":
+        others = {("j", 0), *(("cogging", order) for order in model.cogging)}
+    elif kind == "ripple":
+        others = {("cogging", int(name[1]))}
+    elif kind in ("b", "offset"):
+        others = {("c", 0)}
+    elif kind == "delay":
+        others = {("j", 0)}
+    return replace(_left(model, kind, name), untold=model.untold | others)
+
+
+def _left(model: Model, kind: str, name: Name) -> Model:
     if kind == "cogging":
         return replace(model, cogging=tuple(n for n in model.cogging if n != name[1]))
     if kind == "ripple":
@@ -235,26 +271,37 @@ def _told(
 
 
 def with_values(
-    made: Estimate, here: dict[Name, float], others: Sequence[dict[Name, float]], runs: int = 1
+    made: Estimate,
+    here: dict[Name, float],
+    others: Sequence[dict[Name, float]],
+    simulated: Fit | None = None,
+    phase: Mapping[Name, float] = MappingProxyType({}),
 ) -> Estimate:
     """The estimate with these coefficients; their errors are the fit's, and how far `others` are from them.
 
-    `runs`: sets of logs that are in them, each with its own noise.
+    `simulated`: the fit of simulated logs that the coefficients are corrected with, which has its own noise.
+    `phase`: what they move by if currents that are held are logged in the middle of their period.
     """
     assert made.fit is not None
     found, scale = made.fit, {"encoder": 1 / (made.fit.get("j") or 1.0)}
 
     def value(name: Name) -> Value:
-        own = found.error(name) * abs(scale.get(str(name[0]), 1.0))
+        within = found.error(name) * (1.0 if simulated is None else np.sqrt(2))
+        own = max(within, found.between_logs(name, simulated)) * abs(scale.get(str(name[0]), 1.0))
         spread = np.sqrt(np.mean([(other.get(name, here[name]) - here[name]) ** 2 for other in others]))
-        return Value(here[name], 2 * float(np.hypot(np.sqrt(runs) * own, spread)))
+        return Value(here[name], float(np.hypot(2 * np.hypot(own, spread), phase.get(name, 0.0))))
+
+    untold = made.model.untold
 
     def waves(kind: str, orders: Sequence[int]) -> tuple[Wave, ...]:
-        return tuple(wave_of(n, value((kind, n, "c")), value((kind, n, "s"))) for n in orders)
+        told = (n for n in orders if (kind, n) not in untold)
+        return tuple(wave_of(n, value((kind, n, "c")), value((kind, n, "s"))) for n in told)
 
     return replace(
         made,
-        values={str(name[0]): value(name) for name in here if len(name) == 1},
+        values={
+            str(name[0]): value(name) for name in here if len(name) == 1 and (str(name[0]), 0) not in untold
+        },
         cogging=waves("cogging", made.model.cogging),
         ripple=waves("ripple", made.model.ripple),
         encoder=waves("encoder", made.model.encoder),

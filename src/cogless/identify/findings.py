@@ -12,7 +12,7 @@ from cogless.identify.config import Identification
 from cogless.identify.files import Array
 from cogless.identify.log import Log
 from cogless.identify.regression import Fit, fit
-from cogless.identify.result import Estimate
+from cogless.identify.result import Estimate, Wave
 from cogless.identify.weak_form import Model, Rows
 
 ALIKE = 0.15  # speeds that differ by less are one
@@ -24,13 +24,14 @@ FRICTION = 0.2  # relative difference between logs that is told
 TURNED = 0.35  # rad of the strongest order's phase between logs, likewise
 STANDS_OUT = 5.0  # standard errors
 LIKELY_RIPPLE = 0.1  # of K_t, at most
+SIDEBAND = 0.5  # of the order between them
 
 
 def usable(known: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
     """The logs that can be used, and sentences on the others and on logs that mislead."""
     used: list[Log] = []
     said: list[str] = []
-    offsets = _offsets(logs)
+    offsets = offsets_of(logs)
     if offsets is not None:
         shown = ", ".join(f"{1e3 * offset:.3g}" for offset in offsets)
         said.append(f"With the bridge off the phase currents show {shown} mA; this is taken out of i_q.")
@@ -82,7 +83,7 @@ def _unusable(known: Identification, log: Log) -> str | None:
     return None
 
 
-def _offsets(logs: Sequence[Log]) -> tuple[float, float, float] | None:
+def offsets_of(logs: Sequence[Log]) -> tuple[float, float, float] | None:
     """Offsets of the phase currents, A, from logs with the bridge off; None if there is none."""
     off = [log for log in logs if log.kind == "bridge-off" and "i_a" in log and "i_b" in log]
     if not off:
@@ -223,13 +224,36 @@ def _own(rows: Sequence[Rows], found: Fit, names: Sequence[tuple[str | int, ...]
     return complex(own[0], own[1] if len(own) > 1 else 0.0), error
 
 
+def _without_sidebands(made: Estimate, cogging: tuple[Wave, ...]) -> tuple[tuple[Wave, ...], list[str]]:
+    """Leave out orders n -+ k beside a larger n: an encoder's error of order k, not found, makes such."""
+    found, told = {wave.order: wave for wave in cogging}, {wave.order for wave in made.encoder}
+    for k in (k for k in (1, 2) if k not in told):
+        for main in sorted(cogging, key=lambda wave: -wave.size.value):
+            low, high = found.get(main.order - k), found.get(main.order + k)
+            if low is None or high is None:
+                continue
+            both = 0.5 * (low.size.value + high.size.value)
+            if abs(low.size.value - high.size.value) < both < SIDEBAND * main.size.value:
+                degrees = np.degrees(2 * both / (main.order * main.size.value))
+                kept = tuple(wave for wave in cogging if wave not in (low, high))
+                return kept, [
+                    f"Orders {low.order} and {high.order} beside {main.order}: cogging and an encoder's "
+                    f"error of order {k}, {degrees:.2g} deg, cannot be told apart; add a faster log."
+                ]
+    return cogging, []
+
+
 def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
     """Leave out what the findings forbid, and say what stays open."""
     values, cogging = dict(made.values), made.cogging
     poles = made.known.motor.pole_pairs
     if "j" in values and not values["j"].value > 2 * values["j"].error:
-        left.append("Inertia is not larger than its error; add an acceleration log.")
-        del values["j"]
+        left.append(
+            "Inertia is not larger than its error, and friction is not told without it; add an acceleration "
+            "log."
+        )
+        for key in ("j", "b", "c"):
+            values.pop(key, None)
     if "b" in values and values["b"].value < 0:
         small = values["b"].value > -2 * values["b"].error
         if not small:
@@ -239,7 +263,9 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
         del values["b"]
     if any("is left out, since its place" in sentence for sentence in left):
         cogging = ()
-    if any(wave.order == poles for wave in cogging) and _offsets(made.logs) is None:
+    cogging, beside = _without_sidebands(made, cogging)
+    left += beside
+    if any(wave.order == poles for wave in cogging) and offsets_of(made.logs) is None:
         left.append(
             f"Order {poles} is the pole pairs: cogging and a current offset cannot be told apart; "
             "record currents with the bridge off."

@@ -6,7 +6,10 @@ import math
 from pathlib import Path
 from typing import Any
 
+from cogless import units
 from cogless.errors import StudyError
+from cogless.identify.described import with_steps
+from cogless.identify.weak_form import WIDTH
 from cogless.study import AnyStudy, Study
 from cogless.study.controller import Feedback
 from cogless.study.error_messages import toml
@@ -23,9 +26,15 @@ KINDS = {
 
 
 def scenarios(study: Study) -> dict[str, Any]:
-    """Scenarios of the sequence. Speeds follow from the study's first scenario's."""
+    """Scenarios of the sequence.
+
+    Speeds follow from the study's first scenario's. K_t ripple has order 6 p: cogging of that order and loads
+    are recorded so slowly that the kernel of the regression passes it.
+    """
     first = next(iter(study.scenario.values()))
     v = first.top_reference or 2 * math.pi
+    passed = 1 / (6 * study.motor.pole_pairs * WIDTH) / v
+    slow, loaded = min(0.25, 0.5 * passed), min(1.0, passed)
     load = 0.2 * study.drive.current_loop.current_limit * study.motor.star().K_t
 
     def profile(*points: tuple[float, float]) -> dict[str, Any]:
@@ -41,12 +50,12 @@ def scenarios(study: Study) -> dict[str, Any]:
 
     sweeps = [(0.5 + 0.8 * n, 5.0 * (-1) ** n) for n in range(9)]
     return {
-        "slow": both_ways(0.25, 2),
+        "slow": both_ways(slow, 2),
         "one-speed": both_ways(1.0, 4),
         "fast": both_ways(6.0, 12),
         "acceleration": profile((0, 0), *sweeps),
-        "load-forwards": {**both_ways(1.0, 4), "load": f"{load:.4g} N*m"},
-        "load-backwards": {**both_ways(1.0, 4), "load": f"{-load:.4g} N*m"},
+        "load-forwards": {**both_ways(loaded, 3), "load": f"{load:.4g} N*m"},
+        "load-backwards": {**both_ways(loaded, 3), "load": f"{-load:.4g} N*m"},
     }
 
 
@@ -63,6 +72,9 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
             f'{study.source.path}: controller: expected one without learning, such as law = "pi"'
         )
     source = study.source.tables
+    played = scenarios(study)
+    speeds = (speed for made in played.values() for _, speed in made["reference"]["profile"])
+    top = max(abs(units.parse(speed, units.ANGULAR_SPEED)) for speed in speeds)
     motor = {key: value for key, value in source["motor"].items() if key != "datasheet"}
     known = {key: value for key, value in motor.items() if key not in ("cogging", "flux_harmonics")}
     controller = {feedback: source["controller"][feedback]}
@@ -70,9 +82,9 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
         "title": f"Commissioning: {study.title}",
         "motor": motor,
         "mechanics": source["mechanics"],
-        "drive": source["drive"],
+        "drive": with_steps(source["drive"], study.drive, study.motor.star(), study.mechanics, top),
         "trace": {"rate": f"{RATE:g} Hz"},
-        "scenario": scenarios(study),
+        "scenario": played,
         "controller": controller,
         "metric": [{"name": "speed_ripple", "kind": "ripple-rms", "signal": "omega_m"}],
     }
@@ -87,7 +99,9 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
             "theta": "theta_measured",
             "omega": "omega_measured",
             "i_q": "i_q",
+            "i_q_ref": "i_q_ref",
             "i_d": "i_d",
+            "u_q": "u_q",
         },
         "motor": known,
         "drive": source["drive"],

@@ -12,6 +12,7 @@ from cogless.identify.weak_form import Name, Rows, all_names
 
 BLOCKS = 24  # of all logs together, at least
 OF_A_LOG = 4  # at least
+LARGEST_INFLATION = 100.0  # of a variance by the other columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +41,7 @@ class Fit:
     inflation: Array
     blocks: tuple[Block, ...]
     noise: dict[str, float]  # of each log: residual, A rms
+    without: dict[str, Array]  # values without each log; NaN: the others can't tell them
 
     def __contains__(self, name: object) -> bool:
         return name in self.names
@@ -54,6 +56,21 @@ class Fit:
 
     def error(self, name: Name) -> float:
         return float(self.errors[self.names.index(name)])
+
+    def between_logs(self, name: Name, simulated: Fit | None = None) -> float:
+        """Standard error by a jackknife over logs, where three or more can be left out; else 0.
+
+        `simulated`: a fit of simulated logs, whose own differences between logs are taken off.
+        """
+        parts = []
+        for log, values in self.without.items():
+            part = values[self.names.index(name)]
+            if simulated is not None and name in simulated and log in simulated.without:
+                part = part - simulated.without[log][simulated.names.index(name)]
+            parts.append(part)
+        told = np.array([part for part in parts if np.isfinite(part)])
+        count = len(told)
+        return float(np.sqrt((count - 1) / count * np.sum((told - told.mean()) ** 2))) if count > 2 else 0.0
 
     def prediction(self, rows: Rows, without: str | None = None) -> Array:
         """i_q that the coefficients give for these rows, A. `without`: a log that they are not from."""
@@ -80,7 +97,18 @@ def fit(rows: Sequence[Rows]) -> Fit:
     parts = np.array([solved([b for b in blocks if b is not out], len(names)) for out in blocks])
     count = len(parts)
     errors = np.sqrt((count - 1) / count * np.sum((parts - parts.mean(axis=0)) ** 2, axis=0))
-    return Fit(names, values, errors, inflation(blocks), tuple(blocks), noise)
+    return Fit(names, values, errors, inflation(blocks), tuple(blocks), noise, _without(blocks, len(names)))
+
+
+def _without(blocks: Sequence[Block], size: int) -> dict[str, Array]:
+    """Values without each log."""
+    found = {}
+    logs = dict.fromkeys(block.log for block in blocks)
+    for log in logs if len(logs) > 1 else ():
+        others = [block for block in blocks if block.log != log]
+        values = solved(others, size)
+        found[log] = np.where(inflation(others) < LARGEST_INFLATION, values, np.nan)
+    return found
 
 
 def _blocks(rows: Rows, names: Sequence[Name], count: int) -> list[Block]:

@@ -15,10 +15,11 @@ import numpy as np
 
 from cogless.errors import StudyError
 from cogless.identify import described
-from cogless.identify.estimate import OTHERS, Progress, coefficients, settled, with_values
+from cogless.identify.config import Identification
+from cogless.identify.estimate import OTHERS, Progress, coefficients, fitted, settled, with_values
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate
-from cogless.identify.weak_form import Name
+from cogless.identify.weak_form import Model, Name
 from cogless.results.trace import Trace
 from cogless.run.simulate import rollout
 from cogless.study import Study
@@ -30,7 +31,7 @@ OFF = 0.01  # relative difference of a log's rate from one that divides the curr
 
 
 def played(made: Estimate, jobs: int = 1) -> dict[str, Trace]:
-    """The simulated trace of each log that can be played, by its name, at the log's rate.
+    """The simulated trace of each log that can be played, by its name, at its rate or twice that.
 
     StudyError: the study isn't valid, or a run failed.
     """
@@ -56,22 +57,31 @@ def played(made: Estimate, jobs: int = 1) -> dict[str, Trace]:
 
 
 def _rate(made: Estimate, log: Log) -> float | None:
-    """A rate of rows that divides the current loop's and is the log's; None if there is none."""
+    """A rate of rows that divides the current loop's; None if the log's doesn't.
+
+    It is twice the log's where that divides it, too: for currents that are logged in the middle of a row.
+    """
     loop = made.known.drive.rates.current_loop
-    rate = loop / max(1, round(loop * log.dt))
-    return rate if abs(rate * log.dt - 1) < OFF else None
+    every = max(1, round(loop * log.dt))
+    if abs(loop / every * log.dt - 1) >= OFF:
+        return None
+    return loop / every * (1 if every % 2 else 2)
 
 
-def simulated_log(made: Estimate, log: Log, trace: Trace) -> Log:
-    """A trace as the drive would have logged it."""
+def simulated_log(made: Estimate, log: Log, trace: Trace, late: int = 0) -> Log:
+    """A trace as the drive would have logged it; `late`: currents half a row later, where it has those."""
+    step = max(1, round(log.dt / trace.period))
+    late *= step - 1
     offset = 0.5 * made.known.step if made.known.angle_offset is None else made.known.angle_offset
     signals = {
-        "theta": np.unwrap(trace["theta_measured"]) + offset,
-        "omega": trace["omega_measured"],
-        "i_q": trace["i_q"],
+        "theta": np.unwrap(trace["theta_measured"])[::step] + offset,
+        "omega": trace["omega_measured"][::step],
     }
-    signals |= {name: trace[name] for name in ("i_d",) if name in log and name in trace}
-    return Log(log.name, log.rule, trace.period, signals, (slice(0, len(trace)),))
+    for name in ("i_q", "i_d"):
+        if name == "i_q" or (name in log and name in trace):
+            x = trace[name]
+            signals[name] = np.concatenate((x[:1].repeat(late), x[: len(x) - late]))[::step]
+    return Log(log.name, log.rule, step * trace.period, signals, (slice(0, len(signals["theta"])),))
 
 
 def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Trace]]:
@@ -98,13 +108,21 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
                 "errors of the closed loop (delay, steps of the angle) are not corrected."
             )
             return replace(first, remarks=(*first.remarks, said)), traces
-        logs = [simulated_log(made, log, traces[log.name]) if log.dt else log for log in made.logs]
-        made = _corrected(first, made, logs)
+        logs, later = (
+            [simulated_log(made, log, traces[log.name], late) if log.dt else log for log in made.logs]
+            for late in (0, 1)
+        )
+        made = _corrected(first, made, logs, later if n == ROUNDS - 1 else [])
     return made, traces
 
 
-def _corrected(first: Estimate, made: Estimate, simulated: Sequence[Log]) -> Estimate:
-    """The first estimate less the bias that these logs show, which are simulated with the present one."""
+def _corrected(
+    first: Estimate, made: Estimate, simulated: Sequence[Log], later: Sequence[Log] = ()
+) -> Estimate:
+    """The first estimate less the bias that these logs show, which are simulated with the present one.
+
+    `later`: the same with currents half a row later, which real logs may have or not.
+    """
     known, real, truth = first.known, first.model, _truth(made)
     played = settled(known, simulated, replace(real, delay=0.0, error={}))
 
@@ -116,11 +134,32 @@ def _corrected(first: Estimate, made: Estimate, simulated: Sequence[Log]) -> Est
             for name, value in measured.items()
         }
 
-    corrected = with_values(first, unbiased(1.0), [unbiased(factor) for factor in OTHERS], runs=2)
+    corrected = with_values(
+        first,
+        unbiased(1.0),
+        [unbiased(factor) for factor in OTHERS],
+        fitted(known, simulated, played),
+        _moved(known, simulated, later, played),
+    )
     kept = {key: value for key, value in corrected.values.items() if key in first.values}
+    if "delay" in kept:  # a current that is held looks the same wherever in its period it is logged
+        held = 0.5 / (known.drive.rates.speed_loop or known.drive.rates.current_loop)
+        delay = kept["delay"]
+        kept["delay"] = replace(delay, error=float(np.hypot(delay.error, held)))
     orders = {wave.order for wave in first.cogging}
     cogging = tuple(wave for wave in corrected.cogging if wave.order in orders)
     return replace(corrected, values=kept, cogging=cogging)
+
+
+def _moved(
+    known: Identification, simulated: Sequence[Log], later: Sequence[Log], played: Model
+) -> dict[Name, float]:
+    """What the coefficients move by if currents are logged half a row later, without the delay itself."""
+    if not later:
+        return {}
+    before = coefficients(known, simulated, played)
+    after = coefficients(known, later, settled(known, later, replace(played, delay=0.0, error={})))
+    return {name: after[name] - value for name, value in before.items() if name != ("delay",)}
 
 
 def _truth(made: Estimate) -> dict[Name, float]:

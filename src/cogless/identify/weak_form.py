@@ -13,10 +13,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
 from cogless.identify.files import Array
 from cogless.identify.log import Log
 
+WIDTH = 6e-3  # s, of the kernel
 REACH = 4  # of the kernel, in widths
 SHORTEST = 3  # width of the kernel, in rows, at least
 VISIBLE = 1 / 3  # of the sampling rate: a faster wave has no effect that a log could show
@@ -27,8 +29,8 @@ Name = tuple[str | int, ...]
 class Model:
     """What is looked for. Orders are mechanical.
 
-    `delay`: time by which i_q is logged after the angle, s, taken out; `encoder`: (cos, sin) of the sensor's
-    error by order, rad, taken out.
+    `delay`: time by which i_q is logged after the angle, s, taken out; `error`: (cos, sin) of the sensor's
+    error by order, rad, taken out. `untold`: what has a column, but in it something that can't be told apart.
     """
 
     cogging: tuple[int, ...] = ()
@@ -37,6 +39,7 @@ class Model:
     columns: frozenset[str] = frozenset({"j", "b", "c"})
     delay: float = 0.0
     error: dict[int, tuple[float, float]] = field(default_factory=dict)
+    untold: frozenset[tuple[str, int]] = frozenset()  # kind, and order or 0
 
 
 @dataclass(frozen=True)
@@ -145,16 +148,18 @@ def _moving(log: Log, rows: slice, model: Model, kernel: Kernel, width: float, s
     def mean(x: Array) -> Array:
         return kernel.of(x, kernel.value, step)
 
+    def visible(order: int) -> NDArray[np.bool_]:
+        return np.asarray(np.abs(order * slow) < 2 * np.pi * VISIBLE / dt)
+
     def cogging(order: int) -> list[Array]:
-        seen = np.abs(order * slow) < 2 * np.pi * VISIBLE / dt
-        return [mean(np.where(seen, w(order * theta), 0.0)) for w in (np.cos, np.sin)]
+        return [mean(np.where(visible(order), w(order * theta), 0.0)) for w in (np.cos, np.sin)]
 
     def encoder(order: int) -> list[Array]:
         return [kernel.of(w(order * theta), kernel.second, step) for w in (np.cos, np.sin)]
 
     def ripple(order: int) -> list[Array]:
         """Torque of a wave of the magnet's flux, psi_d: by i_q, and by its slope with i_d, where known."""
-        cosine, sine = np.cos(order * theta), np.sin(order * theta)
+        cosine, sine = (np.where(visible(order), w(order * theta), 0.0) for w in (np.cos, np.sin))
         direct = order / pole_pairs * i_d
         return [mean(current * cosine - direct * sine), mean(current * sine + direct * cosine)]
 

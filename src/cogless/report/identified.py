@@ -34,19 +34,24 @@ def render(found: Identified) -> str:
     made = found.estimate
     sections = [
         ("What was found", _values(made)),
-        ("What is left out, and what to record next", _sentences(made)),
+        ("What is left out, and what to record next", sentences([*made.left_out, *made.remarks])),
         ("Orders", _orders(made)),
         ("Measured over simulated", _replays(found)),
         ("What each log contributed", _logs(made)),
     ]
+    return page_of("identify", made.known.title, sections)
+
+
+def page_of(command: str, title: str, sections: Sequence[tuple[str, str]]) -> str:
+    """A page of these sections, heading and HTML each; empty ones are left out."""
     body = "".join(f"<section><h2>{escape(name)}</h2>{text}</section>" for name, text in sections if text)
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(made.known.title)}</title><style>{asset('report.css')}"
+        f"<title>{escape(title)}</title><style>{asset('report.css')}"
         ".picture{width:100%;height:auto}.picture text{font-size:12px;fill:var(--soft)}</style></head>"
         "<body>"
-        f'<header><p class="brand">cogless identify</p><h1>{escape(made.known.title)}</h1></header>'
+        f'<header><p class="brand">cogless {command}</p><h1>{escape(title)}</h1></header>'
         f"<main>{body}</main><footer><p>Made by cogless {escape(versions()['cogless'])}. "
         "Errors are at 95 %.</p></footer></body></html>\n"
     )
@@ -62,8 +67,8 @@ def _values(made: Estimate) -> str:
     )
 
 
-def _sentences(made: Estimate) -> str:
-    said = [*made.left_out, *made.remarks]
+def sentences(said: Sequence[str]) -> str:
+    """Sentences as a list."""
     if not said:
         return note("Nothing is left out.")
     return '<ul class="verdicts">' + "".join(f"<li>{escape(line)}</li>" for line in said) + "</ul>"
@@ -126,7 +131,10 @@ def _replays(found: Identified) -> str:
 
 def _overlay(log: Log, trace: Trace, measured: str, simulated: str) -> str:
     """One log's signal over the simulated one, in a second from its middle."""
-    x, y = log[measured][log.stretches[0]], np.asarray(trace[simulated])
+    x, y = (
+        log[measured][log.stretches[0]],
+        np.asarray(trace[simulated])[:: max(1, round(log.dt / trace.period))],
+    )
     count = min(len(x), len(y), round(1.0 / log.dt))
     start = max(0, (min(len(x), len(y)) - count) // 2)
     x, y = x[start : start + count], y[start : start + count]

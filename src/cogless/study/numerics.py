@@ -39,6 +39,12 @@ def check_step(step: float, steps: int, found: Sequence[tuple[float, str]]) -> N
         raise invalid(expected, "drive", "rates", "integration_steps", value=steps)
 
 
+def steps_needed(motor: StarMotor, mechanics: Mechanics, top: float, rate: float) -> int:
+    """RK4 steps per period of a current loop of this rate, Hz, up to a speed, rad/s."""
+    fastest, _ = max(natural_rates(motor, mechanics, top))
+    return max(1, math.ceil(fastest / rate / LARGEST_STEP))
+
+
 def natural_rates(
     motor: StarMotor, mechanics: Mechanics, top: float, *, electrical: bool = True
 ) -> list[tuple[float, str]]:

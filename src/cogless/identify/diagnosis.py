@@ -1,0 +1,231 @@
+"""Where the ripple comes from: the answer first, causes of each log and of its orders, what stays open."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cogless.errors import StudyError
+from cogless.identify import config, speed_alone
+from cogless.identify.causes import COGGING, OFFSET, OR, RIPPLE, Cause, Found, attributed
+from cogless.identify.estimate import Progress, estimate
+from cogless.identify.log import Log, load_logs
+from cogless.identify.result import Estimate
+from cogless.identify.steady import Steady, steady, with_angle
+
+NO_ORDER = "no order"  # noise, steps of the sensor, vibration
+SHOWN = 0.01  # share of an order that has a line
+TURN = 2 * math.pi
+CURES = {
+    COGGING + OR + OFFSET: "record the phase currents with the bridge off",
+    COGGING + OR + RIPPLE: "record logs with loads of both signs",
+}
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The orders of each log's speed with their causes. `whole`: each log's ripple, rms, rad/s."""
+
+    title: str
+    found: tuple[Found, ...]
+    whole: Mapping[str, float]
+    said: tuple[str, ...]
+
+    def of(self, log: str) -> list[Found]:
+        return [each for each in self.found if each.log == log]
+
+    def causes(self, log: str) -> dict[str, float]:
+        """Share of each cause in the square of a log's ripple, the largest first."""
+        shares: dict[str, float] = defaultdict(float)
+        for each in self.of(log):
+            for cause in each.causes:
+                shares[cause.name] += each.share * cause.share
+        shares[NO_ORDER] = max(0.0, 1 - sum(each.share for each in self.of(log)))
+        return dict(sorted(shares.items(), key=lambda item: -item[1]))
+
+
+def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagnosis:
+    """Diagnose logs. StudyError: a mistake in a file, or logs that tell nothing."""
+    if not columns.is_file():
+        raise StudyError(f"{columns}: no such file: expected a TOML file that names the columns")
+    known = config.load(columns)
+    progress("reading", 0.0)
+    loaded = load_logs(list(logs), known)
+    whole = [
+        log for log in loaded if "theta" in log and ("i_q" in log or not log.dt or log.kind == "bridge-off")
+    ]
+    said: list[str] = []
+    made = None
+    if any(log.dt and log.kind != "bridge-off" for log in whole):
+        try:
+            made = estimate(known, whole, progress)
+            said += [*made.left_out, *made.remarks]
+        except StudyError as error:
+            said += str(error).splitlines()
+    explained = _explained(made)
+    parts = [part for log in explained.values() for part in steady(log)]
+    found = attributed(made, parts) if made is not None and parts else []
+    others = [
+        part
+        for log in loaded
+        if log.dt and log.name not in explained
+        for part in steady(with_angle(log))
+        if "theta" in with_angle(log)
+    ]
+    alone = speed_alone.by_order(others, known.motor.pole_pairs)
+    said += _without(loaded) + speed_alone.sentences(alone)
+    if not parts and not others:
+        raise StudyError(
+            "\n".join([*said, "no log turns at a steady speed for a revolution; record one that does"])
+        )
+    if parts and not any("i_q_ref" in part.log for part in parts):
+        said.append(
+            f"Dead time disturbs the current at order {6 * known.motor.pole_pairs}: it is not told apart "
+            "from what the law asks for; record the current's reference as i_q_ref."
+        )
+    every = [*parts, *others]
+    return Diagnosis(known.title, tuple(_merged([*found, *alone])), _whole(every), tuple(dict.fromkeys(said)))
+
+
+def _explained(made: Estimate | None) -> dict[str, Log]:
+    """The logs whose torques the estimate tells, by name."""
+    if made is None or made.fit is None or ("j",) not in made.fit:
+        return {}
+    return {log.name: log for log in made.logs if log.dt}
+
+
+def _without(logs: Sequence[Log]) -> list[str]:
+    """What logs without angle or current can tell."""
+    said = []
+    for log in logs:
+        if "theta" not in log and "omega" in log:
+            said.append(
+                f"{log.name}: no angle: orders are from the integral of the speed, and have no place on the "
+                "rotor; record the encoder's angle as theta."
+            )
+        if "i_q" not in log and log.kind not in ("coast-down", "bridge-off"):
+            said.append(
+                f"{log.name}: no current: causes of one order cannot be told apart, only how it "
+                "changes with speed; record i_q."
+            )
+    return said
+
+
+def _whole(parts: Sequence[Steady]) -> dict[str, float]:
+    squares = defaultdict(list)
+    for part in parts:
+        squares[part.log.name].append(part.ripple**2)
+    return {name: float(np.sqrt(np.mean(own))) for name, own in squares.items()}
+
+
+def _merged(found: Sequence[Found]) -> list[Found]:
+    """Both directions of a log as one."""
+    groups: dict[tuple[str, int], list[Found]] = defaultdict(list)
+    for each in found:
+        groups[each.log, each.order].append(each)
+    merged = []
+    for own in groups.values():
+        weights = np.array([each.ripple**2 for each in own])
+        names = dict.fromkeys(cause.name for each in own for cause in each.causes)
+
+        def mean(values: Sequence[float], by: np.ndarray = weights) -> float:
+            return float(np.average(values, weights=by))
+
+        causes = []
+        for name in names:
+            has = [next((c for c in each.causes if c.name == name), Cause(name, 0.0, 0.0)) for each in own]
+            causes.append(Cause(name, mean([c.share for c in has]), mean([c.error for c in has])))
+        causes.sort(key=lambda cause: -cause.share)
+        merged.append(
+            replace(
+                own[0],
+                ripple=float(np.sqrt(np.mean(weights))),
+                share=float(np.mean([each.share for each in own])),
+                causes=tuple(causes),
+            )
+        )
+    return sorted(merged, key=lambda each: (each.log, -each.share))
+
+
+def answer(made: Diagnosis) -> str:
+    """The one sentence that was asked for."""
+    logs = list(made.whole)
+    totals: dict[str, list[float]] = defaultdict(list)
+    for log in logs:
+        for name, share in made.causes(log).items():
+            totals[name].append(share)
+    name, shares = max(totals.items(), key=lambda item: sum(item[1]))
+    if name == NO_ORDER:
+        return (
+            f"Most of the ripple is of {NO_ORDER} of the rotor: noise, steps of the speed's measurement, or "
+            "vibration."
+        )
+    low, high = 100 * min(shares), 100 * max(shares)
+    span = f"{low:.0f} to {high:.0f} %" if high - low > 1 else f"{high:.0f} %"
+    where = "1 log" if len(logs) == 1 else f"{len(shares)} of {len(logs)} logs"
+    verdict = "which cannot be told apart here, " if OR in name else ""
+    return f"Most of the ripple is {name}, {verdict}{span} of the square of the speed's ripple in {where}."
+
+
+def lines(made: Diagnosis) -> list[str]:
+    """The answer, a line for each log, and one for each order that matters."""
+    text = [answer(made), ""]
+    for log in made.whole:
+        own = made.of(log)
+        shares = ", ".join(
+            f"{name} {100 * share:.0f} %" for name, share in made.causes(log).items() if share > SHOWN
+        )
+        at = f"{own[0].speed / TURN:.3g} rev/s" if own else "steady"
+        load = f", {own[0].load:.3g} A" if own and not math.isnan(own[0].load) else ""
+        text.append(f"{log} ({at}{load}): {made.whole[log]:.3g} rad/s rms: {shares}")
+    text += [
+        "",
+        f"{'log':<20} {'order':>5} {'rad/s rms':>10} {'of all':>7}  cause (share of the order), confidence",
+    ]
+    for each in made.found:
+        if each.share < SHOWN:
+            continue
+        told = ", ".join(shown(cause) for cause in each.causes if abs(cause.share) > 0.05)
+        text.append(
+            f"{each.log:<20} {each.order:>5} {each.ripple:>10.3g} {100 * each.share:>5.0f} %  {told}: "
+            f"{each.confidence}"
+        )
+    return text
+
+
+def shown(cause: Cause) -> str:
+    """A cause with its share and error at 95 %."""
+    error = f" +- {100 * cause.error:.0f}" if cause.error else ""
+    return f"{cause.name} {100 * cause.share:.0f}{error} %"
+
+
+def to_dict(made: Diagnosis) -> dict[str, Any]:
+    """The answer, the causes of each log, the orders, and every sentence. Ripple in rad/s rms, loads in A."""
+    return {
+        "answer": answer(made),
+        "logs": {
+            log: {"ripple_rad_per_s": whole, "shares": made.causes(log)} for log, whole in made.whole.items()
+        },
+        "orders": [
+            {
+                "log": each.log,
+                "speed_rad_per_s": each.speed,
+                "load_A": None if math.isnan(each.load) else each.load,
+                "order": each.order,
+                "ripple_rad_per_s": each.ripple,
+                "share": each.share,
+                "confidence": each.confidence,
+                "causes": [
+                    {"name": cause.name, "share": cause.share, "error": cause.error} for cause in each.causes
+                ],
+            }
+            for each in made.found
+        ],
+        "said": list(made.said),
+    }

@@ -1,0 +1,59 @@
+"""What the speed alone says: orders, what may make them, how they change, and fixed frequencies."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from itertools import combinations
+
+from cogless.identify.causes import MECHANICS, Found, found_in, guess
+from cogless.identify.steady import Steady
+
+FASTER = 1.5  # ratio of two speeds that says how an order changes between them
+STEEP = 0.5  # exponent of the speed, in magnitude, from which on it is a change
+ALIKE = 0.03  # of a frequency
+LARGE = 0.05  # of a ripple's square: smaller orders are in no sentence
+
+
+def by_order(parts: Sequence[Steady], poles: int) -> list[Found]:
+    """The orders of the speed in these parts, with what may make them."""
+    return [found_in(part, order, guess(order, poles)) for part in parts for order in part.orders()]
+
+
+def sentences(found: Sequence[Found]) -> list[str]:
+    """How orders change with speed, and frequencies that stay."""
+    of: dict[int, dict[float, float]] = defaultdict(dict)
+    for each in found:
+        if each.share > LARGE:
+            of[each.order][each.speed] = each.ripple
+    said = []
+    for order, sizes in sorted(of.items()):
+        slow, fast = min(sizes), max(sizes)
+        if fast < FASTER * slow:
+            continue
+        power = math.log(sizes[fast] / sizes[slow]) / math.log(fast / slow)
+        at = f"Order {order} {{0}} from {slow / (2 * math.pi):.3g} to {fast / (2 * math.pi):.3g} rev/s"
+        if power < -STEEP:
+            said.append(at.format("falls") + ": a torque makes it, not the encoder.")
+        elif power > STEEP:
+            said.append(
+                at.format("grows")
+                + ": the encoder's error, or a torque that the controller holds down where it is slow; "
+                "record i_q."
+            )
+    return said + _fixed(found)
+
+
+def _fixed(found: Sequence[Found]) -> list[str]:
+    """A frequency at which different orders are large at different speeds: something swings."""
+    for a, b in combinations([each for each in found if each.share > LARGE], 2):
+        first, second = (each.order * each.speed / (2 * math.pi) for each in (a, b))
+        apart = max(a.speed, b.speed) > FASTER * min(a.speed, b.speed)
+        if a.order != b.order and apart and abs(first / second - 1) < ALIKE:
+            return [
+                f"{first:.3g} Hz is order {a.order} in {a.log} and order {b.order} in {b.log}: "
+                f"{MECHANICS}, which swing at this frequency, or the supply; knock at the shaft at rest, and "
+                "compare."
+            ]
+    return []

@@ -1,0 +1,69 @@
+"""The report of a diagnosis: the answer, each log's causes as bars, the orders, what stays open."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+from pathlib import Path
+
+from cogless.files import replacing
+from cogless.identify.diagnosis import SHOWN, TURN, Diagnosis, answer, shown
+from cogless.report.identified import page_of, sentences
+from cogless.report.markup import note, table
+
+COLOURS = 6  # of the palette
+
+
+def write_report(made: Diagnosis, path: Path) -> None:
+    """Write the report; if this fails, no incomplete file is left."""
+    with replacing(path) as temporary:
+        temporary.write_text(render(made), encoding="utf-8")
+
+
+def render(made: Diagnosis) -> str:
+    """The report as one HTML text that needs nothing else. All of the user's text is escaped."""
+    sections = [
+        ("Where the ripple comes from", note(answer(made)) + _bars(made)),
+        ("Orders", _orders(made)),
+        ("What stays open, and what to record next", sentences(made.said)),
+    ]
+    return page_of("diagnose", made.title, sections)
+
+
+def _bars(made: Diagnosis) -> str:
+    """A bar for each log, its parts the shares of its causes."""
+    names = list(dict.fromkeys(name for log in made.whole for name in made.causes(log)))
+    colour = {name: f"var(--c{n % COLOURS})" for n, name in enumerate(names)}
+    rows, high = "", 34
+    for n, log in enumerate(made.whole):
+        shares = {name: max(0.0, share) for name, share in made.causes(log).items()}
+        whole, x, y = sum(shares.values()) or 1.0, 170.0, high * n
+        rows += f'<text x="0" y="{y + 20}">{escape(log[:24])}</text>'
+        for name, share in shares.items():
+            width = 540 * share / whole
+            rows += f'<rect x="{x:.1f}" y="{y + 6}" width="{width:.1f}" height="22" fill="{colour[name]}"/>'
+            x += width
+    key = " ".join(
+        f'<span class="key" style="--colour:{colour[name]}">{escape(name)}</span>' for name in names
+    )
+    box = f'viewBox="0 0 720 {high * len(made.whole)}" role="img" aria-label="Shares of the causes"'
+    return f'<p class="note">{key}</p><svg class="picture" {box}>{rows}</svg>'
+
+
+def _orders(made: Diagnosis) -> str:
+    body = ""
+    for each in made.found:
+        if each.share < SHOWN:
+            continue
+        cells = [
+            f"{each.order}",
+            f"{each.speed / TURN:.3g} rev/s",
+            "" if math.isnan(each.load) else f"{each.load:.3g} A",
+            f"{each.ripple:.3g} rad/s",
+            f"{100 * each.share:.0f} %",
+            ", ".join(shown(cause) for cause in each.causes if abs(cause.share) > 0.05),
+            each.confidence,
+        ]
+        body += f"<tr><th>{escape(each.log)}</th>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"
+    names = ("Log", "order", "speed", "load", "ripple, rms", "of the square", "causes", "confidence")
+    return table("numbers", "Orders", "".join(f"<th>{name}</th>" for name in names), body)

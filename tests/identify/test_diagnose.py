@@ -1,0 +1,230 @@
+"""The causes of simulated logs are those they were simulated with; what can't be told apart is said."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from identify.commissioned import METRIC, MOTORS, PI, write
+from typer.testing import CliRunner
+
+from cogless import cli
+from cogless.errors import StudyError
+from cogless.identify import diagnosis, plan
+from cogless.identify.diagnosis import Diagnosis
+from cogless.run.simulate import rollout
+from cogless.study import Study
+from cogless.study.base import Source
+from cogless.study.reading import checked
+
+Logs = dict[str, dict[str, np.ndarray]]
+
+
+def profile(*points: tuple[float, float]) -> dict[str, Any]:
+    """A scenario that goes through these times, s, and speeds, rad/s."""
+    speeds = [[f"{time} s", f"{speed} rad/s"] for time, speed in points]
+    first = speeds[0][1]
+    return {"duration": f"{points[-1][0]} s", "reference": {"profile": speeds}, "initial_speed": first}
+
+
+SCENARIOS: dict[str, dict[str, Any]] = {
+    "slow": profile((0, 3), (4.4, 3), (4.8, -3), (9.2, -3)),
+    "sweep": profile((0, 2), (0.4, 30), (1.2, -30), (2, 30), (2.8, -30), (3.6, 30), (4, 2)),
+    "fast": {"duration": "2 s", "reference": "4 rev/s", "initial_speed": "4 rev/s"},
+    "drives": {"duration": "3 s", "reference": "1 rev/s", "initial_speed": "1 rev/s", "load": "0.12 N*m"},
+    "brakes": {"duration": "3 s", "reference": "1 rev/s", "initial_speed": "1 rev/s", "load": "-0.12 N*m"},
+}
+OFFSETS, GAINS = (0.03, -0.02, 0.0), (0.03, -0.03, 0.0)  # A; of the phases
+COGGING = [{"order": 12, "torque": "6 mN*m", "phase": "30 deg"}]
+WRONG: dict[str, dict[str, Any]] = {
+    "cogging": {"motor": {"cogging": COGGING}},
+    "ripple": {"motor": {"flux_harmonics": [{"order": 6, "d": "0.5 mWb", "d_phase": "20 deg"}]}},
+    "dead time": {
+        "drive": {
+            "inverter": {"bus_voltage": "48 V", "dead_time": "5 us"},
+            "position_sensor": {"lines": 65536},
+            "current_loop": {"bandwidth": "150 Hz"},
+        }
+    },
+    "offset": {"drive": {"current_sensors": {"offset": [f"{x} A" for x in OFFSETS]}}},
+    "gain": {"drive": {"current_sensors": {"gain_error": list(GAINS)}}},
+    "encoder": {"drive": {"position_sensor": {"eccentricity": "0.5 deg"}}},
+    "unbalance": {"motor": {"cogging": [{"order": 1, "torque": "4 mN*m"}]}},
+    "of 6 p": {"motor": {"cogging": [{"order": 42, "torque": "5 mN*m", "phase": "30 deg"}]}},
+}
+COLUMNS = ("t", "theta", "omega", "i_q", "i_q_ref", "i_d", "u_q")
+
+
+@cache
+def played(wrong: str) -> tuple[str, Logs]:
+    """The file of columns, and logs of the gimbal with one thing wrong, as its drive measures them."""
+    base = {key: dict(MOTORS["gimbal"][key]) for key in ("motor", "mechanics", "drive")}
+    del base["motor"]["cogging"], base["motor"]["flux_harmonics"]
+    actual = {
+        room: {
+            **table,
+            **{key: _over(table.get(key), value) for key, value in WRONG[wrong].get(room, {}).items()},
+        }
+        for room, table in base.items()
+    }
+    study = {"title": wrong, **actual, "trace": {"rate": "1 kHz"}, "scenario": SCENARIOS}
+    study |= {"controller": PI, "metric": [METRIC]}
+    loaded = checked(Source(Path("wrong.toml"), study))
+    assert isinstance(loaded, Study)
+    (results,) = rollout([loaded], jobs=2)
+    sensors = actual["drive"].get("current_sensors", {})
+    gains = sensors.get("gain_error", (0, 0, 0))
+    offsets = OFFSETS if "offset" in sensors else (0, 0, 0)
+    logs: Logs = {}
+    for run in results.runs:
+        trace = run.trace
+        theta = trace["theta_measured"]
+        turned = [7 * theta - third * 2 * np.pi / 3 for third in range(3)]
+        currents = [
+            (1 + g) * trace[name] + o
+            for name, g, o in zip(("i_a", "i_b", "i_c"), gains, offsets, strict=True)
+        ]
+        logs[run.scenario] = {
+            "t": trace.time,
+            "theta": theta,
+            "omega": trace["omega_measured"],
+            "i_q_ref": trace["i_q_ref"],
+            "u_q": trace["u_q"],
+            "i_q": -2 / 3 * sum(i * np.sin(x) for i, x in zip(currents, turned, strict=True)),
+            "i_d": 2 / 3 * sum(i * np.cos(x) for i, x in zip(currents, turned, strict=True)),
+        }
+    kinds = {"drives*": "load", "brakes*": "load", "off*": "bridge-off"}
+    known = {
+        "columns": {name: name for name in (*COLUMNS, "i_a", "i_b", "i_c")},
+        "motor": base["motor"],
+        "drive": base["drive"],
+        "log": [{"file": name, "kind": kind} for name, kind in kinds.items()],
+    }
+    return plan.text(known), logs
+
+
+def _over(table: Any, value: Any) -> Any:
+    return {**table, **value} if isinstance(table, dict) else value
+
+
+def diagnose(folder: Path, text: str, logs: Logs) -> Diagnosis:
+    return diagnosis.diagnosed(write(folder, text, logs), folder / "id.toml", lambda what, share: None)
+
+
+def cause_of(made: Diagnosis, log: str, order: int) -> tuple[str, str]:
+    """The first cause of an order, and how sure it is."""
+    (found,) = [each for each in made.found if each.log == f"{log}.npz" and each.order == order]
+    return found.causes[0].name, found.confidence
+
+
+@pytest.mark.parametrize(
+    ("wrong", "log", "order", "cause", "confidence"),
+    [
+        ("cogging", "slow", 12, "cogging", "sure"),
+        ("ripple", "drives", 42, "K_t ripple", "sure"),
+        ("ripple", "brakes", 42, "K_t ripple", "sure"),
+        ("dead time", "drives", 42, "dead time", "likely"),
+        ("gain", "drives", 14, "current gain", "sure"),
+        ("encoder", "fast", 1, "encoder", "sure"),
+        ("unbalance", "fast", 1, "mechanics", "sure"),
+        ("of 6 p", "slow", 42, "cogging", "sure"),
+    ],
+)
+def test_the_cause_is_what_is_wrong(tmp_path, wrong, log, order, cause, confidence):
+    made = diagnose(tmp_path, *played(wrong))
+    assert cause_of(made, log, order) == (cause, confidence)
+
+
+def test_nothing_else_is_blamed(tmp_path):
+    made = diagnose(tmp_path, *played("cogging"))
+    assert diagnosis.answer(made).startswith("Most of the ripple is cogging, ")
+    for log in made.whole:
+        shares = made.causes(log)
+        assert sum(shares.values()) == pytest.approx(1, abs=0.02)
+        blamed = {name for name, share in shares.items() if share > 0.03}
+        assert blamed <= {"cogging", "no order", "not explained"}
+
+
+def test_an_order_of_the_pole_pairs_is_open_until_the_bridge_is_off(tmp_path):
+    text, logs = played("offset")
+    made = diagnose(tmp_path, text, logs)
+    assert cause_of(made, "slow", 7) == ("cogging or current offset", "cannot be told apart")
+    assert any("record currents with the bridge off" in line for line in made.said)
+    off = {"t": logs["slow"]["t"], "theta": logs["slow"]["theta"]}
+    off |= {name: np.full(len(off["t"]), o) for name, o in zip(("i_a", "i_b", "i_c"), OFFSETS, strict=True)}
+    (tmp_path / "again").mkdir()
+    again = diagnose(tmp_path / "again", text, {**logs, "off": off})
+    assert cause_of(again, "slow", 7) == ("current offset", "sure")
+
+
+def test_cogging_of_order_6p_is_not_told_from_ripple_of_k_t_without_loads(tmp_path):
+    text, logs = played("of 6 p")
+    made = diagnose(tmp_path, text, {name: logs[name] for name in ("fast", "drives")})
+    name, confidence = cause_of(made, "drives", 42)
+    assert (name, confidence) == ("cogging or K_t ripple or dead time", "cannot be told apart")
+    assert any("add an acceleration log" in line for line in made.said)
+
+
+def test_without_references_dead_time_is_said_to_be_open(tmp_path):
+    text, logs = played("dead time")
+    made = diagnose(
+        tmp_path, text, {n: {k: x for k, x in log.items() if k != "i_q_ref"} for n, log in logs.items()}
+    )
+    assert not any(cause.name == "dead time" for each in made.found for cause in each.causes)
+    assert any("record the current's reference as i_q_ref" in line for line in made.said)
+
+
+def test_speed_alone_says_what_it_can(tmp_path):
+    text, logs = played("cogging")
+    alone = {name: {key: logs[name][key] for key in ("t", "omega")} for name in ("slow", "fast")}
+    made = diagnose(tmp_path, text, alone)
+    assert next(each.order for each in made.found if each.log == "slow.npz") == 12
+    assert any("no angle" in line for line in made.said)
+    assert any("no current" in line for line in made.said)
+    eccentric = {
+        name: {key: played("encoder")[1][name][key] for key in ("t", "omega")} for name in ("slow", "fast")
+    }
+    (tmp_path / "b").mkdir()
+    made = diagnose(tmp_path / "b", text, eccentric)
+    assert cause_of(made, "fast", 1) == ("encoder or mechanics", "cannot be told apart")
+
+
+def test_the_command_answers_first_and_writes_a_report(tmp_path):
+    paths = write(tmp_path, *played("cogging"))
+    arguments = [
+        "diagnose",
+        *map(str, paths),
+        "--config",
+        str(tmp_path / "id.toml"),
+        "-o",
+        str(tmp_path / "out"),
+    ]
+    done = CliRunner().invoke(cli.app, arguments)
+    assert done.exit_code == 0, done.output
+    assert done.stdout.startswith("Most of the ripple is cogging, ")
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Most of the ripple is cogging" in page and "src=" not in page
+    found = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert found["orders"][0]["causes"][0].keys() == {"name", "share", "error"}
+
+
+@pytest.mark.parametrize(
+    ("K_t", "says"),
+    [("0.08", "as the file of columns has it (0.08)."), ("0.09", "correct motor.K_t or kv.")],
+)
+def test_the_voltage_tells_a_wrong_k_t(tmp_path, K_t, says):
+    text, logs = played("cogging")
+    made = diagnose(tmp_path, text.replace('K_t = "0.08', f'K_t = "{K_t}'), logs)
+    (said,) = [line for line in made.said if line.startswith("The voltage says K_t = 0.0")]
+    assert said.endswith(says)
+
+
+def test_logs_that_never_turn_steadily_are_refused(tmp_path):
+    text, logs = played("cogging")
+    short = {"slow": {key: x[:200] for key, x in logs["slow"].items()}}
+    with pytest.raises(StudyError, match="no log turns at a steady speed for a revolution"):
+        diagnose(tmp_path, text, short)
