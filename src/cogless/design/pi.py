@@ -36,7 +36,7 @@ from cogless.design.model import exponential
 from cogless.design.observer import observed
 from cogless.design.soft_shaft import SoftShaft, soft_shaft
 from cogless.study import Study, for_scenario
-from cogless.study.controller import Feedback, Tuning
+from cogless.study.controller import AnyTuning, Feedback
 from cogless.study.position_sensor import Counted, Hall
 
 CURRENT, INTEGRAL, WAITING, OMEGA, THETA = range(5)  # indices of the state x; a soft shaft adds two
@@ -223,7 +223,7 @@ def gains(study: Study, name: str) -> tuple[float, float]:
 
 
 @lru_cache(maxsize=32)
-def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
+def phase_margin_pi(loop: SpeedLoop, tuning: AnyTuning) -> PiDesign:
     """Gains for a phase margin; ValueError if no crossover below half the sampling rate has it."""
     x = root(lambda x: math.atan(x) - x / (1 + x * x) - tuning.phase_margin, 1e-3, 1e3)
     half = loop.period / 2

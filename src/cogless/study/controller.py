@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -42,6 +42,16 @@ class Tuning(Table):
         if not 0.3 < self.phase_margin < 1.45:
             raise invalid('expected a phase margin from "20 deg" to "80 deg"', "phase_margin")
         return self
+
+
+class AutoTuning(Table):
+    """The rule that computes all gains of a law, its feedback's too; cogless.design.harmonic describes it."""
+
+    rule: Literal["auto"]
+    phase_margin: PhaseMargin = math.radians(45)  # rad, of the feedback
+
+
+AnyTuning = Annotated[Tuning | AutoTuning, Field(discriminator="rule")]
 
 
 @dataclass(frozen=True)
@@ -119,10 +129,13 @@ class Feedback(Base):
 
     kp: SpeedGain | None = None  # A*s/rad
     ki: SpeedIntegralGain | None = None  # A/rad
-    tuning: Tuning | None = None
+    tuning: AnyTuning | None = None
+    automatic: ClassVar[bool] = False  # a rule computes all its other gains, too
 
     @model_validator(mode="after")
     def _gains_or_rule(self) -> Self:
+        if isinstance(self.tuning, AutoTuning) and not self.automatic:
+            raise invalid('expected "phase-margin", since this law has gains of its own', "tuning.rule")
         gains = (self.kp is not None, self.ki is not None)
         if gains not in ((True, True), (False, False)) or all(gains) == (self.tuning is not None):
             rule = '{ rule = "phase-margin", phase_margin = "60 deg" }'
