@@ -1232,7 +1232,7 @@ void random_inputs(long configs)
         {"space_speed", try_space_speed, 0x74c5bed3U, 0x7dde4ec7U},
         {"anti_cogging", try_anti_cogging, 0x71e4af4fU, 0xe5dae956U},
         {"pi_afc", try_pi_afc, 0x96f736bbU, 0x03e628a4U},
-        {"harmonic", try_harmonic, 0x00000001U, 0x00000001U},
+        {"harmonic", try_harmonic, 0x4d5f0460U, 0x00000001U},
         {"zero_phase", try_zero_phase, 0x428ca5d0U, 0x74f1ea8fU},
         {"trial", try_trial, 0xa133f839U, 0x4318ff6eU},
         {"monitor", try_monitor, 0x67e82230U, 0x23cd28fbU},

@@ -39,20 +39,22 @@ def learner(study: Study, name: str) -> Learner:
     """The numbers of a controller's learning part; StudyError if the motor doesn't tell its slots."""
     law, loop = study.controller[name], speed_loop(study)
     assert isinstance(law, Harmonic)
-    base, highest = _base(study, name, law)
+    base, highest = _orders(study, name, law)
     orders = max(1, min(ORDERS, highest // base))
     rate = min(MOST, STEP / (orders * loop.period))
     return Learner(loop.b, delay_of(loop), base, orders, rate, min(rate, LEAST))
 
 
-def _base(study: Study, name: str, law: Harmonic) -> tuple[int, int]:
+def _orders(study: Study, name: str, law: Harmonic) -> tuple[int, int]:
     """The lowest order, whose multiples are learned, and the highest."""
     poles, slots = 2 * study.motor.pole_pairs, getattr(study.motor, "slots", None)
     if slots is None and law.base is None:
         expected = "expected their number, for the orders of"
         raise StudyError(f"{study.source.path}: motor.slots: missing: {expected} controller.{name}")
-    base = law.base or math.gcd(slots or poles, poles)
-    return base, FULLEST * math.lcm(slots or poles, poles)
+    common = math.lcm(slots or poles, poles)
+    slowest = min((s.slowest for s in study.scenario.values() if s.slowest), default=0.0)
+    sampled = SPLIT / (slowest * speed_loop(study).period) if slowest else math.inf
+    return law.base or math.gcd(slots or poles, poles), int(max(common, min(FULLEST * common, sampled)))
 
 
 def delay_of(loop: SpeedLoop) -> float:
