@@ -29,6 +29,7 @@ from cogless.pil.toolchain import find
 PAGE = Path(__file__).parent / "guide" / "microcontroller.md"
 TICKS = 100_000
 SINGLE = {"drive.precision": "single"}
+AUTO = {"law": "harmonic", "tuning": {"rule": "auto"}}
 Case = tuple[str, str, str | None, str, dict[str, Any]]
 # For each case: name, study, scenario (None: the first), controller, changes of the study.
 CASES: list[Case] = [
@@ -40,6 +41,8 @@ CASES: list[Case] = [
     ("robust learning, 15 cells a step", "liu2018", "900-rpm", "robust-ilc", {}),
     ("anti-cogging table", "uomodri", None, "table", {}),
     ("PI and thirteen orders", "uomodri", None, "pi-afc", figure_changes()),
+    ("PI and harmonics of the motor", "uomodri", None, "harmonic", {"controller.harmonic": AUTO}),
+    ("PI and five harmonics", "uomodri", None, "harmonic", {"controller.harmonic": {**AUTO, "base": 80}}),
     ("space-learning speed, map", "verrelli2016-speed", None, "learning", SINGLE),
     ("space-learning position, map", "verrelli2016", None, "filtered", SINGLE),
     ("space-learning position, by delay", "verrelli2016", None, "printed", SINGLE),

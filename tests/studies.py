@@ -32,6 +32,7 @@ AFC: dict[str, Any] = {
         "lead": "0.6 ms",
     }
 }
+HARMONIC: dict[str, Any] = {"controller.harmonic": {"law": "harmonic", "tuning": {"rule": "auto"}}}
 BASE = """
 title = "A small drive"
 [motor]

@@ -46,6 +46,7 @@ PARTS = {
     "robust_ilc": "law angle memory delay_line range robust_ilc",
     "anti_cogging": "law range angle pi anti_cogging",
     "pi_afc": "law range angle pi pi_afc",
+    "harmonic": "law range angle pi harmonic",
     "space_position": "law angle memory delay_line range space_position",
     "space_speed": "law angle memory delay_line range space_speed",
     "trial": "law angle feedforward polynomial zero_phase trial",
@@ -55,7 +56,8 @@ PARTS = {
 # Functions whose paths are kept apart further than others': those whose answer says what is valid.
 PRECISE = """
     is_valid cgl_map_is_valid cgl_pi_init cgl_memory_init cgl_pi_ilc_init cgl_robust_ilc_init
-    cgl_anti_cogging_init cgl_pi_afc_init cgl_delay_is_valid cgl_space_position_init cgl_space_speed_init
+    cgl_anti_cogging_init cgl_pi_afc_init cgl_harmonic_init
+    cgl_delay_is_valid cgl_space_position_init cgl_space_speed_init
     cgl_encoder_init cgl_hall_init cgl_low_pass_init cgl_low_pass_retune cgl_angle_observer_init
     cgl_angle_observer_retune cgl_speed_timed_init
     cgl_feedforward_init cgl_zero_phase_init cgl_trial_init cgl_trial_reset cgl_trial_end correct step
@@ -104,6 +106,7 @@ RUNS = [  # the longest first
     Run("space_speed", MAP | DELAY | {"CHANNELS": "1"}),
     Run("anti_cogging", sizes(8, 0)), Run("anti_cogging", sizes(8, 0) | LIMITED),
     Run("pi_afc", ORDERS), Run("pi_afc", ORDERS | LIMITED),
+    Run("harmonic", ORDERS), Run("harmonic", ORDERS | LIMITED),
     Run("trial", {"SAMPLES": "4", "ORDER": "0", "TAPS": "0"}),
     Run("trial", {"SAMPLES": "8", "ORDER": "1", "TAPS": "3"} | LIMITED),
     Run("monitor", {}), Run("monitor", DOUBLE), Run("quality", {}), Run("quality", DOUBLE),

@@ -17,6 +17,7 @@
 #include "cogless/foc.h"
 #include "cogless/guard.h"
 #include "cogless/hall.h"
+#include "cogless/harmonic.h"
 #include "cogless/low_pass.h"
 #include "cogless/map.h"
 #include "cogless/map_store.h"

@@ -11,6 +11,7 @@
 #include "cogless/drive.h"
 #include "cogless/foc.h"
 #include "cogless/modulation.h"
+#include "cogless/harmonic.h"
 #include "cogless/pi_afc.h"
 #include "cogless/pi_ilc.h"
 #include "cogless/polynomial.h"
@@ -586,6 +587,63 @@ static void try_pi_afc(void)
             other.limit = random_gain(CGL_R(2.0));
             other.order[random_below(40) ? CGL_PI_AFC_ORDERS - 1U : 0U] += 1U;
             config = cgl_pi_afc_retune(&law, &other) == CGL_OK ? other : config;
+        }
+    }
+    check_fence(length);
+}
+
+static cgl_harmonic_config random_harmonic(void)
+{
+    cgl_harmonic_config config;
+    config.pi = random_pi();
+    config.b = random_gain(CGL_R(1000.0));
+    config.delay = random_below(2) ? CGL_R(0.0) : random_gain(CGL_R(2.0e-3));
+    config.base = 1U + random_below(random_below(20) ? 40U : CGL_HARMONIC_ORDER_MAX);
+    config.orders = 1U + random_below(random_below(4) ? 8U : CGL_HARMONIC_ORDERS);
+    config.rate = random_gain(CGL_R(10.0));
+    config.rate_min = random_gain(CGL_R(1.0));
+    config.limit = random_gain(CGL_R(2.0));
+    return config;
+}
+
+static void try_harmonic(void)
+{
+    cgl_harmonic_config config;
+    cgl_harmonic law;
+    uint32_t length;
+    cgl_real ts;
+    do {
+        ts = random_gain(CGL_R(1.0e-3));
+        config = random_harmonic();
+        length = CGL_HARMONIC_LENGTH(config.orders);
+    } while (cgl_harmonic_init(&law, &config, ts, fence(length), length) != CGL_OK);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        cgl_law_input in;
+        cgl_law_output out;
+        next_input(&in, step);
+        cgl_real before[2U * CGL_HARMONIC_ORDERS];
+        memcpy(before, fenced + GUARD, 2U * config.orders * sizeof before[0]);
+        cgl_harmonic_step(&law, &in, &out);
+        check_off(&in, &out);
+        const bool frozen = (out.status & (unsigned)CGL_STATUS_FROZEN) != 0U;
+        CHECK(frozen == !law.learning && (frozen || (out.status & (unsigned)CGL_STATUS_FAULT) == 0U));
+        for (uint32_t n = 0; frozen && n < 2U * config.orders; ++n) {
+            CHECK(law.cosine[n] == (in.forget && !cgl_law_stands_by(&in) ? CGL_R(0.0) : before[n]));
+        }
+        for (uint32_t k = 0; k < config.orders; ++k) {
+            CHECK((uint32_t)law.cosine[2U * config.orders + k] == config.base * (k + 1U));
+        }
+        CHECK(within(out.i_q_ref, config.pi.limit));
+        CHECK(within(law.learned, config.limit));
+        CHECK(within(law.pi.integral, config.pi.limit));
+        check_cells(2U * config.orders, config.limit);
+        if (random_below(1000) == 0U) {
+            cgl_harmonic_reset(&law);
+        } else if (random_below(100) == 0U) {
+            cgl_harmonic_config other = random_harmonic();
+            other.base = config.base;
+            other.orders = config.orders + (random_below(40) == 0U ? 1U : 0U);
+            config = cgl_harmonic_retune(&law, &other) == CGL_OK ? other : config;
         }
     }
     check_fence(length);
@@ -1174,6 +1232,7 @@ void random_inputs(long configs)
         {"space_speed", try_space_speed, 0x74c5bed3U, 0x7dde4ec7U},
         {"anti_cogging", try_anti_cogging, 0x71e4af4fU, 0xe5dae956U},
         {"pi_afc", try_pi_afc, 0x96f736bbU, 0x03e628a4U},
+        {"harmonic", try_harmonic, 0x4d5f0460U, 0x00000001U},
         {"zero_phase", try_zero_phase, 0x428ca5d0U, 0x74f1ea8fU},
         {"trial", try_trial, 0xa133f839U, 0x4318ff6eU},
         {"monitor", try_monitor, 0x67e82230U, 0x23cd28fbU},

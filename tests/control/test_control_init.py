@@ -60,6 +60,16 @@ BAD_PI_AFC = {
     "omega_min": POSITIVE,
     "limit": POSITIVE,
 }
+HARMONIC = {"b": 800.0, "delay": 1e-4, "base": 6, "orders": 3, "rate": 4.0, "rate_min": 1.0, "limit": 1.0}
+BAD_HARMONIC = {
+    "b": POSITIVE,
+    "delay": NOT_NEGATIVE,
+    "base": [0, 65536, 30000, 0xFFFFFFFF],
+    "orders": [0, 129, 0x80000000, 0xFFFFFFFF],
+    "rate": NOT_NEGATIVE,
+    "rate_min": NOT_NEGATIVE,
+    "limit": POSITIVE,
+}
 FEEDFORWARD = {"numerator": 3, "denominator": 2, "preview": 2, "num": [1.0, -0.5, 0.2], "den": [1.0, -0.5]}
 BAD_FEEDFORWARD = {
     "numerator": [17, 0x80000000, 0xFFFFFFFF],
@@ -162,6 +172,11 @@ CONFIGS = {
         PI_AFC | {"pi": PI},
         [c | {"pi": PI} for c in cases(PI_AFC, BAD_PI_AFC)] + [PI_AFC | {"pi": p} for p in cases(PI, BAD_PI)],
     ),
+    "harmonic": (
+        HARMONIC | {"pi": PI},
+        [c | {"pi": PI} for c in cases(HARMONIC, BAD_HARMONIC)]
+        + [HARMONIC | {"pi": p} for p in cases(PI, BAD_PI)],
+    ),
     "feedforward": (FEEDFORWARD, cases(FEEDFORWARD, BAD_FEEDFORWARD)),
     "trial": (
         TRIAL | {"feedforward": FEEDFORWARD, "q_filter": Q_FILTER},
@@ -174,7 +189,7 @@ CONFIGS = {
 ELSEWHERE = {"trial": {"learning_matrix"}}
 # entries that the good config needs
 WITH_MEMORY = {"memory": 68, "pi_ilc": 68, "robust_ilc": 68, "anti_cogging": 64, "pi_afc": 9, "trial": 46,
-               "space_position": 48, "space_speed": 48}  # fmt: skip
+               "harmonic": 15, "space_position": 48, "space_speed": 48}  # fmt: skip
 
 
 TIMELESS = {"feedforward", "trial"}  # these know samples only

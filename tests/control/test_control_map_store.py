@@ -97,6 +97,13 @@ def pi_afc(c: ControlLibrary) -> Law:
     return make(c, "pi_afc", 9, {"pi": PI, **orders})
 
 
+def harmonic(c: ControlLibrary) -> Law:
+    gains = {"b": 800.0, "base": 3, "orders": 3, "rate": 5.0, "rate_min": 1.0, "limit": 1.0}
+    law = make(c, "harmonic", 15, {"pi": PI, **gains})
+    law.memory = law.memory[:9]  # behind it are gains
+    return law
+
+
 def space_position(c: ControlLibrary, kind: int = 0) -> Law:
     gains = {"ratio": 50, "k_theta": 5.0, "k_omega": 0.1, "mu_alpha": 2.0, "mu_beta": 1e-3, "mu_h": 1e-3}
     space = SPACE | {"kind": kind, "method": 1, "k_pp": 10.0}
@@ -116,6 +123,7 @@ ROTARY = {
     "space-position": space_position,
     "space-speed": space_speed,
     "pi-afc": pi_afc,
+    "harmonic": harmonic,
 }
 
 
@@ -232,7 +240,7 @@ def test_a_trial_comes_back(precision: str) -> None:
 def test_the_angles_are_those_of_the_law(precision: str) -> None:
     """What a law does at the angle of an entry, is that entry."""
     c = control_library(precision)
-    for name in [name for name in ROTARY if name != "pi-afc"]:
+    for name in [name for name in ROTARY if name not in ("pi-afc", "harmonic")]:
         law = ROTARY[name](c)
         flash = Flash(c)
         law.memory[:] = 0.0

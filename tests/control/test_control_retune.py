@@ -50,6 +50,7 @@ OTHERS: dict[str, list[dict[str, Any]]] = {
     "space_speed": [*IN_SPACE, {"ratio": 3}],
     "anti_cogging": [{"cells": 63}],
     "pi_afc": [{"orders": 2}, {"order": [6, 12, 19]}],
+    "harmonic": [{"orders": 2}, {"base": 3}],
     "trial": [{"samples": 21}, {"states": 1}, {"q_filter": {"order": 0}}],
     "monitor": [],
     "quality": [],
@@ -189,6 +190,7 @@ INTEGRALS = {
     "speed_pi": "integral",
     "pi_ilc": "pi.integral",
     "pi_afc": "pi.integral",
+    "harmonic": "pi.integral",
     "anti_cogging": "pi.integral",
     "robust_ilc": "adapted",
     "space_position": "integral",
@@ -246,7 +248,9 @@ def test_a_smaller_limit_holds_for_what_is_learned_at_once(name: str, precision:
     smaller = {"pi": config["pi"] | {"limit": small}} if name == "anti_cogging" else {"limit": small}
     if "memory" in config:
         smaller = {"memory": config["memory"] | {"limit": [small]}}
-    rows = law.cell[: 4 if name == "pi_afc" else 64]  # behind the map are orders, or entries of before
+    rows = law.cell[
+        : 4 if name in ("pi_afc", "harmonic") else 64
+    ]  # behind the map are orders, or entries of before
     assert np.abs(rows).max() > small
     assert retune(law, config | smaller) == library.lib.CGL_OK
     assert np.abs(rows).max() == library.real(small)

@@ -40,6 +40,7 @@ CONTROLLERS: list[tuple[str, str, dict[str, Any]]] = [
     ("liu2018", "robust-ilc", {"drive.precision": "double"}),
     ("uomodri", "table", {"scenario.1-rev-s.duration": "1.2 s", "metric": []}),
     ("uomodri", "pi-afc", studies.AFC),
+    ("uomodri", "harmonic", studies.HARMONIC),
     (
         "uomodri",
         "pi",

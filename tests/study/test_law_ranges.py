@@ -24,6 +24,7 @@ LAWS: dict[str, dict[str, Any]] = {
     "pi": PI,
     "pi-ilc": {**PI, "law": "pi-ilc", "gain": 0.1},
     "pi-afc": {**PI, "law": "pi-afc", "orders": [6, 24], "gain": 2.0},
+    "harmonic": {**PI, "law": "harmonic", "base": 6},
     "robust-ilc": {"law": "robust-ilc", "b": 4000.0, "c": 300.0, "g": 10.0, "eta": 300.0, "q": 1.0,
                    "beta_1": 0.0, "beta_2": 10.0, "gamma": 10.0},
     "anti-cogging": {**PI, "law": "anti-cogging", "calibration": TABLE},

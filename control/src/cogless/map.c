@@ -96,14 +96,28 @@ CGL_SELDOM cgl_map_result cgl_map_of_trial(const cgl_trial *law, cgl_map *map)
     return checked(map);
 }
 
-CGL_SELDOM cgl_map_result cgl_map_of_pi_afc(const cgl_pi_afc *law, cgl_map *map)
+/* Orders with their cosines and sines. */
+static cgl_map_result of_orders(uint32_t law, cgl_real *entry, uint32_t orders, cgl_real limit, cgl_real highest,
+                                const bool *learning, cgl_map *map)
 {
-    fill(map, CGL_MAP_LAW_PI_AFC, law->coefficient, law->config.orders, CGL_MAP_UNIT_COSINE_CURRENT, law->config.limit);
+    fill(map, law, entry, orders, CGL_MAP_UNIT_COSINE_CURRENT, limit);
     map->channels = 3U;
     map->unit[1] = CGL_MAP_UNIT_SINE_CURRENT;
-    map->limit[1] = law->config.limit;
+    map->limit[1] = limit;
     map->unit[2] = CGL_MAP_UNIT_ORDER;
-    map->limit[2] = (cgl_real)CGL_PI_AFC_ORDER_MAX;
-    map->learning = &law->learning;
+    map->limit[2] = highest;
+    map->learning = learning;
     return checked(map);
+}
+
+CGL_SELDOM cgl_map_result cgl_map_of_pi_afc(const cgl_pi_afc *law, cgl_map *map)
+{
+    return of_orders(CGL_MAP_LAW_PI_AFC, law->coefficient, law->config.orders, law->config.limit,
+                     (cgl_real)CGL_PI_AFC_ORDER_MAX, &law->learning, map);
+}
+
+CGL_SELDOM cgl_map_result cgl_map_of_harmonic(const cgl_harmonic *law, cgl_map *map)
+{
+    return of_orders(CGL_MAP_LAW_HARMONIC, law->cosine, law->config.orders, law->config.limit,
+                     (cgl_real)CGL_HARMONIC_ORDER_MAX, &law->learning, map);
 }

@@ -8,6 +8,7 @@
 #include <stdint.h>
 
 #include "anti_cogging.h"
+#include "harmonic.h"
 #include "pi_afc.h"
 #include "pi_ilc.h"
 #include "real.h"
@@ -32,7 +33,8 @@ enum {
     CGL_MAP_LAW_SPACE_POSITION = 4,
     CGL_MAP_LAW_SPACE_SPEED = 5,
     CGL_MAP_LAW_TRIAL = 6,
-    CGL_MAP_LAW_PI_AFC = 7
+    CGL_MAP_LAW_PI_AFC = 7,
+    CGL_MAP_LAW_HARMONIC = 8
 };
 
 enum {
@@ -91,6 +93,7 @@ cgl_map_result cgl_map_of_space_position(const cgl_space_position *law,
 cgl_map_result cgl_map_of_space_speed(const cgl_space_speed *law, cgl_map *map);
 cgl_map_result cgl_map_of_trial(const cgl_trial *law, cgl_map *map);
 cgl_map_result cgl_map_of_pi_afc(const cgl_pi_afc *law, cgl_map *map);
+cgl_map_result cgl_map_of_harmonic(const cgl_harmonic *law, cgl_map *map);
 
 /* Whether every field is within its range. */
 bool cgl_map_is_valid(const cgl_map *map);

@@ -10,6 +10,7 @@ from cogless import units
 from cogless.design.current_loop import current_loops, weakness
 from cogless.design.fastest import fastest
 from cogless.design.feedback import feedback_of
+from cogless.design.harmonic import Certificate, certificate
 from cogless.design.margins import Margins, finite
 from cogless.design.pi import gains, speed_loop
 from cogless.design.position import position_gains, position_margins
@@ -17,10 +18,14 @@ from cogless.design.space_bounds import Theorem, theorem
 from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study
 from cogless.study.controller import Feedback, Learning
+from cogless.study.harmonic import Harmonic
 from cogless.study.laws import AnyController
 from cogless.study.space_controller import SpaceLearning, SpacePosition
 from cogless.study.table import Quantity
 from cogless.units import TIME
+
+# Units of what the rule of `harmonic` computes.
+LEARNER = {"b": "rad/s^2/A", "delay": "s", "base": "", "orders": "", "rate": "1/s", "rate_min": "1/s"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,9 +48,12 @@ class Design:
     learning: Verdict | None  # whether its learning settles; None if it doesn't learn
     theorem: Theorem | None = None  # for a law that learns in angle: the conditions of its proof
     fastest: float | None = None  # rad/s, up to which it learns; None if it doesn't learn
+    certificate: Certificate | None = None  # of a law whose rule gives one
 
     def words(self) -> str:
         """Whether learning settles, and up to which speed it learns, in one line; empty without learning."""
+        if self.certificate is not None:
+            return self.certificate.words()
         if self.learning is None or self.fastest is None:
             return self.learning.words() if self.learning else ""
         speed = units.format(self.fastest, self.learning.unit, units.ANGULAR_SPEED, digits=6)
@@ -96,6 +104,7 @@ def design_dict(design: Design) -> dict[str, Any]:
         "learning": design.learning and _learning(design.learning),
         "theorem": design.theorem and _theorem(design.theorem),
         "fastest_rad_s": design.fastest,
+        "certificate": design.certificate and dataclasses.asdict(design.certificate),
     }
 
 
@@ -169,9 +178,12 @@ def design(study: Study, name: str) -> Design:
         sampled = f"but sampled: {known.short()}"
         proof = dataclasses.replace(proof, obstacles=(*proof.obstacles, sampled))
     rule = tuning.rule if tuning else None
-    return Design(
-        controller.law, rule, numbers, weakest_margins(study, name), known, proof, fastest(study, name)
-    )
+    certified = certificate(study, name) if isinstance(controller, Harmonic) else None
+    if certified is not None:
+        numbers |= {key: Gain(getattr(certified.learner, key), unit) for key, unit in LEARNER.items()}
+    highest = certified.fastest if certified is not None else fastest(study, name)
+    margins = weakest_margins(study, name)
+    return Design(controller.law, rule, numbers, margins, known, proof, highest, certified)
 
 
 def weakest_margins(study: Study, name: str) -> Margins | None:

@@ -11,6 +11,7 @@ from typing import Any, Literal
 from cogless.c_laws import C_LAWS
 from cogless.c_layout import control_layout
 from cogless.design.auto import missing
+from cogless.design.harmonic import learner
 from cogless.design.pi import gains
 from cogless.design.position import position_gains
 from cogless.design.space_bounds import learned_limits
@@ -19,6 +20,7 @@ from cogless.run.monitor_defaults import monitor_config, quality_config
 from cogless.study import AnyStudy, Study, for_scenario
 from cogless.study.controller import Feedback, LawLoop, Learning, LibraryLaw, PythonLaw
 from cogless.study.drive import Drive
+from cogless.study.harmonic import Harmonic
 from cogless.study.laws import AnyController
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import StarMotor
@@ -213,7 +215,8 @@ def _controller(study: Study, study_here: Study, name: str, mode: Mode) -> dict[
         current_limit=drive.current_loop.current_limit,
         pole_pairs=study_here.motor.pole_pairs,
     )
-    config = control_layout(study.drive.precision).pack(C_LAWS[law.law].config, law.c_config(loop))
+    values = law.c_config(loop, learner(study, name)) if isinstance(law, Harmonic) else law.c_config(loop)
+    config = control_layout(study.drive.precision).pack(C_LAWS[law.law].config, values)
     return {"law": law.law, "config": config, "calibrate": mode == "learn", "learning_start": law.learns_from}
 
 

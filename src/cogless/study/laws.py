@@ -7,10 +7,20 @@ from typing import Annotated
 from pydantic import Field
 
 from cogless.study.controller import AntiCogging, LibraryLaw, Pi, PiIlc, PythonLaw, RobustIlc
+from cogless.study.harmonic import Harmonic
 from cogless.study.pi_afc import PiAfc
 from cogless.study.space_controller import SpacePosition, SpaceSpeed
 
 AnyController = (
-    Pi | PiIlc | PiAfc | RobustIlc | AntiCogging | SpacePosition | SpaceSpeed | PythonLaw | LibraryLaw
+    Pi
+    | PiIlc
+    | PiAfc
+    | Harmonic
+    | RobustIlc
+    | AntiCogging
+    | SpacePosition
+    | SpaceSpeed
+    | PythonLaw
+    | LibraryLaw
 )
 Controller = Annotated[AnyController, Field(discriminator="law")]

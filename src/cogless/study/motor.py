@@ -105,6 +105,7 @@ class Motor(Table):
     kind: Literal["pmsm"] = "pmsm"
     datasheet: str | None = None  # its file; its fields are already merged in here
     pole_pairs: Annotated[int, Field(ge=1, le=1000)]
+    slots: Annotated[int, Field(ge=3, le=10_000)] | None = None  # of the stator
     # one word for each of resistance, inductance and magnet; several must agree, and the first counts
     R_s: Resistance | None = None  # ohm
     resistance_line_to_line: Resistance | None = None  # ohm

@@ -1,0 +1,94 @@
+/* PI speed control with learned amplitudes of the orders that the motor can have, and nothing to tune:
+ *
+ *   i_q_ref = PI + T,   T = Re sum_k c_k exp(j k base (theta + omega (ts/2 + delay)))
+ *
+ * An observer of angle, speed and load is told the feedback's current alone, u = i_q_ref - T. So what is left of the ripple is
+ * all that it does not foresee, whatever the lag of its model, and where nothing is left it is right:
+ *
+ *   a = b u + z,   theta' = theta + ts omega + ts^2/2 a,   omega' = omega + ts a,   e = measured - theta'
+ *   theta = theta' + (1 - p^3) e,   omega = omega' + 3/2 (1-p)^2 (1+p) e / ts,   z += (1-p)^3 e / ts^2,   p = exp(-1/2)
+ *
+ * A ripple of Om = k base omega ts in current shows as b ts^2 G(Om) of it in s, which is z without its mean where Om is small,
+ * else e. Each order takes away what it sees of itself, by the exact inverse of that:
+ *
+ *   c_k -= rate ts s exp(-j k base theta) / (b ts^2 G)
+ *
+ * The rate is that of a mean over all that was seen since the speed was last a new one: 1 / (1 / rate + t / 2). */
+#ifndef COGLESS_HARMONIC_H
+#define COGLESS_HARMONIC_H
+
+#include <stdint.h>
+
+#include "law.h"
+#include "pi.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define CGL_HARMONIC_ORDERS 128U
+#define CGL_HARMONIC_ORDER_MAX 65535U
+#define CGL_HARMONIC_FASTEST CGL_R(2.6) /* rad in a step: beyond it the samples hardly tell an order from its image */
+#define CGL_HARMONIC_SETTLE 64U         /* steps until learning goes on after it froze */
+
+/* Entries of the caller's memory: cosines, sines, and the orders, by which a stored map tells whose they are; gains. */
+#define CGL_HARMONIC_LENGTH(orders) (5U * (orders))
+
+typedef struct {
+    cgl_pi_config pi;   /* kp [A s/rad], ki [A/rad], limit of the sum [A] */
+    cgl_real b;         /* acceleration per current, K_t / J [rad/s^2/A], > 0; b ts^2 is a number, > 0, too */
+    cgl_real delay;     /* from the reference to the current, without the hold of half a period [s], 0 to 16 ts */
+    uint32_t base;      /* learned orders of a mechanical revolution are its multiples, 1 to CGL_HARMONIC_ORDER_MAX */
+    uint32_t orders;    /* how many, 1 to CGL_HARMONIC_ORDERS; base orders is at most CGL_HARMONIC_ORDER_MAX */
+    cgl_real rate;      /* of learning when it begins [1/s], >= 0 */
+    cgl_real rate_min;  /* to which it falls [1/s], >= 0 */
+    cgl_real limit;     /* each amplitude, and the sum, stay within +-limit [A], > 0 */
+} cgl_harmonic_config;
+
+typedef struct {
+    cgl_harmonic_config config;
+    cgl_pi pi;
+    cgl_real *cosine;        /* caller's memory: `orders` cosines [A], sines [A], orders, and gains, [A/rad] each, in two parts */
+    cgl_real delay;          /* [ts] */
+    cgl_real gain;           /* b ts^2 [rad/A] */
+    cgl_real weight[3];      /* shares of `told` in what the current is: a delay between samples, or a lag */
+    cgl_real kept;           /* of the lag */
+    cgl_real told[3];        /* u of the last steps [A] */
+    cgl_real current;        /* u as it acts [A] */
+    uint32_t theta;          /* the observer's angle [turns of 2^32], */
+    cgl_real omega;          /* speed [rad/ts], */
+    cgl_real load;           /* z [rad/ts^2], */
+    cgl_real mean;           /* and its mean */
+    cgl_real time;           /* of learning since the speed was new [s] */
+    cgl_real anchor;         /* that speed, and the span of those since [rad/ts] */
+    cgl_real slowest, fastest;
+    cgl_real rate;           /* of learning at present [1/s] */
+    cgl_real base[2], half[2]; /* phasors of the base order: of what the delay turns it by, and of half a period, */
+    cgl_real delayed[2], turned[2]; /* and those of the order that is due: its gain is made anew */
+    uint32_t due;
+    uint32_t acting;         /* orders that have samples enough at this speed */
+    uint32_t low;            /* of which so many learn from z */
+    uint32_t wait;           /* steps until it may learn */
+    bool seated;             /* the observer follows an angle */
+    bool learning;           /* the last step learned */
+    cgl_real learned;        /* the learned part of the last step [A] */
+} cgl_harmonic;
+
+/* `cell`: CGL_HARMONIC_LENGTH(orders) entries, which the state keeps using; they are cleared. */
+cgl_error cgl_harmonic_init(cgl_harmonic *law, const cgl_harmonic_config *config, cgl_real ts, cgl_real *cell, uint32_t length);
+
+/* Takes other gains and limits while it runs, as cgl_pi_retune. Amplitudes stay, within the limit; the orders must. */
+cgl_error cgl_harmonic_retune(cgl_harmonic *law, const cgl_harmonic_config *config);
+
+void cgl_harmonic_reset(cgl_harmonic *law);
+
+/* Learning freezes, and what was learned acts on, while in->learn is false, the output was at its limit, or an input is not
+ * finite, and for CGL_HARMONIC_SETTLE steps after. Where the angle is none, nothing learned acts. An order beyond
+ * CGL_HARMONIC_FASTEST neither acts nor is learned. While in->off the output and the PI's integral are 0. */
+void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_output *out);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,144 @@
+"""Tables of what the law `harmonic` reaches, for docs/laws/harmonic.md, from shipped studies with the law added.
+
+python docs/harmonic_tables.py            print the tables
+python docs/harmonic_tables.py --write    put them into the page
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from marked import RPM, number, replaced, table
+
+import cogless
+from cogless.run.simulate import simulate
+
+PAGE = Path(__file__).parent / "laws" / "harmonic.md"
+LAWS: dict[str, Any] = {
+    "controller.harmonic": {"law": "harmonic", "tuning": {"rule": "auto"}},
+    "controller.same": {"law": "pi", "tuning": {"rule": "phase-margin", "phase_margin": "45 deg"}},
+}
+MAP_LAW = {"uomodri": "pi-ilc", "liu2018": "pi-ilc-lead", "uomodri-varying": "angle"}
+COMPENSATED = {"drive.dead_time_compensation.band": "35 mA"}
+MT = {"drive.position_sensor.speed_method": "MT", "drive.position_sensor.timer": "90 MHz"}
+WINDOW, BELOW, LAST = 0.25, 1.0, 4.0  # s, r/min, s
+Case = tuple[str, str, str, dict[str, Any]]
+
+
+def at(scenario: str, speed: str) -> dict[str, Any]:
+    """Changes that set a scenario's constant speed."""
+    return {f"scenario.{scenario}.reference": speed, f"scenario.{scenario}.initial_speed": speed}
+
+
+# name, study, scenario, changes
+SPEEDS: list[Case] = [
+    ("uomodri, 15 r/min", "uomodri", "slow", {}),
+    ("uomodri, 60 r/min", "uomodri", "1-rev-s", {}),
+    ("uomodri, 240 r/min", "uomodri", "fast", {}),
+    ("dead time compensated, 15 r/min", "uomodri", "slow", COMPENSATED),
+    ("dead time compensated, 60 r/min", "uomodri", "1-rev-s", COMPENSATED),
+    ("dead time compensated, 240 r/min", "uomodri", "fast", COMPENSATED),
+    ("uomodri-varying", "uomodri-varying", "varying", {}),
+    ("uomodri-varying, compensated", "uomodri-varying", "varying", COMPENSATED),
+    ("Liu, 60 r/min", "liu2018", "60-rpm", {}),
+    ("Liu, 60 r/min, 78 % load", "liu2018", "60-rpm-78-load", {}),
+    ("Liu, 900 r/min", "liu2018", "900-rpm", {}),
+    ("Liu, MT, 61.3 r/min", "liu2018", "60-rpm", MT | at("60-rpm", "61.3 rpm")),
+    ("Liu, MT, 911 r/min", "liu2018", "900-rpm", MT | at("900-rpm", "911 rpm")),
+]
+
+
+def untold(scenario: str, **changes: Any) -> dict[str, Any]:
+    """Changes of one scenario that its controllers aren't told."""
+    key = f"scenario.{scenario}.override"
+    return {key: {name.replace("__", "."): value for name, value in changes.items()}}
+
+
+RIPPLE = [{"order": 24, "percent": 5.0}]
+WRONG: list[Case] = [
+    ("as it is", "uomodri", "1-rev-s", {}),
+    ("J half", "uomodri", "1-rev-s", untold("1-rev-s", mechanics__inertia="3.0e-6 kg*m^2")),
+    ("J 1.5 times", "uomodri", "1-rev-s", untold("1-rev-s", mechanics__inertia="9.0e-6 kg*m^2")),
+    ("K_t half", "uomodri", "1-rev-s", untold("1-rev-s", motor__kv="600 rpm/V")),
+    ("K_t 1.5 times", "uomodri", "1-rev-s", untold("1-rev-s", motor__kv="200 rpm/V")),
+    ("a sample of delay", "uomodri", "1-rev-s", untold("1-rev-s", drive__bus__delay_command="0.2 ms")),
+    ("the same at 240 r/min", "uomodri", "fast", untold("fast", drive__bus__delay_command="0.2 ms")),
+    ("K_t ripples by 5 %", "uomodri", "1-rev-s", untold("1-rev-s", motor__torque_ripple=RIPPLE)),
+    ("0.2 deg of eccentricity", "uomodri", "1-rev-s", untold("1-rev-s", drive__position_sensor__eccentricity="0.2 deg")),
+    ("0.5 deg of eccentricity", "uomodri", "1-rev-s", untold("1-rev-s", drive__position_sensor__eccentricity="0.5 deg")),
+    ("switched PWM", "uomodri", "1-rev-s", untold("1-rev-s", drive__inverter__kind="switched")),
+]  # fmt: skip
+
+
+def changed(case: Case) -> cogless.Study:
+    """A case's study, with the laws added."""
+    _, study, scenario, changes = case
+    here = cogless.load(study).scenario[scenario].controllers
+    chosen = {f"scenario.{scenario}.controllers": [*here, "harmonic", "same"]} if here else {}
+    made = cogless.load(study, {**LAWS, **chosen, **changes})
+    assert isinstance(made, cogless.Study)
+    return made
+
+
+def measured(case: Case, name: str) -> tuple[float, float | None]:
+    """The rms speed error over the last 4 s, r/min, and the time until it is below 1 r/min in 1/4 s, s."""
+    trace = simulate(changed(case), case[2], name).trace
+    time, error = np.asarray(trace["time"]), np.asarray(trace["omega_m"] - trace["omega_ref"]) / RPM
+    rest = error[time >= time[-1] - LAST]
+    constant = np.ptp(trace["omega_ref"]) == 0
+    left = float(np.std(rest) if constant else np.sqrt(np.mean(rest**2)))
+    window = round(WINDOW / (time[1] - time[0]))
+    parts = error[: len(error) // window * window].reshape(-1, window).std(axis=1)
+    below = np.flatnonzero(parts < BELOW)
+    return left, (WINDOW * (int(below[0]) + 1) if len(below) else None)
+
+
+def speeds() -> list[str]:
+    rows = []
+    for case in SPEEDS:
+        found = [measured(case, name) for name in ("same", MAP_LAW[case[1]], "harmonic")]
+        row = [number(left, 2) for left, _ in found] + [number(time, 3) for _, time in found[1:]]
+        rows.append([case[0], *row])
+        print(*rows[-1], file=sys.stderr, flush=True)
+    head = ["rms, r/min", "same PI", "map law", "harmonic", "map law, s to 1 r/min", "harmonic, s to 1 r/min"]
+    return table(head, rows)
+
+
+def wrong() -> list[str]:
+    rows = []
+    for case in WRONG:
+        (without, _), (left, time) = measured(case, "same"), measured(case, "harmonic")
+        rows.append([case[0], number(without, 2), number(left, 2), number(time, 3)])
+        print(*rows[-1], file=sys.stderr, flush=True)
+    return table(["rms, r/min", "same PI", "harmonic", "s to 1 r/min"], rows)
+
+
+def dips() -> list[str]:
+    rows = []
+    for scenario in ("60-rpm", "60-rpm-78-load", "900-rpm", "60-rpm-step", "900-rpm-step"):
+        study = changed(("", "liu2018", scenario, {}))
+        runs = cogless.run_study(study, [f"{scenario}/{name}" for name in ("same", "harmonic")]).runs
+        for run in runs:
+            of = run.metrics
+            orders = of.get("speed_order_rad_s", (None,) * 3)
+            cells = [*orders, of.get("dip_rad_s")]
+            shown = [number(None if x is None else x / RPM, 2) for x in cells]
+            name = f"{scenario}, {'same PI' if run.controller == 'same' else 'harmonic'}"
+            rows.append([name, *shown, number(of.get("settling_s"), 2)])
+            print(*rows[-1], file=sys.stderr, flush=True)
+    return table(["r/min", "order 1", "order 2", "order 6", "dip", "settling, s"], rows)
+
+
+def main() -> None:
+    blocks = {"speeds": speeds(), "wrong": wrong(), "liu": dips()}
+    if "--write" in sys.argv:
+        PAGE.write_text(replaced(PAGE.read_text(encoding="utf-8"), blocks), encoding="utf-8")
+    for name, lines in blocks.items():
+        print(f"## {name}\n", *lines, "", sep="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,251 @@
+"""PI with learned harmonics: agreement with the reference, and what the law does."""
+
+import math
+
+import numpy as np
+import pytest
+from control_library import SOURCE, control_library
+from reference.harmonic import SETTLE, Harmonic
+from reference.motion import motion, rounded
+from reference.pi import Pi
+
+from cogless.study.harmonic import FASTEST, HIGHEST, ORDERS
+
+TS, STEPS = 1e-3, 3000
+B = 800.0  # rad/s^2/A
+pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered")
+
+
+class CHarmonic:
+    """The C law, configured as its reference is."""
+
+    def __init__(self, library, r: Harmonic):
+        self.library, lib, self.orders = library, library.lib, r.orders
+        same = ("b", "delay", "base", "orders", "rate", "rate_min", "limit")
+        pi = {name: getattr(r.pi, name) for name in ("kp", "ki", "limit")}
+        self.config = library.new("cgl_harmonic_config", pi=pi, **{name: getattr(r, name) for name in same})
+        self.state = library.new("cgl_harmonic")
+        self.memory, pointer = library.array(np.ones(5 * r.orders))
+        assert lib.cgl_harmonic_init(self.state, self.config, r.pi.ts, pointer, 5 * r.orders) == lib.CGL_OK
+        self.input, self.output = library.new("cgl_law_input"), library.new("cgl_law_output")
+
+    @property
+    def c(self):
+        return self.memory[: self.orders] - 1j * self.memory[self.orders : 2 * self.orders]
+
+    def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:
+        i = self.input
+        i.omega_ref, i.omega_m, i.theta_m, i.learn = omega_ref, omega_m, theta_m, learn
+        self.library.lib.cgl_harmonic_step(self.state, i, self.output)
+        return self.output.i_q_ref
+
+
+def law(
+    base=6, orders=8, rate=5.0, delay=0.0, limit=2.0, pi=(0.1, 2.0, 4.0), b=B, real=np.float64
+) -> Harmonic:
+    kp, ki, most, ts, *numbers = rounded([*pi, TS, b, delay, rate, min(rate, 1.0), limit], real)
+    b, delay, rate, rate_min, limit = numbers
+    return Harmonic(Pi(kp, ki, ts, most), b, delay, base, orders, rate, rate_min, limit)
+
+
+def random_law(rng, real) -> Harmonic:
+    delay = float(rng.choice([0.0, rng.uniform(0, 1.5e-3), rng.uniform(1.5e-3, 1e-2)]))
+    pi = (rng.uniform(0.05, 0.2), rng.uniform(0.1, 3), rng.uniform(1, 4))
+    base, orders = int(rng.integers(1, 20)), int(rng.integers(1, 20))
+    return law(base, orders, rng.uniform(1, 8), delay, rng.uniform(0.3, 2), pi, rng.uniform(50, 800), real)
+
+
+def inputs(rng, real, faults):
+    m = motion(rng, STEPS, TS, faults)
+    shocks = np.repeat(
+        rng.choice([0.0, 0.0, 0.0, 15.0, -15.0], STEPS // 100), 100
+    )  # into saturation and back
+    columns = [rounded(x, real).tolist() for x in (m.omega_ref, m.omega_m - shocks, m.theta_m)]
+    return list(zip(*columns, m.learn.tolist(), strict=True))
+
+
+def status(lib, r: Harmonic, omega_ref, omega_m, theta_m, learn):
+    fault = not (math.isfinite(omega_ref - omega_m) and abs(theta_m) < 1e5)
+    return (
+        lib.CGL_STATUS_SATURATED * r.pi.saturated
+        | lib.CGL_STATUS_FROZEN * (not r.learning)
+        | lib.CGL_STATUS_FAULT * fault
+    )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_double_equals_the_reference(seed):
+    rng, library = np.random.default_rng(seed), control_library("double")
+    reference = random_law(rng, np.float64)
+    c, seen = CHarmonic(library, reference), set()
+    for n, one in enumerate(inputs(rng, np.float64, 0.001)):
+        got, expected = c.step(*one), reference.step(*one)
+        assert abs(got - expected) <= 1e-9 * reference.pi.limit, n
+        assert c.output.status == status(library.lib, reference, *one), n
+        seen.add(c.output.status)
+    assert np.abs(c.c - reference.c).max() <= 1e-9 * reference.limit
+    assert {0, 1, 4} <= {s & 5 for s in seen} and np.abs(reference.c).max() > 0.01
+
+
+class Motor:
+    """Inertia under a current that is `late` steps behind, with ripple of some orders, A."""
+
+    def __init__(self, speed, ripple, late=0, b=B):
+        self.theta, self.omega, self.ripple, self.b = 0.3, speed, ripple, b
+        self.pending = [0.0] * late
+
+    def move(self, i):
+        self.pending.append(i)
+        i = self.pending.pop(0)
+        for _ in range(20):
+            middle = self.theta + TS / 40 * self.omega
+            total = i + sum(x * math.cos(h * middle + phase) for h, x, phase in self.ripple)
+            self.theta += TS / 20 * (self.omega + TS / 40 * self.b * total)
+            self.omega += TS / 20 * self.b * total
+
+
+def run(c, motor, speed, seconds, learn=True, angle=lambda theta, n: theta % math.tau):
+    """Speeds of the motor under a law."""
+    speeds = []
+    for n in range(int(seconds / TS)):
+        speeds.append(motor.omega)
+        motor.move(c.step(speed, motor.omega, angle(motor.theta, n), learn))
+    return np.array(speeds)
+
+
+RIPPLE = ((6, 0.3, 0.4), (24, 0.2, -1.0))
+
+
+@pytest.mark.parametrize("speed", [10.0, -10.0, 60.0])
+@pytest.mark.parametrize("precision", ["float", "double"])
+def test_ripple_goes_and_its_orders_are_known(speed, precision):
+    """Current that is held for a sample has to be larger than the ripple to cancel it where the angle is
+    sampled, at 60 rad/s and order 24 by 11 %; in between some stays."""
+    library = control_library(precision)
+    without = run(CHarmonic(library, law(rate=0.0)), Motor(speed, RIPPLE), speed, 1.0)
+    c = CHarmonic(library, law())
+    left = np.std(run(c, Motor(speed, RIPPLE), speed, 4.0)[-500:]) / np.std(without[-500:])
+    assert left < (0.01 if abs(speed) < 20 else 0.05)
+    half = np.array([h for h, _, _ in RIPPLE]) * speed * TS / 2
+    held = (np.sin(half) / half) ** 2 / np.cos(half)
+    expected = held * [-x * np.exp(1j * phase) for _, x, phase in RIPPLE]
+    assert c.c[[0, 3]] == pytest.approx(expected, rel=0.02)
+    assert np.abs(np.delete(c.c, [0, 3])).max() < 2e-3
+
+
+@pytest.mark.parametrize("late", [0, 1, 2])
+def test_a_delay_that_is_told_changes_nothing(late):
+    c = CHarmonic(control_library("float"), law(delay=late * TS, pi=(0.05, 1.0, 4.0)))
+    speeds = run(c, Motor(30.0, RIPPLE, late), 30.0, 5.0)
+    assert np.std(speeds[-500:]) < 0.02
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.5])
+def test_a_wrong_inertia_only_slows_it(factor):
+    c = CHarmonic(control_library("float"), law())
+    speeds = run(c, Motor(10.0, RIPPLE, b=factor * B), 10.0, 6.0)
+    assert np.std(speeds[-700:]) < 0.06 * np.std(speeds[:60])
+
+
+def test_a_sample_that_is_not_told_is_borne_at_low_orders():
+    """Order 24 turns by 14 degrees in a sample at 10 rad/s."""
+    c = CHarmonic(control_library("float"), law(pi=(0.05, 1.0, 4.0)))
+    speeds = run(c, Motor(10.0, RIPPLE, 1), 10.0, 6.0)
+    assert np.std(speeds[-700:]) < 0.02 * np.std(speeds[:60])
+
+
+def test_the_first_period_is_nearly_enough():
+    """After 0.3 s, a third more than a period of the base order of 10 Hz, of which it waits 64 ms."""
+    c = CHarmonic(control_library("float"), law(rate=30.0, orders=4))
+    speeds = run(c, Motor(10.0, RIPPLE), 10.0, 0.6)
+    assert np.std(speeds[300:600]) < 0.25 * np.std(speeds[:100])
+
+
+def test_a_dropout_leaves_what_is_learned():
+    """50 ms without an angle: it comes back within what settles, not by learning anew."""
+    c, motor = CHarmonic(control_library("float"), law()), Motor(10.0, RIPPLE)
+    before = run(c, motor, 10.0, 6.0)
+    kept = c.c.copy()
+    run(c, motor, 10.0, 0.05, angle=lambda theta, n: math.nan)
+    assert np.array_equal(c.c, kept) and not c.state.seated
+    after = run(c, motor, 10.0, 1.0)
+    assert np.std(after[-300:]) < 3 * np.std(before[-300:]) + 1e-3
+    assert np.abs(c.c - kept).max() < 0.02
+
+
+def test_a_new_speed_opens_the_rate_again_and_a_known_one_does_not():
+    c, motor = CHarmonic(control_library("float"), law(rate=8.0)), Motor(10.0, RIPPLE)
+    run(c, motor, 10.0, 3.0)
+    slow = c.state.rate
+    rates = []
+    for speed in (20.0, 10.0):
+        run(c, motor, speed, 0.4)
+        rates.append(c.state.rate)
+        run(c, motor, speed, 2.6)
+    assert slow < 2.0 and rates[0] > 7.0 and rates[1] < 2.0
+
+
+def test_nothing_is_learned_at_rest():
+    c = CHarmonic(control_library("float"), law())
+    rng = np.random.default_rng(2)
+    for _ in range(3000):
+        c.step(0.0, 0.0, 1.0 + 1e-3 * rng.normal())
+    assert np.abs(c.c).max() < 0.02
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+def test_what_is_frozen_stays_and_acts_on(precision):
+    library = control_library(precision)
+    c, lib = CHarmonic(library, law()), library.lib
+    run(c, Motor(10.0, RIPPLE), 10.0, 1.0)
+    kept, frozen = c.memory[: 2 * c.orders].copy(), lib.CGL_STATUS_FROZEN
+    c.step(10.0, 10.0, 0.3, False)
+    assert c.state.learned != 0.0 and c.output.status == frozen and not c.state.learning
+    for omega_ref, omega_m in ((math.nan, 10.0), (10.0, math.inf)):
+        c.step(omega_ref, omega_m, 0.3)
+        assert c.output.status & frozen and c.state.learned != 0.0
+    c.step(10.0, 9.0, math.nan)
+    assert c.output.status == frozen | lib.CGL_STATUS_FAULT and c.state.learned == 0.0
+    for n in range(SETTLE + 1):
+        c.step(10.0, 10.0, 0.3 + 0.01 * n)
+        assert c.output.status == frozen
+    assert np.array_equal(c.memory[: 2 * c.orders], kept)
+    c.step(10.0, 10.0, 0.3)
+    assert c.output.status == 0
+
+
+def test_an_order_with_too_few_samples_rests():
+    """At 60 rad/s and 1 kHz order 42 turns by 2.5 rad a sample, order 48 by 2.9."""
+    c = CHarmonic(control_library("double"), law())
+    run(c, Motor(60.0, ((48, 0.2, 0.0),)), 60.0, 2.0)
+    assert c.state.acting == 7 and c.c[7] == 0.0
+
+
+def test_a_reset_forgets_all_but_the_orders():
+    library = control_library("float")
+    c, fresh = CHarmonic(library, law()), CHarmonic(library, law())
+    run(c, Motor(10.0, RIPPLE), 10.0, 0.5)
+    library.lib.cgl_harmonic_reset(c.state)
+    assert np.array_equal(c.memory, fresh.memory)
+    assert list(c.memory[16:24]) == [6.0 * (k + 1) for k in range(8)]
+    rng = np.random.default_rng(3)
+    for one in inputs(rng, np.float32, 0.003)[:500]:
+        assert c.step(*one) == fresh.step(*one)
+
+
+def test_a_study_takes_as_many_orders_as_the_law() -> None:
+    header = (SOURCE / "cogless" / "harmonic.h").read_text(encoding="utf-8")
+    assert f"CGL_HARMONIC_ORDERS {ORDERS}U\n" in header
+    assert f"CGL_HARMONIC_ORDER_MAX {HIGHEST}U\n" in header
+    assert f"CGL_HARMONIC_FASTEST CGL_R({FASTEST})" in header and f"CGL_HARMONIC_SETTLE {SETTLE}U" in header
+
+
+def test_amplitudes_stay_within_their_limit_for_any_angle():
+    c = CHarmonic(control_library("float"), law(rate=1e9, limit=0.25))
+    rng = np.random.default_rng(4)
+    for _ in range(3000):
+        assert abs(c.step(10.0, 10.0 + rng.choice([0.0, 1e30, -1e38]), rng.uniform(-1e4, 1e4))) <= 4.0
+        assert abs(c.state.learned) <= 0.25 and np.abs(c.memory[:16]).max() <= 0.25
+    c.config.limit = 0.1
+    assert c.library.lib.cgl_harmonic_retune(c.state, c.config) == c.library.lib.CGL_OK
+    assert np.abs(c.memory[:16]).max() <= 0.1 + 1e-9

@@ -1,0 +1,165 @@
+"""PI speed control with learned harmonics: amplitudes of a base order's multiples, seen through an observer.
+
+The equations of docs/laws/harmonic.md, in complex numbers; angles are whole parts of a turn, as in C.
+"""
+
+import cmath
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .limits import clip, finite_or_zero, is_angle
+from .pi import Pi
+
+P = math.exp(-0.5)
+L1, L2, L3 = 1 - P**3, 1.5 * (1 - P) ** 2 * (1 + P), (1 - P) ** 3
+FASTEST, SPLIT, MEAN, QUICK, SETTLE, NEW, FULL = 2.6, 0.5105, 0.25, 1 / 16, 64, 1.25, 6.0
+
+
+TURN = 1 << 32  # parts of a turn
+
+
+def parts(revolutions: float) -> int:
+    return int(revolutions * TURN)
+
+
+def turned(angle: int, radians: float) -> int:
+    """The angle, in parts of a turn, that is ahead by so much."""
+    return (angle + parts(clip(radians / math.tau, 0.4999))) % TURN
+
+
+@dataclass
+class Harmonic:
+    pi: Pi
+    b: float
+    delay: float
+    base: int
+    orders: int
+    rate: float
+    rate_min: float
+    limit: float
+    c: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=complex))
+    learned: float = 0.0
+    learning: bool = False
+
+    def __post_init__(self) -> None:
+        ts = self.pi.ts
+        self.c, self.weight = np.zeros((2, self.orders), dtype=complex)
+        self.d, self.gain = self.delay / ts, self.b * ts * ts
+        self.told, self.current = [0.0, 0.0, 0.0], 0.0
+        self.theta = 0
+        self.omega = self.load = self.mean = 0.0
+        self.time = self.anchor = self.slowest = self.fastest = self.rate_now = 0.0
+        self.round_step = 0.0
+        self.due = self.acting = self.low = 0
+        self.wait, self.seated = SETTLE, False
+
+    @property
+    def a(self) -> np.ndarray:
+        return self.c.real
+
+    @property
+    def sines(self) -> np.ndarray:
+        return -self.c.imag
+
+    def shares(self) -> tuple[float, list[float]]:
+        """What stays of the lag, and the shares of the last three commands."""
+        if self.d > 1.5:
+            kept = self.d / (1 + self.d)
+            return kept, [1 - kept, 0.0, 0.0]
+        m, f = (0, self.d) if self.d < 1 else (1, self.d - 1)
+        return 0.0, [0.0] * m + [1 - f, f] + [0.0] * (1 - m)
+
+    def observe(self, theta_m: int) -> float:
+        kept, shares = self.shares()
+        now = kept * self.current + sum(x * y for x, y in zip(shares, self.told, strict=True))
+        self.current = clip(now, self.pi.limit)
+        rise = self.gain * self.current + self.load
+        ahead = turned(self.theta, self.omega + rise / 2)
+        e = ((theta_m - ahead + TURN // 2) % TURN - TURN // 2) / TURN * math.tau
+        self.theta = turned(ahead, L1 * e)
+        self.omega = clip(self.omega + rise + L2 * e, math.pi)
+        self.load = clip(self.load + L3 * e, math.pi)
+        return e
+
+    def begin_round(self) -> None:
+        speed, step = abs(self.omega), self.base * self.omega
+        if (speed > NEW * self.anchor or NEW * speed < self.anchor) and not (
+            self.slowest <= speed <= self.fastest
+        ):
+            first = self.anchor <= 0
+            self.slowest = speed if first else min(self.slowest, speed)
+            self.fastest = max(self.fastest, speed)
+            self.anchor, self.time = speed, 0.0
+        fits = [int(min(self.orders, most / abs(step) if step else math.inf)) for most in (FASTEST, SPLIT)]
+        self.acting, low = fits[0], min(fits)
+        between = slice(min(low, self.low), max(low, self.low))
+        self.weight[between] = 0.0
+        self.low = low
+        begun = self.rate * self.time - FULL
+        rate = max(self.rate / (1 + max(begun, 0.0) / 2), self.rate_min)
+        self.rate_now = min(rate, abs(step) / (math.pi * self.pi.ts))
+        self.round_step, self.due = step, 0
+
+    def make_gain(self) -> None:
+        if self.due >= self.acting:
+            self.begin_round()
+            return
+        k = self.due
+        om = (k + 1) * self.round_step
+        z = cmath.exp(1j * om)
+        turned = cmath.exp(1j * om * (0.5 + self.d))  # what acts is ahead of what is measured
+        if k < self.low:
+            g = L3 / 2 * (z + 1) * z / (z - P) ** 3 * cmath.exp(0.5j * om)
+            turned *= 1 - 1j * math.copysign(MEAN, self.omega) / (k + 1)
+        else:
+            g = (z + 1) * (z - 1) / 2 / (z - P) ** 3 * cmath.exp(0.5j * om)
+        self.weight[k] = self.rate_now / (self.b * self.pi.ts) / g * turned
+        self.due = k + 1
+
+    def sum_of_orders(self, angle: int, load: float, e: float) -> float:
+        n = np.arange(self.acting)
+        phasor = np.exp(1j * math.tau * (self.base * angle % TURN / TURN) * (n + 1))
+        seen = np.where(n < self.low, load, e)
+        c = self.c[: self.acting] - seen * self.weight[: self.acting] * np.conj(phasor)
+        real, imag = (np.clip(part, -self.limit, self.limit) for part in (c.real, c.imag))
+        self.c[: self.acting] = real + 1j * imag
+        return clip(float(np.sum((self.c[: self.acting] * phasor).real)), self.limit)
+
+    def follow(self, omega_m: float, theta_m: float, may: bool) -> None:
+        """Observer, gains, amplitudes and the learned current of one step."""
+        self.learning = may and self.wait == 0
+        self.wait = max(self.wait - 1, 0) if may else SETTLE
+        self.learned = 0.0
+        if not is_angle(theta_m):
+            self.seated = False
+            return
+        theta = parts(math.fmod(theta_m / math.tau, 1)) % TURN
+        if not self.seated:
+            self.theta, self.load, self.mean = theta, 0.0, 0.0
+            self.omega = clip(finite_or_zero(omega_m) * self.pi.ts, math.pi)
+            self.wait, self.seated = SETTLE, True
+        e = self.observe(theta)
+        slow = MEAN * self.base * abs(self.omega)
+        self.mean += (min(slow, QUICK) if self.learning else QUICK) * (self.load - self.mean)
+        self.make_gain()
+        ahead = turned(theta, self.omega * (0.5 + self.d))
+        seen = (self.load - self.mean, e) if self.learning else (0.0, 0.0)
+        self.learned = self.sum_of_orders(ahead, *seen)
+        if self.learning:
+            self.time = min(self.time + self.pi.ts, 1e6)
+
+    def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:
+        error = omega_ref - omega_m
+        plausible = math.isfinite(error) and is_angle(theta_m)
+        self.follow(omega_m, theta_m, learn and plausible and not self.pi.saturated)
+        out = self.pi.step(error, self.learned)
+        self.told = [out - self.learned, *self.told[:2]]
+        return out
+
+    def torque(self, current: float, omega_ref: float, omega_m: float, theta_m: float) -> float:
+        self.follow(omega_m, theta_m, False)
+        out = self.pi.torque(current, self.learned)
+        self.told = [out - self.learned, *self.told[:2]]
+        return out
