@@ -6,11 +6,12 @@ from typing import Annotated
 
 from pydantic import Field
 
+from cogless.study.adrc import Adrc
 from cogless.study.controller import AntiCogging, LibraryLaw, Pi, PiIlc, PythonLaw, RobustIlc
 from cogless.study.pi_afc import PiAfc
 from cogless.study.space_controller import SpacePosition, SpaceSpeed
 
 AnyController = (
-    Pi | PiIlc | PiAfc | RobustIlc | AntiCogging | SpacePosition | SpaceSpeed | PythonLaw | LibraryLaw
+    Pi | Adrc | PiIlc | PiAfc | RobustIlc | AntiCogging | SpacePosition | SpaceSpeed | PythonLaw | LibraryLaw
 )
 Controller = Annotated[AnyController, Field(discriminator="law")]
