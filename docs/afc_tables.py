@@ -32,9 +32,10 @@ SENSORS: dict[str, dict[str, Any]] = {
 }
 
 
-def figure_changes() -> dict[str, Any]:
-    """The change of the study that the page's figure has in its option `:set:`."""
-    found = re.search(r"^:set: (.*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+def figure_changes(law: str) -> dict[str, Any]:
+    """The change of the study that the figure on a law's page has in its option `:set:`."""
+    page = (PAGE.parent / f"{law}.md").read_text(encoding="utf-8")
+    found = re.search(r"^:set: (.*)$", page, re.MULTILINE)
     assert found is not None
     return changes_from([found[1]])
 
@@ -42,7 +43,7 @@ def figure_changes() -> dict[str, Any]:
 def rows() -> list[list[str]]:
     made = []
     for text, changes in SENSORS.items():
-        study = cogless.load("uomodri", {**changes, **figure_changes()})
+        study = cogless.load("uomodri", {**changes, **figure_changes(PAGE.stem)})
         only = [f"{scenario}/{name}" for scenario in SCENARIOS for name in CONTROLLERS]
         metrics = {(r.scenario, r.controller): r.metrics for r in cogless.run_study(study, only).runs}
         for scenario, speed in SCENARIOS.items():

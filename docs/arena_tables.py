@@ -83,8 +83,24 @@ def winner_table(scores: Scores) -> list[str]:
         price = [f"{instructions} instructions, {ram} bytes", *dearer, *lost]
         equals = ", ".join(scores.label(other) for other in winners[1:])
         name = scores.label(law) + (f" (as good: {equals})" if equals else "")
-        rows.append([about.title, name, f"{number(score)}", "; ".join(price)])
-    return table(["column", "winner", "times the bar", "what it costs"], rows)
+        rows.append(
+            [about.title, name, f"{number(score)}", _better_on_fewer(scores, column, law), "; ".join(price)]
+        )
+    return table(
+        ["column", "winner", "times the bar", "better on fewer plants", "what the winner costs"], rows
+    )
+
+
+def _better_on_fewer(scores: Scores, column: str, winner: str) -> str:
+    """Laws that stayed away from some plants and beat the winner of a column on those that both were on."""
+    found = []
+    for law in scores.laws:
+        both = [p for p in scores.plants if scores.ratio(column, p, law) is not None]
+        ratios = [[scores.ratio(column, p, each) or math.inf for p in both] for each in (law, winner)]
+        own, other = (math.prod(each) ** (1 / max(1, len(both))) for each in ratios)
+        if 0 < len(both) < scores.met(winner) and own * LOSES < other:
+            found.append(f"{scores.label(law)} ({number(own)} to {number(other)} on {len(both)})")
+    return ", ".join(found) or "-"
 
 
 def _lost(scores: Scores, column: str, law: str) -> list[str]:

@@ -34,13 +34,14 @@ Case = tuple[str, str, str | None, str, dict[str, Any]]
 # For each case: name, study, scenario (None: the first), controller, changes of the study.
 CASES: list[Case] = [
     ("PI", "liu2018", None, "pi", {}),
+    ("disturbance rejection", "uomodri", None, "adrc", figure_changes("adrc")),
     ("PI and learning, map", "liu2018", "60-rpm", "pi-ilc", {}),
     ("PI and learning, 15 cells a step", "liu2018", "900-rpm", "pi-ilc", {}),
     ("PI and learning, by time", "liu2018-varying", None, "time", {}),
     ("robust learning, map", "liu2018", "60-rpm", "robust-ilc", {}),
     ("robust learning, 15 cells a step", "liu2018", "900-rpm", "robust-ilc", {}),
     ("anti-cogging table", "uomodri", None, "table", {}),
-    ("PI and thirteen orders", "uomodri", None, "pi-afc", figure_changes()),
+    ("PI and thirteen orders", "uomodri", None, "pi-afc", figure_changes("pi-afc")),
     ("PI and harmonics of the motor", "uomodri", None, "harmonic", {"controller.harmonic": AUTO}),
     ("PI and five harmonics", "uomodri", None, "harmonic", {"controller.harmonic": {**AUTO, "base": 80}}),
     ("space-learning speed, map", "verrelli2016-speed", None, "learning", SINGLE),

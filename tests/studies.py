@@ -23,6 +23,10 @@ rates = { current_loop = "2 kHz", speed_loop = "1 kHz" }
 current_loop = { kind = "ideal", current_limit = "3 A" }
 """
 # Changes that add a law of chosen orders to `uomodri`, whose ripple these are.
+ADRC: dict[str, Any] = {
+    "controller.adrc": {"law": "adrc", "b": 1367.0, "omega_c": 100.0, "omega_o": 400.0},
+    "scenario.60-rpm.controllers": ["adrc"],
+}
 AFC: dict[str, Any] = {
     "controller.pi-afc": {
         "law": "pi-afc",

@@ -42,6 +42,7 @@ PARTS = {
     "quality": "quality",
     "drive": "range angle foc monitor quality guard drive",
     "pi": "law range pi speed_pi",
+    "adrc": "law range adrc",
     "pi_ilc": "law angle pi memory delay_line range pi_ilc",
     "robust_ilc": "law angle memory delay_line range robust_ilc",
     "anti_cogging": "law range angle pi anti_cogging",
@@ -55,7 +56,7 @@ PARTS = {
 
 # Functions whose paths are kept apart further than others': those whose answer says what is valid.
 PRECISE = """
-    is_valid cgl_map_is_valid cgl_pi_init cgl_memory_init cgl_pi_ilc_init cgl_robust_ilc_init
+    is_valid cgl_map_is_valid cgl_pi_init cgl_adrc_init cgl_memory_init cgl_pi_ilc_init cgl_robust_ilc_init
     cgl_anti_cogging_init cgl_pi_afc_init cgl_harmonic_init
     cgl_delay_is_valid cgl_space_position_init cgl_space_speed_init
     cgl_encoder_init cgl_hall_init cgl_low_pass_init cgl_low_pass_retune cgl_angle_observer_init
@@ -113,6 +114,7 @@ RUNS = [  # the longest first
     Run("foc", {}), Run("foc", DOUBLE), Run("dead_time", {}), Run("dead_time", DOUBLE),
     Run("sensors", {}), Run("sensors", DOUBLE),
     Run("leaves", {}), Run("leaves", DOUBLE),
+    Run("adrc", {}), Run("adrc", LIMITED), Run("adrc", DOUBLE),
     Run("pi", {}), Run("pi", LIMITED), Run("pi", DOUBLE),
 ]  # fmt: skip
 

@@ -2,6 +2,7 @@
 #ifndef COGLESS_H
 #define COGLESS_H
 
+#include "cogless/adrc.h"
 #include "cogless/angle.h"
 #include "cogless/angle_observer.h"
 #include "cogless/anti_cogging.h"

@@ -7,6 +7,7 @@
 
 #include "check.h"
 #include "cogless/angle.h"
+#include "cogless/adrc.h"
 #include "cogless/anti_cogging.h"
 #include "cogless/drive.h"
 #include "cogless/foc.h"
@@ -1218,6 +1219,38 @@ static void try_any_config(void)
     check_fence(length);
 }
 
+static cgl_adrc_config random_adrc(cgl_real ts)
+{
+    const cgl_adrc_config config = {random_gain(CGL_R(1000.0)), random_gain(CGL_R(100.0)), random_gain(CGL_R(0.5) / ts),
+                                    random_gain(CGL_R(5.0))};
+    return config;
+}
+
+static void try_adrc(void)
+{
+    cgl_adrc_config config;
+    cgl_adrc law;
+    cgl_real ts;
+    do {
+        ts = random_gain(CGL_R(1.0e-3));
+        config = random_adrc(ts);
+    } while (cgl_adrc_init(&law, &config, ts) != CGL_OK);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        cgl_law_input in;
+        cgl_law_output out;
+        next_input(&in, step);
+        cgl_adrc_step(&law, &in, &out);
+        hear(out.i_q_ref);
+        check_off(&in, &out);
+        CHECK(within(out.i_q_ref, config.limit));
+        CHECK(within(law.f, config.b * config.limit) && cgl_is_finite(law.omega) && cgl_is_finite(law.proportional));
+        if (random_below(100) == 0U) {
+            const cgl_adrc_config other = random_adrc(ts);
+            config = cgl_adrc_retune(&law, &other) == CGL_OK ? other : config;
+        }
+    }
+}
+
 void random_inputs(long configs)
 {
     static const random_subject subjects[] = {
@@ -1238,6 +1271,7 @@ void random_inputs(long configs)
         {"monitor", try_monitor, 0x67e82230U, 0x23cd28fbU},
         {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
         {"drive", try_drive, 0x23d2b8bcU, 0xeaa4b009U},
+        {"adrc", try_adrc, 0xc079600cU, 0x27b41b93U},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);

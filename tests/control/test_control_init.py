@@ -70,6 +70,8 @@ BAD_HARMONIC = {
     "rate_min": NOT_NEGATIVE,
     "limit": POSITIVE,
 }
+ADRC = {"b": 400.0, "omega_c": 60.0, "omega_o": 240.0, "limit": 5.0}
+BAD_ADRC = {"b": POSITIVE, "omega_c": NOT_NEGATIVE, "omega_o": [2001.0, *POSITIVE], "limit": POSITIVE}
 FEEDFORWARD = {"numerator": 3, "denominator": 2, "preview": 2, "num": [1.0, -0.5, 0.2], "den": [1.0, -0.5]}
 BAD_FEEDFORWARD = {
     "numerator": [17, 0x80000000, 0xFFFFFFFF],
@@ -140,6 +142,7 @@ def cases(good: dict[str, Any], bad: dict[str, list[Any]]):
 
 CONFIGS = {
     "pi": (PI, cases(PI, BAD_PI)),
+    "adrc": (ADRC, cases(ADRC, BAD_ADRC)),
     "foc": (FOC, cases(FOC, BAD_FOC)),
     "memory": (MEMORY, cases(MEMORY, BAD_MEMORY) + cases(SPACE_MEMORY, BAD_SPACE_MEMORY)),
     "pi_ilc": (

@@ -27,6 +27,7 @@ POSITION = {"ratio": 1, "k_theta": 5.0, "k_omega": 0.1, "k_i": 2.0, "mu_alpha": 
 SPEED = {"k": 0.1, "mu_alpha": 0.5, "eta_bar": 5.0, "omega_min": 0.1, "limit": 5.0, "ratio": 1}
 LAWS: dict[str, dict[str, Any]] = {
     "speed_pi": PI,
+    "adrc": {"b": 400.0, "omega_c": 60.0, "omega_o": 240.0, "limit": 5.0},
     "pi_ilc": {"pi": PI, "gain": 0.05, "memory": MEMORY},
     "robust_ilc": ROBUST | {"memory": MEMORY | {"limit": [300.0]}},
     "anti_cogging": {"pi": PI, "cells": 64, "speed": 1.0, "revolutions": 1},
@@ -35,7 +36,7 @@ LAWS: dict[str, dict[str, Any]] = {
     "space_position": POSITION | {"memory": MEMORY},
     "space_speed": SPEED | {"memory": MEMORY},
 }
-WITHOUT_MEMORY = {"speed_pi"}
+WITHOUT_MEMORY = {"speed_pi", "adrc"}
 ROWS = {"harmonic": 4}  # entries of what is learned, where others follow that go on changing
 
 

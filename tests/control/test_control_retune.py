@@ -42,6 +42,7 @@ IN_SPACE = [{"memory": change} for change in SPACE]
 # what init would take, but decides about sizes or about what is learned
 OTHERS: dict[str, list[dict[str, Any]]] = {
     "pi": [],
+    "adrc": [],
     "foc": [{"phases": 3}],
     "memory": MEMORY,
     "pi_ilc": IN_MEMORY,
@@ -133,7 +134,7 @@ def test_other_sizes_are_refused_and_nothing_changes(name: str, precision: str) 
         assert running.bytes() == before, change
 
 
-DERIVED = ("config", "ts", "gain", "row", "periods", "limits", "turned_square")
+DERIVED = ("config", "ts", "gain", "l1", "l2", "row", "periods", "limits", "turned_square")
 
 
 def constants(library: ControlLibrary, state: Any) -> dict[tuple[str, ...], bytes]:
@@ -188,6 +189,7 @@ def test_the_same_values_change_nothing(name: str) -> None:
 
 INTEGRALS = {
     "speed_pi": "integral",
+    "adrc": "f",
     "pi_ilc": "pi.integral",
     "pi_afc": "pi.integral",
     "harmonic": "pi.integral",
@@ -208,7 +210,7 @@ def test_what_is_learned_and_the_integrals_stay(name: str, precision: str) -> No
         run(one, 900)
     learned = law.cell.copy()
     integral = attrgetter(INTEGRALS[name])(law.state) if name in INTEGRALS else None
-    others = {"ki": 0.5, "c": 2.0, "k_i": 1.0, "k": 0.05}
+    others = {"ki": 0.5, "c": 2.0, "k_i": 1.0, "k": 0.05, "omega_c": 30.0}
     change = {key: value for key, value in others.items() if key in LAWS[name]}
     change |= {"pi": LAWS[name]["pi"] | {"ki": 0.5}} if "pi" in LAWS[name] else {}
     assert change and retune(law, LAWS[name] | change) == library.lib.CGL_OK

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from control_library import control_library
-from test_control_off import LAWS, Law, Trial, terms
+from test_control_off import LAWS, WITHOUT_MEMORY, Law, Trial, terms
 
 PRECISIONS = pytest.mark.parametrize("precision", ["float", "double"])
 INTEGRAL = [law for law in LAWS if law != "space_speed"]  # it has none
@@ -47,7 +47,7 @@ def test_the_current_and_what_is_learned_act_and_the_map_stays(precision, name):
         assert status == law.library.lib.CGL_STATUS_FROZEN
         seen.append(learned(law))
     assert np.array_equal(law.rows, cells)
-    assert np.ptp(seen) > 0.02 or name == "speed_pi"
+    assert np.ptp(seen) > 0.02 or name in WITHOUT_MEMORY
 
 
 @PRECISIONS
@@ -81,7 +81,7 @@ def test_limits_and_faults(precision, name):
 
 
 @PRECISIONS
-@pytest.mark.parametrize("name", [law for law in LAWS if law != "speed_pi"])
+@pytest.mark.parametrize("name", [law for law in LAWS if law not in WITHOUT_MEMORY])
 def test_what_the_guard_says_holds(precision, name):
     """What is muted does not act, and nothing is cleared meanwhile."""
     law = taught(control_library(precision), name)

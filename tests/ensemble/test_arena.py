@@ -21,6 +21,7 @@ from cogless.study.reading import read
 PLANT = {
     "study": "uomodri",
     "scenario": "fast",
+    "begin": "0.5 s",
     "learn": "3 s",
     "window": "0.25 s",
     "hold": "0.5 s",
@@ -92,7 +93,7 @@ def test_a_feedback_by_hand_keeps_laws_without_a_pi_away(tmp_path: Path) -> None
     laws = {**LAWS, "robust": {"law": "robust-ilc", "tuning": AUTO}}
     plant = {**PLANT, "feedback": {"kp": 0.05, "ki": 2.0}}
     study, absent = prepared(arena(tmp_path, law=laws, plant={"drone": plant}), "drone", list(laws))
-    assert absent == {"robust": "has a feedback of its own"}
+    assert absent == {"robust": "the feedback there is by hand, and the law has another"}
     assert study.controller["bar"].kp == 0.05  # type: ignore[union-attr]
 
 
@@ -126,13 +127,26 @@ def content(values: dict[str, list[float | None]], column: str = "time_to_learn_
     ]
     plants = {name: {"learn": 8.0, "hold": 2.0} for name in "ab"}
     laws = {law: {"label": law, "law": "pi"} for law in values}
-    return {"plants": plants, "laws": laws, "seeds": [0], "bar": next(iter(values)), "runs": runs}
+    return {
+        "plants": plants,
+        "laws": laws,
+        "seeds": [0],
+        "bar": next(iter(values)),
+        "runs": runs,
+        "before": [],
+    }
 
 
 def test_never_counts_as_the_time_that_there_was() -> None:
     scores = Scores(content({"bar": [None, 4.0], "law": [2.0, None]}))
     assert scores.value("time_to_learn", "a", "bar") == math.inf
     assert scores.score("time_to_learn", "law") == pytest.approx(math.sqrt(2 / 8 * 8 / 4))
+
+
+def test_the_run_that_fills_a_table_before_counts_as_learning() -> None:
+    found = content({"bar": [4.0, 4.0], "table": [0.0, 0.0]})
+    found["before"] = [{"plant": "a", "law": "table", "s": 3.0}]
+    assert Scores(found).value("time_to_learn", "a", "table") == 3.0
 
 
 def test_a_law_that_stays_away_from_a_plant_wins_no_column() -> None:

@@ -35,6 +35,7 @@ LIBRARY = Path(__file__).parents[2] / "control" / "src" / "cogless"
 # study, controller, changes: every law, and the memory by delay, and double precision
 CONTROLLERS: list[tuple[str, str, dict[str, Any]]] = [
     ("liu2018", "pi", {}),
+    ("liu2018", "adrc", studies.ADRC),
     ("liu2018", "pi-ilc", {"controller.pi-ilc.cells": 300}),
     ("liu2018-varying", "time", {}),
     ("liu2018", "robust-ilc", {"drive.precision": "double"}),

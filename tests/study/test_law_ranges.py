@@ -22,6 +22,7 @@ TABLE = {"speed": "2 rpm", "revolutions": 1, "position_gain": 20.0}
 SPACE = {"mu_alpha": 1.0, "mu_beta": 0.1, "mu_h": 0.1, "cells": 1024, "period": {"of": "mechanical"}}
 LAWS: dict[str, dict[str, Any]] = {
     "pi": PI,
+    "adrc": {"law": "adrc", "b": 4000.0, "omega_c": 100.0, "omega_o": 400.0},
     "pi-ilc": {**PI, "law": "pi-ilc", "gain": 0.1},
     "pi-afc": {**PI, "law": "pi-afc", "orders": [6, 24], "gain": 2.0},
     "harmonic": {**PI, "law": "harmonic", "base": 6},

@@ -25,8 +25,10 @@ from typing import Any
 
 import numpy as np
 
+from cogless.design.adrc import bandwidths
 from cogless.design.angle_functions import functions_in
 from cogless.design.closed_loop import oscillation
+from cogless.design.current_loop import tuned
 from cogless.design.learning import LONGEST_LEAD, PeriodicLoop
 from cogless.design.learning_loop import SETTLED, LearningLoop
 from cogless.design.margins import Complex, Real, margins_of
@@ -38,6 +40,7 @@ from cogless.design.verdict import WIDEST
 from cogless.errors import StudyError
 from cogless.study import AnyStudy, Study, changed
 from cogless.study import load as load_study
+from cogless.study.adrc import Adrc
 from cogless.study.controller import SETTLING, AntiCogging, PiIlc, RobustIlc
 from cogless.study.error_messages import dotted
 from cogless.study.laws import AnyController
@@ -52,9 +55,9 @@ CORNERS = (AS_TOLD, (1 / 1.5, 0), (2.0, 0), (1.0, 1))
 CELLS = 10  # in a wave of the highest order
 FEWEST_CELLS, MOST_CELLS = 256, 8192
 HALVINGS = 10
-LEARNED = 30  # periods after which the ripple that is left counts
+LEARNED = 10  # periods after which the ripple that is left counts
 FREQUENCIES = 1000
-IN_PHASE = 0.1  # least cos arg X that counts as learning in the right direction
+IN_PHASE = 0.02  # least cos arg X that counts as learning in the right direction
 MARGIN = 2.0  # of the gain on single orders
 SLOWER = 4.0  # the commissioning run's position loop / the speed loop's crossover, inverse
 
@@ -103,6 +106,7 @@ def automatic(study: Study, name: str) -> Values:
         AntiCogging: _anti_cogging,
         SpaceSpeed: _space_speed,
         SpacePosition: _space_position,
+        Adrc: _adrc,
     }
     rule = rules.get(type(law))
     return {} if rule is None else rule(study, name, law)
@@ -154,6 +158,15 @@ def _settles(study: Study, name: str, order: int) -> bool:
         return False
     leads = range(LONGEST_LEAD + 1)
     return any(all(np.all(_cosine(loop, loop.frequencies, n) > IN_PHASE) for loop in loops) for n in leads)
+
+
+def _adrc(study: Study, name: str, law: Adrc) -> Values:
+    """Loop and observer as fast as the phase margin allows."""
+    assert law.tuning is not None
+    b = study.K_t / study.mechanics.stiff.inertia
+    with tuned(study, name):
+        omega_c, omega_o = bandwidths(speed_loop(study).rigid, b, law.tuning.phase_margin)
+    return {"b": b, "omega_c": omega_c, "omega_o": omega_o}
 
 
 def _anti_cogging(study: Study, name: str, law: AntiCogging) -> Values:
@@ -339,8 +352,6 @@ def _cells(study: Study, name: str) -> int:
 def _phase_margin_pi(study: Study, name: str, law: RobustIlc | SpaceSpeed) -> tuple[float, float]:
     """kp and ki that a PI in the law's place would have."""
     assert law.tuning is not None
-    from cogless.design.current_loop import tuned
-
     with tuned(study, name):
         design = phase_margin_pi(speed_loop(study).rigid, law.tuning)
     return design.kp, design.ki

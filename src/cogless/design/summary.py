@@ -7,6 +7,7 @@ import math
 from typing import Any, get_args
 
 from cogless import units
+from cogless.design.adrc import adrc_margins
 from cogless.design.current_loop import current_loops, weakness
 from cogless.design.fastest import fastest
 from cogless.design.feedback import feedback_of
@@ -17,6 +18,7 @@ from cogless.design.position import position_gains, position_margins
 from cogless.design.space_bounds import Theorem, theorem
 from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study
+from cogless.study.adrc import Adrc
 from cogless.study.controller import Feedback, Learning
 from cogless.study.harmonic import Harmonic
 from cogless.study.laws import AnyController
@@ -188,6 +190,9 @@ def design(study: Study, name: str) -> Design:
 
 def weakest_margins(study: Study, name: str) -> Margins | None:
     """Margins at the slowest or the fastest reference, whichever are smaller; v of a position law differs."""
+    law = study.controller[name]
+    if isinstance(law, Adrc):
+        return adrc_margins(speed_loop(study), law.b, law.omega_c, law.omega_o)
     scenarios = [study.scenario[key] for key in study.scenarios_of(name)]
     speeds = {speed for s in scenarios for speed in (s.slowest, s.top_reference)} or {0.0}
     feedbacks = dict.fromkeys(feedback_of(study, name, speed) for speed in speeds)

@@ -18,7 +18,7 @@ from cogless.study import Study, changed
 from cogless.study import load as load_study
 from cogless.study.arena import Arena, ArenaPlant
 from cogless.study.base import Source
-from cogless.study.controller import Feedback, OwnLaw
+from cogless.study.controller import AntiCogging, Feedback, LearnsWhileRunning, OwnLaw
 from cogless.study.error_messages import dotted
 from cogless.study.reading import checked, find
 
@@ -55,6 +55,7 @@ class ArenaResults:
     runs: Sequence[ArenaRun]
     absent: Mapping[tuple[str, str], str]
     settings: Mapping[tuple[str, str], Mapping[str, Any]]  # numbers that the rule auto gave, SI
+    before: Mapping[tuple[str, str], float]  # s, of a run in which a table was learned before
 
 
 def run_arena(
@@ -68,6 +69,7 @@ def run_arena(
     runs: list[ArenaRun] = []
     absent: dict[tuple[str, str], str] = {}
     settings: dict[tuple[str, str], Mapping[str, Any]] = {}
+    before: dict[tuple[str, str], float] = {}
     wanted = chosen(arena, only)
     for done, (plant, laws) in enumerate(wanted.items()):
         if progress is not None:
@@ -75,13 +77,16 @@ def run_arena(
         study, why = prepared(arena, plant, laws)
         absent |= {(plant, law): reason for law, reason in why.items()}
         settings |= {(plant, law): study.source.tables["controller"][law] for law in study.controller}
+        for law, controller in study.controller.items():
+            if isinstance(controller, AntiCogging) and controller.calibration is not None:
+                before[plant, law] = controller.calibration.duration
         studies = [_seeded(study, seed) for seed in arena.seeds]
         for seed, results in zip(arena.seeds, _rolled(studies, jobs), strict=True):
             runs += [ArenaRun(plant, run.scenario, run.controller, seed, run.metrics) for run in results.runs]
             made = {(run.scenario, run.controller) for run in results.runs}
             lost = {law for case in study.scenario for law in study.controller if (case, law) not in made}
             absent |= {(plant, law): "fails on the way" for law in sorted(lost)}
-    return ArenaResults(arena, runs, absent, settings)
+    return ArenaResults(arena, runs, absent, settings, before)
 
 
 def chosen(arena: Arena, only: Sequence[str] | None) -> dict[str, list[str]]:
@@ -107,7 +112,11 @@ def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[
         known = ", ".join(base.scenario) if isinstance(base, Study) else "a study of speed"
         raise StudyError(f'{arena.path}: plant.{name}.scenario: "{plant.scenario}": expected {known}')
     controllers = {law: _controller(arena, plant, law) for law in laws}
-    absent = {law: "has a feedback of its own" for law, table in controllers.items() if table is None}
+    absent = {
+        law: "the feedback there is by hand, and the law has another"
+        for law, table in controllers.items()
+        if table is None
+    }
     present = {law: table for law, table in controllers.items() if table is not None}
     if not present:
         raise StudyError(f"{arena.path}: plant.{name}: expected a law that can run there")
@@ -147,14 +156,14 @@ def _tuned(study: Study, absent: dict[str, str]) -> tuple[Study, dict[str, str]]
 
 
 def _controller(arena: Arena, plant: ArenaPlant, name: str) -> dict[str, Any] | None:
-    """A law's table for a plant; None if the plant's feedback is by hand and the law has none to set."""
+    """A law's table for a plant; None if the plant's feedback is by hand and the law has another."""
     table, law = dict(arena.laws[name]), arena.law[name]
+    if isinstance(law, LearnsWhileRunning | OwnLaw) and law.learns:
+        table = {"learning_start": f"{plant.begin!r} s", **table}
     if plant.feedback is None or isinstance(law, OwnLaw):
         return table
-    if not isinstance(law, Feedback):
+    if not isinstance(law, Feedback) or law.tuning is None or not law.tuning.is_auto:
         return None
-    if law.tuning is not None and not law.tuning.is_auto:
-        del table["tuning"]
     return table | plant.feedback.model_dump()
 
 
@@ -170,9 +179,10 @@ def _scenarios(base: Study, plant: ArenaPlant) -> dict[str, dict[str, Any]]:
         taken["initial_speed"] = taken["reference"]
     override = taken.pop("override", {})
     load = base.scenario[plant.scenario].load or base.mechanics.load
-    off, fault = plant.learn + plant.hold, plant.learn + 2 * plant.hold
+    step = plant.begin + plant.learn
+    off, fault = step + plant.hold, step + 2 * plant.hold
     events = [
-        {"time": f"{plant.learn!r} s", "load": f"{load.torque + plant.load!r} N*m"},
+        {"time": f"{step!r} s", "load": f"{load.torque + plant.load!r} N*m"},
         {"time": f"{off!r} s", "load": f"{load.torque!r} N*m"},
     ]
     told = {
@@ -182,7 +192,7 @@ def _scenarios(base: Study, plant: ArenaPlant) -> dict[str, dict[str, Any]]:
         "events": events,
         "faults": [{"kind": "angle-missing", "time": f"{fault!r} s", "duration": DROPOUT}],
     }
-    short = {**taken, "duration": f"{plant.learn!r} s"}
+    short = {**taken, "duration": f"{step!r} s"}
     late = {"drive.bus.delay_command": f"{1 / base.drive.rates.outer_loop!r} s"}
     of_inertia = {
         case: {"mechanics.inertia": f"{share * base.mechanics.inertia!r} kg*m^2"}
@@ -198,13 +208,14 @@ def _metrics(plant: ArenaPlant) -> list[dict[str, Any]]:
     def s(time: float) -> str:
         return f"{time!r} s"
 
-    end = plant.learn + 3 * plant.hold
-    learned = [s(plant.learn - plant.window), s(plant.learn)]
-    step = {"signal": "omega_error", "event": s(plant.learn), "smooth": s(plant.smooth)}
+    at = plant.begin + plant.learn
+    end = at + 3 * plant.hold
+    learned = [s(at - plant.window), s(at)]
+    step = {"signal": "omega_error", "event": s(at), "smooth": s(plant.smooth)}
     recovered = [s(end - min(plant.window, plant.hold / 2)), s(end)]
     of_error = {"signal": "omega_error", "unit": "rpm"}
     only_told = {"scenarios": [TOLD]}
-    pieces = {"window": ["0 s", s(plant.learn)], "smooth": s(plant.smooth)}
+    pieces = {"window": [s(plant.begin), s(at)], "smooth": s(plant.smooth)}
     return [
         {"name": "ripple", "kind": "rms", "window": learned, **of_error},
         {"name": "dip", "kind": "dip", **step, "unit": "rpm", **only_told},

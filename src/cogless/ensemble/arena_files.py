@@ -33,6 +33,7 @@ def to_dict(results: ArenaResults) -> dict[str, Any]:
         "plants": plants,
         "laws": laws,
         "absent": [{"plant": p, "law": law, "why": why} for (p, law), why in results.absent.items()],
+        "before": [{"plant": p, "law": law, "s": time} for (p, law), time in results.before.items()],
         "settings": [
             {"plant": p, "law": law, "controller": as_json(dict(t))}
             for (p, law), t in results.settings.items()

@@ -57,6 +57,10 @@ class Scores:
     def _values(self) -> dict[tuple[str, str, str, int], Mapping[str, Any]]:
         return {(r["plant"], r["case"], r["law"], r["seed"]): r["metrics"] for r in self.content["runs"]}
 
+    @cached_property
+    def _before(self) -> dict[tuple[str, str], float]:
+        return {(each["plant"], each["law"]): each["s"] for each in self.content["before"]}
+
     @property
     def plants(self) -> list[str]:
         return list(self.content["plants"])
@@ -87,7 +91,8 @@ class Scores:
             if metrics is None:
                 return None
             value = metrics.get(known.metric)
-            found.append(math.inf if value is None else float(value))
+            before = self._before.get((plant, law), 0.0) if column == "time_to_learn" else 0.0
+            found.append(math.inf if value is None else before + float(value))
         return max(found)
 
     def value(self, column: str, plant: str, law: str, seeds: Iterable[int] | None = None) -> float | None:

@@ -225,9 +225,14 @@ def own_law_config(study: AnyStudy, name: str) -> dict[str, Any]:
     separately."""
     law = study.controller[name]
     if not isinstance(law, LibraryLaw):
-        return {"law": "python"}
+        return {"law": "python", "learning_start": law.learns_from}
     library = (study.source.path.parent / law.library).resolve()
-    return {"law": law.law, "library": str(library), "params": list(law.params)}
+    return {
+        "law": law.law,
+        "library": str(library),
+        "params": list(law.params),
+        "learning_start": law.learns_from,
+    }
 
 
 def _filled(study: Study, study_here: Study, name: str) -> AnyController:

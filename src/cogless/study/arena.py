@@ -41,7 +41,8 @@ class ArenaPlant(Table):
     changes: dict[str, Any] = Field(default={})  # of the study, by dotted key; the laws are told
     reference: Any = None  # instead of the scenario's
     feedback: GivenFeedback | None = None  # instead of each law's own; laws without a PI stay away
-    learn: Duration  # s, until the load's step
+    begin: Duration  # s, from the start until learning begins
+    learn: Duration  # s, from then until the load's step
     window: Duration  # s, at the end of it, in which ripple, loss and chattering are measured
     hold: Duration  # s, that the step lasts, and then the time until a fault, and from it to the end
     load: Torque  # N*m, the step

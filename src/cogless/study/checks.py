@@ -144,6 +144,7 @@ ALL: tuple[Check, ...] = (
     numerics.dead_time,
     numerics.size,
     numerics.commissioning,
+    numerics.observers,
     metric_checks.windows,
     metric_checks.orders,
     leads,

@@ -369,10 +369,15 @@ class OwnLaw(Base):
     """The keys of every controller that a user has written himself."""
 
     learning: bool = False  # whether it learns, which only the user knows
+    learning_start: StartTime = 0.0  # s: until then inputs.learn is false
 
     @property
     def learns(self) -> bool:
         return self.learning
+
+    @property
+    def learns_from(self) -> float:
+        return self.learning_start
 
     @property
     def code(self) -> str:

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from cogless.study.adrc import Adrc
 from cogless.study.controller import AntiCogging, LibraryLaw, Pi, PiIlc, PythonLaw, RobustIlc
 from cogless.study.harmonic import Harmonic
 from cogless.study.pi_afc import PiAfc
@@ -13,6 +14,7 @@ from cogless.study.space_controller import SpacePosition, SpaceSpeed
 
 AnyController = (
     Pi
+    | Adrc
     | PiIlc
     | PiAfc
     | Harmonic

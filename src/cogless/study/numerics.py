@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from cogless.study.adrc import Adrc
 from cogless.study.controller import AntiCogging, Learning
 from cogless.study.table import invalid
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 LARGEST_STEP = 0.5  # RK4 step in time constants: at 0.5 its error is 0.04 % per step, at 2.8 it is unstable
 FEWEST_SAMPLES = 4  # per learned period, at least; the lead may be at most the period / FEWEST_SAMPLES
+FASTEST_OBSERVER = 2.0  # bandwidth of a law's observer, per sample (control/src/cogless/adrc.c)
 MOST_ROWS = 20_000_000  # of one run's trace: 4 GB with some 25 signals of 8 bytes each
 
 
@@ -142,6 +144,15 @@ def commissioning(study: Study) -> None:
             if takes > longest:
                 expected = f"expected a run of at most {longest:.6g} s, not {takes:.3g} s"
                 raise invalid(expected, "controller", name, "calibration", "speed")
+
+
+def observers(study: Study) -> None:
+    """Check that a law's observer isn't faster than the samples that it gets."""
+    fastest = FASTEST_OBSERVER * study.drive.rates.outer_loop
+    for name, controller in study.controller.items():
+        if isinstance(controller, Adrc) and controller.omega_o > fastest * (1 - 1e-6):
+            expected = f"expected less than {fastest:.6g} 1/s, {FASTEST_OBSERVER:g} a sample"
+            raise invalid(expected, "controller", name, "omega_o")
 
 
 def periods(study: Study) -> None:

@@ -1,0 +1,87 @@
+#include "adrc.h"
+
+#include "decay.h"
+#include "range.h"
+
+#define FASTEST CGL_R(2.0) /* bandwidth in 1/ts: beyond it nothing is smoothed */
+
+static bool is_valid(const cgl_adrc_config *config, cgl_real ts)
+{
+    static const cgl_range range[] = {CGL_RANGE(cgl_adrc_config, b, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_adrc_config, omega_c, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_adrc_config, omega_o, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_adrc_config, limit, CGL_POSITIVE)};
+    return CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts) && config->omega_o * ts <= FASTEST
+           && cgl_is_positive(config->b * config->limit) && cgl_is_positive(CGL_R(1.0) / config->b);
+}
+
+/* Resets the estimates, as if `current` [A] held the speed. */
+CGL_SELDOM static void start(cgl_adrc *law, cgl_real current)
+{
+    const cgl_adrc_config *const config = &law->config;
+    law->omega = law->proportional = CGL_R(0.0);
+    law->before = cgl_clamped(current, config->limit);
+    law->f = cgl_clamped(-config->b * law->before, config->b * config->limit);
+    law->rejected = law->before;
+    law->started = false;
+}
+
+static void take(cgl_adrc *law, const cgl_adrc_config *config)
+{
+    const cgl_real p = cgl_decay(config->omega_o * law->ts), q = CGL_R(1.0) - p;
+    law->config = *config;
+    law->l1 = CGL_R(1.0) - p * p;
+    law->l2 = cgl_clamped(q * q / law->ts, CGL_REAL_MAX);
+}
+
+CGL_SELDOM cgl_error cgl_adrc_init(cgl_adrc *law, const cgl_adrc_config *config, cgl_real ts)
+{
+    if (!is_valid(config, ts)) {
+        return CGL_ERROR_CONFIG;
+    }
+    law->ts = ts;
+    take(law, config);
+    cgl_adrc_reset(law);
+    return CGL_OK;
+}
+
+CGL_SELDOM cgl_error cgl_adrc_retune(cgl_adrc *law, const cgl_adrc_config *config)
+{
+    if (!is_valid(config, law->ts)) {
+        return CGL_ERROR_CONFIG;
+    }
+    take(law, config);
+    law->f = cgl_clamped(law->f, config->b * config->limit);
+    law->before = cgl_clamped(law->before, config->limit);
+    return CGL_OK;
+}
+
+CGL_SELDOM void cgl_adrc_reset(cgl_adrc *law)
+{
+    start(law, CGL_R(0.0));
+}
+
+void cgl_adrc_step(cgl_adrc *law, const cgl_law_input *in, cgl_law_output *out)
+{
+    const cgl_adrc_config *const config = &law->config;
+    if (cgl_law_stands_by(in)) {
+        start(law, cgl_law_stand_by(in, CGL_R(0.0), config->limit, out));
+        return;
+    }
+    const bool measured = cgl_is_finite(in->omega_m), wanted = cgl_is_finite(in->omega_ref);
+    if (!law->started && measured) {
+        law->omega = in->omega_m - law->ts * (law->f + config->b * law->before);
+        law->started = true;
+    }
+    const cgl_real predicted = law->omega + law->ts * (law->f + config->b * law->before);
+    const cgl_real e = measured && law->started ? in->omega_m - predicted : CGL_R(0.0);
+    law->omega = cgl_clamp(predicted + law->l1 * e, CGL_REAL_MAX);
+    law->f = cgl_clamp(law->f + law->l2 * e, config->b * config->limit);
+    const cgl_real error = wanted && law->started ? in->omega_ref - law->omega : CGL_R(0.0);
+    law->proportional = cgl_clamp(config->omega_c * error / config->b, CGL_REAL_MAX);
+    law->rejected = -law->f / config->b;
+    const cgl_real sum = law->proportional + law->rejected;
+    out->i_q_ref = law->before = cgl_clamp(sum, config->limit);
+    out->status = (unsigned)CGL_STATUS_FROZEN | (cgl_is_below(sum, config->limit) ? 0U : (unsigned)CGL_STATUS_SATURATED)
+                  | (measured && wanted ? 0U : (unsigned)CGL_STATUS_FAULT);
+}

@@ -1,0 +1,52 @@
+/* Active disturbance rejection control of the speed: an extended state observer estimates what accelerates the rotor besides the
+ * current, and the current takes that away (Gao 2003; sampled as the current observer of Miklosovic 2006).
+ *
+ *   domega/dt = b i_q + f
+ *   predicted = omega^ + ts (f^ + b i_q[k-1]),    e = omega - predicted,    p = exp(-omega_o ts)
+ *   omega^ = predicted + (1 - p^2) e,    f^ += (1 - p)^2 / ts e
+ *   i_q_ref = (omega_c (omega_ref - omega^) - f^) / b */
+#ifndef COGLESS_ADRC_H
+#define COGLESS_ADRC_H
+
+#include "law.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    cgl_real b;       /* acceleration per current, K_t / J [rad/s^2/A], > 0 */
+    cgl_real omega_c; /* bandwidth of the loop [1/s], >= 0 */
+    cgl_real omega_o; /* bandwidth of the observer, its double pole [1/s], > 0, at most 2 a sample */
+    cgl_real limit;   /* the output stays within +-limit [A], > 0; b limit finite */
+} cgl_adrc_config;
+
+typedef struct {
+    cgl_adrc_config config;
+    cgl_real ts;           /* sampling period [s] */
+    cgl_real l1, l2;       /* gains of the observer [-], [1/s] */
+    cgl_real omega;        /* estimate of the speed [rad/s] */
+    cgl_real f;            /* estimate of the disturbance, within +-b limit [rad/s^2] */
+    cgl_real before;       /* the last output, which the observer is told [A] */
+    cgl_real proportional; /* the share of the last step [A] */
+    cgl_real rejected;     /* -f / b, the share of the last step [A] */
+    bool started;          /* omega is an estimate */
+} cgl_adrc;
+
+cgl_error cgl_adrc_init(cgl_adrc *law, const cgl_adrc_config *config, cgl_real ts);
+
+/* Takes other gains and limits while it runs, as cgl_pi_retune; the estimates stay, f within the limit. */
+cgl_error cgl_adrc_retune(cgl_adrc *law, const cgl_adrc_config *config);
+
+void cgl_adrc_reset(cgl_adrc *law);
+
+/* The observer is told the limited output, so that nothing winds up. A speed that is not finite corrects no estimate; a reference
+ * that is not finite counts as the estimated speed. While in->off the output is 0 and the estimates start anew; in torque mode f takes
+ * over in->i_q_ref. */
+void cgl_adrc_step(cgl_adrc *law, const cgl_law_input *in, cgl_law_output *out);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,74 @@
+"""Active disturbance rejection as a linear feedback: its response, and bandwidths for a phase margin."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from reference.adrc import Adrc
+
+from cogless import load, run_study
+from cogless.design.adrc import RATIO, response
+from cogless.design.summary import design
+from cogless.errors import StudyError
+
+
+def adrc(phase_margin: str = "45 deg", **more: float) -> dict[str, Any]:
+    """Changes of a study: the law with its rule."""
+    return {
+        "controller.adrc": {"law": "adrc", "tuning": {"rule": "auto", "phase_margin": phase_margin}, **more}
+    }
+
+
+@pytest.mark.parametrize("w", [3.0, 40.0, 700.0])
+def test_the_response_is_that_of_the_law(w: float) -> None:
+    """A sine of the measured speed through the transcription, after its start has died away."""
+    law = Adrc(300.0, 50.0, 200.0, 1e-3, 1e9)
+    n = np.arange(round(40 * math.tau / w * 1e3) + 4000)
+    current = np.array([law.step(0.0, float(x)) for x in np.sin(w * n * 1e-3)])
+    last = slice(len(n) // 2, None)
+    angle = w * n[last] * 1e-3
+    basis = np.stack(
+        [np.sin(angle), np.cos(angle), np.ones(len(angle))], axis=1
+    )  # the integral keeps a constant
+    (real, imaginary, _), *_ = np.linalg.lstsq(basis, current[last], rcond=None)
+    expected = response(np.array([w]), 1e-3, 300.0, 50.0, 200.0)[0]
+    assert complex(real, imaginary) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("margin", [45, 52])
+def test_the_rule_gives_the_phase_margin(margin: int) -> None:
+    study = load("uomodri", adrc(phase_margin=f"{margin} deg"))
+    found = design(study, "adrc")
+    assert found.rule == "auto" and found.margins is not None
+    assert found.margins.stable and math.degrees(found.margins.phase_margin) == pytest.approx(
+        margin, abs=0.01
+    )
+    assert found.gains["omega_o"].value == pytest.approx(RATIO * found.gains["omega_c"].value)
+
+
+def test_a_margin_that_the_observers_lag_forbids_is_told() -> None:
+    with pytest.raises(StudyError, match=r"controller\.adrc\.tuning: expected a faster and better damped"):
+        load("uomodri", adrc(phase_margin="70 deg"))
+
+
+def test_at_the_same_margin_it_is_softer_than_a_pi() -> None:
+    """The observer's lag costs bandwidth; it holds the speed all the same."""
+    changes = {
+        **adrc(),
+        "controller.pi.tuning.phase_margin": "45 deg",
+        "scenario.fast.duration": "5 s",
+    }
+    runs = {
+        run.controller: run.metrics
+        for run in run_study(load("uomodri", changes), ["fast/adrc", "fast/pi"]).runs
+    }
+    ripple = {name: found["speed_ripple_rad_s"] for name, found in runs.items()}
+    assert ripple["pi"] < ripple["adrc"] < 3 * ripple["pi"]  # type: ignore[operator]
+
+
+def test_an_observer_faster_than_its_samples_is_refused() -> None:
+    with pytest.raises(StudyError, match=r"controller\.adrc\.omega_o: .*expected less than 10000 1/s"):
+        load("uomodri", adrc(omega_o=10001.0))
