@@ -8,6 +8,7 @@ import live_studies
 import pytest
 from node import NO_NODE, run_node
 
+from cogless.errors import StudyError
 from cogless.live import toml
 from cogless.live.blobs import held
 from cogless.live.keys import adjustable, packed
@@ -48,7 +49,7 @@ def bytes_of(study, found, values):
     try:
         other = changed(study, {name: texts[name].text(value) for name, value in values.items()})
         return {"/".join(place): blob.data.hex() for place, blob in packed(other, held(other)).items()}
-    except ValueError:
+    except (StudyError, ValueError):
         return None
 
 
