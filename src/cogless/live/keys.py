@@ -22,7 +22,7 @@ from cogless.live.packed import Number, Packed
 from cogless.study import Study
 from cogless.study.reading import changed
 
-STOPS = 26
+STOPS = 21
 TRIES = 20
 OTHER_SHAPE = "the run's description takes another shape with it"
 Place = tuple[str, str, str]  # scenario, controller, "run" or "learn"
