@@ -168,7 +168,7 @@ def test_a_controller_that_stalls_gets_no_star(tmp_path: Path, capsys: pytest.Ca
     code, out, _ = cogless(capsys, "run", study, "-o", tmp_path, "--only", "low/*", *named)
     assert code == 0
     said = out.splitlines()
-    assert said[1].split() == ["PI", "[red]", "fair", "[b]Mine"]
+    assert said[2].split() == ["PI", "[red]", "fair", "[b]Mine"]
     rows = [line for line in said if line.startswith("speed")]
     assert len(rows) == 2
     assert all(row.endswith(" !") and row.count("*") == 1 for row in rows)
@@ -307,6 +307,24 @@ def test_no_traces(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cogless(capsys, *words)[0] == 0
     assert cogless(capsys, *words, "--no-traces")[0] == 0
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"results.json", "report.html"}
+
+
+def test_a_study_s_own_code_is_named_and_may_be_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing of the file runs: it would leave a trace."""
+    mine = '[controller.mine]\nlaw = "python"\nobject = "mine.py:Mine"\n'
+    study = studies.write(tmp_path, studies.BASE + mine)
+    (tmp_path / "mine.py").write_text(
+        "open(__file__ + '.ran', 'w').close()\nclass Mine:\n    def step(self, i): return 0.0\n"
+    )
+    words = ("run", study, "--only", "low/*", "-o", tmp_path / "out")
+    line = f'{study}: controller.mine.law: "python": expected no code of the study\'s own, with --no-code\n'
+    for command in (words, ("sweep", study), ("tune", study), ("calibrate", study)):
+        assert cogless(capsys, *command, "--no-code") == (2, "", line)
+    assert not (tmp_path / "mine.py.ran").exists()
+    code, out, _ = cogless(capsys, *words)
+    assert code == 0 and out.startswith(f"Code: controller.mine runs {tmp_path / 'mine.py'}.\n")
 
 
 # the others

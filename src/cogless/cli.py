@@ -82,6 +82,9 @@ DaskOption = Annotated[
     str | None,
     typer.Option("--dask", metavar="ADDRESS", help="Run on a Dask cluster, such as tcp://node1:8786."),
 ]
+NoCodeOption = Annotated[
+    bool, typer.Option("--no-code", help="Refuse a study that brings code of its own, in Python or a library.")
+]
 CORES = os.cpu_count() or 1
 
 
@@ -114,6 +117,7 @@ def run(
         bool, typer.Option("--live", help="Also write live.html, the page of `cogless live`.")
     ] = False,
     jobs: JobsOption = CORES,
+    no_code: NoCodeOption = False,
 ) -> None:
     """Simulate a study: every controller in every scenario.
 
@@ -126,7 +130,7 @@ def run(
     from cogless.run.simulate import RunError, run_study, runs_of
     from cogless.study import TrialStudy
 
-    loaded = _load(study, changes)
+    loaded = _to_run(study, changes, no_code)
     wanted = len(runs_of(loaded, only))
     folder = output or Path("results") / loaded.name
     page = None
@@ -201,6 +205,7 @@ def sweep(
         typer.Option("--shard", metavar="I/N", help="Only this part, such as 3/20, of a job array."),
     ] = None,
     merge: Annotated[bool, typer.Option("--merge", help="Put finished shards in DIR together.")] = False,
+    no_code: NoCodeOption = False,
 ) -> None:
     """Run a study as many variants of itself, drawn as its vary table says: what spreads, and why.
 
@@ -215,7 +220,7 @@ def sweep(
 
     table.require()
     part = _shard(shard)
-    loaded = _load(study, changes)
+    loaded = _to_run(study, changes, no_code)
     folder = output or Path("results") / loaded.name
     planned = sweeping.plan(loaded, count, only)
     with writable(folder):
@@ -244,6 +249,7 @@ def tune(
     changes: SetOption = None,
     jobs: JobsOption = CORES,
     dask: DaskOption = None,
+    no_code: NoCodeOption = False,
 ) -> None:
     """Choose gains as a study's tune table says, and show on fresh variants what they are worth.
 
@@ -260,7 +266,7 @@ def tune(
 
     table.require()
     search.require()
-    loaded = _load(study, changes)
+    loaded = _to_run(study, changes, no_code)
     tuning.subjects(loaded)  # a mistake is told before anything runs
     folder = output or Path("results") / loaded.name
     path = folder / f"{loaded.name}-tuned.toml"
@@ -473,7 +479,12 @@ def list_() -> None:
 
 
 @app.command()
-def calibrate(study: StudyArgument, changes: SetOption = None, jobs: JobsOption = CORES) -> None:
+def calibrate(
+    study: StudyArgument,
+    changes: SetOption = None,
+    jobs: JobsOption = CORES,
+    no_code: NoCodeOption = False,
+) -> None:
     """Fit parameters of a study to target values of its metrics, as its calibration table says.
 
     Prints the fitted values as lines for the study, and each target beside what came out. Changes no file.
@@ -483,7 +494,7 @@ def calibrate(study: StudyArgument, changes: SetOption = None, jobs: JobsOption 
     from cogless.run.calibrate import calibrate as fit_study
     from cogless.run.calibrate import residual_rows
 
-    loaded = _load(study, changes)
+    loaded = _to_run(study, changes, no_code)
     with _console(stderr=True).status("Fitting") as status:
         fit = fit_study(
             loaded, lambda n, d: status.update(f"Fitting: {n} evaluations, {100 * d:.2f} % off"), jobs
@@ -586,6 +597,20 @@ def _load(study: str, changes: list[str] | None) -> AnyStudy:
     from cogless.study.reading import changes_from, load
 
     return load(study, changes_from(changes or ()))
+
+
+def _to_run(study: str, changes: list[str] | None, no_code: bool) -> AnyStudy:
+    """The study, whose own code is named before any of it runs."""
+    from cogless.study.controller import OwnLaw
+
+    loaded = _load(study, changes)
+    for name, controller in loaded.controller.items():
+        if isinstance(controller, OwnLaw):
+            where = f'{loaded.source.path}: controller.{name}.law: "{controller.law}"'
+            if no_code:
+                raise StudyError(f"{where}: expected no code of the study's own, with --no-code")
+            print(f"Code: controller.{name} runs {loaded.source.path.parent / controller.code}.")
+    return loaded
 
 
 def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: str | None) -> None:

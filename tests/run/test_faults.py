@@ -96,6 +96,19 @@ def test_a_fault_may_last_beyond_the_end(tmp_path, duration):
     assert np.array_equal(np.isnan(trace["omega_measured"]), trace["time"] >= 0.02 - 1e-9)
 
 
+def test_a_slipped_index_is_a_jump_that_stays(tmp_path):
+    """The 25 counts that are lost are missing in the measured angle from then on."""
+    counts = 2 * np.pi / (4 * 2500)
+    fault = {"kind": "angle-jump", "angle": f"{-25 * counts} rad", "time": "0.1 s", "duration": "1 s"}
+    sensor = {"kind": "encoder", "lines": 2500, "speed_method": "M"}
+    study = studies.study(tmp_path, {"scenario.low.faults": [fault], "drive.position_sensor": sensor})
+    trace = simulate(study, "low", "pi").trace
+    error, before = trace["theta_measured"] - trace["theta_m"], trace["time"] < 0.1 - 1e-9
+    error = (error + np.pi) % (2 * np.pi) - np.pi
+    assert np.all(np.abs(error[before] + counts / 2) <= counts / 2 * (1 + 1e-6))
+    assert np.all(np.abs(error[~before] + 25.5 * counts) <= counts / 2 * (1 + 1e-6))
+
+
 @pytest.mark.parametrize("time", ["0.02 s", "0.02003 s", "0.02005 s"])
 def test_one_period_is_enough_to_be_seen(tmp_path, time):
     fault = {"kind": "angle-missing", "time": time, "duration": f"{1 / 15000} s"}

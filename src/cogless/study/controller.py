@@ -329,6 +329,11 @@ class OwnLaw(Base):
     def learns(self) -> bool:
         return self.learning
 
+    @property
+    def code(self) -> str:
+        """The file whose code runs, relative to the study."""
+        raise NotImplementedError
+
 
 class PythonLaw(OwnLaw):
     """A user's class with step(inputs) -> i_q_ref or (i_d_ref, i_q_ref), A."""
@@ -337,6 +342,10 @@ class PythonLaw(OwnLaw):
     object: Annotated[str, Field(pattern=r"^.+\.py:\w+$")]  # "file.py:Class", relative to the study
     params: dict[str, Any] = Field(default={})  # keyword arguments of the class
 
+    @property
+    def code(self) -> str:
+        return self.object.rpartition(":")[0]
+
 
 class LibraryLaw(OwnLaw):
     """A user's shared library with the documented C interface."""
@@ -344,3 +353,7 @@ class LibraryLaw(OwnLaw):
     law: Literal["library"]
     library: str  # relative to the study
     params: Many[float] = ()
+
+    @property
+    def code(self) -> str:
+        return self.library
