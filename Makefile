@@ -10,7 +10,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-com
 # modules are byte-compiled when first used; to rewrite a test's asserts again takes each worker 7 s
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help build demo test hash lint control misra pil proof fuzz mutants docs bench dist clean
+.PHONY: help build demo test web hash lint control misra pil proof fuzz mutants docs bench dist clean
 
 help: ## what there is to make
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -47,6 +47,10 @@ demo: $(VENV)/installed ## the main job: a motor that cogs, under four controlle
 
 test: $(VENV)/tested ## the whole test suite
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile
+
+web: $(VENV)/installed ## the engine for live pages, as WebAssembly; compiled once, by ziglang
+	$(PIP) --no-build-isolation '.[web]'
+	$(BIN)/python -c 'from cogless.live.engine import module; module("single"), module("double")'
 
 hash: $(VENV)/tested ## a trace has the same bits by each compiler, -O2 and -O3, glibc and musl
 	$(PIP) --no-build-isolation '.[pil]'
@@ -96,12 +100,13 @@ bench: $(VENV)/installed ## speed, beside a hand-written loop and other simulato
 	$(BIN)/python benchmarks/run.py
 
 dist: $(VENV)/tools ## sdist and wheel in build/dist, installed and used in a clean environment
-	$(PIP) build
+	$(PIP) build 'ziglang>=0.13'
 	rm -rf build/dist build/clean
-	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m build --no-isolation --outdir build/dist .
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m build --no-isolation --outdir build/dist \
+	  --config-setting=cmake.define.COGLESS_WEB=ON .
 	$(PYTHON) -m venv build/clean
 	build/clean/bin/python -m pip install --quiet --disable-pip-version-check --no-compile build/dist/*.whl
-	cd build/clean && bin/cogless run uomodri --only slow/pi --set 'scenario.slow.duration=8 s' -o results
+	cd build/clean && bin/cogless run uomodri --only slow/pi --set 'scenario.slow.duration=8 s' --live -o results
 
 clean: ## all that was built
 	rm -rf build $(VENV) docs/_build

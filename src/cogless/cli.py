@@ -115,6 +115,9 @@ def run(
     changes: SetOption = None,
     plots: Annotated[bool, typer.Option("--plots", help="Also write PNG pictures.")] = False,
     no_traces: Annotated[bool, typer.Option("--no-traces", help="Write no traces.nc.")] = False,
+    with_page: Annotated[
+        bool, typer.Option("--live", help="Also write live.html, the page of `cogless live`.")
+    ] = False,
     jobs: JobsOption = CORES,
     no_code: NoCodeOption = False,
 ) -> None:
@@ -137,6 +140,11 @@ def run(
     loaded = _to_run(study, changes, no_code)
     wanted = len(runs_of(loaded, only))
     folder = output or Path("results") / loaded.name
+    page = None
+    if with_page:
+        from cogless.live import render
+
+        page = render(loaded, _command("run", study, changes, []))  # before the runs, which it may refuse
     for line in too_short(loaded, runs_of(loaded, only)):
         say(f"Warning: {line}.")
     failures: list[StudyError] = []
@@ -148,7 +156,7 @@ def run(
                 failures, results = [error], error.results
         if results.runs:
             try:
-                _write(results, folder, plots, traces=not no_traces)
+                _write(results, folder, plots, not no_traces, page)
             except StudyError as error:  # such as a full disk; the tables are still printed
                 failures.append(error)
     if results.runs:
@@ -157,6 +165,8 @@ def run(
             _print_warnings(loaded, [(run.scenario, run.controller) for run in results.runs])
         if not any(not isinstance(failure, RunError) for failure in failures):
             print(f"Report: {folder / 'report.html'}")
+            if page is not None:
+                print(f"Page: {folder / 'live.html'}")
     if failures:
         raise StudyError("\n".join(map(str, failures)))
     if results.interrupted:
@@ -689,7 +699,7 @@ def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int) ->
     print(f"Results: {folder / 'results.json'}")
 
 
-def _write(results: AnyResults, folder: Path, plots: bool, traces: bool) -> None:
+def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: str | None) -> None:
     from cogless import report
     from cogless.results import map_files, results_json
     from cogless.results.folder import hashes, new_set
@@ -703,6 +713,8 @@ def _write(results: AnyResults, folder: Path, plots: bool, traces: bool) -> None
             rate = math.inf if isinstance(study, TrialStudy) else study.trace.file_rate
             write_netcdf(stage / "traces.nc", results.runs, about, rate)
         report.write(results, stage / "report.html")
+        if page is not None:
+            (stage / "live.html").write_text(page, encoding="utf-8")
         map_files.write_all(results, stage / "maps")
         if plots:
             report.write_plots(results, stage)

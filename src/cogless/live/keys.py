@@ -11,7 +11,7 @@ same number, the first one stays.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,8 +22,8 @@ from cogless.live.packed import Number, Packed
 from cogless.study import Study
 from cogless.study.reading import changed
 
-STOPS = 26
-TRIES = 6
+STOPS = 21
+TRIES = 20
 OTHER_SHAPE = "the run's description takes another shape with it"
 Place = tuple[str, str, str]  # scenario, controller, "run" or "learn"
 All = Mapping[Place, Packed]
@@ -60,7 +60,7 @@ def adjustable(study: Study) -> Found:
     """The keys of a study that a page can change."""
     base = packed(study, held(study))
     found, taken, groups = Found(), set[tuple[Place, int]](), dict[tuple[str | None, str | None], list[Key]]()
-    for candidate in candidates(study):
+    for candidate in (_bounded(study, candidate) for candidate in candidates(study)):
         key, why = _tried(study, base, candidate)
         if key is None:
             found.left_out.append((candidate.key, why))
@@ -87,6 +87,26 @@ def adjustable(study: Study) -> Found:
 def packed(study: Study, pairs: Sequence[Pair]) -> dict[Place, Packed]:
     """The descriptions of these runs."""
     return {(*pair, what): blob for pair in pairs for what, blob in blobs(study, *pair).items()}
+
+
+def _bounded(study: Study, candidate: Candidate) -> Candidate:
+    """The candidate with a slider whose ends the study accepts."""
+    if candidate.stops:
+        return candidate
+    low, high = (_accepted(study, candidate, end) for end in (candidate.low, candidate.high))
+    return replace(candidate, low=low, high=high)
+
+
+def _accepted(study: Study, candidate: Candidate, end: float) -> float:
+    """The end, or if the study refuses it, a value nearer to the study's own."""
+    for _ in range(5):
+        try:
+            changed(study, {candidate.key: candidate.text(end)})
+            return end
+        except StudyError:
+            middle = (end + candidate.start) / 2
+            end = float(round(middle)) if candidate.whole else float(f"{middle:.4g}")
+    return candidate.start
 
 
 def _tried(study: Study, base: All, candidate: Candidate) -> tuple[Key | None, str]:

@@ -8,12 +8,13 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from cogless.c_laws import C_LAWS
-from cogless.c_layout import control_layout
+from cogless.c_layout import Leaf, control_layout
 
 NONE, BOOL, INTEGER, NATURAL, REAL, TEXT, NUMBERS, LIST, TABLE, MATRIX = range(10)
 STRUCTS = {
@@ -48,9 +49,14 @@ def pack(description: Mapping[str, Any], precision: str) -> Packed:
     """Pack a description. TypeError: a value that no description has."""
     law = C_LAWS.get(description["controller"]["law"])
     structs = STRUCTS | ({"controller.config": law.config} if law else {})
-    packer = _Packer({path: control_layout(precision).leaves(name) for path, name in structs.items()})
+    packer = _Packer({path: _leaves(precision, name) for path, name in structs.items()})
     packer.value(description, "")
     return Packed(bytes(packer.data), tuple(packer.numbers), tuple(packer.shape))
+
+
+@cache
+def _leaves(precision: str, name: str) -> tuple[Leaf, ...]:
+    return tuple(control_layout(precision).leaves(name))
 
 
 class _Packer:

@@ -332,7 +332,7 @@
     space.setAttribute("role", "img");
     space.setAttribute("aria-label", `${title}; ${y} over ${x}`);
     const plot = new uPlot({
-      width: Math.max(240, space.clientWidth || 600), height, legend: { show: false }, scales: { x: { time: false } },
+      width: Math.max(240, space.clientWidth || 600), height, legend: { show: false }, scales: { x: { time: false, range: (u, low, high) => [low, high] } },
       cursor: { drag: { x: true, y: false }, points: { show: false }, sync: { key: name.split(":")[0] } },
       axes: [axis(x, 2), axis(y, 3)],
       series: [{}, ...series.map((s) => ({ stroke: s.colour, width: s.dash ? 1 : 1.5, dash: s.dash ? [5, 4] : undefined, alpha: s.dash ? 0.7 : 1, points: { show: false }, spanGaps: true }))],
@@ -395,8 +395,9 @@
     const error = first.error === "theta_error" ? { title: "Angle error", y: "mrad", of: (x) => 1e3 * x } : { title: "Speed error", y: "r/min", of: rpm };
     lines($("whole"), "whole:error", { ...error, x: "time (s)" }, (run) => ({ at: run.whole.at, values: run.whole.values.map(error.of) }));
     lines($("whole"), "whole:current", { title: "Current", x: "time (s)", y: "i_q (A)" }, (run) => ({ at: run.current.at, values: run.current.values }));
+    $("map").parentElement.hidden = false; // a hidden plot has no width
     lines($("map"), "map:current", { title: "Learned current", x: "angle of the rotor (deg)", y: "A" }, learnedOf);
-    document.getElementById("map").parentElement.hidden = !plots.has("map:current");
+    $("map").parentElement.hidden = !plots.has("map:current");
   }
   // The first channel of what is learned, as a current over the angle.
   function learnedOf(run, c) {

@@ -1,0 +1,37 @@
+"""`cogless live`, `cogless run --live` and what they refuse."""
+
+import live_studies
+import pytest
+from commands import cogless
+from node import NO_ENGINE
+
+needs = pytest.mark.skipif(bool(NO_ENGINE), reason=NO_ENGINE)
+
+
+def refused(capsys, *arguments):
+    code, out, error = cogless(capsys, *arguments)
+    assert (code, out) == (2, "")
+    assert len(error.splitlines()) == 1
+    return error
+
+
+@needs
+def test_the_page_is_written_where_it_is_asked_for(capsys, tmp_path):
+    study = live_studies.study(tmp_path).source.path
+    code, out, _ = cogless(capsys, "live", study, "-o", tmp_path / "page.html")
+    assert (code, out) == (0, f"Page: {tmp_path / 'page.html'}\n")
+    assert f"cogless run {study}" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+@needs
+def test_a_run_writes_the_page_beside_its_report(capsys, tmp_path):
+    study, folder = live_studies.study(tmp_path).source.path, tmp_path / "out"
+    code, out, _ = cogless(capsys, "run", study, "--only", "step/pi", "--live", "-o", folder)
+    assert code == 0 and f"Page: {folder / 'live.html'}" in out
+    assert {"report.html", "live.html", "results.json"} <= {path.name for path in folder.iterdir()}
+
+
+def test_a_study_of_trials_is_refused(capsys, tmp_path):
+    error = refused(capsys, "live", "mandra2019", "-o", tmp_path / "page.html")
+    assert "live: expected a study of speed, not one of trials" in error
+    assert not (tmp_path / "page.html").exists()

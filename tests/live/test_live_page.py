@@ -1,0 +1,345 @@
+"""The live page in Chromium: opened, dragged, typed into, switched, zoomed, reloaded, printed, on a phone."""
+
+import base64
+import json
+import shlex
+import time
+import tomllib
+from urllib.parse import unquote
+
+import live_studies
+import numpy as np
+import pytest
+from browser import MISSING, browser
+from node import NO_ENGINE
+from test_live_engine import job
+
+from cogless.live import engine, write
+from cogless.live.page import asset
+from cogless.run.plan import plan
+from cogless.run.simulate import simulate
+from cogless.study import load
+from cogless.study.reading import changed, parse_change
+
+pytestmark = pytest.mark.skipif(bool(MISSING or NO_ENGINE), reason=MISSING or NO_ENGINE)
+
+FEW = ("pi", "pi-ilc")
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    return live_studies.study(tmp_path_factory.mktemp("study"))
+
+
+@pytest.fixture(scope="module")
+def path(study, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "live.html"
+    write(study, path, "cogless run study.toml")
+    return path
+
+
+@pytest.fixture(scope="module")
+def window(tmp_path_factory):
+    with browser(tmp_path_factory.mktemp("browser")) as shown:
+        yield shown
+
+
+@pytest.fixture
+def page(window, path):
+    """The page as it is opened first, with all that it shows computed."""
+    window.devtools("Page.navigate", url="about:blank")
+    window.open(path, 1300)
+    settle(window)
+    yield window
+    window.devtools("Emulation.setEmulatedMedia", media="")
+    errors = [entry["message"] for entry in window._post("/se/log", {"type": "browser"})]
+    assert errors == []
+    assert (
+        window.run(
+            "return performance.getEntriesByType('resource').map((e) => e.name)"
+            ".filter((name) => !name.startsWith('blob:'))"
+        )
+        == []
+    )
+
+
+def settle(shown):
+    """Wait until all is computed and drawn."""
+    end = time.monotonic() + 30
+    while not shown.run("return Boolean(window.cogless && window.cogless.isIdle())"):
+        assert time.monotonic() < end, shown.run("return document.getElementById('state').textContent")
+        time.sleep(0.02)
+
+
+def values(shown, controller, off=False):
+    return shown.run(f"return cogless.result('{controller}', {json.dumps(off)}).result.values")
+
+
+def computed(study, scenario, controller):
+    """What `cogless run` gives, in the page's order."""
+    return list(simulate(study, scenario, controller).metrics.values())
+
+
+def same(mine, wanted):
+    assert len(mine) == len(wanted)
+    for a, b in zip(mine, wanted, strict=True):
+        assert a == pytest.approx(b, rel=1e-9, abs=1e-15)
+
+
+def text(shown, where):
+    return shown.run(f"return document.querySelector({json.dumps(where)}).innerText")
+
+
+def click(shown, where):
+    shown.run(f"document.querySelector({json.dumps(where)}).click()")
+    settle(shown)
+
+
+def place(shown, key, part):
+    """Middle of a slider or field of a key, in the window."""
+    found = f'[...document.querySelectorAll("#keys label")].find((l) => l.title === {json.dumps(key)})'
+    return shown.run(
+        f"const row = {found}.parentElement; row.parentElement.open = true;"
+        f"const box = row.querySelector('input[type={part}]'); box.scrollIntoView({{block: 'center'}});"
+        "const r = box.getBoundingClientRect(); return [r.left, r.top + r.height / 2, r.width]"
+    )
+
+
+def mouse(shown, kind, x, y):
+    shown.devtools("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
+
+
+def drag(shown, start, end):
+    """A drag in ten steps."""
+    (x, y), (to_x, to_y) = start, end
+    mouse(shown, "mousePressed", x, y)
+    for n in range(1, 11):
+        mouse(shown, "mouseMoved", x + (to_x - x) * n / 10, y + (to_y - y) * n / 10)
+    mouse(shown, "mouseReleased", to_x, to_y)
+    settle(shown)
+
+
+def type_into(shown, key, value):
+    x, y, width = place(shown, key, "number")
+    shown.run("document.activeElement.blur()")
+    shown.devtools(
+        "Input.dispatchMouseEvent", type="mousePressed", x=x + width / 2, y=y, button="left", clickCount=3
+    )
+    shown.devtools(
+        "Input.dispatchMouseEvent", type="mouseReleased", x=x + width / 2, y=y, button="left", clickCount=3
+    )
+    shown.devtools("Input.insertText", text=str(value))
+    for kind in ("rawKeyDown", "char", "keyUp"):
+        shown.devtools("Input.dispatchKeyEvent", type=kind, key="Enter", windowsVirtualKeyCode=13, text="\r")
+    settle(shown)
+
+
+def sets_of(shown):
+    """The changes that the page's command asks for."""
+    command = shown.run("return document.getElementById('command').textContent")
+    words = shlex.split(command)
+    return dict(parse_change(words[n + 1]) for n, word in enumerate(words) if word == "--set")
+
+
+def test_it_opens_with_the_numbers_of_a_run(page, study):
+    for controller in FEW:
+        same(values(page, controller), computed(study, "low", controller))
+    off = changed(study, {"controller.pi-ilc.learning_start": "1e9 s"})
+    same(values(page, "pi-ilc", True), computed(off, "low", "pi-ilc"))
+    assert "with learning off" in text(page, "#verdicts")
+    assert "pi-ilc, learning off" in text(page, "#numbers")
+    assert text(page, "#changes").startswith("Nothing")
+
+
+def test_its_traces_have_the_native_bits(page, study):
+    planned = plan(study, "low", "pi-ilc")
+    given = job(study, planned, 2000) | {"module": base64.b64encode(engine.module("single")).decode()}
+    rows = page.run(
+        asset("engine.js").replace('"use strict";', "") + f"const given = {json.dumps(given)};"
+        "const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));"
+        "return WebAssembly.compile(bytes(given.module)).then((module) => {"
+        "const engine = new Engine(module); engine.open(bytes(given.description), given.decimation, 10);"
+        "engine.advance(given.ticks); const { rows } = engine.take();"
+        "return btoa(String.fromCharCode(...new Uint8Array(rows.buffer, rows.byteOffset, 4096))); })"
+    )
+    state, recorder = planned.start(), planned.engine.Recorder(planned.drive, planned.decimation)
+    planned.drive.advance(state, recorder, 2000)
+    assert base64.b64decode(rows) == recorder.take().tobytes()[:4096]
+
+
+def test_a_dragged_slider_gives_the_numbers_of_set(page, study):
+    before = values(page, "pi-ilc")
+    key = "controller.pi-ilc.gain"
+    x, y, width = place(page, key, "range")
+    drag(page, (x + width / 3, y), (x + 0.7 * width, y))
+    sets = sets_of(page)
+    assert list(sets) == [key] and 0.035 < sets[key] < 0.05
+    assert values(page, "pi-ilc") != before
+    same(values(page, "pi-ilc"), computed(changed(study, sets), "low", "pi-ilc"))
+    assert "Before the change" in text(page, "#verdicts")  # the ghost
+    assert "was " in text(page, "#numbers")
+    assert key in text(page, "#changes")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ('scenario.low.override."mechanics.inertia"', 4e-4),
+        ('scenario.low.override."drive.position_sensor.lines"', 500),
+        ("controller.pi-ilc.tuning.phase_margin", 45),
+        ("scenario.low.duration", 1.5),
+        ("scenario.low.reference", 90),
+        ("scenario.low.load", 0.01),
+        ("controller.pi-ilc.lead", 5),
+    ],
+)
+def test_a_typed_value_gives_the_numbers_of_set(page, study, key, value):
+    type_into(page, key, value)
+    sets = sets_of(page)
+    assert list(sets) == [key]
+    for controller in FEW:
+        same(values(page, controller), computed(changed(study, sets), "low", controller))
+
+
+def test_a_value_beyond_the_slider_becomes_its_end(page, study):
+    type_into(page, "controller.pi-ilc.gain", 1000)
+    assert sets_of(page) == {"controller.pi-ilc.gain": 0.06}
+
+
+def test_another_scenario_and_another_controller(page, study):
+    click(page, "#scenarios [data-name=step]")
+    click(page, "#controllers [data-name=table]")
+    for controller in (*FEW, "table"):  # the table is learned in a run before
+        same(values(page, controller), computed(study, "step", controller))
+    click(page, "#controllers [data-name=pi]")
+    assert "<i>PI</i>" not in text(page, "#verdicts")
+    assert page.run("return cogless.state.shown") == ["pi-ilc", "table"]
+    assert "--only step/pi-ilc --only step/table" in text(page, "#command")
+
+
+def test_the_address_brings_all_back(page, study, path):
+    type_into(page, "controller.pi-ilc.gain", 0.03)
+    click(page, "#scenarios [data-name=step]")
+    time.sleep(0.2)
+    address = page.run("return location.href")
+    wanted = values(page, "pi-ilc")
+    page.devtools("Page.navigate", url="about:blank")
+    page._post("/url", {"url": address})
+    settle(page)
+    assert page.run("return cogless.state.scenario") == "step"
+    assert sets_of(page) == {"controller.pi-ilc.gain": 0.03}
+    assert values(page, "pi-ilc") == wanted
+
+
+def test_nonsense_in_the_address_is_left_alone(page, path):
+    page.devtools("Page.navigate", url="about:blank")
+    hostile = (
+        "scenario=%3Cimg%20src=x%20onerror=alert(1)%3E&controllers=x&controller.pi-ilc.gain=1e999&motor=2"
+    )
+    page._post("/url", {"url": f"{path.as_uri()}#{hostile}"})
+    settle(page)
+    assert page.run("return cogless.state.scenario") == "low"
+    assert sets_of(page) == {}
+
+
+def test_the_changed_study_as_a_file_gives_the_same_run(page, study, tmp_path):
+    type_into(page, 'scenario.low.override."mechanics.inertia"', 4e-4)
+    type_into(page, "controller.pi-ilc.gain", 0.03)
+    page.run(
+        "const a = document.getElementById('download');"
+        "a.addEventListener('click', (e) => e.preventDefault()); a.click()"
+    )
+    address = page.run("return document.getElementById('download').href")
+    found = unquote(address.partition(",")[2])
+    (tmp_path / "changed.toml").write_text(found, encoding="utf-8")
+    again = load(tmp_path / "changed.toml")
+    assert tomllib.loads(found)["seed"] == study.seed
+    same(values(page, "pi-ilc"), computed(again, "low", "pi-ilc"))
+
+
+def test_back_to_the_study(page, study):
+    type_into(page, "controller.pi-ilc.gain", 0.03)
+    click(page, "#reset")
+    assert sets_of(page) == {}
+    same(values(page, "pi-ilc"), computed(study, "low", "pi-ilc"))
+
+
+def test_the_keyboard_moves_a_slider(page):
+    place(page, "controller.pi-ilc.q_half_width", "range")
+    page.run(
+        "[...document.querySelectorAll('#keys label')].find((l) => l.title.endsWith('q_half_width'))"
+        ".parentElement.querySelector('input[type=range]').focus()"
+    )
+    for kind in ("rawKeyDown", "keyUp"):
+        page.devtools("Input.dispatchKeyEvent", type=kind, key="ArrowRight", windowsVirtualKeyCode=39)
+    settle(page)
+    assert sets_of(page) == {"controller.pi-ilc.q_half_width": 2}
+
+
+def test_a_plot_zooms_and_goes_back(page):
+    where = "document.querySelector('#turn .u-over').getBoundingClientRect()"
+    page.run("document.querySelector('#turn .u-over').scrollIntoView({block: 'center'})")
+    x, y, width, height = page.run(f"const r = {where}; return [r.left, r.top, r.width, r.height]")
+    ticks = "return [...document.querySelectorAll('#turn canvas')].map((c) => c.toDataURL().length).join()"
+    before = page.run(ticks)
+    drag(page, (x + width * 0.3, y + height / 2), (x + width * 0.5, y + height / 2))
+    time.sleep(0.1)
+    assert page.run(ticks) != before
+
+
+def test_on_a_phone_nothing_is_wider_than_the_page(page, path):
+    page.open(path, 400)
+    settle(page)
+    assert page.run("return document.documentElement.scrollWidth") <= 400
+    page.open(path, 1300)
+    settle(page)
+    assert page.run("return document.documentElement.scrollWidth") <= 1300
+
+
+def test_on_paper_the_numbers_are_there(page):
+    assert page.pdf().startswith(b"%PDF")
+    page.devtools("Emulation.setEmulatedMedia", media="print")
+    assert page.run("return getComputedStyle(document.getElementById('keys')).display") == "none"
+    assert page.run("return document.getElementById('numbers').getBoundingClientRect().height") > 100
+
+
+def test_the_policy_stops_what_is_not_the_pages_own(page):
+    """A script, an image or a request put into the page does nothing."""
+    done = page.run(
+        "window.broken = 0; const s = document.createElement('script'); s.textContent = 'window.broken = 1';"
+        "document.body.append(s);"
+        "const sent = fetch('https://example.invalid/').then(() => 'sent', () => 'stopped');"
+        "return sent.then((how) => [how, window.broken])"
+    )
+    assert done == ["stopped", 0]
+    page._post("/se/log", {"type": "browser"})  # these two are told there
+    assert page.run("return document.title") == "A <b>small</b> drive </script><script>alert(1)</script>"
+    assert page.run("return document.querySelectorAll('h1 b, .description b, #verdicts i').length") == 0
+
+
+def test_a_failing_run_is_told_and_the_page_lives_on(page, study):
+    page.run(
+        "cogless.state.values.set('controller.pi-ilc.lead', -1); cogless.set('controller.pi-ilc.gain', 0.01)"
+    )
+    settle(page)
+    assert "pi-ilc: a gain is outside its range" in text(page, "#verdicts .worse")
+    page.run("cogless.state.values.clear(); cogless.set('controller.pi-ilc.gain', 0.02)")
+    settle(page)
+    same(values(page, "pi-ilc"), computed(study, "low", "pi-ilc"))
+
+
+def test_it_is_small_and_whole(path):
+    page = path.read_text(encoding="utf-8")
+    assert len(page) < 1_500_000
+    assert page.count('http-equiv="Content-Security-Policy" content="default-src \'none\';') == 1
+    for word in ('src="http', 'href="http', "@import", "url(http"):
+        assert word not in page
+
+
+def test_no_row_of_the_page_is_empty(page):
+    rows = page.run(
+        "const rows = [...document.querySelectorAll('#numbers tbody tr')];"
+        "return rows.map((r) => [...r.cells].map((c) => c.innerText))"
+    )
+    assert len(rows) > 4
+    assert all(np.all([cell for cell in row]) for row in rows)
