@@ -135,7 +135,7 @@ class Feedback(Base):
     @model_validator(mode="after")
     def _gains_or_rule(self) -> Self:
         if isinstance(self.tuning, AutoTuning) and not self.automatic:
-            raise invalid('expected "phase-margin", since this law has gains of its own', "tuning.rule")
+            raise invalid('expected "phase-margin", since this law has gains of its own', "tuning")
         gains = (self.kp is not None, self.ki is not None)
         if gains not in ((True, True), (False, False)) or all(gains) == (self.tuning is not None):
             rule = '{ rule = "phase-margin", phase_margin = "60 deg" }'
