@@ -164,8 +164,8 @@ def test_the_first_period_is_nearly_enough():
 
 @pytest.mark.parametrize(("share", "grows"), [(0.7, False), (1.4, True)])
 def test_the_rate_has_the_bound_that_the_design_computes(share, grows):
-    """Thirty orders at 12 rad/s together, with no feedback and a mean that never narrows. The law takes no rate as high as
-    that; where it believes in too little acceleration it learns too fast as well."""
+    """Thirty orders together, with no feedback. The law takes no rate as high as that; where it believes in
+    too little acceleration it learns too fast as well."""
     told = Learner(B, 0.0, 2, 30, 1.0, 1.0)
     bound = rate_bound(TS, told, 12.0 * 2 * np.arange(1.0, 31.0))
     reference = law(2, 30, 3.0, pi=(0.0, 0.0, 4.0), b=B * 3.0 / (share * bound))
