@@ -1,4 +1,4 @@
-"""Tables of what the law `harmonic` reaches, for docs/laws/harmonic.md, from shipped studies with the law added.
+"""Tables of what the law `harmonic` reaches, for docs/laws/harmonic.md: shipped studies with the law added.
 
 python docs/harmonic_tables.py            print the tables
 python docs/harmonic_tables.py --write    put them into the page
@@ -57,6 +57,7 @@ def untold(scenario: str, **changes: Any) -> dict[str, Any]:
     return {key: {name.replace("__", "."): value for name, value in changes.items()}}
 
 
+ECC = "drive__position_sensor__eccentricity"
 RIPPLE = [{"order": 24, "percent": 5.0}]
 WRONG: list[Case] = [
     ("as it is", "uomodri", "1-rev-s", {}),
@@ -67,8 +68,8 @@ WRONG: list[Case] = [
     ("a sample of delay", "uomodri", "1-rev-s", untold("1-rev-s", drive__bus__delay_command="0.2 ms")),
     ("the same at 240 r/min", "uomodri", "fast", untold("fast", drive__bus__delay_command="0.2 ms")),
     ("K_t ripples by 5 %", "uomodri", "1-rev-s", untold("1-rev-s", motor__torque_ripple=RIPPLE)),
-    ("0.2 deg of eccentricity", "uomodri", "1-rev-s", untold("1-rev-s", drive__position_sensor__eccentricity="0.2 deg")),
-    ("0.5 deg of eccentricity", "uomodri", "1-rev-s", untold("1-rev-s", drive__position_sensor__eccentricity="0.5 deg")),
+    ("0.2 deg of eccentricity", "uomodri", "1-rev-s", untold("1-rev-s", **{ECC: "0.2 deg"})),
+    ("0.5 deg of eccentricity", "uomodri", "1-rev-s", untold("1-rev-s", **{ECC: "0.5 deg"})),
     ("switched PWM", "uomodri", "1-rev-s", untold("1-rev-s", drive__inverter__kind="switched")),
 ]  # fmt: skip
 

@@ -1265,13 +1265,13 @@ void random_inputs(long configs)
         {"space_speed", try_space_speed, 0x74c5bed3U, 0x7dde4ec7U},
         {"anti_cogging", try_anti_cogging, 0x71e4af4fU, 0xe5dae956U},
         {"pi_afc", try_pi_afc, 0x96f736bbU, 0x03e628a4U},
-        {"harmonic", try_harmonic, 0x4d5f0460U, 0x00000001U},
         {"zero_phase", try_zero_phase, 0x428ca5d0U, 0x74f1ea8fU},
         {"trial", try_trial, 0xa133f839U, 0x4318ff6eU},
         {"monitor", try_monitor, 0x67e82230U, 0x23cd28fbU},
         {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
         {"drive", try_drive, 0x23d2b8bcU, 0xeaa4b009U},
         {"adrc", try_adrc, 0xc079600cU, 0x27b41b93U},
+        {"harmonic", try_harmonic, 0x9a7ef4ceU, 0x45148151U},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);

@@ -9,7 +9,8 @@ from reference.harmonic import SETTLE, Harmonic
 from reference.motion import motion, rounded
 from reference.pi import Pi
 
-from cogless.study.harmonic import FASTEST, HIGHEST, ORDERS
+from cogless.design.harmonic import rate_bound
+from cogless.study.harmonic import FASTEST, HIGHEST, ORDERS, Learner
 
 TS, STEPS = 1e-3, 3000
 B = 800.0  # rad/s^2/A
@@ -159,6 +160,21 @@ def test_the_first_period_is_nearly_enough():
     c = CHarmonic(control_library("float"), law(rate=30.0, orders=4))
     speeds = run(c, Motor(10.0, RIPPLE), 10.0, 0.6)
     assert np.std(speeds[300:600]) < 0.25 * np.std(speeds[:100])
+
+
+@pytest.mark.parametrize(("share", "grows"), [(0.7, False), (1.4, True)])
+def test_the_rate_has_the_bound_that_the_design_computes(share, grows):
+    """Thirty orders together, with no feedback. The law takes no rate as high as that; where it believes in
+    too little acceleration it learns too fast as well."""
+    told = Learner(B, 0.0, 2, 30, 1.0, 1.0)
+    bound = rate_bound(TS, told, 12.0 * 2 * np.arange(1.0, 31.0))
+    reference = law(2, 30, 3.0, pi=(0.0, 0.0, 4.0), b=B * 3.0 / (share * bound))
+    reference.rate_min = reference.rate
+    c = CHarmonic(control_library("double"), reference)
+    motor = Motor(12.0, [(24, 0.1, 0.0)])
+    run(c, motor, 12.0, 4.5)
+    after = np.abs(np.delete(c.c, 11)).max()
+    assert (after > 0.01) == grows, (bound, after)
 
 
 def test_a_dropout_leaves_what_is_learned():

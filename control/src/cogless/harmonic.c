@@ -147,7 +147,10 @@ static uint32_t smaller(uint32_t a, uint32_t b)
 /* How many multiples of `step` [rad] are within `most` [rad]. */
 static uint32_t fitting(cgl_real most, cgl_real step, uint32_t orders)
 {
-    const cgl_real count = (cgl_real)orders * step <= most ? (cgl_real)orders : most / step;
+    if (step < CGL_R(0.003)) {
+        return orders; /* CGL_HARMONIC_ORDERS of them are within SPLIT */
+    }
+    const cgl_real count = most / step;
     return smaller((uint32_t)(int32_t)count, orders);
 }
 

@@ -30,7 +30,7 @@ FULLEST = 6  # highest learned order, in lowest common multiples of slots and po
 MIDDLE = 1.3  # rad a sample, where the delay is taken: half of what an order may have
 SPLIT = 0.5105  # rad a sample, up to which an order learns from z
 STEP = 1 / 15  # of all orders' rates together, a sample: slow orders settle up to 0.16
-MOST, LEAST = 20.0, 1.0  # 1/s, of the rate
+MOST, LEAST = 20.0, 0.5  # 1/s, of the rate
 WRONG = (0.5, 1.0, 1.5)  # b of the plant / b of the model
 FROM = 1e-3  # rad a sample: the slowest order that is judged
 
@@ -139,7 +139,7 @@ def certificate(study: Study, name: str) -> Certificate:
         acting = orders[orders * omega * loop.period <= FASTEST]
         if len(acting):
             found.append(_at(loop, told, pi, acting, omega))
-            most.append(rate_bound(loop, told, np.asarray(acting * omega)))
+            most.append(rate_bound(loop.period, told, np.asarray(acting * omega)))
     return Certificate(told, tuple(found), FASTEST / (told.base * loop.period), min(most))
 
 
@@ -158,13 +158,12 @@ def _at(loop: SpeedLoop, told: Learner, pi: tuple[float, float], orders: Real, o
     return Certified(omega, int(orders[-1]), float(np.min(real(0))), late)
 
 
-def rate_bound(loop: SpeedLoop, told: Learner, w: Real) -> float:
-    """The rate below which all orders, at frequencies w in rad/s, settle together, 1/s.
+def rate_bound(T: float, told: Learner, w: Real) -> float:
+    """The rate below which all orders, at frequencies w in rad/s, settle together, 1/s. `T`: period, s.
 
     The loop of all orders, from T to what the law adds to it, is the rate times R; the bound is where it
     first is -1. Inertia, torque constant and delay are those that the law assumes.
     """
-    T = loop.period
     beside = np.add.outer(w * T, np.geomspace(1e-4, 0.5, 60) * w[0] * T)
     om = np.union1d(np.linspace(FROM, math.pi, 6000), np.ravel(beside)) * (1 + 1e-9)
     om = om[om < math.pi]

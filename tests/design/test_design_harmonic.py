@@ -1,0 +1,105 @@
+"""The rule of the law `harmonic`, its certificate, and runs that hold it to both."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import studies
+from cogless import load
+from cogless.design.harmonic import certificate, gamma, learner
+from cogless.design.pi import gains, speed_loop
+from cogless.design.summary import design_dict, summary
+from cogless.errors import StudyError
+from cogless.run.simulate import simulate
+
+RPM = math.pi / 30
+COMPENSATED = {"drive.dead_time_compensation.band": "35 mA"}
+LATE = {"drive.bus.delay_command": "0.2 ms"}  # a sample of the law
+
+
+def study(name: str = "uomodri", **changes: Any):
+    here = load(name)
+    chosen = {
+        f"scenario.{key}.controllers": [*scenario.controllers, "harmonic"]
+        for key, scenario in here.scenario.items()
+        if scenario.controllers
+    }
+    return load(name, {**studies.HARMONIC, **chosen, **changes})
+
+
+def error(scenario: str, duration: int, name: str, **changes: Any):
+    """The speed error in each quarter of a second of a run on uomodri, rms, r/min."""
+    own = {"controller.same": {"law": "pi", "tuning": {"rule": "phase-margin", "phase_margin": "45 deg"}}}
+    own |= {"metric": []}
+    here = study(**{f"scenario.{scenario}.duration": f"{duration} s", **own, **changes})
+    speed = simulate(here, scenario, name).trace["omega_m"] / RPM
+    return speed.reshape(-1, 1250).std(axis=1)
+
+
+def test_numbers_follow_from_slots_poles_and_drive():
+    told = learner(study(), "harmonic")
+    assert (told.base, told.orders) == (6, 72)  # 18 slots, 24 poles: to 6 lcm = 432
+    assert told.b == pytest.approx(study().K_t / 6e-6)
+    # a current loop of 1 kHz, whose phase rises a little, less half of its period of 50 us
+    assert told.delay == pytest.approx(1 / (2 * math.pi * 1000) - 25e-6, rel=0.15)
+    liu = learner(study("liu2018"), "harmonic")
+    assert (liu.base, liu.orders) == (4, 20)  # 81 at 60 r/min and 1 kHz would have 0.51 rad a sample
+    with pytest.raises(StudyError, match=r"motor\.slots: missing: expected their number"):
+        learner(load("gimbal", studies.HARMONIC), "harmonic")
+    by_hand = {**studies.HARMONIC["controller.harmonic"], "base": 2}
+    assert learner(load("gimbal", {"controller.harmonic": by_hand}), "harmonic").base == 2
+
+
+def test_other_laws_have_no_such_rule():
+    with pytest.raises(StudyError, match=r'controller\.mine\.tuning: .*expected "phase-margin"'):
+        load("uomodri", {"controller.mine": {"law": "pi", "tuning": {"rule": "auto"}}})
+
+
+def test_gamma_is_one_where_the_model_is_right():
+    here = study()
+    loop, told, pi = speed_loop(here), learner(here, "harmonic"), gains(here, "harmonic")
+    w = 2 * math.pi * np.array([6.0, 72.0, 216.0, 432.0])
+    assert gamma(loop, told, pi, w) == pytest.approx(np.ones(4), abs=0.04)
+    late = gamma(loop, told, pi, w, 1)
+    assert late[0].real > 0.9 and abs(np.angle(late[1])) > abs(np.angle(late[0]))
+
+
+def test_the_certificate_is_shown():
+    here = study()
+    made = summary(here)["harmonic"]
+    assert "settles to 11.1 1/s; at 15 rpm up to 432, Re Gamma 0.66 or more" in made.words()
+    assert certificate(here, "harmonic").fine
+    as_json = design_dict(made)
+    assert as_json["rule"] == "auto" and as_json["gains"]["orders"]["value"] == 72
+    assert as_json["certificate"]["speeds"][1]["late"] < 432
+
+
+def test_a_second_is_enough_at_15_rpm_where_a_map_takes_forty():
+    learned = error("slow", 4, "harmonic")
+    assert np.min(learned[:4]) < 1.0 and np.all(learned[4:] < 1.0)
+    assert np.all(error("slow", 4, "pi-ilc") > 2.0)
+
+
+@pytest.mark.parametrize("changes", [
+    {"mechanics.inertia": "3e-6 kg*m^2"}, {"mechanics.inertia": "9e-6 kg*m^2"}, {"motor.kv": "600 rpm/V"},
+    {"motor.kv": "200 rpm/V"}, LATE,
+])  # fmt: skip
+def test_what_nobody_told_it_slows_it_only(changes):
+    untold = {"scenario.1-rev-s.override": changes, **COMPENSATED}
+    learned, without = (error("1-rev-s", 5, name, **untold) for name in ("harmonic", "same"))
+    assert np.mean(learned[12:20]) < 0.35 * np.mean(without[12:20])
+
+
+def test_a_dropout_of_50_ms_costs_no_learning():
+    fault = {"kind": "angle-missing", "time": "4 s", "duration": "50 ms"}
+    changes = {"scenario.1-rev-s.faults": [fault], "drive.guard": False, **COMPENSATED}
+    learned = error("1-rev-s", 6, "harmonic", **changes)
+    assert learned[16] > 5.0  # what the rotor did meanwhile
+    assert np.all(learned[17:] < 0.6) and np.all(learned[:2] > 0.6)
+
+
+def test_liu_at_60_rpm_is_near_the_encoders_floor():
+    speed = simulate(study("liu2018"), "60-rpm", "harmonic").trace["omega_m"][-12000:] / RPM
+    assert np.std(speed) < 0.4
