@@ -83,7 +83,8 @@ DaskOption = Annotated[
     typer.Option("--dask", metavar="ADDRESS", help="Run on a Dask cluster, such as tcp://node1:8786."),
 ]
 NoCodeOption = Annotated[
-    bool, typer.Option("--no-code", help="Refuse a study that brings code of its own, in Python or a library.")
+    bool,
+    typer.Option("--no-code", help="Refuse a study that brings its own code, in Python or a library."),
 ]
 CORES = os.cpu_count() or 1
 
