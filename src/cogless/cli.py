@@ -85,7 +85,7 @@ DaskOption = Annotated[
 ]
 NoCodeOption = Annotated[
     bool,
-    typer.Option("--no-code", help="Refuse a study that brings code of its own, in Python or a library."),
+    typer.Option("--no-code", help="Refuse a study that brings its own code, in Python or a library."),
 ]
 CORES = os.cpu_count() or 1
 
