@@ -83,7 +83,8 @@ DaskOption = Annotated[
     typer.Option("--dask", metavar="ADDRESS", help="Run on a Dask cluster, such as tcp://node1:8786."),
 ]
 NoCodeOption = Annotated[
-    bool, typer.Option("--no-code", help="Refuse a study that brings code of its own, in Python or a library.")
+    bool,
+    typer.Option("--no-code", help="Refuse a study that brings code of its own, in Python or a library."),
 ]
 CORES = os.cpu_count() or 1
 
@@ -409,10 +410,16 @@ def identify(
 
     if plan is not None:
         from cogless.identify import plan as planning
+        from cogless.identify import rehearsal
 
         study = _load(plan, None)
         with held(output), new_set(output) as stage:
             planning.write(study, stage)
+            with _console(stderr=True).status("Rehearsing") as status:
+                expected = rehearsal.expected(stage, lambda what, share: status.update(f"Rehearsing: {what}"))
+        print("To be expected, from simulated logs of this motor:")
+        for line in expected:
+            print(line)
         print(f"Study: {output / 'study.toml'}")
         print(f"Columns: {output / 'id.toml'}")
         return
