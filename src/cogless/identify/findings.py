@@ -236,8 +236,8 @@ def _without_sidebands(made: Estimate, cogging: tuple[Wave, ...]) -> tuple[tuple
             largest = max(wave.size.value for wave in beside)
             degrees = np.degrees(2 * largest / (main.order * main.size.value))
             return tuple(wave for wave in cogging if wave not in beside), [
-                f"Order {' and '.join(str(wave.order) for wave in beside)} beside {main.order}: cogging and an "
-                f"encoder's error of order {k}, {degrees:.2g} deg, cannot be told apart; add a faster log."
+                f"Order {' and '.join(str(wave.order) for wave in beside)} beside {main.order}: cogging and "
+                f"an encoder's error of order {k}, {degrees:.2g} deg, cannot be told apart; add a faster log."
             ]
     return cogging, []
 
