@@ -448,10 +448,16 @@ def identify(
 
     if plan is not None:
         from cogless.identify import plan as planning
+        from cogless.identify import rehearsal
 
         study = _load(plan, None)
         with held(output), new_set(output) as stage:
             planning.write(study, stage)
+            with _console(stderr=True).status("Rehearsing") as status:
+                expected = rehearsal.expected(stage, lambda what, share: status.update(f"Rehearsing: {what}"))
+        print("To be expected, from simulated logs of this motor:")
+        for line in expected:
+            print(line)
         print(f"Study: {output / 'study.toml'}")
         print(f"Columns: {output / 'id.toml'}")
         return

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import json
+import os
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +15,26 @@ import pytest
 from identify.commissioned import study_text
 
 from cogless import load, run_study
+from cogless.__main__ import main
 from cogless.maps import stored_map
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "laas_anti_cogging"
 
 
 def cogless(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """A command as a user gives it."""
-    command = [sys.executable, "-m", "cogless", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+    """A command as a user gives it, without starting Python anew."""
+    before, argv = Path.cwd(), sys.argv
+    out, error = io.StringIO(), io.StringIO()
+    os.chdir(cwd)
+    sys.argv = ["cogless", *arguments]
+    try:
+        with redirect_stdout(out), redirect_stderr(error), pytest.raises(SystemExit) as end:
+            main()
+    finally:
+        os.chdir(before)
+        sys.argv = argv
+    code = end.value.code
+    return subprocess.CompletedProcess(arguments, int(code or 0), out.getvalue(), error.getvalue())
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +49,7 @@ def chain(tmp_path_factory) -> Path:
     ):
         done = cogless(*command, cwd=folder)
         assert done.returncode == 0, done.stderr
+        (folder / f"{command[-1]}.txt").write_text(done.stdout)
     return folder
 
 
@@ -46,6 +61,16 @@ def test_the_found_motor_ripples_as_the_true_one(chain):
         return float(np.std(run.trace["omega_m"][run.trace.window(2.0, 3.9)]))
 
     assert ripple("found/study.toml") == pytest.approx(ripple("plan/study.toml"), rel=0.05)
+
+
+def test_the_plan_says_which_errors_to_expect(chain):
+    """They are those that come out then: of the same motor, by the same way."""
+
+    def error(file: str) -> float:
+        line = next(line for line in (chain / file).read_text().splitlines() if line.startswith("inertia"))
+        return float(line.split("+-")[1].split()[0])
+
+    assert 0.2 * error("found.txt") < error("plan.txt") < 2 * error("found.txt")
 
 
 def test_the_found_study_runs(chain):

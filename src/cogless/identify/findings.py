@@ -225,21 +225,20 @@ def _own(rows: Sequence[Rows], found: Fit, names: Sequence[tuple[str | int, ...]
 
 
 def _without_sidebands(made: Estimate, cogging: tuple[Wave, ...]) -> tuple[tuple[Wave, ...], list[str]]:
-    """Leave out orders n -+ k beside a larger n: an encoder's error of order k, not found, makes such."""
+    """Leave out orders n -+ k beside a larger n: an encoder's error of order k makes such."""
     found, told = {wave.order: wave for wave in cogging}, {wave.order for wave in made.encoder}
     for k in (k for k in (1, 2) if k not in told):
         for main in sorted(cogging, key=lambda wave: -wave.size.value):
-            low, high = found.get(main.order - k), found.get(main.order + k)
-            if low is None or high is None:
+            near = (found.get(main.order - k), found.get(main.order + k))
+            beside = [wave for wave in near if wave and wave.size.value < SIDEBAND * main.size.value]
+            if not beside:
                 continue
-            both = 0.5 * (low.size.value + high.size.value)
-            if abs(low.size.value - high.size.value) < both < SIDEBAND * main.size.value:
-                degrees = np.degrees(2 * both / (main.order * main.size.value))
-                kept = tuple(wave for wave in cogging if wave not in (low, high))
-                return kept, [
-                    f"Orders {low.order} and {high.order} beside {main.order}: cogging and an encoder's "
-                    f"error of order {k}, {degrees:.2g} deg, cannot be told apart; add a faster log."
-                ]
+            largest = max(wave.size.value for wave in beside)
+            degrees = np.degrees(2 * largest / (main.order * main.size.value))
+            return tuple(wave for wave in cogging if wave not in beside), [
+                f"Order {' and '.join(str(wave.order) for wave in beside)} beside {main.order}: cogging and "
+                f"an encoder's error of order {k}, {degrees:.2g} deg, cannot be told apart; add a faster log."
+            ]
     return cogging, []
 
 

@@ -202,7 +202,7 @@ def _repeats(name: str, found: Columns, step: float, remarks: list[str]) -> None
 def _slip(name: str, theta: Array, step: float, remarks: list[str]) -> int:
     """Rows before the angle jumps as no rotor does: far more than in rows around it; all if it never does."""
     moved = np.diff(theta)
-    around = np.maximum(np.abs(np.roll(moved, 2)), np.abs(np.roll(moved, -2)))
+    around = np.max([np.abs(np.roll(moved, rows)) for rows in (-2, -1, 1, 2)], axis=0)
     jumps = np.flatnonzero(np.abs(moved) > 10 * around + 20 * step + 1e-3)
     if not len(jumps):
         return len(theta)
