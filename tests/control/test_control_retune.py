@@ -134,7 +134,7 @@ def test_other_sizes_are_refused_and_nothing_changes(name: str, precision: str) 
         assert running.bytes() == before, change
 
 
-DERIVED = ("config", "ts", "gain", "l1", "l2", "row", "periods", "limits", "turned_square")
+DERIVED = ("config", "ts", "gain", "l1", "l2", "most", "row", "periods", "limits", "turned_square")
 
 
 def constants(library: ControlLibrary, state: Any) -> dict[tuple[str, ...], bytes]:

@@ -21,7 +21,7 @@ CGL_SELDOM static void start(cgl_adrc *law, cgl_real current)
     const cgl_adrc_config *const config = &law->config;
     law->omega = law->proportional = CGL_R(0.0);
     law->before = cgl_clamped(current, config->limit);
-    law->f = cgl_clamped(-config->b * law->before, config->b * config->limit);
+    law->f = cgl_clamped(-config->b * law->before, law->most);
     law->rejected = law->before;
     law->started = false;
 }
@@ -32,6 +32,7 @@ static void take(cgl_adrc *law, const cgl_adrc_config *config)
     law->config = *config;
     law->l1 = CGL_R(1.0) - p * p;
     law->l2 = cgl_clamped(q * q / law->ts, CGL_REAL_MAX);
+    law->most = cgl_clamped(config->b * config->limit, CGL_REAL_MAX);
 }
 
 CGL_SELDOM cgl_error cgl_adrc_init(cgl_adrc *law, const cgl_adrc_config *config, cgl_real ts)
@@ -51,7 +52,7 @@ CGL_SELDOM cgl_error cgl_adrc_retune(cgl_adrc *law, const cgl_adrc_config *confi
         return CGL_ERROR_CONFIG;
     }
     take(law, config);
-    law->f = cgl_clamped(law->f, config->b * config->limit);
+    law->f = cgl_clamped(law->f, law->most);
     law->before = cgl_clamped(law->before, config->limit);
     return CGL_OK;
 }
@@ -76,7 +77,7 @@ void cgl_adrc_step(cgl_adrc *law, const cgl_law_input *in, cgl_law_output *out)
     const cgl_real predicted = law->omega + law->ts * (law->f + config->b * law->before);
     const cgl_real e = measured && law->started ? in->omega_m - predicted : CGL_R(0.0);
     law->omega = cgl_clamp(predicted + law->l1 * e, CGL_REAL_MAX);
-    law->f = cgl_clamp(law->f + law->l2 * e, config->b * config->limit);
+    law->f = cgl_clamp(law->f + law->l2 * e, law->most);
     const cgl_real error = wanted && law->started ? in->omega_ref - law->omega : CGL_R(0.0);
     law->proportional = cgl_clamp(config->omega_c * error / config->b, CGL_REAL_MAX);
     law->rejected = -law->f / config->b;

@@ -25,8 +25,9 @@ typedef struct {
     cgl_adrc_config config;
     cgl_real ts;           /* sampling period [s] */
     cgl_real l1, l2;       /* gains of the observer [-], [1/s] */
+    cgl_real most;         /* b limit: the disturbance that the current can reject [rad/s^2] */
     cgl_real omega;        /* estimate of the speed [rad/s] */
-    cgl_real f;            /* estimate of the disturbance, within +-b limit [rad/s^2] */
+    cgl_real f;            /* estimate of the disturbance, within +-most [rad/s^2] */
     cgl_real before;       /* the last output, which the observer is told [A] */
     cgl_real proportional; /* the share of the last step [A] */
     cgl_real rejected;     /* -f / b, the share of the last step [A] */
