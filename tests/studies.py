@@ -22,11 +22,12 @@ rate = "1 kHz"
 rates = { current_loop = "2 kHz", speed_loop = "1 kHz" }
 current_loop = { kind = "ideal", current_limit = "3 A" }
 """
-# Changes that add a law of chosen orders to `uomodri`, whose ripple these are.
+# Changes that add a law with an observer to `liu2018`.
 ADRC: dict[str, Any] = {
     "controller.adrc": {"law": "adrc", "b": 1367.0, "omega_c": 100.0, "omega_o": 400.0},
-    "scenario.60-rpm.controllers": ["adrc"],
+    "scenario.60-rpm.controllers": ["pi", "adrc"],
 }
+# Changes that add a law of chosen orders to `uomodri`, whose ripple these are.
 AFC: dict[str, Any] = {
     "controller.pi-afc": {
         "law": "pi-afc",

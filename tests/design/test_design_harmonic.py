@@ -52,11 +52,6 @@ def test_numbers_follow_from_slots_poles_and_drive():
     assert learner(load("gimbal", {"controller.harmonic": by_hand}), "harmonic").base == 2
 
 
-def test_other_laws_have_no_such_rule():
-    with pytest.raises(StudyError, match=r'controller\.mine\.tuning: .*expected "phase-margin"'):
-        load("uomodri", {"controller.mine": {"law": "pi", "tuning": {"rule": "auto"}}})
-
-
 def test_gamma_is_one_where_the_model_is_right():
     here = study()
     loop, told, pi = speed_loop(here), learner(here, "harmonic"), gains(here, "harmonic")

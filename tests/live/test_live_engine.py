@@ -15,9 +15,15 @@ from cogless.live.blobs import blobs, held
 from cogless.live.packed import pack
 from cogless.run.plan import plan
 from cogless.study import Study, load
+from cogless.study.arena import is_arena
+from cogless.study.reading import read
 
 TICKS = 3000
-SPEED = [name for name in shipped("studies") if isinstance(load(name), Study)]
+SPEED = [
+    name
+    for name, path in shipped("studies").items()
+    if not is_arena(read(path)) and isinstance(load(name), Study)
+]
 RUN = """
 const crypto = require("crypto");
 const module = new WebAssembly.Module(require("fs").readFileSync(given.module));

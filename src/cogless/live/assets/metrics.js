@@ -233,6 +233,14 @@ const liveMetrics = (() => {
       const out = outside(at, () => mean(at.x.subarray(0, Math.max(1, Math.floor(at.x.length / 10)))));
       return out.length ? at.time[out[0]] : null;
     },
+    "time-to-learn": ({ m, trace, part, first, last }) => {
+      const x = part(m.signal, [first, last]), each = Math.max(1, Math.round(m.smooth / trace.period));
+      const pieces = Math.floor(x.length / each);
+      if (!pieces) return NaN;
+      let learned = pieces; // the first piece of those at the end that are within the band
+      while (learned > 0 && Math.sqrt(mean(x.subarray((learned - 1) * each, learned * each).map((v) => v * v))) <= m.band) learned--;
+      return learned === pieces ? null : learned * each * trace.period;
+    },
     "copper-loss": ({ trace, about, first, last }) => {
       const d = trace.get("i_d").subarray(first, last), q = trace.get("i_q").subarray(first, last);
       return about.power_factor * about.R_s * mean(d.map((v, i) => v * v + q[i] * q[i]));
