@@ -134,7 +134,7 @@ def run(
 
     arena = _arena(study, changes)
     if arena is not None:
-        _name_code(arena.path, "law", arena.law, no_code)
+        _name_code(arena.path, "law", arena.law, no_code, arena.found)
         _run_arena(arena, output or Path("results") / arena.name, only, jobs)
         return
     loaded = _to_run(study, changes, no_code)
@@ -655,12 +655,15 @@ def _load(study: str, changes: list[str] | None) -> AnyStudy:
 def _to_run(study: str, changes: list[str] | None, no_code: bool) -> AnyStudy:
     """The study, whose own code is named before any of it runs."""
     loaded = _load(study, changes)
-    _name_code(loaded.source.path, "controller", loaded.controller, no_code)
+    path = loaded.source.path
+    _name_code(path, "controller", loaded.controller, no_code, lambda code: str(path.parent / code))
     return loaded
 
 
-def _name_code(path: Path, table: str, laws: Mapping[str, Any], no_code: bool) -> None:
-    """Say which files' code these laws run, or refuse it."""
+def _name_code(
+    path: Path, table: str, laws: Mapping[str, Any], no_code: bool, found: Callable[[str], str]
+) -> None:
+    """Say which files' code these laws run, or refuse it. `found`: where a file that a law names is."""
     from cogless.study.controller import LibraryLaw, PythonLaw
 
     for name, law in laws.items():
@@ -668,7 +671,7 @@ def _name_code(path: Path, table: str, laws: Mapping[str, Any], no_code: bool) -
             if no_code:
                 where = f'{path}: {table}.{name}.law: "{law.law}"'
                 raise StudyError(f"{where}: expected no code of the file's own, with --no-code")
-            print(f"Code: {table}.{name} runs {path.parent / law.code}.")
+            print(f"Code: {table}.{name} runs {found(law.code)}.")
 
 
 def _arena(study: str, changes: list[str] | None) -> Arena | None:

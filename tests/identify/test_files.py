@@ -121,3 +121,12 @@ def test_a_long_csv_is_read_in_blocks(tmp_path):
     assert columns.keys() == {"t", "x"}
     assert len(columns["x"]) == rows
     assert columns["x"][-1] == (rows - 1) % 7
+
+
+def test_a_law_of_one_s_own_is_refused(tmp_path):
+    """Its code would run in every replay, and unsaid."""
+    (tmp_path / "id.toml").write_text(ID + '[controller.mine]\nlaw = "python"\nobject = "my.py:Mine"\n')
+    with pytest.raises(StudyError) as caught:
+        config.load(tmp_path / "id.toml")
+    expected = "expected a law that cogless has: logs are replayed many times"
+    assert str(caught.value) == f'{tmp_path / "id.toml"}: controller.mine.law: "python": {expected}'

@@ -1,5 +1,5 @@
-/* Active disturbance rejection control of the speed: an extended state observer estimates what accelerates the rotor besides the
- * current, and the current takes that away (Gao 2003; sampled as the current observer of Miklosovic 2006).
+/* Active disturbance rejection control of the speed. An extended state observer estimates what accelerates the rotor besides the
+ * current, and the current takes that away (Gao 2003; sampled as in Miklosovic 2006, with the estimate of the present step).
  *
  *   domega/dt = b i_q + f
  *   predicted = omega^ + ts (f^ + b i_q[k-1]),    e = omega - predicted,    p = exp(-omega_o ts)
@@ -41,8 +41,8 @@ cgl_error cgl_adrc_retune(cgl_adrc *law, const cgl_adrc_config *config);
 
 void cgl_adrc_reset(cgl_adrc *law);
 
-/* The observer is told the limited output, so that nothing winds up. A speed that is not finite corrects no estimate; a reference
- * that is not finite counts as the estimated speed. While in->off the output is 0 and the estimates start anew; in torque mode f takes
+/* The observer is told the limited output, so that nothing winds up. A speed that is not finite corrects no estimate. A reference
+ * that is not finite counts as the estimated speed. While in->off the output is 0 and the estimates start anew. In torque mode f takes
  * over in->i_q_ref. */
 void cgl_adrc_step(cgl_adrc *law, const cgl_law_input *in, cgl_law_output *out);
 

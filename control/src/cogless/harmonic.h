@@ -2,18 +2,18 @@
  *
  *   i_q_ref = PI + T,   T = Re sum_k c_k exp(j k base (theta + omega (ts/2 + delay)))
  *
- * An observer of angle, speed and load is told the feedback's current alone, u = i_q_ref - T. So what is left of the ripple is
- * all that it does not foresee, whatever the lag of its model, and where nothing is left it is right:
+ * An observer of angle, speed and load is told the feedback's current alone, u = i_q_ref - T. Its error e holds what T leaves of
+ * the ripple, and only that. Where nothing is left, e has no ripple, whatever the lag of the observer's model:
  *
  *   a = b u + z,   theta' = theta + ts omega + ts^2/2 a,   omega' = omega + ts a,   e = measured - theta'
  *   theta = theta' + (1 - p^3) e,   omega = omega' + 3/2 (1-p)^2 (1+p) e / ts,   z += (1-p)^3 e / ts^2,   p = exp(-1/2)
  *
- * A ripple of Om = k base omega ts in current shows as b ts^2 G(Om) of it in s, which is z without its mean where Om is small,
- * else e. Each order takes away what it sees of itself, by the exact inverse of that:
+ * An order learns from s. Where Om = k base omega ts is small, s is ts^2 z without its mean; else it is e. A ripple of 1 A in
+ * current shows as b ts^2 G(Om) in s. Each order takes away what it sees of itself, by the exact inverse of that:
  *
  *   c_k -= rate ts s exp(-j k base theta) / (b ts^2 G)
  *
- * The rate is that of a mean over all that was seen since the speed was last a new one: 1 / (1 / rate + t / 2). */
+ * The rate falls like the weight in a mean: it is 1 / (1 / rate + t / 2), with t the time since the speed was last a new one. */
 #ifndef COGLESS_HARMONIC_H
 #define COGLESS_HARMONIC_H
 
@@ -31,13 +31,13 @@ extern "C" {
 #define CGL_HARMONIC_FASTEST CGL_R(2.6) /* rad in a step: beyond it the samples hardly tell an order from its image */
 #define CGL_HARMONIC_SETTLE 64U         /* steps until learning goes on after it froze */
 
-/* Entries of the caller's memory: cosines, sines, and the orders, by which a stored map tells whose they are; gains. */
+/* Entries of the caller's memory: cosines, sines, orders, gains in two parts. A stored map tells by the orders whose it is. */
 #define CGL_HARMONIC_LENGTH(orders) (5U * (orders))
 
 typedef struct {
     cgl_pi_config pi;   /* kp [A s/rad], ki [A/rad], limit of the sum [A] */
     cgl_real b;         /* acceleration per current, K_t / J [rad/s^2/A], > 0; b ts^2 is a number, > 0, too */
-    cgl_real delay;     /* from the reference to the current, without the hold of half a period [s], 0 to 16 ts */
+    cgl_real delay;     /* from the reference to the current, less the half period that a held value is late [s], 0 to 16 ts */
     uint32_t base;      /* learned orders of a mechanical revolution are its multiples, 1 to CGL_HARMONIC_ORDER_MAX */
     uint32_t orders;    /* how many, 1 to CGL_HARMONIC_ORDERS; base orders is at most CGL_HARMONIC_ORDER_MAX */
     cgl_real rate;      /* of learning when it begins [1/s], >= 0 */
@@ -63,11 +63,11 @@ typedef struct {
     cgl_real anchor;         /* that speed, and the span of those since [rad/ts] */
     cgl_real slowest, fastest;
     cgl_real rate;           /* of learning at present [1/s] */
-    cgl_real base[2], half[2]; /* phasors of the base order: of what the delay turns it by, and of half a period, */
-    cgl_real delayed[2], turned[2]; /* and those of the order that is due: its gain is made anew */
+    cgl_real base[2], half[2]; /* phasors of the base order: by the delay, by half a period; */
+    cgl_real delayed[2], turned[2]; /* and those of the order `due`, whose gain is made anew next */
     uint32_t due;
     uint32_t acting;         /* orders that have samples enough at this speed */
-    uint32_t low;            /* of which so many learn from z */
+    uint32_t low;            /* so many of them learn from z */
     uint32_t wait;           /* steps until it may learn */
     bool seated;             /* the observer follows an angle */
     bool learning;           /* the last step learned */
@@ -82,9 +82,9 @@ cgl_error cgl_harmonic_retune(cgl_harmonic *law, const cgl_harmonic_config *conf
 
 void cgl_harmonic_reset(cgl_harmonic *law);
 
-/* Learning freezes, and what was learned acts on, while in->learn is false, the output was at its limit, or an input is not
- * finite, and for CGL_HARMONIC_SETTLE steps after. Where the angle is none, nothing learned acts. An order beyond
- * CGL_HARMONIC_FASTEST neither acts nor is learned. While in->off the output and the PI's integral are 0. */
+/* Learning freezes while in->learn is false, the output was at its limit, or an input is not finite, and for CGL_HARMONIC_SETTLE
+ * steps after. What was learned acts on meanwhile. Without an angle nothing learned acts. An order beyond CGL_HARMONIC_FASTEST
+ * neither acts nor is learned. While in->off the output and the PI's integral are 0. */
 void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_output *out);
 
 #ifdef __cplusplus

@@ -1,17 +1,18 @@
 """The rule auto: every number of a learning law, from the design's own measures of stability.
 
-The feedback is the PI, or the position feedback, of the rule phase-margin, by default at 45 degrees. What
-the law learns must settle at every speed that its scenarios hold, as told and in every corner that the rule
-allows for: an inertia off by 50 %, so K_t / J of 1 / 1.5 and 2 times what the study tells, and a delay of
-one sample that it doesn't tell. With X of learning_loop.py, per unit of the learning gain:
+The feedback is the PI, or the position feedback, of the rule phase-margin, by default at 45 degrees.
+Learning must settle at the slowest and at the fastest speed of the law's scenarios, as told and in every
+corner. A corner is an inertia that is off by 50 % (K_t / J is then 1 / 1.5 or 2 times what the study tells),
+or one sample of delay that the study doesn't tell. With X of learning_loop.py, per unit of the learning gain:
 
     map         ten cells or more in a wave of the highest order that is known of motor and load
     gain        1 / max |X|: the frequency that answers most is learned in one period
     lead        the one with which learning settles up to the highest frequency, in the worst corner
     Q filter    the narrowest with which no frequency grows by more than `SETTLED` in a period
 
-The gain is halved while no filter is enough, and while the design foresees that half of it leaves less
-ripple: each period adds the noise of a sensor's counts. docs/laws/auto.md has the laws one by one.
+The gain is halved while no filter is enough. It is halved further while the design foresees that half of it
+leaves less ripple, because each period adds the noise of a sensor's counts. docs/laws/auto.md has the laws
+one by one; the law harmonic has a rule of its own, in harmonic.py.
 """
 
 from __future__ import annotations
@@ -48,8 +49,8 @@ from cogless.study.pi_afc import ORDERS, PiAfc
 from cogless.study.reading import Changes
 from cogless.study.space_controller import SpacePosition, SpaceSpeed
 
-# true K_t / J over that of the study, and samples of delay that the study doesn't tell: as told, and each
-# corner
+# As told, and each corner: true K_t / J over that of the study, and samples of delay that the study
+# doesn't tell.
 AS_TOLD = (1.0, 0)
 CORNERS = (AS_TOLD, (1 / 1.5, 0), (2.0, 0), (1.0, 1))
 CELLS = 10  # in a wave of the highest order
@@ -117,7 +118,7 @@ def _pi_ilc(study: Study, name: str, law: PiIlc) -> Values:
 
 
 def _robust_ilc(study: Study, name: str, law: RobustIlc) -> Values:
-    """The linear part is that of the PI, the switching twice what the current sensors' noise shows."""
+    """The linear part is as near to the PI as two real roots come; switching is twice the sensors' noise."""
     assert law.tuning is not None
     b = study.K_t / study.mechanics.stiff.inertia
     pi = _phase_margin_pi(study, name, law)
@@ -170,8 +171,9 @@ def _adrc(study: Study, name: str, law: Adrc) -> Values:
 
 
 def _anti_cogging(study: Study, name: str, law: AntiCogging) -> Values:
-    """The table is read ahead by the delay to the torque; the run is so slow that its position loop
-    follows.
+    """The table is read ahead by the delay to the torque.
+
+    The commissioning run is so slow that its position loop follows the highest order.
     """
     pi = gains(study, name)
     loop = replace(speed_loop(study).rigid, window=0, bandwidth=0.0, delay=0.0, low_pass=0.0)
@@ -229,10 +231,9 @@ def _in_angle(study: Study, name: str) -> Values:
 def _filtered(
     study: Study, name: str, kind: type[LearningLoop], gain: float, keys: Callable[[float], Values]
 ) -> Values:
-    """Of the gain's halves those with which a Q filter lets learning settle; of these the one that leaves
-    least.
+    """A gain, halved until a Q filter lets learning settle, and on while half of it leaves less ripple.
 
-    Each with the narrowest such filter. What is left is the ripple that the design foresees after `LEARNED`
+    Each gain has the narrowest such filter. The ripple is the one that the design foresees after `LEARNED`
     periods, with the noise of a sensor's counts.
     """
     found: list[tuple[float, Values]] = []
@@ -327,8 +328,8 @@ def _reach(x: Complex, f: Real) -> float:
 def _known_orders(study: Study, name: str) -> list[int]:
     """Whole mechanical orders that are known of motor and load, those of the largest current first.
 
-    Behind them those that every drive may have: current sensors' offsets and gains make the electrical
-    orders 1 and 2, dead time and the winding 6.
+    Behind them come the electrical orders that every drive may have. Offsets of the current sensors make
+    order 1, their gains order 2, dead time and the winding order 6.
     """
     current: dict[int, float] = {}
     for key in _scenarios(study, name):

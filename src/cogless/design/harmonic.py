@@ -1,13 +1,13 @@
 """The rule that computes every number of the law `harmonic`, and what it certifies: docs/laws/harmonic.md.
 
-An order n learns with the factor Gamma on its rate: what the law sees of a ripple in T at that order, beside
-what it assumes. P is the response from current reference to measured speed and angle (pi.py), C the PI, M
-the law's model of the angle:
+Gamma is a factor on the rate at which an order n learns: what the law sees of a ripple in T at that order,
+over what it assumes to see. P is the response from current reference to measured speed and angle (pi.py),
+C the PI, M the law's model of the angle, V its model of the delay:
 
     S = 1 / (1 + C P_omega),    M = b T^2 (z + 1) / (2 (z - 1)^2) V,    z = exp(jwT), w = n omega
     Gamma = S (P_theta + M C P_omega) / (b T^2 (z + 1) / (2 (z - 1)^2) exp(-jw delay))
 
-It is 1 if plant and model agree. It converges, for a small rate, exactly if Re Gamma > 0.
+Gamma is 1 if plant and model agree. The order converges, for a small rate, exactly if Re Gamma > 0.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ POLE = math.exp(-0.5)  # of the observer, each sample: its bandwidth is half a r
 FULLEST = 6  # highest learned order, in lowest common multiples of slots and poles
 MIDDLE = 1.3  # rad a sample, where the delay is taken: half of what an order may have
 SPLIT = 0.5105  # rad a sample, up to which an order learns from z
-STEP = 1 / 15  # of all orders' rates together, a sample: slow orders settle up to 0.16
+STEP = 1 / 15  # what the rates of all orders add up to, a sample: slow orders settle up to 0.16
 MOST, LEAST = 20.0, 0.5  # 1/s, of the rate
 WRONG = (0.5, 1.0, 1.5)  # b of the plant / b of the model
 FROM = 1e-3  # rad a sample: the slowest order that is judged
@@ -60,7 +60,8 @@ def _orders(study: Study, name: str, law: Harmonic) -> tuple[int, int]:
 def delay_of(loop: SpeedLoop) -> float:
     """Time from a current's reference to what it does to the measured angle, s, less half a law's period.
 
-    The reference is held for the period; what the current loop sees of it is half of its own period earlier.
+    The law adds that half itself: a held reference is late by it. The current loop samples the held reference
+    and sees it half of its own period earlier, so that is taken off, too.
     """
     if not isinstance(loop.current, CurrentLoop):
         return loop.delay
@@ -118,13 +119,15 @@ class Certificate:
     def words(self) -> str:
         """The certificate in one line."""
         base, rpm = self.learner.base, 30 / math.pi
+        if not self.speeds:
+            return "rests: learns nothing"
         orders = f"orders {base} k to {base * self.learner.orders}, settles to {self.rate_most:.3g} 1/s"
         found = [
             f"at {each.omega_m * rpm:.4g} rpm up to {each.acting}, Re Gamma {each.gamma:.2f} or more, "
             f"with an untold sample up to {each.late}"
             for each in self.speeds
         ]
-        return "; ".join([orders, *found, f"learns up to {self.fastest * rpm:.6g} rpm"])
+        return "; ".join([orders, *found, f"learns up to {self.fastest * rpm:.4g} rpm"])
 
 
 def certificate(study: Study, name: str) -> Certificate:
@@ -161,8 +164,8 @@ def _at(loop: SpeedLoop, told: Learner, pi: tuple[float, float], orders: Real, o
 def rate_bound(T: float, told: Learner, w: Real) -> float:
     """The rate below which all orders, at frequencies w in rad/s, settle together, 1/s. `T`: period, s.
 
-    The loop of all orders, from T to what the law adds to it, is the rate times R; the bound is where it
-    first is -1. Inertia, torque constant and delay are those that the law assumes.
+    The loop from the learned current to what the law adds to it is the rate times R. The bound is the rate at
+    which this first is -1. Inertia, torque constant and delay are those that the law assumes.
     """
     beside = np.add.outer(w * T, np.geomspace(1e-4, 0.5, 60) * w[0] * T)
     om = np.union1d(np.linspace(FROM, math.pi, 6000), np.ravel(beside)) * (1 + 1e-9)
@@ -175,7 +178,7 @@ def rate_bound(T: float, told: Learner, w: Real) -> float:
 
 
 def all_orders(told: Learner, orders: Real, om: Real, T: float) -> Complex:
-    """The loop of all orders by its rate, at om rad a sample: resonators at `orders`, rad a sample."""
+    """R, the loop of all orders over the rate, at om rad a sample; resonators at `orders`, rad a sample."""
     d, z = told.delay / T, np.exp(1j * om)
     sum_of = np.zeros(len(om), dtype=complex)
     for one in orders:
@@ -187,6 +190,6 @@ def all_orders(told: Learner, orders: Real, om: Real, T: float) -> Complex:
 
 
 def seen(z: Complex, order: float) -> Complex:
-    """What a held current makes of the signal that an order learns from, in b T^2."""
+    """How a held current shows in the signal that an order learns from, over b T^2."""
     of_e = np.asarray((z + 1) * (z - 1) / (2 * (z - POLE) ** 3))
     return of_e if order > SPLIT else np.asarray((1 - POLE) ** 3 * z / (z - 1) * of_e)

@@ -1,5 +1,6 @@
-"""Run an arena: every law on every plant, told the truth and told wrongly, under a load's step and a
-fault.
+"""Run an arena: every law on every plant, with a load's step and a fault.
+
+Each law runs once with a true description of the plant, and three times with a wrong one.
 """
 
 from __future__ import annotations
@@ -63,8 +64,8 @@ def run_arena(
 ) -> ArenaResults:
     """Run an arena, or the pairs PLANT/LAW of it that match `only`. `progress`: called with each plant.
 
-    StudyError: a plant or a law that can't be prepared. A law for which no numbers are found on a plant, or
-    that fails there, is `absent` from it.
+    A law that has no numbers on a plant, or fails there, is `absent` from it. StudyError: a plant or a law
+    that can't be prepared.
     """
     runs: list[ArenaRun] = []
     absent: dict[tuple[str, str], str] = {}
@@ -168,9 +169,7 @@ def _controller(arena: Arena, plant: ArenaPlant, name: str) -> dict[str, Any] | 
 
 
 def _scenarios(base: Study, plant: ArenaPlant) -> dict[str, dict[str, Any]]:
-    """Tables of the scenarios: one as the laws are told, with a step and a fault, and three that they
-    aren't.
-    """
+    """Tables of the scenarios: one as the laws are told, with step and fault, and three as they aren't."""
     own = base.source.tables["scenario"][plant.scenario]
     taken = {key: own[key] for key in ("reference", "initial_speed", "load", "override") if key in own}
     if plant.reference is not None:

@@ -1,8 +1,8 @@
 """Scores of an arena from its results.json: each law against the bar, column by column, and who wins.
 
-A law's score in a column is the geometric mean over plants of its value divided by the bar's, each the mean
-over seeds. It is a law's fit for all plants at once, so plants that a law stays away from lower no one's
-score: `met` tells on how many it was.
+A law's score in a column is the geometric mean over plants of its value divided by the bar's. Each value is
+the mean over seeds. A plant that a law stays away from does not count in its score; `met` tells on how many
+plants it was.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ EVEN = 1.02  # times the best: laws that are as good
 
 @dataclass(frozen=True)
 class Column:
-    """A column of the arena. `metric`: its name in results.json; `never`: the plant's time that stands for
-    never.
+    """A column of the arena.
+
+    `metric`: its name in results.json. `never`: the plant's key whose time counts where it is never reached.
     """
 
     title: str
@@ -81,9 +82,7 @@ class Scores:
         return str(self.content["laws"][law]["label"])
 
     def of_seed(self, column: str, plant: str, law: str, seed: int) -> float | None:
-        """A law's value on a plant, SI; infinite where it is never reached or not finite; None if it wasn't
-        run.
-        """
+        """A law's value on a plant, SI. Infinite: never reached, or not finite. None: it wasn't run."""
         known = COLUMNS[column]
         found = []
         for case in UNTOLD if known.untold else (TOLD,):
@@ -102,8 +101,9 @@ class Scores:
         return sum(known) / len(known) if len(known) == len(each) and known else None
 
     def ratio(self, column: str, plant: str, law: str, seeds: Iterable[int] | None = None) -> float | None:
-        """A law's value over the bar's; None if either wasn't run. What is never reached counts as the time
-        given.
+        """A law's value over the bar's; None if either wasn't run.
+
+        What is never reached counts as the time that there was.
         """
         of = (self.value(column, plant, name, seeds) for name in (law, self.bar))
         found = [None if value is None else self._counted(column, plant, value) for value in of]
@@ -134,9 +134,7 @@ class Scores:
         return [law for law in order if found[law] <= EVEN * found[order[0]]]
 
     def winners(self, column: str, seeds: Iterable[int] | None = None) -> list[str]:
-        """The laws with the best score of a column; only those that were on every plant that the bar was
-        on.
-        """
+        """The laws with the best score of a column, of those that were on every plant of the bar."""
         seeds = None if seeds is None else list(seeds)
         everywhere = [law for law in self.laws if self.met(law) == self.met(self.bar)]
         return self.best(lambda law: self.score(column, law, seeds), everywhere)

@@ -1,12 +1,12 @@
 """What makes the waves of the speed: cogging, K_t ripple, dead time, currents' errors, encoder, mechanics.
 
-Every torque of an order n meets the same rotor and the same controller, so it makes a share of the speed's
-wave that is its share of the disturbance,
+Every torque of an order n meets the same rotor and the same controller. So its share of the speed's wave is
+its share of the disturbance D, in A:
 
     D = j (jnw) W + b W - I = cogging + i ripple(n) - j (nw)^2 encoder(n) ...
 
-in A, with the complex waves W of the measured speed and I of the current that the law asks for. An encoder's
-error enters the loop of the measured speed as the torque that would make it.
+W is the complex wave of the measured speed, I that of i_q. An encoder's error counts as the torque that would
+move the rotor as the error seems to.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def found_in(part: Steady, order: int, causes: Sequence[Cause]) -> Found:
 def _measured(made: Estimate, part: Steady, order: int) -> tuple[complex, float]:
     """The disturbance of this order that speed and current show, A, and how far it may be off.
 
-    A current that is held between the law's steps is half a row early or late.
+    It is off because a current that is held between the law's steps looks half a row early or late.
     """
     x = order * part.speed * part.log.dt  # a central difference sees sin(x)/x of a wave
     omega = complex(part.wave(np.gradient(part.theta, part.log.dt), [order])[0]) / np.sinc(x / math.pi)
@@ -189,9 +189,8 @@ def _cogging(made: Estimate, order: int) -> str:
 def tracking(made: Estimate, parts: Sequence[Steady]) -> dict[int, tuple[complex, float]]:
     """Waves of order 6 p by which i_q leaves its reference, A, with errors, by id of the part.
 
-    The current follows in some rows, the same everywhere; what is left at 6 p is the inverter's and the
-    magnets'.
-    Empty where no reference was recorded.
+    The current follows its reference within a few rows, in the same way in all parts. What is left at 6 p is
+    of the inverter and the magnets. Empty where no reference was recorded.
     """
     order = 6 * made.known.motor.pole_pairs
     parts = [part for part in parts if "i_q_ref" in part.log and part.visible(order)]
@@ -218,7 +217,7 @@ def tracking(made: Estimate, parts: Sequence[Steady]) -> dict[int, tuple[complex
 
 
 def _dead_time(made: Estimate, part: Steady, order: int, off: tuple[complex, float], known: Phasors) -> None:
-    """Tell apart what disturbs the current: the back-EMF, which has the ripple of K_t, and the inverter."""
+    """Tell apart what disturbs the current: the inverter, and the back-EMF, which ripples as K_t does."""
     wave, error = off
     if abs(wave) < error:
         return

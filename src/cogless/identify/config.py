@@ -10,6 +10,7 @@ from typing import Any, Literal
 from pydantic import PrivateAttr, ValidationError, field_validator, model_validator
 
 from cogless import units
+from cogless.study.controller import LibraryLaw, PythonLaw
 from cogless.study.drive import Drive
 from cogless.study.error_messages import problems, study_error
 from cogless.study.laws import Controller
@@ -101,6 +102,14 @@ class Identification(Table):
         if "t" not in columns and "theta" not in columns:
             raise invalid('expected the headings of the columns, such as t = "time_s"')
         return columns
+
+    @field_validator("controller")
+    @classmethod
+    def _of_the_library(cls, controller: Mapping[str, Controller]) -> Mapping[str, Controller]:
+        for name, law in controller.items():
+            if isinstance(law, PythonLaw | LibraryLaw):
+                raise invalid("expected a law that cogless has: logs are replayed many times", name, "law")
+        return controller
 
     @model_validator(mode="after")
     def _counted(self) -> Identification:

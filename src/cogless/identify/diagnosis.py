@@ -154,7 +154,7 @@ def _merged(found: Sequence[Found]) -> list[Found]:
 
 
 def answer(made: Diagnosis) -> str:
-    """The one sentence that was asked for."""
+    """One sentence: the main cause, and its share in the logs."""
     logs = list(made.whole)
     totals: dict[str, list[float]] = defaultdict(list)
     for log in logs:

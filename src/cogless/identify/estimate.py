@@ -78,7 +78,7 @@ def _start(known: Identification, logs: Sequence[Log], left: list[str]) -> tuple
 def _searched(known: Identification, logs: Sequence[Log], model: Model, progress: Progress) -> State:
     """Add the orders that the residual has, the strongest first; then look for delay and encoder's error.
 
-    These would take the place of orders that are not found yet.
+    Delay and encoder's error come last: before, they would take the place of orders not found yet.
     """
     sought = replace(model, encoder=(), columns=model.columns - {"delay"})
     while True:

@@ -28,8 +28,8 @@ KINDS = {
 def scenarios(study: Study) -> dict[str, Any]:
     """Scenarios of the sequence.
 
-    Speeds follow from the study's first scenario's. K_t ripple has order 6 p: cogging of that order and loads
-    are recorded so slowly that the kernel of the regression passes it.
+    Speeds follow from the one of the study's first scenario. K_t ripple has order 6 p. The slow and the
+    loaded runs are so slow that the kernel of the regression passes that order.
     """
     first = next(iter(study.scenario.values()))
     v = first.top_reference or 2 * math.pi

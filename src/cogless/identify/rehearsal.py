@@ -1,4 +1,4 @@
-"""The error bars to expect from a plan: its logs are simulated and told as real ones would be."""
+"""The errors to expect from a plan: its logs are simulated, and identified as real ones would be."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """Play the logs on cogless's own engine, with the drive's own controller, and correct what that tells.
 
-Whatever biases the regression in a closed loop - steps of the angle that the controller answers, currents
-that are held between samples - biases it in the same way on simulated logs, whose truth is known. The
-difference is taken off.
+A closed loop biases the regression: the controller answers steps of the angle, and currents are held between
+samples. Simulated logs have the same bias, and their truth is known. So the difference is taken off.
 """
 
 from __future__ import annotations
@@ -119,7 +118,7 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
 def _corrected(
     first: Estimate, made: Estimate, simulated: Sequence[Log], later: Sequence[Log] = ()
 ) -> Estimate:
-    """The first estimate less the bias that these logs show, which are simulated with the present one.
+    """The first estimate less the bias that these simulated logs show; `made`: what they are simulated with.
 
     `later`: the same with currents half a row later, which real logs may have or not.
     """

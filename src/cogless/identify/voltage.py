@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.stats import t as student
 
 from cogless.identify.config import Identification
 from cogless.identify.log import Log
@@ -27,13 +28,17 @@ def torque_constant(known: Identification, logs: Sequence[Log]) -> Value | None:
         return None
     currents = np.array([part.current for part in parts])
     voltages = np.array([np.mean(part.log["u_q"][part.rows]) for part in parts])
-    columns = np.column_stack((speeds, currents, np.sign(currents)))
+    # cogging may turn the current's sign within a part
+    signs = np.array([np.mean(np.sign(part.log["i_q"][part.rows])) for part in parts])
+    columns = np.column_stack((speeds, currents, signs))
     scale = np.linalg.norm(columns, axis=0)
     if np.linalg.matrix_rank(columns / scale, tol=1e-2) < 3:
         return None
     found, *_ = np.linalg.lstsq(columns, voltages, rcond=None)
-    left = float(np.sum((voltages - columns @ found) ** 2)) / max(1, len(parts) - 3)
-    error = 2 * float(np.sqrt(left * np.linalg.inv(columns.T @ columns)[0, 0]))
+    left = float(np.sum((voltages - columns @ found) ** 2)) / (len(parts) - 3)
+    error = float(
+        student.ppf(0.975, len(parts) - 3) * np.sqrt(left * np.linalg.inv(columns.T @ columns)[0, 0])
+    )
     star = known.motor.star()
     per = star.K_t / (star.pole_pairs * star.psi_f)  # N*m/A for a V*s/rad of back-EMF
     return Value(per * float(found[0]), per * float(np.hypot(error, 0.01 * found[0])))

@@ -2,8 +2,8 @@
 
     i_q = j alpha + b omega + c sgn omega + load - cogging(theta) - i_q ripple(theta) - delay di_q/dt
 
-in A, with j = J / K_t and so on. So nothing that is measured is differentiated, and a log of quantised angles
-has a known noise in alpha and omega.
+All terms are in A, with j = J / K_t and so on. Nothing that is measured is differentiated. The noise that
+steps of the angle make in alpha and omega is known.
 """
 
 from __future__ import annotations
@@ -29,8 +29,9 @@ Name = tuple[str | int, ...]
 class Model:
     """What is looked for. Orders are mechanical.
 
-    `delay`: time by which i_q is logged after the angle, s, taken out; `error`: (cos, sin) of the sensor's
-    error by order, rad, taken out. `untold`: what has a column, but in it something that can't be told apart.
+    `delay`, `error`: what is already taken out. `delay`: time by which i_q is logged after the angle, s.
+    `error`: (cos, sin) of the sensor's error by order, rad. `untold`: columns that hold two things that can't
+    be told apart.
     """
 
     cogging: tuple[int, ...] = ()

@@ -30,7 +30,7 @@ def every(study: Study) -> Iterator[Pair]:
 
 
 def blobs(study: Study, scenario: str, controller: str) -> dict[str, Packed]:
-    """The packed descriptions of a run; "learn": of the commissioning run that comes before it, if one does.
+    """The packed descriptions of a run: "run", and "learn" if a commissioning run comes before it.
 
     StudyError or ValueError: the study's values don't make a run.
     """

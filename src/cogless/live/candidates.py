@@ -56,8 +56,8 @@ def shortest(value: float) -> str:
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
 
 
-# Of the drive and what it turns, changed by an override, so that the controller is not told: the key,
-# and the slider from and to, as shares of its value.
+# Keys of the drive and of what it turns. An override changes them, so the controller is not told. Each has
+# its group, its name, and the ends of its slider as shares of the study's value.
 PLANT = (
     ("Load and motion", "mechanics.inertia", 0.3, 3.0),
     ("Load and motion", "mechanics.coulomb_friction", 0.0, 3.0),
@@ -122,12 +122,12 @@ OF_REFERENCE = (
     ("amplitude", 0.0, 2.0),
     ("frequency", 0.3, 3.0),
 )
-# Of a controller, what is no gain: left as it is.
+# Keys of a controller that are no gains: they stay as they are.
 NO_GAINS = {"label", "baseline", "law", "seed", "memory", "period"}
 
 
 def candidates(study: Study) -> Iterator[Candidate]:
-    """The keys that may be changed, those of controllers first, without knowing yet where they land."""
+    """The keys that a page might change, those of controllers first; keys.py finds where each lands."""
     for name in dict.fromkeys(controller for _, controller in held(study)):
         yield from _of_controller(study, name)
     for scenario in dict.fromkeys(scenario for scenario, _ in held(study)):
@@ -248,7 +248,7 @@ def _overriding(where: str, own: Mapping[str, Any], key: str) -> str:
 
 
 def _looked_up(here: Study, tables: Any, key: str) -> tuple[Any, str | int, Any]:
-    """The model that holds a key, its last part, and its value in the file; None for what isn't there."""
+    """The model that holds a key, the key's last part, and its value in the file; None if not there."""
     owner: Any = here
     parts = [int(part) if part.isdigit() else part for part in key.split(".")]
     for n, part in enumerate(parts):
@@ -281,7 +281,7 @@ def _made(
 ) -> Iterator[Candidate]:
     """The candidate for a key, if its value is a number.
 
-    `span`: of its slider, two shares of the value, or from, to and their unit.
+    `span`: the slider's ends, as two shares of the value, or as two numbers and their unit.
     """
     info = type(owner).model_fields.get(str(field)) if owner is not None else None
     if info is None:

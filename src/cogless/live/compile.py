@@ -15,7 +15,7 @@ from pathlib import Path
 
 # The engine's sources that a page needs; drive.cpp and what it includes is all of the plant.
 ENGINE = ("web.cpp", "config.cpp", "trial_config.cpp", "drive.cpp")
-# As the native module is compiled, so that numbers are rounded in the same way.
+# The native module is compiled without contraction, too, so both round numbers in the same way.
 FLAGS = ("-target", "wasm32-wasi", "-O2", "-ffp-contract=off", "-fno-sanitize=all")
 NAMES = {"single": "engine_single.wasm", "double": "engine_double.wasm"}
 

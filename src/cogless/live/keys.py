@@ -2,10 +2,12 @@
 
 A study's values go to the engine through design rules and units, all in Python. A page has no Python. So each
 key is tried here: the study is changed as `--set` changes it, and all its descriptions are compared, number
-by number. A key is direct if every number that it moves is the key's value in SI times a constant, bit for
-bit, at several irregular values. Any other key gets stops: values at which all that it moves is tabulated. A
-page sets the numbers in the same way, so what it runs is what `cogless run --set` runs. Of keys that move the
-same number, the first one stays.
+by number.
+
+A key is direct if every number that it moves is the key's value in SI times a constant, bit for bit, at
+several irregular values. Any other key gets stops: for each of these values, all numbers that it moves are in
+a table. A page sets the numbers in the same way, so it runs what `cogless run --set` runs. Of keys that move
+the same number, the first one stays.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ All = Mapping[Place, Packed]
 
 @dataclass(frozen=True)
 class Landing:
-    """A number that a key sets: its value in SI times `scale`, `rounded` or not; or by stop, of `values`."""
+    """A number that a key sets: the key's value in SI times `scale`, or for each stop one of `values`."""
 
     number: Number
     scale: float = 1.0
@@ -110,7 +112,7 @@ def _accepted(study: Study, candidate: Candidate, end: float) -> float:
 
 
 def _tried(study: Study, base: All, candidate: Candidate) -> tuple[Key | None, str]:
-    """The key, if one value is enough to tell; `_disproved` tries more."""
+    """The key as one value shows it, or why there is none; `_disproved` tries more values."""
     value = _samples(candidate)[0]
     try:
         made = {} if candidate.stops else _changed(study, [(candidate, value)])
@@ -131,7 +133,7 @@ def _tried(study: Study, base: All, candidate: Candidate) -> tuple[Key | None, s
 
 
 def _disproved(study: Study, base: All, group: Sequence[Key]) -> list[Key]:
-    """The keys that set other numbers than it seemed, tried at several values, all of the group at a time."""
+    """The keys that don't set their numbers as `_tried` found, at several values of the group together."""
     wrong: dict[int, Key] = {}
     for n in range(1, TRIES):
         values = [(key, _samples(key.candidate)[n]) for key in group if id(key) not in wrong]

@@ -38,7 +38,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Packed:
-    """A description as bytes. `numbers`: all numbers in it; `shape`: what else it holds, apart from them."""
+    """A description as bytes. `numbers`: all numbers in it. `shape`: all else that it holds."""
 
     data: bytes
     numbers: tuple[Number, ...]

@@ -93,11 +93,11 @@ class Arena(Table):
     def laws(self) -> dict[str, dict[str, Any]]:
         """The laws as in the file, with what they name by path found from anywhere."""
         return {
-            name: {key: self._found(value) if key in USERS else value for key, value in table.items()}
+            name: {key: self.found(value) if key in USERS else value for key, value in table.items()}
             for name, table in self._laws.items()
         }
 
-    def _found(self, path: str) -> str:
+    def found(self, path: str) -> str:
         """A user's file, which is beside the arena's, or else where the command runs."""
         beside = self._path.parent.resolve() / path
         there = Path(str(beside).rpartition(":")[0] or beside).exists()

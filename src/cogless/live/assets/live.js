@@ -86,7 +86,7 @@
   };
   const bar = (c) => c.learns && runs.get(`${state.scenario}/${c.name}/run`).off;
 
-  // What is still to be run: what is shown first, then the bars with learning off.
+  // The runs that are still to be done: those that are shown first, then the same with learning off, for the bars.
   function missing() {
     const all = [...shown().map((c) => [c.name, false]), ...shown().filter(bar).map((c) => [c.name, true])];
     return all.filter(([name, off]) => !isThere(name, off));
@@ -241,7 +241,7 @@
   const judged = () => scenario().metrics.findIndex((m) => TOTALS.includes(m.kind) && m.better === "lower");
   const rpm = (x) => (x == null ? null : (x * 30) / Math.PI);
 
-  // Since when a run's errors stay above those with learning off; null: they don't, or do from the beginning.
+  // The time from which on a run's errors stay above those with learning off; null: they don't, or do from the beginning.
   function worseSince(mine, base) {
     const count = Math.min(mine.length, base.length), worse = Array.from({ length: count }, (_, i) => !(mine[i] <= 1.05 * base[i]));
     if (count < 3 || !worse.at(-1) || worse.every(Boolean)) return null;

@@ -131,7 +131,7 @@ const liveMetrics = (() => {
     return 1000;
   };
 
-  // Rows of the longest way in one direction, each angle once: at its last passage.
+  // Rows of the longest way in one direction; an angle that is passed more than once counts at its last passage.
   function onward(theta, x) {
     let low = 0, high = 0;
     for (let i = 0; i < theta.length; i++) {

@@ -9,7 +9,7 @@
   const tables = new Map(); // what a commissioning run has learned, by its description
   let compiled = null, module = null;
 
-  // A slow run before the run, which fills a table; it is over when its status says so, looked at every second.
+  // The slow run that fills a table beforehand. Its status says when it is over; it is looked at every second.
   function commissioned({ description, ticks, divider, rate, busy }) {
     const name = description.join();
     if (!tables.has(name)) {
@@ -26,7 +26,7 @@
     return tables.get(name);
   }
 
-  // Lowest and highest value of each bucket, in their order in time.
+  // The lowest and the highest value of each bucket, the earlier one first.
   function thin(time, x) {
     const size = Math.max(1, Math.ceil(x.length / POINTS)), at = [], values = [];
     for (let from = 0; from < x.length; from += size) {
