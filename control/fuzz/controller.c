@@ -78,7 +78,7 @@ static cgl_reference feed_reference(feed *from)
 /* One step of the law, with what it says checked against what it did. */
 static void step_law(const cgl_law_input *in, cgl_law_output *out)
 {
-    static cgl_real before[4U * CELLS_MAX];
+    static cgl_real before[8U * CELLS_MAX]; /* the longest is that of 128 orders */
     uint32_t length;
     const cgl_real *learned = law_learned(&length);
     HOLDS(length <= sizeof before / sizeof before[0]);

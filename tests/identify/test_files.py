@@ -7,6 +7,7 @@ import gzip
 import numpy as np
 import pytest
 
+from cogless.errors import StudyError
 from cogless.identify import config
 from cogless.identify.files import read
 from cogless.identify.log import load_logs
