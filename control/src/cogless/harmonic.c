@@ -291,7 +291,7 @@ void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_outpu
     law->learning = may && law->wait == 0U;
     law->wait = may ? law->wait - (law->wait > 0U ? 1U : 0U) : CGL_HARMONIC_SETTLE;
     law->learned = CGL_R(0.0);
-    if (is_angle) {
+    if (cgl_is_angle(in->theta_m)) {
         const uint32_t theta = cgl_turns(in->theta_m);
         if (!law->seated) {
             seat(law, theta, in->omega_m);
