@@ -11,6 +11,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from cogless.design.auto import automatic, missing
+from cogless.design.harmonic import learner
 from cogless.errors import StudyError
 from cogless.results import AnyResults
 from cogless.results.metrics import Value
@@ -21,6 +22,7 @@ from cogless.study.arena import Arena, ArenaPlant
 from cogless.study.base import Source
 from cogless.study.controller import AntiCogging, Feedback, LearnsWhileRunning, OwnLaw
 from cogless.study.error_messages import dotted
+from cogless.study.harmonic import Harmonic
 from cogless.study.reading import checked, find
 
 TOLD, LATE, HEAVY, LIGHT = (
@@ -146,6 +148,12 @@ def _tuned(study: Study, absent: dict[str, str]) -> tuple[Study, dict[str, str]]
             lost[name] = str(error).rpartition("tuning: ")[2]
             continue
         found |= {dotted(("controller", name, key)): v for key, v in values.items() if key not in given}
+    for name, law in study.controller.items():
+        if isinstance(law, Harmonic):
+            try:
+                learner(study, name)
+            except StudyError as error:  # such as a motor that doesn't tell its slots
+                lost[name] = str(error).partition(": ")[2]
     if lost:
         tables = dict(study.source.tables)
         tables["controller"] = {k: v for k, v in tables["controller"].items() if k not in lost}

@@ -379,11 +379,6 @@ class OwnLaw(Base):
     def learns_from(self) -> float:
         return self.learning_start
 
-    @property
-    def code(self) -> str:
-        """The file whose code runs, relative to the study."""
-        raise NotImplementedError
-
 
 class PythonLaw(OwnLaw):
     """A user's class with step(inputs) -> i_q_ref or (i_d_ref, i_q_ref), A."""
@@ -394,6 +389,7 @@ class PythonLaw(OwnLaw):
 
     @property
     def code(self) -> str:
+        """The file whose code runs, relative to the study."""
         return self.object.rpartition(":")[0]
 
 
@@ -406,4 +402,5 @@ class LibraryLaw(OwnLaw):
 
     @property
     def code(self) -> str:
+        """The file whose code runs, relative to the study."""
         return self.library
