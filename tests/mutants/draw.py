@@ -40,6 +40,7 @@ def drawn(root: Path, wanted: Sequence[str], count: int, seed: int) -> list[Iter
     step, offset = len(lines) / count, chance.random()
     places = [int((n + offset) * step) for n in range(count)] if lines else []
     chance.shuffle(places)
+    places.sort(key=lambda place: not lines[place][0].endswith(".py"))  # those that need no compiler first
 
     def draw(place: int) -> Iterator[tuple[str, Change]]:
         for file, line in lines[place:] + lines[:place]:
