@@ -397,8 +397,10 @@ def test_killed_and_started_again(tmp_path: Path, expected: bytes) -> None:
 @contextmanager
 def cluster(workers: int) -> Iterator[Any]:
     distributed = pytest.importorskip("distributed", reason="needs the extra cogless[dask]")
+    dask = pytest.importorskip("dask")
     options = {"n_workers": workers, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
-    with distributed.LocalCluster(**options) as found:
+    forks = {"distributed.worker.multiprocessing-method": "fork"}  # else each worker imports all anew
+    with dask.config.set(forks), distributed.LocalCluster(**options) as found:
         yield found
 
 
