@@ -1,5 +1,6 @@
 """What a compiler makes of the same files is made once, and kept under build/tests for all that run tests."""
 
+import fcntl
 import hashlib
 import os
 import subprocess
@@ -20,9 +21,12 @@ def kept(name: str, words: Iterable[object], files: Iterable[Path], make: Callab
     path = BUILT / f"{stem}-{digest.hexdigest()[:16]}{dot}{end}"
     if not path.exists():
         BUILT.mkdir(parents=True, exist_ok=True)
-        made = BUILT / f"{os.getpid()}{dot}{end}"
-        make(made)
-        made.replace(path)
+        with (BUILT / f"{stem}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # one compiles it, others wait
+            if not path.exists():
+                made = BUILT / f"{os.getpid()}{dot}{end}"
+                make(made)
+                made.replace(path)
     return path
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
-from mutants import c_code, python_code
+import pytest
+from mutants import c_code, hits, python_code
 from mutants.change import Change, other_numbers
 from mutants.draw import drawn
-from mutants.order import files_for, function_at
+from mutants.order import files_for, function_at, those_of
 
 ROOT = Path(__file__).parents[1]
 
@@ -106,6 +108,49 @@ def test_those_tests_come_first_that_are_about_it() -> None:
         function = function_at(file, text, text.index(of) + 200)
         assert function == of.removeprefix("def ").partition("(")[0]
         assert files_for(ROOT, file, function)[0] == first
+
+
+PROBED = """LIMIT = 1
+
+def sign(x):
+    if x < 0:
+        return (
+            -LIMIT)
+    elif x == 0:
+        return 0
+    return [k for k in (1,)][0]
+"""
+
+
+def test_what_executes_a_statement_is_noted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    places = dict(
+        enumerate(PROBED.index(text) for text in ("= 1", "x < 0", "-LIMIT", "x == 0", "k for", "0\n    r"))
+    )
+    text, probed = hits.with_probes(PROBED, places)
+    assert probed == {1, 2, 3, 4, 5}  # the first is outside of functions
+    monkeypatch.setattr(hits, "FOLDER", tmp_path)
+    names: dict[str, Any] = {}
+    exec(compile(text, "probed", "exec"), names)
+    for x, expected in ((-2, -1), (0, 0), (3, 1)):
+        monkeypatch.setenv("PYTEST_CURRENT_TEST", f"tests/test_a.py::test[{x} b] (call)")
+        assert names["sign"](x) == expected
+    every = {f"tests/test_a.py::test[{x} b]" for x in (-2, 0, 3)}
+    found = {number: set(hits.noted(tmp_path, number)) for number in probed}
+    assert found[1] == found[3] == every  # before an elif stands the probe of its if
+    assert [found[n] for n in (2, 5, 4)] == [{f"tests/test_a.py::test[{x} b]"} for x in (-2, 0, 3)]
+    assert hits.noted(tmp_path, 0) == []
+
+
+def test_only_the_files_of_those_that_execute_it_are_run() -> None:
+    files = [f"tests/test_{n}.py" for n in range(9)]
+    some = ["tests/test_1.py::a", "tests/test_8.py::b", "tests/test_1.py::c"]
+    assert those_of(files[::-1], some) == [
+        [some[1], some[0], some[2]],
+        ["tests/test_8.py", "tests/test_1.py"],
+    ]
+    assert those_of(files, []) == [[], []]
+    first, others = those_of(files, ["", *some])
+    assert first + others == files
 
 
 def test_the_command_tells_what_it_takes() -> None:

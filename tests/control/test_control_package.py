@@ -30,7 +30,7 @@ def cmake() -> str:
 
 
 def install(cmake: str, build: Path, prefix: Path) -> None:
-    run(cmake, "-S", CONTROL, "-B", build, "-DCOGLESS_CONTROL_TESTS=OFF", "-DCMAKE_BUILD_TYPE=Release")
+    run(cmake, "-S", CONTROL, "-B", build, "-DCOGLESS_CONTROL_TESTS=OFF", "-DCMAKE_BUILD_TYPE=Debug")
     run(cmake, "--build", build, "-j2")
     run(cmake, "--install", build, "--prefix", prefix)
 

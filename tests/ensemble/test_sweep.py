@@ -154,7 +154,8 @@ def kills(marker: str) -> int:
     return 7
 
 
-def test_a_killed_process_is_replaced(tmp_path: Path) -> None:
+def test_a_killed_process_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.undo()  # processes as users get them
     found: dict[int, int] = {}
     tasks: dict[int, tuple[Any, ...]] = {n: (str(tmp_path / "marker"),) for n in range(3)}
     with executors.processes(1) as workers:
@@ -397,8 +398,10 @@ def test_killed_and_started_again(tmp_path: Path, expected: bytes) -> None:
 @contextmanager
 def cluster(workers: int) -> Iterator[Any]:
     distributed = pytest.importorskip("distributed", reason="needs the extra cogless[dask]")
+    dask = pytest.importorskip("dask")
     options = {"n_workers": workers, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
-    with distributed.LocalCluster(**options) as found:
+    forks = {"distributed.worker.multiprocessing-method": "fork"}  # else each worker imports all anew
+    with dask.config.set(forks), distributed.LocalCluster(**options) as found:
         yield found
 
 

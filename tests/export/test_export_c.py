@@ -30,7 +30,7 @@ from cogless.export.c.subject import Subject, study_hash
 from cogless.export.prepared import prepare
 
 STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-pedantic", "-Werror"]
-FLAGS = ["-std=c99", "-O2", "-ffp-contract=off"]
+FLAGS = ["-std=c99", "-O1", "-ffp-contract=off"]  # more takes longer, and rounds alike
 LIBRARY = Path(__file__).parents[2] / "control" / "src" / "cogless"
 # study, controller, changes: every law, and the memory by delay, and double precision
 CONTROLLERS: list[tuple[str, str, dict[str, Any]]] = [

@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from cogless import cli
 from cogless.errors import StudyError
 from cogless.identify import diagnosis, plan
+from cogless.identify.causes import candidates
 from cogless.identify.diagnosis import Diagnosis
 from cogless.run.simulate import rollout
 from cogless.study import Study
@@ -147,6 +148,16 @@ def test_nothing_else_is_blamed(tmp_path):
         assert sum(shares.values()) == pytest.approx(1, abs=0.02)
         blamed = {name for name, share in shares.items() if share > 0.03}
         assert blamed <= {"cogging", "no order", "not explained"}
+
+
+@pytest.mark.parametrize(("orders", "causes"), [
+    ((1, 2), "encoder or mechanics"), ((3, 4, 6, 8, 12), "cogging"), ((7,), "cogging or current offset"),
+    ((14,), "cogging or current gain"), ((21, 28), "cogging or dead time"),
+    ((42, 84), "cogging or K_t ripple or dead time"),
+])  # fmt: skip
+def test_what_an_order_may_come_from(orders, causes):
+    """With 7 pole pairs: once and twice a turn is a bad mounting, which has no more orders."""
+    assert {candidates(order, 7) for order in orders} == {causes}
 
 
 def test_an_order_of_the_pole_pairs_is_open_until_the_bridge_is_off(tmp_path):

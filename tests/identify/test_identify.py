@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from identify.commissioned import MOTORS, commissioned, write
 
 from cogless.identify import command, described
 from cogless.identify.result import Estimate, Wave
+from cogless.identify.write import compensation
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
 
@@ -98,3 +101,11 @@ def test_known_loads_come_out(found):
     limit = float(MOTORS[name]["drive"]["current_loop"]["current_limit"].split()[0])
     assert made.loads["load-forwards.npz"].value == pytest.approx(0.2 * limit, rel=0.01)
     assert made.loads["load-backwards.npz"].value == pytest.approx(-0.2 * limit, rel=0.01)
+
+
+@pytest.mark.parametrize(("order", "cells"), [(24, 1024), (432, 3456)])
+def test_a_table_resolves_its_highest_order(found, order, cells):
+    """With eight cells a wave, or 1024 in all if that is more."""
+    _, made = found
+    table = compensation(replace(made, cogging=(replace(made.cogging[0], order=order),)))
+    assert table.values.shape == (1, cells)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
@@ -109,6 +110,9 @@ def test_the_report_says_what_was_found(chain):
     for text in ("inertia over K_t", "Measured over simulated", "load-backwards", "predicted by the others"):
         assert text in page
     assert "src=" not in page and "href=" not in page  # works offline
+    ratios = re.findall(r"one-speed: (?:omega|i_q) \(.*? simulated over measured ([\d.]+|nan)", page)
+    assert len(ratios) == 4  # of speed and current, each in the heading and in the picture's label
+    assert all(0.9 < float(ratio) < 1.1 for ratio in ratios)
 
 
 def test_mistakes_on_the_command_line_are_told(tmp_path):

@@ -17,11 +17,13 @@ from zlib import crc32
 
 from mutants.change import Change
 from mutants.draw import drawn
-from mutants.order import files_for, function_at
+from mutants.hits import noted, with_probes
+from mutants.order import files_for, function_at, those_of
 from mutants.tree import Tree
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "build" / "mutants"
+Hits = dict[tuple[str, int], list[str]]  # tests by file and position
 
 
 class Log:
@@ -50,7 +52,30 @@ class Log:
         return entry
 
 
-def judge(draw: Iterator[tuple[str, Change]], free: SimpleQueue[Tree], log: Log) -> dict[str, Any]:
+def hits(places: list[tuple[str, int]], tree: Tree, jobs: int, log: Log) -> Hits:
+    """Tests that execute the statements at these places (file, position), those in functions of Python.
+
+    This runs all tests once. The answer is kept for as long as code and tests are unchanged.
+    """
+    texts = {file: (ROOT / file).read_text() for file, _ in places if file.endswith(".py")}
+    kept = FOLDER / f"hits-{crc32(repr((log.tests, places, texts)).encode())}.json"
+    if not kept.exists():
+        probed: list[int] = []
+        for file, text in texts.items():
+            here = {n: place for n, (other, place) in enumerate(places) if other == file}
+            with_calls, numbers = with_probes(text, here)
+            tree.write(file, with_calls)
+            probed += numbers
+        found = tree.hits(jobs)
+        for file, text in texts.items():
+            tree.write(file, text)
+        kept.write_text(json.dumps([[*places[n], noted(found, n)] for n in probed]))
+    return {(file, place): tests for file, place, tests in json.loads(kept.read_text())}
+
+
+def judge(
+    draw: Iterator[tuple[str, Change]], free: SimpleQueue[Tree], log: Log, executed: Hits
+) -> dict[str, Any]:
     """Judge the first mutant of a draw that compiles to other code than the original."""
     tree, begin = free.get(), monotonic()
     try:
@@ -63,7 +88,8 @@ def judge(draw: Iterator[tuple[str, Change]], free: SimpleQueue[Tree], log: Log)
             known = log.judged(mutant)
             if known is None and tree.takes(file, change.applied(text)):
                 function = function_at(file, text, change.start)
-                verdict = tree.judge(file, files_for(ROOT, file, function))
+                files = files_for(ROOT, file, function)
+                verdict = tree.judge(file, those_of(files, executed.get((file, change.start), [""])))
                 known = log.add({**mutant, **verdict._asdict(), "seconds": round(monotonic() - begin)})
             tree.write(file, text)
             if known is not None and known["outcome"] != "none":
@@ -92,14 +118,19 @@ def main() -> None:
     parser.add_argument("paths", nargs="*", help="only in these files or folders")
     asked = parser.parse_args()
 
-    draws, log = drawn(ROOT, asked.paths, asked.count, asked.seed), Log(FOLDER / "log.jsonl")
+    def draws() -> list[Iterator[tuple[str, Change]]]:
+        return drawn(ROOT, asked.paths, asked.count, asked.seed)
+
+    log = Log(FOLDER / "log.jsonl")
     free: SimpleQueue[Tree] = SimpleQueue()
     with ThreadPoolExecutor(asked.jobs) as pool:
         trees = list(pool.map(lambda n: Tree(ROOT, FOLDER / str(n)), range(asked.jobs)))
         for tree in trees:
             free.put(tree)
         try:
-            entries = list(pool.map(lambda draw: judge(draw, free, log), draws))
+            firsts = [next(draw) for draw in draws()]
+            executed = hits([(file, change.start) for file, change in firsts], trees[0], asked.jobs, log)
+            entries = list(pool.map(lambda draw: judge(draw, free, log, executed), draws()))
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             for tree in trees:

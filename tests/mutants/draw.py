@@ -9,6 +9,7 @@ from pathlib import Path
 from mutants import c_code, python_code
 from mutants.change import Change
 
+COMPILED = (".py", ".c", ".h", ".cpp", ".hpp")  # the longer a change takes to compile, the later
 ROOMS = (("src/cogless", (".py",)), ("simulator", (".cpp", ".hpp")), ("control/src", (".c", ".h")))
 
 
@@ -40,6 +41,7 @@ def drawn(root: Path, wanted: Sequence[str], count: int, seed: int) -> list[Iter
     step, offset = len(lines) / count, chance.random()
     places = [int((n + offset) * step) for n in range(count)] if lines else []
     chance.shuffle(places)
+    places.sort(key=lambda place: COMPILED.index(Path(lines[place][0]).suffix))
 
     def draw(place: int) -> Iterator[tuple[str, Change]]:
         for file, line in lines[place:] + lines[:place]:

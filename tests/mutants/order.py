@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+LIKELY = 6  # test files that run first; pytest collects the others only if these pass
+
 
 def files_for(root: Path, file: str, function: str) -> list[str]:
     """All test files; first those that have a similar name, import the file, or name the function."""
@@ -24,6 +26,16 @@ def files_for(root: Path, file: str, function: str) -> list[str]:
 
     found = sorted((root / "tests").rglob("test_*.py"), key=weight)
     return [test.relative_to(root).as_posix() for test in found]
+
+
+def those_of(files: list[str], tests: list[str]) -> list[list[str]]:
+    """What to run in turn for a mutant that only these tests execute: first they, then all of their files,
+    since a test may judge what another one has run. If importing a file executes it (""), all files."""
+    if "" in tests:
+        return [files[:LIKELY], files[LIKELY:]]
+    place = {file: n for n, file in enumerate(files)}
+    first = sorted(tests, key=lambda test: place[test.partition("::")[0]])
+    return [first, list(dict.fromkeys(test.partition("::")[0] for test in first))]
 
 
 def function_at(file: str, text: str, position: int) -> str:

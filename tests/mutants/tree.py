@@ -10,11 +10,11 @@ import sys
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
+from shutil import rmtree
 from typing import NamedTuple
 
 TOOLS = Path(sys.executable).parent
 LONGEST_TEST = 300  # s; a test that takes longer counts as failed
-LIKELY = 6  # test files that run first; pytest collects the others only if these pass
 MEMORY = 12 << 30  # bytes of data; a limit of address space would stop a browser, which reserves much
 
 
@@ -71,13 +71,23 @@ class Tree:
             return False
         return self.build()
 
-    def judge(self, file: str, tests: list[str]) -> Verdict:
-        """Run tests until one fails; for a file of the C library its own tests run first."""
+    def hits(self, jobs: int) -> Path:
+        """Run all tests, side by side; return the folder in which mutants.hits notes who executed what."""
+        folder = self.root / "hits"
+        rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        self.build()
+        self._tested("-n", str(jobs), "--dist", "loadfile")
+        return folder
+
+    def judge(self, file: str, turns: list[list[str]]) -> Verdict:
+        """Run tests, one list after the other, until one fails; for a file of the C library its own tests
+        run first."""
         if file.startswith("control"):
             for library in self.libraries:
                 if not self._ran("ctest", "--test-dir", library, "--timeout", str(LONGEST_TEST)):
                     return Verdict("killed", "control/tests")
-        for some in (tests[:LIKELY], tests[LIKELY:]):
+        for some in turns:
             code, output = self._tested("-x", *some) if some else (0, "")
             if code in (4, 5):  # usage error, or no tests found: not a failing test
                 raise RuntimeError(output)
@@ -121,7 +131,8 @@ class Tree:
 
     def _start(self, *command: str | Path) -> subprocess.CompletedProcess[str]:
         """Run a command in the copy, and end all processes that it leaves running."""
-        environment = {**os.environ, "PYTHONPATH": str(self.site), "PYTHONUNBUFFERED": "1"}
+        path = f"{self.site}{os.pathsep}{self.root / 'tests'}"
+        environment = {**os.environ, "PYTHONPATH": path, "PYTHONUNBUFFERED": "1"}
         process = subprocess.Popen(
             [str(part) for part in command], cwd=self.root, env=environment, text=True, errors="replace",
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,

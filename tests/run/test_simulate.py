@@ -551,6 +551,7 @@ def test_the_energy_balance_of_a_study_closes(tmp_path: Path) -> None:
     study = studies.study(tmp_path, {"metric": [metric], "trace": {"energy": True}})
     run = simulate(study, "step", "pi")
     assert run.metrics["lost_J"] < 1e-6 * run.trace["energy_electrical"][-1]
+    assert run.trace["energy_residual"][0] == 0.0  # counted from the start, as the energies are
 
 
 def test_rollout_runs_many_studies_and_can_let_their_traces_go(tmp_path: Path) -> None:

@@ -1,0 +1,14 @@
+"""Workers of a sweep are forks here: spawned, as users get them, each would import all anew."""
+
+import multiprocessing
+from types import SimpleNamespace
+
+import pytest
+
+from cogless.ensemble import executors
+
+
+@pytest.fixture(autouse=True)
+def forks(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = SimpleNamespace(get_context=lambda kind: multiprocessing.get_context("fork"))
+    monkeypatch.setattr(executors, "multiprocessing", here)
