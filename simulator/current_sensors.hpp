@@ -29,11 +29,8 @@ public:
         Four i = four_of(currents);
         i += gain_error_ * i + offset_;
         if (config_.noise > 0.0) {
-            Four noise(0.0);
-            for (std::size_t n = 0; n < static_cast<std::size_t>(config_.sensors); ++n) {
-                noise.set(n, config_.noise * normal_.draw(random));
-            }
-            i += noise;
+            const double a = normal_.draw(random), b = normal_.draw(random);
+            i += Four(config_.noise) * four_of<3>({a, b, config_.sensors == 3 ? normal_.draw(random) : 0.0});
         }
         if (config_.bits > 0) i = converted(i);
         Phases measured = array_of<3>(i);

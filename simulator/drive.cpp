@@ -337,7 +337,7 @@ void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, Phase* wa
         control<legs>(s, phase, origin, law.next(), current, faults, other);
         if (row.next()) record<legs>(s, here, phase, origin, current, recorder.next_row());
         Acting acting{};
-        if constexpr (legs != 0) acting = next_duties(s);
+        if constexpr (legs != 0) next_duties(s, acting);
         const Currents<> before = s.plant.i;
         advance_plant<legs, detail>(s, here, patch, phase, origin, acting.duty, current, acting.open, faults);
         if (warm != nullptr) {
@@ -359,14 +359,17 @@ void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, Phase* wa
     }
 }
 
-[[gnu::always_inline]] inline Drive::Acting Drive::next_duties(DriveState& s) const {
-    const Acting computed{{static_cast<double>(s.output.duty[0]), static_cast<double>(s.output.duty[1]),
-                           static_cast<double>(s.output.duty[2])},
-                          (s.output.status & static_cast<unsigned>(CGL_STATUS_OFF)) != 0U};
-    const Acting before{s.duty, s.open};
-    s.duty = computed.duty;
-    s.open = computed.open;
-    return config_.inverter.computation_delay ? before : computed;
+[[gnu::always_inline]] inline void Drive::next_duties(DriveState& s, Acting& acting) const {
+    // number by number: wider moves would wait for the narrow stores before them
+    const bool delay = config_.inverter.computation_delay;
+    for (std::size_t n = 0; n < acting.duty.size(); ++n) {
+        const auto computed = static_cast<double>(s.output.duty[n]);
+        acting.duty[n] = delay ? s.duty[n] : computed;
+        s.duty[n] = computed;
+    }
+    const bool off = (s.output.status & static_cast<unsigned>(CGL_STATUS_OFF)) != 0U;
+    acting.open = delay ? s.open : off;
+    s.open = off;
 }
 
 template <std::size_t legs>
@@ -425,6 +428,9 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
     struct Running {
         std::size_t n;  // its lane
         Lane* lane;
+        const Drive* drive;
+        const Phase* phase;
+        DriveState* state;
         Every law, row;
         Faults faults;
         Phases current{};
@@ -437,16 +443,17 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
     std::vector<Running> all;
     for (std::size_t n = 0; n < lanes.size(); ++n) {
         const auto& [drive, s, recorder, error] = lanes[n];
-        all.push_back({n, &lanes[n], {drive->config_.speed_divider, s->tick}, recorder->rows(s->tick),
+        const Phase& phase = drive->phases_.front();
+        all.push_back({n, &lanes[n], drive, &phase, s, {drive->config_.speed_divider, s->tick}, recorder->rows(s->tick),
                        drive->faults_at(s->tick)});
-        plants.put(n, s->plant, Plant::Exact<detail>(drive->phases_.front().plant)(s->plant.theta_m));
+        plants.put(n, s->plant, Plant::Exact<detail>(phase.plant)(s->plant.theta_m));
     }
     for (std::int64_t tick = lanes.front().state->tick; tick < end; ++tick) {
         for (Running& r : all) {
             const std::size_t n = r.n;
-            const Drive& drive = *r.lane->drive;
-            const Phase& phase = drive.phases_.front();
-            DriveState& s = *r.lane->state;
+            const Drive& drive = *r.drive;
+            const Phase& phase = *r.phase;
+            DriveState& s = *r.state;
             s.plant.theta_m = view.theta_m[n];
             s.plant.omega_m = view.omega_m[n];
             s.plant.i = {view.i_d[n], view.i_q[n]};
@@ -466,7 +473,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
                 drive.record<legs>(s, here, phase, 0, r.current, r.lane->recorder->next_row());
             }
             if constexpr (legs != 0) {
-                r.acting = drive.next_duties(s);
+                drive.next_duties(s, r.acting);
                 const Voltage<> u = drive.averaged<legs>(r.acting.duty, r.current, r.faults);
                 view.u_alpha[n] = u.alpha;
                 view.u_beta[n] = u.beta;
@@ -479,32 +486,30 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
             const double from = first.time(tick) + k * h;
             for (const Running& r : all) {
                 if (r.acting.open) continue;
-                const Drive& drive = *r.lane->drive;
-                DriveState& s = *r.lane->state;
+                DriveState& s = *r.state;
                 if ((stay >> r.n & 1U) != 0U) {
                     plants.get(r.n, s.plant, here);
-                    const Plant& plant = drive.phases_.front().plant;
+                    const Plant& plant = r.phase->plant;
                     plant.step<detail>(s.plant, here, {view.u_alpha[r.n], view.u_beta[r.n]}, from, h,
                                        Plant::Exact<detail>(plant));
                     plants.put(r.n, s.plant, here);
                 }
-                drive.watch(s, from, h, view.theta_m[r.n], r.faults);
+                r.drive->watch(s, from, h, view.theta_m[r.n], r.faults);
             }
         }
         for (const Running& r : all) {
-            DriveState& s = *r.lane->state;
+            DriveState& s = *r.state;
             if (r.acting.open) {
-                const Drive& drive = *r.lane->drive;
-                const Phase& phase = drive.phases_.front();
-                AnglePatch patch(phase.plant.angle());
-                here = phase.plant.angle().at(s.plant.theta_m);
-                drive.advance_plant<legs, detail>(s, here, patch, phase, 0, r.acting.duty, r.current, true, r.faults);
+                const Drive& drive = *r.drive;
+                AnglePatch patch(r.phase->plant.angle());
+                here = r.phase->plant.angle().at(s.plant.theta_m);
+                drive.advance_plant<legs, detail>(s, here, patch, *r.phase, 0, r.acting.duty, r.current, true, r.faults);
                 plants.put(r.n, s.plant, here);
             }
             ++s.tick;
         }
     }
-    for (const Running& r : all) plants.get(r.n, r.lane->state->plant, here);
+    for (const Running& r : all) plants.get(r.n, r.state->plant, here);
 }
 
 [[gnu::always_inline]] inline bool Drive::measure(DriveState& s) const {

@@ -213,7 +213,7 @@ private:
         Phases duty;
         bool open;
     };
-    Acting next_duties(DriveState& state) const;
+    void next_duties(DriveState& state, Acting& acting) const;
     // Lets the position sensor see the rotor at theta_m, or the load side, h after the time `from`.
     void watch(DriveState& state, double from, double h, double theta_m, const Faults& faults) const;
     // What the drive makes of a position sensor on the load side. Not inlined into the loop, which hardly ever needs it.

@@ -44,21 +44,21 @@ inline Voltage<> stationary(const Legs<bridge_legs>& u) { return {u[0] - u[1], u
 // Duty cycles of the legs from those of the phases. Unipolar: the second leg of a bridge has the complement of the first, on
 // the same carrier, so the mean voltage of a phase is bus_voltage (2 duty - 1), in two pulses per period.
 template <std::size_t count>
-Legs<count> leg_duties(const Phases& duty) {
+decltype(auto) leg_duties(const Phases& duty) {
     if constexpr (count == star_legs) {
-        return duty;
+        return (duty);
     } else {
-        return {duty[0], 1.0 - duty[0], duty[1], 1.0 - duty[1]};
+        return Legs<count>{duty[0], 1.0 - duty[0], duty[1], 1.0 - duty[1]};
     }
 }
 
 // The currents out of the legs.
 template <std::size_t count>
-Legs<count> leg_currents(const Phases& i) {
+decltype(auto) leg_currents(const Phases& i) {
     if constexpr (count == star_legs) {
-        return i;
+        return (i);
     } else {
-        return {i[0], -i[0], i[1], -i[1]};
+        return Legs<count>{i[0], -i[0], i[1], -i[1]};
     }
 }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -58,6 +58,8 @@ class Layout:
     # what follows from the headers, kept since a run of a millisecond would feel it
     _sizes: dict[str, int] = field(default_factory=dict, repr=False)
     _places: dict[str, list[tuple[Field, int]]] = field(default_factory=dict, repr=False)
+    _by_name: dict[str, dict[str, Field]] = field(default_factory=dict, repr=False)
+    _packers: dict[str, struct.Struct] = field(default_factory=dict, repr=False)
 
     def size(self, name: str) -> int:
         """Size of a type in bytes, padding included."""
@@ -81,16 +83,23 @@ class Layout:
         A list may be shorter than its array: the rest is zero. ValueError names the member that is missing,
         unknown or of the wrong type.
         """
-        data = bytearray(self.size(name))
-        self._put(name, values, data, 0, name)
-        return bytes(data)
+        numbers: list[Any] = []
+        self._collect(name, values, numbers, name)
+        if name not in self._packers:
+            self._packers[name] = self._packer(name)
+        try:
+            return self._packers[name].pack(*numbers)
+        except (struct.error, OverflowError, TypeError):
+            raise self._misfit(name, numbers) from None
 
     def leaves(self, name: str) -> list[Leaf]:
-        """Every number of a struct, in memory order; the struct must have no pointers."""
+        """Every number of a struct, in memory order, without pointers."""
         return list(self._leaves(name, "", 0))
 
     def _leaves(self, name: str, prefix: str, start: int) -> Iterator[Leaf]:
         for member, offset in self._offsets(name):
+            if member.pointer:
+                continue
             size = self.size(member.type)
             for n in range(member.length or 1):
                 path = prefix + member.name + (f"[{n}]" if member.length is not None else "")
@@ -124,36 +133,57 @@ class Layout:
                 return constant
         raise ValueError(f"{name}: {value}: no such constant")
 
-    def _put(self, name: str, value: Any, data: bytearray, at: int, where: str) -> None:
-        if name in self.headers.structs:
-            self._put_members(name, value, data, at, where)
-            return
-        try:
-            number = self.headers.enums[name][value] if name in self.headers.enums else value
-            if isinstance(value, bool) != (name == "bool"):
-                raise TypeError
-            struct.pack_into(f"={self._format(name)}", data, at, number)  # "=": overflow raises
-        except (struct.error, OverflowError, TypeError, KeyError):
-            raise ValueError(f"{where}: {value!r}: expected a value of {name}") from None
-
-    def _put_members(self, name: str, values: Any, data: bytearray, at: int, where: str) -> None:
-        fields = self.headers.structs[name]
-        odd = {member.name for member in fields} ^ values.keys()
+    def _collect(self, name: str, values: Any, numbers: list[Any], where: str) -> None:
+        """Append all numbers of a struct, in memory order."""
+        members = self._members(name)
+        odd = members.keys() ^ values.keys()
         if odd:
             odd_one = min(odd)
             raise ValueError(f"{where}.{odd_one}: {'unknown' if odd_one in values else 'missing'}")
-        for member, offset in self._offsets(name):
-            value, place = values[member.name], f"{where}.{member.name}"
+        for key, member in members.items():
+            value, enum = values[key], self.headers.enums.get(member.type)
             if member.pointer:
                 if value is not None:
-                    raise ValueError(f"{place}: expected None, since it is a pointer")
+                    raise ValueError(f"{where}.{key}: expected None, since it is a pointer")
                 continue
             items = [value] if member.length is None else list(value)
             if len(items) > (member.length or 1):
-                raise ValueError(f"{place}: {len(items)} entries: expected at most {member.length}")
-            size = self.size(member.type)
-            for n, item in enumerate(items):
-                self._put(member.type, item, data, at + offset + n * size, place)
+                raise ValueError(f"{where}.{key}: {len(items)} entries: expected at most {member.length}")
+            for item in items:
+                if member.type in self.headers.structs:
+                    self._collect(member.type, item, numbers, f"{where}.{key}")
+                elif isinstance(item, bool) != (member.type == "bool") or (enum and item not in enum):
+                    raise ValueError(f"{where}.{key}: {item!r}: expected a value of {member.type}")
+                else:
+                    numbers.append(enum[item] if enum else item)
+            if missing := (member.length or 1) - len(items):
+                numbers += [0] * (missing * self._count(member.type))
+
+    def _packer(self, name: str) -> struct.Struct:
+        """One format for all numbers of a struct, with what lies between them."""
+        parts, end = ["="], 0  # "=": overflow raises
+        for leaf in self.leaves(name):
+            parts.append(f"{leaf.offset - end}x{leaf.format}")
+            end = leaf.offset + struct.calcsize(leaf.format)
+        return struct.Struct("".join([*parts, f"{self.size(name) - end}x"]))
+
+    def _misfit(self, name: str, numbers: Sequence[Any]) -> ValueError:
+        """The error that names the first number that its place can't hold."""
+        for leaf, number in zip(self.leaves(name), numbers, strict=True):
+            try:
+                struct.pack(f"={leaf.format}", number)
+            except (struct.error, OverflowError, TypeError):
+                return ValueError(f"{name}.{leaf.path}: {number!r}: expected a value of {leaf.type}")
+        raise AssertionError(name)
+
+    def _count(self, name: str) -> int:
+        """How many numbers a type has."""
+        return len(self.leaves(name)) if name in self.headers.structs else 1
+
+    def _members(self, name: str) -> dict[str, Field]:
+        if name not in self._by_name:
+            self._by_name[name] = {member.name: member for member in self.headers.structs[name]}
+        return self._by_name[name]
 
     def _size(self, name: str) -> int:
         if name not in self.headers.structs:

@@ -11,9 +11,10 @@ from design_plants import MANDRA_RANGES, mandra, motor
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
+from scipy.spatial import ConvexHull
 
 from cogless.design.error import DesignError
-from cogless.design.hull import enclose, minimal
+from cogless.design.hull import _polygon, enclose, minimal
 from cogless.design.model import Model, Real, relative_degree, sampled, uncontrollable_mode
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
 
@@ -266,3 +267,13 @@ def test_a_bounding_polytope_may_hold_what_acts_the_other_way() -> None:
             lambda p: ([[p["a"]]], [4 * (p["a"] - 0.5) ** 2 - 0.1]), {"a": (0.0, 1.0)}, [1.0], 1.0, None,
             {"a": 0.1},
         )  # fmt: skip
+
+
+@given(st.integers(3, 40), st.integers(0, 2**32 - 1))
+def test_the_hull_in_the_plane_is_that_of_qhull(count: int, seed: int) -> None:
+    points = np.random.default_rng(seed).normal(size=(count, 2)).round(1)
+    points = np.unique(np.vstack([points, [[9.0, 9.0], [-9.0, 9.0], [0.0, 9.0], [0.3, -9.0]]]), axis=0)
+    mine, theirs = _polygon(points), ConvexHull(points)
+    assert set(mine.vertices) == set(theirs.vertices)
+    facets = np.unique(np.column_stack([mine.normals, mine.offsets]).round(9) + 0.0, axis=0)
+    assert np.allclose(facets, np.unique(theirs.equations.round(9) + 0.0, axis=0), atol=1e-8)

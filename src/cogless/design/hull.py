@@ -13,20 +13,18 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cogless.design.margins import Real
-
-if TYPE_CHECKING:
-    from scipy.spatial import ConvexHull
 
 QHULL_DIMENSIONS = 6
 FLAT = 1e-8  # share of the largest singular value; below it the points don't span a direction
 THIN = 0.1  # such a share; below it a direction gets a box instead of being inflated
 CONSTANT = 1e-11  # spread / magnitude of an entry; below it the entry is constant
 NEGLECTED = 1e-4  # share of an entry's spread; less in a direction that the corners lack is ignored
+STRAIGHT = 1e-14  # twice a triangle's area, as a share of the spread's square; below it a corner is none
 INSIDE = 1e-7  # share of the hull's size; a point this little outside counts as inside
 SPARE = 0.1  # share of the excess added as reserve, because samples don't reach the extremes
 
@@ -48,6 +46,15 @@ class _Frame:
     def back(self, inside: Real, rest: Real) -> Real:
         """The points with given coordinates and offsets: the inverse of `of`."""
         return np.asarray(self.origin + self.scale * (inside @ self.basis + rest))
+
+
+@dataclass(frozen=True)
+class _Hull:
+    """A convex hull: indices of its vertices; outward normals n and offsets o of its facets, n x + o = 0."""
+
+    vertices: NDArray[np.signedinteger]
+    normals: Real
+    offsets: Real
 
 
 @dataclass(frozen=True)
@@ -104,16 +111,40 @@ def _scaled(points: Real, origin: Real, scale: Real) -> Real:
     return np.where(scale > 0, (points - origin) / np.where(scale > 0, scale, 1.0), 0.0)
 
 
-def _qhull(points: Real) -> ConvexHull | None:
+def _hull(points: Real) -> _Hull | None:
     """The convex hull of full-dimensional points; None if Qhull fails or the dimensions are too many."""
+    if points.shape[1] == 2:
+        return _polygon(points)
     if points.shape[1] > QHULL_DIMENSIONS:
         return None
     from scipy.spatial import ConvexHull, QhullError
 
     try:
-        return ConvexHull(points)
+        hull = ConvexHull(points)
     except QhullError:
         return None
+    return _Hull(hull.vertices, hull.equations[:, :-1], hull.equations[:, -1])
+
+
+def _polygon(points: Real) -> _Hull:
+    """The hull in the plane, by Andrew's monotone chain; importing scipy.spatial takes longer."""
+    order = np.lexsort((points[:, 1], points[:, 0])).tolist()
+
+    def chain(indices: list[int]) -> list[int]:
+        found: list[int] = []
+        for index in indices:
+            while len(found) > 1:
+                (a, b), (c, d) = points[found[-1]] - points[found[-2]], points[index] - points[found[-2]]
+                if a * d - b * c > STRAIGHT:
+                    break
+                found.pop()
+            found.append(index)
+        return found[:-1]
+
+    ring = np.array(chain(order) + chain(order[::-1]))
+    edges = np.roll(points[ring], -1, axis=0) - points[ring]
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.hypot(*edges.T)[:, None]
+    return _Hull(ring, normals, -np.sum(normals * points[ring], axis=1))
 
 
 def _vertices(points: Real) -> tuple[int, ...]:
@@ -125,7 +156,7 @@ def _vertices(points: Real) -> tuple[int, ...]:
         return tuple(sorted({int(points[:, 0].argmin()), int(points[:, 0].argmax())}))
     _, first = np.unique(np.round(points / INSIDE), axis=0, return_index=True)
     distinct = np.sort(first)
-    hull = _qhull(points[distinct])
+    hull = _hull(points[distinct])
     return tuple((distinct if hull is None else np.sort(distinct[hull.vertices])).tolist())
 
 
@@ -139,10 +170,10 @@ def _gauge(vertices: Real, points: Real) -> Real:
         up, down = vertices.max() - centre[0], centre[0] - vertices.min()
         from_centre = points[:, 0] - centre[0]
         return np.asarray(np.maximum(from_centre / up, -from_centre / down))
-    hull = _qhull(vertices)
+    hull = _hull(vertices)
     if hull is not None:
-        normals, offsets = hull.equations[:, :-1], hull.equations[:, -1]
-        return np.asarray(((points - centre) @ normals.T / (-offsets - normals @ centre)).max(axis=1))
+        reach = -hull.offsets - hull.normals @ centre
+        return np.asarray(((points - centre) @ hull.normals.T / reach).max(axis=1))
     from scipy.optimize import nnls
 
     tie = 1e-5  # small penalty on the sum of the weights: it only selects between equally good solutions
