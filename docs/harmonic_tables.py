@@ -70,6 +70,13 @@ WRONG: list[Case] = [
     ("K_t ripples by 5 %", "uomodri", "1-rev-s", untold("1-rev-s", motor__torque_ripple=RIPPLE)),
     ("0.2 deg of eccentricity", "uomodri", "1-rev-s", untold("1-rev-s", **{ECC: "0.2 deg"})),
     ("0.5 deg of eccentricity", "uomodri", "1-rev-s", untold("1-rev-s", **{ECC: "0.5 deg"})),
+    ("1 deg", "uomodri", "1-rev-s", untold("1-rev-s", **{ECC: "1 deg"})),
+    ("0.5 deg at 15 r/min", "uomodri", "slow", untold("slow", **{ECC: "0.5 deg"})),
+    ("0.5 deg at 240 r/min", "uomodri", "fast", untold("fast", **{ECC: "0.5 deg"})),
+    ("0.5 deg, uomodri-varying", "uomodri-varying", "varying", untold("varying", **{ECC: "0.5 deg"})),
+    ("0.2 deg, Liu, 60 r/min", "liu2018", "60-rpm", untold("60-rpm", **{ECC: "0.2 deg"})),
+    ("0.2 deg, Liu, 900 r/min", "liu2018", "900-rpm", untold("900-rpm", **{ECC: "0.2 deg"})),
+    ("no cogging", "uomodri", "1-rev-s", untold("1-rev-s", motor__cogging=[])),
     ("switched PWM", "uomodri", "1-rev-s", untold("1-rev-s", drive__inverter__kind="switched")),
 ]  # fmt: skip
 

@@ -29,6 +29,10 @@ void law_step(const cgl_law_input *in, cgl_law_output *out)
 {
     cgl_harmonic_step(&law, in, out);
     HOLDS(within(law.pi.integral, config.pi.limit) && within(law.learned, config.limit));
+    HOLDS(law.bend.share >= CGL_R(0.0) && law.bend.share <= CGL_R(1.0));
+    for (uint32_t n = 0; n < 4U; ++n) {
+        HOLDS(within(law.bend.part[n], CGL_R(0.05)));
+    }
     HOLDS(law.acting <= config.orders && law.low <= law.acting && law.due <= config.orders);
 }
 

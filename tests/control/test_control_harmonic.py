@@ -134,6 +134,55 @@ def test_ripple_goes_and_its_orders_are_known(speed, precision):
     assert np.abs(np.delete(c.c, [0, 3])).max() < 2e-3
 
 
+def run_bent(c, motor, speed, seconds, amplitudes):
+    """Speeds of the motor under a law whose sensor errs by amplitudes[m - 1] cos(m theta + 1), rad."""
+    speeds, orders = [], np.arange(1, len(amplitudes) + 1)
+    for _ in range(int(seconds / TS)):
+        speeds.append(motor.omega)
+        wave = orders * motor.theta + 1.0
+        angle = motor.theta + np.sum(amplitudes * np.cos(wave))
+        seen = motor.omega * (1 - np.sum(amplitudes * orders * np.sin(wave)))
+        motor.move(c.step(speed, seen, angle % math.tau))
+    return np.array(speeds)
+
+
+@pytest.mark.parametrize(("base", "known"), [(6, 2), (3, 1), (2, 0)])
+def test_ripple_shows_where_the_angle_is_bent(base, known):
+    """The sensor's error as a function of its own angle: cos(theta + 1) at theta = measured - error."""
+    amplitudes = np.array([0.012, 0.004])[: max(known, 1)]
+    c = CHarmonic(control_library("float"), law(base, 24 // base))
+    speeds = run_bent(c, Motor(10.0, RIPPLE), 10.0, 8.0, amplitudes)
+    bend = np.array(list(c.state.bend.part)) @ np.kron(np.eye(2), [[1], [-1j]])
+    expected = amplitudes * np.exp(1j)
+    expected = np.append(expected, 0)[:2] if known else np.zeros(2)
+    assert bend == pytest.approx(expected, abs=1.2e-3)
+    left = np.std(speeds[-2000:])
+    assert left < 0.03 if known else left > 0.1
+
+
+def test_a_straight_angle_and_a_motor_without_ripple_have_no_bend():
+    rng = np.random.default_rng(5)
+    for ripple in (RIPPLE, ()):
+        c, motor = CHarmonic(control_library("float"), law()), Motor(10.0, ripple)
+        run(c, motor, 10.0, 6.0, angle=lambda theta, n: (theta + 2e-4 * rng.normal()) % math.tau)
+        slope = c.state.bend.share * np.abs(list(c.state.bend.part)).max()
+        assert slope < 1e-3, ripple
+
+
+def test_a_bend_is_as_in_the_reference():
+    library = control_library("double")
+    reference = law(rate=4.0, orders=4)
+    c, motor = CHarmonic(library, reference), Motor(10.0, RIPPLE)
+    for n in range(4500):
+        angle = motor.theta + 0.01 * math.cos(motor.theta)
+        one = (10.0, motor.omega * (1 - 0.01 * math.sin(motor.theta)), angle % math.tau)
+        got, expected = c.step(*one), reference.step(*one)
+        assert abs(got - expected) < 1e-8, n
+        motor.move(got)
+    assert reference.believed > 0.3 and abs(reference.bend[0]) > 3e-3
+    assert complex(c.state.bend.part[0], -c.state.bend.part[1]) == pytest.approx(reference.bend[0], abs=1e-8)
+
+
 @pytest.mark.parametrize("late", [0, 1, 2])
 def test_a_delay_that_is_told_changes_nothing(late):
     c = CHarmonic(control_library("float"), law(delay=late * TS, pi=(0.05, 1.0, 4.0)))

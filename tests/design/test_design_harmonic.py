@@ -16,6 +16,8 @@ from cogless.run.simulate import simulate
 
 RPM = math.pi / 30
 COMPENSATED = {"drive.dead_time_compensation.band": "35 mA"}
+SPEEDS = ("reference", "initial_speed")
+BASE_2 = {**studies.HARMONIC["controller.harmonic"], "base": 2}
 LATE = {"drive.bus.delay_command": "0.2 ms"}  # a sample of the law
 
 
@@ -46,7 +48,8 @@ def test_numbers_follow_from_slots_poles_and_drive():
     assert told.delay == pytest.approx(1 / (2 * math.pi * 1000) - 25e-6, rel=0.15)
     liu = learner(study("liu2018"), "harmonic")
     assert (liu.base, liu.orders) == (4, 20)  # 81 at 60 r/min and 1 kHz would have 0.51 rad a sample
-    with pytest.raises(StudyError, match=r"motor\.slots: missing: expected their number"):
+    expected = r"motor\.slots: missing: expected their number, or controller\.harmonic\.base, for the orders"
+    with pytest.raises(StudyError, match=expected):
         learner(load("gimbal", studies.HARMONIC), "harmonic")
     by_hand = {**studies.HARMONIC["controller.harmonic"], "base": 2}
     assert learner(load("gimbal", {"controller.harmonic": by_hand}), "harmonic").base == 2
@@ -59,6 +62,32 @@ def test_gamma_is_one_where_the_model_is_right():
     assert gamma(loop, told, pi, w) == pytest.approx(np.ones(4), abs=0.04)
     late = gamma(loop, told, pi, w, 1)
     assert late[0].real > 0.9 and abs(np.angle(late[1])) > abs(np.angle(late[0]))
+
+
+def test_a_law_without_gains_is_offered_its_rule():
+    with pytest.raises(StudyError, match=r'expected either kp and ki or tuning, such as \{ rule = "auto" \}'):
+        load("uomodri", {"controller.harmonic": {"law": "harmonic"}})
+
+
+def test_a_motor_that_rests_has_a_certificate_without_infinite_numbers():
+    resting = {f"scenario.{key}.{what}": "0 rpm" for key in load("uomodri").scenario for what in SPEEDS}
+    made = certificate(study(**resting), "harmonic")
+    assert "no reference moves fast enough" in made.words() and made.rate_most is None and made.fine
+
+
+def test_the_certificate_tells_up_to_which_speed_an_eccentric_sensor_is_found():
+    """At 72 waves a turn and 5 kHz 0.5105 rad a sample are 338 r/min."""
+    made = certificate(study(), "harmonic")
+    assert made.straight is not None and made.straight / RPM == pytest.approx(338.5, abs=0.1)
+    assert "an eccentric sensor's error up to 338.5 rpm" in made.words()
+    assert certificate(study(**{"controller.harmonic": BASE_2}), "harmonic").straight is None
+
+
+@pytest.mark.parametrize(("degrees", "scenario"), [(0.2, "1-rev-s"), (0.5, "1-rev-s"), (0.5, "fast")])
+def test_an_eccentric_encoder_leaves_little_more_than_a_true_one(degrees, scenario):
+    """Without the bend half a degree left 3.4 r/min at 60 r/min, 0.2 degrees 1.6."""
+    untold = {f"scenario.{scenario}.override": {"drive.position_sensor.eccentricity": f"{degrees} deg"}}
+    assert np.mean(error(scenario, 5, "harmonic", **untold, **COMPENSATED)[16:]) < 0.6
 
 
 def test_the_certificate_is_shown():

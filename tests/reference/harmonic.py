@@ -15,7 +15,7 @@ from .pi import Pi
 P = math.exp(-0.5)
 L1, L2, L3 = 1 - P**3, 1.5 * (1 - P) ** 2 * (1 + P), (1 - P) ** 3
 FASTEST, SPLIT, MEAN, QUICK, SETTLE, NEW, FULL = 2.6, 0.5105, 0.25, 1 / 16, 64, 1.25, 6.0
-
+BENT, SURE, DOUBTED = 0.05, 2.5e-7, 64.0
 
 TURN = 1 << 32  # parts of a turn
 
@@ -52,6 +52,8 @@ class Harmonic:
         self.omega = self.load = self.mean = 0.0
         self.time = self.anchor = self.slowest = self.fastest = self.rate_now = 0.0
         self.round_step = 0.0
+        self.bend = np.zeros(2 if self.base > 4 else 1 if self.base > 2 else 0, dtype=complex)
+        self.believed = self.bend_rate = self.power = self.doubt = self.moved = 0.0
         self.due = self.acting = self.low = 0
         self.wait, self.seated = SETTLE, False
 
@@ -100,7 +102,34 @@ class Harmonic:
         begun = self.rate * self.time - FULL
         rate = max(self.rate / (1 + max(begun, 0.0) / 2), self.rate_min)
         self.rate_now = min(rate, abs(step) / (math.pi * self.pi.ts))
+        self.judge_bend()
         self.round_step, self.due = step, 0
+
+    def judge_bend(self) -> None:
+        """No bend is learned where noise makes too much of it; none acts where noise may make all of it."""
+        size = self.base * self.power
+        self.power, self.bend_rate = 0.0, 0.0
+        if self.rate * self.time <= FULL / 2 or size <= 1e-9 or self.rate_now == 0:
+            return
+        variance = 2 * self.doubt / (self.rate_now * self.pi.ts * size**2)
+        if variance < SURE:
+            square = float(np.sum(np.abs(self.bend) ** 2))
+            self.bend_rate = 2 / size
+            self.believed = max(0.0, 1 - DOUBTED * variance / square) if square else 0.0
+
+    def bend_at(self, theta: int) -> tuple[complex, float, float]:
+        """Phasor of the angle, the bend there, and its slope over the angle."""
+        turn = cmath.exp(1j * math.tau * theta / TURN)
+        parts_of = [one * turn ** (m + 1) for m, one in enumerate(self.bend)]
+        bend = sum(one.real for one in parts_of)
+        slope = -sum((m + 1) * one.imag for m, one in enumerate(parts_of))
+        return turn, self.believed * bend, self.believed * slope
+
+    def learn_bend(self, turn: complex) -> None:
+        self.doubt += self.rate_now * self.pi.ts * (self.moved**2 - self.doubt)
+        for m, one in enumerate(self.bend):
+            grown = one + self.bend_rate * self.moved * turn ** -(m + 1)
+            self.bend[m] = complex(clip(grown.real, BENT), clip(grown.imag, BENT))
 
     def make_gain(self) -> None:
         if self.due >= self.acting:
@@ -111,6 +140,7 @@ class Harmonic:
         z = cmath.exp(1j * om)
         turned = cmath.exp(1j * om * (0.5 + self.d))  # what acts is ahead of what is measured
         if k < self.low:
+            self.power += (k + 1) * abs(self.c[k]) ** 2
             g = L3 / 2 * (z + 1) * z / (z - P) ** 3 * cmath.exp(0.5j * om)
             turned *= 1 - 1j * math.copysign(MEAN, self.omega) / (k + 1)
         else:
@@ -122,7 +152,9 @@ class Harmonic:
         n = np.arange(self.acting)
         phasor = np.exp(1j * math.tau * (self.base * angle % TURN / TURN) * (n + 1))
         seen = np.where(n < self.low, load, e)
-        c = self.c[: self.acting] - seen * self.weight[: self.acting] * np.conj(phasor)
+        off = seen * self.weight[: self.acting] * np.conj(phasor)
+        self.moved = float(np.sum((np.conj(self.c[: self.acting]) * off).imag[: self.low]))
+        c = self.c[: self.acting] - off
         real, imag = (np.clip(part, -self.limit, self.limit) for part in (c.real, c.imag))
         self.c[: self.acting] = real + 1j * imag
         return clip(float(np.sum((self.c[: self.acting] * phasor).real)), self.limit)
@@ -143,16 +175,21 @@ class Harmonic:
         e = self.observe(theta)
         slow = MEAN * self.base * abs(self.omega)
         self.mean += (min(slow, QUICK) if self.learning else QUICK) * (self.load - self.mean)
+        turn, bend, _ = self.bend_at(theta)
         self.make_gain()
-        ahead = turned(theta, self.omega * (0.5 + self.d))
+        ahead = turned(turned(theta, -bend), self.omega * (0.5 + self.d))
         seen = (self.load - self.mean, e) if self.learning else (0.0, 0.0)
         self.learned = self.sum_of_orders(ahead, *seen)
         if self.learning:
+            self.learn_bend(turn)
             self.time = min(self.time + self.pi.ts, 1e6)
 
     def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:
-        error = omega_ref - omega_m
-        plausible = math.isfinite(error) and is_angle(theta_m)
+        plausible = math.isfinite(omega_ref - omega_m) and is_angle(theta_m)
+        slope = 0.0
+        if is_angle(theta_m):
+            slope = self.bend_at(parts(math.fmod(theta_m / math.tau, 1)) % TURN)[2]
+        error = omega_ref - omega_m + slope * omega_m
         self.follow(omega_m, theta_m, learn and plausible and not self.pi.saturated)
         out = self.pi.step(error, self.learned)
         self.told = [out - self.learned, *self.told[:2]]

@@ -17,6 +17,9 @@
 #define QUICK CGL_R(0.0625) /* and a step, while it settles */
 #define FULL CGL_R(6.0)     /* at the full rate, in its own time: exp(-3) of the ripple is left then */
 #define NEW CGL_R(1.25)     /* ratio of speeds */
+#define BENT CGL_R(0.05)    /* rad, bound of each part of the bend */
+#define SURE CGL_R(2.5e-7)  /* rad^2: a variance of the bend beyond which it is not learned, (0.5 mrad)^2 */
+#define DOUBTED CGL_R(64.0) /* a bend of up to so many variances is taken for none */
 
 CGL_SELDOM static bool is_valid(const cgl_harmonic_config *config, cgl_real ts)
 {
@@ -41,6 +44,7 @@ CGL_SELDOM static void take(cgl_harmonic *law, const cgl_harmonic_config *config
     const cgl_real d = law->delay, part = d < CGL_R(1.0) ? d : d - CGL_R(1.0);
     const bool lags = d > LAG;
     law->kept = lags ? d / (CGL_R(1.0) + d) : CGL_R(0.0);
+    law->bends = config->base > 4U ? 2U : (config->base > 2U ? 1U : 0U);
     law->weight[0] = lags ? CGL_R(1.0) - law->kept : (d < CGL_R(1.0) ? CGL_R(1.0) - part : CGL_R(0.0));
     law->weight[1] = lags ? CGL_R(0.0) : (d < CGL_R(1.0) ? part : CGL_R(1.0) - part);
     law->weight[2] = lags || d < CGL_R(1.0) ? CGL_R(0.0) : part;
@@ -98,6 +102,8 @@ CGL_SELDOM void cgl_harmonic_reset(cgl_harmonic *law)
     clear(law->half, 2U);
     clear(law->delayed, 2U);
     clear(law->turned, 2U);
+    clear(law->bend.part, 4U);
+    law->bend.share = law->bend.rate = law->bend.power = law->bend.doubt = law->bend.moved = CGL_R(0.0);
     law->current = law->omega = law->load = law->mean = CGL_R(0.0);
     law->time = law->anchor = law->slowest = law->fastest = law->rate = CGL_R(0.0);
     law->theta = law->due = law->acting = law->low = 0U;
@@ -154,6 +160,47 @@ static uint32_t fitting(cgl_real most, cgl_real step, uint32_t orders)
     return smaller((uint32_t)(int32_t)count, orders);
 }
 
+/* Phasors of an angle, once and twice in a turn. */
+typedef struct {
+    cgl_real x[2], y[2];
+} turn_phasors;
+
+static void take_phasors(turn_phasors *of, uint32_t theta)
+{
+    cgl_sincos_of_angle(cgl_steps(0U, theta) * (CGL_TWO_PI / CGL_TURN_BITS), &of->y[0], &of->x[0]);
+    of->x[1] = of->x[0] * of->x[0] - of->y[0] * of->y[0];
+    of->y[1] = CGL_R(2.0) * of->x[0] * of->y[0];
+}
+
+/* How fast the bend is learned in the next round, and how much of it is believed. The orders' noise makes a variance of it. */
+CGL_APART static void judge_bend(cgl_harmonic *law)
+{
+    cgl_harmonic_bend *const bend = &law->bend;
+    const cgl_real *const part = bend->part;
+    const cgl_real size = cgl_clamp((cgl_real)law->config.base * bend->power, CGL_R(1.0e9));
+    const cgl_real scale = law->rate * law->pi.ts * size * size, variance = CGL_R(2.0) * bend->doubt;
+    bend->rate = CGL_R(0.0);
+    if (law->config.rate * law->time > CGL_R(0.5) * FULL && size > CGL_R(1.0e-9) && variance < SURE * scale) {
+        const cgl_real square = part[0] * part[0] + part[1] * part[1] + part[2] * part[2] + part[3] * part[3];
+        const cgl_real noise = DOUBTED * variance, sum = square * scale;
+        bend->rate = CGL_R(2.0) / size;
+        bend->share = sum > noise ? CGL_R(1.0) - noise / sum : CGL_R(0.0);
+    }
+    bend->power = CGL_R(0.0);
+}
+
+/* The bend goes where the phases of all orders went together. */
+static void learn_bend(cgl_harmonic *law, const turn_phasors *of)
+{
+    cgl_harmonic_bend *const bend = &law->bend;
+    const cgl_real moved = cgl_clamp(bend->moved, CGL_R(1.0e9)), step = bend->rate * moved;
+    bend->doubt += law->rate * law->pi.ts * (moved * moved - bend->doubt);
+    for (uint32_t m = 0; m < law->bends; ++m) {
+        bend->part[2U * m] = cgl_clamp(bend->part[2U * m] + step * of->x[m], BENT);
+        bend->part[2U * m + 1U] = cgl_clamp(bend->part[2U * m + 1U] + step * of->y[m], BENT);
+    }
+}
+
 /* Begins to make the gains anew: the speed of now, the orders that it leaves, the rate. */
 CGL_APART static void begin_round(cgl_harmonic *law, cgl_real gentle)
 {
@@ -181,6 +228,7 @@ CGL_APART static void begin_round(cgl_harmonic *law, cgl_real gentle)
     law->rate = gentle * (rate < most ? rate : most);
     cgl_sincos_of_angle(CGL_R(0.5) * (size <= CGL_HARMONIC_FASTEST ? step : CGL_R(0.0)), &law->half[1], &law->half[0]);
     cgl_sincos_of_angle((size <= CGL_HARMONIC_FASTEST ? step : CGL_R(0.0)) * law->delay, &law->base[1], &law->base[0]);
+    judge_bend(law);
     law->turned[0] = law->half[0];
     law->turned[1] = law->half[1];
     law->delayed[0] = law->base[0];
@@ -205,6 +253,8 @@ CGL_APART static void make_gain(cgl_harmonic *law, cgl_real gentle)
     multiply(w, law->delayed);
     cgl_real scale = law->rate / (law->config.b * law->pi.ts);
     if (k < law->low) {
+        const cgl_real a = law->cosine[k], b = law->cosine[orders + k];
+        law->bend.power += (cgl_real)(k + 1U) * (a * a + b * b);
         scale /= GAIN_3 * c;
         const cgl_real slow = (law->omega < CGL_R(0.0) ? MEAN : -MEAN) / (cgl_real)(k + 1U); /* what the mean takes away */
         const cgl_real without[2] = {CGL_R(1.0), slow};
@@ -225,24 +275,27 @@ CGL_APART static void make_gain(cgl_harmonic *law, cgl_real gentle)
 }
 
 /* Orders from `first` up to `end`: takes from each what `seen` tells of it, and adds them up. phasor: of the base order, and of
- * the next one. */
+ * the next one. moved: by how much all phases went on, each weighted with its amplitude's square [A^2]. */
 static cgl_real take_part(cgl_harmonic *law, uint32_t first, uint32_t end, cgl_real seen, const cgl_real base[2],
-                          cgl_real phasor[2])
+                          cgl_real phasor[2], cgl_real *moved)
 {
     const uint32_t orders = law->config.orders;
     const cgl_real limit = law->config.limit, x1 = base[0], y1 = base[1];
     cgl_real *const a = law->cosine, *const b = a + orders;
     const cgl_real *const w = b + 2U * orders;
-    cgl_real x = phasor[0], y = phasor[1], sum = CGL_R(0.0);
+    cgl_real x = phasor[0], y = phasor[1], sum = CGL_R(0.0), on = CGL_R(0.0);
     for (uint32_t k = first; k < end; ++k) {
         const cgl_real p = seen * w[k], q = seen * w[orders + k];
-        a[k] = cgl_clamp(a[k] - (p * x + q * y), limit);
-        b[k] = cgl_clamp(b[k] + (q * x - p * y), limit);
+        const cgl_real less = p * x + q * y, more = q * x - p * y;
+        on += a[k] * more + b[k] * less;
+        a[k] = cgl_clamp(a[k] - less, limit);
+        b[k] = cgl_clamp(b[k] + more, limit);
         sum += a[k] * x + b[k] * y;
         const cgl_real next = x * x1 - y * y1;
         y = x * y1 + y * x1;
         x = next;
     }
+    *moved = on;
     phasor[0] = x;
     phasor[1] = y;
     return sum;
@@ -254,8 +307,9 @@ static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_real load, 
     cgl_real base[2];
     cgl_sincos_of_angle(cgl_steps(0U, law->config.base * angle) * (CGL_TWO_PI / CGL_TURN_BITS), &base[1], &base[0]);
     cgl_real phasor[2] = {base[0], base[1]};
-    const cgl_real low = take_part(law, 0U, law->low, load, base, phasor);
-    return cgl_clamp(low + take_part(law, law->low, law->acting, error, base, phasor), law->config.limit);
+    cgl_real unused;
+    const cgl_real low = take_part(law, 0U, law->low, load, base, phasor, &law->bend.moved);
+    return cgl_clamp(low + take_part(law, law->low, law->acting, error, base, phasor, &unused), law->config.limit);
 }
 
 /* A step in which something is at its limit, not plausible, or not learning. */
@@ -276,15 +330,32 @@ CGL_SELDOM static cgl_real follow_guard(cgl_harmonic *law, const cgl_law_input *
 {
     if (in->forget && !cgl_law_stands_by(in)) {
         clear(law->cosine, 2U * law->config.orders);
+        clear(law->bend.part, 4U);
         law->time = CGL_R(0.0);
     }
     return cgl_gentle_gain(in->gentle, law->config.rate, law->config.rate);
 }
 
+/* The measured angle [turns] without its bend; `slope`: the bend's share in the measured speed. */
+static uint32_t straight(const cgl_harmonic *law, uint32_t theta, const turn_phasors *of, cgl_real *slope)
+{
+    const cgl_real *const part = law->bend.part; const cgl_real share = law->bend.share;
+    const cgl_real x0 = of->x[0], y0 = of->y[0], x1 = of->x[1], y1 = of->y[1];
+    *slope = share * (part[1] * x0 - part[0] * y0 + CGL_R(2.0) * (part[3] * x1 - part[2] * y1));
+    const cgl_real bend = share * (part[0] * x0 + part[1] * y0 + part[2] * x1 + part[3] * y1);
+    return cgl_turned(theta, -bend * (CGL_R(1.0) / CGL_TWO_PI));
+}
+
 void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_output *out)
 {
-    const cgl_real error = in->omega_ref - in->omega_m;
-    const bool is_angle = cgl_is_angle(in->theta_m), plausible = cgl_is_finite(error) && is_angle;
+    const bool is_angle = cgl_is_angle(in->theta_m);
+    const uint32_t theta = is_angle ? cgl_turns(in->theta_m) : 0U;
+    turn_phasors turn;
+    cgl_real slope;
+    take_phasors(&turn, theta);
+    const uint32_t unbent = straight(law, theta, &turn, &slope);
+    const cgl_real error = in->omega_ref - in->omega_m + (is_angle ? slope : CGL_R(0.0)) * in->omega_m;
+    const bool plausible = cgl_is_finite(error) && is_angle;
     const bool may = in->learn && !cgl_law_stands_by(in) && plausible && !law->pi.saturated;
     const bool guarded = in->gentle > 0U || in->forget;
     const cgl_real gentle = guarded ? follow_guard(law, in) : CGL_R(1.0);
@@ -292,7 +363,6 @@ void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_outpu
     law->wait = may ? law->wait - (law->wait > 0U ? 1U : 0U) : CGL_HARMONIC_SETTLE;
     law->learned = CGL_R(0.0);
     if (cgl_is_angle(in->theta_m)) {
-        const uint32_t theta = cgl_turns(in->theta_m);
         if (!law->seated) {
             seat(law, theta, in->omega_m);
         }
@@ -302,8 +372,11 @@ void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_outpu
         const cgl_real load = law->learning ? law->load - law->mean : CGL_R(0.0);
         make_gain(law, gentle);
         if (!in->off) {
-            const uint32_t acts = cgl_turned(theta, law->omega * (CGL_R(0.5) + law->delay) * (CGL_R(1.0) / CGL_TWO_PI));
+            const uint32_t acts = cgl_turned(unbent, law->omega * (CGL_R(0.5) + law->delay) * (CGL_R(1.0) / CGL_TWO_PI));
             law->learned = cgl_law_share(in) * sum_of_orders(law, acts, load, law->learning ? unforeseen : CGL_R(0.0));
+        }
+        if (law->learning && !in->off) {
+            learn_bend(law, &turn);
         }
         law->time = law->learning ? cgl_clamp(law->time + law->pi.ts, CGL_R(1.0e6)) : law->time;
     } else {

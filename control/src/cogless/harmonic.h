@@ -45,6 +45,16 @@ typedef struct {
     cgl_real limit;     /* each amplitude, and the sum, stay within +-limit [A], > 0 */
 } cgl_harmonic_config;
 
+/* The measured angle's error that repeats each turn, as an encoder off the middle has it. */
+typedef struct {
+    cgl_real part[4]; /* cosine and sine of it once a turn, and twice [rad] */
+    cgl_real share;   /* of it that is believed, 0 to 1 */
+    cgl_real rate;    /* of learning it [rad/A^2] */
+    cgl_real power;   /* sum of k |c_k|^2 of the orders that teach it, in this round [A^2] */
+    cgl_real moved;   /* how much they went on in phase, weighted with |c_k|^2, in the last step [A^2] */
+    cgl_real doubt;   /* mean square of that [A^4] */
+} cgl_harmonic_bend;
+
 typedef struct {
     cgl_harmonic_config config;
     cgl_pi pi;
@@ -65,6 +75,8 @@ typedef struct {
     cgl_real rate;           /* of learning at present [1/s] */
     cgl_real base[2], half[2]; /* phasors of the base order: by the delay, by half a period; */
     cgl_real delayed[2], turned[2]; /* and those of the order `due`, whose gain is made anew next */
+    cgl_harmonic_bend bend;
+    uint32_t bends;          /* parts of it that are learned, in pairs */
     uint32_t due;
     uint32_t acting;         /* orders that have samples enough at this speed */
     uint32_t low;            /* so many of them learn from z */

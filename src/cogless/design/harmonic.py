@@ -32,6 +32,7 @@ SPLIT = 0.5105  # rad a sample, up to which an order learns from z
 STEP = 1 / 15  # what the rates of all orders add up to, a sample: slow orders settle up to 0.16
 MOST, LEAST = 20.0, 0.5  # 1/s, of the rate
 WRONG = (0.5, 1.0, 1.5)  # b of the plant / b of the model
+BENDS_FROM = 3  # a base order from which on an order's neighbours aren't learned themselves
 FROM = 1e-3  # rad a sample: the slowest order that is judged
 
 
@@ -49,8 +50,8 @@ def _orders(study: Study, name: str, law: Harmonic) -> tuple[int, int]:
     """The lowest order, whose multiples are learned, and the highest."""
     poles, slots = 2 * study.motor.pole_pairs, getattr(study.motor, "slots", None)
     if slots is None and law.base is None:
-        expected = "expected their number, for the orders of"
-        raise StudyError(f"{study.source.path}: motor.slots: missing: {expected} controller.{name}")
+        expected = "expected their number, or controller.{name}.base, for the orders of that controller"
+        raise StudyError(f"{study.source.path}: motor.slots: missing: {expected.format(name=name)}")
     common = math.lcm(slots or poles, poles)
     slowest = min((s.slowest for s in study.scenario.values() if s.slowest), default=0.0)
     sampled = SPLIT / (slowest * speed_loop(study).period) if slowest else math.inf
@@ -109,25 +110,34 @@ class Certificate:
     learner: Learner
     speeds: tuple[Certified, ...]  # slowest and fastest reference
     fastest: float  # rad/s, up to which the lowest order is learned
-    rate_most: float  # 1/s: all orders together settle, at these speeds, if the rate is below
+    straight: float | None  # rad/s, up to which an eccentric sensor's error is learned; None: too low a base
+    rate_most: (
+        float | None
+    )  # 1/s: all orders together settle, at these speeds, if the rate is below; None: any rate
 
     @property
     def fine(self) -> bool:
         """Whether all acting orders converge at all speeds."""
-        return all(each.gamma > 0 for each in self.speeds) and self.learner.rate < self.rate_most
+        return all(each.gamma > 0 for each in self.speeds) and self.learner.rate < (
+            self.rate_most or math.inf
+        )
 
     def words(self) -> str:
         """The certificate in one line."""
         base, rpm = self.learner.base, 30 / math.pi
         if not self.speeds:
-            return "rests: learns nothing"
-        orders = f"orders {base} k to {base * self.learner.orders}, settles to {self.rate_most:.3g} 1/s"
+            return "no reference moves fast enough for it to learn"
+        bound = "at any rate" if self.rate_most is None else f"to {self.rate_most:.3g} 1/s"
+        orders = f"orders {base} k to {base * self.learner.orders}, settles {bound}"
         found = [
             f"at {each.omega_m * rpm:.4g} rpm up to {each.acting}, Re Gamma {each.gamma:.2f} or more, "
             f"with an untold sample up to {each.late}"
             for each in self.speeds
         ]
-        return "; ".join([orders, *found, f"learns up to {self.fastest * rpm:.4g} rpm"])
+        ends = [f"learns up to {self.fastest * rpm:.4g} rpm"]
+        if self.straight is not None:
+            ends += [f"an eccentric sensor's error up to {self.straight * rpm:.4g} rpm"]
+        return "; ".join([orders, *found, *ends])
 
 
 def certificate(study: Study, name: str) -> Certificate:
@@ -143,7 +153,21 @@ def certificate(study: Study, name: str) -> Certificate:
         if len(acting):
             found.append(_at(loop, told, pi, acting, omega))
             most.append(rate_bound(loop.period, told, np.asarray(acting * omega)))
-    return Certificate(told, tuple(found), FASTEST / (told.base * loop.period), min(most))
+    straight = SPLIT / (_main_order(study, told.base) * loop.period) if told.base >= BENDS_FROM else None
+    bound = min(most)
+    return Certificate(
+        told,
+        tuple(found),
+        FASTEST / (told.base * loop.period),
+        straight,
+        bound if math.isfinite(bound) else None,
+    )
+
+
+def _main_order(study: Study, base: int) -> int:
+    """Lowest common multiple of slots and poles, the main order of cogging; `base` if slots aren't told."""
+    slots = getattr(study.motor, "slots", None)
+    return math.lcm(slots, 2 * study.motor.pole_pairs) if slots else base
 
 
 def _at(loop: SpeedLoop, told: Learner, pi: tuple[float, float], orders: Real, omega: float) -> Certified:

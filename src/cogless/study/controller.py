@@ -152,7 +152,8 @@ class Feedback(Base):
         # by hand beside the rule auto, too, which then computes the other numbers
         allowed = self.tuning is None or self.tuning.is_auto if all(gains) else self.tuning is not None
         if gains not in ((True, True), (False, False)) or not allowed:
-            rule = '{ rule = "phase-margin", phase_margin = "60 deg" }'
+            margin = '{ rule = "phase-margin", phase_margin = "60 deg" }'
+            rule = '{ rule = "auto" }' if self.learns else margin
             raise invalid(f"expected either kp and ki or tuning, such as {rule}")
         return self
 
