@@ -34,6 +34,7 @@ LABELS = {
     "ilc-no-integral": "no integral action",
     "no-ilc": "no learning",
 }
+OBSERVER = {"ilc": "Fig. 1", "observer": "observer"}
 # Trials to the floor after the load change: published ones, and those of an independent reproduction.
 PUBLISHED = {"ilc": ("4", "2 to 5"), "ilc-input": ("14", "19 to 22")}
 FLOORS = (1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)  # resolver steps
@@ -188,6 +189,47 @@ def to_floor(rms: Errors, floor: float) -> str:
     return str(below[0] + 1) if len(below) else "never"
 
 
+def observer(metrics: Metrics) -> list[str]:
+    """Fig. 1 and the law with an observer: trials to the floor, first and later errors in resolver steps."""
+    rows = []
+    for name, label in OBSERVER.items():
+        here = metrics["table-1", name]
+        rows.append([f"{label}: trials to the floor", *(count(n) for n in here["trials_to_floor"])])
+        for key, text in (("first_error_rad", "first trial"), ("final_error_rad", "second half")):
+            rows.append([f"{label}: {text}, RMS", *(number(x / STEP) for x in here[key])])
+    return table(["resolver steps", *PHASES], rows)
+
+
+def observer_design(design: Mapping[str, Any]) -> list[str]:
+    """The rule's gains for the law with an observer, and the certificate over exactly sampled plants."""
+    found = design["controllers"]["observer"]
+    told, plants = found["observer"], found["certificate"]["design_model"]
+    rows = [
+        ["pole $p$", f"{told['pole']:.2f}"],
+        ["response $g$ [rad/A]", f"{told['response']:.3e}"],
+        ["cut-off of $Q$ [Hz]", f"{told['cutoff_Hz']:.1f}"],
+        ["along the trial", f"{plants['radius_along_the_trial']:.4f}"],
+        ["one more sample", f"{plants['radius_with_one_more_sample_of_delay']:.3f}"],
+        ["from trial to trial, filtered", _verdict(plants["with_filter"])],
+        ["with the ends", f"{plants['growth_with_the_trial_s_ends']:.3f}"],
+    ]
+    return table(["", ""], rows)
+
+
+def observer_loop() -> list[str]:
+    """Fig. 1 and the law with an observer with real current loops."""
+    rows = []
+    for text, changes in current_loops():
+        found = {r.controller: r.metrics for r in run(changes, list(OBSERVER))}
+        cells = []
+        for name in OBSERVER:
+            cells.append(", ".join(count(n) for n in found[name]["trials_to_floor"]))
+            cells.append(f"{found[name]['first_error_rad'][1] / STEP:.1f}")
+        rows.append([text, *cells])
+    head = [text for label in OBSERVER.values() for text in (f"{label}: trials", "trial 31, steps")]
+    return table(["current loop", *head], rows)
+
+
 def floors(metrics: Metrics) -> list[str]:
     rows = []
     for name in ("ilc", "ilc-input"):
@@ -255,8 +297,8 @@ def moving(shown: Sequence[int] = (1, 2, 3, 4, 5, 6)) -> list[str]:
     return table(["trial after the change", "centre, sample", "sum over the trial [rad]", "RMS, steps"], rows)
 
 
-def real_loop() -> list[str]:
-    """Results with real current loops, and with longer windows over which the speed is averaged."""
+def current_loops() -> list[tuple[str, dict[str, Any]]]:
+    """Changes of the study for an ideal current loop and real ones, with a name for each."""
     limit = {"current_limit": "30 A"}
     cases: list[tuple[str, dict[str, Any]]] = [("ideal", {})]
     for bandwidth in ("1600 Hz", "800 Hz", "400 Hz"):
@@ -266,6 +308,12 @@ def real_loop() -> list[str]:
                 "drive.inverter": {"bus_voltage": "560 V", "computation_delay": delay},
             }
             cases.append((f"{bandwidth}{told}", changes))
+    return cases
+
+
+def real_loop() -> list[str]:
+    """Results with real current loops, and with longer windows over which the speed is averaged."""
+    cases = current_loops()
     cases += [
         (f"ideal, window of {window} ({window / 8:g} ms)", {"drive.position_sensor.window": window})
         for window in (20, 24)
@@ -351,6 +399,9 @@ def blocks(path: Path) -> Blocks:
         "certificate": certificate(design),
         "trials": trials(metrics),
         "errors": errors(metrics),
+        "observer": observer(metrics),
+        "observer-design": observer_design(design),
+        "observer-loop": observer_loop(),
         "floors": floors(metrics),
         "moving": moving(),
         "variations": variations(),

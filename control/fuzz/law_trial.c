@@ -54,6 +54,12 @@ bool law_begin(feed *from)
         config.q_filter.b[i] = feed_signed(from, CGL_R(1.0));
     }
     config.filter_signal = feed_bool(from);
+    if (feed_below(from, 3U) == 0U) {
+        config.observer.response = feed_gain(from, CGL_R(0.1));
+        config.observer.pole = CGL_R(0.1) * (cgl_real)feed_below(from, 10U);
+        config.shift = 2U;
+        config.k_2 = CGL_R(0.0);
+    }
     config.limit = feed_gain(from, CGL_R(5.0));
     config.learned_limit = feed_gain(from, CGL_R(5.0));
     const uint32_t length = CGL_TRIAL_LENGTH(config.samples, config.q_filter.order);

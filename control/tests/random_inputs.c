@@ -852,6 +852,13 @@ static cgl_trial_config random_trial(cgl_real *matrix)
     }
     config.limit = random_gain(CGL_R(20.0));
     config.learned_limit = random_gain(CGL_R(5.0));
+    config.observer.response = config.observer.pole = CGL_R(0.0);
+    if (random_below(3) == 0U) {
+        config.observer.response = random_gain(CGL_R(0.1));
+        config.observer.pole = CGL_R(0.1) * (cgl_real)random_below(11);
+        config.shift = 2U;
+        config.k_2 = CGL_R(0.0);
+    }
     return config;
 }
 
@@ -1266,7 +1273,7 @@ void random_inputs(long configs)
         {"anti_cogging", try_anti_cogging, 0x71e4af4fU, 0xe5dae956U},
         {"pi_afc", try_pi_afc, 0x96f736bbU, 0x03e628a4U},
         {"zero_phase", try_zero_phase, 0x428ca5d0U, 0x74f1ea8fU},
-        {"trial", try_trial, 0xa133f839U, 0x4318ff6eU},
+        {"trial", try_trial, 0xb303eef9U, 0x96375856U},
         {"monitor", try_monitor, 0x67e82230U, 0x23cd28fbU},
         {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
         {"drive", try_drive, 0x23d2b8bcU, 0xeaa4b009U},

@@ -89,6 +89,13 @@ BAD_Q_FILTER = {
 TRIAL = {"samples": 20, "states": 2, "k_1": [-1.0, 0.5], "k_2": 0.1, "n": 1.0, "c": [1.0, 0.0],
          "through_integrator": True, "k_3": 0.5, "shift": 2, "filter_signal": False, "limit": 10.0,
          "learned_limit": 1.0}  # fmt: skip
+OBSERVER = {"k_2": 0.0, "observer": {"response": 0.1, "pole": 0.4}}
+BAD_OBSERVER = [
+    *(OBSERVER | {"observer": {"response": x, "pole": 0.4}} for x in [*FINITE, -0.1]),
+    *(OBSERVER | {"observer": {"response": 0.1, "pole": x}} for x in [*FINITE, -0.1, 1.0]),
+    OBSERVER | {"k_2": 0.1},
+    OBSERVER | {"shift": 1},
+]
 BAD_TRIAL = {
     "samples": [0, 1, 2, 6, 16777217, 0x80000000, 0xFFFFFFFF],  # 6: as many as the filter's extension
     "states": [0, 9, 0xFFFFFFFF],
@@ -185,11 +192,12 @@ CONFIGS = {
         TRIAL | {"feedforward": FEEDFORWARD, "q_filter": Q_FILTER},
         [c | {"feedforward": FEEDFORWARD, "q_filter": Q_FILTER} for c in cases(TRIAL, BAD_TRIAL)]
         + [TRIAL | {"feedforward": f, "q_filter": Q_FILTER} for f in cases(FEEDFORWARD, BAD_FEEDFORWARD)]
-        + [TRIAL | {"feedforward": FEEDFORWARD, "q_filter": q} for q in cases(Q_FILTER, BAD_Q_FILTER)],
+        + [TRIAL | {"feedforward": FEEDFORWARD, "q_filter": q} for q in cases(Q_FILTER, BAD_Q_FILTER)]
+        + [TRIAL | {"feedforward": FEEDFORWARD, "q_filter": Q_FILTER} | o for o in BAD_OBSERVER],
     ),
 }
-# pointers, which a table of values cannot give
-ELSEWHERE = {"trial": {"learning_matrix"}}
+# pointers, which a table of values cannot give, and what goes only with other values
+ELSEWHERE = {"trial": {"learning_matrix", "observer"}}
 # entries that the good config needs
 WITH_MEMORY = {"memory": 68, "pi_ilc": 68, "robust_ilc": 68, "anti_cogging": 64, "pi_afc": 9, "trial": 46,
                "harmonic": 15, "space_position": 48, "space_speed": 48}  # fmt: skip

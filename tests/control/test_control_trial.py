@@ -54,6 +54,7 @@ class CTrial:
                 "num": list(law.num),
                 "den": list(law.den),
             },
+            "observer": {"response": law.response, "pole": law.pole},
             "q_filter": {"order": self.order, "b": list(law.b), "a": list(law.a)},
         }
         if matrix is not None:
@@ -143,38 +144,131 @@ def expected_status(lib, law: Trial) -> int:
     )
 
 
-@pytest.mark.parametrize("matrix", [False, True])
+def with_observer(rng, real) -> Trial:
+    """Inputs of a few units move y by the size of the limits' errors."""
+    law = random_law(rng, real)
+    law.k_2, law.shift = 0.0, 2
+    law.response, law.pole = rounded([rng.uniform(0.05, 0.5), rng.uniform(0.0, 0.9)], real)
+    law.limit *= 5
+    return law
+
+
+@pytest.mark.parametrize("kind", ["gain", "matrix", "observer"])
 @pytest.mark.parametrize("seed", range(25))
-def test_double_equals_the_reference(seed, matrix):
+def test_double_equals_the_reference(seed, kind):
     """Several trials, each with a reference of its own: whole ones, and ones that are cut short, held beyond
     the end, hit by a fault, or with learning off."""
-    rng = np.random.default_rng([seed, matrix])
+    rng = np.random.default_rng([seed, kind == "matrix"])
     library = control_library("double")
-    law = random_law(rng, np.float64, matrix)
+    observes = kind == "observer"
+    law = with_observer(rng, np.float64) if observes else random_law(rng, np.float64, kind == "matrix")
     c = CTrial(library, law)
     for trial in range(8):
         y_ref = random_reference(rng, law.samples, np.float64)
         law.begin(y_ref)
         c.begin(y_ref)
-        kind = ["whole", "short", "long", "fault", "frozen"][trial % 5 if trial < 5 else 0]
-        steps = law.samples + {"short": -1 - trial, "long": 30}.get(kind, 0)
+        how = ["whole", "short", "long", "fault", "frozen"][trial % 5 if trial < 5 else 0]
+        steps = law.samples + {"short": -1 - trial, "long": 30}.get(how, 0)
         odd = int(rng.integers(law.samples))
         x = np.cumsum(rng.normal(0, 0.2, (steps, len(law.k_1))), axis=0)
         x[rng.random(steps) < 0.02] *= 20  # into saturation
         psi = 0.0
         for p in range(steps):
-            if kind == "fault" and p == odd:
+            if how == "fault" and p == odd:
                 x[p, int(rng.integers(len(law.k_1)))] = rng.choice([math.nan, math.inf, -math.inf])
-            learn = not (kind == "frozen" and p == odd)
+            learn = not (how == "frozen" and p == odd)
             got, expected = c.step(x[p], learn), law.step(x[p], learn)
             psi = max(psi, abs(law.psi))
             scale = law.limit + sum(map(abs, law.terms.values())) + abs(law.k_2) * psi
+            scale += 100 / law.response if observes else 0.0
             assert abs(got - expected) <= 1e-12 * scale, (trial, p)
             assert c.status == expected_status(library.lib, law), (trial, p)
             for name in TERMS:
                 assert abs(c.terms[name] - law.terms[name]) <= 1e-12 * scale, (trial, p, name)
-        assert c.end() == law.end() == (kind in ("whole", "long"))
+        assert c.end() == law.end() == (how in ("whole", "long"))
         assert abs(c.v - law.v).max() <= 1e-12 * (law.learned_limit + abs(law.e).max())
+
+
+def double_integrator(c: CTrial, y_ref, strength: float, load, trials: int) -> list[float]:
+    """The RMS of the error of each trial, on y'' = strength (u - load) held over a sample."""
+    found = []
+    for _ in range(trials):
+        y = speed = float(0)
+        errors = []
+        c.begin(y_ref)
+        for p, wanted in enumerate(y_ref):
+            errors.append(wanted - y)
+            push = strength * (c.step([y]) - load[p])
+            y, speed = y + speed + push / 2, speed + push
+        assert c.end()
+        found.append(float(np.sqrt(np.mean(np.square(errors)))))
+    return found
+
+
+def observed(samples: int, **changes: Any) -> Trial:
+    """The law as the design sets it up: it learns the missing input, without a filter unless changed."""
+    fields = {"n": 1.0, "k_3": 1.0, "shift": 2, "limit": 1e3, "learned_limit": 1e3, "filter_signal": True}
+    return plain(samples, **(fields | {"response": 0.1, "pole": 0.4} | changes))
+
+
+@pytest.mark.parametrize("beta", [0.6, 1.0, 1.3])
+def test_what_was_missing_is_learned_in_a_trial(beta):
+    """A slow load: the next trial leaves |1 - beta| of it at most, less what the feedback took already."""
+    library, samples = control_library("double"), 200
+    load = np.sin(2 * math.pi * np.arange(samples) / samples)
+    c = CTrial(library, observed(samples))
+    first, second, third = double_integrator(c, np.zeros(samples), 0.1 * beta, load, 3)
+    assert second < (abs(1 - beta) + 0.05) * first and third < 0.3 * first
+
+
+def test_the_missing_input_is_what_the_plant_took():
+    """With the right response r is the load, but that load - u is smoothed by cos^2 of half a sample."""
+    library, samples = control_library("double"), 120
+    c = CTrial(library, observed(samples))
+    load = 2 + np.cos(2 * math.pi * np.arange(samples) / 40)
+    y = speed = 0.0
+    u = np.zeros(samples)
+    c.begin(np.zeros(samples))
+    for p in range(samples):
+        u[p] = c.step([y])
+        push = 0.1 * (u[p] - load[p])
+        y, speed = y + speed + push / 2, speed + push
+    assert c.end()
+    smooth = np.convolve(load - u, [0.25, 0.5, 0.25], mode="same")
+    assert c.v[1:-2] == pytest.approx((u + smooth)[1:-2], abs=1e-9)
+
+
+@pytest.mark.parametrize("p", [0.0, 0.3, 0.7])
+def test_the_loop_has_the_poles_of_the_config(p):
+    """The error after a step of the load obeys the polynomial of two poles of the feedback, three of the
+    observer; a constant load leaves nothing."""
+    library, samples = control_library("double"), 90
+    c = CTrial(library, observed(samples, pole=p, k_3=0.0))
+    errors, y, speed = [], 0.0, 0.0
+    c.begin(np.zeros(samples))
+    for k in range(samples):
+        errors.append(-y)
+        push = 0.1 * (c.step([y]) - (1.0 if k >= 10 else 0.0))
+        y, speed = y + speed + push / 2, speed + push
+    assert max(map(abs, errors)) > 1e-2
+    residue = np.convolve(errors, np.poly([p] * 5))[10 + 7 : samples]
+    assert residue == pytest.approx(0, abs=1e-12)
+
+
+def test_a_fault_does_not_lose_the_load(library):
+    """Through a sample without a measurement the observer goes on; one beyond all numbers starts it anew."""
+    c = CTrial(library, observed(60, k_3=0.0))
+    c.begin(np.zeros(60))
+    y = speed = 0.0
+    for k in range(40):
+        push = 0.1 * (c.step([math.nan if k == 30 else y]) - 1.0)
+        assert (c.status & library.lib.CGL_STATUS_FAULT != 0) == (k == 30)
+        y, speed = y + speed + push / 2, speed + push
+    assert c.terms["integral"] == pytest.approx(1.0, abs=0.01)
+    biggest = float(np.finfo(c.memory.dtype).max)
+    c.step([-biggest])
+    assert c.status & library.lib.CGL_STATUS_FAULT
+    assert math.isfinite(c.step([0.0]))
 
 
 class Rounding:

@@ -107,6 +107,28 @@ def test_without_learning_the_load_s_error_stays(runs: dict[str, Run]) -> None:
     assert final[1] > 5 * first_and_settled(runs["ilc"])[1][1]
 
 
+def test_the_observer_is_at_the_floor_in_one_or_two_trials(runs: dict[str, Run]) -> None:
+    """The published structure needs 2, 4, 1 and 4, and makes 5.8 mrad when the load comes."""
+    observer, fig_1 = runs["observer"], runs["ilc"]
+    assert observer.metrics["trials_to_floor"] == [1, 2, 1, 2]
+    first, final = first_and_settled(observer)
+    assert first[1] < 2e-3 < first_and_settled(fig_1)[0][1] / 2.5
+    assert max(final) < 2 * STEP
+
+
+def test_the_observer_is_certified_over_the_ranges(design: dict[str, Any]) -> None:
+    """The design has no weight of its own, and holds for every exactly sampled plant."""
+    found = design["controllers"]["observer"]
+    plants = found["certificate"]["design_model"]
+    assert plants["stable_along_the_trial"] and plants["with_filter"]["contracting"]
+    assert plants["with_filter"]["norm"] < 0.67 and plants["growth_with_the_trial_s_ends"] < 0.75
+    weights = {"design.state_weight": [1.0, 1.0, 1.0], "design.input_weight": 1.0}
+    other = CliRunner().invoke(
+        app, ["design", "mandra2019", "--json", *(f"--set={key}={value}" for key, value in weights.items())]
+    )
+    assert json.loads(other.stdout)["controllers"]["observer"]["observer"] == found["observer"]
+
+
 def test_errors_by_trial_are_those_of_the_trace(runs: dict[str, Run]) -> None:
     trace = runs["ilc"].trace
     error = trace["theta_error_measured"].reshape(500, 1000)

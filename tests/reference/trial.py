@@ -24,6 +24,35 @@ def feedforward(num, den, preview: int, y_ref: np.ndarray, count: int) -> np.nda
     return f
 
 
+class TrialObserver:
+    """The header's equations as matrices, on whole lists of errors and of the feedback that acted."""
+
+    def __init__(self, g: float, p: float) -> None:
+        self.g, self.L = g, np.array([1 - p**3, 1.5 * (1 - p) ** 2 * (1 + p), (1 - p) ** 3])
+        self.K = np.array([(1 - p) ** 2, (1 - p) * (3 + p) / 2])
+        self.e: list[float] = []
+        self.u: list[float] = []
+        self.x = np.zeros(3)
+
+    def step(self, e: float) -> tuple[float, float]:
+        """The feedback's share of the error and its change, and the disturbance's."""
+        if not self.e:
+            self.e, self.u, self.x = [e] * 3, [0.0] * 2, np.array([e, 0.0, 0.0])
+        self.e.append(e)
+        self.x = self.x + self.L * (e - self.x[0])
+        return float(self.K @ self.x[:2]) / self.g, self.x[2] / self.g
+
+    def act(self, u_fb: float) -> None:
+        self.u.append(u_fb)
+        F, G = np.array([[1, 1, 0.5], [0, 1, 1], [0, 0, 1]]), np.array([0.5, 1, 0])
+        self.x = F @ self.x - G * self.g * u_fb
+
+    @property
+    def missing(self) -> float:
+        """r(p - 2), after step and act."""
+        return self.u[-3] + (self.e[-1] - self.e[-2] - self.e[-3] + self.e[-4]) / (2 * self.g)
+
+
 @dataclass
 class Trial:
     samples: int
@@ -43,6 +72,8 @@ class Trial:
     a: list[float] = field(default_factory=lambda: [1.0])
     filter_signal: bool = False
     learning_matrix: np.ndarray | None = None
+    response: float = 0.0
+    pole: float = 0.0
 
     def __post_init__(self) -> None:
         self.v = np.zeros(self.samples)
@@ -54,6 +85,7 @@ class Trial:
         self.e = np.zeros(self.samples)
         self.limited = np.zeros(self.samples, dtype=bool)
         self.saturated = self.fault = False
+        self.observer = TrialObserver(self.response, self.pole) if self.response else None
 
     def step(self, x: np.ndarray, learn: bool = True) -> float:
         p, held = self.p, min(self.p, self.samples - 1)
@@ -63,6 +95,8 @@ class Trial:
         self.saturated, self.fault = False, not np.isfinite(x).all()
         if self.fault:
             self.spoilt |= self.within
+            if self.observer:
+                self.observer.act(-float(self.f[min(p, len(self.f) - 1)]) - self.n * self.v[held])
             self.terms = dict.fromkeys(("feedback", "integral", "feedforward", "learned"), 0.0)
             return 0.0
         y = float(np.dot(self.c, x))
@@ -72,15 +106,20 @@ class Trial:
             "feedforward": float(self.f[min(p, len(self.f) - 1)]),
             "learned": self.n * self.v[held],
         }
+        e = self.y_ref[held] - y
+        if self.observer:
+            self.terms["feedback"], self.terms["integral"] = self.observer.step(e)
         self.wanted = math.fsum(self.terms.values())  # Fig. 1
         u = clip(self.wanted, self.limit)
         self.saturated = abs(self.wanted) >= self.limit
-        e = self.y_ref[held] - y
+        if self.observer:
+            self.observer.act(u - self.terms["feedforward"] - self.terms["learned"])
         epsilon = e + self.v[held] * self.through_integrator
         if not self.saturated or self.k_2 * epsilon * u < 0:
             self.psi += epsilon  # (4)
         if self.within:
-            self.e[p], self.limited[p] = e, self.saturated
+            self.e[p] = self.observer.missing if self.observer else e
+            self.limited[p] = self.saturated
             self.spoilt |= not learn
         return u
 

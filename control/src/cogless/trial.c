@@ -27,6 +27,13 @@ static bool is_finite_matrix(const cgl_real *row, uint32_t samples)
     return true;
 }
 
+CGL_SELDOM static bool is_valid_observer(const cgl_trial_config *config)
+{
+    const bool none = config->observer.response == CGL_R(0.0);
+    return cgl_trial_observer_init(&config->observer, config->limit) == CGL_OK
+           && (none || (config->shift == 2U && config->k_2 == CGL_R(0.0)));
+}
+
 CGL_SELDOM static bool is_valid(const cgl_trial_config *config)
 {
     cgl_feedforward unused;
@@ -37,7 +44,7 @@ CGL_SELDOM static bool is_valid(const cgl_trial_config *config)
            && config->shift < config->samples && cgl_is_positive(config->limit)
            && cgl_is_positive(config->learned_limit) && cgl_is_finite(config->n * config->learned_limit)
            && cgl_feedforward_init(&config->feedforward, &unused) == CGL_OK
-           && cgl_zero_phase_init(&config->q_filter, config->samples) == CGL_OK
+           && cgl_zero_phase_init(&config->q_filter, config->samples) == CGL_OK && is_valid_observer(config)
            && (config->learning_matrix == 0 || is_finite_matrix(config->learning_matrix, config->samples));
 }
 
@@ -84,6 +91,7 @@ CGL_SELDOM void cgl_trial_begin(cgl_trial *law, const cgl_real *y_ref)
     const cgl_trial_config *const config = &law->config;
     law->y_ref = y_ref;
     law->psi = law->v = CGL_R(0.0);
+    cgl_trial_observer_reset(&law->observer);
     law->theta = y_ref != 0 ? cgl_clamped(y_ref[0], CGL_REAL_MAX) : CGL_R(0.0);
     cgl_feedforward_reset(&config->feedforward, &law->feedforward, y_ref != 0 ? y_ref[0] : CGL_R(0.0));
     law->sample = 0U;
@@ -92,11 +100,22 @@ CGL_SELDOM void cgl_trial_begin(cgl_trial *law, const cgl_real *y_ref)
     law->terms = no_terms;
 }
 
-/* u = 0, and nothing is learned from this trial. */
-CGL_SELDOM static void give_up(cgl_trial *law, uint32_t p, unsigned status,
-                               cgl_law_output *out)
+/* Whether the law has an observer. */
+static bool observes(const cgl_trial_config *config)
+{
+    return config->observer.response != CGL_R(0.0);
+}
+
+/* u = 0, and nothing is learned from this trial. ahead: the input T that would have been fed forward. */
+CGL_SELDOM static void give_up(cgl_trial *law, uint32_t p, cgl_real ahead, unsigned status, cgl_law_output *out)
 {
     const cgl_trial_config *const config = &law->config;
+    if (observes(config)) {
+        cgl_trial_observer_act(&config->observer, &law->observer, -ahead);
+        if (!cgl_is_finite(law->observer.e + law->observer.s + law->observer.a)) {
+            cgl_trial_observer_reset(&law->observer);
+        }
+    }
     out->i_q_ref = CGL_R(0.0);
     out->status = status | (unsigned)CGL_STATUS_FROZEN;
     law->spoilt = law->spoilt || p < config->samples;
@@ -104,7 +123,7 @@ CGL_SELDOM static void give_up(cgl_trial *law, uint32_t p, unsigned status,
 }
 
 /* One sample, from K_1 x and y = C x, if x is plausible. */
-static void step(cgl_trial *law, cgl_real feedback, cgl_real y, bool plausible, bool learn,
+static void step(cgl_trial *law, cgl_real state_feedback, cgl_real y, bool plausible, bool learn,
                  cgl_law_output *out)
 {
     const cgl_trial_config *const config = &law->config;
@@ -117,14 +136,19 @@ static void step(cgl_trial *law, cgl_real feedback, cgl_real y, bool plausible, 
     const cgl_real f = cgl_feedforward_step(&config->feedforward, &law->feedforward, law->y_ref, config->samples, p);
     law->sample = p + (p < config->samples + CGL_FEEDFORWARD_TAPS ? 1U : 0U);
 
-    const cgl_real integral = config->k_2 * law->psi;
+    cgl_real feedback = state_feedback;
+    cgl_real integral = config->k_2 * law->psi;
+    if (observes(config) && plausible && cgl_is_finite(state_feedback + e)) {
+        feedback = cgl_trial_observer_step(&config->observer, &law->observer, e, &integral);
+    }
     const cgl_real learned = config->n * law->v;
     const cgl_real wanted = feedback + integral + f + learned;                    /* Fig. 1 */
     const cgl_real psi = law->psi + (config->through_integrator ? e + law->v : e); /* (4) */
 
     /* an x that is not finite shows in K_1 x, whatever the gains */
-    if (!(plausible && cgl_is_finite(wanted + psi))) {
-        give_up(law, p, (unsigned)CGL_STATUS_FAULT, out);
+    const cgl_real besides = observes(config) ? state_feedback + law->observer.missing : CGL_R(0.0);
+    if (!(plausible && cgl_is_finite(wanted + psi) && cgl_is_finite(besides))) {
+        give_up(law, p, f + learned, (unsigned)CGL_STATUS_FAULT, out);
         return;
     }
     law->terms.feedback = feedback;
@@ -134,11 +158,15 @@ static void step(cgl_trial *law, cgl_real feedback, cgl_real y, bool plausible, 
     const bool saturated = !cgl_is_below(wanted, config->limit);
     out->i_q_ref = saturated ? cgl_clamp(wanted, config->limit) : wanted;
     out->status = saturated ? (unsigned)CGL_STATUS_SATURATED | (unsigned)CGL_STATUS_FROZEN : 0U;
+    if (observes(config)) {
+        cgl_trial_observer_act(&config->observer, &law->observer, out->i_q_ref - f - learned);
+    }
     if (!saturated || config->k_2 * (psi - law->psi) * wanted < CGL_R(0.0)) {
         law->psi = psi;
     }
     if (within) {
-        law->error[p] = ((law->blocked >> (config->shift - 1U)) & 1U) != 0U ? CGL_R(0.0) : e;
+        const cgl_real lesson = observes(config) ? law->observer.missing : e;
+        law->error[p] = ((law->blocked >> (config->shift - 1U)) & 1U) != 0U ? CGL_R(0.0) : lesson;
         law->blocked = (law->blocked << 1) | (saturated ? 1U : 0U);
         law->spoilt = law->spoilt || !learn;
     }
@@ -175,6 +203,7 @@ void cgl_trial_drive_step(cgl_trial *law, const cgl_law_input *in, cgl_law_outpu
     }
     if (stands_by) {
         law->psi = CGL_R(0.0);
+        cgl_trial_observer_reset(&law->observer);
         law->terms = no_terms;
         (void)cgl_law_stand_by(in, CGL_R(0.0), config->limit, out);
     }

@@ -17,6 +17,10 @@
  *
  * A matrix L in place of K_3 makes it norm-optimal learning, v <- v + L e with e neither shifted nor filtered.
  *
+ * With an observer (trial_observer.h) the feedback is the observer's, in place of K_1, K_2 and psi, and what is learned
+ * is an input: the law stores r(p - 2) of the observer, the input that was missing, in place of e(p). With n = 1,
+ * k_3 = 1, shift = 2 and Q on the sum, v <- Q (v + r).
+ *
  * The unit of x, y and u is the plant's; v has the unit of what it is added to: that of y as a rule (with N a gain),
  * that of u where N = 1 and v does not go through the integrator.
  *
@@ -36,6 +40,7 @@
 #include "law.h"
 #include "real.h"
 #include "status.h"
+#include "trial_observer.h"
 #include "zero_phase.h"
 
 #ifdef __cplusplus
@@ -57,6 +62,8 @@ typedef struct {
     cgl_feedforward_config feedforward;  /* from y_ref to u; default none */
     cgl_zero_phase_config q_filter;      /* between trials; default none */
     bool filter_signal;                  /* false: Q filters e; true: Q filters v; default false */
+    cgl_trial_observer_config observer;  /* its feedback in place of k_1 and k_2, and what is learned from; then
+                                            shift is 2 and k_2 0; default none */
     const cgl_real *learning_matrix;     /* NULL, or L in place of k_3: samples x samples entries, row by row [v/y],
                                             finite, the caller's; default NULL */
     cgl_real limit;                      /* u stays within +-limit [u], > 0 */
@@ -74,8 +81,8 @@ typedef struct {
 } cgl_trial_output;
 
 typedef struct {
-    cgl_real feedback;    /* K_1 x [u] */
-    cgl_real integral;    /* K_2 psi [u] */
+    cgl_real feedback;    /* K_1 x, or the observer's share of the error and its change [u] */
+    cgl_real integral;    /* K_2 psi, or the disturbance that the observer found [u] */
     cgl_real feedforward; /* f [u] */
     cgl_real learned;     /* N v [u] */
 } cgl_trial_terms;
@@ -87,6 +94,7 @@ typedef struct {
     cgl_real *error;             /* e of this trial, behind v; then the filter's tail */
     const cgl_real *y_ref;       /* of this trial; NULL before the first one */
     cgl_real psi;                /* psi(p - 1) */
+    cgl_trial_observer observer;
     cgl_real v;                  /* of the last step */
     cgl_real theta;              /* drive: the angle without its jumps [rad] */
     cgl_feedforward feedforward;
@@ -115,9 +123,9 @@ void cgl_trial_begin(cgl_trial *law, const cgl_real *y_ref);
 
 /* One sample. psi holds while u is at its limit and the change of psi would push it further. A sample p at which u was at
  * its limit teaches nothing: e(p + r) counts as zero. A state or reference that is not finite, or so large that a sum
- * overflows, gives u = 0, holds psi, sets CGL_STATUS_FAULT, and nothing is learned from the trial. After the last sample
- * the law holds the last reference and v, learns nothing and leaves the caller's memory alone, so that end may run
- * meanwhile. Before begin u = 0. */
+ * overflows, gives u = 0, holds psi, sets CGL_STATUS_FAULT, and nothing is learned from the trial; an observer goes on
+ * without the measurement. After the last sample the law holds the last reference and v, learns nothing and leaves the
+ * caller's memory alone, so that end may run meanwhile. Before begin u = 0. */
 void cgl_trial_step(cgl_trial *law, const cgl_trial_input *in, cgl_trial_output *out);
 
 /* One sample of a drive, where x is the mechanical angle [rad] and speed [rad/s], `states` is 2 and u a current [A]. The

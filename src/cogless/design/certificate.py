@@ -29,6 +29,7 @@ from cogless.design.response import (
     gain_limits,
     peak,
 )
+from cogless.design.trial_observer import ObserverGains
 
 Structure = Literal["input-and-integrator", "input"]
 ENDS = 1e-4  # growth per trial that counts as none: it is only estimated, from simulated trials
@@ -141,7 +142,7 @@ class Update:
 
 def certify(
     plant: UncertainPlant,
-    gains: Gains,
+    gains: Gains | ObserverGains,
     update: Update | None,
     q_filter: Filter | None,
     filtered: Filtered,

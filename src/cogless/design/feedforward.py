@@ -33,7 +33,7 @@ class Feedforward:
     num: Real
     den: Real  # den[0] = 1
     preview: int  # samples
-    method: Literal["perfect tracking", "zero-phase error tracking"]
+    method: Literal["perfect tracking", "zero-phase error tracking", "inverse"]
     kept_zeros: tuple[complex, ...]  # those that are not cancelled
 
 

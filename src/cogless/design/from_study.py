@@ -22,13 +22,31 @@ from cogless.study import TrialStudy
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
 from cogless.study.plant import LinearPlant
-from cogless.study.trial_controller import UNCERTAIN, NormOptimalIlc, StateIlc, TrialIlc, TrialLaw
+from cogless.study.trial_controller import (
+    UNCERTAIN,
+    FilteredLaw,
+    NormOptimalIlc,
+    ObserverIlc,
+    StateIlc,
+    TrialIlc,
+    TrialLaw,
+)
 
 ROUNDING = 1e-9
 Designs = dict[tuple[str, str], TrialDesign]
 
 # Settings of a design that a study has in a controller's table; the others are in "plant" or "design".
-OF_CONTROLLER = ("K_s", "N", "K_3", "shift", "change_weight", "q_filter", "static_gain", "feedforward")
+OF_CONTROLLER = (
+    "K_s",
+    "N",
+    "K_3",
+    "shift",
+    "change_weight",
+    "q_filter",
+    "static_gain",
+    "feedforward",
+    "pole",
+)
 OF_STATE_ILC = {"K_s": "K_stab", "K_3": "K_ilc"}
 # The key of a study's linear plant for each setting of a design.
 OF_PLANT = {"range": "parameter", "nominal": "parameter", "output": "C", "period": "period"}
@@ -114,17 +132,19 @@ def _uncertain(mechanics: Mechanics, motor: Motor) -> dict[str, float]:
 def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
     """Settings of a controller's design: all inputs of the design besides the plant."""
     controller, design = study.controller[name], study.design
-    assert isinstance(controller, TrialIlc | StateIlc | NormOptimalIlc)
+    assert isinstance(controller, TrialIlc | StateIlc | NormOptimalIlc | ObserverIlc)
     same = {field.name for field in fields(TrialSettings)}
     own: dict[str, Any] = {key: value for key, value in controller if key in same}
     if isinstance(controller, StateIlc):
         own = {"kind": "state", "structure": "input", "integral": False, "feedforward": False}
         own |= {"K_s": controller.K_stab, "K_3": controller.K_ilc}
+    elif isinstance(controller, ObserverIlc):
+        own |= {"kind": "observer", "structure": "input", "integral": False, "filtered": "signal"}
     else:
         own["structure"] = controller.acts_on
     if isinstance(controller, NormOptimalIlc):
         own["kind"] = "norm-optimal"
-    elif controller.q_filter is not None:
+    elif isinstance(controller, FilteredLaw) and controller.q_filter is not None:
         q = controller.q_filter
         own |= {"cutoff": q.cutoff, "filter_order": q.order, "filtered": q.acts_on}
     return TrialSettings(
@@ -153,7 +173,8 @@ def same_gains(settings: TrialSettings, other: TrialSettings) -> bool:
     """Whether gains that were designed for `other` are right for `settings` too."""
 
     def feedback(s: TrialSettings) -> tuple[Any, ...]:
-        return s.kind == "state", s.K_s, s.N, s.feedforward
+        kind = s.kind if s.kind in ("state", "observer") else None
+        return kind, s.K_s, s.N, s.feedforward, s.pole
 
     def learning(s: TrialSettings) -> tuple[Any, ...]:
         return s.K_3, s.shift, (s.cutoff, s.filter_order) if s.filtered == "signal" else None

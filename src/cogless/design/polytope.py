@@ -64,6 +64,29 @@ class UncertainPlant:
         drawn, exact = self.sample(rng, CERTIFIED)
         return [*drawn, *_mixtures(self.vertices, rng, CERTIFIED)], exact
 
+    @property
+    def as_held(self) -> UncertainPlant:
+        """The same plants exactly sampled, with the corners as vertices, or itself if those aren't known."""
+        if self.exact_vertices is None or self.exact_nominal is None:
+            return self
+
+        def sample(rng: Generator, count: int) -> Models:
+            _, exact = self.sample(rng, count)
+            return list(exact or ()), exact
+
+        labels = self.labels
+        if len(labels) != len(self.exact_vertices):
+            labels = tuple(f"corner {k + 1}" for k in range(len(self.exact_vertices)))
+        return replace(
+            self,
+            discretisation="exact",
+            vertices=self.exact_vertices,
+            labels=labels,
+            nominal=self.exact_nominal,
+            relative_degree=relative_degree(self.exact_nominal, self.C),
+            sample=sample,
+        )
+
     def shrunk(self, share: float) -> UncertainPlant:
         """The polytope shrunk about the nominal model; share 1 is the full size."""
         nominal = self.nominal.entries

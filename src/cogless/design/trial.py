@@ -5,6 +5,7 @@ docs/laws/trial.md has the law, docs/theory/trial-design.md the design of each `
     robust         Mandra 2019, Fig. 1: (9) to (13), (32) to (35), (41)
     state          the older law (3), by the same inequalities, without integral action
     norm-optimal   the feedback of `robust`, and v <- v + L e instead of v <- v + K_3 e(p + shift)
+    observer       feedback from an observed error, learning of the missing input: trial_observer.py
 
 All structures share K_s, N, the feedforward and K_3, as in the paper: design them once with `design_gains`
 and pass them to `design_trial` for each structure. K_3 is designed for Fig. 1. For a controller without
@@ -31,9 +32,16 @@ from cogless.design.polytope import UncertainPlant
 from cogless.design.q_filter import PROPOSED, SHIFTS, better_shift, butterworth, workable_cutoff
 from cogless.design.response import MONOTONE, Bundle, Filter, Filtered, Loop, best_gain
 from cogless.design.state_feedback import StateFeedback, guaranteed_cost
+from cogless.design.trial_observer import (
+    SHIFT,
+    ObserverGains,
+    design_observer,
+    highest_cutoff,
+    inverse,
+)
 from cogless.errors import StudyError
 
-Kind = Literal["robust", "state", "norm-optimal"]
+Kind = Literal["robust", "state", "norm-optimal", "observer"]
 
 
 LARGEST_SHIFT = 32  # of the control law
@@ -63,6 +71,7 @@ class TrialSettings:
     N: float | None = None
     K_3: float | None = None
     shift: int | None = None  # v(p) learns from e(p + shift), samples; None: the relative degree
+    pole: float | None = None  # of kind observer; None: by its rule
     change_weight: float = 1e-2  # for norm-optimal learning: weight of v's change; the error's is 1
 
 
@@ -79,6 +88,8 @@ class TrialGains:
     feedback: StateFeedback | None  # None if K_s was given
     learning: LearningGain | None  # None if K_3 was given, or wasn't found by (35)
     notes: tuple[str, ...]
+    observer: ObserverGains | None = None  # of kind observer, in place of K_s
+    cutoff: float | None = None  # of kind observer, Hz
 
 
 @dataclass(frozen=True)
@@ -108,6 +119,8 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
     """Feedback, feedforward, and learning gain or why there is none; DesignError on any other fault."""
     n = plant.order
     _check(plant, settings)
+    if settings.kind == "observer":
+        return _observer_gains(plant, settings)
     Q, gamma, f = (np.asarray(value, dtype=float) for value in (settings.Q, settings.gamma, settings.f))
     integral = len(Q) > n and settings.kind != "state"
     size = n + integral
@@ -157,14 +170,14 @@ def design_trial(
     gains = gains or design_gains(plant, settings)
     if gains.no_K_3 is not None and needs_K_3(settings):
         raise gains.no_K_3
-    n, shift = plant.order, settings.shift or plant.relative_degree
+    n, shift = plant.order, SHIFT if gains.observer else settings.shift or plant.relative_degree
     integral = gains.integral and settings.integral
     through = settings.structure == "input-and-integrator" and integral and settings.learning
     law = _law(gains.K_s, n, gains.N, integral, through)
     normal = settings.kind == "norm-optimal" and settings.learning
-    q_filter = None
-    if settings.cutoff is not None and settings.learning and not normal:
-        q_filter = butterworth(settings.cutoff, settings.filter_order, plant.period)
+    q_filter, cutoff = None, gains.cutoff or settings.cutoff
+    if cutoff is not None and settings.learning and not normal:
+        q_filter = butterworth(cutoff, settings.filter_order, plant.period)
     K_3 = gains.K_3 or 0.0
     update, matrix = None, None
     if normal:
@@ -176,7 +189,10 @@ def design_trial(
         update = Update(shift, 0.0, settings.change_weight, nominal)
     elif settings.learning and K_3:
         update = Update(shift, K_3)
-    certificate = certify(plant, law, update, q_filter, settings.filtered, settings.samples)
+    certified = plant.as_held if gains.observer else plant
+    certificate = certify(
+        certified, gains.observer or law, update, q_filter, settings.filtered, settings.samples
+    )
     return TrialDesign(
         kind=settings.kind,
         K_1=law.K_1,
@@ -192,8 +208,18 @@ def design_trial(
         learning_matrix=matrix,
         gains=gains,
         certificate=certificate,
-        notes=(*gains.notes, *_warnings(plant, law, certificate, update, settings)),
+        notes=(*gains.notes, *_warnings(certified, gains.observer or law, certificate, update, settings)),
     )
+
+
+def _observer_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
+    """The gains of kind observer: K_s is zero, and K_3 one."""
+    observer = design_observer(plant, settings.pole)
+    cutoff = settings.cutoff or highest_cutoff(plant, observer, settings.filter_order)
+    ahead = inverse(plant) if settings.feedforward else None
+    notes = (plant.note,) if plant.note else ()
+    none = np.zeros(plant.order)
+    return TrialGains(none, False, 1.0, ahead, 1.0, None, None, None, notes, observer, cutoff)
 
 
 def _law(K_s: Real, n: int, N: float, integral: bool, through: bool) -> Gains:
@@ -281,7 +307,7 @@ def _by_frequency(
 
 def _warnings(
     plant: UncertainPlant,
-    law: Gains,
+    law: Gains | ObserverGains,
     certificate: Certificate,
     update: Update | None,
     settings: TrialSettings,

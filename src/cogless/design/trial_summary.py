@@ -92,6 +92,8 @@ def design_dict(design: TrialDesign) -> dict[str, Any]:
             "preview": ahead.preview,
         },
         "q_filter": q and {"b": q.b.tolist(), "a": q.a.tolist(), "acts_on": design.filtered},
+        "observer": gains.observer
+        and {"pole": gains.observer.pole, "response": gains.observer.response, "cutoff_Hz": gains.cutoff},
         "checks": {
             "state_feedback": gains.feedback and _check(gains.feedback.check, gains.feedback.status),
             "learning_gain": gains.learning
@@ -214,13 +216,27 @@ def _gains(design: TrialDesign) -> tuple[str, ...]:
     learning = "none" if design.no_K_3 else f"{design.K_3:.4f}" if design.K_3 else "-"
     learning = "matrix" if design.learning_matrix is not None else learning
     ahead, q = design.feedforward, design.q_filter
+    gains = ", ".join(f"{gain:.4f}" for gain in (*design.K_1, design.K_2))
+    observer, cutoff = design.gains.observer, design.gains.cutoff
+    if observer is not None:
+        gains = f"observer: pole {observer.pole:.2f}, response {observer.response:.4g}"
     return (
-        ", ".join(f"{gain:.4f}" for gain in (*design.K_1, design.K_2)),
+        gains,
         f"{design.N:.4f}",
         learning,
         f"{ahead.method}, {ahead.preview} ahead" if ahead else "-",
-        f"order {len(q.b) - 1} on the {design.filtered}" if q else "-",
-        ("given gains" if not checks else "yes" if all(c.passed for c in checks) else "no"),
+        f"order {len(q.b) - 1} on the {design.filtered}" + (f", {cutoff:.1f} Hz" if cutoff else "")
+        if q
+        else "-",
+        (
+            "by the rule"
+            if observer
+            else "given gains"
+            if not checks
+            else "yes"
+            if all(c.passed for c in checks)
+            else "no"
+        ),
     )
 
 

@@ -86,6 +86,10 @@ def _law(study: TrialStudy, scenario: str, name: str, design: TrialDesign) -> di
         },
         "q_filter": {"order": max(len(b) - 1, 0), "b": b, "a": a},
         "filter_signal": design.filtered == "signal",
+        "observer": {
+            "response": design.gains.observer.response if design.gains.observer else 0.0,
+            "pole": design.gains.observer.pole if design.gains.observer else 0.0,
+        },
         "learning_matrix": None,  # apart, below
         "limit": limit,
         "learned_limit": law.learned_limit,

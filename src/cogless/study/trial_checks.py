@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from cogless.study import checks, fault_checks, metric_checks, numerics
 from cogless.study.table import invalid
-from cogless.study.trial_controller import FilteredLaw, NormOptimalIlc, StateIlc, TrialLaw
+from cogless.study.trial_controller import FilteredLaw, NormOptimalIlc, ObserverIlc, StateIlc, TrialLaw
 from cogless.study.trial_scenario import TrialConditions, WithUnit
 
 if TYPE_CHECKING:
@@ -172,6 +172,10 @@ def controllers(study: TrialStudy) -> None:
         elif isinstance(controller, StateIlc):
             if controller.K_stab is not None and len(controller.K_stab) != n:
                 raise invalid(f"expected {n} numbers, one a state", "controller", name, "K_stab")
+        elif isinstance(controller, ObserverIlc):
+            if controller.cutoff is not None and controller.cutoff >= 0.5 / study.period:
+                expected = f"expected less than half the sampling rate, {0.5 / study.period:g} Hz"
+                raise invalid(expected, "controller", name, "cutoff")
         elif controller.K_s is not None and len(controller.K_s) not in (
             (n + 1,) if controller.integral else (n, n + 1)
         ):

@@ -74,7 +74,19 @@ class NormOptimalIlc(TrialLaw):
     change_weight: Annotated[float, Field(gt=0)] = 0.01
 
 
-AnyTrialController = TrialIlc | StateIlc | NormOptimalIlc | PythonLaw | LibraryLaw
+class ObserverIlc(TrialLaw):
+    """Feedback from an observed error, and learning of the input that was missing; all gains by a rule."""
+
+    law: Literal["observer-ilc"]
+    learning: bool = True
+    feedforward: bool = True
+    pole: Annotated[float, Field(ge=0.0, lt=1.0)] | None = (
+        None  # of observer and feedback; default: by the rule
+    )
+    cutoff: LawFrequency | None = None  # of the filter on the learned signal, Hz; default: by the rule
+
+
+AnyTrialController = TrialIlc | StateIlc | NormOptimalIlc | ObserverIlc | PythonLaw | LibraryLaw
 TrialController = Annotated[AnyTrialController, Field(discriminator="law")]
 
 

@@ -1,0 +1,127 @@
+"""The design of the trial law with an observer: the rule holds over the plants, and only for such plants."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cogless.design.error import DesignError
+from cogless.design.polytope import UncertainPlant, from_parameters
+from cogless.design.q_filter import butterworth
+from cogless.design.response import Bundle
+from cogless.design.trial import TrialSettings, design_trial
+from cogless.design.trial_observer import (
+    LEFT,
+    SENSITIVITY,
+    SHIFT,
+    ObserverGains,
+    design_observer,
+    highest_cutoff,
+)
+
+PERIOD = 2.5e-3
+
+
+def motor(low: float = 5.9e-4, high: float = 10.6e-4, friction: float = 1.4e-3) -> UncertainPlant:
+    """A motor's angle with a range of inertia."""
+
+    def model(ranged):
+        J = ranged["J"]
+        return [[0.0, 1.0], [0.0, -friction / J]], [0.0, 0.37 / J]
+
+    return from_parameters(model, {"J": (low, high)}, [1.0, 0.0], PERIOD, "euler")
+
+
+def settings(**changes) -> TrialSettings:
+    same = TrialSettings(
+        400, np.eye(3), 1.0, np.ones(3), np.ones(3), 0.1, "observer", "input", integral=False
+    )
+    return replace(same, **({"filtered": "signal"} | changes))
+
+
+def sensitivity(plant: UncertainPlant, gains: ObserverGains) -> float:
+    """The largest |S|, from the response of each plant to a sine in v, sample by sample."""
+    w = np.linspace(0.02, np.pi, 300)
+    assert plant.exact_vertices is not None
+    found = []
+    for model in plant.exact_vertices:
+        A, B, u_fb, _ = gains._rows(model, plant.C)
+        pencil = np.exp(1j * w)[:, None, None] * np.eye(len(A)) - A
+        states = np.linalg.solve(pencil, np.broadcast_to(B, (len(w), *B.shape)))[:, :, 0]
+        found.append(np.abs(1 + states @ u_fb).max())
+    return float(max(found))
+
+
+def test_the_rule_is_at_its_bounds() -> None:
+    plant = motor()
+    gains = design_observer(plant, None)
+    assert 0.9 * SENSITIVITY < sensitivity(plant, gains) <= 1.003 * SENSITIVITY
+    faster = design_observer(plant, gains.pole - 0.02)
+    assert sensitivity(plant, faster) > SENSITIVITY
+    cutoff = highest_cutoff(plant, gains, 2)
+    w = np.linspace(1e-3, np.pi, 800)
+    assert plant.exact_vertices is not None
+    loops = [gains.closed(model, plant.C) for model in plant.exact_vertices]
+    keeps = np.abs(1 - Bundle(loops, SHIFT)(w)).max(axis=0) * butterworth(cutoff, 2, PERIOD).gain(w)
+    assert keeps.max() == pytest.approx(LEFT, rel=0.02)
+
+
+def test_a_smaller_range_allows_a_faster_loop() -> None:
+    wide, narrow = design_observer(motor(), None), design_observer(motor(7e-4, 9e-4), None)
+    assert narrow.pole < wide.pole
+
+
+@pytest.mark.parametrize("J", [5.9e-4, 8e-4, 10.6e-4])
+def test_a_trial_leaves_what_the_law_s_equation_says(J: float) -> None:
+    """F = S (1 - beta cos^2(w / 2)) of a motor without friction."""
+    plant = motor(J, J, 0.0)
+    gains = ObserverGains(0.37 / 8e-4 * PERIOD**2, 0.4)
+    assert plant.exact_nominal is not None
+    A, B, u_fb, _ = gains._rows(plant.exact_nominal, plant.C)
+    w = np.linspace(0.05, 3.0, 60)
+    F = 1 - Bundle([gains.closed(plant.exact_nominal, plant.C)], SHIFT)(w)[0]
+    for at, found in zip(w, F, strict=True):
+        S = 1 + u_fb @ np.linalg.solve(np.exp(1j * at) * np.eye(len(A)) - A, B)[:, 0]
+        assert found == pytest.approx(S * (1 - 8e-4 / J * np.cos(at / 2) ** 2), abs=1e-9)
+
+
+def test_the_certificate_is_of_exactly_sampled_plants_and_contracts() -> None:
+    design = design_trial(motor(), settings())
+    found = design.certificate
+    assert found.discretisation == "exact" and found.design.stable
+    assert found.design.learning is not None and found.design.learning.contracting
+    assert found.design.learning.norm <= LEFT * 1.001
+    assert found.design.growth is not None and found.design.growth < 0.75
+    assert design.notes == ()
+
+
+def test_a_given_pole_and_cutoff_are_kept() -> None:
+    design = design_trial(motor(), settings(pole=0.5, cutoff=20.0))
+    assert design.gains.observer is not None and design.gains.observer.pole == 0.5
+    assert design.gains.cutoff == 20.0
+    same = butterworth(20.0, 2, PERIOD)
+    assert design.q_filter is not None and np.array_equal(design.q_filter.b, same.b)
+
+
+def lagging(ranged):
+    """Integrates once, with a lag of 100 samples a second."""
+    return [[0.0, 1.0], [0.0, -1000.0 * ranged["k"]]], [0.0, 1.0]
+
+
+def test_other_plants_are_refused() -> None:
+    with pytest.raises(DesignError, match="integrates its input twice"):
+        design_observer(from_parameters(lagging, {"k": (1.0, 2.0)}, [1.0, 0.0], PERIOD, "euler"), None)
+    turned = replace(motor(), C=np.array([-1.0, 0.0]))
+    with pytest.raises(DesignError, match="raises y"):
+        design_observer(turned, None)
+    with pytest.raises(DesignError, match="a continuous plant"):
+        design_observer(replace(motor(), exact_vertices=None), None)
+
+
+def test_a_range_that_no_pole_holds_is_refused() -> None:
+    with pytest.raises(DesignError, match="narrower ranges"):
+        design_observer(motor(1e-4, 1e-2), None)
+    with pytest.raises(DesignError, match=r"with pole = 0\.05"):
+        design_observer(motor(1e-4, 1e-2), 0.05)
