@@ -24,7 +24,7 @@ FRICTION = 0.2  # relative difference between logs that is told
 TURNED = 0.35  # rad of the strongest order's phase between logs, likewise
 STANDS_OUT = 5.0  # standard errors
 LIKELY_RIPPLE = 0.1  # of K_t, at most
-SIDEBAND = 0.5  # of the order between them
+SIDEBAND = 0.5  # of the order between them, at most
 
 
 def usable(known: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
@@ -227,19 +227,23 @@ def _own(rows: Sequence[Rows], found: Fit, names: Sequence[tuple[str | int, ...]
 def _without_sidebands(made: Estimate, cogging: tuple[Wave, ...]) -> tuple[tuple[Wave, ...], list[str]]:
     """Leave out orders n -+ k beside a larger n: an encoder's error of order k makes such."""
     found, told = {wave.order: wave for wave in cogging}, {wave.order for wave in made.encoder}
+    out: set[int] = set()
+    said = []
     for k in (k for k in (1, 2) if k not in told):
         for main in sorted(cogging, key=lambda wave: -wave.size.value):
             near = (found.get(main.order - k), found.get(main.order + k))
             beside = [wave for wave in near if wave and wave.size.value < SIDEBAND * main.size.value]
-            if not beside:
+            beside = [wave for wave in beside if wave.order not in out]
+            if main.order in out or not beside:
                 continue
             largest = max(wave.size.value for wave in beside)
             degrees = np.degrees(2 * largest / (main.order * main.size.value))
-            return tuple(wave for wave in cogging if wave not in beside), [
+            out |= {wave.order for wave in beside}
+            said.append(
                 f"Order {' and '.join(str(wave.order) for wave in beside)} beside {main.order}: cogging and "
                 f"an encoder's error of order {k}, {degrees:.2g} deg, cannot be told apart; add a faster log."
-            ]
-    return cogging, []
+            )
+    return tuple(wave for wave in cogging if wave.order not in out), said
 
 
 def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
