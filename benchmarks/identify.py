@@ -164,7 +164,7 @@ Compared = list[tuple[str, str, float, float]]  # kind, what, deviation from the
 
 @dataclass(frozen=True)
 class Recorded:
-    """The planned logs of a motor in a folder: its study, the logs, and rows of RATE that currents are late."""
+    """A motor and its planned logs. `late`: rows of RATE by which their currents are late."""
 
     truth: Study
     eccentricity: tuple[float, float]  # rad, and its phase

@@ -22,7 +22,7 @@ SETTLED = 0.1  # standard errors that may be left of what is taken out
 SURE = 5.0  # standard errors from which on an order is one
 SMALLEST = 1e-3  # of the largest order, likewise
 MOST_ORDERS = 40
-LONGEST_DELAY = 5e-3  # s
+LONGEST_DELAY, EARLIEST = 5e-3, -2e-3  # s; i_q before the angle: that of a filtered angle
 ROUNDS = 5  # delay and the sensor's error are taken out, and found again
 Progress = Callable[[str, float], None]
 State = tuple[list[Rows], Fit, Model]
@@ -238,7 +238,7 @@ def _likely_delay(
     if ("delay",) not in found:
         return rows, found, model
     delay, error = model.delay + found["delay",], 2 * found.error(("delay",))
-    if abs(delay) < LONGEST_DELAY and error < LONGEST_DELAY:
+    if EARLIEST < delay < LONGEST_DELAY and error < LONGEST_DELAY:
         return rows, found, model
     left.append(
         f"The delay of the log comes out as {1e3 * delay:.2g} +- {1e3 * error:.2g} ms, which no drive "

@@ -25,9 +25,7 @@ FEWEST = 300  # rows
 MISFIT = 0.1  # of what the filter explains: from here on the law is not the described one
 
 
-def lateness(
-    logs: Sequence[Log], traces: Mapping[str, Trace], bandwidth: float
-) -> tuple[Value | None, str]:
+def lateness(logs: Sequence[Log], traces: Mapping[str, Trace], bandwidth: float) -> tuple[Value | None, str]:
     """The delay of i_q, s, by the logs that follow the described law; None, and why: no log does.
 
     `bandwidth`: of the current loop, rad/s.
@@ -45,20 +43,29 @@ def lateness(
     if not found:
         return None, "".join(_said(*most) for most in sorted(unlike)[:1])
     delays, variances = np.array(found).T
-    weights = 1 / variances
+    between_logs = _between(delays, variances)
+    weights = 1 / (variances + between_logs)
     mean = float(np.average(delays, weights=weights))
-    scatter = max(1.0, float(np.sum((delays - mean) ** 2 * weights)) / max(1, len(delays) - 1))
-    chosen = float(student.ppf(0.975, max(1, len(delays) - 1))) * float(np.sqrt(scatter / np.sum(weights)))
+    chosen = float(student.ppf(0.975, max(1, len(delays) - 1)) / np.sqrt(np.sum(weights)))
     # between two rows the current moves by an exponential, not a line
     between = max(trace.period for trace in traces.values()) ** 2 * bandwidth / 8
     return Value(mean, chosen + between), ""
 
 
+def _between(values: Array, variances: Array) -> float:
+    """Variance between logs beyond their own, s^2 (DerSimonian and Laird): a dead time, say, that is not known."""
+    weights = 1 / variances
+    mean = float(np.average(values, weights=weights))
+    excess = float(np.sum(weights * (values - mean) ** 2)) - (len(values) - 1)
+    scale = float(np.sum(weights) - np.sum(weights**2) / np.sum(weights))
+    return max(0.0, excess / scale) if scale > 0 else 0.0
+
+
 def _said(misfit: float, log: str) -> str:
     return (
-        f"{log}: i_q does not follow the angle as under the described controller ({100 * misfit:.0f} % "
-        "differs), so the delay is only told within half a period of the law; check its gains, and the drive's "
-        "rates, filter and bandwidth in the file of columns."
+        f"{log}: i_q does not follow the angle as under the described controller "
+        f"({100 * misfit:.0f} % differs), so the delay is only told within half a period of the law; check "
+        "its gains, and the drive's rates, filter and bandwidth in the file of columns."
     )
 
 

@@ -61,7 +61,8 @@ class Fit:
     def between_logs(self, name: Name, simulated: Fit | None = None) -> float:
         """Standard error by a jackknife over logs, where three or more can be left out; else 0.
 
-        It is widened by Student's t for so few: twice it is an error at 95 %. `simulated`: a fit of simulated logs, whose own differences between logs are taken off.
+        It is widened by Student's t for so few: twice it is an error at 95 %. `simulated`: a fit of simulated
+        logs, whose own differences between logs are taken off.
         """
         parts = []
         for log, values in self.without.items():

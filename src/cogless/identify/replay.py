@@ -133,7 +133,7 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
 
 
 def _corrected(first: Estimate, made: Estimate, traces: Mapping[str, Trace], late: Value | None) -> Estimate:
-    """The first estimate less the bias that simulated logs show; `made`: what they are simulated with.
+    """The first estimate less the bias that simulated logs show; `made`: what those are made with.
 
     `late`: how late i_q is logged, where the law tells it. Both fits then have it as known. Else real logs may
     have it anywhere between two steps of the law.
@@ -167,9 +167,11 @@ def _corrected(first: Estimate, made: Estimate, traces: Mapping[str, Trace], lat
         kept["delay"] = late
     elif "delay" in kept:  # a current that is held looks the same wherever in its period it is logged
         kept["delay"] = replace(kept["delay"], error=float(np.hypot(kept["delay"].error, held)))
-    orders = {wave.order for wave in first.cogging}
-    cogging = tuple(wave for wave in corrected.cogging if wave.order in orders)
-    return replace(corrected, values=kept, cogging=cogging)
+    cogging, encoder = (
+        tuple(wave for wave in found if wave.order in {wave.order for wave in told})
+        for found, told in ((corrected.cogging, first.cogging), (corrected.encoder, first.encoder))
+    )
+    return replace(corrected, values=kept, cogging=cogging, encoder=encoder)
 
 
 def _moved(

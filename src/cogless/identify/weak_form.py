@@ -30,8 +30,8 @@ class Model:
     """What is looked for. Orders are mechanical.
 
     `delay`, `error`: what is already taken out. `delay`: time by which i_q is logged after the angle, s.
-    `error`: (cos, sin) of the sensor's error by order, rad. `waves`, `j`: cogging, (cos, sin) by order, A, and
-    inertia that were found before: with them the sensor's error shows in the place of the cogging, too.
+    `error`: (cos, sin) of the sensor's error by order, rad. `waves`, `j`: cogging, (cos, sin) by order, A,
+    and inertia that were found before: with them the sensor's error shows in the place of the cogging, too.
     `untold`: columns that hold two things that can't be told apart.
     """
 
