@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ import numpy as np
 
 from cogless.identify import plan
 from cogless.identify.command import identified
-from cogless.identify.result import Value, Wave
+from cogless.identify.result import Estimate, Value, Wave
 from cogless.results.trace import Trace
 from cogless.run.simulate import rollout
 from cogless.study import Study, load
@@ -161,8 +162,19 @@ def logged(trace: Trace, star: StarMotor, drive: Drive, late: int) -> dict[str, 
 Compared = list[tuple[str, str, float, float]]  # kind, what, deviation from the truth, over the stated error
 
 
-def compared(tables: dict[str, Any], folder: Path, random: Random) -> tuple[Compared, list[str]]:
-    """Every value against the truth, and what was said."""
+@dataclass(frozen=True)
+class Recorded:
+    """A motor and its planned logs. `late`: rows of RATE by which their currents are late."""
+
+    truth: Study
+    eccentricity: tuple[float, float]  # rad, and its phase
+    logs: tuple[Path, ...]
+    columns: Path
+    late: int
+
+
+def recorded(tables: dict[str, Any], folder: Path, random: Random) -> Recorded:
+    """Simulate the planned logs of the motor of these tables."""
     (folder / "motor.toml").write_text(plan.text(tables), encoding="utf-8")
     truth = load(folder / "motor.toml")
     assert isinstance(truth, Study)
@@ -178,7 +190,16 @@ def compared(tables: dict[str, Any], folder: Path, random: Random) -> tuple[Comp
     for run in results.runs:
         paths.append(folder / f"{run.scenario}.npz")
         np.savez(paths[-1], **logged(run.trace, star, truth.drive, late))
-    made = identified(paths, folder / "id.toml", lambda what, share: None).estimate
+    sensor = tables["drive"]["position_sensor"]
+    size, phase = (
+        math.radians(float(sensor[key].split()[0])) for key in ("eccentricity", "eccentricity_phase")
+    )
+    return Recorded(truth, (size, phase), tuple(paths), folder / "id.toml", late)
+
+
+def compared(of: Recorded, made: Estimate) -> tuple[Compared, list[str]]:
+    """Every value against the truth, and what was said."""
+    truth, late, star = of.truth, of.late, of.truth.motor.star()
     found: Compared = []
     said: list[str] = []
 
@@ -217,11 +238,9 @@ def compared(tables: dict[str, Any], folder: Path, random: Random) -> tuple[Comp
             wave("K_t ripple", got, 1.0, harmonic.d / star.psi_f, harmonic.d_phase + math.pi / 2)
         elif got.order != 2 * star.pole_pairs:  # of the gain errors
             found.append(("K_t ripple", f"order {got.order}, which is not there", math.inf, math.inf))
-    sensor = tables["drive"]["position_sensor"]
     for got in made.encoder:
         if got.order == 1:
-            size = math.radians(float(sensor["eccentricity"].split()[0]))
-            wave("encoder", got, 1.0, size, math.radians(float(sensor["eccentricity_phase"].split()[0])))
+            wave("encoder", got, 1.0, *of.eccentricity)
         else:
             found.append(("encoder", f"order {got.order}, which is not there", math.inf, math.inf))
     said += [*made.left_out, *made.remarks]
@@ -236,7 +255,9 @@ def main() -> None:
     for n in range(count):
         kind = list(KINDS)[n % len(KINDS)]
         with tempfile.TemporaryDirectory() as folder:
-            found, said = compared(drawn(kind, random), Path(folder), random)
+            of = recorded(drawn(kind, random), Path(folder), random)
+            made = identified(of.logs, of.columns, lambda what, share: None).estimate
+        found, said = compared(of, made)
         everything += found
         print(f"{n + 1} {kind}: {len(found)} values")
         for what, name, off, z in found:

@@ -39,12 +39,25 @@ def _code() -> int:
             raise
         line = str(error.format_message()).rstrip(".")
         if line:
-            command = getattr(getattr(error, "ctx", None), "command_path", "cogless")
+            named = " ".join(["cogless", *(word for word in sys.argv[1:2] if not word.startswith("-"))])
+            line += _metavar(str(getattr(error, "option_name", "")))
+            command = getattr(getattr(error, "ctx", None), "command_path", named)
             say(f"{line}{'' if line.endswith('?') else '.'} See {command} --help.")
         return WRONG
     if code == INTERRUPTED:  # typer returns this after Ctrl-C in a command
         say("Interrupted.")
     return code if isinstance(code, int) else 0
+
+
+def _metavar(option: str) -> str:
+    """What an option of this command takes, as an addition to a line; empty where nothing is known."""
+    import typer
+
+    from cogless.cli import app
+
+    named = getattr(typer.main.get_command(app), "commands", {}).get("".join(sys.argv[1:2]))
+    found = next((p.metavar for p in getattr(named, "params", ()) if option and option in p.opts), None)
+    return f": expected {option} {found}" if found else ""
 
 
 def _command() -> object:

@@ -22,13 +22,21 @@ def identify(
         Path | None,
         typer.Option("--config", metavar="FILE", help="TOML: columns, what is known, kinds of logs."),
     ] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Where results go.")] = Path(
-        "results/identified"
-    ),
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="DIR",
+            help="Where results go: results/identified, of a plan results/plan.",
+        ),
+    ] = None,
     plan: Annotated[
         str | None,
         typer.Option(
-            "--plan", metavar="STUDY", help="Write the sequence of logs to record for this study's motor."
+            "--plan",
+            metavar="STUDY",
+            help="Write the sequence of logs to record for the motor of a study: its name or file.",
         ),
     ] = None,
 ) -> None:
@@ -40,6 +48,13 @@ def identify(
     from cogless.results.folder import held, new_set
 
     if plan is not None:
+        if logs or config is not None:
+            given = "--config" if not logs else str(logs[0])
+            raise StudyError(
+                f"identify: --plan {plan}: expected no logs and no --config beside it, got {given}: "
+                "a plan says what to record; identify the logs afterwards"
+            )
+        output = output or Path("results/plan")
         from cogless.identify import plan as planning
         from cogless.identify import rehearsal
 
@@ -56,6 +71,7 @@ def identify(
         return
     if not logs or config is None:
         raise StudyError("identify: expected logs and --config FILE, or --plan STUDY")
+    output = output or Path("results/identified")
     from cogless.identify import command, write
     from cogless.report import identified as report
 

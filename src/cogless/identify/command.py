@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cogless.errors import StudyError
@@ -13,6 +13,7 @@ from cogless.identify.estimate import Progress, estimate
 from cogless.identify.log import load_logs
 from cogless.identify.replay import refined
 from cogless.identify.result import Estimate
+from cogless.identify.sessions import sentences, sessions
 from cogless.results.trace import Trace
 
 DEGREES = 180 / math.pi
@@ -33,7 +34,9 @@ def identified(logs: Sequence[Path], columns: Path, progress: Progress) -> Ident
     known = config.load(columns)
     progress("reading", 0.0)
     made = estimate(known, load_logs(list(logs), known), progress)
-    return Identified(*refined(made, progress))
+    made, traces = refined(made, progress)
+    said = sentences(sessions(made))
+    return Identified(replace(made, remarks=(*made.remarks, *said)), traces)
 
 
 def lines(made: Estimate) -> list[str]:

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from cogless import units
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value
 from cogless.study import numerics
 from cogless.study.drive import Drive
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor, StarMotor
+from cogless.study.reference import Reference
 
+SHORTEST = 1.0  # s at a steady speed that have a ripple
+SETTLED = 0.75  # of a steady speed, its last part: before, the controller settles
 PI = {"pi": {"law": "pi", "baseline": True, "tuning": {"rule": "phase-margin", "phase_margin": "60 deg"}}}
 
 
@@ -111,6 +117,40 @@ def replayable(made: Estimate) -> list[Log]:
     ]
 
 
+def metrics(scenarios: Mapping[str, Mapping[str, Any]], orders: Sequence[int] = ()) -> list[dict[str, Any]]:
+    """Ripple and these orders of the speed, where scenarios end at a steady one; none where no scenario does.
+
+    Over a reversal or an acceleration a ripple means nothing.
+    """
+    steady = {name: steady_for(one["reference"], one["duration"]) for name, one in scenarios.items()}
+    steady = {name: time for name, time in steady.items() if time >= SHORTEST}
+    if not steady:
+        return []
+    common = {
+        "signal": "omega_m",
+        "unit": "rad/s",
+        "scenarios": list(steady),
+        "last": f"{SETTLED * min(steady.values()):.3g} s",
+    }
+    ripple = {"name": "speed_ripple", "kind": "ripple-rms", **common}
+    waves = {"name": "speed_order", "kind": "order", "order": sorted(orders), "frame": "mechanical", **common}
+    return [ripple, waves] if orders else [ripple]
+
+
+def steady_for(reference: Any, duration: str) -> float:
+    """Time for which a reference, as in a study, holds the speed that it ends with, s; 0: it ends at rest."""
+    found, end = Reference.model_validate(reference), units.parse(duration, units.TIME)
+    points = found.points or ((0.0, found.speed),)
+    last = points[-1][1]
+    if found.kind not in ("constant", "profile", "file") or not last:
+        return 0.0
+    begin = 0.0
+    for (_, before), (time, _) in pairwise(points):
+        if before != last:
+            begin = time
+    return max(0.0, end - begin)
+
+
 def study(made: Estimate) -> dict[str, Any]:
     """The whole study. KeyError: no inertia."""
     star = Motor.model_validate(motor(made)).star()
@@ -121,28 +161,13 @@ def study(made: Estimate) -> dict[str, Any]:
     references = [log.rule.reference for log in replayable(made)]
     top = max([speed, *(abs(v) for one in references if one is not None for v in one.speeds())])
     steady = {"duration": "10 s", "reference": f"{speed:.4g} rad/s", "initial_speed": f"{speed:.4g} rad/s"}
+    scenarios = replayed or {"steady": steady}
     return {
         "title": made.known.title,
         "motor": motor(made),
         "mechanics": mechanics(made),
         "drive": with_steps(drive(made), made.known.drive, star, masses, 1.2 * top),
-        "scenario": replayed or {"steady": steady},
+        "scenario": scenarios,
         "controller": made.known.tables.get("controller") or PI,
-        "metric": [
-            {"name": "speed_ripple", "kind": "ripple-rms", "signal": "omega_m", "unit": "rad/s"},
-            *(
-                [
-                    {
-                        "name": "speed_order",
-                        "kind": "order",
-                        "signal": "omega_m",
-                        "order": sorted(wave.order for wave in made.cogging),
-                        "frame": "mechanical",
-                        "unit": "rad/s",
-                    }
-                ]
-                if made.cogging
-                else []
-            ),
-        ],
+        "metric": metrics(scenarios, [wave.order for wave in made.cogging]),
     }

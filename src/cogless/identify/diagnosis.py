@@ -21,6 +21,7 @@ from cogless.identify.steady import Steady, steady, with_angle
 
 NO_ORDER = "no order"  # noise, steps of the sensor, vibration
 SHOWN = 0.01  # share of an order that has a line
+OPPOSES = 0.2  # of an order: causes that cancel by more are told
 TURN = 2 * math.pi
 CURES = {
     COGGING + OR + OFFSET: "record the phase currents with the bridge off",
@@ -41,11 +42,16 @@ class Diagnosis:
         return [each for each in self.found if each.log == log]
 
     def causes(self, log: str) -> dict[str, float]:
-        """Share of each cause in the square of a log's ripple, the largest first."""
+        """Share of each cause in the square of a log's ripple, the largest first.
+
+        What opposes an order's ripple has no part in it; the others share what is left of it.
+        """
         shares: dict[str, float] = defaultdict(float)
         for each in self.of(log):
+            adds = sum(max(0.0, cause.share) for cause in each.causes)
             for cause in each.causes:
-                shares[cause.name] += each.share * cause.share
+                if cause.share > 0:
+                    shares[cause.name] += each.share * cause.share / adds
         shares[NO_ORDER] = max(0.0, 1 - sum(each.share for each in self.of(log)))
         return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
@@ -84,13 +90,16 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
         raise StudyError(
             "\n".join([*said, "no log turns at a steady speed for a revolution; record one that does"])
         )
+    said += _unsteady(loaded, {part.log.name for part in (*parts, *others)})
     if parts and not any("i_q_ref" in part.log for part in parts):
         said.append(
             f"Dead time disturbs the current at order {6 * known.motor.pole_pairs}: it is not told apart "
             "from what the law asks for; record the current's reference as i_q_ref."
         )
     every = [*parts, *others]
-    return Diagnosis(known.title, tuple(_merged([*found, *alone])), _whole(every), tuple(dict.fromkeys(said)))
+    merged = tuple(_merged([*found, *alone]))
+    said += _opposed(merged)
+    return Diagnosis(known.title, merged, _whole(every), tuple(dict.fromkeys(said)))
 
 
 def _explained(made: Estimate | None) -> dict[str, Log]:
@@ -113,6 +122,29 @@ def _without(logs: Sequence[Log]) -> list[str]:
             said.append(
                 f"{log.name}: no current: causes of one order cannot be told apart, only how it "
                 "changes with speed; record i_q."
+            )
+    return said
+
+
+def _unsteady(logs: Sequence[Log], seen: set[str]) -> list[str]:
+    """Logs that have no line, and why."""
+    return [
+        f"{log.name}: never turns at a steady speed for a revolution, so it has no line; what it tells of "
+        "the torques is in the others."
+        for log in logs
+        if log.dt and log.kind != "bridge-off" and log.name not in seen
+    ]
+
+
+def _opposed(found: Sequence[Found]) -> list[str]:
+    """Orders in which causes cancel, so that one has more than all of what is left."""
+    said = []
+    for each in found:
+        against = [cause for cause in each.causes if cause.share < -OPPOSES]
+        if each.share >= SHOWN and each.causes[0].share > 1 + OPPOSES and against:
+            said.append(
+                f"Order {each.order} in {each.log}: {each.causes[0].name} and {against[-1].name} oppose each "
+                "other; a share is of what is left, so one is above 100 % and the other below 0."
             )
     return said
 

@@ -22,8 +22,8 @@ SETTLED = 0.1  # standard errors that may be left of what is taken out
 SURE = 5.0  # standard errors from which on an order is one
 SMALLEST = 1e-3  # of the largest order, likewise
 MOST_ORDERS = 40
-LONGEST_DELAY = 5e-3  # s
-ROUNDS = 3  # delay and the sensor's error are taken out, and found again
+LONGEST_DELAY, EARLIEST = 5e-3, -2e-3  # s; i_q before the angle: that of a filtered angle
+ROUNDS = 5  # delay and the sensor's error are taken out, and found again
 Progress = Callable[[str, float], None]
 State = tuple[list[Rows], Fit, Model]
 
@@ -94,7 +94,45 @@ def _searched(known: Identification, logs: Sequence[Log], model: Model, progress
     if "j" in model.columns:  # the currents that accelerate are loads of both signs
         ripple = (2 * poles, 6 * poles)
         model = replace(model, ripple=ripple, cogging=tuple(sorted({*model.cogging, *ripple})))
-    return _settled(known, logs, model)
+    return _without_sidebands(known, logs, model, found)
+
+
+def _without_sidebands(known: Identification, logs: Sequence[Log], model: Model, found: Fit) -> State:
+    """Fit without orders that an encoder's error makes of larger ones, where there is such an error.
+
+    An error of order k turns cogging of order n into n - k and n + k, too. One error says more with less than
+    orders beside all others; those that it doesn't explain come back. `found`: a fit with all orders.
+    """
+    sizes = {n: _size(found, "cogging", n) for n in model.cogging if ("cogging", n, "c") in found}
+    beside = {
+        n
+        for n, size in sizes.items()
+        for k in model.encoder
+        if size < findings.SIDEBAND * max(sizes.get(n - k, 0.0), sizes.get(n + k, 0.0))
+    }
+    if not beside:
+        return _settled(known, logs, model)
+    alone = replace(model, cogging=tuple(n for n in model.cogging if n not in beside))
+    rows, fewer, alone = _settled(known, logs, alone)
+    if not any(_errs(fewer, alone, k) for k in alone.encoder):
+        return _settled(known, logs, model)
+    back = found_orders(rows, fewer, WIDTH, alone.cogging)
+    if not back:
+        return rows, fewer, alone
+    return _settled(known, logs, replace(alone, cogging=tuple(sorted({*alone.cogging, *back}))))
+
+
+def _errs(found: Fit, model: Model, order: int) -> bool:
+    """Whether the sensor's error of an order stands out."""
+    j = found.get("j")
+    c, s = model.error.get(order, (0.0, 0.0))
+    return _stands_out(found, "encoder", order, (j * c, j * s))
+
+
+def _stands_out(found: Fit, kind: str, order: int, taken: tuple[float, float] = (0.0, 0.0)) -> bool:
+    """Whether an order stands out of its error, with what is already taken out."""
+    error = np.hypot(found.error((kind, order, "c")), found.error((kind, order, "s")))
+    return bool(_size(found, kind, order, taken) > SURE * error)
 
 
 def _settled(known: Identification, logs: Sequence[Log], model: Model) -> State:
@@ -119,12 +157,20 @@ def _taken_out(model: Model, found: Fit) -> Model:
     for order in model.encoder if j > 0 else ():
         c, s = error.get(order, (0.0, 0.0))
         error[order] = (c + found["encoder", order, "c"] / j, s + found["encoder", order, "s"] / j)
-    return replace(model, delay=model.delay + found.get("delay"), error=error)
+    waves = {n: (found["cogging", n, "c"], found["cogging", n, "s"]) for n in model.cogging if j > 0}
+    return replace(model, delay=model.delay + found.get("delay"), error=error, waves=waves, j=j)
 
 
 def settled(known: Identification, logs: Sequence[Log], model: Model) -> Model:
     """The model with the delay and the sensor's error of these logs taken out."""
     return _settled(known, logs, model)[2]
+
+
+def at_delay(made: Estimate, delay: float) -> Estimate:
+    """The estimate fitted again with a delay, s, that is known."""
+    model = replace(made.model, delay=delay, columns=made.model.columns - {"delay"})
+    rows, found, model = _settled(made.known, made.logs, model)
+    return replace(made, rows=tuple(rows), fit=found, model=model)
 
 
 def coefficients(
@@ -154,21 +200,11 @@ def _significant(
     known: Identification, logs: Sequence[Log], rows: list[Rows], found: Fit, model: Model
 ) -> State:
     """Keep the orders that stand out of their errors."""
-
-    def stands_out(kind: str, order: int, taken: tuple[float, float] = (0.0, 0.0)) -> bool:
-        error = np.hypot(found.error((kind, order, "c")), found.error((kind, order, "s")))
-        return bool(_size(found, kind, order, taken) > SURE * error)
-
     largest = max((_size(found, "cogging", n) for n in model.cogging), default=0.0)
-    kept = {n for n in model.cogging if stands_out("cogging", n)}
+    kept = {n for n in model.cogging if _stands_out(found, "cogging", n)}
     kept = {n for n in kept if _size(found, "cogging", n) > SMALLEST * largest}
-    ripple = tuple(n for n in model.ripple if stands_out("ripple", n))
-    j = found.get("j")
-    encoder = tuple(
-        n
-        for n in model.encoder
-        if stands_out("encoder", n, (j * model.error.get(n, (0, 0))[0], j * model.error.get(n, (0, 0))[1]))
-    )
+    ripple = tuple(n for n in model.ripple if _stands_out(found, "ripple", n))
+    encoder = tuple(n for n in model.encoder if _errs(found, model, n))
     error = {n: pair for n, pair in model.error.items() if n in encoder}
     pruned = replace(
         model, cogging=tuple(sorted(kept | set(ripple))), ripple=ripple, encoder=encoder, error=error
@@ -202,7 +238,7 @@ def _likely_delay(
     if ("delay",) not in found:
         return rows, found, model
     delay, error = model.delay + found["delay",], 2 * found.error(("delay",))
-    if abs(delay) < LONGEST_DELAY and error < LONGEST_DELAY:
+    if EARLIEST < delay < LONGEST_DELAY and error < LONGEST_DELAY:
         return rows, found, model
     left.append(
         f"The delay of the log comes out as {1e3 * delay:.2g} +- {1e3 * error:.2g} ms, which no drive "

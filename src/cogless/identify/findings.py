@@ -13,7 +13,7 @@ from cogless.identify.files import Array
 from cogless.identify.log import Log
 from cogless.identify.regression import Fit, fit
 from cogless.identify.result import Estimate, Wave
-from cogless.identify.weak_form import Model, Rows
+from cogless.identify.weak_form import WIDTH, Model, Rows
 
 ALIKE = 0.15  # speeds that differ by less are one
 FED_BACK = 0.99  # correlation of i_q with the speed of some samples before
@@ -24,7 +24,8 @@ FRICTION = 0.2  # relative difference between logs that is told
 TURNED = 0.35  # rad of the strongest order's phase between logs, likewise
 STANDS_OUT = 5.0  # standard errors
 LIKELY_RIPPLE = 0.1  # of K_t, at most
-SIDEBAND = 0.5  # of the order between them
+SIDEBAND = 0.5  # of the order between them, at most
+SEEN = 3.0  # wavelengths of an order that the kernel blurs to a hundredth
 
 
 def usable(known: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
@@ -179,7 +180,8 @@ def between_logs(rows: Sequence[Rows], found: Fit, model: Model, left: list[str]
             if own[0].log.dt and own[0].log.kind != "load"
             for of in [_own(own, found, (("c",),))[0].real]
         }
-        if len(friction) > 1:
+        named = {each.log.rule.session for each in rows} - {None}
+        if len(friction) > 1 and len(named) < 2:  # else sessions say it
             low, high = min(friction, key=friction.__getitem__), max(friction, key=friction.__getitem__)
             if friction[high] - friction[low] > FRICTION * found["c",]:
                 said.append(
@@ -227,19 +229,23 @@ def _own(rows: Sequence[Rows], found: Fit, names: Sequence[tuple[str | int, ...]
 def _without_sidebands(made: Estimate, cogging: tuple[Wave, ...]) -> tuple[tuple[Wave, ...], list[str]]:
     """Leave out orders n -+ k beside a larger n: an encoder's error of order k makes such."""
     found, told = {wave.order: wave for wave in cogging}, {wave.order for wave in made.encoder}
+    out: set[int] = set()
+    said = []
     for k in (k for k in (1, 2) if k not in told):
         for main in sorted(cogging, key=lambda wave: -wave.size.value):
             near = (found.get(main.order - k), found.get(main.order + k))
             beside = [wave for wave in near if wave and wave.size.value < SIDEBAND * main.size.value]
-            if not beside:
+            beside = [wave for wave in beside if wave.order not in out]
+            if main.order in out or not beside:
                 continue
             largest = max(wave.size.value for wave in beside)
             degrees = np.degrees(2 * largest / (main.order * main.size.value))
-            return tuple(wave for wave in cogging if wave not in beside), [
+            out |= {wave.order for wave in beside}
+            said.append(
                 f"Order {' and '.join(str(wave.order) for wave in beside)} beside {main.order}: cogging and "
                 f"an encoder's error of order {k}, {degrees:.2g} deg, cannot be told apart; add a faster log."
-            ]
-    return cogging, []
+            )
+    return tuple(wave for wave in cogging if wave.order not in out), said
 
 
 def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
@@ -264,6 +270,14 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
         cogging = ()
     cogging, beside = _without_sidebands(made, cogging)
     left += beside
+    encoder, highest = made.encoder, _highest(made)
+    if 2 * poles > highest:
+        left.append(
+            f"No usable log turns slowly enough to show cogging above order {highest:.0f}, and the one of the "
+            f"poles is {2 * poles}: higher orders and the encoder's error are left out; record a slow log in "
+            "which the rotor does not stick (with more feedback), or more rows a second."
+        )
+        cogging, encoder = tuple(wave for wave in cogging if wave.order <= highest), ()
     if any(wave.order == poles for wave in cogging) and offsets_of(made.logs) is None:
         left.append(
             f"Order {poles} is the pole pairs: cogging and a current offset cannot be told apart; "
@@ -277,4 +291,13 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
             f"apart at one load; a ripple of {100 * LIKELY_RIPPLE:.0f} % would be "
             f"{LIKELY_RIPPLE * current:.2g} A of it; record logs with loads of both signs."
         )
-    return replace(made, values=values, cogging=cogging, left_out=tuple(dict.fromkeys(left)))
+    left_out = tuple(dict.fromkeys(left))
+    return replace(made, values=values, cogging=cogging, encoder=encoder, left_out=left_out)
+
+
+def _highest(made: Estimate) -> float:
+    """The highest order that the kernel lets through at the speed of the slowest log."""
+    if any(not log.dt for log in made.logs):
+        return np.inf
+    slowest = min(float(np.median(_speeds(log))) for log in made.logs)
+    return SEEN / (WIDTH * max(slowest, 1e-9))

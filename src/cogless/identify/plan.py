@@ -8,7 +8,7 @@ from typing import Any
 
 from cogless import units
 from cogless.errors import StudyError
-from cogless.identify.described import with_steps
+from cogless.identify.described import metrics, with_steps
 from cogless.identify.weak_form import WIDTH
 from cogless.study import AnyStudy, Study
 from cogless.study.controller import Feedback
@@ -86,7 +86,7 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
         "trace": {"rate": f"{RATE:g} Hz"},
         "scenario": played,
         "controller": controller,
-        "metric": [{"name": "speed_ripple", "kind": "ripple-rms", "signal": "omega_m"}],
+        "metric": metrics(played),
     }
     logs = [
         {"file": name, "kind": KINDS[name], "controller": feedback, "reference": made["reference"]}

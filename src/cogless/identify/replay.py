@@ -6,7 +6,7 @@ samples. Simulated logs have the same bias, and their truth is known. So the dif
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,9 +15,10 @@ import numpy as np
 from cogless.errors import StudyError
 from cogless.identify import described
 from cogless.identify.config import Identification
-from cogless.identify.estimate import OTHERS, Progress, coefficients, fitted, settled, with_values
+from cogless.identify.estimate import OTHERS, Progress, at_delay, coefficients, fitted, settled, with_values
+from cogless.identify.lateness import lateness
 from cogless.identify.log import Log
-from cogless.identify.result import Estimate
+from cogless.identify.result import Estimate, Value
 from cogless.identify.weak_form import Model, Name
 from cogless.results.trace import Trace
 from cogless.run.simulate import rollout
@@ -26,11 +27,13 @@ from cogless.study.base import Source
 from cogless.study.reading import checked
 
 ROUNDS = 2
+FINE = 10  # rows of a trace for each of its log, at most: the delay lies between the log's
+SIGNALS = ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d")  # of a trace that are kept
 OFF = 0.01  # relative difference of a log's rate from one that divides the current loop's
 
 
 def played(made: Estimate, jobs: int = 1) -> dict[str, Trace]:
-    """The simulated trace of each log that can be played, by its name, at its rate or twice that.
+    """The simulated trace of each log that can be played, by its name, with its rows and some between them.
 
     StudyError: the study isn't valid, or a run failed.
     """
@@ -52,34 +55,51 @@ def played(made: Estimate, jobs: int = 1) -> dict[str, Trace]:
         rollout([study], [f"*/{controller or next(iter(study.controller))}"], jobs=jobs)[0]
         for study, (_, controller) in zip(studies, names, strict=True)
     ]
-    return {name: result.runs[0].trace for (name, _), result in zip(names, results, strict=True)}
+    return {name: _kept(result.runs[0].trace) for (name, _), result in zip(names, results, strict=True)}
+
+
+def _kept(trace: Trace) -> Trace:
+    """The signals that a log has: sixteen whole traces would fill a gigabyte."""
+    names = tuple(name for name in SIGNALS if name in trace)
+    units = dict(zip(trace.names, trace.units, strict=True))
+    data = np.column_stack([trace[name] for name in names])
+    return Trace(names, tuple(units.get(name, "") for name in names), data)
 
 
 def _rate(made: Estimate, log: Log) -> float | None:
-    """A rate of rows that divides the current loop's; None if the log's doesn't.
-
-    It is twice the log's where that divides it, too: for currents that are logged in the middle of a row.
-    """
+    """A rate of rows that divides the current loop's, a multiple of the log's; None if there is none."""
     loop = made.known.drive.rates.current_loop
     every = max(1, round(loop * log.dt))
     if abs(loop / every * log.dt - 1) >= OFF:
         return None
-    return loop / every * (1 if every % 2 else 2)
+    return loop / every * max(n for n in range(1, FINE + 1) if every % n == 0)
 
 
-def simulated_log(made: Estimate, log: Log, trace: Trace, late: int = 0) -> Log:
-    """A trace as the drive would have logged it; `late`: currents half a row later, where it has those."""
+def _bandwidth(made: Estimate) -> float:
+    """Bandwidth of the drive's current loop, rad/s."""
+    star, drive = made.known.motor.star(), made.known.drive
+    return float(drive.current_loop.gains(drive.belief.resolved(star))["kp_q"] / star.L_q)
+
+
+def _offset(made: Estimate) -> float:
+    """What is added to the logged angle, rad."""
+    return 0.5 * made.known.step if made.known.angle_offset is None else made.known.angle_offset
+
+
+def simulated_log(made: Estimate, log: Log, trace: Trace, late: float = 0.0) -> Log:
+    """A trace as the drive would have logged it: currents by the measured angle, and so late, s."""
     step = max(1, round(log.dt / trace.period))
-    late *= step - 1
-    offset = 0.5 * made.known.step if made.known.angle_offset is None else made.known.angle_offset
+    time = trace.period * np.arange(len(trace))
+    turned = made.known.motor.pole_pairs * (np.unwrap(trace["theta_measured"]) - trace["theta_m"])
+    seen = (trace["i_d"] + 1j * trace["i_q"]) * np.exp(-1j * turned)
+    currents = {"i_q": seen.imag, "i_d": seen.real}
     signals = {
-        "theta": np.unwrap(trace["theta_measured"])[::step] + offset,
+        "theta": np.unwrap(trace["theta_measured"])[::step] + _offset(made),
         "omega": trace["omega_measured"][::step],
     }
-    for name in ("i_q", "i_d"):
-        if name == "i_q" or (name in log and name in trace):
-            x = trace[name]
-            signals[name] = np.concatenate((x[:1].repeat(late), x[: len(x) - late]))[::step]
+    for name, current in currents.items():
+        if name == "i_q" or name in log:
+            signals[name] = np.interp(time[::step] - late, time, current)
     return Log(log.name, log.rule, step * trace.period, signals, (slice(0, len(signals["theta"])),))
 
 
@@ -107,23 +127,28 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
                 "errors of the closed loop (delay, steps of the angle) are not corrected."
             )
             return replace(first, remarks=(*first.remarks, said)), traces
-        logs, later = (
-            [simulated_log(made, log, traces[log.name], late) if log.dt else log for log in made.logs]
-            for late in (0, 1)
-        )
-        made = _corrected(first, made, logs, later if n == ROUNDS - 1 else [])
-    return made, traces
+        late, unlike = lateness([log for log in made.logs if log.dt], traces, _bandwidth(made))
+        made = _corrected(first, made, traces, late)
+    return replace(made, remarks=(*made.remarks, *([unlike] if unlike else []))), traces
 
 
-def _corrected(
-    first: Estimate, made: Estimate, simulated: Sequence[Log], later: Sequence[Log] = ()
-) -> Estimate:
-    """The first estimate less the bias that these simulated logs show; `made`: what they are simulated with.
+def _corrected(first: Estimate, made: Estimate, traces: Mapping[str, Trace], late: Value | None) -> Estimate:
+    """The first estimate less the bias that simulated logs show; `made`: what those are made with.
 
-    `later`: the same with currents half a row later, which real logs may have or not.
+    `late`: how late i_q is logged, where the law tells it. Both fits then have it as known. Else real logs may
+    have it anywhere between two steps of the law.
     """
-    known, real, truth = first.known, first.model, _truth(made)
-    played = settled(known, simulated, replace(real, delay=0.0, error={}))
+    known, truth = first.known, _truth(made)
+    held = 0.5 / (known.drive.rates.speed_loop or known.drive.rates.current_loop)
+    if late is not None:
+        first = at_delay(first, late.value)
+
+    def logs(more: float) -> list[Log]:
+        by = (0.0 if late is None else late.value) + more
+        return [simulated_log(made, log, traces[log.name], by) if log.dt else log for log in first.logs]
+
+    simulated, real = logs(0.0), first.model
+    played = settled(known, simulated, replace(real, error={}, delay=0.0 if late is None else late.value))
 
     def unbiased(factor: float) -> dict[Name, float]:
         measured = coefficients(known, first.logs, real, factor)
@@ -133,31 +158,30 @@ def _corrected(
             for name, value in measured.items()
         }
 
+    moved = _moved(known, simulated, logs(held if late is None else late.error), played)
     corrected = with_values(
-        first,
-        unbiased(1.0),
-        [unbiased(factor) for factor in OTHERS],
-        fitted(known, simulated, played),
-        _moved(known, simulated, later, played),
+        first, unbiased(1.0), [unbiased(factor) for factor in OTHERS], fitted(known, simulated, played), moved
     )
     kept = {key: value for key, value in corrected.values.items() if key in first.values}
-    if "delay" in kept:  # a current that is held looks the same wherever in its period it is logged
-        held = 0.5 / (known.drive.rates.speed_loop or known.drive.rates.current_loop)
-        delay = kept["delay"]
-        kept["delay"] = replace(delay, error=float(np.hypot(delay.error, held)))
-    orders = {wave.order for wave in first.cogging}
-    cogging = tuple(wave for wave in corrected.cogging if wave.order in orders)
-    return replace(corrected, values=kept, cogging=cogging)
+    if late is not None:
+        kept["delay"] = late
+    elif "delay" in kept:  # a current that is held looks the same wherever in its period it is logged
+        kept["delay"] = replace(kept["delay"], error=float(np.hypot(kept["delay"].error, held)))
+    cogging, encoder = (
+        tuple(wave for wave in found if wave.order in {wave.order for wave in told})
+        for found, told in ((corrected.cogging, first.cogging), (corrected.encoder, first.encoder))
+    )
+    return replace(corrected, values=kept, cogging=cogging, encoder=encoder)
 
 
 def _moved(
     known: Identification, simulated: Sequence[Log], later: Sequence[Log], played: Model
 ) -> dict[Name, float]:
-    """What the coefficients move by if currents are logged half a row later, without the delay itself."""
-    if not later:
-        return {}
+    """What the coefficients move by if currents are logged later, without the delay itself."""
     before = coefficients(known, simulated, played)
-    after = coefficients(known, later, settled(known, later, replace(played, delay=0.0, error={})))
+    if "delay" in played.columns:
+        played = settled(known, later, replace(played, delay=0.0, error={}))
+    after = coefficients(known, later, played)
     return {name: after[name] - value for name, value in before.items() if name != ("delay",)}
 
 

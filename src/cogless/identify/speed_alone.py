@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Sequence
-from itertools import combinations
 
 from cogless.identify.causes import MECHANICS, Found, found_in, guess
 from cogless.identify.steady import Steady
@@ -46,14 +45,34 @@ def sentences(found: Sequence[Found]) -> list[str]:
 
 
 def _fixed(found: Sequence[Found]) -> list[str]:
-    """A frequency at which different orders are large at different speeds: something swings."""
-    for a, b in combinations([each for each in found if each.share > LARGE], 2):
-        first, second = (each.order * each.speed / (2 * math.pi) for each in (a, b))
-        apart = max(a.speed, b.speed) > FASTER * min(a.speed, b.speed)
-        if a.order != b.order and apart and abs(first / second - 1) < ALIKE:
-            return [
-                f"{first:.3g} Hz is order {a.order} in {a.log} and order {b.order} in {b.log}: "
-                f"{MECHANICS}, which swing at this frequency, or the supply; knock at the shaft at rest, and "
-                "compare."
-            ]
-    return []
+    """A frequency at which different orders are large at different speeds: something swings, or orders meet.
+
+    At two speeds any two orders may meet by chance; at a third they would not.
+    """
+    large = sorted((each for each in found if each.share > LARGE), key=lambda each: each.speed)
+    best: list[Found] = []
+    for first in large:
+        meet = [first]
+        for each in large:
+            apart = each.speed > FASTER * meet[-1].speed and each.order != meet[-1].order
+            if apart and abs(_hertz(each) / _hertz(first) - 1) < ALIKE:
+                meet.append(each)
+        best = max(best, meet, key=len)
+    if len(best) < 2:
+        return []
+    at = [f"order {each.order} in {each.log}" for each in best]
+    says = f"{_hertz(best[0]):.3g} Hz is {', '.join(at[:-1])} and {at[-1]}: "
+    if len(best) == 2:
+        return [
+            f"{says}two orders that meet by chance, or something that swings at this frequency, which cannot "
+            "be told apart at two speeds; record a third speed."
+        ]
+    return [
+        f"{says}{MECHANICS}, which swing at this frequency, or the supply; knock at the shaft at "
+        "rest, and compare."
+    ]
+
+
+def _hertz(of: Found) -> float:
+    """Frequency of an order at its speed."""
+    return of.order * of.speed / (2 * math.pi)

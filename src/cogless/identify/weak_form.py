@@ -30,8 +30,9 @@ class Model:
     """What is looked for. Orders are mechanical.
 
     `delay`, `error`: what is already taken out. `delay`: time by which i_q is logged after the angle, s.
-    `error`: (cos, sin) of the sensor's error by order, rad. `untold`: columns that hold two things that can't
-    be told apart.
+    `error`: (cos, sin) of the sensor's error by order, rad. `waves`, `j`: cogging, (cos, sin) by order, A,
+    and inertia that were found before: with them the sensor's error shows in the place of the cogging, too.
+    `untold`: columns that hold two things that can't be told apart.
     """
 
     cogging: tuple[int, ...] = ()
@@ -40,6 +41,8 @@ class Model:
     columns: frozenset[str] = frozenset({"j", "b", "c"})
     delay: float = 0.0
     error: dict[int, tuple[float, float]] = field(default_factory=dict)
+    waves: dict[int, tuple[float, float]] = field(default_factory=dict)
+    j: float = 0.0
     untold: frozenset[tuple[str, int]] = frozenset()  # kind, and order or 0
 
 
@@ -155,8 +158,13 @@ def _moving(log: Log, rows: slice, model: Model, kernel: Kernel, width: float, s
     def cogging(order: int) -> list[Array]:
         return [mean(np.where(visible(order), w(order * theta), 0.0)) for w in (np.cos, np.sin)]
 
+    slope = np.zeros_like(theta)  # of the cogging over the angle, by J
+    for n, (c, s) in model.waves.items():
+        slope += np.where(visible(n), n / model.j * (s * np.cos(n * theta) - c * np.sin(n * theta)), 0.0)
+
     def encoder(order: int) -> list[Array]:
-        return [kernel.of(w(order * theta), kernel.second, step) for w in (np.cos, np.sin)]
+        waves = (w(order * theta) for w in (np.cos, np.sin))
+        return [kernel.of(wave, kernel.second, step) - mean(slope * wave) for wave in waves]
 
     def ripple(order: int) -> list[Array]:
         """Torque of a wave of the magnet's flux, psi_d: by i_q, and by its slope with i_d, where known."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from cogless.identify import described, plan
 from cogless.identify.result import Estimate, Value, Wave
+from cogless.identify.sessions import sessions
 from cogless.maps import stored_map
 from cogless.maps.learned_map import motor_identity
 from cogless.maps.map_table import to_csv
@@ -73,6 +74,16 @@ def to_dict(made: Estimate) -> dict[str, Any]:
             for name, value in made.loads.items()
         },
         "logs": [log.name for log in made.logs],
+        "sessions": {
+            session.name: {
+                "logs": list(session.logs),
+                **{
+                    f"{key}_A": {"value": value.value, "error": value.error}
+                    for key, value in session.values.items()
+                },
+            }
+            for session in sessions(made)
+        },
         "remarks": list(made.remarks),
         "left_out": list(made.left_out),
     }

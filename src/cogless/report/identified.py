@@ -14,6 +14,8 @@ from cogless.identify import described
 from cogless.identify.command import Identified, lines
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Wave
+from cogless.identify.sessions import TOLD, sessions
+from cogless.identify.write import shown
 from cogless.report.markup import asset, note, table
 from cogless.results.trace import Trace
 from cogless.versions import versions
@@ -38,6 +40,7 @@ def render(found: Identified) -> str:
         ("Orders", _orders(made)),
         ("Measured over simulated", _replays(found)),
         ("What each log contributed", _logs(made)),
+        ("Sessions", _sessions(made)),
     ]
     return page_of("identify", made.known.title, sections)
 
@@ -179,3 +182,14 @@ def _logs(made: Estimate) -> str:
     names = ("Log", "kind", "rows", "not explained, rms", "error when predicted by the others")
     head = "".join(f"<th>{name}</th>" for name in names)
     return table("numbers", "Logs", head, body)
+
+
+def _sessions(made: Estimate) -> str:
+    """Friction and offset of each session that the file of columns names."""
+    body = ""
+    for session in sessions(made):
+        cells = [", ".join(session.logs)]
+        cells += [shown(session.values[key], "A") if key in session.values else "not told" for key in TOLD]
+        body += f"<tr><th>{escape(session.name)}</th>{''.join(f'<td>{escape(c)}</td>' for c in cells)}</tr>"
+    head = "".join(f"<th>{name}</th>" for name in ("Session", "logs", "friction over K_t", "offset of i_q"))
+    return table("", "Sessions", head, body) if body else ""
