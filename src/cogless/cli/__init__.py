@@ -1,0 +1,53 @@
+"""The commands: parse arguments, call the library, print results."""
+
+from __future__ import annotations
+
+import os
+from typing import Annotated
+
+import typer
+
+from cogless.cli.calibrate import calibrate
+from cogless.cli.catalogue import list_
+from cogless.cli.design import design
+from cogless.cli.ensemble import sweep, tune
+from cogless.cli.firmware import export, pil
+from cogless.cli.live import live
+from cogless.cli.logs import diagnose, identify
+from cogless.cli.maps import map_
+from cogless.cli.run import run
+
+__all__ = ["app"]
+
+# The matrices of the designs are so small that several BLAS threads would only wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Simulate a permanent-magnet motor drive and compare the controllers that remove its torque ripple.",
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from cogless.versions import versions
+
+        print(f"cogless {versions()['cogless']}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    pass
+
+
+# in the order of `cogless --help`
+for command in (run, live, sweep, tune, design, export, pil, identify, diagnose, list_, calibrate, map_):
+    app.command(command.__name__.rstrip("_"))(command)

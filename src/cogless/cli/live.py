@@ -1,0 +1,33 @@
+"""`live`: a page that runs a study in the browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cogless.cli.options import SetOption, StudyArgument
+from cogless.cli.study import command_line, load
+from cogless.cli.terminal import new_console
+
+
+def live(
+    study: StudyArgument,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="The page.", show_default="STUDY-live.html"),
+    ] = None,
+    changes: SetOption = None,
+) -> None:
+    """Write a page that runs a study of speed in the browser: turn a gain, and see the ripple follow.
+
+    One HTML file with the engine and the control laws inside. It needs no network and no installation.
+    """
+    from cogless.live import write
+
+    loaded = load(study, changes)
+    path = output or Path(f"{loaded.name}-live.html")
+    with new_console(stderr=True).status("Making the page"):
+        write(loaded, path, command_line("run", study, changes, []))
+    print(f"Page: {path}")

@@ -1,0 +1,114 @@
+"""`identify` and `diagnose`: what a drive's logs tell."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cogless.cli.study import load
+from cogless.cli.terminal import new_console
+from cogless.errors import StudyError
+
+
+def identify(
+    logs: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="LOG...", help="Logs: CSV (gz), NPZ, Parquet, MAT, MDF4, traces.nc."),
+    ] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", metavar="FILE", help="TOML: columns, what is known, kinds of logs."),
+    ] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Where results go.")] = Path(
+        "results/identified"
+    ),
+    plan: Annotated[
+        str | None,
+        typer.Option(
+            "--plan", metavar="STUDY", help="Write the sequence of logs to record for this study's motor."
+        ),
+    ] = None,
+) -> None:
+    """Find a motor's inertia, friction, cogging and K_t ripple in its drive's logs.
+
+    Writes motor.toml, study.toml ready to run, an anti-cogging table, and report.html. What the logs cannot
+    tell is left out, with a sentence on what to record.
+    """
+    from cogless.results.folder import held, new_set
+
+    if plan is not None:
+        from cogless.identify import plan as planning
+        from cogless.identify import rehearsal
+
+        study = load(plan, None)
+        with held(output), new_set(output) as stage:
+            planning.write(study, stage)
+            with new_console(stderr=True).status("Rehearsing") as status:
+                expected = rehearsal.expected(stage, lambda what, share: status.update(f"Rehearsing: {what}"))
+        print("To be expected, from simulated logs of this motor:")
+        for line in expected:
+            print(line)
+        print(f"Study: {output / 'study.toml'}")
+        print(f"Columns: {output / 'id.toml'}")
+        return
+    if not logs or config is None:
+        raise StudyError("identify: expected logs and --config FILE, or --plan STUDY")
+    from cogless.identify import command, write
+    from cogless.report import identified as report
+
+    with held(output):
+        with new_console(stderr=True).status("Identifying") as status:
+            found = command.identified(
+                logs, config, lambda what, share: status.update(f"Identifying: {what}")
+            )
+        with new_set(output) as stage:
+            write.write_all(found.estimate, stage)
+            report.write_report(found, stage / "report.html")
+    for line in command.lines(found.estimate):
+        print(line)
+    for line in (*found.estimate.left_out, *found.estimate.remarks):
+        print(f"! {line}")
+    if "j" in found.estimate.values:
+        print(f"Study: {output / 'study.toml'}")
+    print(f"Report: {output / 'report.html'}")
+
+
+def diagnose(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(metavar="LOG...", help="Logs: CSV (gz), NPZ, Parquet, MAT, MDF4, traces.nc."),
+    ],
+    config: Annotated[
+        Path, typer.Option("--config", metavar="FILE", help="TOML: columns, what is known, kinds of logs.")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="Write diagnosis.json and report.html there."),
+    ] = None,
+) -> None:
+    """Say where the ripple in a drive's logs comes from.
+
+    Shares of each order to cogging, K_t ripple, dead time, currents' offset and gain, the encoder and
+    mechanics, at each log's speed and load, with how sure that is.
+    """
+    from cogless.identify import diagnosis
+
+    with new_console(stderr=True).status("Diagnosing") as status:
+        made = diagnosis.diagnosed(logs, config, lambda what, share: status.update(f"Diagnosing: {what}"))
+    for line in diagnosis.lines(made):
+        print(line)
+    for line in made.said:
+        print(f"! {line}")
+    if output is not None:
+        from cogless.report import diagnosed as report
+        from cogless.results.folder import held, new_set
+
+        with held(output), new_set(output) as stage:
+            (stage / "diagnosis.json").write_text(
+                json.dumps(diagnosis.to_dict(made), indent=2, ensure_ascii=False) + "\n", "utf-8"
+            )
+            report.write_report(made, stage / "report.html")
+        print(f"Report: {output / 'report.html'}")

@@ -1,0 +1,152 @@
+"""`run`: every controller in every scenario, or every law on every plant of an arena."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cogless.cli.options import (
+    CORES,
+    JobsOption,
+    NoCodeOption,
+    OnlyOption,
+    OutputOption,
+    SetOption,
+    StudyArgument,
+)
+from cogless.cli.study import command_line, name_code, to_run
+from cogless.cli.tables import print_tables, print_warnings
+from cogless.cli.terminal import new_bar, new_console, run_progress
+from cogless.errors import INTERRUPTED, StudyError, say
+
+if TYPE_CHECKING:
+    from cogless.results import AnyResults
+    from cogless.study.arena import Arena
+
+
+def run(
+    study: StudyArgument,
+    output: OutputOption = None,
+    only: OnlyOption = None,
+    changes: SetOption = None,
+    plots: Annotated[bool, typer.Option("--plots", help="Also write PNG pictures.")] = False,
+    no_traces: Annotated[bool, typer.Option("--no-traces", help="Write no traces.nc.")] = False,
+    with_page: Annotated[
+        bool, typer.Option("--live", help="Also write live.html, the page of `cogless live`.")
+    ] = False,
+    jobs: JobsOption = CORES,
+    no_code: NoCodeOption = False,
+) -> None:
+    """Simulate a study: every controller in every scenario. Of an arena: every law on every plant.
+
+    Prints a table of controllers against metrics and writes results.json, traces.nc and report.html.
+
+    Ctrl-C keeps the runs that are finished.
+    """
+    from cogless.design.warnings import too_short
+    from cogless.results.folder import held
+    from cogless.run.simulate import RunError, run_study, runs_of
+    from cogless.study import TrialStudy
+
+    arena = _arena(study, changes)
+    if arena is not None:
+        name_code(arena.path, "law", arena.law, no_code, arena.found)
+        _run_arena(arena, output or Path("results") / arena.name, only, jobs)
+        return
+    loaded = to_run(study, changes, no_code)
+    wanted = len(runs_of(loaded, only))
+    folder = output or Path("results") / loaded.name
+    page = None
+    if with_page:
+        from cogless.live import render
+
+        page = render(loaded, command_line("run", study, changes, []))  # before the runs, which it may refuse
+    for line in too_short(loaded, runs_of(loaded, only)):
+        say(f"Warning: {line}.")
+    failures: list[StudyError] = []
+    with held(folder):
+        with run_progress(wanted) as progress:
+            try:
+                results: AnyResults = run_study(loaded, only, progress, jobs, traces=folder)
+            except RunError as error:
+                failures, results = [error], error.results
+        if results.runs:
+            try:
+                _write(results, folder, plots, not no_traces, page)
+            except StudyError as error:  # such as a full disk; the tables are still printed
+                failures.append(error)
+    if results.runs:
+        print_tables(results)
+        if not isinstance(loaded, TrialStudy):  # trial studies have certificates in the report
+            print_warnings(loaded, [(run.scenario, run.controller) for run in results.runs])
+        if not any(not isinstance(failure, RunError) for failure in failures):
+            print(f"Report: {folder / 'report.html'}")
+            if page is not None:
+                print(f"Page: {folder / 'live.html'}")
+    if failures:
+        raise StudyError("\n".join(map(str, failures)))
+    if results.interrupted:
+        kept = ", ".join(f"{run.scenario}/{run.controller}" for run in results.runs)
+        where = f" ({kept}), written to {folder}" if kept else ", nothing written"
+        say(f"Interrupted: kept {len(results.runs)} of {wanted} runs{where}.")
+        sys.exit(INTERRUPTED)
+
+
+def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: str | None) -> None:
+    from cogless import report
+    from cogless.results import map_files, results_json
+    from cogless.results.folder import hashes, new_set
+    from cogless.results.trace import write_netcdf
+    from cogless.study import TrialStudy
+
+    study, run = results.study, results_json.run_id(results)
+    with new_set(folder) as stage:
+        if traces:
+            about = {"title": study.title, "seed": study.seed, "run": run}
+            rate = math.inf if isinstance(study, TrialStudy) else study.trace.file_rate
+            write_netcdf(stage / "traces.nc", results.runs, about, rate)
+        report.write(results, stage / "report.html")
+        if page is not None:
+            (stage / "live.html").write_text(page, encoding="utf-8")
+        map_files.write_all(results, stage / "maps")
+        if plots:
+            report.write_plots(results, stage)
+        results_json.write(results, stage / "results.json", hashes(stage))
+
+
+def _arena(study: str, changes: list[str] | None) -> Arena | None:
+    """The arena of a file, or None if it has a study."""
+    from cogless.study.arena import arena_of, is_arena
+    from cogless.study.reading import changes_from, find, put, read
+
+    path = find(study, "studies", "study")
+    tables = read(path)
+    if not is_arena(tables):
+        return None
+    for key, value in changes_from(changes or ()).items():
+        put(tables, key, value)
+    return arena_of(path, tables)
+
+
+def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int) -> None:
+    from cogless.ensemble import arena_files
+    from cogless.ensemble.arena import chosen, run_arena
+    from cogless.results.folder import held, new_set
+
+    plants = len(chosen(arena, only))
+    with held(folder):
+        with new_bar() as bar:
+            task = bar.add_task("", total=plants)
+            results = run_arena(
+                arena, only, lambda name, done: bar.update(task, completed=done, description=name), jobs
+            )
+        with new_set(folder) as stage:
+            arena_files.write(results, stage / "results.json")
+    new_console().print(arena_files.table(results))
+    for (plant, law), why in results.absent.items():
+        say(f"Absent: {law} on {plant}: {why}")
+    print(f"Results: {folder / 'results.json'}")

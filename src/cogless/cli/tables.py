@@ -1,0 +1,71 @@
+"""Results as tables on the terminal, and the design's warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from cogless.cli.terminal import new_console
+from cogless.errors import say
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+    from cogless.report import Line
+    from cogless.results import AnyResults
+    from cogless.study import AnyStudy
+
+
+def print_tables(results: AnyResults) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from cogless import report
+    from cogless.report.comparison import remarks
+
+    study, console = results.study, new_console()
+    for scenario in results.scenarios:
+        controllers = [run.controller for run in results.runs if run.scenario == scenario]
+        table = Table(
+            title=Text(scenario), title_justify="left", title_style="bold", box=None, pad_edge=False
+        )
+        table.add_column("")
+        for name in controllers:
+            table.add_column(Text(study.label(name)), justify="right")
+        lines = report.lines(results, scenario)
+        for line in lines:
+            cells = [_cell(line, name, study.baseline) for name in controllers]
+            table.add_row(Text(f"{line.title} [{line.unit}]" if line.unit else line.title), *cells)
+        console.print(table)
+        for remark in remarks(study, lines):
+            console.print(f"! {remark}", highlight=False, markup=False)
+        broken = report.broken(results, scenario)
+        if broken is not None:
+            console.print(broken, highlight=False, markup=False)
+        console.print()
+    shown = {run.controller for run in results.runs}
+    if len(shown) > 1:  # with one controller there are no marks to explain
+        ratio = f"; (x) times the value of {study.label(study.baseline)}" if study.baseline in shown else ""
+        console.print(f"* best{ratio}", highlight=False, markup=False)
+
+
+def print_warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
+    """Print the design's warnings about the controllers of these runs (scenario, name), each line once."""
+    from cogless.design.warnings import warnings
+
+    of_each = {name: scenario for scenario, name in runs}
+    for line in dict.fromkeys(line for name, at in of_each.items() for line in warnings(study, at, name)):
+        say(f"Warning: {line}.")
+
+
+def _cell(line: Line, controller: str, baseline: str) -> Text:
+    """A table cell: value, ratio to the baseline, and a mark (* is best, ! failed to hold the speed)."""
+    from rich.text import Text
+
+    from cogless.report.packing import number
+
+    text, ratio = line.number(controller) or "-", line.ratio(controller, baseline)
+    if ratio is not None and controller != baseline:
+        text += f" ({number(ratio)}x)"
+    mark = "*" if controller in line.best else "!" if controller in line.missed else " "
+    return Text(f"{text} {mark}", style="bold" if mark == "*" else "")

@@ -1,0 +1,83 @@
+"""The console and its progress bars."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress, ProgressColumn
+
+    from cogless.run.simulate import StudyProgress
+
+WIDE = 240  # columns if the output is no terminal, so that lines in files and pipes aren't wrapped
+
+
+def new_console(**options: Any) -> Console:
+    from rich.console import Console
+
+    console = Console(**options)
+    return console if console.is_terminal else Console(width=WIDE, **options)
+
+
+def new_bar(*columns: ProgressColumn) -> Progress:
+    """A progress bar on stderr, hidden if that is no terminal; columns: by default text, bar and time."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = new_console(stderr=True)
+    columns = columns or (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+
+
+@contextmanager
+def run_progress(runs: int) -> Iterator[StudyProgress]:
+    """Show the progress of all runs on stderr if it is a terminal; yield the function that reports it."""
+    with new_bar() as bar:
+        task = bar.add_task("", total=runs)
+        shares: dict[tuple[str, str], float] = {}
+
+        def report(scenario: str, controller: str, share: float) -> None:
+            shares[scenario, controller] = share
+            bar.update(task, completed=sum(list(shares.values())), description=f"{scenario}/{controller}")
+
+        yield report
+
+
+@contextmanager
+def variant_progress(variants: int) -> Iterator[Callable[[int], None]]:
+    """Show finished variants and the time left on stderr if it is a terminal."""
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+
+    with new_bar(
+        BarColumn(), MofNCompleteColumn(), TextColumn("variants, left"), TimeRemainingColumn()
+    ) as bar:
+        task = bar.add_task("", total=variants)
+        yield lambda done: bar.update(task, completed=done)
+
+
+@contextmanager
+def tune_progress() -> Iterator[Callable[[str, int, int, float], None]]:
+    """Show what is tuned, how far it is, and the best value so far on stderr if it is a terminal."""
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+
+    about = TextColumn("{task.description}")
+    with new_bar(about, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()) as bar:
+        tasks: dict[str, Any] = {}
+
+        def report(name: str, tried: int, budget: int, best: float) -> None:
+            if name not in tasks:
+                tasks[name] = bar.add_task("", total=budget)
+            bar.update(tasks[name], completed=tried, description=f"{name}: {100 * best:.3g} % of the start")
+
+        yield report
+
+
+@contextmanager
+def share_progress(what: str) -> Iterator[Callable[[float], None]]:
+    """Show the progress of one task on stderr if it is a terminal; yield the function that takes its
+    share."""
+    with new_bar() as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
