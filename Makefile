@@ -10,7 +10,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-com
 # modules are byte-compiled when first used; to rewrite a test's asserts again takes each worker 7 s
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help build demo test web hash lint control misra pil proof fuzz mutants docs bench dist clean
+.PHONY: help build demo test web axe hash lint control misra pil proof fuzz mutants docs bench dist clean
 
 help: ## what there is to make
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -51,6 +51,9 @@ test: $(VENV)/tested ## the whole test suite
 web: $(VENV)/installed ## the engine for live pages, as WebAssembly; compiled once, by ziglang
 	$(PIP) --no-build-isolation '.[web]'
 	$(BIN)/python -c 'from cogless.live.engine import module; module("single"), module("double")'
+
+axe: ## axe-core from npm: with it, the tests look for pages that are hard to use
+	npm install --silent --no-save --prefix build/axe axe-core@4
 
 hash: $(VENV)/tested ## a trace has the same bits by each compiler, -O2 and -O3, glibc and musl
 	$(PIP) --no-build-isolation '.[pil]'

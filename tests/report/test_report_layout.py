@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 
+import axe
 import numpy as np
 import pytest
 import synthetic
@@ -221,3 +222,44 @@ def test_paper_begins_a_scenario_on_a_page_of_its_own():
     paper = asset("report.css").split("@media print")[1]
     assert re.search(r"\.scenario \{[^}]*break-before: page", paper)
     assert re.search(r"\.printed \{ display: block", paper)
+
+
+@needs_browser
+@pytest.mark.parametrize("kind", ["speed", "trials"])
+def test_a_plots_numbers_open_as_a_table(chromium, pages, kind):
+    chromium.open(pages[kind], 1300)
+    rows = chromium.run("""
+      const fold = document.querySelector(".panel details");
+      fold.open = true;
+      return new Promise((done) => setTimeout(() => {
+        const row = (r) => [...r.children].map((c) => c.textContent);
+        done([...fold.querySelectorAll("tr")].map(row));
+      }, 50));
+    """)
+    head, *body = rows
+    assert 2 < len(body) <= 25 and all(len(row) == len(head) for row in body)
+    assert all(re.fullmatch(r"-?[\d.]+(e[-+]?\d+)?|\u2013", cell) for row in body for cell in row)
+
+
+@needs_browser
+@pytest.mark.skipif(bool(axe.MISSING), reason=axe.MISSING)
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("kind", ["speed", "trials"])
+def test_axe_finds_nothing_serious(chromium, pages, kind, scheme):
+    chromium.devtools(
+        "Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}]
+    )
+    chromium.open(pages[kind], 1300)
+    chromium.run("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+    found = axe.findings(chromium)
+    chromium.devtools("Emulation.setEmulatedMedia", features=[])
+    assert found == []
+
+
+@needs_browser
+@pytest.mark.skipif(bool(axe.MISSING), reason=axe.MISSING)
+def test_axe_finds_what_is_wrong(chromium, tmp_path):
+    page = tmp_path / "page.html"
+    page.write_text('<!doctype html><html lang="en"><title>t</title><main><button></button></main>')
+    chromium.open(page, 400)
+    assert [line.split(":")[0] for line in axe.findings(chromium)] == ["button-name"]

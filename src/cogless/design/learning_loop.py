@@ -202,16 +202,19 @@ class LearningLoop(ABC):
         return np.asarray(value * np.exp(2j * np.pi * f * lead * self.plant.period) if lead else value)
 
     def residual(self, f: ArrayLike, constant: bool = True) -> Real:
-        """The error after learning has settled, as a share of the error under feedback alone.
+        """The size of `left`: an error that isn't periodic with the learning period may double."""
+        return np.abs(self.left(f, constant))
 
-        An error that isn't periodic with the learning period is recalled with a shifted phase. Learning may
-        double it.
+    def left(self, f: ArrayLike, constant: bool = True) -> Complex:
+        """The error after learning has settled, divided by the error under feedback alone.
+
+        An error that isn't periodic with the learning period is recalled with a shifted phase.
         """
         f = np.asarray(f, dtype=float)
         q = self.q(f) * self.lines(f, constant) * np.exp(-2j * np.pi * f / self.periods_per_second)
         kept = self.kept(f)
         left = (1 - q) / (1 - q * kept)
-        return np.abs(left if self.lead else left * kept)
+        return np.asarray(left if self.lead else left * kept)
 
     @property
     def highest(self) -> float:

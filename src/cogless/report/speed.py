@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cogless.report import criterion, maps, periods, spectra
+from cogless.report import criterion, late, maps, periods, sensitivity, spectra, tracking
 from cogless.report.comparison import compare
 from cogless.report.markup import note, reservations
 from cogless.report.overtime import events, marks, waveforms, zooms
@@ -21,8 +21,10 @@ LISTS = {
     "strip": strip,
     "spectra": spectra.spectra,
     "maps": maps.maps,
+    "polar": maps.polar,
     "angle": periods.over_angle,
     "criterion": criterion.criterion,
+    "bode": sensitivity.bode,
     "events": events,
 }
 
@@ -30,7 +32,13 @@ LISTS = {
 def _charts(results: Results, runs: Runs) -> dict[str, Any]:
     drawn = [run for run in runs if len(run.trace) > 1]
     lists = {name: chart(results, drawn) if drawn else [] for name, chart in LISTS.items()}
-    return {"waveforms": waveforms(results, drawn), **lists}
+    followed = tracking.tracked(results, drawn) if drawn else None
+    return {
+        "waveforms": waveforms(results, drawn),
+        "waterfall": tracking.waterfall(results, followed),
+        "tracking": tracking.tracking(results, drawn, followed),
+        **lists,
+    }
 
 
 def _parts(results: Results, runs: Runs) -> dict[str, str]:
@@ -41,6 +49,10 @@ def _parts(results: Results, runs: Runs) -> dict[str, str]:
         "map_note": note(maps.NOTE),
         "angle_note": note(periods.NOTE),
         "criterion_note": note(criterion.NOTE),
+        "bode_note": note(sensitivity.NOTE),
+        "waterfall_note": note(tracking.WATERFALL_NOTE),
+        "tracking_note": note(tracking.NOTE),
+        "late": late.table(results, runs),
         "terms": term_tables(results, runs),
     }
 

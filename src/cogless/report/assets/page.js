@@ -29,6 +29,7 @@
     });
   };
 
+  const SOME = 24; // rows of a plot's table
   const FONT = "12px system-ui, sans-serif";
   const WIDE = 7.5; // px that a character takes at most
 
@@ -65,15 +66,64 @@
     let zooming = false;
     const part = (name) => article.querySelector(`[data-part="${name}"]`);
 
-    // One plot in a card: a title, the values under the cursor, the axes with their units. A series has `values` and a
-    // `controller` (`fade`: 0 to 1, how much of its colour), or a `stroke` of its own; `label`: its name beside the value.
-    // `least`: px below which it scrolls sideways instead. `adapt` may change uPlot's options.
-    function panel(parent, { title, x, y, xs, series, height = 180, least = 0, group = null, readX = number, cursor = {}, adapt = () => {} }) {
+    // A card with its title, and its numbers as a table that is made when it is opened.
+    // columns: headings; rows(): at most some dozens of them, numbers.
+    function cardOf(parent, title, columns, rows) {
       const card = make("div", parent, "", "panel");
       const head = make("header", card);
       make("strong", head, title);
       const readout = make("span", head, "", "readout");
       const box = make("div", card, "", "plot");
+      const fold = make("details", card, "", "data");
+      make("summary", fold, "as a table").setAttribute("aria-label", `${title} as a table`);
+      fold.ontoggle = () => {
+        fold.querySelector(".scroll")?.remove();
+        if (!fold.open) return;
+        const scroll = make("div", fold, "", "scroll");
+        Object.entries({ tabindex: 0, role: "region", "aria-label": `${title} as a table` }).forEach(([k, v]) => scroll.setAttribute(k, v));
+        const table = make("table", scroll, "", "numbers");
+        const row = (group, tag, cells) => {
+          const line = make("tr", group);
+          cells.forEach((c, i) => make(i ? tag : "th", line, typeof c === "string" ? c : number(c)).setAttribute("scope", tag === "th" ? "col" : i ? "" : "row"));
+        };
+        row(make("thead", table), "th", columns);
+        const body = make("tbody", table);
+        for (const cells of rows()) row(body, "td", cells);
+      };
+      return { card, readout, box };
+    }
+
+    // A card with a canvas of its own; paint(context, width, height) in CSS pixels.
+    function canvas(parent, { title, height, paint, columns, rows }) {
+      const { card, box } = cardOf(parent, title, columns, rows);
+      const element = make("canvas", box);
+      element.setAttribute("role", "img");
+      element.setAttribute("aria-label", title);
+      const u = {
+        height, destroy() {}, setSeries() {}, setScale() {},
+        setSize({ width }) {
+          const px = devicePixelRatio;
+          Object.assign(element, { width: width * px, height: height * px });
+          Object.assign(element.style, { width: `${width}px`, height: `${height}px`, display: "block" });
+          u.redraw();
+        },
+        redraw() {
+          const ctx = element.getContext("2d"), px = devicePixelRatio;
+          ctx.setTransform(px, 0, 0, px, 0, 0);
+          ctx.clearRect(0, 0, element.width, element.height);
+          paint(ctx, element.width / px, height);
+        },
+      };
+      plots.push({ u, card, box, series: [], group: null, least: 0, title });
+      u.setSize({ width: box.clientWidth });
+    }
+
+    // One plot in a card: a title, the values under the cursor, the axes with their units. A series has `values` and a
+    // `controller` (`fade`: 0 to 1, how much of its colour), or a `stroke` of its own; `label`: its name beside the value.
+    // `least`: px below which it scrolls sideways instead. `adapt` may change uPlot's options.
+    function panel(parent, { title, x, y, xs, series, height = 180, least = 0, group = null, readX = number, cursor = {}, adapt = () => {}, columns = null, rows = null }) {
+      const names = () => [x, ...series.map((s) => [s.controller == null ? "" : report.controllers[s.controller].label, s.label || ""].filter(Boolean).join(", ") || y)];
+      const { card, readout, box } = cardOf(parent, title, columns ?? names(), rows ?? (() => someRows(u)));
       const faded = (s) => colour(s.controller) + (s.fade == null ? "" : Math.round(255 * s.fade).toString(16).padStart(2, "0"));
       const stroke = (s) => s.stroke ?? (s.controller == null ? style("--ink") : faded(s));
       const show = (u) => {
@@ -114,6 +164,15 @@
       u.over.addEventListener("dblclick", () => u.setScale("x", { min: u.data[0][0], max: u.data[0].at(-1) }));
       plots.push({ u, card, box, series, group, least, title });
       return u;
+    }
+
+    // Some of the rows that a plot shows, evenly.
+    function someRows(u) {
+      const [from, to] = u.series[0].idxs ?? [0, u.data[0].length - 1];
+      const every = Math.max(1, Math.ceil((to - from + 1) / SOME));
+      const found = [];
+      for (let i = from; i <= to; i += every) found.push(u.data.map((column) => column[i]));
+      return found;
     }
 
     // Show a part of all plots of a group.
@@ -161,7 +220,7 @@
       }
     }
 
-    const self = { article, shown, part, panel, zoomed, zoomTo, zoomButtons, clear, redraw, resize, toggle };
+    const self = { article, shown, part, panel, canvas, zoomed, zoomTo, zoomButtons, clear, redraw, resize, toggle };
     return self;
   }
 

@@ -161,6 +161,11 @@ const speedPlots = (page) => {
     });
   }
 
+  const overFrequency = (o) => {
+    o.scales.x.distr = 3;
+    o.axes[0].values = (_, ticks) => ticks.map((f) => (f != null && Math.abs(Math.log10(f) % 1) < 1e-6 ? number(f) : ""));
+  };
+
   // Factors over frequency against one, and upright lines where something grew.
   function drawCriterion(sheet, parent, chart) {
     const { frequency, series, marks } = chart;
@@ -168,8 +173,7 @@ const speedPlots = (page) => {
     sheet.panel(parent, {
       ...about(chart), xs: frequency, series: [...series, one], height: 260, readX: (f) => `${number(f)} Hz`,
       adapt: (o) => {
-        o.scales.x.distr = 3;
-        o.axes[0].values = (_, ticks) => ticks.map((f) => (f != null && Math.abs(Math.log10(f) % 1) < 1e-6 ? number(f) : ""));
+        overFrequency(o);
         o.hooks.draw.push((u) => {
           const { ctx, bbox } = u;
           ctx.save();
@@ -186,6 +190,115 @@ const speedPlots = (page) => {
             ctx.fillText(`grew: ${number(at)} Hz`, x - 5 * devicePixelRatio, bbox.top + 14 * devicePixelRatio);
           }
           ctx.restore();
+        });
+      },
+    });
+  }
+
+  const DECADES = 2; // of the waterfall's colours
+
+  // Cells of amplitude by order and speed in the controller's colour, fuller for larger ones.
+  function drawWaterfall(sheet, parent, chart) {
+    const { controller, speeds, orders, top } = chart;
+    const values = unpack(chart.values);
+    const edges = [speeds[0], ...speeds.slice(1).map((v, i) => (v + speeds[i]) / 2), speeds.at(-1)];
+    sheet.panel(parent, {
+      ...about(chart), title: page.report.controllers[controller].label, xs: Array.from({ length: orders }, (_, i) => i + 1), series: [], height: 300,
+      readX: (n) => `order ${n}`, cursor: { drag: { x: false, y: false } },
+      rows: () => speeds.map((v, i) => {
+        const row = values.slice(i * orders, (i + 1) * orders);
+        const most = Math.max(...row);
+        return [v, row.indexOf(most) + 1, most];
+      }), columns: [`speed (${chart.unit})`, "strongest order", `amplitude (${chart.unit})`],
+      adapt: (o) => {
+        o.scales.x.range = () => [0.5, orders + 0.5];
+        o.scales.y.range = () => [speeds[0], speeds.at(-1)];
+        o.axes[0].grid.show = o.axes[1].grid.show = false;
+        o.hooks.draw.push((u) => within(u, (ctx) => {
+          if (hidden.has(controller)) return;
+          ctx.fillStyle = colour(controller);
+          const x = (n) => u.valToPos(n, "x", true), y = (i) => u.valToPos(edges[i], "y", true);
+          values.forEach((v, k) => {
+            const level = v > 0 ? 1 + Math.log10(v / top) / DECADES : 0;
+            if (level <= 0) return;
+            const [i, n] = [Math.floor(k / orders), (k % orders) + 1];
+            ctx.globalAlpha = Math.min(1, level);
+            ctx.fillRect(x(n - 0.5), y(i + 1), Math.max(1, x(n + 0.5) - x(n - 0.5)), y(i) - y(i + 1) + 1);
+          });
+        }));
+      },
+    });
+  }
+
+  // Log axes whose lower end is a share of the largest value.
+  const logY = (series, share) => (o) => {
+    const top = Math.max(...series.flatMap((s) => s.values.filter((v) => v > 0)), 1e-12);
+    const low = Math.max(top * share, Math.min(...series.flatMap((s) => s.values.filter((v) => v > 0)), top / 10));
+    o.scales.y = { distr: 3, range: () => uPlot.rangeLog(low, top, 10, false) };
+  };
+
+  const TURN = 2 * Math.PI;
+
+  // A current around the circle: its mean as a line, its least and largest as a band; the middle circle is zero.
+  function drawPolar(sheet, parent, chart) {
+    const { series, unit, title } = chart;
+    const most = Math.max(...series.flatMap((s) => [...s.low, ...s.high]).map(Math.abs), 1e-12);
+    const top = Number((1.05 * most).toPrecision(2));
+    const label = (x) => `${number(x)} ${unit}`;
+    sheet.canvas(parent, {
+      title, height: 400, columns: ["angle (°)", ...series.flatMap((s) => ["mean", "least", "largest"].map((w) => `${page.report.controllers[s.controller].label}, ${w} (${unit})`))],
+      rows: () => series[0].values.map((_, i) => [i, ...series.flatMap((s) => [s.values[i], s.low[i], s.high[i]])]).filter((_, i) => i % 15 === 0),
+      paint: (ctx, width, height) => {
+        const [cx, cy, reach] = [width / 2, (height - 50) / 2, Math.min(width, height - 50) / 2 - 34];
+        const radius = (v) => reach * (0.55 + (0.45 * v) / top);
+        const at = (i, v) => [cx + radius(v) * Math.cos((i / 360) * TURN), cy - radius(v) * Math.sin((i / 360) * TURN)];
+        const trace = (values, back) => values.forEach((_, k) => {
+          const i = back ? values.length - 1 - k : k;
+          ctx[k || back ? "lineTo" : "moveTo"](...at(i, values[i]));
+        });
+        ctx.font = "12px system-ui, sans-serif";
+        ctx.textBaseline = "middle";
+        ctx.lineWidth = 1;
+        for (const v of [-top, 0, top]) {
+          ctx.strokeStyle = page.style(v ? "--grid" : "--soft");
+          ctx.beginPath();
+          ctx.arc(cx, cy, radius(v), 0, TURN);
+          ctx.stroke();
+        }
+        ctx.strokeStyle = page.style("--grid");
+        for (let i = 0; i < 360; i += 45) {
+          ctx.beginPath();
+          ctx.moveTo(...at(i, -top));
+          ctx.lineTo(...at(i, top));
+          ctx.stroke();
+        }
+        for (const s of series.filter((x) => !hidden.has(x.controller))) {
+          ctx.fillStyle = ctx.strokeStyle = colour(s.controller);
+          ctx.globalAlpha = 0.25;
+          ctx.beginPath();
+          trace(s.high);
+          ctx.closePath();
+          ctx.moveTo(...at(0, s.low[0]));
+          s.low.forEach((v, i) => ctx.lineTo(...at(i, v)));
+          ctx.closePath();
+          ctx.fill("evenodd");
+          ctx.globalAlpha = 1;
+          ctx.lineWidth = 1.4;
+          ctx.beginPath();
+          trace(s.values);
+          ctx.closePath();
+          ctx.stroke();
+        }
+        ctx.fillStyle = page.style("--soft");
+        ctx.textAlign = "center";
+        ctx.fillText("90°", cx, cy - reach - 14);
+        ctx.fillText("270°", cx, cy + reach + 14);
+        ctx.fillText("0°", cx + reach + 16, cy);
+        ctx.fillText("180°", cx - reach - 16, cy);
+        ctx.textAlign = "left";
+        [top, 0, -top].forEach((v, i) => {
+          const text = `${["outer", "middle", "inner"][i]} circle: ${label(v)}`;
+          ctx.fillText(text, 8, height - 46 + 16 * i);
         });
       },
     });
@@ -211,7 +324,15 @@ const speedPlots = (page) => {
         ...about(s), xs: s.orders, series: s.series, height: 230, readX: (n) => `order ${n}`,
       });
 
-    part("map").hidden = !shown.maps.length;
+    part("late").hidden = !part("late").querySelector("table");
+    part("waterfall").hidden = !shown.waterfall.length;
+    for (const w of shown.waterfall) drawWaterfall(sheet, panels("waterfall"), w);
+    part("tracking").hidden = !shown.tracking.length;
+    for (const t of shown.tracking)
+      panel(panels("tracking"), { ...about(t), xs: t.along, series: t.series, group: "tracking", height: 210, adapt: logY(t.series, 1e-4) });
+
+    part("map").hidden = !shown.maps.length && !shown.polar.length;
+    for (const p of shown.polar) drawPolar(sheet, panels("map"), p);
     for (const m of shown.maps)
       panel(panels("map"), {
         ...about(m), xs: m.angle, series: m.series, height: 230, readX: (a) => `${number(a)}°`,
@@ -225,6 +346,10 @@ const speedPlots = (page) => {
 
     part("criterion").hidden = !shown.criterion.length;
     for (const c of shown.criterion) drawCriterion(sheet, panels("criterion"), c);
+
+    part("bode").hidden = !shown.bode.length;
+    for (const b of shown.bode)
+      panel(panels("bode"), { ...about(b), xs: b.frequency, series: b.series, group: "bode", height: 260, readX: (f) => `${number(f)} Hz`, adapt: overFrequency });
 
     part("events").hidden = !shown.events.length;
     shown.events.forEach((e, i) => drawTimes(sheet, panels("events"), e, "event" + i, () => ({ height: 210 })));
