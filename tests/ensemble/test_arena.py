@@ -16,6 +16,7 @@ from cogless.ensemble.arena_scores import COLUMNS, Scores
 from cogless.errors import StudyError
 from cogless.files import shipped
 from cogless.study.arena import Arena, arena_of
+from cogless.study.controller import AntiCogging
 from cogless.study.reading import read
 
 PLANT = {
@@ -71,6 +72,20 @@ def test_learning_beats_the_bar_and_a_law_of_ones_own_is_judged_too(results: Are
 def test_seeds_are_other_noise_and_another_angle(results: ArenaResults) -> None:
     ripple = {r.seed: r.metrics["ripple_rad_s"] for r in results.runs if (r.case, r.law) == (TOLD, "bar")}
     assert ripple[0] != ripple[1]
+
+
+def test_the_run_in_which_a_table_was_learned_counts_as_time_to_learn(tmp_path: Path) -> None:
+    easy, laws = {**PLANT, "target": "20 rpm"}, {**LAWS, "table": {"law": "anti-cogging", "tuning": AUTO}}
+    fight = arena(tmp_path, seeds=[0], plant={"drone": easy}, law=laws)
+    study, _ = prepared(fight, "drone", ["table"])
+    law = study.controller["table"]
+    assert isinstance(law, AntiCogging) and law.calibration is not None
+    found = run_arena(fight, ["drone/table"])
+    assert found.before == {("drone", "table"): law.calibration.duration}
+    alone = next(run.metrics["time_to_learn_s"] for run in found.runs if run.case == TOLD)
+    scores = Scores(arena_files.to_dict(found))
+    took = scores.of_seed("time_to_learn", "drone", "table", 0)
+    assert took == pytest.approx(law.calibration.duration + alone) and took > 5
 
 
 def test_results_are_plain_json(results: ArenaResults, tmp_path: Path) -> None:
