@@ -63,7 +63,7 @@ class ArenaPlant(Table):
 
 
 class ArenaTrials(Table):
-    """A study of trials, whose own controllers meet in its scenarios: laws of speed have nothing to do there."""
+    """A study of trials, whose own controllers meet in its scenarios."""
 
     study: str  # a shipped one, or a path relative to the arena's file
     about: Line = ""
