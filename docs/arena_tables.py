@@ -9,8 +9,10 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from marked import Blocks, main, number, table
 from pil_tables import CASES
@@ -19,6 +21,11 @@ from pil_tables import PAGE as COSTS
 import cogless
 from cogless.ensemble.arena_scores import COLUMNS, Scores
 
+TRIAL_COLUMNS = {
+    "trials_to_floor": "trials to the floor, after each change",
+    "first_error_rad": "first error [mrad]",
+    "final_error_rad": "settled error [mrad]",
+}
 LEARNED_ON = 0.95  # times the bar: more ripple than that is no win of a law that learns
 LOSES = 1.02  # times the bar: worse than it
 
@@ -50,16 +57,18 @@ def main_table(scores: Scores) -> list[str]:
     known, rows = costs(), []
     best = {column: scores.winners(column) for column in COLUMNS}
     for law in scores.laws:
-        cells = [_cell(scores.score(column, law), law in best[column]) for column in COLUMNS]
+        cells = [
+            scores.unscored(law) if score is None else _cell(score, law in best[column])
+            for column in COLUMNS
+            for score in [scores.score(column, law)]
+        ]
         spent = known.get(scores.content["laws"][law]["law"], ("-", "-"))
         rows.append([scores.label(law), *cells, *spent, str(scores.met(law))])
     head = ["law", *(c.title for c in COLUMNS.values()), "instructions", "RAM", "plants"]
     return table(head, rows)
 
 
-def _cell(value: float | None, bold: bool) -> str:
-    if value is None:
-        return "-"
+def _cell(value: float, bold: bool) -> str:
     text = number(value) if math.isfinite(value) else "∞"
     return f"**{text}**" if bold else text
 
@@ -151,8 +160,49 @@ def _sentence(scores: Scores, plant: str) -> str:
         for each in scores.content["absent"]
         if each["plant"] == plant
     ]
+    bar = f" {scores.label(scores.bar)} isn't on it, so it is in no score." if plant in scores.barless else ""
     stays = f" Not on it: {', '.join(away)}." if away else ""
-    return f"{about[0].upper()}{about[1:]}.{stays}"
+    return f"{about[0].upper()}{about[1:]}.{bar}{stays}"
+
+
+def trial_tables(content: Mapping[str, Any]) -> list[str]:
+    """Laws of trials, in each phase of their study: the mean over seeds; instructions of a sample."""
+    known, lines = costs(), []
+    for name, about in content["arena_trials"].items():
+        runs = [run for run in content["trials"] if run["trials"] == name]
+        columns = list(runs[0]["metrics"]) if runs else []
+        laws = {run["law"]: (run["label"], run["kind"]) for run in runs}
+        values = {
+            (law, column): [
+                _mean([run["metrics"][column][phase] for run in runs if run["law"] == law])
+                for phase in range(len(runs[0]["metrics"][column]))
+            ]
+            for law in laws
+            for column in columns
+        }
+        rows = []
+        for law, (label, kind) in laws.items():
+            cells = []
+            for column in columns:
+                worst = {each: max(values[each, column]) for each in laws}
+                text = ", ".join(_trial_cell(column, x) for x in values[law, column])
+                won = math.isfinite(worst[law]) and worst[law] <= 1.02 * min(worst.values())
+                cells.append(f"**{text}**" if won else text)
+            rows.append([label, *cells, known.get(kind, ("-", "-"))[0]])
+        head = [TRIAL_COLUMNS.get(column, column) for column in columns]
+        lines += [f"### {name}", "", f"{about[0].upper()}{about[1:]}.", ""]
+        lines += [*table(["law", *head, "instructions"], rows), ""]
+    return lines[:-1]
+
+
+def _mean(values: Sequence[float | None]) -> float:
+    return sum(math.inf if value is None else value for value in values) / len(values)
+
+
+def _trial_cell(column: str, value: float) -> str:
+    if math.isinf(value):
+        return "never"
+    return f"{1e3 * value:.2f}" if column.endswith("_rad") else f"{value:.3g}"
 
 
 def seeds(scores: Scores) -> list[str]:
@@ -168,13 +218,15 @@ def seeds(scores: Scores) -> list[str]:
 
 
 def blocks(path: Path) -> Blocks:
-    scores = Scores(json.loads(path.read_text(encoding="utf-8")))
+    content = json.loads(path.read_text(encoding="utf-8"))
+    scores = Scores(content)
     return {
         "scores": main_table(scores),
         "winners": winner_table(scores),
         "losers": losers(scores),
         "seeds": seeds(scores),
         "plants": plant_tables(scores),
+        "trials": trial_tables(content),
     }
 
 

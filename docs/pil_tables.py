@@ -48,6 +48,7 @@ CASES: list[Case] = [
     ("space-learning position, map", "verrelli2016", None, "filtered", SINGLE),
     ("space-learning position, by delay", "verrelli2016", None, "printed", SINGLE),
     ("trials", "mandra2019", None, "ilc", {}),
+    ("trials with an observer", "mandra2019", None, "observer", {}),
 ]
 LOOP = {"foc", "modulation"}
 AROUND = {"drive", "monitor", "quality", "real"}

@@ -158,6 +158,39 @@ def test_never_counts_as_the_time_that_there_was() -> None:
     assert scores.score("time_to_learn", "law") == pytest.approx(math.sqrt(2 / 8 * 8 / 4))
 
 
+def test_a_plant_without_the_bar_is_named() -> None:
+    scores = Scores(content({"bar": [1.0], "law": [2.0, 3.0], "shy": []}))
+    assert scores.barless == ["b"]
+    assert scores.score("time_to_learn", "shy") is None and scores.unscored("shy") == "not run"
+    found = content({"bar": [], "law": [2.0, 3.0]})
+    assert Scores(found).barless == ["a", "b"] and Scores(found).unscored("law") == "no bar"
+    assert Scores(found).score("time_to_learn", "law") is None
+
+
+def test_without_the_bar_the_table_says_so(tmp_path: Path) -> None:
+    found = run_arena(arena(tmp_path, seeds=[0]), ["drone/pi-ilc"])
+    shown = arena_files.table(found)
+    assert str(shown.caption) == "In no score, since bar was not on it: drone."
+    assert [list(column.cells)[1] for column in shown.columns][1:-1] == ["no bar"] * len(COLUMNS)
+    assert [next(iter(column.cells)) for column in shown.columns][1:-1] == ["not run"] * len(COLUMNS)
+
+
+def test_trials_meet_their_own_study_s_controllers(tmp_path: Path) -> None:
+    changes = {"scenario": {"table-1": {"trials": 95}}, "trace": {"rate": "400 Hz"}}
+    trials = {"moves": {"study": "mandra2019", "about": "moves", "changes": changes}}
+    found = run_arena(arena(tmp_path, seeds=[3], trials=trials), ["moves/*"])
+    assert not found.runs
+    told = json.loads(json.dumps(arena_files.to_dict(found)))
+    assert told["arena_trials"] == {"moves": "moves"}
+    needed = {run["law"]: run["metrics"]["trials_to_floor"] for run in told["trials"]}
+    assert needed["no-ilc"] == [None] * 4 and len(needed["ilc"]) == 4
+    assert all(
+        set(r["metrics"]) == {"trials_to_floor", "first_error_rad", "final_error_rad"} for r in told["trials"]
+    )
+    with pytest.raises(StudyError, match=r"trials\.moves\.study: expected a study of trials"):
+        run_arena(arena(tmp_path, trials={"moves": {"study": "uomodri"}}), ["moves/*"])
+
+
 def test_the_run_that_fills_a_table_before_counts_as_learning() -> None:
     found = content({"bar": [4.0, 4.0], "table": [0.0, 0.0]})
     found["before"] = [{"plant": "a", "law": "table", "s": 3.0}]

@@ -16,13 +16,14 @@ from cogless.errors import StudyError
 from cogless.results import AnyResults
 from cogless.results.metrics import Value
 from cogless.run.simulate import RunError, rollout
-from cogless.study import Study, changed
+from cogless.study import AnyStudy, Study, TrialStudy, changed
 from cogless.study import load as load_study
 from cogless.study.arena import Arena, ArenaPlant
 from cogless.study.base import Source
 from cogless.study.controller import AntiCogging, Feedback, LearnsWhileRunning, OwnLaw
 from cogless.study.error_messages import dotted
 from cogless.study.harmonic import Harmonic
+from cogless.study.metric import EACH_PHASE, result_name
 from cogless.study.reading import checked, find
 
 TOLD, LATE, HEAVY, LIGHT = (
@@ -51,6 +52,18 @@ class ArenaRun:
 
 
 @dataclass(frozen=True)
+class ArenaTrialRun:
+    """A finished run of trials. `metrics`: those with a number for each phase, by name and unit."""
+
+    trials: str
+    law: str
+    label: str
+    kind: str  # the law's name
+    seed: int
+    metrics: Mapping[str, list[float]]
+
+
+@dataclass(frozen=True)
 class ArenaResults:
     """All runs of an arena, and why some laws weren't on some plants: (plant, law) -> reason."""
 
@@ -59,6 +72,7 @@ class ArenaResults:
     absent: Mapping[tuple[str, str], str]
     settings: Mapping[tuple[str, str], Mapping[str, Any]]  # numbers that the rule auto gave, SI
     before: Mapping[tuple[str, str], float]  # s, of a run in which a table was learned before
+    trials: Sequence[ArenaTrialRun]
 
 
 def run_arena(
@@ -89,14 +103,43 @@ def run_arena(
             made = {(run.scenario, run.controller) for run in results.runs}
             lost = {law for case in study.scenario for law in study.controller if (case, law) not in made}
             absent |= {(plant, law): "fails on the way" for law in sorted(lost)}
-    return ArenaResults(arena, runs, absent, settings, before)
+    trials = [
+        run
+        for name in arena.trials
+        if not only or any(fnmatchcase(name, pattern.partition("/")[0]) for pattern in only)
+        for run in _trials(arena, name, jobs)
+    ]
+    return ArenaResults(arena, runs, absent, settings, before, trials)
+
+
+def _trials(arena: Arena, name: str, jobs: int) -> list[ArenaTrialRun]:
+    """All controllers of a study of trials, with each seed."""
+    told = arena.trials[name]
+    path = find(told.study, "studies", "study", arena.path.parent, f"{arena.path}: trials.{name}.study: ")
+    study = load_study(path, told.changes)
+    if not isinstance(study, TrialStudy):
+        raise StudyError(f"{arena.path}: trials.{name}.study: expected a study of trials")
+    of_phases = {result_name(m) for m in study.metric if m.kind in EACH_PHASE}
+    found = []
+    studies = [changed(study, {"seed": seed}) for seed in arena.seeds]
+    for seed, results in zip(arena.seeds, _rolled(studies, jobs), strict=True):
+        for run in results.runs:
+            each = {n: v for n, v in run.metrics.items() if n in of_phases and isinstance(v, list)}
+            law = study.controller[run.controller]
+            kind = str(getattr(law, "law", ""))
+            found.append(ArenaTrialRun(name, run.controller, study.label(run.controller), kind, seed, each))
+    return found
 
 
 def chosen(arena: Arena, only: Sequence[str] | None) -> dict[str, list[str]]:
-    """The laws to run on each plant. StudyError: a pattern that matches nothing."""
+    """The laws to run on each plant. StudyError: a pattern that matches nothing.
+
+    A pattern for trials, NAME/*, chooses no plant.
+    """
     pairs = [(plant, law) for plant in arena.plant for law in arena.law]
     for pattern in only or ():
-        if not any(fnmatchcase("/".join(pair), pattern) for pair in pairs):
+        of_trials = any(fnmatchcase(name, pattern.partition("/")[0]) for name in arena.trials)
+        if not of_trials and not any(fnmatchcase("/".join(pair), pattern) for pair in pairs):
             known = f"plants {', '.join(arena.plant)} and laws {', '.join(arena.law)}"
             raise StudyError(f'{arena.path}: --only: "{pattern}": expected PLANT/LAW of the {known}')
     found: dict[str, list[str]] = {}
@@ -249,7 +292,7 @@ def _seeded(study: Study, seed: int) -> Study:
     )
 
 
-def _rolled(studies: Sequence[Study], jobs: int) -> list[AnyResults]:
+def _rolled(studies: Sequence[AnyStudy], jobs: int) -> list[AnyResults]:
     try:
         return rollout(studies, jobs=jobs, keep_traces=False)
     except RunError as error:  # of a law that fails; all others are finished

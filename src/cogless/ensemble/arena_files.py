@@ -38,6 +38,18 @@ def to_dict(results: ArenaResults) -> dict[str, Any]:
             {"plant": p, "law": law, "controller": as_json(dict(t))}
             for (p, law), t in results.settings.items()
         ],
+        "arena_trials": {name: told.about for name, told in arena.trials.items()},
+        "trials": [
+            {
+                "trials": run.trials,
+                "law": run.law,
+                "label": run.label,
+                "kind": run.kind,
+                "seed": run.seed,
+                "metrics": {n: [_plain(x) for x in values] for n, values in run.metrics.items()},
+            }
+            for run in results.trials
+        ],
         "runs": [
             {
                 "plant": run.plant,
@@ -75,10 +87,15 @@ def table(results: ArenaResults) -> Table:
     found.add_column("plants", justify="right")
     best = {column: scores.winners(column) for column in COLUMNS}
     for law in scores.laws:
-        cells = [_cell(scores.score(column, law), law in best[column]) for column in COLUMNS]
+        cells = [
+            scores.unscored(law)
+            if (score := scores.score(column, law)) is None
+            else f"{score:.3g}{' *' if law in best[column] else '  '}"
+            for column in COLUMNS
+        ]
         found.add_row(scores.label(law), *cells, str(scores.met(law)))
+    if scores.barless:
+        found.caption = (
+            f"In no score, since {scores.label(scores.bar)} was not on it: {', '.join(scores.barless)}."
+        )
     return found
-
-
-def _cell(value: float | None, is_best: bool) -> str:
-    return "-" if value is None else f"{value:.3g}{' *' if is_best else '  '}"

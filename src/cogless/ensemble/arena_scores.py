@@ -119,6 +119,16 @@ class Scores:
         """The number of plants that a law was on."""
         return sum(self.value("ripple", plant, law) is not None for plant in self.plants)
 
+    @property
+    def barless(self) -> list[str]:
+        """The plants on which laws were but the bar wasn't: they are in no score."""
+        on = [p for p in self.plants if any(self.value("ripple", p, law) is not None for law in self.laws)]
+        return [p for p in on if self.value("ripple", p, self.bar) is None]
+
+    def unscored(self, law: str) -> str:
+        """Why a law has no score, in two words."""
+        return "no bar" if self.met(law) else "not run"
+
     def score(self, column: str, law: str, seeds: Iterable[int] | None = None) -> float | None:
         """Geometric mean of the ratios over plants; infinite if one is; None if it was on none."""
         seeds = None if seeds is None else list(seeds)

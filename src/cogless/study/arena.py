@@ -62,6 +62,19 @@ class ArenaPlant(Table):
         return self
 
 
+class ArenaTrials(Table):
+    """A study of trials, whose own controllers meet in its scenarios."""
+
+    study: str  # a shipped one, or a path relative to the arena's file
+    about: Line = ""
+    changes: dict[str, Any] = Field(default={})  # of the study, by dotted key
+
+    @field_validator("changes")
+    @classmethod
+    def _dotted(cls, changes: dict[str, Any]) -> dict[str, Any]:
+        return dotted_keys(changes, lambda key, value: isinstance(value, dict))
+
+
 class Arena(Table):
     """A validated arena. Made by `arena_of`."""
 
@@ -70,6 +83,7 @@ class Arena(Table):
     seeds: Many[Annotated[int, Field(ge=0, lt=2**32)]] = (0,)  # of sensors' noise, and of the first angle
     plant: Annotated[dict[str, ArenaPlant], Field(min_length=1)]
     law: Annotated[dict[str, Controller], Field(min_length=1)]
+    trials: dict[str, ArenaTrials] = Field(default={})
     _path: Path = PrivateAttr()
     _laws: dict[str, dict[str, Any]] = PrivateAttr()
 
