@@ -9,7 +9,7 @@ project = "cogless"
 author = "the cogless authors"
 html_title = "cogless"
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "mathml", "from_code", "figures"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "mathml", "from_code", "figures", "blocks", "playground"]
 html_math_renderer = "mathml"
 exclude_patterns = ["_build"]
 

@@ -17,11 +17,11 @@ NO_ENGINE = "" if engine.is_there("single") else "needs the WebAssembly engine: 
 
 
 def run_node(folder: Path, assets: tuple[str, ...], script: str, given: Any) -> Any:
-    """What a script returns, which sees `given` and what is defined in these assets."""
+    """What a script returns, maybe later, which sees `given` and what is defined in these assets."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "given.json").write_text(json.dumps(given))
     read = 'const given = JSON.parse(require("fs").readFileSync(process.argv[2]));'
-    body = f"const made = (() => {{ {script} }})();\nconsole.log(JSON.stringify(made));"
+    body = f"(async () => {{ {script} }})().then((made) => console.log(JSON.stringify(made)));"
     text = "\n".join([*map(asset, assets), read, body])
     (folder / "script.cjs").write_text(text)
     done = subprocess.run(

@@ -31,6 +31,20 @@ def test_a_run_writes_the_page_beside_its_report(capsys, tmp_path):
     assert {"report.html", "live.html", "results.json"} <= {path.name for path in folder.iterdir()}
 
 
+@needs
+def test_a_law_that_the_page_leaves_out_is_named(capsys, tmp_path):
+    (tmp_path / "law.py").write_text("class Zero:\n    def step(self, i):\n        return 0.0\n")
+    study = live_studies.study(tmp_path).source.path
+    text = study.read_text(encoding="utf-8")
+    study.write_text(text + '[controller.mine]\nlaw = "python"\nobject = "law.py:Zero"\nlabel = "Mine"\n')
+    code, _, error = cogless(capsys, "live", study, "-o", tmp_path / "page.html")
+    assert code == 0
+    line = "Left out of the page: Mine: its law is code of its own, which the page doesn't run."
+    assert error.splitlines() == [line]
+    code, _, error = cogless(capsys, "run", study, "--only", "step/pi", "--live", "-o", tmp_path / "out")
+    assert code == 0 and line in error
+
+
 def test_a_study_of_trials_is_refused(capsys, tmp_path):
     error = refused(capsys, "live", "mandra2019", "-o", tmp_path / "page.html")
     assert "live: expected a study of speed, not one of trials" in error

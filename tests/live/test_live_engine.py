@@ -3,6 +3,7 @@
 import base64
 import hashlib
 
+import live_studies
 import numpy as np
 import pytest
 from node import NO_ENGINE, NO_NODE, module_file, run_node
@@ -13,7 +14,10 @@ from cogless.files import shipped
 from cogless.live import engine
 from cogless.live.blobs import blobs, held
 from cogless.live.packed import pack
+from cogless.live.page import asset
+from cogless.results.status import Status
 from cogless.run.plan import plan
+from cogless.run.simulate import simulate
 from cogless.study import Study, load
 from cogless.study.arena import is_arena
 from cogless.study.reading import read
@@ -82,6 +86,62 @@ def test_each_row_of_each_signal_has_the_native_bits(tmp_path, name):
         assert "error" not in made, made
         assert (made["hash"], made["stored"]) == native(each, TICKS), each.names[1:]
         assert made["names"] == [signal for signal, _ in each.drive.signals]
+
+
+WORKER = """
+const answers = {}, self = { postMessage: (answer) => answers[answer.id](answer) };
+new Function("self", "Engine", "liveMetrics", given.worker)(self, Engine, liveMetrics);
+await self.onmessage({ data: { module: require("fs").readFileSync(given.module) } });
+const bytes = (text) => new Uint8Array(Buffer.from(text, "base64"));
+const { job } = given;
+job.description = bytes(job.description);
+job.learn.description = bytes(job.learn.description);
+const { result, error } = await new Promise((done) => {
+  answers[1] = done;
+  self.onmessage({ data: { id: 1, job } });
+});
+return error ? { error } : { map: result.map.values, speed: result.turn.speed, current: result.turn.current };
+"""
+
+
+@needs
+def test_a_table_is_commissioned_in_the_page_bit_for_bit(tmp_path):
+    """The page's own worker fills the table by its slow run, and runs with it, as `cogless run` does."""
+    study = live_studies.study(tmp_path)
+    packed, planned = blobs(study, "step", "table"), plan(study, "step", "table")
+
+    def number(blob, path):
+        return next(n for n in blob.numbers if n.path == path).read(blob.data)
+
+    run, learn = packed["run"], packed["learn"]
+    rate = study.drive.rates.current_loop
+    given = {
+        "module": module_file(tmp_path, study.drive.precision),
+        "worker": asset("worker.js"),
+        "job": {
+            "description": base64.b64encode(run.data).decode(),
+            "ticks": number(run, "page.ticks"),
+            "decimation": number(run, "page.decimation"),
+            "learned": None,
+            "learn": {
+                "description": base64.b64encode(learn.data).decode(),
+                "ticks": number(learn, "page.ticks"),
+                "divider": number(run, "page.divider"),
+                "rate": rate,
+                "busy": int(Status.BUSY),
+            },
+            "about": {"unit": number(run, "page.unit")},
+            "metrics": [],
+        },
+    }
+    made = run_node(tmp_path, ("engine.js", "metrics.js"), WORKER, given)
+    assert "error" not in made, made
+    table = np.asarray(planned.learned, np.float64).ravel() / number(run, "page.unit")
+    assert np.ptp(table) > 0.01
+    assert np.array_equal(made["map"], table)
+    trace = simulate(study, "step", "table").trace
+    for name, seen in (("omega_m", made["speed"]), ("i_q", made["current"])):
+        assert len(seen) > 100 and np.array_equal(seen, trace[name][-len(seen) :])
 
 
 def tabled(study, controller):

@@ -7,6 +7,7 @@ import time
 import tomllib
 from urllib.parse import unquote
 
+import axe
 import live_studies
 import numpy as np
 import pytest
@@ -343,3 +344,14 @@ def test_no_row_of_the_page_is_empty(page):
     )
     assert len(rows) > 4
     assert all(np.all([cell for cell in row]) for row in rows)
+
+
+@pytest.mark.skipif(bool(axe.MISSING), reason=axe.MISSING)
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_serious(page, scheme):
+    media = [{"name": "prefers-color-scheme", "value": scheme}]
+    page.devtools("Emulation.setEmulatedMedia", features=media)
+    page.run("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+    found = axe.findings(page)
+    page.devtools("Emulation.setEmulatedMedia", features=[])
+    assert found == []

@@ -10,6 +10,7 @@ import typer
 from cogless.cli.options import SetOption, StudyArgument
 from cogless.cli.study import command_line, load
 from cogless.cli.terminal import new_console
+from cogless.errors import say
 
 
 def live(
@@ -24,10 +25,12 @@ def live(
 
     One HTML file with the engine and the control laws inside. It needs no network and no installation.
     """
-    from cogless.live import write
+    from cogless.live import own_laws, write
 
     loaded = load(study, changes)
     path = output or Path(f"{loaded.name}-live.html")
     with new_console(stderr=True).status("Making the page"):
         write(loaded, path, command_line("run", study, changes, []))
+    for line in own_laws(loaded):
+        say(f"Left out of the page: {line}")
     print(f"Page: {path}")

@@ -5,10 +5,10 @@ from pathlib import Path
 from cogless.errors import StudyError
 from cogless.files import replacing
 from cogless.live import page
-from cogless.live.blobs import held
+from cogless.live.blobs import held, own_laws
 from cogless.study import AnyStudy, TrialStudy
 
-__all__ = ["render", "write"]
+__all__ = ["own_laws", "render", "write"]
 
 
 def render(study: AnyStudy, command: str) -> str:

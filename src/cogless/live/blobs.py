@@ -12,7 +12,7 @@ from cogless.live.packed import Packed, pack
 from cogless.results.metrics import Conditions
 from cogless.run.drive_config import engine_config
 from cogless.run.plan import plan
-from cogless.study import Study, for_scenario
+from cogless.study import AnyStudy, Study, for_scenario
 from cogless.study.controller import AntiCogging, OwnLaw, Startable
 
 OFF = 1e9  # s, a learning_start that never comes
@@ -23,6 +23,12 @@ Pair = tuple[str, str]  # scenario, controller
 def held(study: Study) -> list[Pair]:
     """The runs that a page can hold: all but those of a user's own law, which is no part of the engine."""
     return [pair for pair in every(study) if not isinstance(study.controller[pair[1]], OwnLaw)]
+
+
+def own_laws(study: AnyStudy) -> list[str]:
+    """What a page leaves out because it is a user's own code, a sentence per controller."""
+    own = [name for name, law in study.controller.items() if isinstance(law, OwnLaw)]
+    return [f"{study.label(name)}: its law is code of its own, which the page doesn't run." for name in own]
 
 
 def every(study: Study) -> Iterator[Pair]:

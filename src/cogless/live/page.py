@@ -13,7 +13,7 @@ from typing import Any
 from cogless.design.unlearned import revolutions_learned
 from cogless.files import package_folders
 from cogless.live import engine, toml
-from cogless.live.blobs import OFF, held
+from cogless.live.blobs import OFF, held, own_laws
 from cogless.live.keys import Found, Key, Place, adjustable, packed
 from cogless.live.packed import Packed
 from cogless.report.markup import asset as report_asset
@@ -191,8 +191,7 @@ def _landing(key: Key, one: Any) -> list[Any]:
 
 
 def _left_out(study: Study, found: Found) -> str:
-    own = [name for name in study.controller if not any(name == c for _, c in held(study))]
-    lines = [f"{study.label(name)}: its law is code of its own, which the page doesn't run." for name in own]
+    lines = own_laws(study)
     lines += [f"{key}: {why}." for key, why in found.left_out]
     if not lines:
         return ""

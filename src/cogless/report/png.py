@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -105,7 +106,15 @@ def _save(path: Path, title: str, rows: Sequence[Sequence[Plot]], picture: Pictu
     figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=max(1, abreast))
     with replacing(path) as temporary:
         # savefig would draw it twice: once for the layout
-        FigureCanvasAgg(figure).print_png(temporary, metadata={"Run": run})  # type: ignore[no-untyped-call]
+        about = {"Run": run, "Series": json.dumps(_series(axes))}
+        FigureCanvasAgg(figure).print_png(temporary, metadata=about)  # type: ignore[no-untyped-call]
+
+
+def _series(axes: Any) -> list[list[float]]:
+    """Least and largest value of each curve or bar: two pictures that differ here show different numbers."""
+    drawn = [np.asarray(line.get_ydata(), float) for ax in axes.flat for line in ax.lines]
+    drawn += [np.array([bar.get_height() for bar in group]) for ax in axes.flat for group in ax.containers]
+    return [[float(f"{end:.4g}") for end in (np.nanmin(y), np.nanmax(y))] for y in drawn if y.size]
 
 
 def times(grid: Mapping[str, Any], values: Array) -> Array:
