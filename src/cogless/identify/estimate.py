@@ -322,7 +322,7 @@ def with_values(
     found, scale = made.fit, {"encoder": 1 / (made.fit.get("j") or 1.0)}
 
     def value(name: Name) -> Value:
-        within = found.error(name) * (1.0 if simulated is None else np.sqrt(2))
+        within = found.error(name) if simulated is None else found.beside(name, simulated)
         own = max(within, found.between_logs(name, simulated)) * abs(scale.get(str(name[0]), 1.0))
         spread = np.sqrt(np.mean([(other.get(name, here[name]) - here[name]) ** 2 for other in others]))
         return Value(here[name], float(np.hypot(2 * np.hypot(own, spread), phase.get(name, 0.0))))

@@ -273,10 +273,13 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
     encoder, highest = made.encoder, _highest(made)
     if 2 * poles > highest:
         left.append(
-            f"No usable log turns slowly enough to show cogging above order {highest:.0f}, and the one of the "
-            f"poles is {2 * poles}: higher orders and the encoder's error are left out; record a slow log in "
-            "which the rotor does not stick (with more feedback), or more rows a second."
+            f"No usable log turns slowly enough to show cogging above order {highest:.0f}, and the poles "
+            f"have {2 * poles}: higher orders are left out, and what they disturb, inertia, friction and the "
+            "encoder's error; record a slow log in which the rotor does not stick (with more feedback), or more "
+            "rows a second."
         )
+        for key in ("j", "b", "c"):
+            values.pop(key, None)
         cogging, encoder = tuple(wave for wave in cogging if wave.order <= highest), ()
     if any(wave.order == poles for wave in cogging) and offsets_of(made.logs) is None:
         left.append(

@@ -53,7 +53,7 @@ def lateness(logs: Sequence[Log], traces: Mapping[str, Trace], bandwidth: float)
 
 
 def _between(values: Array, variances: Array) -> float:
-    """Variance between logs beyond their own, s^2 (DerSimonian and Laird): a dead time, say, that is not known."""
+    """Variance between logs beyond their own, s^2 (DerSimonian and Laird): an unknown dead time, say."""
     weights = 1 / variances
     mean = float(np.average(values, weights=weights))
     excess = float(np.sum(weights * (values - mean) ** 2)) - (len(values) - 1)

@@ -43,6 +43,7 @@ class Fit:
     blocks: tuple[Block, ...]
     noise: dict[str, float]  # of each log: residual, A rms
     without: dict[str, Array]  # values without each log; NaN: the others can't tell them
+    parts: Array  # values without each block
 
     def __contains__(self, name: object) -> bool:
         return name in self.names
@@ -57,6 +58,18 @@ class Fit:
 
     def error(self, name: Name) -> float:
         return float(self.errors[self.names.index(name)])
+
+    def beside(self, name: Name, simulated: Fit) -> float:
+        """Standard error of a value less that of a fit of simulated logs, by a jackknife over blocks of both.
+
+        What a closed loop does to a block it does to the simulated one, too, so it is in no error.
+        """
+        own, other = self.parts[:, self.names.index(name)], np.zeros(0)
+        if name in simulated:
+            other = simulated.parts[:, simulated.names.index(name)]
+        if len(own) != len(other):  # cut in other places
+            return float(np.sqrt(2)) * self.error(name)
+        return float(_jackknife(own - other))
 
     def between_logs(self, name: Name, simulated: Fit | None = None) -> float:
         """Standard error by a jackknife over logs, where three or more can be left out; else 0.
@@ -74,8 +87,7 @@ class Fit:
         count = len(told)
         if count < 3:
             return 0.0
-        few = float(student.ppf(0.975, count - 1)) / 2
-        return few * float(np.sqrt((count - 1) / count * np.sum((told - told.mean()) ** 2)))
+        return float(student.ppf(0.975, count - 1)) / 2 * float(_jackknife(told))
 
     def prediction(self, rows: Rows, without: str | None = None) -> Array:
         """i_q that the coefficients give for these rows, A. `without`: a log that they are not from."""
@@ -100,9 +112,14 @@ def fit(rows: Sequence[Rows]) -> Fit:
         values = solved(blocks, len(names))
         noise = {log: _noise([block for block in plain if block.log == log], values) for log in logs}
     parts = np.array([solved([b for b in blocks if b is not out], len(names)) for out in blocks])
+    without = _without(blocks, len(names))
+    return Fit(names, values, _jackknife(parts), inflation(blocks), tuple(blocks), noise, without, parts)
+
+
+def _jackknife(parts: Array) -> Array:
+    """Standard errors of values of which each row leaves a part of the data out."""
     count = len(parts)
-    errors = np.sqrt((count - 1) / count * np.sum((parts - parts.mean(axis=0)) ** 2, axis=0))
-    return Fit(names, values, errors, inflation(blocks), tuple(blocks), noise, _without(blocks, len(names)))
+    return np.asarray(np.sqrt((count - 1) / count * np.sum((parts - parts.mean(axis=0)) ** 2, axis=0)))
 
 
 def _without(blocks: Sequence[Block], size: int) -> dict[str, Array]:

@@ -133,10 +133,10 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
 
 
 def _corrected(first: Estimate, made: Estimate, traces: Mapping[str, Trace], late: Value | None) -> Estimate:
-    """The first estimate less the bias that simulated logs show; `made`: what those are made with.
+    """The first estimate less the bias that logs simulated with `made` show.
 
-    `late`: how late i_q is logged, where the law tells it. Both fits then have it as known. Else real logs may
-    have it anywhere between two steps of the law.
+    `late`: how late i_q is logged, where the law tells it. Both fits then have it as known. Else real logs
+    may have it anywhere between two steps of the law.
     """
     known, truth = first.known, _truth(made)
     held = 0.5 / (known.drive.rates.speed_loop or known.drive.rates.current_loop)
