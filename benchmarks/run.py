@@ -77,7 +77,7 @@ def report(what: str, value: str, bar: str = "", passed: bool | None = None) -> 
 
 def ripple_config(changes: dict[str, Any]) -> dict[str, Any]:
     """The drive of study.toml with PI and learning over the angle, as the engine takes it."""
-    study = cogless.load(STUDY, changes)
+    study = cogless.load(STUDY, {"drive.guard": False, **changes})  # the yardstick has none
     return engine_config(study, "low-speed", "pi-ilc")
 
 
@@ -96,7 +96,7 @@ def yardstick_parameters(config: dict[str, Any]) -> str:
         "load": config["load"]["torque"],
         "bus_voltage": drive["inverter"]["bus_voltage"],
         "dead_time": drive["inverter"]["dead_time"],
-        "counts": 4 * drive["position_sensor"]["lines"],
+        "counts": drive["position_sensor"]["counts"],
         "adc_range": sensors["range"],
         "adc_bits": sensors["bits"],
         "tick_rate": drive["current_rate"],
