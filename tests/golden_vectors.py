@@ -145,7 +145,7 @@ def memory(rng: np.random.Generator, m: AngleMemory | DelayLine, speeds: list[fl
 
 
 def steady_inputs(steps: int, ts: float) -> list[PositionInput]:
-    """A rotor whose angle has ripple of orders 6 and 24, seen by an eccentric sensor; once without an angle."""
+    """A rotor whose angle has ripple of orders 6 and 24 under an eccentric sensor; once no angle."""
     rows = []
     for n in range(steps):
         turned = 1.0 + 10.0 * ts * n
