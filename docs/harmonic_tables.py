@@ -70,7 +70,7 @@ WRONG: list[Case] = [
     ("K_t ripples by 5 %", "uomodri", "1-rev-s", untold("1-rev-s", motor__torque_ripple=RIPPLE)),
     ("0.2 deg of eccentricity", "uomodri", "1-rev-s", untold("1-rev-s", **{ECC: "0.2 deg"})),
     ("0.5 deg of eccentricity", "uomodri", "1-rev-s", untold("1-rev-s", **{ECC: "0.5 deg"})),
-    ("1 deg", "uomodri", "1-rev-s", untold("1-rev-s", **{ECC: "1 deg"})),
+    ("1 deg of eccentricity", "uomodri", "1-rev-s", untold("1-rev-s", **{ECC: "1 deg"})),
     ("0.5 deg at 15 r/min", "uomodri", "slow", untold("slow", **{ECC: "0.5 deg"})),
     ("0.5 deg at 240 r/min", "uomodri", "fast", untold("fast", **{ECC: "0.5 deg"})),
     ("0.5 deg, uomodri-varying", "uomodri-varying", "varying", untold("varying", **{ECC: "0.5 deg"})),

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from reference.anti_cogging import AntiCogging
 from reference.foc import Foc
+from reference.harmonic import Harmonic
 from reference.memory import AngleMemory, DelayLine
 from reference.monitor import Monitor
 from reference.pi import Pi
@@ -23,6 +24,7 @@ from reference.space_laws import PositionInput, SpacePosition, SpaceSpeed
 from reference.trial import Trial
 
 FOLDER = Path(__file__).parents[1] / "control" / "tests" / "vectors"
+BY_SPEED = PiIlc | RobustIlc | PiAfc | Harmonic
 STATUS = {"FAULT": 2, "ANGLE_LOST": 16, "ANGLE_SHIFTED": 32, "ANGLE_STUCK": 64, "CURRENT": 128, "BUS": 256}
 Numbers = Iterable[Any]
 
@@ -74,7 +76,7 @@ def torque_mode(n: int) -> tuple[bool, float]:
 
 def stood_by(law: Any, i: PositionInput, current: float) -> tuple[float, int]:
     """Output and status of a step in torque mode."""
-    by_speed = isinstance(law, PiIlc | RobustIlc | PiAfc)
+    by_speed = isinstance(law, BY_SPEED)
     out = law.torque(current, i.omega_ref, i.omega_m, i.theta_m) if by_speed else law.torque(i, current)
     limit = law.pi.limit if hasattr(law, "pi") else law.limit
     fault = not (math.isfinite(current) and math.isfinite(i.theta_m))
@@ -142,21 +144,48 @@ def memory(rng: np.random.Generator, m: AngleMemory | DelayLine, speeds: list[fl
     return case([*memory_config(m), ts, m.ratio], rows, entries)
 
 
-def law(rng: np.random.Generator, law: Any, config: list[float], ts: float, back: bool) -> list:
+def steady_inputs(steps: int, ts: float) -> list[PositionInput]:
+    """A rotor whose angle has ripple of orders 6 and 24 under an eccentric sensor; once no angle."""
+    rows = []
+    for n in range(steps):
+        turned = 1.0 + 10.0 * ts * n
+        turned += 2e-4 * math.cos(6 * turned) + 5e-5 * math.sin(24 * turned)
+        seen = turned + 0.01 * math.cos(turned)
+        values = [
+            turned,
+            10.0,
+            0.0,
+            math.nan if n == 900 else seen % math.tau,
+            10.0 + 0.1 * math.sin(6 * turned),
+        ]
+        rows.append(PositionInput(*single(values), learn=n % 700 < 695))
+    return rows
+
+
+def law(
+    rng: np.random.Generator,
+    law: Any,
+    config: list[float],
+    ts: float,
+    back: bool,
+    inputs: list[PositionInput] | None = None,
+) -> list:
     """A law of speed or position with a memory, or by orders."""
     rows = []
-    for n, i in enumerate(law_inputs(rng, 300, ts, back)):
-        torque, current = torque_mode(n)
+    for n, i in enumerate(inputs or law_inputs(rng, 300, ts, back)):
+        torque, current = torque_mode(n) if not inputs else (n % 1000 > 990, 0.0)
         if torque:
             rows.append([*i[:5], i.learn, torque, current, *stood_by(law, i, current)])
             continue
-        by_speed = isinstance(law, PiIlc | RobustIlc | PiAfc)
+        by_speed = isinstance(law, BY_SPEED)
         out = law.step(i.omega_ref, i.omega_m, i.theta_m, i.learn) if by_speed else law.step(i)
         read = [i.omega_ref, i.omega_m, i.theta_m] if by_speed else list(i[:5])
         fault = not all(map(math.isfinite, read if not isinstance(law, SpaceSpeed) else i[1:5]))
         status = saturated(law) + 2 * fault + 4 * (not law.learning)
         rows.append([*i[:5], i.learn, torque, current, out, status])
     learned = [*law.a, *law.b] if isinstance(law, PiAfc) else []
+    if isinstance(law, Harmonic):
+        learned = [*law.a, *law.sines]
     held = getattr(law, "memory", None)
     if isinstance(held, AngleMemory):
         learned = [cell[0] for cell in held.map]
@@ -308,13 +337,20 @@ def subjects() -> dict[str, Callable[[], list[list]]]:
         one = PiAfc(Pi(kp, ki, ts, limit), orders, gain, lead, 1.0, 0.75)
         return [law(rng(), one, [kp, ki, limit, 3, *orders, gain, lead, 1.0, 0.75], ts, True)]
 
+    def harmonics() -> list[list]:
+        ts = single(1e-3)
+        numbers = single([800.0, 0.4e-3])
+        rates = single([8.0, 1.0, 1.5])
+        one = Harmonic(Pi(kp, ki, ts, limit), *numbers, 6, 5, *rates)
+        return [law(rng(), one, [kp, ki, limit, *numbers, 6, 5, *rates], ts, True, steady_inputs(1500, ts))]
+
     return {
         "pi": lambda: [pi(rng())],
         "foc": lambda: [foc(rng(), 3), foc(rng(), 2)],
         "memory": lambda: memories(maps),
         "delay_line": lambda: memories(lines),
         "pi_ilc": ilc, "robust_ilc": sliding, "space_speed": space_speed, "space_position": space_position,
-        "pi_afc": afc,
+        "pi_afc": afc, "harmonic": harmonics,
         "anti_cogging": lambda: [anti_cogging(rng())],
         "trial": lambda: [trial(rng(), True), trial(rng(), False)],
         "quality": lambda: [quality(rng())],

@@ -7,6 +7,7 @@
 #include "check.h"
 #include "cogless/anti_cogging.h"
 #include "cogless/foc.h"
+#include "cogless/harmonic.h"
 #include "cogless/monitor.h"
 #include "cogless/pi_afc.h"
 #include "cogless/pi_ilc.h"
@@ -303,6 +304,22 @@ static void pi_afc(void)
     STEPS(law, cgl_pi_afc_step);
 }
 
+static void harmonic(void)
+{
+    cgl_harmonic_config config;
+    cgl_harmonic law;
+    config.pi = a_pi();
+    config.b = real();
+    config.delay = real();
+    config.base = count();
+    config.orders = count();
+    config.rate = real();
+    config.rate_min = real();
+    config.limit = real();
+    CHECK(cgl_harmonic_init(&law, &config, real(), cell, CELLS) == CGL_OK);
+    STEPS(law, cgl_harmonic_step);
+}
+
 static void anti_cogging(void)
 {
     static cgl_anti_cogging_config config;
@@ -447,6 +464,7 @@ void golden_vectors(void)
     run("space_speed", space_speed, 1000.0);
     run("space_position", space_position, 1000.0);
     run("pi_afc", pi_afc, 200.0);
+    run("harmonic", harmonic, 1000.0);
     run("anti_cogging", anti_cogging, 200.0);
     run("trial", trial, 200.0);
     run("quality", quality, 200.0);

@@ -71,7 +71,7 @@ def test_a_law_without_gains_is_offered_its_rule():
 
 def test_a_motor_that_rests_has_a_certificate_without_infinite_numbers():
     resting = {f"scenario.{key}.{what}": "0 rpm" for key in load("uomodri").scenario for what in SPEEDS}
-    made = certificate(study(**resting), "harmonic")
+    made = certificate(study(**resting, metric=[]), "harmonic")
     assert "no reference moves fast enough" in made.words() and made.rate_most is None and made.fine
 
 
@@ -83,11 +83,13 @@ def test_the_certificate_tells_up_to_which_speed_an_eccentric_sensor_is_found():
     assert certificate(study(**{"controller.harmonic": BASE_2}), "harmonic").straight is None
 
 
-@pytest.mark.parametrize(("degrees", "scenario"), [(0.2, "1-rev-s"), (0.5, "1-rev-s"), (0.5, "fast")])
-def test_an_eccentric_encoder_leaves_little_more_than_a_true_one(degrees, scenario):
+@pytest.mark.parametrize(
+    ("degrees", "scenario", "most"), [(0.2, "1-rev-s", 0.4), (0.5, "1-rev-s", 0.6), (0.5, "fast", 0.9)]
+)
+def test_an_eccentric_encoder_leaves_little_more_than_a_true_one(degrees, scenario, most):
     """Without the bend half a degree left 3.4 r/min at 60 r/min, 0.2 degrees 1.6."""
     untold = {f"scenario.{scenario}.override": {"drive.position_sensor.eccentricity": f"{degrees} deg"}}
-    assert np.mean(error(scenario, 5, "harmonic", **untold, **COMPENSATED)[16:]) < 0.6
+    assert np.mean(error(scenario, 5, "harmonic", **untold, **COMPENSATED)[16:]) < most
 
 
 def test_the_certificate_is_shown():
