@@ -1,5 +1,6 @@
 """Sphinx configuration: `make docs` builds this folder into docs/_build."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -24,3 +25,16 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_inherit_docstrings = False
+
+
+def reachable(app, page, template, context, doctree):
+    """Let the keyboard scroll what is wider than the page, and give the menu's headings a level."""
+    scrolls = re.compile(r'<(pre|div class="(?:math|table-wrapper)[^"]*")(?=[ >])')
+    context["body"] = scrolls.sub(r'<\1 tabindex="0"', context.get("body", ""))
+    for name in ("furo_navigation_tree", "toctree"):
+        if isinstance(context.get(name), str):
+            context[name] = context[name].replace('role="heading"', 'role="heading" aria-level="2"')
+
+
+def setup(app):
+    app.connect("html-page-context", reachable, priority=900)
