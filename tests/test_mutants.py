@@ -149,8 +149,9 @@ def test_only_the_files_of_those_that_execute_it_are_run() -> None:
         ["tests/test_8.py", "tests/test_1.py"],
     ]
     assert those_of(files, []) == [[], []]
-    first, others = those_of(files, ["", *some])
+    first, others = those_of(files, [""])
     assert first + others == files
+    assert those_of(files, ["", *some]) == [some[:1] + some[2:] + some[1:2], files]
 
 
 def test_the_command_tells_what_it_takes() -> None:

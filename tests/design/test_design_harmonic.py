@@ -102,6 +102,13 @@ def test_the_certificate_is_shown():
     assert as_json["certificate"]["speeds"][1]["late"] < 432
 
 
+def test_the_rate_is_well_below_where_all_orders_together_oscillate():
+    """That is 0.16 / (N T) at low speeds; the rule's 1/15 leaves a gain margin of 2.4, which is 7.6 dB."""
+    found = certificate(study(), "harmonic")
+    assert found.learner.rate == pytest.approx(1 / (15 * 72 * 0.2e-3))
+    assert found.rate_most / found.learner.rate == pytest.approx(2.4, rel=0.03)
+
+
 def test_a_second_is_enough_at_15_rpm_where_a_map_takes_forty():
     learned = error("slow", 4, "harmonic")
     assert np.min(learned[:4]) < 1.0 and np.all(learned[4:] < 1.0)

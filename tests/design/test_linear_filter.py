@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import butter, filtfilt, lfilter
 
 from cogless.design.linear_filter import butterworth_polynomials, forward, forward_and_backward
+from cogless.design.q_filter import butterworth
 
 
 @pytest.mark.parametrize("order", range(1, 9))
@@ -25,3 +26,10 @@ def test_signals_come_out_with_scipys_bits(order: int) -> None:
 def test_a_constant_passes_both_ways_unchanged_from_its_first_sample() -> None:
     b, a = butter(3, 0.1)
     np.testing.assert_allclose(forward_and_backward(b, a, np.full((1, 60), 2.5)), 2.5, rtol=1e-9)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_a_filter_passes_half_at_its_cutoff(order: int) -> None:
+    """Half of the power each way, so half of the amplitude there and back."""
+    gain = butterworth(20.0, order, 1e-3).gain(np.array([2 * np.pi * 20.0 * 1e-3]))
+    assert gain == pytest.approx(0.5)

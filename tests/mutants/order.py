@@ -30,11 +30,11 @@ def files_for(root: Path, file: str, function: str) -> list[str]:
 
 def those_of(files: list[str], tests: list[str]) -> list[list[str]]:
     """What to run in turn for a mutant that only these tests execute: first they, then all of their files,
-    since a test may judge what another one has run. If importing a file executes it (""), all files."""
-    if "" in tests:
-        return [files[:LIKELY], files[LIKELY:]]
+    since a test may judge what another one has run. If importing a file executes it (""), then all files."""
     place = {file: n for n, file in enumerate(files)}
-    first = sorted(tests, key=lambda test: place[test.partition("::")[0]])
+    first = sorted(filter(None, tests), key=lambda test: place[test.partition("::")[0]])
+    if "" in tests:
+        return [first or files[:LIKELY], files if first else files[LIKELY:]]
     return [first, list(dict.fromkeys(test.partition("::")[0] for test in first))]
 
 
