@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cogless.identify import plan
+from cogless.results.trace import Trace
 from cogless.run.simulate import rollout
 from cogless.study import load
 
@@ -124,13 +125,14 @@ def commissioned(name: str, late: int = 0) -> tuple[str, dict[str, dict[str, np.
     (folder / "motor.toml").write_text(study_text(name))
     plan.write(load(folder / "motor.toml"), folder)
     (results,) = rollout([load(folder / "study.toml")], jobs=2)
+    poles = MOTORS[name]["motor"]["pole_pairs"]
     logs = {
         run.scenario: {
             "t": run.trace.time[late:].copy(),
             **{
-                heading: run.trace[signal][: len(run.trace) - late if heading[0] == "i" else None][
-                    0 if heading[0] == "i" else late :
-                ].copy()
+                heading: _logged(run.trace, signal, poles)[
+                    : len(run.trace) - late if heading[0] == "i" else None
+                ][0 if heading[0] == "i" else late :].copy()
                 for signal, heading in HEADINGS.items()
             },
         }
@@ -142,6 +144,15 @@ def commissioned(name: str, late: int = 0) -> tuple[str, dict[str, dict[str, np.
     for log in logs:
         text = text.replace(f'file = "{log}"', f'file = "{log}.npz"')
     return text, logs
+
+
+def _logged(trace: Trace, signal: str, poles: int) -> np.ndarray:
+    """A signal as the drive has it: currents by the measured angle."""
+    if signal not in ("i_d", "i_q"):
+        return trace[signal]
+    turned = np.exp(-1j * poles * (trace["theta_measured"] - trace["theta_m"]))
+    currents = (trace["i_d"] + 1j * trace["i_q"]) * turned
+    return currents.real if signal == "i_d" else currents.imag
 
 
 def write(folder: Path, text: str, logs: dict[str, dict[str, np.ndarray]]) -> list[Path]:

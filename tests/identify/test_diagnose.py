@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 from cogless import cli
 from cogless.errors import StudyError
-from cogless.identify import diagnosis, plan
-from cogless.identify.causes import candidates
+from cogless.identify import diagnosis, plan, speed_alone
+from cogless.identify.causes import Cause, Found, candidates
 from cogless.identify.diagnosis import Diagnosis
 from cogless.run.simulate import rollout
 from cogless.study import Study
@@ -239,3 +239,30 @@ def test_logs_that_never_turn_steadily_are_refused(tmp_path):
     short = {"slow": {key: x[:200] for key, x in logs["slow"].items()}}
     with pytest.raises(StudyError, match="no log turns at a steady speed for a revolution"):
         diagnose(tmp_path, text, short)
+
+
+def order_at(order: int, speed: float, *causes: Cause) -> Found:
+    return Found(f"{speed:g}.npz", speed, 0.1, order, 0.5, 0.9, causes or (Cause("cogging", 1.0, 0.1),))
+
+
+def test_one_frequency_at_two_speeds_may_be_chance_and_at_three_is_mechanics():
+    two = [order_at(72, 1.0), order_at(12, 6.0)]
+    (said,) = [line for line in speed_alone.sentences(two) if "Hz" in line]
+    assert "cannot be told apart at two speeds; record a third speed" in said
+    (said,) = [line for line in speed_alone.sentences([*two, order_at(36, 2.0)]) if "Hz" in line]
+    assert "mechanics, which swing at this frequency" in said
+
+
+def test_causes_that_cancel_are_told_and_share_what_is_left():
+    opposed = order_at(42, 1.0, Cause("cogging", 2.09, 0.1), Cause("K_t ripple", -1.09, 0.1))
+    made = Diagnosis("x", (opposed,), {"1.npz": 1.0}, ())
+    assert made.causes("1.npz") == pytest.approx({"cogging": 0.9, "no order": 0.1})
+    (said,) = diagnosis._opposed((opposed,))
+    assert said.startswith("Order 42 in 1.npz: cogging and K_t ripple oppose each other")
+
+
+def test_a_log_that_only_accelerates_is_said_to_have_no_line(tmp_path):
+    text, logs = played("cogging")
+    made = diagnose(tmp_path, text, {name: logs[name] for name in ("slow", "sweep")})
+    assert "sweep.npz" not in made.whole
+    assert any(line.startswith("sweep.npz: never turns at a steady speed") for line in made.said)

@@ -45,7 +45,7 @@ def test_inertia_and_friction_are_the_motors(found):
     ):
         got = made.values[key].times(made.K_t)
         assert got.value == pytest.approx(value, rel=share), key
-        assert 0 < got.error < 2 * share * value, key
+        assert 0 < got.error < 4 * share * value, key
 
 
 def test_cogging_is_the_motors(found):
@@ -66,7 +66,7 @@ def test_ripple_of_the_torque_constant_is_told_apart_from_cogging_of_its_order(f
     (harmonic,), (wave,) = truth.flux_harmonics, made.ripple
     assert wave.order == harmonic.order * truth.pole_pairs
     share = harmonic.d / truth.psi_f
-    assert wave.size.error < {"servo": 0.05, "drone": 0.25}[name] * share  # of the drone's, 1 kHz see little
+    assert wave.size.error < {"servo": 0.1, "drone": 0.25}[name] * share  # of the drone's, 1 kHz see little
     assert wave.size.value == pytest.approx(share, abs=wave.size.error)
     assert turned(wave.phase.value, harmonic.d_phase + np.pi / 2) < 6
 

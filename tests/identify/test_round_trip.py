@@ -118,6 +118,11 @@ def test_the_report_says_what_was_found(chain):
 def test_mistakes_on_the_command_line_are_told(tmp_path):
     for arguments, message in (
         (["identify"], "identify: expected logs and --config FILE, or --plan STUDY"),
+        (
+            ["identify", "--plan"],
+            "Option '--plan' requires an argument: expected --plan STUDY. See cogless id",
+        ),
+        (["identify", "a.csv", "--plan", "uomodri"], "identify: --plan uomodri: expected no logs"),
         (["identify", "a.csv", "--config", "no.toml"], "no.toml: no such file: expected a TOML file"),
     ):
         done = cogless(*arguments, cwd=tmp_path)

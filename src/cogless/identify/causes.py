@@ -182,7 +182,7 @@ def _cogging(made: Estimate, order: int) -> str:
     if order == poles and offsets_of(made.logs) is None:
         return COGGING + OR + OFFSET
     if CURES["ripple"].format(order) in made.left_out:
-        return COGGING + OR + (GAIN if order == 2 * poles else RIPPLE)
+        return candidates(order, poles)
     return MECHANICS if order <= SLOW_ORDERS else COGGING
 
 

@@ -143,6 +143,8 @@ def _settled(known: Identification, logs: Sequence[Log], model: Model) -> State:
         left = [name for name in found.names if name[0] in ("delay", "encoder")]
         if all(abs(found[name]) < SETTLED * found.error(name) for name in left):
             break
+        if not EARLIEST < model.delay + found.get("delay") < LONGEST_DELAY:  # it would run away
+            break
         model = _taken_out(model, found)
     else:
         rows = _rows(known, logs, model, WIDTH)
@@ -199,11 +201,14 @@ def _whole(model: Model, found: Fit) -> dict[Name, float]:
 def _significant(
     known: Identification, logs: Sequence[Log], rows: list[Rows], found: Fit, model: Model
 ) -> State:
-    """Keep the orders that stand out of their errors."""
+    """Keep the orders that stand out of their errors, and ripple that is tied to cogging."""
     largest = max((_size(found, "cogging", n) for n in model.cogging), default=0.0)
     kept = {n for n in model.cogging if _stands_out(found, "cogging", n)}
     kept = {n for n in kept if _size(found, "cogging", n) > SMALLEST * largest}
-    ripple = tuple(n for n in model.ripple if _stands_out(found, "ripple", n))
+    tied = {
+        n for n in model.ripple if found.inflation[found.names.index(("ripple", n, "c"))] > LARGEST_INFLATION
+    }
+    ripple = tuple(n for n in model.ripple if n in tied or _stands_out(found, "ripple", n))
     encoder = tuple(n for n in model.encoder if _errs(found, model, n))
     error = {n: pair for n, pair in model.error.items() if n in encoder}
     pruned = replace(
@@ -251,6 +256,13 @@ def _told_apart(
     known: Identification, logs: Sequence[Log], rows: list[Rows], found: Fit, model: Model, left: list[str]
 ) -> State:
     """Leave out what can't be told apart, one after the other, the least important first."""
+    current = np.concatenate([each.y for each in rows])
+    if model.ripple and np.std(current) < abs(np.mean(current)):  # one load, in one direction
+        for order in model.ripple:
+            left.append(CURES["ripple"].format(order))
+            model = _without(model, ("ripple", order))
+        rows = _rows(known, logs, model, WIDTH)
+        found = fit(rows)
     while True:
         wide = [name for name, by in zip(found.names, found.inflation, strict=True) if by > LARGEST_INFLATION]
         wide = [name for name in wide if str(name[0]) in CURES and name[0] != "load"]

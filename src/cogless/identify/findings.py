@@ -275,8 +275,8 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
         left.append(
             f"No usable log turns slowly enough to show cogging above order {highest:.0f}, and the poles "
             f"have {2 * poles}: higher orders are left out, and what they disturb, inertia, friction and the "
-            "encoder's error; record a slow log in which the rotor does not stick (with more feedback), or more "
-            "rows a second."
+            "encoder's error; record a slow log in which the rotor does not stick (with more feedback), or "
+            "more rows a second."
         )
         for key in ("j", "b", "c"):
             values.pop(key, None)

@@ -46,7 +46,8 @@ def lateness(logs: Sequence[Log], traces: Mapping[str, Trace], bandwidth: float)
     between_logs = _between(delays, variances)
     weights = 1 / (variances + between_logs)
     mean = float(np.average(delays, weights=weights))
-    chosen = float(student.ppf(0.975, max(1, len(delays) - 1)) / np.sqrt(np.sum(weights)))
+    few = student.ppf(0.975, len(delays) - 1) if between_logs else 2.0
+    chosen = float(few / np.sqrt(np.sum(weights)))
     # between two rows the current moves by an exponential, not a line
     between = max(trace.period for trace in traces.values()) ** 2 * bandwidth / 8
     return Value(mean, chosen + between), ""
@@ -100,7 +101,13 @@ def _of(log: Log, trace: Trace) -> tuple[float, float, float]:
     misfit = squared / max(float(taps @ squares @ taps), 1e-300)
     # what a wrong dead time or noise leaves counts as noise of the taps
     spread = max(noise, squared / len(taps))
-    variance = 2 * spread / bend * trace.period**2 if bend > 0 else np.inf
+    if bend <= 0:
+        return delay, np.inf, misfit
+    # a current that has settled looks alike for a while: all delays that are as likely are in the error
+    away = taps[:, None] - filters
+    likely = np.sum(away * (squares @ away), axis=0) < squared + 4 * 2 * spread
+    reach = np.abs(trace.period * np.arange(len(likely)) - delay)[likely]
+    variance = max(2 * spread / bend * trace.period**2, float(np.max(reach, initial=0.0)) ** 2 / 4)
     return delay, variance, misfit
 
 

@@ -58,7 +58,8 @@ def load_logs(paths: list[Path], known: Identification) -> list[Log]:
     headings = [column.name for column in known.columns.values()]
     logs = []
     for path in paths:
-        for name, columns in read(path, headings):
+        true = ["theta_m"] if path.suffix == ".nc" else []
+        for name, columns in read(path, headings + true):
             logs += [_log(path, part, own, known) for part, own in _parts(name, columns, known)]
     names = [log.name for log in logs]
     twice = next((name for name in names if names.count(name) > 1), None)
@@ -84,6 +85,8 @@ def _log(path: Path, name: str, columns: Columns, known: Identification) -> Log:
         for signal, column in known.columns.items()
         if column.name in columns
     }
+    if "theta_m" in columns and {"theta", "i_q", "i_d"} <= found.keys():
+        _by_measured_angle(found, columns["theta_m"], known.motor.pole_pairs)
     rule = known.rule(name)
     where = str(path) if name.startswith(path.name) else f"{path}: {name}"
     for signal in found:
@@ -99,6 +102,12 @@ def _log(path: Path, name: str, columns: Columns, known: Identification) -> Log:
     if len(found["t"]) < FEWEST:
         raise StudyError(f"{where}: {len(found['t'])} rows: expected {FEWEST} or more")
     return _timed(where, name, rule, found, known)
+
+
+def _by_measured_angle(found: Columns, true: Array, pole_pairs: int) -> None:
+    """Turn a run's true currents into those that its drive has, by the angle that it measures."""
+    currents = (found["i_d"] + 1j * found["i_q"]) * np.exp(-1j * pole_pairs * (found["theta"] - true))
+    found["i_d"], found["i_q"] = currents.real, currents.imag
 
 
 def _heading(known: Identification, signal: str) -> str:

@@ -1,0 +1,66 @@
+"""The delay of i_q follows from how the described law answers the angle; another law tells none."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from identify.commissioned import METRIC, MOTORS, PI
+
+from cogless.identify.config import LogRule
+from cogless.identify.lateness import lateness
+from cogless.identify.log import Log
+from cogless.results.trace import Trace
+from cogless.run.simulate import rollout
+from cogless.study import Study
+from cogless.study.base import Source
+from cogless.study.reading import checked
+
+BANDWIDTH = 2 * np.pi * 500  # rad/s, of the gimbal's current loop
+SWEEPS = [["0 s", "0 rad/s"], ["0.5 s", "30 rad/s"], ["1.25 s", "-30 rad/s"], ["2 s", "30 rad/s"]]
+SOFTER = {"pi": {"law": "pi", "kp": "0.05 A*s/rad", "ki": "1 A/rad"}}
+
+
+@cache
+def trace(inertia: str, law: str = "pi") -> Trace:
+    """Two seconds of the gimbal with rows of 0.1 ms."""
+    gimbal = MOTORS["gimbal"]
+    study = {
+        "title": "late",
+        **gimbal,
+        "mechanics": {**gimbal["mechanics"], "inertia": inertia},
+        "trace": {"rate": "10 kHz"},
+        "scenario": {"one": {"duration": "2 s", "reference": {"profile": SWEEPS}}},
+        "controller": PI if law == "pi" else SOFTER,
+        "metric": [METRIC],
+    }
+    loaded = checked(Source(Path("late.toml"), study))
+    assert isinstance(loaded, Study)
+    return rollout([loaded], jobs=1)[0].runs[0].trace
+
+
+def log(of: Trace, late: int) -> Log:
+    """Its rows each millisecond, with the current so many tenths of it before."""
+    rows = slice(20, None, 10)
+    current = of["i_q"][20 - late : len(of) - late : 10]
+    signals = {"theta": np.unwrap(of["theta_measured"])[rows], "i_q": current}
+    return Log("one", LogRule(file="*"), 1e-3, signals, (slice(0, len(current)),))
+
+
+@pytest.mark.parametrize("late", [3, 7, 12])
+def test_the_delay_is_found_within_the_law_s_period(late):
+    """Simulated with an inertia that is 0.5 % off, as an estimate may be."""
+    found, said = lateness([log(trace("8e-5 kg*m^2"), late)], {"one": trace("8.04e-5 kg*m^2")}, BANDWIDTH)
+    assert found is not None and not said
+    assert found.value == pytest.approx(late * 1e-4, abs=max(5e-5, found.error))
+    assert found.error < 5e-4  # half a period, which is all that torques tell
+
+
+def test_another_law_tells_no_delay_and_is_told():
+    found, said = lateness(
+        [log(trace("8e-5 kg*m^2"), 3)], {"one": trace("8e-5 kg*m^2", law="softer")}, BANDWIDTH
+    )
+    assert found is None
+    assert said.startswith("one: i_q does not follow the angle as under the described controller")
