@@ -129,7 +129,7 @@ def metrics(scenarios: Mapping[str, Mapping[str, Any]], orders: Sequence[int] = 
         return []
     last = SETTLED * min(steady.values())
     common = {"signal": "omega_m", "unit": "rad/s", "scenarios": list(steady), "last": f"{last:.3g} s"}
-    found = [{"name": "speed_ripple", "kind": "ripple-rms", **common}]
+    found: list[dict[str, Any]] = [{"name": "speed_ripple", "kind": "ripple-rms", **common}]
     tops = {name: Reference.model_validate(scenarios[name]["reference"]).speeds() for name in steady}
     turning = [name for name, speeds in tops.items() if max(map(abs, speeds)) * last > TURNED]
     if orders and turning:
