@@ -32,7 +32,10 @@ def test_ripple_is_of_steady_ends_alone():
         "slow": {"reference": REVERSED, "duration": "12.4 s"},
         "swept": {"reference": SWEPT, "duration": "2 s"},
     }
-    ripple, waves = metrics(both, [72, 12])
+    (ripple,) = metrics(both, [72, 12])  # too slow for a revolution
     assert ripple["scenarios"] == ["slow"] and ripple["last"] == "3 s"
+    both["fast"] = {"reference": "9 rad/s", "duration": "12 s"}
+    ripple, waves = metrics(both, [72, 12])
+    assert ripple["scenarios"] == ["slow", "fast"] and waves["scenarios"] == ["fast"]
     assert waves["order"] == [12, 72]
     assert metrics({"swept": both["swept"]}) == []

@@ -20,6 +20,7 @@ from cogless.study.reference import Reference
 
 SHORTEST = 1.0  # s at a steady speed that have a ripple
 SETTLED = 0.75  # of a steady speed, its last part: before, the controller settles
+TURNED = 1.1 * 2 * np.pi  # rad in the last part, for its orders
 PI = {"pi": {"law": "pi", "baseline": True, "tuning": {"rule": "phase-margin", "phase_margin": "60 deg"}}}
 
 
@@ -126,15 +127,15 @@ def metrics(scenarios: Mapping[str, Mapping[str, Any]], orders: Sequence[int] = 
     steady = {name: time for name, time in steady.items() if time >= SHORTEST}
     if not steady:
         return []
-    common = {
-        "signal": "omega_m",
-        "unit": "rad/s",
-        "scenarios": list(steady),
-        "last": f"{SETTLED * min(steady.values()):.3g} s",
-    }
-    ripple = {"name": "speed_ripple", "kind": "ripple-rms", **common}
-    waves = {"name": "speed_order", "kind": "order", "order": sorted(orders), "frame": "mechanical", **common}
-    return [ripple, waves] if orders else [ripple]
+    last = SETTLED * min(steady.values())
+    common = {"signal": "omega_m", "unit": "rad/s", "scenarios": list(steady), "last": f"{last:.3g} s"}
+    found: list[dict[str, Any]] = [{"name": "speed_ripple", "kind": "ripple-rms", **common}]
+    tops = {name: Reference.model_validate(scenarios[name]["reference"]).speeds() for name in steady}
+    turning = [name for name, speeds in tops.items() if max(map(abs, speeds)) * last > TURNED]
+    if orders and turning:
+        waves = {"name": "speed_order", "kind": "order", "order": sorted(orders), "frame": "mechanical"}
+        found.append({**waves, **common, "scenarios": turning})
+    return found
 
 
 def steady_for(reference: Any, duration: str) -> float:
