@@ -290,4 +290,5 @@ def test_only_init_and_retune_take_a_config() -> None:
             takes_config.add(function[0])
     assert {"cgl_pi_ilc_init", "cgl_pi_ilc_retune", "cgl_drive_init"} <= takes_config
     helpers = {"cgl_delay_is_valid", "cgl_feedforward_reset", "cgl_feedforward_step", "cgl_zero_phase"}
+    helpers |= {"cgl_trial_observer_step", "cgl_trial_observer_act"}
     assert {name for name in takes_config if not name.endswith(("_init", "_retune"))} == helpers

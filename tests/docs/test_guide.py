@@ -39,6 +39,7 @@ RATIOS = {
     *(
         "forgetting",
         "q",
+        "pole",
         "outlier",
         "depth",
         "gain_error",

@@ -207,7 +207,7 @@ def test_expressions_that_have_no_value(text: str, line: str) -> None:
             'controller.ilc.q_filter.cutoff: "200 Hz": expected less than half the sampling rate, 200 Hz'),
         (DRIVE, "controller.ilc.law", "pi",
             'controller.ilc.law: "pi": expected one of "trial-ilc", "state-ilc", "norm-optimal", '
-            '"python", "library"'),
+            '"observer-ilc", "python", "library"'),
         (DRIVE, "drive.current_loop", {"bandwidth": "800 Hz", "current_limit": "3 A"},
             "drive.inverter: missing: expected a table of bus_voltage, ..."),
         (DRIVE, "drive.rates.position_loop", "3 kHz",

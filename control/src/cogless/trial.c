@@ -156,7 +156,7 @@ static void step(cgl_trial *law, cgl_real state_feedback, cgl_real y, bool plaus
     law->terms.feedforward = f;
     law->terms.learned = learned;
     const bool saturated = !cgl_is_below(wanted, config->limit);
-    out->i_q_ref = saturated ? cgl_clamp(wanted, config->limit) : wanted;
+    out->i_q_ref = cgl_clamp(wanted, config->limit);
     out->status = saturated ? (unsigned)CGL_STATUS_SATURATED | (unsigned)CGL_STATUS_FROZEN : 0U;
     if (observes(config)) {
         cgl_trial_observer_act(&config->observer, &law->observer, out->i_q_ref - f - learned);

@@ -114,7 +114,8 @@ def _series(axes: Any) -> list[list[float]]:
     """Least and largest value of each curve or bar: two pictures that differ here show different numbers."""
     drawn = [np.asarray(line.get_ydata(), float) for ax in axes.flat for line in ax.lines]
     drawn += [np.array([bar.get_height() for bar in group]) for ax in axes.flat for group in ax.containers]
-    return [[float(f"{end:.4g}") for end in (np.nanmin(y), np.nanmax(y))] for y in drawn if y.size]
+    finite = (y[np.isfinite(y)] for y in drawn)
+    return [[float(f"{end:.4g}") for end in (np.min(y), np.max(y))] for y in finite if y.size]
 
 
 def times(grid: Mapping[str, Any], values: Array) -> Array:
