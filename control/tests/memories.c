@@ -4,6 +4,7 @@
 
 #include "check.h"
 #include "cogless/memory.h"
+#include "cogless/pi_ilc.h"
 
 static cgl_real cell[CGL_MEMORY_LENGTH(CGL_MEMORY_ANGLE, 1U, CGL_CELLS_MAX, 2U)];
 
@@ -148,8 +149,24 @@ static void speeds(void)
     }
 }
 
+/* PI-ILC learns one channel, with a gain that is not negative; each mistake alone is refused. */
+static void laws(void)
+{
+    cgl_pi_ilc law;
+    cgl_pi_ilc_config config = {.pi = {CGL_R(1.0), CGL_R(1.0), CGL_R(9.0)}, .gain = CGL_R(1.0), .memory = a_map(8U, 1U, 1U, 0U).config};
+    const uint32_t length = sizeof cell / sizeof cell[0];
+    CHECK(cgl_pi_ilc_init(&law, &config, CGL_R(1.0e-3), cell, length) == CGL_OK);
+    config.gain = CGL_R(-1.0);
+    CHECK(cgl_pi_ilc_init(&law, &config, CGL_R(1.0e-3), cell, length) == CGL_ERROR_CONFIG);
+    config.gain = CGL_R(1.0);
+    config.memory.channels = 2U;
+    config.memory.limit[1] = CGL_R(9.0);
+    CHECK(cgl_pi_ilc_init(&law, &config, CGL_R(1.0e-3), cell, length) == CGL_ERROR_CONFIG);
+}
+
 void memories(void)
 {
+    laws();
     speeds();
     sizes();
     turns();

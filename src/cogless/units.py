@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import re
-import sys
 from dataclasses import dataclass
 from functools import cache
 from threading import Lock
@@ -216,15 +215,7 @@ def _quantity(unit: str) -> Any:
 
 @cache  # callers hold the lock, so only one is built: units of two registries don't mix
 def _registry() -> pint.UnitRegistry[float]:
-    # pint imports dask where that is installed, which takes half as long again
-    hidden = "dask" not in sys.modules
-    if hidden:
-        sys.modules["dask"] = None  # type: ignore[assignment]
-    try:
-        import pint
-    finally:
-        if hidden:
-            del sys.modules["dask"]
+    import pint
 
     registry: pint.UnitRegistry[float] = pint.UnitRegistry(None)
     registry.load_definitions([line.strip() for line in DEFINITIONS.strip().splitlines()])

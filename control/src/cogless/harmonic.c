@@ -339,7 +339,8 @@ CGL_SELDOM static cgl_real follow_guard(cgl_harmonic *law, const cgl_law_input *
 /* The measured angle [turns] without its bend; `slope`: the bend's share in the measured speed. */
 static uint32_t straight(const cgl_harmonic *law, uint32_t theta, const turn_phasors *of, cgl_real *slope)
 {
-    const cgl_real *const part = law->bend.part; const cgl_real share = law->bend.share;
+    const cgl_real *const part = law->bend.part;
+    const cgl_real share = law->bend.share;
     const cgl_real x0 = of->x[0], y0 = of->y[0], x1 = of->x[1], y1 = of->y[1];
     *slope = share * (part[1] * x0 - part[0] * y0 + CGL_R(2.0) * (part[3] * x1 - part[2] * y1));
     const cgl_real bend = share * (part[0] * x0 + part[1] * y0 + part[2] * x1 + part[3] * y1);
