@@ -14,6 +14,7 @@ from pathlib import Path
 from cogless.files import control_sources
 
 STRUCT = re.compile(r"typedef struct \{(.*?)\n\} (\w+);", re.DOTALL)
+SAME = re.compile(r"^typedef (cgl_\w+) (cgl_\w+);", re.MULTILINE)
 ENUM = re.compile(r"typedef enum \{(.*?)\} (\w+);", re.DOTALL)
 NUMBER = re.compile(r"^#define (\w+) (\d+)U?$", re.MULTILINE)
 # a comment on its own, or a declaration and the comment that follows it
@@ -62,6 +63,8 @@ def parse(headers: Iterable[Path]) -> Headers:
     texts = [path.read_text(encoding="utf-8") for path in headers]
     numbers = {name: int(value) for text in texts for name, value in NUMBER.findall(text)}
     structs = {name: _members(name, body, numbers) for text in texts for body, name in STRUCT.findall(text)}
+    for text in texts:
+        structs |= {name: structs[of] for of, name in SAME.findall(text)}
     enums = {name: _constants(body) for text in texts for body, name in ENUM.findall(text)}
     return Headers(structs, enums)
 

@@ -122,9 +122,7 @@ def test_a_reference_of_any_size_is_shortened_to_the_limit(precision, i_ref):
     out = law.step([0.0, 0.0, 0.0], 0.0, 0.0, 1000.0, i_ref)
     assert abs(complex(out.u_d, out.u_q) - 10.0 * i_ref / abs(i_ref)) < 30 * library.eps
     assert out.status == library.lib.CGL_STATUS_SATURATED
-    d, q = library.ffi.new("cgl_real *", i_ref.real), library.ffi.new("cgl_real *", i_ref.imag)
-    library.lib.cgl_foc_limit(law.state, d, q)
-    assert abs(complex(d[0], q[0]) - 5.0 * i_ref / abs(i_ref)) < 30 * library.eps
+    assert abs(complex(out.i_d_ref, out.i_q_ref) - 5.0 * i_ref / abs(i_ref)) < 30 * library.eps
 
 
 @pytest.mark.parametrize("precision", ["float", "double"])
@@ -137,9 +135,8 @@ def test_shortening_lengthens_no_component(precision):
         law.state.config.current_limit = limit
         wanted = limit, float(library.real(share * limit))
         for d, q in (wanted, wanted[::-1]):
-            i_d, i_q = library.ffi.new("cgl_real *", d), library.ffi.new("cgl_real *", q)
-            library.lib.cgl_foc_limit(law.state, i_d, i_q)
-            assert 0 <= i_d[0] <= d and 0 <= i_q[0] <= q
+            out = law.step([0.0, 0.0, 0.0], 0.0, 0.0, 1000.0, complex(d, q))
+            assert 0 <= out.i_d_ref <= d and 0 <= out.i_q_ref <= q
 
 
 @pytest.mark.parametrize("precision", ["float", "double"])

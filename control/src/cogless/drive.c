@@ -181,13 +181,6 @@ CGL_SELDOM static void rest(cgl_drive *drive, cgl_drive_output *out)
     drive->i_q = CGL_R(0.0);
 }
 
-/* Marks the output as saturated: the current loop could not do what was asked, or would not. */
-CGL_SELDOM static void fall_short(cgl_drive *drive, cgl_drive_output *out)
-{
-    drive->saturated = true;
-    cgl_foc_limit(&drive->foc, &out->i_d_ref, &out->i_q_ref);
-}
-
 void cgl_drive_actuate(cgl_drive *drive, cgl_drive_output *out)
 {
     drive->status |= drive->command.status | drive->held;
@@ -205,21 +198,11 @@ void cgl_drive_actuate(cgl_drive *drive, cgl_drive_output *out)
         out->status = drive->status;
         return;
     }
-    cgl_foc_output foc;
     drive->currents.i_q_ref = drive->command.i_q_ref;
-    cgl_foc_step(&drive->foc, &drive->currents, &foc);
-    drive->i_q = foc.i_q;
-    out->duty[0] = foc.duty[0];
-    out->duty[1] = foc.duty[1];
-    out->duty[2] = foc.duty[2];
-    out->i_d = foc.i_d;
-    out->i_q = foc.i_q;
-    out->u_d = foc.u_d;
-    out->u_q = foc.u_q;
-    out->i_d_ref = drive->currents.i_d_ref;
-    out->i_q_ref = drive->command.i_q_ref;
-    out->status = drive->status | foc.status;
-    if ((foc.status & ((unsigned)CGL_STATUS_SATURATED | (unsigned)CGL_STATUS_FAULT)) != 0U) {
-        fall_short(drive, out);
+    cgl_foc_step(&drive->foc, &drive->currents, out);
+    drive->i_q = out->i_q;
+    if (out->status != 0U) { /* the current loop could not do what was asked, or would not */
+        drive->saturated = true;
     }
+    out->status |= drive->status;
 }

@@ -54,13 +54,9 @@ typedef struct {
     cgl_real i_q_ref;   /* q-axis current reference of torque mode [A], within the law's limit */
 } cgl_reference;
 
-typedef struct {
-    cgl_real duty[3];          /* as cgl_foc_output */
-    cgl_real i_d, i_q;         /* measured currents in the rotor's frame [A] */
-    cgl_real u_d, u_q;         /* [V] */
-    cgl_real i_d_ref, i_q_ref; /* that the current loop follows [A]: within foc.current_limit, unless it is foreign */
-    unsigned status;           /* CGL_STATUS_ bits of all parts */
-} cgl_drive_output;
+/* The current loop's output; here the status has the bits of all parts, and the references of a foreign current loop are
+ * not limited. */
+typedef cgl_foc_output cgl_drive_output;
 
 typedef struct {
     cgl_real pole_pairs;    /* these from the config */

@@ -91,22 +91,18 @@ static bool is_shorter(vector x, vector than)
     return cgl_abs(x.d) < cgl_abs(than.d) || cgl_abs(x.q) < cgl_abs(than.q);
 }
 
-void cgl_foc_limit(const cgl_foc *foc, cgl_real *i_d_ref, cgl_real *i_q_ref)
-{
-    const vector wanted = {*i_d_ref, *i_q_ref};
-    const vector ref = shortened(wanted, foc->config.current_limit);
-    *i_d_ref = ref.d;
-    *i_q_ref = ref.q;
-}
-
 /* The error that the integral sees: without what could not be realised. */
 static cgl_real taken_back(cgl_real error, cgl_real kp, cgl_real missing)
 {
     return kp > CGL_R(0.0) ? error + missing / kp : error;
 }
 
-CGL_SELDOM static void safe(cgl_foc_output *out)
+CGL_SELDOM static void safe(const cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
 {
+    const vector wanted = {in->i_d_ref, in->i_q_ref};
+    const vector ref = shortened(wanted, foc->config.current_limit);
+    out->i_d_ref = ref.d;
+    out->i_q_ref = ref.q;
     out->duty[0] = out->duty[1] = out->duty[2] = CGL_R(0.5);
     out->i_d = out->i_q = out->u_d = out->u_q = CGL_R(0.0);
     out->status = CGL_STATUS_FAULT;
@@ -121,7 +117,7 @@ void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
     const cgl_real ahead = config->advance * foc->ts * omega_e;
     if (!(cgl_is_angle(in->theta_e) && cgl_is_angle(in->theta_e + ahead) && u_dc >= BUS_MIN
           && cgl_is_finite(u_dc))) {
-        safe(out);
+        safe(foc, in, out);
         return;
     }
     cgl_real sine, cosine, alpha, beta, i_d, i_q;
@@ -156,7 +152,7 @@ void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
     cgl_real part_d = u.d * per_bus, part_q = u.q * per_bus;
     if (!(part_d * part_d + part_q * part_q < longest * longest)) {
         if (!(cgl_is_finite(u.d) && cgl_is_finite(u.q))) {
-            safe(out);
+            safe(foc, in, out);
             return;
         }
         const vector wanted = u;
@@ -173,6 +169,8 @@ void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
     out->i_q = i_q;
     out->u_d = u.d;
     out->u_q = u.q;
+    out->i_d_ref = ref.d;
+    out->i_q_ref = ref.q;
 
     if (cgl_is_within(ahead, CGL_QUARTER)) {
         cgl_real s, c;

@@ -39,10 +39,11 @@ typedef struct {
 } cgl_foc_input;
 
 typedef struct {
-    cgl_real duty[3];  /* duty cycles in [0, 1]; two phases: the first two, mean voltage u_dc (2 duty - 1) */
-    cgl_real i_d, i_q; /* measured currents in the rotor's frame [A] */
-    cgl_real u_d, u_q; /* voltage that the duty cycles realise [V] */
-    unsigned status;   /* CGL_STATUS_SATURATED: voltage or reference was limited; CGL_STATUS_FAULT */
+    cgl_real duty[3];          /* duty cycles in [0, 1]; two phases: the first two, mean voltage u_dc (2 duty - 1) */
+    cgl_real i_d, i_q;         /* measured currents in the rotor's frame [A] */
+    cgl_real u_d, u_q;         /* voltage that the duty cycles realise [V] */
+    cgl_real i_d_ref, i_q_ref; /* references that it follows: at most current_limit long [A] */
+    unsigned status;           /* CGL_STATUS_SATURATED: voltage or reference was limited; CGL_STATUS_FAULT */
 } cgl_foc_output;
 
 cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts);
@@ -52,15 +53,12 @@ cgl_error cgl_foc_retune(cgl_foc *foc, const cgl_foc_config *config);
 
 void cgl_foc_reset(cgl_foc *foc);
 
-/* PI control of i_d and i_q with speed voltages fed forward. The references are shortened as by cgl_foc_limit. The voltage
+/* PI control of i_d and i_q with speed voltages fed forward. The references are shortened to current_limit at their angle. The voltage
  * vector is shortened to u_dc / sqrt(3), with two phases to u_dc, and keeps its angle; the integrals follow what was
  * realised (back calculation). A current, angle, speed or bus that is not finite, an angle beyond CGL_ANGLE_MAX (the
  * measured one, or that at which the voltage will act) or a bus below 1e-30 V gives zero voltage, holds the integrals and
  * sets CGL_STATUS_FAULT. A reference that is not finite counts as zero. */
 void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out);
-
-/* The references as the step follows them: shortened to current_limit at their angle. What is not finite is 0. */
-void cgl_foc_limit(const cgl_foc *foc, cgl_real *i_d_ref, cgl_real *i_q_ref);
 
 #ifdef __cplusplus
 }
