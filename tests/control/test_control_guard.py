@@ -132,6 +132,58 @@ def test_a_weak_bus_is_no_fault_of_learning(precision):
     assert not guard.acts and guard.state.learn
 
 
+def at_the_limit(guard, seconds, whose=lambda state: True):
+    """Steps in which the current loop falls short, but for 10 in 160, so that nothing is learned, where
+    `whose` says so of the guard's state."""
+    for n in range(round(seconds / TS)):
+        short = whose(guard.state) and n % 160 > 9
+        guard.step(8.0 * short + math.sin(6 * OMEGA * TS * n), saturated=short, learned=False)
+
+
+@PRECISIONS
+def test_a_map_that_drives_the_rotor_to_its_limit_is_found_and_cleared(precision):
+    """Learned under a load that is gone. Nothing is learned at the limit, so it would stay there."""
+    guard, lib = Guard(precision), control_library(precision).lib
+    guard.run(4, 1.0, wanted=False)
+    guard.run(20, 0.5)
+    at_the_limit(guard, 2.4, lambda state: state.share > 0)
+    assert guard.phase == lib.CGL_GUARD_LEARN
+    at_the_limit(guard, 2.0, lambda state: state.share > 0)
+    assert guard.phase == lib.CGL_GUARD_CLEAR or guard.state.gentle > 1
+
+
+@PRECISIONS
+def test_a_limit_that_stays_without_what_was_learned_is_not_its_fault(precision):
+    guard, lib = Guard(precision), control_library(precision).lib
+    guard.run(4, 1.0, wanted=False)
+    guard.run(20, 0.5)
+    at_the_limit(guard, 8.0)
+    assert guard.phase == lib.CGL_GUARD_PROBE and guard.state.share == 0
+    phases = set()
+    guard.run(6, 1.0, until=lambda state: phases.add(state.phase))
+    assert guard.phase == lib.CGL_GUARD_LEARN and lib.CGL_GUARD_CLEAR not in phases
+    guard.run(6, 0.5)
+    assert not guard.acts
+
+
+@PRECISIONS
+def test_a_baseline_of_a_rotor_that_stands_is_measured_again(precision):
+    """Under a load that the feedback alone does not turn. Without the load what was learned does harm."""
+    guard = Guard(precision)
+    guard.run(2, 1.0)
+
+    def loaded(state):
+        error = (1 - state.share) * 1.5 * OMEGA + 0.5 * math.sin(6 * OMEGA * TS * guard.n)
+        guard.n += 1
+        guard.step(error, OMEGA - error, learned=bool(state.learn))
+
+    for _ in range(round(8 / TS)):
+        loaded(guard.state)
+    assert max(guard.state.baseline) > OMEGA**2 and guard.state.share == 1
+    taken = guard.run(40, lambda state: 0.3 + 2.7 * state.share, until=lambda state: state.share == 0)
+    assert taken * WINDOW * TS < 5.0
+
+
 @PRECISIONS
 def test_an_instability_that_saturates_now_this_way_and_now_the_other_is_seen(precision):
     guard = Guard(precision)

@@ -35,6 +35,7 @@
 #define ELSEWHERE CGL_R(1.25)    /* another speed */
 #define CLEARED CGL_R(6.2)       /* quarters of a turn, in which every cell is passed, after as many as a Q filter waits for */
 #define STALLED CGL_R(0.5)       /* of the reference: an error of more, and the rotor doesn't turn with it */
+#define ENDLESS 2U               /* so many of the longest quarters: a limit that does not end */
 #define SLOWEST CGL_R(0.01)      /* below it is all one speed [rad/s] */
 #define SMALLEST CGL_R(1.0e-20)  /* a variance below it is nothing [rad^2/s^2] */
 #define SQUARE_MAX CGL_R(1.0e30)
@@ -90,7 +91,7 @@ CGL_SELDOM static void go_to(cgl_guard *guard, cgl_guard_phase phase)
     guard->forget = phase == CGL_GUARD_CLEAR;
     guard->windows = guard->strikes = 0U;
     guard->way = CGL_R(0.0);
-    guard->time = 0U;
+    guard->time = guard->limited = 0U;
     begin_window(guard);
 }
 
@@ -110,7 +111,7 @@ CGL_SELDOM void cgl_guard_reset(cgl_guard *guard)
     guard->good = 0U;
     guard->alarms = guard->doubts = guard->lessons = guard->backoff = guard->next = 0U;
     guard->last_moved = true; /* nobody knows */
-    guard->elsewhere = guard->supposed = guard->compared = false;
+    guard->elsewhere = guard->supposed = guard->compared = guard->stalled = false;
     guard->best = CGL_R(0.0);
     go_to(guard, CGL_GUARD_IDLE);
 }
@@ -184,6 +185,15 @@ CGL_SELDOM static void remember(cgl_guard *guard, cgl_real omega, cgl_real basel
     }
     guard->omega[n] = omega;
     guard->baseline[n] = baseline;
+}
+
+/* Takes a baseline that was measured. What a rotor has that does not turn with its reference is none for long: without the load
+ * that holds it it would be less. So it is only supposed, and measured again when the ripple, `best` so far, rises. */
+CGL_SELDOM static void measure(cgl_guard *guard, cgl_real omega, cgl_real baseline, cgl_real best)
+{
+    remember(guard, omega, baseline);
+    guard->supposed = guard->stalled;
+    guard->best = best;
 }
 
 /* The gentler step that holds at a speed. */
@@ -355,8 +365,7 @@ CGL_SELDOM static void judge_probe(cgl_guard *guard, cgl_real omega, cgl_real v,
     if (guard->windows < 2U || (!(calm && agree) && guard->windows < PROBE_MOST)) {
         return;
     }
-    remember(guard, omega, v < last ? v : last);
-    guard->supposed = false;
+    measure(guard, omega, v < last ? v : last, guard->suspect);
     if (guard->suspect <= BAR * bar_at(guard, omega)) {
         guard->doubts = (uint8_t)(guard->doubts < 3U ? 2U * guard->doubts + 1U : 7U);
         learn_on(guard, omega);
@@ -374,7 +383,7 @@ CGL_SELDOM static void judge_probe(cgl_guard *guard, cgl_real omega, cgl_real v,
 CGL_SELDOM static void judge_mute(cgl_guard *guard, cgl_real omega, cgl_real v, bool calm, bool learn)
 {
     if (calm) {
-        remember(guard, omega, v);
+        measure(guard, omega, v, v);
     }
     const bool forbidden = step_at(guard, omega) == CGL_GUARD_STEPS;
     guard->wait -= guard->wait > 0U ? 1U : 0U;
@@ -394,7 +403,8 @@ CGL_SELDOM static void end_window(cgl_guard *guard, bool learn)
     const cgl_real variance = guard->squares_before / count - mean * mean;
     const cgl_real speed = cgl_abs(guard->reference), omega = speed > SLOWEST ? speed : SLOWEST;
     const cgl_real error = guard->centre + mean; /* where the rotor doesn't turn, all of it is ripple */
-    const cgl_real v = larger(variance + (cgl_abs(error) > STALLED * omega ? error * error : CGL_R(0.0)), SMALLEST);
+    guard->stalled = cgl_abs(error) > STALLED * omega;
+    const cgl_real v = larger(variance + (guard->stalled ? error * error : CGL_R(0.0)), SMALLEST);
     if (guard->taught > 0U && !guard->elsewhere && !guard->compared) {
         guard->compared = !guard->moved && guard->best <= EVEN * guard->quietest;
     }
@@ -402,12 +412,13 @@ CGL_SELDOM static void end_window(cgl_guard *guard, bool learn)
     const bool calm = !guard->moved && !guard->last_moved && way * way <= v;
     guard->centre += mean;
     guard->last_moved = guard->moved;
+    guard->limited = 0U;
     switch (guard->phase) {
     case CGL_GUARD_IDLE:
         if (guard->taught > 0U) {
             go_to(guard, CGL_GUARD_LEARN);
         } else if (calm) {
-            remember(guard, omega, v);
+            measure(guard, omega, v, v);
         }
         break;
     case CGL_GUARD_LEARN:
@@ -506,13 +517,23 @@ CGL_SELDOM static void settle(cgl_guard *guard)
 }
 
 /* Whether an unusual sample counts. An instability saturates the current loop too, but now this way and now the other: what is
- * longer than a quarter is something else, and the window that it spoils begins anew with what comes after. */
+ * longer than a quarter is something else, and the window that it spoils begins anew with what comes after. Unless it does
+ * not end, as where a map that was learned under a load drives the rotor to its limit without it, and learns nothing there:
+ * a probe says whose fault it is. */
 CGL_SELDOM static bool counts(cgl_guard *guard, const cgl_guard_input *in)
 {
     const bool weak = guard->short_of >= guard->shortest;
     guard->short_of = in->saturated ? (weak ? guard->short_of : guard->short_of + 1U) : 0U;
     if (guard->settling > 0U) {
         settle(guard);
+        return false;
+    }
+    guard->limited += in->saturated ? 1U : 0U;
+    if (guard->phase == CGL_GUARD_PROBE && guard->limited > guard->shortest) {
+        guard->suspect = CGL_R(0.0); /* it is so without what was learned */
+    }
+    if (guard->limited > ENDLESS * guard->longest && (guard->phase == CGL_GUARD_LEARN || guard->phase == CGL_GUARD_HOLD)) {
+        probe(guard, SQUARE_MAX, true);
         return false;
     }
     if (weak) {

@@ -74,6 +74,7 @@ typedef struct {
     uint32_t taught;                       /* samples that taught something, in this window */
     uint32_t length, shortest, longest;    /* samples in this quarter, and in any */
     uint32_t short_of;                     /* samples in a row in which the current loop fell short */
+    uint32_t limited;                      /* and all of them since the last window */
     uint32_t settling;                     /* samples until a window begins */
     uint32_t settle;                       /* so long [samples] */
     uint32_t time;                         /* samples in this phase at this speed */
@@ -90,6 +91,7 @@ typedef struct {
     bool compared;                         /* `quietest` is known: that window was even */
     bool supposed;                         /* the baseline: from the quietest quarter, not measured */
     bool elsewhere;                        /* something was learned at another speed */
+    bool stalled;                          /* in the last window the rotor did not turn with its reference */
 } cgl_guard;
 
 /* How gently a law learns at step k. */
