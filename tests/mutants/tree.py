@@ -42,7 +42,7 @@ class Tree:
         self._configure(".", self.module, *module, f"-DPython_EXECUTABLE={sys.executable}")
         for library in self.libraries:
             double = f"-DCOGLESS_DOUBLE={library.name}"
-            self._configure("control", library, double, "-DCOGLESS_SANITIZE=ON", "-DCMAKE_C_FLAGS=-O1")
+            self._configure("control", library, double, "-DCMAKE_BUILD_TYPE=Release")
 
     def read(self, file: str) -> str:
         return (self.root / file).read_text()
