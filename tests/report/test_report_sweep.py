@@ -3,6 +3,7 @@
 import json
 import re
 import shlex
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -102,6 +103,15 @@ def test_the_page_draws_every_variant(tmp_path: Path) -> None:
     assert shown["scatter"][0]["x"] == "mechanics.inertia (kg·m²)"  # it explains more
     assert shown["scatter"][0]["xs"] == sorted(shown["scatter"][0]["xs"])
     assert shown["spreads"][0]["limit"] == pytest.approx(3)
+
+
+def test_one_controller_has_its_plots_too(tmp_path: Path) -> None:
+    both = made(tmp_path, 64, lambda x, y: x)
+    text = page(replace(both, pairs=both.pairs[:1], values=both.values[:, :1]), tmp_path)
+    found = re.search(r'id="data">(.*?)</script>', text, re.DOTALL)
+    assert found is not None
+    (shown,) = json.loads(found[1])["scenarios"]
+    assert [len(chart["series"]) for chart in shown["spreads"]] == [1]
 
 
 def test_the_worst_command_repeats_the_worst_variant(
