@@ -150,6 +150,16 @@ def test_variants_of_the_plant_meet_controllers_of_the_study(tmp_path: Path) -> 
     assert gains(changed(study, {"mechanics.inertia": f"{inertia!r} kg*m^2"}), "rule") != gains(study, "rule")
 
 
+def test_what_belongs_to_the_drive_varies_in_each_scenario(tmp_path: Path) -> None:
+    """A controller is not told of it, and of a key of its own there is one for all scenarios."""
+    vary = '[vary]\ndrive.current_loop.current_limit = { uniform = "10 %" }\n'
+    vary += 'controller.pi.kp = { uniform = "10 %" }\n'
+    assert set(draw(ensembles.study(tmp_path, vary=vary), 4).changes(1)) == {
+        'scenario.low.override."drive.current_loop.current_limit"',
+        "controller.pi.kp",
+    }
+
+
 def test_a_scenario_keeps_the_value_that_it_overrides_itself(tmp_path: Path) -> None:
     own = '[scenario.light]\nduration = "0.3 s"\nreference = "300 rpm"\n'
     own += 'override = { mechanics.inertia = "2e-4 kg*m^2" }\n'
