@@ -256,6 +256,7 @@ def main() -> None:
                 judged(lambda mutant: remaining(mutant, run))
             originals = {file: (ROOT / file).read_text() for file, _ in mutants.values()}
             list(pool.map(lambda tree: tree.plain(originals), trees))
+            trees[0].avoided = []
             really = trees[0].failing(run.failing) if run.failing else []
             for tree in trees:
                 tree.avoided = really
