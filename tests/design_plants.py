@@ -62,16 +62,19 @@ def simulate(design: TrialDesign, model: Model, y_ref: Real, trials: int, load: 
     samples, n = len(y_ref), model.order
     v, errors = np.zeros(samples), np.zeros((trials, samples))
     f = _feedforward(design, y_ref)
-    A, B = model.A, model.B[:, 0]
+    B = model.B[:, 0]
+    # state and psi together: their next value is this one's by `closed`, and what enters
+    closed = np.zeros((n + 1, n + 1))
+    closed[:n, :n], closed[:n, n] = model.A + np.outer(B, design.K_1), B * design.K_2
+    closed[n, :n], closed[n, n] = -np.asarray(design.C), 1.0
     for k in range(trials):
-        x, psi = np.zeros(n), 0.0
-        y = np.zeros(samples)
+        enters = np.outer(f + design.N * v - load, np.append(B, 0.0))
+        enters[:, n] = y_ref + (v if design.through_integrator else 0.0)
+        x, states = np.zeros(n + 1), np.zeros((samples, n + 1))
         for p in range(samples):
-            y[p] = design.C @ x
-            u = design.K_1 @ x + design.K_2 * psi + f[p] + design.N * v[p]
-            psi += y_ref[p] + (v[p] if design.through_integrator else 0.0) - y[p]
-            x = A @ x + B * (u - load)
-        errors[k] = y_ref - y
+            states[p] = x
+            x = closed @ x + enters[p]
+        errors[k] = y_ref - states[:, :n] @ design.C
         v = learn(design, v, errors[k])
     return errors
 

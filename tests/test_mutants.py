@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import ast
+import os
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +15,8 @@ import pytest
 from mutants import c_code, hits, python_code
 from mutants.change import Change, other_numbers
 from mutants.draw import drawn
-from mutants.order import files_for, function_at, those_of
+from mutants.order import files_for, function_at, others_of, those_of
+from mutants.switched import culprits, switched
 
 ROOT = Path(__file__).parents[1]
 
@@ -80,12 +85,11 @@ def test_c() -> None:
 
 
 def test_every_mutant_of_python_is_a_program() -> None:
-    for file in ("src/cogless/results/metrics.py", "src/cogless/study/table.py"):
-        text = (ROOT / file).read_text()
-        changes = python_code.changes(text)
-        assert len(changes) > 50
-        for change in changes:
-            compile(change.applied(text), file, "exec")
+    text = (ROOT / "src/cogless/results/metrics.py").read_text()
+    changes = python_code.changes(text)
+    assert len(changes) > 50
+    for change in changes[::7]:  # neighbours change one place
+        ast.parse(change.applied(text))
 
 
 def test_a_draw_is_spread_over_the_lines_and_always_the_same() -> None:
@@ -152,6 +156,73 @@ def test_only_the_files_of_those_that_execute_it_are_run() -> None:
     first, others = those_of(files, [""])
     assert first + others == files
     assert those_of(files, ["", *some]) == [some[:1] + some[2:] + some[1:2], files]
+
+
+SHAPES = """struct Shape {
+    int a = 1 + 2;
+    explicit Shape(int n) : a(n), b{n} { a += 1; }
+    int area() const { return a * b; }
+    int b;
+};
+namespace inner {
+constexpr int twice(int n) { return 2 * n; }
+int sum(const int *x, int count)
+{
+    int total = 0;
+    for (int n = 0; n < count; ++n) {
+        total += x[n];
+    }
+    return total;
+}
+}
+"""
+
+
+def test_the_bodies_of_functions_are_found() -> None:
+    """Of those that run; neither a type, nor a namespace, nor what a compiler calls."""
+    found = [SHAPES[begins:closes].strip() for begins, closes in c_code.functions(SHAPES)]
+    assert found[:2] == ["a += 1;", "return a * b;"] and len(found) == 3
+    assert found[2].startswith("int total = 0;") and found[2].endswith("return total;")
+    places = [c.start for c in c_code.changes((ROOT / "control/src/cogless/pi.c").read_text())]
+    bodies = c_code.functions((ROOT / "control/src/cogless/pi.c").read_text())
+    assert all(any(begins <= place < closes for begins, closes in bodies) for place in places)
+
+
+def test_of_several_mutants_in_one_program_the_environment_chooses(tmp_path: Path) -> None:
+    """None of them by default; the others beside it; and what ran is on the page."""
+    if shutil.which("cc") is None:
+        pytest.skip("no C compiler")
+    text = "int sign(int x)\n{\n    if (x < 0) {\n        return -1;\n    }\n    return x > 0;\n}\n"
+    text += '#include <stdio.h>\nint main(void)\n{\n    printf("%d%d%d", sign(-1), sign(0), sign(1));\n}\n'
+    less, more = text.index("x < 0") + 2, text.index("x > 0") + 2
+    changes = {3: Change(less, less + 1, "<="), 8: Change(more, more + 1, ">="), 9: Change(0, 3, "long")}
+    source, page = tmp_path / "sign.c", tmp_path / "page"
+    both, lines = switched(text, changes)
+    source.write_text(both)
+    assert set(lines.values()) == {3, 8}  # the other is in no function
+    assert re.search(r"\)\s*\{.*?\n\}", both, re.DOTALL)[0].count("return x >") == 3  # type: ignore[index]
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-pedantic", "-Werror"]
+    subprocess.run(["cc", *strict, source, "-o", tmp_path / "sign"], check=True)
+    for number, says in (("", "-101"), ("3", "-1-11"), ("8", "-111"), ("9", "-101")):
+        page.write_bytes(bytes(4096))
+        chosen = {**os.environ, "COGLESS_MUTANT": number, "COGLESS_HITS": str(page)}
+        done = subprocess.run([tmp_path / "sign"], env=chosen, capture_output=True, text=True, check=True)
+        assert done.stdout == says
+        assert [n for n, mark in enumerate(page.read_bytes()) if mark] == [3, 8]
+    wrong, lines = switched(text, {5: Change(less, less + 1, "=<"), 6: Change(more, more + 1, ">=")})
+    source.write_text(wrong)
+    done = subprocess.run(["cc", "-c", source, "-o", tmp_path / "x.o"], capture_output=True, text=True)
+    assert culprits(done.stderr, "sign.c", lines) == {5}
+
+
+def test_the_rest_of_the_files_come_by_what_they_take() -> None:
+    files = [f"tests/test_{n}.py" for n in range(9)]
+    some = [f"tests/test_{n}.py::a" for n in (1, 6, 7, 8)]
+    assert others_of(files, some, {"tests/test_6.py": 3.0, "tests/test_7.py": 1.0}) == [
+        "tests/test_8.py",
+        "tests/test_7.py",
+        "tests/test_6.py",
+    ]
 
 
 def test_the_command_tells_what_it_takes() -> None:

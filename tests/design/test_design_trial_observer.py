@@ -106,13 +106,18 @@ def test_a_given_pole_and_cutoff_are_kept() -> None:
 
 
 def lagging(ranged):
-    """Integrates once, with a lag of 100 samples a second."""
-    return [[0.0, 1.0], [0.0, -1000.0 * ranged["k"]]], [0.0, 1.0]
+    """Integrates once, with a lag whose pole is k from z = 1."""
+    return [[0.0, 1.0], [0.0, -ranged["k"] / PERIOD]], [0.0, 1.0]
 
 
-def test_other_plants_are_refused() -> None:
+@pytest.mark.parametrize("farthest", [0.3, 2.0])
+def test_other_plants_are_refused(farthest: float) -> None:
+    ranged = {"k": (0.5 * farthest, farthest)}
     with pytest.raises(DesignError, match="integrates its input twice"):
-        design_observer(from_parameters(lagging, {"k": (1.0, 2.0)}, [1.0, 0.0], PERIOD, "euler"), None)
+        design_observer(from_parameters(lagging, ranged, [1.0, 0.0], PERIOD, "euler"), None)
+
+
+def test_a_plant_that_acts_the_other_way_is_refused() -> None:
     turned = replace(motor(), C=np.array([-1.0, 0.0]))
     with pytest.raises(DesignError, match="raises y"):
         design_observer(turned, None)

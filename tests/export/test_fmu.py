@@ -87,9 +87,7 @@ kind = "peak-to-peak"
 signal = "omega_m"
 """
 
-ROOT = Path(__file__).parents[2]
-OWN = "drive_variables.hpp"  # of each drive; the engine has none of it
-ENGINE = {path.name for path in (*ROOT.glob("simulator/*.cpp"), *ROOT.glob("control/src/cogless/*.c"))}
+OWN = "drive_variables.hpp"  # of each drive; no C includes it
 CURRENTS = ("i_d", "i_q", "i_a", "i_b", "i_c")
 PLANT = (
     "theta_m",
@@ -130,7 +128,7 @@ def exported(folder: Path, study: AnyStudy, controller: str) -> Exported:
 
 @pytest.fixture(scope="module")
 def shared() -> Iterator[None]:
-    """What every FMU of these tests has alike is compiled once, and kept; the engine's C++ as one unit.
+    """What every FMU of these tests has alike is compiled once, and kept; its C++ as one unit.
 
     Without optimising, and by clang where it is: that takes a third as long, and the bits are the same.
     """
@@ -138,15 +136,15 @@ def shared() -> Iterator[None]:
 
     def objects(sources: Iterable[Path], folder: Path) -> list[Path]:
         sources = list(sources)
-        engine = [source for source in sources if source.name in ENGINE and source.suffix == ".cpp"]
-        texts = "".join(source.read_text() for source in engine)
-        for n, source in enumerate(engine):
+        units = [source for source in sources if source.suffix == ".cpp"]
+        texts = "".join(source.read_text() for source in units)
+        for n, source in enumerate(units):
             source.write_text("" if n else texts)
         return [compiled(source, folder) for source in sources]
 
     def compiled(source: Path, folder: Path) -> Path:
         included = (each for each in sorted(source.parent.rglob("*.*")) if each.suffix not in (".c", ".cpp"))
-        read = [source, *(each for each in included if each.name != OWN or source.name not in ENGINE)]
+        read = [source, *(each for each in included if each.name != OWN or source.suffix == ".cpp")]
         words = [
             *build.OPTIONS,
             *(compilers_version(build.compiler(language)[0]) for language in build.COMPILERS),

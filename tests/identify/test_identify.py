@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from identify.commissioned import MOTORS, commissioned, write
 
-from cogless.identify import command, described
+from cogless.errors import StudyError
+from cogless.identify import command, described, replay
 from cogless.identify.result import Estimate, Wave
 from cogless.identify.write import compensation
 from cogless.study.mechanics import Mechanics
@@ -109,3 +110,14 @@ def test_a_table_resolves_its_highest_order(found, order, cells):
     _, made = found
     table = compensation(replace(made, cogging=(replace(made.cogging[0], order=order),)))
     assert table.values.shape == (1, cells)
+
+
+def test_logs_that_cannot_be_played_leave_the_estimate_and_say_so(found, monkeypatch):
+    def refuses(made: Estimate) -> None:
+        raise StudyError("no such drive")
+
+    _, made = found
+    monkeypatch.setattr(replay, "played", refuses)
+    kept, traces = replay.refined(made, lambda what, share: None)
+    assert traces == {} and kept.values == made.values
+    assert kept.remarks[-1].startswith("The logs could not be simulated (no such drive); errors")

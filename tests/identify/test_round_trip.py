@@ -74,6 +74,12 @@ def test_the_plan_says_which_errors_to_expect(chain):
     assert 0.2 * error("found.txt") < error("plan.txt") < 2 * error("found.txt")
 
 
+def test_each_command_ends_with_the_files_that_it_wrote(chain):
+    for folder, end in (("plan", "Columns: plan/id.toml"), ("found", "Report: found/report.html")):
+        said = (chain / f"{folder}.txt").read_text()
+        assert said.endswith(f"\nStudy: {folder}/study.toml\n{end}\n")
+
+
 def test_the_found_study_runs(chain):
     done = cogless("run", "found/study.toml", "--only", "fast/*", "-o", "again", cwd=chain)
     assert done.returncode == 0, done.stderr

@@ -22,6 +22,8 @@ _BINARY = {"+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!=", "&&", "||", "+=
 _TEXTS = {"throw", "static_assert", "assert", "using", "template"}
 _KEPT = {"return", "if", "for", "while", "do", "switch", "case", "default", "break", "continue", "goto"}
 _KEPT |= {"else", "typedef", "struct", "class", "enum", "namespace"} | _TEXTS
+_SCOPES = {"namespace", "class", "struct", "union", "enum", "extern"}
+_BEFORE_BODY = {")", "}", "const", "noexcept", "override", "final", "mutable"}
 _AFTER_NAMES = {"=", "+=", "-=", "*=", "/=", "|=", "&=", "^=", "(", "{", "[", "++", "--"}
 
 
@@ -44,6 +46,33 @@ def changes(text: str) -> list[Change]:
     ]
     spared = set(_spared(tokens))
     return [c for c in _changes(text, tokens) if c.start not in spared]
+
+
+def functions(text: str) -> list[tuple[int, int]]:
+    """Begin and end of the text within the braces of each function that is no constant expression."""
+    tokens = [
+        Token(found.lastgroup or "", found[0], found.start())
+        for found in _TOKEN.finditer(text)
+        if found["skip"] is None
+    ]
+    found, n, head = [], 0, 0  # head: where the declaration begins whose brace is looked for
+    while n < len(tokens):
+        sign = tokens[n].text if tokens[n].kind == "op" else ""
+        if sign == "{":
+            words = {token.text for token in tokens[head:n]}
+            if words & _SCOPES and not ("(" in words and tokens[n - 1].text in _BEFORE_BODY):
+                head = n + 1
+            else:
+                last = _closing(tokens, n)
+                if tokens[n - 1].text in _BEFORE_BODY and "(" in words:
+                    if "constexpr" not in words:
+                        found.append((tokens[n].end, tokens[last].start))
+                    head = last + 1
+                n = last
+        elif sign in (";", "}") or (sign == ":" and tokens[n - 1].text in ("public", "private", "protected")):
+            head = n + 1
+        n += 1
+    return found
 
 
 def _changes(text: str, tokens: list[Token]) -> Iterator[Change]:
@@ -124,9 +153,11 @@ def _until_semicolon(tokens: list[Token], n: int) -> int | None:
 
 
 def _closing(tokens: list[Token], n: int) -> int:
+    """Index of the bracket that closes the one at token n."""
+    opens, closes = tokens[n].text, {"(": ")", "{": "}"}[tokens[n].text]
     depth = 0
     for last in range(n, len(tokens)):
-        depth += (tokens[last].text == "(") - (tokens[last].text == ")")
+        depth += (tokens[last].text == opens) - (tokens[last].text == closes)
         if depth == 0:
             return last
     raise ValueError("a bracket without its end")

@@ -1,12 +1,18 @@
-"""Which tests execute a mutant's statement: one run of all tests, with a call of `hit` before each."""
+"""Which tests execute a mutant's statement: one run of all tests, with a call of `hit` before each in Python,
+and a mark by switch.h in C and C++, which this as a plugin of pytest reads after each test."""
 
 from __future__ import annotations
 
 import ast
 import os
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from functools import cache
 from pathlib import Path
+from time import process_time
+
+import pytest
+
+from mutants.switched import PAGE
 
 FOLDER = Path(__file__).parents[2] / "hits"  # of the copy of the tree in which the tests run
 
@@ -61,3 +67,34 @@ def noted(folder: Path, number: int) -> list[str]:
     """Tests that executed the statement, "" among them if importing a test did."""
     path = folder / str(number)
     return sorted(set(path.read_text().splitlines())) if path.exists() else []
+
+
+def pytest_configure() -> None:
+    """A page for this process and those that it starts, before any of them loads the engine."""
+    page = FOLDER / f"page-{os.environ.get('PYTEST_XDIST_WORKER', 'main')}"
+    page.write_bytes(bytes(PAGE))
+    os.environ["COGLESS_HITS"] = str(page)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    page, begin = Path(os.environ["COGLESS_HITS"]), process_time()
+    result = yield
+    with page.open("r+b") as file:
+        for number, mark in enumerate(file.read()):
+            if mark:
+                _note(number, item.nodeid)
+        file.seek(0)
+        file.write(bytes(PAGE))
+    with (FOLDER / "seconds").open("a") as spent:
+        spent.write(f"{process_time() - begin:.3f} {item.nodeid.partition('::')[0]}\n")
+    return result
+
+
+def seconds(folder: Path) -> dict[str, float]:
+    """Processor time of each test file, without that of other processes."""
+    total: dict[str, float] = {}
+    for line in (folder / "seconds").read_text().splitlines():
+        spent, file = line.split(" ", 1)
+        total[file] = total.get(file, 0.0) + float(spent)
+    return total

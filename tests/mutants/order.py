@@ -38,6 +38,12 @@ def those_of(files: list[str], tests: list[str]) -> list[list[str]]:
     return [first, list(dict.fromkeys(test.partition("::")[0] for test in first))]
 
 
+def others_of(files: list[str], tests: list[str], seconds: dict[str, float]) -> list[str]:
+    """Files of these tests beside the likely ones, the quickest first."""
+    found = {test.partition("::")[0] for test in tests} - set(files[:LIKELY])
+    return sorted(found, key=lambda file: seconds.get(file, 0.0))
+
+
 def function_at(file: str, text: str, position: int) -> str:
     """Name of the last function that begins before a position in a file; empty if there is none."""
     python, other = r"^ *def (\w+)", r"^[ ]{0,4}[A-Za-z_][\w:<>*&, ]*?[ *&](?:\w+::)*(\w+)\([^;]*$"

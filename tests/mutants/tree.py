@@ -10,10 +10,10 @@ import sys
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
-from shutil import rmtree
+from shutil import rmtree, which
 from typing import NamedTuple
 
-TOOLS = Path(sys.executable).parent
+TOOLS = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
 LONGEST_TEST = 300  # s; a test that takes longer counts as failed
 MEMORY = 12 << 30  # bytes of data; a limit of address space would stop a browser, which reserves much
 
@@ -29,6 +29,9 @@ class Tree:
         self.libraries = [root / "library" / real for real in ("OFF", "ON")]  # double or not
         self.process: subprocess.Popen[str] | None = None
         self.stopped, self.said = False, ""
+        self.avoided: list[str] = []  # tests that fail without a mutant
+        self.chosen = 0  # number of the mutant in the C and C++, where several are built together
+        self.unchanged: dict[Path, bytes] = {}
         listed = ["git", "-C", str(original), "ls-files", "-co", "--exclude-standard"]
         for name in subprocess.run(listed, check=True, capture_output=True, text=True).stdout.splitlines():
             if (original / name).is_file():
@@ -39,10 +42,7 @@ class Tree:
         self._configure(".", self.module, *module, f"-DPython_EXECUTABLE={sys.executable}")
         for library in self.libraries:
             double = f"-DCOGLESS_DOUBLE={library.name}"
-            self._configure("control", library, double, "-DCOGLESS_SANITIZE=ON", "-DCMAKE_BUILD_TYPE=Debug")
-        if not self.build():
-            raise RuntimeError(f"{root}: does not build\n{self.said}")
-        self.unchanged = self._machine_code()
+            self._configure("control", library, double, "-DCMAKE_BUILD_TYPE=Release")
 
     def read(self, file: str) -> str:
         return (self.root / file).read_text()
@@ -50,51 +50,72 @@ class Tree:
     def write(self, file: str, text: str) -> None:
         self._put(self.root / file, text.encode())
 
-    def build(self) -> bool:
-        """Build and install what has changed; return whether that succeeded."""
+    def build(self) -> str:
+        """Build and install what has changed; return what the compilers said if that failed."""
+        self.install_python()
+        for folder in (self.module, *self.libraries):
+            if not self._ran("cmake", "--build", folder, "--", "-k", "0"):
+                return self.said
+        return "" if self._ran("cmake", "--install", self.module, "--prefix", self.site) else self.said
+
+    def install_python(self) -> None:
         sources = self.root / "src" / "cogless"
         for source in sources.rglob("*"):
-            if source.is_file():
+            if source.is_file() and "__pycache__" not in source.parts:
                 self._put(self.site / "cogless" / source.relative_to(sources), source.read_bytes())
-        built = all(self._ran("cmake", "--build", folder) for folder in (self.module, *self.libraries))
-        return built and self._ran("cmake", "--install", self.module, "--prefix", self.site)
+
+    def plain(self, texts: dict[str, str]) -> None:
+        """Build without any mutant; `texts`: those of the files that had some."""
+        for file, text in texts.items():
+            self.write(file, text)
+        self.chosen = 0
+        if said := self.build():
+            raise RuntimeError(f"{self.root}: does not build\n{said}")
+        self.unchanged = self._machine_code()
 
     def takes(self, file: str, text: str) -> bool:
-        """Build with another text of a file; return whether it compiles, to other machine code than
-        before."""
+        """Install with another text of a file; return whether it compiles, C and C++ to other machine code
+        than before."""
         self.write(file, text)
         if not file.endswith(".py"):
-            return self.build() and self._machine_code() != self.unchanged
+            return not self.build() and self._machine_code() != self.unchanged
         try:
             compile(text, file, "exec")
         except SyntaxError:
             return False
-        return self.build()
+        self.install_python()
+        return True
 
-    def hits(self, jobs: int) -> Path:
-        """Run all tests, side by side; return the folder in which mutants.hits notes who executed what."""
+    def hits(self, jobs: int) -> tuple[Path, list[str]]:
+        """Run all tests, side by side; return the folder in which mutants.hits notes who executed what, and
+        the tests that fail."""
         folder = self.root / "hits"
         rmtree(folder, ignore_errors=True)
         folder.mkdir()
-        self.build()
-        self._tested("-n", str(jobs), "--dist", "loadfile")
-        return folder
+        self.install_python()
+        _, output = self._tested("-p", "mutants.hits", "-n", str(jobs), "--dist", "loadfile")
+        return folder, failures(output)
 
-    def judge(self, file: str, turns: list[list[str]]) -> Verdict:
+    def judge(self, file: str, turns: list[list[str]], beside_c: bool = True) -> Verdict:
         """Run tests, one list after the other, until one fails; for a file of the C library its own tests
-        run first."""
-        if file.startswith("control"):
-            for library in self.libraries:
-                if not self._ran("ctest", "--test-dir", library, "--timeout", str(LONGEST_TEST)):
-                    return Verdict("killed", "control/tests")
+        run first, where they are wanted."""
+        if file.startswith("control") and beside_c and not self.passes_beside_c():
+            return Verdict("killed", "control/tests")
         for some in turns:
             code, output = self._tested("-x", *some) if some else (0, "")
+            if code == 5 and self.avoided:  # all tests there are avoided
+                continue
             if code in (4, 5):  # usage error, or no tests found: not a failing test
                 raise RuntimeError(output)
             if code != 0:
                 outcome = "time-out" if "Timeout (" in output else "killed"
                 return Verdict(outcome, _first_failure(output))
         return Verdict("survived", "")
+
+    def passes_beside_c(self) -> bool:
+        """Run the C library's own tests, in float and in double, with a tenth of their random configs."""
+        programs = [folder / name for folder in self.libraries for name in ("learn", "cogless_control_tests")]
+        return all(self._ran("timeout", str(LONGEST_TEST), program, "50") for program in programs)
 
     def stop(self) -> None:
         """End the running process, from another thread; the thread that waits for it gets an
@@ -106,23 +127,24 @@ class Tree:
     def failing(self, tests: list[str]) -> list[str]:
         """Those of these tests that fail in the unchanged tree."""
         _, output = self._tested(*tests)
-        return re.findall(r"^(?:FAILED|ERROR) (\S+)", output, re.MULTILINE)
+        return failures(output)
 
     def _tested(self, *arguments: str) -> tuple[int, str]:
         limits = ["-o", f"faulthandler_timeout={LONGEST_TEST}", "-o", "faulthandler_exit_on_timeout=true"]
         pytest = ["prlimit", f"--data={MEMORY}", sys.executable, "-m", "pytest"]
-        command = [*pytest, "-v", "--tb=no", "-p", "no:cacheprovider", *limits, *arguments]
+        command = [*pytest, "-v", "--tb=no", "-p", "no:cacheprovider", *limits]
+        command += [word for test in self.avoided for word in ("--deselect", test)] + [*arguments]
         done = self._start(*command)
         return done.returncode, done.stdout
 
     def _ran(self, tool: str, *arguments: str | Path) -> bool:
-        done = self._start(TOOLS / tool, *arguments)
+        done = self._start(_tool(tool), *arguments)
         self.said = done.stdout
         return done.returncode == 0
 
     def _configure(self, source: str, folder: Path, *options: str) -> None:
-        ninja = ["-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={TOOLS / 'ninja'}"]
-        done = self._start(TOOLS / "cmake", "-S", source, "-B", folder, *ninja, *options)
+        ninja = ["-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={_tool('ninja')}"]
+        done = self._start(_tool("cmake"), "-S", source, "-B", folder, *ninja, *options)
         if done.returncode:
             raise RuntimeError(done.stdout)
 
@@ -133,6 +155,7 @@ class Tree:
         """Run a command in the copy, and end all processes that it leaves running."""
         path = f"{self.site}{os.pathsep}{self.root / 'tests'}"
         environment = {**os.environ, "PYTHONPATH": path, "PYTHONUNBUFFERED": "1"}
+        environment["COGLESS_MUTANT"] = str(self.chosen)
         process = subprocess.Popen(
             [str(part) for part in command], cwd=self.root, env=environment, text=True, errors="replace",
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
@@ -156,10 +179,24 @@ class Tree:
                 compiled.unlink()
 
 
+def _tool(name: str) -> str:
+    """Path of a program, that beside this Python if there is one."""
+    found = which(name, path=TOOLS)
+    if found is None:
+        raise RuntimeError(f"no {name} on the PATH")
+    return found
+
+
 def _end(process: subprocess.Popen[str]) -> None:
     """End a process and all processes that it started."""
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
+
+
+def failures(output: str) -> list[str]:
+    """Tests, or files of them, that pytest says in the end to have failed."""
+    found = re.findall(r"^(?:FAILED|ERROR) (\S+?(?:\[.*?\])?)(?: - .*)?$", output, re.MULTILINE)
+    return list(dict.fromkeys(found))
 
 
 def _first_failure(output: str) -> str:

@@ -3,6 +3,7 @@
 import json
 import re
 import shlex
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -104,6 +105,15 @@ def test_the_page_draws_every_variant(tmp_path: Path) -> None:
     assert shown["spreads"][0]["limit"] == pytest.approx(3)
 
 
+def test_one_controller_has_its_plots_too(tmp_path: Path) -> None:
+    both = made(tmp_path, 64, lambda x, y: x)
+    text = page(replace(both, pairs=both.pairs[:1], values=both.values[:, :1]), tmp_path)
+    found = re.search(r'id="data">(.*?)</script>', text, re.DOTALL)
+    assert found is not None
+    (shown,) = json.loads(found[1])["scenarios"]
+    assert [len(chart["series"]) for chart in shown["spreads"]] == [1]
+
+
 def test_the_worst_command_repeats_the_worst_variant(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -138,6 +148,16 @@ def test_variants_of_the_plant_meet_controllers_of_the_study(tmp_path: Path) -> 
     assert inertia != study.mechanics.inertia == variant.mechanics.inertia
     assert gains(variant, "rule") == gains(study, "rule")
     assert gains(changed(study, {"mechanics.inertia": f"{inertia!r} kg*m^2"}), "rule") != gains(study, "rule")
+
+
+def test_what_belongs_to_the_drive_varies_in_each_scenario(tmp_path: Path) -> None:
+    """A controller is not told of it, and of a key of its own there is one for all scenarios."""
+    vary = '[vary]\ndrive.current_loop.current_limit = { uniform = "10 %" }\n'
+    vary += 'controller.pi.kp = { uniform = "10 %" }\n'
+    assert set(draw(ensembles.study(tmp_path, vary=vary), 4).changes(1)) == {
+        'scenario.low.override."drive.current_loop.current_limit"',
+        "controller.pi.kp",
+    }
 
 
 def test_a_scenario_keeps_the_value_that_it_overrides_itself(tmp_path: Path) -> None:

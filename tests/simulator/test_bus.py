@@ -1,10 +1,14 @@
 """A bus between drive and law: what the law sees and what the drive gets, from the law's equation."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from engine import merged, run
+
+import studies
+from cogless.run.drive_config import engine_config
 
 KP = 0.1
 # the rotor swings with its load; a P law without memory, so that each command tells what it was made of
@@ -84,3 +88,9 @@ def test_noise_of_the_sensors_is_the_same_beside_a_bus() -> None:
     one, other = (run({**heavy, "drive": drive}, 0.1) for drive in (noise, without))
     assert np.array_equal(one["i_q"], other["i_q"])
     assert np.ptp(one["i_q"]) > 0
+
+
+def test_a_studys_bus_reaches_the_engine(tmp_path: Path) -> None:
+    said = {"delay_measured": "1 ms", "delay_command": "2 ms", "jitter": "0.1 ms", "quantum": "3 mA"}
+    config = engine_config(studies.study(tmp_path, {"drive.bus": said}), "low", "pi")
+    assert config["drive"]["bus"] == pytest.approx(bus(1e-3, 2e-3, 1e-4, 3e-3))

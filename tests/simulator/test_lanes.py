@@ -143,3 +143,8 @@ def test_drives_that_differ_in_kind_do_not_go_together() -> None:
         with pytest.raises(ValueError, match="lanes: expected drives that are alike"):
             together([base, other], [1], 0)
     assert base.alike(made({"mechanics": {"inertia": 1e-3}}))
+
+
+def test_a_kernel_that_the_processor_lacks_is_refused() -> None:
+    with pytest.raises(ValueError, match="advance_lanes: expected a state"):
+        together([made({})], [1], len(KERNELS))

@@ -293,7 +293,7 @@ def _made(
         unit = units.unit_of(value)
         if quantity is None or not unit:
             return
-        number, factor = float(units.NUMBER.fullmatch(value).group(1)), units.factor(unit, quantity.dimension)  # type: ignore[union-attr]
+        number, factor = units.number_in(value, unit), units.factor(unit, quantity.dimension)
     elif isinstance(value, int | float) and not isinstance(value, bool):
         number = float(value)
     else:
