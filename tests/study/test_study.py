@@ -480,7 +480,8 @@ def test_saturation_comes_from_csv_files(tmp_path: Path) -> None:
     x, y = (simulate(study, "step", "fair").trace for study in (in_files, inline))
     assert x["tau_e"] == pytest.approx(y["tau_e"], rel=1e-9, abs=1e-9)
     # a datasheet's tables are beside the datasheet
-    sheet = studies.BASE.partition("[motor]")[2].partition("[mechanics]")[0].replace('L_d = "30 mH"', 'L_d = "29 mH"')
+    sheet = studies.BASE.partition("[motor]")[2].partition("[mechanics]")[0]
+    sheet = sheet.replace('L_d = "30 mH"', 'L_d = "29 mH"')
     named = "".join(f'[saturation.{axis}]\nfile = "{axis}.csv"\n' for axis in files)
     (motors / "m.toml").write_text(sheet + named)
     before, after = studies.BASE.partition("[motor]")[0], studies.BASE.partition("[mechanics]")[2]
@@ -491,16 +492,20 @@ def test_saturation_comes_from_csv_files(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("axis", "text", "problem"),
     [
-        ("q", "current [A],flux [mWb]\n0,0\n1,30\n1,50", 'line 4: "1": expected a current above the one before'),
+        ("q", "current [A],flux [mWb]\n0,0\n1,30\n1,50",
+            'line 4: "1": expected a current above the one before'),
         ("q", "current [A],flux [mWb]\n0,0\n1,nan\n2,50", 'line 3: "nan": expected a finite flux'),
         ("q", "current [A],flux [mWb]\n0,0\n1,\n2,50", 'line 3: "": expected a number'),
         ("q", "current [A],flux [mWb]\n0,0\n1\n2,50", 'line 3: "1": expected 2 columns'),
-        ("q", "current [A],flux [mWb]\n0,0\n1,30", "expected three or more values that rise, zero among them"),
+        ("q", "current [A],flux [mWb]\n0,0\n1,30",
+            "expected three or more values that rise, zero among them"),
         ("q", "current [A],flux [mWb]\n0,1\n1,30\n2,50", "expected zero at zero current"),
-        ("q", "current [A],flux [mWb]\n0,0\n1,30\n2,30", "expected a flux linkage that grows with the current"),
+        ("q", "current [A],flux [mWb]\n0,0\n1,30\n2,30",
+            "expected a flux linkage that grows with the current"),
         ("q", "current [A],inductance [mH]\n0,30\n1,0\n2,30", "expected inductances above zero"),
         ("q", "current [A],torque [N*m]\n0,0",
-            'line 1: "current [A],torque [N*m]": expected one column such as "flux [mWb]" or "inductance [mH]"'),
+            'line 1: "current [A],torque [N*m]": expected one column such as "flux [mWb]" or '
+            '"inductance [mH]"'),
         ("q", "angle [deg],flux [mWb]\n0,0",
             'line 1: "angle [deg],flux [mWb]": expected one column such as "current [A]"'),
         ("q", "current [A],flux\n0,0", 'line 1: "flux": expected a unit too, such as "flux [mWb]"'),

@@ -74,7 +74,7 @@ def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimen
     Other columns are left alone. The errors' key is "file".
     """
     heading, *rows = lines(path) or [[]]
-    names = [found[1].lower() if (found := NAME.match(cell)) else "" for cell in heading]
+    names = [word[1].lower() if (word := NAME.match(cell)) else "" for cell in heading]
     axis, dimension = along
     name = _only(heading, names, columns)
     units_of = {axis: dimension, name: columns[name]}

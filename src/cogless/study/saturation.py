@@ -32,9 +32,7 @@ class CurrentFile(Table):
         if any(getattr(self, name) for name in ("current", *columns)):
             raise invalid("expected none, since its values are given", "file")
         found = rising(Path(info.context["folder"]) / self.file, ("current", CURRENT), columns)
-        return self.model_copy(
-            update={"current": tuple(found.along), found.name: tuple(found.value)}
-        )
+        return self.model_copy(update={"current": tuple(found.along), found.name: tuple(found.value)})
 
     def _check(self, value: tuple[float, ...], name: str) -> None:
         """Refuse currents that do not rise or lack zero, and fluxes of another number or not zero there."""
