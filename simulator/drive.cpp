@@ -506,8 +506,8 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
                 if ((stay >> r.n & 1U) != 0U) {
                     plants.get(r.n, s.plant, here);
                     const Plant& plant = r.phase->plant;
-                    plant.step<detail>(s.plant, here, {view.u_alpha[r.n], view.u_beta[r.n]}, from, h,
-                                       Plant::Exact<detail>(plant));
+                    const Plant::Exact<detail> exact(plant);
+                    plant.step<detail>(s.plant, here, {view.u_alpha[r.n], view.u_beta[r.n]}, from, h, exact);
                     plants.put(r.n, s.plant, here);
                 }
                 r.drive->watch(s, from, h, view.theta_m[r.n], r.faults);
