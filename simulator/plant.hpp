@@ -183,9 +183,7 @@ private:
 #define COGLESS_ALL_PLANT_STEPS(EXTERN)                                                                  \
     COGLESS_PLANT_STEPS(EXTERN, Detail::mechanics, const Plant::Exact<Detail::mechanics>)                \
     COGLESS_PLANT_STEPS(EXTERN, Detail::currents, const Plant::Exact<Detail::currents>)                  \
-    COGLESS_PLANT_STEPS(EXTERN, Detail::energies, const Plant::Exact<Detail::energies>)                  \
-    COGLESS_PLANT_STEPS(EXTERN, Detail::currents, AnglePatch)                                            \
-    COGLESS_PLANT_STEPS(EXTERN, Detail::energies, AnglePatch)
+    COGLESS_PLANT_STEPS(EXTERN, Detail::energies, const Plant::Exact<Detail::energies>)
 
 #ifndef COGLESS_PLANT_STEPS_HERE
 COGLESS_ALL_PLANT_STEPS(extern)
