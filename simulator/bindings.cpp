@@ -1,13 +1,16 @@
 // The Python module. Built twice: the control laws in float (_simulator_f32) and in double (_simulator_f64).
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
 #include <cstring>
 #include <optional>
+#include <tuple>
 #include <type_traits>
 #include <variant>
 
@@ -40,14 +43,41 @@ Array rows_of(std::vector<double> values, std::size_t columns) {
 }
 
 // A Python object that replaces the drive's controller; it gets and returns C structs as bytes: step(measurement, reference)
-// -> output, and in trials begin(trajectory), end().
+// -> output, and in trials begin(trajectory), end(). Over a bus, in place of step: measure(measurement, reference) -> due, theta_m,
+// omega_m; law(theta_m, omega_m) -> i_q_ref; actuate(i_q_ref or None) -> output.
 class PythonController : public Controller {
 public:
     explicit PythonController(const nb::object& object) : object_(object), step_(object.attr("step")) {}
 
     cgl_drive_output step(const cgl_measurement& now, const cgl_reference& reference) override {
         const nb::gil_scoped_acquire gil;
-        const nb::object result = step_(nb::bytes(&now, sizeof now), nb::bytes(&reference, sizeof reference));
+        return output_of(step_(nb::bytes(&now, sizeof now), nb::bytes(&reference, sizeof reference)));
+    }
+    std::pair<bool, Measurement> measure(const cgl_measurement& now, const cgl_reference& reference) override {
+        const nb::gil_scoped_acquire gil;
+        const auto [due, theta_m, omega_m] = nb::cast<std::tuple<bool, double, double>>(
+            object_.attr("measure")(nb::bytes(&now, sizeof now), nb::bytes(&reference, sizeof reference)));
+        return {due, {theta_m, omega_m}};
+    }
+    BusCommand law(const Measurement& then) override {
+        const nb::gil_scoped_acquire gil;
+        return {nb::cast<double>(object_.attr("law")(then.theta_m, then.omega_m)), 0.0};
+    }
+    cgl_drive_output actuate(const BusCommand* received) override {
+        const nb::gil_scoped_acquire gil;
+        return output_of(object_.attr("actuate")(received == nullptr ? nb::none() : nb::object(nb::float_(received->i_q_ref))));
+    }
+    void begin(const std::vector<cgl_real>& trajectory) override {
+        const nb::gil_scoped_acquire gil;
+        object_.attr("begin")(nb::bytes(trajectory.data(), trajectory.size() * sizeof(cgl_real)));
+    }
+    void end() override {
+        const nb::gil_scoped_acquire gil;
+        object_.attr("end")();
+    }
+
+private:
+    static cgl_drive_output output_of(const nb::object& result) {
         nb::bytes bytes;
         cgl_drive_output out;
         if (!nb::try_cast(result, bytes) || bytes.size() != sizeof out) {
@@ -60,16 +90,7 @@ public:
         std::memcpy(&out, bytes.c_str(), sizeof out);
         return out;
     }
-    void begin(const std::vector<cgl_real>& trajectory) override {
-        const nb::gil_scoped_acquire gil;
-        object_.attr("begin")(nb::bytes(trajectory.data(), trajectory.size() * sizeof(cgl_real)));
-    }
-    void end() override {
-        const nb::gil_scoped_acquire gil;
-        object_.attr("end")();
-    }
 
-private:
     nb::object object_, step_;
 };
 
@@ -114,6 +135,19 @@ std::string_view view(const nb::bytes& bytes) { return {bytes.c_str(), bytes.siz
 nb::bytes step_controller(const Drive& drive, DriveState& state, const nb::bytes& measurement, const nb::bytes& reference) {
     const cgl_drive_output out = drive.step_controller(state, struct_of<cgl_measurement>(view(measurement), "measurement"),
                                                        struct_of<cgl_reference>(view(reference), "reference"));
+    return nb::bytes(&out, sizeof out);
+}
+
+std::tuple<bool, double, double> measure_controller(const Drive& drive, DriveState& state, const nb::bytes& measurement,
+                                                   const nb::bytes& reference) {
+    const auto [due, seen] = drive.measure_controller(state, struct_of<cgl_measurement>(view(measurement), "measurement"),
+                                                      struct_of<cgl_reference>(view(reference), "reference"));
+    return {due, seen.theta_m, seen.omega_m};
+}
+
+nb::bytes actuate_controller(const Drive& drive, DriveState& state, std::optional<double> i_q_ref) {
+    const BusCommand received{i_q_ref.value_or(0.0), 0.0};
+    const cgl_drive_output out = drive.actuate_controller(state, i_q_ref ? &received : nullptr);
     return nb::bytes(&out, sizeof out);
 }
 
@@ -296,6 +330,15 @@ NB_MODULE(COGLESS_MODULE, m) {
     drive.def("step_controller", &step_controller, "state"_a, "measurement"_a, "reference"_a,
               "A period of the drive's own controller alone, of a law of the control library: what a `controller` stands in"
               " for. The plant stays as it is.")
+        .def("measure_controller", &measure_controller, "state"_a, "measurement"_a, "reference"_a,
+             "Of a drive with a bus: what comes before the law. (whether the law is due, angle, speed)")
+        .def("law_controller",
+             [](const Drive& self, DriveState& state, double theta_m, double omega_m) {
+                 return self.law_controller(state, {theta_m, omega_m}).i_q_ref;
+             },
+             "state"_a, "theta_m"_a, "omega_m"_a, "The law, with what has reached it over the bus: its i_q_ref.")
+        .def("actuate_controller", &actuate_controller, "state"_a, "i_q_ref"_a.none(),
+             "What follows the law, with the i_q_ref that has reached the drive, or None: the output.")
         .def("begin_trial", &begin_trial, "state"_a, "trajectory"_a)
         .def("end_trial", &Drive::end_trial, "state"_a);
     drive.def("law_memory", &law_memory, "state"_a, "A copy of all of the law's memory, which in C is the caller's.");
@@ -310,16 +353,24 @@ NB_MODULE(COGLESS_MODULE, m) {
           "Runs so many ticks of drives that are alike and at the same tick, at most as many as the kernel has lanes, with the"
           " bits of advance(). Returns why each failed, or \"\"; the others go on. kernel: an index into lane_kernels().");
 
+    using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
     m.def("filtered",
-          [](const std::vector<double>& b, const std::vector<double>& a, const std::vector<double>& state,
-             const nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>& x) {
-              std::vector<double> y(x.data(), x.data() + x.size());
-              filter(b, a, state, y.data(), y.size());
-              const std::size_t count = y.size();
-              return array_of<nb::ndarray<nb::numpy, double, nb::ndim<1>>>(std::move(y), {count});
+          [](const Rows& b, const Rows& a, const Rows& state, const Rows& x) {
+              const std::size_t rows = x.shape(0), count = x.shape(1), order = state.shape(1);
+              const bool alike = b.shape(0) == rows && a.shape(0) == rows && state.shape(0) == rows;
+              if (!alike || order < 1 || b.shape(1) != order + 1 || a.shape(1) != order + 1) {
+                  throw std::invalid_argument("filtered: expected a row of b, a and state for each of x, and a state shorter by one");
+              }
+              std::vector<double> y(x.data(), x.data() + x.size()), now(state.data(), state.data() + state.size());
+              for (std::size_t row = 0; row < rows; ++row) {
+                  const std::size_t at = row * (order + 1);
+                  filter(b.data() + at, a.data() + at, now.data() + row * order, order, y.data() + row * count, count);
+              }
+              return array_of<Array>(std::move(y), {rows, count});
           },
           "b"_a, "a"_a, "state"_a, "x"_a,
-          "x through the digital filter b, a, whose a[0] is one, from a state on, as scipy.signal.lfilter does it.");
+          "Each row of x through the digital filter of its row of b and a, whose a[:, 0] is one, from its row of state on, as "
+          "scipy.signal.lfilter does it.");
 
     nb::class_<LinearTrials> linear(m, "LinearTrials", "An immutable description of a linear plant with the trial law.");
     linear.def("__init__",

@@ -22,9 +22,13 @@ struct BusConfig {
     double quantum;         // A, of the q-axis current reference; 0: as fine as the number type
 };
 
+struct BusCommand {
+    double i_q_ref, i_d_ref;  // A
+};
+
 struct SentCommand {
     std::int64_t at;  // tick at which it reaches the drive
-    double i_q_ref, i_d_ref;
+    BusCommand command;
 };
 
 class Bus {
@@ -67,19 +71,19 @@ public:
         return s.past[s.newest >= late ? s.newest - late : s.newest + s.past.size() - late];
     }
 
-    void send(State& s, std::int64_t tick, double i_q_ref, double i_d_ref) const {
+    void send(State& s, std::int64_t tick, BusCommand command) const {
         std::int64_t at = tick + drawn(s, config_.delay_command);
         const std::size_t size = s.sent.size();
         if (s.waiting > 0) at = std::max(at, s.sent[(s.first + s.waiting - 1) % size].at);
-        const double q = config_.quantum > 0.0 ? config_.quantum * std::round(i_q_ref / config_.quantum) : i_q_ref;
-        s.sent[(s.first + s.waiting++) % size] = {at, q, i_d_ref};
+        if (config_.quantum > 0.0) command.i_q_ref = config_.quantum * std::round(command.i_q_ref / config_.quantum);
+        s.sent[(s.first + s.waiting++) % size] = {at, command};
     }
 
     // The last command that has reached the drive in this tick; null if none has.
-    const SentCommand* received(State& s, std::int64_t tick) const {
-        const SentCommand* last = nullptr;
+    const BusCommand* received(State& s, std::int64_t tick) const {
+        const BusCommand* last = nullptr;
         while (s.waiting > 0 && s.sent[s.first].at <= tick) {
-            last = &s.sent[s.first];
+            last = &s.sent[s.first].command;
             s.first = (s.first + 1) % s.sent.size();
             --s.waiting;
         }

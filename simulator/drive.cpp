@@ -261,6 +261,22 @@ cgl_drive_output Drive::step_controller(DriveState& s, const cgl_measurement& no
     return s.output;
 }
 
+std::pair<bool, Measurement> Drive::measure_controller(DriveState& s, const cgl_measurement& now,
+                                                       const cgl_reference& reference) const {
+    s.asked = reference;
+    s.sampled = now;
+    const bool due = measure(s);
+    return {due, believed(s)};
+}
+
+BusCommand Drive::law_controller(DriveState& s, const Measurement& then) const { return far_law<star_legs>(s, then); }
+
+cgl_drive_output Drive::actuate_controller(DriveState& s, const BusCommand* received) const {
+    receive(s, received);
+    actuate(s);
+    return s.output;
+}
+
 void Drive::begin_trial(DriveState& s, const std::vector<cgl_real>& trajectory) const {
     const std::size_t samples = config_.trials ? static_cast<std::size_t>(config_.trials->samples) : 0U;
     if (trajectory.size() != samples) throw std::invalid_argument("trajectory: expected a number for each sample");
@@ -490,8 +506,8 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
                 if ((stay >> r.n & 1U) != 0U) {
                     plants.get(r.n, s.plant, here);
                     const Plant& plant = r.phase->plant;
-                    plant.step<detail>(s.plant, here, {view.u_alpha[r.n], view.u_beta[r.n]}, from, h,
-                                       Plant::Exact<detail>(plant));
+                    const Plant::Exact<detail> exact(plant);
+                    plant.step<detail>(s.plant, here, {view.u_alpha[r.n], view.u_beta[r.n]}, from, h, exact);
                     plants.put(r.n, s.plant, here);
                 }
                 r.drive->watch(s, from, h, view.theta_m[r.n], r.faults);
@@ -556,15 +572,30 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
                  static_cast<cgl_real>(s.measured.omega_m),
                  static_cast<cgl_real>(faults.bus_voltage)};
     if (other != nullptr) {
-        s.output = other->step(s.sampled, s.asked);
-        for (cgl_real& duty : s.output.duty) duty = possible(duty);
-    } else {
-        const bool due = measure(s);
         if (bus_) {
-            over_bus<legs>(s, due);
-        } else if (due) {
-            step_law<legs>(s);
+            over_bus(s, *other);
+        } else {
+            s.output = other->step(s.sampled, s.asked);
         }
+        for (cgl_real& duty : s.output.duty) duty = possible(duty);
+    } else if (bus_) {
+        struct {
+            const Drive& drive;
+            DriveState& s;
+            std::pair<bool, Measurement> measure(const cgl_measurement&, const cgl_reference&) {
+                const bool due = drive.measure(s);
+                return {due, believed(s)};
+            }
+            BusCommand law(const Measurement& then) { return drive.far_law<legs>(s, then); }
+            cgl_drive_output actuate(const BusCommand* received) {
+                drive.receive(s, received);
+                drive.actuate(s);
+                return s.output;
+            }
+        } own{*this, s};
+        over_bus(s, own);
+    } else {
+        if (measure(s)) step_law<legs>(s);
         actuate(s);
     }
     if constexpr (legs == 0) {
@@ -578,24 +609,35 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
     }
 }
 
+template <class Parts>
+void Drive::over_bus(DriveState& s, Parts& controller) const {
+    const auto [due, seen] = controller.measure(s.sampled, s.asked);
+    bus_->measure(s.bus, seen);
+    if (due) bus_->send(s.bus, s.tick, controller.law(bus_->arrived(s.bus)));
+    s.output = controller.actuate(bus_->received(s.bus, s.tick));
+}
+
+Measurement Drive::believed(const DriveState& s) {
+    return {static_cast<double>(s.control.monitor.theta_m), static_cast<double>(s.control.monitor.omega_m)};
+}
+
 template <std::size_t legs>
-void Drive::over_bus(DriveState& s, bool law_due) const {
+BusCommand Drive::far_law(DriveState& s, const Measurement& then) const {
     cgl_drive& drive = s.control;
-    bus_->measure(s.bus, {static_cast<double>(drive.monitor.theta_m), static_cast<double>(drive.monitor.omega_m)});
-    if (law_due) {
-        const Measurement then = bus_->arrived(s.bus);
-        drive.in.theta_m = static_cast<cgl_real>(then.theta_m);
-        drive.in.omega_m = static_cast<cgl_real>(then.omega_m);
-        const cgl_real i_q_ref = drive.command.i_q_ref, i_d_ref = drive.currents.i_d_ref;
-        step_law<legs>(s);
-        bus_->send(s.bus, s.tick, static_cast<double>(drive.command.i_q_ref), static_cast<double>(drive.currents.i_d_ref));
-        drive.command.i_q_ref = i_q_ref;
-        drive.currents.i_d_ref = s.asked.i_d_ref = i_d_ref;
-    }
-    if (const SentCommand* command = bus_->received(s.bus, s.tick)) {
-        drive.command.i_q_ref = static_cast<cgl_real>(command->i_q_ref);
-        drive.currents.i_d_ref = s.asked.i_d_ref = static_cast<cgl_real>(command->i_d_ref);
-    }
+    drive.in.theta_m = static_cast<cgl_real>(then.theta_m);
+    drive.in.omega_m = static_cast<cgl_real>(then.omega_m);
+    const cgl_real i_q_ref = drive.command.i_q_ref, i_d_ref = drive.currents.i_d_ref;
+    step_law<legs>(s);
+    const BusCommand sent{static_cast<double>(drive.command.i_q_ref), static_cast<double>(drive.currents.i_d_ref)};
+    drive.command.i_q_ref = i_q_ref;
+    drive.currents.i_d_ref = s.asked.i_d_ref = i_d_ref;
+    return sent;
+}
+
+void Drive::receive(DriveState& s, const BusCommand* received) const {
+    if (received == nullptr) return;
+    s.control.command.i_q_ref = static_cast<cgl_real>(received->i_q_ref);
+    s.control.currents.i_d_ref = s.asked.i_d_ref = static_cast<cgl_real>(received->i_d_ref);
 }
 
 void Drive::sample_reference(DriveState& s, const Phase& phase, std::int64_t origin) const {

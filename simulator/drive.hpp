@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "angle_patch.hpp"
@@ -115,6 +116,12 @@ class Controller {
 public:
     virtual ~Controller() = default;
     virtual cgl_drive_output step(const cgl_measurement& now, const cgl_reference& reference) = 0;  // every tick
+    // Where a bus is between drive and law, in place of step(): what comes before the law, with angle and speed as the drive
+    // believes them, and whether the law is due; the law, with what has reached it; what follows, with the command that has
+    // reached the drive, or null.
+    virtual std::pair<bool, Measurement> measure(const cgl_measurement& now, const cgl_reference& reference) = 0;
+    virtual BusCommand law(const Measurement& then) = 0;
+    virtual cgl_drive_output actuate(const BusCommand* received) = 0;
     virtual void begin(const std::vector<cgl_real>& trajectory) = 0;                                // of a trial, rad
     virtual void end() = 0;
 };
@@ -156,6 +163,11 @@ public:
     // Runs one step of the drive's own controller without the plant, as advance() does without another controller. Plant and
     // tick stay as they are. The law must be one of the control library.
     cgl_drive_output step_controller(DriveState& state, const cgl_measurement& now, const cgl_reference& reference) const;
+    // The same in parts, as those of Controller.
+    std::pair<bool, Measurement> measure_controller(DriveState& state, const cgl_measurement& now,
+                                                    const cgl_reference& reference) const;
+    BusCommand law_controller(DriveState& state, const Measurement& then) const;
+    cgl_drive_output actuate_controller(DriveState& state, const BusCommand* received) const;
     void begin_trial(DriveState& state, const std::vector<cgl_real>& trajectory) const;
     void end_trial(DriveState& state) const;
 
@@ -175,9 +187,15 @@ private:
 
     // The controller's part of a tick before the law; whether the law is due.
     bool measure(DriveState& state) const;
-    // Gives the law what has reached it over the bus, and the drive its command.
+    // A period of a controller whose law has what reached it over the bus, and whose drive has the command that did.
+    template <class Parts>
+    void over_bus(DriveState& state, Parts& controller) const;
+    // Angle and speed as the controller believes them.
+    static Measurement believed(const DriveState& state);
+    // The law at what has reached it. The drive's command stays as it is.
     template <std::size_t legs>
-    void over_bus(DriveState& state, bool law_due) const;
+    BusCommand far_law(DriveState& state, const Measurement& then) const;
+    void receive(DriveState& state, const BusCommand* received) const;
     // And after it.
     void actuate(DriveState& state) const;
     void begin_law(DriveState& state, const std::vector<cgl_real>& trajectory) const;

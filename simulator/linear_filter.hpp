@@ -2,18 +2,12 @@
 #pragma once
 
 #include <cstddef>
-#include <stdexcept>
-#include <vector>
 
 namespace cogless {
 
-// Puts x through b(1/z) / a(1/z), whose a[0] is one, in place. state: where it starts, one entry fewer than b and a.
-inline void filter(const std::vector<double>& b, const std::vector<double>& a, std::vector<double> state, double* x,
-                   std::size_t count) {
-    const std::size_t order = state.size();
-    if (order < 1 || b.size() != order + 1 || a.size() != order + 1) {
-        throw std::invalid_argument("filter: expected b and a of one length, and a state of one entry fewer");
-    }
+// Puts x through b(1/z) / a(1/z), whose a[0] is one, in place; all have order + 1 coefficients. state: where it starts, one
+// entry fewer; where it ends, on return.
+inline void filter(const double* b, const double* a, double* state, std::size_t order, double* x, std::size_t count) {
     for (std::size_t n = 0; n < count; ++n) {
         const double in = x[n], out = state[0] + b[0] * in;
         for (std::size_t k = 1; k < order; ++k) state[k - 1] = state[k] + in * b[k] - out * a[k];

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "angle_patch.hpp"
 #include "equations.hpp"
 #include "instant.hpp"
 #include "train_step.hpp"
@@ -144,8 +145,8 @@ private:
     // Goes on to the instant at which friction changes, and changes it; returns the time that passed. at_end: beyond() at the
     // end of the step.
     template <Detail detail, class Angle>
-    double change_friction(PlantState<>& x, AtAngle<double>& here, Voltage<> u, double time, double h, double at_end,
-                           Angle& angle) const {
+    [[gnu::noinline]] double change_friction(PlantState<>& x, AtAngle<double>& here, Voltage<> u, double time, double h,
+                                             double at_end, Angle& angle) const {
         const double at_start = beyond(x, here, time);
         // torque that grew at once, such as by a load without lag, breaks the rotor away at once
         const double done = x.stuck && !(at_start < 0.0)
@@ -170,5 +171,22 @@ private:
     bool plain_;  // a step is one of equations_, of a motor that does not saturate
     AngleFunctions<Two> two_angles_;
 };
+
+// Steps that only some plants take. They know nothing of the laws' number type: plant_steps.cpp compiles them, once for all.
+#define COGLESS_PLANT_STEPS(EXTERN, DETAIL, ...)                                                                               \
+    EXTERN template void Plant::step_with_train<DETAIL, __VA_ARGS__>(PlantState<>&, AtAngle<double>&, Voltage<>, double, double, \
+                                                                     __VA_ARGS__&) const;                                      \
+    EXTERN template Equations<>::Step<DETAIL> Plant::saturated<DETAIL, __VA_ARGS__>(                                           \
+        const PlantState<>&, const AtAngle<double>&, Voltage<>, double, double, __VA_ARGS__&) const;                           \
+    EXTERN template double Plant::change_friction<DETAIL, __VA_ARGS__>(PlantState<>&, AtAngle<double>&, Voltage<>, double,     \
+                                                                       double, double, __VA_ARGS__&) const;
+#define COGLESS_ALL_PLANT_STEPS(EXTERN)                                                                  \
+    COGLESS_PLANT_STEPS(EXTERN, Detail::mechanics, const Plant::Exact<Detail::mechanics>)                \
+    COGLESS_PLANT_STEPS(EXTERN, Detail::currents, const Plant::Exact<Detail::currents>)                  \
+    COGLESS_PLANT_STEPS(EXTERN, Detail::energies, const Plant::Exact<Detail::energies>)
+
+#ifndef COGLESS_PLANT_STEPS_HERE
+COGLESS_ALL_PLANT_STEPS(extern)
+#endif
 
 }  // namespace cogless

@@ -225,6 +225,29 @@ def test_the_drive_is_the_simulation(both: Exported, version: int) -> None:
     slave.close()
 
 
+def test_a_drive_whose_law_is_elsewhere(shared: None, tmp_path: Path) -> None:
+    """The whole drive with its bus; no controller, which is law and current loop in one."""
+    (tmp_path / "study.toml").write_text(STUDY)
+    bus = {"delay_measured": "0.3 ms", "delay_command": "1 ms", "jitter": "0.5 ms", "quantum": "1 mA"}
+    study = load(tmp_path / "study.toml", {"drive.bus": bus})
+    files = export.write_fmus(study, "pi-ilc", None, tmp_path / "fmus")
+    assert [path.name for path in files] == ["pi-ilc-drive-fmi2.fmu", "pi-ilc-drive-fmi3.fmu"]
+    fmpy.extract(files[1], unzipdir=tmp_path / "drive")
+    trace = simulate(study, "step", "pi-ilc").trace
+    names = [name for name in trace.names if name != "time"]
+    slave, other = Slave(tmp_path / "drive"), Slave(tmp_path / "drive")
+    first = slave.run(300, names)
+    kept = slave.fmu.serializeFMUState(slave.fmu.getFMUState())
+    state = other.fmu.deserializeFMUState(kept)
+    other.fmu.setFMUState(state)
+    other.steps = slave.steps
+    rows = np.vstack([first, other.run(len(trace) - 300, names)])
+    np.testing.assert_array_equal(rows, columns(trace, names))
+    other.fmu.freeFMUState(state)
+    slave.close()
+    other.close()
+
+
 @pytest.mark.parametrize("version", [2, 3])
 def test_fmpys_own_run_is_the_simulation(single: Exported, version: int) -> None:
     rows = fmpy.simulate_fmu(single.folders["drive", version], stop_time=0.05, output_interval=1e-4)

@@ -50,6 +50,19 @@ def test_a_gimbal_follows_its_encoder_and_loses_its_cogging() -> None:
         assert by_order[name][84] < 0.5 * by_order["pi"][84]
 
 
+def test_in_position_friction_holds_and_without_it_the_rotor_swings_within_a_count() -> None:
+    study, count = load("gimbal"), 2 * math.pi / 2**14
+    for run in run_study(study, ["hold/pi", "hold-floating/pi"]).runs:
+        jitter, seen = run.metrics["jitter_3_sigma_rad"], run.metrics["jitter_3_sigma_as_measured_rad"]
+        assert jitter == pytest.approx(3 * run.metrics["jitter_rms_rad"])
+        if run.scenario == "hold":
+            assert jitter < 0.01 * count and seen < 1e-12
+        else:
+            assert 0.2 * count < jitter < count < seen < 3 * count  # at most 3/2 of the jump, and its error
+    (fine,) = run_study(load("gimbal", {"drive.position_sensor.bits": 18}), ["hold-floating/pi"]).runs
+    assert fine.metrics["jitter_3_sigma_rad"] < 0.8 * 0.4 * count
+
+
 def test_a_hub_motor_learns_what_90_steps_a_revolution_show_and_no_more() -> None:
     made = metrics(load("hub-motor", {"scenario.walk.duration": "20 s"}), "walk/*")
     orders = {name: m["speed_order_rad_s"] for name, m in made.items()}

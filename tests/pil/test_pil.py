@@ -37,11 +37,16 @@ COMPILERS = [
     if there
 ]
 needs_both = pytest.mark.skipif(not (EMULATOR and COMPILERS), reason="no emulator or no cross compiler")
+BUS = {"delay_measured": "0.3 ms", "delay_command": "1 ms", "jitter": "0.5 ms", "quantum": "1 mA"}
+COMPENSATED = {"drive.dead_time_compensation": {"band": "35 mA"}}
 CASES: list[tuple[str, str, str, dict[str, Any], int]] = [
     ("liu2018", "900-rpm", "robust-ilc", {}, 1500),
     ("uomodri", "1-rev-s", "pi-afc", studies.AFC, 1500),
     ("verrelli2016", "twelve-seconds", "printed", {}, 300),  # double precision
     ("mandra2019", "table-1", "ilc", {}, 21_000),  # 20,000 in a trial
+    ("liu2018", "60-rpm", "pi-ilc", {"drive.bus": BUS}, 1500),
+    ("liu2018", "900-rpm", "robust-ilc", {"drive.bus": BUS, **COMPENSATED}, 1500),
+    ("mandra2019", "table-1", "ilc", {"drive.bus": BUS}, 21_000),
 ]
 
 
@@ -89,6 +94,24 @@ def test_both_compilers_agree_with_the_simulation(compiler: str) -> None:
 def test_other_laws(study: str, scenario: str, controller: str, changes: dict[str, Any], ticks: int) -> None:
     found = compare(load(study, changes), controller, scenario, ticks, toolchain.find())
     assert (found.difference, found.ticks) == (None, ticks)
+
+
+@needs_both
+def test_over_a_bus_the_processor_is_asked_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    commands: list[float | None] = []
+    actuate = Target.actuate
+
+    def noted(target: Target, i_q_ref: float | None) -> bytes:
+        commands.append(i_q_ref)
+        return actuate(target, i_q_ref)
+
+    monkeypatch.setattr(Target, "actuate", noted)
+    bus = {"delay_command": "0.5 ms", "quantum": "1 mA"}  # 7.5 periods of 15 kHz
+    found = compare(load("liu2018", {"drive.bus": bus}), "pi", "60-rpm", 60, toolchain.find())
+    assert found.difference is None
+    arrived = [tick for tick, command in enumerate(commands) if command is not None]
+    assert arrived == [8, 23, 38, 53]
+    assert all(1e3 * command == pytest.approx(round(1e3 * command)) for command in commands if command)
 
 
 @needs_both

@@ -4,6 +4,7 @@
 #include "config.cpp"
 #include "drive.cpp"
 #include "drive_variables.hpp"
+#include "plant_steps.cpp"
 #include "trial_config.cpp"
 
 int main() {

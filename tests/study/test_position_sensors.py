@@ -9,7 +9,7 @@ import pytest
 
 import studies
 from cogless.errors import StudyError
-from cogless.export.prepared import prepare
+from cogless.export.prepared import prepare_whole
 from cogless.run.drive_config import engine_config
 from cogless.run.simulate import run_study
 from cogless.study import load
@@ -100,10 +100,17 @@ def test_a_drive_turns_with_each(tmp_path: Path, sensor: dict[str, Any], more: d
     assert run.trace["omega_m"][-200:].mean() == pytest.approx(2 * math.pi, rel=0.1)
 
 
-def test_a_law_elsewhere_is_not_exported(tmp_path: Path) -> None:
-    study = load(studies.write(tmp_path), {"drive.bus": {"delay_command": "1 ms"}})
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"drive.bus": {"delay_command": "1 ms"}},
+        {"scenario.low.override": {"drive.bus.delay_command": "1 ms"}},
+    ],
+)
+def test_a_law_elsewhere_is_not_exported_with_the_drive(tmp_path: Path, changes: dict[str, Any]) -> None:
+    study = load(studies.write(tmp_path), changes)
     with pytest.raises(StudyError) as error:
-        prepare(study, "low", "pi")
+        prepare_whole(study, "low", "pi")
     assert str(error.value).endswith(
         "study.toml: drive.bus: the law runs elsewhere: expected none, to export law and drive"
     )

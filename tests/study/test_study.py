@@ -449,6 +449,88 @@ def test_saturation_by_apparent_inductance(tmp_path: Path) -> None:
     assert x["tau_e"][at].max() < (6 * 0.068 * x["i_q"][at]).max() * (1 - 1e-4)
 
 
+SATURATION = {
+    "d": ("current [A],flux [mWb]", [(-2, -58), (-1, -30), (0, 0), (1, 29), (2, 55), (4, 90)]),
+    "q": ("flux [mWb],current [mA],note", [(0, 0, ""), (30, 1000, "x"), (54, 2000, ""), (80, 4000, "")]),
+    "magnet": ("current [A],flux [mWb]", [(0, 0), (1, -0.2), (2, -1), (4, -4)]),
+}
+
+
+def test_saturation_comes_from_csv_files(tmp_path: Path) -> None:
+    """Fluxes, or inductances, over the current: the bits of the same table in the study, torque and all."""
+    motors = tmp_path / "motors"
+    motors.mkdir()
+    files = {axis: {"file": f"{axis}.csv"} for axis in SATURATION}
+    for axis, (heading, rows) in SATURATION.items():
+        text = [heading, *(",".join(str(cell) for cell in row) for row in rows)]
+        (motors / f"{axis}.csv").write_text("\n".join(text))
+    tables = {
+        "d": {"current": [f"{i} A" for i, _ in SATURATION["d"][1]],
+              "flux": [f"{f} mWb" for _, f in SATURATION["d"][1]]},
+        "q": {"current": CURRENT, "inductance": ["30 mH", "30 mH", "27 mH", "20 mH"]},
+        "magnet": {"current": CURRENT, "flux": ["0 Wb", "-0.2 mWb", "-1 mWb", "-4 mWb"]},
+    }  # fmt: skip
+    there = {axis: {"file": f"motors/{axis}.csv"} for axis in files}
+    changes = {"motor.L_d": "29 mH"}
+    in_files = studies.study(tmp_path, {**changes, "motor.saturation": there})
+    inline = studies.study(tmp_path, {**changes, "motor.saturation": tables})
+    one, other = (engine_config(study, "low", "fair")["motor"]["saturation"] for study in (in_files, inline))
+    assert one["d"] == other["d"] and one["cross"] == other["cross"]
+    assert one["q"]["flux"] == pytest.approx(other["q"]["flux"], rel=1e-15)
+    x, y = (simulate(study, "step", "fair").trace for study in (in_files, inline))
+    assert x["tau_e"] == pytest.approx(y["tau_e"], rel=1e-9, abs=1e-9)
+    # a datasheet's tables are beside the datasheet
+    sheet = studies.BASE.partition("[motor]")[2].partition("[mechanics]")[0]
+    sheet = sheet.replace('L_d = "30 mH"', 'L_d = "29 mH"')
+    named = "".join(f'[saturation.{axis}]\nfile = "{axis}.csv"\n' for axis in files)
+    (motors / "m.toml").write_text(sheet + named)
+    before, after = studies.BASE.partition("[motor]")[0], studies.BASE.partition("[mechanics]")[2]
+    text = f'{before}[motor]\ndatasheet = "motors/m.toml"\n[mechanics]{after}'
+    assert engine_config(studies.study(tmp_path, {}, text), "low", "fair")["motor"]["saturation"] == one
+
+
+@pytest.mark.parametrize(
+    ("axis", "text", "problem"),
+    [
+        ("q", "current [A],flux [mWb]\n0,0\n1,30\n1,50",
+            'line 4: "1": expected a current above the one before'),
+        ("q", "current [A],flux [mWb]\n0,0\n1,nan\n2,50", 'line 3: "nan": expected a finite flux'),
+        ("q", "current [A],flux [mWb]\n0,0\n1,\n2,50", 'line 3: "": expected a number'),
+        ("q", "current [A],flux [mWb]\n0,0\n1\n2,50", 'line 3: "1": expected 2 columns'),
+        ("q", "current [A],flux [mWb]\n0,0\n1,30",
+            "expected three or more values that rise, zero among them"),
+        ("q", "current [A],flux [mWb]\n0,1\n1,30\n2,50", "expected zero at zero current"),
+        ("q", "current [A],flux [mWb]\n0,0\n1,30\n2,30",
+            "expected a flux linkage that grows with the current"),
+        ("q", "current [A],inductance [mH]\n0,30\n1,0\n2,30", "expected inductances above zero"),
+        ("q", "current [A],torque [N*m]\n0,0",
+            'line 1: "current [A],torque [N*m]": expected one column such as "flux [mWb]" or '
+            '"inductance [mH]"'),
+        ("q", "angle [deg],flux [mWb]\n0,0",
+            'line 1: "angle [deg],flux [mWb]": expected one column such as "current [A]"'),
+        ("q", "current [A],flux\n0,0", 'line 1: "flux": expected a unit too, such as "flux [mWb]"'),
+        ("q", "current [N],flux [mWb]\n0,0", 'line 1: "current [N]": expected a unit of a current, such as '
+            '"current [A]"'),
+        ("magnet", "current [A],inductance [mH]\n0,0",
+            'line 1: "current [A],inductance [mH]": expected one column such as "flux [mWb]"'),
+        ("magnet", "current [A],flux [mWb]\n-1,1\n0,0\n1,1", "expected currents from zero on"),
+    ],
+)  # fmt: skip
+def test_a_mistake_in_a_saturation_file_names_its_line(
+    tmp_path: Path, axis: str, text: str, problem: str
+) -> None:
+    (tmp_path / "table.csv").write_text(text)
+    with pytest.raises(StudyError) as error:
+        studies.study(tmp_path, {"motor.saturation": {axis: {"file": "table.csv"}}})
+    assert f'motor.saturation.{axis}.file: "table.csv": {problem}' in str(error.value)
+
+
+def test_a_saturation_file_stands_alone(tmp_path: Path) -> None:
+    both = {"q": {"current": CURRENT, "file": "table.csv"}}
+    with pytest.raises(StudyError, match=r'q\.file: "table.csv": expected none, since its values are given'):
+        studies.study(tmp_path, {"motor.saturation": both})
+
+
 def test_friction_by_position_comes_from_a_csv_file(tmp_path: Path) -> None:
     angles = range(0, 360, 30)
     lines = [f"{angle},{2 + angle % 60 / 30}" for angle in angles]

@@ -184,7 +184,7 @@ def angle_functions(
     flux += [(r.order, r.share * motor.psi_f, r.phase - math.pi / 2) for r in motor.torque_ripple]
     of_load = [(h.order / ratio, h.torque / ratio, h.phase) for h in load.harmonics]
     torques = [(int(order), torque, phase) for order, torque, phase in of_load if not order % 1]
-    torques += [(c.order, -(c.torque or 0.0), c.phase) for c in motor.cogging]
+    torques += [(c.order, -c.torque, c.phase) for c in motor.cogging]
     level = load.torque if constant is None else constant
     return AngleFunctions(
         K=_series(factor * motor.psi_f, [(n, factor * c, phase) for n, c, phase in flux]),

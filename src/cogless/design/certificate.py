@@ -155,7 +155,7 @@ def certify(
         corners: Sequence[Model], labels: Sequence[str], drawn: list[Model], nominal: Model
     ) -> ModelCertificate:
         loops = [gains.closed(m, plant.C) for m in [*corners, *drawn, nominal]]
-        radii = np.array([loop.radius for loop in loops])
+        radii = Bundle(loops, 0).radii
         k = int(np.argmax(radii))
         delayed = max(gains.delayed(m, plant.C) for m in corners)
         stable = bool(radii[k] < 1)

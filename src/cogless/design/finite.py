@@ -29,10 +29,11 @@ def growth(
 ) -> Real:
     """Factor per trial of each loop's error: its geometric mean over the last half of `TRIALS` trials."""
     transfer = [polynomials(Model(loop.A, loop.B), loop.C) for loop in loops]
+    a, b = (np.array(coefficients) for coefficients in zip(*transfer, strict=True))
 
     def error(v: Real) -> Real:
         # filtered in the time domain: a product of spectra spreads the largest samples' rounding over all
-        e = -np.array([forward(b, a, row) for (a, b), row in zip(transfer, v, strict=True)])
+        e = -forward(b, a, v)
         e[:, :shift] = 0.0
         return e
 
@@ -43,7 +44,7 @@ def growth(
         return np.hstack([e[:, shift:], np.repeat(e[:, -1:], shift, axis=1)])
 
     # the last samples of v act only after the trial, unless a filter on v spreads them to earlier samples
-    idle = np.array([samples - int(np.flatnonzero(b)[0]) for _, b in transfer])
+    idle = np.array([samples - int(np.flatnonzero(row)[0]) for row in b])
     acts = np.arange(samples) < (idle[:, None] if q_filter is None or filtered == "error" else samples)
     v = np.random.default_rng(0).normal(size=(len(loops), samples)) * acts
     sizes = np.ones((TRIALS, len(loops)))

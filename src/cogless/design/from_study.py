@@ -110,6 +110,10 @@ def uncertain_plant(study: TrialStudy) -> UncertainPlant:
 
     A drive is (37) of Mandra 2019, with ranges of inertia, friction and K_t.
     """
+    return study.once(_uncertain_plant, ())
+
+
+def _uncertain_plant(study: TrialStudy, _: tuple[()]) -> UncertainPlant:
     if study.plant is not None:
         return _linear(study.plant, study)
     assert study.motor is not None and study.mechanics is not None

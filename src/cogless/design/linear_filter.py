@@ -22,8 +22,8 @@ def butterworth_polynomials(order: int, cutoff: float) -> tuple[Real, Real]:
 
 
 def forward(b: Real, a: Real, x: Real) -> Real:
-    """x through b(1/z) / a(1/z) from rest; a[0] is one."""
-    return _filtered(b, a, np.zeros(len(a) - 1), x)
+    """Each row of x through its own b(1/z) / a(1/z) from rest: a row of b and of a each; a[:, 0] is one."""
+    return _filtered(b, a, np.zeros((len(a), a.shape[1] - 1)), x)
 
 
 def forward_and_backward(b: Real, a: Real, x: Real) -> Real:
@@ -37,12 +37,13 @@ def forward_and_backward(b: Real, a: Real, x: Real) -> Real:
     companion[0] = -a[1:]
     steady = np.linalg.solve(np.eye(n) - companion.T, b[1:] - a[1:] * b[0])
     before, after = 2 * x[:, :1] - x[:, extra:0:-1], 2 * x[:, -1:] - x[:, -2 : -extra - 2 : -1]
-    rows = []
-    for row in np.concatenate([before, x, after], axis=1):
-        once = _filtered(b, a, steady * row[0], row)[::-1]
-        rows.append(_filtered(b, a, steady * once[0], np.ascontiguousarray(once))[::-1])
-    return np.array(rows)[:, extra:-extra]
+    rows = np.concatenate([before, x, after], axis=1)
+    b, a = (np.tile(coefficients, (len(x), 1)) for coefficients in (b, a))
+    for _ in range(2):
+        rows = _filtered(b, a, steady * rows[:, :1], rows)[:, ::-1]
+    return rows[:, extra:-extra]
 
 
 def _filtered(b: Real, a: Real, state: Real, x: Real) -> Real:
-    return np.asarray(import_module("cogless._simulator_f64").filtered(b, a, state, x))
+    arrays = (np.ascontiguousarray(array) for array in (b, a, state, x))
+    return np.asarray(import_module("cogless._simulator_f64").filtered(*arrays))

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cogless.design.model import Real
 
@@ -95,8 +97,15 @@ def minimise(
 
 def _triangle(matrix: Real) -> Real:
     """The upper triangle of a symmetric matrix, column by column, such that products of matrices are kept."""
-    i, j = np.tril_indices(len(matrix))
-    return np.where(i == j, 1.0, np.sqrt(2.0)) * matrix[j, i]
+    i, j, scale = _upper(len(matrix))
+    return np.asarray(scale * matrix[i, j])
+
+
+@cache
+def _upper(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Real]:
+    """Rows, columns and scale of the entries of `_triangle`."""
+    j, i = np.tril_indices(size)
+    return i, j, np.where(i == j, 1.0, np.sqrt(2.0))
 
 
 def smallest_share(blocks: Sequence[Real]) -> float:

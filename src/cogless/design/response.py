@@ -60,21 +60,29 @@ class Filter:
 
 
 class Bundle:
-    """Several loops of the same order, whose G with a common shift is computed together."""
+    """Several loops of the same order, whose G with a common shift is computed together.
+
+    C (zI - A)^-1 B = det(zI - A + BC) / det(zI - A) - 1: a quotient of products over eigenvalues, which is as
+    exact near repeated poles, where eigenvectors are useless. C is scaled so that G is about one.
+    """
 
     def __init__(self, loops: Sequence[Loop], shift: int) -> None:
         self.loops, self.shift = list(loops), shift
-        self._A = np.array([loop.A for loop in loops])
-        self._B = np.array([loop.B for loop in loops])
-        self._C = np.array([loop.C for loop in loops])
-        poles, vectors = np.linalg.eig(self._A)
-        self._poles = np.asarray(poles, dtype=complex)
-        # near repeated poles the eigenvectors are useless; then a linear system is solved at each frequency
-        self._modal = bool(np.all(np.linalg.cond(vectors) < 1e9))
-        if self._modal:
-            left = (self._C[:, None, :] @ vectors)[:, 0, :]
-            right = np.linalg.solve(vectors, self._B.astype(complex))[:, :, 0]
-            self._residues = left * right
+        A = np.array([loop.A for loop in loops])
+        B = np.array([loop.B for loop in loops])
+        C = np.array([loop.C for loop in loops])[:, None, :]
+        response, x = np.zeros(len(loops)), B
+        for _ in range(A.shape[1]):
+            response = np.maximum(response, np.abs((C @ x)[:, 0, 0]))
+            x = A @ x
+        self._size = np.where(response > 0, response, 1.0)
+        self._poles = np.linalg.eigvals(A).astype(complex)
+        self._others = np.linalg.eigvals(A - B @ C / self._size[:, None, None]).astype(complex)
+
+    @property
+    def radii(self) -> Real:
+        """Spectral radius of each loop."""
+        return np.asarray(np.abs(self._poles).max(axis=1))
 
     @property
     def grid(self) -> Real:
@@ -85,15 +93,10 @@ class Bundle:
         """G at w, rad per sample, of the loops `which`, or of all: (loops, len(w))."""
         at = slice(None) if which is None else list(which)
         z = np.exp(1j * w)
-        if self._modal:
-            G = np.zeros((len(self._poles[at]), len(w)), dtype=complex)
-            for pole, residue in zip(self._poles[at].T, self._residues[at].T, strict=True):
-                G += residue[:, None] / (z - pole[:, None])
-        else:
-            n = self._A.shape[1]
-            pencil = z[None, :, None, None] * np.eye(n) - self._A[at][:, None]
-            G = (self._C[at][:, None, None, :] @ np.linalg.solve(pencil, self._B[at][:, None]))[:, :, 0, 0]
-        return np.asarray(G * z**self.shift)
+        quotient = np.ones((len(self._poles[at]), len(w)), dtype=complex)
+        for other, pole in zip(self._others[at].T, self._poles[at].T, strict=True):
+            quotient *= (z - other[:, None]) / (z - pole[:, None])
+        return np.asarray((quotient - 1) * self._size[at][:, None] * z**self.shift)
 
 
 def grid(poles: Complex | None = None) -> Real:

@@ -39,6 +39,11 @@ class Prepared(Plan):
         return "trials" in self.description
 
     @property
+    def has_bus(self) -> bool:
+        """Whether the law runs elsewhere, over a bus."""
+        return "bus" in self.description["drive"]
+
+    @property
     def phases(self) -> int:
         """Number of the motor's phases."""
         motor = self.description["trials"]["phases"][0] if self.trials else self.description
@@ -55,6 +60,13 @@ class Steps(Protocol):
     """Interface of an object that replaces a drive's controller; C structs are passed as bytes."""
 
     def step(self, measurement: bytes, reference: bytes) -> bytes: ...
+
+    # over a bus, in place of step: before the law, whether it is due, with angle and speed as the drive
+    # believes them; the law, with what has reached it, to i_q_ref; the rest, with what has reached the drive
+    def measure(self, measurement: bytes, reference: bytes) -> tuple[bool, float, float]: ...
+    def law(self, theta_m: float, omega_m: float) -> float: ...
+    def actuate(self, i_q_ref: float | None) -> bytes: ...
+
     def begin(self, trajectory: bytes) -> None: ...
     def end(self) -> None: ...
 
@@ -81,10 +93,25 @@ class Recorder:
 
     def __init__(self, prepared: Prepared) -> None:
         self._drive, self._state = prepared.drive, prepared.start()
+        self._measured = b"", b""
         self.recording = Recording()
 
     def step(self, measurement: bytes, reference: bytes) -> bytes:
         output: bytes = self._drive.step_controller(self._state, measurement, reference)
+        return self._recorded(measurement, reference, output)
+
+    def measure(self, measurement: bytes, reference: bytes) -> tuple[bool, float, float]:
+        self._measured = measurement, reference
+        found: tuple[bool, float, float] = self._drive.measure_controller(self._state, measurement, reference)
+        return found
+
+    def law(self, theta_m: float, omega_m: float) -> float:
+        return float(self._drive.law_controller(self._state, theta_m, omega_m))
+
+    def actuate(self, i_q_ref: float | None) -> bytes:
+        return self._recorded(*self._measured, self._drive.actuate_controller(self._state, i_q_ref))
+
+    def _recorded(self, measurement: bytes, reference: bytes, output: bytes) -> bytes:
         recording = self.recording
         recording.measurements.append(measurement)
         recording.references.append(reference)
@@ -113,6 +140,16 @@ def prepare(study: AnyStudy, scenario: str, controller: str) -> Prepared:
     with failures(study, scenario, controller):
         planned = plan(study, scenario, controller)
     return Prepared(**vars(planned))
+
+
+def prepare_whole(study: AnyStudy, scenario: str, controller: str) -> Prepared:
+    """`prepare` for an export that is law and drive in one; StudyError, too, if a bus is between them."""
+    prepared = prepare(study, scenario, controller)
+    if prepared.has_bus:
+        raise StudyError(
+            f"{study.source.path}: drive.bus: the law runs elsewhere: expected none, to export law and drive"
+        )
+    return prepared
 
 
 def first_scenario(study: AnyStudy, controller: str, wanted: str | None = None) -> str:
@@ -163,10 +200,6 @@ def _check(study: AnyStudy, scenario: str, controller: str) -> None:
     if isinstance(law, LibraryLaw):
         raise StudyError(
             f'{where}: "{law.law}": is C of your own already: expected a law of the control library'
-        )
-    if study.drive is not None and study.drive.bus is not None:
-        raise StudyError(
-            f"{study.source.path}: drive.bus: the law runs elsewhere: expected none, to export law and drive"
         )
     if isinstance(study, TrialStudy) and study.drive is None:
         raise StudyError(f"{study.source.path}: plant: a linear plant: expected a study with a drive")

@@ -13,8 +13,8 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-# The engine's sources that a page needs; drive.cpp and what it includes is all of the plant.
-ENGINE = ("web.cpp", "config.cpp", "trial_config.cpp", "drive.cpp")
+# The sources of the engine for a page; drive.cpp, plant_steps.cpp and what they include are all of the plant.
+ENGINE = ("web.cpp", "config.cpp", "trial_config.cpp", "drive.cpp", "plant_steps.cpp")
 # The native module is compiled without contraction, too, so both round numbers in the same way.
 FLAGS = ("-target", "wasm32-wasi", "-O2", "-ffp-contract=off", "-fno-sanitize=all")
 NAMES = {"single": "engine_single.wasm", "double": "engine_double.wasm"}

@@ -31,7 +31,7 @@ def motor_identity(motor: StarMotor) -> int:
     for ripple in motor.torque_ripple:
         data += struct.pack("<I2d", ripple.order, ripple.share, ripple.phase)
     for cogging in motor.cogging:
-        data += struct.pack("<I2d", cogging.order, cogging.torque or 0.0, cogging.phase)
+        data += struct.pack("<I2d", cogging.order, cogging.torque, cogging.phase)
     return crc32(data)
 
 

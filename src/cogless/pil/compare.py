@@ -104,10 +104,24 @@ class _Watched:
     ) -> None:
         self._target, self._layout, self._wanted = target, layout, wanted
         self._ticks, self._progress, self._tick = ticks, progress, 0
+        self._measurement = b""
         self.difference: Difference | None = None
 
     def step(self, measurement: bytes, reference: bytes) -> bytes:
-        out = self._target.step(measurement, reference)
+        return self._watched(measurement, self._target.step(measurement, reference))
+
+    def measure(self, measurement: bytes, reference: bytes) -> tuple[bool, float, float]:
+        self._measurement = measurement
+        return self._target.measure(measurement, reference)
+
+    def law(self, theta_m: float, omega_m: float) -> float:
+        return self._target.law(theta_m, omega_m)
+
+    def actuate(self, i_q_ref: float | None) -> bytes:
+        return self._watched(self._measurement, self._target.actuate(i_q_ref))
+
+    def _watched(self, measurement: bytes, out: bytes) -> bytes:
+        """The output, after it and the measurement were compared with the simulation's."""
         tick, wanted = self._tick, self._wanted
         self._tick += 1
         if out != wanted.outputs[tick] or measurement != wanted.measurements[tick]:

@@ -7,11 +7,13 @@ from collections import Counter
 from contextlib import ExitStack
 from importlib.resources import as_file, files
 from pathlib import Path
+from string import Template
 
 import numpy as np
 
 from cogless.errors import StudyError
 from cogless.export.c.command import contents, subject_of
+from cogless.export.c.extras import parts
 from cogless.export.c.names import stem
 from cogless.export.c.subject import Subject
 from cogless.export.prepared import Prepared, Reals, Recording
@@ -21,17 +23,50 @@ from cogless.pil.processor import Processor, Visits
 from cogless.pil.toolchain import Toolchain
 
 # C source: memory for inputs and outputs, and references to functions, so that the linker keeps them.
-EXCHANGE = """#include "{stem}.h"
+EXCHANGE = """#include "${stem}.h"
 
-{name}_controller pil_controller;
-__attribute__((section(".exchange"))) struct {{
+${name}_controller pil_controller;
+__attribute__((section(".exchange"))) struct {
     cgl_measurement now;
     cgl_reference reference;
     cgl_drive_output out;
-    cgl_real motion[{motion}];
-}} pil_exchange = {{.reference = {{.learn = true}}}};
-__attribute__((section(".functions"), used))
-const void *const pil_functions[] = {{&pil_controller, {functions}}};
+    cgl_real motion[${motion}];
+    cgl_real over_bus[3]; /* to the law: angle and speed; from it: i_q_ref */
+} pil_exchange = {.reference = {.learn = true}};
+${parts}__attribute__((section(".functions"), used))
+const void *const pil_functions[] = {&pil_controller, ${functions}};
+"""
+
+# C source: the parts of the exported step, for a drive whose law has what has reached it over a bus.
+PARTS = """
+bool pil_measure(${name}_controller *controller, const cgl_measurement *now, const cgl_reference *reference)
+{
+    cgl_drive *drive = &controller->drive;
+${correct}    const bool due = cgl_drive_measure(drive, ${measured_now}, reference);
+    pil_exchange.over_bus[0] = drive->monitor.theta_m;
+    pil_exchange.over_bus[1] = drive->monitor.omega_m;
+    return due;
+}
+
+void pil_law(${name}_controller *controller)
+{
+    cgl_drive *drive = &controller->drive;
+    cgl_law_output command = drive->command;
+    drive->in.theta_m = pil_exchange.over_bus[0];
+    drive->in.omega_m = pil_exchange.over_bus[1];
+    ${law_step}(&controller->law, &drive->in, &command);
+    pil_exchange.over_bus[2] = command.i_q_ref;
+    drive->command.status = command.status;
+}
+
+void pil_actuate(${name}_controller *controller, bool received, cgl_drive_output *out)
+{
+    cgl_drive *drive = &controller->drive;
+    if (received) {
+        drive->command.i_q_ref = pil_exchange.over_bus[2];
+    }
+    cgl_drive_actuate(drive, out);
+${compensate}}
 """
 
 
@@ -56,6 +91,8 @@ class Target:
         self._out = self._reference + size("cgl_reference")
         self._out_size = size("cgl_drive_output")
         self._motion = self._out + self._out_size
+        values = subject.law_config["samples"] if subject.law.name == "trial" else 1
+        self._over_bus = self._motion + values * self._dtype.itemsize
         self.counts: list[int] = []
         self.ends: list[int] = []
         self._with_law: Visits = Counter()
@@ -70,10 +107,35 @@ class Target:
     def step(self, measurement: bytes, reference: bytes) -> bytes:
         self._processor.write(self._in, measurement + reference)
         self._call("step", self._controller, self._in, self._reference, self._out)
+        return self._output()
+
+    def _output(self) -> bytes:
+        """The output of the step that has just been made, whose instructions are counted."""
         due = len(self.counts) % self._subject.divider == 0
         tally = self._with_law if due else self._without_law
         self.counts.append(self._processor.take_instructions(tally))
         return self._processor.read(self._out, self._out_size)
+
+    def measure(self, measurement: bytes, reference: bytes) -> tuple[bool, float, float]:
+        self._processor.write(self._in, measurement + reference)
+        due = self._processor.call("pil_measure", self._controller, self._in, self._reference)
+        theta_m, omega_m, _ = self._exchanged
+        return bool(due & 1), float(theta_m), float(omega_m)
+
+    def law(self, theta_m: float, omega_m: float) -> float:
+        self._processor.write(self._over_bus, np.array([theta_m, omega_m], self._dtype).tobytes())
+        self._processor.call("pil_law", self._controller)
+        return float(self._exchanged[2])
+
+    def actuate(self, i_q_ref: float | None) -> bytes:
+        received = np.array([0.0, 0.0, 0.0 if i_q_ref is None else i_q_ref], self._dtype)
+        self._processor.write(self._over_bus, received.tobytes())
+        self._processor.call("pil_actuate", self._controller, int(i_q_ref is not None), self._out)
+        return self._output()
+
+    @property
+    def _exchanged(self) -> Reals:
+        return np.frombuffer(self._processor.read(self._over_bus, 3 * self._dtype.itemsize), self._dtype)
 
     def begin(self, trajectory: bytes) -> None:
         self._processor.write(self._motion, trajectory)
@@ -95,7 +157,7 @@ class Target:
         found: dict[str, float] = {}
         home = defined_in()
         for function, count in self._processor.by_function(tally).items():
-            own = function.name.startswith(f"{self._subject.name}_")
+            own = function.name.startswith((f"{self._subject.name}_", "pil_"))
             known = stem(self._subject.name) if own else home.get(function.name, COMPILERS)
             source = function.file or known
             found[source] = found.get(source, 0.0) + count / ticks
@@ -136,7 +198,7 @@ def build(prepared: Prepared, toolchain: Toolchain) -> tuple[Subject, Image]:
             path = folder / name
             path.parent.mkdir(exist_ok=True)
             path.write_bytes(data)
-        (folder / "exchange.c").write_text(_exchange(subject), encoding="utf-8")
+        (folder / "exchange.c").write_text(_exchange(subject, prepared.has_bus), encoding="utf-8")
         own = [folder / "exchange.c", folder / f"{stem(subject.name)}.c", assets / "runtime.c"]
         toolchain.build(
             [*own, *sorted((folder / "cogless").glob("*.c"))],
@@ -147,13 +209,14 @@ def build(prepared: Prepared, toolchain: Toolchain) -> tuple[Subject, Image]:
         return subject, read(folder / "image.elf")
 
 
-def _exchange(subject: Subject) -> str:
+def _exchange(subject: Subject, has_bus: bool) -> str:
     trials = subject.law.name == "trial"
     functions = ["init", "reset", "step", *(["begin_trial", "end_trial"] if trials else [])]
     functions += ["calibrate"] if subject.law.name == "anti-cogging" else []
-    return EXCHANGE.format(
-        stem=stem(subject.name),
-        name=subject.name,
-        motion=subject.law_config["samples"] if trials else 1,
-        functions=", ".join(f"(const void *){subject.name}_{function}" for function in functions),
-    )
+    names = [f"{subject.name}_{function}" for function in functions]
+    names += ["pil_measure", "pil_law", "pil_actuate"] if has_bus else []
+    words = {"stem": stem(subject.name), "name": subject.name, "law_step": subject.law.step}
+    words["motion"] = str(subject.law_config["samples"] if trials else 1)
+    words["functions"] = ", ".join(f"(const void *){name}" for name in names)
+    words["parts"] = Template(PARTS).substitute(words | parts(subject)) if has_bus else ""
+    return Template(EXCHANGE).substitute(words)

@@ -78,7 +78,7 @@ def motor_config(motor: StarMotor) -> dict[str, Any]:
         **({} if motor.temperature is None else {"temperature": motor.temperature.engine_config()}),
         "phases": motor.phases,
         "flux_harmonics": [harmonic.model_dump() for harmonic in motor.flux_harmonics],
-        "cogging": [harmonic.model_dump(include={"order", "torque", "phase"}) for harmonic in motor.cogging],
+        "cogging": [harmonic._asdict() for harmonic in motor.cogging],
     }
 
 

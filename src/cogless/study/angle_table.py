@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 import statistics
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from pathlib import Path
 from pydantic_core import PydanticCustomError
 
 from cogless import units
-from cogless.study.csv_file import finite, lines, scale, shown
+from cogless.study.csv_file import rising
 from cogless.study.table import invalid
 from cogless.units import Dimension
 
@@ -21,7 +20,6 @@ TURN = 2 * math.pi
 FEWEST = 8  # points
 GAP = 5.0  # times the median spacing: a wider one is a hole in the table
 SEAM = 3.0  # times the largest step between neighbours: a larger one from the end to the start is a mistake
-NAME = re.compile(r"\s*([^\W\d_]+)")  # in "error [deg]" and "error_deg"
 
 
 @dataclass(frozen=True)
@@ -70,60 +68,8 @@ def read(path: Path, columns: Mapping[str, Dimension], key: str = "file") -> Ove
 
 
 def _read(path: Path, columns: Mapping[str, Dimension]) -> OverAngle:
-    heading, *rows = lines(path) or [[]]
-    names = [found[1].lower() if (found := NAME.match(cell)) else "" for cell in heading]
-    name = _only(heading, names, columns)
-    units_of = {"angle": units.ANGLE, name: columns[name]}
-    if names.count("angle") != 1:
-        raise invalid(f'line 1: {shown(*heading)}: expected one column such as "angle [deg]"', "file")
-    places = {
-        column: (names.index(column), _scale(heading, names, column, units_of[column])) for column in units_of
-    }
-    angle, value, at = list[float](), list[float](), list[int]()
-    for number, row in enumerate(rows, start=2):
-        if not any(cell.strip() for cell in row):
-            continue
-        if len(row) != len(heading):
-            raise invalid(f"line {number}: {shown(*row)}: expected {len(heading)} columns", "file")
-        here, there = (
-            _number(row[place], column, number) * factor for column, (place, factor) in places.items()
-        )
-        if angle and here <= angle[-1]:
-            cell = shown(row[places["angle"][0]])
-            raise invalid(f"line {number}: {cell}: expected an angle above the one before", "file")
-        angle.append(here)
-        value.append(there)
-        at.append(number)
-    return _whole(name, angle, value, at)
-
-
-def _only(heading: list[str], names: list[str], columns: Mapping[str, Dimension]) -> str:
-    """The name of the value's column."""
-    found = [name for name in names if name in columns]
-    if len(found) == 1:
-        return found[0]
-    examples = " or ".join(
-        f'"{name} [{dimension.example or dimension.unit}]"' for name, dimension in columns.items()
-    )
-    raise invalid(f"line 1: {shown(*heading)}: expected one column such as {examples}", "file")
-
-
-def _scale(heading: list[str], names: list[str], column: str, dimension: Dimension) -> float:
-    cell = heading[names.index(column)]
-    factor = scale(cell, column, dimension)
-    if factor is None:
-        example = f'"{column} [{dimension.example or dimension.unit}]"'
-        raise invalid(f"line 1: {shown(cell)}: expected a unit too, such as {example}", "file")
-    return factor
-
-
-def _number(text: str, name: str, line: int) -> float:
-    where = f"line {line}: "
-    try:
-        number = float(text)
-    except ValueError:
-        raise invalid(f"{where}{shown(text)}: expected a number", "file") from None
-    return finite(text, number, name, where)
+    found = rising(path, ("angle", units.ANGLE), columns)
+    return _whole(found.name, found.along, found.value, found.line)
 
 
 def _whole(name: str, angle: list[float], value: list[float], at: list[int]) -> OverAngle:

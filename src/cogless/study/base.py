@@ -73,7 +73,9 @@ class StudyBase(Table):
     @property
     def source(self) -> Source:
         """The file and the tables that this study was read from."""
-        return self._source
+        assert self.__pydantic_private__ is not None  # by its name it takes ten times as long
+        source: Source = self.__pydantic_private__["_source"]
+        return source
 
     def once(self, make: Callable[[Self, K], T], of: K) -> T:
         """Return make(self, of). It is computed at the first call and kept, since it takes long."""

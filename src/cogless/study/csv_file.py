@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from cogless import units
@@ -11,6 +13,7 @@ from cogless.study.table import invalid
 from cogless.units import Dimension
 
 HUGE = 1e9  # in the column's unit: beyond any drive
+NAME = re.compile(r"\s*([^\W\d_]+)")  # in "error [deg]" and "error_deg"
 BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]\s*$")  # speed [rpm]
 
 
@@ -53,3 +56,76 @@ def shown(*cells: str) -> str:
     """The cells as written in the file, in quotes, shortened to 40 characters."""
     text = ",".join(cells)
     return f'"{text if len(text) <= 40 else text[:37] + "..."}"'
+
+
+@dataclass(frozen=True)
+class Rising:
+    """A value along another that rises from line to line, both SI."""
+
+    name: str  # of the value's column
+    along: list[float] = field(default_factory=list)
+    value: list[float] = field(default_factory=list)
+    line: list[int] = field(default_factory=list)  # of the file, from 1
+
+
+def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimension]) -> Rising:
+    """Read the column `along`, which must rise, and one of `columns`, whichever the heading has.
+
+    Other columns are left alone. The errors' key is "file".
+    """
+    heading, *rows = lines(path) or [[]]
+    names = [word[1].lower() if (word := NAME.match(cell)) else "" for cell in heading]
+    axis, dimension = along
+    name = _only(heading, names, columns)
+    units_of = {axis: dimension, name: columns[name]}
+    if names.count(axis) != 1:
+        example = f'"{axis} [{dimension.example or dimension.unit}]"'
+        raise invalid(f"line 1: {shown(*heading)}: expected one column such as {example}", "file")
+    places = {
+        column: (names.index(column), _scale(heading, names, column, units_of[column])) for column in units_of
+    }
+    found = Rising(name)
+    for number, row in enumerate(rows, start=2):
+        if not any(cell.strip() for cell in row):
+            continue
+        if len(row) != len(heading):
+            raise invalid(f"line {number}: {shown(*row)}: expected {len(heading)} columns", "file")
+        here, there = (
+            _number(row[place], column, number) * factor for column, (place, factor) in places.items()
+        )
+        if found.along and here <= found.along[-1]:
+            cell, article = shown(row[places[axis][0]]), "an" if axis[0] in "aeiou" else "a"
+            raise invalid(f"line {number}: {cell}: expected {article} {axis} above the one before", "file")
+        found.along.append(here)
+        found.value.append(there)
+        found.line.append(number)
+    return found
+
+
+def _only(heading: list[str], names: list[str], columns: Mapping[str, Dimension]) -> str:
+    """The name of the value's column."""
+    found = [name for name in names if name in columns]
+    if len(found) == 1:
+        return found[0]
+    examples = " or ".join(
+        f'"{name} [{dimension.example or dimension.unit}]"' for name, dimension in columns.items()
+    )
+    raise invalid(f"line 1: {shown(*heading)}: expected one column such as {examples}", "file")
+
+
+def _scale(heading: list[str], names: list[str], column: str, dimension: Dimension) -> float:
+    cell = heading[names.index(column)]
+    factor = scale(cell, column, dimension)
+    if factor is None:
+        example = f'"{column} [{dimension.example or dimension.unit}]"'
+        raise invalid(f"line 1: {shown(cell)}: expected a unit too, such as {example}", "file")
+    return factor
+
+
+def _number(text: str, name: str, line: int) -> float:
+    where = f"line {line}: "
+    try:
+        number = float(text)
+    except ValueError:
+        raise invalid(f"{where}{shown(text)}: expected a number", "file") from None
+    return finite(text, number, name, where)

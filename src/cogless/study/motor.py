@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
@@ -85,13 +85,21 @@ class Cogging(Table):
             raise invalid(f"expected either {expected}")
         return self
 
-    def as_torque(self, K_t: float) -> Cogging:
+    def as_torque(self, K_t: float) -> CoggingTorque:
         """The same harmonic with its amplitude as a torque; `K_t` in N*m/A."""
-        if self.torque is not None:
-            return self
-        half = (self.torque_peak_to_peak or 0.0) / 2
-        amplitude = half if self.current is None else K_t * self.current
-        return self.model_copy(update={"torque": amplitude, "torque_peak_to_peak": None, "current": None})
+        torque = self.torque
+        if torque is None:
+            half = (self.torque_peak_to_peak or 0.0) / 2
+            torque = half if self.current is None else K_t * self.current
+        return CoggingTorque(self.order, torque, self.phase)
+
+
+class CoggingTorque(NamedTuple):
+    """A harmonic of the cogging torque: torque sin(order theta_m + phase). The order is mechanical."""
+
+    order: int
+    torque: float  # N*m
+    phase: float = 0.0  # rad
 
 
 class Motor(Table):
@@ -167,7 +175,7 @@ class Motor(Table):
         """Impedance and flux linkage of the star equivalent over those of a winding."""
         return (1 / 3, 1 / math.sqrt(3)) if self.winding == "delta" else (1.0, 1.0)
 
-    @property
+    @cached_property
     def _torque_constants(self) -> dict[str, float]:
         """K_t of the star equivalent, N*m/A, by each word for the magnet that is given."""
         flux = self._factors[1]
@@ -242,11 +250,10 @@ class Motor(Table):
             for h, d, q, d_phase, q_phase in harmonics
         ]
 
-    def _measured_cogging(self, K_t: float) -> list[Cogging]:
+    def _measured_cogging(self, K_t: float) -> list[CoggingTorque]:
         if self.cogging_table is None:
             return []
-        found = self.cogging_table.harmonics(K_t, self.pole_pairs)
-        return [Cogging.model_construct(order=n, torque=amplitude, phase=p) for n, amplitude, p in found]
+        return [CoggingTorque(*found) for found in self.cogging_table.harmonics(K_t, self.pole_pairs)]
 
 
 @dataclass(frozen=True)
@@ -262,7 +269,7 @@ class StarMotor:
     impedance_factor: float  # R and L of this equivalent over those of one winding
     flux_factor: float
     flux_harmonics: tuple[FluxHarmonic, ...]
-    cogging: tuple[Cogging, ...]
+    cogging: tuple[CoggingTorque, ...]
     phases: int = 3
     torque_ripple: tuple[TorqueRipple, ...] = ()
     saturation: Saturation | None = None  # of the simulated motor; L_d, L_q, psi_f are without current

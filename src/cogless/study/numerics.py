@@ -58,7 +58,7 @@ def natural_rates(
     flux_orders = [h.order * motor.pole_pairs for h in motor.flux_harmonics]
     torque_orders = [*(r.order for r in motor.torque_ripple), *(h.order for h in motor.cogging)]
     orders = [motor.pole_pairs, *flux_orders, *torque_orders]
-    cogging = sum(abs(h.torque or 0.0) * h.order for h in motor.cogging)
+    cogging = sum(abs(h.torque) * h.order for h in motor.cogging)
     of_current = [
         (motor.R_s / inductance, "the current (R_s / L)"),
         (math.sqrt(swing), "the speed with the current (K_t, inertia, L)"),

@@ -279,10 +279,13 @@ def with_datasheet(path: Path, tables: dict[str, Any]) -> Source:
 
 
 def _beside(sheet: Path, study: Path, value: Any) -> Any:
-    """A datasheet's value; the file of a table is named relative to the datasheet, and here to the study."""
-    if not isinstance(value, dict) or not isinstance(value.get("file"), str):
+    """A datasheet's value; files of tables are named relative to the datasheet, and here to the study."""
+    if not isinstance(value, dict):
         return value
-    return {**value, "file": os.path.relpath(sheet.parent / value["file"], study.parent)}
+    value = {key: _beside(sheet, study, inner) for key, inner in value.items()}
+    if isinstance(value.get("file"), str):
+        value["file"] = os.path.relpath(sheet.parent / value["file"], study.parent)
+    return value
 
 
 def _replaced(source: Source, tables: dict[str, Any]) -> Source:

@@ -3,37 +3,73 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from itertools import pairwise, product
+from pathlib import Path
 from typing import Any, Self
 
-from pydantic import model_validator
+from pydantic import ValidationInfo, model_validator
 
+from cogless.study.csv_file import rising
 from cogless.study.table import Current, FluxAmplitude, Inductance, Many, Table, invalid
+from cogless.units import CURRENT, FLUX_LINKAGE, INDUCTANCE, Dimension
 
 START = 0.1  # relative difference of a table's inductance at zero current from L_d or L_q
 Points = tuple[tuple[float, ...], tuple[float, ...]]  # currents (A) and flux linkages (Wb)
 
 
-class OverCurrent(Table):
+class CurrentFile(Table):
+    """Values over a current, here or in a CSV file with the same columns."""
+
+    current: Many[Current] = ()  # A, rising
+    flux: Many[FluxAmplitude] | None = None  # Wb, zero at zero
+    file: str | None = None  # instead of the others; units in its heading; beside the study
+
+    def _with_file(self, info: ValidationInfo, columns: Mapping[str, Dimension]) -> Self:
+        """The table with the values of its file, if it has one."""
+        if self.file is None or not info.context:
+            return self
+        if any(getattr(self, name) for name in ("current", *columns)):
+            raise invalid("expected none, since its values are given", "file")
+        found = rising(Path(info.context["folder"]) / self.file, ("current", CURRENT), columns)
+        return self.model_copy(update={"current": tuple(found.along), found.name: tuple(found.value)})
+
+    def _check(self, value: tuple[float, ...], name: str) -> None:
+        """Refuse currents that do not rise or lack zero, and fluxes of another number or not zero there."""
+        current = self.current
+        if len(current) < 3 or any(b <= a for a, b in pairwise(current)) or 0.0 not in current:
+            raise invalid("expected three or more values that rise, zero among them", self._named("current"))
+        if len(value) != len(current):
+            raise invalid(f"expected as many values as current has, {len(current)}", name)
+        if name == "flux" and value[current.index(0.0)] != 0.0:
+            raise invalid("expected zero at zero current", self._named(name))
+
+    def _named(self, name: str) -> str:
+        """The key to name in an error: that of the value, or the file that it is from."""
+        return name if self.file is None else "file"
+
+
+class OverCurrent(CurrentFile):
     """Flux linkage of an axis over its own current, without the magnets': `flux`, or `inductance`.
 
     Currents from zero mean that the axis is alike in both directions. Between points it is monotone and
     smooth, beyond the last it is straight.
     """
 
-    current: Many[Current]  # A, rising
-    flux: Many[FluxAmplitude] | None = None  # Wb, zero at zero
     inductance: Many[Inductance] | None = None  # H, flux over current, not its slope
 
     @model_validator(mode="after")
-    def _shape(self) -> Self:
+    def _shape(self, info: ValidationInfo) -> Self:
+        self = self._with_file(info, {"flux": FLUX_LINKAGE, "inductance": INDUCTANCE})
         if (self.flux is None) == (self.inductance is None):
             raise invalid("expected either flux or inductance")
         name = "inductance" if self.flux is None else "flux"
-        check_points(self.current, self.flux or self.inductance or (), name)
+        self._check(self.flux or self.inductance or (), name)
+        if any(L <= 0 for L in self.inductance or ()):
+            raise invalid("expected inductances above zero", self._named("inductance"))
         _, flux = self.points()
         if any(b <= a for a, b in pairwise(flux)):
-            raise invalid("expected a flux linkage that grows with the current", name)
+            raise invalid("expected a flux linkage that grows with the current", self._named(name))
         return self
 
     def points(self) -> Points:
@@ -46,38 +82,26 @@ class OverCurrent(Table):
         return mirrored(self.current, flux, -1)
 
 
-class MagnetOverCurrent(Table):
+class MagnetOverCurrent(CurrentFile):
     """Flux linkage that the q axis' current takes from or gives to the d axis; alike in both directions."""
 
-    current: Many[Current]  # A, rising from zero
-    flux: Many[FluxAmplitude]  # Wb, zero at zero, usually negative
-
     @model_validator(mode="after")
-    def _shape(self) -> Self:
-        check_points(self.current, self.flux, "flux")
+    def _shape(self, info: ValidationInfo) -> Self:
+        self = self._with_file(info, {"flux": FLUX_LINKAGE})
+        self._check(self.flux or (), "flux")
         if self.current[0] < 0:
-            raise invalid("expected currents from zero on", "current")
+            raise invalid("expected currents from zero on", self._named("current"))
         return self
 
     def points(self) -> Points:
         """Points over both directions of the current."""
-        return mirrored(self.current, self.flux, 1)
+        return mirrored(self.current, self.flux or (), 1)
 
 
 def mirrored(current: tuple[float, ...], flux: tuple[float, ...], sign: int) -> Points:
     """Points from zero on, and the same for negative currents with flux times `sign`."""
     below = tuple(-i for i in reversed(current[1:])), tuple(sign * f for f in reversed(flux[1:]))
     return (*below[0], *current), (*below[1], *flux)
-
-
-def check_points(current: tuple[float, ...], value: tuple[float, ...], name: str) -> None:
-    """Refuse currents that do not rise or lack zero, and fluxes of another number or not zero there."""
-    if len(current) < 3 or any(b <= a for a, b in pairwise(current)) or 0.0 not in current:
-        raise invalid("expected three or more values that rise, zero among them", "current")
-    if len(value) != len(current):
-        raise invalid(f"expected as many values as current has, {len(current)}", name)
-    if name == "flux" and value[current.index(0.0)] != 0.0:
-        raise invalid("expected zero at zero current", name)
 
 
 class Saturation(Table):

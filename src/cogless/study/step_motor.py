@@ -13,7 +13,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from cogless.study.motor import Cogging, FluxHarmonic, StarMotor
+from cogless.study.motor import CoggingTorque, FluxHarmonic, StarMotor
 from cogless.study.table import (
     Inductance,
     InductanceAmplitude,
@@ -67,7 +67,7 @@ class StepMotor(Table):
         ]
         amplitude = -0.5 * self.teeth * self.i_f**2
         cogging = [
-            Cogging.model_construct(order=j * self.teeth, torque=amplitude * j * L)
+            CoggingTorque(j * self.teeth, amplitude * j * L)
             for j, L in enumerate(self.L_f, start=FIRST_COGGING)
             if L
         ]

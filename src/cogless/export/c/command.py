@@ -16,7 +16,7 @@ from cogless.export.c.motion import motion_parts
 from cogless.export.c.names import identifier
 from cogless.export.c.subject import Subject, study_hash
 from cogless.export.c.texts import texts
-from cogless.export.prepared import Prepared, Recording, first_scenario, prepare, record
+from cogless.export.prepared import Prepared, Recording, first_scenario, prepare_whole, record
 from cogless.files import control_sources
 from cogless.study import AnyStudy
 from cogless.versions import versions
@@ -35,7 +35,7 @@ def export_c(
     written.
     """
     folder.check(target)
-    prepared = prepare(study, first_scenario(study, controller, scenario), controller)
+    prepared = prepare_whole(study, first_scenario(study, controller, scenario), controller)
     subject = subject_of(prepared, command)
     recording = record(prepared, self_test_ticks(subject, prepared))
     about = {

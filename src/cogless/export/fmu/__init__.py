@@ -28,6 +28,7 @@ VERSIONS = (2, 3)
 def write_fmus(study: AnyStudy, controller: str, scenario: str | None, folder: Path) -> list[Path]:
     """Write CONTROLLER-controller and CONTROLLER-drive, each for FMI 2.0 and 3.0, into `folder`.
 
+    Where a bus is between law and drive, the drive alone: a controller is law and current loop in one.
     `scenario`: the one that the drive simulates, default the first that has the controller. StudyError: an
     unknown name, a law without a C form, no compiler.
     """
@@ -35,7 +36,8 @@ def write_fmus(study: AnyStudy, controller: str, scenario: str | None, folder: P
     for language in COMPILERS:
         compiler(language)
     with writable(folder):
-        contents = [made for unit in (controller_unit(run), drive_unit(run)) for made in _fmus(unit)]
+        units = [drive_unit(run)] if run.has_bus else [controller_unit(run), drive_unit(run)]
+        contents = [made for unit in units for made in _fmus(unit)]
         for name, files in contents:
             pack(folder / name, files)
     return [folder / name for name, _ in contents]

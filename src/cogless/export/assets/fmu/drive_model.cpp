@@ -21,6 +21,9 @@ public:
     cgl_drive_output output{};
 
     cgl_drive_output step(const cgl_measurement&, const cgl_reference&) override { return output; }
+    std::pair<bool, cogless::Measurement> measure(const cgl_measurement&, const cgl_reference&) override { return {}; }
+    cogless::BusCommand law(const cogless::Measurement&) override { return {}; }
+    cgl_drive_output actuate(const cogless::BusCommand*) override { return output; }
     void begin(const std::vector<cgl_real>&) override {}
     void end() override {}
 };
