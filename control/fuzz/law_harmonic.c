@@ -11,13 +11,18 @@ bool law_begin(feed *from)
     config.pi.ki = feed_gain(from, CGL_R(10.0));
     const cgl_real ts = feed_gain(from, CGL_R(1.0e-3));
     config.pi.limit = feed_gain(from, CGL_R(5.0));
+    config.k_theta = feed_bool(from) ? CGL_R(0.0) : feed_gain(from, CGL_R(50.0));
     config.b = feed_gain(from, CGL_R(1000.0));
     config.delay = feed_bool(from) ? CGL_R(0.0) : feed_gain(from, CGL_R(2.0e-3));
     config.base = 1U + (feed_bool(from) ? feed_below(from, 40U) : feed_below(from, CGL_HARMONIC_ORDER_MAX));
+    config.bends = feed_below(from, 3U);
     config.orders = 1U + feed_below(from, feed_bool(from) ? 8U : CGL_HARMONIC_ORDERS);
     config.rate = feed_gain(from, CGL_R(10.0));
     config.rate_min = feed_gain(from, CGL_R(1.0));
     config.limit = feed_gain(from, CGL_R(2.0));
+    for (uint32_t n = 0; n < CGL_HARMONIC_EDGES; ++n) {
+        config.held[n] = feed_bool(from) ? CGL_R(0.0) : feed_gain(from, CGL_R(1.0));
+    }
     const uint32_t length = CGL_HARMONIC_LENGTH(config.orders);
     cell = borrow(length);
     const bool good = cgl_harmonic_init(&law, &config, ts, cell, length) == CGL_OK;

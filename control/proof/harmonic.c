@@ -7,8 +7,10 @@ static cgl_real cell[CGL_HARMONIC_LENGTH(ORDERS)];
 
 int main(void)
 {
-    const cgl_harmonic_config config = {{any_real(), any_real(), ANY_LIMIT}, any_real(), any_real(), any_bits(), ORDERS,
-                                        any_real(), any_real(), ANY_LIMIT};
+    const cgl_harmonic_config config = {{any_real(), any_real(), ANY_LIMIT}, any_real(), any_real(), any_real(), any_bits(), any_bits(), ORDERS,
+                                        any_real(), any_real(), ANY_LIMIT,
+                                        {any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(),
+                                         any_real()}};
     cgl_harmonic law;
     FILL(cell);
     if (cgl_harmonic_init(&law, &config, any_real(), cell, sizeof cell / sizeof cell[0]) != CGL_OK) {

@@ -597,13 +597,18 @@ static cgl_harmonic_config random_harmonic(void)
 {
     cgl_harmonic_config config;
     config.pi = random_pi();
+    config.k_theta = random_below(2) ? CGL_R(0.0) : random_gain(CGL_R(50.0));
     config.b = random_gain(CGL_R(1000.0));
     config.delay = random_below(2) ? CGL_R(0.0) : random_gain(CGL_R(2.0e-3));
     config.base = 1U + random_below(random_below(20) ? 40U : CGL_HARMONIC_ORDER_MAX);
+    config.bends = random_below(3);
     config.orders = 1U + random_below(random_below(4) ? 8U : CGL_HARMONIC_ORDERS);
     config.rate = random_gain(CGL_R(10.0));
     config.rate_min = random_gain(CGL_R(1.0));
     config.limit = random_gain(CGL_R(2.0));
+    for (uint32_t n = 0; n < CGL_HARMONIC_EDGES; ++n) {
+        config.held[n] = random_below(2) ? CGL_R(0.0) : random_gain(CGL_R(1.0));
+    }
     return config;
 }
 
@@ -1278,7 +1283,7 @@ void random_inputs(long configs)
         {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
         {"drive", try_drive, 0x23d2b8bcU, 0xeaa4b009U},
         {"adrc", try_adrc, 0xc079600cU, 0x27b41b93U},
-        {"harmonic", try_harmonic, 0x6005d6aeU, 0xf00c007cU},
+        {"harmonic", try_harmonic, 0x6915b337U, 0xa69491acU},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);

@@ -309,13 +309,18 @@ static void harmonic(void)
     cgl_harmonic_config config;
     cgl_harmonic law;
     config.pi = a_pi();
+    config.k_theta = real();
     config.b = real();
     config.delay = real();
     config.base = count();
+    config.bends = count();
     config.orders = count();
     config.rate = real();
     config.rate_min = real();
     config.limit = real();
+    for (uint32_t n = 0; n < CGL_HARMONIC_EDGES; ++n) {
+        config.held[n] = real();
+    }
     CHECK(cgl_harmonic_init(&law, &config, real(), cell, CELLS) == CGL_OK);
     STEPS(law, cgl_harmonic_step);
 }

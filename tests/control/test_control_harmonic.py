@@ -1,6 +1,7 @@
 """PI with learned harmonics: agreement with the reference, and what the law does."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from reference.harmonic import SETTLE, Harmonic
 from reference.motion import motion, rounded
 from reference.pi import Pi
 
-from cogless.design.harmonic import rate_bound
+from cogless.design.harmonic_transfer import rate_bound
 from cogless.study.harmonic import FASTEST, HIGHEST, ORDERS, Learner
 
 TS, STEPS = 1e-3, 3000
@@ -22,9 +23,10 @@ class CHarmonic:
 
     def __init__(self, library, r: Harmonic):
         self.library, lib, self.orders = library, library.lib, r.orders
-        same = ("b", "delay", "base", "orders", "rate", "rate_min", "limit")
+        same = ("k_theta", "b", "delay", "base", "bends", "orders", "rate", "rate_min", "limit")
         pi = {name: getattr(r.pi, name) for name in ("kp", "ki", "limit")}
-        self.config = library.new("cgl_harmonic_config", pi=pi, **{name: getattr(r, name) for name in same})
+        numbers = {name: getattr(r, name) for name in same} | {"held": list(r.held)}
+        self.config = library.new("cgl_harmonic_config", pi=pi, **numbers)
         self.state = library.new("cgl_harmonic")
         self.memory, pointer = library.array(np.ones(5 * r.orders))
         assert lib.cgl_harmonic_init(self.state, self.config, r.pi.ts, pointer, 5 * r.orders) == lib.CGL_OK
@@ -34,9 +36,17 @@ class CHarmonic:
     def c(self):
         return self.memory[: self.orders] - 1j * self.memory[self.orders : 2 * self.orders]
 
-    def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:
+    def step(
+        self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True, theta_ref: float = 0.0
+    ) -> float:
         i = self.input
-        i.omega_ref, i.omega_m, i.theta_m, i.learn = omega_ref, omega_m, theta_m, learn
+        i.omega_ref, i.omega_m, i.theta_m, i.learn, i.theta_ref = (
+            omega_ref,
+            omega_m,
+            theta_m,
+            learn,
+            theta_ref,
+        )
         self.library.lib.cgl_harmonic_step(self.state, i, self.output)
         return self.output.i_q_ref
 
@@ -53,7 +63,10 @@ def random_law(rng, real) -> Harmonic:
     delay = float(rng.choice([0.0, rng.uniform(0, 1.5e-3), rng.uniform(1.5e-3, 1e-2)]))
     pi = (rng.uniform(0.05, 0.2), rng.uniform(0.1, 3), rng.uniform(1, 4))
     base, orders = int(rng.integers(1, 20)), int(rng.integers(1, 20))
-    return law(base, orders, rng.uniform(1, 8), delay, rng.uniform(0.3, 2), pi, rng.uniform(50, 800), real)
+    made = law(base, orders, rng.uniform(1, 8), delay, rng.uniform(0.3, 2), pi, rng.uniform(50, 800), real)
+    made.held = tuple(rounded(np.sort(rng.uniform(0, 1, rng.choice([0, 2, 8]))), real).tolist())
+    made.k_theta = float(rounded(rng.choice([0.0, 20.0]), real))
+    return replace(made, bends=int(rng.integers(0, 3)))
 
 
 def inputs(rng, real, faults):
@@ -61,12 +74,16 @@ def inputs(rng, real, faults):
     shocks = np.repeat(
         rng.choice([0.0, 0.0, 0.0, 15.0, -15.0], STEPS // 100), 100
     )  # into saturation and back
-    columns = [rounded(x, real).tolist() for x in (m.omega_ref, m.omega_m - shocks, m.theta_m)]
-    return list(zip(*columns, m.learn.tolist(), strict=True))
+    theta_ref = np.nan_to_num(m.theta_m, posinf=0.0, neginf=0.0) + 0.02 * np.sin(0.01 * np.arange(STEPS))
+    theta_ref = np.where(np.abs(theta_ref) < 1e4, theta_ref, 0.0)
+    theta_ref[rng.random(STEPS) < faults] = math.nan
+    columns = [rounded(x, real).tolist() for x in (m.omega_ref, m.omega_m - shocks, m.theta_m, theta_ref)]
+    return list(zip(*columns[:3], m.learn.tolist(), columns[3], strict=True))
 
 
-def status(lib, r: Harmonic, omega_ref, omega_m, theta_m, learn):
+def status(lib, r: Harmonic, omega_ref, omega_m, theta_m, learn, theta_ref):
     fault = not (math.isfinite(omega_ref - omega_m) and abs(theta_m) < 1e5)
+    fault |= r.k_theta > 0 and not abs(theta_ref) < 1e5
     return (
         lib.CGL_STATUS_SATURATED * r.pi.saturated
         | lib.CGL_STATUS_FROZEN * (not r.learning)
@@ -215,7 +232,7 @@ def test_the_first_period_is_nearly_enough():
 def test_the_rate_has_the_bound_that_the_design_computes(share, grows):
     """Thirty orders together, with no feedback. The law takes no rate as high as that; where it believes in
     too little acceleration it learns too fast as well."""
-    told = Learner(B, 0.0, 2, 30, 1.0, 1.0)
+    told = Learner(B, 0.0, 2, 0, 30, 1.0, 1.0)
     bound = rate_bound(TS, told, 12.0 * 2 * np.arange(1.0, 31.0))
     reference = law(2, 30, 3.0, pi=(0.0, 0.0, 4.0), b=B * 3.0 / (share * bound))
     reference.rate_min = reference.rate

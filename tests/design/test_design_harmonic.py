@@ -8,8 +8,10 @@ import pytest
 
 import studies
 from cogless import load
-from cogless.design.harmonic import certificate, gamma, learner
-from cogless.design.pi import gains, speed_loop
+from cogless.design.harmonic import certificate, learner
+from cogless.design.harmonic_transfer import gamma
+from cogless.design.pi import interpolated, speed_loop
+from cogless.design.position import harmonic_gains
 from cogless.design.summary import design_dict, summary
 from cogless.errors import StudyError
 from cogless.run.simulate import simulate
@@ -58,7 +60,7 @@ def test_numbers_follow_from_slots_poles_and_drive(tmp_path):
 
 def test_gamma_is_one_where_the_model_is_right():
     here = study()
-    loop, told, pi = speed_loop(here), learner(here, "harmonic"), gains(here, "harmonic")
+    loop, told, pi = speed_loop(here), learner(here, "harmonic"), harmonic_gains(here, "harmonic")
     w = 2 * math.pi * np.array([6.0, 72.0, 216.0, 432.0])
     assert gamma(loop, told, pi, w) == pytest.approx(np.ones(4), abs=0.04)
     late = gamma(loop, told, pi, w, 1)
@@ -137,3 +139,54 @@ def test_a_dropout_of_50_ms_costs_no_learning():
 def test_liu_at_60_rpm_is_near_the_encoders_floor():
     speed = simulate(study("liu2018"), "60-rpm", "harmonic").trace["omega_m"][-12000:] / RPM
     assert np.std(speed) < 0.4
+
+
+def test_orders_that_a_soft_shaft_turns_are_held():
+    """The shaft of the study has its antiresonance at 59.5 Hz and its resonance at 84 Hz."""
+    by_hand = {"law": "harmonic", "tuning": {"rule": "auto"}, "kp": "0.1 A*s/rad", "ki": "0.5 A/rad"}
+    here = load("two-mass-axis", {"controller.harmonic": by_hand})
+    made = certificate(here, "harmonic")
+    (held,) = {each.held for each in made.speeds}
+    assert held[0] == 60 and held[-1] > 90 and made.fine and "holds orders from 58.7 to" in made.words()
+    short = {"scenario.motor-sensor.duration": "12 s", "metric": []}
+    still = {**by_hand, "learning_start": "1e6 s"}
+    left = []
+    for law in (by_hand, still):
+        run = load("two-mass-axis", {"controller.harmonic": law, **short})
+        left.append(np.std(simulate(run, "motor-sensor", "harmonic").trace["omega_m"][-8000:]))
+    assert left[0] < 0.6 * left[1]
+
+
+def test_hall_sensors_show_the_loads_orders_only():
+    """With 15 pole pairs their places have order 15; the load has orders 1 and 2."""
+    law = {"law": "harmonic", "tuning": {"rule": "auto"}, "kp": "0.4 A*s/rad", "ki": "2 A/rad"}
+    short = {"scenario.walk.duration": "12 s", "metric": [], "controller.harmonic": law}
+    here = load("hub-motor", short)
+    told = learner(here, "harmonic")
+    assert (told.base, told.orders, told.bends) == (1, 14, 0)
+    left = [
+        np.std(simulate(here, "walk", name).trace["omega_m"][-8000:] / RPM) for name in ("harmonic", "pi")
+    ]
+    assert left[0] < 0.15 * left[1]
+
+
+def test_what_halls_show_of_a_slow_motion_is_true():
+    """Late by little, and a speed that is the angle's derivative, late by half of its intervals and more."""
+    w = np.array([0.5])
+    speed, angle = interpolated(w, 0.01, 3)
+    assert angle == pytest.approx([1.0], abs=1e-4)
+    assert speed / (1j * w) == pytest.approx(np.exp(-1j * w * 0.02), abs=1e-4)
+
+
+def test_a_position_is_held_with_less_ripple():
+    """Verrelli's arm: the same feedback with nothing learned beside it."""
+    law = {"law": "harmonic", "position": True, "tuning": {"rule": "auto"}, "learning_start": "2 s"}
+    own = {"controller.harmonic": law, "scenario.twelve-seconds.duration": "7 s", "metric": []}
+    here = load("verrelli2016", own)
+    assert learner(here, "harmonic").base == 50 and harmonic_gains(here, "harmonic")[0] > 0
+    runs = [
+        simulate(here, "twelve-seconds", name).trace["omega_error"][-2000:] for name in ("harmonic", "fair")
+    ]
+    assert np.std(runs[0]) < 0.5 * np.std(runs[1])
+    with pytest.raises(StudyError, match="expected none, unless position is true and kp and ki are given"):
+        load("verrelli2016", {**own, "controller.harmonic": {**law, "k_theta": "5 1/s"}})

@@ -16,6 +16,7 @@ P = math.exp(-0.5)
 L1, L2, L3 = 1 - P**3, 1.5 * (1 - P) ** 2 * (1 + P), (1 - P) ** 3
 FASTEST, SPLIT, MEAN, QUICK, SETTLE, NEW, FULL = 2.6, 0.5105, 0.25, 1 / 16, 64, 1.25, 6.0
 BENT, SURE, DOUBTED = 0.05, 2.5e-7, 64.0
+TURN_OF_BEND = 4
 
 TURN = 1 << 32  # parts of a turn
 
@@ -39,6 +40,9 @@ class Harmonic:
     rate: float
     rate_min: float
     limit: float
+    held: tuple[float, ...] = ()
+    k_theta: float = 0.0
+    bends: int = 2
     c: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=complex))
     learned: float = 0.0
     learning: bool = False
@@ -52,9 +56,11 @@ class Harmonic:
         self.omega = self.load = self.mean = 0.0
         self.time = self.anchor = self.slowest = self.fastest = self.rate_now = 0.0
         self.round_step = 0.0
-        self.bend = np.zeros(2 if self.base > 4 else 1 if self.base > 2 else 0, dtype=complex)
-        self.believed = self.bend_rate = self.power = self.doubt = self.moved = 0.0
-        self.due = self.acting = self.low = 0
+        free = 2 if self.base > 4 else 1 if self.base > 2 else 0
+        self.bend = np.zeros(min(self.bends, free), dtype=complex)
+        self.believed = self.bend_rate = self.power = self.doubt = self.moved = self.squares = 0.0
+        self.here = self.slope = 0.0
+        self.due = self.acting = self.low = self.since = 0
         self.wait, self.seated = SETTLE, False
 
     @property
@@ -117,19 +123,22 @@ class Harmonic:
             self.bend_rate = 2 / size
             self.believed = max(0.0, 1 - DOUBTED * variance / square) if square else 0.0
 
-    def bend_at(self, theta: int) -> tuple[complex, float, float]:
-        """Phasor of the angle, the bend there, and its slope over the angle."""
+    def turn_bend(self, theta: int) -> None:
+        """Every few steps: the bend learns how the phases went on since, and is seen anew with its slope."""
         turn = cmath.exp(1j * math.tau * theta / TURN)
+        if self.learning:
+            now = self.squares - TURN_OF_BEND * self.doubt
+            self.doubt += self.rate_now * self.pi.ts * now
+            for m, one in enumerate(self.bend):
+                grown = one + self.bend_rate * self.moved * turn ** -(m + 1)
+                self.bend[m] = complex(clip(grown.real, BENT), clip(grown.imag, BENT))
+        self.moved = self.squares = 0.0
         parts_of = [one * turn ** (m + 1) for m, one in enumerate(self.bend)]
-        bend = sum(one.real for one in parts_of)
-        slope = -sum((m + 1) * one.imag for m, one in enumerate(parts_of))
-        return turn, self.believed * bend, self.believed * slope
+        self.here = self.believed * sum(one.real for one in parts_of)
+        self.slope = -self.believed * sum((m + 1) * one.imag for m, one in enumerate(parts_of))
 
-    def learn_bend(self, turn: complex) -> None:
-        self.doubt += self.rate_now * self.pi.ts * (self.moved**2 - self.doubt)
-        for m, one in enumerate(self.bend):
-            grown = one + self.bend_rate * self.moved * turn ** -(m + 1)
-            self.bend[m] = complex(clip(grown.real, BENT), clip(grown.imag, BENT))
+    def is_held(self, om: float) -> bool:
+        return any(low <= om <= high for low, high in zip(self.held[::2], self.held[1::2], strict=True))
 
     def make_gain(self) -> None:
         if self.due >= self.acting:
@@ -139,13 +148,14 @@ class Harmonic:
         om = (k + 1) * self.round_step
         z = cmath.exp(1j * om)
         turned = cmath.exp(1j * om * (0.5 + self.d))  # what acts is ahead of what is measured
+        rate = 0.0 if self.is_held(abs(om)) else self.rate_now
         if k < self.low:
-            self.power += (k + 1) * abs(self.c[k]) ** 2
+            self.power += 0.0 if self.is_held(abs(om)) else (k + 1) * abs(self.c[k]) ** 2
             g = L3 / 2 * (z + 1) * z / (z - P) ** 3 * cmath.exp(0.5j * om)
             turned *= 1 - 1j * math.copysign(MEAN, self.omega) / (k + 1)
         else:
             g = (z + 1) * (z - 1) / 2 / (z - P) ** 3 * cmath.exp(0.5j * om)
-        self.weight[k] = self.rate_now / (self.b * self.pi.ts) / g * turned
+        self.weight[k] = rate / (self.b * self.pi.ts) / g * turned
         self.due = k + 1
 
     def sum_of_orders(self, angle: int, load: float, e: float) -> float:
@@ -153,19 +163,22 @@ class Harmonic:
         phasor = np.exp(1j * math.tau * (self.base * angle % TURN / TURN) * (n + 1))
         seen = np.where(n < self.low, load, e)
         off = seen * self.weight[: self.acting] * np.conj(phasor)
-        self.moved = float(np.sum((np.conj(self.c[: self.acting]) * off).imag[: self.low]))
+        moved = float(np.sum((np.conj(self.c[: self.acting]) * off).imag[: self.low]))
+        self.moved += moved
+        self.squares += moved**2
         c = self.c[: self.acting] - off
         real, imag = (np.clip(part, -self.limit, self.limit) for part in (c.real, c.imag))
         self.c[: self.acting] = real + 1j * imag
         return clip(float(np.sum((self.c[: self.acting] * phasor).real)), self.limit)
 
-    def follow(self, omega_m: float, theta_m: float, may: bool) -> None:
+    def follow(self, omega_m: float, theta_m: float, may: bool, bend: float) -> None:
         """Observer, gains, amplitudes and the learned current of one step."""
         self.learning = may and self.wait == 0
         self.wait = max(self.wait - 1, 0) if may else SETTLE
         self.learned = 0.0
         if not is_angle(theta_m):
-            self.seated = False
+            self.seated, self.since = False, TURN_OF_BEND - 1
+            self.here = self.slope = 0.0
             return
         theta = parts(math.fmod(theta_m / math.tau, 1)) % TURN
         if not self.seated:
@@ -175,28 +188,41 @@ class Harmonic:
         e = self.observe(theta)
         slow = MEAN * self.base * abs(self.omega)
         self.mean += (min(slow, QUICK) if self.learning else QUICK) * (self.load - self.mean)
-        turn, bend, _ = self.bend_at(theta)
-        self.make_gain()
-        ahead = turned(turned(theta, -bend), self.omega * (0.5 + self.d))
+        if self.since % 2:
+            self.make_gain()
+        ahead = self.omega * (0.5 + self.d) - bend
         seen = (self.load - self.mean, e) if self.learning else (0.0, 0.0)
-        self.learned = self.sum_of_orders(ahead, *seen)
+        self.learned = self.sum_of_orders(turned(theta, ahead), *seen)
         if self.learning:
-            self.learn_bend(turn)
             self.time = min(self.time + self.pi.ts, 1e6)
 
-    def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:
+    def take_turn(self, theta_m: float) -> float:
+        """The bend at an angle, and once in a while its turn."""
+        self.since = (self.since + 1) % TURN_OF_BEND
+        if is_angle(theta_m) and self.since == 0 and len(self.bend):
+            self.turn_bend(parts(math.fmod(theta_m / math.tau, 1)) % TURN)
+        return self.here + self.slope * self.omega * self.since
+
+    def step(
+        self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True, theta_ref: float = 0.0
+    ) -> float:
+        bend = self.take_turn(theta_m)
+        error = omega_ref - omega_m + self.slope * omega_m
         plausible = math.isfinite(omega_ref - omega_m) and is_angle(theta_m)
-        slope = 0.0
-        if is_angle(theta_m):
-            slope = self.bend_at(parts(math.fmod(theta_m / math.tau, 1)) % TURN)[2]
-        error = omega_ref - omega_m + slope * omega_m
-        self.follow(omega_m, theta_m, learn and plausible and not self.pi.saturated)
+        if self.k_theta:
+            plausible &= is_angle(theta_ref)
+            if is_angle(theta_m) and is_angle(theta_ref):
+                now, asked = (parts(math.fmod(x / math.tau, 1)) for x in (theta_m, theta_ref))
+                way = ((asked - now + TURN // 2) % TURN - TURN // 2) / TURN * math.tau
+                error += self.k_theta * (way + bend)
+        self.follow(omega_m, theta_m, learn and plausible and not self.pi.saturated, bend)
         out = self.pi.step(error, self.learned)
         self.told = [out - self.learned, *self.told[:2]]
         return out
 
     def torque(self, current: float, omega_ref: float, omega_m: float, theta_m: float) -> float:
-        self.follow(omega_m, theta_m, False)
+        bend = self.take_turn(theta_m)
+        self.follow(omega_m, theta_m, False, bend)
         out = self.pi.torque(current, self.learned)
         self.told = [out - self.learned, *self.told[:2]]
         return out

@@ -20,17 +20,24 @@
 #define BENT CGL_R(0.05)    /* rad, bound of each part of the bend */
 #define SURE CGL_R(2.5e-7)  /* rad^2: a variance of the bend beyond which it is not learned, (0.5 mrad)^2 */
 #define DOUBTED CGL_R(64.0) /* a bend of up to so many variances is taken for none */
+#define TURN 4U             /* steps: in one the bend has its turn, in two others a gain is made anew */
 
 CGL_SELDOM static bool is_valid(const cgl_harmonic_config *config, cgl_real ts)
 {
-    static const cgl_range range[] = {CGL_RANGE(cgl_harmonic_config, b, CGL_POSITIVE),
+    static const cgl_range range[] = {CGL_RANGE(cgl_harmonic_config, k_theta, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_harmonic_config, b, CGL_POSITIVE),
                                       CGL_RANGE(cgl_harmonic_config, delay, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_harmonic_config, base, CGL_COUNT),
                                       CGL_RANGE(cgl_harmonic_config, orders, CGL_COUNT),
                                       CGL_RANGE(cgl_harmonic_config, rate, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_harmonic_config, rate_min, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_harmonic_config, limit, CGL_POSITIVE)};
-    return CGL_IS_IN_RANGE(config, range) && config->orders <= CGL_HARMONIC_ORDERS
+    for (uint32_t n = 0; n < CGL_HARMONIC_EDGES; ++n) {
+        if (!cgl_is_not_negative(config->held[n])) {
+            return false;
+        }
+    }
+    return CGL_IS_IN_RANGE(config, range) && config->orders <= CGL_HARMONIC_ORDERS && config->bends <= 2U
            && config->base * config->orders <= CGL_HARMONIC_ORDER_MAX && cgl_is_positive(ts)
            && config->delay <= LONGEST * ts && cgl_is_positive(config->b * ts * ts);
 }
@@ -41,10 +48,13 @@ CGL_SELDOM static void take(cgl_harmonic *law, const cgl_harmonic_config *config
     law->config = *config;
     law->gain = config->b * ts * ts;
     law->delay = cgl_clamp(config->delay / ts, LONGEST);
+    law->ahead = CGL_R(0.5) + law->delay;
+    law->slow = MEAN * (cgl_real)config->base;
     const cgl_real d = law->delay, part = d < CGL_R(1.0) ? d : d - CGL_R(1.0);
     const bool lags = d > LAG;
     law->kept = lags ? d / (CGL_R(1.0) + d) : CGL_R(0.0);
-    law->bends = config->base > 4U ? 2U : (config->base > 2U ? 1U : 0U);
+    const uint32_t free = config->base > 4U ? 2U : (config->base > 2U ? 1U : 0U); /* between the orders */
+    law->bends = config->bends < free ? config->bends : free;
     law->weight[0] = lags ? CGL_R(1.0) - law->kept : (d < CGL_R(1.0) ? CGL_R(1.0) - part : CGL_R(0.0));
     law->weight[1] = lags ? CGL_R(0.0) : (d < CGL_R(1.0) ? part : CGL_R(1.0) - part);
     law->weight[2] = lags || d < CGL_R(1.0) ? CGL_R(0.0) : part;
@@ -104,9 +114,10 @@ CGL_SELDOM void cgl_harmonic_reset(cgl_harmonic *law)
     clear(law->turned, 2U);
     clear(law->bend.part, 4U);
     law->bend.share = law->bend.rate = law->bend.power = law->bend.doubt = law->bend.moved = CGL_R(0.0);
+    law->bend.squares = law->bend.here = law->bend.slope = law->step = CGL_R(0.0);
     law->current = law->omega = law->load = law->mean = CGL_R(0.0);
     law->time = law->anchor = law->slowest = law->fastest = law->rate = CGL_R(0.0);
-    law->theta = law->due = law->acting = law->low = 0U;
+    law->theta = law->since = law->due = law->band = law->acting = law->low = 0U;
     law->wait = CGL_HARMONIC_SETTLE;
     law->seated = law->learning = false;
     law->learned = CGL_R(0.0);
@@ -160,18 +171,6 @@ static uint32_t fitting(cgl_real most, cgl_real step, uint32_t orders)
     return smaller((uint32_t)(int32_t)count, orders);
 }
 
-/* Phasors of an angle, once and twice in a turn. */
-typedef struct {
-    cgl_real x[2], y[2];
-} turn_phasors;
-
-static void take_phasors(turn_phasors *of, uint32_t theta)
-{
-    cgl_sincos_of_angle(cgl_steps(0U, theta) * (CGL_TWO_PI / CGL_TURN_BITS), &of->y[0], &of->x[0]);
-    of->x[1] = of->x[0] * of->x[0] - of->y[0] * of->y[0];
-    of->y[1] = CGL_R(2.0) * of->x[0] * of->y[0];
-}
-
 /* How fast the bend is learned in the next round, and how much of it is believed. The orders' noise makes a variance of it. */
 CGL_APART static void judge_bend(cgl_harmonic *law)
 {
@@ -189,20 +188,31 @@ CGL_APART static void judge_bend(cgl_harmonic *law)
     bend->power = CGL_R(0.0);
 }
 
-/* The bend goes where the phases of all orders went together. */
-static void learn_bend(cgl_harmonic *law, const turn_phasors *of)
+/* The bend's turn: it goes where the phases of all orders went together since the last one. At the measured angle [turns]. */
+CGL_APART static void turn_bend(cgl_harmonic *law, uint32_t theta)
 {
     cgl_harmonic_bend *const bend = &law->bend;
-    const cgl_real moved = cgl_clamp(bend->moved, CGL_R(1.0e9)), step = bend->rate * moved;
-    bend->doubt += law->rate * law->pi.ts * (moved * moved - bend->doubt);
-    for (uint32_t m = 0; m < law->bends; ++m) {
-        bend->part[2U * m] = cgl_clamp(bend->part[2U * m] + step * of->x[m], BENT);
-        bend->part[2U * m + 1U] = cgl_clamp(bend->part[2U * m + 1U] + step * of->y[m], BENT);
+    cgl_real *const part = bend->part;
+    cgl_real x[2], y[2];
+    cgl_sincos_of_turns(theta, &y[0], &x[0]);
+    x[1] = x[0] * x[0] - y[0] * y[0];
+    y[1] = CGL_R(2.0) * x[0] * y[0];
+    if (law->learning) {
+        const cgl_real moved = cgl_clamp(bend->moved, CGL_R(1.0e9)), step = bend->rate * moved;
+        const cgl_real squares = cgl_clamp(bend->squares, CGL_R(1.0e18));
+        bend->doubt += law->rate * law->pi.ts * (squares - (cgl_real)TURN * bend->doubt);
+        for (uint32_t m = 0; m < law->bends; ++m) {
+            part[2U * m] = cgl_clamp(part[2U * m] + step * x[m], BENT);
+            part[2U * m + 1U] = cgl_clamp(part[2U * m + 1U] + step * y[m], BENT);
+        }
     }
+    bend->moved = bend->squares = CGL_R(0.0);
+    bend->slope = bend->share * (part[1] * x[0] - part[0] * y[0] + CGL_R(2.0) * (part[3] * x[1] - part[2] * y[1]));
+    bend->here = bend->share * (part[0] * x[0] + part[1] * y[0] + part[2] * x[1] + part[3] * y[1]);
 }
 
 /* Begins to make the gains anew: the speed of now, the orders that it leaves, the rate. */
-CGL_APART static void begin_round(cgl_harmonic *law, cgl_real gentle)
+CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle)
 {
     const cgl_harmonic_config *const config = &law->config;
     const cgl_real speed = cgl_abs(law->omega), step = (cgl_real)config->base * law->omega, size = cgl_abs(step);
@@ -216,8 +226,8 @@ CGL_APART static void begin_round(cgl_harmonic *law, cgl_real gentle)
     }
     const uint32_t acting = fitting(CGL_HARMONIC_FASTEST, size, config->orders), low = fitting(SPLIT, size, acting);
     cgl_real *const weight = law->cosine + 3U * config->orders;
-    for (uint32_t k = smaller(low, law->low); k < (low < law->low ? law->low : low); ++k) {
-        weight[k] = weight[config->orders + k] = CGL_R(0.0); /* they are of another signal */
+    for (uint32_t n = 2U * smaller(low, law->low); n < 2U * (low < law->low ? law->low : low); ++n) {
+        weight[n] = CGL_R(0.0); /* they are of another signal */
     }
     law->acting = acting;
     law->low = low;
@@ -225,7 +235,7 @@ CGL_APART static void begin_round(cgl_harmonic *law, cgl_real gentle)
     const cgl_real mean = begun > CGL_R(0.0) ? config->rate / (CGL_R(1.0) + CGL_R(0.5) * begun) : config->rate;
     const cgl_real rate = mean > config->rate_min ? mean : config->rate_min;
     const cgl_real most = size / (CGL_PI * law->pi.ts); /* half of what one period of the base order would be learned with */
-    law->rate = gentle * (rate < most ? rate : most);
+    law->rate = cgl_gentle_gain(gentle, config->rate, config->rate) * (rate < most ? rate : most);
     cgl_sincos_of_angle(CGL_R(0.5) * (size <= CGL_HARMONIC_FASTEST ? step : CGL_R(0.0)), &law->half[1], &law->half[0]);
     cgl_sincos_of_angle((size <= CGL_HARMONIC_FASTEST ? step : CGL_R(0.0)) * law->delay, &law->base[1], &law->base[0]);
     judge_bend(law);
@@ -233,28 +243,36 @@ CGL_APART static void begin_round(cgl_harmonic *law, cgl_real gentle)
     law->turned[1] = law->half[1];
     law->delayed[0] = law->base[0];
     law->delayed[1] = law->base[1];
-    law->due = 0U;
+    law->step = size;
+    law->due = law->band = 0U;
 }
 
 /* The gain of the order that is due. With D = (Z - p) exp(-j Om/2), 1/G is D^3 exp(-j Om/2) / (cos(Om/2) l3) for z, and
  * D^3 / (j sin Om) for e; the phasor that it meets is ahead by Om (1/2 + delay). */
-CGL_APART static void make_gain(cgl_harmonic *law, cgl_real gentle)
+CGL_APART static void make_gain(cgl_harmonic *law, uint32_t gentle)
 {
     const uint32_t k = law->due, orders = law->config.orders;
     if (k >= law->acting) {
         begin_round(law, gentle);
         return;
     }
+    const cgl_real *const held = law->config.held;
+    const cgl_real frequency = (cgl_real)(k + 1U) * law->step;
+    while (law->band < CGL_HARMONIC_EDGES && frequency > held[law->band + 1U]) {
+        law->band += 2U;
+    }
+    const bool holds = law->band < CGL_HARMONIC_EDGES && frequency >= held[law->band];
+    const cgl_real rate = holds ? CGL_R(0.0) : law->rate;
     const cgl_real c = law->turned[0], s = law->turned[1];
     const cgl_real d[2] = {(CGL_R(1.0) - POLE) * c, (CGL_R(1.0) + POLE) * s};
     cgl_real w[2] = {d[0], d[1]};
     multiply(w, d);
     multiply(w, d);
     multiply(w, law->delayed);
-    cgl_real scale = law->rate / (law->config.b * law->pi.ts);
+    cgl_real scale = rate / (law->config.b * law->pi.ts);
     if (k < law->low) {
         const cgl_real a = law->cosine[k], b = law->cosine[orders + k];
-        law->bend.power += (cgl_real)(k + 1U) * (a * a + b * b);
+        law->bend.power += holds ? CGL_R(0.0) : (cgl_real)(k + 1U) * (a * a + b * b);
         scale /= GAIN_3 * c;
         const cgl_real slow = (law->omega < CGL_R(0.0) ? MEAN : -MEAN) / (cgl_real)(k + 1U); /* what the mean takes away */
         const cgl_real without[2] = {CGL_R(1.0), slow};
@@ -266,50 +284,46 @@ CGL_APART static void make_gain(cgl_harmonic *law, cgl_real gentle)
         w[1] = -real;
         scale /= CGL_R(2.0) * s * c;
     }
-    cgl_real *const weight = law->cosine + 3U * orders;
-    weight[k] = cgl_clamp(scale * w[0], CGL_R(1.0e9));
-    weight[orders + k] = cgl_clamp(scale * w[1], CGL_R(1.0e9));
+    cgl_real *const weight = law->cosine + 3U * orders + 2U * k;
+    weight[0] = cgl_clamp(scale * w[0], CGL_R(1.0e9));
+    weight[1] = cgl_clamp(scale * w[1], CGL_R(1.0e9));
     multiply(law->turned, law->half);
     multiply(law->delayed, law->base);
     law->due = k + 1U;
 }
 
-/* Orders from `first` up to `end`: takes from each what `seen` tells of it, and adds them up. phasor: of the base order, and of
- * the next one. moved: by how much all phases went on, each weighted with its amplitude's square [A^2]. */
-static cgl_real take_part(cgl_harmonic *law, uint32_t first, uint32_t end, cgl_real seen, const cgl_real base[2],
-                          cgl_real phasor[2], cgl_real *moved)
+/* The orders' sum at an angle [turns] at which it will act, after what z teaches the slow ones and e the others. */
+CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_real load, cgl_real error)
 {
     const uint32_t orders = law->config.orders;
-    const cgl_real limit = law->config.limit, x1 = base[0], y1 = base[1];
-    cgl_real *const a = law->cosine, *const b = a + orders;
-    const cgl_real *const w = b + 2U * orders;
-    cgl_real x = phasor[0], y = phasor[1], sum = CGL_R(0.0), on = CGL_R(0.0);
-    for (uint32_t k = first; k < end; ++k) {
-        const cgl_real p = seen * w[k], q = seen * w[orders + k];
-        const cgl_real less = p * x + q * y, more = q * x - p * y;
-        on += a[k] * more + b[k] * less;
-        a[k] = cgl_clamp(a[k] - less, limit);
-        b[k] = cgl_clamp(b[k] + more, limit);
-        sum += a[k] * x + b[k] * y;
-        const cgl_real next = x * x1 - y * y1;
-        y = x * y1 + y * x1;
-        x = next;
+    const cgl_real limit = law->config.limit;
+    cgl_real *a = law->cosine, *b = a + orders;
+    const cgl_real *w = b + 2U * orders;
+    const cgl_real *end = a + law->low, *const last = a + law->acting;
+    cgl_real x1, y1, sum = CGL_R(0.0), moved = CGL_R(0.0), seen = load;
+    cgl_sincos_of_turns(law->config.base * angle, &y1, &x1);
+    cgl_real x = x1, y = y1;
+    for (uint32_t part = 0U; part < 2U; ++part) {
+        for (; a != end; ++a, ++b, w += 2) {
+            const cgl_real p = seen * w[0], q = seen * w[1];
+            const cgl_real less = p * x + q * y, more = q * x - p * y;
+            moved += *a * more + *b * less;
+            const cgl_real cosine = cgl_clamp(*a - less, limit), sine = cgl_clamp(*b + more, limit);
+            *a = cosine;
+            *b = sine;
+            sum += cosine * x + sine * y;
+            const cgl_real next = x * x1 - y * y1;
+            y = x * y1 + y * x1;
+            x = next;
+        }
+        if (part == 0U) {
+            law->bend.moved += moved;
+            law->bend.squares += moved * moved;
+        }
+        end = last;
+        seen = error;
     }
-    *moved = on;
-    phasor[0] = x;
-    phasor[1] = y;
-    return sum;
-}
-
-/* The orders' sum at an angle [turns] at which it will act, after what z and e teach each. */
-static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_real load, cgl_real error)
-{
-    cgl_real base[2];
-    cgl_sincos_of_angle(cgl_steps(0U, law->config.base * angle) * (CGL_TWO_PI / CGL_TURN_BITS), &base[1], &base[0]);
-    cgl_real phasor[2] = {base[0], base[1]};
-    cgl_real unused;
-    const cgl_real low = take_part(law, 0U, law->low, load, base, phasor, &law->bend.moved);
-    return cgl_clamp(low + take_part(law, law->low, law->acting, error, base, phasor, &unused), law->config.limit);
+    return cgl_clamp(sum, limit);
 }
 
 /* A step in which something is at its limit, not plausible, or not learning. */
@@ -325,63 +339,68 @@ CGL_SELDOM static void step_otherwise(cgl_harmonic *law, const cgl_law_input *in
                   | (law->learning ? 0U : (unsigned)CGL_STATUS_FROZEN) | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
 }
 
-/* The factor on the rate as the guard says; it may clear what is learned, too. */
-CGL_SELDOM static cgl_real follow_guard(cgl_harmonic *law, const cgl_law_input *in)
+/* What is learned is cleared, as the guard says. */
+CGL_SELDOM static void forget(cgl_harmonic *law)
 {
-    if (in->forget && !cgl_law_stands_by(in)) {
-        clear(law->cosine, 2U * law->config.orders);
-        clear(law->bend.part, 4U);
-        law->time = CGL_R(0.0);
-    }
-    return cgl_gentle_gain(in->gentle, law->config.rate, law->config.rate);
+    clear(law->cosine, 2U * law->config.orders);
+    clear(law->bend.part, 4U);
+    law->time = CGL_R(0.0);
 }
 
-/* The measured angle [turns] without its bend; `slope`: the bend's share in the measured speed. */
-static uint32_t straight(const cgl_harmonic *law, uint32_t theta, const turn_phasors *of, cgl_real *slope)
+/* What is fed back of the position, whose angle [turns] is bent [rad]: the short way round [rad/s]. */
+CGL_SELDOM static cgl_real lag_of(const cgl_harmonic *law, const cgl_law_input *in, uint32_t theta, cgl_real bend)
 {
-    const cgl_real *const part = law->bend.part;
-    const cgl_real share = law->bend.share;
-    const cgl_real x0 = of->x[0], y0 = of->y[0], x1 = of->x[1], y1 = of->y[1];
-    *slope = share * (part[1] * x0 - part[0] * y0 + CGL_R(2.0) * (part[3] * x1 - part[2] * y1));
-    const cgl_real bend = share * (part[0] * x0 + part[1] * y0 + part[2] * x1 + part[3] * y1);
-    return cgl_turned(theta, -bend * (CGL_R(1.0) / CGL_TWO_PI));
+    return law->config.k_theta * (cgl_steps(theta, cgl_turns(in->theta_ref)) * (CGL_TWO_PI / CGL_TURN_BITS) + bend);
+}
+
+/* The learned current where there is an angle [turns], which is bent [rad]. */
+static void follow(cgl_harmonic *law, const cgl_law_input *in, uint32_t theta, cgl_real bend)
+{
+    if (!CGL_OFTEN(law->seated)) {
+        seat(law, theta, in->omega_m);
+    }
+    const cgl_real error = observe(law, theta), slow = law->slow * cgl_abs(law->omega);
+    law->mean += (law->learning && slow < QUICK ? slow : QUICK) * (law->load - law->mean);
+    if (law->since % 2U != 0U) {
+        make_gain(law, in->gentle);
+    }
+    if (!in->off) {
+        const cgl_real way = law->omega * law->ahead - bend;
+        const uint32_t acts = cgl_turned(theta, way * (CGL_R(1.0) / CGL_TWO_PI));
+        const cgl_real sees = law->learning ? CGL_R(1.0) : CGL_R(0.0);
+        law->learned = cgl_law_share(in) * sum_of_orders(law, acts, sees * (law->load - law->mean), sees * error);
+    }
+    if (law->learning) {
+        law->time = cgl_clamp(law->time + law->pi.ts, CGL_R(1.0e6));
+    }
 }
 
 void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_output *out)
 {
-    const bool is_angle = cgl_is_angle(in->theta_m);
+    const bool is_angle = CGL_OFTEN(cgl_is_angle(in->theta_m));
     const uint32_t theta = is_angle ? cgl_turns(in->theta_m) : 0U;
-    turn_phasors turn;
-    cgl_real slope;
-    take_phasors(&turn, theta);
-    const uint32_t unbent = straight(law, theta, &turn, &slope);
-    const cgl_real error = in->omega_ref - in->omega_m + (is_angle ? slope : CGL_R(0.0)) * in->omega_m;
-    const bool plausible = cgl_is_finite(error) && is_angle;
+    law->since = (law->since + 1U) % TURN;
+    if (law->since == 0U && law->bends > 0U && is_angle) {
+        turn_bend(law, theta);
+    }
+    const cgl_real bend = law->bend.here + law->bend.slope * law->omega * (cgl_real)law->since;
+    const bool positions = law->config.k_theta > CGL_R(0.0), placed = !positions || cgl_is_angle(in->theta_ref);
+    const cgl_real lag = positions && placed && is_angle ? lag_of(law, in, theta, bend) : CGL_R(0.0);
+    const cgl_real error = in->omega_ref - in->omega_m + law->bend.slope * in->omega_m + lag;
+    const bool plausible = cgl_is_finite(error) && is_angle && placed;
     const bool may = in->learn && !cgl_law_stands_by(in) && plausible && !law->pi.saturated;
-    const bool guarded = in->gentle > 0U || in->forget;
-    const cgl_real gentle = guarded ? follow_guard(law, in) : CGL_R(1.0);
     law->learning = may && law->wait == 0U;
     law->wait = may ? law->wait - (law->wait > 0U ? 1U : 0U) : CGL_HARMONIC_SETTLE;
     law->learned = CGL_R(0.0);
-    if (cgl_is_angle(in->theta_m)) {
-        if (!law->seated) {
-            seat(law, theta, in->omega_m);
-        }
-        const cgl_real unforeseen = observe(law, theta);
-        const cgl_real slow = MEAN * (cgl_real)law->config.base * cgl_abs(law->omega);
-        law->mean += (law->learning && slow < QUICK ? slow : QUICK) * (law->load - law->mean);
-        const cgl_real load = law->learning ? law->load - law->mean : CGL_R(0.0);
-        make_gain(law, gentle);
-        if (!in->off) {
-            const uint32_t acts = cgl_turned(unbent, law->omega * (CGL_R(0.5) + law->delay) * (CGL_R(1.0) / CGL_TWO_PI));
-            law->learned = cgl_law_share(in) * sum_of_orders(law, acts, load, law->learning ? unforeseen : CGL_R(0.0));
-        }
-        if (law->learning && !in->off) {
-            learn_bend(law, &turn);
-        }
-        law->time = law->learning ? cgl_clamp(law->time + law->pi.ts, CGL_R(1.0e6)) : law->time;
+    if (in->forget && !cgl_law_stands_by(in)) {
+        forget(law);
+    }
+    if (is_angle) {
+        follow(law, in, theta, bend);
     } else {
         law->seated = false;
+        law->bend.here = law->bend.slope = CGL_R(0.0);
+        law->since = TURN - 1U; /* the first angle that comes is the bend's */
     }
     if (law->learning && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {
         out->status = 0U;

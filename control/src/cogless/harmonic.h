@@ -1,6 +1,7 @@
-/* PI speed control with learned amplitudes of the orders that the motor can have, and nothing to tune:
+/* PI control of speed or of position with learned amplitudes of the orders that the motor can have, and nothing to tune:
  *
- *   i_q_ref = PI + T,   T = Re sum_k c_k exp(j k base (theta + omega (ts/2 + delay)))
+ *   i_q_ref = PI(omega_ref - omega + k_theta (theta_ref - theta)) + T
+ *   T = Re sum_k c_k exp(j k base (theta + omega (ts/2 + delay)))
  *
  * An observer of angle, speed and load is told the feedback's current alone, u = i_q_ref - T. Its error e holds what T leaves of
  * the ripple, and only that. Where nothing is left, e has no ripple, whatever the lag of the observer's model:
@@ -27,39 +28,51 @@ extern "C" {
 #endif
 
 #define CGL_HARMONIC_ORDERS 128U
+#define CGL_HARMONIC_EDGES 8U
 #define CGL_HARMONIC_ORDER_MAX 65535U
 #define CGL_HARMONIC_FASTEST CGL_R(2.6) /* rad in a step: beyond it the samples hardly tell an order from its image */
 #define CGL_HARMONIC_SETTLE 64U         /* steps until learning goes on after it froze */
 
-/* Entries of the caller's memory: cosines, sines, orders, gains in two parts. A stored map tells by the orders whose it is. */
+/* Entries of the caller's memory: cosines, sines, orders, pairs of gains. A stored map tells by the orders whose it is. */
 #define CGL_HARMONIC_LENGTH(orders) (5U * (orders))
 
 typedef struct {
     cgl_pi_config pi;   /* kp [A s/rad], ki [A/rad], limit of the sum [A] */
+    cgl_real k_theta;   /* of the position, of which the short way round counts; 0: speed only [1/s], >= 0 */
     cgl_real b;         /* acceleration per current, K_t / J [rad/s^2/A], > 0; b ts^2 is a number, > 0, too */
     cgl_real delay;     /* from the reference to the current, less the half period that a held value is late [s], 0 to 16 ts */
     uint32_t base;      /* learned orders of a mechanical revolution are its multiples, 1 to CGL_HARMONIC_ORDER_MAX */
+    uint32_t bends;     /* 1: an error of the sensor is learned that comes once a turn, 2: that comes twice, too. A base below
+                           3 allows none, below 5 one. 0 where the sensor is true, or a load that varies as often tells the
+                           same; 0 to 2 */
     uint32_t orders;    /* how many, 1 to CGL_HARMONIC_ORDERS; base orders is at most CGL_HARMONIC_ORDER_MAX */
     cgl_real rate;      /* of learning when it begins [1/s], >= 0 */
     cgl_real rate_min;  /* to which it falls [1/s], >= 0 */
     cgl_real limit;     /* each amplitude, and the sum, stay within +-limit [A], > 0 */
+    cgl_real held[CGL_HARMONIC_EDGES]; /* bands in which an order acts but is not learned, from and to, rising, none from 0
+                                               to 0 [rad in a step of the order], >= 0 */
 } cgl_harmonic_config;
 
 /* The measured angle's error that repeats each turn, as an encoder off the middle has it. */
 typedef struct {
     cgl_real part[4]; /* cosine and sine of it once a turn, and twice [rad] */
     cgl_real share;   /* of it that is believed, 0 to 1 */
+    cgl_real here;    /* that share of it, at the angle of its last turn [rad] */
+    cgl_real slope;   /* and how fast it grows with the angle */
     cgl_real rate;    /* of learning it [rad/A^2] */
     cgl_real power;   /* sum of k |c_k|^2 of the orders that teach it, in this round [A^2] */
-    cgl_real moved;   /* how much they went on in phase, weighted with |c_k|^2, in the last step [A^2] */
-    cgl_real doubt;   /* mean square of that [A^4] */
+    cgl_real moved;   /* how much they went on in phase, weighted with |c_k|^2, since it was learned last [A^2] */
+    cgl_real squares; /* sum of each step's part of that, squared [A^4] */
+    cgl_real doubt;   /* mean square of that in a step [A^4] */
 } cgl_harmonic_bend;
 
 typedef struct {
     cgl_harmonic_config config;
     cgl_pi pi;
-    cgl_real *cosine;        /* caller's memory: `orders` cosines [A], sines [A], orders, and gains, [A/rad] each, in two parts */
+    cgl_real *cosine;        /* caller's memory: `orders` cosines [A], sines [A], orders, and pairs of gains [A/rad] */
     cgl_real delay;          /* [ts] */
+    cgl_real ahead;          /* with half a period: so much later acts what is commanded now [ts] */
+    cgl_real slow;           /* share of the mean in z that a step of one radian takes [1/rad] */
     cgl_real gain;           /* b ts^2 [rad/A] */
     cgl_real weight[3];      /* shares of `told` in what the current is: a delay between samples, or a lag */
     cgl_real kept;           /* of the lag */
@@ -73,11 +86,14 @@ typedef struct {
     cgl_real anchor;         /* that speed, and the span of those since [rad/ts] */
     cgl_real slowest, fastest;
     cgl_real rate;           /* of learning at present [1/s] */
+    cgl_real step;           /* of the base order, when the gains were begun [rad] */
     cgl_real base[2], half[2]; /* phasors of the base order: by the delay, by half a period; */
     cgl_real delayed[2], turned[2]; /* and those of the order `due`, whose gain is made anew next */
     cgl_harmonic_bend bend;
     uint32_t bends;          /* parts of it that are learned, in pairs */
+    uint32_t since;          /* steps since its turn, even where it has none */
     uint32_t due;
+    uint32_t band;           /* of those held, the first that ends above the order before that one */
     uint32_t acting;         /* orders that have samples enough at this speed */
     uint32_t low;            /* so many of them learn from z */
     uint32_t wait;           /* steps until it may learn */

@@ -75,4 +75,17 @@ static inline void cgl_sincos_of_angle(cgl_real theta, cgl_real *sine, cgl_real 
     *cosine = ((quadrant + 1U) & 2U) != 0U ? -b : b;
 }
 
+/* Sine and cosine of an angle [turns, of 2^32]: the quarter of the turn is in its first two bits. */
+static inline void cgl_sincos_of_turns(uint32_t turns, cgl_real *sine, cgl_real *cosine)
+{
+    const uint32_t ahead = turns + 0x20000000U;
+    const int32_t rest = (int32_t)(ahead & 0x3FFFFFFFU) - 0x20000000;
+    cgl_real s, c;
+    cgl_sincos_of_small((cgl_real)rest * (CGL_TWO_PI / CGL_R(4294967296.0)), &s, &c);
+    const bool odd = (ahead & 0x40000000U) != 0U;
+    const cgl_real a = odd ? c : s, b = odd ? s : c;
+    *sine = (ahead & 0x80000000U) != 0U ? -a : a;
+    *cosine = ((ahead + 0x40000000U) & 0x80000000U) != 0U ? -b : b;
+}
+
 #endif

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from cogless.design.closed_loop import Linear, oscillation
 from cogless.design.pi import gains, speed_loop
-from cogless.design.position import feedback_at
+from cogless.design.position import feedback_at, harmonic_gains
 from cogless.study import Study
 from cogless.study.controller import Feedback
+from cogless.study.harmonic import Harmonic
 from cogless.study.space_controller import SpacePosition
 
 
@@ -15,6 +16,9 @@ def feedback_of(study: Study, name: str, omega_m: float = 0.0) -> Linear | None:
     law = study.controller[name]
     if isinstance(law, SpacePosition):
         return feedback_at(study, name, omega_m)
+    if isinstance(law, Harmonic):
+        k_theta, kp, ki = harmonic_gains(study, name)
+        return Linear(1, kp, k_theta, ki)
     pi = gains(study, name) if isinstance(law, Feedback) else law.linear
     return None if pi is None else Linear(1, pi[0], k_i=pi[1])
 

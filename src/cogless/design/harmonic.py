@@ -1,54 +1,94 @@
 """The rule that computes every number of the law `harmonic`, and what it certifies: docs/laws/harmonic.md.
 
-Gamma is a factor on the rate at which an order n learns: what the law sees of a ripple in T at that order,
-over what it assumes to see. P is the response from current reference to measured speed and angle (pi.py),
-C the PI, M the law's model of the angle, V its model of the delay:
-
-    S = 1 / (1 + C P_omega),    M = b T^2 (z + 1) / (2 (z - 1)^2) V,    z = exp(jwT), w = n omega
-    Gamma = S (P_theta + M C P_omega) / (b T^2 (z + 1) / (2 (z - 1)^2) exp(-jw delay))
-
-Gamma is 1 if plant and model agree. The order converges, for a small rate, exactly if Re Gamma > 0.
+The measure is Gamma of harmonic_transfer.py: where an order may be turned against learning, it is held.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cogless.design.current_loop import CurrentLoop
-from cogless.design.margins import Complex, Real
-from cogless.design.pi import SpeedLoop, gains, pi_response, speed_loop
+from cogless.design.harmonic_transfer import (
+    FROM,
+    SPLIT,
+    at_speed,
+    gamma,
+    held_bands,
+    is_held,
+    plants,
+    rate_bound,
+)
+from cogless.design.margins import Real
+from cogless.design.pi import SpeedLoop, speed_loop
+from cogless.design.position import Gains, harmonic_gains
 from cogless.errors import StudyError
 from cogless.study import Study
 from cogless.study.harmonic import FASTEST, ORDERS, Harmonic, Learner
+from cogless.study.position_sensor import Counted, Hall
+from cogless.study.step_motor import StepMotor
 
-POLE = math.exp(-0.5)  # of the observer, each sample: its bandwidth is half a radian a sample
 FULLEST = 6  # highest learned order, in lowest common multiples of slots and poles
 MIDDLE = 1.3  # rad a sample, where the delay is taken: half of what an order may have
-SPLIT = 0.5105  # rad a sample, up to which an order learns from z
 STEP = 1 / 15  # what the rates of all orders add up to, a sample: slow orders settle up to 0.16
 MOST, LEAST = 20.0, 0.5  # 1/s, of the rate
-WRONG = (0.5, 1.0, 1.5)  # b of the plant / b of the model
-BENDS_FROM = 3  # a base order from which on an order's neighbours aren't learned themselves
-FROM = 1e-3  # rad a sample: the slowest order that is judged
+SURE = 5e-4  # rad, of the sensor's error: what deviates by more is not learned, as SURE in harmonic.c
+MARGIN = 2.4  # between the rate and where all orders together oscillate
+BENDS_FROM = (2, 4)  # base orders above which neighbours, one and two away, aren't learned themselves
 
 
 def learner(study: Study, name: str) -> Learner:
     """The numbers of a controller's learning part; StudyError if the motor doesn't tell its slots."""
+    return study.once(_learner, name)
+
+
+def _learner(study: Study, name: str) -> Learner:
     law, loop = study.controller[name], speed_loop(study)
     assert isinstance(law, Harmonic)
     base, highest = _orders(study, name, law)
     orders = max(1, min(ORDERS, highest // base))
     rate = min(MOST, STEP / (orders * loop.period))
-    return Learner(loop.b, delay_of(loop), base, orders, rate, min(rate, LEAST))
+    told = Learner(loop.b, delay_of(loop), base, _bends(study, base), orders, rate, min(rate, LEAST))
+    pi = harmonic_gains(study, name)
+    speeds = _speeds(study, name, told.base * loop.period)
+    if not speeds:
+        return told
+    told = replace(told, held=held_bands(loop, told, pi, *_halls(study), (speeds[0], speeds[-1])))
+    if loop.shaft is None:
+        return told
+    bound = min(_rate_bound(study, loop, told, pi, omega) for omega in speeds) / MARGIN
+    return replace(told, rate=min(rate, bound), rate_min=min(rate, bound, LEAST))
+
+
+def _speeds(study: Study, name: str, sampled: float) -> list[float]:
+    """The slowest and the fastest reference of a controller, rad/s; those at which the lowest order is seen.
+
+    `sampled`: angle of the lowest order in a sample per speed, s.
+    """
+    scenarios = [study.scenario[key] for key in study.scenarios_of(name)] or list(study.scenario.values())
+    ends = {speed for s in scenarios for speed in (s.slowest, s.top_reference)}
+    ends = {speed for speed in ends if speed * sampled > FROM}
+    return sorted({min(ends), max(ends)}) if ends else []
+
+
+def _halls(study: Study) -> tuple[float, int]:
+    """Angle between the edges of Hall sensors, rad, and intervals that the speed is taken over; 0: none."""
+    sensor = study.drive.position_sensor
+    return (sensor.step(study.motor.pole_pairs), sensor.edges) if isinstance(sensor, Hall) else (0.0, 0)
 
 
 def _orders(study: Study, name: str, law: Harmonic) -> tuple[int, int]:
-    """The lowest order, whose multiples are learned, and the highest."""
-    poles, slots = 2 * study.motor.pole_pairs, getattr(study.motor, "slots", None)
+    """The lowest order, whose multiples are learned, and the highest.
+
+    Hall sensors are off their places once per electrical revolution: from there on an order may be theirs.
+    What they show below are the load's orders.
+    """
+    if isinstance(study.drive.position_sensor, Hall):
+        base = law.base or 1
+        return base, max(base, study.motor.pole_pairs - 1)
+    poles, slots = _poles_and_slots(study)
     if slots is None and law.base is None:
         expected = "expected their number, or controller.{name}.base, for the orders of that controller"
         raise StudyError(f"{study.source.path}: motor.slots: missing: {expected.format(name=name)}")
@@ -72,27 +112,6 @@ def delay_of(loop: SpeedLoop) -> float:
     return max(0.0, loop.delay + late - loop.current.period / 2)
 
 
-def _shares(d: float, z: Complex) -> Complex:
-    """V: the law's model of what a delay of d samples makes of its current."""
-    if d > 1.5:
-        kept = d / (1 + d)
-        return np.asarray((1 - kept) / (1 - kept / z))
-    m = int(d)
-    return np.asarray(z ** -float(m) * (1 - (d - m) + (d - m) / z))
-
-
-def gamma(loop: SpeedLoop, told: Learner, pi: tuple[float, float], w: Real, late: int = 0) -> Complex:
-    """Gamma at the frequencies w, rad/s, with a plant that is `late` samples later than `loop` says."""
-    T = loop.period
-    z = np.exp(1j * w * T)
-    P_omega, P_theta = (np.asarray(P) * z**-late for P in loop.plant(w))
-    C = pi_response(w, T, *pi)
-    S = 1 / (1 + C * P_omega)
-    model = told.b * T**2 * (z + 1) / (2 * (z - 1) ** 2)
-    seen = S * (P_theta + model * _shares(told.delay / T, z) * C * P_omega)
-    return np.asarray(seen / (model * np.exp(-1j * w * told.delay)))
-
-
 @dataclass(frozen=True)
 class Certified:
     """One speed: how far the learned orders converge, whatever the inertia and the torque constant."""
@@ -101,6 +120,7 @@ class Certified:
     acting: int  # highest order that acts and is learned
     gamma: float  # least Re Gamma of those, b of the plant 0.5 to 1.5 times the model's
     late: int  # highest order up to which all converge with a sample that isn't told; 0: none
+    held: tuple[int, ...]  # orders that act, but aren't learned
 
 
 @dataclass(frozen=True)
@@ -108,9 +128,10 @@ class Certificate:
     """What the rule says of the learning part before a run."""
 
     learner: Learner
+    period: float  # s, of the law
     speeds: tuple[Certified, ...]  # slowest and fastest reference
     fastest: float  # rad/s, up to which the lowest order is learned
-    straight: float | None  # rad/s, up to which an eccentric sensor's error is learned; None: too low a base
+    straight: float | None  # rad/s, up to which an eccentric sensor's error is learned; None: nowhere
     rate_most: (
         float | None
     )  # 1/s: all orders together settle, at these speeds, if the rate is below; None: any rate
@@ -131,32 +152,39 @@ class Certificate:
         orders = f"orders {base} k to {base * self.learner.orders}, settles {bound}"
         found = [
             f"at {each.omega_m * rpm:.4g} rpm up to {each.acting}, Re Gamma {each.gamma:.2f} or more, "
-            f"with an untold sample up to {each.late}"
+            f"with an untold sample up to {each.late}{_held_words(each.held)}"
             for each in self.speeds
         ]
         ends = [f"learns up to {self.fastest * rpm:.4g} rpm"]
+        edges = [edge / (math.tau * self.period) for edge in self.learner.held]
+        if edges:
+            bands = [f"{low:.3g} to {high:.3g}" for low, high in zip(edges[::2], edges[1::2], strict=True)]
+            ends = [f"holds orders from {' and from '.join(bands)} Hz", *ends]
         if self.straight is not None:
             ends += [f"an eccentric sensor's error up to {self.straight * rpm:.4g} rpm"]
         return "; ".join([orders, *found, *ends])
 
 
+def _held_words(held: tuple[int, ...]) -> str:
+    if not held:
+        return ""
+    return f", {len(held)} held, {held[0]} to {held[-1]}" if len(held) > 1 else f", {held[0]} held"
+
+
 def certificate(study: Study, name: str) -> Certificate:
     """The certificate of a controller: at the slowest and the fastest reference of its scenarios."""
-    told, pi, loop = learner(study, name), gains(study, name), speed_loop(study)
-    scenarios = [study.scenario[key] for key in study.scenarios_of(name)] or list(study.scenario.values())
-    ends = {speed for s in scenarios for speed in (s.slowest, s.top_reference)}
-    ends = {speed for speed in ends if told.base * speed * loop.period > FROM}
-    orders = told.base * np.arange(1.0, told.orders + 1)
+    told, pi, loop = learner(study, name), harmonic_gains(study, name), speed_loop(study)
     found, most = [], [math.inf]
-    for omega in sorted({min(ends), max(ends)} if ends else ()):
-        acting = orders[orders * omega * loop.period <= FASTEST]
+    for omega in _speeds(study, name, told.base * loop.period):
+        acting = _acting(told, omega, loop.period)
         if len(acting):
-            found.append(_at(loop, told, pi, acting, omega))
-            most.append(rate_bound(loop.period, told, np.asarray(acting * omega)))
-    straight = SPLIT / (_main_order(study, told.base) * loop.period) if told.base >= BENDS_FROM else None
+            found.append(_at(study, loop, told, pi, acting, omega))
+            most.append(_rate_bound(study, loop, told, pi, omega))
+    straight = SPLIT / (_main_order(study, told.base) * loop.period) if told.bends else None
     bound = min(most)
     return Certificate(
         told,
+        loop.period,
         tuple(found),
         FASTEST / (told.base * loop.period),
         straight,
@@ -164,56 +192,64 @@ def certificate(study: Study, name: str) -> Certificate:
     )
 
 
+def _acting(told: Learner, omega: float, T: float) -> Real:
+    """The orders that act at a speed."""
+    orders = told.base * np.arange(1.0, told.orders + 1)
+    return np.asarray(orders[orders * omega * T <= FASTEST])
+
+
+def _rate_bound(study: Study, loop: SpeedLoop, told: Learner, pi: Gains, omega: float) -> float:
+    """The rate below which all orders that are learned at a speed settle together, 1/s."""
+    T, w = loop.period, _acting(told, omega, loop.period) * omega
+    w = w[~is_held(told, w * T)]
+    if not len(w):
+        return math.inf
+    if loop.shaft is None:
+        return rate_bound(T, told, w)
+    return rate_bound(T, told, w, lambda om: gamma(loop, told, pi, om / T), loop.near)
+
+
+def _poles_and_slots(study: Study) -> tuple[int, int | None]:
+    """Poles and slots, as cogging counts them.
+
+    The teeth of a step motor's rotor are one magnet's poles; a phase has two places for each of them.
+    """
+    if isinstance(study.motor, StepMotor):
+        return study.motor.teeth, 4 * study.motor.teeth
+    return 2 * study.motor.pole_pairs, study.motor.slots
+
+
+def _bends(study: Study, base: int) -> int:
+    """How much of the sensor's error is learned: none where it is true, or has no angle of its own.
+
+    Counts that lock to the angle are a bend of their own, up to a step of the sensor. A load that varies once
+    or twice a turn bends the phases of ripple that depends on the current, too.
+    """
+    sensor = study.drive.position_sensor
+    loads = [study.mechanics.load, *(s.load for s in study.scenario.values() if s.load is not None)]
+    varies = any(wave.order <= 2 and wave.torque for load in loads for wave in load.harmonics)
+    if varies or not isinstance(sensor, Counted) or sensor.step > SURE:
+        return 0
+    return sum(base > free for free in BENDS_FROM)
+
+
 def _main_order(study: Study, base: int) -> int:
     """Lowest common multiple of slots and poles, the main order of cogging; `base` if slots aren't told."""
-    slots = getattr(study.motor, "slots", None)
-    return math.lcm(slots, 2 * study.motor.pole_pairs) if slots else base
+    poles, slots = _poles_and_slots(study)
+    return math.lcm(slots, poles) if slots else base
 
 
-def _at(loop: SpeedLoop, told: Learner, pi: tuple[float, float], orders: Real, omega: float) -> Certified:
+def _at(study: Study, loop: SpeedLoop, told: Learner, pi: Gains, orders: Real, omega: float) -> Certified:
+    w, sector = orders * omega, _halls(study)
+    held = is_held(told, w * loop.period)
+
     def real(late: int) -> Real:
-        plants = (dataclasses.replace(loop, b=factor * loop.b) for factor in WRONG)
-        return np.asarray(
-            np.min(
-                [gamma(plant, told, pi, np.asarray(orders * omega), late).real for plant in plants], axis=0
-            )
-        )
+        each = [gamma(at_speed(plant, *sector, omega), told, pi, w, late).real for plant in plants(loop)]
+        return np.asarray(np.where(held, np.inf, np.min(each, axis=0)))
 
     bad = np.flatnonzero(real(1) <= 0)
     good = len(orders) if not len(bad) else int(bad[0])
     late = int(orders[good - 1]) if good else 0
-    return Certified(omega, int(orders[-1]), float(np.min(real(0))), late)
-
-
-def rate_bound(T: float, told: Learner, w: Real) -> float:
-    """The rate below which all orders, at frequencies w in rad/s, settle together, 1/s. `T`: period, s.
-
-    The loop from the learned current to what the law adds to it is the rate times R. The bound is the rate at
-    which this first is -1. Inertia, torque constant and delay are those that the law assumes.
-    """
-    beside = np.add.outer(w * T, np.geomspace(1e-4, 0.5, 60) * w[0] * T)
-    om = np.union1d(np.linspace(FROM, math.pi, 6000), np.ravel(beside)) * (1 + 1e-9)
-    om = om[om < math.pi]
-    R = all_orders(told, w * T, om, T)
-    crossing = (R.real[:-1] < 0) & (R.real[1:] < 0) & (R.imag[:-1] * R.imag[1:] < 0)
-    part = R.imag[:-1] / (R.imag[:-1] - R.imag[1:] + 1e-300)
-    at = (R.real[:-1] + part * (R.real[1:] - R.real[:-1]))[crossing]
-    return float(-1 / np.min(at)) if len(at) else math.inf
-
-
-def all_orders(told: Learner, orders: Real, om: Real, T: float) -> Complex:
-    """R, the loop of all orders over the rate, at om rad a sample; resonators at `orders`, rad a sample."""
-    d, z = told.delay / T, np.exp(1j * om)
-    sum_of = np.zeros(len(om), dtype=complex)
-    for one in orders:
-        Z = np.exp(1j * one)
-        inverse = np.exp(1j * one * d) / seen(Z, one)
-        resonator = inverse / (1 - Z / z) + np.conj(inverse) / (1 - np.conj(Z) / z)
-        sum_of += T / 2 * resonator * seen(z, one) * _shares(d, z)
-    return sum_of
-
-
-def seen(z: Complex, order: float) -> Complex:
-    """How a held current shows in the signal that an order learns from, over b T^2."""
-    of_e = np.asarray((z + 1) * (z - 1) / (2 * (z - POLE) ** 3))
-    return of_e if order > SPLIT else np.asarray((1 - POLE) ** 3 * z / (z - 1) * of_e)
+    return Certified(
+        omega, int(orders[-1]), float(np.min(real(0))), late, tuple(int(n) for n in orders[held])
+    )

@@ -63,6 +63,8 @@ class SpeedLoop:
     low_pass: float = 0.0  # rad/s, of a filter behind the speed; 0: none
     held: bool = False  # the speed that enters it is computed once per speed-loop period
     shaft: SoftShaft | None = None  # none: rigid
+    edge: float = 0.0  # s between the edges of Hall sensors; 0: they come at once, or there are none
+    edges: int = 0  # intervals between them that the speed is taken over
 
     @property
     def period(self) -> float:
@@ -104,6 +106,9 @@ class SpeedLoop:
         z, whole, states = np.exp(1j * w * self.period), self.step_of(self.steps), self.states
         A, B, (omega, theta) = whole[:states, :states], whole[:states, states:], self.sensed
         x = np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)[:, :, 0]
+        if self.edge:
+            seen = interpolated(w, self.edge, self.edges)
+            return np.asarray(seen[0] * x[:, theta]), np.asarray(seen[1] * x[:, theta])
         if self.bandwidth:
             speed = observed(w, self.bandwidth, self.current.period)
             return np.asarray(speed * x[:, theta]), np.asarray(x[:, theta])
@@ -133,6 +138,19 @@ class SpeedLoop:
     def step_of(self, periods: int) -> Real:
         """The matrix that takes (x, i_ref) to their values `periods` current-loop periods later."""
         return np.asarray(np.linalg.matrix_power(_step(self), periods))
+
+
+def interpolated(w: Real, T_e: float, edges: int) -> tuple[Complex, Complex]:
+    """Responses of the speed and the angle that Hall sensors give to the true angle, T_e s from edge to edge.
+
+    An edge shows the angle as it passes. From there on it is interpolated by the speed over the last `edges`
+    intervals. What this makes of frequencies beyond half of the edges' rate isn't in it.
+    """
+    s = 1j * w
+    held = (1 - np.exp(-s * T_e)) / (s * T_e)
+    speed = (1 - np.exp(-s * edges * T_e)) / (edges * T_e)
+    ramp = (held - np.exp(-s * T_e)) / s
+    return np.asarray(speed * held), np.asarray(held + speed * ramp)
 
 
 @lru_cache(maxsize=16)  # the same for all speeds and accelerations of a reference

@@ -24,9 +24,10 @@ import numpy as np
 from cogless.design.closed_loop import Linear
 from cogless.design.current_loop import NO_MARGIN, CurrentLoop, tuned
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
-from cogless.design.pi import SpeedLoop, pi_response, speed_loop
+from cogless.design.pi import SpeedLoop, gains, pi_response, speed_loop
 from cogless.study import Study
 from cogless.study.controller import Tuning
+from cogless.study.harmonic import Harmonic
 from cogless.study.space_controller import SpacePosition
 
 POINTS = 2000  # frequencies
@@ -53,6 +54,17 @@ def position_gains(study: Study, name: str) -> Gains:
     with tuned(study, name):
         found = phase_margin_position(speed_loop(study).rigid, ratio, controller.tuning)
     return found
+
+
+def harmonic_gains(study: Study, name: str) -> Gains:
+    """k_theta, kp and ki of a controller with the law harmonic; k_theta is 0 where it controls the speed."""
+    law = study.controller[name]
+    assert isinstance(law, Harmonic)
+    if not law.position or law.tuning is None or law.kp is not None:
+        kp, ki = gains(study, name)
+        return law.k_theta or 0.0, kp, ki
+    with tuned(study, name):
+        return phase_margin_position(speed_loop(study).rigid, 1, law.tuning)
 
 
 def open_loop(loop: SpeedLoop, feedback: Linear, w: Real) -> Complex:

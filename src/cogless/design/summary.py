@@ -14,7 +14,7 @@ from cogless.design.feedback import feedback_of
 from cogless.design.harmonic import Certificate, certificate
 from cogless.design.margins import Margins, finite
 from cogless.design.pi import gains, speed_loop
-from cogless.design.position import position_gains, position_margins
+from cogless.design.position import harmonic_gains, position_gains, position_margins
 from cogless.design.space_bounds import Theorem, theorem
 from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study
@@ -27,7 +27,15 @@ from cogless.study.table import Quantity
 from cogless.units import TIME
 
 # Units of what the rule of `harmonic` computes.
-LEARNER = {"b": "rad/s^2/A", "delay": "s", "base": "", "orders": "", "rate": "1/s", "rate_min": "1/s"}
+LEARNER = {
+    "b": "rad/s^2/A",
+    "delay": "s",
+    "base": "",
+    "bends": "",
+    "orders": "",
+    "rate": "1/s",
+    "rate_min": "1/s",
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -164,7 +172,12 @@ def design(study: Study, name: str) -> Design:
     """The design of one controller of a study."""
     controller = study.controller[name]
     own: dict[str, Gain] = {}
-    if isinstance(controller, Feedback):
+    if isinstance(controller, Harmonic):
+        units = {"k_theta": "1/s", "kp": "A*s/rad", "ki": "A/rad"}
+        own = {k: Gain(v, u) for (k, u), v in zip(units.items(), harmonic_gains(study, name), strict=True)}
+        if not controller.position:
+            del own["k_theta"]
+    elif isinstance(controller, Feedback):
         kp, ki = gains(study, name)
         own = {"kp": Gain(kp, "A*s/rad"), "ki": Gain(ki, "A/rad")}
     elif isinstance(controller, SpacePosition):

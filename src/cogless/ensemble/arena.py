@@ -214,7 +214,7 @@ def _controller(arena: Arena, plant: ArenaPlant, name: str) -> dict[str, Any] | 
         table = {"learning_start": f"{plant.begin!r} s", **table}
     if plant.feedback is None or isinstance(law, OwnLaw):
         return table
-    if not isinstance(law, Feedback) or law.tuning is None or not law.tuning.is_auto:
+    if not isinstance(law, Feedback) or law.holds_position or law.tuning is None or not law.tuning.is_auto:
         return None
     return table | plant.feedback.model_dump()
 

@@ -14,7 +14,6 @@ from cogless.report.tables import line_table
 from cogless.results import Results, Run
 from cogless.results.metrics import Conditions, evaluate
 from cogless.study.metric import SIGNALS, Metric
-from cogless.study.space_controller import SpacePosition
 from cogless.study.spoken import spoken_unit
 from cogless.units import ANGLE, factor
 
@@ -65,7 +64,7 @@ def _rows(results: Results, runs: Sequence[Run]) -> Iterator[tuple[str, str, str
     ]
     if not still:
         rows.append(("torque ripple, (max \u2212 min) / (max + min)", "tau_motor", "ripple-ratio", ""))
-    if still or any(isinstance(results.study.controller[run.controller], SpacePosition) for run in runs):
+    if still or any(results.study.controller[run.controller].holds_position for run in runs):
         signal = "theta_m" if still else "theta_error"
         measured = "theta_measured" if still else "theta_error_measured"
         for word, kind in (("rms", "ripple-rms"), ("3 sigma", "three-sigma")):

@@ -13,7 +13,7 @@ from cogless.report.packing import Array
 from cogless.results import Results, Run
 from cogless.results.trace import Trace
 from cogless.study.metric import SIGNALS
-from cogless.study.space_controller import SpaceLearning, SpacePosition
+from cogless.study.space_controller import SpaceLearning
 from cogless.study.spoken import spoken_unit
 from cogless.units import ANGLE, ANGULAR_SPEED, CURRENT, factor
 
@@ -87,7 +87,7 @@ def errors(results: Results, runs: Sequence[Run]) -> list[Panel]:
     ratio = study.motor.pole_pairs if electrical else 1
     frame = ", electrical" if ratio > 1 else ""
     found = [("Speed error", "omega_error", ANGULAR_SPEED)]
-    if any(isinstance(law, SpacePosition) for law in laws):
+    if any(law.holds_position for law in laws):
         found.append(("Angle error", "theta_error", ANGLE))
     return [
         Panel(title + frame, signal, title.lower(), spoken_unit(study, dimension), ratio)

@@ -13,7 +13,7 @@ from cogless.c_layout import control_layout
 from cogless.design.auto import missing
 from cogless.design.harmonic import learner
 from cogless.design.pi import gains
-from cogless.design.position import position_gains
+from cogless.design.position import harmonic_gains, position_gains
 from cogless.design.space_bounds import learned_limits
 from cogless.errors import StudyError
 from cogless.run.monitor_defaults import monitor_config, quality_config
@@ -241,7 +241,9 @@ def _filled(study: Study, study_here: Study, name: str) -> AnyController:
     if name in missing(study):
         where = f"{study.source.path}: controller.{name}.tuning"
         raise StudyError(f"{where}: expected a study from cogless.load, which applies the rule auto")
-    if isinstance(law, Feedback):
+    if isinstance(law, Harmonic):
+        found = dict(zip(("k_theta", "kp", "ki"), harmonic_gains(study, name), strict=True))
+    elif isinstance(law, Feedback):
         found = dict(zip(("kp", "ki"), gains(study, name), strict=True))
     if isinstance(law, Learning) and law.limit is None:
         found["limit"] = study.drive.current_loop.current_limit

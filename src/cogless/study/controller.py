@@ -114,6 +114,11 @@ class Base(Table):
         return 0.0
 
     @property
+    def holds_position(self) -> bool:
+        """Whether it controls the position, too."""
+        return False
+
+    @property
     def linear(self) -> tuple[float, float] | None:
         """kp [A*s/rad] and ki [A/rad] of its speed feedback without learning; None if its keys don't fix
         them."""

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from fractions import Fraction
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from cogless.study.controller import Feedback, LawLoop, LearnsWhileRunning
-from cogless.study.table import CurrentBound
+from cogless.study.table import CurrentBound, RateGain, invalid
 
 ORDERS, HIGHEST = 128, 65_535  # CGL_HARMONIC_ORDERS, CGL_HARMONIC_ORDER_MAX
+BANDS = 4  # half of CGL_HARMONIC_EDGES
 FASTEST = 2.6  # rad a sample of an order: CGL_HARMONIC_FASTEST
 
 
@@ -22,9 +23,11 @@ class Learner:
     b: float  # rad/s^2/A
     delay: float  # s
     base: int  # mechanical
+    bends: int  # 1: a sensor's error once a turn is learned, 2: twice, too
     orders: int
     rate: float  # 1/s
     rate_min: float  # 1/s
+    held: tuple[float, ...] = ()  # rad a sample: bands, from and to, in which no order learns
 
 
 class Harmonic(Feedback, LearnsWhileRunning):
@@ -33,6 +36,23 @@ class Harmonic(Feedback, LearnsWhileRunning):
     law: Literal["harmonic"]
     base: Annotated[int, Field(ge=1, le=HIGHEST)] | None = None  # mechanical; default: of slots and poles
     limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
+    position: bool = False  # it controls the position: its feedback is that of space-position
+    k_theta: RateGain | None = None  # 1/s, where that feedback is by hand
+
+    @model_validator(mode="after")
+    def _of_position(self) -> Self:
+        by_hand = self.position and self.kp is not None
+        if by_hand and self.k_theta is None:
+            raise invalid(
+                "expected a gain, since kp and ki are given and position is true", "k_theta", value="missing"
+            )
+        if self.k_theta is not None and not by_hand:
+            raise invalid("expected none, unless position is true and kp and ki are given", "k_theta")
+        return self
+
+    @property
+    def holds_position(self) -> bool:
+        return self.position
 
     @property
     def over_angle(self) -> bool:
@@ -46,6 +66,8 @@ class Harmonic(Feedback, LearnsWhileRunning):
     def c_config(self, loop: LawLoop, learner: Learner) -> dict[str, Any]:
         return {
             "pi": self.pi_config(loop),
+            "k_theta": self.k_theta or 0.0,
             **asdict(learner),
+            "held": list(learner.held),
             "limit": loop.current_limit if self.limit is None else self.limit,
         }

@@ -132,6 +132,10 @@ class SpacePosition(SpaceLearning):
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"frame": "mechanical", "hand_over": False, **MECHANICAL}
 
+    @property
+    def holds_position(self) -> bool:
+        return True
+
     @model_validator(mode="after")
     def _gains_or_rule(self) -> Self:
         given = (self.k_theta is not None, self.k_omega is not None)
