@@ -4,7 +4,11 @@
   const page = JSON.parse(document.getElementById("data").textContent);
   const $ = (id) => document.getElementById(id);
   const root = document.documentElement;
-  const style = (name) => getComputedStyle(root).getPropertyValue(name).trim();
+  const colours = new Map(); // by name, until the scheme changes
+  const style = (name) => {
+    if (!colours.has(name)) colours.set(name, getComputedStyle(root).getPropertyValue(name).trim());
+    return colours.get(name);
+  };
   const make = (tag, parent, text = "", className = "") => {
     const element = parent.appendChild(document.createElement(tag));
     element.textContent = text;
@@ -109,20 +113,20 @@
       }
       const next = missing().find(([name, off]) => !workers.some((w) => w.busy === slot(name, off)));
       if (!next) break;
-      const wanted = job(...next), at = slot(...next), id = ++asked;
+      const wanted = job(...next), at = slot(...next), id = ++asked, [, off] = next;
       Object.assign(worker, { busy: at, of: [state.scenario, ...next], job: wanted, id });
       running += 1;
       worker.onmessage = ({ data }) => {
         if (data.part) {
           done.set(at, { job: wanted, id, result: data.part, part: true });
-          draw();
+          draw(!off);
           return;
         }
         worker.busy = null;
         running -= 1;
         if (data.result !== null) done.set(at, { job: wanted, id, result: data.result, error: data.error });
         go();
-        draw();
+        draw(!off); // a run with learning off is a number, no curve
       };
       worker.postMessage({ id, job: wanted });
     }
@@ -365,63 +369,92 @@
     label, side, labelSize: 20, labelFont: FONT, font: FONT, size: side === 3 ? 58 : 34, labelGap: 0,
     stroke: style("--soft"), grid: { stroke: style("--grid"), width: 1 }, ticks: { stroke: style("--grid"), width: 1, size: 4 },
   });
-  // A chart; `series`: [{label, colour, dash, faint, values}] over xs. It is made anew only if the number of series changes.
-  function chart(box, name, { title, x, y, xs, series, height = 190, log = false }) {
+  // A chart; `series`: [{label, colour, dash, faint, values}] over xs. It is painted while it is in sight, or nearly, and made
+  // anew only if the number of series changes.
+  function chart(box, name, about) {
+    let panel = plots.get(name);
+    if (!panel?.card.isConnected) {
+      const card = make("div", box, "", "panel"), head = make("header", card), heading = make("strong", head);
+      panel = { name, card, heading, readout: make("span", head, "", "readout"), space: make("div", card, "", "plot") };
+      panel.space.setAttribute("role", "img");
+      panel.space.style.minHeight = `${about.height ?? HEIGHT}px`;
+      const { top, bottom } = card.getBoundingClientRect();
+      panel.near = top < innerHeight + NEAR && bottom > -NEAR;
+      plots.set(name, panel);
+      inSight.observe(card);
+    }
+    panel.about = about;
+    panel.heading.textContent = about.title;
+    panel.space.setAttribute("aria-label", `${about.title}; ${about.y} over ${about.x}`);
+    if (panel.near) paint(panel);
+  }
+  const HEIGHT = 190, NEAR = 200; // pixels
+  const inSight = new IntersectionObserver((seen) => {
+    for (const { target, isIntersecting } of seen) {
+      const panel = [...plots.values()].find(({ card }) => card === target);
+      if (!panel) continue;
+      panel.near = isIntersecting;
+      if (isIntersecting) paint(panel);
+    }
+  }, { rootMargin: `${NEAR}px` });
+  addEventListener("beforeprint", () => { for (const panel of plots.values()) paint(panel); });
+
+  function paint(panel) {
+    if (panel.painted === panel.about) return;
+    const { about, readout, space } = panel, { title, x, y, xs, series, height = HEIGHT, log = false } = about;
     const data = [xs, ...series.map((s) => s.values)], look = JSON.stringify([title, y, series.map((s) => [s.label, s.colour, s.dash])]);
-    const before = plots.get(name);
-    if (before?.look === look && before.card.isConnected) {
-      before.plot.setData(data);
+    panel.painted = about;
+    if (panel.look === look) {
+      panel.plot.setData(data);
       return;
     }
-    before?.plot.destroy();
-    const card = before?.card ?? make("div", box, "", "panel");
-    card.textContent = "";
-    const head = make("header", card);
-    make("strong", head, title);
-    const readout = make("span", head, "", "readout"), space = make("div", card, "", "plot");
-    space.setAttribute("role", "img");
-    space.setAttribute("aria-label", `${title}; ${y} over ${x}`);
-    const plot = new uPlot({
+    panel.plot?.destroy();
+    panel.look = look;
+    panel.plot = new uPlot({
       width: Math.max(240, space.clientWidth || 600), height, legend: { show: false }, scales: { x: { time: false, range: (u, low, high) => [low, high] }, y: { distr: log ? 3 : 1 } },
-      cursor: { drag: { x: true, y: false }, points: { show: false }, sync: { key: name.split(":")[0] } },
+      cursor: { drag: { x: true, y: false }, points: { show: false }, sync: { key: panel.name.split(":")[0] } },
       axes: [axis(x, 2), axis(y, 3)],
       series: [{}, ...series.map((s) => ({ stroke: s.colour, width: s.dash ? 1 : 1.5, dash: s.dash ? [5, 4] : undefined, alpha: s.dash ? 0.7 : 1, points: { show: false }, spanGaps: true }))],
       hooks: { setCursor: [(u) => {
         readout.textContent = "";
-        const i = u.cursor.idx;
+        const i = u.cursor.idx, now = panel.about.series;
         if (i == null) return;
         make("span", readout, `${number(u.data[0][i])}`);
-        series.forEach((s, k) => {
+        now.forEach((s, k) => {
           if (!s.label || u.data[k + 1][i] == null) return;
           make("span", readout, `${s.label} ${number(u.data[k + 1][i])}`, "key").style.setProperty("--colour", s.colour);
         });
       }] },
     }, data, space);
-    plots.set(name, { plot, look, card, space });
   }
   function drop(name) {
-    plots.get(name)?.plot.destroy();
-    plots.get(name)?.card.remove();
+    const panel = plots.get(name);
+    if (!panel) return;
+    inSight.unobserve(panel.card);
+    panel.plot?.destroy();
+    panel.card.remove();
     plots.delete(name);
   }
 
-  // Curves of several runs on one axis: each run has its own times.
+  // Curves of several runs on one axis. Mostly the times of one are the last of another's; if not, all are sorted together.
   function joined(curves) {
-    const tables = curves.map((c) => [c.at, c.values]);
-    return tables.length ? uPlot.join(tables) : [[]];
+    const longest = curves.reduce((a, c) => (c.at.length > a.length ? c.at : a), []), count = longest.length;
+    const ends = ({ at }) => !at.length || (at[0] === longest[count - at.length] && at.at(-1) === longest.at(-1));
+    if (!curves.every(ends)) return uPlot.join(curves.map((c) => [c.at, c.values]));
+    return [longest, ...curves.map(({ values }) => (values.length === count ? values : [...Array(count - values.length).fill(null), ...values]))];
   }
+  // Of each controller the run before the last change and the newest one; either may be empty.
   function curves(pick) {
-    const all = [];
-    for (const c of shown()) {
+    const none = { at: [], values: [] };
+    return shown().flatMap((c) => {
       const colour = style(`--c${c.colour}`), now = found(c.name), before = found(c.name, false, ghost);
-      if (before && before !== now) all.push({ label: "", colour, dash: true, ...pick(before, c) });
-      if (now) all.push({ label: c.label, colour, dash: false, ...pick(now, c) });
-    }
-    return all.filter((c) => c.values?.length);
+      const of = (run) => (run ? { ...none, ...pick(run, c) } : none);
+      return [{ label: "", colour, dash: true, ...of(before === now ? null : before) }, { label: c.label, colour, dash: false, ...of(now) }];
+    });
   }
   function lines(box, name, about, pick, more = []) {
-    const all = [...more, ...curves(pick)].filter((c) => c.values?.length);
-    if (!all.length) {
+    const all = [...more.filter((c) => c.values?.length), ...curves(pick)].map((c) => (c.values?.length ? c : { ...c, at: [], values: [] }));
+    if (!all.some((c) => c.values.length)) {
       drop(name);
       return;
     }
@@ -497,14 +530,16 @@
     return channels ? { at: kept.map((p) => p[0]), values: kept.map((p) => p[1]) } : {};
   }
 
-  let drawn = 0;
-  function draw() {
+  let drawn = 0, withPlots = false;
+  function draw(plots = true) {
+    withPlots ||= plots;
     if (drawn) return;
     drawn = requestAnimationFrame(() => {
       drawn = 0;
       drawVerdict();
       drawNumbers();
-      drawPlots();
+      if (withPlots) drawPlots();
+      withPlots = false;
     });
   }
 
@@ -556,9 +591,9 @@
   let resized = 0;
   addEventListener("resize", () => {
     clearTimeout(resized);
-    resized = setTimeout(() => { for (const { plot, space } of plots.values()) plot.setSize({ width: Math.max(240, space.clientWidth), height: plot.height }); }, 100);
+    resized = setTimeout(() => { for (const { plot, space } of plots.values()) plot?.setSize({ width: Math.max(240, space.clientWidth), height: plot.height }); }, 100);
   });
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { for (const name of [...plots.keys()]) drop(name); draw(); });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colours.clear(); for (const name of [...plots.keys()]) drop(name); draw(); });
 
   async function start() {
     fromAddress();
@@ -581,5 +616,5 @@
   }
   start();
   // for scripts, and the page's own tests
-  window.cogless = { page, state, toml, set: (name, x) => { begin(); set(keys.get(name), x); dragging = false; refresh(); }, job, isIdle: () => !running && !missing().length && !drawn, result: (name, off) => done.get(slot(name, off)) };
+  window.cogless = { page, state, toml, set: (name, x) => { begin(); set(keys.get(name), x); dragging = false; refresh(); }, job, isIdle: () => !running && !missing().length && !drawn, isShown: () => shown().every((c) => isThere(c.name, false)) && !drawn, result: (name, off) => done.get(slot(name, off)) };
 })();

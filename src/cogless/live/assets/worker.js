@@ -27,19 +27,21 @@
     return tables.get(name);
   }
 
-  // The lowest and the highest value of each bucket, the earlier one first.
+  // The lowest and the highest value of each bucket in their order, at its start and middle: runs of one length have the same times.
   function thin(time, x) {
     const size = Math.max(1, Math.ceil(x.length / POINTS)), at = [], values = [];
     for (let from = 0; from < x.length; from += size) {
+      const end = Math.min(from + size, x.length);
       let low = from, high = from;
-      for (let i = from; i < Math.min(from + size, x.length); i++) {
+      for (let i = from + 1; i < end; i++) {
         if (x[i] < x[low]) low = i;
         if (x[i] > x[high]) high = i;
       }
-      for (const i of size === 1 ? [from] : low < high ? [low, high] : [high, low]) {
-        at.push(time[i]);
-        values.push(x[i]);
-      }
+      at.push(time[from]);
+      values.push(x[Math.min(low, high)]);
+      if (end - from === 1) continue;
+      at.push(time[(from + end) >> 1]);
+      values.push(x[Math.max(low, high)]);
     }
     return { at, values };
   }
