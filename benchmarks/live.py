@@ -1,10 +1,11 @@
-"""How fast a live page is: how soon it opens, how soon a dragged slider changes the picture, how many frames it draws.
+"""How fast a live page is: how soon it opens, how soon a changed value shows, how many frames it draws.
 
     make web && python benchmarks/live.py [TIMES]
 
-The page of `uomodri` with runs of 5 s and two controllers, in headless Chromium through chromedriver, as the tests open it.
-Each number is the least of TIMES (5): others' load only ever adds. On a machine that is never quiet the processor time counts:
-that of the slower worker and of the page's own thread, one after the other, is the time to the picture on two free cores.
+The page of `uomodri` with runs of 5 s and two controllers, in headless Chromium through chromedriver, as the
+tests open it. Each number is the least of TIMES (5): others' load only ever adds. On a machine that is never
+quiet the processor time counts: that of the busier worker and of the page's own thread, one after the other,
+is the time to the picture on two free cores.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ WAIT = "return window.cogless ? cogless.isIdle() : false"
 # When the first picture is there, in a page that is opened after this.
 OPENED = """
 const look = () => {
-  if (window.cogless && cogless.isShown()) window.opened = performance.now(); else requestAnimationFrame(look);
+  if (window.cogless && cogless.isShown()) window.opened = performance.now();
+  else requestAnimationFrame(look);
 };
 requestAnimationFrame(look);
 """
@@ -37,14 +39,16 @@ return new Promise((done) => {
   const begun = performance.now(), shown = () => {
     if (!cogless.isShown()) return requestAnimationFrame(shown);
     const ms = ["pi", "pi-ilc"].map((name) => cogless.result(name, false).result.ms);
-    done([performance.now() - begun, Math.max(...ms.map((m) => m.engine)), Math.max(...ms.map((m) => m.all))]);
+    const most = (what) => Math.max(...ms.map((m) => m[what]));
+    done([performance.now() - begun, most("engine"), most("all")]);
   };
   cogless.set(key.key, key.low + (key.high - key.low) * Math.random());
   requestAnimationFrame(shown);
 });
 """
 DRAG = """
-const range = document.querySelector(`label[title=${JSON.stringify(arguments[0])}]`).parentElement.querySelector("input[type=range]");
+const label = document.querySelector(`label[title=${JSON.stringify(arguments[0])}]`);
+const range = label.parentElement.querySelector("input[type=range]");
 const key = cogless.page.keys.find((key) => key.key === arguments[0]);
 return new Promise((done) => {
   const begun = performance.now(), frames = [];
@@ -56,7 +60,8 @@ return new Promise((done) => {
     if (run !== last) { pictures += 1; last = run; }
     if (now - begun > 2000) {
       frames.sort((a, b) => a - b);
-      return done([1000 / frames[Math.floor(frames.length / 2)], 1000 / frames[Math.floor(0.95 * frames.length)], pictures / 2]);
+      const rate = (share) => 1000 / frames[Math.floor(share * frames.length)];
+      return done([rate(0.5), rate(0.95), pictures / 2]);
     }
     range.value = key.low + (key.high - key.low) * (0.5 + 0.4 * Math.sin((now - begun) / 300));
     range.dispatchEvent(new Event("input"));

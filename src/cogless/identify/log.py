@@ -190,7 +190,8 @@ def _within_limit(where: str, found: Columns, known: Identification) -> None:
         if most > BEYOND * limit:
             raise StudyError(
                 f"{where}: {_heading(known, signal)}: row {np.argmax(np.abs(found[signal])) + 1}: "
-                f'{most:.3g} A, where the drive\'s limit is {limit:.3g} A: expected its unit, such as unit = "mA"'
+                f"{most:.3g} A, where the drive's limit is {limit:.3g} A: expected its unit, "
+                'such as unit = "mA"'
             )
 
 
