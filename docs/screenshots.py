@@ -43,7 +43,8 @@ def main() -> None:
         page = Path(folder) / "page.html"
         write(load(STUDY), page, "cogless run my_motor.toml")
         shown.open(page, WIDTH)
-        time.sleep(10)
+        while not shown.run("return window.cogless ? cogless.isIdle() : false"):
+            time.sleep(0.1)
         clip = {"x": 0, "y": 0, "width": WIDTH, "height": HEIGHT, "scale": 1}
         taken = shown.devtools("Page.captureScreenshot", captureBeyondViewport=True, clip=clip)
     about = PngInfo()

@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cogless.results.metrics import order_amplitudes
+
 ORDERS = (72, 18, 12, 144, 24, 36, 54, 90)  # of the mechanical revolution
 Array = NDArray[np.float64]
 
@@ -75,6 +77,15 @@ def inertia_over_torque_constant(folder: Path, compensated: bool, rows: int) -> 
     return float(np.linalg.lstsq(np.column_stack(columns), integral(data["iq_A"]), rcond=None)[0][0])
 
 
+def logged_speed(folder: Path, compensated: bool) -> tuple[float, float, float]:
+    """Mean, standard deviation and amplitude of order 72 of the logged speed, rad/s."""
+    data = record(folder / "speed_test1_500Hz.csv.gz", {"theta_rad", "omega_rad_s", "comp_on"})
+    data = data[data["comp_on"] == compensated]
+    theta, omega = np.unwrap(data["theta_rad"]), data["omega_rad_s"]
+    (amplitude,) = order_amplitudes(theta, omega, [72], 12, electrical=False)
+    return float(np.mean(omega)), float(np.std(omega)), amplitude
+
+
 def main() -> None:
     arguments = argparse.ArgumentParser(
         description="Cogging, friction and inertia of a motor from two records."
@@ -101,6 +112,10 @@ def identify(folder: Path) -> None:
         for rows in (2, 3, 5, 8, 12, 20)
     ]
     print(f"J / K_t {np.median(found):.2e} A s^2/rad ({min(found):.2e} to {max(found):.2e})")
+    for compensated in (False, True):
+        mean, std, order_72 = logged_speed(folder, compensated)
+        how = "with" if compensated else "without"
+        print(f"speed {how} a table: mean {mean:.2f}, std {std:.2f}, order 72 {order_72:.2f} rad/s")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-// The engine as a WebAssembly module: one drive at a time, in numbers and bytes that lie in the module's memory.
+// The engine as a WebAssembly module: one drive or linear plant at a time, in numbers and bytes that lie in the module's
+// memory.
 //
 // The target has no exceptions. What is thrown goes to the host, with its message, and the host gives this instance up.
 #include <cstddef>
@@ -13,6 +14,7 @@
 #include "config.hpp"
 #include "drive.hpp"
 #include "packed_value.hpp"
+#include "trial_config.hpp"
 
 #define CGL_WEB(name) __attribute__((export_name(#name), used))
 
@@ -24,9 +26,16 @@ namespace {
 
 using namespace cogless;
 
+template <class System, class State>
+struct Run {
+    System system;
+    State state;
+};
+using DriveRun = Run<Drive, DriveState>;
+using LinearRun = Run<LinearTrials, LinearTrialsState>;
+
 struct Engine {
-    Drive drive;
-    DriveState state;
+    std::variant<DriveRun, LinearRun> run;
     Recorder recorder;
 };
 
@@ -35,6 +44,17 @@ std::vector<double> room;  // what the host hands over
 std::vector<double> rows;  // what it gets
 std::string names;         // of the signals, each with its unit
 std::optional<Stored> kept;
+
+std::optional<Stored> stored_in(const DriveRun& run) {
+    return std::visit(
+        [&](const auto& law) -> std::optional<Stored> {
+            using State = typename std::decay_t<decltype(law)>::State;
+            if constexpr (requires(State s) { law.stored(s); }) return law.stored(std::get<State>(run.state.law));
+            else return {};
+        },
+        run.system.config().law);
+}
+std::optional<Stored> stored_in(const LinearRun& run) { return run.system.config().law.stored(run.state.law); }
 
 }  // namespace
 
@@ -46,29 +66,36 @@ CGL_WEB(room) double* cogless_room(std::size_t bytes) {
     return room.data();
 }
 
-// Makes the drive that so many bytes in the room describe, at time zero.
+// Makes the drive that so many bytes in the room describe, at time zero; or the linear plant, if they have an output C.
 CGL_WEB(open) void cogless_open(std::size_t bytes, double decimation, double count) {
-    const Drive drive(read_config(PackedValue::read({reinterpret_cast<const char*>(room.data()), bytes})));
-    names.clear();
-    for (const Signal& signal : drive.signals()) names += signal.name + " " + signal.unit + "\n";
-    const auto every = static_cast<std::int64_t>(decimation);
-    engine.emplace(drive, drive.start(), Recorder(drive.signals().size(), every, static_cast<std::size_t>(count)));
+    const Value description = PackedValue::read({reinterpret_cast<const char*>(room.data()), bytes});
+    const auto start = [&](const auto& system) {
+        names.clear();
+        for (const Signal& signal : system.signals()) names += signal.name + " " + signal.unit + "\n";
+        const auto every = static_cast<std::int64_t>(decimation);
+        engine.emplace(Run{system, system.start()},
+                       Recorder(system.signals().size(), every, static_cast<std::size_t>(count)));
+    };
+    if (Section(description, "").has("C")) start(LinearTrials(read_linear_trials(description)));
+    else start(Drive(read_config(description)));
 }
 
 // Loads the map in the room: channels of cells.
 CGL_WEB(load) void cogless_load(std::size_t channels, std::size_t cells) {
     std::vector<std::vector<double>> values;
     for (std::size_t c = 0; c < channels; ++c) values.emplace_back(&room[c * cells], &room[c * cells] + cells);
+    auto& [drive, state] = std::get<DriveRun>(engine->run);
     std::visit(
         [&](const auto& law) {
             using State = typename std::decay_t<decltype(law)>::State;
-            if constexpr (requires(State s) { law.load(s, values); }) law.load(std::get<State>(engine->state.law), values);
+            if constexpr (requires(State s) { law.load(s, values); }) law.load(std::get<State>(state.law), values);
         },
-        engine->drive.config().law);
+        drive.config().law);
 }
 
 CGL_WEB(advance) void cogless_advance(double ticks) {
-    engine->drive.advance(engine->state, engine->recorder, static_cast<std::int64_t>(ticks));
+    std::visit([&](auto& run) { run.system.advance(run.state, engine->recorder, static_cast<std::int64_t>(ticks)); },
+               engine->run);
 }
 
 // The rows since the last call; their numbers are row_numbers() doubles.
@@ -82,13 +109,7 @@ CGL_WEB(signals) const char* cogless_signals() { return names.c_str(); }
 
 // Entries of the learned map, channel by channel; null where nothing is learned.
 CGL_WEB(stored) const double* cogless_stored() {
-    kept = std::visit(
-        [](const auto& law) -> std::optional<Stored> {
-            using State = typename std::decay_t<decltype(law)>::State;
-            if constexpr (requires(State s) { law.stored(s); }) return law.stored(std::get<State>(engine->state.law));
-            else return {};
-        },
-        engine->drive.config().law);
+    kept = std::visit([](const auto& run) { return stored_in(run); }, engine->run);
     return kept ? kept->entries.data() : nullptr;
 }
 CGL_WEB(stored_channels) std::size_t cogless_stored_channels() { return kept ? kept->about.channels : 0; }

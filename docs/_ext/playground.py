@@ -24,9 +24,10 @@ class Playground(Parsed):
     def run(self) -> list[nodes.Node]:
         from cogless import load
         from cogless.live import engine, write
+        from cogless.live.blobs import precision
 
         studies = [load(name) for name in self.arguments[0].split()]
-        if not all(engine.is_there(study.drive.precision) for study in studies):
+        if not all(engine.is_there(precision(study)) for study in studies):
             return self.parse(
                 ["*These docs were made without the engine for live pages: `make web docs` adds them.*"]
             )

@@ -50,11 +50,12 @@ class Leaf:
 class Layout:
     """Memory layout of the structs in one build of the library.
 
-    `real`: format of the library's real numbers, "f" for float, "d" for double.
+    `real`: format of the library's real numbers, "f" for float, "d" for double. `pointer`: bytes of one.
     """
 
     headers: Headers
     real: str
+    pointer: int = POINTER
     # what follows from the headers, kept since a run of a millisecond would feel it
     _sizes: dict[str, int] = field(default_factory=dict, repr=False)
     _places: dict[str, list[tuple[Field, int]]] = field(default_factory=dict, repr=False)
@@ -197,20 +198,20 @@ class Layout:
         if name not in self._places:
             places, end = [], 0
             for member in self.headers.structs[name]:
-                end = _up(end, POINTER if member.pointer else self._alignment(member.type))
+                end = _up(end, self.pointer if member.pointer else self._alignment(member.type))
                 places.append((member, end))
                 end += self._bytes(member)
             self._places[name] = places
         return self._places[name]
 
     def _bytes(self, member: Field) -> int:
-        return (POINTER if member.pointer else self.size(member.type)) * (member.length or 1)
+        return (self.pointer if member.pointer else self.size(member.type)) * (member.length or 1)
 
     def _alignment(self, name: str) -> int:
         if name not in self.headers.structs:
             return self.size(name)
         fields = self.headers.structs[name]
-        return max(POINTER if f.pointer else self._alignment(f.type) for f in fields)
+        return max(self.pointer if f.pointer else self._alignment(f.type) for f in fields)
 
     def _format(self, name: str) -> str:
         if name == "cgl_real":
@@ -219,9 +220,9 @@ class Layout:
 
 
 @cache
-def control_layout(precision: str) -> Layout:
-    """Layout of the control library's structs in "single" or "double" precision."""
-    return Layout(control_headers(), {"single": "f", "double": "d"}[precision])
+def control_layout(precision: str, pointer: int = POINTER) -> Layout:
+    """Layout of the control library's structs in "single" or "double" precision; `pointer`: bytes of one."""
+    return Layout(control_headers(), {"single": "f", "double": "d"}[precision], pointer)
 
 
 def _up(offset: int, alignment: int) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import math
 import re
 from pathlib import Path
 
@@ -68,8 +69,14 @@ def test_the_sign_of_a_column_turns_it(tmp_path):
 @pytest.mark.parametrize(
     ("without", "sentence"),
     [
-        ("theta", "no angle: cogging cannot be placed; record the encoder's angle as theta."),
-        ("i_q", "no current: torque is not known; record i_q, or say that the log is a coast-down"),
+        (
+            "theta",
+            'no angle (no column "theta"): cogging cannot be placed; record the encoder\'s angle as theta.',
+        ),
+        (
+            "i_q",
+            'no current (no column "i_q"): torque is not known; record i_q, or say that',
+        ),
     ],
 )
 def test_a_log_without_angle_or_current_says_what_to_record(tmp_path, without, sentence):
@@ -158,6 +165,22 @@ CSV = "t,theta,omega,i_q\n" + "".join(f"{n / 1000},{0.01 * n:.5f},10,{0.1}\n" fo
             CSV.replace("0.01,0.10000,10,0.1", "0.01").encode(),
             "a.csv: theta: row 11: missing: expected",
         ),
+        (
+            "a.csv",
+            CSV.replace("0.01,0.10000,10,0.1", "0.01,0,10000,10,0.1").encode(),
+            "a.csv: row 11: 5 cells: expected 4, as in the heading, and decimal points",
+        ),
+        (
+            "a.csv",
+            CSV.replace(",", ";").replace(".", ",").encode(),
+            'a.csv: t: row 1: "0,0": expected a number with a decimal point',
+        ),
+        (
+            "a.csv",
+            CSV.replace("omega", "theta", 1).encode(),
+            "a.csv: theta: 2 columns have this heading: expected one",
+        ),
+        ("a.csv", b"# made by a drive\n\n", "a.csv: empty: expected a heading and rows of numbers"),
         ("a.csv", CSV.encode("utf-16"), "a.csv: not UTF-8: expected a CSV in UTF-8"),
         ("a.csv", b"time,angle\n1,2\n", "a.csv: columns time, angle: expected t, theta, omega, i_q"),
         (
@@ -190,6 +213,42 @@ def test_a_bad_file_is_told_in_one_line(tmp_path, name, content, message):
         load_logs([tmp_path / name], config.load(tmp_path / "id.toml"))
     assert "\n" not in str(error.value)
     assert str(error.value).startswith(f"{tmp_path}/{message}")
+
+
+ROWS = [[float(x) for x in line.split(",")] for line in CSV.splitlines()[1:]]
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "said"),
+    [
+        (0, 1e3, 'omega is 1000 times .*; the time looks like milliseconds: unit = "ms"'),
+        (1, 180 / math.pi, 'omega is 0.01745 times .*; the angle looks like degrees: unit = "deg"'),
+        (2, 30 / math.pi, 'omega is 9.549 times the change of theta over t: expected .*: unit = "rpm"'),
+        (2, -1.0, "omega is -1 times .*; one of them counts backwards: sign = -1"),
+        (2, 4.0, "omega is 4 times the change of theta over t: expected units that agree$"),
+        (
+            3,
+            1e3,
+            'i_q: row 1: 100 A, where the drive\'s limit is .* A: expected its unit, such as unit = "mA"',
+        ),
+    ],
+)
+def test_a_column_in_another_unit_is_told(tmp_path, column, factor, said):
+    """A step of speed by an angle, a speed, a time or a current that is so many times too large."""
+    rows = [[x * (factor if n == column else 1.0) for n, x in enumerate(row)] for row in ROWS]
+    lines = ["t,theta,omega,i_q", *(",".join(f"{x:.9g}" for x in row) for row in rows)]
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    text = shortened()[0].replace('i_d = "i_d"', "")
+    (tmp_path / "id.toml").write_text(text)
+    with pytest.raises(StudyError, match=f"a.csv: {said}"):
+        load_logs([tmp_path / "a.csv"], config.load(tmp_path / "id.toml"))
+
+
+def test_comments_and_blank_lines_above_the_heading_are_passed_over(tmp_path):
+    (tmp_path / "a.csv").write_text(f"# made by a drive\n\n{CSV}", encoding="utf-8")
+    (tmp_path / "id.toml").write_text(shortened()[0].replace('i_d = "i_d"', ""))
+    (log,) = load_logs([tmp_path / "a.csv"], config.load(tmp_path / "id.toml"))
+    assert len(log) == len(ROWS)
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,6 @@ from node import NO_ENGINE
 needs = pytest.mark.skipif(bool(NO_ENGINE), reason=NO_ENGINE)
 
 
-def refused(capsys, *arguments):
-    code, out, error = cogless(capsys, *arguments)
-    assert (code, out) == (2, "")
-    assert len(error.splitlines()) == 1
-    return error
-
-
 @needs
 def test_the_page_is_written_where_it_is_asked_for(capsys, tmp_path):
     study = live_studies.study(tmp_path).source.path
@@ -43,9 +36,3 @@ def test_a_law_that_the_page_leaves_out_is_named(capsys, tmp_path):
     assert error.splitlines() == [line]
     code, _, error = cogless(capsys, "run", study, "--only", "step/pi", "--live", "-o", tmp_path / "out")
     assert code == 0 and line in error
-
-
-def test_a_study_of_trials_is_refused(capsys, tmp_path):
-    error = refused(capsys, "live", "mandra2019", "-o", tmp_path / "page.html")
-    assert "live: expected a study of speed, not one of trials" in error
-    assert not (tmp_path / "page.html").exists()

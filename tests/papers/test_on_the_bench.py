@@ -22,6 +22,8 @@ def test_the_bench_has_the_speeds_of_its_log_without_being_fitted() -> None:
     made = metrics(load("uomodri-bench", {"scenario.1-rev-s.duration": "6 s"}), "*")
     assert made["p"]["speed_as_logged_rad_s"] == pytest.approx(3.30, rel=0.2)
     assert made["table"]["speed_as_logged_rad_s"] == pytest.approx(0.81, rel=0.3)
+    (order_72,) = made["p"]["order_as_logged_rad_s"]
+    assert order_72 == pytest.approx(2.70, rel=0.15)  # the log's, by examples/identify_cogging.py
     assert made["p"]["mean_speed_rad_s"] < 0.9 * 2 * math.pi  # friction, and no integral
 
 

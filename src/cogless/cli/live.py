@@ -21,16 +21,16 @@ def live(
     ] = None,
     changes: SetOption = None,
 ) -> None:
-    """Write a page that runs a study of speed in the browser: turn a gain, and see the ripple follow.
+    """Write a page that runs a study in the browser: turn a gain, and see the ripple follow.
 
     One HTML file with the engine and the control laws inside. It needs no network and no installation.
     """
-    from cogless.live import own_laws, write
+    from cogless.live import left_out, write
 
     loaded = load(study, changes)
     path = output or Path(f"{loaded.name}-live.html")
     with new_console(stderr=True).status("Making the page"):
         write(loaded, path, command_line("run", study, changes, []))
-    for line in own_laws(loaded):
+    for line in left_out(loaded):
         say(f"Left out of the page: {line}")
     print(f"Page: {path}")

@@ -13,6 +13,11 @@ from cogless.cli.terminal import new_console
 from cogless.errors import StudyError
 
 
+def told(share: float) -> str:
+    """How far a step is, for the terminal."""
+    return f", {share:.0%}" if share else ""
+
+
 def identify(
     logs: Annotated[
         list[Path] | None,
@@ -78,7 +83,7 @@ def identify(
     with held(output):
         with new_console(stderr=True).status("Identifying") as status:
             found = command.identified(
-                logs, config, lambda what, share: status.update(f"Identifying: {what}")
+                logs, config, lambda what, share: status.update(f"Identifying: {what}{told(share)}")
             )
         with new_set(output) as stage:
             write.write_all(found.estimate, stage)
@@ -113,7 +118,9 @@ def diagnose(
     from cogless.identify import diagnosis
 
     with new_console(stderr=True).status("Diagnosing") as status:
-        made = diagnosis.diagnosed(logs, config, lambda what, share: status.update(f"Diagnosing: {what}"))
+        made = diagnosis.diagnosed(
+            logs, config, lambda what, share: status.update(f"Diagnosing: {what}{told(share)}")
+        )
     for line in diagnosis.lines(made):
         print(line)
     for line in made.said:

@@ -62,7 +62,7 @@ def run(
     folder = output or Path("results") / loaded.name
     page = None
     if with_page:
-        from cogless.live import own_laws, render
+        from cogless.live import left_out, render
 
         page = render(loaded, command_line("run", study, changes, []))  # before the runs, which it may refuse
     for line in too_short(loaded, runs_of(loaded, only)):
@@ -87,7 +87,7 @@ def run(
             print(f"Report: {folder / 'report.html'}")
             if page is not None:
                 print(f"Page: {folder / 'live.html'}")
-                for line in own_laws(loaded):
+                for line in left_out(loaded):
                     say(f"Left out of the page: {line}")
     if failures:
         raise StudyError("\n".join(map(str, failures)))

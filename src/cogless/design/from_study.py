@@ -12,10 +12,12 @@ from cogless.design.polytope import UncertainPlant, from_parameters, from_vertic
 from cogless.design.trial import (
     TrialDesign,
     TrialGains,
+    TrialParameters,
     TrialSettings,
     design_gains,
     design_trial,
     needs_K_3,
+    trial_parameters,
 )
 from cogless.errors import StudyError
 from cogless.study import TrialStudy
@@ -84,6 +86,26 @@ def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
             no_K_3 = _study_error(missing, study, scenario, name)
         designs[scenario, name] = replace(design, notes=tuple(notes), beyond=beyond, no_K_3=no_K_3)
     return designs
+
+
+def retuned(study: TrialStudy, run: tuple[str, str], like: TrialStudy) -> TrialParameters:
+    """The parameters of a law, where a study differs from `like` in a few values, without a certificate.
+
+    Gains of the other's design are reused where they are right. StudyError as `design_study`.
+    """
+    alike = all(
+        getattr(study, key) == getattr(like, key) for key in ("plant", "motor", "mechanics", "design")
+    )
+    settings, before = settings_of(study, *run), settings_of(like, *run)
+    if alike and study.period == like.period and _same_feedback(settings, before):
+        gains = design_study(like, [run])[run].gains
+        if settings.K_3 is not None:
+            gains = replace(gains, K_3=settings.K_3)
+        elif not same_gains(settings, before):
+            return design_study(study, [run])[run]
+        with _as_study_error(study, *run):
+            return trial_parameters(uncertain_plant(study), settings, gains)
+    return design_study(study, [run])[run]
 
 
 def _outside(study: TrialStudy, scenario: str) -> tuple[str, ...]:
@@ -176,15 +198,19 @@ def _linear(plant: LinearPlant, study: TrialStudy) -> UncertainPlant:
 def same_gains(settings: TrialSettings, other: TrialSettings) -> bool:
     """Whether gains that were designed for `other` are right for `settings` too."""
 
+    def learning(s: TrialSettings) -> tuple[Any, ...]:
+        return s.K_3, s.shift, (s.cutoff, s.filter_order) if s.filtered == "signal" else None
+
+    same = _same_feedback(settings, other)
+    return same and (not needs_K_3(settings) or (needs_K_3(other) and learning(settings) == learning(other)))
+
+
+def _same_feedback(settings: TrialSettings, other: TrialSettings) -> bool:
     def feedback(s: TrialSettings) -> tuple[Any, ...]:
         kind = s.kind if s.kind in ("state", "observer") else None
         return kind, s.K_s, s.N, s.feedforward, s.pole
 
-    def learning(s: TrialSettings) -> tuple[Any, ...]:
-        return s.K_3, s.shift, (s.cutoff, s.filter_order) if s.filtered == "signal" else None
-
-    same = feedback(settings) == feedback(other)
-    return same and (not needs_K_3(settings) or (needs_K_3(other) and learning(settings) == learning(other)))
+    return feedback(settings) == feedback(other)
 
 
 @contextmanager

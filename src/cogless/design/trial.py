@@ -92,9 +92,9 @@ class TrialGains:
     cutoff: float | None = None  # of kind observer, Hz
 
 
-@dataclass(frozen=True)
-class TrialDesign:
-    """All parameters of a trial law, and their certificate."""
+@dataclass(frozen=True, kw_only=True)
+class TrialParameters:
+    """All parameters of a trial law."""
 
     kind: Kind
     K_1: Real  # (n,)
@@ -109,10 +109,16 @@ class TrialDesign:
     filtered: Filtered
     learning_matrix: Real | None  # (samples, samples), instead of K_3, shift and filter
     gains: TrialGains
+    no_K_3: StudyError | None = None  # why no K_3 exists for a law that needs it: it doesn't run
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialDesign(TrialParameters):
+    """All parameters of a trial law, and their certificate."""
+
     certificate: Certificate
     notes: tuple[str, ...]
     beyond: tuple[str, ...] = ()  # warnings of simulated values outside the ranges of the design
-    no_K_3: StudyError | None = None  # why no K_3 exists for a law that needs it: it doesn't run
 
 
 def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
@@ -166,8 +172,23 @@ def design_trial(
     `gains` that were designed for another structure can be reused; if None, they are designed here. Raises
     DesignError if the design fails.
     """
+    parameters, law, update = _parameters(plant, settings, gains or design_gains(plant, settings))
+    certified = plant.as_held if parameters.gains.observer else plant
+    loop = parameters.gains.observer or law
+    certificate = certify(certified, loop, update, parameters.q_filter, settings.filtered, settings.samples)
+    notes = (*parameters.gains.notes, *_warnings(certified, loop, certificate, update, settings))
+    return TrialDesign(**vars(parameters), certificate=certificate, notes=notes)
+
+
+def trial_parameters(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> TrialParameters:
+    """A controller's parameters from its gains, without a certificate. DesignError as `design_trial`."""
+    return _parameters(plant, settings, gains)[0]
+
+
+def _parameters(
+    plant: UncertainPlant, settings: TrialSettings, gains: TrialGains
+) -> tuple[TrialParameters, Gains, Update | None]:
     _check(plant, settings)
-    gains = gains or design_gains(plant, settings)
     if gains.no_K_3 is not None and needs_K_3(settings):
         raise gains.no_K_3
     n, shift = plant.order, SHIFT if gains.observer else settings.shift or plant.relative_degree
@@ -189,11 +210,7 @@ def design_trial(
         update = Update(shift, 0.0, settings.change_weight, nominal)
     elif settings.learning and K_3:
         update = Update(shift, K_3)
-    certified = plant.as_held if gains.observer else plant
-    certificate = certify(
-        certified, gains.observer or law, update, q_filter, settings.filtered, settings.samples
-    )
-    return TrialDesign(
+    parameters = TrialParameters(
         kind=settings.kind,
         K_1=law.K_1,
         K_2=law.K_2,
@@ -207,9 +224,8 @@ def design_trial(
         filtered=settings.filtered,
         learning_matrix=matrix,
         gains=gains,
-        certificate=certificate,
-        notes=(*gains.notes, *_warnings(certified, gains.observer or law, certificate, update, settings)),
     )
+    return parameters, law, update
 
 
 def _observer_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:

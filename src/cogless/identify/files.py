@@ -72,12 +72,15 @@ def _csv(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:
 
 
 def _rows(path: Path, file: Iterator[str], wanted: list[str]) -> Columns:
-    first = next(file, "")
-    if not first.strip():
+    first = next((line for line in file if line.strip() and not line.startswith("#")), "")
+    if not first:
         raise StudyError(f"{path}: empty: expected a heading and rows of numbers")
     delimiter = max(DELIMITERS, key=first.count)
     heading = [cell.strip() for cell in next(csv.reader([first], delimiter=delimiter))]
     places = {name: heading.index(name) for name in wanted if name in heading}
+    twice = next((name for name in places if heading.count(name) > 1), None)
+    if twice is not None:
+        raise StudyError(f"{path}: {twice}: {heading.count(twice)} columns have this heading: expected one")
     if not places:
         raise StudyError(f"{path}: columns {', '.join(heading[:12])}: expected {', '.join(wanted)}")
     blocks: dict[str, list[Array]] = {name: [] for name in places}
@@ -90,14 +93,18 @@ def _rows(path: Path, file: Iterator[str], wanted: list[str]) -> Columns:
                 blocks[name].append(np.array(texts, dtype=np.float64))
             except ValueError:
                 at, text = next((n, t) for n, t in enumerate(texts) if not _number(t))
-                place = row - len(texts) + at + 1
-                raise StudyError(f'{path}: {name}: row {place}: "{text}": expected a number') from None
+                place, point = row - len(texts) + at + 1, " with a decimal point"
+                how = point if _number(text.replace(",", ".")) else ""
+                raise StudyError(f'{path}: {name}: row {place}: "{text}": expected a number{how}') from None
             texts.clear()
 
     for values in csv.reader(file, delimiter=delimiter):
         if not values:
             continue
         row += 1
+        if len(values) > len(heading) and any(cell.strip() for cell in values[len(heading) :]):
+            expected = f"expected {len(heading)}, as in the heading"
+            raise StudyError(f"{path}: row {row}: {len(values)} cells: {expected}, and decimal points")
         for name, place in places.items():
             if place >= len(values):
                 raise StudyError(f"{path}: {name}: row {row}: missing: expected a number")
@@ -120,8 +127,10 @@ def _npz(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:
     try:
         with np.load(path, allow_pickle=False) as file:
             yield "", {name: _numbers(path, name, file[name]) for name in wanted if name in file}
-    except ValueError as error:
-        raise StudyError(f"{path}: {error}: expected arrays of numbers") from None
+    except ValueError:
+        raise StudyError(
+            f"{path}: no NPZ file, or one with objects in it: expected arrays of numbers"
+        ) from None
 
 
 def _parquet(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:

@@ -54,14 +54,22 @@ def usable(known: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[
     return (plant if any(log.dt for log in plant) else used), said
 
 
+def heading(known: Identification, signal: str) -> str:
+    """The heading that a log lacks, in brackets; "" where the file of columns names none."""
+    return f' (no column "{known.columns[signal].name}")' if signal in known.columns else ""
+
+
 def _unusable(known: Identification, log: Log) -> str | None:
     """Why a log can't be used, with the cure; None if it can."""
     if "theta" not in log:
-        return f"{log.name}: no angle: cogging cannot be placed; record the encoder's angle as theta."
+        missing = heading(known, "theta")
+        return (
+            f"{log.name}: no angle{missing}: cogging cannot be placed; record the encoder's angle as theta."
+        )
     if "i_q" not in log and log.kind not in ("coast-down", "bridge-off"):
         return (
-            f"{log.name}: no current: torque is not known; record i_q, or say that the log is a coast-down "
-            "or that the bridge was off."
+            f"{log.name}: no current{heading(known, 'i_q')}: torque is not known; record i_q, or say that "
+            "the log is a coast-down or that the bridge was off."
         )
     if not log.dt:
         return None

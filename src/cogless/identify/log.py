@@ -16,6 +16,19 @@ from cogless.identify.files import Array, Columns, read
 TURN = 2 * np.pi
 GAP = 2.5  # periods without a row
 FEWEST = 100  # rows
+BEYOND = 3.0  # times the current's limit
+TURNED = 0.2  # rad rms
+AGREE = 1.5  # the speed by one over the speed by the other: a filter's lag or lost counts stay below it
+MISTAKEN = (
+    (30 / np.pi, 'the speed looks like rpm: unit = "rpm"'),
+    (180 / np.pi, 'the speed looks like deg/s: unit = "deg/s"'),
+    (np.pi / 180, 'the angle looks like degrees: unit = "deg"'),
+    (1 / TURN, 'the speed looks like revolutions: unit = "rev/s"'),
+    (TURN, 'the angle looks like revolutions: unit = "rev"'),
+    (1e3, 'the time looks like milliseconds: unit = "ms"'),
+    (1e6, 'the time looks like microseconds: unit = "us"'),
+    (-1.0, "one of them counts backwards: sign = -1"),
+)
 REPEATED = 0.2  # share of rows that repeat the one before, from which on it is told
 
 
@@ -139,10 +152,12 @@ def _timed(where: str, name: str, rule: LogRule, found: Columns, known: Identifi
     if len(ends):
         longest = float(np.max(np.diff(t)))
         remarks.append(f"{name}: {len(ends)} gaps, the longest {longest:.3g} s; the log is cut there.")
+    _within_limit(where, found, known)
     if "theta" in found:
         found["theta"] = _unwrapped(name, found["theta"], remarks)
         whole = _slip(name, found["theta"], known.step, remarks)
         t, found = t[:whole], {signal: values[:whole] for signal, values in found.items()}
+        _units_agree(where, t, found, known)
         edges = [*(edge for edge in edges if edge < len(t)), len(t)]
         _repeats(name, found, known.step, remarks)
     parts: list[Columns] = []
@@ -165,6 +180,39 @@ def _timed(where: str, name: str, rule: LogRule, found: Columns, known: Identifi
     starts = np.cumsum([0, *(len(next(iter(part.values()))) for part in parts)])
     stretches = tuple(slice(int(a), int(b)) for a, b in pairwise(starts))
     return Log(name, rule, _period(t, dt), joined, stretches, remarks)
+
+
+def _within_limit(where: str, found: Columns, known: Identification) -> None:
+    """A current that no drive of this limit has is one in another unit."""
+    limit = known.drive.current_loop.current_limit
+    for signal in ("i_q", "i_d", "i_a", "i_b", "i_c"):
+        most = float(np.max(np.abs(found.get(signal, 0.0))))
+        if most > BEYOND * limit:
+            raise StudyError(
+                f"{where}: {_heading(known, signal)}: row {np.argmax(np.abs(found[signal])) + 1}: "
+                f"{most:.3g} A, where the drive's limit is {limit:.3g} A: expected its unit, "
+                'such as unit = "mA"'
+            )
+
+
+def _units_agree(where: str, t: Array, found: Columns, known: Identification) -> None:
+    """The speed is the angle's change in time, or the unit of one of the three is another."""
+    if "omega" not in found:
+        return
+    theta, omega = found["theta"], found["omega"]
+    turned = np.concatenate(([0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1]) * np.diff(t))))
+    way, sped = theta - np.mean(theta), turned - np.mean(turned)
+    square = float(way @ way)
+    if square < len(way) * max(TURNED, 20 * known.step) ** 2:
+        return  # it hardly turns
+    ratio = float(way @ sped) / square
+    if not 1 / AGREE < ratio < AGREE:
+        names = [_heading(known, signal) for signal in ("omega", "theta", "t")]
+        cure = next((f"; {said}" for factor, said in MISTAKEN if 0.95 < ratio / factor < 1.05), "")
+        raise StudyError(
+            f"{where}: {names[0]} is {ratio:.4g} times the change of {names[1]} over {names[2]}: "
+            f"expected units that agree{cure}"
+        )
 
 
 def _period(t: Array, dt: float) -> float:

@@ -6,8 +6,9 @@ samples. Simulated logs have the same bias, and their truth is known. So the dif
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -32,30 +33,26 @@ SIGNALS = ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d") 
 OFF = 0.01  # relative difference of a log's rate from one that divides the current loop's
 
 
-def played(made: Estimate, jobs: int = 1) -> dict[str, Trace]:
+def played(made: Estimate, progress: Callable[[float], None]) -> dict[str, Trace]:
     """The simulated trace of each log that can be played, by its name, with its rows and some between them.
 
     StudyError: the study isn't valid, or a run failed.
     """
-    logs = described.replayable(made)
-    tables = described.study(made)
-    studies, names = [], []
-    for log in logs:
+    logs, tables = described.replayable(made), described.study(made)
+    traces: dict[str, Trace] = {}
+    for n, log in enumerate(logs):
+        progress(n / len(logs))
         rate = _rate(made, log)
         if rate is None:
             continue
         name = described.scenario_name(log)
         one = {**tables, "scenario": {name: tables["scenario"][name]}, "trace": {"rate": f"{rate:.9g} Hz"}}
         one["metric"] = []
-        found = checked(Source(Path(made.known.path), one))
-        assert isinstance(found, Study)
-        studies.append(found)
-        names.append((log.name, log.rule.controller))
-    results = [
-        rollout([study], [f"*/{controller or next(iter(study.controller))}"], jobs=jobs)[0]
-        for study, (_, controller) in zip(studies, names, strict=True)
-    ]
-    return {name: _kept(result.runs[0].trace) for (name, _), result in zip(names, results, strict=True)}
+        study = checked(Source(Path(made.known.path), one))
+        assert isinstance(study, Study)
+        (results,) = rollout([study], [f"*/{log.rule.controller or next(iter(study.controller))}"], jobs=1)
+        traces[log.name] = _kept(results.runs[0].trace)
+    return traces
 
 
 def _kept(trace: Trace) -> Trace:
@@ -114,9 +111,8 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
         return made, {}
     traces: dict[str, Trace] = {}
     for n in range(ROUNDS):
-        progress(f"simulation {n + 1}", n / ROUNDS)
         try:
-            traces = played(made)
+            traces = played(made, partial(progress, f"simulation {n + 1} of {ROUNDS}"))
         except StudyError as error:
             said = f"The logs could not be simulated ({error}); errors of the closed loop are not corrected."
             return replace(first, remarks=(*first.remarks, said)), {}

@@ -5,21 +5,21 @@ from pathlib import Path
 from cogless.errors import StudyError
 from cogless.files import replacing
 from cogless.live import page
-from cogless.live.blobs import held, own_laws
-from cogless.study import AnyStudy, TrialStudy
+from cogless.live.blobs import held, left_out
+from cogless.study import AnyStudy
 
-__all__ = ["own_laws", "render", "write"]
+__all__ = ["left_out", "render", "write"]
 
 
 def render(study: AnyStudy, command: str) -> str:
     """The page as one HTML text. `command`: the one that runs the study.
 
-    StudyError: a study of trials, or one that has only laws of the user's own; no WebAssembly engine.
+    StudyError: a study that has only laws that a page can't hold; no WebAssembly engine.
     """
-    if isinstance(study, TrialStudy):
-        raise StudyError(f"{study.source.path}: live: expected a study of speed, not one of trials")
     if not held(study):
-        raise StudyError(f"{study.source.path}: live: expected a controller of the control library")
+        raise StudyError(
+            f"{study.source.path}: live: expected a controller that a page can hold: {left_out(study)[0]}"
+        )
     return page.render(study, command)
 
 

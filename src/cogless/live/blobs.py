@@ -8,38 +8,56 @@ from typing import Any
 
 import numpy as np
 
+from cogless.design.from_study import design_study, retuned
 from cogless.live.packed import Packed, pack
 from cogless.results.metrics import Conditions
 from cogless.run.drive_config import engine_config
 from cogless.run.plan import plan
-from cogless.study import AnyStudy, Study, for_scenario
+from cogless.run.trial_config import engine_config as trial_config
+from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.controller import AntiCogging, OwnLaw, Startable
+from cogless.study.trial_controller import NormOptimalIlc
 
 OFF = 1e9  # s, a learning_start that never comes
 
 Pair = tuple[str, str]  # scenario, controller
 
 
-def held(study: Study) -> list[Pair]:
-    """The runs that a page can hold: all but those of a user's own law, which is no part of the engine."""
-    return [pair for pair in every(study) if not isinstance(study.controller[pair[1]], OwnLaw)]
+def held(study: AnyStudy) -> list[Pair]:
+    """The runs that a page can hold: all but those of the laws that `left_out` names."""
+    return [pair for pair in every(study) if not _why_not(study, pair[1])]
 
 
-def own_laws(study: AnyStudy) -> list[str]:
-    """What a page leaves out because it is a user's own code, a sentence per controller."""
-    own = [name for name, law in study.controller.items() if isinstance(law, OwnLaw)]
-    return [f"{study.label(name)}: its law is code of its own, which the page doesn't run." for name in own]
+def left_out(study: AnyStudy) -> list[str]:
+    """The controllers that a page leaves out and why, a sentence for each."""
+    return [f"{study.label(name)}: {why}." for name in study.controller if (why := _why_not(study, name))]
 
 
-def every(study: Study) -> Iterator[Pair]:
+def _why_not(study: AnyStudy, name: str) -> str:
+    if isinstance(study.controller[name], OwnLaw):
+        return "its law is code of its own, which the page doesn't run"
+    if isinstance(study.controller[name], NormOptimalIlc):
+        return "its learning matrix, of a number for each two samples, is too large for a page"
+    return ""
+
+
+def every(study: AnyStudy) -> Iterator[Pair]:
     return ((scenario, name) for scenario in study.scenario for name in study.controllers_in(scenario))
 
 
-def blobs(study: Study, scenario: str, controller: str) -> dict[str, Packed]:
+def precision(study: AnyStudy) -> str:
+    """The precision of the control laws; a linear plant has them in double precision."""
+    return study.drive.precision if study.drive is not None else "double"
+
+
+def blobs(study: AnyStudy, scenario: str, controller: str, like: AnyStudy | None = None) -> dict[str, Packed]:
     """The packed descriptions of a run: "run", and "learn" if a commissioning run comes before it.
 
+    `like`: the study of which this one is a changed copy. In trials its designs are reused.
     StudyError or ValueError: the study's values don't make a run.
     """
+    if isinstance(study, TrialStudy):
+        return {"run": _trials(study, scenario, controller, like)}
     made = {"run": _blob(study, scenario, controller)}
     law = study.controller[controller]
     if isinstance(law, AntiCogging) and law.calibration is not None:
@@ -71,5 +89,26 @@ def _blob(study: Study, scenario: str, controller: str) -> Packed:
     return _packed(study, engine_config(study, scenario, controller) | {"page": page})
 
 
-def _packed(study: Study, description: dict[str, Any]) -> Packed:
-    return pack(description, study.drive.precision)
+def _trials(study: TrialStudy, scenario: str, controller: str, like: AnyStudy | None) -> Packed:
+    run, conditions, experiment = (
+        (scenario, controller),
+        Conditions.of(study, scenario),
+        study.scenario[scenario],
+    )
+    design = retuned(study, run, like) if isinstance(like, TrialStudy) else design_study(study, [run])[run]
+    rates = None if study.drive is None else study.drive.rates
+    divider = 1 if rates is None else rates.divider
+    sampled = 1 / study.period if rates is None else rates.current_loop
+    page = {
+        "trials": experiment.trials,
+        "ticks": study.samples(scenario) * divider,  # of a trial
+        "decimation": divider if study.trace.rate is None else round(sampled / study.trace.rate),
+        "divider": divider,
+        "pole_pairs": conditions.pole_pairs,
+        "starts": [int(start) for start in conditions.starts],
+    }
+    return _packed(study, trial_config(study, scenario, controller, design) | {"page": page})
+
+
+def _packed(study: AnyStudy, description: dict[str, Any]) -> Packed:
+    return pack(description, precision(study))

@@ -8,7 +8,7 @@ from typing import Annotated, Any, get_args, get_origin
 
 from cogless import units
 from cogless.live.blobs import Pair, held
-from cogless.study import Study, for_scenario
+from cogless.study import AnyStudy, Study, for_scenario
 from cogless.study.table import Quantity
 
 
@@ -42,7 +42,7 @@ class Candidate:
         """The value in SI, rounded as units.parse rounds it."""
         return float(shortest(value)) * self.factor if self.unit else value
 
-    def pairs(self, study: Study) -> list[Pair]:
+    def pairs(self, study: AnyStudy) -> list[Pair]:
         """The runs that the key can change."""
         return [
             (scenario, controller)
@@ -139,8 +139,7 @@ def _of_controller(study: Study, name: str) -> Iterator[Candidate]:
     for key, value in table.items():
         where = f"controller.{quoted(name)}.{key}"
         if key == "tuning" and "phase_margin" in value:
-            yield from _made(
-                study,
+            yield from made(
                 f"{where}.phase_margin",
                 "tuning.phase_margin",
                 name,
@@ -151,12 +150,11 @@ def _of_controller(study: Study, name: str) -> Iterator[Candidate]:
                 controller=name,
             )
         elif key not in NO_GAINS and isinstance(value, int | float | str) and not isinstance(value, bool):
-            yield from _made(study, where, key, name, law, key, value, (0.0, 3.0), controller=name)
+            yield from made(where, key, name, law, key, value, (0.0, 3.0), controller=name)
     if law.learns and "learning_start" not in table and hasattr(law, "learning_start"):
         key = f"controller.{quoted(name)}.learning_start"
         longest = max(study.scenario[scenario].duration for scenario, other in held(study) if other == name)
-        yield from _made(
-            study,
+        yield from made(
             key,
             "learning_start",
             name,
@@ -172,8 +170,7 @@ def _of_scenario(study: Study, scenario: str) -> Iterator[Candidate]:
     here, where = for_scenario(study, scenario), f"scenario.{quoted(scenario)}"
     tables = here._source.tables
     own, experiment = tables["scenario"][scenario], here.scenario[scenario]
-    yield from _made(
-        study,
+    yield from made(
         f"{where}.duration",
         "duration",
         "Load and motion",
@@ -185,8 +182,7 @@ def _of_scenario(study: Study, scenario: str) -> Iterator[Candidate]:
     )
     reference = own["reference"]
     if isinstance(reference, str):
-        yield from _made(
-            study,
+        yield from made(
             f"{where}.reference",
             "reference",
             "Load and motion",
@@ -199,8 +195,7 @@ def _of_scenario(study: Study, scenario: str) -> Iterator[Candidate]:
     elif isinstance(reference, dict):
         for key, low, high in OF_REFERENCE:
             if key in reference:
-                yield from _made(
-                    study,
+                yield from made(
                     f"{where}.reference.{key}",
                     f"reference.{key}",
                     "Load and motion",
@@ -216,8 +211,7 @@ def _of_scenario(study: Study, scenario: str) -> Iterator[Candidate]:
         given = load or tables["mechanics"].get("load", "0 N*m")
         if isinstance(given, str):
             reach = float(f"{full:.2g}") / (units.factor(units.unit_of(given), units.TORQUE) or 1)
-            yield from _made(
-                study,
+            yield from made(
                 f"{where}.load",
                 "load",
                 "Load and motion",
@@ -228,10 +222,9 @@ def _of_scenario(study: Study, scenario: str) -> Iterator[Candidate]:
                 scenario=scenario,
             )
     for group, key, low, high in PLANT:
-        owner, last, value = _looked_up(here, tables, key)
+        owner, last, value = looked_up(here, tables, key)
         if value is not None and owner is not None:
-            yield from _made(
-                study,
+            yield from made(
                 _overriding(where, own, key),
                 key,
                 group,
@@ -247,7 +240,7 @@ def _overriding(where: str, own: Mapping[str, Any], key: str) -> str:
     return f'{where}.override."{key}"'
 
 
-def _looked_up(here: Study, tables: Any, key: str) -> tuple[Any, str | int, Any]:
+def looked_up(here: AnyStudy, tables: Any, key: str) -> tuple[Any, str | int, Any]:
     """The model that holds a key, the key's last part, and its value in the file; None if not there."""
     owner: Any = here
     parts = [int(part) if part.isdigit() else part for part in key.split(".")]
@@ -267,8 +260,7 @@ def _looked_up(here: Study, tables: Any, key: str) -> tuple[Any, str | int, Any]
     return owner, parts[-1] if isinstance(parts[-1], str) else str(parts[-2]), tables
 
 
-def _made(
-    study: Study,
+def made(
     key: str,
     label: str,
     group: str,

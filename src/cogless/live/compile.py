@@ -13,10 +13,12 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-# The sources of the engine for a page; drive.cpp, plant_steps.cpp and what they include are all of the plant.
-ENGINE = ("web.cpp", "config.cpp", "trial_config.cpp", "drive.cpp", "plant_steps.cpp")
-# The native module is compiled without contraction, too, so both round numbers in the same way.
-FLAGS = ("-target", "wasm32-wasi", "-O2", "-ffp-contract=off", "-fno-sanitize=all")
+# The engine's sources that a page needs; drive.cpp, plant_steps.cpp and what they include are all of the plant.
+ENGINE = ("web.cpp", "config.cpp", "trial_config.cpp", "linear_trials.cpp", "drive.cpp", "plant_steps.cpp")
+# The native module is compiled without contraction, too, so both round numbers in the same way. The three
+# features, in all browsers since 2021, save a fifth of the time: a double becomes an integer without checks.
+FEATURES = ("-mbulk-memory", "-mnontrapping-fptoint", "-msign-ext")
+FLAGS = ("-target", "wasm32-wasi", "-O2", "-ffp-contract=off", "-fno-sanitize=all", *FEATURES)
 NAMES = {"single": "engine_single.wasm", "double": "engine_double.wasm"}
 
 

@@ -12,7 +12,7 @@ the same number, the first one stays.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,7 +21,8 @@ from cogless.errors import StudyError
 from cogless.live.blobs import Pair, blobs, held
 from cogless.live.candidates import Candidate, candidates
 from cogless.live.packed import Number, Packed
-from cogless.study import Study
+from cogless.live.trial_candidates import trial_candidates
+from cogless.study import AnyStudy, TrialStudy
 from cogless.study.reading import changed
 
 STOPS = 21
@@ -58,11 +59,11 @@ class Found:
     left_out: list[tuple[str, str]] = field(default_factory=list)
 
 
-def adjustable(study: Study) -> Found:
+def adjustable(study: AnyStudy) -> Found:
     """The keys of a study that a page can change."""
     base = packed(study, held(study))
     found, taken, groups = Found(), set[tuple[Place, int]](), dict[tuple[str | None, str | None], list[Key]]()
-    for candidate in (_bounded(study, candidate) for candidate in candidates(study)):
+    for candidate in (_bounded(study, candidate) for candidate in _candidates(study)):
         key, why = _tried(study, base, candidate)
         if key is None:
             found.left_out.append((candidate.key, why))
@@ -86,12 +87,16 @@ def adjustable(study: Study) -> Found:
     return found
 
 
-def packed(study: Study, pairs: Sequence[Pair]) -> dict[Place, Packed]:
-    """The descriptions of these runs."""
-    return {(*pair, what): blob for pair in pairs for what, blob in blobs(study, *pair).items()}
+def packed(study: AnyStudy, pairs: Sequence[Pair], like: AnyStudy | None = None) -> dict[Place, Packed]:
+    """The descriptions of these runs; `like` as in `blobs`."""
+    return {(*pair, what): blob for pair in pairs for what, blob in blobs(study, *pair, like).items()}
 
 
-def _bounded(study: Study, candidate: Candidate) -> Candidate:
+def _candidates(study: AnyStudy) -> Iterator[Candidate]:
+    return trial_candidates(study) if isinstance(study, TrialStudy) else candidates(study)
+
+
+def _bounded(study: AnyStudy, candidate: Candidate) -> Candidate:
     """The candidate with a slider whose ends the study accepts."""
     if candidate.stops:
         return candidate
@@ -99,7 +104,7 @@ def _bounded(study: Study, candidate: Candidate) -> Candidate:
     return replace(candidate, low=low, high=high)
 
 
-def _accepted(study: Study, candidate: Candidate, end: float) -> float:
+def _accepted(study: AnyStudy, candidate: Candidate, end: float) -> float:
     """The end, or if the study refuses it, a value nearer to the study's own."""
     for _ in range(5):
         try:
@@ -111,7 +116,7 @@ def _accepted(study: Study, candidate: Candidate, end: float) -> float:
     return candidate.start
 
 
-def _tried(study: Study, base: All, candidate: Candidate) -> tuple[Key | None, str]:
+def _tried(study: AnyStudy, base: All, candidate: Candidate) -> tuple[Key | None, str]:
     """The key as one value shows it, or why there is none; `_disproved` tries more values."""
     value = _samples(candidate)[0]
     try:
@@ -132,7 +137,7 @@ def _tried(study: Study, base: All, candidate: Candidate) -> tuple[Key | None, s
     return tabulated, "" if tabulated else OTHER_SHAPE
 
 
-def _disproved(study: Study, base: All, group: Sequence[Key]) -> list[Key]:
+def _disproved(study: AnyStudy, base: All, group: Sequence[Key]) -> list[Key]:
     """The keys that don't set their numbers as `_tried` found, at several values of the group together."""
     wrong: dict[int, Key] = {}
     for n in range(1, TRIES):
@@ -156,14 +161,14 @@ def _disproved(study: Study, base: All, group: Sequence[Key]) -> list[Key]:
     return list(wrong.values())
 
 
-def _changed(study: Study, values: Sequence[tuple[Candidate, float]]) -> dict[Place, Packed]:
+def _changed(study: AnyStudy, values: Sequence[tuple[Candidate, float]]) -> dict[Place, Packed]:
     """The descriptions of the runs that the keys can change, with these values."""
     other = changed(study, {candidate.key: candidate.text(value) for candidate, value in values})
     pairs = dict.fromkeys(pair for candidate, _ in values for pair in candidate.pairs(study))
-    return packed(other, list(pairs))
+    return packed(other, list(pairs), study)
 
 
-def _tabulated(study: Study, base: All, candidate: Candidate) -> Key | None:
+def _tabulated(study: AnyStudy, base: All, candidate: Candidate) -> Key | None:
     """The key with stops; None if the descriptions take another shape with it."""
     tables = {}
     for value in candidate.stops or _grid(candidate):
@@ -199,13 +204,14 @@ def _moved(blob: Packed, others: Sequence[Packed]) -> list[Number]:
 
 
 def _fitting(
-    study: Study, number: Number, candidate: Candidate, value: float, base: Packed, made: Packed
+    study: AnyStudy, number: Number, candidate: Candidate, value: float, base: Packed, made: Packed
 ) -> Landing | None:
     """How a key sets a number, judged by the study's value and another one; None if neither form fits."""
-    si, rates = candidate.si(value), study.drive.rates
+    si = candidate.si(value)
     ratio = number.read(made.data) / si if si else 1.0
     tries = [Landing(number, scale) for scale in (1.0, ratio, float(round(ratio)))]
-    if number.format not in "df":
+    if number.format not in "df" and study.drive is not None:
+        rates = study.drive.rates
         law, current = rates.current_loop / rates.divider, rates.current_loop
         tries += [Landing(number, rate, True) for rate in (law, current)]
     points = ((si, made), (candidate.si(candidate.start), base))

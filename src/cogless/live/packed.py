@@ -22,6 +22,7 @@ STRUCTS = {
     "drive.encoder_table": "cgl_encoder_table_config",
     "drive.dead_time": "cgl_dead_time_config",
 }
+POINTER = 4  # bytes, in WebAssembly
 
 
 @dataclass(frozen=True)
@@ -49,19 +50,19 @@ def pack(description: Mapping[str, Any], precision: str) -> Packed:
     """Pack a description. TypeError: a value that no description has."""
     law = C_LAWS.get(description["controller"]["law"])
     structs = STRUCTS | ({"controller.config": law.config} if law else {})
-    packer = _Packer({path: _leaves(precision, name) for path, name in structs.items()})
+    packer = _Packer(precision, structs)
     packer.value(description, "")
     return Packed(bytes(packer.data), tuple(packer.numbers), tuple(packer.shape))
 
 
 @cache
 def _leaves(precision: str, name: str) -> tuple[Leaf, ...]:
-    return tuple(control_layout(precision).leaves(name))
+    return tuple(control_layout(precision, POINTER).leaves(name))
 
 
 class _Packer:
-    def __init__(self, structs: Mapping[str, Any]) -> None:
-        self.structs, self.data = structs, bytearray()
+    def __init__(self, precision: str, structs: Mapping[str, str]) -> None:
+        self.precision, self.structs, self.data = precision, structs, bytearray()
         self.numbers: list[Number] = []
         self.shape: list[str] = []
 
@@ -94,9 +95,13 @@ class _Packer:
         self._padded(of.encode())
 
     def struct(self, of: bytes, path: str) -> None:
+        name = self.structs[path]
+        ours, theirs = control_layout(self.precision), control_layout(self.precision, POINTER)
+        if ours.size(name) != theirs.size(name):
+            of = theirs.pack(name, ours.decode(name, of))
         self._head(TEXT, len(of), path)
         here = len(self.data)
-        for leaf in self.structs[path]:
+        for leaf in _leaves(self.precision, name):
             self.numbers.append(Number(f"{path}.{leaf.path}", here + leaf.offset, leaf.format))
         self._padded(of)
 

@@ -13,14 +13,18 @@ from typing import Any
 from cogless.design.unlearned import revolutions_learned
 from cogless.files import package_folders
 from cogless.live import engine, toml
-from cogless.live.blobs import OFF, held, own_laws
+from cogless.live.blobs import OFF, held, left_out, precision
 from cogless.live.keys import Found, Key, Place, adjustable, packed
 from cogless.live.packed import Packed
 from cogless.report.markup import asset as report_asset
+from cogless.report.trials.errors import display_unit, judged
+from cogless.report.trials.phases import phases
+from cogless.report.trials.waveforms import panels_of
 from cogless.results.metrics import result_name
 from cogless.results.status import Status
-from cogless.study import Study, for_scenario
-from cogless.study.metric import SIGNALS, Metric
+from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
+from cogless.study.metric import EACH_TRIAL, SIGNALS, Metric
+from cogless.study.trial_controller import TrialLaw
 from cogless.units import NONE, factor
 from cogless.versions import versions
 
@@ -31,12 +35,12 @@ FORBID = (
 )
 
 
-def render(study: Study, command: str) -> str:
+def render(study: AnyStudy, command: str) -> str:
     """The page as one HTML text. `command`: the one that runs the study, without changes made in the page.
 
     StudyError: no WebAssembly engine, or no run that a page can hold.
     """
-    module = engine.module(study.drive.precision)
+    module = engine.module(precision(study))
     found = adjustable(study)
     blocks = {
         "data": json.dumps(data(study, found, command), separators=(",", ":"), allow_nan=False),
@@ -81,7 +85,7 @@ def _hashes(texts: Any) -> str:
     )
 
 
-def data(study: Study, found: Found, command: str) -> dict[str, Any]:
+def data(study: AnyStudy, found: Found, command: str) -> dict[str, Any]:
     """All that the page's scripts need, as plain values."""
     pairs = held(study)
     names = [name for name in study.controller if any(name == c for _, c in pairs)]
@@ -89,15 +93,15 @@ def data(study: Study, found: Found, command: str) -> dict[str, Any]:
     return {
         "command": command,
         "name": study.name,
-        "toml": toml.sections(study._source),
-        "off": OFF,
+        "toml": toml.sections(study.source),
+        "kind": "trials" if isinstance(study, TrialStudy) else "speed",
         "busy": int(Status.BUSY),
         "scenarios": [
             {
                 "name": scenario,
                 "controllers": [c for s, c in pairs if s == scenario],
-                "metrics": [_metric(metric) for metric in study.metrics_in(scenario)],
-                "rate": for_scenario(study, scenario).drive.rates.current_loop,
+                "metrics": [_metric(study, scenario, metric) for metric in study.metrics_in(scenario)],
+                **_about(study, scenario),
             }
             for scenario in dict.fromkeys(scenario for scenario, _ in pairs)
         ],
@@ -106,7 +110,7 @@ def data(study: Study, found: Found, command: str) -> dict[str, Any]:
                 "name": name,
                 "label": study.label(name),
                 "colour": 0 if name == study.baseline else 1 + others.index(name) % (COLOURS - 1),
-                "learns": study.controller[name].learns,
+                "learns": _learns(study, name),
                 "baseline": name == study.baseline,
                 "law": study.controller[name].law,
                 "turn": _turn(study, name),
@@ -118,19 +122,58 @@ def data(study: Study, found: Found, command: str) -> dict[str, Any]:
     }
 
 
-def _turn(study: Study, name: str) -> float:
+def _learns(study: AnyStudy, name: str) -> bool:
+    law = study.controller[name]
+    return getattr(law, "learning", True) if isinstance(law, TrialLaw) else law.learns
+
+
+def _turn(study: AnyStudy, name: str) -> float:
     """Mechanical revolutions that the learned map spans."""
-    return float(revolutions_learned(study, name) or 1)
+    return 1.0 if isinstance(study, TrialStudy) else float(revolutions_learned(study, name) or 1)
 
 
-def _metric(metric: Metric) -> dict[str, Any]:
+def _about(study: AnyStudy, scenario: str) -> dict[str, Any]:
+    """What a page knows about a scenario besides controllers and metrics."""
+    if isinstance(study, Study):
+        return {"rate": for_scenario(study, scenario).drive.rates.current_loop}
+    about = judged(study, scenario)
+    return {
+        "judged": {
+            "signal": about.signal,
+            "quantity": about.quantity,
+            "unit": about.unit,
+            "factor": about.scale,
+            "floor": about.floor,
+        },
+        "phases": [
+            {"name": phase.name, "trials": phase.chosen} for phase in phases(study.scenario[scenario])
+        ],
+        "panels": [
+            dict(
+                zip(
+                    ("title", "signal", "reference", "quantity", "unit", "factor"),
+                    (*panel, *unit),
+                    strict=True,
+                )
+            )
+            for panel in panels_of(study, scenario)
+            for unit in [display_unit(study, panel[1])]
+        ],
+    }
+
+
+def _metric(study: AnyStudy, scenario: str, metric: Metric) -> dict[str, Any]:
     dimension = metric.dimension
     unit = metric.unit or dimension.unit
     orders = metric.order or (None,)
     words = metric.name.replace("_", " ")
+    titles = [words if order is None else f"{words} {order:g}" for order in orders]
+    if isinstance(study, TrialStudy):  # a number for each trial is drawn, not listed
+        starts = () if metric.kind in EACH_TRIAL else study.scenario[scenario].starts
+        titles = [f"{words}, from trial {start}" for start in starts]
     return {
         "name": result_name(metric),
-        "titles": [words if order is None else f"{words} {order:g}" for order in orders],
+        "titles": titles,
         "unit": unit,
         "factor": factor(unit, dimension) if dimension is not NONE and unit else 1.0,
         "kind": metric.kind,
@@ -144,6 +187,7 @@ def _metric(metric: Metric) -> dict[str, Any]:
         "event": metric.event,
         "band": metric.band,
         "smooth": metric.smooth,
+        "floor": metric.floor,
         "better": metric.wanted,
     }
 
@@ -156,9 +200,17 @@ def _run(blob: Packed) -> dict[str, Any]:
     return {
         "bytes": base64.b64encode(blob.data).decode(),
         "about": about,
-        "off": found.get("controller.learning_start"),
+        "off": _off(found),
         "learned": shape and [found["page.learned.0"][0], *map(int, shape.split("x"))],
     }
+
+
+def _off(found: dict[str, list[Any]]) -> list[Any] | None:
+    """The number with which a law never learns: its place, and it."""
+    for path, value in (("controller.learning_start", OFF), ("controller.config.k_3", 0.0)):
+        if path in found:
+            return [*found[path], value]
+    return None
 
 
 def _key(key: Key) -> dict[str, Any]:
@@ -190,8 +242,8 @@ def _landing(key: Key, one: Any) -> list[Any]:
     return [one.number.offset, one.number.format, one.scale, one.rounded]
 
 
-def _left_out(study: Study, found: Found) -> str:
-    lines = own_laws(study)
+def _left_out(study: AnyStudy, found: Found) -> str:
+    lines = left_out(study)
     lines += [f"{key}: {why}." for key, why in found.left_out]
     if not lines:
         return ""

@@ -15,7 +15,8 @@ NAMED = ("scenario", "controller")  # tables of tables by name
 def sections(source: Source) -> list[dict[str, Any]]:
     """The study's sections in order.
 
-    `path`: of the section's heading; `lines`: each a dotted key below it, and its value.
+    `path`: of the section's heading; `lines`: each a dotted key below it, and its value in pieces: texts, and
+    for a value within an array its dotted key below the section and its text.
     """
     top: dict[str, Any] = {}
     below: list[tuple[tuple[str, ...], dict[str, Any]]] = []
@@ -32,7 +33,7 @@ def sections(source: Source) -> list[dict[str, Any]]:
         {
             "path": path,
             "heading": dotted(path),
-            "lines": [[dotted(key), text(v)] for key, v in _leaves(table)],
+            "lines": [[dotted(key), list(_pieces(v, key))] for key, v in _leaves(table)],
         }
         for path, table in [((), top), *below]
     ]
@@ -44,6 +45,30 @@ def _leaves(table: Mapping[str, Any], above: tuple[str, ...] = ()) -> Iterator[t
             yield from _leaves(value, (*above, key))
         else:
             yield (*above, key), value
+
+
+def _pieces(value: Any, path: tuple[str, ...]) -> Iterator[str | tuple[str, str]]:
+    """The text of `text` in pieces, each number or text of an array apart."""
+    if not isinstance(value, list | tuple):
+        yield text(value)
+        return
+    yield from _within(value, path)
+
+
+def _within(value: Any, path: tuple[str, ...]) -> Iterator[str | tuple[str, str]]:
+    if isinstance(value, dict):
+        for n, (key, inner) in enumerate(value.items()):
+            yield f"{', ' if n else '{ '}{dotted((key,))} = "
+            yield from _within(inner, (*path, key))
+        yield " }" if value else "{ }"
+    elif isinstance(value, list | tuple):
+        yield "["
+        for n, inner in enumerate(value):
+            yield ", " if n else ""
+            yield from _within(inner, (*path, str(n)))
+        yield "]"
+    else:
+        yield dotted(path), text(value)
 
 
 def dotted(path: tuple[str, ...]) -> str:

@@ -12,14 +12,14 @@ from cogless.run.drive_config import drive_config, mechanics_config, motor_confi
 from cogless.study.trial_controller import TrialLaw
 
 if TYPE_CHECKING:
-    from cogless.design.trial import TrialDesign
+    from cogless.design.trial import TrialParameters
     from cogless.study import TrialStudy
     from cogless.study.plant import LinearPlant
     from cogless.study.trial_scenario import TrialConditions
 
 
 def engine_config(
-    study: TrialStudy, scenario: str, controller: str, design: TrialDesign | None
+    study: TrialStudy, scenario: str, controller: str, design: TrialParameters | None
 ) -> dict[str, Any]:
     """The engine's description of one run, with the complete conditions of each phase.
 
@@ -57,7 +57,7 @@ def engine_config(
     }
 
 
-def _law(study: TrialStudy, scenario: str, name: str, design: TrialDesign) -> dict[str, Any]:
+def _law(study: TrialStudy, scenario: str, name: str, design: TrialParameters) -> dict[str, Any]:
     law, ahead, q = study.controller[name], design.feedforward, design.q_filter
     assert isinstance(law, TrialLaw)
     num, den, preview = (ahead.num, ahead.den, ahead.preview) if ahead else ((), (), 0)

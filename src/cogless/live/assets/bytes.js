@@ -24,7 +24,7 @@ const liveBytes = (page) => {
         }
       }
     }
-    if (off) write(view, ...run.off, page.off);
+    if (off) write(view, ...run.off);
     return { data, view, run };
   }
   return { keys, runs, described, read };

@@ -4,21 +4,27 @@
   const page = JSON.parse(document.getElementById("data").textContent);
   const $ = (id) => document.getElementById(id);
   const root = document.documentElement;
-  const style = (name) => getComputedStyle(root).getPropertyValue(name).trim();
+  const colours = new Map(); // by name, until the scheme changes
+  const style = (name) => {
+    if (!colours.has(name)) colours.set(name, getComputedStyle(root).getPropertyValue(name).trim());
+    return colours.get(name);
+  };
   const make = (tag, parent, text = "", className = "") => {
     const element = parent.appendChild(document.createElement(tag));
     element.textContent = text;
     if (className) element.className = className;
     return element;
   };
-  const number = (x) => (x == null || Number.isNaN(x) ? "–" : Math.abs(x) >= 1e5 || (x !== 0 && Math.abs(x) < 1e-4) ? x.toExponential(2) : String(Number(x.toPrecision(3))));
+  const number = (x) => (x == null || Number.isNaN(x) ? "–" : x === Infinity ? "never" : Math.abs(x) >= 1e5 || (x !== 0 && Math.abs(x) < 1e-4) ? x.toExponential(2) : String(Number(x.toPrecision(3))));
   const listed = (items) => (items.length < 2 ? items.join("") : `${items.slice(0, -1).join(", ")} and ${items.at(-1)}`);
   const byName = (list, name) => list.find((one) => one.name === name);
 
   // ------------------------------------------------------------------ state
 
   const { runs, keys, described, read } = liveBytes(page);
-  const state = { scenario: page.scenarios[0].name, shown: [], values: new Map() }; // values: by key, where not the study's
+  const state = { scenario: page.scenarios[0].name, shown: [], values: new Map(), trial: 0 }; // values: by key, where not the study's
+  const ofTrials = page.kind === "trials";
+  for (const part of document.querySelectorAll("[data-kind]")) part.hidden = part.dataset.kind !== page.kind;
   const scenario = () => byName(page.scenarios, state.scenario);
   const controllers = () => scenario().controllers.map((name) => byName(page.controllers, name));
   const shown = () => controllers().filter((c) => state.shown.includes(c.name));
@@ -61,6 +67,12 @@
   function job(name, off) {
     const place = `${state.scenario}/${name}`, { data, view, run } = described(`${place}/run`, state.values, off);
     const at = (what) => read(view, run.about[`page.${what}`]);
+    if (ofTrials) {
+      const starts = [], { metrics, judged, panels, phases } = scenario();
+      for (let n = 0; run.about[`page.starts.${n}`]; n++) starts.push(at(`starts.${n}`));
+      const last = at("trials"), chosen = [...phases.flatMap((phase) => phase.trials), last];
+      return { description: data, ticks: at("ticks"), decimation: at("decimation"), about: { pole_pairs: at("pole_pairs"), events: [], trials: last, starts }, metrics, judged, panels, chosen };
+    }
     const about = { events: [], ...Object.fromEntries(["pole_pairs", "R_s", "power_factor", "speed_period", "unit"].map((what) => [what, at(what)])) };
     for (let n = 0; run.about[`page.events.${n}`]; n++) about.events.push(at(`events.${n}`));
     let learned = null, learn = null;
@@ -76,13 +88,13 @@
   }
 
   const workers = [];
-  const done = new Map(); // by place: {job, result or error}, the newest
+  const done = new Map(); // by place: {job, result or error}, the newest; of trials that go on what there is, with part: true
   let asked = 0, running = 0;
   const same = (a, b) => a && b && a.length === b.length && a.every((x, i) => x === b[i]);
   const slot = (name, off) => `${state.scenario}/${name}${off ? "/off" : ""}`;
   const isThere = (name, off) => {
     const found = done.get(slot(name, off)), wanted = job(name, off);
-    return found && same(found.job.description, wanted.description) && same(found.job.learn?.description ?? [], wanted.learn?.description ?? []);
+    return found && !found.part && same(found.job.description, wanted.description) && same(found.job.learn?.description ?? [], wanted.learn?.description ?? []);
   };
   const bar = (c) => c.learns && runs.get(`${state.scenario}/${c.name}/run`).off;
 
@@ -93,18 +105,28 @@
   }
   function go() {
     for (const worker of workers) {
-      if (worker.busy) continue;
+      if (worker.busy) {
+        // trials take seconds: those that nobody wants any more make room
+        const [place, name, off] = worker.of, wanted = place === state.scenario && state.shown.includes(name);
+        if (ofTrials && !(wanted && same(job(name, off).description, worker.job.description))) worker.postMessage({ stop: worker.id });
+        continue;
+      }
       const next = missing().find(([name, off]) => !workers.some((w) => w.busy === slot(name, off)));
       if (!next) break;
-      const wanted = job(...next), at = slot(...next), id = ++asked;
-      worker.busy = at;
+      const wanted = job(...next), at = slot(...next), id = ++asked, [, off] = next;
+      Object.assign(worker, { busy: at, of: [state.scenario, ...next], job: wanted, id });
       running += 1;
       worker.onmessage = ({ data }) => {
+        if (data.part) {
+          done.set(at, { job: wanted, id, result: data.part, part: true });
+          draw(!off);
+          return;
+        }
         worker.busy = null;
         running -= 1;
-        done.set(at, { job: wanted, id, result: data.result, error: data.error });
+        if (data.result !== null) done.set(at, { job: wanted, id, result: data.result, error: data.error });
         go();
-        draw();
+        draw(!off); // a run with learning off is a number, no curve
       };
       worker.postMessage({ id, job: wanted });
     }
@@ -133,7 +155,7 @@
       details.dataset.group = group;
       const about = byName(page.controllers, group);
       const of = list[0].controller !== null && about;
-      details.open = first ? Boolean(of) || group === "Load and motion" : open.has(group) || (of && !open.size);
+      details.open = first ? Boolean(of) || ["Load and motion", "Trials"].includes(group) : open.has(group) || (of && !open.size);
       const summary = make("summary", details);
       const title = make("span", summary, of ? about.label : group, of ? "key" : "");
       if (of) title.style.setProperty("--colour", `var(--c${about.colour})`);
@@ -185,7 +207,7 @@
   function begin() {
     if (dragging) return;
     dragging = true;
-    ghost = new Map([...done].filter(([, found]) => found.result));
+    ghost = new Map([...done].filter(([, found]) => found.result && !found.part));
   }
   function refresh(source) {
     refreshKeys(source);
@@ -223,15 +245,18 @@
   const split = (key) => key.split('"').flatMap((piece, n) => (n % 2 ? [piece] : piece.split(".").filter(Boolean)));
   const dotted = (parts) => parts.map((p) => (/^[\w-]+$/.test(p) ? p : JSON.stringify(p))).join(".");
   function toml() {
-    const all = changes(), texts = page.toml.map((s) => ({ ...s, lines: s.lines.map(([k, v]) => [k, v]) }));
+    const all = changes(), texts = page.toml.map((s) => ({ ...s, lines: s.lines.map(([k, v]) => [k, v.map((p) => (Array.isArray(p) ? [...p] : p))]) }));
     for (const { key, x } of all) {
       const parts = split(key.key), section = texts.filter((s) => s.path.every((p, i) => p === parts[i])).at(-1);
       const name = dotted(parts.slice(section.path.length)), text = key.unit ? JSON.stringify(spelled(key, x)) : String(x);
-      const line = section.lines.find(([k]) => k === name);
-      if (line) line[1] = text; else section.lines.push([name, text]);
+      const line = section.lines.find(([k]) => k === name), pieces = section.lines.flatMap(([, v]) => v);
+      const piece = pieces.find((p) => p[0] === name && Array.isArray(p));
+      if (piece) piece[1] = text;
+      else if (line) line[1] = [text];
+      else section.lines.push([name, [text]]);
     }
     const about = ["# Changed in the live page:", ...all.map(({ key, x }) => `#   ${key.key} = ${spelled(key, x)} (was ${spelled(key, key.start)})`), `# ${$("command").textContent}`, ""];
-    return about.concat(texts.map(({ heading, lines }) => [...(heading ? [`[${heading}]`] : []), ...lines.map(([k, v]) => `${k} = ${v}`), ""].join("\n"))).join("\n");
+    return about.concat(texts.map(({ heading, lines }) => [...(heading ? [`[${heading}]`] : []), ...lines.map(([k, v]) => `${k} = ${v.map((p) => (Array.isArray(p) ? p[1] : p)).join("")}`), ""].join("\n"))).join("\n");
   }
 
   // ------------------------------------------------------------------ what it does
@@ -262,6 +287,10 @@
         head.append(`: ${run.error}.`);
         continue;
       }
+      if (ofTrials) {
+        tellTrials(c, run, item, head, off);
+        continue;
+      }
       const metric = scenario().metrics[which];
       if (!metric) continue;
       const x = run.result.values[which] / metric.factor, words = metric.titles[0], unit = metric.unit.replace("rpm", "r/min");
@@ -280,6 +309,31 @@
       const before = found(c.name, false, ghost);
       if (before && before !== run.result) make("p", item, `Before the change: ${number(before.values[which] / metric.factor)} ${unit}.`, "details");
     }
+  }
+
+  // The RMS over the last half of the last phase, beside that of the same law with learning off.
+  function tellTrials(c, run, item, head, off) {
+    const { judged } = scenario();
+    if (run.part) {
+      head.append(`: ${run.result.errors.length} of ${run.result.of} trials.`);
+      return;
+    }
+    const settled = (result) => result.settled.at(-1) / judged.factor;
+    const told = (x) => `${number(x)} ${judged.unit}`.trim(), x = settled(run.result);
+    head.append(`: ${told(x)} of ${judged.quantity} (RMS) at the end`);
+    if (off && !done.get(slot(c.name, true)).part) {
+      const base = settled(off), ratio = base / x;
+      item.className = ratio > 1.05 ? "better" : ratio < 0.95 ? "worse" : "";
+      const how = ratio > 1.05 ? `${number(ratio)} times less than` : ratio < 0.95 ? `${number(1 / ratio)} times as much as` : "as much as";
+      head.append(`, ${how} with learning off (${told(base)}).`);
+    } else head.append(c.learns ? "." : ", with nothing that learns.");
+    if (judged.floor) {
+      const floor = `the floor of ${told(judged.floor)}`, counts = run.result.counts.map(number);
+      const all = counts.length > 1 ? `${listed(counts)} trials, one number for each change` : `${counts[0]} trials`;
+      make("p", item, counts.every((n) => n === "never") ? `It never reaches ${floor}.` : `To ${floor}: ${all}.`, "details");
+    }
+    const before = found(c.name, false, ghost);
+    if (before && before !== run.result) make("p", item, `Before the change: ${told(settled(before))}.`, "details");
   }
 
   function drawNumbers() {
@@ -315,63 +369,92 @@
     label, side, labelSize: 20, labelFont: FONT, font: FONT, size: side === 3 ? 58 : 34, labelGap: 0,
     stroke: style("--soft"), grid: { stroke: style("--grid"), width: 1 }, ticks: { stroke: style("--grid"), width: 1, size: 4 },
   });
-  // A chart; `series`: [{label, colour, dash, faint, values}] over xs. It is made anew only if the number of series changes.
-  function chart(box, name, { title, x, y, xs, series, height = 190 }) {
+  // A chart; `series`: [{label, colour, dash, faint, values}] over xs. It is painted while it is in sight, or nearly, and made
+  // anew only if the number of series changes.
+  function chart(box, name, about) {
+    let panel = plots.get(name);
+    if (!panel?.card.isConnected) {
+      const card = make("div", box, "", "panel"), head = make("header", card), heading = make("strong", head);
+      panel = { name, card, heading, readout: make("span", head, "", "readout"), space: make("div", card, "", "plot") };
+      panel.space.setAttribute("role", "img");
+      panel.space.style.minHeight = `${about.height ?? HEIGHT}px`;
+      const { top, bottom } = card.getBoundingClientRect();
+      panel.near = top < innerHeight + NEAR && bottom > -NEAR;
+      plots.set(name, panel);
+      inSight.observe(card);
+    }
+    panel.about = about;
+    panel.heading.textContent = about.title;
+    panel.space.setAttribute("aria-label", `${about.title}; ${about.y} over ${about.x}`);
+    if (panel.near) paint(panel);
+  }
+  const HEIGHT = 190, NEAR = 200; // pixels
+  const inSight = new IntersectionObserver((seen) => {
+    for (const { target, isIntersecting } of seen) {
+      const panel = [...plots.values()].find(({ card }) => card === target);
+      if (!panel) continue;
+      panel.near = isIntersecting;
+      if (isIntersecting) paint(panel);
+    }
+  }, { rootMargin: `${NEAR}px` });
+  addEventListener("beforeprint", () => { for (const panel of plots.values()) paint(panel); });
+
+  function paint(panel) {
+    if (panel.painted === panel.about) return;
+    const { about, readout, space } = panel, { title, x, y, xs, series, height = HEIGHT, log = false } = about;
     const data = [xs, ...series.map((s) => s.values)], look = JSON.stringify([title, y, series.map((s) => [s.label, s.colour, s.dash])]);
-    const before = plots.get(name);
-    if (before?.look === look && before.card.isConnected) {
-      before.plot.setData(data);
+    panel.painted = about;
+    if (panel.look === look) {
+      panel.plot.setData(data);
       return;
     }
-    before?.plot.destroy();
-    const card = before?.card ?? make("div", box, "", "panel");
-    card.textContent = "";
-    const head = make("header", card);
-    make("strong", head, title);
-    const readout = make("span", head, "", "readout"), space = make("div", card, "", "plot");
-    space.setAttribute("role", "img");
-    space.setAttribute("aria-label", `${title}; ${y} over ${x}`);
-    const plot = new uPlot({
-      width: Math.max(240, space.clientWidth || 600), height, legend: { show: false }, scales: { x: { time: false, range: (u, low, high) => [low, high] } },
-      cursor: { drag: { x: true, y: false }, points: { show: false }, sync: { key: name.split(":")[0] } },
+    panel.plot?.destroy();
+    panel.look = look;
+    panel.plot = new uPlot({
+      width: Math.max(240, space.clientWidth || 600), height, legend: { show: false }, scales: { x: { time: false, range: (u, low, high) => [low, high] }, y: { distr: log ? 3 : 1 } },
+      cursor: { drag: { x: true, y: false }, points: { show: false }, sync: { key: panel.name.split(":")[0] } },
       axes: [axis(x, 2), axis(y, 3)],
       series: [{}, ...series.map((s) => ({ stroke: s.colour, width: s.dash ? 1 : 1.5, dash: s.dash ? [5, 4] : undefined, alpha: s.dash ? 0.7 : 1, points: { show: false }, spanGaps: true }))],
       hooks: { setCursor: [(u) => {
         readout.textContent = "";
-        const i = u.cursor.idx;
+        const i = u.cursor.idx, now = panel.about.series;
         if (i == null) return;
         make("span", readout, `${number(u.data[0][i])}`);
-        series.forEach((s, k) => {
+        now.forEach((s, k) => {
           if (!s.label || u.data[k + 1][i] == null) return;
           make("span", readout, `${s.label} ${number(u.data[k + 1][i])}`, "key").style.setProperty("--colour", s.colour);
         });
       }] },
     }, data, space);
-    plots.set(name, { plot, look, card, space });
   }
   function drop(name) {
-    plots.get(name)?.plot.destroy();
-    plots.get(name)?.card.remove();
+    const panel = plots.get(name);
+    if (!panel) return;
+    inSight.unobserve(panel.card);
+    panel.plot?.destroy();
+    panel.card.remove();
     plots.delete(name);
   }
 
-  // Curves of several runs on one axis: each run has its own times.
+  // Curves of several runs on one axis. Mostly the times of one are the last of another's; if not, all are sorted together.
   function joined(curves) {
-    const tables = curves.map((c) => [c.at, c.values]);
-    return tables.length ? uPlot.join(tables) : [[]];
+    const longest = curves.reduce((a, c) => (c.at.length > a.length ? c.at : a), []), count = longest.length;
+    const ends = ({ at }) => !at.length || (at[0] === longest[count - at.length] && at.at(-1) === longest.at(-1));
+    if (!curves.every(ends)) return uPlot.join(curves.map((c) => [c.at, c.values]));
+    return [longest, ...curves.map(({ values }) => (values.length === count ? values : [...Array(count - values.length).fill(null), ...values]))];
   }
+  // Of each controller the run before the last change and the newest one; either may be empty.
   function curves(pick) {
-    const all = [];
-    for (const c of shown()) {
+    const none = { at: [], values: [] };
+    return shown().flatMap((c) => {
       const colour = style(`--c${c.colour}`), now = found(c.name), before = found(c.name, false, ghost);
-      if (before && before !== now) all.push({ label: "", colour, dash: true, ...pick(before, c) });
-      if (now) all.push({ label: c.label, colour, dash: false, ...pick(now, c) });
-    }
-    return all.filter((c) => c.values?.length);
+      const of = (run) => (run ? { ...none, ...pick(run, c) } : none);
+      return [{ label: "", colour, dash: true, ...of(before === now ? null : before) }, { label: c.label, colour, dash: false, ...of(now) }];
+    });
   }
   function lines(box, name, about, pick, more = []) {
-    const all = [...more, ...curves(pick)].filter((c) => c.values?.length);
-    if (!all.length) {
+    const all = [...more.filter((c) => c.values?.length), ...curves(pick)].map((c) => (c.values?.length ? c : { ...c, at: [], values: [] }));
+    if (!all.some((c) => c.values.length)) {
       drop(name);
       return;
     }
@@ -379,7 +462,40 @@
     chart(box, name, { ...about, xs, series: all.map((c, i) => ({ ...c, values: ys[i] })) });
   }
 
+  function drawTrials() {
+    const { judged, phases, panels } = scenario(), unit = (u) => (u ? ` (${u})` : "");
+    const all = shown().map((c) => found(c.name)).filter(Boolean);
+    if (!all.length) return;
+    const count = Math.max(...all.map((run) => run.errors.length));
+    const floor = judged.floor ? [{ label: "floor", colour: style("--ink"), dash: true, at: [1, Math.max(2, count)], values: [judged.floor, judged.floor] }] : [];
+    const numbers = (x) => Array.from(x, (_, n) => n + 1);
+    lines($("trials"), "trials:error", { title: `RMS of the ${judged.quantity} in each trial`, x: "trial", y: `RMS${unit(judged.unit)}`, log: true, height: 260 },
+      (run) => ({ at: numbers(run.errors), values: run.errors.map((x) => (x > 0 && Number.isFinite(x) ? x / judged.factor : null)) }), floor);
+    scenario().metrics.forEach((m, n) => {
+      if (m.titles.length || (m.kind === "rms" && m.signal === judged.signal)) return;
+      lines($("trials"), `trials:${m.name}`, { title: m.name, x: "trial", y: m.unit || m.kind }, (run) => ({ at: numbers(run.values[n]), values: run.values[n].map((x) => x / m.factor) }));
+    });
+    const choices = [...new Set([...phases.flatMap((p) => p.trials), ...all.map((run) => run.of)])].filter((n) => all.some((run) => n <= run.of));
+    if (!choices.includes(state.trial)) state.trial = choices.at(-1);
+    if (choices.join() !== $("trial").dataset.choices) {
+      $("trial").dataset.choices = choices.join();
+      $("trial").textContent = "";
+      choose(choices.map((n) => ({ name: n, label: String(n) })), $("trial"), (n) => { state.trial = n; draw(); });
+    }
+    for (const button of $("trial").children) button.setAttribute("aria-pressed", String(Number(button.dataset.name) === state.trial));
+    panels.forEach((panel, n) => {
+      const of = (run) => run.curves[state.trial]?.[n], scaled = (curve) => ({ at: curve?.at, values: curve?.values?.map((x) => x / panel.factor) });
+      const reference = all.map(of).find((curve) => curve?.reference)?.reference;
+      const more = reference ? [{ label: "reference", colour: style("--ink"), dash: true, ...scaled(reference) }] : [];
+      lines($("within"), `within:${panel.signal}`, { title: panel.title.split(",")[0], x: "time in the trial (s)", y: `${panel.quantity}${unit(panel.unit)}` }, (run) => scaled(of(run)), more);
+    });
+  }
+
   function drawPlots() {
+    if (ofTrials) {
+      drawTrials();
+      return;
+    }
     const first = shown().map((c) => found(c.name)).find(Boolean);
     if (!first) return;
     const degrees = (run) => run.turn.time.map((t) => t - run.turn.time.at(-1));
@@ -414,14 +530,16 @@
     return channels ? { at: kept.map((p) => p[0]), values: kept.map((p) => p[1]) } : {};
   }
 
-  let drawn = 0;
-  function draw() {
+  let drawn = 0, withPlots = false;
+  function draw(plots = true) {
+    withPlots ||= plots;
     if (drawn) return;
     drawn = requestAnimationFrame(() => {
       drawn = 0;
       drawVerdict();
       drawNumbers();
-      drawPlots();
+      if (withPlots) drawPlots();
+      withPlots = false;
     });
   }
 
@@ -473,9 +591,9 @@
   let resized = 0;
   addEventListener("resize", () => {
     clearTimeout(resized);
-    resized = setTimeout(() => { for (const { plot, space } of plots.values()) plot.setSize({ width: Math.max(240, space.clientWidth), height: plot.height }); }, 100);
+    resized = setTimeout(() => { for (const { plot, space } of plots.values()) plot?.setSize({ width: Math.max(240, space.clientWidth), height: plot.height }); }, 100);
   });
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { for (const name of [...plots.keys()]) drop(name); draw(); });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colours.clear(); for (const name of [...plots.keys()]) drop(name); draw(); });
 
   async function start() {
     fromAddress();
@@ -498,5 +616,5 @@
   }
   start();
   // for scripts, and the page's own tests
-  window.cogless = { page, state, toml, set: (name, x) => { begin(); set(keys.get(name), x); dragging = false; refresh(); }, job, isIdle: () => !running && !missing().length && !drawn, result: (name, off) => done.get(slot(name, off)) };
+  window.cogless = { page, state, toml, set: (name, x) => { begin(); set(keys.get(name), x); dragging = false; refresh(); }, job, isIdle: () => !running && !missing().length && !drawn, isShown: () => shown().every((c) => isThere(c.name, false)) && !drawn, result: (name, off) => done.get(slot(name, off)) };
 })();

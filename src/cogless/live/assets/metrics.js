@@ -11,6 +11,7 @@ const liveMetrics = (() => {
     theta_error: ["theta_ref", "theta_m", (a, b) => a - b],
     theta_error_measured: ["theta_ref", "theta_measured", (a, b) => a - b],
     theta_sensor_error: ["theta_measured", "theta_m", (a, b) => a - b],
+    y_error: ["y_ref", "y", (a, b) => a - b],
   };
   const ERRORS = ["omega_error", "omega_error_measured"];
   const REFERENCES = { omega_m: "omega_ref", omega_measured: "omega_ref", i_d: "i_d_ref", i_q: "i_q_ref" };
@@ -260,5 +261,24 @@ const liveMetrics = (() => {
     const at = input(m, trace, about);
     return at.first === at.last ? NaN : KINDS[m.kind](at);
   }
-  return { Trace, evaluate, whole, kinds: Object.keys(KINDS), TAU, mean, largest, smallest };
+  // Root of the mean square of x.
+  const rms = (x) => KINDS.rms({ x });
+  // Metrics of a study of trials with one number for each phase, from the RMS of each trial; `starts`: the phases' first ones.
+  const OF_PHASES = {
+    "first-rms": (m, own) => own[0],
+    "final-rms": (m, own) => rms(own.subarray(own.length - Math.max(1, even(own.length / 2)))),
+    "trials-to-floor": (m, own) => {
+      const n = own.findIndex((x) => x <= m.floor);
+      return n < 0 ? Infinity : n + 1;
+    },
+  };
+  const even = (x) => (x % 1 === 0.5 ? 2 * Math.round(x / 2) : Math.round(x)); // rounded as Python rounds
+  function ofPhases(m, rmsOfTrials, starts) {
+    const all = Float64Array.from(rmsOfTrials);
+    return starts.map((start, n) => {
+      const own = all.subarray(start - 1, starts[n + 1] - 1 || all.length);
+      return own.length ? OF_PHASES[m.kind](m, own) : undefined;
+    });
+  }
+  return { Trace, evaluate, ofPhases, rms, whole, kinds: Object.keys(KINDS), TAU, mean, largest, smallest };
 })();

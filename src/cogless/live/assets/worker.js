@@ -1,11 +1,12 @@
 "use strict";
 // Carries out one run after the other, and hands back what the page shows: numbers, and curves thinned to its width.
 (() => {
-  const { Trace, evaluate, whole, TAU, largest, smallest } = liveMetrics;
+  const { Trace, evaluate, ofPhases, rms, whole, TAU, largest, smallest } = liveMetrics;
   const POINTS = 600; // of a curve over the whole run: a lowest and a highest value each
   const CELLS = 1024; // of a revolution in the spectrum
   const ORDERS = 160; // of a revolution at most
   const PIECE = 2.0; // s, over which errors are compared
+  const SOON = 120; // ms between two pictures of trials that still go on
   const tables = new Map(); // what a commissioning run has learned, by its description
   let compiled = null, module = null;
 
@@ -26,19 +27,21 @@
     return tables.get(name);
   }
 
-  // The lowest and the highest value of each bucket, the earlier one first.
+  // The lowest and the highest value of each bucket in their order, at its start and middle: runs of one length have the same times.
   function thin(time, x) {
     const size = Math.max(1, Math.ceil(x.length / POINTS)), at = [], values = [];
     for (let from = 0; from < x.length; from += size) {
+      const end = Math.min(from + size, x.length);
       let low = from, high = from;
-      for (let i = from; i < Math.min(from + size, x.length); i++) {
+      for (let i = from + 1; i < end; i++) {
         if (x[i] < x[low]) low = i;
         if (x[i] > x[high]) high = i;
       }
-      for (const i of size === 1 ? [from] : low < high ? [low, high] : [high, low]) {
-        at.push(time[i]);
-        values.push(x[i]);
-      }
+      at.push(time[from]);
+      values.push(x[Math.min(low, high)]);
+      if (end - from === 1) continue;
+      at.push(time[(from + end) >> 1]);
+      values.push(x[Math.max(low, high)]);
     }
     return { at, values };
   }
@@ -109,14 +112,59 @@
     };
   }
 
+  // Trials, some at a time: of each only its metrics are kept, of the chosen ones the curves, too. null: it was stopped.
+  async function trials(id, { description, ticks, decimation, about, metrics, judged, panels, chosen }) {
+    const begun = performance.now(), engine = new Engine(module), rows = Math.ceil(ticks / decimation);
+    const signals = [...new Set([judged.signal, ...metrics.map((m) => m.signal)])];
+    const each = Object.fromEntries(signals.map((name) => [name, []])), listed = metrics.map(() => []), curves = {};
+    engine.open(description, decimation, rows);
+    const result = () => ({
+      values: metrics.map((m, n) => (m.titles.length ? ofPhases(m, each[m.signal], about.starts) : listed[n])),
+      errors: each[judged.signal], curves,
+      settled: ofPhases({ kind: "final-rms" }, each[judged.signal], about.starts),
+      counts: judged.floor && ofPhases({ kind: "trials-to-floor", floor: judged.floor * judged.factor }, each[judged.signal], about.starts),
+      of: about.trials, ms: { all: performance.now() - begun },
+    });
+    let told = begun, worked = begun;
+    for (let trial = 1; trial <= about.trials; trial++) {
+      engine.advance(ticks);
+      const trace = new Trace(engine.take());
+      for (const name of signals) each[name].push(rms(trace.get(name)));
+      metrics.forEach((m, n) => { if (!m.titles.length) listed[n].push(evaluate(m, trace, about)); });
+      if (chosen.includes(trial)) {
+        const time = trace.time.map((t) => t - trace.time[0]), thinned = (name) => name && trace.has(name) && thin(time, trace.get(name));
+        curves[trial] = panels.map(({ signal, reference }) => ({ ...thinned(signal), reference: thinned(reference) }));
+      }
+      const now = performance.now();
+      if (now - worked < SOON / 4) continue;
+      await new Promise((go) => { // so that a message comes through
+        const { port1, port2 } = new MessageChannel();
+        port1.onmessage = () => { port1.close(); go(); };
+        port2.postMessage(0);
+      });
+      if (stopped === id) return null;
+      worked = now;
+      if (now - told < SOON || trial === about.trials) continue;
+      told = now;
+      self.postMessage({ id, part: result() });
+    }
+    return result();
+  }
+
+  let stopped = null;
   self.onmessage = async ({ data }) => {
     if (data.module) {
       compiled = WebAssembly.compile(data.module);
       return;
     }
+    if (data.stop) {
+      stopped = data.stop;
+      return;
+    }
     try {
       module = await compiled;
-      self.postMessage({ id: data.id, result: carriedOut(data.job) });
+      const { id, job } = data;
+      self.postMessage({ id, result: job.about.trials ? await trials(id, job) : carriedOut(job) });
     } catch (error) {
       self.postMessage({ id: data.id, error: error.message });
     }

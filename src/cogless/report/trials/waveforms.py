@@ -54,7 +54,7 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
         return [pack(thin(x[trial - 1] / scale, points)[0]) for trial in trials]
 
     panels = []
-    for title, signal, reference, quantity in _panels(study, scenario):
+    for title, signal, reference, quantity in panels_of(study, scenario):
         unit, scale = display_unit(study, signal)
         series = []
         for run in runs:
@@ -79,7 +79,7 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
     }
 
 
-def _panels(study: TrialStudy, scenario: str) -> list[tuple[str, str, str | None, str]]:
+def panels_of(study: TrialStudy, scenario: str) -> list[tuple[str, str, str | None, str]]:
     """The panels of a study; the error panel shows the signal judged by, if that is an error."""
     if study.plant is not None:
         return list(LINEAR)

@@ -1,0 +1,201 @@
+"""The live page of a study of trials: each trial's rows, each key, and the picture over the trials."""
+
+import base64
+import time
+
+import pytest
+import trial_studies
+from browser import MISSING, browser
+from node import NO_ENGINE, NO_NODE, module_file, run_node
+from test_live_engine import RUN, native
+from test_live_keys import same_bytes
+from test_live_page import same, sets_of, text, type_into
+
+from cogless.design.from_study import design_study
+from cogless.errors import StudyError
+from cogless.live import left_out, write
+from cogless.live.blobs import blobs, held, precision
+from cogless.live.keys import adjustable
+from cogless.run.plan import plan
+from cogless.run.simulate import simulate
+from cogless.study import load
+from cogless.study.reading import changed
+
+NORM_OPTIMAL = '[controller.matrix]\nlaw = "norm-optimal"\n'
+NEVER = 1e300  # infinity, which JSON hasn't
+STUDIES = {"drive": trial_studies.DRIVE, "linear": trial_studies.LINEAR}
+
+needs_engine = pytest.mark.skipif(bool(NO_NODE or NO_ENGINE), reason=NO_NODE or NO_ENGINE)
+needs_browser = pytest.mark.skipif(bool(MISSING or NO_ENGINE), reason=MISSING or NO_ENGINE)
+
+
+@pytest.fixture(scope="module", params=STUDIES)
+def study(request, tmp_path_factory):
+    return trial_studies.loaded(tmp_path_factory.mktemp(request.param), text=STUDIES[request.param])
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    return trial_studies.loaded(tmp_path_factory.mktemp("drive"))
+
+
+def same_rows(folder, study, trials):
+    """Each signal over so many trials, in the page's engine and in the native one; what is learned, too."""
+    designs = design_study(study, held(study))
+    plans = [plan(study, *pair, design=designs[pair]) for pair in held(study)]
+    ticks = [trials * study.samples(p.scenario) * p.divider for p in plans]
+    jobs = [
+        {
+            "description": base64.b64encode(blobs(study, p.scenario, p.controller)["run"].data).decode(),
+            "decimation": p.decimation,
+            "ticks": count,
+        }
+        for p, count in zip(plans, ticks, strict=True)
+    ]
+    given = {"module": module_file(folder, precision(study)), "jobs": jobs}
+    for each, count, made in zip(plans, ticks, run_node(folder, ("engine.js",), RUN, given), strict=True):
+        assert "error" not in made, made
+        assert (made["hash"], made["stored"]) == native(each, count), each.names[1:]
+        assert made["names"] == [signal for signal, _ in each.drive.signals]
+
+
+@needs_engine
+def test_each_row_of_all_trials_has_the_native_bits(tmp_path, study):
+    (scenario,) = study.scenario.values()
+    same_rows(tmp_path, study, scenario.trials)
+
+
+@needs_engine
+@pytest.mark.parametrize(("name", "trials"), [("mandra2019", 3)])
+def test_the_shipped_study_has_the_native_bits(tmp_path, name, trials):
+    same_rows(tmp_path, load(name), trials)
+
+
+@pytest.mark.skipif(bool(NO_NODE), reason=NO_NODE)
+def test_changed_values_give_the_bytes_of_set(tmp_path, study):
+    same_bytes(tmp_path, study, adjustable(study), seed=3, count=4)
+
+
+def test_the_gain_the_filter_the_loads_and_the_plant_can_be_changed(drive):
+    names = {key.candidate.key: key for key in adjustable(drive).keys}
+    assert names["controller.ilc.K_3"].stops == ()
+    assert len(names["controller.ilc.q_filter.cutoff"].stops) > 15
+    assert names["scenario.move.trials"].candidate.low == 9  # the last change
+    assert "scenario.move.changes.0.load_steps.0.1" in names
+    assert 'scenario.move.changes.1.override."mechanics.inertia"' in names
+    assert 'scenario.move.override."mechanics.inertia"' in names
+    assert "drive.position_sensor.bits" in names
+    assert not any("R_s" in name or "feedback" in name for name in names)  # they make no difference
+
+
+def test_a_law_with_a_matrix_is_left_out_and_named(tmp_path):
+    study = trial_studies.loaded(tmp_path, text=trial_studies.DRIVE + NORM_OPTIMAL)
+    assert [controller for _, controller in held(study)] == ["ilc", "feedback"]
+    assert left_out(study) == [
+        "matrix: its learning matrix, of a number for each two samples, is too large for a page."
+    ]
+
+
+def test_a_study_that_has_nothing_else_is_refused(tmp_path):
+    begin, _, rest = trial_studies.DRIVE.partition("[controller.ilc]")
+    only = begin + NORM_OPTIMAL + rest[rest.index("[[metric]]") :]
+    study = trial_studies.loaded(tmp_path, text=only)
+    with pytest.raises(
+        StudyError, match="live: expected a controller that a page can hold: matrix: its learning"
+    ):
+        write(study, tmp_path / "page.html", "cogless run x")
+
+
+@pytest.fixture(scope="module")
+def window(tmp_path_factory):
+    with browser(tmp_path_factory.mktemp("browser")) as shown:
+        yield shown
+
+
+@pytest.fixture(scope="module")
+def path(study, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "live.html"
+    write(study, path, "cogless run study.toml")
+    return path
+
+
+@pytest.fixture
+def page(window, path):
+    window.devtools("Page.navigate", url="about:blank")
+    window.open(path, 1300)
+    settle(window)
+    yield window
+    assert [entry["message"] for entry in window._post("/se/log", {"type": "browser"})] == []
+
+
+def settle(shown):
+    end = time.monotonic() + 60
+    while not shown.run("return Boolean(window.cogless && window.cogless.isIdle())"):
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def numbers(shown, controller, off=False):
+    of = f"cogless.result('{controller}', {str(off).lower()}).result.values"
+    return shown.run(f"return {of}.map((of) => of.map((x) => Math.min(x, {NEVER})))")
+
+
+def flat(values):
+    return [min(x, NEVER) for value in values for x in value]
+
+
+@needs_browser
+def test_the_page_has_the_numbers_of_set(page, study):
+    (scenario,) = study.scenario
+    wanted = list(simulate(study, scenario, "ilc").metrics.values())
+    same(flat(numbers(page, "ilc")), flat(wanted))
+    assert "with learning off" in text(page, "#verdicts")
+    unlearned = simulate(changed(study, {"controller.ilc.learning": False}), scenario, "ilc")
+    same(flat(numbers(page, "ilc", True)), flat(unlearned.metrics.values()))
+    type_into(page, "controller.ilc.K_3", 0.3)
+    settle(page)
+    assert sets_of(page) == {"controller.ilc.K_3": 0.3}
+    other = changed(study, sets_of(page))
+    same(flat(numbers(page, "ilc")), flat(simulate(other, scenario, "ilc").metrics.values()))
+    assert numbers(page, "ilc") != wanted
+    assert "Before the change" in text(page, "#verdicts")
+    titles = page.run("return [...document.querySelectorAll('.panel strong')].map((s) => s.textContent)")
+    assert titles[0] == "RMS of the error in each trial"
+    assert {"Learned signal", "Position error" if study.plant is None else "Error"} <= set(titles)
+    assert "Orders" not in text(page, "#shown")
+    assert page.run("return document.documentElement.scrollWidth") <= 1300
+
+
+@needs_browser
+def test_a_trial_is_chosen_and_its_curves_shown(page, study):
+    (scenario,) = study.scenario.values()
+    labels = page.run("return [...document.querySelectorAll('#trial button')].map((b) => b.textContent)")
+    assert labels[:2] == ["1", "2"] and labels[-1] == str(scenario.trials)
+    drawing = "return [...document.querySelectorAll('#within canvas')].map((c) => c.toDataURL()).join()"
+    before = page.run(drawing)
+    page.run("document.querySelector('#trial button').click()")
+    time.sleep(0.2)
+    assert page.run("return cogless.state.trial") == 1
+    assert page.run(drawing) != before
+
+
+@needs_browser
+def test_the_changed_study_as_a_file_gives_the_same_run(page, study, tmp_path):
+    """A value within an array of the study is replaced where it stands."""
+    (scenario,) = study.scenario
+    steps = f"scenario.{scenario}.{'changes.0.' if study.plant is None else ''}load_steps.0.1"
+    type_into(page, steps, 0.2)
+    settle(page)
+    (tmp_path / "changed.toml").write_text(page.run("return cogless.toml()"), encoding="utf-8")
+    again = load(tmp_path / "changed.toml")
+    same(flat(numbers(page, "ilc")), flat(simulate(again, scenario, "ilc").metrics.values()))
+
+
+@needs_browser
+def test_runs_that_nobody_wants_any_more_are_stopped(page, study):
+    (scenario,) = study.scenario
+    for n in range(8):
+        page.run(f"cogless.set('controller.ilc.K_3', {0.1 + 0.05 * n})")
+    settle(page)
+    other = changed(study, sets_of(page))
+    same(flat(numbers(page, "ilc")), flat(simulate(other, scenario, "ilc").metrics.values()))
