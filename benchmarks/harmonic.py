@@ -69,6 +69,7 @@ def case(seed: int, number: int) -> tuple[str, str, Changes, dict[str, Any]]:
         untold["drive.inverter.kind"] = "switched"
     fault, table = d.one(*FAULTS)
     changes: Changes = {
+        "drive.guard": True,
         "controller.law": {**LAW, "learning_start": q(BEGIN, "s")},
         f"scenario.{scenario}.reference": q(speed, "rpm"),
         f"scenario.{scenario}.initial_speed": q(speed, "rpm"),
