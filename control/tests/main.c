@@ -9,6 +9,7 @@
 #include "cogless/anti_cogging.h"
 #include "cogless/quality.h"
 #include "control.h"
+#include "guarded.h"
 #include "memories.h"
 #include "parts.h"
 #include "random_inputs.h"
@@ -89,6 +90,7 @@ int main(int count, char **arguments)
     const long configs = count > 1 ? strtol(arguments[1], NULL, 10) : 500L;
     golden_vectors();
     memories();
+    guarded();
     random_inputs(configs);
     try_parts(configs);
     random_flash(10L * configs);

@@ -13,7 +13,7 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-# The engine's sources that a page needs; drive.cpp, plant_steps.cpp and what they include are all of the plant.
+# What of the engine a page needs; drive.cpp, plant_steps.cpp and what they include are all of the plant.
 ENGINE = ("web.cpp", "config.cpp", "trial_config.cpp", "linear_trials.cpp", "drive.cpp", "plant_steps.cpp")
 # The native module is compiled without contraction, too, so both round numbers in the same way. The three
 # features, in all browsers since 2021, save a fifth of the time: a double becomes an integer without checks.
