@@ -22,8 +22,6 @@ from cogless.results.trace import Trace
 TAPS = 5  # rows in which i_q follows the angle
 LATEST = 5  # rows of a log by which i_q is late, at most
 FEWEST = 300  # rows
-# Of what the filter explains: so much an untold dead time leaves, and delays that differ by less look alike.
-ALIKE = 0.003
 MISFIT = 0.1  # of what the filter explains: from here on the law is not the described one
 
 
@@ -32,31 +30,26 @@ def lateness(logs: Sequence[Log], traces: Mapping[str, Trace], bandwidth: float)
 
     `bandwidth`: of the current loop, rad/s.
     """
-    found: list[tuple[float, float, float, float]] = []
+    found: list[tuple[float, float]] = []
     unlike: list[tuple[float, str]] = []
     for log in logs:
         if "i_q" not in log or log.name not in traces or len(log) < FEWEST:
             continue
-        delay, variance, misfit, alike = _of(log, traces[log.name])
+        delay, variance, misfit = _of(log, traces[log.name])
         if misfit > MISFIT:
             unlike.append((misfit, log.name))
         elif np.isfinite(variance):
-            found.append((delay, variance, *alike))
+            found.append((delay, variance))
     if not found:
         return None, "".join(_said(*most) for most in sorted(unlike)[:1])
-    delays, variances, first, last = np.array(found).T
+    delays, variances = np.array(found).T
     between_logs = _between(delays, variances)
     weights = 1 / (variances + between_logs)
     mean = float(np.average(delays, weights=weights))
     few = student.ppf(0.975, len(delays) - 1) if between_logs else 2.0
     chosen = float(few / np.sqrt(np.sum(weights)))
     # between two rows the current moves by an exponential, not a line
-    row = max(trace.period for trace in traces.values())
-    between = row**2 * bandwidth / 8
-    # delays that look alike in all logs: more logs do not tell them, so the middle is as likely as any
-    low, high = float(np.max(first)), float(np.min(last))
-    if high - low > 2 * row:
-        return Value(0.5 * (low + high), chosen + 0.5 * (high - low) + between), ""
+    between = max(trace.period for trace in traces.values()) ** 2 * bandwidth / 8
     return Value(mean, chosen + between), ""
 
 
@@ -77,10 +70,8 @@ def _said(misfit: float, log: str) -> str:
     )
 
 
-def _of(log: Log, trace: Trace) -> tuple[float, float, float, tuple[float, float]]:
+def _of(log: Log, trace: Trace) -> tuple[float, float, float]:
     """The delay of one log, s, its variance, and the share of what its filter explains that no delay does.
-
-    Last the first and the last delay that look like it.
 
     Between the trace's rows the filter is taken as linear in the delay.
     """
@@ -107,20 +98,17 @@ def _of(log: Log, trace: Trace) -> tuple[float, float, float, tuple[float, float
         left = off - part * along
         best = min(best, (float(left @ squares @ left), (rows + part) * trace.period, bend))
     squared, delay, bend = best
-    explained = max(float(taps @ squares @ taps), 1e-300)
-    misfit = squared / explained
+    misfit = squared / max(float(taps @ squares @ taps), 1e-300)
     # what a wrong dead time or noise leaves counts as noise of the taps
     spread = max(noise, squared / len(taps))
     if bend <= 0:
-        return delay, np.inf, misfit, (delay, delay)
+        return delay, np.inf, misfit
     # a current that has settled looks alike for a while: all delays that are as likely are in the error
     away = taps[:, None] - filters
-    distance, times = np.sum(away * (squares @ away), axis=0), trace.period * np.arange(filters.shape[1])
-    likely = distance < squared + 4 * 2 * spread
-    reach = np.abs(times - delay)[likely]
+    likely = np.sum(away * (squares @ away), axis=0) < squared + 4 * 2 * spread
+    reach = np.abs(trace.period * np.arange(len(likely)) - delay)[likely]
     variance = max(2 * spread / bend * trace.period**2, float(np.max(reach, initial=0.0)) ** 2 / 4)
-    alike = np.append(times[distance < squared + ALIKE * explained], delay)
-    return delay, variance, misfit, (float(np.min(alike)), float(np.max(alike)))
+    return delay, variance, misfit
 
 
 def _moves(theta: Array, current: Array, dt: float) -> tuple[Array, Array]:
