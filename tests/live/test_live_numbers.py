@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from node import NO_NODE, run_node
 
+from cogless import load
 from cogless.live.page import _metric
 from cogless.results.metrics import KINDS, Conditions, evaluate, result_name
 from cogless.results.trace import Trace
@@ -88,9 +89,9 @@ def flat(value):
 
 @pytest.mark.parametrize("reverses", [False, True])
 def test_each_kind_in_each_window(tmp_path, reverses):
-    ran, all_of = trace(reverses), [Metric.model_validate(table) for table in metrics()]
+    study, ran, all_of = load("uomodri"), trace(reverses), [Metric.model_validate(table) for table in metrics()]
     rows = [[None if math.isnan(x) else x for x in row] for row in ran.data.tolist()]
-    given = {"names": list(NAMES), "rows": rows, "metrics": [_metric(m) for m in all_of], "about": ABOUT}
+    given = {"names": list(NAMES), "rows": rows, "metrics": [_metric(study, "slow", m) for m in all_of], "about": ABOUT}
     made = run_node(tmp_path, ("metrics.js",), COMPUTE, given)
     conditions = Conditions(**{**ABOUT, "events": tuple(ABOUT["events"])})
     for metric, value in zip(all_of, made["values"], strict=True):
