@@ -297,20 +297,20 @@ CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_r
 {
     const uint32_t orders = law->config.orders;
     const cgl_real limit = law->config.limit;
-    cgl_real *a = law->cosine, *b = a + orders;
-    const cgl_real *w = b + 2U * orders;
-    const cgl_real *end = a + law->low, *const last = a + law->acting;
+    cgl_real *const a = law->cosine, *const b = a + orders;
+    const cgl_real *const w = b + 2U * orders;
     cgl_real x1, y1, sum = CGL_R(0.0), moved = CGL_R(0.0), seen = load;
     cgl_sincos_of_turns(law->config.base * angle, &y1, &x1);
     cgl_real x = x1, y = y1;
+    uint32_t k = 0U, end = law->low;
     for (uint32_t part = 0U; part < 2U; ++part) {
-        for (; a != end; ++a, ++b, w += 2) {
-            const cgl_real p = seen * w[0], q = seen * w[1];
+        for (; k < end; ++k) {
+            const cgl_real p = seen * w[2U * k], q = seen * w[2U * k + 1U];
             const cgl_real less = p * x + q * y, more = q * x - p * y;
-            moved += *a * more + *b * less;
-            const cgl_real cosine = cgl_clamp(*a - less, limit), sine = cgl_clamp(*b + more, limit);
-            *a = cosine;
-            *b = sine;
+            moved += a[k] * more + b[k] * less;
+            const cgl_real cosine = cgl_clamp(a[k] - less, limit), sine = cgl_clamp(b[k] + more, limit);
+            a[k] = cosine;
+            b[k] = sine;
             sum += cosine * x + sine * y;
             const cgl_real next = x * x1 - y * y1;
             y = x * y1 + y * x1;
@@ -320,7 +320,7 @@ CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_r
             law->bend.moved += moved;
             law->bend.squares += moved * moved;
         }
-        end = last;
+        end = law->acting;
         seen = error;
     }
     return cgl_clamp(sum, limit);
