@@ -22,7 +22,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 SOURCES = HERE.parent / "src"
-LIMIT = 300  # s, of one run
+LIMIT = 1200  # s, of one run
 
 EVA = [
     "-eva", "-eva-no-print", "-eva-no-show-progress", "-eva-slevel", "8", "-eva-auto-loop-unroll", "24",
