@@ -347,9 +347,12 @@ CGL_SELDOM static void forget(cgl_harmonic *law)
     law->time = CGL_R(0.0);
 }
 
-/* What is fed back of the position, whose angle [turns] is bent [rad]: the short way round [rad/s]. */
+/* What is fed back of the position, whose angle [turns] is bent [rad]: the short way round [rad/s]; 0 without a reference. */
 CGL_SELDOM static cgl_real lag_of(const cgl_harmonic *law, const cgl_law_input *in, uint32_t theta, cgl_real bend)
 {
+    if (!cgl_is_angle(in->theta_ref)) {
+        return CGL_R(0.0);
+    }
     return law->config.k_theta * (cgl_steps(theta, cgl_turns(in->theta_ref)) * (CGL_TWO_PI / CGL_TURN_BITS) + bend);
 }
 
@@ -385,7 +388,7 @@ void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_outpu
     }
     const cgl_real bend = law->bend.here + law->bend.slope * law->omega * (cgl_real)law->since;
     const bool positions = law->config.k_theta > CGL_R(0.0), placed = !positions || cgl_is_angle(in->theta_ref);
-    const cgl_real lag = positions && placed && is_angle ? lag_of(law, in, theta, bend) : CGL_R(0.0);
+    const cgl_real lag = positions && is_angle ? lag_of(law, in, theta, bend) : CGL_R(0.0);
     const cgl_real error = in->omega_ref - in->omega_m + law->bend.slope * in->omega_m + lag;
     const bool plausible = cgl_is_finite(error) && is_angle && placed;
     const bool may = in->learn && !cgl_law_stands_by(in) && plausible && !law->pi.saturated;
