@@ -89,9 +89,11 @@ def flat(value):
 
 @pytest.mark.parametrize("reverses", [False, True])
 def test_each_kind_in_each_window(tmp_path, reverses):
-    study, ran, all_of = load("uomodri"), trace(reverses), [Metric.model_validate(table) for table in metrics()]
+    study, ran = load("uomodri"), trace(reverses)
+    all_of = [Metric.model_validate(table) for table in metrics()]
     rows = [[None if math.isnan(x) else x for x in row] for row in ran.data.tolist()]
-    given = {"names": list(NAMES), "rows": rows, "metrics": [_metric(study, "slow", m) for m in all_of], "about": ABOUT}
+    listed = [_metric(study, "slow", metric) for metric in all_of]
+    given = {"names": list(NAMES), "rows": rows, "metrics": listed, "about": ABOUT}
     made = run_node(tmp_path, ("metrics.js",), COMPUTE, given)
     conditions = Conditions(**{**ABOUT, "events": tuple(ABOUT["events"])})
     for metric, value in zip(all_of, made["values"], strict=True):
