@@ -97,6 +97,7 @@ def sizes(cells: int, q: int) -> dict[str, str]:
 MAP = sizes(8, 1)
 
 RUNS = [  # the longest first
+    Run("harmonic", ORDERS), Run("harmonic", ORDERS | LIMITED),
     Run("robust_ilc", MAP),
     Run("map_store", sizes(3, 0) | {"CHANNELS": "2", "BUFFER": "32"} | LIMITED),
     Run("space_position", MAP | LIMITED | {"CHANNELS": "1"}), Run("drive", {}),
@@ -107,7 +108,6 @@ RUNS = [  # the longest first
     Run("space_speed", MAP | DELAY | {"CHANNELS": "1"}),
     Run("anti_cogging", sizes(8, 0)), Run("anti_cogging", sizes(8, 0) | LIMITED),
     Run("pi_afc", ORDERS), Run("pi_afc", ORDERS | LIMITED),
-    Run("harmonic", ORDERS), Run("harmonic", ORDERS | LIMITED),
     Run("trial", {"SAMPLES": "4", "ORDER": "0", "TAPS": "0"}),
     Run("trial", {"SAMPLES": "8", "ORDER": "1", "TAPS": "3"} | LIMITED),
     Run("monitor", {}), Run("monitor", DOUBLE), Run("quality", {}), Run("quality", DOUBLE),
