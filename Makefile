@@ -31,7 +31,7 @@ $(VENV)/wheel: $(VENV)/tools $(SOURCES)
 	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir $@ .
 
 $(VENV)/installed: $(VENV)/tools $(SOURCES)
-	@echo "Installing cogless: the first time it compiles for half a minute"
+	@echo "Installing cogless: the first time it compiles for a minute and a half"
 	@$(MAKE) --no-print-directory -j2 $(VENV)/dependencies $(VENV)/wheel
 	$(PIP) --no-deps --force-reinstall $(VENV)/wheel/*.whl
 	touch $@

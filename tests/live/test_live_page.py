@@ -11,11 +11,11 @@ import axe
 import live_studies
 import numpy as np
 import pytest
-from browser import MISSING, browser
+from browser import MISSING
 from node import NO_ENGINE
 from test_live_engine import job
 
-from cogless.live import engine, write
+from cogless.live import engine
 from cogless.live.page import asset
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate
@@ -30,19 +30,6 @@ FEW = ("pi", "pi-ilc")
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     return live_studies.study(tmp_path_factory.mktemp("study"))
-
-
-@pytest.fixture(scope="module")
-def path(study, tmp_path_factory):
-    path = tmp_path_factory.mktemp("page") / "live.html"
-    write(study, path, "cogless run study.toml")
-    return path
-
-
-@pytest.fixture(scope="module")
-def window(tmp_path_factory):
-    with browser(tmp_path_factory.mktemp("browser")) as shown:
-        yield shown
 
 
 @pytest.fixture
@@ -64,9 +51,9 @@ def page(window, path):
     )
 
 
-def settle(shown):
-    """Wait until all is computed and drawn."""
-    end = time.monotonic() + 30
+def settle(shown, within=30):
+    """Wait until all is computed and drawn, at most so many seconds."""
+    end = time.monotonic() + within
     while not shown.run("return Boolean(window.cogless && window.cogless.isIdle())"):
         assert time.monotonic() < end, shown.run("return document.getElementById('state').textContent")
         time.sleep(0.02)

@@ -5,11 +5,11 @@ import time
 
 import pytest
 import trial_studies
-from browser import MISSING, browser
+from browser import MISSING
 from node import NO_ENGINE, NO_NODE, module_file, run_node
 from test_live_engine import RUN, native
 from test_live_keys import same_bytes
-from test_live_page import same, sets_of, text, type_into
+from test_live_page import same, sets_of, settle, text, type_into
 
 from cogless.design.from_study import design_study
 from cogless.errors import StudyError
@@ -22,6 +22,7 @@ from cogless.study import load
 from cogless.study.reading import changed
 
 NORM_OPTIMAL = '[controller.matrix]\nlaw = "norm-optimal"\n'
+LONG = 60  # s, for all trials of all controllers
 NEVER = 1e300  # infinity, which JSON hasn't
 STUDIES = {"drive": trial_studies.DRIVE, "linear": trial_studies.LINEAR}
 
@@ -106,33 +107,13 @@ def test_a_study_that_has_nothing_else_is_refused(tmp_path):
         write(study, tmp_path / "page.html", "cogless run x")
 
 
-@pytest.fixture(scope="module")
-def window(tmp_path_factory):
-    with browser(tmp_path_factory.mktemp("browser")) as shown:
-        yield shown
-
-
-@pytest.fixture(scope="module")
-def path(study, tmp_path_factory):
-    path = tmp_path_factory.mktemp("page") / "live.html"
-    write(study, path, "cogless run study.toml")
-    return path
-
-
 @pytest.fixture
 def page(window, path):
     window.devtools("Page.navigate", url="about:blank")
     window.open(path, 1300)
-    settle(window)
+    settle(window, LONG)
     yield window
     assert [entry["message"] for entry in window._post("/se/log", {"type": "browser"})] == []
-
-
-def settle(shown):
-    end = time.monotonic() + 60
-    while not shown.run("return Boolean(window.cogless && window.cogless.isIdle())"):
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 def numbers(shown, controller, off=False):
@@ -153,7 +134,7 @@ def test_the_page_has_the_numbers_of_set(page, study):
     unlearned = simulate(changed(study, {"controller.ilc.learning": False}), scenario, "ilc")
     same(flat(numbers(page, "ilc", True)), flat(unlearned.metrics.values()))
     type_into(page, "controller.ilc.K_3", 0.3)
-    settle(page)
+    settle(page, LONG)
     assert sets_of(page) == {"controller.ilc.K_3": 0.3}
     other = changed(study, sets_of(page))
     same(flat(numbers(page, "ilc")), flat(simulate(other, scenario, "ilc").metrics.values()))
@@ -185,7 +166,7 @@ def test_the_changed_study_as_a_file_gives_the_same_run(page, study, tmp_path):
     (scenario,) = study.scenario
     steps = f"scenario.{scenario}.{'changes.0.' if study.plant is None else ''}load_steps.0.1"
     type_into(page, steps, 0.2)
-    settle(page)
+    settle(page, LONG)
     (tmp_path / "changed.toml").write_text(page.run("return cogless.toml()"), encoding="utf-8")
     again = load(tmp_path / "changed.toml")
     same(flat(numbers(page, "ilc")), flat(simulate(again, scenario, "ilc").metrics.values()))
@@ -196,6 +177,6 @@ def test_runs_that_nobody_wants_any_more_are_stopped(page, study):
     (scenario,) = study.scenario
     for n in range(8):
         page.run(f"cogless.set('controller.ilc.K_3', {0.1 + 0.05 * n})")
-    settle(page)
+    settle(page, LONG)
     other = changed(study, sets_of(page))
     same(flat(numbers(page, "ilc")), flat(simulate(other, scenario, "ilc").metrics.values()))

@@ -1,0 +1,19 @@
+"""A module's live page of its `study`, and the browser that shows it."""
+
+import pytest
+from browser import browser
+
+from cogless.live import write
+
+
+@pytest.fixture(scope="module")
+def window(tmp_path_factory):
+    with browser(tmp_path_factory.mktemp("browser")) as shown:
+        yield shown
+
+
+@pytest.fixture(scope="module")
+def path(study, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "live.html"
+    write(study, path, "cogless run study.toml")
+    return path
