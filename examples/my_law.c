@@ -6,8 +6,8 @@
 #include <math.h>
 
 typedef struct {
-    double kp, ki, order, rate, lead; /* as in my_law.py */
-    double integral, a, b;            /* [A] */
+    double kp, ki, order, rate, lead;   /* as in my_law.py */
+    double integral, a, b, i_q_learned; /* [A] */
 } law;
 
 uint32_t cogless_plugin_version(void) { return COGLESS_PLUGIN_VERSION; }
@@ -39,5 +39,12 @@ void cogless_plugin_step(void *state, const cogless_plugin_input *in, cogless_pl
         s->b += s->rate * in->ts * error * cos(angle - s->lead);
     }
     out->i_d_ref = 0.0;
-    out->i_q_ref = s->kp * error + s->integral + s->a * sin(angle) + s->b * cos(angle);
+    s->i_q_learned = s->a * sin(angle) + s->b * cos(angle);
+    out->i_q_ref = s->kp * error + s->integral + s->i_q_learned;
+}
+
+double cogless_plugin_i_q_learned(const void *state)
+{
+    const law *s = state;
+    return s->i_q_learned;
 }

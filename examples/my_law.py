@@ -8,6 +8,7 @@ class CancelOrder:
         """kp [A s/rad], ki [A/rad], order of the revolution, rate [A/rad], lead [rad]."""
         self.kp, self.ki, self.order, self.rate, self.lead = kp, ki, order, rate, lead
         self.integral = self.a = self.b = 0.0  # A
+        self.i_q_learned = 0.0  # A: the signal term_learned
 
     def step(self, inputs):
         """Called once per speed-loop period; returns i_q_ref [A], or (i_d_ref, i_q_ref)."""
@@ -17,4 +18,5 @@ class CancelOrder:
         if inputs.learn:
             self.a += self.rate * inputs.ts * error * sin(angle - self.lead)
             self.b += self.rate * inputs.ts * error * cos(angle - self.lead)
-        return self.kp * error + self.integral + self.a * sin(angle) + self.b * cos(angle)
+        self.i_q_learned = self.a * sin(angle) + self.b * cos(angle)
+        return self.kp * error + self.integral + self.i_q_learned

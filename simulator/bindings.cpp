@@ -229,23 +229,34 @@ void make_recorder(Recorder* self, const Engine& engine, std::int64_t decimation
     new (self) Recorder(engine.signals().size(), decimation, rows);
 }
 
-// The user's law: an object with step(input), and optionally begin_trial(theta_ref) and end_trial(). For None, an empty law.
+// What a user's step() returned: i_q_ref or (i_d_ref, i_q_ref).
+Command command_of(const nb::object& result) {
+    if (!nb::isinstance<nb::tuple>(result)) return {0.0, nb::cast<double>(result)};
+    const auto both = nb::cast<nb::tuple>(result);
+    if (both.size() != 2) throw nb::type_error("step() returns i_q_ref or (i_d_ref, i_q_ref)");
+    return {nb::cast<double>(both[0]), nb::cast<double>(both[1])};
+}
+
+// The user's law: an object with step(input), and optionally begin_trial(theta_ref), end_trial(), current_step(input, i_d_ref,
+// i_q_ref) and a number `i_q_learned`. For None, an empty law.
 CallbackLaw callback(const nb::object& controller) {
     if (controller.is_none()) return {};
     CallbackLaw law{[step = nb::object(controller.attr("step"))](const LawInput& in) {
         const nb::gil_scoped_acquire gil;
-        const nb::object result = step(in);
-        Command command;
-        if (nb::isinstance<nb::tuple>(result)) {
-            const auto both = nb::cast<nb::tuple>(result);
-            if (both.size() != 2) throw nb::type_error("step() returns i_q_ref or (i_d_ref, i_q_ref)");
-            command.i_d_ref = nb::cast<double>(both[0]);
-            command.i_q_ref = nb::cast<double>(both[1]);
-        } else {
-            command.i_q_ref = nb::cast<double>(result);
-        }
-        return command;
+        return command_of(step(in));
     }};
+    if (nb::hasattr(controller, "i_q_learned")) {
+        law.learned_function = [controller] {
+            const nb::gil_scoped_acquire gil;
+            return nb::cast<double>(controller.attr("i_q_learned"));
+        };
+    }
+    if (nb::hasattr(controller, "current_step")) {
+        law.current_function = [step = nb::object(controller.attr("current_step"))](const LawInput& in, const Command& last) {
+            const nb::gil_scoped_acquire gil;
+            return command_of(step(in, last.i_d_ref, last.i_q_ref));
+        };
+    }
     if (nb::hasattr(controller, "begin_trial")) {
         law.begin_function = [begin = nb::object(controller.attr("begin_trial"))](const std::vector<cgl_real>& theta_ref) {
             const nb::gil_scoped_acquire gil;

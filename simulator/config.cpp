@@ -145,11 +145,18 @@ Law c_law(const std::string& name, const Section& s, cgl_real ts) {
     s.refuse("law", "unknown law " + name);
 }
 
+cogless_plugin_drive plugin_drive(const Section& s) {
+    return {s.number("pole_pairs"), s.number("phases"), s.number("slots"), s.number("R_s"), s.number("L_d"), s.number("L_q"),
+            s.number("psi_f"), s.number("torque_constant"), s.number("inertia"), s.number("current_limit"),
+            s.number("current_bandwidth"), s.number("current_period"), s.number("delay")};
+}
+
 // period: of the current loop, s.
 Law law(const Section& s, const CallbackLaw& own, double period, int divider, const std::optional<Trials>& trials) {
     const auto name = s.get<std::string>("law");
     if (name == "library") {
-        return open_plugin(s.get<std::string>("library"), s.get<std::vector<double>>("params"), period * divider);
+        return open_plugin(s.get<std::string>("library"), s.get<std::vector<double>>("params"), plugin_drive(s.section("drive")),
+                           period * divider);
     }
     if (name == "python") {
         if (!own.function) s.refuse("law", "expected an object with step(), for \"python\"");
@@ -299,6 +306,7 @@ DriveConfig read_config(const Value& description, const CallbackLaw& own) {
         drive.section("position_sensor").choice<bool>("side", {{"motor", false}, {"load", true}});
     result.law = law(controller_section, own, 1.0 / static_cast<double>(current_rate), result.speed_divider, result.trials);
     result.integration_steps = drive.integer("integration_steps");
+    result.holds_position = controller_section.has("holds_position") && controller_section.get<bool>("holds_position");
     result.learning_start = controller_section.has("learning_start") ? controller_section.number("learning_start") : 0.0;
     result.seed = top.get<std::uint64_t>("seed");
     result.energy = top.get<bool>("energy");

@@ -22,8 +22,18 @@ bool has_load_side(const DriveConfig& config) { return config.phases.front().mec
 template <class One>
 concept FollowsAngle = requires(const One& law) { law.turns(); };
 
-bool follows_angle(const Law& law) {
-    return std::visit([]<class One>(const One&) { return FollowsAngle<One>; }, law);
+bool follows_angle(const DriveConfig& config) {
+    return config.holds_position || std::visit([]<class One>(const One&) { return FollowsAngle<One>; }, config.law);
+}
+
+// A law of a user that acts in each period of the current loop, too.
+bool steps_currents(const Law& law) {
+    return std::visit(
+        [](const auto& l) {
+            if constexpr (requires { l.has_current_step(); }) return l.has_current_step();
+            return false;
+        },
+        law);
 }
 
 // A law that may learn from one trial to the next.
@@ -40,6 +50,8 @@ void append_terms(std::vector<Signal>& all, const Law& law) {
         [&all](const auto& l) {
             if constexpr (requires { l.terms(); }) {
                 for (const Term& term : l.terms()) all.push_back({term.name, term.unit});
+            } else if constexpr (requires { l.has_learned(); }) {
+                if (l.has_learned()) all.push_back({"term_learned", "A"});
             }
         },
         law);
@@ -48,7 +60,7 @@ void append_terms(std::vector<Signal>& all, const Law& law) {
 std::vector<Signal> signals_of(const DriveConfig& config) {
     const bool trials = config.trials.has_value(), trial_law = std::holds_alternative<TrialLaw>(config.law);
     const bool electrical = !config.ideal_current, energy = config.energy;
-    const bool three_phases = motor_phases(config) == 3, path = follows_angle(config.law);
+    const bool three_phases = motor_phases(config) == 3, path = follows_angle(config);
     const bool load_side = has_load_side(config);
     const bool thermal = config.phases.front().motor.thermal.has_value();
     std::vector<Signal> all;
@@ -104,6 +116,9 @@ double* put_terms(const Law& law, const LawState& state, double* row) {
         [&](const auto& l) {
             if constexpr (requires { l.terms(); }) {
                 return l.put_terms(state_of(state, l), row);
+            } else if constexpr (requires { l.has_learned(); }) {
+                if (l.has_learned()) *row++ = l.learned(state_of(state, l));
+                return row;
             } else {
                 return row;
             }
@@ -119,7 +134,8 @@ Drive::Drive(const DriveConfig& config)
       period_(1.0 / current_rate_),
       step_(period_ / config.integration_steps),
       dead_share_(config.inverter.dead_time / period_),
-      follows_angle_(follows_angle(config.law)),
+      follows_angle_(follows_angle(config)),
+      steps_currents_(steps_currents(config.law)),
       turns_(2.0 * std::numbers::pi * turns_of(config.law)),
       reference_(config.reference, config.phases.front().initial_angle, config.phases.front().initial_speed,
                  period_ * static_cast<double>(config.speed_divider)),
@@ -156,6 +172,9 @@ Drive::Drive(const DriveConfig& config)
     }
     if (config_.trials ? !takes_trials(config_.law) : std::holds_alternative<TrialLaw>(config_.law)) {
         throw std::invalid_argument("controller.law: expected \"trial\" or a law of your own with trials, \"trial\" only with them");
+    }
+    if (config_.bus && steps_currents_) {
+        throw std::invalid_argument("bus: expected a law without current_step(), which runs in the drive");
     }
     if (config_.torque_mode && (std::holds_alternative<CallbackLaw>(config_.law) || std::holds_alternative<PluginLaw>(config_.law))) {
         throw std::invalid_argument("torque_mode: expected a law of the control library");
@@ -596,6 +615,7 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
         over_bus(s, own);
     } else {
         if (measure(s)) step_law<legs>(s);
+        if (steps_currents_) step_current<legs>(s);
         actuate(s);
     }
     if constexpr (legs == 0) {
@@ -662,22 +682,44 @@ void Drive::sample_reference(DriveState& s, const Phase& phase, std::int64_t ori
 }
 
 template <std::size_t legs>
-void Drive::step_law(DriveState& s) const {
+LawInput Drive::law_input(const DriveState& s, const Measurement& measured) const {
     const cgl_law_input& c = s.control.in;
-    const LawInput in{c,
+    return {c,
                       time(s.tick),
                       s.reference.omega,
                       config_.trials ? s.reference.theta : s.reference.theta - turns_ * round_down(s.reference.theta / turns_),
                       s.reference.alpha,
-                      static_cast<double>(c.omega_m),
-                      static_cast<double>(c.theta_m),
+                      measured.omega_m,
+                      measured.theta_m,
                       legs == 0 ? s.plant.i.d : static_cast<double>(s.output.i_d),
                       legs == 0 ? s.plant.i.q : static_cast<double>(s.output.i_q),
                       static_cast<double>(config_.control.foc.current_limit),
                       law_period(),
                       c.learn,
                       c.off};
-    const Command command = std::visit([&](const auto& law) { return law.step(state_of(s.law, law), in); }, config_.law);
+}
+
+template <std::size_t legs>
+void Drive::step_law(DriveState& s) const {
+    const cgl_law_input& c = s.control.in;
+    const LawInput in = law_input<legs>(s, {static_cast<double>(c.theta_m), static_cast<double>(c.omega_m)});
+    obey<legs>(s, std::visit([&](const auto& law) { return law.step(state_of(s.law, law), in); }, config_.law));
+}
+
+template <std::size_t legs>
+void Drive::step_current(DriveState& s) const {
+    const LawInput in = law_input<legs>(s, believed(s));
+    const Command last{static_cast<double>(s.control.currents.i_d_ref), static_cast<double>(s.control.command.i_q_ref),
+                       s.control.command.status};
+    std::visit(
+        [&](const auto& law) {
+            if constexpr (requires { law.has_current_step(); }) obey<legs>(s, law.current_step(state_of(s.law, law), in, last));
+        },
+        config_.law);
+}
+
+template <std::size_t legs>
+void Drive::obey(DriveState& s, const Command& command) const {
     if (!std::isfinite(command.i_q_ref) || !std::isfinite(command.i_d_ref)) {
         const double wrong = std::isfinite(command.i_q_ref) ? command.i_d_ref : command.i_q_ref;
         throw std::runtime_error("returned " + std::to_string(wrong));

@@ -77,6 +77,7 @@ struct DriveConfig {
     std::optional<TorqueMode> torque_mode;  // not in trials
     std::vector<Fault> faults;  // by the tick since the start
     Law law;
+    bool holds_position = false;  // the law does; one that learns over its reference's angle need not say so
     std::int64_t current_rate;   // Hz
     std::int64_t speed_divider;  // current-loop periods in a period of the law
     int integration_steps;       // steps in a current-loop period
@@ -244,7 +245,13 @@ private:
                  const Faults& faults, Controller* other) const;
     void sample_reference(DriveState& state, const Phase& phase, std::int64_t origin) const;
     template <std::size_t legs>
+    LawInput law_input(const DriveState& state, const Measurement& measured) const;
+    template <std::size_t legs>
     void step_law(DriveState& state) const;
+    template <std::size_t legs>
+    void step_current(DriveState& state) const;
+    template <std::size_t legs>
+    void obey(DriveState& state, const Command& command) const;
     template <std::size_t legs, Detail detail>
     void advance_plant(DriveState& state, AtAngle<double>& here, AnglePatch& patch, const Phase& phase, std::int64_t origin, const Phases& duty,
                        const Phases& current, bool open, const Faults& faults) const;
@@ -262,7 +269,8 @@ private:
     double period_;        // s, of the current loop
     double step_;          // s, of the integration
     double dead_share_;    // of the period, by the inverter's dead time
-    bool follows_angle_;  // whether the law follows its reference's angle
+    bool follows_angle_;   // whether the law follows its reference's angle
+    bool steps_currents_;  // whether it acts in each period of the current loop, too
     double turns_;        // rad, the law gets the reference's angle modulo this
     Reference reference_;
     PositionSensor position_sensor_;

@@ -1,14 +1,14 @@
 /* The interface of a speed law in a user's own shared library, which the simulator loads (law = "library").
  *
- * The library exports the first four functions below, in C, by these names; the others may be missing. The state is plain memory that the caller provides,
- * copies and discards as it likes: keep no pointers in it and nothing outside it. */
+ * The library exports the first four functions below, in C, by these names; the others may be missing. The state is plain
+ * memory that the caller provides, copies and discards as it likes: keep no pointers in it and nothing outside it. */
 #ifndef COGLESS_PLUGIN_H
 #define COGLESS_PLUGIN_H
 
 #include <stddef.h>
 #include <stdint.h>
 
-#define COGLESS_PLUGIN_VERSION 2U /* 1, which the simulator loads too, ends its input with learn */
+#define COGLESS_PLUGIN_VERSION 3U /* loaded too: 1, whose input ends with learn, and 2, whose input ends with alpha_ref */
 
 typedef struct {
     double time;      /* since the start [s] */
@@ -21,11 +21,25 @@ typedef struct {
     int learn;        /* 0: hold what is learned */
     double theta_ref; /* mechanical angle reference, the integral of omega_ref, in [0, 2 pi) [rad] */
     double alpha_ref; /* derivative of omega_ref [rad/s^2] */
+    int off;          /* 1: what the law asks for has no effect in this period */
 } cogless_plugin_input;
 
 typedef struct {
     double i_d_ref, i_q_ref; /* references for the current loop [A]; the caller limits them */
 } cogless_plugin_output;
+
+/* The drive as its controller knows it: what a rule for gains needs. */
+typedef struct {
+    double pole_pairs, phases;       /* phases: 2 or 3 */
+    double slots;                    /* of the stator; 0: not told */
+    double R_s, L_d, L_q, psi_f;     /* of a phase [ohm, H, H, Wb] */
+    double torque_constant;          /* [N m/A], of i_q */
+    double inertia;                  /* of rotor and load [kg m^2] */
+    double current_limit;            /* [A] */
+    double current_bandwidth;        /* of the current loop [rad/s]; 0: ideal */
+    double current_period;           /* [s] */
+    double delay;                    /* from sampling to the middle of the period in which the voltage acts [s] */
+} cogless_plugin_drive;
 
 #if defined(_WIN32)
 #define COGLESS_PLUGIN_EXPORT __declspec(dllexport)
@@ -46,6 +60,15 @@ COGLESS_PLUGIN_EXPORT int cogless_plugin_init(void *state, const double *params,
 /* One speed-loop period. */
 COGLESS_PLUGIN_EXPORT void cogless_plugin_step(void *state, const cogless_plugin_input *in,
                                                cogless_plugin_output *out);
+
+/* Those that may be missing. After init: the drive; returns 0, or another number to refuse it. */
+COGLESS_PLUGIN_EXPORT int cogless_plugin_design(void *state, const cogless_plugin_drive *drive);
+/* The part of the last i_q_ref that is learned [A]: it becomes the signal term_learned. */
+COGLESS_PLUGIN_EXPORT double cogless_plugin_i_q_learned(const void *state);
+/* Every period of the current loop, after the step where one is due. in: as then, with angle, speed and currents of now.
+ * out: the references of the last period, which it may change. */
+COGLESS_PLUGIN_EXPORT void cogless_plugin_current_step(void *state, const cogless_plugin_input *in,
+                                                       cogless_plugin_output *out);
 
 /* In trials, where they are there: before the first period of a trial, with the angle reference of each [rad], and after its
  * last. In between in->theta_ref is that reference as it is, not within a turn. */

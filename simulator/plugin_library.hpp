@@ -14,11 +14,11 @@
 namespace cogless {
 
 #ifdef __wasm__
-inline PluginLaw open_plugin(const std::string& path, const std::vector<double>&, double) {
+inline PluginLaw open_plugin(const std::string& path, const std::vector<double>&, const cogless_plugin_drive&, double) {
     throw std::invalid_argument(path + ": a page can't open a library");
 }
 #else
-inline PluginLaw open_plugin(const std::string& path, std::vector<double> params, double ts) {
+inline PluginLaw open_plugin(const std::string& path, std::vector<double> params, const cogless_plugin_drive& drive, double ts) {
     void* handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
     if (handle == nullptr) throw std::invalid_argument(dlerror());
     PluginLaw law;
@@ -33,7 +33,7 @@ inline PluginLaw open_plugin(const std::string& path, std::vector<double> params
     decltype(&cogless_plugin_version) version;
     find("cogless_plugin_version", version);
     if (version() < 1U || version() > COGLESS_PLUGIN_VERSION) {
-        throw std::invalid_argument("the library's plugin version is " + std::to_string(version()) + ", expected 1 or " +
+        throw std::invalid_argument("the library's plugin version is " + std::to_string(version()) + ", expected 1 to " +
                                     std::to_string(COGLESS_PLUGIN_VERSION));
     }
     find("cogless_plugin_state_size", law.state_size);
@@ -41,7 +41,11 @@ inline PluginLaw open_plugin(const std::string& path, std::vector<double> params
     find("cogless_plugin_step", law.step_function);
     look_for("cogless_plugin_begin_trial", law.begin_function);
     look_for("cogless_plugin_end_trial", law.end_function);
+    look_for("cogless_plugin_design", law.design_function);
+    look_for("cogless_plugin_i_q_learned", law.learned_function);
+    look_for("cogless_plugin_current_step", law.current_function);
     law.params = std::move(params);
+    law.drive = drive;
     law.ts = ts;
     return law;
 }

@@ -164,6 +164,14 @@ def _ratio(unit: str, other: str) -> float:
         return float((here / there).to("dimensionless").magnitude)
 
 
+def in_si(text: str) -> float:
+    """The SI value of a text with a unit of any dimension; UnitError: unknown unit."""
+    found = NUMBER.fullmatch(text)
+    if not found:
+        raise UnitError("expected a number and a unit")
+    return float(found.group(1)) * si_factor(found.group(2))
+
+
 def _unlike(unit: str) -> UnitError:
     return UnitError(f'expected a number with a unit like "{unit}"')
 

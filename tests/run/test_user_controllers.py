@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from engine import config, drive_of, run
 
 import cogless
 from cogless import _simulator_f64
+from cogless.run.known_drive import KnownDrive
 
 PLUGIN = """
 #include "cogless/plugin.h"
@@ -38,6 +40,7 @@ void cogless_plugin_step(void *state, const cogless_plugin_input *in, cogless_pl
 }
 """
 
+NOTHING_TOLD = dict.fromkeys((field.name for field in fields(KnownDrive)), 0.0)
 DISTURBED: dict[str, Any] = {"load": {"harmonics": [{"order": 3, "torque": 0.05, "phase": 0.0}]}}
 
 
@@ -67,14 +70,14 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> str:
 def test_python_and_library_laws_equal_the_built_in_one(library: str) -> None:
     built_in = run(DISTURBED, 0.5)
     in_python = run({**DISTURBED, "controller": {"law": "python"}}, 0.5, controller=Pi())
-    shared = {"law": "library", "library": library, "params": [0.1, 1.0]}
+    shared = {"law": "library", "library": library, "params": [0.1, 1.0], "drive": NOTHING_TOLD}
     in_library = run({**DISTURBED, "controller": shared}, 0.5)
     for other in (in_python, in_library):
         assert other["omega_m"] == pytest.approx(built_in["omega_m"], abs=1e-9)
 
 
 def test_a_library_state_is_copied_with_the_drives(library: str) -> None:
-    shared = {"law": "library", "library": library, "params": [0.1, 1.0]}
+    shared = {"law": "library", "library": library, "params": [0.1, 1.0], "drive": NOTHING_TOLD}
     drive = drive_of(_simulator_f64, config({**DISTURBED, "controller": shared}))
     state = drive.start()
     results = []
@@ -86,7 +89,7 @@ def test_a_library_state_is_copied_with_the_drives(library: str) -> None:
 
 
 def test_refused_params_and_missing_library(library: str) -> None:
-    shared = {"law": "library", "library": library, "params": [0.1]}
+    shared = {"law": "library", "library": library, "params": [0.1], "drive": NOTHING_TOLD}
     with pytest.raises(ValueError, match="refuses these params"):
         drive_of(_simulator_f64, config({"controller": shared}))
     with pytest.raises(ValueError, match="cannot open shared object file"):

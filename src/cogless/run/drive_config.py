@@ -6,6 +6,7 @@ The controller's configuration in it is the C struct of the control library, as 
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import Any, Literal
 
 from cogless.c_laws import C_LAWS
@@ -16,6 +17,7 @@ from cogless.design.pi import gains
 from cogless.design.position import harmonic_gains, position_gains
 from cogless.design.space_bounds import learned_limits
 from cogless.errors import StudyError
+from cogless.run.known_drive import known_drive
 from cogless.run.monitor_defaults import monitor_config, quality_config
 from cogless.study import AnyStudy, Study, for_scenario
 from cogless.study.controller import Feedback, LawLoop, Learning, LibraryLaw, PythonLaw
@@ -169,14 +171,9 @@ def dead_time_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[
         "drop": inverter.device_drop if compensation.drop is None else compensation.drop,
         "band": compensation.band,
         "lag": belief.L_q / kp_q if kp_q > 0 else 0.0,
-        "advance": _advance(drive),
+        "advance": drive.advance,
         "phases": driven.phases,
     }
-
-
-def _advance(drive: Drive) -> float:
-    """Current-loop periods from sampling to the middle of the period in which the voltage acts."""
-    return 1.5 if drive.inverter is not None and drive.inverter.computation_delay else 0.5
 
 
 def control_config(drive: Drive, motor: StarMotor, driven: StarMotor, learns: bool) -> dict[str, Any]:
@@ -192,7 +189,7 @@ def control_config(drive: Drive, motor: StarMotor, driven: StarMotor, learns: bo
         "foc": {
             **loop.gains(belief),
             "current_limit": loop.current_limit,
-            "advance": _advance(drive),
+            "advance": drive.advance,
             "decoupling": loop.decoupling,
             "L_d": belief.L_d,
             "L_q": belief.L_q,
@@ -217,22 +214,27 @@ def _controller(study: Study, study_here: Study, name: str, mode: Mode) -> dict[
     )
     values = law.c_config(loop, learner(study, name)) if isinstance(law, Harmonic) else law.c_config(loop)
     config = control_layout(study.drive.precision).pack(C_LAWS[law.law].config, values)
-    return {"law": law.law, "config": config, "calibrate": mode == "learn", "learning_start": law.learns_from}
+    return {"config": config, "calibrate": mode == "learn", **_any_law(law)}
 
 
 def own_law_config(study: AnyStudy, name: str) -> dict[str, Any]:
     """The engine's description of a user's law. A Python object isn't in it: it is passed to the engine
     separately."""
     law = study.controller[name]
-    if not isinstance(law, LibraryLaw):
-        return {"law": "python", "learning_start": law.learns_from}
+    if isinstance(law, PythonLaw):
+        return _any_law(law)
+    assert isinstance(law, LibraryLaw)
     library = (study.source.path.parent / law.library).resolve()
     return {
-        "law": law.law,
         "library": str(library),
-        "params": list(law.params),
-        "learning_start": law.learns_from,
+        "params": law.numbers,
+        "drive": asdict(known_drive(study)),
+        **_any_law(law),
     }
+
+
+def _any_law(law: AnyController) -> dict[str, Any]:
+    return {"law": law.law, "learning_start": law.learns_from, "holds_position": law.holds_position}
 
 
 def _filled(study: Study, study_here: Study, name: str) -> AnyController:

@@ -4,6 +4,7 @@ failed."""
 from __future__ import annotations
 
 import importlib.util
+import inspect
 import sys
 import threading
 import traceback
@@ -14,6 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from cogless.errors import StudyError
+from cogless.run.known_drive import known_drive
 from cogless.study import AnyStudy
 from cogless.study.controller import LibraryLaw, PythonLaw
 
@@ -38,10 +40,19 @@ def make_law(study: AnyStudy, name: str) -> Any | None:
     if maker is None:
         raise StudyError(f"{where}: expected {path.name} to define {class_name}")
     with _reporting(where, path, "expected a class that takes the controller's params"):
-        law = maker(**controller.params)
+        told = {"drive": known_drive(study)} if _takes_drive(maker) else {}
+        law = maker(**controller.arguments, **told)
     if not callable(getattr(law, "step", None)):
         raise StudyError(f"{where}: expected a class with a method step(inputs)")
     return law
+
+
+def _takes_drive(maker: Any) -> bool:
+    """Whether a class has an argument `drive`."""
+    try:
+        return "drive" in inspect.signature(maker).parameters
+    except (TypeError, ValueError):  # no class, or one in C
+        return False
 
 
 @contextmanager

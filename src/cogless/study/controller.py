@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from cogless import units
 from cogless.study.start import Start
 from cogless.study.table import (
     AccelerationGain,
@@ -376,6 +377,7 @@ class OwnLaw(Base):
 
     learning: bool = False  # whether it learns, which only the user knows
     learning_start: StartTime = 0.0  # s: until then inputs.learn is false
+    position: bool = False  # whether it holds the angle of the reference, too
 
     @property
     def learns(self) -> bool:
@@ -384,6 +386,10 @@ class OwnLaw(Base):
     @property
     def learns_from(self) -> float:
         return self.learning_start
+
+    @property
+    def holds_position(self) -> bool:
+        return self.position
 
 
 class PythonLaw(OwnLaw):
@@ -398,15 +404,41 @@ class PythonLaw(OwnLaw):
         """The file whose code runs, relative to the study."""
         return self.object.rpartition(":")[0]
 
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The params, texts that are a number with a unit as SI numbers."""
+        return {key: _si(value) for key, value in self.params.items()}
+
 
 class LibraryLaw(OwnLaw):
     """A user's shared library with the documented C interface."""
 
     law: Literal["library"]
     library: str  # relative to the study
-    params: Many[float] = ()
+    params: Many[float | str] = ()
+
+    @field_validator("params")
+    @classmethod
+    def _numbers(cls, params: tuple[float | str, ...]) -> tuple[float | str, ...]:
+        for n, value in enumerate(params):
+            if isinstance(_si(value), str):
+                raise invalid('expected a number, or one with a known unit, such as "0.2 A*s/rad"', n)
+        return params
 
     @property
     def code(self) -> str:
         """The file whose code runs, relative to the study."""
         return self.library
+
+    @property
+    def numbers(self) -> list[float]:
+        """The params as SI numbers."""
+        return [float(_si(value)) for value in self.params]
+
+
+def _si(value: Any) -> Any:
+    """The SI number of a text that is a number with a known unit; anything else as it is."""
+    if isinstance(value, list):
+        return [_si(each) for each in value]
+    unit = units.unit_of(value) if isinstance(value, str) else ""
+    return units.in_si(value) if unit and units.is_known(unit) else value

@@ -306,6 +306,11 @@ class Drive(Table):
         return self
 
     @property
+    def advance(self) -> float:
+        """Current-loop periods from sampling to the middle of the period in which the voltage acts."""
+        return 1.5 if self.inverter is not None and self.inverter.computation_delay else 0.5
+
+    @property
     def ideal(self) -> bool:
         """Whether the current loop is ideal."""
         return isinstance(self.current_loop, IdealCurrentLoop)

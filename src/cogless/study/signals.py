@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from cogless import units
 from cogless.c_laws import C_LAWS
 from cogless.signals import dimensions, exists
+from cogless.study.controller import OwnLaw
 from cogless.study.metric import OF_LINEAR_PLANTS
 from cogless.study.motor import Motor
 from cogless.study.space_controller import SpaceLearning
@@ -35,6 +36,8 @@ NEEDED = {
 
 def terms(law: Base) -> frozenset[str]:
     """Names of the recorded parts of a law's output."""
+    if isinstance(law, OwnLaw):
+        return frozenset({"term_learned"} if law.learning else ())  # if it tells, which only a run shows
     found = _terms("trial" if isinstance(law, TrialLaw) else getattr(law, "law", ""))
     if not isinstance(law, SpaceLearning):
         return found
@@ -56,7 +59,9 @@ def kinds(study: Study | TrialStudy) -> set[str]:
         "thermal": isinstance(motor, Motor) and motor.temperature is not None,
         "energy": study.trace.energy,
         "load_side": study.mechanics is not None and study.mechanics.load_side is not None,
-        "path": any(isinstance(law, SpaceLearning) for law in study.controller.values()),
+        "path": any(
+            isinstance(law, SpaceLearning) or law.holds_position for law in study.controller.values()
+        ),
         "trials": trials,
         "trial_law": any(isinstance(law, TrialLaw) for law in study.controller.values()),
     }
