@@ -1,4 +1,4 @@
-"""What a user's own law is told and may tell, in Python and in a shared library: the drive, params with units,
+"""What a user's own law is told and may tell, in Python and in a shared library: drive, params with units,
 its learned part, and its step at the current loop's rate."""
 
 from __future__ import annotations
