@@ -4,6 +4,8 @@ import re
 import sys
 from pathlib import Path
 
+from sphinx.util import logging
+
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent / "_ext")]
 
 project = "cogless"
@@ -27,6 +29,13 @@ autodoc_typehints_format = "short"
 autodoc_inherit_docstrings = False
 
 
+def read(app, page, template, context, doctree):
+    """Warn where TeX stands in a page as it was written: a line of it that begins with "- " is a list's."""
+    shown = re.sub(r"<(pre|code|math|script)\b.*?</\1>", "", context.get("body", ""), flags=re.DOTALL)
+    if found := re.search(r".{0,40}(?:\$\\|\\[a-z]+[{_^ )]).{0,20}", shown):
+        logging.getLogger(__name__).warning("TeX that was not read: %s", found[0], location=page)
+
+
 def reachable(app, page, template, context, doctree):
     """Let the keyboard scroll what is wider than the page, and give the menu's headings a level."""
     scrolls = re.compile(r'<(pre|div class="(?:math|table-wrapper)[^"]*")(?=[ >])')
@@ -37,4 +46,5 @@ def reachable(app, page, template, context, doctree):
 
 
 def setup(app):
+    app.connect("html-page-context", read)
     app.connect("html-page-context", reachable, priority=900)
