@@ -29,7 +29,7 @@ from cogless.design.from_study import design_study, retuned, same_gains
 from cogless.design.model import Real
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
 from cogless.design.trial import TrialDesign, TrialGains, TrialSettings, design_gains, design_trial
-from cogless.study.reading import changed
+from cogless.study import reading
 
 
 @pytest.fixture(scope="module")
@@ -365,7 +365,7 @@ def test_a_study_changed_elsewhere_takes_the_other_s_plant(
 ) -> None:
     study, run = trial_studies.loaded(tmp_path), ("move", "ilc")
     before = design_study(study, [run])[run]
-    other = changed(study, {"controller.ilc.K_3": 0.3})
+    other = reading.changed(study, {"controller.ilc.K_3": 0.3})
     monkeypatch.setattr(from_study, "from_parameters", lambda *of: pytest.fail("a plant is made anew"))
     found = retuned(other, run, study)
     assert (pytest.approx(0.69, abs=0.1), 0.3) == (before.K_3, found.K_3)
