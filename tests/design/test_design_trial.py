@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import trial_studies
 from design_plants import (
     START,
     Q,
@@ -20,12 +22,14 @@ from design_plants import (
     two_masses,
 )
 
+from cogless.design import from_study
 from cogless.design.certificate import Learning
 from cogless.design.error import DesignError
-from cogless.design.from_study import same_gains
+from cogless.design.from_study import design_study, retuned, same_gains
 from cogless.design.model import Real
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
 from cogless.design.trial import TrialDesign, TrialGains, TrialSettings, design_gains, design_trial
+from cogless.study import reading
 
 
 @pytest.fixture(scope="module")
@@ -354,6 +358,18 @@ def test_gains_for_another_shift_are_others() -> None:
     settings = mandra_settings()
     assert same_gains(settings, replace(settings, samples=500))
     assert not same_gains(settings, replace(settings, shift=3))
+
+
+def test_a_study_changed_elsewhere_takes_the_other_s_plant(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study, run = trial_studies.loaded(tmp_path), ("move", "ilc")
+    before = design_study(study, [run])[run]
+    other = reading.changed(study, {"controller.ilc.K_3": 0.3})
+    monkeypatch.setattr(from_study, "from_parameters", lambda *of: pytest.fail("a plant is made anew"))
+    found = retuned(other, run, study)
+    assert (pytest.approx(0.69, abs=0.1), 0.3) == (before.K_3, found.K_3)
+    assert found.K_1.tolist() == before.K_1.tolist()
 
 
 def test_a_factor_above_one_is_never_told_as_one(plant: UncertainPlant, gains: TrialGains) -> None:

@@ -128,7 +128,8 @@ def exported(folder: Path, study: AnyStudy, controller: str) -> Exported:
 
 @pytest.fixture(scope="module")
 def shared() -> Iterator[None]:
-    """What every FMU of these tests has alike is compiled once, and kept; its C++ as one unit.
+    """What every FMU of these tests has alike is compiled once, and kept; its C++ as two units, of which one
+    is a drive's own.
 
     Without optimising, and by clang where it is: that takes a third as long, and the bits are the same.
     """
@@ -136,15 +137,16 @@ def shared() -> Iterator[None]:
 
     def objects(sources: Iterable[Path], folder: Path) -> list[Path]:
         sources = list(sources)
-        units = [source for source in sources if source.suffix == ".cpp"]
-        texts = "".join(source.read_text() for source in units)
-        for n, source in enumerate(units):
-            source.write_text("" if n else texts)
+        texts = {source: source.read_text() for source in sources if source.suffix == ".cpp"}
+        for own in (False, True):
+            units = [source for source in texts if (OWN in texts[source]) is own]
+            for n, source in enumerate(units):
+                source.write_text("" if n else "".join(texts[unit] for unit in units))
         return [compiled(source, folder) for source in sources]
 
     def compiled(source: Path, folder: Path) -> Path:
         included = (each for each in sorted(source.parent.rglob("*.*")) if each.suffix not in (".c", ".cpp"))
-        read = [source, *(each for each in included if each.name != OWN or source.suffix == ".cpp")]
+        read = [source, *(each for each in included if each.name != OWN or OWN in source.read_text())]
         words = [
             *build.OPTIONS,
             *(compilers_version(build.compiler(language)[0]) for language in build.COMPILERS),

@@ -104,7 +104,7 @@ def retuned(study: TrialStudy, run: tuple[str, str], like: TrialStudy) -> TrialP
         elif not same_gains(settings, before):
             return design_study(study, [run])[run]
         with _as_study_error(study, *run):
-            return trial_parameters(uncertain_plant(study), settings, gains)
+            return trial_parameters(uncertain_plant(like), settings, gains)  # the same, and made once
     return design_study(study, [run])[run]
 
 

@@ -166,7 +166,10 @@ class LearningLoop(ABC):
             return np.abs(self.kept(f, lead))
         images = min(math.ceil(rate / 2 / cells), IMAGES)
         image = np.add.outer(np.arange(-images, images + 1) * cells, f)
-        weight = np.where(np.abs(image) <= rate / 2, np.sinc(image / cells) ** 2, 0.0)
+        sine = np.sin(np.pi * f / cells) / np.pi  # all images have the same, but for its sign
+        with np.errstate(divide="ignore", invalid="ignore"):
+            sinc = np.where(image == 0, 1.0, sine / (image / cells))
+        weight = np.where(np.abs(image) <= rate / 2, sinc**2, 0.0)
         return np.asarray(np.abs((weight * self.kept(image, lead)).sum(axis=0) / weight.sum(axis=0)))
 
     def lines(self, f: ArrayLike, constant: bool) -> Real:

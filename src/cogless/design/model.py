@@ -94,7 +94,12 @@ def markov(A: Real, B: Real, C: Real, count: int) -> Real:
 
 def relative_degree(model: Model, C: Real) -> int:
     """The smallest r with C A^(r-1) B != 0; 0 if the input has no effect on the output."""
-    found = np.flatnonzero(markov(model.A, model.B, C, model.order))
+    return first_effect(markov(model.A, model.B, C, model.order))
+
+
+def first_effect(parameters: Real) -> int:
+    """The relative degree, of all Markov parameters of a model."""
+    found = np.flatnonzero(parameters)
     return int(found[0]) + 1 if len(found) else 0
 
 

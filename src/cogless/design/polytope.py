@@ -20,7 +20,15 @@ from numpy.typing import ArrayLike
 
 from cogless.design.error import DesignError
 from cogless.design.hull import enclose, minimal
-from cogless.design.model import Discretisation, Model, Real, markov, relative_degree, sampled
+from cogless.design.model import (
+    Discretisation,
+    Model,
+    Real,
+    first_effect,
+    markov,
+    relative_degree,
+    sampled,
+)
 
 Parameters = Mapping[str, float]
 Range = tuple[float, float]
@@ -130,15 +138,13 @@ def from_parameters(
         except DesignError as error:
             raise DesignError(f"{error} at {_at(parameters)}") from None
 
-    def models(points: Sequence[Parameters]) -> Models:
-        return _discrete([physical(point) for point in points], period, discretisation)
-
-    def within(shares: Real) -> Models:
+    def within(shares: Real) -> list[Model]:
         low, high = np.array(list(ranges.values()), dtype=float).reshape(-1, 2).T
-        return models([dict(zip(ranges, row, strict=True)) for row in (low + shares * (high - low)).tolist()])
+        rows = (low + shares * (high - low)).tolist()
+        return [physical(dict(zip(ranges, row, strict=True))) for row in rows]
 
     def draw(rng: Generator, count: int) -> Models:
-        return within(rng.random((count, len(ranges))))
+        return _discrete(within(rng.random((count, len(ranges)))), period, discretisation)
 
     ends = (sorted({float(low), float(high)}) for low, high in ranges.values())
     corners = [dict(zip(ranges, corner, strict=True)) for corner in itertools.product(*ends)]
@@ -148,9 +154,9 @@ def from_parameters(
         discretisation,
         draw,
         labels=[_at(corner) for corner in corners],
-        corners=models(corners),
-        nominal=models([nominal]),
-        images=within(_inside(len(ranges)))[0] if ranges else [],
+        corners=_discrete([physical(corner) for corner in corners], period, discretisation),
+        nominal=_discrete([physical(nominal)], period, discretisation),
+        images=_designed(within(_inside(len(ranges))), period, discretisation) if ranges else [],
         image="a plant within the ranges",
         set_="the ranges map to a set that",
     )
@@ -196,10 +202,15 @@ def from_vertices(
 
 def _discrete(models: Sequence[Model], period: float, how: Discretisation | None) -> Models:
     """Discrete models of continuous ones, and exactly sampled ones; `how` None: they are discrete already."""
-    if how is None:
-        return list(models), None
-    exact = [sampled(m, period, "exact") for m in models]
-    return exact if how == "exact" else [sampled(m, period, how) for m in models], exact
+    designed = _designed(models, period, how)
+    if how != "euler":
+        return designed, None if how is None else designed
+    return designed, _designed(models, period, "exact")
+
+
+def _designed(models: Sequence[Model], period: float, how: Discretisation | None) -> list[Model]:
+    """The first part of `_discrete` alone."""
+    return list(models) if how is None else [sampled(m, period, how) for m in models]
 
 
 def _mixtures(corners: Sequence[Model], rng: Generator, count: int) -> list[Model]:
@@ -270,13 +281,14 @@ def _relative_degree(nominal: Model, C: Real, tested: Sequence[tuple[str, Model]
         raise DesignError("vertex: expected an output that sees the input; at the nominal plant it doesn't")
     sign = math.copysign(1.0, markov(nominal.A, nominal.B, C, degree)[-1])
     for label, vertex in tested:
-        found = relative_degree(vertex, C)
+        effects = markov(vertex.A, vertex.B, C, vertex.order)
+        found = first_effect(effects)
         if found != degree:
             raise DesignError(
                 f"vertex: expected the same relative degree at all vertices; {degree} at the nominal plant, "
                 f"{found or 'none'} at {label}"
             )
-        if math.copysign(1.0, markov(vertex.A, vertex.B, C, degree)[-1]) != sign:
+        if math.copysign(1.0, effects[degree - 1]) != sign:
             raise DesignError(
                 f"vertex: expected the input to act in one direction at all vertices; at {label} it acts in "
                 "the other"
