@@ -620,6 +620,15 @@ def test_page_data(made):
     assert event["panels"][0]["title"] == "Speed, load to 0.6 N·m at 2 s"
 
 
+def test_an_event_is_drawn_if_more_than_ten_periods_follow_it(made):
+    runs = [run for run in made.runs if run.scenario == "step-on"]
+    (event,) = made.study.scenario["step-on"].events
+    at = runs[0].trace.window(0.0, event.time).stop
+    for rows, drawn in ((at + 8, 0), (at + 15, 1)):
+        ended = [replace(run, trace=short(run.trace, rows)) for run in runs]
+        assert len(overtime.events(made, ended)) == drawn
+
+
 def test_waveforms_lie_in_time(made):
     """The first value of a waveform stands for the run's start, the last for its end."""
     waveforms = data_of(render(made))["scenarios"][0]["waveforms"]
