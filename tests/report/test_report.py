@@ -611,6 +611,7 @@ def test_page_data(made):
     assert not any("first" in zoom for zoom in step["zooms"])
     electrical, mechanical = low["spectra"]
     assert electrical["series"][0]["values"][5] == pytest.approx(4.8, rel=1e-3)
+    assert electrical["orders"] == list(range(1, 13))
     assert 18 in mechanical["orders"]
     assert "early" in electrical["series"][2] and "early" not in electrical["series"][0]
     assert len(low["maps"]) == 1 and low["maps"][0]["x"] == "electrical angle (°)"
