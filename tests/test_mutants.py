@@ -9,16 +9,15 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
-from mutants import c_code, hits, page, python_code
+from mutants import c_code, python_code
 from mutants.blocks import block_at, blocks_of, marked
 from mutants.change import Change, other_numbers
 from mutants.draw import drawn, sources
 from mutants.order import files_for, function_at
 from mutants.seen import Seen
-from mutants.switched import culprits, switched
+from mutants.switched import PAGE, culprits, switched
 
 ROOT = Path(__file__).parents[1]
 
@@ -132,27 +131,40 @@ def sign(x, least=0):
 '''
 
 
-def test_the_tests_that_execute_a_block_are_noted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+TESTS = """import subprocess
+import sys
+
+import pytest
+from a import sign
+
+@pytest.mark.parametrize("x, expected", [(-2, -1), (0, 0), (3, 1)])
+def test(x, expected):
+    assert sign(x) == expected and sign.__doc__ == "A function."
+
+def test_elsewhere():
+    subprocess.run([sys.executable, "-c", "from a import sign; sign(-1)"], check=True)
+"""
+
+
+def test_the_tests_that_execute_a_block_are_noted(tmp_path: Path) -> None:
     """A function's head belongs to its body, the condition of an elif to what is around."""
     where = ("LIMIT = 1", "least=0", "x < least", "-LIMIT", "x == 0", "0\n    r", "k for")
     blocks = [block_at("a.py", MARKED, MARKED.index(text)) for text in where]
     assert blocks == [None, 0, 0, 1, 0, 2, 0]
-    monkeypatch.setattr(hits, "FOLDER", tmp_path)
     text = marked("a.py", MARKED, 40)
     assert "_cogless_page" not in text.partition('"""A function."""')[0].partition("LIMIT = 1")[2]
-    monkeypatch.setenv("COGLESS_HITS", "")
-    hits.pytest_configure()
-    monkeypatch.setattr(page, "page", page._opened())
-    names: dict[str, Any] = {}
-    exec(compile(text, "a.py", "exec"), names)
-    assert names["sign"].__doc__ == "A function."
-    hits._note("", 0.0)
-    for x, expected in ((-2, -1), (0, 0), (3, 1)):
-        assert names["sign"](x) == expected
-        hits._note(f"test[{x} b]", 0.5)
+    (tmp_path / "a.py").write_text(text)
+    (tmp_path / "plugin.py").write_text("from mutants.hits import *\nfrom mutants import hits\n"
+                                        f"hits.FOLDER = hits.Path({str(tmp_path)!r})\n")  # fmt: skip
+    (tmp_path / "test_a.py").write_text(TESTS)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "plugin", "-p", "no:cacheprovider", "test_a.py"]
+    both = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT / 'tests'}"}
+    done = subprocess.run(command, cwd=tmp_path, env=both, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
     lines = [line.split(" ", 2) for line in (tmp_path / "tests").read_text().splitlines()]
-    assert [(int(bits, 16), test) for bits, _, test in lines] == [
-        (0, ""), (0b011 << 40, "test[-2 b]"), (0b101 << 40, "test[0 b]"), (0b001 << 40, "test[3 b]"),
+    assert [(int(bits, 16), test.partition("::")[2]) for bits, _, test in lines] == [
+        (0, ""), (0b011 << 40, "test[-2--1]"), (0b101 << 40, "test[0-0]"), (0b001 << 40, "test[3-1]"),
+        (0b011 << 40, "test_elsewhere"),
     ]  # fmt: skip
 
 
@@ -163,7 +175,7 @@ def test_all_code_can_be_marked() -> None:
         if file.endswith(".py"):
             compile(marked(file, text, count), file, "exec")
         count += len(blocks_of(file, text))
-    assert 4000 < count < page.SIZE
+    assert 4000 < count < PAGE
 
 
 def test_first_those_that_execute_a_mutant_then_the_others_of_their_files() -> None:
@@ -250,7 +262,7 @@ def test_of_several_mutants_in_one_program_the_environment_chooses(tmp_path: Pat
         done = subprocess.run([tmp_path / "sign"], env=chosen, capture_output=True, text=True, check=True)
         assert done.stdout == says
     noted = tmp_path / "page"
-    noted.write_bytes(bytes(page.SIZE))
+    noted.write_bytes(bytes(PAGE))
     source.write_text(marked("sign.c", text, 7))
     subprocess.run(["cc", *strict, source, "-o", tmp_path / "sign"], check=True)
     subprocess.run([tmp_path / "sign"], env={**os.environ, "COGLESS_HITS": str(noted)}, check=True)

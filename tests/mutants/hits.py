@@ -9,7 +9,7 @@ from time import process_time
 
 import pytest
 
-from mutants.page import SIZE
+from mutants.switched import PAGE  # not the page, which is opened when it is imported
 
 FOLDER = Path(__file__).parents[2] / "hits"  # of the copy of the tree in which the tests run
 DIGITS = bytes([ord("0"), *[ord("1")] * 255])
@@ -18,7 +18,7 @@ DIGITS = bytes([ord("0"), *[ord("1")] * 255])
 def pytest_configure() -> None:
     """A page for this process and those that it starts, before any of them loads marked code."""
     page = FOLDER / f"page-{os.environ.get('PYTEST_XDIST_WORKER', 'main')}"
-    page.write_bytes(bytes(SIZE))
+    page.write_bytes(bytes(PAGE))
     os.environ["COGLESS_HITS"] = str(page)
 
 
@@ -27,7 +27,7 @@ def _note(test: str, seconds: float) -> None:
     with Path(os.environ["COGLESS_HITS"]).open("r+b") as page:
         marks = int(page.read()[::-1].translate(DIGITS), 2)
         page.seek(0)
-        page.write(bytes(SIZE))
+        page.write(bytes(PAGE))
     with (FOLDER / "tests").open("a") as file:
         file.write(f"{marks:x} {seconds:.3f} {test}\n")
 

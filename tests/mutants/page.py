@@ -6,15 +6,15 @@ from __future__ import annotations
 import os
 from mmap import mmap
 
-SIZE = 1 << 15  # numbers that there is room for
+from mutants.switched import PAGE
 
 
 def _opened() -> mmap:
     path = os.environ.get("COGLESS_HITS")
     if path is None:
-        return mmap(-1, SIZE)
+        return mmap(-1, PAGE)
     with open(path, "r+b") as file:
-        return mmap(file.fileno(), SIZE)
+        return mmap(file.fileno(), PAGE)
 
 
 page = _opened()

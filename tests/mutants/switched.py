@@ -10,6 +10,7 @@ from mutants.c_code import functions
 from mutants.change import Change
 
 SWITCH = Path(__file__).with_name("switch.h")
+PAGE = 1 << 15  # marks that switch.h has room for
 
 
 def switched(text: str, changes: Mapping[int, Change]) -> tuple[str, dict[int, int]]:
