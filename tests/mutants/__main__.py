@@ -100,9 +100,15 @@ def judge_beside(
     known = log.judged(entry)
     if known is None:
         tree, begin = free.get(), monotonic()
-        tree.chosen = number
         try:
-            verdict = tree.judge(mutant[0], seen.turns(*mutant))
+            while True:
+                tree.chosen = number
+                verdict = tree.judge(mutant[0], seen.turns(*mutant))
+                tree.chosen = 0
+                wrong = tree.failing([verdict.by]) if verdict.by.startswith("tests/") else []
+                if not wrong:
+                    break
+                seen.beside += wrong  # it notices that there are mutants, not this one
         finally:
             tree.chosen = 0
             free.put(tree)
@@ -186,7 +192,7 @@ def main() -> None:
             entries = dict(zip(python, pool.map(alone, python), strict=True))
             mutants, lonely = together(compiled, trees)
             for tree in trees:
-                tree.avoided = seen.beside
+                tree.avoided = seen.beside  # the same list, which grows
             some = [n for n in mutants if n not in lonely]
             beside = pool.map(lambda n: judge_beside(n, mutants[n], free, log, seen), some)
             entries |= {n: entry for n, entry in zip(some, beside, strict=True) if entry is not None}
