@@ -9,14 +9,15 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
-from mutants import c_code, hits, python_code
+from mutants import c_code, python_code
+from mutants.blocks import block_at, blocks_of, marked
 from mutants.change import Change, other_numbers
-from mutants.draw import drawn
-from mutants.order import files_for, function_at, others_of, those_of
-from mutants.switched import culprits, switched
+from mutants.draw import drawn, sources
+from mutants.order import files_for, function_at
+from mutants.seen import Seen
+from mutants.switched import PAGE, culprits, switched
 
 ROOT = Path(__file__).parents[1]
 
@@ -114,48 +115,101 @@ def test_those_tests_come_first_that_are_about_it() -> None:
         assert files_for(ROOT, file, function)[0] == first
 
 
-PROBED = """LIMIT = 1
+MARKED = '''"""A module."""
+from __future__ import annotations
 
-def sign(x):
-    if x < 0:
+LIMIT = 1
+
+def sign(x, least=0):
+    """A function."""
+    if x < least:
         return (
             -LIMIT)
     elif x == 0:
         return 0
     return [k for k in (1,)][0]
+'''
+
+
+TESTS = """import subprocess
+import sys
+
+import pytest
+from a import sign
+
+@pytest.mark.parametrize("x, expected", [(-2, -1), (0, 0), (3, 1)])
+def test(x, expected):
+    assert sign(x) == expected and sign.__doc__ == "A function."
+
+def test_elsewhere():
+    subprocess.run([sys.executable, "-c", "from a import sign; sign(-1)"], check=True)
 """
 
 
-def test_what_executes_a_statement_is_noted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    places = dict(
-        enumerate(PROBED.index(text) for text in ("= 1", "x < 0", "-LIMIT", "x == 0", "k for", "0\n    r"))
-    )
-    text, probed = hits.with_probes(PROBED, places)
-    assert probed == {1, 2, 3, 4, 5}  # the first is outside of functions
-    monkeypatch.setattr(hits, "FOLDER", tmp_path)
-    names: dict[str, Any] = {}
-    exec(compile(text, "probed", "exec"), names)
-    for x, expected in ((-2, -1), (0, 0), (3, 1)):
-        monkeypatch.setenv("PYTEST_CURRENT_TEST", f"tests/test_a.py::test[{x} b] (call)")
-        assert names["sign"](x) == expected
-    every = {f"tests/test_a.py::test[{x} b]" for x in (-2, 0, 3)}
-    found = {number: set(hits.noted(tmp_path, number)) for number in probed}
-    assert found[1] == found[3] == every  # before an elif stands the probe of its if
-    assert [found[n] for n in (2, 5, 4)] == [{f"tests/test_a.py::test[{x} b]"} for x in (-2, 0, 3)]
-    assert hits.noted(tmp_path, 0) == []
+def test_the_tests_that_execute_a_block_are_noted(tmp_path: Path) -> None:
+    """A function's head belongs to its body, the condition of an elif to what is around."""
+    where = ("LIMIT = 1", "least=0", "x < least", "-LIMIT", "x == 0", "0\n    r", "k for")
+    blocks = [block_at("a.py", MARKED, MARKED.index(text)) for text in where]
+    assert blocks == [None, 0, 0, 1, 0, 2, 0]
+    text = marked("a.py", MARKED, 40)
+    assert "_cogless_page" not in text.partition('"""A function."""')[0].partition("LIMIT = 1")[2]
+    (tmp_path / "a.py").write_text(text)
+    (tmp_path / "plugin.py").write_text("from mutants.hits import *\nfrom mutants import hits\n"
+                                        f"hits.FOLDER = hits.Path({str(tmp_path)!r})\n")  # fmt: skip
+    (tmp_path / "test_a.py").write_text(TESTS)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "plugin", "-p", "no:cacheprovider", "test_a.py"]
+    both = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT / 'tests'}"}
+    done = subprocess.run(command, cwd=tmp_path, env=both, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+    lines = [line.split(" ", 2) for line in (tmp_path / "tests").read_text().splitlines()]
+    assert [(int(bits, 16), test.partition("::")[2]) for bits, _, test in lines] == [
+        (0, ""), (0b011 << 40, "test[-2--1]"), (0b101 << 40, "test[0-0]"), (0b001 << 40, "test[3-1]"),
+        (0b011 << 40, "test_elsewhere"),
+    ]  # fmt: skip
 
 
-def test_only_the_files_of_those_that_execute_it_are_run() -> None:
-    files = [f"tests/test_{n}.py" for n in range(9)]
-    some = ["tests/test_1.py::a", "tests/test_8.py::b", "tests/test_1.py::c"]
-    assert those_of(files[::-1], some) == [
-        [some[1], some[0], some[2]],
-        ["tests/test_8.py", "tests/test_1.py"],
-    ]
-    assert those_of(files, []) == [[], []]
-    first, others = those_of(files, [""])
-    assert first + others == files
-    assert those_of(files, ["", *some]) == [some[:1] + some[2:] + some[1:2], files]
+def test_all_code_can_be_marked() -> None:
+    count = 0
+    for file in sources(ROOT, []):
+        text = (ROOT / file).read_text()
+        if file.endswith(".py"):
+            compile(marked(file, text, count), file, "exec")
+        count += len(blocks_of(file, text))
+    assert 4000 < count < PAGE
+
+
+def test_first_those_that_execute_a_mutant_then_the_others_of_their_files() -> None:
+    """What importing executes: those that execute anything of the file, or of those that import it."""
+    seen = Seen(ROOT)
+    file = "src/cogless/results/metrics.py"
+    text, first = seen.texts[file], seen.numbers[file]
+
+    def turns(place: str) -> list[list[str]]:
+        start = text.index(place)
+        return seen.turns(file, Change(start, start + 1, "x"))
+
+    def bit(of: str, place: str) -> int:
+        block = block_at(of, seen.texts[of], seen.texts[of].index(place))
+        assert block is not None
+        return 1 << seen.numbers[of] + block
+
+    inside = bit(file, "poles = 1 if")
+    ran = "src/cogless/run/carry_out.py"
+    assert "import metrics" in seen.texts[ran] or "results.metrics" in seen.texts[ran]
+    seen.tests = {
+        "tests/b.py::slow": (inside, 9.0), "tests/b.py::other": (1 << first + 9, 1.0),
+        "tests/a.py::quick": (inside, 1.0), "tests/c.py::other": (0, 0.1),
+        "tests/d.py::runs": (1 << seen.numbers[ran], 20.0),
+        "tests/results/test_metrics.py::likely": (inside, 30.0),
+    }  # fmt: skip
+    likely = "tests/results/test_metrics.py::likely"
+    assert turns("poles = 1 if") == [[likely, "tests/a.py::quick", "tests/b.py::slow"], ["tests/b.py::other"]]
+    anything = [likely, "tests/a.py::quick", "tests/b.py::slow", "tests/b.py::other", "tests/d.py::runs"]
+    assert turns("SETTLED_SHARE = 1") == [anything, []]
+    seen.imported = inside
+    assert turns("poles = 1 if") == [anything, []]
+    seen.tests = {"tests/c.py::other": (0, 0.1)}
+    assert turns("poles = 1 if") == [["tests/c.py::other"], []]
 
 
 SHAPES = """struct Shape {
@@ -189,14 +243,14 @@ def test_the_bodies_of_functions_are_found() -> None:
 
 
 def test_of_several_mutants_in_one_program_the_environment_chooses(tmp_path: Path) -> None:
-    """None of them by default; the others beside it; and what ran is on the page."""
+    """None of them by default; the others beside it."""
     if shutil.which("cc") is None:
         pytest.skip("no C compiler")
     text = "int sign(int x)\n{\n    if (x < 0) {\n        return -1;\n    }\n    return x > 0;\n}\n"
     text += '#include <stdio.h>\nint main(void)\n{\n    printf("%d%d%d", sign(-1), sign(0), sign(1));\n}\n'
     less, more = text.index("x < 0") + 2, text.index("x > 0") + 2
     changes = {3: Change(less, less + 1, "<="), 8: Change(more, more + 1, ">="), 9: Change(0, 3, "long")}
-    source, page = tmp_path / "sign.c", tmp_path / "page"
+    source = tmp_path / "sign.c"
     both, lines = switched(text, changes)
     source.write_text(both)
     assert set(lines.values()) == {3, 8}  # the other is in no function
@@ -204,25 +258,19 @@ def test_of_several_mutants_in_one_program_the_environment_chooses(tmp_path: Pat
     strict = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-pedantic", "-Werror"]
     subprocess.run(["cc", *strict, source, "-o", tmp_path / "sign"], check=True)
     for number, says in (("", "-101"), ("3", "-1-11"), ("8", "-111"), ("9", "-101")):
-        page.write_bytes(bytes(4096))
-        chosen = {**os.environ, "COGLESS_MUTANT": number, "COGLESS_HITS": str(page)}
+        chosen = {**os.environ, "COGLESS_MUTANT": number}
         done = subprocess.run([tmp_path / "sign"], env=chosen, capture_output=True, text=True, check=True)
         assert done.stdout == says
-        assert [n for n, mark in enumerate(page.read_bytes()) if mark] == [3, 8]
+    noted = tmp_path / "page"
+    noted.write_bytes(bytes(PAGE))
+    source.write_text(marked("sign.c", text, 7))
+    subprocess.run(["cc", *strict, source, "-o", tmp_path / "sign"], check=True)
+    subprocess.run([tmp_path / "sign"], env={**os.environ, "COGLESS_HITS": str(noted)}, check=True)
+    assert [n for n, mark in enumerate(noted.read_bytes()) if mark] == [7, 8]
     wrong, lines = switched(text, {5: Change(less, less + 1, "=<"), 6: Change(more, more + 1, ">=")})
     source.write_text(wrong)
     done = subprocess.run(["cc", "-c", source, "-o", tmp_path / "x.o"], capture_output=True, text=True)
     assert culprits(done.stderr, "sign.c", lines) == {5}
-
-
-def test_the_rest_of_the_files_come_by_what_they_take() -> None:
-    files = [f"tests/test_{n}.py" for n in range(9)]
-    some = [f"tests/test_{n}.py::a" for n in (1, 6, 7, 8)]
-    assert others_of(files, some, {"tests/test_6.py": 3.0, "tests/test_7.py": 1.0}) == [
-        "tests/test_8.py",
-        "tests/test_7.py",
-        "tests/test_6.py",
-    ]
 
 
 def test_the_command_tells_what_it_takes() -> None:

@@ -364,6 +364,11 @@ static void refuse_configs(void)
         config.slot_size = field == 6U ? CGL_MAP_HEADER : config.slot_size;
         CHECK(cgl_map_store_init(&store, &config, buffer, sizeof buffer) == CGL_ERROR_CONFIG);
     }
+    cgl_map_store_config least = good; /* room for a map of one number */
+    least.slot_size = CGL_MAP_STORED_LENGTH(1U, 1U, least.write_size);
+    CHECK(cgl_map_store_init(&store, &least, buffer, sizeof buffer) == CGL_OK);
+    --least.slot_size;
+    CHECK(cgl_map_store_init(&store, &least, buffer, sizeof buffer) == CGL_ERROR_CONFIG);
 }
 
 /* ---- saving ---- */

@@ -246,6 +246,8 @@ def test_a_reset_drive_does_as_a_new_one(precision):
     used.ticks(20, theta_m=math.nan)
     assert used.has("ANGLE_LOST") and used.drive.quality.windows > 1
     used.lib.cgl_drive_reset(used.drive)
+    told, nothing = (getattr(c.drive, "in") for c in (used, new))
+    assert all(getattr(told, name) == getattr(nothing, name) for name in dir(nothing))
     used.theta = new.theta
     for n in range(300):
         got, expected = (c.tick(omega_ref=50 + n % 7) for c in (used, new))

@@ -58,10 +58,9 @@ class Law:
         self.state = library.new(base)
         self.cell, pointer = library.array(np.zeros(200))
         self.rows = self.cell[: ROWS.get(name, 64)]  # behind a map is a ring of the cells last passed
-        memory = () if name in WITHOUT_MEMORY else (pointer, 200)
-        assert (
-            getattr(library.lib, f"{base}_init")(self.state, self.config, TS, *memory) == library.lib.CGL_OK
-        )
+        self.memory = () if name in WITHOUT_MEMORY else (pointer, 200)
+        self.init = getattr(library.lib, f"{base}_init")
+        assert self.init(self.state, self.config, TS, *self.memory) == library.lib.CGL_OK
         self.out = library.new("cgl_law_output")
         self.n = 0
 
@@ -136,6 +135,19 @@ def test_a_reset_law_does_as_a_new_one(precision, name):
     again = [law.step() for _ in range(1000)]
     assert again == [new.step() for _ in range(1000)] != worn
     assert np.array_equal(law.cell, new.cell) and terms(law.state) == terms(new.state)
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize("name", LAWS)
+def test_a_law_in_memory_that_another_has_used_does_as_a_new_one(precision, name):
+    library = control_library(precision)
+    law, new = Law(library, name), Law(library, name)
+    for _ in range(300):
+        law.step(base=0.6)
+    assert law.init(law.state, law.config, TS, *law.memory) == library.lib.CGL_OK
+    law.n = 0
+    assert [law.step() for _ in range(300)] == [new.step() for _ in range(300)]
+    assert np.array_equal(law.rows, new.rows) and terms(law.state) == terms(new.state)
 
 
 def test_a_calibration_begins_anew_after_it():

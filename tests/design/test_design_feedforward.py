@@ -145,6 +145,17 @@ def test_polynomials() -> None:
     assert len(zeros(model, C)) == 3
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_delays_are_zeros_at_exactly_zero(seed: int) -> None:
+    """Whatever the coordinates of the state round to."""
+    T = np.linalg.qr(np.random.default_rng(seed).normal(size=(5, 5)))[0]
+    A = np.diag([0.5, 0.3, 0.2, 0.0, 0.0])
+    A[3, 4] = 1.0  # a delay of two samples, which the output does not show
+    model = Model(T @ A @ T.T, T @ np.array([[1.0], [1.0], [1.0], [0.0], [1.0]]))
+    found = zeros(model, T @ np.array([1.0, 2.0, 3.0, 0.0, 0.0]))
+    assert np.count_nonzero(found == 0.0) == 2 and len(found) == 4
+
+
 def test_errors() -> None:
     blocked = Model(np.array([[0.5, 0.0], [1.0, 0.0]]), np.array([[1.0], [0.0]]))
     with pytest.raises(DesignError) as error:

@@ -166,3 +166,15 @@ def test_learning_does_not_settle_where_it_makes_the_feedback_unstable() -> None
     assert known(load("uomodri", too_much), "pi-ilc").kind == "unstable"
     assert "unstable with what learning adds at once" in printed(too_much)
     assert known(load("uomodri"), "pi-ilc").unstable is None
+
+
+def test_a_delay_line_halfway_between_two_samples_smooths_what_it_recalls() -> None:
+    """Its mean of two samples has the gain cos(pi f T), which leaves that much more of an order."""
+    study = load("liu2018", {**CLEAN, "controller.pi-ilc.memory": "time"})
+    T = PeriodicLoop(study, "pi-ilc", 2 * math.pi).plant.period
+    poles = study.motor.pole_pairs if study.controller["pi-ilc"].period == "electrical" else 1  # type: ignore[union-attr]
+    loop = PeriodicLoop(study, "pi-ilc", 2 * math.pi / (200.5 * T * poles))
+    f = np.arange(1, 60) * loop.periods_per_second
+    kept, recalled = loop.kept(f), loop.q(f) * np.cos(np.pi * f * T)
+    left = (1 - recalled) / (1 - recalled * kept) * (1 if loop.lead else kept)
+    np.testing.assert_allclose(loop.residual(f), np.abs(left), rtol=1e-9)

@@ -105,6 +105,22 @@ def test_a_given_pole_and_cutoff_are_kept() -> None:
     assert design.q_filter is not None and np.array_equal(design.q_filter.b, same.b)
 
 
+def test_its_feedforward_moves_the_nominal_plant_and_can_be_left_out() -> None:
+    plant = motor()
+    assert design_trial(plant, settings(feedforward=False)).feedforward is None
+    ahead = design_trial(plant, settings(feedforward=True)).feedforward
+    assert ahead is not None and plant.exact_nominal is not None and list(ahead.den) == [1.0]
+    s = np.clip(np.arange(500) / 400, 0, 1)
+    y_ref = s**4 * (35 - 84 * s + 70 * s**2 - 20 * s**3)
+    wanted = np.concatenate([np.zeros(20), y_ref, np.ones(20)])
+    x, y = np.zeros((2, 1)), []
+    for k in range(500):
+        y.append(float(plant.C @ x[:, 0]))
+        u = sum(ahead.num[j] * wanted[20 + k + ahead.preview - j] for j in range(len(ahead.num)))
+        x = plant.exact_nominal.A @ x + plant.exact_nominal.B * u
+    assert np.abs(np.array(y) - y_ref).max() < 5e-3
+
+
 def lagging(ranged):
     """Integrates once, with a lag whose pole is k from z = 1."""
     return [[0.0, 1.0], [0.0, -ranged["k"] / PERIOD]], [0.0, 1.0]

@@ -14,7 +14,7 @@ from cogless.design.pi import speed_loop
 from cogless.design.position import position_margins
 from cogless.design.space_learning import SpaceLoop
 from cogless.design.summary import to_dict
-from cogless.design.verdict import Verdict, verdict, warnings
+from cogless.design.verdict import Repair, Verdict, verdict, warnings
 from cogless.results import Run
 from cogless.study import Study
 
@@ -140,6 +140,17 @@ def test_the_gain_that_learning_may_add_at_once() -> None:
     spectrum = np.abs(np.fft.rfft(np.diff(late, 2) * np.hanning(len(late) - 2)))
     grown = np.argmax(spectrum) / (len(late) - 2) / run.trace.period
     assert grown == pytest.approx(found.unstable.frequency, rel=0.05)
+
+
+def test_the_mildest_remedy_is_named_or_that_there_is_none() -> None:
+    more = "lower its learning gains too"
+    for repair, words in (
+        (Repair(4e-4, 3, 0.01), 'lead = "0.4 ms" repairs it'),
+        (Repair(None, 3, 0.01), "q_half_width = 3 repairs it"),
+        (Repair(None, None, 0.01), "no lead or Q filter alone repairs it, forgetting = 0.01 does"),
+        (Repair(), f"no Q filter alone repairs it, {more}"),
+    ):
+        assert repair.words() == words
 
 
 def test_the_worst_speed_may_lie_between_the_ends() -> None:

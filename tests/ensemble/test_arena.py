@@ -104,6 +104,13 @@ def test_laws_are_not_told_of_the_delay_nor_of_the_inertia(tmp_path: Path) -> No
     assert study.scenario["heavy"].override["mechanics.inertia"] == "9e-06 kg*m^2"
 
 
+def test_laws_learn_from_when_the_plant_says_unless_they_say_otherwise(tmp_path: Path) -> None:
+    laws = {**LAWS, "later": {**LAWS["pi-ilc"], "learning_start": "1 s"}}
+    study, _ = prepared(arena(tmp_path, law=laws), "drone", list(laws))
+    starts = {name: getattr(law, "learning_start", None) for name, law in study.controller.items()}
+    assert starts == {"bar": None, "pi-ilc": 0.5, "later": 1.0}
+
+
 def test_a_feedback_by_hand_keeps_laws_without_a_pi_away(tmp_path: Path) -> None:
     laws = {**LAWS, "robust": {"law": "robust-ilc", "tuning": AUTO}}
     plant = {**PLANT, "feedback": {"kp": 0.05, "ki": 2.0}}

@@ -172,6 +172,15 @@ def test_without_the_module_one_line_says_how_to_get_it(monkeypatch, tmp_path):
         engine.module("single")
 
 
+def test_a_module_that_is_shipped_is_there(monkeypatch, tmp_path):
+    monkeypatch.setattr(engine, "package_folders", lambda: [tmp_path])
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (tmp_path / "live").mkdir()
+    (tmp_path / "live" / engine.NAMES["single"]).write_bytes(b"module")
+    assert engine.is_there("single") and not engine.is_there("double")
+    assert engine.module("single") == b"module"
+
+
 def test_packed_numbers_lie_where_they_say(tmp_path):
     study = studies.study(tmp_path)
     blob = blobs(study, *held(study)[0])["run"]

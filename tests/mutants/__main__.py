@@ -6,34 +6,25 @@ import argparse
 import json
 import signal
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import chain
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Lock
 from time import monotonic
-from typing import Any, NamedTuple
+from typing import Any
 from zlib import crc32
 
 from mutants.change import Change
 from mutants.draw import drawn
-from mutants.hits import noted, seconds, with_probes
-from mutants.order import LIKELY, files_for, function_at, others_of, those_of
+from mutants.seen import Seen
 from mutants.switched import culprits, switched
 from mutants.tree import Tree
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "build" / "mutants"
 Mutant = tuple[str, Change]  # file, and what is changed in it
-
-
-class Noted(NamedTuple):
-    """What one run of all tests shows."""
-
-    hits: dict[tuple[str, int], list[str]]  # tests by file and position
-    seconds: dict[str, float]  # by test file
-    failing: list[str]  # tests that fail beside mutants which none chose: what compiles for other processors
 
 
 class Log:
@@ -93,34 +84,6 @@ def together(draws: dict[int, Iterator[Mutant]], trees: list[Tree]) -> tuple[dic
     return current, current.keys() - {n for some in lines.values() for n in some.values()}
 
 
-def noted_of(mutants: dict[int, Mutant], tree: Tree, jobs: int, log: Log) -> Noted:
-    """Tests that execute the statements of these mutants of Python within functions, and the functions of
-    those of C and C++ that are built together.
-
-    This runs all tests once. The answer is kept for as long as code and tests are unchanged.
-    """
-    places = {n: (file, change.start) for n, (file, change) in mutants.items()}
-    texts = {file: (ROOT / file).read_text() for file, _ in places.values()}
-    kept = FOLDER / f"noted-{crc32(repr((log.tests, places, texts)).encode())}.json"
-    if not kept.exists():
-        probed = {n for n, (file, _) in places.items() if not file.endswith(".py")}
-        for file, text in texts.items():
-            if file.endswith(".py"):
-                here = {n: start for n, (other, start) in places.items() if other == file}
-                with_calls, numbers = with_probes(text, here)
-                tree.write(file, with_calls)
-                probed |= numbers
-        folder, failing = tree.hits(jobs)
-        for file, text in texts.items():
-            if file.endswith(".py"):
-                tree.write(file, text)
-        tree.install_python()
-        found = [[*places[n], noted(folder, n)] for n in sorted(probed)]
-        kept.write_text(json.dumps([found, seconds(folder), failing]))
-    found, spent, failing = json.loads(kept.read_text())
-    return Noted({(file, place): tests for file, place, tests in found}, spent, failing)
-
-
 def described(file: str, change: Change) -> dict[str, Any]:
     text = (ROOT / file).read_text()
     return {
@@ -130,36 +93,34 @@ def described(file: str, change: Change) -> dict[str, Any]:
 
 
 def judge_beside(
-    number: int, mutant: Mutant, free: SimpleQueue[Tree], log: Log, turns: list[list[str]]
-) -> dict[str, Any]:
-    """Judge a mutant of Python, or one of those that are built together, by these tests; what they do not
-    notice is not settled yet."""
+    number: int, mutant: Mutant, free: SimpleQueue[Tree], log: Log, seen: Seen
+) -> dict[str, Any] | None:
+    """Judge one of the mutants that are built together; None if no test that can run beside them notices."""
     entry = described(*mutant)
     known = log.judged(entry)
-    if known is not None and known["outcome"] in ("killed", "time-out"):
-        told(known)
-        return known
-    (file, change), tree, begin = mutant, free.get(), monotonic()
-    text = (ROOT / file).read_text()
-    try:
-        if not file.endswith(".py"):
-            tree.chosen = number
-        elif not tree.takes(file, change.applied(text)):
-            return {**entry, "outcome": "none", "by": ""}
-        verdict = tree.judge(file, turns)
-    finally:
-        tree.chosen = 0
-        if file.endswith(".py"):
-            tree.write(file, text)
-            tree.install_python()
-        free.put(tree)
-    entry |= {**verdict._asdict(), "seconds": round(monotonic() - begin)}
-    told(entry)
-    return entry
+    if known is None:
+        tree, begin = free.get(), monotonic()
+        try:
+            while True:
+                tree.chosen = number
+                verdict = tree.judge(mutant[0], seen.turns(*mutant))
+                tree.chosen = 0
+                wrong = tree.failing([verdict.by]) if verdict.by.startswith("tests/") else []
+                if not wrong:
+                    break
+                seen.beside += wrong  # it notices that there are mutants, not this one
+        finally:
+            tree.chosen = 0
+            free.put(tree)
+        if verdict.outcome == "survived":
+            return None
+        known = log.add({**entry, **verdict._asdict(), "seconds": round(monotonic() - begin)})
+    told(known)
+    return known
 
 
 def judge_alone(
-    draw: Iterator[Mutant], free: SimpleQueue[Tree], log: Log, run: Noted, passed: Mutant | None
+    draw: Iterator[Mutant], free: SimpleQueue[Tree], log: Log, seen: Seen, passed: Mutant | None = None
 ) -> dict[str, Any]:
     """Judge the first mutant of a draw that compiles to other code than the original. `passed`: one that the
     tests which run beside other mutants did not notice."""
@@ -168,10 +129,12 @@ def judge_alone(
         for file, change in draw:
             text = (ROOT / file).read_text()
             mutant = described(file, change)
-            known = None if (file, change) == passed else log.judged(mutant)
+            known = log.judged(mutant)
             if known is None and tree.takes(file, change.applied(text)):
-                turns = [run.failing] if (file, change) == passed else [_likely_first((file, change))]
-                verdict = tree.judge(file, turns, (file, change) != passed)
+                again = (file, change) == passed
+                alone = [test for test in seen.beside if test not in seen.failing]
+                turns = [alone] if again else seen.turns(file, change)
+                verdict = tree.judge(file, turns, not again)
                 known = log.add({**mutant, **verdict._asdict(), "seconds": round(monotonic() - begin)})
             tree.write(file, text)
             if known is not None and known["outcome"] != "none":
@@ -182,20 +145,6 @@ def judge_alone(
         raise SystemExit("no more mutants to draw")
     finally:
         free.put(tree)
-
-
-def remaining(mutant: Mutant, run: Noted) -> list[list[str]]:
-    """Tests beside the likely ones that may notice a mutant."""
-    (file, change), files = mutant, _likely_first(mutant)
-    executing = run.hits.get((file, change.start), [""] if file.endswith(".py") else [])
-    if file.endswith(".py"):
-        return those_of(files, executing)
-    return [others_of(files, executing, run.seconds)]
-
-
-def _likely_first(mutant: Mutant) -> list[str]:
-    file, change = mutant
-    return files_for(ROOT, file, function_at(file, (ROOT / file).read_text(), change.start))
 
 
 def told(entry: dict[str, Any]) -> None:
@@ -222,52 +171,37 @@ def main() -> None:
         for tree in trees:
             free.put(tree)
         try:
+            trees[0].plain({})
+            seen = Seen(ROOT)
+            seen.look(trees[0], asked.jobs, FOLDER / "seen.json")
+            for tree in trees:
+                tree.plain({})
+                tree.avoided = seen.failing
             firsts = {n: next(draw) for n, draw in draws.items()}
             draws = {n: chain([firsts[n]], draw) for n, draw in draws.items()}
             compiled = {n: draws[n] for n, (file, _) in firsts.items() if not file.endswith(".py")}
-            mutants, alone = together(compiled, trees)
-            switchable = {n: mutant for n, mutant in mutants.items() if n not in alone}
-            left = {n: mutant for n, mutant in firsts.items() if n not in compiled} | switchable
-            entries: dict[int, dict[str, Any]] = {}
 
-            def judged(turns: Callable[[Mutant], list[list[str]]]) -> None:
-                """Judge those that are left; what only notices that there are mutants is avoided from then
-                on."""
-                again, passed = dict(left), set[int]()
-                while again:
-                    some = [(n, mutant, free, log, turns(mutant)) for n, mutant in again.items()]
-                    new = dict(zip(again, pool.map(lambda one: judge_beside(*one), some), strict=True))
-                    passed |= {n for n, entry in new.items() if entry["outcome"] in ("survived", "none")}
-                    by = {entry["by"] for entry in new.values() if entry["by"].startswith("tests/")}
-                    wrong = trees[0].failing(sorted(by)) if by else []
-                    for tree in trees:
-                        tree.avoided += wrong
-                    again = {n: again[n] for n, entry in new.items() if entry["by"] in wrong}
-                    for n in new.keys() - again.keys() - passed:
-                        entries[n] = log.add(new[n])
-                        del left[n]
+            mutants: dict[int, Mutant] = {}  # those that are built together
+            lonely: set[int] = set()  # and of them those that cannot be
 
-            judged(lambda mutant: [_likely_first(mutant)[:LIKELY]])
-            run = Noted({}, {}, trees[0].avoided)
-            if left:
-                run = noted_of(left, trees[0], asked.jobs, log)
-                for tree in trees:
-                    tree.avoided = list(run.failing)
-                judged(lambda mutant: remaining(mutant, run))
-            originals = {file: (ROOT / file).read_text() for file, _ in mutants.values()}
-            list(pool.map(lambda tree: tree.plain(originals), trees))
-            trees[0].avoided = []
-            really = trees[0].failing(run.failing) if run.failing else []
-            for tree in trees:
-                tree.avoided = really
-            run = run._replace(failing=[test for test in run.failing if test not in really])
-            again = [n for n in firsts if n not in entries]
-
-            def one(n: int) -> dict[str, Any]:
+            def alone(n: int) -> dict[str, Any]:
                 draw = chain([mutants[n]], draws[n]) if n in mutants else draws[n]
-                return judge_alone(draw, free, log, run, left.get(n))
+                return judge_alone(draw, free, log, seen, None if n in lonely else mutants.get(n))
 
-            entries |= zip(again, pool.map(one, again), strict=True)
+            python = [n for n in draws if n not in compiled]
+            entries = dict(zip(python, pool.map(alone, python), strict=True))
+            mutants, lonely = together(compiled, trees)
+            for tree in trees:
+                tree.avoided = seen.beside  # the same list, which grows
+            some = [n for n in mutants if n not in lonely]
+            beside = pool.map(lambda n: judge_beside(n, mutants[n], free, log, seen), some)
+            entries |= {n: entry for n, entry in zip(some, beside, strict=True) if entry is not None}
+            originals = {file: (ROOT / file).read_text() for file, _ in mutants.values()}
+            for tree in trees:
+                tree.plain(originals)
+                tree.avoided = seen.failing
+            left = [n for n in compiled if n not in entries]
+            entries |= zip(left, pool.map(alone, left), strict=True)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             for tree in trees:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-LIKELY = 6  # test files that run first; pytest collects the others only if these pass
+LIKELY = 6  # test files whose tests run first
 
 
 def files_for(root: Path, file: str, function: str) -> list[str]:
-    """All test files; first those that have a similar name, import the file, or name the function."""
+    """All test files; first those that have a similar name, test the room, import the file, or name the
+    function."""
     path = Path(file)
     words = set(re.split(r"[/_]", path.with_suffix("").as_posix())) - {"src", "cogless", "control"}
     imports = re.compile(rf"^(?:from|import) .*\b{path.stem}\b", re.MULTILINE)
@@ -22,26 +23,38 @@ def files_for(root: Path, file: str, function: str) -> list[str]:
         named = bool(function) and len(re.findall(rf"\b{function}\b", text))
         mentions = len(re.findall(rf"\b(?:cgl_)?{path.stem}\b", text))
         imported = bool(imports.search(text) or package.search(text))
-        return -(like + 4 * imported + 4 * min(named, 2) + min(mentions, 4)), len(text)
+        room = test.parent.name in (path.parts[0], path.parent.name)
+        return -(like + 3 * room + 4 * imported + 4 * min(named, 2) + min(mentions, 4)), len(text)
 
     found = sorted((root / "tests").rglob("test_*.py"), key=weight)
     return [test.relative_to(root).as_posix() for test in found]
 
 
-def those_of(files: list[str], tests: list[str]) -> list[list[str]]:
-    """What to run in turn for a mutant that only these tests execute: first they, then all of their files,
-    since a test may judge what another one has run. If importing a file executes it (""), then all files."""
-    place = {file: n for n, file in enumerate(files)}
-    first = sorted(filter(None, tests), key=lambda test: place[test.partition("::")[0]])
-    if "" in tests:
-        return [first or files[:LIKELY], files if first else files[LIKELY:]]
-    return [first, list(dict.fromkeys(test.partition("::")[0] for test in first))]
+def in_order(tests: dict[str, float], files: list[str]) -> list[str]:
+    """Tests with their seconds, file by file: first those of the likely files, then of the quickest."""
+    total: dict[str, float] = dict.fromkeys(files[:LIKELY], 0.0)
+    for test, seconds in tests.items():
+        file = test.partition("::")[0]
+        if file not in files[:LIKELY]:
+            total[file] = total.get(file, 0.0) + seconds
+    place = {file: n for n, file in enumerate(sorted(total, key=lambda file: total[file]))}
+    return sorted(tests, key=lambda test: place[test.partition("::")[0]])
 
 
-def others_of(files: list[str], tests: list[str], seconds: dict[str, float]) -> list[str]:
-    """Files of these tests beside the likely ones, the quickest first."""
-    found = {test.partition("::")[0] for test in tests} - set(files[:LIKELY])
-    return sorted(found, key=lambda file: seconds.get(file, 0.0))
+def importers(file: str, texts: dict[str, str]) -> list[str]:
+    """Other files that import or include this one, or its package."""
+    path = Path(file)
+    if path.suffix == ".py":
+        module = ".".join(path.with_suffix("").parts[1:]).removesuffix(".__init__")
+        package, _, name = module.rpartition(".")
+        by = rf"^\s*(?:from|import) {re.escape(module)}\b|^\s*from {re.escape(package)} import .*\b{name}\b"
+    else:
+        by = rf'^#include ["<](?:.*/)?{re.escape(path.name)}[">]'
+    found = [other for other, text in texts.items() if other != file and re.search(by, text, re.MULTILINE)]
+    package = (path.parent / "__init__.py").as_posix()
+    if package in found and package != file:
+        found += importers(package, texts)
+    return list(dict.fromkeys(found))
 
 
 def function_at(file: str, text: str, position: int) -> str:

@@ -1,5 +1,5 @@
 /* Included by a file of C or C++ with mutants in it, of which the environment's COGLESS_MUTANT chooses one, 0 none.
- * Each function with mutants marks its numbers in the page COGLESS_HITS, if there is one, for mutants.hits to read. */
+ * Marked functions note that they run in the page COGLESS_HITS, if there is one; mutants.page is the same for Python. */
 #ifndef COGLESS_MUTANTS_SWITCH_H
 #define COGLESS_MUTANTS_SWITCH_H
 
@@ -16,7 +16,7 @@ extern unsigned char *cogless_hits;
 
 #define COGLESS_ONCE __attribute__((weak, visibility("hidden")))
 COGLESS_ONCE int cogless_mutant;
-COGLESS_ONCE unsigned char cogless_unread[4096];
+COGLESS_ONCE unsigned char cogless_unread[32768];
 COGLESS_ONCE unsigned char *cogless_hits = cogless_unread;
 
 __attribute__((constructor)) static void cogless_choose_mutant(void)
@@ -25,7 +25,7 @@ __attribute__((constructor)) static void cogless_choose_mutant(void)
     if (number) cogless_mutant = atoi(number);
     if (!page || cogless_hits != cogless_unread) return;
     const int file = open(page, O_RDWR);
-    void *shared = file < 0 ? MAP_FAILED : mmap(0, 4096, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
+    void *shared = file < 0 ? MAP_FAILED : mmap(0, 32768, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
     if (shared != MAP_FAILED) cogless_hits = (unsigned char *)shared;
 }
 

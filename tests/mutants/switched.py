@@ -10,7 +10,7 @@ from mutants.c_code import functions
 from mutants.change import Change
 
 SWITCH = Path(__file__).with_name("switch.h")
-PAGE = 4096  # numbers that switch.h has room for
+PAGE = 1 << 15  # marks that switch.h has room for
 
 
 def switched(text: str, changes: Mapping[int, Change]) -> tuple[str, dict[int, int]]:
@@ -24,7 +24,7 @@ def switched(text: str, changes: Mapping[int, Change]) -> tuple[str, dict[int, i
         inside = {n: c for n, c in changes.items() if begins <= c.start and c.end <= closes}
         if not inside:
             continue
-        pieces += [text[end:begins], *(f"cogless_hits[{number}] = 1; " for number in inside)]
+        pieces.append(text[end:begins])
         for number, change in inside.items():
             body = Change(change.start - begins, change.end - begins, change.new).applied(text[begins:closes])
             pieces.append(f"if (cogless_mutant == {number}) {{")

@@ -86,14 +86,13 @@ class Tree:
         self.install_python()
         return True
 
-    def hits(self, jobs: int) -> tuple[Path, list[str]]:
-        """Run all tests, side by side; return the folder in which mutants.hits notes who executed what, and
-        the tests that fail."""
+    def hits(self, jobs: int, tests: list[str]) -> tuple[Path, list[str]]:
+        """Run tests, side by side; return the folder in which mutants.hits notes what they execute, and those
+        that fail."""
         folder = self.root / "hits"
         rmtree(folder, ignore_errors=True)
         folder.mkdir()
-        self.install_python()
-        _, output = self._tested("-p", "mutants.hits", "-n", str(jobs), "--dist", "loadfile")
+        _, output = self._tested("-p", "mutants.hits", "-n", str(jobs), "--dist", "loadfile", *tests)
         return folder, failures(output)
 
     def judge(self, file: str, turns: list[list[str]], beside_c: bool = True) -> Verdict:

@@ -611,6 +611,7 @@ def test_page_data(made):
     assert not any("first" in zoom for zoom in step["zooms"])
     electrical, mechanical = low["spectra"]
     assert electrical["series"][0]["values"][5] == pytest.approx(4.8, rel=1e-3)
+    assert electrical["orders"] == list(range(1, 13))
     assert 18 in mechanical["orders"]
     assert "early" in electrical["series"][2] and "early" not in electrical["series"][0]
     assert len(low["maps"]) == 1 and low["maps"][0]["x"] == "electrical angle (°)"
@@ -618,6 +619,15 @@ def test_page_data(made):
     event = step["events"][0]
     assert event["start"] == pytest.approx(-0.1, abs=2e-3)
     assert event["panels"][0]["title"] == "Speed, load to 0.6 N·m at 2 s"
+
+
+def test_an_event_is_drawn_if_more_than_ten_periods_follow_it(made):
+    runs = [run for run in made.runs if run.scenario == "step-on"]
+    (event,) = made.study.scenario["step-on"].events
+    at = runs[0].trace.window(0.0, event.time).stop
+    for rows, drawn in ((at + 8, 0), (at + 15, 1)):
+        ended = [replace(run, trace=short(run.trace, rows)) for run in runs]
+        assert len(overtime.events(made, ended)) == drawn
 
 
 def test_waveforms_lie_in_time(made):

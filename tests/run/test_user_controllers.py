@@ -54,10 +54,8 @@ class Pi:
         return 0.1 * error + self.integral
 
 
-@pytest.fixture(scope="session")
-def library(tmp_path_factory: pytest.TempPathFactory) -> str:
-    folder = tmp_path_factory.mktemp("plugin")
-    (folder / "pi.c").write_text(PLUGIN)
+def compiled(folder: Path, text: str) -> str:
+    (folder / "pi.c").write_text(text)
     include = Path(cogless.__file__).parent / "include"
     subprocess.run(
         ["cc", "-std=c99", "-shared", "-fPIC", "-Wall", "-Werror", f"-I{include}", "pi.c", "-o", "pi.so"],
@@ -65,6 +63,11 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> str:
         check=True,
     )
     return str(folder / "pi.so")
+
+
+@pytest.fixture(scope="session")
+def library(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return compiled(tmp_path_factory.mktemp("plugin"), PLUGIN)
 
 
 def test_python_and_library_laws_equal_the_built_in_one(library: str) -> None:
@@ -94,6 +97,19 @@ def test_refused_params_and_missing_library(library: str) -> None:
         drive_of(_simulator_f64, config({"controller": shared}))
     with pytest.raises(ValueError, match="cannot open shared object file"):
         drive_of(_simulator_f64, config({"controller": {**shared, "library": "/nowhere/law.so"}}))
+
+
+def test_a_library_may_have_a_mebibyte_of_state(tmp_path: Path) -> None:
+    for more in (0, 1):
+        folder = tmp_path / str(more)
+        folder.mkdir()
+        large = PLUGIN.replace("return sizeof(pi);", f"return 1048576 + {more};")
+        shared = {"law": "library", "library": compiled(folder, large), "params": [0.1, 1.0]}
+        if not more:
+            drive_of(_simulator_f64, config({"controller": shared})).start()
+            continue
+        with pytest.raises(ValueError, match="more than 1 MiB of state"):
+            drive_of(_simulator_f64, config({"controller": shared})).start()
 
 
 def test_a_law_that_returns_no_number_ends_the_run() -> None:

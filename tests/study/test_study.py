@@ -8,6 +8,7 @@ import pytest
 from engine import unpacked
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import TypeAdapter
 
 import cogless
 import studies
@@ -19,6 +20,7 @@ from cogless.run.simulate import simulate
 from cogless.study import changed, for_scenario, load
 from cogless.study.datasheet_words import MAGNET
 from cogless.study.drive import Belief
+from cogless.study.fault import Fault
 from cogless.study.motor import Motor
 from cogless.study.reading import parse_change, split, with_unit
 
@@ -540,3 +542,20 @@ def test_friction_by_position_comes_from_a_csv_file(tmp_path: Path) -> None:
     assert table["angle"] == pytest.approx([math.radians(angle) for angle in angles])
     assert table["torque"] == pytest.approx([2e-3, 3e-3] * 6)
     assert studies.study(tmp_path).mechanics.friction_table is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "words"),
+    [
+        ("angle-missing", {}, "position sensor gives no number"),
+        ("angle-stuck", {}, "position sensor stuck"),
+        ("angle-jump", {"angle": "12.3 deg"}, "position sensor off by 12.3°"),
+        ("current-missing", {"phase": "a"}, "current sensor of phase a gives no number"),
+        ("current-zero", {"phase": "c"}, "current sensor of phase c reads zero"),
+        ("bus-voltage", {"voltage": "12.5 V"}, "bus at 12.5 V"),
+    ],
+)
+def test_a_fault_in_words(kind: str, more: dict[str, str], words: str) -> None:
+    table = {"kind": kind, "time": "1 s", "duration": "0.5 s", **more}
+    fault: Fault = TypeAdapter(Fault).validate_python(table)
+    assert (fault.words, fault.end) == (words, 1.5)

@@ -204,17 +204,17 @@ class LearningLoop(ABC):
         value = np.where(f >= 0, value, np.conj(value))
         return np.asarray(value * np.exp(2j * np.pi * f * lead * self.plant.period) if lead else value)
 
-    def residual(self, f: ArrayLike, constant: bool = True) -> Real:
+    def residual(self, f: ArrayLike) -> Real:
         """The size of `left`: an error that isn't periodic with the learning period may double."""
-        return np.abs(self.left(f, constant))
+        return np.abs(self.left(f))
 
-    def left(self, f: ArrayLike, constant: bool = True) -> Complex:
-        """The error after learning has settled, divided by the error under feedback alone.
+    def left(self, f: ArrayLike) -> Complex:
+        """The error after learning at a constant speed has settled, divided by that under feedback alone.
 
         An error that isn't periodic with the learning period is recalled with a shifted phase.
         """
         f = np.asarray(f, dtype=float)
-        q = self.q(f) * self.lines(f, constant) * np.exp(-2j * np.pi * f / self.periods_per_second)
+        q = self.q(f) * self.lines(f, True) * np.exp(-2j * np.pi * f / self.periods_per_second)
         kept = self.kept(f)
         left = (1 - q) / (1 - q * kept)
         return np.asarray(left if self.lead else left * kept)
