@@ -97,7 +97,8 @@ def _profile(log: Log, trace: Trace, with_dead_time: Trace | None) -> tuple[Arra
         off, free = off - part * moved, free - 1
     left = np.sum(off**2, axis=0)
     spread = max(2 * noise, float(np.min(left)) / free, 1e-300)  # both filters have noise
-    return trace.period / FINE * np.arange(len(left)), left / spread, misfit
+    delays = np.asarray(trace.period / FINE * np.arange(len(left)), dtype=np.float64)
+    return delays, np.asarray(left / spread, dtype=np.float64), misfit
 
 
 def _filters(trace: Trace, step: int) -> Array:
