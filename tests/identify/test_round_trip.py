@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 from identify.commissioned import study_text
+from PIL import Image
 
 from cogless import load, run_study
 from cogless.__main__ import main

@@ -61,7 +61,10 @@ def test_a_current_of_the_wrong_sign_is_refused_with_the_line_that_turns_it(tmp_
     ("change", "said"),
     [
         (lambda s: {"t": np.round(s["t"] + 1.7e9)}, "of 4000 rows have the time of the row before"),
-        (lambda s: {"theta": np.degrees(s["theta"]) % 360}, "rad, which is no turn: expected its unit, such as unit = \"deg\""),
+        (
+            lambda s: {"theta": np.degrees(s["theta"]) % 360},
+            'no turn: expected its unit, such as unit = "deg"',
+        ),
         (lambda s: {"theta": s["theta"] % (6.55 * 2 * np.pi)}, "the angle jumps by 41.1"),
         (lambda s: {"theta": 4 * s["theta"]}, "expected units that agree; the angle looks electrical"),
     ],

@@ -145,8 +145,8 @@ def _timed(where: str, name: str, rule: LogRule, found: Columns, known: Identifi
     keep = np.concatenate(([True], np.diff(t) > 0))
     if np.mean(keep) < 0.5:
         raise StudyError(
-            f"{where}: {_heading(known, 't')}: {np.sum(~keep)} of {len(t)} rows have the time of the row before: "
-            "expected all digits of the time"
+            f"{where}: {_heading(known, 't')}: {np.sum(~keep)} of {len(t)} rows have the time of the row "
+            "before: expected all digits of the time"
         )
     if not keep.all():
         remarks.append(f"{name}: {np.sum(~keep)} rows have the time of the row before and are left out.")
@@ -163,8 +163,8 @@ def _timed(where: str, name: str, rule: LogRule, found: Columns, known: Identifi
         whole = _slip(name, found["theta"], known.step, remarks)
         if whole < FEWEST:
             raise StudyError(
-                f"{where}: {_heading(known, 'theta')}: row {whole + 1}: the angle jumps, and only {whole} rows "
-                f"are before: expected {FEWEST} or more of an encoder's angle, not one of Hall sensors"
+                f"{where}: {_heading(known, 'theta')}: row {whole + 1}: the angle jumps, and only {whole} "
+                f"rows are before: expected {FEWEST} or more of an encoder's angle, not one of Hall sensors"
             )
         t, found = t[:whole], {signal: values[:whole] for signal, values in found.items()}
         _units_agree(where, t, found, known)
@@ -219,7 +219,10 @@ def _units_agree(where: str, t: Array, found: Columns, known: Identification) ->
     ratio = float(way @ sped) / square
     if not 1 / AGREE < ratio < AGREE:
         names = [_heading(known, signal) for signal in ("omega", "theta", "t")]
-        electrical = (1 / known.motor.pole_pairs, "the angle looks electrical, and a mechanical one is needed")
+        electrical = (
+            1 / known.motor.pole_pairs,
+            "the angle looks electrical, and a mechanical one is needed",
+        )
         mistaken = (*MISTAKEN, electrical)
         cure = next((f"; {said}" for factor, said in mistaken if 0.95 < ratio / factor < 1.05), "")
         raise StudyError(

@@ -30,9 +30,9 @@ def scenarios(study: Study) -> dict[str, Any]:
     """Scenarios of the sequence.
 
     Speeds follow from the one of the study's first scenario. K_t ripple has order 6 p. The slow and the
-    loaded runs are so slow that the kernel of the regression passes that order. The fast one is so slow, where
-    it can be, that the rows show it: currents of that order brake as viscous friction does, by an amount that
-    an unknown dead time decides.
+    loaded runs are so slow that the kernel of the regression passes that order. The fast one is so slow,
+    where it can be, that the rows show it: currents of that order brake as viscous friction does, by an
+    amount that an unknown dead time decides.
     """
     first = next(iter(study.scenario.values()))
     v = first.top_reference or 2 * math.pi

@@ -64,7 +64,10 @@ def played(made: Estimate, progress: Callable[[float], None], dead_time: float =
 def _with_dead_time(table: dict[str, Any], drive: Drive, more: float) -> dict[str, Any]:
     """The drive's table with so much more dead time, s, that the controller does not know of."""
     assert drive.inverter is not None
-    made = {**table, "inverter": {**table["inverter"], "dead_time": f"{drive.inverter.dead_time + more:.6g} s"}}
+    made = {
+        **table,
+        "inverter": {**table["inverter"], "dead_time": f"{drive.inverter.dead_time + more:.6g} s"},
+    }
     if drive.dead_time_compensation is not None and drive.dead_time_compensation.time is None:
         believed = {"time": f"{drive.inverter.dead_time:.6g} s"}
         made["dead_time_compensation"] = {**table["dead_time_compensation"], **believed}

@@ -77,7 +77,14 @@ def write_plots(
                 rows = picture.rows(data, looks)
                 if rows and rows[0]:
                     written.append(directory / f"{scenario}-{kind}.png")
-                    save(written[-1], f"{results.study.title}: {scenario}", rows, picture.height, run, picture.widths)
+                    save(
+                        written[-1],
+                        f"{results.study.title}: {scenario}",
+                        rows,
+                        picture.height,
+                        run,
+                        picture.widths,
+                    )
     return written
 
 
@@ -89,7 +96,7 @@ def save(
     run: str,
     widths: Sequence[int] = (),
 ) -> None:
-    """Write plots in rows of this height, inches, and columns of these relative widths (default: the same)."""
+    """Write plots in rows of this height, inches, and columns of these relative widths (default: equal)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
