@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -24,12 +25,14 @@ SOFTER = {"pi": {"law": "pi", "kp": "0.05 A*s/rad", "ki": "1 A/rad"}}
 
 
 @cache
-def trace(inertia: str, law: str = "pi") -> Trace:
-    """Two seconds of the gimbal with rows of 0.1 ms."""
+def trace(inertia: str, law: str = "pi", dead_time: int = 0) -> Trace:
+    """Two seconds of the gimbal with rows of 0.1 ms. `dead_time`: of its inverter, ns."""
     gimbal = MOTORS["gimbal"]
+    inverter = {"bus_voltage": "24 V", "dead_time": f"{dead_time} ns"}
     study = {
         "title": "late",
         **gimbal,
+        "drive": {**gimbal["drive"], "inverter": inverter},
         "mechanics": {**gimbal["mechanics"], "inertia": inertia},
         "trace": {"rate": "10 kHz"},
         "scenario": {"one": {"duration": "2 s", "reference": {"profile": SWEEPS}}},
@@ -56,6 +59,26 @@ def test_the_delay_is_found_within_the_law_s_period(late):
     assert found is not None and not said
     assert found.value == pytest.approx(late * 1e-4, abs=max(5e-5, found.error))
     assert found.error < 5e-4  # half a period, which is all that torques tell
+
+
+def test_a_dead_time_that_nobody_typed_in_leaves_the_delay_as_it_is():
+    """Where the current has settled, a dead time moves it as much as a delay does."""
+    late, simulated = 2, {"one": trace("8e-5 kg*m^2")}
+    of = [log(trace("8e-5 kg*m^2", dead_time=300), late)]
+    misled, _ = lateness(of, simulated, BANDWIDTH)
+    assert misled is not None and abs(misled.value - late * 1e-4) > 3e-5
+    found, said = lateness(of, simulated, BANDWIDTH, {"one": trace("8e-5 kg*m^2", dead_time=200)})
+    assert found is not None and not said
+    assert found.value == pytest.approx(late * 1e-4, abs=min(3e-5, found.error))
+
+
+def test_logs_that_contradict_each_other_widen_the_error():
+    simulated = {"one": trace("8e-5 kg*m^2"), "two": trace("8e-5 kg*m^2")}
+    logs = [log(trace("8e-5 kg*m^2"), 3), replace(log(trace("8e-5 kg*m^2"), 5), name="two")]
+    alone, together = (lateness(of, simulated, BANDWIDTH)[0] for of in (logs[:1], logs))
+    assert alone is not None and together is not None
+    assert together.error > 5 * alone.error
+    assert abs(together.value - 4e-4) <= together.error + 1e-4
 
 
 def test_another_law_tells_no_delay_and_is_told():

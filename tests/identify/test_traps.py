@@ -57,6 +57,44 @@ def test_a_current_of_the_wrong_sign_is_refused_with_the_line_that_turns_it(tmp_
     assert 'columns.i_q = { name = "i_q", sign = -1 }' in said
 
 
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda s: {"t": np.round(s["t"] + 1.7e9)}, "of 4000 rows have the time of the row before"),
+        (
+            lambda s: {"theta": np.degrees(s["theta"]) % 360},
+            'no turn: expected its unit, such as unit = "deg"',
+        ),
+        (lambda s: {"theta": s["theta"] % (6.55 * 2 * np.pi)}, "the angle jumps by 41.1"),
+        (lambda s: {"theta": 4 * s["theta"]}, "expected units that agree; the angle looks electrical"),
+    ],
+    ids=["digits-of-time", "degrees", "counter-overflows", "electrical"],
+)
+def test_a_column_that_cannot_be_is_refused_with_its_cure(tmp_path, change, said):
+    text, logs = shortened()
+    log = logs["one-speed"]
+    log["theta"] = 6 * log["theta"]  # several turns
+    log["omega"] = 6 * log["omega"]
+    assert said in refused(tmp_path, text, changed({"one-speed": log}, "one-speed", **change(log)))
+
+
+def test_a_pause_in_a_log_is_a_gap_and_no_wrong_unit(tmp_path):
+    text, logs = shortened()
+    t = logs["fast"]["t"].copy()
+    t[len(t) // 2 :] += 3.7
+    made = told(tmp_path, text, changed(logs, "fast", t=t))
+    assert any("fast.npz: 1 gaps, the longest 3.7" in line for line in made.remarks)
+    assert made.values["j"].value * made.K_t == pytest.approx(INERTIA, rel=0.02)
+
+
+def test_logs_that_leave_one_speed_say_why_the_others_are_left(tmp_path):
+    text, logs = shortened()
+    seldom = {name: {key: x[::5] for key, x in log.items()} for name, log in logs.items()}
+    first, *others = refused(tmp_path, text, seldom).splitlines()
+    assert first.startswith("One speed only")
+    assert any("above an eighth of the sampling rate, 200 Hz" in line for line in others)
+
+
 def test_the_sign_of_a_column_turns_it(tmp_path):
     text, logs = shortened()
     turned = {name: {**log, "i_q": -log["i_q"], "i_d": -log["i_d"]} for name, log in logs.items()}

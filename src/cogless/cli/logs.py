@@ -44,6 +44,7 @@ def identify(
             help="Write the sequence of logs to record for the motor of a study: its name or file.",
         ),
     ] = None,
+    plots: Annotated[bool, typer.Option("--plots", help="Also write a PNG picture of the orders.")] = False,
 ) -> None:
     """Find a motor's inertia, friction, cogging and K_t ripple in its drive's logs.
 
@@ -88,6 +89,8 @@ def identify(
         with new_set(output) as stage:
             write.write_all(found.estimate, stage)
             report.write_report(found, stage / "report.html")
+            if plots:
+                report.write_plot(found.estimate, stage / "orders.png")
     for line in command.lines(found.estimate):
         print(line)
     for line in (*found.estimate.left_out, *found.estimate.remarks):

@@ -37,7 +37,10 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
         raise StudyError("\n".join(said) or "no log is left: expected logs with theta and i_q")
     findings.check_sign(known, used, _rows(known, used, Model(), WIDTH))
     left: list[str] = []
-    used, model = _start(known, used, left)
+    try:
+        used, model = _start(known, used, left)
+    except StudyError as error:
+        raise StudyError("\n".join((str(error), *said))) from None
     state = _significant(known, used, *_searched(known, used, model, progress))
     rows, found, model = _told_apart(known, used, *_likely_delay(known, used, *state, left), left)
     progress("errors", 0.0)

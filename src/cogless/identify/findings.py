@@ -262,10 +262,10 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
     poles = made.known.motor.pole_pairs
     if "j" in values and not values["j"].value > 2 * values["j"].error:
         left.append(
-            "Inertia is not larger than its error, and friction is not told without it; add an acceleration "
-            "log."
+            "Inertia is not larger than its error, and friction and delay are not told without it; add an "
+            "acceleration log."
         )
-        for key in ("j", "b", "c"):
+        for key in ("j", "b", "c", "delay"):
             values.pop(key, None)
     if "b" in values and values["b"].value < 0:
         small = values["b"].value > -2 * values["b"].error
@@ -282,11 +282,11 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
     if 2 * poles > highest:
         left.append(
             f"No usable log turns slowly enough to show cogging above order {highest:.0f}, and the poles "
-            f"have {2 * poles}: higher orders are left out, and what they disturb, inertia, friction and the "
-            "encoder's error; record a slow log in which the rotor does not stick (with more feedback), or "
-            "more rows a second."
+            f"have {2 * poles}: higher orders are left out, and what they disturb, inertia, friction, delay "
+            "and the encoder's error; record a slow log in which the rotor does not stick (with more "
+            "feedback), or more rows a second."
         )
-        for key in ("j", "b", "c"):
+        for key in ("j", "b", "c", "delay"):
             values.pop(key, None)
         cogging, encoder = tuple(wave for wave in cogging if wave.order <= highest), ()
     if any(wave.order == poles for wave in cogging) and offsets_of(made.logs) is None:

@@ -2,17 +2,17 @@
 
 The law answers each step of the angle, and holds its current between its own samples. So how i_q follows the
 angle tells where in the law's period it was logged, which no torque balance can tell. A filter from angle to
-i_q is fitted to the log, and to the simulated log with its currents so many rows later: where they agree is
-the delay.
+i_q is fitted to the log, and to the simulated log with its currents so much later: the delays at which they
+agree, over all logs, are the likely ones. A dead time that nobody typed in lets the current follow otherwise,
+too: how, is known from a simulation with more of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from types import MappingProxyType
 
 import numpy as np
-from scipy.stats import t as student
 
 from cogless.identify.files import Array
 from cogless.identify.log import Log
@@ -23,43 +23,45 @@ TAPS = 5  # rows in which i_q follows the angle
 LATEST = 5  # rows of a log by which i_q is late, at most
 FEWEST = 300  # rows
 MISFIT = 0.1  # of what the filter explains: from here on the law is not the described one
+FINE = 20  # delays that are tried between two rows of the trace
+LIKELY = 4.0  # of the objective above its least, in its own variance: 95 % of one value
+NONE: Mapping[str, Trace] = MappingProxyType({})
 
 
-def lateness(logs: Sequence[Log], traces: Mapping[str, Trace], bandwidth: float) -> tuple[Value | None, str]:
+def lateness(
+    logs: Sequence[Log],
+    traces: Mapping[str, Trace],
+    bandwidth: float,
+    with_dead_time: Mapping[str, Trace] = NONE,
+) -> tuple[Value | None, str]:
     """The delay of i_q, s, by the logs that follow the described law; None, and why: no log does.
 
-    `bandwidth`: of the current loop, rad/s.
+    It is the middle of all delays that are likely, and they are its error. `bandwidth`: of the current loop,
+    rad/s. `with_dead_time`: traces of a drive with more dead time, whose true one then may be another.
     """
-    found: list[tuple[float, float]] = []
+    profiles: list[tuple[Array, Array]] = []
     unlike: list[tuple[float, str]] = []
     for log in logs:
         if "i_q" not in log or log.name not in traces or len(log) < FEWEST:
             continue
-        delay, variance, misfit = _of(log, traces[log.name])
+        delays, away, misfit = _profile(log, traces[log.name], with_dead_time.get(log.name))
         if misfit > MISFIT:
             unlike.append((misfit, log.name))
-        elif np.isfinite(variance):
-            found.append((delay, variance))
-    if not found:
+        elif np.ptp(away) > 0:
+            profiles.append((delays, away))
+    if not profiles:
         return None, "".join(_said(*most) for most in sorted(unlike)[:1])
-    delays, variances = np.array(found).T
-    between_logs = _between(delays, variances)
-    weights = 1 / (variances + between_logs)
-    mean = float(np.average(delays, weights=weights))
-    few = student.ppf(0.975, len(delays) - 1) if between_logs else 2.0
-    chosen = float(few / np.sqrt(np.sum(weights)))
-    # between two rows the current moves by an exponential, not a line
+    delays = min((delays for delays, _ in profiles), key=lambda delays: float(delays[1]))
+    away = np.array([np.interp(delays, *profile) for profile in profiles])
+    together = np.sum(away, axis=0)
+    least = float(np.min(together))
+    # logs that contradict each other
+    apart = (least - float(np.sum(np.min(away, axis=1)))) / max(1, len(away) - 1)
+    likely = delays[together <= least + LIKELY * max(1.0, apart)]
+    # between two rows of a trace the current moves by an exponential, not a line
     between = max(trace.period for trace in traces.values()) ** 2 * bandwidth / 8
-    return Value(mean, chosen + between), ""
-
-
-def _between(values: Array, variances: Array) -> float:
-    """Variance between logs beyond their own, s^2 (DerSimonian and Laird): an unknown dead time, say."""
-    weights = 1 / variances
-    mean = float(np.average(values, weights=weights))
-    excess = float(np.sum(weights * (values - mean) ** 2)) - (len(values) - 1)
-    scale = float(np.sum(weights) - np.sum(weights**2) / np.sum(weights))
-    return max(0.0, excess / scale) if scale > 0 else 0.0
+    first, last = float(likely[0]), float(likely[-1])
+    return Value((first + last) / 2, (last - first + float(delays[1])) / 2 + between), ""
 
 
 def _said(misfit: float, log: str) -> str:
@@ -70,45 +72,47 @@ def _said(misfit: float, log: str) -> str:
     )
 
 
-def _of(log: Log, trace: Trace) -> tuple[float, float, float]:
-    """The delay of one log, s, its variance, and the share of what its filter explains that no delay does.
+def _profile(log: Log, trace: Trace, with_dead_time: Trace | None) -> tuple[Array, Array, float]:
+    """Delays, s; how far the log's filter is from the simulated one at each, squared, in its own variance.
 
-    Between the trace's rows the filter is taken as linear in the delay.
+    And the share of what the log's filter explains that no delay does. What neither delay nor dead time
+    explains counts as noise.
     """
     step = max(1, round(log.dt / trace.period))
     real = [_moves(log["theta"][rows], log["i_q"][rows], log.dt) for rows in log.stretches]
     x, y = (np.concatenate(parts) for parts in zip(*real, strict=True))
-    squares = x.T @ x
     taps, *_ = np.linalg.lstsq(x, y, rcond=1e-9)
     noise = float(np.mean((y - x @ taps) ** 2))
+    filters = _filters(trace, step)
+    # in the metric of the log's information
+    metric = np.linalg.qr(x, mode="r")
+    off = metric @ (taps[:, None] - filters)
+    explained = max(float(np.sum((metric @ taps) ** 2)), 1e-300)
+    misfit = float(np.min(np.sum(off**2, axis=0))) / explained
+    free = len(taps) - 1
+    if with_dead_time is not None:
+        moved = metric @ (_filters(with_dead_time, step) - filters)
+        squares = np.sum(moved**2, axis=0)
+        part = np.divide(np.sum(moved * off, axis=0), squares, out=np.zeros_like(squares), where=squares > 0)
+        off, free = off - part * moved, free - 1
+    left = np.sum(off**2, axis=0)
+    spread = max(2 * noise, float(np.min(left)) / free, 1e-300)  # both filters have noise
+    delays = np.asarray(trace.period / FINE * np.arange(len(left)), dtype=np.float64)
+    return delays, np.asarray(left / spread, dtype=np.float64), misfit
+
+
+def _filters(trace: Trace, step: int) -> Array:
+    """The filter, a row for each tap, of every step-th row of a trace, by how late its current is logged."""
     theta, current = np.unwrap(trace["theta_measured"])[::step], trace["i_q"]
-    late = range(LATEST * step + 1)
+    late = np.arange(LATEST * step + 1)
     sides = []
     for rows in late:
         moved = np.concatenate((current[:1].repeat(rows), current[: len(current) - rows]))[::step]
-        columns, changes = _moves(theta, moved, log.dt)
+        columns, changes = _moves(theta, moved, step * trace.period)
         sides.append(columns.T @ changes)
     filters, *_ = np.linalg.lstsq(columns.T @ columns, np.transpose(sides), rcond=1e-12)
-    # both filters have noise; both in the metric of the log's information
-    best = (np.inf, 0.0, np.inf)
-    for rows, (a, b) in zip(late, pairwise(filters.T), strict=False):
-        along, off = b - a, taps - a
-        bend = float(along @ squares @ along)
-        part = float(np.clip(along @ squares @ off / bend, 0.0, 1.0)) if bend > 0 else 0.0
-        left = off - part * along
-        best = min(best, (float(left @ squares @ left), (rows + part) * trace.period, bend))
-    squared, delay, bend = best
-    misfit = squared / max(float(taps @ squares @ taps), 1e-300)
-    # what a wrong dead time or noise leaves counts as noise of the taps
-    spread = max(noise, squared / len(taps))
-    if bend <= 0:
-        return delay, np.inf, misfit
-    # a current that has settled looks alike for a while: all delays that are as likely are in the error
-    away = taps[:, None] - filters
-    likely = np.sum(away * (squares @ away), axis=0) < squared + 4 * 2 * spread
-    reach = np.abs(trace.period * np.arange(len(likely)) - delay)[likely]
-    variance = max(2 * spread / bend * trace.period**2, float(np.max(reach, initial=0.0)) ** 2 / 4)
-    return delay, variance, misfit
+    fine = np.arange((len(late) - 1) * FINE + 1) / FINE
+    return np.array([np.interp(fine, late, tap) for tap in filters])
 
 
 def _moves(theta: Array, current: Array, dt: float) -> tuple[Array, Array]:

@@ -143,6 +143,11 @@ def _timed(where: str, name: str, rule: LogRule, found: Columns, known: Identifi
         at = back[0] + 2
         raise StudyError(f"{where}: {_heading(known, 't')}: row {at}: the time goes back: expected one clock")
     keep = np.concatenate(([True], np.diff(t) > 0))
+    if np.mean(keep) < 0.5:
+        raise StudyError(
+            f"{where}: {_heading(known, 't')}: {np.sum(~keep)} of {len(t)} rows have the time of the row "
+            "before: expected all digits of the time"
+        )
     if not keep.all():
         remarks.append(f"{name}: {np.sum(~keep)} rows have the time of the row before and are left out.")
         t, found = t[keep], {signal: values[keep] for signal, values in found.items()}
@@ -154,8 +159,13 @@ def _timed(where: str, name: str, rule: LogRule, found: Columns, known: Identifi
         remarks.append(f"{name}: {len(ends)} gaps, the longest {longest:.3g} s; the log is cut there.")
     _within_limit(where, found, known)
     if "theta" in found:
-        found["theta"] = _unwrapped(name, found["theta"], remarks)
+        found["theta"] = _unwrapped(name, f"{where}: {_heading(known, 'theta')}", found["theta"], remarks)
         whole = _slip(name, found["theta"], known.step, remarks)
+        if whole < FEWEST:
+            raise StudyError(
+                f"{where}: {_heading(known, 'theta')}: row {whole + 1}: the angle jumps, and only {whole} "
+                f"rows are before: expected {FEWEST} or more of an encoder's angle, not one of Hall sensors"
+            )
         t, found = t[:whole], {signal: values[:whole] for signal, values in found.items()}
         _units_agree(where, t, found, known)
         edges = [*(edge for edge in edges if edge < len(t)), len(t)]
@@ -199,16 +209,22 @@ def _units_agree(where: str, t: Array, found: Columns, known: Identification) ->
     """The speed is the angle's change in time, or the unit of one of the three is another."""
     if "omega" not in found:
         return
-    theta, omega = found["theta"], found["omega"]
-    turned = np.concatenate(([0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1]) * np.diff(t))))
-    way, sped = theta - np.mean(theta), turned - np.mean(turned)
+    omega, steps = found["omega"], np.diff(t)
+    whole = steps <= GAP * np.median(steps)  # over a gap the speed is not known
+    moved, turned = np.diff(found["theta"]), 0.5 * (omega[1:] + omega[:-1]) * steps
+    way, sped = (x - np.mean(x) for x in (np.cumsum(moved[whole]), np.cumsum(turned[whole])))
     square = float(way @ way)
     if square < len(way) * max(TURNED, 20 * known.step) ** 2:
         return  # it hardly turns
     ratio = float(way @ sped) / square
     if not 1 / AGREE < ratio < AGREE:
         names = [_heading(known, signal) for signal in ("omega", "theta", "t")]
-        cure = next((f"; {said}" for factor, said in MISTAKEN if 0.95 < ratio / factor < 1.05), "")
+        electrical = (
+            1 / known.motor.pole_pairs,
+            "the angle looks electrical, and a mechanical one is needed",
+        )
+        mistaken = (*MISTAKEN, electrical)
+        cure = next((f"; {said}" for factor, said in mistaken if 0.95 < ratio / factor < 1.05), "")
         raise StudyError(
             f"{where}: {names[0]} is {ratio:.4g} times the change of {names[1]} over {names[2]}: "
             f"expected units that agree{cure}"
@@ -237,10 +253,17 @@ def _even(t: Array, found: Columns, dt: float) -> tuple[Columns, float]:
     return {signal: np.interp(even, t, values) for signal, values in found.items()}, jitter
 
 
-def _unwrapped(name: str, theta: Array, remarks: list[str]) -> Array:
-    jumps = int(np.sum(np.abs(np.diff(theta)) > 0.5 * TURN))
-    if jumps:
-        remarks.append(f"{name}: the angle wraps {jumps} times, and is unwrapped.")
+def _unwrapped(name: str, where: str, theta: Array, remarks: list[str]) -> Array:
+    moved = np.abs(np.diff(theta))
+    jumps = np.flatnonzero(moved > 0.5 * TURN)
+    alike = len(jumps) > 1 and np.ptp(moved[jumps]) < 0.1 * np.min(moved[jumps])
+    if alike and np.min(moved[jumps]) > 1.5 * TURN:
+        raise StudyError(
+            f"{where}: row {jumps[0] + 2}: the angle jumps by {moved[jumps[0]]:.4g} rad, which is no turn: "
+            'expected its unit, such as unit = "deg", or counts that do not overflow'
+        )
+    if len(jumps):
+        remarks.append(f"{name}: the angle wraps {len(jumps)} times, and is unwrapped.")
     return np.unwrap(theta)
 
 

@@ -9,10 +9,11 @@ from typing import Any
 from cogless import units
 from cogless.errors import StudyError
 from cogless.identify.described import metrics, with_steps
-from cogless.identify.weak_form import WIDTH
+from cogless.identify.weak_form import VISIBLE, WIDTH
 from cogless.study import AnyStudy, Study
 from cogless.study.controller import Feedback
 from cogless.study.error_messages import toml
+from cogless.study.position_sensor import Hall
 
 RATE = 1000.0  # rows of a log a second
 KINDS = {
@@ -29,12 +30,16 @@ def scenarios(study: Study) -> dict[str, Any]:
     """Scenarios of the sequence.
 
     Speeds follow from the one of the study's first scenario. K_t ripple has order 6 p. The slow and the
-    loaded runs are so slow that the kernel of the regression passes that order.
+    loaded runs are so slow that the kernel of the regression passes that order. The fast one is so slow,
+    where it can be, that the rows show it: currents of that order brake as viscous friction does, by an
+    amount that an unknown dead time decides.
     """
     first = next(iter(study.scenario.values()))
     v = first.top_reference or 2 * math.pi
     passed = 1 / (6 * study.motor.pole_pairs * WIDTH) / v
     slow, loaded = min(0.25, 0.5 * passed), min(1.0, passed)
+    shown = 0.9 * VISIBLE * RATE * 2 * math.pi / (6 * study.motor.pole_pairs) / v
+    fast = min(6.0, max(3.0, shown))
     load = 0.2 * study.drive.current_loop.current_limit * study.motor.star().K_t
 
     def profile(*points: tuple[float, float]) -> dict[str, Any]:
@@ -48,11 +53,11 @@ def scenarios(study: Study) -> dict[str, Any]:
         made = profile((0, speed), (time, speed), (time + 0.4, -speed), (2 * time + 0.4, -speed))
         return {**made, "initial_speed": f"{v * speed:.6g} rad/s"}
 
-    sweeps = [(0.5 + 0.8 * n, 5.0 * (-1) ** n) for n in range(9)]
+    sweeps = [(0.5 + 0.8 * n, 5 / 6 * fast * (-1) ** n) for n in range(9)]
     return {
         "slow": both_ways(slow, 2),
         "one-speed": both_ways(1.0, 4),
-        "fast": both_ways(6.0, 12),
+        "fast": both_ways(fast, 12),
         "acceleration": profile((0, 0), *sweeps),
         "load-forwards": {**both_ways(loaded, 3), "load": f"{load:.4g} N*m"},
         "load-backwards": {**both_ways(loaded, 3), "load": f"{-load:.4g} N*m"},
@@ -63,6 +68,11 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
     """The study that plays the sequence, and the file for its logs, as tables."""
     if not isinstance(study, Study) or study.motor.kind != "pmsm":
         raise StudyError(f"{study.source.path}: expected a study of speed with a synchronous motor")
+    if isinstance(study.drive.position_sensor, Hall):
+        raise StudyError(
+            f"{study.source.path}: drive.position_sensor: Hall sensors show six angles of an electrical "
+            "revolution, too few for cogging and friction: expected an encoder, which may be on loan"
+        )
     feedback = next(
         (name for name, law in study.controller.items() if isinstance(law, Feedback) and not law.learned),
         None,

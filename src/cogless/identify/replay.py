@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,20 +26,25 @@ from cogless.results.trace import Trace
 from cogless.run.simulate import rollout
 from cogless.study import Study
 from cogless.study.base import Source
+from cogless.study.drive import Drive
 from cogless.study.reading import checked
 
 ROUNDS = 2
 FINE = 10  # rows of a trace for each of its log, at most: the delay lies between the log's
 SIGNALS = ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d")  # of a trace that are kept
+MORE_DEAD_TIME = 0.002  # periods of the current loop: seen, and so short that its effect is in proportion
 OFF = 0.01  # relative difference of a log's rate from one that divides the current loop's
 
 
-def played(made: Estimate, progress: Callable[[float], None]) -> dict[str, Trace]:
+def played(made: Estimate, progress: Callable[[float], None], dead_time: float = 0.0) -> dict[str, Trace]:
     """The simulated trace of each log that can be played, by its name, with its rows and some between them.
 
-    StudyError: the study isn't valid, or a run failed.
+    `dead_time`: of the inverter, beyond what the file of columns says, s. StudyError: the study isn't valid,
+    or a run failed.
     """
     logs, tables = described.replayable(made), described.study(made)
+    if dead_time:
+        tables["drive"] = _with_dead_time(tables["drive"], made.known.drive, dead_time)
     traces: dict[str, Trace] = {}
     for n, log in enumerate(logs):
         progress(n / len(logs))
@@ -53,6 +59,19 @@ def played(made: Estimate, progress: Callable[[float], None]) -> dict[str, Trace
         (results,) = rollout([study], [f"*/{log.rule.controller or next(iter(study.controller))}"], jobs=1)
         traces[log.name] = _kept(results.runs[0].trace)
     return traces
+
+
+def _with_dead_time(table: dict[str, Any], drive: Drive, more: float) -> dict[str, Any]:
+    """The drive's table with so much more dead time, s, that the controller does not know of."""
+    assert drive.inverter is not None
+    made = {
+        **table,
+        "inverter": {**table["inverter"], "dead_time": f"{drive.inverter.dead_time + more:.6g} s"},
+    }
+    if drive.dead_time_compensation is not None and drive.dead_time_compensation.time is None:
+        believed = {"time": f"{drive.inverter.dead_time:.6g} s"}
+        made["dead_time_compensation"] = {**table["dead_time_compensation"], **believed}
+    return made
 
 
 def _kept(trace: Trace) -> Trace:
@@ -110,9 +129,14 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
     if "j" not in made.values or made.fit is None:
         return made, {}
     traces: dict[str, Trace] = {}
+    with_dead_time: dict[str, Trace] = {}
+    drive = made.known.drive
     for n in range(ROUNDS):
         try:
             traces = played(made, partial(progress, f"simulation {n + 1} of {ROUNDS}"))
+            if n == ROUNDS - 1 and drive.inverter is not None:
+                more = MORE_DEAD_TIME / drive.rates.current_loop
+                with_dead_time = played(made, partial(progress, "simulation with more dead time"), more)
         except StudyError as error:
             said = f"The logs could not be simulated ({error}); errors of the closed loop are not corrected."
             return replace(first, remarks=(*first.remarks, said)), {}
@@ -123,7 +147,9 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
                 "errors of the closed loop (delay, steps of the angle) are not corrected."
             )
             return replace(first, remarks=(*first.remarks, said)), traces
-        late, unlike = lateness([log for log in made.logs if log.dt], traces, _bandwidth(made))
+        late, unlike = lateness(
+            [log for log in made.logs if log.dt], traces, _bandwidth(made), with_dead_time
+        )
         made = _corrected(first, made, traces, late)
     return replace(made, remarks=(*made.remarks, *([unlike] if unlike else []))), traces
 

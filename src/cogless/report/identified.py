@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from functools import partial
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +20,7 @@ from cogless.identify.result import Estimate, Wave
 from cogless.identify.sessions import TOLD, sessions
 from cogless.identify.write import shown
 from cogless.report.markup import asset, note, table
+from cogless.report.png import STYLE, Plot, save
 from cogless.results.trace import Trace
 from cogless.versions import versions
 
@@ -77,16 +81,42 @@ def sentences(said: Sequence[str]) -> str:
     return '<ul class="verdicts">' + "".join(f"<li>{escape(line)}</li>" for line in said) + "</ul>"
 
 
-def _orders(made: Estimate) -> str:
-    return "".join(
-        _bars(title, waves, factor, unit)
-        for title, waves, factor, unit in (
-            ("Cogging", made.cogging, 1e3 * made.K_t, "mN m"),
-            ("Ripple of K_t", made.ripple, 100.0, "%"),
-            ("Encoder's error", made.encoder, 180 / np.pi, "deg"),
-        )
-        if waves
+def write_plot(made: Estimate, path: Path) -> None:
+    """Write a picture of the orders, as PNG; none where there are no orders."""
+    import matplotlib
+
+    palette = re.findall(r"--c\d: (#\w+);", asset("report.css"))
+
+    def bars(waves: Sequence[Wave], factor: float, ax: Any) -> None:
+        for n, wave in enumerate(waves):
+            size, error = factor * wave.size.value, factor * wave.size.error
+            ax.bar([n], [size], 0.6, color=palette[1])
+            ax.plot([n, n], [size - error, size + error], color="#1b1f24", linewidth=2)
+        ax.set_xticks(range(len(waves)), [str(wave.order) for wave in waves])
+        ax.set_xlim(-1, max(3, len(waves)))
+        ax.grid(axis="x", visible=False)
+
+    rows = [
+        [Plot(partial(bars, waves, factor), "mechanical order", unit, title)]
+        for title, waves, factor, unit in _kinds(made)
+    ]
+    if rows:
+        with matplotlib.rc_context(STYLE):
+            save(path, f"{made.known.title}: orders, with errors at 95 %", rows, 1.7, "")
+
+
+def _kinds(made: Estimate) -> list[tuple[str, tuple[Wave, ...], float, str]]:
+    """What has orders: its title, waves, and the factor to a unit."""
+    kinds = (
+        ("Cogging", made.cogging, 1e3 * made.K_t, "mN m"),
+        ("Ripple of K_t", made.ripple, 100.0, "%"),
+        ("Encoder's error", made.encoder, 180 / np.pi, "deg"),
     )
+    return [kind for kind in kinds if kind[1]]
+
+
+def _orders(made: Estimate) -> str:
+    return "".join(_bars(title, waves, factor, unit) for title, waves, factor, unit in _kinds(made))
 
 
 def _bars(title: str, waves: Sequence[Wave], factor: float, unit: str) -> str:

@@ -77,19 +77,33 @@ def write_plots(
                 rows = picture.rows(data, looks)
                 if rows and rows[0]:
                     written.append(directory / f"{scenario}-{kind}.png")
-                    _save(written[-1], f"{results.study.title}: {scenario}", rows, picture, run)
+                    save(
+                        written[-1],
+                        f"{results.study.title}: {scenario}",
+                        rows,
+                        picture.height,
+                        run,
+                        picture.widths,
+                    )
     return written
 
 
-def _save(path: Path, title: str, rows: Sequence[Sequence[Plot]], picture: Picture, run: str) -> None:
+def save(
+    path: Path,
+    title: str,
+    rows: Sequence[Sequence[Plot]],
+    height: float,
+    run: str,
+    widths: Sequence[int] = (),
+) -> None:
+    """Write plots in rows of this height, inches, and columns of these relative widths (default: equal)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     columns = len(rows[0])
     width = 9 if columns == 1 else 12
-    figure = Figure(figsize=(width, 0.9 + picture.height * len(rows)), layout="constrained")
-    widths = picture.widths[:columns] or None
-    axes = figure.subplots(len(rows), columns, squeeze=False, width_ratios=widths)
+    figure = Figure(figsize=(width, 0.9 + height * len(rows)), layout="constrained")
+    axes = figure.subplots(len(rows), columns, squeeze=False, width_ratios=widths[:columns] or None)
     handles: dict[str, Any] = {}
     for (row, column), ax in np.ndenumerate(axes):
         plot = rows[row][column]
