@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from types import ModuleType
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from cogless import _simulator_f64
 from cogless.c_laws import C_LAWS
 from cogless.c_layout import Layout, control_layout
+from cogless.run.known_drive import KnownDrive
 
 Signals = dict[str, NDArray[np.float64]]
 
@@ -150,7 +152,8 @@ def described(settings: dict[str, Any], module: ModuleType = _simulator_f64) -> 
 
 def law_of(controller: dict[str, Any], layout: Layout, limit: float) -> dict[str, Any]:
     if controller["law"] not in C_LAWS:
-        return controller
+        told = dict.fromkeys((field.name for field in fields(KnownDrive)), 1)
+        return {"drive": told, **controller}  # what a library is told; Python's laws ignore it
     struct = C_LAWS[controller["law"]].config
     return {**controller, "config": packed(layout, struct, controller["config"], limit)}
 
