@@ -179,19 +179,24 @@ def boundaries(points: Sequence[tuple[float, float]], end: float) -> tuple[np.nd
 
 
 def errors(study: Study, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Standard deviation of the true and of the measured speed error in each window, rad/s; and in how much
-    of it the guard acted."""
+    """Standard deviation of the true speed error in each window, of the measured one, and of its mean over
+    two samples, rad/s; and in how much of it the guard acted."""
     trace = simulate(study, "run", "law").trace
     time, reference = trace.time, trace["omega_ref"]
     true, seen = trace["omega_m"] - reference, trace["omega_measured"] - reference
-    seen = (seen + np.concatenate(([seen[0]], seen[:-1]))) / 2
+    mean = (seen + np.concatenate(([seen[0]], seen[:-1]))) / 2
     edges = np.searchsorted(time, ends)
     held = (np.nan_to_num(trace["status"]).astype(int) & 2048) > 0
     pairs = list(pairwise(edges))
     stalled = [abs(np.mean(true[a:b])) > STALLED * np.mean(reference[a:b]) for a, b in pairs]
     return (
         np.array([ripple(true[a:b], rests) for (a, b), rests in zip(pairs, stalled, strict=True)]),
-        np.array([ripple(seen[a:b], rests) for (a, b), rests in zip(pairs, stalled, strict=True)]),
+        np.array(
+            [
+                [ripple(x[a:b], rests) for x in (seen, mean)]
+                for (a, b), rests in zip(pairs, stalled, strict=True)
+            ]
+        ),
         np.array([np.mean(held[a:b]) for a, b in pairs]),
     )
 
@@ -223,7 +228,10 @@ def judge(seed: int, number: int, guard: bool) -> dict[str, Any]:
         )
     except cogless.StudyError as error:
         return {"case": number, "error": str(error)}
-    ratio, ratio_seen = true / np.maximum(without, 1e-12), seen / np.maximum(without_seen, 1e-12)
+    ratio, ratio_seen = (
+        true / np.maximum(without, 1e-12),
+        np.max(seen / np.maximum(without_seen, 1e-12), axis=1),
+    )
     bad = (ratio > WORSE) & (ratio_seen > WORSE)
     found = spans(bad, ends, turns)
     beyond = [span for span in found if span[1] > TIME and span[2] > TURNS]

@@ -42,7 +42,7 @@ static void begin(void)
     CHECK(cgl_guard_init(&guard, TS) == CGL_OK);
     (void)run(4.0, 1.0, 0.0, false);
     CHECK(guard.phase == CGL_GUARD_IDLE && guard.learn && within(guard.share - CGL_R(1.0), CGL_R(0.0)));
-    CHECK(within(guard.baseline[0] - CGL_R(0.5), CGL_R(0.03)) && within(guard.omega[0] - OMEGA, CGL_R(0.01)));
+    CHECK(within(guard.baseline[0].slow - CGL_R(0.5), CGL_R(0.03)) && within(guard.omega[0] - OMEGA, CGL_R(0.01)));
     (void)run(2.0, 1.0, -0.5, true);
     CHECK(guard.phase == CGL_GUARD_LEARN);
 }

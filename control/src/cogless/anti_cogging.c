@@ -47,6 +47,7 @@ cgl_error cgl_anti_cogging_retune(cgl_anti_cogging *law, const cgl_anti_cogging_
     for (uint32_t n = 0; n < config->cells; ++n) {
         law->table[n] = cgl_clamped(law->table[n], config->pi.limit);
     }
+    law->friction = cgl_clamped(law->friction, config->pi.limit);
     return CGL_OK;
 }
 

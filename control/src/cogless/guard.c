@@ -7,15 +7,9 @@
 #define STRIKES 3U
 #define FALLS CGL_R(0.7)         /* in a window: wait another */
 #define HOLD_MOST 4U             /* windows */
-#define EVEN CGL_R(1.3)          /* the first quarter of a window to its quietest: more is a run-up */
-#define NO_WORSE CGL_R(0.9)      /* of that quietest, after */
-#define LOOK_TIME CGL_R(2.0)     /* [s] and */
-#define LOOK_TURNS CGL_R(3.0)
-#define HALTS CGL_R(0.9)         /* of the samples are learned from: fewer, and it looks at once */
-#define PROVEN CGL_R(0.2)        /* and after */
+#define PATIENCE CGL_R(3.0)      /* [s] that learning waits for a calm window to begin with; a run-up spoils two quarters */
+#define EVEN CGL_R(2.0)          /* its first quarter to another: more is a run-up. A window has 1.25 times the rest then */
 #define GAINED CGL_R(0.5)        /* of the baseline: more than this, and it is measured again in time */
-#define PROOF_TIME CGL_R(4.0)    /* [s] and */
-#define PROOF_TURNS CGL_R(16.0)
 #define RISEN CGL_R(2.5)         /* since the baseline was supposed: measure it */
 #define AGREE CGL_R(1.5)         /* two windows of a probe */
 #define PROBE_MOST 6U            /* windows */
@@ -72,7 +66,7 @@ CGL_SELDOM static void begin_quarter(cgl_guard *guard)
 CGL_SELDOM static void begin_window(cgl_guard *guard)
 {
     begin_quarter(guard);
-    guard->sum_before = guard->squares_before = guard->drift = CGL_R(0.0);
+    guard->sum_before = guard->squares_before = guard->fast = guard->drift = CGL_R(0.0);
     guard->count_before = 0U;
     guard->quarter = 0U;
     guard->moved = false;
@@ -87,11 +81,11 @@ CGL_SELDOM static void go_to(cgl_guard *guard, cgl_guard_phase phase)
     guard->target = acts ? CGL_R(1.0) : CGL_R(0.0);
     guard->settling = guard->share < guard->target || guard->share > guard->target ? guard->settle : 0U;
     guard->slope = guard->ts < RAMP ? guard->ts / RAMP : CGL_R(1.0);
-    guard->learn = phase <= CGL_GUARD_LEARN;
+    guard->learn = phase == CGL_GUARD_LEARN;
     guard->forget = phase == CGL_GUARD_CLEAR;
     guard->windows = guard->strikes = 0U;
     guard->way = CGL_R(0.0);
-    guard->time = guard->limited = 0U;
+    guard->limited = 0U;
     begin_window(guard);
 }
 
@@ -99,10 +93,13 @@ CGL_SELDOM void cgl_guard_reset(cgl_guard *guard)
 {
     guard->share = CGL_R(1.0);
     guard->gentle = 1U;
-    guard->last_error = guard->centre = guard->reference = guard->last = guard->suspect = CGL_R(0.0);
-    guard->quietest = guard->here = CGL_R(0.0);
+    static const cgl_guard_ripple nothing = {CGL_R(0.0), CGL_R(0.0)};
+    guard->last_error = guard->centre = guard->reference = guard->last = CGL_R(0.0);
+    guard->first = guard->here = CGL_R(0.0);
+    guard->suspect = nothing;
     for (uint32_t n = 0U; n < CGL_GUARD_SPEEDS; ++n) {
-        guard->omega[n] = guard->baseline[n] = CGL_R(0.0);
+        guard->omega[n] = CGL_R(0.0);
+        guard->baseline[n] = nothing;
     }
     for (uint32_t k = 0U; k < CGL_GUARD_STEPS; ++k) {
         guard->from[k] = k > 0U ? CGL_REAL_MAX : CGL_R(0.0);
@@ -110,8 +107,7 @@ CGL_SELDOM void cgl_guard_reset(cgl_guard *guard)
     guard->wait = guard->short_of = 0U;
     guard->good = 0U;
     guard->alarms = guard->doubts = guard->lessons = guard->backoff = guard->next = 0U;
-    guard->last_moved = true; /* nobody knows */
-    guard->elsewhere = guard->supposed = guard->compared = guard->stalled = false;
+    guard->last_moved = guard->elsewhere = guard->supposed = guard->stalled = false;
     guard->best = CGL_R(0.0);
     go_to(guard, CGL_GUARD_IDLE);
 }
@@ -132,7 +128,7 @@ CGL_SELDOM static uint32_t nearest(const cgl_guard *guard, cgl_real omega, cgl_r
 {
     uint32_t found = CGL_GUARD_SPEEDS;
     for (uint32_t n = 0U; n < CGL_GUARD_SPEEDS; ++n) {
-        if (guard->baseline[n] > CGL_R(0.0)) {
+        if (guard->baseline[n].slow > CGL_R(0.0)) {
             const cgl_real way = apart(guard->omega[n], omega);
             if (way < most) {
                 most = way;
@@ -151,7 +147,16 @@ CGL_SELDOM static cgl_real bar_at(const cgl_guard *guard, cgl_real omega)
         return CGL_R(0.0);
     }
     const cgl_real ratio = guard->omega[n] / omega;
-    return guard->baseline[n] * (omega > SAME * guard->omega[n] ? ratio * ratio : CGL_R(1.0));
+    return guard->baseline[n].slow * (omega > SAME * guard->omega[n] ? ratio * ratio : CGL_R(1.0));
+}
+
+/* A window in one number. Above the bar it has more than 1.18 times the ripple of the mean of two samples, or of all of it. The
+ * fast part is the same at other speeds: ripple is less where its frequency is higher, and counts don't know the speed. */
+CGL_SELDOM static cgl_real weighed(const cgl_guard *guard, cgl_real omega, const cgl_guard_ripple *ripple)
+{
+    const uint32_t n = nearest(guard, omega, NEAR);
+    const cgl_real more = n < CGL_GUARD_SPEEDS ? ripple->fast - BAR * guard->baseline[n].fast : CGL_R(0.0);
+    return ripple->slow + larger(more, CGL_R(0.0));
 }
 
 /* Sets how long this quarter is, and what its squares may come to. */
@@ -169,14 +174,14 @@ CGL_SELDOM static void watch(cgl_guard *guard)
     guard->most = CGL_REAL_MAX;
     const bool begins = guard->phase == CGL_GUARD_IDLE && guard->taught > 0U && !guard->moved;
     const bool goes_on = guard->phase == CGL_GUARD_LEARN && !guard->moved && !guard->last_moved;
-    const bool compared = guard->compared || (begins && guard->quarter > 0U);
-    const cgl_real bar = b > CGL_R(0.0) || !compared ? b : guard->quietest;
-    if ((begins || goes_on || guard->phase == CGL_GUARD_HOLD) && bar > CGL_R(0.0)) {
-        guard->most = LOUD_QUARTERS * LOUD * bar * length;
+    if ((begins || goes_on || guard->phase == CGL_GUARD_HOLD) && b > CGL_R(0.0)) {
+        guard->most = LOUD_QUARTERS * LOUD * b * length;
     }
 }
 
-CGL_SELDOM static void remember(cgl_guard *guard, cgl_real omega, cgl_real baseline)
+/* Takes a baseline that was measured. What a rotor has that does not turn with its reference is none for long: without the load
+ * that holds it it would be less. So it is only supposed, and measured again when the ripple, `best` so far, rises. */
+CGL_SELDOM static void measure(cgl_guard *guard, cgl_real omega, const cgl_guard_ripple *baseline, cgl_real best)
 {
     uint32_t n = nearest(guard, omega, SAME);
     if (n == CGL_GUARD_SPEEDS) {
@@ -184,14 +189,7 @@ CGL_SELDOM static void remember(cgl_guard *guard, cgl_real omega, cgl_real basel
         guard->next = (uint8_t)(n + 1U < CGL_GUARD_SPEEDS ? n + 1U : 0U);
     }
     guard->omega[n] = omega;
-    guard->baseline[n] = baseline;
-}
-
-/* Takes a baseline that was measured. What a rotor has that does not turn with its reference is none for long: without the load
- * that holds it it would be less. So it is only supposed, and measured again when the ripple, `best` so far, rises. */
-CGL_SELDOM static void measure(cgl_guard *guard, cgl_real omega, cgl_real baseline, cgl_real best)
-{
-    remember(guard, omega, baseline);
+    guard->baseline[n] = *baseline;
     guard->supposed = guard->stalled;
     guard->best = best;
 }
@@ -229,9 +227,9 @@ CGL_SELDOM static void be_bolder(cgl_guard *guard, cgl_real omega)
     guard->good = 0U;
 }
 
-CGL_SELDOM static void probe(cgl_guard *guard, cgl_real v, bool harms)
+CGL_SELDOM static void probe(cgl_guard *guard, const cgl_guard_ripple *suspect, bool harms)
 {
-    guard->suspect = v;
+    guard->suspect = *suspect;
     go_to(guard, CGL_GUARD_PROBE);
     if (harms) {
         guard->slope *= QUICK;
@@ -263,7 +261,7 @@ CGL_SELDOM static void learn_on(cgl_guard *guard, cgl_real omega)
     }
 }
 
-CGL_SELDOM static void count_good(cgl_guard *guard, cgl_real omega, cgl_real v, cgl_real b)
+CGL_SELDOM static void count_good(cgl_guard *guard, cgl_real omega, const cgl_guard_ripple *ripple, cgl_real v, cgl_real b)
 {
     guard->strikes = 0U;
     guard->alarms = (uint8_t)(guard->alarms > 0U && guard->good % 2U == 0U ? guard->alarms - 1U : guard->alarms);
@@ -273,42 +271,16 @@ CGL_SELDOM static void count_good(cgl_guard *guard, cgl_real omega, cgl_real v, 
         guard->gentle = step_at(guard, omega);
     } else if (v > GAINED * b) {
         if (++guard->windows >= AGED) {
-            probe(guard, v, false);
+            probe(guard, ripple, false);
         }
     } else {
         guard->windows = 0U;
     }
 }
 
-/* Without a baseline: looks after a while whether learning does harm, and later whether it has proven itself. */
-CGL_SELDOM static void prove(cgl_guard *guard, cgl_real omega, cgl_real v)
-{
-    const cgl_real time = (cgl_real)guard->time * guard->ts, turn = CGL_R(4.0) * guard->quarter_turn;
-    const bool halts = (cgl_real)guard->taught < HALTS * (cgl_real)guard->count_before; /* at a limit, as what is unstable */
-    const bool harms = guard->compared && v > FAR * guard->quietest;
-    if (!harms && !halts && (time < LOOK_TIME || guard->way < LOOK_TURNS * turn)) {
-        return;
-    }
-    const bool late = time >= PROOF_TIME && guard->way >= PROOF_TURNS * turn;
-    if (guard->compared && v < (late ? PROVEN : NO_WORSE) * guard->quietest) {
-        guard->strikes = 0U;
-        if (late) {
-            remember(guard, omega, guard->quietest);
-            guard->supposed = true;
-            guard->best = v;
-        }
-        return;
-    }
-    guard->strikes = (uint8_t)(guard->strikes + (harms ? STRIKES : 2U));
-    if (guard->strikes >= STRIKES) {
-        probe(guard, v, harms);
-    }
-}
-
-CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real omega, cgl_real v, bool calm)
+CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real omega, const cgl_guard_ripple *ripple, bool calm)
 {
     if (apart(omega, guard->here) > SAME) {
-        guard->compared = guard->compared && !(guard->here > CGL_R(0.0));
         guard->here = omega;
         guard->elsewhere = guard->elsewhere || guard->lessons > 0U;
         guard->lessons = 0U;
@@ -317,32 +289,32 @@ CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real omega, cgl_real
         ++guard->lessons;
     }
     guard->gentle = step_at(guard, omega);
-    const cgl_real b = bar_at(guard, omega);
+    const cgl_real b = bar_at(guard, omega), v = weighed(guard, omega, ripple);
     if (guard->gentle == CGL_GUARD_STEPS) {
         mute(guard, RETRY << guard->backoff);
     } else if (!(b > CGL_R(0.0))) {
-        if (calm) {
-            prove(guard, omega, v);
+        if (calm && ++guard->strikes >= STRIKES) {
+            probe(guard, ripple, false);
         }
     } else if (v <= BAR * b && !(guard->supposed && v > RISEN * guard->best)) {
         guard->best = v < guard->best ? v : guard->best;
-        count_good(guard, omega, v, b);
+        count_good(guard, omega, ripple, v, b);
     } else {
         guard->strikes = (uint8_t)(guard->strikes + (v > FAR * b && calm ? 2U : 1U));
         if (guard->strikes < (calm ? STRIKES : MOVING) + guard->doubts) {
             return;
         }
         if (v <= BAR * b) {
-            probe(guard, v, false);
+            probe(guard, ripple, false);
         } else {
             hold(guard, v);
         }
     }
 }
 
-CGL_SELDOM static void judge_holding(cgl_guard *guard, cgl_real omega, cgl_real v)
+CGL_SELDOM static void judge_holding(cgl_guard *guard, cgl_real omega, const cgl_guard_ripple *ripple)
 {
-    const cgl_real b = bar_at(guard, omega), last = guard->last;
+    const cgl_real b = bar_at(guard, omega), v = weighed(guard, omega, ripple), last = guard->last;
     guard->last = v;
     ++guard->windows;
     if (v <= BAR * b) {
@@ -352,26 +324,28 @@ CGL_SELDOM static void judge_holding(cgl_guard *guard, cgl_real omega, cgl_real 
         }
         learn_on(guard, omega);
     } else if (!(v < FALLS * last && guard->windows < HOLD_MOST)) {
-        probe(guard, v, true);
+        probe(guard, ripple, true);
     }
 }
 
-CGL_SELDOM static void judge_probe(cgl_guard *guard, cgl_real omega, cgl_real v, bool calm, bool learn)
+CGL_SELDOM static void judge_probe(cgl_guard *guard, cgl_real omega, const cgl_guard_ripple *ripple, bool calm, bool learn)
 {
     ++guard->windows;
-    const cgl_real last = guard->last;
+    const cgl_real v = ripple->slow, last = guard->last;
     const bool agree = v <= AGREE * last && last <= AGREE * v;
     guard->last = v;
     if (guard->windows < 2U || (!(calm && agree) && guard->windows < PROBE_MOST)) {
         return;
     }
-    measure(guard, omega, v < last ? v : last, guard->suspect);
-    if (guard->suspect <= BAR * bar_at(guard, omega)) {
+    const cgl_guard_ripple baseline = {v < last ? v : last, ripple->fast};
+    measure(guard, omega, &baseline, guard->suspect.slow);
+    const cgl_real b = bar_at(guard, omega), suspect = weighed(guard, omega, &guard->suspect);
+    if (suspect <= BAR * b) {
         guard->doubts = (uint8_t)(guard->doubts < 3U ? 2U * guard->doubts + 1U : 7U);
         learn_on(guard, omega);
     } else if (learn && (guard->lessons > 2U || !guard->elsewhere)) {
         be_gentler(guard, omega);
-        if (guard->suspect > LOUD * bar_at(guard, omega)) {
+        if (suspect > LOUD * b) {
             be_gentler(guard, omega); /* the next step would not be enough */
         }
         go_to(guard, CGL_GUARD_CLEAR);
@@ -380,10 +354,10 @@ CGL_SELDOM static void judge_probe(cgl_guard *guard, cgl_real omega, cgl_real v,
     }
 }
 
-CGL_SELDOM static void judge_mute(cgl_guard *guard, cgl_real omega, cgl_real v, bool calm, bool learn)
+CGL_SELDOM static void judge_mute(cgl_guard *guard, cgl_real omega, const cgl_guard_ripple *ripple, bool calm, bool learn)
 {
     if (calm) {
-        measure(guard, omega, v, v);
+        measure(guard, omega, ripple, ripple->slow);
     }
     const bool forbidden = step_at(guard, omega) == CGL_GUARD_STEPS;
     guard->wait -= guard->wait > 0U ? 1U : 0U;
@@ -397,41 +371,54 @@ CGL_SELDOM static void judge_mute(cgl_guard *guard, cgl_real omega, cgl_real v, 
     }
 }
 
+CGL_SELDOM static bool is_out_of_patience(const cgl_guard *guard)
+{
+    return (cgl_real)guard->wait * guard->ts >= PATIENCE;
+}
+
+/* Learning hasn't begun: the last calm window is the baseline, and with one it may begin. */
+CGL_SELDOM static void judge_idle(cgl_guard *guard, cgl_real omega, const cgl_guard_ripple *ripple, bool calm)
+{
+    if (guard->taught > 0U) {
+        go_to(guard, CGL_GUARD_LEARN);
+        return;
+    }
+    if (calm) {
+        measure(guard, omega, ripple, ripple->slow);
+        guard->wait = 0U;
+    }
+    guard->learn = calm || is_out_of_patience(guard);
+}
+
 CGL_SELDOM static void end_window(cgl_guard *guard, bool learn)
 {
     const cgl_real count = (cgl_real)guard->count_before, mean = guard->sum_before / count;
     const cgl_real variance = guard->squares_before / count - mean * mean;
     const cgl_real speed = cgl_abs(guard->reference), omega = speed > SLOWEST ? speed : SLOWEST;
-    const cgl_real error = guard->centre + mean; /* where the rotor doesn't turn, all of it is ripple */
+    const cgl_real error = guard->centre + mean; /* where the rotor doesn't turn with its reference, all of it is ripple */
     guard->stalled = cgl_abs(error) > STALLED * omega;
-    const cgl_real v = larger(variance + (guard->stalled ? error * error : CGL_R(0.0)), SMALLEST);
-    if (guard->taught > 0U && !guard->elsewhere && !guard->compared) {
-        guard->compared = !guard->moved && guard->best <= EVEN * guard->quietest;
-    }
+    const cgl_real slow = variance + (guard->stalled ? error * error : CGL_R(0.0));
+    const cgl_guard_ripple ripple = {larger(slow, SMALLEST), guard->fast / count};
     const cgl_real way = guard->drift + mean;
-    const bool calm = !guard->moved && !guard->last_moved && way * way <= v;
+    const bool calm = !guard->moved && !guard->last_moved && way * way <= ripple.slow;
     guard->centre += mean;
     guard->last_moved = guard->moved;
     guard->limited = 0U;
     switch (guard->phase) {
     case CGL_GUARD_IDLE:
-        if (guard->taught > 0U) {
-            go_to(guard, CGL_GUARD_LEARN);
-        } else if (calm) {
-            measure(guard, omega, v, v);
-        }
+        judge_idle(guard, omega, &ripple, calm);
         break;
     case CGL_GUARD_LEARN:
-        judge_learning(guard, omega, v, calm);
+        judge_learning(guard, omega, &ripple, calm);
         break;
     case CGL_GUARD_HOLD:
-        judge_holding(guard, omega, v);
+        judge_holding(guard, omega, &ripple);
         break;
     case CGL_GUARD_PROBE:
-        judge_probe(guard, omega, v, calm, learn);
+        judge_probe(guard, omega, &ripple, calm, learn);
         break;
     case CGL_GUARD_MUTE:
-        judge_mute(guard, omega, v, calm, learn);
+        judge_mute(guard, omega, &ripple, calm, learn);
         break;
     default: /* CLEAR ends with a turn */
         break;
@@ -464,18 +451,33 @@ CGL_SELDOM static bool ends_loud(cgl_guard *guard)
         follow_mean(guard, mean);
         return false;
     }
+    const cgl_guard_ripple loud = {squares / count, CGL_R(0.0)};
     if (guard->phase == CGL_GUARD_HOLD) {
         guard->share = CGL_R(0.0); /* no time to fade */
-        probe(guard, squares / count, true);
+        probe(guard, &loud, true);
     } else {
-        hold(guard, squares / count);
+        hold(guard, loud.slow);
     }
     return true;
 }
 
+/* Of a quarter before learning began, with a variance v: whether its window had begun while the rotor ran up. */
+CGL_SELDOM static bool runs_up(cgl_guard *guard, cgl_real v)
+{
+    guard->first = guard->quarter == 0U ? v : guard->first;
+    const bool ran_up = guard->moved || guard->first > EVEN * v;
+    guard->wait += guard->wait < UINT32_MAX / 2U ? guard->count : 0U;
+    if (is_out_of_patience(guard)) {
+        guard->learn = ran_up; /* else this window may be the calm one */
+    } else if (guard->moved) {
+        guard->learn = false;
+    }
+    return ran_up;
+}
+
 CGL_SELDOM static void end_quarter(cgl_guard *guard, const cgl_guard_input *in)
 {
-    if (!(guard->squares <= SQUARE_MAX && cgl_is_finite(guard->turned))) {
+    if (!(guard->squares <= SQUARE_MAX && guard->fast <= SQUARE_MAX && cgl_is_finite(guard->turned))) {
         begin_window(guard);
         return;
     }
@@ -487,12 +489,11 @@ CGL_SELDOM static void end_quarter(cgl_guard *guard, const cgl_guard_input *in)
     }
     const cgl_real count = (cgl_real)guard->count, mean = guard->sum / count;
     const cgl_real v = guard->squares / count - mean * mean, omega = cgl_abs(guard->reference);
-    if (!guard->compared && !guard->supposed) {
-        guard->best = guard->quarter == 0U ? v : guard->best;
-        guard->quietest = guard->quarter == 0U || v < guard->quietest ? v : guard->quietest;
+    if (guard->phase == CGL_GUARD_IDLE && guard->taught == 0U && runs_up(guard, v)) {
+        begin_window(guard);
+        return;
     }
-    guard->way += guard->phase == CGL_GUARD_CLEAR ? cgl_abs(guard->turned) : omega * count;
-    guard->time += guard->time < UINT32_MAX / 2U ? guard->count : 0U;
+    guard->way += cgl_abs(guard->turned);
     guard->sum_before += guard->sum;
     guard->squares_before += guard->squares;
     guard->count_before += guard->count;
@@ -530,10 +531,11 @@ CGL_SELDOM static bool counts(cgl_guard *guard, const cgl_guard_input *in)
     }
     guard->limited += in->saturated ? 1U : 0U;
     if (guard->phase == CGL_GUARD_PROBE && guard->limited > guard->shortest) {
-        guard->suspect = CGL_R(0.0); /* it is so without what was learned */
+        guard->suspect.slow = guard->suspect.fast = CGL_R(0.0); /* it is so without what was learned */
     }
     if (guard->limited > ENDLESS * guard->longest && (guard->phase == CGL_GUARD_LEARN || guard->phase == CGL_GUARD_HOLD)) {
-        probe(guard, SQUARE_MAX, true);
+        static const cgl_guard_ripple endless = {SQUARE_MAX, CGL_R(0.0)};
+        probe(guard, &endless, true);
         return false;
     }
     if (weak) {
@@ -558,7 +560,7 @@ CGL_SELDOM static void compare_reference(cgl_guard *guard, cgl_real omega_ref)
 
 void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in)
 {
-    const cgl_real error = CGL_R(0.5) * (in->error + guard->last_error);
+    const cgl_real half = CGL_R(0.5) * (in->error - guard->last_error), error = in->error - half;
     guard->last_error = in->error;
     if (!CGL_OFTEN(in->plausible && !in->saturated && guard->short_of == 0U && guard->settling == 0U)
         && !counts(guard, in)) {
@@ -570,6 +572,7 @@ void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in)
     const cgl_real deviation = error - guard->centre;
     guard->sum += deviation;
     guard->squares += deviation * deviation;
+    guard->fast += half * half;
     if (guard->forget) {
         guard->turned += in->omega_m;
     }

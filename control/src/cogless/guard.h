@@ -1,11 +1,11 @@
 /* A guard that acts: learning stops and fades out where it leaves more speed ripple than the same feedback without it.
  *
  * It judges by windows: four quarters, each of whole quarter turns of the reference and at least a sixteenth of a second. What
- * a window says is the variance v of the speed error, averaged over two samples, so that the counts of an encoder telescope.
- * The bar at a speed is b, the variance without learning: known from before learning began, else from a probe. While it is not
- * known, learning goes on for three turns and two seconds, and then as long as there is less ripple than in the first window
- * that was even; after sixteen turns and four seconds a fifth of it is enough as a proof, anything else is probed. A burst is
- * 72 times the squares of a quarter: it need not end.
+ * a window says is the variance v of the speed error, averaged over two samples, so that the counts of an encoder telescope. To
+ * it comes what a mean of two samples hides: the mean square of half their difference, as far as it is above 1.18 times the
+ * same without learning. The bar at a speed is b, the variance without learning: that of the window before learning begins, else
+ * of a probe. Learning waits for a calm window to begin with, but for no more than 3 s and a turn; where no bar is known after
+ * all, three calm windows are enough to probe. A burst is 72 times the squares of a quarter: it need not end.
  *
  *   LEARN   too much, beyond 1.18 b for three windows (beyond 4 b counts twice), or a burst -> HOLD
  *   HOLD    learning stands still, what is learned acts. Below the bar -> LEARN; not, and not falling, or a burst -> PROBE
@@ -44,6 +44,12 @@ typedef struct {
     bool learned;       /* the law did learn in its last step */
 } cgl_guard_input;
 
+/* Of the speed error in a window, [rad^2/s^2]. */
+typedef struct {
+    cgl_real slow; /* variance of the mean of two samples */
+    cgl_real fast; /* mean square of half their difference */
+} cgl_guard_ripple;
+
 typedef struct {
     cgl_real share;  /* of what is learned that acts, 0 to 1 */
     uint32_t gentle; /* 0: learn as configured; k >= 1: cgl_guard_gentle(k) */
@@ -60,15 +66,16 @@ typedef struct {
     cgl_real reference, tolerance;         /* at the start of this window, and what it may differ by [rad/s] */
     cgl_real sum, squares, turned;         /* in this quarter; the last where what is learned is cleared */
     cgl_real sum_before, squares_before;   /* in the quarters before */
+    cgl_real fast;                         /* squares of half the differences, in this window */
     cgl_real last;                         /* v of the last window, of the first of a probe [rad^2/s^2] */
-    cgl_real suspect;                      /* v when a probe began [rad^2/s^2] */
+    cgl_guard_ripple suspect;              /* when a probe began */
     cgl_real most;                         /* what `squares` may come to in this quarter */
-    cgl_real quietest;                     /* quarter of the window that learning is compared with [rad^2/s^2] */
-    cgl_real best;                         /* v since the baseline was supposed; before: that window's first quarter [rad^2/s^2] */
-    cgl_real way;                          /* turned in this phase at this speed, as a sum of speeds [rad/s] */
+    cgl_real first;                        /* variance of a window's first quarter, before learning begins [rad^2/s^2] */
+    cgl_real best;                         /* v since the baseline was supposed [rad^2/s^2] */
+    cgl_real way;                          /* turned while it is cleared, as a sum of speeds [rad/s] */
     cgl_real here;                         /* speed at which the lessons were learned [rad/s] */
     cgl_real omega[CGL_GUARD_SPEEDS];      /* speeds with a baseline; 0: none [rad/s] */
-    cgl_real baseline[CGL_GUARD_SPEEDS];   /* and these, b [rad^2/s^2] */
+    cgl_guard_ripple baseline[CGL_GUARD_SPEEDS]; /* and these, b the slow part */
     cgl_real from[CGL_GUARD_STEPS];        /* speed from which on gentler step k + 1 holds [rad/s] */
     uint32_t count, count_before;          /* samples in this quarter and those before */
     uint32_t taught;                       /* samples that taught something, in this window */
@@ -77,8 +84,7 @@ typedef struct {
     uint32_t limited;                      /* and all of them since the last window */
     uint32_t settling;                     /* samples until a window begins */
     uint32_t settle;                       /* so long [samples] */
-    uint32_t time;                         /* samples in this phase at this speed */
-    uint32_t wait;                         /* windows left in MUTE */
+    uint32_t wait;                         /* windows left in MUTE; before learning begins, samples since a calm window */
     uint16_t good;                         /* windows since the last step */
     uint8_t phase;                         /* cgl_guard_phase */
     uint8_t quarter;                       /* of the window */
@@ -88,8 +94,7 @@ typedef struct {
     uint8_t backoff;
     uint8_t next;                          /* place of the baseline that is forgotten next */
     bool moved, last_moved;                /* the reference did, in this window and the last */
-    bool compared;                         /* `quietest` is known: that window was even */
-    bool supposed;                         /* the baseline: from the quietest quarter, not measured */
+    bool supposed;                         /* the baseline: of a rotor that did not turn with its reference */
     bool elsewhere;                        /* something was learned at another speed */
     bool stalled;                          /* in the last window the rotor did not turn with its reference */
 } cgl_guard;
