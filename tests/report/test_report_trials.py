@@ -8,12 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synthetic
+import trial_studies
 from test_report import Checker, data_of
 
+from cogless.design.from_study import design_study
 from cogless.report import lines, page, render, verdicts, write, write_plots
 from cogless.report.packing import unpack
 from cogless.report.trials import overtrials, waveforms
 from cogless.report.trials.certificate import close_to_one
+from cogless.report.trials.gains import gain_table
 from cogless.report.trials.phases import phases, zooms
 from cogless.results import Run, TrialResults
 from cogless.results.results_json import to_dict
@@ -53,6 +56,18 @@ def falls(start, factor=0.3, floor=0.5):
 
 
 STAYS = np.full(60, 5.0)
+
+
+def test_gains_say_how_they_were_found(tmp_path, made):
+    """By LMIs with their check, or given: then there is no check to tell of."""
+    here = trial_studies.loaded(
+        tmp_path, {"controller.own": {"law": "trial-ilc", "K_s": [10.0, 1.0, 50.0], "K_3": 5.0}}
+    )
+    designed = design_study(here, [("move", "ilc"), ("move", "own")])
+    runs = [Run("move", name, made.runs[0].trace, design=designed[("move", name)]) for name in ("ilc", "own")]
+    text = re.sub(r"<[^>]+>", "|", gain_table(TrialResults(here, tuple(runs)), runs))
+    row = re.search(r"K_1 and K_2 from(.*?)K_3 from", text, re.DOTALL)[1]
+    assert "LMIs; checked" in row and row.count("given") == 1
 
 
 # --- verdict

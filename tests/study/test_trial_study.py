@@ -42,6 +42,18 @@ def test_a_change_takes_a_bare_number_in_the_study_s_unit(tmp_path: Path) -> Non
     assert study.hardware("move")[2].mechanics.inertia == pytest.approx(8e-4)
 
 
+def test_a_law_that_learns_by_a_matrix_takes_no_long_trial(tmp_path: Path) -> None:
+    """4000 samples of 2.5 ms are 10 s; the others have no such limit."""
+    matrix = {"controller.ilc": {"law": "norm-optimal"}, "scenario.move.trials": 12}
+    longer = {"scenario.move.duration": "10.0025 s"}
+    assert (
+        trial_studies.loaded(tmp_path, {**matrix, "scenario.move.duration": "10 s"}).samples("move") == 4000
+    )
+    assert trial_studies.loaded(tmp_path, longer).samples("move") == 4001
+    told = 'expected at most 4000 samples, since "ilc" learns by a matrix'
+    assert line_of(tmp_path, {**matrix, **longer}, DRIVE).endswith(f'duration: "10.0025 s": {told}')
+
+
 def test_studies_of_speed_stay_what_they_are() -> None:
     assert isinstance(load("liu2018"), Study)
 
