@@ -315,7 +315,7 @@ def test_a_calibration_in_a_drive_ends_whatever_the_reference_is(omega_ref):
             inputs, command = (library.ffi.addressof(drive[0], name) for name in ("in", "command"))
             lib.cgl_anti_cogging_step(one.state, inputs, command)
         lib.cgl_drive_actuate(drive, out)
-        seen |= out.status if n > 1 else 0  # the guard does not know of the calibration before the law has said so
+        seen |= out.status if n > 1 else 0  # before, the guard knows of no calibration
         if n % 2:
             motor.move(out.i_q_ref)
         if n > 4 and not out.status & lib.CGL_STATUS_BUSY:

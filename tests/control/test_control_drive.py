@@ -18,7 +18,8 @@ MONITOR = {
     "bridge": 5e-3, "hold": 1e-2, "phases": 3,
 }  # fmt: skip
 QUALITY = {"span": 2 * math.pi, "longest": 60.0}
-CONFIG = {"pole_pairs": 4, "divider": 10, "unguarded": True, "foc": FOC, "monitor": MONITOR, "quality": QUALITY}
+PARTS = {"foc": FOC, "monitor": MONITOR, "quality": QUALITY}
+CONFIG = {"pole_pairs": 4, "divider": 10, "unguarded": True, **PARTS}
 
 
 class Controller:

@@ -89,7 +89,7 @@ def test_learning_that_hurts_is_stopped_cleared_and_tried_more_gently(precision)
 
 @PRECISIONS
 def test_ripple_just_below_half_the_sampling_rate_is_seen(precision):
-    """Less ripple of order 6, and more at three quarters of that rate: a mean of two samples would hide it."""
+    """Less ripple of order 6, and more at three quarters of that rate: a mean of two samples hides it."""
     guard = Guard(precision)
     guard.run(4, 1.0, wanted=False)
     for n in range(40 * WINDOW):
