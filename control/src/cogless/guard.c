@@ -293,7 +293,8 @@ CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real omega, const cg
     if (guard->gentle == CGL_GUARD_STEPS) {
         mute(guard, RETRY << guard->backoff);
     } else if (!(b > CGL_R(0.0))) {
-        if (calm && ++guard->strikes >= STRIKES) {
+        guard->strikes = (uint8_t)(guard->strikes + (calm ? 1U : 0U));
+        if (guard->strikes >= STRIKES) {
             probe(guard, ripple, false);
         }
     } else if (v <= BAR * b && !(guard->supposed && v > RISEN * guard->best)) {
