@@ -99,7 +99,7 @@
     const error = path && trace.has("theta_error") ? "theta_error" : "omega_error";
     const first = lastTurn(trace), late = (name) => (trace.has(name) ? Array.from(trace.get(name).subarray(first)) : null);
     const [settledFrom, settledTo] = trace.window(Math.max(0, trace.time[trace.count - 1] - 4), trace.time[trace.count - 1]);
-    const map = stored && { cells: stored.cells, channels: stored.channels, values: Array.from(stored.values, (v) => v / about.unit), turns: stored.turns, parts: stored.parts };
+    const map = stored && { cells: stored.cells, channels: stored.channels, values: Array.from(stored.values, (v) => v / about.unit) };
     return {
       values, map, error,
       names: trace.names,
