@@ -168,7 +168,7 @@ def test_without_the_module_one_line_says_how_to_get_it(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(engine.importlib.util, "find_spec", lambda name: None)
     assert not engine.is_there("single")
-    with pytest.raises(StudyError, match=r"^live: this build has no engine for pages: run `make web`, or pip"):
+    with pytest.raises(StudyError, match=r"^live: this build has no engine for pages: run `make web`, or"):
         engine.module("single")
 
 

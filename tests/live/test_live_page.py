@@ -213,7 +213,9 @@ def test_a_value_between_stops_says_what_became_of_it(page):
     key = "controller.pi-ilc.tuning.phase_margin"
     type_into(page, key, 46)
     assert sets_of(page) == {key: "45 deg"}
-    assert note_of(page, key).startswith("46 became 45: this key has 2") and note_of(page, key).endswith("deg.")
+    assert note_of(page, key).startswith("46 became 45: this key has 2") and note_of(page, key).endswith(
+        "deg."
+    )
     click(page, "#reset")
     assert note_of(page, key) == "25 to 75 deg"
 

@@ -14,7 +14,7 @@ __all__ = ["left_out", "render", "write"]
 def render(study: AnyStudy, command: str, told: bool = False) -> str:
     """The page as one HTML text. `command`: the one that runs the study.
 
-    `told`: the page is for one's own motor: its values are changed in the study, so the controller is told, too.
+    `told`: for one's own motor: its values are changed in the study, so the controller is told, too.
 
     StudyError: a study that has only laws that a page can't hold; no WebAssembly engine.
     """

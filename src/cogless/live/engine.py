@@ -13,8 +13,8 @@ from cogless.files import control_sources, package_folders, replacing
 from cogless.live.compile import FLAGS, NAMES, CompileError, compiled
 
 NO_COMPILER = (
-    "live: this build has no engine for pages: run `make web`, or pip install 'cogless[web]' for the compiler "
-    "with which `cogless live` makes it"
+    "live: this build has no engine for pages: run `make web`, or pip install 'cogless[web]' for the "
+    "compiler with which `cogless live` makes it"
 )
 
 

@@ -121,7 +121,7 @@ def _candidates(study: AnyStudy, told: bool) -> Iterator[Candidate]:
 
 def _bounded(study: AnyStudy, candidate: Candidate) -> Candidate:
     """The candidate with a slider whose ends the study accepts."""
-    if candidate.stops or candidate.group == YOURS and candidate.key in TOGETHER:
+    if candidate.stops or (candidate.group == YOURS and candidate.key in TOGETHER):
         return candidate  # of one's own motor, its other keys decide
     low, high = (_accepted(study, candidate, end) for end in (candidate.low, candidate.high))
     least = low if candidate.least == candidate.low else _accepted(study, candidate, candidate.least)

@@ -1,9 +1,9 @@
-"""One's own motor in a page: numbers that several of its keys set together, the controller's gains among them.
+"""One's own motor in a page: numbers that several of its keys set together, such as the controller's gains.
 
-The design's rules scale with the motor: a gain of the speed loop is proportional to J / K_t, one of the current
-loop to R_s or L. Beyond that the gains depend on R_s / L alone. So each number is its value in the study, times
-a power of each key, times a factor for the pole pairs, times a curve over R_s / L. All of these are found by
-changing the study as `--set` does, and tested at other values of all keys together.
+The design's rules scale with the motor: a gain of the speed loop is proportional to J / K_t, one of the
+current loop to R_s or L. Beyond that the gains depend on R_s / L alone. So each number is its value in the
+study, times a power of each key, times a factor for the pole pairs, times a curve over R_s / L. All of these
+are found by changing the study as `--set` does, and tested at other values of all keys together.
 """
 
 from __future__ import annotations
