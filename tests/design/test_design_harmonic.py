@@ -51,9 +51,7 @@ def test_numbers_follow_from_slots_poles_and_drive(tmp_path):
     liu = learner(study("liu2018"), "harmonic")
     assert (liu.base, liu.orders) == (4, 20)  # 81 at 60 r/min and 1 kHz would have 0.51 rad a sample
     path = studies.write(tmp_path)  # its motor doesn't tell
-    expected = (
-        r"motor\.slots: missing: expected their number, or controller\.harmonic\.base, for the orders"
-    )
+    expected = r"motor\.slots: missing: expected their number, or controller\.harmonic\.base, for the orders"
     with pytest.raises(StudyError, match=expected):
         load(path, studies.HARMONIC)
     by_hand = {**studies.HARMONIC["controller.harmonic"], "base": 2}
