@@ -52,8 +52,10 @@ def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
 
 def out_of_reach(study: AnyStudy, scenarios: Iterable[str]) -> list[str]:
     """Warnings of references that the bus voltage can't turn the motor at."""
+    if not isinstance(study, Study):
+        return []
     found = []
-    for name in dict.fromkeys(scenarios) if isinstance(study, Study) else ():
+    for name in dict.fromkeys(scenarios):
         here, wanted = for_scenario(study, name), study.scenario[name].top_reference
         most = voltage_reach(here)
         if wanted > most and here.drive.inverter is not None:

@@ -257,7 +257,7 @@ def _motor(study: AnyStudy, found: Found) -> dict[str, Any] | None:
     if not found.products:
         return None
     assert isinstance(study, Study)
-    plant = study.motor.star_equivalent
+    plant = study.motor.star()
     return {
         "over": motor.RESISTANCE,
         "under": motor.INDUCTANCE,
