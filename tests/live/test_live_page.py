@@ -305,6 +305,9 @@ def test_on_a_phone_nothing_is_wider_than_the_page(page, path):
     page.open(path, 400)
     settle(page)
     assert page.run("return document.documentElement.scrollWidth") <= 400
+    # learning on and off stand side by side
+    table = "const table = document.querySelector('#numbers').parentElement;"
+    assert page.run(f"{table} return table.scrollWidth <= table.clientWidth")
     page.open(path, 1300)
     settle(page)
     assert page.run("return document.documentElement.scrollWidth") <= 1300
