@@ -17,6 +17,8 @@ from cogless.live import motor, write
 from cogless.live.blobs import held
 from cogless.live.keys import adjustable, packed
 from cogless.live.page import data
+from cogless.report.status_lanes import MOMENT
+from cogless.results.status import Status
 from cogless.run.simulate import simulate
 from cogless.study import load
 from cogless.study.reading import changed
@@ -156,6 +158,20 @@ def test_another_motor_gives_the_numbers_of_set(own, shown):
     assert sets_of(shown) == sets
     told = "with 0.04, L / R is 0.0377 ms: this page has 0.103 ms to 12.3 ms. It stays at 0.42."
     assert shown.run("return document.querySelector('.told .bounds').textContent") == told
+
+
+@in_browser
+def test_the_page_says_when_the_guard_held_learning_back_in_the_judged_window(own, shown):
+    study, _ = own
+    for speed in (30, 120):
+        shown.run(f"cogless.set('scenario.slow.reference', {speed})")
+        settle(shown)
+        trace = simulate(changed(study, sets_of(shown)), "slow", "harmonic").trace
+        rows = trace.window(4.0, 6.0)
+        held = trace["status"][rows].astype(int) & Status.GUARDED > 0
+        wanted = float(np.sum(held)) * trace.period >= MOMENT
+        text = shown.run("return document.querySelector('#verdicts').innerText")
+        assert ("The guard held its learning back" in text) == wanted
 
 
 def test_a_number_that_is_no_product_is_refused(own):

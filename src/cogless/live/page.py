@@ -18,6 +18,7 @@ from cogless.live.blobs import OFF, held, left_out, precision
 from cogless.live.keys import Found, Key, Place, adjustable, packed
 from cogless.live.packed import Packed
 from cogless.report.markup import asset as report_asset
+from cogless.report.status_lanes import MOMENT
 from cogless.report.trials.errors import display_unit, judged
 from cogless.report.trials.phases import phases
 from cogless.report.trials.waveforms import panels_of
@@ -99,6 +100,8 @@ def data(study: AnyStudy, found: Found, command: str) -> dict[str, Any]:
         "toml": toml.sections(study.source),
         "kind": "trials" if isinstance(study, TrialStudy) else "speed",
         "busy": int(Status.BUSY),
+        "guarded": int(Status.GUARDED),
+        "moment": MOMENT,
         "scenarios": [
             {
                 "name": scenario,

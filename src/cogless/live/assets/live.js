@@ -90,7 +90,7 @@
       const last = at("trials"), chosen = [...phases.flatMap((phase) => phase.trials), last];
       return { description: data, ticks: at("ticks"), decimation: at("decimation"), about: { pole_pairs: at("pole_pairs"), events: [], trials: last, starts }, metrics, judged, panels, chosen };
     }
-    const about = { events: [], ...Object.fromEntries(["pole_pairs", "R_s", "power_factor", "speed_period", "unit"].map((what) => [what, at(what)])) };
+    const about = { events: [], guarded: page.guarded, ...Object.fromEntries(["pole_pairs", "R_s", "power_factor", "speed_period", "unit"].map((what) => [what, at(what)])) };
     for (let n = 0; run.about[`page.events.${n}`]; n++) about.events.push(at(`events.${n}`));
     let learned = null, learn = null;
     if (run.learned) {
@@ -329,6 +329,8 @@
           make("p", item, `It grows: no worse than without learning until ${since} s, then worse.`, "fault");
         }
       } else head.append(c.learns ? "." : ", with nothing that learns.");
+      const [from, to, long] = (c.learns && run.result.guarded[which]) || [0, 0, 0];
+      if (long >= page.moment) make("p", item, `The guard held its learning back, ${number(from)} to ${number(to)} s, in the window of ${words}: what is left there is more than it settles at.`, "fault");
       const before = found(c.name, false, ghost);
       if (before && before !== run.result) make("p", item, `Before the change: ${number(before.values[which] / metric.factor)} ${unit}.`, "details");
     }
