@@ -7,6 +7,7 @@ import pytest
 from cogless.design.table import design_table
 from cogless.design.warnings import notes, out_of_reach
 from cogless.errors import StudyError
+from cogless.run.plan import plan
 from cogless.study import load
 from cogless.study.reading import changed
 
@@ -78,3 +79,10 @@ def test_poles_become_pole_pairs_by_half(tmp_path, poles, half):
     with pytest.raises(StudyError) as error:
         load(path)
     assert str(error.value) == f'{path}: motor.poles: {poles}: expected "pole_pairs", half of the poles{half}'
+
+
+def test_too_many_orders_are_told_with_their_keys_and_the_limit():
+    cogging = [{"order": n, "torque": "0.1 mN*m"} for n in range(2, 400, 2)]
+    told = r"too many different orders in motor\.cogging, torque_ripple and .*: expected 128 at most"
+    with pytest.raises(StudyError, match=told):
+        plan(my_motor(**{"motor.cogging": cogging}), "slow", "pi")

@@ -132,7 +132,7 @@ def test_the_page_draws_what_harmonic_has_learned_as_the_report_does(own, shown)
 
 
 @in_browser
-def test_another_motor_gives_the_numbers_of_set(own, shown):
+def test_another_motor_gives_the_numbers_of_set(own, shown, tmp_path):
     """uomodri's motor: through whole numbers, gains of both loops, and cogging of another order."""
     study, _ = own
     values = {
@@ -154,6 +154,10 @@ def test_another_motor_gives_the_numbers_of_set(own, shown):
         (mine,) = shown.run(f"return cogless.result('{name}').result.values")
         (wanted,) = simulate(other, "slow", name).metrics.values()
         assert mine == pytest.approx(wanted, rel=1e-3)
+    (tmp_path / "mine.toml").write_text(shown.run("return cogless.toml()"), encoding="utf-8")
+    mine = load(tmp_path / "mine.toml")  # what the page downloads
+    assert (mine.motor, mine.mechanics, mine.scenario) == (other.motor, other.mechanics, other.scenario)
+    assert mine.controller == other.controller
     shown.run("cogless.set('motor.inductance_line_to_line', 0.04)")  # 1.06 ohm: 38 us
     assert sets_of(shown) == sets
     told = "with 0.04, L / R is 0.0377 ms: this page has 0.103 ms to 12.3 ms. It stays at 0.42."
