@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <numeric>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "maths.hpp"
@@ -61,7 +62,11 @@ private:
     };
 
     std::size_t append(std::size_t a, std::size_t b) {
-        if (multiples_.size() == capacity) throw std::invalid_argument("too many different orders");
+        if (multiples_.size() == capacity) {
+            throw std::invalid_argument(
+                "too many different orders in motor.cogging, torque_ripple and flux_harmonics, or in a load's harmonics: expected " +
+                std::to_string(capacity) + " at most, the sums that lead to them included");
+        }
         products_.push_back({a, b});
         multiples_.push_back(multiples_[a] + multiples_[b]);
         return multiples_.size() - 1;

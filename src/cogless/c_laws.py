@@ -51,6 +51,11 @@ class CLaw:
         return f"{self.state}_config"
 
     @property
+    def by_order(self) -> bool:
+        """Whether its memory holds amplitudes of orders, and no cells over the angle."""
+        return self.length is not None and "c.orders" in self.length
+
+    @property
     def map(self) -> str:
         """Name of the C function that makes a stored map from what the law has learned."""
         return f"cgl_map_of_{self.stem}"

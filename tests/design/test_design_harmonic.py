@@ -53,7 +53,7 @@ def test_numbers_follow_from_slots_poles_and_drive(tmp_path):
     path = studies.write(tmp_path)  # its motor doesn't tell
     expected = r"motor\.slots: missing: expected their number, or controller\.harmonic\.base, for the orders"
     with pytest.raises(StudyError, match=expected):
-        learner(load(path, studies.HARMONIC), "harmonic")
+        load(path, studies.HARMONIC)
     by_hand = {**studies.HARMONIC["controller.harmonic"], "base": 2}
     assert learner(load(path, {"controller.harmonic": by_hand}), "harmonic").base == 2
 

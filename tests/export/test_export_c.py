@@ -503,6 +503,18 @@ def test_an_earlier_export_is_replaced_and_nothing_else(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
+def test_what_a_compiler_made_of_the_sources_goes_with_them(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    folder.write(target, {"a.c": b"1", "cogless/b.c": b"2", "self_test.c": b"3"}, {})
+    for name in ("a.o", "b.o", "self_test", "cogless/b.obj"):
+        (target / name).write_bytes(b"made")
+    folder.write(target, {"a.c": b"4"}, {})
+    assert sorted(path.name for path in target.rglob("*")) == ["a.c", "export.json"]
+    (target / "mine.o").write_bytes(b"5")  # of no source of the export
+    with pytest.raises(StudyError, match=r"out: not empty: mine\.o"):
+        folder.write(target, {"a.c": b"6"}, {})
+
+
 def test_a_folder_of_somebody_else_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "main.c").write_text("")

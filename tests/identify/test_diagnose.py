@@ -13,10 +13,12 @@ from identify.commissioned import METRIC, MOTORS, PI, write
 from typer.testing import CliRunner
 
 from cogless import cli
+from cogless.cli.logs import _marked
 from cogless.errors import StudyError
 from cogless.identify import diagnosis, plan, speed_alone
 from cogless.identify.causes import Cause, Found, candidates
 from cogless.identify.diagnosis import Diagnosis
+from cogless.identify.voltage import Agreement
 from cogless.run.simulate import rollout
 from cogless.study import Study
 from cogless.study.base import Source
@@ -232,6 +234,8 @@ def test_the_voltage_tells_a_wrong_k_t(tmp_path, K_t, says):
     made = diagnose(tmp_path, text.replace('K_t = "0.08', f'K_t = "{K_t}'), logs)
     (said,) = [line for line in made.said if line.startswith("The voltage says K_t = 0.0")]
     assert said.endswith(says)
+    assert isinstance(said, Agreement) == (K_t == "0.08")
+    assert _marked(said) == (said if K_t == "0.08" else f"! {said}")
 
 
 def test_logs_that_never_turn_steadily_are_refused(tmp_path):

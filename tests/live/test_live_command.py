@@ -36,3 +36,11 @@ def test_a_law_that_the_page_leaves_out_is_named(capsys, tmp_path):
     assert error.splitlines() == [line]
     code, _, error = cogless(capsys, "run", study, "--only", "step/pi", "--live", "-o", tmp_path / "out")
     assert code == 0 and line in error
+
+
+@needs
+def test_a_page_of_ones_own_motor_needs_it_in_a_datasheets_words(capsys, tmp_path):
+    study = live_studies.study(tmp_path).source.path
+    code, _, error = cogless(capsys, "live", study, "--own-motor", "-o", tmp_path / "page.html")
+    told = "live: motor.inductance_line_to_line: missing: expected for the fields of one's own motor\n"
+    assert (code, error) == (2, told) and not (tmp_path / "page.html").exists()

@@ -168,8 +168,18 @@ def test_without_the_module_one_line_says_how_to_get_it(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(engine.importlib.util, "find_spec", lambda name: None)
     assert not engine.is_there("single")
-    with pytest.raises(StudyError, match=r"^live: no WebAssembly engine: expected ziglang \(pip install"):
+    with pytest.raises(StudyError, match=r"^live: this build has no engine for pages: run `make web`, or"):
         engine.module("single")
+
+
+def test_a_compilation_is_announced(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(engine, "package_folders", list)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(engine.importlib.util, "find_spec", lambda name: name)
+    monkeypatch.setattr(engine, "compiled", lambda sources, target, precision: target.write_bytes(b"made"))
+    assert engine.module("single") == engine.module("single") == b"made"
+    line = "live: compiling the engine for pages, once for this version: one to three minutes\n"
+    assert capsys.readouterr().err == line
 
 
 def test_a_module_that_is_shipped_is_there(monkeypatch, tmp_path):

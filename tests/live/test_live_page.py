@@ -189,9 +189,35 @@ def test_a_typed_value_gives_the_numbers_of_set(page, study, key, value):
         same(values(page, controller), computed(changed(study, sets), "low", controller))
 
 
-def test_a_value_beyond_the_slider_becomes_its_end(page, study):
-    type_into(page, "controller.pi-ilc.gain", 1000)
-    assert sets_of(page) == {"controller.pi-ilc.gain": 0.06}
+def note_of(shown, key):
+    return shown.run(
+        f"const l = [...document.querySelectorAll('#keys label')].find((l) => l.title === {json.dumps(key)});"
+        "return l.parentElement.querySelector('.bounds').textContent"
+    )
+
+
+def test_a_value_beyond_the_slider_is_taken_and_one_beyond_the_field_is_refused_in_words(page, study):
+    key = "controller.pi-ilc.gain"
+    assert note_of(page, key) == "0 to 6"
+    type_into(page, key, 0.1)  # the slider ends at 0.06
+    assert sets_of(page) == {key: 0.1}
+    same(values(page, "pi-ilc"), computed(changed(study, sets_of(page)), "low", "pi-ilc"))
+    type_into(page, key, 1000)
+    assert sets_of(page) == {key: 0.1}
+    assert note_of(page, key) == "1000 is outside 0 to 6. It stays at 0.1."
+    type_into(page, key, 0.02)
+    assert note_of(page, key) == "0 to 6"
+
+
+def test_a_value_between_stops_says_what_became_of_it(page):
+    key = "controller.pi-ilc.tuning.phase_margin"
+    type_into(page, key, 46)
+    assert sets_of(page) == {key: "45 deg"}
+    assert note_of(page, key).startswith("46 became 45: this key has 2") and note_of(page, key).endswith(
+        "deg."
+    )
+    click(page, "#reset")
+    assert note_of(page, key) == "25 to 75 deg"
 
 
 def test_another_scenario_and_another_controller(page, study):
@@ -279,6 +305,9 @@ def test_on_a_phone_nothing_is_wider_than_the_page(page, path):
     page.open(path, 400)
     settle(page)
     assert page.run("return document.documentElement.scrollWidth") <= 400
+    # learning on and off stand side by side
+    table = "const table = document.querySelector('#numbers').parentElement;"
+    assert page.run(f"{table} return table.scrollWidth <= table.clientWidth")
     page.open(path, 1300)
     settle(page)
     assert page.run("return document.documentElement.scrollWidth") <= 1300

@@ -19,6 +19,10 @@ def live(
         Path | None,
         typer.Option("--output", "-o", metavar="FILE", help="The page.", show_default="STUDY-live.html"),
     ] = None,
+    own_motor: Annotated[
+        bool,
+        typer.Option("--own-motor", help="Fields for the motor, of which the controller is told, too."),
+    ] = False,
     changes: SetOption = None,
 ) -> None:
     """Write a page that runs a study in the browser: turn a gain, and see the ripple follow.
@@ -30,7 +34,7 @@ def live(
     loaded = load(study, changes)
     path = output or Path(f"{loaded.name}-live.html")
     with new_console(stderr=True).status("Making the page"):
-        write(loaded, path, command_line("run", study, changes, []))
+        write(loaded, path, command_line("run", study, changes, []), told=own_motor)
     for line in left_out(loaded):
         say(f"Left out of the page: {line}")
     print(f"Page: {path}")

@@ -94,7 +94,7 @@ def identify(
     for line in command.lines(found.estimate):
         print(line)
     for line in (*found.estimate.left_out, *found.estimate.remarks):
-        print(f"! {line}")
+        print(_marked(line))
     if "j" in found.estimate.values:
         print(f"Study: {output / 'study.toml'}")
     print(f"Report: {output / 'report.html'}")
@@ -127,7 +127,7 @@ def diagnose(
     for line in diagnosis.lines(made):
         print(line)
     for line in made.said:
-        print(f"! {line}")
+        print(_marked(line))
     if output is not None:
         from cogless.report import diagnosed as report
         from cogless.results.folder import held, new_set
@@ -138,3 +138,10 @@ def diagnose(
             )
             report.write_report(made, stage / "report.html")
         print(f"Report: {output / 'report.html'}")
+
+
+def _marked(line: str) -> str:
+    """A remark with a mark, unless it finds nothing wrong."""
+    from cogless.identify.voltage import Agreement
+
+    return line if isinstance(line, Agreement) else f"! {line}"

@@ -47,7 +47,7 @@ def run(
 
     Ctrl-C keeps the runs that are finished.
     """
-    from cogless.design.warnings import too_short
+    from cogless.design.warnings import out_of_reach, too_short
     from cogless.results.folder import held
     from cogless.run.simulate import RunError, run_study, runs_of
     from cogless.study import TrialStudy
@@ -65,7 +65,8 @@ def run(
         from cogless.live import left_out, render
 
         page = render(loaded, command_line("run", study, changes, []))  # before the runs, which it may refuse
-    for line in too_short(loaded, runs_of(loaded, only)):
+    pairs = runs_of(loaded, only)
+    for line in (*out_of_reach(loaded, (scenario for scenario, _ in pairs)), *too_short(loaded, pairs)):
         say(f"Warning: {line}.")
     failures: list[StudyError] = []
     with held(folder):

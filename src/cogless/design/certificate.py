@@ -201,7 +201,7 @@ class _Sweep:
         """Learning with this filter or none.
 
         `monotone` and `contracting` also depend on `ends`, the growth at the trial's ends, and on `phi`,
-        Phi's spectral radius. A value of 0 has no effect.
+        Phi's spectral radius. 0: that condition is met.
         """
         w, K = self._w, self._update.gain
         sign = float(np.sign(K))

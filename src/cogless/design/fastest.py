@@ -11,7 +11,7 @@ from cogless.study.space_controller import SpaceLearning
 
 
 def fewest_samples(law: Learning | SpaceLearning, lead: int) -> int:
-    """Samples of the law in a learning period, with fewer of which nothing is learned.
+    """Fewest samples in a period with which a law learns.
 
     A sample, and the lead (samples), are at most a quarter of the period. A delay line's Q filter is within
     the period.

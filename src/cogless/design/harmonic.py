@@ -24,7 +24,6 @@ from cogless.design.harmonic_transfer import (
 from cogless.design.margins import Real
 from cogless.design.pi import SpeedLoop, speed_loop
 from cogless.design.position import Gains, harmonic_gains
-from cogless.errors import StudyError
 from cogless.study import Study
 from cogless.study.harmonic import FASTEST, ORDERS, Harmonic, Learner
 from cogless.study.position_sensor import Counted, Hall
@@ -40,14 +39,14 @@ BENDS_FROM = (2, 4)  # base orders above which neighbours, one and two away, are
 
 
 def learner(study: Study, name: str) -> Learner:
-    """The numbers of a controller's learning part; StudyError if the motor doesn't tell its slots."""
+    """The numbers of a controller's learning part."""
     return study.once(_learner, name)
 
 
 def _learner(study: Study, name: str) -> Learner:
     law, loop = study.controller[name], speed_loop(study)
     assert isinstance(law, Harmonic)
-    base, highest = _orders(study, name, law)
+    base, highest = _orders(study, law)
     orders = max(1, min(ORDERS, highest // base))
     rate = min(MOST, STEP / (orders * loop.period))
     told = Learner(loop.b, delay_of(loop), base, _bends(study, base), orders, rate, min(rate, LEAST))
@@ -79,7 +78,7 @@ def _halls(study: Study) -> tuple[float, int]:
     return (sensor.step(study.motor.pole_pairs), sensor.edges) if isinstance(sensor, Hall) else (0.0, 0)
 
 
-def _orders(study: Study, name: str, law: Harmonic) -> tuple[int, int]:
+def _orders(study: Study, law: Harmonic) -> tuple[int, int]:
     """The lowest order, whose multiples are learned, and the highest.
 
     Hall sensors are off their places once per electrical revolution: from there on an order may be theirs.
@@ -89,9 +88,6 @@ def _orders(study: Study, name: str, law: Harmonic) -> tuple[int, int]:
         base = law.base or 1
         return base, max(base, study.motor.pole_pairs - 1)
     poles, slots = _poles_and_slots(study)
-    if slots is None and law.base is None:
-        expected = "expected their number, or controller.{name}.base, for the orders of that controller"
-        raise StudyError(f"{study.source.path}: motor.slots: missing: {expected.format(name=name)}")
     common = math.lcm(slots or poles, poles)
     slowest = min((s.slowest for s in study.scenario.values() if s.slowest), default=0.0)
     sampled = SPLIT / (slowest * speed_loop(study).period) if slowest else math.inf

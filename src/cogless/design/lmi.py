@@ -109,6 +109,6 @@ def _upper(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Real]:
 
 
 def smallest_share(blocks: Sequence[Real]) -> float:
-    """The smallest eigenvalue of all symmetric blocks, each as a share of its block's largest."""
+    """The smallest eigenvalue of all symmetric blocks, divided by the largest magnitude in its block."""
     spectra = [np.linalg.eigvalsh((block + block.T) / 2) for block in blocks]
     return float(min(values[0] / max(float(np.abs(values).max()), 1e-300) for values in spectra))

@@ -7,12 +7,17 @@ from collections.abc import Iterable
 
 from cogless.design import verdict as learning
 from cogless.design.feedback import unstable_feedback
+from cogless.design.harmonic import learner
 from cogless.design.map_size import map_warning
 from cogless.design.pi import speed_loop
 from cogless.design.slow_running import slow_warning
 from cogless.design.summary import CurrentLoopDesign, current_loop_summary, weakest_margins
 from cogless.design.unlearned import foreseen
-from cogless.study import AnyStudy, Study, TrialStudy
+from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
+from cogless.study.harmonic import ORDERS, Harmonic
+from cogless.study.numerics import voltage_reach
+
+RPM = 30 / math.pi
 
 
 def warnings(study: AnyStudy, scenario: str, name: str) -> list[str]:
@@ -32,7 +37,8 @@ def warnings(study: AnyStudy, scenario: str, name: str) -> list[str]:
 
 def notes(study: Study, name: str) -> list[str]:
     """Warnings of a map with too few cells and of too few sensor edges, one line each, key first."""
-    found = (map_warning(study, name), slow_warning(study, name), _less_margin(study, name))
+    all_of = (map_warning, slow_warning, _less_margin, _not_learned)
+    found = (of(study, name) for of in all_of)
     return [f"controller.{name}: {line}" for line in found if line is not None]
 
 
@@ -42,6 +48,45 @@ def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
         return []
     found = ((scenario, name, foreseen(study, scenario, name)) for scenario, name in runs)
     return [f"controller.{name}: learns nothing in {where}: {why}" for where, name, why in found if why]
+
+
+def out_of_reach(study: AnyStudy, scenarios: Iterable[str]) -> list[str]:
+    """Warnings of references that the bus voltage can't turn the motor at."""
+    if not isinstance(study, Study):
+        return []
+    found = []
+    for name in dict.fromkeys(scenarios):
+        here, wanted = for_scenario(study, name), study.scenario[name].top_reference
+        most = voltage_reach(here)
+        if wanted > most and here.drive.inverter is not None:
+            needs = f"its reference of {wanted * RPM:.4g} rpm needs more voltage than there is"
+            volts = here.drive.inverter.bus_voltage
+            reach = f"{volts:.4g} V turn this motor at {most * RPM:.4g} rpm without load"
+            found.append(f"scenario.{name}: {needs}: {reach}")
+    return found
+
+
+def _not_learned(study: Study, name: str) -> str | None:
+    """A warning of cogging whose order is none that a controller learns."""
+    law = study.controller[name]
+    if not isinstance(law, Harmonic):
+        return None
+    cogging = {
+        wave.order: abs(wave.torque)
+        for key in study.scenarios_of(name)
+        for wave in for_scenario(study, key).motor.star().cogging
+        if wave.torque
+    }
+    told = learner(study, name)
+    left = [n for n in sorted(cogging) if n % told.base or n > told.base * told.orders]
+    if not left:
+        return None
+    orders = f"order{'s' * (len(left) > 1)} {', '.join(map(str, left))}"
+    needed, highest = math.gcd(*cogging), max(cogging)
+    ways = f"base = {needed} would" if highest <= needed * ORDERS else "none learns so many orders"
+    return (
+        f"it learns orders {told.base} k to {told.base * told.orders}, but the cogging has {orders}: {ways}"
+    )
 
 
 def shaft_notes(study: Study) -> list[str]:

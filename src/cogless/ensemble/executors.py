@@ -50,7 +50,7 @@ def given(executor: Executor) -> Workers:
 
 @contextmanager
 def processes(count: int) -> Iterator[Workers]:
-    """Processes of this machine. They don't share a lock, as threads would: one run for each core."""
+    """`count` worker processes; unlike threads they share no lock."""
     pools: list[ProcessPoolExecutor] = []
 
     def pool() -> Executor:

@@ -22,7 +22,7 @@ class Ended(Exception):  # noqa: N818, it isn't an error
 
 
 def rows(parcel: Parcel, changes: Sequence[Mapping[str, Any]], pairs: Sequence[Pair]) -> list[list[Row]]:
-    """Run these variants and return their rows: for each variant one for each pair, in order."""
+    """Run these variants: for each, in order, one row per pair of scenario and controller."""
     study = unpacked(parcel)
     wanted = columns(study)
     made = [_made(study, of_variant) for of_variant in changes]

@@ -15,6 +15,7 @@ from cogless.errors import StudyError
 from cogless.files import reason
 
 MANIFEST = "export.json"
+COMPILED = (".o", ".obj", ".d", ".exe", "")  # what compilers leave beside sources
 
 
 def check(folder: Path) -> None:
@@ -28,6 +29,8 @@ def check(folder: Path) -> None:
     for path in paths if sums is None else sorted(paths):  # no sums: any file is refused, so no sorting
         name = path.relative_to(folder).as_posix()
         if path.is_dir() or name == MANIFEST:
+            continue
+        if sums is not None and name not in sums and _is_compiled(path, sums):
             continue
         if sums is None or name not in sums:
             raise StudyError(
@@ -80,6 +83,13 @@ def _sums(folder: Path) -> dict[str, str] | None:
         return {str(name): str(value) for name, value in sums.items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
+
+
+def _is_compiled(path: Path, sums: Mapping[str, str]) -> bool:
+    """Whether a compiler made a file from one of the export's sources; it goes with them."""
+    return path.suffix in COMPILED and any(
+        source.suffix == ".c" and source.stem == path.stem for source in map(Path, sums)
+    )
 
 
 def _sum(data: bytes) -> str:

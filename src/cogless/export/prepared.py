@@ -173,7 +173,7 @@ def first_scenario(study: AnyStudy, controller: str, wanted: str | None = None) 
 def record(prepared: Prepared, ticks: int) -> Recording:
     """Simulate `ticks` periods with the drive's own controller, and record its inputs and outputs.
 
-    StudyError: the controller fails.
+    Raises StudyError if the controller fails.
     """
     recorder = Recorder(prepared)
     run(prepared, recorder, ticks)

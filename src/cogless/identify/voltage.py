@@ -44,6 +44,10 @@ def torque_constant(known: Identification, logs: Sequence[Log]) -> Value | None:
     return Value(per * float(found[0]), per * float(np.hypot(error, 0.01 * found[0])))
 
 
+class Agreement(str):
+    """A remark that finds nothing wrong."""
+
+
 def check(known: Identification, logs: Sequence[Log]) -> list[str]:
     """What the voltage says of the K_t that is taken as known."""
     told = torque_constant(known, logs)
@@ -52,7 +56,7 @@ def check(known: Identification, logs: Sequence[Log]) -> list[str]:
     given = known.motor.star().K_t
     says = f"The voltage says K_t = {told.value:.4g} +- {told.error:.2g} N*m/A"
     if abs(told.value - given) <= told.error:
-        return [f"{says}, as the file of columns has it ({given:.4g})."]
+        return [Agreement(f"{says}, as the file of columns has it ({given:.4g}).")]
     return [
         f"{says}; the file of columns has {given:.4g}: all torques are in proportion to it; correct "
         "motor.K_t or kv."

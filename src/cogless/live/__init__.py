@@ -11,8 +11,10 @@ from cogless.study import AnyStudy
 __all__ = ["left_out", "render", "write"]
 
 
-def render(study: AnyStudy, command: str) -> str:
+def render(study: AnyStudy, command: str, told: bool = False) -> str:
     """The page as one HTML text. `command`: the one that runs the study.
+
+    `told`: for one's own motor: its values are changed in the study, so the controller is told, too.
 
     StudyError: a study that has only laws that a page can't hold; no WebAssembly engine.
     """
@@ -20,11 +22,11 @@ def render(study: AnyStudy, command: str) -> str:
         raise StudyError(
             f"{study.source.path}: live: expected a controller that a page can hold: {left_out(study)[0]}"
         )
-    return page.render(study, command)
+    return page.render(study, command, told)
 
 
-def write(study: AnyStudy, path: Path, command: str) -> None:
+def write(study: AnyStudy, path: Path, command: str, told: bool = False) -> None:
     """Write the page; if this fails, no incomplete file is left. StudyError as in `render`."""
-    text = render(study, command)
+    text = render(study, command, told)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

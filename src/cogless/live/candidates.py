@@ -17,7 +17,8 @@ class Candidate:
     """A key that a page might change.
 
     `key`: as in `--set`; `label`: what the page calls it. `low`, `high`: of its slider, in `unit`.
-    `start`: the study's value. `factor`: from `unit` to SI. `whole`: only whole numbers.
+    `least`, `most`: what its field takes. `start`: the study's value. `factor`: from `unit` to SI.
+    `whole`: only whole numbers.
     """
 
     key: str
@@ -28,6 +29,8 @@ class Candidate:
     start: float
     low: float
     high: float
+    least: float
+    most: float
     scenario: str | None = None
     controller: str | None = None
     whole: bool = False
@@ -126,12 +129,46 @@ OF_REFERENCE = (
 NO_GAINS = {"label", "baseline", "law", "seed", "memory", "period"}
 
 
-def candidates(study: Study) -> Iterator[Candidate]:
-    """The keys that a page might change, those of controllers first; keys.py finds where each lands."""
+# Keys of one's own motor, of which the controller is told.
+MOTOR = (
+    "motor.pole_pairs",
+    "motor.resistance_line_to_line",
+    "motor.inductance_line_to_line",
+    "motor.kv",
+    "mechanics.inertia",
+    "mechanics.coulomb_friction",
+    "motor.cogging.0.order",
+    "motor.cogging.0.torque",
+    "motor.cogging.1.order",
+    "motor.cogging.1.torque",
+    "drive.inverter.bus_voltage",
+)
+YOURS = "Your motor"
+WIDE = 100.0  # what a field takes, as a share of the slider's ends
+PAIRS, ORDERS = 40.0, 400.0  # most pole pairs, highest order
+
+
+def candidates(study: Study, told: bool = False) -> Iterator[Candidate]:
+    """The keys that a page might change, those of controllers first; keys.py finds where each lands.
+
+    `told`: the motor's keys are the study's, of which the controller is told, in place of overrides.
+    """
+    if told:
+        yield from of_motor(study)
     for name in dict.fromkeys(controller for _, controller in held(study)):
         yield from _of_controller(study, name)
     for scenario in dict.fromkeys(scenario for scenario, _ in held(study)):
-        yield from _of_scenario(study, scenario)
+        yield from _of_scenario(study, scenario, told)
+
+
+def of_motor(study: Study) -> Iterator[Candidate]:
+    """The keys of the motor and what it turns, with all runs to change."""
+    for key in MOTOR:
+        owner, last, value = looked_up(study, study.source.tables, key)
+        if value is None or owner is None:
+            continue
+        span = {"pole_pairs": (1.0, PAIRS, ""), "order": (1.0, ORDERS, "")}.get(str(last), (0.3, 3.0))
+        yield from made(key, key.partition(".")[2], YOURS, owner, last, value, span)
 
 
 def _of_controller(study: Study, name: str) -> Iterator[Candidate]:
@@ -166,7 +203,7 @@ def _of_controller(study: Study, name: str) -> Iterator[Candidate]:
         )
 
 
-def _of_scenario(study: Study, scenario: str) -> Iterator[Candidate]:
+def _of_scenario(study: Study, scenario: str, told: bool) -> Iterator[Candidate]:
     here, where = for_scenario(study, scenario), f"scenario.{quoted(scenario)}"
     tables = here._source.tables
     own, experiment = tables["scenario"][scenario], here.scenario[scenario]
@@ -223,6 +260,8 @@ def _of_scenario(study: Study, scenario: str) -> Iterator[Candidate]:
             )
     for group, key, low, high in PLANT:
         owner, last, value = looked_up(here, tables, key)
+        if told and (key.startswith("motor.") or key in MOTOR):
+            continue
         if value is not None and owner is not None:
             yield from made(
                 _overriding(where, own, key),
@@ -304,6 +343,8 @@ def made(
     if stops:
         low, high = stops[0], stops[-1]
     low, high = (float(round(x)) if whole else float(f"{x:.4g}") for x in (low, high))
+    is_share = len(span) == 2 and not whole and not stops and label != "forgetting"
+    least, most = (low / WIDE if low > 0 else WIDE * low, WIDE * high) if is_share else (low, high)
     yield Candidate(
         key,
         label,
@@ -313,6 +354,8 @@ def made(
         number,
         min(low, number),
         max(high, number),
+        min(least, number),
+        max(most, number),
         scenario,
         controller,
         whole,

@@ -8,9 +8,14 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from cogless.errors import StudyError
+from cogless.errors import StudyError, say
 from cogless.files import control_sources, package_folders, replacing
 from cogless.live.compile import FLAGS, NAMES, CompileError, compiled
+
+NO_COMPILER = (
+    "live: this build has no engine for pages: run `make web`, or pip install 'cogless[web]' for the "
+    "compiler with which `cogless live` makes it"
+)
 
 
 def module(precision: str) -> bytes:
@@ -26,7 +31,8 @@ def module(precision: str) -> bytes:
     kept = _cache() / f"{_state(sources)}-{NAMES[precision]}"
     if not kept.is_file():
         if importlib.util.find_spec("ziglang") is None:
-            raise StudyError("live: no WebAssembly engine: expected ziglang (pip install 'cogless[web]')")
+            raise StudyError(NO_COMPILER)
+        say("live: compiling the engine for pages, once for this version: one to three minutes")
         kept.parent.mkdir(parents=True, exist_ok=True)
         with replacing(kept) as temporary:
             try:

@@ -12,14 +12,15 @@ the same number, the first one stays.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from cogless.errors import StudyError
 from cogless.live.blobs import Pair, blobs, held
-from cogless.live.candidates import Candidate, candidates
+from cogless.live.candidates import YOURS, Candidate, candidates
+from cogless.live.motor import TOGETHER, Product, products
 from cogless.live.packed import Number, Packed
 from cogless.live.trial_candidates import trial_candidates
 from cogless.study import AnyStudy, TrialStudy
@@ -29,6 +30,7 @@ STOPS = 21
 TRIES = 20
 OTHER_SHAPE = "the run's description takes another shape with it"
 Place = tuple[str, str, str]  # scenario, controller, "run" or "learn"
+Samples = Callable[[Candidate], list[float]]
 All = Mapping[Place, Packed]
 
 
@@ -57,13 +59,22 @@ class Found:
 
     keys: list[Key] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
+    products: dict[Place, list[Product]] = field(default_factory=dict)
 
 
-def adjustable(study: AnyStudy) -> Found:
-    """The keys of a study that a page can change."""
+def adjustable(study: AnyStudy, told: bool = False) -> Found:
+    """The keys of a study that a page can change. `told`: the controller is told of the motor's, too."""
     base = packed(study, held(study))
     found, taken, groups = Found(), set[tuple[Place, int]](), dict[tuple[str | None, str | None], list[Key]]()
-    for candidate in (_bounded(study, candidate) for candidate in _candidates(study)):
+    listed = [_bounded(study, candidate) for candidate in _candidates(study, told)]
+    together = [candidate for candidate in listed if told and candidate.key in TOGETHER]
+    if told:
+        found.products = products(base, lambda values: _changed(study, values), together)
+        taken |= {(place, one.number.offset) for place, all_of in found.products.items() for one in all_of}
+        found.keys += [Key(candidate, {}) for candidate in together]
+    for candidate in listed:
+        if candidate in together:
+            continue
         key, why = _tried(study, base, candidate)
         if key is None:
             found.left_out.append((candidate.key, why))
@@ -76,7 +87,7 @@ def adjustable(study: AnyStudy) -> Found:
             found.keys.append(key)
             if not key.stops:
                 groups.setdefault((candidate.scenario, candidate.controller), []).append(key)
-    wrong = {id(key) for group in groups.values() for key in _disproved(study, base, group)}
+    wrong = {id(key) for group in groups.values() for key in _disproved(study, base, group, _samples)}
     for key in [key for key in found.keys if id(key) in wrong]:
         tabulated = _tabulated(study, base, key.candidate)
         found.keys.remove(key)
@@ -84,7 +95,19 @@ def adjustable(study: AnyStudy) -> Found:
             found.left_out.append((key.candidate.key, OTHER_SHAPE))
         else:
             found.keys.append(tabulated)
+    narrow = {
+        id(key)
+        for group in groups.values()
+        for key in _disproved(study, base, [k for k in group if id(k) not in wrong], _wide, alone=True)
+    }
+    found.keys = [_narrowed(key) if id(key) in narrow or key.stops else key for key in found.keys]
     return found
+
+
+def _narrowed(key: Key) -> Key:
+    """The key with a field that takes what its slider takes."""
+    candidate = key.candidate
+    return replace(key, candidate=replace(candidate, least=candidate.low, most=candidate.high))
 
 
 def packed(study: AnyStudy, pairs: Sequence[Pair], like: AnyStudy | None = None) -> dict[Place, Packed]:
@@ -92,16 +115,18 @@ def packed(study: AnyStudy, pairs: Sequence[Pair], like: AnyStudy | None = None)
     return {(*pair, what): blob for pair in pairs for what, blob in blobs(study, *pair, like).items()}
 
 
-def _candidates(study: AnyStudy) -> Iterator[Candidate]:
-    return trial_candidates(study) if isinstance(study, TrialStudy) else candidates(study)
+def _candidates(study: AnyStudy, told: bool) -> Iterator[Candidate]:
+    return trial_candidates(study) if isinstance(study, TrialStudy) else candidates(study, told)
 
 
 def _bounded(study: AnyStudy, candidate: Candidate) -> Candidate:
     """The candidate with a slider whose ends the study accepts."""
-    if candidate.stops:
-        return candidate
+    if candidate.stops or (candidate.group == YOURS and candidate.key in TOGETHER):
+        return candidate  # of one's own motor, its other keys decide
     low, high = (_accepted(study, candidate, end) for end in (candidate.low, candidate.high))
-    return replace(candidate, low=low, high=high)
+    least = low if candidate.least == candidate.low else _accepted(study, candidate, candidate.least)
+    most = high if candidate.most == candidate.high else _accepted(study, candidate, candidate.most)
+    return replace(candidate, low=low, high=high, least=min(least, low), most=max(most, high))
 
 
 def _accepted(study: AnyStudy, candidate: Candidate, end: float) -> float:
@@ -137,17 +162,25 @@ def _tried(study: AnyStudy, base: All, candidate: Candidate) -> tuple[Key | None
     return tabulated, "" if tabulated else OTHER_SHAPE
 
 
-def _disproved(study: AnyStudy, base: All, group: Sequence[Key]) -> list[Key]:
-    """The keys that don't set their numbers as `_tried` found, at several values of the group together."""
+def _disproved(
+    study: AnyStudy, base: All, group: Sequence[Key], samples: Samples, alone: bool = False
+) -> list[Key]:
+    """The keys that don't set their numbers as `_tried` found, at several values of the group together.
+
+    `alone`: also a key that the study refuses with such a value.
+    """
     wrong: dict[int, Key] = {}
-    for n in range(1, TRIES):
-        values = [(key, _samples(key.candidate)[n]) for key in group if id(key) not in wrong]
+    for n in range(1, len(samples(group[0].candidate)) if group else 0):
+        values = [(key, samples(key.candidate)[n]) for key in group if id(key) not in wrong]
         try:
             made = _changed(study, [(key.candidate, value) for key, value in values])
         except (StudyError, ValueError):  # such values don't go together
             if len(group) > 1:
                 half = len(group) // 2
-                return _disproved(study, base, group[:half]) + _disproved(study, base, group[half:])
+                parts = (group[:half], group[half:])
+                return [key for part in parts for key in _disproved(study, base, part, samples, alone)]
+            if alone:
+                return list(group)
             continue
         for key, value in values:
             si = key.candidate.si(value)
@@ -231,6 +264,13 @@ def _samples(candidate: Candidate) -> list[float]:
     span = candidate.high - candidate.low
     found = [candidate.low + span * ((n * 0.6180339887498949) % 1.0) for n in range(1, TRIES + 1)]
     return [float(round(value)) if candidate.whole else float(f"{value:.7g}") for value in found]
+
+
+def _wide(candidate: Candidate) -> list[float]:
+    """Values that only the field takes."""
+    ends = ((candidate.least, candidate.low), (candidate.high, candidate.most))
+    found = [low + (high - low) * share for low, high in ends for share in (0.0, 0.1, 0.37, 1.0)]
+    return [float(f"{value:.7g}") for value in found]
 
 
 def _grid(candidate: Candidate) -> list[float]:

@@ -10,13 +10,15 @@ from html import escape
 from string import Template
 from typing import Any
 
+from cogless.c_laws import C_LAWS
 from cogless.design.unlearned import revolutions_learned
 from cogless.files import package_folders
-from cogless.live import engine, toml
+from cogless.live import engine, motor, toml
 from cogless.live.blobs import OFF, held, left_out, precision
 from cogless.live.keys import Found, Key, Place, adjustable, packed
 from cogless.live.packed import Packed
 from cogless.report.markup import asset as report_asset
+from cogless.report.status_lanes import MOMENT
 from cogless.report.trials.errors import display_unit, judged
 from cogless.report.trials.phases import phases
 from cogless.report.trials.waveforms import panels_of
@@ -35,13 +37,15 @@ FORBID = (
 )
 
 
-def render(study: AnyStudy, command: str) -> str:
+def render(study: AnyStudy, command: str, told: bool = False) -> str:
     """The page as one HTML text. `command`: the one that runs the study, without changes made in the page.
+
+    `told`: the motor's values are changed in the study, so that the controller is told, not in an override.
 
     StudyError: no WebAssembly engine, or no run that a page can hold.
     """
     module = engine.module(precision(study))
-    found = adjustable(study)
+    found = adjustable(study, told)
     blocks = {
         "data": json.dumps(data(study, found, command), separators=(",", ":"), allow_nan=False),
         "engine": base64.b64encode(gzip.compress(module, mtime=0)).decode(),
@@ -96,6 +100,8 @@ def data(study: AnyStudy, found: Found, command: str) -> dict[str, Any]:
         "toml": toml.sections(study.source),
         "kind": "trials" if isinstance(study, TrialStudy) else "speed",
         "busy": int(Status.BUSY),
+        "guarded": int(Status.GUARDED),
+        "moment": MOMENT,
         "scenarios": [
             {
                 "name": scenario,
@@ -112,12 +118,13 @@ def data(study: AnyStudy, found: Found, command: str) -> dict[str, Any]:
                 "colour": 0 if name == study.baseline else 1 + others.index(name) % (COLOURS - 1),
                 "learns": _learns(study, name),
                 "baseline": name == study.baseline,
-                "law": study.controller[name].law,
+                "by_order": _by_order(study.controller[name].law),
                 "turn": _turn(study, name),
             }
             for name in names
         ],
         "keys": [_key(key) for key in found.keys],
+        "motor": _motor(study, found),
         "runs": {"/".join(place): _run(blob) for place, blob in packed(study, pairs).items()},
     }
 
@@ -125,6 +132,10 @@ def data(study: AnyStudy, found: Found, command: str) -> dict[str, Any]:
 def _learns(study: AnyStudy, name: str) -> bool:
     law = study.controller[name]
     return getattr(law, "learning", True) if isinstance(law, TrialLaw) else law.learns
+
+
+def _by_order(law: str) -> bool:
+    return law in C_LAWS and C_LAWS[law].by_order
 
 
 def _turn(study: AnyStudy, name: str) -> float:
@@ -226,6 +237,8 @@ def _key(key: Key) -> dict[str, Any]:
         "start": candidate.start,
         "low": candidate.low,
         "high": candidate.high,
+        "least": candidate.least,
+        "most": candidate.most,
         "whole": candidate.whole,
         "stops": key.stops,
         "lands": {_place(place): [_landing(key, one) for one in lands] for place, lands in key.lands.items()},
@@ -240,6 +253,27 @@ def _landing(key: Key, one: Any) -> list[Any]:
     if key.stops:
         return [one.number.offset, one.number.format, list(one.values)]
     return [one.number.offset, one.number.format, one.scale, one.rounded]
+
+
+def _motor(study: AnyStudy, found: Found) -> dict[str, Any] | None:
+    """What a page needs to set the numbers of one's own motor."""
+    if not found.products:
+        return None
+    assert isinstance(study, Study)
+    plant = study.motor.star()
+    return {
+        "over": motor.RESISTANCE,
+        "under": motor.INDUCTANCE,
+        "pole_pairs": motor.POLE_PAIRS,
+        "nodes": motor.nodes(),
+        "ends": [motor.SLOW, motor.FAST],
+        "time": plant.L_d / plant.R_s,
+        "products": {_place(place): list(map(_product, all_of)) for place, all_of in found.products.items()},
+    }
+
+
+def _product(one: motor.Product) -> list[Any]:
+    return [one.number.offset, one.number.format, one.start, dict(one.powers), one.factors, one.curve]
 
 
 def _left_out(study: AnyStudy, found: Found) -> str:

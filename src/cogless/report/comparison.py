@@ -12,9 +12,11 @@ from dataclasses import dataclass, field, replace
 
 from cogless.report.packing import number
 from cogless.report.speed_tracking import missed, rows_of, span_of
+from cogless.report.status_lanes import MOMENT, spans
 from cogless.report.unlearned import unlearned
 from cogless.results import AnyResults, Results, Run
 from cogless.results.metrics import result_name
+from cogless.results.status import Status
 from cogless.study.base import StudyBase
 from cogless.study.metric import Metric
 from cogless.study.spoken import spoken_unit
@@ -51,6 +53,7 @@ class Line:
 
     `missed`: the controllers that did not hold the speed in the metric's time window, and what the speed was.
     `unlearned`: the controllers whose law learned nothing in the scenario, and why.
+    `guarded`: the controllers whose learning the guard held back in that window, and when.
     `span`: the metric's time window, s; None if no run has a trace.
     """
 
@@ -64,6 +67,7 @@ class Line:
     values: Mapping[str, float | None]
     missed: Mapping[str, str] = field(default_factory=dict)
     unlearned: Mapping[str, str] = field(default_factory=dict)
+    guarded: Mapping[str, str] = field(default_factory=dict)
     span: tuple[float, float] | None = None
 
     @property
@@ -154,9 +158,21 @@ def compare(results: Results, scenario: str) -> list[Line]:
             unit, span = speed_unit(results), span_of(results, metric, taken[0])
             found = {run.controller: missed(run, rows_of(results, metric, run), unit) for run in taken}
             not_held = {controller: pretty(text) for controller, text in found.items() if text}
+            held = {run.controller: guarded(results, run, rows_of(results, metric, run)) for run in taken}
+            back = {controller: when for controller, when in held.items() if when}
             own = lines_of(results.study, metric, taken, named)
-            lines += [replace(line, missed=not_held, unlearned=idle, span=span) for line in own]
+            lines += [replace(line, missed=not_held, unlearned=idle, guarded=back, span=span) for line in own]
     return lines
+
+
+def guarded(results: Results, run: Run, rows: slice) -> str:
+    """When in these rows the guard held a run's learning back, such as "3.5 to 5.1 s"; "" if hardly ever."""
+    if not results.study.controller[run.controller].learns or "status" not in run.trace:
+        return ""
+    found = spans(run, Status.GUARDED, rows)
+    if sum(to - since for since, to in found) < MOMENT:
+        return ""
+    return f"{found[0][0]:.3g} to {found[-1][1]:.3g} s"
 
 
 def remarks(study: StudyBase, lines: Sequence[Line]) -> list[str]:
@@ -165,6 +181,21 @@ def remarks(study: StudyBase, lines: Sequence[Line]) -> list[str]:
     return [
         *(f"{study.label(c)} did not hold the speed in {how}" for c, how in misses(lines).items()),
         *(f"{study.label(c)} learned nothing: {why}" for c, why in idle.items()),
+        *held_back(study, lines),
+    ]
+
+
+def held_back(study: StudyBase, lines: Sequence[Line]) -> list[str]:
+    """Remarks on controllers whose learning the guard held back in the window of a metric, one for each."""
+    found: dict[str, tuple[str, list[str]]] = {}
+    for line in lines:
+        for controller, when in line.guarded.items():
+            found.setdefault(controller, (when, []))[1].append(line.quantity)
+    return [
+        f"the guard held the learning of {study.label(c)} back, {when}, in the window of {quantities[0]}"
+        f"{f' and {len(quantities) - 1} more' if len(quantities) > 1 else ''}: "
+        "what is left there is more than it settles at"
+        for c, (when, quantities) in found.items()
     ]
 
 

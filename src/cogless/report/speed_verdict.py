@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from cogless.report.comparison import SAME, Line, compare, misses, pretty, speed_unit
+from cogless.report.comparison import SAME, Line, compare, held_back, misses, pretty, speed_unit
 from cogless.report.faults import account
 from cogless.report.growth import sentences as growing
 from cogless.report.growth import worsened
@@ -95,6 +95,7 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     case, own = _by_what_is_seen(case, sensor(results, scenario, line))
     tone, headline = _headline(case)
     unlearned = [f"{case.label(c)} learned nothing: {why}." for c, why in case.line.unlearned.items()]
+    unlearned += [f"{line[0].upper()}{line[1:]}." for line in held_back(results.study, [case.line])]
     if len(line.values) < 2 or baseline not in line.values:
         details = ["There is nothing to compare.", own, *unlearned, *_failures(case)]
     else:

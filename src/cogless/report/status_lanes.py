@@ -13,6 +13,8 @@ from cogless.results.fault_response import faults_in
 from cogless.results.status import NOTICED, SAFE, Status
 
 MOST = 300  # largest number of time spans of a state in a run; beyond it, short gaps are closed
+MOMENT = 0.1  # s; without faults shorter states are not worth a lane
+ALL = slice(None)
 STATES: dict[int, str] = {
     SAFE: "safe output",
     **{int(bit): name for bit, name in NOTICED.items()},
@@ -24,31 +26,37 @@ STATES: dict[int, str] = {
 
 
 def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """A lane for each state that is active in some run: its name, each run's spans. Empty without faults."""
-    if not faults_in(results.study, runs[0].scenario):
-        return []
+    """A lane for each state that is active in some run: its name, each run's spans.
+
+    Without faults, states that last less than a moment in every run have none.
+    """
+    least = 0.0 if faults_in(results.study, runs[0].scenario) else MOMENT
     lanes = []
     for bits, name in STATES.items():
         able = [
             run for run in runs if bits != Status.FROZEN or results.study.controller[run.controller].learned
         ]
-        held = {place(results, run): spans for run in able if (spans := _spans(run, bits))}
-        if held:
-            drawn = [{"controller": controller, "spans": held[controller]} for controller in sorted(held)]
+        held = {place(results, run): found for run in able if (found := spans(run, bits))}
+        if any(sum(to - since for since, to in found) >= least for found in held.values()):
+            drawn = [
+                {"controller": controller, "spans": [t for span in held[controller] for t in span]}
+                for controller in sorted(held)
+            ]
             lanes.append({"name": name, "runs": drawn})
     return lanes
 
 
-def _spans(run: Run, bits: int) -> list[float]:
-    """Start and end times, s, in turn, of the spans in which a state was active."""
-    status = run.trace["status"]
+def spans(run: Run, bits: int, rows: slice = ALL) -> list[tuple[float, float]]:
+    """Start and end times, s, of the spans in which a state was active; at most MOST."""
+    if "status" not in run.trace or not len(run.trace):
+        return []
+    status, time, period = run.trace.part("status", rows), run.trace.time[rows], run.trace.period
     held = (np.where(np.isfinite(status), status, 0).astype(int) & bits) > 0
     edges = np.flatnonzero(np.diff(np.concatenate(([0], held.astype(int), [0]))))
-    time, period = run.trace.time, run.trace.period
     from_, to = time[edges[::2]], time[edges[1::2] - 1] + period
     gap = 2 * period
     while len(from_) > MOST:
         wide = from_[1:] - to[:-1] > gap
         from_, to = from_[np.concatenate(([True], wide))], to[np.concatenate((wide, [True]))]
         gap *= 2
-    return [round(float(t), 6) for pair in zip(from_, to, strict=True) for t in pair]
+    return [(round(float(a), 6), round(float(b), 6)) for a, b in zip(from_, to, strict=True)]

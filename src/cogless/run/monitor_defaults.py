@@ -11,6 +11,7 @@ import math
 
 from cogless.study.drive import Drive, IdealCurrentLoop, StarBelief
 from cogless.study.motor import StarMotor
+from cogless.study.numerics import no_load_speed
 from cogless.study.position_sensor import Counted, Hall
 
 SPEED_MARGIN = 1.5  # of the no-load speed
@@ -21,13 +22,6 @@ STUCK_TIME = 0.1  # s
 BRIDGE = 5e-3  # s
 SETTLED = 10.0  # time constants after which an observer has forgotten a jump to a part in a thousand
 HOLD = 10e-3  # s
-
-
-def no_load_speed(bus_voltage: float, motor: StarMotor, belief: StarBelief) -> float:
-    """Mechanical speed, rad/s, at which the assumed flux induces the largest voltage that the bus can
-    supply."""
-    reach = bus_voltage if motor.phases == 2 else bus_voltage / math.sqrt(3)
-    return reach / (motor.pole_pairs * belief.psi_f)
 
 
 def monitor_config(drive: Drive, motor: StarMotor, belief: StarBelief) -> dict[str, float]:
@@ -62,7 +56,7 @@ def monitor_config(drive: Drive, motor: StarMotor, belief: StarBelief) -> dict[s
         "phases": 0 if drive.ideal else motor.phases,
     }
     if drive.inverter is not None and not isinstance(loop, IdealCurrentLoop):
-        derived["omega_max"] = SPEED_MARGIN * no_load_speed(drive.inverter.bus_voltage, motor, belief)
+        derived["omega_max"] = SPEED_MARGIN * no_load_speed(drive.inverter.bus_voltage, motor, belief.psi_f)
         derived["current_max"] = CURRENT_MARGIN * loop.current_limit
         if motor.phases == 3 and drive.current_sensors.sensors == 3:
             derived["current_sum"] = SUM_SHARE * loop.current_limit

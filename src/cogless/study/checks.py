@@ -12,7 +12,10 @@ from pydantic_core import PydanticCustomError
 from cogless.study import fault_checks, metric_checks, numerics, space_checks
 from cogless.study.controller import Learning
 from cogless.study.drive import OUTER_LOOPS
+from cogless.study.harmonic import Harmonic
 from cogless.study.metric_checks import FEWEST_ROWS
+from cogless.study.motor import Motor
+from cogless.study.position_sensor import Hall
 from cogless.study.table import invalid, one_of
 from cogless.study.trial_study import TrialStudy
 
@@ -87,6 +90,23 @@ def leads(study: Study) -> None:
                 raise invalid(expected, "controller", name, "lead")
 
 
+def slots(study: Study) -> None:
+    """Check that the motor tells its slots, or a law its base, where orders follow from them."""
+    motor = study.motor
+    if (
+        not isinstance(motor, Motor)
+        or motor.slots is not None
+        or isinstance(study.drive.position_sensor, Hall)
+    ):
+        return
+    missing = [n for n, c in study.controller.items() if isinstance(c, Harmonic) and c.base is None]
+    if missing:
+        keys = " and ".join(f"controller.{name}.base" for name in missing)
+        raise invalid(
+            f"expected their number, or {keys}, for the orders to learn", "motor", "slots", value="missing"
+        )
+
+
 def sensor_side(study: Study | TrialStudy) -> None:
     """Check that a sensor on the load's side has one, and that its turn holds whole turns of the motor."""
     if study.drive is None or study.mechanics is None or study.drive.position_sensor.side == "motor":
@@ -148,6 +168,7 @@ ALL: tuple[Check, ...] = (
     metric_checks.windows,
     metric_checks.orders,
     leads,
+    slots,
     space_checks.space_laws,
     fault_checks.faults,
     calibration,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Literal, NamedTuple, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
@@ -201,6 +201,13 @@ class Motor(Table):
         if self.L_d is not None and self.L_q is not None:
             found["L_d"] = impedance * (self.L_d + self.L_q) / 2
         return found if of_lines is None else {**found, "inductance_line_to_line": of_lines / 2}
+
+    @classmethod
+    def other_word(cls, key: str, value: Any) -> str | None:
+        if key != "poles":
+            return None
+        even = isinstance(value, int) and value > 0 and value % 2 == 0
+        return f'expected "pole_pairs", half of the poles{f": {value // 2}" if even else ""}'
 
     @property
     def phases(self) -> int:

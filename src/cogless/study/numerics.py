@@ -20,24 +20,48 @@ if TYPE_CHECKING:
 LARGEST_STEP = 0.5  # RK4 step in time constants: at 0.5 its error is 0.04 % per step, at 2.8 it is unstable
 FEWEST_SAMPLES = 4  # per learned period, at least; the lead may be at most the period / FEWEST_SAMPLES
 FASTEST_OBSERVER = 2.0  # bandwidth of a law's observer, per sample (control/src/cogless/adrc.c)
+OVERMODULATED = 1.2  # above 2 sqrt(3) / pi = 1.10, what square voltages have more than sinusoidal ones
 MOST_ROWS = 20_000_000  # of one run's trace: 4 GB with some 25 signals of 8 bytes each
 
 
 def integration(study: Study) -> None:
     """Check that the integration step is short compared with the fastest time constant of the plant."""
-    rates = study.drive.rates
-    top = max(scenario.top_speed for scenario in study.scenario.values())
-    found = natural_rates(study.motor.star(), study.mechanics, top, electrical=not study.drive.ideal)
-    check_step(1 / (rates.current_loop * rates.integration_steps), rates.integration_steps, found)
+    rates, motor = study.drive.rates, study.motor.star()
+    wanted = max(scenario.top_reference for scenario in study.scenario.values())
+    begun = max(abs(scenario.initial_speed) for scenario in study.scenario.values())
+    most, why = voltage_reach(study), ""
+    if wanted > most:
+        rpm = 30 / math.pi
+        why = f"; its voltage turns the motor at {most * rpm:.4g} rpm without load, not at {wanted * rpm:.4g}"
+    top = max(min(wanted, OVERMODULATED * most), begun)
+    found = natural_rates(motor, study.mechanics, top, electrical=not study.drive.ideal)
+    check_step(1 / (rates.current_loop * rates.integration_steps), rates.integration_steps, found, why)
 
 
-def check_step(step: float, steps: int, found: Sequence[tuple[float, str]]) -> None:
-    """Refuse an RK4 step (s) that is too long for these natural rates. `steps`: per current-loop period."""
+def no_load_speed(bus_voltage: float, motor: StarMotor, psi_f: float) -> float:
+    """Mechanical speed, rad/s, at which a flux linkage, Wb, induces the bus's largest sinusoidal voltage."""
+    reach = bus_voltage if motor.phases == 2 else bus_voltage / math.sqrt(3)
+    return reach / (motor.pole_pairs * psi_f)
+
+
+def voltage_reach(study: Study) -> float:
+    """The speed without load that the bus voltage turns the motor at, rad/s; infinite with an ideal drive."""
+    inverter, motor = study.drive.inverter, study.motor.star()
+    if inverter is None or study.drive.ideal or not motor.psi_f:
+        return math.inf
+    return no_load_speed(inverter.bus_voltage, motor, motor.psi_f)
+
+
+def check_step(step: float, steps: int, found: Sequence[tuple[float, str]], why: str = "") -> None:
+    """Refuse an RK4 step (s) that is too long for these natural rates. `steps`: per current-loop period.
+
+    `why`: what else is told.
+    """
     fastest, what = max(found)
     if fastest * step > LARGEST_STEP:
         needed = fastest * step * steps / LARGEST_STEP
         whole = f"{needed:.3g}" if needed > 1e6 else math.ceil(needed)
-        expected = f"expected {whole} or more, since {what} changes within {1e6 / fastest:.3g} us"
+        expected = f"expected {whole} or more, since {what} changes within {1e6 / fastest:.3g} us{why}"
         raise invalid(expected, "drive", "rates", "integration_steps", value=steps)
 
 

@@ -60,6 +60,11 @@ class Table(BaseModel):
         """The full table for a value in short form, such as a text in place of a table."""
         return data
 
+    @classmethod
+    def other_word(cls, key: str, value: Any) -> str | None:
+        """What is expected in place of an unknown key whose value would mean something else there."""
+        return None
+
     @model_validator(mode="wrap")
     @classmethod
     def _keys(cls, data: Any, validate: ModelWrapValidatorHandler[Self]) -> Self:
@@ -97,7 +102,10 @@ def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetai
     """Errors for unknown keys, and for missing keys unless an unknown key looks like their misspelling."""
     known = list(table.model_fields)
     near = {key: _near(key, known) for key in data if key not in known}
-    found = [invalid(_suggestion(meant, known), key, value="unknown key") for key, meant in near.items()]
+    found = [
+        invalid(table.other_word(key, data[key]) or _suggestion(meant, known), key, value="unknown key")
+        for key, meant in near.items()
+    ]
     for key, field in table.model_fields.items():
         if field.is_required() and key not in data and key not in near.values():
             quantity = next((entry for entry in field.metadata if isinstance(entry, Quantity)), None)

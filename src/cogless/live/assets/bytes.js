@@ -11,6 +11,21 @@ const liveBytes = (page) => {
     return part < 0.5 ? below : part > 0.5 ? below + 1 : below + (below % 2);
   };
 
+  const share = (name, values) => (values.get(name) ?? keys.get(name).start) / keys.get(name).start;
+  // R_s / L as a share of the study's; the curve over its logarithm, by Lagrange's polynomial (src/cogless/live/motor.py).
+  const ratio = (values) => share(page.motor.over, values) / share(page.motor.under, values);
+  function between(curve, at) {
+    const { nodes } = page.motor, exact = nodes.indexOf(at);
+    if (exact >= 0) return curve[exact];
+    let above = 0, below = 0;
+    curve.forEach((x, j) => {
+      const weight = ((-1) ** j * Math.sin(((2 * j + 1) * Math.PI) / (2 * nodes.length))) / (at - nodes[j]);
+      above += weight * x;
+      below += weight;
+    });
+    return above / below;
+  }
+
   // A run's description with these values, by key, in it. off: learning never starts.
   function described(place, values, off = false) {
     const run = runs.get(place), data = run.data.slice(), view = new DataView(data.buffer);
@@ -24,9 +39,18 @@ const liveBytes = (page) => {
         }
       }
     }
+    for (const [offset, format, start, powers, factors, curve] of page.motor?.products[place] ?? []) {
+      const all = [...Object.keys(powers), ...(factors.length ? [page.motor.pole_pairs] : []), ...(curve.length ? [page.motor.over, page.motor.under] : [])];
+      if (!all.some((name) => values.has(name))) continue;
+      let x = start;
+      for (const [name, power] of Object.entries(powers)) x *= share(name, values) ** power;
+      if (factors.length) x *= factors[(values.get(page.motor.pole_pairs) ?? keys.get(page.motor.pole_pairs).start) - 1];
+      if (curve.length) x *= between(curve, Math.log(ratio(values)));
+      write(view, offset, format, "fd".includes(format) ? x : even(x));
+    }
     if (off) write(view, ...run.off);
     return { data, view, run };
   }
-  return { keys, runs, described, read };
+  return { keys, runs, described, read, ratio };
 };
 liveBytes.of = (base64) => Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));

@@ -21,7 +21,7 @@
 
   // ------------------------------------------------------------------ state
 
-  const { runs, keys, described, read } = liveBytes(page);
+  const { runs, keys, described, read, ratio } = liveBytes(page);
   const state = { scenario: page.scenarios[0].name, shown: [], values: new Map(), trial: 0 }; // values: by key, where not the study's
   const ofTrials = page.kind === "trials";
   for (const part of document.querySelectorAll("[data-kind]")) part.hidden = part.dataset.kind !== page.kind;
@@ -33,13 +33,29 @@
     const here = controllers();
     return [...new Set([here.find((c) => c.baseline), here.find((c) => c.learns), here[0]])].filter(Boolean).slice(0, 2).map((c) => c.name);
   };
-  const bounded = (key, x) => {
-    if (key.stops.length) return key.stops.reduce((a, b) => (Math.abs(b - x) < Math.abs(a - x) ? b : a));
-    const inside = Math.min(key.high, Math.max(key.low, x));
-    return key.whole ? Math.round(inside) : inside;
-  };
+  const notes = new Map(); // by key, what was done with a value that the key does not take
+  const within = (key) => (key.stops.length ? [key.stops[0], key.stops.at(-1)] : [key.least, key.most]);
+  const bounds = (key) => `${within(key).map(number).join(" to ")} ${key.unit}`.trim();
+  const milliseconds = (share) => `${number((1e3 * page.motor.time) / share)} ms`;
+  // Why a key can't take a value; "" if it can.
+  function refused(key, x) {
+    const [least, most] = within(key);
+    if (!(x >= least && x <= most)) return `${x} is outside ${bounds(key)}`;
+    if (!page.motor || ![page.motor.over, page.motor.under].includes(key.key)) return "";
+    const share = ratio(new Map(state.values).set(key.key, x)), [slow, fast] = page.motor.ends;
+    return share >= slow && share <= fast ? "" : `with ${x}, L / R is ${milliseconds(share)}: this page has ${milliseconds(fast)} to ${milliseconds(slow)}`;
+  }
+  // A value that a key does not take leaves the key as it is, or goes to the next one that it takes; either is told.
   function set(key, x) {
-    const to = bounded(key, x);
+    const why = refused(key, x);
+    notes.delete(key.key);
+    if (why) {
+      notes.set(key.key, `${why}. It stays at ${value(key)}.`);
+      return;
+    }
+    let to = key.whole ? Math.round(x) : x;
+    if (key.stops.length) to = key.stops.reduce((a, b) => (Math.abs(b - x) < Math.abs(a - x) ? b : a));
+    if (to !== x) notes.set(key.key, `${x} became ${to}: this key has ${key.stops.length ? `${key.stops.length} values, ${bounds(key)}` : "whole numbers"}.`);
     if (to === key.start) state.values.delete(key.key); else state.values.set(key.key, to);
   }
 
@@ -49,6 +65,7 @@
     const wanted = (given.get("controllers") ?? "").split("\n").filter((name) => scenario().controllers.includes(name));
     state.shown = wanted.length ? wanted : usual();
     state.values.clear();
+    notes.clear();
     for (const [name, text] of given) if (keys.has(name) && text.trim() && Number.isFinite(Number(text))) set(keys.get(name), Number(text));
   }
   function address() {
@@ -73,7 +90,7 @@
       const last = at("trials"), chosen = [...phases.flatMap((phase) => phase.trials), last];
       return { description: data, ticks: at("ticks"), decimation: at("decimation"), about: { pole_pairs: at("pole_pairs"), events: [], trials: last, starts }, metrics, judged, panels, chosen };
     }
-    const about = { events: [], ...Object.fromEntries(["pole_pairs", "R_s", "power_factor", "speed_period", "unit"].map((what) => [what, at(what)])) };
+    const about = { events: [], guarded: page.guarded, ...Object.fromEntries(["pole_pairs", "R_s", "power_factor", "speed_period", "unit"].map((what) => [what, at(what)])) };
     for (let n = 0; run.about[`page.events.${n}`]; n++) about.events.push(at(`events.${n}`));
     let learned = null, learn = null;
     if (run.learned) {
@@ -155,7 +172,7 @@
       details.dataset.group = group;
       const about = byName(page.controllers, group);
       const of = list[0].controller !== null && about;
-      details.open = first ? Boolean(of) || ["Load and motion", "Trials"].includes(group) : open.has(group) || (of && !open.size);
+      details.open = first ? Boolean(of) || ["Your motor", "Load and motion", "Trials"].includes(group) : open.has(group) || (of && !open.size);
       const summary = make("summary", details);
       const title = make("span", summary, of ? about.label : group, of ? "key" : "");
       if (of) title.style.setProperty("--colour", `var(--c${about.colour})`);
@@ -165,12 +182,14 @@
   }
   function slide(parent, key, id) {
     const row = make("div", parent, "", "slide");
-    const label = make("label", row, key.label);
+    const label = make("label", row);
+    for (const word of key.label.split(/(?<=[._])/)) label.append(word, document.createElement("wbr"));
     label.htmlFor = id;
     label.title = key.key;
     const right = make("span", row);
     const field = make("input", right);
-    Object.assign(field, { type: "number", id, min: key.low, max: key.high, step: key.whole ? 1 : "any" });
+    Object.assign(field, { type: "number", id, min: within(key)[0], max: within(key)[1], step: key.whole ? 1 : "any" });
+    field.setAttribute("aria-describedby", `${id}-note`);
     make("span", right, key.unit, "unit");
     const range = make("input", row);
     const stops = key.stops.length, span = key.high - key.low;
@@ -183,22 +202,26 @@
     });
     range.addEventListener("change", () => { dragging = false; });
     field.addEventListener("change", () => {
-      if (field.value.trim() && Number.isFinite(field.valueAsNumber)) {
+      if (Number.isFinite(field.valueAsNumber)) {
         begin();
         set(key, field.valueAsNumber);
         dragging = false;
-      }
+      } else notes.set(key.key, `Expected a number. It stays at ${value(key)}.`);
       refresh();
     });
-    inputs.set(key, { row, field, range });
+    const note = make("p", row, "", "bounds");
+    note.id = `${id}-note`;
+    inputs.set(key, { row, field, range, note });
   }
   function refreshKeys(source) {
-    for (const [key, { row, field, range }] of inputs) {
+    for (const [key, { row, field, range, note }] of inputs) {
       const x = value(key);
       field.value = x;
       if (range !== source) range.value = key.stops.length ? key.stops.indexOf(x) : x;
       range.setAttribute("aria-valuetext", `${x} ${key.unit}`);
       row.classList.toggle("changed", state.values.has(key.key));
+      row.classList.toggle("told", notes.has(key.key));
+      note.textContent = notes.get(key.key) ?? bounds(key);
     }
   }
 
@@ -306,6 +329,8 @@
           make("p", item, `It grows: no worse than without learning until ${since} s, then worse.`, "fault");
         }
       } else head.append(c.learns ? "." : ", with nothing that learns.");
+      const [from, to, long] = (c.learns && run.result.guarded[which]) || [0, 0, 0];
+      if (long >= page.moment) make("p", item, `The guard held its learning back, ${number(from)} to ${number(to)} s, in the window of ${words}: what is left there is more than it settles at.`, "fault");
       const before = found(c.name, false, ghost);
       if (before && before !== run.result) make("p", item, `Before the change: ${number(before.values[which] / metric.factor)} ${unit}.`, "details");
     }
@@ -519,7 +544,7 @@
   function learnedOf(run, c) {
     if (!run.map) return {};
     const { cells, channels, values } = run.map;
-    if (c.law === "pi-afc") {
+    if (c.by_order) {
       const waves = Array.from({ length: cells }, (_, n) => [values[n], values[cells + n], values[2 * cells + n]]);
       const points = 8 * Math.round(Math.max(...waves.map((w) => w[2])));
       const at = Array.from({ length: points }, (_, k) => (2 * Math.PI * k) / points);
@@ -579,6 +604,7 @@
   $("reset").addEventListener("click", () => {
     begin();
     state.values.clear();
+    notes.clear();
     dragging = false;
     refresh();
   });
@@ -616,5 +642,5 @@
   }
   start();
   // for scripts, and the page's own tests
-  window.cogless = { page, state, toml, set: (name, x) => { begin(); set(keys.get(name), x); dragging = false; refresh(); }, job, isIdle: () => !running && !missing().length && !drawn, isShown: () => shown().every((c) => isThere(c.name, false)) && !drawn, result: (name, off) => done.get(slot(name, off)) };
+  window.cogless = { page, state, toml, set: (name, x) => { begin(); set(keys.get(name), x); dragging = false; refresh(); }, job, isIdle: () => !running && !missing().length && !drawn, isShown: () => shown().every((c) => isThere(c.name, false)) && !drawn, result: (name, off) => done.get(slot(name, off)), learned: (name) => learnedOf(found(name), byName(page.controllers, name)) };
 })();

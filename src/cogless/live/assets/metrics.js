@@ -261,6 +261,18 @@ const liveMetrics = (() => {
     const at = input(m, trace, about);
     return at.first === at.last ? NaN : KINDS[m.kind](at);
   }
+  // When a bit of the status was set in the window of a metric: first and last time and how long, s; null: never.
+  function held(bit, m, trace, about) {
+    if (!trace.has("status")) return null;
+    const [first, last] = trace.window(...span(m, trace, about)), status = trace.get("status");
+    let rows = 0, from = 0, to = 0;
+    for (let i = first; i < last; i++) {
+      if (!(status[i] & bit)) continue;
+      if (!rows++) from = trace.time[i];
+      to = trace.time[i];
+    }
+    return rows ? [from, to, rows * trace.period] : null;
+  }
   // Root of the mean square of x.
   const rms = (x) => KINDS.rms({ x });
   // Metrics of a study of trials with one number for each phase, from the RMS of each trial; `starts`: the phases' first ones.
@@ -280,5 +292,5 @@ const liveMetrics = (() => {
       return own.length ? OF_PHASES[m.kind](m, own) : undefined;
     });
   }
-  return { Trace, evaluate, ofPhases, rms, whole, kinds: Object.keys(KINDS), TAU, mean, largest, smallest };
+  return { Trace, evaluate, held, ofPhases, rms, whole, kinds: Object.keys(KINDS), TAU, mean, largest, smallest };
 })();

@@ -1,7 +1,7 @@
 "use strict";
 // Carries out one run after the other, and hands back what the page shows: numbers, and curves thinned to its width.
 (() => {
-  const { Trace, evaluate, ofPhases, rms, whole, TAU, largest, smallest } = liveMetrics;
+  const { Trace, evaluate, held, ofPhases, rms, whole, TAU, largest, smallest } = liveMetrics;
   const POINTS = 600; // of a curve over the whole run: a lowest and a highest value each
   const CELLS = 1024; // of a revolution in the spectrum
   const ORDERS = 160; // of a revolution at most
@@ -99,9 +99,10 @@
     const error = path && trace.has("theta_error") ? "theta_error" : "omega_error";
     const first = lastTurn(trace), late = (name) => (trace.has(name) ? Array.from(trace.get(name).subarray(first)) : null);
     const [settledFrom, settledTo] = trace.window(Math.max(0, trace.time[trace.count - 1] - 4), trace.time[trace.count - 1]);
-    const map = stored && { cells: stored.cells, channels: stored.channels, values: Array.from(stored.values, (v) => v / about.unit), turns: stored.turns, parts: stored.parts };
+    const map = stored && { cells: stored.cells, channels: stored.channels, values: Array.from(stored.values, (v) => v / about.unit) };
     return {
       values, map, error,
+      guarded: metrics.map((m) => held(about.guarded, m, trace, about)),
       names: trace.names,
       whole: thin(trace.time, trace.get(error)),
       current: thin(trace.time, trace.get("i_q")),

@@ -1,0 +1,88 @@
+"""What `design` and `run` say beforehand of a motor and its drive that don't go together."""
+
+from pathlib import Path
+
+import pytest
+
+from cogless.design.table import design_table
+from cogless.design.warnings import notes, out_of_reach
+from cogless.errors import StudyError
+from cogless.run.plan import plan
+from cogless.study import load
+from cogless.study.reading import changed
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "my_motor.toml"
+FINER = {"drive.rates.integration_steps": 3}
+
+
+def my_motor(**changes):
+    return changed(load(EXAMPLE), changes)
+
+
+def test_a_speed_beyond_the_voltage_is_said_with_the_speed_that_it_reaches():
+    """58 rpm/V and 24 V: 1392 rpm."""
+    fast = my_motor(**{"scenario.slow.reference": "3000 rpm"}, **FINER)
+    line = (
+        "scenario.slow: its reference of 3000 rpm needs more voltage than there is: "
+        "24 V turn this motor at 1392 rpm without load"
+    )
+    assert out_of_reach(fast, ["slow", "slow"]) == [line]
+    assert f"{line}." in [str(text) for text in design_table(fast).renderables]
+    assert out_of_reach(my_motor(**{"scenario.slow.reference": "1390 rpm"}, **FINER), ["slow"]) == []
+    more = {"scenario.slow.override": {"drive.inverter.bus_voltage": "52 V"}}
+    assert out_of_reach(changed(fast, more), ["slow"]) == []
+
+
+def test_a_step_that_is_too_long_for_an_unreachable_speed_names_the_voltage():
+    expected = r"its voltage turns the motor at 1392 rpm without load, not at 3000$"
+    with pytest.raises(StudyError, match=expected):
+        my_motor(**{"scenario.slow.reference": "3000 rpm"})
+    # the step only has to follow what the voltage reaches
+    faster = {"scenario.slow.reference": "30000 rpm"}
+    assert my_motor(**faster, **FINER).scenario["slow"].top_reference > 3000
+
+
+def test_cogging_that_is_not_learned_is_named_with_a_base_that_learns_it():
+    other = my_motor(**{"motor.cogging.1.order": 21})
+    (line,) = notes(other, "harmonic")
+    told = "it learns orders 2 k to 256, but the cogging has order 21: base = 21 would"
+    assert line == f"controller.harmonic: {told}"
+    assert notes(changed(other, {"controller.harmonic.base": 21}), "harmonic") == []
+    assert notes(changed(other, {"motor.cogging.1.torque": "0 N*m"}), "harmonic") == []
+    assert notes(load(EXAMPLE), "harmonic") == []
+
+
+def test_orders_beyond_the_memory_have_no_base():
+    far = my_motor(**{"motor.cogging.1.order": 521})
+    assert notes(far, "harmonic") == [
+        "controller.harmonic: it learns orders 2 k to 256, but the cogging has order 521: "
+        "none learns so many orders"
+    ]
+
+
+def test_missing_slots_are_refused_before_anything_runs(tmp_path):
+    text = EXAMPLE.read_text(encoding="utf-8").replace("slots = 12\n", "")
+    path = tmp_path / "study.toml"
+    path.write_text(text, encoding="utf-8")
+    told = "motor.slots: missing: expected their number, or controller.harmonic.base, for the orders to learn"
+    with pytest.raises(StudyError) as error:
+        load(path)
+    assert str(error.value) == f"{path}: {told}"
+    assert load(path, {"controller.harmonic.base": 2})
+
+
+@pytest.mark.parametrize(("poles", "half"), [("16", ": 8"), ("15", ""), ('"x"', "")])
+def test_poles_become_pole_pairs_by_half(tmp_path, poles, half):
+    text = EXAMPLE.read_text(encoding="utf-8").replace("pole_pairs = 7", f"poles = {poles}")
+    path = tmp_path / "study.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(StudyError) as error:
+        load(path)
+    assert str(error.value) == f'{path}: motor.poles: {poles}: expected "pole_pairs", half of the poles{half}'
+
+
+def test_too_many_orders_are_told_with_their_keys_and_the_limit():
+    cogging = [{"order": n, "torque": "0.1 mN*m"} for n in range(2, 400, 2)]
+    told = r"too many different orders in motor\.cogging, torque_ripple and .*: expected 128 at most"
+    with pytest.raises(StudyError, match=told):
+        plan(my_motor(**{"motor.cogging": cogging}), "slow", "pi")

@@ -1,0 +1,208 @@
+"""One's own motor in a page: the controller is told, and all numbers are those of `cogless run --set`."""
+
+import math
+import random
+import struct
+from pathlib import Path
+
+import live_studies
+import numpy as np
+import pytest
+from browser import MISSING
+from node import NO_ENGINE, NO_NODE, run_node
+from test_live_page import sets_of, settle
+
+from cogless.errors import StudyError
+from cogless.live import motor, write
+from cogless.live.blobs import held
+from cogless.live.keys import adjustable, packed
+from cogless.live.page import data
+from cogless.report.status_lanes import MOMENT
+from cogless.results.status import Status
+from cogless.run.simulate import simulate
+from cogless.study import load
+from cogless.study.reading import changed
+
+READ = """
+const { described } = liveBytes(given.page);
+const hex = (place, values) => Buffer.from(described(place, new Map(values)).data).toString("hex");
+return given.values.map((values) => given.places.map((place) => hex(place, values)));
+"""
+REAL = {"f": 3e-7, "d": 1e-12}  # relative
+
+
+@pytest.fixture(scope="module")
+def own():
+    """The playground's own motor: the study of the tutorial, which learns every order."""
+    study = changed(
+        load(Path(__file__).parents[2] / "examples" / "my_motor.toml"), {"controller.harmonic.base": 1}
+    )
+    return study, adjustable(study, told=True)
+
+
+@pytest.fixture
+def small_study(tmp_path):
+    return live_studies.study(tmp_path)
+
+
+def test_a_motors_numbers_can_be_changed_for_plant_and_controller(own):
+    _, found = own
+    keys = {key.candidate.key: key.candidate for key in found.keys}
+    for name in (
+        "motor.pole_pairs",
+        "motor.resistance_line_to_line",
+        "motor.inductance_line_to_line",
+        "motor.kv",
+        "mechanics.inertia",
+        "motor.cogging.0.order",
+        "motor.cogging.0.torque",
+    ):
+        assert keys[name].group == "Your motor"
+    assert not [name for name in keys if "override" in name and ("motor." in name or "inertia" in name)]
+    # uomodri's motor, and a servo's inertia a hundred times as large, are within the fields
+    assert keys["motor.pole_pairs"].least <= 12 <= keys["motor.pole_pairs"].most
+    assert keys["mechanics.inertia"].least <= 6e-6 and keys["mechanics.inertia"].most >= 4e-3
+    paths = {one.number.path for one in found.products["slow", "harmonic", "run"]}
+    assert {"controller.config.b", "controller.config.pi.kp", "drive.control.foc.kp_q"} <= paths
+
+
+@pytest.mark.skipif(bool(NO_NODE), reason=NO_NODE)
+def test_any_motor_gives_the_numbers_of_set(tmp_path, own):
+    study, found = own
+    rng, sets = random.Random(5), []
+    for _ in range(25):
+        values = {
+            "motor.pole_pairs": float(rng.randint(1, 40)),
+            "motor.kv": float(f"{58 * 10 ** rng.uniform(-1, 1.5):.3g}"),
+            "mechanics.inertia": float(f"{4e-5 * 10 ** rng.uniform(-2, 2):.3g}"),
+            "motor.resistance_line_to_line": float(f"{5.6 * 10 ** rng.uniform(-2, 1):.3g}"),
+            "drive.inverter.bus_voltage": float(rng.randint(10, 60)),
+            "motor.cogging.0.order": float(rng.randint(1, 400)),
+        }
+        slow = 2.3 * values["motor.resistance_line_to_line"] / 5.6 * 10 ** rng.uniform(-0.5, 1.4)
+        sets.append(values | {"motor.inductance_line_to_line": float(f"{slow:.3g}")})
+    keys = {key.candidate.key: key.candidate for key in found.keys}
+    places = list(packed(study, held(study)))
+    given = {
+        "page": data(study, found, "cogless run x"),
+        "places": ["/".join(place) for place in places],
+        "values": [list(values.items()) for values in sets],
+    }
+    made = run_node(tmp_path, ("bytes.js",), READ, given)
+    tried = 0
+    for values, pages in zip(sets, made, strict=True):
+        try:
+            other = changed(study, {name: keys[name].text(x) for name, x in values.items()})
+        except StudyError:  # such as a motor that the integration step is too long for
+            continue
+        tried, wanted_of = tried + 1, packed(other, held(other))
+        for place, page in zip(places, pages, strict=True):
+            blob, mine = wanted_of[place], bytes.fromhex(page)
+            for number in blob.numbers:
+                wanted, x = number.read(blob.data), number.read(mine)
+                assert x == pytest.approx(wanted, rel=REAL.get(number.format, 0), abs=0), (number, values)
+            clean = bytearray(mine)
+            for number in blob.numbers:  # what is no number is the same, too
+                size = struct.calcsize(number.format)
+                clean[number.offset : number.offset + size] = blob.data[number.offset : number.offset + size]
+            assert bytes(clean) == blob.data
+    assert tried > 12
+
+
+@pytest.fixture(scope="module")
+def shown(own, window, tmp_path_factory):
+    path = tmp_path_factory.mktemp("own") / "own.html"
+    write(own[0], path, "cogless run my_motor.toml --set controller.harmonic.base=1", told=True)
+    window.open(path, 1300)
+    settle(window)
+    return window
+
+
+in_browser = pytest.mark.skipif(bool(MISSING or NO_ENGINE), reason=MISSING or NO_ENGINE)
+
+
+@in_browser
+def test_the_page_draws_what_harmonic_has_learned_as_the_report_does(own, shown):
+    study, _ = own
+    memory = simulate(study, "slow", "harmonic").memory
+    drawn = shown.run("return cogless.learned('harmonic')")
+    assert np.max(np.abs(memory["current"])) > 0.03  # A, to cancel 4 mN*m of cogging and 2
+    assert drawn["at"] == pytest.approx(np.rad2deg(memory["angle"]), abs=1e-9)
+    assert drawn["values"] == pytest.approx(memory["current"], rel=1e-6, abs=1e-9)
+
+
+@in_browser
+def test_another_motor_gives_the_numbers_of_set(own, shown, tmp_path):
+    """uomodri's motor: through whole numbers, gains of both loops, and cogging of another order."""
+    study, _ = own
+    values = {
+        "motor.pole_pairs": 12,
+        "motor.resistance_line_to_line": 1.06,
+        "motor.inductance_line_to_line": 0.42,
+        "motor.kv": 300,
+        "mechanics.inertia": 6e-6,
+        "motor.cogging.0.order": 72,
+        "scenario.slow.reference": 60,
+    }
+    for key, value in values.items():
+        shown.run(f"cogless.set({key!r}, {value!r})")
+    settle(shown)
+    sets = sets_of(shown)
+    assert sets.keys() == values.keys() | {"controller.harmonic.base"}
+    other = changed(study, sets)
+    for name in ("pi", "harmonic"):
+        (mine,) = shown.run(f"return cogless.result('{name}').result.values")
+        (wanted,) = simulate(other, "slow", name).metrics.values()
+        assert mine == pytest.approx(wanted, rel=1e-3)
+    (tmp_path / "mine.toml").write_text(shown.run("return cogless.toml()"), encoding="utf-8")
+    mine = load(tmp_path / "mine.toml")  # what the page downloads
+    assert (mine.motor, mine.mechanics, mine.scenario) == (other.motor, other.mechanics, other.scenario)
+    assert mine.controller == other.controller
+    shown.run("cogless.set('motor.inductance_line_to_line', 0.04)")  # 1.06 ohm: 38 us
+    assert sets_of(shown) == sets
+    told = "with 0.04, L / R is 0.0377 ms: this page has 0.103 ms to 12.3 ms. It stays at 0.42."
+    assert shown.run("return document.querySelector('.told .bounds').textContent") == told
+
+
+@in_browser
+def test_the_page_says_when_the_guard_held_learning_back_in_the_judged_window(own, shown):
+    study, _ = own
+    for speed in (30, 120):
+        shown.run(f"cogless.set('scenario.slow.reference', {speed})")
+        settle(shown)
+        trace = simulate(changed(study, sets_of(shown)), "slow", "harmonic").trace
+        rows = trace.window(4.0, 6.0)
+        held = trace["status"][rows].astype(int) & Status.GUARDED > 0
+        wanted = float(np.sum(held)) * trace.period >= MOMENT
+        text = shown.run("return document.querySelector('#verdicts').innerText")
+        assert ("The guard held its learning back" in text) == wanted
+
+
+def test_a_number_that_is_no_product_is_refused(own):
+    """Such as the orders that are learned, if slots and poles tell them: no power of anything."""
+    study, found = own
+    keys = [key.candidate for key in found.keys if key.candidate.key in motor.TOGETHER]
+    base = packed(study, held(study))
+
+    def bent(values):
+        share = {key.key: x / key.start for key, x in values}
+        other = {key.key: key.text(x) for key, x in values}
+        inertia = 4e-5 * (1 + share.get("mechanics.inertia", 1.0) ** 2) / 2
+        made = changed(study, other | {"mechanics.inertia": f"{inertia!r} kg*m^2"})
+        return packed(made, held(made), study)
+
+    with pytest.raises(StudyError, match=r"live: mechanics\.inertia: expected a product of powers"):
+        motor.products(base, bent, keys)
+
+
+def test_a_motor_in_other_words_is_told_what_is_missing(small_study):
+    with pytest.raises(StudyError, match=r"live: motor\.inductance_line_to_line: missing: expected for"):
+        adjustable(small_study, told=True)
+
+
+def test_orders_that_slots_and_poles_tell_follow_the_pole_pairs(own):
+    """Without a base of its own the law learns the multiples of gcd(slots, poles)."""
+    found = adjustable(load(own[0].source.path), told=True)
+    (base,) = [one for one in found.products["slow", "harmonic", "run"] if one.number.path.endswith(".base")]
+    assert base.start == 1.0 and not base.powers
+    assert base.factors == tuple(float(math.gcd(12, 2 * n)) for n in range(1, 41))

@@ -1,0 +1,66 @@
+"""States of the controllers without faults: lanes below the waveforms, and the guard in table and verdict."""
+
+import numpy as np
+import pytest
+import synthetic
+from test_report_orders import RATE, with_signals
+
+from cogless.report.comparison import compare, remarks, runs_in
+from cogless.report.speed_verdict import verdict
+from cogless.report.status_lanes import strip
+from cogless.results.status import Status
+
+WHERE = "low-speed"
+SINCE, UNTIL = 8.5, 9.75  # s, of 10: the metrics' window is the last two
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    return synthetic.results(synthetic.study(tmp_path_factory.mktemp("study")), rate=RATE)
+
+
+def with_status(made, bits, since=SINCE, until=UNTIL):
+    def status(run):
+        time = run.trace.time
+        return np.where((time >= since) & (time < until), int(bits), 0)
+
+    return with_signals(made, WHERE, status=status)
+
+
+def lanes(results):
+    return {lane["name"]: lane["runs"] for lane in strip(results, runs_in(results, WHERE))}
+
+
+def test_a_state_that_lasts_has_a_lane_without_faults(made):
+    assert lanes(made) == {}
+    found = lanes(with_status(made, Status.GUARDED | Status.FROZEN))
+    assert set(found) == {"not learning", "learning held back by the guard"}
+    for run in found["learning held back by the guard"]:
+        assert run["spans"] == pytest.approx([SINCE, UNTIL], abs=1e-3)
+    assert lanes(with_status(made, Status.FROZEN, 1.0, 1.05)) == {}  # a moment
+
+
+def test_the_guard_in_the_window_of_a_metric_is_told_in_table_and_verdict(made):
+    held = with_status(made, Status.GUARDED)
+    lines = compare(held, WHERE)
+    learning = [c for c in held.study.controller if held.study.controller[c].learns]
+    assert learning
+    inside = [line for line in lines if line.span and line.span[1] > SINCE]
+    assert inside and all(set(line.guarded) == set(learning) & set(line.values) for line in inside)
+    told = [line for line in remarks(held.study, lines) if line.startswith("the guard held the learning of")]
+    assert len(told) == len(learning)
+    label = held.study.label(learning[0])
+    assert told[0].startswith(
+        f"the guard held the learning of {label} back, 8.5 to 9.75 s, in the window of "
+    )
+    assert told[0].endswith(": what is left there is more than it settles at")
+    found = verdict(held, runs_in(held, WHERE))
+    assert any(line.startswith("The guard held the learning of") for line in found.details)
+
+
+def test_a_guard_before_the_window_or_for_a_moment_changes_nothing(made):
+    for since, until in ((1.0, 3.0), (9.0, 9.05)):
+        other = with_status(made, Status.GUARDED, since, until)
+        assert not any(line.guarded for line in compare(other, WHERE) if line.span and line.span[0] > 3.0)
+    plain = verdict(made, runs_in(made, WHERE))
+    assert not any("guard" in line for line in plain.details)
