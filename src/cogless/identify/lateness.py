@@ -32,19 +32,22 @@ def lateness(
     logs: Sequence[Log],
     traces: Mapping[str, Trace],
     bandwidth: float,
+    period: float,
     with_dead_time: Mapping[str, Trace] = NONE,
 ) -> tuple[Value | None, str]:
     """The delay of i_q, s, by the logs that follow the described law; None, and why: no log does.
 
     It is the middle of all delays that are likely, and they are its error. `bandwidth`: of the current loop,
-    rad/s. `with_dead_time`: traces of a drive with more dead time, whose true one then may be another.
+    rad/s. `period`: of the law, s: rows between its samples show nothing of it. `with_dead_time`: traces of a
+    drive with more dead time, whose true one then may be another.
     """
     profiles: list[tuple[Array, Array]] = []
     unlike: list[tuple[float, str]] = []
     for log in logs:
         if "i_q" not in log or log.name not in traces or len(log) < FEWEST:
             continue
-        delays, away, misfit = _profile(log, traces[log.name], with_dead_time.get(log.name))
+        every = max(1, round(period / log.dt))
+        delays, away, misfit = _profile(log, every, traces[log.name], with_dead_time.get(log.name))
         if misfit > MISFIT:
             unlike.append((misfit, log.name))
         elif np.ptp(away) > 0:
@@ -72,14 +75,15 @@ def _said(misfit: float, log: str) -> str:
     )
 
 
-def _profile(log: Log, trace: Trace, with_dead_time: Trace | None) -> tuple[Array, Array, float]:
+def _profile(log: Log, every: int, trace: Trace, with_dead_time: Trace | None) -> tuple[Array, Array, float]:
     """Delays, s; how far the log's filter is from the simulated one at each, squared, in its own variance.
 
     And the share of what the log's filter explains that no delay does. What neither delay nor dead time
     explains counts as noise.
     """
-    step = max(1, round(log.dt / trace.period))
-    real = [_moves(log["theta"][rows], log["i_q"][rows], log.dt) for rows in log.stretches]
+    step = max(1, round(every * log.dt / trace.period))
+    thinned = [slice(rows.start, rows.stop, every) for rows in log.stretches]
+    real = [_moves(log["theta"][rows], log["i_q"][rows], every * log.dt) for rows in thinned]
     x, y = (np.concatenate(parts) for parts in zip(*real, strict=True))
     taps, *_ = np.linalg.lstsq(x, y, rcond=1e-9)
     noise = float(np.mean((y - x @ taps) ** 2))

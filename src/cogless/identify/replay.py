@@ -148,10 +148,26 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
             )
             return replace(first, remarks=(*first.remarks, said)), traces
         late, unlike = lateness(
-            [log for log in made.logs if log.dt], traces, _bandwidth(made), with_dead_time
+            [log for log in made.logs if log.dt],
+            traces,
+            _bandwidth(made),
+            1 / drive.rates.outer_loop,
+            with_dead_time,
         )
         made = _corrected(first, made, traces, late)
+        if not made.values["j"].value > 0:
+            return _without_inertia(first), traces
     return replace(made, remarks=(*made.remarks, *([unlike] if unlike else []))), traces
+
+
+def _without_inertia(first: Estimate) -> Estimate:
+    """The estimate without what rests on an inertia that the simulation refutes."""
+    said = (
+        "With what the simulated logs show taken off, the inertia is negative: these logs do not tell it, "
+        "nor friction and delay; add an acceleration log, and check the controller in the file of columns."
+    )
+    kept = {key: value for key, value in first.values.items() if key not in ("j", "b", "c", "delay")}
+    return replace(first, values=kept, encoder=(), left_out=(*first.left_out, said))
 
 
 def _corrected(first: Estimate, made: Estimate, traces: Mapping[str, Trace], late: Value | None) -> Estimate:
