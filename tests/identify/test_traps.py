@@ -235,11 +235,22 @@ CSV = "t,theta,omega,i_q\n" + "".join(f"{n / 1000},{0.01 * n:.5f},10,{0.1}\n" fo
         ),
         ("a.csv", b"# made by a drive\n\n", "a.csv: empty: expected a heading and rows of numbers"),
         ("a.csv", CSV.encode("utf-16"), "a.csv: not UTF-8: expected a CSV in UTF-8"),
+        (
+            "a.csv",
+            b"t,theta,omega,I_q [A]\n1,2,3,4\n",
+            'a.csv: no column "i_q", but "I_q [A]": expected name = "I_q [A]" in columns',
+        ),
+        (
+            "a.csv",
+            b"Bench 3, run 7\nno load\nt,theta,omega,i_q\n1,2,3,4\n",
+            'a.csv: the heading "t,theta,omega,i_q" comes after text, "Bench 3, run 7": expected it '
+            "first, or # before each line of the text",
+        ),
         ("a.csv", b"time,angle\n1,2\n", "a.csv: columns time, angle: expected t, theta, omega, i_q"),
         (
             "a.csv",
             CSV.replace("t,theta", "T,theta").encode(),
-            "a.csv: t: missing: expected the time of each row",
+            'a.csv: no column "t", but "T": expected name = "T" in columns',
         ),
         (
             "a.csv",
