@@ -28,9 +28,10 @@ SPEEDS = (0.1, 0.2, 0.25, 0.5, 1.0, 2.0, 4.0, 6.0)  # of the study's own
 planned = plan.scenarios
 
 
-def scenarios(study: Study) -> dict[str, Any]:
+def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
     """Sixteen in place of the six that `plan` has."""
-    loads = [made["load"] for made in planned(study).values() if "load" in made]
+    own, rate = planned(study, law)
+    loads = [made["load"] for made in own.values() if "load" in made]
     v = next(iter(study.scenario.values())).top_reference or 2 * math.pi
 
     def profile(*points: tuple[float, float]) -> dict[str, Any]:
@@ -47,7 +48,7 @@ def scenarios(study: Study) -> dict[str, Any]:
         made[f"acceleration-{n}"] = "acceleration", profile((0, 0), *sweeps)
         made[f"load-{n}"] = "load", both_ways(0.25 * (1 + n // 2)) | {"load": loads[n % 2]}
     plan.KINDS.update({name: kind for name, (kind, _) in made.items()})
-    return {name: scenario for name, (_, scenario) in made.items()}
+    return {name: scenario for name, (_, scenario) in made.items()}, rate
 
 
 def main() -> None:

@@ -55,8 +55,9 @@ def log(of: Trace, late: int) -> Log:
 @pytest.mark.parametrize("late", [3, 7, 12])
 def test_the_delay_is_found_within_the_law_s_period(late):
     """Simulated with an inertia that is 0.5 % off, as an estimate may be."""
-    found, said = lateness([log(trace("8e-5 kg*m^2"), late)], {"one": trace("8.04e-5 kg*m^2")}, BANDWIDTH)
-    assert found is not None and not said
+    made = lateness([log(trace("8e-5 kg*m^2"), late)], {"one": trace("8.04e-5 kg*m^2")}, BANDWIDTH, 1e-3)
+    found = made.delay
+    assert found is not None and not made.said
     assert found.value == pytest.approx(late * 1e-4, abs=max(5e-5, found.error))
     assert found.error < 5e-4  # half a period, which is all that torques tell
 
@@ -65,25 +66,43 @@ def test_a_dead_time_that_nobody_typed_in_leaves_the_delay_as_it_is():
     """Where the current has settled, a dead time moves it as much as a delay does."""
     late, simulated = 2, {"one": trace("8e-5 kg*m^2")}
     of = [log(trace("8e-5 kg*m^2", dead_time=300), late)]
-    misled, _ = lateness(of, simulated, BANDWIDTH)
+    misled = lateness(of, simulated, BANDWIDTH, 1e-3).delay
     assert misled is not None and abs(misled.value - late * 1e-4) > 3e-5
-    found, said = lateness(of, simulated, BANDWIDTH, {"one": trace("8e-5 kg*m^2", dead_time=200)})
-    assert found is not None and not said
+    made = lateness(of, simulated, BANDWIDTH, 1e-3, {"one": trace("8e-5 kg*m^2", dead_time=200)})
+    found = made.delay
+    assert found is not None and not made.said
     assert found.value == pytest.approx(late * 1e-4, abs=min(3e-5, found.error))
+    assert 200 * made.part.value == pytest.approx(300, rel=0.1)  # ns: it is told, too
+
+
+def test_no_dead_time_is_told_where_there_is_none():
+    of, simulated = [log(trace("8e-5 kg*m^2"), 3)], {"one": trace("8e-5 kg*m^2")}
+    part = lateness(of, simulated, BANDWIDTH, 1e-3, {"one": trace("8e-5 kg*m^2", dead_time=200)}).part
+    assert abs(part.value) < max(part.error, 0.05)
+
+
+def test_rows_between_the_law_s_samples_change_nothing():
+    """Ten rows for each of the law's."""
+    of, simulated = trace("8e-5 kg*m^2"), {"one": trace("8e-5 kg*m^2")}
+    signals = {"theta": np.unwrap(of["theta_measured"])[20:], "i_q": of["i_q"][17:-3]}
+    fine = Log("one", LogRule(file="*"), 1e-4, signals, (slice(0, len(signals["theta"])),))
+    found, coarse = (lateness([one], simulated, BANDWIDTH, 1e-3).delay for one in (fine, log(of, 3)))
+    assert found is not None and coarse is not None
+    assert found.value == pytest.approx(coarse.value, abs=1e-5)
 
 
 def test_logs_that_contradict_each_other_widen_the_error():
     simulated = {"one": trace("8e-5 kg*m^2"), "two": trace("8e-5 kg*m^2")}
     logs = [log(trace("8e-5 kg*m^2"), 3), replace(log(trace("8e-5 kg*m^2"), 5), name="two")]
-    alone, together = (lateness(of, simulated, BANDWIDTH)[0] for of in (logs[:1], logs))
+    alone, together = (lateness(of, simulated, BANDWIDTH, 1e-3).delay for of in (logs[:1], logs))
     assert alone is not None and together is not None
     assert together.error > 5 * alone.error
     assert abs(together.value - 4e-4) <= together.error + 1e-4
 
 
 def test_another_law_tells_no_delay_and_is_told():
-    found, said = lateness(
-        [log(trace("8e-5 kg*m^2"), 3)], {"one": trace("8e-5 kg*m^2", law="softer")}, BANDWIDTH
+    made = lateness(
+        [log(trace("8e-5 kg*m^2"), 3)], {"one": trace("8e-5 kg*m^2", law="softer")}, BANDWIDTH, 1e-3
     )
-    assert found is None
-    assert said.startswith("one: i_q does not follow the angle as under the described controller")
+    assert made.delay is None
+    assert made.said.startswith("one: i_q does not follow the angle as under the described controller")

@@ -90,9 +90,24 @@ def test_a_pause_in_a_log_is_a_gap_and_no_wrong_unit(tmp_path):
 def test_logs_that_leave_one_speed_say_why_the_others_are_left(tmp_path):
     text, logs = shortened()
     seldom = {name: {key: x[::5] for key, x in log.items()} for name, log in logs.items()}
-    first, *others = refused(tmp_path, text, seldom).splitlines()
-    assert first.startswith("One speed only")
-    assert any("above an eighth of the sampling rate, 200 Hz" in line for line in others)
+    *causes, last = refused(tmp_path, text, seldom).splitlines()
+    assert last.startswith("One speed only")
+    assert any("above an eighth of the sampling rate, 200 Hz" in line for line in causes)
+
+
+def test_a_rotor_that_sticks_is_told_with_the_speed_at_which_it_would_not(tmp_path):
+    text, logs = shortened()
+    log = logs["one-speed"]
+    passed = log["t"] % 0.1
+    late = log["t"] - passed + np.maximum(0, 2 * passed - 0.1)  # it waits for 50 ms, then turns twice as fast
+    slipping = {key: np.interp(late, log["t"], log[key]) for key in ("theta", "omega")}
+    made = told(tmp_path, text, changed(logs, "one-speed", **slipping))
+    (line,) = (line for line in made.remarks if line.startswith("one-speed.npz: the rotor stands still"))
+    assert "it sticks, and slips at" in line
+    speed, rows = re.findall(r"at ([\d.]+) rev/s.* with ([\d.e+]+) rows a second", line)[0]
+    assert float(speed) == pytest.approx(2, rel=0.2)
+    assert float(rows) == pytest.approx(max(1000, 3 * 24 * float(speed)), rel=0.06)  # order 6 p in sight
+    assert "one-speed.npz" not in {log.name for log in made.logs}
 
 
 def test_the_sign_of_a_column_turns_it(tmp_path):
@@ -220,11 +235,22 @@ CSV = "t,theta,omega,i_q\n" + "".join(f"{n / 1000},{0.01 * n:.5f},10,{0.1}\n" fo
         ),
         ("a.csv", b"# made by a drive\n\n", "a.csv: empty: expected a heading and rows of numbers"),
         ("a.csv", CSV.encode("utf-16"), "a.csv: not UTF-8: expected a CSV in UTF-8"),
+        (
+            "a.csv",
+            b"t,theta,omega,I_q [A]\n1,2,3,4\n",
+            'a.csv: no column "i_q", but "I_q [A]": expected name = "I_q [A]" in columns',
+        ),
+        (
+            "a.csv",
+            b"Bench 3, run 7\nno load\nt,theta,omega,i_q\n1,2,3,4\n",
+            'a.csv: the heading "t,theta,omega,i_q" comes after text, "Bench 3, run 7": expected it '
+            "first, or # before each line of the text",
+        ),
         ("a.csv", b"time,angle\n1,2\n", "a.csv: columns time, angle: expected t, theta, omega, i_q"),
         (
             "a.csv",
             CSV.replace("t,theta", "T,theta").encode(),
-            "a.csv: t: missing: expected the time of each row",
+            'a.csv: no column "t", but "T": expected name = "T" in columns',
         ),
         (
             "a.csv",

@@ -160,7 +160,9 @@ def study(made: Estimate) -> dict[str, Any]:
     moving = [log for log in made.logs if log.dt]
     speed = max((float(np.median(np.abs(np.diff(log["theta"])))) / log.dt for log in moving), default=6.28)
     references = [log.rule.reference for log in replayable(made)]
-    top = max([speed, *(abs(v) for one in references if one is not None for v in one.speeds())])
+    starts = (units.parse(one["initial_speed"], units.ANGULAR_SPEED) for one in replayed.values())
+    spoken = (v for one in references if one is not None for v in one.speeds())
+    top = max([speed, *map(abs, (*starts, *spoken))])
     steady = {"duration": "10 s", "reference": f"{speed:.4g} rad/s", "initial_speed": f"{speed:.4g} rad/s"}
     scenarios = replayed or {"steady": steady}
     return {

@@ -15,13 +15,14 @@ from cogless.identify.log import Log
 from cogless.identify.orders import found_orders
 from cogless.identify.regression import LARGEST_INFLATION, Fit, fit
 from cogless.identify.result import Estimate, Value, Wave, wave_of
-from cogless.identify.weak_form import WIDTH, Model, Name, Rows, Sensor, rows_of
+from cogless.identify.weak_form import WIDTH, Model, Name, Rows, Sensor, rows_of, width_of
 
 OTHERS = (0.75, 1.35)  # times the kernel's width: how far the values move is a part of their errors
 SETTLED = 0.1  # standard errors that may be left of what is taken out
 SURE = 5.0  # standard errors from which on an order is one
 SMALLEST = 1e-3  # of the largest order, likewise
 MOST_ORDERS = 40
+BESIDE = 2  # orders on each side of one that an error of the encoder spreads it over
 LONGEST_DELAY, EARLIEST = 5e-3, -2e-3  # s; i_q before the angle: that of a filtered angle
 ROUNDS = 5  # delay and the sensor's error are taken out, and found again
 Progress = Callable[[str, float], None]
@@ -35,12 +36,15 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
     remarks += said
     if not used:
         raise StudyError("\n".join(said) or "no log is left: expected logs with theta and i_q")
-    findings.check_sign(known, used, _rows(known, used, Model(), WIDTH))
+    findings.check_sign(known, used, _rows(known, used, Model()))
     left: list[str] = []
     try:
         used, model = _start(known, used, left)
     except StudyError as error:
-        raise StudyError("\n".join((str(error), *said))) from None
+        out = tuple(f"{log.name}: " for log in logs if log.name not in {one.name for one in used})
+        causes = [line for line in said if line.startswith(out)]  # before what follows from them
+        others = [line for line in said if line not in causes]
+        raise StudyError("\n".join((*causes, str(error), *others))) from None
     state = _significant(known, used, *_searched(known, used, model, progress))
     rows, found, model = _told_apart(known, used, *_likely_delay(known, used, *state, left), left)
     progress("errors", 0.0)
@@ -49,9 +53,9 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
     return _told(known, used, model, rows, found, remarks, left)
 
 
-def _rows(known: Identification, logs: Sequence[Log], model: Model, width: float) -> list[Rows]:
+def _rows(known: Identification, logs: Sequence[Log], model: Model, factor: float = 1.0) -> list[Rows]:
     sensor = Sensor(known.step, known.motor.pole_pairs)
-    return [rows for log in logs for rows in rows_of(log, model, width, sensor)]
+    return [rows for log in logs for rows in rows_of(log, model, factor * model.width, sensor)]
 
 
 def _start(known: Identification, logs: Sequence[Log], left: list[str]) -> tuple[list[Log], Model]:
@@ -74,8 +78,29 @@ def _start(known: Identification, logs: Sequence[Log], left: list[str]) -> tuple
                 "All logs of a turning motor show the feedback law: the delay cannot be identified; "
                 "add an acceleration log."
             )
-        return list(logs), Model(cogging=sixth, encoder=(1, 2), columns=frozenset(columns))
+        model = Model(
+            sixth, encoder=(1, 2), columns=frozenset(columns), width=findings.kernel_width(known, logs)
+        )
+        return list(logs), model if model.width == WIDTH else _scanned(known, moving, model)
     return held, Model(cogging=sixth, columns=frozenset({"offset"}))
+
+
+def _scanned(known: Identification, logs: Sequence[Log], model: Model) -> Model:
+    """The model with the delay and the encoder's error with which the slowest log fits best.
+
+    A delay beyond a narrow kernel cannot be found step by step; nor can orders of the poles, before the
+    encoder's error is known, or it without them. The orders beside these show all that it does to them.
+    """
+    log = min(logs, key=lambda log: (log.kind == "load", findings.speed(log)))
+    poles = tuple(known.motor.pole_pairs * n for n in (2, 4, 6))
+    beside = tuple(n + k for n in poles for k in range(-BESIDE, BESIDE + 1))
+    alone = replace(model, cogging=beside, columns=frozenset({"j", "c", "offset"}), encoder=())
+    delays = np.arange(EARLIEST, LONGEST_DELAY, width_of(log, model.width))
+    found = [(delay, fit(_rows(known, [log], replace(alone, delay=float(delay))))) for delay in delays]
+    delay, best = min(found, key=lambda each: each[1].noise[log.name])
+    start = _taken_out(replace(alone, cogging=poles, delay=float(delay)), best)
+    start = settled(known, [log], replace(start, encoder=(1,), columns=alone.columns | {"delay"}))
+    return replace(start, columns=model.columns, encoder=model.encoder)
 
 
 def _searched(known: Identification, logs: Sequence[Log], model: Model, progress: Progress) -> State:
@@ -86,9 +111,9 @@ def _searched(known: Identification, logs: Sequence[Log], model: Model, progress
     sought = replace(model, encoder=(), columns=model.columns - {"delay"})
     while True:
         progress(f"orders: {len(sought.cogging)}", 0.0)
-        rows = _rows(known, logs, sought, WIDTH)
+        rows = _rows(known, logs, sought)
         found = fit(rows)
-        new = found_orders(rows, found, WIDTH, sought.cogging)
+        new = found_orders(rows, found, sought.width, sought.cogging)
         if not new or len(sought.cogging) > MOST_ORDERS:
             break
         sought = replace(sought, cogging=tuple(sorted({*sought.cogging, *new})))
@@ -119,7 +144,7 @@ def _without_sidebands(known: Identification, logs: Sequence[Log], model: Model,
     rows, fewer, alone = _settled(known, logs, alone)
     if not any(_errs(fewer, alone, k) for k in alone.encoder):
         return _settled(known, logs, model)
-    back = found_orders(rows, fewer, WIDTH, alone.cogging)
+    back = found_orders(rows, fewer, alone.width, alone.cogging)
     if not back:
         return rows, fewer, alone
     return _settled(known, logs, replace(alone, cogging=tuple(sorted({*alone.cogging, *back}))))
@@ -141,7 +166,7 @@ def _stands_out(found: Fit, kind: str, order: int, taken: tuple[float, float] = 
 def _settled(known: Identification, logs: Sequence[Log], model: Model) -> State:
     """Fit, take delay and the sensor's error out, and fit again, until little is left of them."""
     for _ in range(ROUNDS):
-        rows = _rows(known, logs, model, WIDTH)
+        rows = _rows(known, logs, model)
         found = fit(rows)
         left = [name for name in found.names if name[0] in ("delay", "encoder")]
         if all(abs(found[name]) < SETTLED * found.error(name) for name in left):
@@ -150,7 +175,7 @@ def _settled(known: Identification, logs: Sequence[Log], model: Model) -> State:
             break
         model = _taken_out(model, found)
     else:
-        rows = _rows(known, logs, model, WIDTH)
+        rows = _rows(known, logs, model)
         found = fit(rows)
     return rows, found, model
 
@@ -187,7 +212,7 @@ def coefficients(
 
 def fitted(known: Identification, logs: Sequence[Log], model: Model, factor: float = 1.0) -> Fit:
     """The fit with a kernel of so many times the width."""
-    return fit(_rows(known, logs, model, factor * WIDTH))
+    return fit(_rows(known, logs, model, factor))
 
 
 def _whole(model: Model, found: Fit) -> dict[Name, float]:
@@ -264,7 +289,7 @@ def _told_apart(
         for order in model.ripple:
             left.append(CURES["ripple"].format(order))
             model = _without(model, ("ripple", order))
-        rows = _rows(known, logs, model, WIDTH)
+        rows = _rows(known, logs, model)
         found = fit(rows)
     while True:
         wide = [name for name, by in zip(found.names, found.inflation, strict=True) if by > LARGEST_INFLATION]
@@ -275,7 +300,7 @@ def _told_apart(
         if worst[0] != "offset" or "c" in model.columns:
             left.append(CURES[str(worst[0])].format(*worst[1:]))
         model = _without(model, worst)
-        rows = _rows(known, logs, model, WIDTH)
+        rows = _rows(known, logs, model)
         found = fit(rows)
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv
 import gzip
 import io
+import re
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,7 @@ Array = NDArray[np.float64]
 Columns = dict[str, Array]
 BLOCK = 1 << 16  # rows of a CSV that are converted together
 DELIMITERS = (",", ";", "\t")
+LONGEST_PREAMBLE = 50  # lines
 
 
 def read(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:
@@ -78,41 +81,84 @@ def _rows(path: Path, file: Iterator[str], wanted: list[str]) -> Columns:
     delimiter = max(DELIMITERS, key=first.count)
     heading = [cell.strip() for cell in next(csv.reader([first], delimiter=delimiter))]
     places = {name: heading.index(name) for name in wanted if name in heading}
+    if not places:
+        _preamble(path, first, file, wanted)
     twice = next((name for name in places if heading.count(name) > 1), None)
     if twice is not None:
         raise StudyError(f"{path}: {twice}: {heading.count(twice)} columns have this heading: expected one")
+    _near(path, wanted, heading)
     if not places:
         raise StudyError(f"{path}: columns {', '.join(heading[:12])}: expected {', '.join(wanted)}")
-    blocks: dict[str, list[Array]] = {name: [] for name in places}
-    cells: dict[str, list[str]] = {name: [] for name in places}
+    blocks: list[Array] = []
     row = 0
+    while lines := list(islice(file, BLOCK)):
+        made = _converted(lines, delimiter, len(heading), list(places.values()))
+        if made is None:
+            made = _checked(path, lines, delimiter, heading, places, row)
+        blocks.append(made)
+        row += len(made)
+    return {
+        name: np.concatenate([block[:, k] for block in blocks]) for k, name in enumerate(places) if blocks
+    }
 
-    def convert() -> None:
-        for name, texts in cells.items():
-            try:
-                blocks[name].append(np.array(texts, dtype=np.float64))
-            except ValueError:
-                at, text = next((n, t) for n, t in enumerate(texts) if not _number(t))
-                place, point = row - len(texts) + at + 1, " with a decimal point"
-                how = point if _number(text.replace(",", ".")) else ""
-                raise StudyError(f'{path}: {name}: row {place}: "{text}": expected a number{how}') from None
-            texts.clear()
 
-    for values in csv.reader(file, delimiter=delimiter):
+def _near(path: Path, wanted: list[str], heading: list[str]) -> None:
+    """Refuse a file whose headings differ from the wanted ones only by a unit, spaces or capitals."""
+
+    def plain(name: str) -> str:
+        return "".join(filter(str.isalnum, re.sub(r"[\[(].*", "", name).casefold()))
+
+    free = {plain(name): name for name in heading if name not in wanted}
+    for name in wanted:
+        near = free.get(plain(name)) if name not in heading else None
+        if near:
+            raise StudyError(f'{path}: no column "{name}", but "{near}": expected name = "{near}" in columns')
+
+
+def _preamble(path: Path, first: str, file: Iterator[str], wanted: list[str]) -> None:
+    """Refuse a file that has text before its heading."""
+    for line in islice(file, LONGEST_PREAMBLE):
+        cells = {cell.strip().strip('"') for delimiter in DELIMITERS for cell in line.split(delimiter)}
+        if len(cells & set(wanted)) > 1:
+            raise StudyError(
+                f'{path}: the heading "{line.strip()[:60]}" comes after text, "{first.strip()[:40]}": '
+                "expected it first, or # before each line of the text"
+            )
+
+
+def _converted(lines: list[str], delimiter: str, cells: int, places: list[int]) -> Array | None:
+    """Numbers of these lines, a column for each place; None where a line isn't as the heading."""
+    if any(line.count(delimiter) != cells - 1 for line in lines):
+        return None
+    try:
+        return np.loadtxt(lines, delimiter=delimiter, usecols=places, ndmin=2, comments=None)
+    except ValueError:
+        return None
+
+
+def _checked(
+    path: Path, lines: list[str], delimiter: str, heading: list[str], places: Mapping[str, int], before: int
+) -> Array:
+    """The same, cell by cell; StudyError: names column and row, of which so many were before these lines."""
+    rows: list[list[float]] = []
+    for values in csv.reader(lines, delimiter=delimiter):
         if not values:
             continue
-        row += 1
+        row = before + len(rows) + 1
         if len(values) > len(heading) and any(cell.strip() for cell in values[len(heading) :]):
             expected = f"expected {len(heading)}, as in the heading"
             raise StudyError(f"{path}: row {row}: {len(values)} cells: {expected}, and decimal points")
+        numbers = []
         for name, place in places.items():
             if place >= len(values):
                 raise StudyError(f"{path}: {name}: row {row}: missing: expected a number")
-            cells[name].append(values[place])
-        if row % BLOCK == 0:
-            convert()
-    convert()
-    return {name: np.concatenate(parts) for name, parts in blocks.items()}
+            text = values[place]
+            if not _number(text):
+                how = " with a decimal point" if _number(text.replace(",", ".")) else ""
+                raise StudyError(f'{path}: {name}: row {row}: "{text}": expected a number{how}')
+            numbers.append(float(text))
+        rows.append(numbers)
+    return np.array(rows).reshape(-1, len(places))
 
 
 def _number(text: str) -> bool:

@@ -13,12 +13,13 @@ from cogless.identify.files import Array
 from cogless.identify.log import Log
 from cogless.identify.regression import Fit, fit
 from cogless.identify.result import Estimate, Wave
-from cogless.identify.weak_form import WIDTH, Model, Rows
+from cogless.identify.weak_form import VISIBLE, WIDTH, Model, Rows, width_of
 
 ALIKE = 0.15  # speeds that differ by less are one
 FED_BACK = 0.99  # correlation of i_q with the speed of some samples before
 LAGS = 6  # samples
 STILL, STILL_FOR = 0.25, 0.02  # share of a log without motion that spoils it; s, without a count
+SLIPS, SMOOTH = 3, 4  # motions after which a rotor sticks; rows of their speed
 SLOW_SAMPLING = 250.0  # Hz; a faster log is never refused
 FRICTION = 0.2  # relative difference between logs that is told
 TURNED = 0.35  # rad of the strongest order's phase between logs, likewise
@@ -73,13 +74,9 @@ def _unusable(known: Identification, log: Log) -> str | None:
         )
     if not log.dt:
         return None
-    rows = max(1, round(STILL_FOR / log.dt))
-    still = float(np.mean(np.abs(log["theta"][rows:] - log["theta"][:-rows]) <= known.step))
-    if still > STILL and log.kind != "bridge-off":
-        return (
-            f"{log.name}: the rotor stands still {100 * still:.0f} % of the time, where friction is "
-            "not known; turn faster, or with more feedback."
-        )
+    stuck = _sticks(known, log)
+    if stuck:
+        return stuck
     speed = float(np.percentile(np.abs(np.diff(log["theta"])), 80)) / log.dt
     rate, poles = 1 / log.dt, known.motor.pole_pairs
     order = 6 * poles  # where cogging and K_t ripple are strong in most motors
@@ -90,6 +87,25 @@ def _unusable(known: Identification, log: Log) -> str | None:
             f"sampling rate, {rate:.3g} Hz; record {needed:.2g} rows a second, or turn more slowly."
         )
     return None
+
+
+def _sticks(known: Identification, log: Log) -> str | None:
+    """What to record instead of a log whose rotor stands still too often; None if it doesn't."""
+    rows = max(1, round(STILL_FOR / log.dt))
+    still = np.abs(log["theta"][rows:] - log["theta"][:-rows]) <= known.step
+    share = float(np.mean(still))
+    if share <= STILL or log.kind == "bridge-off":
+        return None
+    said = f"{log.name}: the rotor stands still {100 * share:.0f} % of the time, where friction is not known"
+    if np.count_nonzero(np.diff(still.astype(np.int8)) < 0) < SLIPS:
+        return f"{said}; turn faster, or with more feedback."
+    turned = np.abs(log["theta"][SMOOTH:] - log["theta"][:-SMOOTH])
+    slip = float(np.percentile(turned[rows:], 99)) / (SMOOTH * log.dt * 2 * np.pi)
+    needed = 6 * known.motor.pole_pairs * slip / VISIBLE
+    return (
+        f"{said}: it sticks, and slips at {slip:.2g} rev/s; record it at that speed or faster, with "
+        f"{max(needed, 1 / log.dt):.2g} rows a second or more, or with more feedback."
+    )
 
 
 def offsets_of(logs: Sequence[Log]) -> tuple[float, float, float] | None:
@@ -306,9 +322,19 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
     return replace(made, values=values, cogging=cogging, encoder=encoder, left_out=left_out)
 
 
+def kernel_width(known: Identification, logs: Sequence[Log]) -> float:
+    """Width of a kernel that passes order 6 p in the slowest log, where the usual one hides it."""
+    poles, slowest = known.motor.pole_pairs, max(1e-9, min(speed(log) for log in logs if log.dt))
+    return WIDTH if 6 * poles <= SEEN / (WIDTH * slowest) else 1 / (6 * poles * slowest)
+
+
 def _highest(made: Estimate) -> float:
     """The highest order that the kernel lets through at the speed of the slowest log."""
     if any(not log.dt for log in made.logs):
         return np.inf
-    slowest = min(float(np.median(_speeds(log))) for log in made.logs)
-    return SEEN / (WIDTH * max(slowest, 1e-9))
+    return SEEN / max(1e-9, min(width_of(log, made.model.width) * speed(log) for log in made.logs))
+
+
+def speed(log: Log) -> float:
+    """Median speed of a log of a turning motor, rad/s, without sign."""
+    return float(np.median(_speeds(log)))

@@ -10,6 +10,7 @@ too: how, is known from a simulation with more of it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -26,33 +27,61 @@ MISFIT = 0.1  # of what the filter explains: from here on the law is not the des
 FINE = 20  # delays that are tried between two rows of the trace
 LIKELY = 4.0  # of the objective above its least, in its own variance: 95 % of one value
 NONE: Mapping[str, Trace] = MappingProxyType({})
+NOTHING = Value(0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Lateness:
+    """How late i_q is logged, s, and the part of the added dead time that the drive has; or why not."""
+
+    delay: Value | None
+    part: Value = NOTHING
+    said: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Of a log, by delay, s: how far its filter is from the simulated one, squared, in its own variance.
+
+    `part`: of the added dead time that explains most of it, and its `information`, 1 / variance. `misfit`:
+    the share of what the log's filter explains that no delay does.
+    """
+
+    delays: Array
+    away: Array
+    part: Array
+    information: Array
+    misfit: float
 
 
 def lateness(
     logs: Sequence[Log],
     traces: Mapping[str, Trace],
     bandwidth: float,
+    period: float,
     with_dead_time: Mapping[str, Trace] = NONE,
-) -> tuple[Value | None, str]:
-    """The delay of i_q, s, by the logs that follow the described law; None, and why: no log does.
+) -> Lateness:
+    """The delay of i_q by the logs that follow the described law; None, and why: no log does.
 
     It is the middle of all delays that are likely, and they are its error. `bandwidth`: of the current loop,
-    rad/s. `with_dead_time`: traces of a drive with more dead time, whose true one then may be another.
+    rad/s. `period`: of the law, s: rows between its samples show nothing of it. `with_dead_time`: traces of a
+    drive with more dead time, whose true one then may be another.
     """
-    profiles: list[tuple[Array, Array]] = []
+    profiles: list[Profile] = []
     unlike: list[tuple[float, str]] = []
     for log in logs:
         if "i_q" not in log or log.name not in traces or len(log) < FEWEST:
             continue
-        delays, away, misfit = _profile(log, traces[log.name], with_dead_time.get(log.name))
-        if misfit > MISFIT:
-            unlike.append((misfit, log.name))
-        elif np.ptp(away) > 0:
-            profiles.append((delays, away))
+        every = max(1, round(period / log.dt))
+        made = _profile(log, every, traces[log.name], with_dead_time.get(log.name))
+        if made.misfit > MISFIT:
+            unlike.append((made.misfit, log.name))
+        elif np.ptp(made.away) > 0:
+            profiles.append(made)
     if not profiles:
-        return None, "".join(_said(*most) for most in sorted(unlike)[:1])
-    delays = min((delays for delays, _ in profiles), key=lambda delays: float(delays[1]))
-    away = np.array([np.interp(delays, *profile) for profile in profiles])
+        return Lateness(None, said="".join(_said(*most) for most in sorted(unlike)[:1]))
+    delays = min((profile.delays for profile in profiles), key=lambda delays: float(delays[1]))
+    away = np.array([np.interp(delays, profile.delays, profile.away) for profile in profiles])
     together = np.sum(away, axis=0)
     least = float(np.min(together))
     # logs that contradict each other
@@ -61,7 +90,32 @@ def lateness(
     # between two rows of a trace the current moves by an exponential, not a line
     between = max(trace.period for trace in traces.values()) ** 2 * bandwidth / 8
     first, last = float(likely[0]), float(likely[-1])
-    return Value((first + last) / 2, (last - first + float(delays[1])) / 2 + between), ""
+    delay = Value((first + last) / 2, (last - first + float(delays[1])) / 2 + between)
+    return Lateness(delay, _part(profiles, delay))
+
+
+def _part(profiles: Sequence[Profile], delay: Value) -> Value:
+    """The part of the added dead time that all logs together have; wider where they contradict each other."""
+
+    def at(late: float) -> tuple[Array, Array]:
+        both = [
+            (np.interp(late, p.delays, p.part), np.interp(late, p.delays, p.information)) for p in profiles
+        ]
+        parts, information = np.transpose(both)
+        return parts, information
+
+    def mean(late: float) -> float:
+        parts, information = at(late)
+        return float(parts @ information) / max(float(np.sum(information)), 1e-300)
+
+    parts, information = at(delay.value)
+    if not np.any(information):
+        return NOTHING
+    middle = mean(delay.value)
+    apart = float((parts - middle) ** 2 @ information) / max(1, len(parts) - 1)
+    own = 2 * np.sqrt(max(1.0, apart) / np.sum(information))
+    by_delay = (mean(delay.value + delay.error) - mean(delay.value - delay.error)) / 2
+    return Value(middle, float(np.hypot(own, by_delay)))
 
 
 def _said(misfit: float, log: str) -> str:
@@ -72,14 +126,11 @@ def _said(misfit: float, log: str) -> str:
     )
 
 
-def _profile(log: Log, trace: Trace, with_dead_time: Trace | None) -> tuple[Array, Array, float]:
-    """Delays, s; how far the log's filter is from the simulated one at each, squared, in its own variance.
-
-    And the share of what the log's filter explains that no delay does. What neither delay nor dead time
-    explains counts as noise.
-    """
-    step = max(1, round(log.dt / trace.period))
-    real = [_moves(log["theta"][rows], log["i_q"][rows], log.dt) for rows in log.stretches]
+def _profile(log: Log, every: int, trace: Trace, with_dead_time: Trace | None) -> Profile:
+    """The profile of a log; what neither delay nor dead time explains counts as noise."""
+    step = max(1, round(every * log.dt / trace.period))
+    thinned = [slice(rows.start, rows.stop, every) for rows in log.stretches]
+    real = [_moves(log["theta"][rows], log["i_q"][rows], every * log.dt) for rows in thinned]
     x, y = (np.concatenate(parts) for parts in zip(*real, strict=True))
     taps, *_ = np.linalg.lstsq(x, y, rcond=1e-9)
     noise = float(np.mean((y - x @ taps) ** 2))
@@ -90,6 +141,7 @@ def _profile(log: Log, trace: Trace, with_dead_time: Trace | None) -> tuple[Arra
     explained = max(float(np.sum((metric @ taps) ** 2)), 1e-300)
     misfit = float(np.min(np.sum(off**2, axis=0))) / explained
     free = len(taps) - 1
+    part = squares = np.zeros(off.shape[1])
     if with_dead_time is not None:
         moved = metric @ (_filters(with_dead_time, step) - filters)
         squares = np.sum(moved**2, axis=0)
@@ -98,7 +150,7 @@ def _profile(log: Log, trace: Trace, with_dead_time: Trace | None) -> tuple[Arra
     left = np.sum(off**2, axis=0)
     spread = max(2 * noise, float(np.min(left)) / free, 1e-300)  # both filters have noise
     delays = np.asarray(trace.period / FINE * np.arange(len(left)), dtype=np.float64)
-    return delays, np.asarray(left / spread, dtype=np.float64), misfit
+    return Profile(delays, left / spread, part, squares / spread, misfit)
 
 
 def _filters(trace: Trace, step: int) -> Array:

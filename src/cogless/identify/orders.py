@@ -14,6 +14,7 @@ from cogless.identify.weak_form import VISIBLE, Rows, width_of
 
 FALSE_ALARM = 0.01  # chance that a search finds any order where there is none
 HIGHEST = 400
+HIDDEN = 5.0  # widths of the kernel, in rad of a wave, that leave a millionth of it
 
 
 def residual(rows: Rows, fit: Fit) -> Array:
@@ -31,22 +32,23 @@ def gains(rows: Sequence[Rows], fit: Fit, width: float, highest: int = HIGHEST) 
     total = weight = 0.0
     for each in rows:
         noise = fit.noise[each.log.name]
-        r = residual(each, fit) / noise
-        speed = np.abs(each.omega)
+        slowest = np.argsort(np.abs(each.omega))  # first: an order passes the kernel up to a speed
+        r, speed = (residual(each, fit) / noise)[slowest], np.abs(each.omega)[slowest]
         total += float(r @ r)
         independent = _independent(each, width)
         weight += independent
-        rotation = np.exp(1j * each.theta).astype(np.complex64)
+        rotation = np.exp(1j * each.theta[slowest]).astype(np.complex64)
         wave = np.ones_like(rotation)
         kernel = width_of(each.log, width) if each.log.dt else 0.0
+        top = min(HIDDEN / kernel, 2 * np.pi * VISIBLE / each.log.dt) if each.log.dt else np.inf
         for n in range(1, highest + 1):
-            wave = wave * rotation
-            gain = np.exp(-0.5 * (n * speed * kernel) ** 2) / noise
-            if each.log.dt:
-                gain = np.where(n * speed < 2 * np.pi * VISIBLE / each.log.dt, gain, 0.0)
-            crossed[n - 1, 0] += np.sum(gain * wave.real * r)
-            crossed[n - 1, 1] += np.sum(gain * wave.imag * r)
-            squared[n - 1] += 0.5 * np.sum(gain**2)
+            seen = slice(0, int(np.searchsorted(n * speed, top)))
+            if not seen.stop:
+                break
+            wave[seen] *= rotation[seen]
+            gain = np.exp(-0.5 * (n * speed[seen] * kernel) ** 2) / noise
+            crossed[n - 1] += (gain * r[seen]) @ wave[seen].view(np.float32).reshape(-1, 2)
+            squared[n - 1] += 0.5 * (gain @ gain)
     with np.errstate(invalid="ignore", divide="ignore"):
         explained = np.where(squared > 1e-3 * np.max(squared), np.sum(crossed**2, axis=1) / squared, 0.0)
     return explained / max(total, 1e-300), np.full(highest, weight)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cogless import units
+from cogless.design import pi
 from cogless.errors import StudyError
 from cogless.identify.described import metrics, with_steps
 from cogless.identify.weak_form import VISIBLE, WIDTH
@@ -15,7 +16,7 @@ from cogless.study.controller import Feedback
 from cogless.study.error_messages import toml
 from cogless.study.position_sensor import Hall
 
-RATE = 1000.0  # rows of a log a second
+RATE = 1000.0  # rows of a log a second, where no rotor sticks
 KINDS = {
     "slow": "slow-sweep",
     "one-speed": "constant-speed",
@@ -26,20 +27,45 @@ KINDS = {
 }
 
 
-def scenarios(study: Study) -> dict[str, Any]:
-    """Scenarios of the sequence.
+def overrun(study: Study, law: str) -> list[tuple[int, float]]:
+    """Orders of cogging that the law is too slow for, and their torques, N m.
+
+    At an unstable angle cogging of order n drives the rotor away as exp(sqrt(n T / J) t). A law whose
+    crossover, K_t kp / J, is below that cannot hold it there: the rotor waits, slips and overshoots.
+    """
+    star, inertia = study.motor.star(), study.mechanics.inertia
+    kp, _ = pi.gains(study, law)
+    sizes = [(one.order, abs(one.torque or 0.0)) for one in star.cogging]
+    return [(n, size) for n, size in sizes if n * size * inertia > (star.K_t * kp) ** 2]
+
+
+def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
+    """Scenarios of the sequence, and the rate of the logs' rows, Hz.
 
     Speeds follow from the one of the study's first scenario. K_t ripple has order 6 p. The slow and the
     loaded runs are so slow that the kernel of the regression passes that order. The fast one is so slow,
     where it can be, that the rows show it: currents of that order brake as viscous friction does, by an
     amount that an unknown dead time decides.
+
+    A rotor that cogging would stop runs over these hills, of 2 T / n each, with twice their energy or more.
+    It turns around as fast as these torques would turn it, and more rows show its orders.
     """
     first = next(iter(study.scenario.values()))
+    sixth = 6 * study.motor.pole_pairs
     v = first.top_reference or 2 * math.pi
-    passed = 1 / (6 * study.motor.pole_pairs * WIDTH) / v
+    passed = 1 / (sixth * WIDTH) / v
     slow, loaded = min(0.25, 0.5 * passed), min(1.0, passed)
-    shown = 0.9 * VISIBLE * RATE * 2 * math.pi / (6 * study.motor.pole_pairs) / v
-    fast = min(6.0, max(3.0, shown))
+    shown = 0.9 * VISIBLE * RATE * 2 * math.pi / sixth / v
+    fast, rate = min(6.0, max(3.0, shown)), RATE
+    inertia, hills = study.mechanics.inertia, overrun(study, law)
+    least = math.sqrt(2 * 2 * sum(2 * size / n for n, size in hills) / inertia)
+    sweeps = [(0.5 + 0.8 * n, 5 / 6 * fast * (-1) ** n) for n in range(9)]
+    if least > slow * v:
+        v = max(v, 1.5 * least)
+        slow = loaded = least / v
+        fast, rate = 2.0, _rate(study.drive.rates.current_loop, sixth * 2.0 * v)
+        turning = 2 * fast * v * inertia / sum(size for _, size in hills)
+        sweeps = [(0.4 * n + late, fast * (-1) ** n) for n in range(16) for late in (turning, 0.4)]
     load = 0.2 * study.drive.current_loop.current_limit * study.motor.star().K_t
 
     def profile(*points: tuple[float, float]) -> dict[str, Any]:
@@ -53,8 +79,7 @@ def scenarios(study: Study) -> dict[str, Any]:
         made = profile((0, speed), (time, speed), (time + 0.4, -speed), (2 * time + 0.4, -speed))
         return {**made, "initial_speed": f"{v * speed:.6g} rad/s"}
 
-    sweeps = [(0.5 + 0.8 * n, 5 / 6 * fast * (-1) ** n) for n in range(9)]
-    return {
+    played = {
         "slow": both_ways(slow, 2),
         "one-speed": both_ways(1.0, 4),
         "fast": both_ways(fast, 12),
@@ -62,6 +87,15 @@ def scenarios(study: Study) -> dict[str, Any]:
         "load-forwards": {**both_ways(loaded, 3), "load": f"{load:.4g} N*m"},
         "load-backwards": {**both_ways(loaded, 3), "load": f"{-load:.4g} N*m"},
     }
+    return played, rate
+
+
+def _rate(loop: float, wave: float) -> float:
+    """The lowest rate of rows, Hz, that divides the current loop's and shows a wave, rad/s; or the loop's."""
+    needed = wave / (2 * math.pi * 0.9 * VISIBLE)
+    return loop / max(
+        (n for n in range(1, round(loop / RATE) + 1) if not loop % n and loop / n > needed), default=1
+    )
 
 
 def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -82,7 +116,7 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
             f'{study.source.path}: controller: expected one without learning, such as law = "pi"'
         )
     source = study.source.tables
-    played = scenarios(study)
+    played, rate = scenarios(study, feedback)
     speeds = (speed for made in played.values() for _, speed in made["reference"]["profile"])
     top = max(abs(units.parse(speed, units.ANGULAR_SPEED)) for speed in speeds)
     motor = {key: value for key, value in source["motor"].items() if key != "datasheet"}
@@ -93,7 +127,7 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
         "motor": motor,
         "mechanics": source["mechanics"],
         "drive": with_steps(source["drive"], study.drive, study.motor.star(), study.mechanics, top),
-        "trace": {"rate": f"{RATE:g} Hz"},
+        "trace": {"rate": f"{rate:.9g} Hz"},
         "scenario": played,
         "controller": controller,
         "metric": metrics(played),

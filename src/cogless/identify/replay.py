@@ -18,7 +18,7 @@ from cogless.errors import StudyError
 from cogless.identify import described
 from cogless.identify.config import Identification
 from cogless.identify.estimate import OTHERS, Progress, at_delay, coefficients, fitted, settled, with_values
-from cogless.identify.lateness import lateness
+from cogless.identify.lateness import Lateness, lateness
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value
 from cogless.identify.weak_form import Model, Name
@@ -72,6 +72,21 @@ def _with_dead_time(table: dict[str, Any], drive: Drive, more: float) -> dict[st
         believed = {"time": f"{drive.inverter.dead_time:.6g} s"}
         made["dead_time_compensation"] = {**table["dead_time_compensation"], **believed}
     return made
+
+
+def _more(drive: Drive) -> float:
+    """The dead time that a simulation adds, s."""
+    return MORE_DEAD_TIME / drive.rates.current_loop
+
+
+def _said_of_dead_time(more: Value) -> str:
+    """What the law's answers tell of a dead time, s, that is not in the file of columns; "" if nothing."""
+    if not more.value > 2 * more.error > 0:
+        return ""
+    return (
+        f"The currents follow as with about {1e9 * more.value:.0f} ns more dead time than the file of "
+        "columns says; this is taken into account; write it to drive.inverter."
+    )
 
 
 def _kept(trace: Trace) -> Trace:
@@ -135,8 +150,8 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
         try:
             traces = played(made, partial(progress, f"simulation {n + 1} of {ROUNDS}"))
             if n == ROUNDS - 1 and drive.inverter is not None:
-                more = MORE_DEAD_TIME / drive.rates.current_loop
-                with_dead_time = played(made, partial(progress, "simulation with more dead time"), more)
+                said = "simulation with more dead time"
+                with_dead_time = played(made, partial(progress, said), _more(drive))
         except StudyError as error:
             said = f"The logs could not be simulated ({error}); errors of the closed loop are not corrected."
             return replace(first, remarks=(*first.remarks, said)), {}
@@ -147,40 +162,73 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
                 "errors of the closed loop (delay, steps of the angle) are not corrected."
             )
             return replace(first, remarks=(*first.remarks, said)), traces
-        late, unlike = lateness(
-            [log for log in made.logs if log.dt], traces, _bandwidth(made), with_dead_time
+        late = lateness(
+            [log for log in made.logs if log.dt],
+            traces,
+            _bandwidth(made),
+            1 / drive.rates.outer_loop,
+            with_dead_time,
         )
-        made = _corrected(first, made, traces, late)
-    return replace(made, remarks=(*made.remarks, *([unlike] if unlike else []))), traces
+        made = _corrected(first, made, traces, late, with_dead_time)
+        if not made.values["j"].value > 0:
+            return _without_inertia(first), traces
+    said = late.said or _said_of_dead_time(late.part.times(_more(drive)))
+    return replace(made, remarks=(*made.remarks, *([said] if said else []))), traces
 
 
-def _corrected(first: Estimate, made: Estimate, traces: Mapping[str, Trace], late: Value | None) -> Estimate:
+def _without_inertia(first: Estimate) -> Estimate:
+    """The estimate without what rests on an inertia that the simulation refutes."""
+    said = (
+        "With what the simulated logs show taken off, the inertia is negative: these logs do not tell it, "
+        "nor friction and delay; add an acceleration log, and check the controller in the file of columns."
+    )
+    kept = {key: value for key, value in first.values.items() if key not in ("j", "b", "c", "delay")}
+    return replace(first, values=kept, encoder=(), left_out=(*first.left_out, said))
+
+
+def _corrected(
+    first: Estimate,
+    made: Estimate,
+    traces: Mapping[str, Trace],
+    told: Lateness,
+    with_dead_time: Mapping[str, Trace],
+) -> Estimate:
     """The first estimate less the bias that logs simulated with `made` show.
 
-    `late`: how late i_q is logged, where the law tells it. Both fits then have it as known. Else real logs
-    may have it anywhere between two steps of the law.
+    `told`: how late i_q is logged, where the law tells it. Both fits then have it as known. Else real logs
+    may have it anywhere between two steps of the law. The bias is that of a drive with its dead time.
     """
-    known, truth = first.known, _truth(made)
+    known, truth, late = first.known, _truth(made), told.delay
     held = 0.5 / (known.drive.rates.speed_loop or known.drive.rates.current_loop)
     if late is not None:
         first = at_delay(first, late.value)
 
-    def logs(more: float) -> list[Log]:
+    def logs(more: float, of: Mapping[str, Trace] = traces) -> list[Log]:
         by = (0.0 if late is None else late.value) + more
-        return [simulated_log(made, log, traces[log.name], by) if log.dt else log for log in first.logs]
+        return [simulated_log(made, log, of[log.name], by) if log.dt else log for log in first.logs]
 
     simulated, real = logs(0.0), first.model
-    played = settled(known, simulated, replace(real, error={}, delay=0.0 if late is None else late.value))
+    unsettled = replace(real, error={}, delay=0.0 if late is None else late.value)
+    played = settled(known, simulated, unsettled)
+    slow_switches: dict[Name, float] = {}  # what the added dead time does
+    if with_dead_time and told.part.error:
+        before, others = coefficients(known, simulated, played), logs(0.0, with_dead_time)
+        after = coefficients(known, others, settled(known, others, unsettled))
+        slow_switches = {name: after[name] - value for name, value in before.items() if name != ("delay",)}
 
     def unbiased(factor: float) -> dict[Name, float]:
         measured = coefficients(known, first.logs, real, factor)
         biased = coefficients(known, simulated, played, factor)
         return {
-            name: value - (biased[name] - truth[name] if name in truth else 0.0)
+            name: value
+            - (biased[name] - truth[name] if name in truth else 0.0)
+            - told.part.value * slow_switches.get(name, 0.0)
             for name, value in measured.items()
         }
 
     moved = _moved(known, simulated, logs(held if late is None else late.error), played)
+    for name, change in slow_switches.items():
+        moved[name] = float(np.hypot(moved[name], told.part.error * change))
     corrected = with_values(
         first, unbiased(1.0), [unbiased(factor) for factor in OTHERS], fitted(known, simulated, played), moved
     )

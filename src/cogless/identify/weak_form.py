@@ -32,6 +32,7 @@ class Model:
     `delay`, `error`: what is already taken out. `delay`: time by which i_q is logged after the angle, s.
     `error`: (cos, sin) of the sensor's error by order, rad. `waves`, `j`: cogging, (cos, sin) by order, A,
     and inertia that were found before: with them the sensor's error shows in the place of the cogging, too.
+    `width`: of the kernel, s.
     `untold`: columns that hold two things that can't be told apart.
     """
 
@@ -43,6 +44,7 @@ class Model:
     error: dict[int, tuple[float, float]] = field(default_factory=dict)
     waves: dict[int, tuple[float, float]] = field(default_factory=dict)
     j: float = 0.0
+    width: float = WIDTH
     untold: frozenset[tuple[str, int]] = frozenset()  # kind, and order or 0
 
 

@@ -1,0 +1,97 @@
+"""The planned sequence turns the rotor, and its rows show what it is for."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from identify.commissioned import METRIC, PI
+
+from cogless.identify import config, plan
+from cogless.identify.command import identified
+from cogless.identify.findings import usable
+from cogless.identify.log import load_logs
+from cogless.results.trace import write_netcdf
+from cogless.run.simulate import rollout
+from cogless.study import load
+
+STEPPER = {
+    "title": "stepper",
+    "motor": {
+        "pole_pairs": 50,
+        "R_s": "1.5 ohm",
+        "L_d": "3 mH",
+        "L_q": "3 mH",
+        "K_t": "0.3 N*m/A",
+        "cogging": [
+            {"order": 200, "torque": "15 mN*m", "phase": "-23 deg"},
+            {"order": 100, "torque": "8 mN*m", "phase": "43 deg"},
+            {"order": 7, "torque": "3 mN*m", "phase": "-94 deg"},
+        ],
+    },
+    "mechanics": {
+        "inertia": "8e-6 kg*m^2",
+        "coulomb_friction": "10 mN*m",
+        "viscous_friction": "2e-4 N*m*s/rad",
+    },
+    "drive": {
+        "rates": {"current_loop": "10 kHz", "speed_loop": "1 kHz"},
+        "current_loop": {"bandwidth": "500 Hz", "current_limit": "2 A"},
+        "inverter": {"bus_voltage": "48 V"},
+        "position_sensor": {
+            "kind": "encoder",
+            "lines": 16384,
+            "speed_method": "M",
+            "eccentricity": "0.2 deg",
+            "eccentricity_phase": "60 deg",
+        },
+    },
+    "scenario": {"one": {"duration": "1 s", "reference": "1 rev/s"}},
+    "controller": PI,
+    "metric": [METRIC],
+}
+HILLS = 2 * (15e-3 / 200 + 8e-3 / 100)  # J, of the orders that the law does not hold
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory) -> Path:
+    """A folder with a stepper's plan and its logs."""
+    folder = tmp_path_factory.mktemp("stepper")
+    (folder / "motor.toml").write_text(plan.text(STEPPER))
+    plan.write(load(folder / "motor.toml"), folder)
+    (results,) = rollout([load(folder / "study.toml")], jobs=1)
+    write_netcdf(folder / "traces.nc", results.runs)
+    return folder
+
+
+def test_a_law_holds_the_cogging_below_its_crossover(logs):
+    assert plan.overrun(load(logs / "motor.toml"), "pi") == [(200, 15e-3), (100, 8e-3)]
+
+
+def test_a_rotor_that_cogging_would_stop_has_twice_the_energy_of_its_hills(logs):
+    played, rate = plan.scenarios(load(logs / "motor.toml"), "pi")
+    speeds = {name: one["reference"]["profile"][0][1] for name, one in played.items()}
+    slow = float(speeds["slow"].split()[0])
+    assert 8e-6 * slow**2 / 2 == pytest.approx(2 * HILLS, rel=1e-3)
+    assert rate > 3 * 300 * float(speeds["fast"].split()[0]) / (2 * math.pi)  # order 6 p is in sight
+    assert 10_000 % rate == 0
+
+
+def test_no_planned_log_of_a_stepper_sticks(logs):
+    known = config.load(logs / "id.toml")
+    used, said = usable(known, load_logs([logs / "traces.nc"], known))
+    assert len(used) == len(plan.KINDS) and not said
+
+
+def test_a_stepper_comes_out_of_its_planned_logs(logs):
+    made = identified([logs / "traces.nc"], logs / "id.toml", lambda what, share: None).estimate
+    for key, value, share in (("j", 8e-6, 0.01), ("c", 10e-3, 0.01), ("b", 2e-4, 0.05)):
+        assert made.values[key].value * made.K_t == pytest.approx(value, rel=share), key
+    assert made.values["delay"].value == pytest.approx(0, abs=5e-5)
+    cogging = {wave.order: wave.size.value * made.K_t for wave in made.cogging}
+    for order, torque in ((7, 3e-3), (100, 8e-3), (200, 15e-3)):
+        assert cogging[order] == pytest.approx(torque, rel=0.03), order
+    (error,) = made.encoder
+    assert np.degrees(error.size.value) == pytest.approx(0.2, rel=0.05)
