@@ -314,6 +314,18 @@ def test_orders_do_not_depend_on_where_the_rotor_starts(amplitude, phase, order,
     assert order_amplitudes(theta, 2 * x, [order], 4, True) == pytest.approx([2 * amplitude], rel=1e-5)
 
 
+def test_a_revolution_may_be_short_by_a_hair():
+    """As of a speed that is 0.05 % too low. One that is 0.5 % too low makes no revolution."""
+    for short, told in ((5e-4, True), (5e-3, False)):
+        theta = np.linspace(0, 2 * np.pi * (1 - short), 20001)
+        try:
+            (amplitude,) = order_amplitudes(theta, 3.0 * np.sin(7 * theta), [7], 4, False)
+        except ValueError as error:
+            assert not told and "0.995 mechanical revolutions" in str(error)
+        else:
+            assert told and amplitude == pytest.approx(3.0, rel=2e-3)
+
+
 def test_kinds_are_those_of_the_study():
     assert KINDS.keys() == set(get_args(declared.Metric.model_fields["kind"].annotation))
     assert all(function.__doc__ for function in KINDS.values())

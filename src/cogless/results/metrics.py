@@ -28,6 +28,7 @@ Value = float | None | list[float]
 # Signals with a target. Any other signal should return to its mean from before the event.
 ERRORS = ("omega_error", "omega_error_measured")  # target: zero
 REFERENCES = {"omega_m": "omega_ref", "omega_measured": "omega_ref", "i_d": "i_d_ref", "i_q": "i_q_ref"}
+HAIR = 1e-3  # of a revolution, that a window of whole ones may be short
 SETTLED_SHARE = 1 / 2  # share of a phase's trials, at its end, that final-rms uses
 
 
@@ -364,10 +365,11 @@ def order_amplitudes(
     whole = whole_revolutions(orders)
     periods = [math.lcm(whole, pole_pairs), whole] if electrical else [whole]
     turns = abs(float(frame[-1] - frame[0])) / (2 * math.pi)
-    # A window meant to hold exactly n revolutions may be short of the last one by a row.
-    row = turns / max(1, len(frame) - 1)
+    # A window meant to hold exactly n revolutions may be short of the last one by a row, or by a speed that
+    # is a hair too low.
+    short = max(2 * turns / max(1, len(frame) - 1), HAIR)
     for period in periods:
-        count = math.floor((turns + 2 * row) / period)
+        count = math.floor((turns + short) / period)
         if count:
             break
     else:
