@@ -18,8 +18,7 @@ MONITOR = {
     "bridge": 5e-3, "hold": 1e-2, "phases": 3,
 }  # fmt: skip
 QUALITY = {"span": 2 * math.pi, "longest": 60.0}
-PARTS = {"foc": FOC, "monitor": MONITOR, "quality": QUALITY}
-CONFIG = {"pole_pairs": 4, "divider": 10, "unguarded": True, **PARTS}
+CONFIG = {"pole_pairs": 4, "divider": 10, "foc": FOC, "monitor": MONITOR, "quality": QUALITY}
 
 
 class Controller:

@@ -7,10 +7,18 @@
 #define STRIKES 3U
 #define FALLS CGL_R(0.7)         /* in a window: wait another */
 #define HOLD_MOST 4U             /* windows */
+#define AWAY CGL_R(0.1)          /* of the reference: a rotor that begins with a larger error runs up */
 #define PATIENCE CGL_R(3.0)      /* [s] that learning waits for a calm window to begin with; a run-up spoils two quarters */
-#define EVEN CGL_R(2.0)          /* its first quarter to another: more is a run-up. A window has 1.25 times the rest then */
+#define EVEN CGL_R(2.0)          /* a window's first quarter to another: more is a run-up, or learning that helped within it */
+#define NO_WORSE CGL_R(0.9)      /* of that quietest, after */
+#define LOOK_TIME CGL_R(2.0)     /* [s] and */
+#define LOOK_TURNS CGL_R(3.0)
+#define HALTS CGL_R(0.9)         /* of the samples are learned from: fewer, and it looks at once */
+#define PROVEN CGL_R(0.2)        /* and after */
 #define GAINED CGL_R(0.5)        /* of the baseline: more than this, and it is measured again in time */
-#define RISEN CGL_R(2.5)         /* since the baseline was supposed: measure it */
+#define PROOF_TIME CGL_R(4.0)    /* [s] and */
+#define PROOF_TURNS CGL_R(16.0)
+#define RISEN CGL_R(2.5)         /* since learning began, or the baseline was supposed: measure it */
 #define AGREE CGL_R(1.5)         /* two windows of a probe */
 #define PROBE_MOST 6U            /* windows */
 #define AGED 100U                /* windows after which a baseline is measured anew where little is gained */
@@ -85,7 +93,7 @@ CGL_SELDOM static void go_to(cgl_guard *guard, cgl_guard_phase phase)
     guard->forget = phase == CGL_GUARD_CLEAR;
     guard->windows = guard->strikes = 0U;
     guard->way = CGL_R(0.0);
-    guard->limited = 0U;
+    guard->time = guard->limited = 0U;
     begin_window(guard);
 }
 
@@ -95,7 +103,7 @@ CGL_SELDOM void cgl_guard_reset(cgl_guard *guard)
     guard->gentle = 1U;
     static const cgl_guard_ripple nothing = {CGL_R(0.0), CGL_R(0.0)};
     guard->last_error = guard->centre = guard->reference = guard->last = CGL_R(0.0);
-    guard->first = guard->here = CGL_R(0.0);
+    guard->first = guard->quietest = guard->here = CGL_R(0.0);
     guard->suspect = nothing;
     for (uint32_t n = 0U; n < CGL_GUARD_SPEEDS; ++n) {
         guard->omega[n] = CGL_R(0.0);
@@ -107,7 +115,7 @@ CGL_SELDOM void cgl_guard_reset(cgl_guard *guard)
     guard->wait = guard->short_of = 0U;
     guard->good = 0U;
     guard->alarms = guard->doubts = guard->lessons = guard->backoff = guard->next = 0U;
-    guard->last_moved = guard->elsewhere = guard->supposed = guard->stalled = false;
+    guard->last_moved = guard->elsewhere = guard->supposed = guard->compared = guard->stalled = false;
     guard->best = CGL_R(0.0);
     go_to(guard, CGL_GUARD_IDLE);
 }
@@ -174,8 +182,10 @@ CGL_SELDOM static void watch(cgl_guard *guard)
     guard->most = CGL_REAL_MAX;
     const bool begins = guard->phase == CGL_GUARD_IDLE && guard->taught > 0U && !guard->moved;
     const bool goes_on = guard->phase == CGL_GUARD_LEARN && !guard->moved && !guard->last_moved;
-    if ((begins || goes_on || guard->phase == CGL_GUARD_HOLD) && b > CGL_R(0.0)) {
-        guard->most = LOUD_QUARTERS * LOUD * b * length;
+    const bool compared = guard->compared || (begins && guard->quarter > 0U);
+    const cgl_real bar = b > CGL_R(0.0) || !compared ? b : guard->quietest;
+    if ((begins || goes_on || guard->phase == CGL_GUARD_HOLD) && bar > CGL_R(0.0)) {
+        guard->most = LOUD_QUARTERS * LOUD * bar * length;
     }
 }
 
@@ -278,9 +288,37 @@ CGL_SELDOM static void count_good(cgl_guard *guard, cgl_real omega, const cgl_gu
     }
 }
 
+/* Without a baseline: looks after a while whether learning does harm, and later whether it has proven itself. */
+CGL_SELDOM static void prove(cgl_guard *guard, cgl_real omega, const cgl_guard_ripple *ripple)
+{
+    const cgl_real v = ripple->slow, time = (cgl_real)guard->time * guard->ts, turn = CGL_R(4.0) * guard->quarter_turn;
+    const bool halts = (cgl_real)guard->taught < HALTS * (cgl_real)guard->count_before; /* at a limit, as what is unstable */
+    const bool rises = guard->best > CGL_R(0.0) && v > RISEN * guard->best;
+    const bool harms = guard->compared && (rises || v > FAR * guard->quietest);
+    guard->best = v < guard->best ? v : guard->best;
+    if (!harms && !halts && (time < LOOK_TIME || guard->way < LOOK_TURNS * turn)) {
+        return;
+    }
+    const bool late = time >= PROOF_TIME && guard->way >= PROOF_TURNS * turn;
+    if (!harms && guard->compared && v < (late ? PROVEN : NO_WORSE) * guard->quietest) {
+        guard->strikes = 0U;
+        if (late) {
+            const cgl_guard_ripple baseline = {guard->quietest, ripple->fast};
+            measure(guard, omega, &baseline, v);
+            guard->supposed = true;
+        }
+        return;
+    }
+    guard->strikes = (uint8_t)(guard->strikes + (harms ? STRIKES : 2U));
+    if (guard->strikes >= STRIKES) {
+        probe(guard, ripple, harms);
+    }
+}
+
 CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real omega, const cgl_guard_ripple *ripple, bool calm)
 {
     if (apart(omega, guard->here) > SAME) {
+        guard->compared = guard->compared && !(guard->here > CGL_R(0.0));
         guard->here = omega;
         guard->elsewhere = guard->elsewhere || guard->lessons > 0U;
         guard->lessons = 0U;
@@ -293,9 +331,8 @@ CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real omega, const cg
     if (guard->gentle == CGL_GUARD_STEPS) {
         mute(guard, RETRY << guard->backoff);
     } else if (!(b > CGL_R(0.0))) {
-        guard->strikes = (uint8_t)(guard->strikes + (calm ? 1U : 0U));
-        if (guard->strikes >= STRIKES) {
-            probe(guard, ripple, false);
+        if (calm) {
+            prove(guard, omega, ripple);
         }
     } else if (v <= BAR * b && !(guard->supposed && v > RISEN * guard->best)) {
         guard->best = v < guard->best ? v : guard->best;
@@ -400,6 +437,13 @@ CGL_SELDOM static void end_window(cgl_guard *guard, bool learn)
     guard->stalled = cgl_abs(error) > STALLED * omega;
     const cgl_real slow = variance + (guard->stalled ? error * error : CGL_R(0.0));
     const cgl_guard_ripple ripple = {larger(slow, SMALLEST), guard->fast / count};
+    const bool known = bar_at(guard, omega) > CGL_R(0.0);
+    if (guard->taught > 0U && !known && !guard->elsewhere && !guard->compared && !guard->moved) {
+        guard->compared = true;
+        const bool fell = guard->first > EVEN * guard->quietest; /* what began high may have been no ripple: it must not rise */
+        guard->quietest = fell ? guard->first : guard->quietest;
+        guard->best = fell ? ripple.slow : CGL_R(0.0);
+    }
     const cgl_real way = guard->drift + mean;
     const bool calm = !guard->moved && !guard->last_moved && way * way <= ripple.slow;
     guard->centre += mean;
@@ -465,7 +509,6 @@ CGL_SELDOM static bool ends_loud(cgl_guard *guard)
 /* Of a quarter before learning began, with a variance v: whether its window had begun while the rotor ran up. */
 CGL_SELDOM static bool runs_up(cgl_guard *guard, cgl_real v)
 {
-    guard->first = guard->quarter == 0U ? v : guard->first;
     const bool ran_up = guard->moved || guard->first > EVEN * v;
     guard->wait += guard->wait < UINT32_MAX / 2U ? guard->count : 0U;
     if (is_out_of_patience(guard)) {
@@ -490,11 +533,16 @@ CGL_SELDOM static void end_quarter(cgl_guard *guard, const cgl_guard_input *in)
     }
     const cgl_real count = (cgl_real)guard->count, mean = guard->sum / count;
     const cgl_real v = guard->squares / count - mean * mean, omega = cgl_abs(guard->reference);
+    guard->first = guard->quarter == 0U ? v : guard->first;
+    if (!guard->compared) {
+        guard->quietest = guard->quarter == 0U || v < guard->quietest ? v : guard->quietest;
+    }
     if (guard->phase == CGL_GUARD_IDLE && guard->taught == 0U && runs_up(guard, v)) {
         begin_window(guard);
         return;
     }
-    guard->way += cgl_abs(guard->turned);
+    guard->way += guard->phase == CGL_GUARD_CLEAR ? cgl_abs(guard->turned) : omega * count;
+    guard->time += guard->time < UINT32_MAX / 2U ? guard->count : 0U;
     guard->sum_before += guard->sum;
     guard->squares_before += guard->squares;
     guard->count_before += guard->count;
@@ -547,12 +595,16 @@ CGL_SELDOM static bool counts(cgl_guard *guard, const cgl_guard_input *in)
     return in->plausible;
 }
 
-/* The first sample of a window, or a reference that has moved since. */
-CGL_SELDOM static void compare_reference(cgl_guard *guard, cgl_real omega_ref)
+/* The first sample of a window, or a reference that has moved since. A rotor that is with its reference in the very first one
+ * may learn at once: what the first quarter has is no run-up. */
+CGL_SELDOM static void compare_reference(cgl_guard *guard, const cgl_guard_input *in)
 {
     if (guard->tolerance < CGL_R(0.0)) {
-        guard->reference = cgl_is_finite(omega_ref) ? omega_ref : CGL_R(0.0);
+        guard->reference = cgl_is_finite(in->omega_ref) ? in->omega_ref : CGL_R(0.0);
         guard->tolerance = MOVED * cgl_abs(guard->reference);
+        if (guard->phase == CGL_GUARD_IDLE && guard->wait == 0U && !guard->learn) {
+            guard->learn = cgl_is_within(in->error, AWAY * larger(cgl_abs(guard->reference), SLOWEST));
+        }
         watch(guard);
     } else {
         guard->moved = true;
@@ -568,7 +620,7 @@ void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in)
         return;
     }
     if (!CGL_OFTEN(cgl_is_within(in->omega_ref - guard->reference, guard->tolerance))) {
-        compare_reference(guard, in->omega_ref);
+        compare_reference(guard, in);
     }
     const cgl_real deviation = error - guard->centre;
     guard->sum += deviation;

@@ -3,9 +3,12 @@
  * It judges by windows: four quarters, each of whole quarter turns of the reference and at least a sixteenth of a second. What
  * a window says is the variance v of the speed error, averaged over two samples, so that the counts of an encoder telescope. To
  * it comes what a mean of two samples hides: the mean square of half their difference, as far as it is above 1.18 times the
- * same without learning. The bar at a speed is b, the variance without learning: that of the window before learning begins, else
- * of a probe. Learning waits for a calm window to begin with, but for no more than 3 s and a turn; where no bar is known after
- * all, three calm windows are enough to probe. A burst is 72 times the squares of a quarter: it need not end.
+ * same without learning. The bar at a speed is b, the variance without learning: that of a calm window before learning begins,
+ * else of a probe. Where the rotor runs up, learning waits for such a window, but for no more than 3 s and a turn. Where it is
+ * with its reference from the first sample on, learning begins at once, and goes on for three turns and two seconds; then as
+ * long as there is less ripple than in the first window, or than in its first quarter if it fell by half since; after sixteen
+ * turns and four seconds a fifth of it is enough as a proof, anything else is probed. A burst is 72 times the squares of a
+ * quarter: it need not end.
  *
  *   LEARN   too much, beyond 1.18 b for three windows (beyond 4 b counts twice), or a burst -> HOLD
  *   HOLD    learning stands still, what is learned acts. Below the bar -> LEARN; not, and not falling, or a burst -> PROBE
@@ -70,9 +73,10 @@ typedef struct {
     cgl_real last;                         /* v of the last window, of the first of a probe [rad^2/s^2] */
     cgl_guard_ripple suspect;              /* when a probe began */
     cgl_real most;                         /* what `squares` may come to in this quarter */
-    cgl_real first;                        /* variance of a window's first quarter, before learning begins [rad^2/s^2] */
-    cgl_real best;                         /* v since the baseline was supposed [rad^2/s^2] */
-    cgl_real way;                          /* turned while it is cleared, as a sum of speeds [rad/s] */
+    cgl_real first;                        /* variance of a window's first quarter [rad^2/s^2] */
+    cgl_real quietest;                     /* and of its quietest; then of that which learning is compared with */
+    cgl_real best;                         /* v since the baseline was supposed, or since a first quarter that fell [rad^2/s^2] */
+    cgl_real way;                          /* turned in this phase, as a sum of speeds [rad/s] */
     cgl_real here;                         /* speed at which the lessons were learned [rad/s] */
     cgl_real omega[CGL_GUARD_SPEEDS];      /* speeds with a baseline; 0: none [rad/s] */
     cgl_guard_ripple baseline[CGL_GUARD_SPEEDS]; /* and these, b the slow part */
@@ -84,6 +88,7 @@ typedef struct {
     uint32_t limited;                      /* and all of them since the last window */
     uint32_t settling;                     /* samples until a window begins */
     uint32_t settle;                       /* so long [samples] */
+    uint32_t time;                         /* samples in this phase */
     uint32_t wait;                         /* windows left in MUTE; before learning begins, samples since a calm window */
     uint16_t good;                         /* windows since the last step */
     uint8_t phase;                         /* cgl_guard_phase */
@@ -94,7 +99,8 @@ typedef struct {
     uint8_t backoff;
     uint8_t next;                          /* place of the baseline that is forgotten next */
     bool moved, last_moved;                /* the reference did, in this window and the last */
-    bool supposed;                         /* the baseline: of a rotor that did not turn with its reference */
+    bool compared;                         /* `quietest` is of the window in which learning began */
+    bool supposed;                         /* the baseline: of a rotor that did not turn with it, or of learning that helped */
     bool elsewhere;                        /* something was learned at another speed */
     bool stalled;                          /* in the last window the rotor did not turn with its reference */
 } cgl_guard;
