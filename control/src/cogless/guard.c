@@ -10,7 +10,7 @@
 #define AWAY CGL_R(0.1)          /* of the reference: a rotor that begins with a larger error runs up */
 #define PATIENCE CGL_R(3.0)      /* [s] that learning waits for a calm window to begin with; a run-up spoils two quarters */
 #define EVEN CGL_R(2.0)          /* a window's first quarter to another: more is a run-up, or learning that helped within it */
-#define NO_WORSE CGL_R(0.9)      /* of that quietest, after */
+#define NO_WORSE CGL_R(0.9)      /* of what it is compared with, after */
 #define LOOK_TIME CGL_R(2.0)     /* [s] and */
 #define LOOK_TURNS CGL_R(3.0)
 #define HALTS CGL_R(0.9)         /* of the samples are learned from: fewer, and it looks at once */
