@@ -141,7 +141,7 @@ def described(settings: dict[str, Any], module: ModuleType = _simulator_f64) -> 
         "divider": drive["speed_divider"],
         "foreign": ideal,
         "learn_saturated": "trials" in settings,
-        "unguarded": drive.get("unguarded", False),
+        "unguarded": drive.get("unguarded", "trials" in settings),
         "foc": {**foc, "current_limit": limit, "phases": phases},
         "monitor": {"phases": 0 if ideal else phases, **drive.get("monitor", {})},
         "quality": {"span": 2 * np.pi, "longest": 60.0, **drive.get("quality", {})},

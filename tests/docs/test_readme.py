@@ -41,6 +41,6 @@ def test_the_figures_under_the_picture_are_the_demos() -> None:
     ripple = {run.controller: run.metrics["speed_ripple_rad_s"] * 30.0 / np.pi for run in runs}
     assert figures == [float(f"{ripple[name]:.2g}") for name in ("pi", "table", "pi-ilc", "robust-ilc")]
     copper = {run.controller: run.metrics["copper_loss_W"] for run in runs}
-    saved = re.search(r"at (\d+) % less copper loss", caption[0])
+    saved = re.search(r"with (\d+) % less copper loss", caption[0])
     assert saved is not None
     assert int(saved[1]) == round(100 * (1 - copper["pi-ilc"] / copper["pi"]))

@@ -23,6 +23,7 @@ STUDY = (
 [scenario.short]
 duration = "3 s"
 reference = "10 rpm"
+initial_speed = "10 rpm"
 [scenario.long]
 duration = "14 s"
 reference = "10 rpm"
