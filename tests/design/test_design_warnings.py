@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from cogless.design.table import design_table
-from cogless.design.warnings import notes, out_of_reach
+from cogless.design.warnings import beyond_drive, notes
 from cogless.errors import StudyError
 from cogless.run.plan import plan
 from cogless.study import load
@@ -26,11 +26,11 @@ def test_a_speed_beyond_the_voltage_is_said_with_the_speed_that_it_reaches():
         "scenario.slow: its reference of 3000 rpm needs more voltage than there is: "
         "24 V turn this motor at 1392 rpm without load"
     )
-    assert out_of_reach(fast, ["slow", "slow"]) == [line]
+    assert beyond_drive(fast, ["slow", "slow"]) == [line]
     assert f"{line}." in [str(text) for text in design_table(fast).renderables]
-    assert out_of_reach(my_motor(**{"scenario.slow.reference": "1390 rpm"}, **FINER), ["slow"]) == []
+    assert beyond_drive(my_motor(**{"scenario.slow.reference": "1390 rpm"}, **FINER), ["slow"]) == []
     more = {"scenario.slow.override": {"drive.inverter.bus_voltage": "52 V"}}
-    assert out_of_reach(changed(fast, more), ["slow"]) == []
+    assert beyond_drive(changed(fast, more), ["slow"]) == []
 
 
 def test_a_step_that_is_too_long_for_an_unreachable_speed_names_the_voltage():
@@ -40,6 +40,24 @@ def test_a_step_that_is_too_long_for_an_unreachable_speed_names_the_voltage():
     # the step only has to follow what the voltage reaches
     faster = {"scenario.slow.reference": "30000 rpm"}
     assert my_motor(**faster, **FINER).scenario["slow"].top_reference > 3000
+
+
+def test_a_speed_that_reads_zero_in_most_samples_is_said_with_what_helps():
+    """10,000 counts at 11 r/min are 1833 a second, of which a sample at 4 kHz gets 0.46."""
+    encoder = {"kind": "encoder", "lines": 2500}
+    slow = {"scenario.slow.reference": "11 rpm", "drive.position_sensor": encoder}
+    line = (
+        "scenario.slow: at 11 rpm 0.46 counts come in a speed sample: most read 0, others 24 rpm; "
+        'speed_method = "MT" times the edges, "observer" smooths'
+    )
+    assert beyond_drive(my_motor(**slow), ["slow", "slow"]) == [line]
+    assert f"{line}." in [str(text) for text in design_table(my_motor(**slow)).renderables]
+    assert beyond_drive(my_motor(**slow | {"scenario.slow.reference": "12.1 rpm"}), ["slow"]) == []
+    timed = slow | {"drive.position_sensor": {**encoder, "speed_method": "MT"}}
+    assert beyond_drive(my_motor(**timed), ["slow"]) == []
+    word = {"kind": "absolute", "bits": 12, "window": 4}
+    (of_a_word,) = beyond_drive(my_motor(**slow | {"drive.position_sensor": word}), ["slow"])
+    assert of_a_word.endswith('others 73.24 rpm; speed_method = "observer" smooths')
 
 
 def test_cogging_that_is_not_learned_is_named_with_a_base_that_learns_it():

@@ -144,6 +144,14 @@ def test_frozen_all_the_time(made):
     assert unlearned(made, late) == "0.5 s are 0.083 of its period of 6 s"
 
 
+def test_a_rotor_that_hardly_turns(made):
+    run = run_of(made, "long", "ilc")
+    data = run.trace.data.copy()
+    data[:, run.trace.names.index("theta_m")] *= 0.1
+    stuck = replace(run, trace=replace(run.trace, data=data))
+    assert unlearned(made, stuck) == "the rotor turned by 0.15 of its period in 9 s"
+
+
 def test_foreseen_by_the_reference(tmp_path):
     known = study(tmp_path)
     assert [foreseen(known, "short", name) for name in ("pi", "ilc", "over-time")] == [None, HALF, HALF]

@@ -16,13 +16,15 @@ from cogless.design.feedback import feedback_of
 from cogless.design.pi import speed_loop
 from cogless.design.position import position_margins
 from cogless.design.ripple import sampled
-from cogless.study import Study
+from cogless.study import Study, for_scenario
 from cogless.study.motion import course
+from cogless.study.position_sensor import Counted
 from cogless.study.spoken import speed_text
 
 SHARE = 0.05  # of the time in motion: speeds that are lower only for less time than this are ignored
 SPENT = 0.5  # of the phase margin
 COASTS = 1.0  # rad
+MOST = 0.5  # counts in a speed sample: with fewer, most samples have none
 
 
 def slow_warning(study: Study, name: str) -> str | None:
@@ -56,6 +58,21 @@ def _warning(study: Study, name: str, scenario: str) -> str | None:
     costs = f"the speed is {1e3 * late:.2g} ms late, which costs {math.degrees(w_c * late):.0f} deg"
     costs += f" of {math.degrees(margins.phase_margin):.0f} deg of phase margin"
     return f"{comes}, {around}: {costs}{high if lost > 1 else ''}; {_helps(edge / allowed, w_c)}"
+
+
+def reads_zero(study: Study, scenario: str) -> str | None:
+    """Warning that most samples of a counted speed are zero at the slowest speed; None if they aren't."""
+    omega, source = held(study, scenario), sampled(study, scenario)
+    sensor = for_scenario(study, scenario).drive.position_sensor
+    if not (omega and source and isinstance(sensor, Counted)) or sensor.speed_method not in ("M", "average"):
+        return None
+    counts = source.counts(omega)
+    if counts >= MOST:
+        return None
+    comes = f"at {speed_text(study, omega)} {counts:.2g} counts come in a speed sample"
+    reads = f"most read 0, others {speed_text(study, source.count / source.window)}"
+    timed = '"MT" times the edges, ' if sensor.kind == "encoder" else ""
+    return f'{comes}: {reads}; speed_method = {timed}"observer" smooths'
 
 
 def held(study: Study, scenario: str) -> float:

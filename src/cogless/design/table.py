@@ -10,7 +10,7 @@ from cogless import units
 from cogless.design.angle_functions import Bounds
 from cogless.design.margins import Margins
 from cogless.design.summary import Design, Gain, current_loop_summary, summary
-from cogless.design.warnings import loop_warnings, notes, out_of_reach, shaft_notes, told_apart
+from cogless.design.warnings import beyond_drive, loop_warnings, notes, shaft_notes, told_apart
 from cogless.study import Study
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def design_table(study: Study) -> Group:
         gains, margins = _gains(design.gains), _margins(design.margins)
         table.add_row(study.label(name), design.law, design.rule or "", gains, *margins, design.words())
     own = [line for name in designs for line in notes(study, name)]
-    far = out_of_reach(study, study.scenario)
+    far = beyond_drive(study, study.scenario)
     known = [f"{line}." for line in (*far, *shaft_notes(study), *loop_warnings(loops), *own)]
     return Group(table, *(Text(line) for line in (*known, *_theorems(study, designs))))
 

@@ -21,6 +21,7 @@ from cogless.study.pi_afc import PiAfc
 from cogless.study.space_controller import SpaceLearning
 
 ALMOST = 0.995  # share of a period that counts as a whole one
+FOLLOWS = 0.5  # of its reference, at the least: a rotor that turns less does not
 NO_STEP = 1e-6  # relative variation; a speed that varies less is constant
 
 Memory = Learning | SpaceLearning | PiAfc
@@ -90,5 +91,7 @@ def too_short(law: Memory, revolutions: Fraction, theta: Real, time: float, omeg
         return None
     speed = float(np.max(np.abs(omega_ref), initial=0.0))
     constant = speed > 0 and float(np.ptp(omega_ref)) <= NO_STEP * speed
+    if constant and share < FOLLOWS * time * speed / period:
+        return f"the rotor turned by {share:.2g} of its period in {time:.3g} s"
     whole = f" of {period / speed:.3g} s" if constant else ""
     return f"{time:.3g} s are {share:.2g} of its period{whole}"

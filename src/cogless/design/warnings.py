@@ -10,7 +10,7 @@ from cogless.design.feedback import unstable_feedback
 from cogless.design.harmonic import learner
 from cogless.design.map_size import map_warning
 from cogless.design.pi import speed_loop
-from cogless.design.slow_running import slow_warning
+from cogless.design.slow_running import reads_zero, slow_warning
 from cogless.design.summary import CurrentLoopDesign, current_loop_summary, weakest_margins
 from cogless.design.unlearned import foreseen
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
@@ -50,20 +50,24 @@ def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
     return [f"controller.{name}: learns nothing in {where}: {why}" for where, name, why in found if why]
 
 
-def out_of_reach(study: AnyStudy, scenarios: Iterable[str]) -> list[str]:
-    """Warnings of references that the bus voltage can't turn the motor at."""
+def beyond_drive(study: AnyStudy, scenarios: Iterable[str]) -> list[str]:
+    """Warnings of references that are too fast for the bus voltage, or too slow for the position sensor."""
     if not isinstance(study, Study):
         return []
-    found = []
-    for name in dict.fromkeys(scenarios):
-        here, wanted = for_scenario(study, name), study.scenario[name].top_reference
-        most = voltage_reach(here)
-        if wanted > most and here.drive.inverter is not None:
-            needs = f"its reference of {wanted * RPM:.4g} rpm needs more voltage than there is"
-            volts = here.drive.inverter.bus_voltage
-            reach = f"{volts:.4g} V turn this motor at {most * RPM:.4g} rpm without load"
-            found.append(f"scenario.{name}: {needs}: {reach}")
-    return found
+    all_of = (_out_of_reach, reads_zero)
+    found = ((name, of(study, name)) for name in dict.fromkeys(scenarios) for of in all_of)
+    return [f"scenario.{name}: {line}" for name, line in found if line is not None]
+
+
+def _out_of_reach(study: Study, scenario: str) -> str | None:
+    """A warning of a reference that the bus voltage can't turn the motor at."""
+    here, wanted = for_scenario(study, scenario), study.scenario[scenario].top_reference
+    most = voltage_reach(here)
+    if wanted <= most or here.drive.inverter is None:
+        return None
+    needs = f"its reference of {wanted * RPM:.4g} rpm needs more voltage than there is"
+    volts = here.drive.inverter.bus_voltage
+    return f"{needs}: {volts:.4g} V turn this motor at {most * RPM:.4g} rpm without load"
 
 
 def _not_learned(study: Study, name: str) -> str | None:
