@@ -275,12 +275,31 @@ def test_without_a_known_baseline_three_calm_windows_are_probed(precision):
 
 
 @PRECISIONS
-def test_a_law_that_learns_at_once_is_never_probed(precision):
-    """It takes nine tenths of the ripple away within the first quarter, from the first sample on."""
+def test_a_law_that_learns_at_once_is_probed_once(precision):
+    """It takes nine tenths of the ripple away within the first quarter, from the first sample on. After 16 turns,
+    4 s, the guard looks what there is without it."""
     guard = Guard(precision)
+
+    def left(state):
+        return 1 - state.share * (0.9 - 0.9 * math.exp(-guard.n / 25))
+
+    assert 15 < guard.run(80, left, until=lambda state: state.share < 1) < 18
+    assert guard.run(80, left, until=lambda state: state.learn) < 8
     for _ in range(80):
-        guard.run(1, lambda state: 0.1 + 0.9 * math.exp(-guard.n / 25))
-        assert guard.state.learn and guard.state.share == 1
+        guard.run(1, left)
+        assert guard.state.learn and guard.state.gentle == 1
+
+
+@PRECISIONS
+def test_a_start_that_dies_out_is_no_proof_of_learning(precision):
+    """The first quarter has the drive's own start, ten times what learning leaves, which is ten times the feedback's."""
+    guard = Guard(precision)
+
+    def left(state):
+        return 0.1 + 0.9 * state.share + 9 * math.exp(-guard.n / 10)
+
+    assert guard.run(80, left, until=lambda state: state.forget) < 30
+    assert guard.state.share == 0
 
 
 def squares_until(guard, amplitude, until):

@@ -302,7 +302,9 @@ CGL_SELDOM static void prove(cgl_guard *guard, cgl_real omega, const cgl_guard_r
     const bool late = time >= PROOF_TIME && guard->way >= PROOF_TURNS * turn;
     if (!harms && guard->compared && v < (late ? PROVEN : NO_WORSE) * guard->quietest) {
         guard->strikes = 0U;
-        if (late) {
+        if (late && guard->best > CGL_R(0.0)) {
+            probe(guard, ripple, false); /* what fell may have been the drive's own start: no proof */
+        } else if (late) {
             const cgl_guard_ripple baseline = {guard->quietest, ripple->fast};
             measure(guard, omega, &baseline, v);
             guard->supposed = true;

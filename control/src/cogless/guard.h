@@ -6,9 +6,9 @@
  * same without learning. The bar at a speed is b, the variance without learning: that of a calm window before learning begins,
  * else of a probe. Where the rotor runs up, learning waits for such a window, but for no more than 3 s and a turn. Where it is
  * with its reference from the first sample on, learning begins at once, and goes on for three turns and two seconds; then as
- * long as there is less ripple than in the first window, or than in its first quarter if it fell by half since; after sixteen
- * turns and four seconds a fifth of it is enough as a proof, anything else is probed. A burst is 72 times the squares of a
- * quarter: it need not end.
+ * long as there is less ripple than in the first window, or than in its first quarter if it fell by half since. After sixteen
+ * turns and four seconds a fifth of that window's is proof enough; anything else is probed, also what fell: that may have been
+ * the drive's own start. A burst is 72 times the squares of a quarter: it need not end.
  *
  *   LEARN   too much, beyond 1.18 b for three windows (beyond 4 b counts twice), or a burst -> HOLD
  *   HOLD    learning stands still, what is learned acts. Below the bar -> LEARN; not, and not falling, or a burst -> PROBE
