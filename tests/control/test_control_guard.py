@@ -276,7 +276,7 @@ def test_without_a_known_baseline_three_calm_windows_are_probed(precision):
 
 @PRECISIONS
 def test_a_law_that_learns_at_once_is_probed_once(precision):
-    """It takes nine tenths of the ripple away within the first quarter, from the first sample on. After 16 turns,
+    """It takes nine tenths of the ripple away within the first quarter. After 16 turns,
     4 s, the guard looks what there is without it."""
     guard = Guard(precision)
 
@@ -292,7 +292,7 @@ def test_a_law_that_learns_at_once_is_probed_once(precision):
 
 @PRECISIONS
 def test_a_start_that_dies_out_is_no_proof_of_learning(precision):
-    """The first quarter has the drive's own start, ten times what learning leaves, which is ten times the feedback's."""
+    """The first quarter has ten times what learning leaves, and that is ten times the feedback's."""
     guard = Guard(precision)
 
     def left(state):
