@@ -17,7 +17,7 @@ import numpy as np
 from cogless.errors import StudyError
 from cogless.identify import described
 from cogless.identify.config import Identification
-from cogless.identify.estimate import OTHERS, Progress, at_delay, coefficients, fitted, settled, with_values
+from cogless.identify.estimate import OTHERS, Progress, at_delay, coefficients, settled, whole, with_values
 from cogless.identify.lateness import Lateness, lateness
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value
@@ -209,16 +209,14 @@ def _corrected(
 
     simulated, real = logs(0.0), first.model
     unsettled = replace(real, error={}, delay=0.0 if late is None else late.value)
-    played = settled(known, simulated, unsettled)
+    played, fit_of_simulated = settled(known, simulated, unsettled)
+    before = whole(played, fit_of_simulated)
     slow_switches: dict[Name, float] = {}  # what the added dead time does
     if with_dead_time and told.part.error:
-        before, others = coefficients(known, simulated, played), logs(0.0, with_dead_time)
-        after = coefficients(known, others, settled(known, others, unsettled))
+        after = whole(*settled(known, logs(0.0, with_dead_time), unsettled))
         slow_switches = {name: after[name] - value for name, value in before.items() if name != ("delay",)}
 
-    def unbiased(factor: float) -> dict[Name, float]:
-        measured = coefficients(known, first.logs, real, factor)
-        biased = coefficients(known, simulated, played, factor)
+    def unbiased(measured: Mapping[Name, float], biased: Mapping[Name, float]) -> dict[Name, float]:
         return {
             name: value
             - (biased[name] - truth[name] if name in truth else 0.0)
@@ -226,12 +224,18 @@ def _corrected(
             for name, value in measured.items()
         }
 
-    moved = _moved(known, simulated, logs(held if late is None else late.error), played)
+    assert first.fit is not None
+    here = unbiased(whole(real, first.fit), before)
+    spread = [
+        unbiased(
+            coefficients(known, first.logs, real, factor), coefficients(known, simulated, played, factor)
+        )
+        for factor in OTHERS
+    ]
+    moved = _moved(known, before, logs(held if late is None else late.error), played)
     for name, change in slow_switches.items():
         moved[name] = float(np.hypot(moved[name], told.part.error * change))
-    corrected = with_values(
-        first, unbiased(1.0), [unbiased(factor) for factor in OTHERS], fitted(known, simulated, played), moved
-    )
+    corrected = with_values(first, here, spread, fit_of_simulated, moved)
     kept = {key: value for key, value in corrected.values.items() if key in first.values}
     if late is not None:
         kept["delay"] = late
@@ -245,13 +249,13 @@ def _corrected(
 
 
 def _moved(
-    known: Identification, simulated: Sequence[Log], later: Sequence[Log], played: Model
+    known: Identification, before: Mapping[Name, float], later: Sequence[Log], played: Model
 ) -> dict[Name, float]:
     """What the coefficients move by if currents are logged later, without the delay itself."""
-    before = coefficients(known, simulated, played)
     if "delay" in played.columns:
-        played = settled(known, later, replace(played, delay=0.0, error={}))
-    after = coefficients(known, later, played)
+        after = whole(*settled(known, later, replace(played, delay=0.0, error={})))
+    else:
+        after = coefficients(known, later, played)
     return {name: after[name] - value for name, value in before.items() if name != ("delay",)}
 
 
