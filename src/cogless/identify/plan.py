@@ -79,7 +79,7 @@ def _voltage(study: Study) -> str:
 
 
 def highest(study: Study, law: str) -> float:
-    """Highest speed of a plan, rad/s: the voltage leaves the current that turns the rotor around from there."""
+    """Highest speed of a plan, rad/s: there the voltage drives the current that turns the rotor around."""
     hills = sum(size for _, size in overrun(study, law))
     return reach(study, lambda speed: max(hills, 2 * study.mechanics.inertia * speed / TURNING))
 
@@ -221,8 +221,8 @@ def lowered(study: AnyStudy) -> str:
     if study.drive.inverter is None or _top(played) < AT_LIMIT * most:
         return ""
     return (
-        f"The plan's speeds end at {most * RPM:.4g} rpm: beyond it {study.drive.inverter.bus_voltage:.4g} V do "
-        "not drive the current that friction, cogging and turning around take."
+        f"The plan's speeds end at {most * RPM:.4g} rpm: beyond it {study.drive.inverter.bus_voltage:.4g} V "
+        "do not drive the current that friction, cogging and turning around take."
     )
 
 
