@@ -18,7 +18,7 @@ from cogless.errors import StudyError
 from cogless.identify import described
 from cogless.identify.config import Identification
 from cogless.identify.estimate import OTHERS, Progress, at_delay, coefficients, settled, whole, with_values
-from cogless.identify.lateness import Lateness, lateness
+from cogless.identify.lateness import NOTHING, Lateness, lateness
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value
 from cogless.identify.weak_form import Model, Name
@@ -33,6 +33,7 @@ ROUNDS = 2
 FINE = 10  # rows of a trace for each of its log, at most: the delay lies between the log's
 SIGNALS = ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d")  # of a trace that are kept
 MORE_DEAD_TIME = 0.002  # periods of the current loop: seen, and so short that its effect is in proportion
+LONGEST_DEAD_TIME = 0.1  # periods of the current loop: a longer one is no drive's
 OFF = 0.01  # relative difference of a log's rate from one that divides the current loop's
 
 
@@ -77,6 +78,17 @@ def _with_dead_time(table: dict[str, Any], drive: Drive, more: float) -> dict[st
 def _more(drive: Drive) -> float:
     """The dead time that a simulation adds, s."""
     return MORE_DEAD_TIME / drive.rates.current_loop
+
+
+def _likely(told: Value, drive: Drive) -> float:
+    """The dead time to simulate with, s, beyond the file's: as told, where a drive can have it.
+
+    What a dead time does to a current that changes sign is not in proportion to it.
+    """
+    if drive.inverter is None or abs(told.value) <= 2 * told.error:
+        return 0.0
+    whole = drive.inverter.dead_time + told.value
+    return told.value if 0 <= whole < LONGEST_DEAD_TIME / drive.rates.current_loop else 0.0
 
 
 def _said_of_dead_time(more: Value) -> str:
@@ -145,13 +157,14 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
         return made, {}
     traces: dict[str, Trace] = {}
     with_dead_time: dict[str, Trace] = {}
-    drive = made.known.drive
+    drive, dead_time = made.known.drive, NOTHING
     for n in range(ROUNDS):
+        own = _likely(dead_time, drive)
         try:
-            traces = played(made, partial(progress, f"simulation {n + 1} of {ROUNDS}"))
-            if n == ROUNDS - 1 and drive.inverter is not None:
-                said = "simulation with more dead time"
-                with_dead_time = played(made, partial(progress, said), _more(drive))
+            traces = played(made, partial(progress, f"simulation {n + 1} of {ROUNDS}"), own)
+            if drive.inverter is not None:
+                said = f"simulation {n + 1} of {ROUNDS} with more dead time"
+                with_dead_time = played(made, partial(progress, said), own + _more(drive))
         except StudyError as error:
             said = f"The logs could not be simulated ({error}); errors of the closed loop are not corrected."
             return replace(first, remarks=(*first.remarks, said)), {}
@@ -172,7 +185,9 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
         made = _corrected(first, made, traces, late, with_dead_time)
         if not made.values["j"].value > 0:
             return _without_inertia(first), traces
-    said = late.said or _said_of_dead_time(late.part.times(_more(drive)))
+        more = late.part.times(_more(drive))
+        dead_time = replace(more, value=own + more.value)
+    said = late.said or _said_of_dead_time(dead_time)
     return replace(made, remarks=(*made.remarks, *([said] if said else []))), traces
 
 
