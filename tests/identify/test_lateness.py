@@ -64,9 +64,9 @@ def test_the_delay_is_found_within_the_law_s_period(late):
 
 @pytest.mark.parametrize("late", [3, 4])
 def test_a_gain_that_is_off_is_no_delay(late):
-    """A law that is tuned by a rule follows the inertia that is found, which is not exact; nor are sensors."""
+    """A law that is tuned by a rule follows the inertia that is found, which is not exact."""
     of = log(trace("8e-5 kg*m^2"), late)
-    of.signals["i_q"] *= 1.02  # twice its standard error
+    of.signals["i_q"] = 1.02 * of["i_q"]  # twice its standard error
     found = lateness([of], {"one": trace("8e-5 kg*m^2")}, BANDWIDTH, 1e-3).delay
     assert found is not None
     assert found.value == pytest.approx(late * 1e-4, abs=found.error) and found.error < 6e-5

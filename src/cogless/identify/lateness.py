@@ -24,9 +24,7 @@ TAPS = 5  # rows in which i_q follows the angle
 LATEST = 5  # rows of a log by which i_q is late, at most
 FEWEST = 300  # rows
 MISFIT = 0.1  # of what the filter explains: from here on the law is not the described one
-GAIN = (
-    0.01  # to which the gain from angle to i_q is known: that of a law tuned by inertia, of currents' sensors
-)
+GAIN = 0.01  # to which the filter's gain is known: by the inertia that tunes a law, by sensors of currents
 FINE = 20  # delays that are tried between two rows of the trace
 LIKELY = 4.0  # of the objective above its least, in its own variance: 95 % of one value
 NONE: Mapping[str, Trace] = MappingProxyType({})
