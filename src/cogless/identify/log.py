@@ -213,6 +213,7 @@ def _amplitudes_agree(where: str, found: Columns, known: Identification) -> None
     """i_q and i_d are as large as the phases' currents; by their rms they are 1/sqrt(2) of it."""
     if not {"i_q", "i_a", "i_b"} <= found.keys():
         return
+    i_q, i_a, i_b = (_heading(known, signal) for signal in ("i_q", "i_a", "i_b"))
     a, b = found["i_a"], found["i_b"]
     phases = np.sqrt(2 / 3 * (a**2 + b**2 + found.get("i_c", -a - b) ** 2))
     seen = np.hypot(found["i_q"], found.get("i_d", 0.0))
@@ -221,8 +222,8 @@ def _amplitudes_agree(where: str, found: Columns, known: Identification) -> None
     alike = ratio * np.sqrt(square / other) if other else 0.0  # 1: in proportion
     if alike > IN_PROPORTION and abs(np.sqrt(2) * ratio - 1) < 1 - IN_PROPORTION:
         raise StudyError(
-            f"{where}: {_heading(known, 'i_q')} is {ratio:.3g} of the amplitude that {_heading(known, 'i_a')} "
-            f"and {_heading(known, 'i_b')} have, as rms is: expected peak amperes; multiply it by sqrt(2)"
+            f"{where}: {i_q} is {ratio:.3g} of the amplitude that {i_a} and {i_b} have, as rms is: expected "
+            "peak amperes; multiply it by sqrt(2)"
         )
 
 
