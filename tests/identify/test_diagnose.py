@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -227,7 +228,19 @@ def test_the_command_answers_first_and_writes_a_report(tmp_path):
 
 @pytest.mark.parametrize(
     ("K_t", "says"),
-    [("0.08", "as the file of columns has it (0.08)."), ("0.09", "correct motor.K_t or kv.")],
+    [
+        ("0.08", "as the file of columns has it (0.08)."),
+        (
+            "0.09",
+            "the file of columns has 0.09: all torques are in proportion to it; correct motor.K_t (per rms "
+            "ampere it is K_t_rms) or kv.",
+        ),
+        (
+            "0.113137",
+            "has 0.1131; they differ by sqrt(2), the factor between rms and peak: all torques are in "
+            "proportion to it; correct motor.K_t (per rms ampere it is K_t_rms) or kv.",
+        ),
+    ],
 )
 def test_the_voltage_tells_a_wrong_k_t(tmp_path, K_t, says):
     text, logs = played("cogging")
@@ -236,6 +249,18 @@ def test_the_voltage_tells_a_wrong_k_t(tmp_path, K_t, says):
     assert said.endswith(says)
     assert isinstance(said, Agreement) == (K_t == "0.08")
     assert _marked(said) == (said if K_t == "0.08" else f"! {said}")
+
+
+def test_the_voltage_tells_a_current_in_rms(tmp_path):
+    text, logs = played("cogging")
+    assert not any("rms amperes" in line for line in diagnose(tmp_path, text, logs).said)
+    rms = {name: {**log, "i_q": log["i_q"] / math.sqrt(2)} for name, log in logs.items()}
+    (said,) = [line for line in diagnose(tmp_path, text, rms).said if "rms amperes" in line]
+    assert said.startswith("The voltage says R = 7.")
+    assert said.endswith(
+        "ohm, sqrt(2) times that of the file of columns (5): i_q looks like rms amperes, unless the winding "
+        "is 105 K warmer; multiply it by sqrt(2), and with it all torques."
+    )
 
 
 def test_logs_that_never_turn_steadily_are_refused(tmp_path):

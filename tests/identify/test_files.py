@@ -131,3 +131,26 @@ def test_a_law_of_one_s_own_is_refused(tmp_path):
         config.load(tmp_path / "id.toml")
     expected = "expected a law that cogless has: logs are replayed many times"
     assert str(caught.value) == f'{tmp_path / "id.toml"}: controller.mine.law: "python": {expected}'
+
+
+@pytest.mark.parametrize(("share", "refused"), [(1.0, False), (0.9, False), (0.7071, True)])
+def test_a_current_in_rms_beside_peaks_of_the_phases_is_refused(tmp_path, share, refused):
+    theta_e = 4 * 2 * np.pi * COLUMNS["counts"] / COUNTS
+    phases = {
+        name: COLUMNS["current"] * np.sin(theta_e - shift)
+        for name, shift in (("a", 0.0), ("b", 2 * np.pi / 3))
+    }
+    path = tmp_path / "a.npz"
+    np.savez(path, **{**COLUMNS, "current": share * COLUMNS["current"]}, **phases)
+    known = "".join(f'i_{name} = {{ name = "{name}", unit = "mA" }}\n' for name in phases)
+    (tmp_path / "id.toml").write_text(ID.replace("[motor]", f"{known}[motor]"))
+    loaded = config.load(tmp_path / "id.toml")
+    if not refused:
+        assert load_logs([path], loaded)
+        return
+    with pytest.raises(StudyError) as caught:
+        load_logs([path], loaded)
+    assert str(caught.value) == (
+        f"{path}: current is 0.707 of the amplitude that a and b have, as rms is: expected peak amperes; "
+        "multiply it by sqrt(2)"
+    )

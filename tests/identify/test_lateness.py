@@ -62,6 +62,16 @@ def test_the_delay_is_found_within_the_law_s_period(late):
     assert found.error < 5e-4  # half a period, which is all that torques tell
 
 
+@pytest.mark.parametrize("late", [3, 4])
+def test_a_gain_that_is_off_is_no_delay(late):
+    """A law that is tuned by a rule follows the inertia that is found, which is not exact."""
+    of = log(trace("8e-5 kg*m^2"), late)
+    of.signals["i_q"] = 1.02 * of["i_q"]  # twice its standard error
+    found = lateness([of], {"one": trace("8e-5 kg*m^2")}, BANDWIDTH, 1e-3).delay
+    assert found is not None
+    assert found.value == pytest.approx(late * 1e-4, abs=found.error) and found.error < 6e-5
+
+
 def test_a_dead_time_that_nobody_typed_in_leaves_the_delay_as_it_is():
     """Where the current has settled, a dead time moves it as much as a delay does."""
     late, simulated = 2, {"one": trace("8e-5 kg*m^2")}

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from identify.commissioned import METRIC, PI
 
+from cogless.errors import StudyError
 from cogless.identify import config, plan
 from cogless.identify.command import identified
 from cogless.identify.findings import usable
@@ -95,3 +96,75 @@ def test_a_stepper_comes_out_of_its_planned_logs(logs):
         assert cogging[order] == pytest.approx(torque, rel=0.03), order
     (error,) = made.encoder
     assert np.degrees(error.size.value) == pytest.approx(0.2, rel=0.05)
+
+
+SERVO = {
+    "title": "servo",
+    "motor": {"pole_pairs": 4, "R_s": "0.8 ohm", "L_d": "2 mH", "L_q": "2 mH", "K_t": "0.3 N*m/A"},
+    "mechanics": {
+        "inertia": "5e-4 kg*m^2",
+        "coulomb_friction": "30 mN*m",
+        "viscous_friction": "1e-3 N*m*s/rad",
+    },
+    "drive": {
+        "rates": {"current_loop": "10 kHz", "speed_loop": "1 kHz"},
+        "current_loop": {"bandwidth": "500 Hz", "current_limit": "10 A"},
+        "inverter": {"bus_voltage": "24 V"},
+        "position_sensor": {"kind": "encoder", "lines": 16384, "speed_method": "M"},
+    },
+    "scenario": {"one": {"duration": "1 s", "reference": "300 rpm"}},
+    "controller": PI,
+    "metric": [METRIC],
+}
+
+
+def planned(folder: Path, tables: dict, volts: float) -> Path:
+    """A folder with the plan of a motor at a bus voltage."""
+    drive = {**tables["drive"], "inverter": {"bus_voltage": f"{volts} V"}}
+    (folder / "motor.toml").write_text(plan.text({**tables, "drive": drive}))
+    plan.write(load(folder / "motor.toml"), folder)
+    return folder
+
+
+def tops(folder: Path) -> dict[str, float]:
+    """The top speed of each scenario of a plan, rad/s."""
+    return {name: one.top_reference for name, one in load(folder / "study.toml").scenario.items()}
+
+
+def test_a_plan_within_the_voltage_is_not_lowered(tmp_path):
+    high = tops(planned(tmp_path, SERVO, 48))
+    assert high["one-speed"] == pytest.approx(300 * math.pi / 30, rel=1e-5)
+    assert plan.lowered(load(tmp_path / "motor.toml")) == ""
+
+
+def test_speeds_of_a_plan_end_where_the_voltage_drives_their_current(tmp_path):
+    low = tops(planned(tmp_path, SERVO, 15))
+    top = max(low.values())
+    psi_f = 0.3 / (1.5 * 4)
+    i = (30e-3 + 1e-3 * top + 5e-4 * 2 * top / plan.TURNING) / 0.3
+    u = math.hypot(0.8 * i + 4 * top * psi_f, 4 * top * 2e-3 * i)
+    assert u == pytest.approx(15 / math.sqrt(3), rel=1e-4)
+    assert low["fast"] == pytest.approx(3 * low["one-speed"], rel=1e-4)
+    assert plan.lowered(load(tmp_path / "motor.toml")) == (
+        f"The plan's speeds end at {top * 30 / math.pi:.4g} rpm: beyond it 15 V do not drive the current "
+        "that friction, cogging and turning around take."
+    )
+    (results,) = rollout([load(tmp_path / "study.toml")], ["fast/*"], jobs=1)
+    trace = results.runs[0].trace
+    assert np.max(trace["omega_m"]) == pytest.approx(top, rel=0.01)
+
+
+def test_a_voltage_that_drives_no_current_is_refused(tmp_path):
+    with pytest.raises(StudyError) as error:
+        planned(tmp_path, SERVO, 2)
+    assert str(error.value) == (
+        f"{tmp_path}/motor.toml: drive.inverter.bus_voltage: 2 V: expected more: the plan's currents take "
+        f"{0.8 * (2 + 0.1) / (2 / math.sqrt(3)):.3g} times that at rest"
+    )
+
+
+def test_a_stepper_whose_voltage_is_too_low_for_its_hills_is_refused(tmp_path):
+    with pytest.raises(
+        StudyError, match=r"inverter.bus_voltage: 6 V: expected more: cogging stops this rotor"
+    ):
+        planned(tmp_path, STEPPER, 6)

@@ -72,6 +72,8 @@ def identify(
         print("To be expected, from simulated logs of this motor:")
         for line in expected:
             print(line)
+        if lowered := planning.lowered(study):
+            print(f"! {lowered}")
         print(f"Study: {output / 'study.toml'}")
         print(f"Columns: {output / 'id.toml'}")
         return

@@ -99,7 +99,7 @@ def _scanned(known: Identification, logs: Sequence[Log], model: Model) -> Model:
     found = [(delay, fit(_rows(known, [log], replace(alone, delay=float(delay))))) for delay in delays]
     delay, best = min(found, key=lambda each: each[1].noise[log.name])
     start = _taken_out(replace(alone, cogging=poles, delay=float(delay)), best)
-    start = settled(known, [log], replace(start, encoder=(1,), columns=alone.columns | {"delay"}))
+    start, _ = settled(known, [log], replace(start, encoder=(1,), columns=alone.columns | {"delay"}))
     return replace(start, columns=model.columns, encoder=model.encoder)
 
 
@@ -191,9 +191,10 @@ def _taken_out(model: Model, found: Fit) -> Model:
     return replace(model, delay=model.delay + found.get("delay"), error=error, waves=waves, j=j)
 
 
-def settled(known: Identification, logs: Sequence[Log], model: Model) -> Model:
-    """The model with the delay and the sensor's error of these logs taken out."""
-    return _settled(known, logs, model)[2]
+def settled(known: Identification, logs: Sequence[Log], model: Model) -> tuple[Model, Fit]:
+    """The model with the delay and the sensor's error of these logs taken out, and its fit."""
+    _, found, model = _settled(known, logs, model)
+    return model, found
 
 
 def at_delay(made: Estimate, delay: float) -> Estimate:
@@ -207,23 +208,19 @@ def coefficients(
     known: Identification, logs: Sequence[Log], model: Model, factor: float = 1.0
 ) -> dict[Name, float]:
     """Each coefficient by a kernel of so many times the width; delay [s] and encoder's error [rad] whole."""
-    return _whole(model, fitted(known, logs, model, factor))
+    return whole(model, fit(_rows(known, logs, model, factor)))
 
 
-def fitted(known: Identification, logs: Sequence[Log], model: Model, factor: float = 1.0) -> Fit:
-    """The fit with a kernel of so many times the width."""
-    return fit(_rows(known, logs, model, factor))
-
-
-def _whole(model: Model, found: Fit) -> dict[Name, float]:
-    whole = dict(zip(found.names, found.values.tolist(), strict=True))
-    if ("delay",) in whole:
-        whole["delay",] += model.delay
+def whole(model: Model, found: Fit) -> dict[Name, float]:
+    """Each coefficient of a fit; delay [s] and encoder's error [rad] with what is already taken out."""
+    values = dict(zip(found.names, found.values.tolist(), strict=True))
+    if ("delay",) in values:
+        values["delay",] += model.delay
     for order in model.encoder:
         for part, out in zip("cs", model.error.get(order, (0.0, 0.0)), strict=True):
             name: Name = ("encoder", order, part)
-            whole[name] = out + whole[name] / found["j",]
-    return whole
+            values[name] = out + values[name] / found["j",]
+    return values
 
 
 def _significant(
@@ -340,7 +337,7 @@ def _told(
     remarks: Sequence[str],
     left: list[str],
 ) -> Estimate:
-    here = _whole(model, found)
+    here = whole(model, found)
     others = [coefficients(known, logs, model, factor) for factor in OTHERS]
     empty = Estimate(known, tuple(logs), {}, (), (), (), {}, tuple(remarks), (), model, tuple(rows), found)
     return findings.without_nonsense(with_values(empty, here, others), left)

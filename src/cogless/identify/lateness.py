@@ -24,6 +24,7 @@ TAPS = 5  # rows in which i_q follows the angle
 LATEST = 5  # rows of a log by which i_q is late, at most
 FEWEST = 300  # rows
 MISFIT = 0.1  # of what the filter explains: from here on the law is not the described one
+GAIN = 0.01  # to which the filter's gain is known: by the inertia that tunes a law, by sensors of currents
 FINE = 20  # delays that are tried between two rows of the trace
 LIKELY = 4.0  # of the objective above its least, in its own variance: 95 % of one value
 NONE: Mapping[str, Trace] = MappingProxyType({})
@@ -140,10 +141,18 @@ def _profile(log: Log, every: int, trace: Trace, with_dead_time: Trace | None) -
     off = metric @ (taps[:, None] - filters)
     explained = max(float(np.sum((metric @ taps) ** 2)), 1e-300)
     misfit = float(np.min(np.sum(off**2, axis=0))) / explained
-    free = len(taps) - 1
+    along = metric @ filters
+    lengths = np.maximum(np.sqrt(np.sum(along**2, axis=0)), 1e-300)
+    shrunk = 1 - 1 / np.sqrt(1 + (GAIN * lengths) ** 2 / max(2 * noise, 1e-300))
+
+    def weighed(x: Array) -> Array:
+        """What is along the filter counts less: its gain is not known exactly."""
+        return np.asarray(x - shrunk * along / lengths**2 * np.sum(along * x, axis=0))
+
+    off, free = weighed(off), len(taps) - 1
     part = squares = np.zeros(off.shape[1])
     if with_dead_time is not None:
-        moved = metric @ (_filters(with_dead_time, step) - filters)
+        moved = weighed(metric @ (_filters(with_dead_time, step) - filters))
         squares = np.sum(moved**2, axis=0)
         part = np.divide(np.sum(moved * off, axis=0), squares, out=np.zeros_like(squares), where=squares > 0)
         off, free = off - part * moved, free - 1

@@ -18,6 +18,9 @@ GAP = 2.5  # periods without a row
 FEWEST = 100  # rows
 BEYOND = 3.0  # times the current's limit
 TURNED = 0.2  # rad rms
+IN_PROPORTION = (
+    0.98  # cosine between the amplitudes of currents, from which on their ratio counts, within 2 %
+)
 AGREE = 1.5  # the speed by one over the speed by the other: a filter's lag or lost counts stay below it
 MISTAKEN = (
     (30 / np.pi, 'the speed looks like rpm: unit = "rpm"'),
@@ -158,6 +161,7 @@ def _timed(where: str, name: str, rule: LogRule, found: Columns, known: Identifi
         longest = float(np.max(np.diff(t)))
         remarks.append(f"{name}: {len(ends)} gaps, the longest {longest:.3g} s; the log is cut there.")
     _within_limit(where, found, known)
+    _amplitudes_agree(where, found, known)
     if "theta" in found:
         found["theta"] = _unwrapped(name, f"{where}: {_heading(known, 'theta')}", found["theta"], remarks)
         whole = _slip(name, found["theta"], known.step, remarks)
@@ -203,6 +207,24 @@ def _within_limit(where: str, found: Columns, known: Identification) -> None:
                 f"{most:.3g} A, where the drive's limit is {limit:.3g} A: expected its unit, "
                 'such as unit = "mA"'
             )
+
+
+def _amplitudes_agree(where: str, found: Columns, known: Identification) -> None:
+    """i_q and i_d are as large as the phases' currents; by their rms they are 1/sqrt(2) of it."""
+    if not {"i_q", "i_a", "i_b"} <= found.keys():
+        return
+    i_q, i_a, i_b = (_heading(known, signal) for signal in ("i_q", "i_a", "i_b"))
+    a, b = found["i_a"], found["i_b"]
+    phases = np.sqrt(2 / 3 * (a**2 + b**2 + found.get("i_c", -a - b) ** 2))
+    seen = np.hypot(found["i_q"], found.get("i_d", 0.0))
+    square, other = float(phases @ phases), float(seen @ seen)
+    ratio = float(seen @ phases) / square if square else 0.0
+    alike = ratio * np.sqrt(square / other) if other else 0.0  # 1: in proportion
+    if alike > IN_PROPORTION and abs(np.sqrt(2) * ratio - 1) < 1 - IN_PROPORTION:
+        raise StudyError(
+            f"{where}: {i_q} is {ratio:.3g} of the amplitude that {i_a} and {i_b} have, as rms is: expected "
+            "peak amperes; multiply it by sqrt(2)"
+        )
 
 
 def _units_agree(where: str, t: Array, found: Columns, known: Identification) -> None:

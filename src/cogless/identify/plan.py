@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from scipy.optimize import brentq
 
 from cogless import units
 from cogless.design import pi
@@ -14,9 +17,13 @@ from cogless.identify.weak_form import VISIBLE, WIDTH
 from cogless.study import AnyStudy, Study
 from cogless.study.controller import Feedback
 from cogless.study.error_messages import toml
+from cogless.study.numerics import voltage_reach
 from cogless.study.position_sensor import Hall
 
 RATE = 1000.0  # rows of a log a second, where no rotor sticks
+TURNING = 0.8  # s, from one speed to its opposite, where no rotor sticks
+AT_LIMIT = 0.999  # of what the voltage reaches: a top speed above is one that was lowered to it
+RPM = 30 / math.pi
 KINDS = {
     "slow": "slow-sweep",
     "one-speed": "constant-speed",
@@ -39,6 +46,44 @@ def overrun(study: Study, law: str) -> list[tuple[int, float]]:
     return [(n, size) for n, size in sizes if n * size * inertia > (star.K_t * kp) ** 2]
 
 
+def reach(study: Study, torque: Callable[[float], float]) -> float:
+    """Highest speed, rad/s, at which the bus voltage drives the current of a torque.
+
+    `torque`: of a speed, N m, beside friction and cogging. u = R i + p omega (psi_f + j L_q i). StudyError:
+    the voltage does not even do so at rest.
+    """
+    star, mechanics, most = study.motor.star(), study.mechanics, voltage_reach(study)
+    if not math.isfinite(most):
+        return math.inf
+    cogging = sum(abs(one.torque or 0.0) for one in star.cogging)
+    available = star.pole_pairs * most * star.psi_f
+
+    def missing(speed: float) -> float:
+        rubbing = mechanics.breakaway + mechanics.viscous_friction * speed
+        i = min((rubbing + cogging + torque(speed)) / star.K_t, study.drive.current_loop.current_limit)
+        omega_e = star.pole_pairs * speed
+        return math.hypot(star.R_s * i + omega_e * star.psi_f, omega_e * star.L_q * i) - available
+
+    if missing(0.0) >= 0:
+        raise StudyError(
+            f"{_voltage(study)}: expected more: the plan's currents take "
+            f"{(missing(0.0) + available) / available:.3g} times that at rest"
+        )
+    return float(brentq(missing, 0.0, most))
+
+
+def _voltage(study: Study) -> str:
+    """The key of the bus voltage, and its value."""
+    assert study.drive.inverter is not None
+    return f"{study.source.path}: drive.inverter.bus_voltage: {study.drive.inverter.bus_voltage:.4g} V"
+
+
+def highest(study: Study, law: str) -> float:
+    """Highest speed of a plan, rad/s: there the voltage drives the current that turns the rotor around."""
+    hills = sum(size for _, size in overrun(study, law))
+    return reach(study, lambda speed: max(hills, 2 * study.mechanics.inertia * speed / TURNING))
+
+
 def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
     """Scenarios of the sequence, and the rate of the logs' rows, Hz.
 
@@ -49,24 +94,37 @@ def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
 
     A rotor that cogging would stop runs over these hills, of 2 T / n each, with twice their energy or more.
     It turns around as fast as these torques would turn it, and more rows show its orders.
+
+    No speed is above what the bus voltage reaches. StudyError: that is too slow.
     """
     first = next(iter(study.scenario.values()))
     sixth = 6 * study.motor.pole_pairs
-    v = first.top_reference or 2 * math.pi
-    passed = 1 / (sixth * WIDTH) / v
-    slow, loaded = min(0.25, 0.5 * passed), min(1.0, passed)
-    shown = 0.9 * VISIBLE * RATE * 2 * math.pi / sixth / v
-    fast, rate = min(6.0, max(3.0, shown)), RATE
     inertia, hills = study.mechanics.inertia, overrun(study, law)
+    load = 0.2 * study.drive.current_loop.current_limit * study.motor.star().K_t
+    with_load = reach(study, lambda speed: load)
+    most = highest(study, law)
+    v = min(first.top_reference or 2 * math.pi, most / 3)
+    passed = 1 / (sixth * WIDTH) / v
+    slow, loaded = min(0.25, 0.5 * passed), min(1.0, passed, with_load / v)
+    shown = 0.9 * VISIBLE * RATE * 2 * math.pi / sixth / v
+    fast, rate = min(6.0, max(3.0, shown), most / v), RATE
     least = math.sqrt(2 * 2 * sum(2 * size / n for n, size in hills) / inertia)
-    sweeps = [(0.5 + 0.8 * n, 5 / 6 * fast * (-1) ** n) for n in range(9)]
+    sweeps = [(0.5 + TURNING * n, 5 / 6 * fast * (-1) ** n) for n in range(9)]
     if least > slow * v:
-        v = max(v, 1.5 * least)
+        turning = sum(size for _, size in hills)
+        if least > min(most / 3, with_load):
+            raise StudyError(
+                f"{_voltage(study)}: expected more: cogging stops this rotor below {least * RPM:.3g} rpm, so "
+                f"the plan needs {3 * least * RPM:.3g} rpm, and the voltage reaches {most * RPM:.3g}"
+            )
+        v = min(max(v, 1.5 * least), most / 2)
         slow = loaded = least / v
         fast, rate = 2.0, _rate(study.drive.rates.current_loop, sixth * 2.0 * v)
-        turning = 2 * fast * v * inertia / sum(size for _, size in hills)
-        sweeps = [(0.4 * n + late, fast * (-1) ** n) for n in range(16) for late in (turning, 0.4)]
-    load = 0.2 * study.drive.current_loop.current_limit * study.motor.star().K_t
+        sweeps = [
+            (0.4 * n + late, fast * (-1) ** n)
+            for n in range(16)
+            for late in (2 * fast * v * inertia / turning, 0.4)
+        ]
 
     def profile(*points: tuple[float, float]) -> dict[str, Any]:
         return {
@@ -107,18 +165,10 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
             f"{study.source.path}: drive.position_sensor: Hall sensors show six angles of an electrical "
             "revolution, too few for cogging and friction: expected an encoder, which may be on loan"
         )
-    feedback = next(
-        (name for name, law in study.controller.items() if isinstance(law, Feedback) and not law.learned),
-        None,
-    )
-    if feedback is None:
-        raise StudyError(
-            f'{study.source.path}: controller: expected one without learning, such as law = "pi"'
-        )
+    feedback = _feedback(study)
     source = study.source.tables
     played, rate = scenarios(study, feedback)
-    speeds = (speed for made in played.values() for _, speed in made["reference"]["profile"])
-    top = max(abs(units.parse(speed, units.ANGULAR_SPEED)) for speed in speeds)
+    top = _top(played)
     motor = {key: value for key, value in source["motor"].items() if key != "datasheet"}
     known = {key: value for key, value in motor.items() if key not in ("cogging", "flux_harmonics")}
     controller = {feedback: source["controller"][feedback]}
@@ -155,11 +205,38 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
     return play, identify
 
 
+def _feedback(study: Study) -> str:
+    """The first controller without learning. StudyError: there is none."""
+    for name, law in study.controller.items():
+        if isinstance(law, Feedback) and not law.learned:
+            return name
+    raise StudyError(f'{study.source.path}: controller: expected one without learning, such as law = "pi"')
+
+
+def lowered(study: AnyStudy) -> str:
+    """What the bus voltage does to the speeds of the plan, a sentence; "": nothing."""
+    assert isinstance(study, Study)
+    law = _feedback(study)
+    most, (played, _) = highest(study, law), scenarios(study, law)
+    if study.drive.inverter is None or _top(played) < AT_LIMIT * most:
+        return ""
+    return (
+        f"The plan's speeds end at {most * RPM:.4g} rpm: beyond it {study.drive.inverter.bus_voltage:.4g} V "
+        "do not drive the current that friction, cogging and turning around take."
+    )
+
+
 def write(study: AnyStudy, folder: Path) -> None:
     """Write study.toml and id.toml to a folder."""
     play, identify = tables(study)
     for name, made in (("study", play), ("id", identify)):
         (folder / f"{name}.toml").write_text(text(made), encoding="utf-8")
+
+
+def _top(played: dict[str, Any]) -> float:
+    """The highest speed of these scenarios, rad/s."""
+    speeds = (speed for made in played.values() for _, speed in made["reference"]["profile"])
+    return max(abs(units.parse(speed, units.ANGULAR_SPEED)) for speed in speeds)
 
 
 def text(tables: dict[str, Any]) -> str:

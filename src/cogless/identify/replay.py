@@ -17,8 +17,8 @@ import numpy as np
 from cogless.errors import StudyError
 from cogless.identify import described
 from cogless.identify.config import Identification
-from cogless.identify.estimate import OTHERS, Progress, at_delay, coefficients, fitted, settled, with_values
-from cogless.identify.lateness import Lateness, lateness
+from cogless.identify.estimate import OTHERS, Progress, at_delay, coefficients, settled, whole, with_values
+from cogless.identify.lateness import NOTHING, Lateness, lateness
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value
 from cogless.identify.weak_form import Model, Name
@@ -33,6 +33,7 @@ ROUNDS = 2
 FINE = 10  # rows of a trace for each of its log, at most: the delay lies between the log's
 SIGNALS = ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d")  # of a trace that are kept
 MORE_DEAD_TIME = 0.002  # periods of the current loop: seen, and so short that its effect is in proportion
+LONGEST_DEAD_TIME = 0.1  # periods of the current loop: a longer one is no drive's
 OFF = 0.01  # relative difference of a log's rate from one that divides the current loop's
 
 
@@ -77,6 +78,17 @@ def _with_dead_time(table: dict[str, Any], drive: Drive, more: float) -> dict[st
 def _more(drive: Drive) -> float:
     """The dead time that a simulation adds, s."""
     return MORE_DEAD_TIME / drive.rates.current_loop
+
+
+def _likely(told: Value, drive: Drive) -> float:
+    """The dead time to simulate with, s, beyond the file's: as told, where a drive can have it.
+
+    What a dead time does to a current that changes sign is not in proportion to it.
+    """
+    if drive.inverter is None or abs(told.value) <= 2 * told.error:
+        return 0.0
+    whole = drive.inverter.dead_time + told.value
+    return told.value if 0 <= whole < LONGEST_DEAD_TIME / drive.rates.current_loop else 0.0
 
 
 def _said_of_dead_time(more: Value) -> str:
@@ -145,13 +157,14 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
         return made, {}
     traces: dict[str, Trace] = {}
     with_dead_time: dict[str, Trace] = {}
-    drive = made.known.drive
+    drive, dead_time = made.known.drive, NOTHING
     for n in range(ROUNDS):
+        own = _likely(dead_time, drive)
         try:
-            traces = played(made, partial(progress, f"simulation {n + 1} of {ROUNDS}"))
-            if n == ROUNDS - 1 and drive.inverter is not None:
-                said = "simulation with more dead time"
-                with_dead_time = played(made, partial(progress, said), _more(drive))
+            traces = played(made, partial(progress, f"simulation {n + 1} of {ROUNDS}"), own)
+            if drive.inverter is not None:
+                said = f"simulation {n + 1} of {ROUNDS} with more dead time"
+                with_dead_time = played(made, partial(progress, said), own + _more(drive))
         except StudyError as error:
             said = f"The logs could not be simulated ({error}); errors of the closed loop are not corrected."
             return replace(first, remarks=(*first.remarks, said)), {}
@@ -172,7 +185,9 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
         made = _corrected(first, made, traces, late, with_dead_time)
         if not made.values["j"].value > 0:
             return _without_inertia(first), traces
-    said = late.said or _said_of_dead_time(late.part.times(_more(drive)))
+        more = late.part.times(_more(drive))
+        dead_time = replace(more, value=own + more.value)
+    said = late.said or _said_of_dead_time(dead_time)
     return replace(made, remarks=(*made.remarks, *([said] if said else []))), traces
 
 
@@ -209,16 +224,14 @@ def _corrected(
 
     simulated, real = logs(0.0), first.model
     unsettled = replace(real, error={}, delay=0.0 if late is None else late.value)
-    played = settled(known, simulated, unsettled)
+    played, fit_of_simulated = settled(known, simulated, unsettled)
+    before = whole(played, fit_of_simulated)
     slow_switches: dict[Name, float] = {}  # what the added dead time does
     if with_dead_time and told.part.error:
-        before, others = coefficients(known, simulated, played), logs(0.0, with_dead_time)
-        after = coefficients(known, others, settled(known, others, unsettled))
+        after = whole(*settled(known, logs(0.0, with_dead_time), unsettled))
         slow_switches = {name: after[name] - value for name, value in before.items() if name != ("delay",)}
 
-    def unbiased(factor: float) -> dict[Name, float]:
-        measured = coefficients(known, first.logs, real, factor)
-        biased = coefficients(known, simulated, played, factor)
+    def unbiased(measured: Mapping[Name, float], biased: Mapping[Name, float]) -> dict[Name, float]:
         return {
             name: value
             - (biased[name] - truth[name] if name in truth else 0.0)
@@ -226,12 +239,18 @@ def _corrected(
             for name, value in measured.items()
         }
 
-    moved = _moved(known, simulated, logs(held if late is None else late.error), played)
+    assert first.fit is not None
+    here = unbiased(whole(real, first.fit), before)
+    spread = [
+        unbiased(
+            coefficients(known, first.logs, real, factor), coefficients(known, simulated, played, factor)
+        )
+        for factor in OTHERS
+    ]
+    moved = _moved(known, before, logs(held if late is None else late.error), played)
     for name, change in slow_switches.items():
         moved[name] = float(np.hypot(moved[name], told.part.error * change))
-    corrected = with_values(
-        first, unbiased(1.0), [unbiased(factor) for factor in OTHERS], fitted(known, simulated, played), moved
-    )
+    corrected = with_values(first, here, spread, fit_of_simulated, moved)
     kept = {key: value for key, value in corrected.values.items() if key in first.values}
     if late is not None:
         kept["delay"] = late
@@ -245,13 +264,13 @@ def _corrected(
 
 
 def _moved(
-    known: Identification, simulated: Sequence[Log], later: Sequence[Log], played: Model
+    known: Identification, before: Mapping[Name, float], later: Sequence[Log], played: Model
 ) -> dict[Name, float]:
     """What the coefficients move by if currents are logged later, without the delay itself."""
-    before = coefficients(known, simulated, played)
     if "delay" in played.columns:
-        played = settled(known, later, replace(played, delay=0.0, error={}))
-    after = coefficients(known, later, played)
+        after = whole(*settled(known, later, replace(played, delay=0.0, error={})))
+    else:
+        after = coefficients(known, later, played)
     return {name: after[name] - value for name, value in before.items() if name != ("delay",)}
 
 

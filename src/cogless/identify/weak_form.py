@@ -8,11 +8,10 @@ steps of the angle make in alpha and omega is known.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from cogless.identify.files import Array
@@ -22,6 +21,7 @@ WIDTH = 6e-3  # s, of the kernel
 REACH = 4  # of the kernel, in widths
 SHORTEST = 3  # width of the kernel, in rows, at least
 VISIBLE = 1 / 3  # of the sampling rate: a faster wave has no effect that a log could show
+PIECE = 1 << 14  # rows of a log that are filtered together: what they need stays in the processor's cache
 Name = tuple[str | int, ...]
 
 
@@ -90,9 +90,14 @@ class Kernel:
 
     def of(self, x: Array, kernel: Array, step: int) -> Array:
         """The filtered signal at every step-th row that the kernel covers."""
-        if step == 1:  # five times as fast as by windows
+        if step == 1:
             return np.correlate(x, kernel, "valid")
-        return np.asarray(sliding_window_view(x, len(kernel))[::step] @ kernel)
+        # kernel and signal in parts of a step: a product of matrices, its diagonals added up
+        parts, count = -(-len(kernel) // step), (len(x) - len(kernel)) // step + 1
+        taps, rows = np.zeros(parts * step), np.zeros((count + parts - 1) * step)
+        taps[: len(kernel)], rows[: len(x)] = kernel, x[: len(rows)]
+        products = rows.reshape(-1, step) @ taps.reshape(parts, step).T
+        return np.asarray(sum(products[part : part + count, part] for part in range(parts)))
 
 
 def width_of(log: Log, width: float) -> float:
@@ -104,10 +109,10 @@ def shifted(x: Array, rows: float) -> Array:
     """The signal so many rows later, by a cubic; at the ends it stays."""
     if not rows:
         return x
-    n = np.arange(len(x)) + rows
-    k = np.floor(n).astype(int)
-    f = n - k
-    a, b, c, d = (x[np.clip(k + m, 0, len(x) - 1)] for m in (-1, 0, 1, 2))
+    k = int(np.floor(rows))
+    f, ends = rows - k, abs(k) + 2
+    padded = np.concatenate((x[:1].repeat(ends), x, x[-1:].repeat(ends)))
+    a, b, c, d = (padded[ends + k + m : ends + k + m + len(x)] for m in (-1, 0, 1, 2))
     return np.asarray(b + 0.5 * f * (c - a + f * (2 * a - 5 * b + 4 * c - d + f * (3 * (b - c) + d - a))))
 
 
@@ -120,9 +125,26 @@ def corrected(theta: Array, model: Model) -> Array:
 
 def _error(theta: Array, model: Model) -> Array:
     found = np.zeros_like(theta)
-    for order, (cosine, sine) in model.error.items():
-        found += cosine * np.cos(order * theta) + sine * np.sin(order * theta)
+    for order, wave in _waves(theta, model.error):
+        cosine, sine = model.error[order]
+        found += cosine * wave.real + sine * wave.imag
     return found
+
+
+def _waves(theta: Array, orders: Iterable[int]) -> Iterator[tuple[int, NDArray[np.complex128]]]:
+    """Yield each order n with e^(j n theta), which the next overwrites, by products instead of sines."""
+    powers = [np.empty(len(theta), np.complex128)]  # 1, 2, 4, ... of e^(j theta)
+    np.cos(theta, out=powers[0].real)
+    np.sin(theta, out=powers[0].imag)
+    wave, at = np.ones_like(powers[0]), 0
+    for n in sorted(orders):
+        for bit in range((n - at).bit_length()):
+            if bit == len(powers):
+                powers.append(powers[-1] ** 2)
+            if (n - at) >> bit & 1:
+                wave *= powers[bit]
+        at = n
+        yield n, wave
 
 
 def rows_of(log: Log, model: Model, width: float, sensor: Sensor) -> list[Rows]:
@@ -141,88 +163,100 @@ def rows_of(log: Log, model: Model, width: float, sensor: Sensor) -> list[Rows]:
 
 
 def _moving(log: Log, rows: slice, model: Model, kernel: Kernel, width: float, sensor: Sensor) -> Rows:
-    dt, step_angle, pole_pairs = log.dt, sensor.step, sensor.pole_pairs
-    step = max(1, round(width / dt))
-    theta = corrected(log["theta"][rows], model)
-    current = log["i_q"][rows] if "i_q" in log else np.zeros(len(theta))
-    current = shifted(current, model.delay / dt)
-    i_d = shifted(log["i_d"][rows], model.delay / dt) if "i_d" in log else 0.0
-    slow = np.concatenate(
-        ([0.0] * kernel.half, kernel.of(theta, kernel.first, 1), [0.0] * kernel.half)
-    )  # the speed at every row
-    sign = np.sign(slow)
+    late = model.delay / log.dt
+    signals = {"theta": log["theta"][rows]}
+    signals |= {name: shifted(log[name][rows], late) for name in ("i_q", "i_d") if name in log}
+    if "torque" in log:
+        signals["torque"] = log["torque"][rows]  # in A: prepared by the caller
+    step = max(1, round(width / log.dt))
+    count, some = (rows.stop - rows.start - 2 * kernel.half - 1) // step + 1, max(1, PIECE // step)
+    pieces = [
+        _piece(log, signals, (first, min(first + some, count)), step, model, kernel, width, sensor)
+        for first in range(0, count, some)
+    ]
+    columns, y, noise, theta, omega, at = (np.concatenate(of) for of in zip(*pieces, strict=True))
+    return Rows(log, _names(log, model), columns, y, noise, theta, omega, rows.start + at)
+
+
+def _names(log: Log, model: Model) -> tuple[Name, ...]:
+    """Names of the columns of a log of a turning motor."""
+    single: list[Name] = [(key,) for key in ("j", "b", "c", "offset") if key in model.columns]
+    if "delay" in model.columns and "i_q" in log:
+        single.append(("delay",))
+    if log.kind == "load" and "torque" not in log:
+        single.append(("load", log.name))
+    kinds = (("cogging", model.cogging), ("ripple", model.ripple), ("encoder", model.encoder))
+    return (*single, *((kind, order, part) for kind, orders in kinds for order in orders for part in "cs"))
+
+
+def _piece(
+    log: Log,
+    signals: Mapping[str, Array],
+    some: tuple[int, int],
+    step: int,
+    model: Model,
+    kernel: Kernel,
+    width: float,
+    sensor: Sensor,
+) -> tuple[Array, ...]:
+    """Columns, y, noise, theta, omega and place in the stretch of some filtered rows, `step` rows apart."""
+    dt, step_angle, half = log.dt, sensor.step, kernel.half
+    first, last = step * some[0], step * (some[1] - 1) + 2 * half + 1  # what the kernel covers
+    before, after = max(0, first - half), min(len(signals["theta"]), last + half)
+    theta = corrected(signals["theta"][before:after], model)
+    slow = np.zeros(last - first)  # the speed at every row, but at the stretch's ends
+    slow[before + half - first : after - half - first] = kernel.of(theta, kernel.first, 1)
+    theta = theta[first - before : last - before]
+    current = signals["i_q"][first:last] if "i_q" in signals else np.zeros(len(theta))
+    i_d = signals["i_d"][first:last] if "i_d" in signals else np.zeros(len(theta))
+    speed, limit = np.abs(slow), 2 * np.pi * VISIBLE / dt
+    fastest = float(np.max(speed))
 
     def mean(x: Array) -> Array:
         return kernel.of(x, kernel.value, step)
 
-    def visible(order: int) -> NDArray[np.bool_]:
-        return np.asarray(np.abs(order * slow) < 2 * np.pi * VISIBLE / dt)
-
-    def cogging(order: int) -> list[Array]:
-        seen, angle = visible(order), order * theta
-        return [mean(np.where(seen, w(angle), 0.0)) for w in (np.cos, np.sin)]
-
-    slope = np.zeros_like(theta)  # of the cogging over the angle, by J
-    for n, (c, s) in model.waves.items():
-        slope += np.where(visible(n), n / model.j * (s * np.cos(n * theta) - c * np.sin(n * theta)), 0.0)
-
-    def encoder(order: int) -> list[Array]:
-        waves = (w(order * theta) for w in (np.cos, np.sin))
-        return [kernel.of(wave, kernel.second, step) - mean(slope * wave) for wave in waves]
-
-    def ripple(order: int) -> list[Array]:
-        """Torque of a wave of the magnet's flux, psi_d: by i_q, and by its slope with i_d, where known."""
-        seen, angle = visible(order), order * theta
-        cosine, sine = (np.where(seen, w(angle), 0.0) for w in (np.cos, np.sin))
-        direct = order / pole_pairs * i_d
-        return [mean(current * cosine - direct * sine), mean(current * sine + direct * cosine)]
-
     alpha, omega = kernel.of(theta, kernel.second, step), kernel.of(theta, kernel.first, step)
-    rubbing = mean(sign)
-    names: list[Name] = []
-    columns: list[Array] = []
-
-    def add(name: Name, column: Array) -> None:
-        names.append(name)
-        columns.append(column)
-
-    for key, column in (("j", alpha), ("b", omega), ("c", rubbing), ("offset", np.ones(len(alpha)))):
-        if key in model.columns:
-            add((key,), column)
-    if "delay" in model.columns and "i_q" in log:
-        add(("delay",), -kernel.of(current, kernel.first, step))
-    if log.kind == "load" and "torque" not in log:
-        add(("load", log.name), np.ones(len(alpha)))
-    for kind, orders, waves in (
-        ("cogging", model.cogging, cogging),
-        ("ripple", model.ripple, ripple),
-        ("encoder", model.encoder, encoder),
-    ):
-        for order in orders:
-            for part, column in zip("cs", waves(order), strict=True):
-                add((kind, order, part), -column)
+    rubbing = mean(np.sign(slow))
+    constant = np.ones(len(alpha))
+    found: dict[Name, Array] = {("j",): alpha, ("b",): omega, ("c",): rubbing, ("offset",): constant}
+    found["delay",] = -kernel.of(current, kernel.first, step)
+    found["load", log.name] = constant
+    slope = np.zeros_like(theta)  # of the cogging over the angle, by J
+    errors: dict[int, tuple[Array, Array]] = {}
+    for n, wave in _waves(theta, {*model.cogging, *model.ripple, *model.encoder, *model.waves}):
+        if n in model.encoder:
+            errors[n] = wave.real.copy(), wave.imag.copy()
+        cosine, sine = wave.real, wave.imag
+        if n * fastest >= limit:
+            seen = n * speed < limit
+            cosine, sine = cosine * seen, sine * seen
+        if n in model.waves:
+            c, s = model.waves[n]
+            slope += n / model.j * (s * cosine - c * sine)
+        if n in model.cogging:
+            found["cogging", n, "c"], found["cogging", n, "s"] = -mean(cosine), -mean(sine)
+        if n in model.ripple:  # torque of a wave of the magnet's flux, psi_d: by i_q, by its slope with i_d
+            direct = n / sensor.pole_pairs * i_d
+            found["ripple", n, "c"] = -mean(current * cosine - direct * sine)
+            found["ripple", n, "s"] = -mean(current * sine + direct * cosine)
+    for n, waves in errors.items():
+        for part, wave_of in zip("cs", waves, strict=True):
+            found["encoder", n, part] = mean(slope * wave_of) - kernel.of(wave_of, kernel.second, step)
     y = mean(current)
-    if "torque" in log:
-        y = y - mean(log["torque"][rows])  # in A: prepared by the caller
+    if "torque" in signals:
+        y = y - mean(signals["torque"][first:last])
     moved = np.abs(omega) * dt / step_angle if step_angle else np.zeros(len(omega))
     share = np.minimum(1.0, moved) * step_angle**2 / 12  # slower, the steps are a fast sawtooth
+    names = _names(log, model)
     noise = np.zeros((len(alpha), len(names)))
     for key, kernel_of in (("j", kernel.second), ("b", kernel.first)):
         if (key,) in names:
             noise[:, names.index((key,))] = share * np.sum(kernel_of**2)
-    middle = rows.start + kernel.half + step * np.arange(len(alpha))
+    middle = (half + step * np.arange(*some)).astype(np.float64)
     edge = REACH * width  # within it the sign of the speed may be another
     free = (np.abs(rubbing) > 0.999) & (np.abs(omega) > _slowest(step_angle, edge))
-    return Rows(
-        log,
-        tuple(names),
-        np.column_stack(columns)[free],
-        y[free],
-        noise[free],
-        mean(theta)[free],
-        omega[free],
-        middle[free].astype(np.float64),
-    )
+    columns = np.column_stack([found[name] for name in names])
+    return tuple(of[free] for of in (columns, y, noise, mean(theta), omega, middle))
 
 
 def _slowest(step_angle: float, window: float) -> float:

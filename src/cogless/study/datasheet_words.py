@@ -85,7 +85,12 @@ def check_agreement(found: Mapping[str, float]) -> None:
 
 def _why(one: float, other: float) -> str:
     times = max(one, other) / min(one, other) if one and other else math.inf
+    return mixed_up(times, NEAR) or f", not to differ by a factor of {times:.3g}"
+
+
+def mixed_up(times: float, near: float) -> str:
+    """What is mixed up where two numbers for one thing differ by about this factor; "" if that is unknown."""
     factor, name, mixed = min(MIXED_UP, key=lambda known: abs(times / known[0] - 1))
-    if abs(times / factor - 1) > NEAR:
-        return f", not to differ by a factor of {times:.3g}"
+    if abs(times / factor - 1) > near:
+        return ""
     return f"; they differ by {name}, the factor between {mixed}"
