@@ -216,11 +216,12 @@ def anti_cogging(rng: np.random.Generator) -> list:
     return case([kp, ki, limit, 16, 1.0, 1, 5.0, lead, ts, *law.table], rows)
 
 
-def trial(rng: np.random.Generator, through: bool) -> list:
+def trial(rng: np.random.Generator, through: bool, observes: bool = False) -> list:
     """Three trials of 40 samples on a plant of numbers."""
     k_1, c = single([-0.6, -0.4]), single([1.0, 0.1])
-    k_2, n, k_3, limit, learned_limit = single([0.15, 0.8, 0.5, 1.2, 2.0])
-    law = Trial(40, k_1, k_2, n, c, through, k_3, 2, limit, learned_limit)
+    k_2, n, k_3, limit, learned_limit = single([0.0 if observes else 0.15, 0.8, 0.5, 1.2, 2.0])
+    response, pole = single([0.15, 0.5] if observes else [0.0, 0.0])
+    law = Trial(40, k_1, k_2, n, c, through, k_3, 2, limit, learned_limit, response=response, pole=pole)
     y_ref = single(np.sin(0.2 * np.arange(40)) ** 2)
     rows = []
     for _ in range(3):
@@ -232,7 +233,8 @@ def trial(rng: np.random.Generator, through: bool) -> list:
             rows.append([*x, u, law.saturated])
             x = [x[0] + 0.3 * x[1], 0.7 * x[1] + 0.5 * u]
         law.end()
-    return case([*k_1, k_2, n, *c, through, k_3, 2, limit, learned_limit, *y_ref], rows, law.v)
+    config = [*k_1, k_2, n, *c, through, k_3, 2, limit, learned_limit, response, pole]
+    return case([*config, *y_ref], rows, law.v)
 
 
 def quality(rng: np.random.Generator) -> list:
@@ -354,7 +356,7 @@ def subjects() -> dict[str, Callable[[], list[list]]]:
         "pi_ilc": ilc, "robust_ilc": sliding, "space_speed": space_speed, "space_position": space_position,
         "pi_afc": afc, "harmonic": harmonics,
         "anti_cogging": lambda: [anti_cogging(rng())],
-        "trial": lambda: [trial(rng(), True), trial(rng(), False)],
+        "trial": lambda: [trial(rng(), True), trial(rng(), False), trial(rng(), False, observes=True)],
         "quality": lambda: [quality(rng())],
         "monitor": lambda: [monitor(rng())],
     }  # fmt: skip

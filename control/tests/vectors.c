@@ -367,6 +367,8 @@ static void trial(void)
     config.shift = count();
     config.limit = real();
     config.learned_limit = real();
+    config.observer.response = real();
+    config.observer.pole = real();
     reals(y_ref, config.samples);
     CHECK(cgl_trial_init(&law, &config, cell, CELLS) == CGL_OK);
     for (uint32_t p = 0, samples = count(); p < samples; ++p) {
