@@ -25,7 +25,7 @@ class CHarmonic:
         self.library, lib, self.orders = library, library.lib, r.orders
         same = ("k_theta", "b", "delay", "base", "bends", "orders", "rate", "rate_min", "limit")
         pi = {name: getattr(r.pi, name) for name in ("kp", "ki", "limit")}
-        numbers = {name: getattr(r, name) for name in same} | {"held": list(r.held)}
+        numbers = {name: getattr(r, name) for name in same} | {"held": [*r.held, *[0.0] * (8 - len(r.held))]}
         self.config = library.new("cgl_harmonic_config", pi=pi, **numbers)
         self.state = library.new("cgl_harmonic")
         self.memory, pointer = library.array(np.ones(5 * r.orders))
