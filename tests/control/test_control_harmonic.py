@@ -315,6 +315,15 @@ def test_a_reset_forgets_all_but_the_orders():
         assert c.step(*one) == fresh.step(*one)
 
 
+def test_the_guard_clears_every_order():
+    c = CHarmonic(control_library("double"), law())
+    run(c, Motor(10.0, RIPPLE), 10.0, 0.5)
+    assert np.all(c.c != 0)
+    c.input.forget = True
+    c.step(10.0, 10.0, 0.1, learn=False)
+    assert np.all(c.c == 0)
+
+
 def test_a_study_takes_as_many_orders_as_the_law() -> None:
     header = (SOURCE / "cogless" / "harmonic.h").read_text(encoding="utf-8")
     assert f"CGL_HARMONIC_ORDERS {ORDERS}U\n" in header
