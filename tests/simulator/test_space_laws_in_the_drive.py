@@ -233,7 +233,12 @@ def test_libraries_of_both_versions_are_loaded(tmp_path: Path) -> None:
     change: dict[str, Any] = {
         "reference": {"kind": "sine", "offset": 3.0, "amplitude": 2.0, "frequency": 5.0},
         # a bus that is never too low, a reference that is not cut, and no guard, since then "learn" is false
-        "drive": {"speed_divider": 1, "inverter": {"bus_voltage": 1e5}, "current_limit": 1e3, "unguarded": True},
+        "drive": {
+            "speed_divider": 1,
+            "inverter": {"bus_voltage": 1e5},
+            "current_limit": 1e3,
+            "unguarded": True,
+        },
     }
     found = []
     for n, source in enumerate((FIRST_VERSION, SECOND_VERSION)):
