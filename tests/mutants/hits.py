@@ -15,7 +15,7 @@ FOLDER = Path(__file__).parents[2] / "hits"  # of the copy of the tree in which 
 DIGITS = bytes([ord("0"), *[ord("1")] * 255])
 
 
-# A page for this process and those that it starts. Not in a hook: a conftest.py loads marked code before most.
+# A page for this process and those that it starts. In no hook: a conftest.py loads marked code before most.
 page = FOLDER / f"page-{os.environ.get('PYTEST_XDIST_WORKER', 'main')}"
 page.write_bytes(bytes(PAGE))
 os.environ["COGLESS_HITS"] = str(page)
