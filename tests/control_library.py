@@ -5,6 +5,7 @@ source.
 """
 
 import functools
+import math
 import re
 import runpy
 import subprocess
@@ -44,8 +45,22 @@ class ControlLibrary:
         return float(np.finfo(self.real).eps)
 
     def new(self, name: str, **fields: Any) -> Any:
-        """A pointer to a new struct; the fields not given are zero."""
-        return self.ffi.new(f"{name} *", fields)
+        """A pointer to a new struct; the fields not given are zero.
+
+        Of a list of reals that is shorter than its array, the rest is NaN: no code may read beyond its count.
+        """
+        made = self.ffi.new(f"{name} *", fields)
+        self._spoil_rest(made, fields)
+        return made
+
+    def _spoil_rest(self, struct: Any, fields: dict[str, Any]) -> None:
+        for name, value in fields.items():
+            member = getattr(struct, name)
+            if isinstance(value, dict):
+                self._spoil_rest(member, value)
+            elif isinstance(value, list) and self.ffi.typeof(member).item.cname in ("float", "double"):
+                for n in range(len(value), len(member)):
+                    member[n] = math.nan
 
     def array(self, values: Any) -> tuple[Any, Any]:
         """A NumPy copy in the library's numbers, and a pointer to it that lives as long as the library."""

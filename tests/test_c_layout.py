@@ -122,7 +122,7 @@ def test_numbers_are_those_of_a_cast() -> None:
     control = control_library("float")
     data = control_layout("single").pack("cgl_pi_config", PI)
     assert data == bytes(control.ffi.buffer(control.new("cgl_pi_config", **PI)))
-    zeros = control.new("cgl_feedforward_config", numerator=2, num=[0.1, 0.2])
+    zeros = control.ffi.new("cgl_feedforward_config *", {"numerator": 2, "num": [0.1, 0.2]})
     values = {"numerator": 2, "denominator": 0, "preview": 0, "num": [0.1, 0.2], "den": ()}
     data = control_layout("single").pack("cgl_feedforward_config", values)
     assert data == bytes(control.ffi.buffer(zeros))

@@ -146,7 +146,8 @@ def test_elsewhere():
 """
 
 
-def test_the_tests_that_execute_a_block_are_noted(tmp_path: Path) -> None:
+@pytest.mark.parametrize("workers", ["0", "1"])
+def test_the_tests_that_execute_a_block_are_noted(tmp_path: Path, workers: str) -> None:
     """A function's head belongs to its body, the condition of an elif to what is around."""
     where = ("LIMIT = 1", "least=0", "x < least", "-LIMIT", "x == 0", "0\n    r", "k for")
     blocks = [block_at("a.py", MARKED, MARKED.index(text)) for text in where]
@@ -154,14 +155,17 @@ def test_the_tests_that_execute_a_block_are_noted(tmp_path: Path) -> None:
     text = marked("a.py", MARKED, 40)
     assert "_cogless_page" not in text.partition('"""A function."""')[0].partition("LIMIT = 1")[2]
     (tmp_path / "a.py").write_text(text)
-    (tmp_path / "plugin.py").write_text("from mutants.hits import *\nfrom mutants import hits\n"
-                                        f"hits.FOLDER = hits.Path({str(tmp_path)!r})\n")  # fmt: skip
-    (tmp_path / "test_a.py").write_text(TESTS)
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "plugin", "-p", "no:cacheprovider", "test_a.py"]
-    both = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT / 'tests'}"}
+    tests = tmp_path / "tests"
+    shutil.copytree(ROOT / "tests/mutants", tests / "mutants", ignore=shutil.ignore_patterns("__pycache__"))
+    (tests / "test_a.py").write_text(TESTS)
+    (tests / "conftest.py").write_text("import a\n")  # before most hooks
+    (tmp_path / "hits").mkdir()
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "mutants.hits", "-p", "no:cacheprovider"]
+    command += ["-n", workers, "tests/test_a.py"]
+    both = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{tests}"}
     done = subprocess.run(command, cwd=tmp_path, env=both, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
-    lines = [line.split(" ", 2) for line in (tmp_path / "tests").read_text().splitlines()]
+    lines = [line.split(" ", 2) for line in (tmp_path / "hits/tests").read_text().splitlines()]
     assert [(int(bits, 16), test.partition("::")[2]) for bits, _, test in lines] == [
         (0, ""), (0b011 << 40, "test[-2--1]"), (0b101 << 40, "test[0-0]"), (0b001 << 40, "test[3-1]"),
         (0b011 << 40, "test_elsewhere"),

@@ -25,7 +25,7 @@ class CHarmonic:
         self.library, lib, self.orders = library, library.lib, r.orders
         same = ("k_theta", "b", "delay", "base", "bends", "orders", "rate", "rate_min", "limit")
         pi = {name: getattr(r.pi, name) for name in ("kp", "ki", "limit")}
-        numbers = {name: getattr(r, name) for name in same} | {"held": list(r.held)}
+        numbers = {name: getattr(r, name) for name in same} | {"held": [*r.held, *[0.0] * (8 - len(r.held))]}
         self.config = library.new("cgl_harmonic_config", pi=pi, **numbers)
         self.state = library.new("cgl_harmonic")
         self.memory, pointer = library.array(np.ones(5 * r.orders))
@@ -313,6 +313,15 @@ def test_a_reset_forgets_all_but_the_orders():
     rng = np.random.default_rng(3)
     for one in inputs(rng, np.float32, 0.003)[:500]:
         assert c.step(*one) == fresh.step(*one)
+
+
+def test_the_guard_clears_every_order():
+    c = CHarmonic(control_library("double"), law())
+    run(c, Motor(10.0, RIPPLE), 10.0, 0.5)
+    assert np.all(c.c != 0)
+    c.input.forget = True
+    c.step(10.0, 10.0, 0.1, learn=False)
+    assert np.all(c.c == 0)
 
 
 def test_a_study_takes_as_many_orders_as_the_law() -> None:

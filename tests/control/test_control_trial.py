@@ -58,7 +58,7 @@ class CTrial:
             "q_filter": {"order": self.order, "b": list(law.b), "a": list(law.a)},
         }
         if matrix is not None:
-            fields["learning_matrix"] = library.array(matrix)[1]
+            fields["learning_matrix"] = library.array([*matrix.ravel(), math.nan])[1]  # nor is more read
         self.config = library.new("cgl_trial_config", **fields)
         self.state = library.new("cgl_trial")
         self.memory, pointer = library.array(np.full(2 * law.samples + 3 * (self.order + 1), 7.0))

@@ -92,6 +92,7 @@ def test_gains_of_a_plant_that_acts_the_other_way() -> None:
     w = Bundle([loop], 1).grid
     G, other = (Bundle([which], 1)(w) for which in (loop, turned))
     assert (direction(G), direction(other)) == (1.0, -1.0)
+    assert direction(np.array([[0.0, -1.0 + 0.5j, -2.0]])) == 1.0  # zero at rest
     assert best_gain(other) == pytest.approx((-best_gain(G)[0], best_gain(G)[1]))
     ours, theirs = (of(which, K).design.without_filter for which, K in ((loop, 0.3), (turned, -0.3)))
     assert ours is not None and theirs is not None

@@ -211,6 +211,7 @@ def test_a_study_travels_with_its_files(tmp_path: Path) -> None:
     (home / "law.py").write_text("from helper import GAIN\n" + FRAGILE.replace("0.01", "GAIN"))
     (home / "helper.py").write_text("GAIN = 0.01\n")
     own = '[controller.own]\nlaw = "python"\nobject = "../law.py:Law"\nparams = { gain = 0.5 }\n'
+    own += f'label = "{300 * "x"}"\n'  # longer than a file's name may be
     parcel = pack(ensembles.study(home / "in", vary=own))
     assert set(parcel.files) == {"../law.py", "../helper.py"}
     (expected,) = run_study(unpacked(parcel), ["low/own"]).runs

@@ -77,6 +77,7 @@ ki = "2 A/rad"
 gain = "0.05 A*s/rad"
 memory = "angle"
 cells = 64
+period = "electrical"  # so that what is learned acts within the run, after 50 ms
 q_half_width = 1
 [controller.own]
 law = "python"
@@ -307,9 +308,10 @@ def test_both_fmus_together_are_the_simulation(both: Exported, version: int) -> 
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_state_can_be_kept_and_taken_up_again(both: Exported, version: int) -> None:
+    """With what was learned, which acts: in the second period of the angle, in the second trial."""
     slave = Slave(both.folders["drive", version])
     names = slave.outputs()
-    slave.run(100, names)
+    slave.run(600 if both.controller == "pi-ilc" else 900, names)
     state, at = slave.fmu.getFMUState(), slave.steps
     first = slave.run(150, names)
     slave.fmu.setFMUState(state)

@@ -88,6 +88,7 @@ def test_eccentricity_is_the_encoders(found):
     assert turned(once.phase.value, 0.0) < 3
     sensor = described.drive(made)["position_sensor"]
     assert sensor["eccentricity"] == f"{np.degrees(once.size.value):.5g} deg"
+    assert sensor["eccentricity_phase"] == f"{np.degrees(once.phase.value):.5g} deg"
     assert set(by_order(made.encoder)) == {1}
 
 

@@ -128,6 +128,13 @@ def test_the_report_says_what_was_found(chain):
     page = (chain / "found/report.html").read_text()
     for text in ("inertia over K_t", "Measured over simulated", "load-backwards", "predicted by the others"):
         assert text in page
+    found = json.loads((chain / "found/identified.json").read_text())
+    kinds = {"cogging": "Cogging (mN m)", "torque_constant_ripple": "Ripple of K_t (%)",
+             "encoder": "Encoder&#x27;s error (deg)"}  # fmt: skip
+    for kind, title in kinds.items():
+        drawn = re.findall(rf"<h3>{re.escape(title)} by mechanical order.*?</svg>", page, re.DOTALL)
+        orders = re.findall(r'"middle">(\d+)<', "".join(drawn))
+        assert orders == [str(wave["order"]) for wave in found[kind]], title
     assert "src=" not in page and "href=" not in page  # works offline
     ratios = re.findall(r"one-speed: (?:omega|i_q) \(.*? simulated over measured ([\d.]+|nan)", page)
     assert len(ratios) == 4  # of speed and current, each in the heading and in the picture's label

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from typing import NamedTuple
 
 from mutants import c_code
@@ -18,6 +19,7 @@ class Block(NamedTuple):
     mark: int  # line before which, or position at which the mark stands
 
 
+@cache
 def blocks_of(file: str, text: str) -> list[Block]:
     if not file.endswith(".py"):
         return [Block(begins, closes, begins) for begins, closes in c_code.functions(text)]

@@ -9,25 +9,23 @@ from time import process_time
 
 import pytest
 
-from mutants.switched import PAGE  # not the page, which is opened when it is imported
+from mutants.switched import PAGE  # not mutants.page, which opens what COGLESS_HITS names
 
 FOLDER = Path(__file__).parents[2] / "hits"  # of the copy of the tree in which the tests run
 DIGITS = bytes([ord("0"), *[ord("1")] * 255])
 
 
-def pytest_configure() -> None:
-    """A page for this process and those that it starts, before any of them loads marked code."""
-    page = FOLDER / f"page-{os.environ.get('PYTEST_XDIST_WORKER', 'main')}"
-    page.write_bytes(bytes(PAGE))
-    os.environ["COGLESS_HITS"] = str(page)
+# A page for this process and those that it starts. In no hook: a conftest.py loads marked code before most.
+page = FOLDER / f"page-{os.environ.get('PYTEST_XDIST_WORKER', 'main')}"
+page.write_bytes(bytes(PAGE))
+os.environ["COGLESS_HITS"] = str(page)
 
 
 def _note(test: str, seconds: float) -> None:
     """Write down a test's marks as the bits of a number, and clear the page."""
-    with Path(os.environ["COGLESS_HITS"]).open("r+b") as page:
-        marks = int(page.read()[::-1].translate(DIGITS), 2)
-        page.seek(0)
-        page.write(bytes(PAGE))
+    marks = int(page.read_bytes()[::-1].translate(DIGITS), 2)
+    with page.open("r+b") as file:  # the same file, which is shared
+        file.write(bytes(PAGE))
     with (FOLDER / "tests").open("a") as file:
         file.write(f"{marks:x} {seconds:.3f} {test}\n")
 

@@ -409,6 +409,11 @@ def test_a_miss_names_its_window_and_one_before_the_verdicts_is_none(made):
     assert misses(compare(results, "low-speed")) == {"pi-ilc": "speed early, 0.5 to 2 s: mean 30 of 60 rpm"}
     low = verdicts(results)[0]
     assert low.headline.startswith("At 60 rpm, PI-ILC leaves") and "hold" not in " ".join(low.details)
+    # of several the one that ends last is told
+    inner = RMS.replace("speed_error", "speed_inner") + 'window = ["1 s", "1.5 s"]'
+    for both in ((early, inner), (inner, early)):
+        lines = compare(ripple_of(slow, *both), "low-speed")
+        assert misses(lines) == {"pi-ilc": "speed early, 0.5 to 2 s: mean 30 of 60 rpm"}
     # where that's the window of the verdict, it counts
     low = verdicts(ripple_of(slow, early))[0]
     assert "PI-ILC did not hold the speed in speed early, 0.5 to 2 s: mean 30 of 60 rpm." in low.details

@@ -1,6 +1,7 @@
 """The sensor's own error, which no law can see, is told apart in trace, metrics and verdict."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,9 @@ from engine import run
 import studies
 from cogless.report import verdicts
 from cogless.report.comparison import compare
+from cogless.report.late import table
 from cogless.report.sensor import sensor
+from cogless.report.speed_tracking import late
 from cogless.results import Results
 from cogless.run import simulate
 from cogless.study import load
@@ -199,3 +202,12 @@ def test_of_one_controller(ripples):
 def test_a_sensor_that_gives_no_number_says_nothing(ripples):
     broken = with_sensor(ripples, {"pi": math.nan})
     assert sensor(broken, "low-speed", compare(broken, "low-speed")[3]) is None
+
+
+def test_late_in_a_run_that_turns_jitter_is_of_the_errors(made):
+    text = re.sub(r"<[^>]+>", "|", table(made, made.runs))
+    for name, signal in (("", "theta_error"), (" as measured", "theta_error_measured")):
+        row = re.search(rf"position jitter{name}, rms(.*?)position jitter", text, re.DOTALL)[1]
+        told = [float(value) for value in re.findall(r"([\d.]+) deg", row)]
+        here = [np.rad2deg(np.std(run.trace[signal][late(made, run)])) for run in made.runs]
+        assert told == pytest.approx(here, rel=5e-3)

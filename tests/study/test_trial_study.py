@@ -37,6 +37,11 @@ def test_phases_keep_what_a_change_does_not_name(tmp_path: Path) -> None:
     assert (study.samples("move"), study.period, study.states) == (200, 0.0025, 2)
 
 
+def test_a_change_may_be_of_the_last_trial(tmp_path: Path) -> None:
+    study = trial_studies.loaded(tmp_path, {"scenario.move.changes.1.trial": 12, "scenario.move.trials": 12})
+    assert [first for first, _ in study.scenario["move"].phases] == [1, 5, 12]
+
+
 def test_a_change_takes_a_bare_number_in_the_study_s_unit(tmp_path: Path) -> None:
     study = trial_studies.loaded(tmp_path, {"scenario.move.changes.1.override": {"mechanics.inertia": 8e-4}})
     assert study.hardware("move")[2].mechanics.inertia == pytest.approx(8e-4)
