@@ -160,7 +160,7 @@ def test_orders_that_a_soft_shaft_turns_are_held():
 def test_hall_sensors_show_the_loads_orders_only():
     """With 15 pole pairs their places have order 15; the load has orders 1 and 2."""
     law = {"law": "harmonic", "tuning": {"rule": "auto"}, "kp": "0.4 A*s/rad", "ki": "2 A/rad"}
-    short = {"scenario.walk.duration": "12 s", "metric": [], "controller.harmonic": law}
+    short = {"scenario.walk.duration": "11 s", "metric": [], "controller.harmonic": law}
     here = load("hub-motor", short)
     told = learner(here, "harmonic")
     assert (told.base, told.orders, told.bends) == (1, 14, 0)

@@ -66,7 +66,7 @@ def test_in_position_friction_holds_and_without_it_the_rotor_swings_within_a_cou
 
 
 def test_a_hub_motor_learns_what_90_steps_a_revolution_show_and_no_more() -> None:
-    made = metrics(load("hub-motor", {"scenario.walk.duration": "20 s"}), "walk/*")
+    made = metrics(load("hub-motor", {"scenario.walk.duration": "28 s"}), "walk/*")
     orders = {name: m["speed_order_rad_s"] for name, m in made.items()}
     for name in ("pi-ilc", "pi-afc"):
         assert made[name]["speed_ripple_rad_s"] < 0.1 * made["pi"]["speed_ripple_rad_s"]
