@@ -17,6 +17,7 @@ from cogless.live import motor, write
 from cogless.live.blobs import held
 from cogless.live.keys import adjustable, packed
 from cogless.live.page import data
+from cogless.report.speed_tracking import missed
 from cogless.report.status_lanes import MOMENT
 from cogless.results.status import Status
 from cogless.run.simulate import simulate
@@ -176,6 +177,20 @@ def test_the_page_says_when_the_guard_held_learning_back_in_the_judged_window(ow
         wanted = float(np.sum(held)) * trace.period >= MOMENT
         text = shown.run("return document.querySelector('#verdicts').innerText")
         assert ("The guard held its learning back" in text) == wanted
+
+
+@in_browser
+def test_a_motor_that_stands_is_not_praised(own, shown):
+    study, _ = own
+    shown.run("cogless.set('scenario.slow.reference', 30); cogless.set('mechanics.coulomb_friction', 300)")
+    settle(shown)
+    run = simulate(changed(study, sets_of(shown)), "slow", "pi")
+    assert missed(run, run.trace.window(4.0, 6.0), "rpm") == "mean 0 of 30 rpm"
+    text = shown.run("return document.querySelector('#verdicts').innerText")
+    assert text.count("did not hold the speed: mean 0 of 30 r/min.") == 2 and "ripple" not in text
+    shown.run("cogless.set('mechanics.coulomb_friction', 3)")
+    settle(shown)
+    assert "not hold" not in shown.run("return document.querySelector('#verdicts').innerText")
 
 
 def test_a_number_that_is_no_product_is_refused(own):

@@ -1,6 +1,7 @@
 """The page's metrics against cogless's, on one trace."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from node import NO_NODE, run_node
 
 from cogless import load
 from cogless.live.page import _metric
+from cogless.report.speed_tracking import DRIFT, FAR, LOST, ONE_WAY, missed
 from cogless.results.metrics import KINDS, Conditions, evaluate, result_name
 from cogless.results.trace import Trace
 from cogless.study.metric import Metric
@@ -103,3 +105,39 @@ def test_each_kind_in_each_window(tmp_path, reverses):
         )
     of_trials = {"first-rms", "final-rms", "trials-to-floor"}
     assert set(made["kinds"]) == KINDS.keys() - of_trials
+
+
+MISSED = """
+const { Trace, missed } = liveMetrics, { names, about, traces } = given;
+const count = given.traces[0].length, columns = names.length;
+const of = (rows) => new Trace({ rows: Float64Array.from(rows.flat()), count, columns, names });
+return traces.map((rows) => missed({ window: [0, 2] }, of(rows), about));
+"""
+
+
+def test_a_speed_that_was_not_held_is_said_as_in_the_report(tmp_path):
+    time = np.arange(2000) * 1e-3
+    steady, swing, rest = (12.0 + 0 * time, 8.0 * np.cos(9 * time), 0 * time)
+    stood = [(steady, rest), (steady, 0.9 * steady), (swing, rest), (rest, swing), (swing, -swing)]
+    held = [
+        (steady, 0.97 * steady),
+        (steady, steady * (time > 0.9)),
+        (swing, 0.8 * swing),
+        (rest, 0.01 * swing),
+    ]
+    pairs = [np.column_stack([time, *pair]) for pair in stood + held]
+    names = {name: unit for name, unit in NAMES.items() if name in ("time", "omega_ref", "omega_m")}
+    order = ("time", "omega_ref", "omega_m")
+    tracking = {"far": FAR, "lost": LOST, "drift": DRIFT, "one_way": ONE_WAY}
+    given = {
+        "names": order,
+        "about": {"events": [], "tracking": tracking},
+        "traces": [x.tolist() for x in pairs],
+    }
+    found = run_node(tmp_path, ("metrics.js",), MISSED, given)
+    for n, (rows, mine) in enumerate(zip(pairs, found, strict=True)):
+        ran = Trace(order, tuple(names[name] for name in order), rows)
+        told = missed(SimpleNamespace(trace=ran), slice(None), "rad/s")
+        assert (mine is None) == (told is None) == (n >= len(stood))
+        if mine and mine["kind"] == "mean":
+            assert told == f"mean {mine['got']:.4g} of {mine['wanted']:.4g} rad/s"

@@ -18,6 +18,7 @@ from cogless.live.blobs import OFF, held, left_out, precision
 from cogless.live.keys import Found, Key, Place, adjustable, packed
 from cogless.live.packed import Packed
 from cogless.report.markup import asset as report_asset
+from cogless.report.speed_tracking import DRIFT, FAR, LOST, ONE_WAY
 from cogless.report.status_lanes import MOMENT
 from cogless.report.trials.errors import display_unit, judged
 from cogless.report.trials.phases import phases
@@ -102,6 +103,7 @@ def data(study: AnyStudy, found: Found, command: str) -> dict[str, Any]:
         "busy": int(Status.BUSY),
         "guarded": int(Status.GUARDED),
         "moment": MOMENT,
+        "tracking": {"far": FAR, "lost": LOST, "drift": DRIFT, "one_way": ONE_WAY},
         "scenarios": [
             {
                 "name": scenario,

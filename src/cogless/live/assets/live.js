@@ -90,7 +90,7 @@
       const last = at("trials"), chosen = [...phases.flatMap((phase) => phase.trials), last];
       return { description: data, ticks: at("ticks"), decimation: at("decimation"), about: { pole_pairs: at("pole_pairs"), events: [], trials: last, starts }, metrics, judged, panels, chosen };
     }
-    const about = { events: [], guarded: page.guarded, ...Object.fromEntries(["pole_pairs", "R_s", "power_factor", "speed_period", "unit"].map((what) => [what, at(what)])) };
+    const about = { events: [], guarded: page.guarded, tracking: page.tracking, ...Object.fromEntries(["pole_pairs", "R_s", "power_factor", "speed_period", "unit"].map((what) => [what, at(what)])) };
     for (let n = 0; run.about[`page.events.${n}`]; n++) about.events.push(at(`events.${n}`));
     let learned = null, learn = null;
     if (run.learned) {
@@ -201,8 +201,13 @@
       refresh(range);
     });
     range.addEventListener("change", () => { dragging = false; });
+    let comma = false; // typed, which some browsers leave out: 1,9 becomes 19
+    field.addEventListener("beforeinput", (event) => { comma ||= Boolean(event.data?.includes(",")); });
     field.addEventListener("change", () => {
-      if (Number.isFinite(field.valueAsNumber)) {
+      const leftOut = comma && !field.value.includes(".");
+      comma = false;
+      if (leftOut) notes.set(key.key, `Expected a point for a comma. It stays at ${value(key)}.`);
+      else if (Number.isFinite(field.valueAsNumber)) {
         begin();
         set(key, field.valueAsNumber);
         dragging = false;
@@ -316,9 +321,18 @@
       }
       const metric = scenario().metrics[which];
       if (!metric) continue;
+      const gone = run.result.missed[which];
+      if (gone) {
+        item.className = "worse";
+        head.append(` did not hold the speed: ${gone.kind} ${number(rpm(gone.got))} of ${number(rpm(gone.wanted))} r/min.`);
+        continue;
+      }
       const x = run.result.values[which] / metric.factor, words = metric.titles[0], unit = metric.unit.replace("rpm", "r/min");
       head.append(`: ${number(x)} ${unit} of ${words}`);
-      if (off) {
+      if (off && off.missed[which]) {
+        item.className = "better";
+        head.append(". With learning off it did not hold the speed.");
+      } else if (off) {
         const base = off.values[which] / metric.factor, ratio = base / x;
         item.className = ratio > 1.05 ? "better" : ratio < 0.95 ? "worse" : "";
         const how = ratio > 1.05 ? `${number(ratio)} times less than` : ratio < 0.95 ? `${number(1 / ratio)} times as much as` : "as much as";

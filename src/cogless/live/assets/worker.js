@@ -1,7 +1,7 @@
 "use strict";
 // Carries out one run after the other, and hands back what the page shows: numbers, and curves thinned to its width.
 (() => {
-  const { Trace, evaluate, held, ofPhases, rms, whole, TAU, largest, smallest } = liveMetrics;
+  const { Trace, evaluate, held, missed, ofPhases, rms, whole, TAU, largest, smallest } = liveMetrics;
   const POINTS = 600; // of a curve over the whole run: a lowest and a highest value each
   const CELLS = 1024; // of a revolution in the spectrum
   const ORDERS = 160; // of a revolution at most
@@ -103,6 +103,7 @@
     return {
       values, map, error,
       guarded: metrics.map((m) => held(about.guarded, m, trace, about)),
+      missed: metrics.map((m) => missed(m, trace, about)),
       names: trace.names,
       whole: thin(trace.time, trace.get(error)),
       current: thin(trace.time, trace.get("i_q")),
