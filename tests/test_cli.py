@@ -61,6 +61,17 @@ def test_run_prints_a_table_and_writes_everything(tmp_path: Path, capsys: pytest
     ]
 
 
+def test_a_scenario_without_a_metric_has_no_empty_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = studies.write(tmp_path)
+    code, out, _ = cogless(
+        capsys, "run", study, "--only", "low/*", "--set", "metric=[]", "-o", tmp_path / "out"
+    )
+    assert code == 0
+    assert [line.strip() for line in out.splitlines() if line][:-1] == ["low", "no metric"]
+
+
 def test_run_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     options = ("--only", "low/fair", "--only", "step/fair", "--set", "controller.fair.law=pi-ilc")
     study = (studies.write(tmp_path), "--set", "controller.fair.gain=9")

@@ -26,13 +26,13 @@ def print_tables(results: AnyResults) -> None:
     study, console = results.study, new_console()
     for scenario in results.scenarios:
         controllers = [run.controller for run in results.runs if run.scenario == scenario]
+        lines = report.lines(results, scenario)
         table = Table(
             title=Text(scenario), title_justify="left", title_style="bold", box=None, pad_edge=False
         )
-        table.add_column("")
-        for name in controllers:
+        table.add_column("" if lines else "no metric")
+        for name in controllers if lines else []:
             table.add_column(Text(study.label(name)), justify="right")
-        lines = report.lines(results, scenario)
         for line in lines:
             cells = [_cell(line, name, study.baseline) for name in controllers]
             table.add_row(Text(f"{line.title} [{line.unit}]" if line.unit else line.title), *cells)
@@ -43,7 +43,7 @@ def print_tables(results: AnyResults) -> None:
         if broken is not None:
             console.print(broken, highlight=False, markup=False)
         console.print()
-    shown = {run.controller for run in results.runs}
+    shown = {run.controller for run in results.runs if study.metrics_in(run.scenario)}
     if len(shown) > 1:  # with one controller there are no marks to explain
         ratio = f"; (x) times the value of {study.label(study.baseline)}" if study.baseline in shown else ""
         console.print(f"* best{ratio}", highlight=False, markup=False)

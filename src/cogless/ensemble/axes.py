@@ -70,7 +70,7 @@ def axes(study: AnyStudy) -> list[Axis]:
 
 
 def tried(study: AnyStudy, table: str, changes: dict[str, Any]) -> None:
-    """StudyError, as told of any study, if it refuses these changes, which `table` asks for."""
+    """Raises StudyError, about a key of `table`, if the study refuses these changes."""
     try:
         changed(study, changes)
     except StudyError as error:

@@ -101,7 +101,7 @@ class Score:
 
     @property
     def missed(self) -> float:
-        """By how much the setting misses what must hold."""
+        """By how much the setting misses its limits, and by how much its learning grows."""
         return self.violation + self.growth
 
     @property

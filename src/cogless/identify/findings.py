@@ -323,7 +323,7 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
 
 
 def kernel_width(known: Identification, logs: Sequence[Log]) -> float:
-    """Width of a kernel that passes order 6 p in the slowest log, where the usual one hides it."""
+    """The usual width of a kernel, or a narrower one where that would hide order 6 p in the slowest log."""
     poles, slowest = known.motor.pole_pairs, max(1e-9, min(speed(log) for log in logs if log.dt))
     return WIDTH if 6 * poles <= SEEN / (WIDTH * slowest) else 1 / (6 * poles * slowest)
 
