@@ -69,7 +69,7 @@ def test_a_scenario_without_a_metric_has_no_empty_table(
         capsys, "run", study, "--only", "low/*", "--set", "metric=[]", "-o", tmp_path / "out"
     )
     assert code == 0
-    assert [line.strip() for line in out.splitlines() if line][:-1] == ["low", "no metric"]
+    assert [line.strip() for line in out.splitlines() if line][:-1] == ["low: no metric"]
 
 
 def test_run_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -110,12 +110,15 @@ MOTORS: dict[str, dict[str, Any]] = {
 }
 
 
+def study_tables(name: str) -> dict[str, Any]:
+    """The tables of a study of one of these motors."""
+    scenario = {"one": {"duration": "1 s", "reference": "1 rev/s", "initial_speed": "1 rev/s"}}
+    return {"title": name, **MOTORS[name], "scenario": scenario, "controller": PI, "metric": [METRIC]}
+
+
 def study_text(name: str) -> str:
     """A study of one of these motors."""
-    scenario = {"one": {"duration": "1 s", "reference": "1 rev/s", "initial_speed": "1 rev/s"}}
-    return plan.text(
-        {"title": name, **MOTORS[name], "scenario": scenario, "controller": PI, "metric": [METRIC]}
-    )
+    return plan.text(study_tables(name))
 
 
 @cache

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from identify.commissioned import METRIC, PI
+from identify.commissioned import METRIC, PI, study_tables
 
 from cogless.errors import StudyError
 from cogless.identify import config, plan
@@ -98,24 +99,11 @@ def test_a_stepper_comes_out_of_its_planned_logs(logs):
     assert np.degrees(error.size.value) == pytest.approx(0.2, rel=0.05)
 
 
-SERVO = {
-    "title": "servo",
-    "motor": {"pole_pairs": 4, "R_s": "0.8 ohm", "L_d": "2 mH", "L_q": "2 mH", "K_t": "0.3 N*m/A"},
-    "mechanics": {
-        "inertia": "5e-4 kg*m^2",
-        "coulomb_friction": "30 mN*m",
-        "viscous_friction": "1e-3 N*m*s/rad",
-    },
-    "drive": {
-        "rates": {"current_loop": "10 kHz", "speed_loop": "1 kHz"},
-        "current_loop": {"bandwidth": "500 Hz", "current_limit": "10 A"},
-        "inverter": {"bus_voltage": "24 V"},
-        "position_sensor": {"kind": "encoder", "lines": 16384, "speed_method": "M"},
-    },
-    "scenario": {"one": {"duration": "1 s", "reference": "300 rpm"}},
-    "controller": PI,
-    "metric": [METRIC],
-}
+def servo() -> dict[str, Any]:
+    """The servo without cogging, so that friction alone takes current, at a speed that it holds at 24 V."""
+    tables = study_tables("servo")
+    motor = {key: value for key, value in tables["motor"].items() if key != "cogging"}
+    return {**tables, "motor": motor, "scenario": {"one": {"duration": "1 s", "reference": "300 rpm"}}}
 
 
 def planned(folder: Path, tables: dict, volts: float) -> Path:
@@ -132,13 +120,13 @@ def tops(folder: Path) -> dict[str, float]:
 
 
 def test_a_plan_within_the_voltage_is_not_lowered(tmp_path):
-    high = tops(planned(tmp_path, SERVO, 48))
+    high = tops(planned(tmp_path, servo(), 48))
     assert high["one-speed"] == pytest.approx(300 * math.pi / 30, rel=1e-5)
     assert plan.lowered(load(tmp_path / "motor.toml")) == ""
 
 
 def test_speeds_of_a_plan_end_where_the_voltage_drives_their_current(tmp_path):
-    low = tops(planned(tmp_path, SERVO, 15))
+    low = tops(planned(tmp_path, servo(), 15))
     top = max(low.values())
     psi_f = 0.3 / (1.5 * 4)
     i = (30e-3 + 1e-3 * top + 5e-4 * 2 * top / plan.TURNING) / 0.3
@@ -156,7 +144,7 @@ def test_speeds_of_a_plan_end_where_the_voltage_drives_their_current(tmp_path):
 
 def test_a_voltage_that_drives_no_current_is_refused(tmp_path):
     with pytest.raises(StudyError) as error:
-        planned(tmp_path, SERVO, 2)
+        planned(tmp_path, servo(), 2)
     assert str(error.value) == (
         f"{tmp_path}/motor.toml: drive.inverter.bus_voltage: 2 V: expected more: the plan's currents take "
         f"{0.8 * (2 + 0.1) / (2 / math.sqrt(3)):.3g} times that at rest"

@@ -30,13 +30,13 @@ def print_tables(results: AnyResults) -> None:
         table = Table(
             title=Text(scenario), title_justify="left", title_style="bold", box=None, pad_edge=False
         )
-        table.add_column("" if lines else "no metric")
-        for name in controllers if lines else []:
+        table.add_column("")
+        for name in controllers:
             table.add_column(Text(study.label(name)), justify="right")
         for line in lines:
             cells = [_cell(line, name, study.baseline) for name in controllers]
             table.add_row(Text(f"{line.title} [{line.unit}]" if line.unit else line.title), *cells)
-        console.print(table)
+        console.print(table if lines else f"{scenario}: no metric")
         for remark in remarks(study, lines):
             console.print(f"! {remark}", highlight=False, markup=False)
         broken = report.broken(results, scenario)

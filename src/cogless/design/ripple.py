@@ -53,6 +53,10 @@ class Sampled:
         """Counts per speed sample at the mechanical speed omega_m in rad/s."""
         return abs(omega_m) * self.window / self.count
 
+    def told(self, omega_m: float) -> str:
+        """The counts per speed sample at the mechanical speed omega_m in rad/s, as a clause."""
+        return f"{self.counts(omega_m):.2g} counts come in a speed sample"
+
 
 def sampled(study: Study, scenario: str) -> Sampled | None:
     """How the position sensor measures speed in a scenario; None for an ideal sensor."""
@@ -103,8 +107,7 @@ def doubts(loops: Sequence[LearningLoop]) -> tuple[str, ...]:
     slowest = min(loops, key=lambda loop: loop.omega_m)
     source = _sensor(slowest)
     if source is not None and source.counts(slowest.omega_m) < FEW * (1 - ROUNDING):
-        few = f"{source.counts(slowest.omega_m):.2g} counts come in a speed sample"
-        found.append(f"at {speed_text(slowest.study, slowest.omega_m)} {few}")
+        found.append(f"at {speed_text(slowest.study, slowest.omega_m)} {source.told(slowest.omega_m)}")
     swings = [(ripple(loop, 0.0).without / loop.omega_m, loop) for loop in loops]
     swing, where = max(swings, key=lambda pair: pair[0])
     if swing > LARGE:

@@ -66,10 +66,9 @@ def reads_zero(study: Study, scenario: str) -> str | None:
     sensor = for_scenario(study, scenario).drive.position_sensor
     if not (omega and source and isinstance(sensor, Counted)) or sensor.speed_method not in ("M", "average"):
         return None
-    counts = source.counts(omega)
-    if counts >= MOST:
+    if source.counts(omega) >= MOST:
         return None
-    comes = f"at {speed_text(study, omega)} {counts:.2g} counts come in a speed sample"
+    comes = f"at {speed_text(study, omega)} {source.told(omega)}"
     reads = f"most read 0, others {speed_text(study, source.count / source.window)}"
     timed = '"MT" times the edges, ' if sensor.kind == "encoder" else ""
     return f'{comes}: {reads}; speed_method = {timed}"observer" smooths'

@@ -21,7 +21,7 @@ from cogless.study.pi_afc import PiAfc
 from cogless.study.space_controller import SpaceLearning
 
 ALMOST = 0.995  # share of a period that counts as a whole one
-FOLLOWS = 0.5  # of its reference, at the least: a rotor that turns less does not
+FOLLOWS = 0.5  # of the way of its reference: a rotor that turns less does not follow it
 NO_STEP = 1e-6  # relative variation; a speed that varies less is constant
 
 Memory = Learning | SpaceLearning | PiAfc

@@ -18,9 +18,7 @@ GAP = 2.5  # periods without a row
 FEWEST = 100  # rows
 BEYOND = 3.0  # times the current's limit
 TURNED = 0.2  # rad rms
-IN_PROPORTION = (
-    0.98  # cosine between the amplitudes of currents, from which on their ratio counts, within 2 %
-)
+IN_PROPORTION = 0.98  # cosine between two currents' amplitudes, from which their ratio counts, within 2 %
 AGREE = 1.5  # the speed by one over the speed by the other: a filter's lag or lost counts stay below it
 MISTAKEN = (
     (30 / np.pi, 'the speed looks like rpm: unit = "rpm"'),

@@ -276,18 +276,21 @@ const liveMetrics = (() => {
   // How the speed missed its reference in the window of a metric, as src/cogless/report/speed_tracking.py judges it, rad/s:
   // what it was of what was wanted; null: it was held.
   function missed(m, trace, about) {
-    const [first, last] = trace.window(...span(m, trace, about)), off = (from) => {
-      const wanted = trace.get("omega_ref").subarray(from, last), got = trace.get("omega_m").subarray(from, last);
-      const size = mean(wanted.map(Math.abs)), middle = mean(wanted), { far, lost, drift, one_way } = about.tracking;
-      if (!got.every(Number.isFinite)) return { kind: "speed", got: NaN, wanted: middle };
-      const turned = mean(got), shown = Math.abs(turned) > 1e-3 * size ? turned : 0;
-      if (Math.abs(middle) > one_way * size) return Math.abs(turned - middle) > far * size ? { kind: "mean", got: shown, wanted: middle } : null;
-      const error = rms(got.map((v, i) => v - wanted[i])), amplitude = rms(wanted);
-      return error > (lost * amplitude || drift) ? { kind: "error, rms,", got: error, wanted: amplitude } : null;
-    };
+    const [first, last] = trace.window(...span(m, trace, about));
     if (first === last || !trace.has("omega_ref")) return null;
-    const found = off(first);
-    return found && off(first + ((last - first) >> 1)) ? found : null;
+    const part = (name, from) => trace.get(name).subarray(from, last);
+    const found = (from) => off(part("omega_ref", from), part("omega_m", from), about.tracking);
+    return found(first + ((last - first) >> 1)) && found(first);
+  }
+  function off(wanted, got, { far, lost, drift, one_way }) {
+    const size = mean(wanted.map(Math.abs)), middle = mean(wanted), turned = mean(got);
+    if (!got.every(Number.isFinite)) return { kind: "speed", got: NaN, wanted: middle };
+    if (Math.abs(middle) > one_way * size) {
+      const shown = Math.abs(turned) > 1e-3 * size ? turned : 0;
+      return Math.abs(turned - middle) > far * size ? { kind: "mean", got: shown, wanted: middle } : null;
+    }
+    const error = rms(got.map((v, i) => v - wanted[i])), amplitude = rms(wanted);
+    return error > (lost * amplitude || drift) ? { kind: "error, rms,", got: error, wanted: amplitude } : null;
   }
   // Root of the mean square of x.
   const rms = (x) => KINDS.rms({ x });
