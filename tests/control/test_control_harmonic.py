@@ -186,6 +186,17 @@ def test_a_straight_angle_and_a_motor_without_ripple_have_no_bend():
         assert slope < 1e-3, ripple
 
 
+@pytest.mark.parametrize("precision", ["float", "double"])
+def test_a_bend_learned_at_any_rate_is_believed_in_part(precision):
+    """At a rate above the sampling's own the mean that doubts the bend would swing below zero."""
+    c = CHarmonic(control_library(precision), law(rate=800.0, orders=4))
+    rng, theta = np.random.default_rng(3), 0.0
+    for omega in np.repeat([20.0, 300.0, 20.0], 3000):
+        c.step(omega, omega + rng.normal(), theta + 1e-3 * rng.normal())
+        theta = (theta + omega * TS) % math.tau
+        assert c.state.bend.doubt >= 0 and 0 <= c.state.bend.share <= 1
+
+
 def test_a_bend_is_as_in_the_reference():
     library = control_library("double")
     reference = law(rate=4.0, orders=4)

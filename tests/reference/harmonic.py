@@ -128,7 +128,7 @@ class Harmonic:
         turn = cmath.exp(1j * math.tau * theta / TURN)
         if self.learning:
             now = self.squares - TURN_OF_BEND * self.doubt
-            self.doubt += self.rate_now * self.pi.ts * now
+            self.doubt += min(self.rate_now * self.pi.ts, 1 / TURN_OF_BEND) * now
             for m, one in enumerate(self.bend):
                 grown = one + self.bend_rate * self.moved * turn ** -(m + 1)
                 self.bend[m] = complex(clip(grown.real, BENT), clip(grown.imag, BENT))

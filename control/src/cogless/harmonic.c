@@ -200,7 +200,8 @@ CGL_APART static void turn_bend(cgl_harmonic *law, uint32_t theta)
     if (law->learning) {
         const cgl_real moved = cgl_clamp(bend->moved, CGL_R(1.0e9)), step = bend->rate * moved;
         const cgl_real squares = cgl_clamp(bend->squares, CGL_R(1.0e18));
-        bend->doubt += law->rate * law->pi.ts * (squares - (cgl_real)TURN * bend->doubt);
+        const cgl_real rate = law->rate * law->pi.ts, most = CGL_R(1.0) / (cgl_real)TURN; /* beyond it no mean */
+        bend->doubt += (rate < most ? rate : most) * (squares - (cgl_real)TURN * bend->doubt);
         for (uint32_t m = 0; m < law->bends; ++m) {
             part[2U * m] = cgl_clamp(part[2U * m] + step * x[m], BENT);
             part[2U * m + 1U] = cgl_clamp(part[2U * m + 1U] + step * y[m], BENT);
