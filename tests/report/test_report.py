@@ -17,6 +17,7 @@ from cogless.report.packing import number, pack, thin, unpack
 from cogless.report.spectra import order_spectrum
 from cogless.report.speed_tracking import missed
 from cogless.results import Results, Run
+from cogless.results.status import Status
 from cogless.results.trace import Trace
 from cogless.run.carry_out import measure
 from cogless.study import load
@@ -433,12 +434,21 @@ def with_speed_until(results, controller, share, time):
     return replace(results, runs=[one(run) for run in results.runs])
 
 
-def missed_of(reference, speed):
+def missed_of(reference, speed, status=0):
     t = np.arange(len(reference)) / 1000
-    trace = Trace(
-        ("time", "omega_ref", "omega_m"), ("s", "rad/s", "rad/s"), np.column_stack([t, reference, speed])
-    )
+    signals = np.column_stack([t, reference, speed, np.broadcast_to(status, len(t))])
+    trace = Trace(("time", "omega_ref", "omega_m", "status"), ("s", "rad/s", "rad/s", ""), signals)
     return missed(Run("s", "c", trace), slice(0, len(t)), "rad/s")
+
+
+def test_a_speed_missed_at_the_limit_says_so():
+    t = np.arange(1000)
+    told = missed_of(
+        np.full(1000, 6.0), np.zeros(1000), np.where(t > 600, Status.SATURATED | Status.FROZEN, 0)
+    )
+    assert told == "mean 0 of 6 rad/s, at the limit of current or voltage"
+    told = missed_of(np.full(1000, 6.0), np.zeros(1000), np.where(t < 600, Status.SATURATED, Status.FROZEN))
+    assert told == "mean 0 of 6 rad/s"
 
 
 def test_a_reference_that_averages_to_zero():

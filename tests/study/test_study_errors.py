@@ -403,9 +403,11 @@ def test_chattering_needs_the_speed_loops_samples(tmp_path: Path) -> None:
     assert line_of(tmp_path, change) == f"study.toml: {expected}"
 
 
-def test_an_unknown_signal_lists_what_there_is(tmp_path: Path) -> None:
+def test_an_unknown_signal_lists_what_there_is_unless_it_is_like_one(tmp_path: Path) -> None:
+    line = line_of(tmp_path, {"metric.0.signal": "ripple"})
+    assert line.startswith('study.toml: metric.0.signal: "ripple": expected a signal: theta_m, omega_m, ')
     line = line_of(tmp_path, {"metric.0.signal": "omega"})
-    assert line.startswith('study.toml: metric.0.signal: "omega": expected a signal: theta_m, omega_m, ')
+    assert line == 'study.toml: metric.0.signal: "omega": expected a signal, perhaps "omega_m"'
 
 
 def lines_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BASE) -> list[str]:

@@ -5,13 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from cogless.report.packing import Array, number, rms
+from cogless.report.status_lanes import active
 from cogless.results import Results, Run
+from cogless.results.status import Status
 from cogless.study.metric import Metric
 from cogless.units import ANGULAR_SPEED, factor
 
 FAR = 0.05  # of the reference's mean magnitude: beyond this the mean speed is off
 LOST = 0.5  # error rms / reference rms; above this the speed doesn't follow a reference of zero mean
 DRIFT = 0.1  # rad/s, largest error rms if the reference is zero all the time
+MOSTLY = 0.5  # of the rows
+AT_LIMIT = ", at the limit of current or voltage"
 ONE_WAY = 0.1  # of a reference's mean magnitude: a smaller mean counts as zero
 
 
@@ -53,14 +57,17 @@ def missed(run: Run, rows: slice, unit: str) -> str | None:
     """How the speed missed its reference, such as "mean 0 of 60 rpm"; None if it was held.
 
     It is missed only if it is off over all the rows and over their second half. So a start-up at the
-    beginning doesn't count, nor does a slow ripple.
+    beginning doesn't count, nor does a slow ripple. Told with it: that most of that half was at a limit.
     """
     scale = factor(unit, ANGULAR_SPEED)
     reference, speed = (run.trace.part(x, rows) / scale for x in ("omega_ref", "omega_m"))
     half = slice(len(speed) // 2, None)
     with np.errstate(all="ignore"):
         found = [_off(reference[part], speed[part], unit, DRIFT / scale) for part in (slice(None), half)]
-    return found[0] if all(found) else None
+    if not all(found):
+        return None
+    limited = np.mean(active(run, Status.SATURATED, rows)[half]) > MOSTLY
+    return found[0] + (AT_LIMIT if limited else "")
 
 
 def _off(reference: Array, speed: Array, unit: str, drift: float) -> str:

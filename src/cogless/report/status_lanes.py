@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cogless.report.palette import place
 from cogless.results import Results, Run
@@ -46,12 +47,17 @@ def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     return lanes
 
 
+def active(run: Run, bits: int, rows: slice = ALL) -> NDArray[np.bool_]:
+    """The rows in which a state was active."""
+    status = run.trace.part("status", rows)
+    return (np.where(np.isfinite(status), status, 0).astype(int) & bits) > 0
+
+
 def spans(run: Run, bits: int, rows: slice = ALL) -> list[tuple[float, float]]:
     """Start and end times, s, of the spans in which a state was active; at most MOST."""
     if "status" not in run.trace or not len(run.trace):
         return []
-    status, time, period = run.trace.part("status", rows), run.trace.time[rows], run.trace.period
-    held = (np.where(np.isfinite(status), status, 0).astype(int) & bits) > 0
+    held, time, period = active(run, bits, rows), run.trace.time[rows], run.trace.period
     edges = np.flatnonzero(np.diff(np.concatenate(([0], held.astype(int), [0]))))
     from_, to = time[edges[::2]], time[edges[1::2] - 1] + period
     gap = 2 * period

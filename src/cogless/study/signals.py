@@ -13,6 +13,7 @@ from cogless.study.controller import OwnLaw
 from cogless.study.metric import OF_LINEAR_PLANTS
 from cogless.study.motor import Motor
 from cogless.study.space_controller import SpaceLearning
+from cogless.study.table import nearest
 from cogless.study.trial_controller import TrialLaw
 from cogless.study.trial_study import TrialStudy
 from cogless.units import Dimension
@@ -92,7 +93,8 @@ def _missing(signal: str, found: frozenset[str]) -> str | None:
     possible = NEEDED.keys() | (found & {"trials"})
     known = dimensions(possible, [name for name in C_LAWS if (name == "trial") == ("trials" in found)])
     if signal not in known:
-        return f"expected a signal: {', '.join(known)}"
+        near = nearest(signal, list(known))
+        return f'expected a signal, perhaps "{near}"' if near else f"expected a signal: {', '.join(known)}"
     if exists(signal, found):
         return None
     if any(signal == term.signal for law in C_LAWS.values() for term in law.terms):

@@ -101,7 +101,7 @@ def _required(table: type[Table]) -> frozenset[str]:
 def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetails]:
     """Errors for unknown keys, and for missing keys unless an unknown key looks like their misspelling."""
     known = list(table.model_fields)
-    near = {key: _near(key, known) for key in data if key not in known}
+    near = {key: nearest(key, known) for key in data if key not in known}
     found = [
         invalid(table.other_word(key, data[key]) or _suggestion(meant, known), key, value="unknown key")
         for key, meant in near.items()
@@ -170,7 +170,7 @@ def dotted_keys(
     return flat
 
 
-def _near(key: str, known: Sequence[str]) -> str | None:
+def nearest(key: str, known: Sequence[str]) -> str | None:
     """The known key that an unknown one was probably meant to be; None if none is similar."""
     near = difflib.get_close_matches(key, known, n=1)
     return next(iter(near), None) or next((name for name in known if name.lower() == key.lower()), None)
