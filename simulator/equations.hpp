@@ -67,7 +67,7 @@ public:
           coulomb_friction_(mechanics.friction.coulomb), breakaway_friction_(mechanics.friction.breakaway),
           sticks_(mechanics.friction.breakaway > 0.0), load_(load, nominal_step), train_(DriveTrain::of(mechanics, load)) {}
 
-    // Those of several motors that are alike, one for each lane.
+    // The equations of several motors that are alike, with one motor's numbers in each lane.
     explicit Equations(const Each<Equations<double>, Real>& of)
         requires is_wide<Real>
         : angle_(members(of, &Equations<double>::angle_)), motor_(members(of, &Equations<double>::motor_)),

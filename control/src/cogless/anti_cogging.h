@@ -39,8 +39,8 @@ typedef struct {
     cgl_real looked_up;         /* the table's part of the last step [A] */
     cgl_real friction;          /* found by the last calibration: Coulomb part, and viscous at its speed [A] */
     cgl_real place;             /* measured angle of the last step [cells], in [0, cells) */
-    int32_t turns;              /* revolutions since the direction began, without those for nothing */
-    cgl_real behind;            /* the rotor behind the run's path [rad] */
+    int32_t turns;              /* revolutions in this direction; the first ones, while the speed settles, do not count */
+    cgl_real behind;            /* how far the rotor is behind the calibration's path [rad] */
     int32_t cell;               /* table entry being recorded, counted in the run's direction */
     int32_t end_cell;           /* first one that is not recorded any more */
     cgl_real sum;               /* of the current within the cell [A] */

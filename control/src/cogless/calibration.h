@@ -75,10 +75,10 @@ typedef struct {
     cgl_real theta_e;  /* of the field [rad] */
     cgl_real current;  /* [A] */
     cgl_real theta_m;  /* measured angle without its wraps [rad] */
-    cgl_real far[2];   /* at -sweep and at +sweep [rad] */
-    cgl_real near[2];  /* at 0 on the way forward, and back [rad] */
+    cgl_real far[2];   /* theta_m with the field at -sweep and at +sweep [rad] */
+    cgl_real near[2];  /* theta_m with the field at 0, on the way forward and back [rad] */
     cgl_real zero;     /* the mechanical angle at which theta_e is 0, when done, within +-pi [rad] */
-    cgl_real apart;    /* half the difference of both ways, when done: what friction holds, mechanical [rad] */
+    cgl_real apart;    /* half of near[1] - near[0], when done: so far does friction hold the rotor back [rad] */
     uint32_t wait;     /* steps until the angle is read */
     uint32_t stage;    /* of the run */
     cgl_calibration result;

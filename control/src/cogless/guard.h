@@ -31,9 +31,8 @@
 extern "C" {
 #endif
 
-/* Speeds for which a baseline is remembered; gentler steps, at the last of which nothing is learned. */
-#define CGL_GUARD_SPEEDS 8U
-#define CGL_GUARD_STEPS 6U
+#define CGL_GUARD_SPEEDS 8U /* speeds for which a baseline is remembered */
+#define CGL_GUARD_STEPS 6U  /* each learns more gently than the one before, and at the last nothing is learned */
 
 typedef enum { CGL_GUARD_IDLE, CGL_GUARD_LEARN, CGL_GUARD_HOLD, CGL_GUARD_PROBE, CGL_GUARD_CLEAR, CGL_GUARD_MUTE } cgl_guard_phase;
 

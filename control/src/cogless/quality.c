@@ -3,9 +3,10 @@
 #define SQUARE_MAX CGL_R(1.0e28) /* so that the sum of as many as a window may have is finite in float */
 #define SMALLEST CGL_R(1.0e-30)  /* a square below it is nothing */
 #define IN_A_ROW 4U              /* outliers to one side: no noise, and no step of an encoder */
-#define WAIT 16U                 /* a part of a window: so long nothing is learned after such, as a wave passes through zero */
-#define TWICE_SQUARE CGL_R(4.0)  /* of what lasts is learned, more is something else */
-#define MOVED_SQUARE CGL_R(0.00390625) /* of the span's square: a sixteenth of it */
+#define WAIT 16U                 /* after so many in a row, learning waits for one part in 16 of a window: the error is a wave,
+                                    and passes through zero */
+#define TWICE_SQUARE CGL_R(4.0)  /* errors of up to twice what lasts are learned; larger ones come from something else */
+#define MOVED_SQUARE CGL_R(0.00390625) /* (1/16)^2, of the span's square */
 #define PART 0xFFFU /* samples whose sums are added up on their own, as one bit less than a power of two */
 #define TREND_SMOOTHING CGL_R(0.25)
 #define TREND_STILL CGL_R(0.04) /* of the ripple's square, a window: 2 % of the ripple */
