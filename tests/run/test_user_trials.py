@@ -113,7 +113,7 @@ def test_it_has_no_c_form_and_no_linear_plant(tmp_path: Path) -> None:
 
 
 def test_a_fault_hits_one_trial_and_learning_goes_on(tmp_path: Path) -> None:
-    """The monitor bridges the gap; what is learned of that trial is no worse than the error it leaves."""
+    """A trial in which the angle was missing teaches nothing: the next one is what it would have been."""
     fault = {"kind": "angle-missing", "time": "3.2 s", "duration": "20 ms"}  # in trial 7
     sound, hurt = (
         simulate(trial_studies.loaded(tmp_path, {"scenario.move.changes": [], **changes}), "move", "ilc")
@@ -124,7 +124,7 @@ def test_a_fault_hits_one_trial_and_learning_goes_on(tmp_path: Path) -> None:
     assert np.flatnonzero(np.any(status & Status.ANGLE_LOST, axis=1)).tolist() == [6]
     before, error = (run.metrics["error_rad"] for run in (sound, hurt))
     assert isinstance(before, list) and isinstance(error, list)
-    assert error[6] > 1.2 * before[6] and error[11] < 1.1 * before[11]
+    assert error[6] > 1.2 * before[6] and error[7:] == before[6:-1]
 
 
 @pytest.mark.parametrize(
