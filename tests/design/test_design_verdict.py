@@ -92,6 +92,13 @@ def test_the_verdict_agrees_with_runs_over_a_grid() -> None:
     assert seen["feedback unstable"] == 2
 
 
+def test_at_a_steady_speed_the_gain_of_acceleration_counts_for_nothing() -> None:
+    little, much = (section_5({"law.mu_h": mu_h}) for mu_h in (0.1, 10.0))
+    steady = [SpaceLoop(study, "filtered", 0.3).gamma for study in (little, much)]
+    changing = [SpaceLoop(study, "filtered", 0.3, alpha_m=0.1).gamma for study in (little, much)]
+    assert steady[0] == steady[1] and changing[0] < changing[1]
+
+
 @pytest.mark.parametrize("reference", [SWING, TURNING])
 def test_a_reference_that_turns_back_is_told_where_it_bursts_and_how_not_to(reference: Changes) -> None:
     study = section_5({**reference, "law.learning_start": "2 s"}, 14.0)

@@ -180,13 +180,16 @@ def test_a_plan_needs_no_workers(tmp_path: Path) -> None:
     assert planned.variants(sweeping.Shard(0, 2)) == 24
 
 
-@pytest.mark.parametrize(("times", "tone"), [(4.0, "worse"), (0.9, "better")])
-def test_the_verdict_is_no_praise_where_most_variants_break_the_limit(
-    tmp_path: Path, times: float, tone: str
+@pytest.mark.parametrize(
+    ("alone", "learned", "tone"),  # most of a variant's ripple, in limits
+    [(4.0, 4.0, "worse"), (4.0, 0.9, "better"), (0.9, 4.0, "worse"), (0.9, 0.9, "even")],
+)
+def test_the_verdict_is_no_praise_where_the_limit_is_broken(
+    tmp_path: Path, alone: float, learned: float, tone: str
 ) -> None:
     limit = ensembles.study(tmp_path).metric[0].limit
     assert limit is not None
-    sweep = made(tmp_path, 100, lambda x, y: 4.0 * limit * x)
-    sweep.values[:, 1, 0] = sweep.values[:, 0, 0] * times / 4.0
+    sweep = made(tmp_path, 100, lambda x, y: alone * limit * x)
+    sweep.values[:, 1, 0] = sweep.values[:, 0, 0] * learned / alone
     report.write(sweep, tmp_path / "report.html", lambda settings, pair: "")
     assert f'<li class="{tone}">' in (tmp_path / "report.html").read_text()
