@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ TRIAL_COLUMNS = {
     "final_error_rad": "settled error [mrad]",
 }
 LEARNED_ON = 0.95  # times the bar: more ripple than that is no win of a law that learns
+GROWN = 1.05  # times the ripple at the end of learning: more is growth; the bar's own differs by 1 %
 LOSES = 1.02  # times the bar: worse than it
 
 
@@ -58,7 +60,7 @@ def main_table(scores: Scores) -> list[str]:
     best = {column: scores.winners(column) for column in COLUMNS}
     for law in scores.laws:
         cells = [
-            scores.unscored(law) if score is None else _cell(score, law in best[column])
+            scores.unscored(column, law) if score is None else _cell(score, law in best[column])
             for column in COLUMNS
             for score in [scores.score(column, law)]
         ]
@@ -134,21 +136,32 @@ def losers(scores: Scores) -> list[str]:
     return found or ["- none"]
 
 
+def growth(scores: Scores) -> list[str]:
+    """A line for each law whose ripple an hour later is higher than once it had learned."""
+    found = []
+    for plant, law in product(scores.plants, scores.laws):
+        late = scores.value("after_hour", plant, law)
+        early = scores.value("ripple", plant, law, scores.seeds[:1])
+        if late is not None and early is not None and late > GROWN * early:
+            found.append(f"- {scores.label(law)} on {plant}: {number(late / early)} times")
+    return found or ["- none"]
+
+
 def plant_tables(scores: Scores) -> list[str]:
     lines: list[str] = []
     for plant in scores.plants:
         laws = [law for law in scores.laws if scores.value("ripple", plant, law) is not None]
+        columns = {c: about for c, about in COLUMNS.items() if scores.value(c, plant, scores.bar) is not None}
         rows = []
         for law in laws:
             cells = []
-            for column, about in COLUMNS.items():
+            for column, about in columns.items():
                 best = scores.best(partial(scores.value, column, plant), laws)
                 value = scores.value(column, plant, law)
-                assert value is not None
-                text = "never" if math.isinf(value) else number(value / about.scale)
+                text = "-" if value is None else "never" if math.isinf(value) else number(value / about.scale)
                 cells.append(f"**{text}**" if law in best else text)
             rows.append([scores.label(law), *cells])
-        head = ["law", *(f"{c.title} [{c.unit}]" for c in COLUMNS.values())]
+        head = ["law", *(f"{c.title} [{c.unit}]" for c in columns.values())]
         lines += [f"### {plant}", "", f"{_sentence(scores, plant)}", "", *table(head, rows), ""]
     return lines[:-1]
 
@@ -224,6 +237,7 @@ def blocks(path: Path) -> Blocks:
         "scores": main_table(scores),
         "winners": winner_table(scores),
         "losers": losers(scores),
+        "hour": growth(scores),
         "seeds": seeds(scores),
         "plants": plant_tables(scores),
         "trials": trial_tables(content),

@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from cogless import load
-from cogless.ensemble import arena_files
-from cogless.ensemble.arena import LATE, TOLD, ArenaResults, prepared, run_arena
+from cogless.ensemble import arena_cases, arena_files
+from cogless.ensemble.arena import ArenaResults, prepared, run_arena
+from cogless.ensemble.arena_cases import HOUR, LATE, TOLD
 from cogless.ensemble.arena_scores import COLUMNS, Scores
 from cogless.errors import StudyError
 from cogless.files import shipped
@@ -58,7 +59,8 @@ def test_every_law_meets_every_case_with_every_seed(results: ArenaResults) -> No
     assert len(results.runs) == 3 * 4 * 2
     scores = Scores(arena_files.to_dict(results))
     assert [scores.met(law) for law in scores.laws] == [1, 1, 1]
-    assert all(scores.score(column, "bar") == pytest.approx(1) for column in COLUMNS)
+    everywhere = {column for column in COLUMNS if scores.score(column, "bar") == pytest.approx(1)}
+    assert everywhere == {*COLUMNS} - {"after_hour"}
 
 
 def test_learning_beats_the_bar_and_a_law_of_ones_own_is_judged_too(results: ArenaResults) -> None:
@@ -67,6 +69,51 @@ def test_learning_beats_the_bar_and_a_law_of_ones_own_is_judged_too(results: Are
     assert learned is not None and learned < 0.3
     assert own is not None and own > 1  # no integral
     assert scores.winners("ripple") == ["pi-ilc"]
+
+
+def test_learning_takes_the_plants_torque_orders_away(results: ArenaResults) -> None:
+    scores = Scores(arena_files.to_dict(results))
+    found = {law: scores.value("orders", "drone", law) for law in ("bar", "pi-ilc")}
+    ripple = scores.value("ripple", "drone", "bar")
+    assert found["bar"] is not None and found["pi-ilc"] is not None and ripple is not None
+    assert 0.9 * ripple < found["bar"] < 1.01 * ripple  # cogging is what there is, as an rms
+    assert found["pi-ilc"] < 0.3 * found["bar"]
+
+
+def test_orders_need_a_whole_turn(tmp_path: Path) -> None:
+    short = arena(tmp_path, plant={"drone": {**PLANT, "scenario": "slow"}})
+    names = [
+        [m.name for m in prepared(fight, "drone", ["bar"])[0].metric] for fight in (arena(tmp_path), short)
+    ]
+    assert ["orders" in each for each in names] == [
+        True,
+        False,
+    ]  # 3 s are 12 turns, and three quarters of one
+
+
+def test_an_hour_is_run_once_and_shows_the_ripple_at_its_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(arena_cases, "LONG", 6.0)
+    monkeypatch.setattr(arena_cases, "LAST", 2.0)
+    monkeypatch.setattr(arena_cases, "ROWS", 200.0)
+    found = run_arena(arena(tmp_path, plant={"drone": {**PLANT, "hour": True}, "brief": PLANT}))
+    assert {(run.plant, run.seed) for run in found.runs if run.case == HOUR} == {("drone", 0)}
+    scores = Scores(json.loads(json.dumps(arena_files.to_dict(found))))
+    for law in scores.laws:
+        early, late = scores.value("ripple", "drone", law, [0]), scores.value("after_hour", "drone", law)
+        assert early is not None and late is not None
+        assert 0.3 * early < late < 1.1 * early  # the bar stays as it was, and learning goes on
+        assert scores.value("after_hour", "brief", law) is None
+    assert scores.winners("after_hour") == ["pi-ilc"]
+
+
+def test_a_law_that_fails_within_the_hour_does_not_win_it() -> None:
+    found = content({"bar": [1.0, 1.0], "law": [0.5, 0.5]}, "copper_loss_W")
+    hour = {"plant": "a", "case": HOUR, "seed": 0, "metrics": {"after_hour_rad_s": 2.0}}
+    found["runs"].append({**hour, "law": "bar"})
+    assert Scores(found).winners("after_hour") == ["bar"]
+    assert Scores(found).winners("copper_loss") == ["law"]
 
 
 def test_seeds_are_other_noise_and_another_angle(results: ArenaResults) -> None:
@@ -168,9 +215,10 @@ def test_never_counts_as_the_time_that_there_was() -> None:
 def test_a_plant_without_the_bar_is_named() -> None:
     scores = Scores(content({"bar": [1.0], "law": [2.0, 3.0], "shy": []}))
     assert scores.barless == ["b"]
-    assert scores.score("time_to_learn", "shy") is None and scores.unscored("shy") == "not run"
+    column = "time_to_learn"
+    assert scores.score(column, "shy") is None and scores.unscored(column, "shy") == "not run"
     found = content({"bar": [], "law": [2.0, 3.0]})
-    assert Scores(found).barless == ["a", "b"] and Scores(found).unscored("law") == "no bar"
+    assert Scores(found).barless == ["a", "b"] and Scores(found).unscored(column, "law") == "no bar"
     assert Scores(found).score("time_to_learn", "law") is None
 
 
@@ -178,7 +226,9 @@ def test_without_the_bar_the_table_says_so(tmp_path: Path) -> None:
     found = run_arena(arena(tmp_path, seeds=[0]), ["drone/pi-ilc"])
     shown = arena_files.table(found)
     assert str(shown.caption) == "In no score, since bar was not on it: drone."
-    assert [list(column.cells)[1] for column in shown.columns][1:-1] == ["no bar"] * len(COLUMNS)
+    of_hour = list(COLUMNS).index("after_hour")
+    told = ["not run" if n == of_hour else "no bar" for n in range(len(COLUMNS))]
+    assert [list(column.cells)[1] for column in shown.columns][1:-1] == told
     assert [next(iter(column.cells)) for column in shown.columns][1:-1] == ["not run"] * len(COLUMNS)
 
 

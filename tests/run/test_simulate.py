@@ -567,6 +567,15 @@ def test_rollout_runs_many_studies_and_can_let_their_traces_go(tmp_path: Path) -
     assert len({str(results.runs[0].metrics) for results in kept}) == 3
 
 
+def test_controllers_and_scenarios_of_one_duration_share_the_lanes(tmp_path: Path) -> None:
+    base = changed(studies.study(tmp_path), {"controller.ilc": ILC})
+    many = [changed(base, {"controller.pi.kp": kp}) for kp in (0.01, 0.02)]
+    for each, one in zip(rollout(many, ["low/*"], jobs=1), many, strict=True):
+        assert {run.lanes > len(many) for run in each.runs} == {True}
+        for run, alone in zip(each.runs, run_study(one, ["low/*"]).runs, strict=True):
+            assert run.metrics == alone.metrics and alone.lanes == 1
+
+
 def test_variants_that_are_alike_run_in_step_and_give_what_each_gives_alone(tmp_path: Path) -> None:
     (tmp_path / "laws.py").write_text(LAWS)
     laws = {"controller.ilc": ILC, "controller.python": {"law": "python", "object": "laws.py:Pi"}}

@@ -132,7 +132,7 @@ def _robust_ilc(study: Study, name: str, law: RobustIlc) -> Values:
 
 def _pi_afc(study: Study, name: str, law: PiAfc) -> Values:
     """Orders that are known and can settle in every corner, the largest first; one lead, one gain for all."""
-    found = _known_orders(study, name)
+    found = known_orders(study, name)
     held = [n for n in found if _settles(study, name, n)] or found[:1]
     orders = sorted(held[:ORDERS]) or [1]
     T = speed_loop(study).period
@@ -181,7 +181,7 @@ def _anti_cogging(study: Study, name: str, law: AntiCogging) -> Values:
     lead = max(0.0, -float(np.angle(1j * loop.plant(w)[0][0])) / float(w[0]))
     margins = margins_of(lambda w: speed_loop(study).rigid.response(w, *pi), loop.period, 2)
     position_gain = margins.crossover / SLOWER
-    highest = max([*_known_orders(study, name), 1])
+    highest = max([*known_orders(study, name), 1])
     speed = position_gain / highest
     turns = 1 + SETTLING
     run = {"speed": speed, "revolutions": 1, "position_gain": position_gain}
@@ -325,7 +325,7 @@ def _reach(x: Complex, f: Real) -> float:
     return float(f[grows[0]]) if len(grows) else float(f[-1])
 
 
-def _known_orders(study: Study, name: str) -> list[int]:
+def known_orders(study: Study, name: str) -> list[int]:
     """Whole mechanical orders that are known of motor and load, those of the largest current first.
 
     Behind them come the electrical orders that every drive may have. Offsets of the current sensors make
@@ -346,7 +346,7 @@ def _known_orders(study: Study, name: str) -> list[int]:
 
 def _cells(study: Study, name: str) -> int:
     """Cells of a map over a revolution: a power of two."""
-    wanted = CELLS * max([*_known_orders(study, name), 1])
+    wanted = CELLS * max([*known_orders(study, name), 1])
     return min(MOST_CELLS, max(FEWEST_CELLS, 1 << (wanted - 1).bit_length()))
 
 

@@ -1,7 +1,4 @@
-"""Run an arena: every law on every plant, with a load's step and a fault.
-
-Each law runs once with a true description of the plant, and three times with a wrong one.
-"""
+"""Run an arena: every law on every plant, in each case of arena_cases.py."""
 
 from __future__ import annotations
 
@@ -12,6 +9,7 @@ from typing import Any
 
 from cogless.design.auto import automatic, missing
 from cogless.design.harmonic import learner
+from cogless.ensemble.arena_cases import hour, metrics, scenarios
 from cogless.errors import StudyError
 from cogless.results import AnyResults
 from cogless.results.metrics import Value
@@ -26,15 +24,6 @@ from cogless.study.harmonic import Harmonic
 from cogless.study.metric import EACH_PHASE, result_name
 from cogless.study.reading import checked, find
 
-TOLD, LATE, HEAVY, LIGHT = (
-    "told",
-    "late",
-    "heavy",
-    "light",
-)  # what the plant is, beside what the laws are told
-UNTOLD = (LATE, HEAVY, LIGHT)
-INERTIA = {HEAVY: 1.5, LIGHT: 0.5}  # times that which the laws are told
-DROPOUT = "50 ms"  # without an angle
 GOLDEN = 137.508  # deg, between the first angles of two seeds
 
 Progress = Callable[[str, int], None]
@@ -42,7 +31,7 @@ Progress = Callable[[str, int], None]
 
 @dataclass(frozen=True)
 class ArenaRun:
-    """A finished run. `case`: TOLD, or what the laws weren't told."""
+    """A finished run. `case`: one of arena_cases.py."""
 
     plant: str
     case: str
@@ -97,11 +86,14 @@ def run_arena(
         for law, controller in study.controller.items():
             if isinstance(controller, AntiCogging) and controller.calibration is not None:
                 before[plant, law] = controller.calibration.duration
-        studies = [_seeded(study, seed) for seed in arena.seeds]
-        for seed, results in zip(arena.seeds, _rolled(studies, jobs), strict=True):
+        studies = [(seed, _seeded(study, seed)) for seed in arena.seeds]
+        if arena.plant[plant].hour:
+            studies.append((arena.seeds[0], hour(studies[0][1])))
+        rolled = _rolled([each for _, each in studies], jobs)
+        for (seed, each), results in zip(studies, rolled, strict=True):
             runs += [ArenaRun(plant, run.scenario, run.controller, seed, run.metrics) for run in results.runs]
             made = {(run.scenario, run.controller) for run in results.runs}
-            lost = {law for case in study.scenario for law in study.controller if (case, law) not in made}
+            lost = {law for case in each.scenario for law in each.controller if (case, law) not in made}
             absent |= {(plant, law): "fails on the way" for law in sorted(lost)}
     trials = [
         run
@@ -170,14 +162,14 @@ def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[
     tables = {key: table for key, table in base.source.tables.items() if key in kept}
     tables |= {
         "trace": {"rate": f"{base.drive.rates.speed_loop!r} Hz"},
-        "scenario": _scenarios(base, plant),
+        "scenario": scenarios(base, plant),
         "controller": present,
-        "metric": _metrics(plant),
     }
     source = Source(base.source.path, tables, base.source.datasheet, base.source.own_motor_keys)
     study = checked(source)
     assert isinstance(study, Study)
-    return _tuned(study, absent)
+    tuned, why = _tuned(study, absent)
+    return changed(tuned, {"metric": metrics(tuned, plant)}), why
 
 
 def _tuned(study: Study, absent: dict[str, str]) -> tuple[Study, dict[str, str]]:
@@ -217,71 +209,6 @@ def _controller(arena: Arena, plant: ArenaPlant, name: str) -> dict[str, Any] | 
     if not isinstance(law, Feedback) or law.holds_position or law.tuning is None or not law.tuning.is_auto:
         return None
     return table | plant.feedback.model_dump()
-
-
-def _scenarios(base: Study, plant: ArenaPlant) -> dict[str, dict[str, Any]]:
-    """Tables of the scenarios: one as the laws are told, with step and fault, and three as they aren't."""
-    own = base.source.tables["scenario"][plant.scenario]
-    taken = {key: own[key] for key in ("reference", "initial_speed", "load", "override") if key in own}
-    if plant.reference is not None:
-        taken["reference"] = plant.reference
-    if isinstance(taken["reference"], str):
-        taken["initial_speed"] = taken["reference"]
-    override = taken.pop("override", {})
-    load = base.scenario[plant.scenario].load or base.mechanics.load
-    step = plant.begin + plant.learn
-    off, fault = step + plant.hold, step + 2 * plant.hold
-    events = [
-        {"time": f"{step!r} s", "load": f"{load.torque + plant.load!r} N*m"},
-        {"time": f"{off!r} s", "load": f"{load.torque!r} N*m"},
-    ]
-    told = {
-        **taken,
-        "override": override,
-        "duration": f"{fault + plant.hold!r} s",
-        "events": events,
-        "faults": [{"kind": "angle-missing", "time": f"{fault!r} s", "duration": DROPOUT}],
-    }
-    short = {**taken, "duration": f"{step!r} s"}
-    late = {"drive.bus.delay_command": f"{1 / base.drive.rates.outer_loop!r} s"}
-    of_inertia = {
-        case: {"mechanics.inertia": f"{share * base.mechanics.inertia!r} kg*m^2"}
-        for case, share in INERTIA.items()
-    }
-    untold = {LATE: late, **of_inertia}
-    return {TOLD: told} | {case: {**short, "override": override | untold[case]} for case in UNTOLD}
-
-
-def _metrics(plant: ArenaPlant) -> list[dict[str, Any]]:
-    """The arena's columns as metrics of a study."""
-
-    def s(time: float) -> str:
-        return f"{time!r} s"
-
-    at = plant.begin + plant.learn
-    end = at + 3 * plant.hold
-    learned = [s(at - plant.window), s(at)]
-    step = {"signal": "omega_error", "event": s(at), "smooth": s(plant.smooth)}
-    recovered = [s(end - min(plant.window, plant.hold / 2)), s(end)]
-    of_error = {"signal": "omega_error", "unit": "rpm"}
-    only_told = {"scenarios": [TOLD]}
-    pieces = {"window": [s(plant.begin), s(at)], "smooth": s(plant.smooth)}
-    return [
-        {"name": "ripple", "kind": "rms", "window": learned, **of_error},
-        {"name": "dip", "kind": "dip", **step, "unit": "rpm", **only_told},
-        {"name": "settling", "kind": "settling", "band": f"{plant.band!r} rad/s", **step, **only_told},
-        {
-            "name": "time_to_learn",
-            "kind": "time-to-learn",
-            "signal": "omega_error",
-            "band": f"{plant.target!r} rad/s",
-            **pieces,
-            **only_told,
-        },
-        {"name": "copper_loss", "kind": "copper-loss", "window": learned, **only_told},
-        {"name": "chattering", "kind": "chattering", "window": learned, **only_told},
-        {"name": "after_fault", "kind": "rms", "window": recovered, **of_error, **only_told},
-    ]
 
 
 def _seeded(study: Study, seed: int) -> Study:

@@ -63,8 +63,9 @@ def to_dict(results: ArenaResults) -> dict[str, Any]:
     }
 
 
-def _plain(value: Value) -> float | None:
-    assert value is None or not isinstance(value, list)  # the arena has no metric of several numbers
+def _plain(value: Value) -> float | list[float | None] | None:
+    if isinstance(value, list):
+        return [x if math.isfinite(x) else None for x in value]
     return value if value is not None and math.isfinite(value) else None
 
 
@@ -88,7 +89,7 @@ def table(results: ArenaResults) -> Table:
     best = {column: scores.winners(column) for column in COLUMNS}
     for law in scores.laws:
         cells = [
-            scores.unscored(law)
+            scores.unscored(column, law)
             if (score := scores.score(column, law)) is None
             else f"{score:.3g}{' *' if law in best[column] else '  '}"
             for column in COLUMNS

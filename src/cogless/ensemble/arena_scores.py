@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from cogless.ensemble.arena import TOLD, UNTOLD
+from cogless.ensemble.arena_cases import HOUR, TOLD, UNTOLD
 
 Content = Mapping[str, Any]  # of results.json
 LEAST_TIME = 1e-3  # s; shorter ones count as this
@@ -24,27 +24,30 @@ EVEN = 1.02  # times the best: laws that are as good
 class Column:
     """A column of the arena.
 
-    `metric`: its name in results.json. `never`: the plant's key whose time counts where it is never reached.
+    `metric`: its name in results.json; amplitudes of several orders count as their rms together. `cases`: the
+    worst of them counts. `never`: the plant's key whose time counts where it is never reached.
     """
 
     title: str
     metric: str
     unit: str
     scale: float  # of the unit in SI
-    untold: bool = False  # the worst of what the laws weren't told
+    cases: tuple[str, ...] = (TOLD,)
     never: str | None = None
 
 
 RPM = math.pi / 30
 COLUMNS = {
     "ripple": Column("ripple", "ripple_rad_s", "r/min", RPM),
+    "orders": Column("orders", "orders_rad_s", "r/min", RPM),
     "dip": Column("dip", "dip_rad_s", "r/min", RPM),
     "settling": Column("settling", "settling_s", "s", 1.0, never="hold"),
     "time_to_learn": Column("time to learn", "time_to_learn_s", "s", 1.0, never="learn"),
     "copper_loss": Column("copper loss", "copper_loss_W", "W", 1.0),
     "chattering": Column("chattering", "chattering_A", "A", 1.0),
     "after_fault": Column("after a fault", "after_fault_rad_s", "r/min", RPM),
-    "wrong_model": Column("wrong model", "ripple_rad_s", "r/min", RPM, untold=True),
+    "wrong_model": Column("wrong model", "ripple_rad_s", "r/min", RPM, cases=UNTOLD),
+    "after_hour": Column("after an hour", "after_hour_rad_s", "r/min", RPM, cases=(HOUR,)),
 }
 
 
@@ -85,18 +88,23 @@ class Scores:
         """A law's value on a plant, SI. Infinite: never reached, or not finite. None: it wasn't run."""
         known = COLUMNS[column]
         found = []
-        for case in UNTOLD if known.untold else (TOLD,):
+        for case in known.cases:
             metrics = self._values.get((plant, case, law, seed))
-            if metrics is None:
+            if metrics is None or known.metric not in metrics:
                 return None
-            value = metrics.get(known.metric)
             before = self._before.get((plant, law), 0.0) if column == "time_to_learn" else 0.0
-            found.append(math.inf if value is None else before + float(value))
+            found.append(before + _number(metrics[known.metric]))
         return max(found)
 
     def value(self, column: str, plant: str, law: str, seeds: Iterable[int] | None = None) -> float | None:
         """A law's value on a plant as the mean over seeds; infinite if it is in any of them."""
-        each = [self.of_seed(column, plant, law, seed) for seed in (self.seeds if seeds is None else seeds)]
+        first = COLUMNS[column].cases[0]
+        run = {seed for where, case, _, seed in self._values if (where, case) == (plant, first)}
+        each = [
+            self.of_seed(column, plant, law, seed)
+            for seed in (self.seeds if seeds is None else seeds)
+            if seed in run
+        ]
         known = [value for value in each if value is not None]
         return sum(known) / len(known) if len(known) == len(each) and known else None
 
@@ -125,9 +133,9 @@ class Scores:
         on = [p for p in self.plants if any(self.value("ripple", p, law) is not None for law in self.laws)]
         return [p for p in on if self.value("ripple", p, self.bar) is None]
 
-    def unscored(self, law: str) -> str:
-        """Why a law has no score, in two words."""
-        return "no bar" if self.met(law) else "not run"
+    def unscored(self, column: str, law: str) -> str:
+        """Why a law has no score in a column, in two words."""
+        return "no bar" if any(self.value(column, p, law) is not None for p in self.plants) else "not run"
 
     def score(self, column: str, law: str, seeds: Iterable[int] | None = None) -> float | None:
         """Geometric mean of the ratios over plants; infinite if one is; None if it was on none."""
@@ -144,9 +152,10 @@ class Scores:
         return [law for law in order if found[law] <= EVEN * found[order[0]]]
 
     def winners(self, column: str, seeds: Iterable[int] | None = None) -> list[str]:
-        """The laws with the best score of a column, of those that were on every plant of the bar."""
+        """The laws with the best score of a column, of those that have it wherever the bar has."""
         seeds = None if seeds is None else list(seeds)
-        everywhere = [law for law in self.laws if self.met(law) == self.met(self.bar)]
+        there = [p for p in self.plants if self.value(column, p, self.bar) is not None]
+        everywhere = [law for law in self.laws if all(self.value(column, p, law) is not None for p in there)]
         return self.best(lambda law: self.score(column, law, seeds), everywhere)
 
     def unsteady(self) -> dict[str, dict[int, list[str]]]:
@@ -157,3 +166,10 @@ class Scores:
             if len({laws[0] for laws in each.values() if laws}) > 1:
                 found[column] = each
         return found
+
+
+def _number(value: float | list[float | None] | None) -> float:
+    """A metric's value as one number; infinite if it is never reached, or not finite."""
+    if isinstance(value, list):
+        return math.hypot(*(math.inf if x is None else x / math.sqrt(2) for x in value))
+    return math.inf if value is None else float(value)

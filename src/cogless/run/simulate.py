@@ -9,7 +9,7 @@ from dataclasses import replace
 from fnmatch import fnmatchcase
 from functools import partial
 from importlib import import_module
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from threading import Event
 from typing import overload
@@ -151,13 +151,23 @@ class _Pending:
 
 
 def _groups(runs: Sequence[_Pending], jobs: int) -> list[list[_Pending]]:
-    """Runs of one scenario and controller together, as many as the engine has lanes; some for each job."""
+    """Runs of one duration together, as many as the engine has lanes; some for each job, the longest first.
+
+    Those of one scenario and controller are neighbours: they are the likeliest to be alike.
+    """
     (_, lanes), *_ = import_module(ENGINES["single"]).lane_kernels()
-    size = max(1, min(lanes, -(-len(runs) // jobs)))
-    alike: dict[tuple[str, str], list[_Pending]] = {}
+    most = max(1, min(lanes, -(-len(runs) // jobs)))
+    pairs: dict[tuple[str, str], list[_Pending]] = {}
     for run in runs:
-        alike.setdefault((run.scenario, run.controller), []).append(run)
-    return [members[n : n + size] for members in alike.values() for n in range(0, len(members), size)]
+        pairs.setdefault((run.scenario, run.controller), []).append(run)
+    lasting: dict[float, list[_Pending]] = {}
+    for run in chain.from_iterable(pairs.values()):
+        lasting.setdefault(run.study.scenario[run.scenario].duration, []).append(run)
+    groups = []
+    for _, members in sorted(lasting.items(), reverse=True):
+        size = -(-len(members) // -(-len(members) // most))
+        groups += [members[n : n + size] for n in range(0, len(members), size)]
+    return groups
 
 
 def _together(members: Sequence[_Pending], stop: Event) -> list[Run | StudyError]:

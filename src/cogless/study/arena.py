@@ -48,6 +48,7 @@ class ArenaPlant(Table):
     load: Torque  # N*m, the step
     smooth: Duration  # s, a period of the strongest ripple: the response to the step is averaged over it
     band: AngularSpeedMagnitude  # rad/s, in which the response has settled
+    hour: bool = False  # also run it for an hour
     target: AngularSpeedMagnitude  # rad/s, rms of the speed error with which it counts as learned
 
     @field_validator("changes")
