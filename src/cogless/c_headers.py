@@ -16,7 +16,7 @@ from cogless.files import control_sources
 STRUCT = re.compile(r"typedef struct \{(.*?)\n\} (\w+);", re.DOTALL)
 SAME = re.compile(r"^typedef (cgl_\w+) (cgl_\w+);", re.MULTILINE)
 ENUM = re.compile(r"typedef enum \{(.*?)\} (\w+);", re.DOTALL)
-NUMBER = re.compile(r"^#define (\w+) (\d+)U?$", re.MULTILINE)
+NUMBER = re.compile(r"^#define (\w+) +(\d+)U?(?: */\*.*)?$", re.MULTILINE)
 # a comment on its own, or a declaration and the comment that follows it
 MEMBER = re.compile(r"\s*(?:/\*.*?\*/|([^;{}/]+);(?:[ \t]*/\*(.*?)\*/)?)", re.DOTALL)
 FUNCTION = re.compile(r"\w+ \(\*(\w+)\)\(.*\)", re.DOTALL)

@@ -60,6 +60,33 @@ def test_a_number_by_hand_stays() -> None:
     assert by_rule.controller["mine"].gain > 0.05  # type: ignore[union-attr]
 
 
+@pytest.mark.parametrize(
+    ("law", "hand"),
+    [
+        ("pi-ilc", {"cells": 4096}),
+        ("pi-ilc", {"lead": "0.4 ms"}),
+        ("pi-ilc", {"q_half_width": 4}),
+        ("pi-afc", {"orders": [24, 72], "lead": "1 ms"}),
+        ("pi-afc", {"lead": "0 s"}),
+        ("robust-ilc", {"cells": 8192}),
+        ("space-speed", {"cells": 512}),
+    ],
+)
+def test_the_rest_follows_from_what_is_given(law: str, hand: dict[str, object]) -> None:
+    study = with_law(law, "uomodri-dead-time", **hand)
+    found = verdict(study, "mine")
+    assert found is not None and found.kind == "settles"
+    for key in hand:
+        assert key in study.source.tables["controller"]["mine"]
+
+
+def test_what_settles_with_nothing_stays_and_is_told() -> None:
+    study = with_law("pi-ilc", gain="50 A*s/rad")
+    found = verdict(study, "mine")
+    assert found is not None and found.kind != "settles"
+    assert missing(study) == []
+
+
 def test_a_feedback_by_hand_is_what_learning_is_designed_around() -> None:
     soft = with_law("pi-ilc", kp=0.05, ki=5.0)
     assert design(soft, "mine").gains["kp"].value == 0.05

@@ -134,14 +134,15 @@ def _pi_afc(study: Study, name: str, law: PiAfc) -> Values:
     """Orders that are known and can settle in every corner, the largest first; one lead, one gain for all."""
     found = known_orders(study, name)
     held = [n for n in found if _settles(study, name, n)] or found[:1]
-    orders = sorted(held[:ORDERS]) or [1]
+    by_hand = _by_hand(study, name)
+    orders = list(by_hand.get("orders", sorted(held[:ORDERS]) or [1]))
     T = speed_loop(study).period
     loops = list(_loops(OrderLoop, _with(study, name, {"orders": tuple(orders), "gain": 1.0}), name))
 
     def in_phase(n: int) -> float:
         return min(float(np.min(_cosine(loop, loop.frequencies, n), initial=1.0)) for loop in loops)
 
-    lead = max(range(LONGEST_LEAD + 1), key=in_phase) * T
+    lead = by_hand.get("lead", max(range(LONGEST_LEAD + 1), key=in_phase) * T)
     kp, ki = gains(study, name)
     gain = (ki or kp / T) / len(orders)
     for _ in range(2 * HALVINGS):
@@ -234,21 +235,22 @@ def _filtered(
     """A gain, halved until a Q filter lets learning settle, and on while half of it leaves less ripple.
 
     Each gain has the narrowest such filter. The ripple is the one that the design foresees after `LEARNED`
-    periods, with the noise of a sensor's counts.
+    periods, with the noise of a sensor's counts. Numbers set by hand count, unless nothing settles with them.
     """
-    found: list[tuple[float, Values]] = []
-    for _ in range(HALVINGS):
-        values = keys(gain)
-        width = _narrowest(list(_loops(kind, _with(study, name, values), name)))
-        if width is not None:
-            values |= {"q_half_width": width}
-            found.append((_left(study, name, kind, values), values))
-        if len(found) > 1 and found[-1][0] >= found[-2][0]:
-            break
-        gain /= 2
-    if not found:
-        raise _no_gain(study, name)
-    return min(found, key=lambda pair: pair[0])[1]
+    by_hand = _by_hand(study, name)
+    for fixed in (by_hand, {}) if by_hand else ({},):
+        found: list[tuple[float, Values]] = []
+        for n in range(HALVINGS):
+            values = keys(gain / 2**n) | fixed
+            width = _narrowest(list(_loops(kind, _with(study, name, values), name)), fixed)
+            if width is not None:
+                values |= {"q_half_width": width}
+                found.append((_left(study, name, kind, values), values))
+            if len(found) > 1 and found[-1][0] >= found[-2][0]:
+                break
+        if found:
+            return min(found, key=lambda pair: pair[0])[1]
+    raise _no_gain(study, name)
 
 
 def _left(study: Study, name: str, kind: type[LearningLoop], values: Values) -> float:
@@ -262,8 +264,8 @@ def _left(study: Study, name: str, kind: type[LearningLoop], values: Values) -> 
     return sum(ratios) / len(ratios)
 
 
-def _narrowest(loops: list[LearningLoop]) -> int | None:
-    """The narrowest Q filter with which learning settles in all of these loops; None if there is none."""
+def _narrowest(loops: list[LearningLoop], fixed: Values) -> int | None:
+    """The narrowest Q filter, or the fixed one, with which learning settles in all of these loops."""
     if any(loop.oscillation() is not None for loop in loops):
         return None
     grow: list[tuple[LearningLoop, Real, Real]] = []
@@ -272,7 +274,8 @@ def _narrowest(loops: list[LearningLoop]) -> int | None:
         without = loop.unfiltered(f)
         high = without > SETTLED
         grow.append((loop, f[high], without[high]))
-    for n in range(min(WIDEST, *(loop.widest_filter for loop in loops)) + 1):
+    widest = min(WIDEST, *(loop.widest_filter for loop in loops))
+    for n in (fixed["q_half_width"],) if "q_half_width" in fixed else range(widest + 1):
         if all(np.all(loop.q(f, n) * without <= SETTLED) for loop, f, without in grow):
             return n
     return None
@@ -304,6 +307,12 @@ def _with(study: Study, name: str, values: Values) -> Study:
     """The study with a controller that has other numbers."""
     law = study.controller[name].model_copy(update=values)
     return study.model_copy(update={"controller": {**study.controller, name: law}})
+
+
+def _by_hand(study: Study, name: str) -> Values:
+    """The numbers that the rule would give, but the study has itself, SI."""
+    law, given = study.controller[name], study.source.tables["controller"][name]
+    return {key: getattr(law, key) for key in law.AUTOMATIC if key in given}
 
 
 def _grid(loops: Iterable[LearningLoop]) -> Real:
@@ -345,7 +354,10 @@ def known_orders(study: Study, name: str) -> list[int]:
 
 
 def _cells(study: Study, name: str) -> int:
-    """Cells of a map over a revolution: a power of two."""
+    """Cells of a map over a revolution: a power of two, or set by hand."""
+    by_hand = _by_hand(study, name)
+    if "cells" in by_hand:
+        return int(by_hand["cells"])
     wanted = CELLS * max([*known_orders(study, name), 1])
     return min(MOST_CELLS, max(FEWEST_CELLS, 1 << (wanted - 1).bit_length()))
 
