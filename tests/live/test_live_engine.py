@@ -9,6 +9,7 @@ import pytest
 from node import NO_ENGINE, NO_NODE, module_file, run_node
 
 import studies
+from cogless.design.auto import load
 from cogless.errors import StudyError
 from cogless.files import shipped
 from cogless.live import engine
@@ -18,7 +19,7 @@ from cogless.live.page import asset
 from cogless.results.status import Status
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate
-from cogless.study import Study, load
+from cogless.study import Study
 from cogless.study.arena import is_arena
 from cogless.study.reading import read
 

@@ -8,12 +8,12 @@ import live_studies
 import pytest
 from node import NO_NODE, run_node
 
+from cogless.design.auto import load
 from cogless.errors import StudyError
 from cogless.live import toml
 from cogless.live.blobs import held
 from cogless.live.keys import adjustable, packed
 from cogless.live.page import data
-from cogless.study import load
 from cogless.study.reading import changed
 
 DESCRIBED = """

@@ -11,6 +11,7 @@ import pytest
 from engine import unpacked
 
 from cogless import changed
+from cogless.design.auto import load
 from cogless.design.from_study import design_study
 from cogless.errors import StudyError
 from cogless.run.advance import ENGINES
@@ -18,7 +19,7 @@ from cogless.run.drive_config import engine_config
 from cogless.run.own_law import make_law
 from cogless.run.simulate import simulate
 from cogless.run.trial_config import engine_config as trial_engine_config
-from cogless.study import TrialStudy, load
+from cogless.study import TrialStudy
 from cogless.study.arena import is_arena
 from cogless.study.reading import read
 

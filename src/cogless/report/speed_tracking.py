@@ -66,7 +66,7 @@ def missed(run: Run, rows: slice, unit: str) -> str | None:
         found = [_off(reference[part], speed[part], unit, DRIFT / scale) for part in (slice(None), half)]
     if not all(found):
         return None
-    limited = np.mean(active(run, Status.SATURATED, rows)[half]) > MOSTLY
+    limited = "status" in run.trace and np.mean(active(run, Status.SATURATED, rows)[half]) > MOSTLY
     return found[0] + (AT_LIMIT if limited else "")
 
 
