@@ -43,6 +43,13 @@ def tuned(folder: Path, tune: str = TUNE, executor: Executor | None = None, **ch
     return found
 
 
+def test_a_metric_is_named_as_in_the_study_or_as_in_its_results(tmp_path: Path) -> None:
+    found = study(tmp_path)
+    by_name = tuning.column_of(found, "ripple", "minimise")
+    assert tuning.column_of(found, by_name.name, "minimise") == by_name
+    assert by_name.name != "ripple"
+
+
 def test_the_search_finds_the_bottom_of_a_bowl(tmp_path: Path) -> None:
     def bowl(many: Any) -> list[float]:
         return [(one["a"] - 0.7) ** 2 + 4 * (one["b"] - 0.2) ** 2 for one in many]
