@@ -10,6 +10,7 @@ from cogless.design.auto import CORNERS, filled, missing
 from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import SETTLED
 from cogless.design.pi import speed_loop
+from cogless.design.space_learning import SpaceLoop
 from cogless.design.summary import design
 from cogless.design.verdict import verdict
 from cogless.errors import StudyError
@@ -69,6 +70,8 @@ def test_a_number_by_hand_stays() -> None:
         ("pi-afc", {"orders": [24, 72], "lead": "1 ms"}),
         ("pi-afc", {"lead": "0 s"}),
         ("robust-ilc", {"cells": 8192}),
+        ("robust-ilc", {"b": "9000 rad/s^2/A", "c": "200 1/s"}),
+        ("space-speed", {"k": "0.1 A*s/rad"}),
         ("space-speed", {"cells": 512}),
     ],
 )
@@ -78,6 +81,23 @@ def test_the_rest_follows_from_what_is_given(law: str, hand: dict[str, object]) 
     assert found is not None and found.kind == "settles"
     for key in hand:
         assert key in study.source.tables["controller"]["mine"]
+
+
+@pytest.mark.parametrize(
+    ("law", "kind", "hand"),
+    [
+        ("robust-ilc", PeriodicLoop, {"c": "60 1/s"}),
+        ("robust-ilc", PeriodicLoop, {"b": "40000 rad/s^2/A"}),
+        ("space-speed", SpaceLoop, {"k": "0.03 A*s/rad"}),
+    ],
+)
+def test_the_learning_gain_is_that_of_the_feedback_by_hand(
+    law: str, kind: type[PeriodicLoop | SpaceLoop], hand: dict[str, object]
+) -> None:
+    """No frequency is learned by more than all of its error in a period."""
+    study = with_law(law, "uomodri-dead-time", **hand)
+    loop = kind(study, "mine", 6.283)
+    assert np.max(np.abs(loop.x(loop.frequencies))) <= 1 + 1e-3
 
 
 def test_what_settles_with_nothing_stays_and_is_told() -> None:

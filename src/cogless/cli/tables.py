@@ -36,7 +36,7 @@ def print_tables(results: AnyResults) -> None:
         for line in lines:
             cells = [_cell(line, name, study.baseline) for name in controllers]
             table.add_row(Text(f"{line.title} [{line.unit}]" if line.unit else line.title), *cells)
-        console.print(table if lines else f"{scenario}: no metric")
+        console.print(table if lines else Text(f"{scenario}: no metric"))
         for remark in remarks(study, lines):
             console.print(f"! {remark}", highlight=False, markup=False)
         broken = report.broken(results, scenario)

@@ -126,8 +126,9 @@ def _robust_ilc(study: Study, name: str, law: RobustIlc) -> Values:
     apart = math.sqrt(max(half**2 - both, 0.0))  # two real roots, or a double one: ki as near as these come
     given = {"b": b, "c": half - apart, "eta": half + apart, "q": 1.0, "beta_1": 0.0, "gamma": 0.0}
     given["g"] = 2 * b * study.drive.current_sensors.noise
+    given |= _by_hand(study, name)
     with_it = _with(study, name, given)
-    return given | _periodic(with_it, name, law, lambda gain: {"beta_2": gain * b})
+    return given | _periodic(with_it, name, law, lambda gain: {"beta_2": gain * given["b"]})
 
 
 def _pi_afc(study: Study, name: str, law: PiAfc) -> Values:
@@ -193,13 +194,13 @@ def _anti_cogging(study: Study, name: str, law: AntiCogging) -> Values:
 def _space_speed(study: Study, name: str, law: SpaceSpeed) -> Values:
     """k is the PI's kp; learning pauses while the error alone asks for all the current that there is."""
     k = _phase_margin_pi(study, name, law)[0]
-    given = {"k": k, "eta_bar": study.drive.current_loop.current_limit / k}
+    given = {"k": k, "eta_bar": study.drive.current_loop.current_limit / k} | _by_hand(study, name)
     return given | _in_angle(_with(study, name, given), name)
 
 
 def _space_position(study: Study, name: str, law: SpacePosition) -> Values:
     """The integral stays beside what is learned: a load may change at any angle."""
-    given = {"frame": "mechanical", "hand_over": False}
+    given = {"frame": "mechanical", "hand_over": False} | _by_hand(study, name)
     return given | _in_angle(_with(study, name, given), name)
 
 
@@ -238,7 +239,7 @@ def _filtered(
     periods, with the noise of a sensor's counts. Numbers set by hand count, unless nothing settles with them.
     """
     by_hand = _by_hand(study, name)
-    for fixed in (by_hand, {}) if by_hand else ({},):
+    for fixed in [by_hand, {}] if by_hand else [{}]:
         found: list[tuple[float, Values]] = []
         for n in range(HALVINGS):
             values = keys(gain / 2**n) | fixed

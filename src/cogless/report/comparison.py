@@ -167,7 +167,7 @@ def compare(results: Results, scenario: str) -> list[Line]:
 
 def guarded(results: Results, run: Run, rows: slice) -> str:
     """When in these rows the guard held a run's learning back, such as "3.5 to 5.1 s"; "" if hardly ever."""
-    if not results.study.controller[run.controller].learns or "status" not in run.trace:
+    if not results.study.controller[run.controller].learns:
         return ""
     found = spans(run, Status.GUARDED, rows)
     if sum(to - since for since, to in found) < MOMENT:

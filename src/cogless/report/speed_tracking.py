@@ -57,7 +57,7 @@ def missed(run: Run, rows: slice, unit: str) -> str | None:
     """How the speed missed its reference, such as "mean 0 of 60 rpm"; None if it was held.
 
     It is missed only if it is off over all the rows and over their second half. So a start-up at the
-    beginning doesn't count, nor does a slow ripple. Told with it: that most of that half was at a limit.
+    beginning doesn't count, nor does a slow ripple. Where most of that half was at a limit, this is told too.
     """
     scale = factor(unit, ANGULAR_SPEED)
     reference, speed = (run.trace.part(x, rows) / scale for x in ("omega_ref", "omega_m"))
@@ -66,7 +66,7 @@ def missed(run: Run, rows: slice, unit: str) -> str | None:
         found = [_off(reference[part], speed[part], unit, DRIFT / scale) for part in (slice(None), half)]
     if not all(found):
         return None
-    limited = "status" in run.trace and np.mean(active(run, Status.SATURATED, rows)[half]) > MOSTLY
+    limited = np.mean(active(run, Status.SATURATED, rows)[half]) > MOSTLY
     return found[0] + (AT_LIMIT if limited else "")
 
 

@@ -48,14 +48,14 @@ def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 
 def active(run: Run, bits: int, rows: slice = ALL) -> NDArray[np.bool_]:
-    """The rows in which a state was active."""
-    status = run.trace.part("status", rows)
+    """The rows in which a state was active; none where the status isn't recorded."""
+    status = run.trace.part("status", rows) if "status" in run.trace else np.zeros(len(run.trace.time[rows]))
     return (np.where(np.isfinite(status), status, 0).astype(int) & bits) > 0
 
 
 def spans(run: Run, bits: int, rows: slice = ALL) -> list[tuple[float, float]]:
     """Start and end times, s, of the spans in which a state was active; at most MOST."""
-    if "status" not in run.trace or not len(run.trace):
+    if not len(run.trace):
         return []
     held, time, period = active(run, bits, rows), run.trace.time[rows], run.trace.period
     edges = np.flatnonzero(np.diff(np.concatenate(([0], held.astype(int), [0]))))
