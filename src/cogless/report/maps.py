@@ -16,6 +16,7 @@ from cogless.results import Results, Run
 MOST = 1440  # points of a map
 CELLS = 360  # of a polar map
 LAST = 8  # periods, from which its spread comes
+MOST_ROWS = 1_000_000  # from which these periods come: all of a long trace would take gigabytes
 
 NOTE = (
     "The current that each controller has learned over one revolution, as it stands at the end of the run. "
@@ -77,9 +78,10 @@ def polar(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         frame = run.memory["frame"] if run.memory else "mechanical"
         names = learned_terms(results, run)
         if names and frame in series:
-            turns = run.trace["theta_m"] / (2 * math.pi)
+            rows = slice(-MOST_ROWS, None)
+            turns = run.trace.part("theta_m", rows) / (2 * math.pi)
             turns = turns * (results.study.motor.pole_pairs if frame == "electrical" else 1)
-            found = _last_turns(turns, np.sum([run.trace[name] for name in names], axis=0))
+            found = _last_turns(turns, np.sum([run.trace.part(name, rows) for name in names], axis=0))
             if len(found) > 1:
                 values = {"values": np.mean(found, axis=0)}
                 values |= {"low": np.min(found, axis=0), "high": np.max(found, axis=0)}

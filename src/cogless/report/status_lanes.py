@@ -16,6 +16,7 @@ from cogless.results.status import NOTICED, SAFE, Status
 MOST = 300  # largest number of time spans of a state in a run; beyond it, short gaps are closed
 MOMENT = 0.1  # s; without faults shorter states are not worth a lane
 ALL = slice(None)
+BLOCK = 1 << 18  # rows that are looked at together: those of an hour would take gigabytes
 STATES: dict[int, str] = {
     SAFE: "safe output",
     **{int(bit): name for bit, name in NOTICED.items()},
@@ -49,8 +50,12 @@ def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 def active(run: Run, bits: int, rows: slice = ALL) -> NDArray[np.bool_]:
     """The rows in which a state was active; none where the status isn't recorded."""
-    status = run.trace.part("status", rows) if "status" in run.trace else np.zeros(len(run.trace.time[rows]))
-    return (np.where(np.isfinite(status), status, 0).astype(int) & bits) > 0
+    first, last, _ = rows.indices(len(run.trace))
+    held = np.zeros(max(last - first, 0), dtype=bool)
+    for at in range(first, last, BLOCK) if "status" in run.trace else ():
+        status = run.trace.part("status", slice(at, min(at + BLOCK, last)))
+        held[at - first :][: len(status)] = (np.where(np.isfinite(status), status, 0).astype(int) & bits) > 0
+    return held
 
 
 def spans(run: Run, bits: int, rows: slice = ALL) -> list[tuple[float, float]]:
@@ -58,7 +63,7 @@ def spans(run: Run, bits: int, rows: slice = ALL) -> list[tuple[float, float]]:
     if not len(run.trace):
         return []
     held, time, period = active(run, bits, rows), run.trace.time[rows], run.trace.period
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], held.astype(int), [0]))))
+    edges = np.flatnonzero(np.diff(held, prepend=False, append=False))
     from_, to = time[edges[::2]], time[edges[1::2] - 1] + period
     gap = 2 * period
     while len(from_) > MOST:

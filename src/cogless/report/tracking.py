@@ -64,8 +64,9 @@ class Tracked:
 def tracked(results: Results, runs: Sequence[Run]) -> Tracked | None:
     """The runs' order amplitudes; None if the reference turns too little or nothing can be computed."""
     trace, poles = runs[0].trace, results.study.motor.pole_pairs
-    speed = np.abs(np.nan_to_num(trace["omega_ref"]))
-    turned = np.cumsum(speed) * trace.period / (2 * math.pi)
+    turned = np.cumsum(_speed(trace, slice(None)))
+    turned *= trace.period
+    turned /= 2 * math.pi
     whole = int(turned[-1] + 1e-6)
     each = max(1, -(-whole // PIECES))
     if whole // each < FEWEST:
@@ -79,8 +80,14 @@ def tracked(results: Results, runs: Sequence[Run]) -> Tracked | None:
         if np.any(np.isfinite(rows)):
             found[place(results, run)] = np.array(rows)
     times = trace.time[[min(piece.stop, len(trace) - 1) for piece in pieces]]
-    speeds = np.array([np.mean(speed[piece]) for piece in pieces])
+    speeds = np.array([np.mean(_speed(trace, piece)) for piece in pieces])
     return Tracked(times, speeds, found) if found else None
+
+
+def _speed(trace: Trace, rows: slice) -> Array:
+    """Magnitude of the reference, rad/s; 0 where it is not finite."""
+    speed = np.nan_to_num(trace.part("omega_ref", rows))
+    return np.abs(speed, out=speed)
 
 
 def _amplitudes(trace: Trace, piece: slice, turns: int, pole_pairs: int) -> Array:
