@@ -19,6 +19,7 @@ from cogless.report.packing import Array, pack, plain
 from cogless.report.palette import place
 from cogless.report.paths import learned_terms
 from cogless.report.spectra import order_spectrum
+from cogless.report.status_lanes import BLOCK
 from cogless.results import Results, Run
 from cogless.results.trace import Trace
 from cogless.units import ANGULAR_SPEED, factor
@@ -64,9 +65,7 @@ class Tracked:
 def tracked(results: Results, runs: Sequence[Run]) -> Tracked | None:
     """The runs' order amplitudes; None if the reference turns too little or nothing can be computed."""
     trace, poles = runs[0].trace, results.study.motor.pole_pairs
-    turned = np.cumsum(_speed(trace, slice(None)))
-    turned *= trace.period
-    turned /= 2 * math.pi
+    turned = _turned(trace)
     whole = int(turned[-1] + 1e-6)
     each = max(1, -(-whole // PIECES))
     if whole // each < FEWEST:
@@ -82,6 +81,18 @@ def tracked(results: Results, runs: Sequence[Run]) -> Tracked | None:
     times = trace.time[[min(piece.stop, len(trace) - 1) for piece in pieces]]
     speeds = np.array([np.mean(_speed(trace, piece)) for piece in pieces])
     return Tracked(times, speeds, found) if found else None
+
+
+def _turned(trace: Trace) -> Array:
+    """Revolutions of the reference until each row. Of a long trace this is the only array of its length."""
+    turned, before = np.empty(len(trace)), 0.0
+    for at in range(0, len(trace), BLOCK):
+        speed = _speed(trace, slice(at, at + BLOCK))
+        speed[0] += before
+        before = np.cumsum(speed, out=turned[at : at + BLOCK])[-1]
+    turned *= trace.period
+    turned /= 2 * math.pi
+    return turned
 
 
 def _speed(trace: Trace, rows: slice) -> Array:
