@@ -71,6 +71,7 @@ def tracked(results: Results, runs: Sequence[Run]) -> Tracked | None:
     if whole // each < FEWEST:
         return None
     ends = [int(np.searchsorted(turned, k * each)) for k in range(whole // each + 1)]
+    del turned  # as long as the run
     pieces = [slice(a, b) for a, b in pairwise(ends)]
     scale = factor(speed_unit(results), ANGULAR_SPEED)
     found = {}
