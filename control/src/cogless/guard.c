@@ -89,7 +89,7 @@ CGL_SELDOM static void go_to(cgl_guard *guard, cgl_guard_phase phase)
     guard->target = acts ? CGL_R(1.0) : CGL_R(0.0);
     guard->settling = guard->share < guard->target || guard->share > guard->target ? guard->settle : 0U;
     guard->slope = guard->ts < RAMP ? guard->ts / RAMP : CGL_R(1.0);
-    guard->learn = phase == CGL_GUARD_LEARN;
+    guard->learn = phase == CGL_GUARD_LEARN && guard->settling == 0U; /* what a part of the share leaves is not to be learned */
     guard->forget = phase == CGL_GUARD_CLEAR;
     guard->windows = guard->strikes = 0U;
     guard->way = CGL_R(0.0);
@@ -566,6 +566,7 @@ CGL_SELDOM static void settle(cgl_guard *guard)
     const cgl_real rest = guard->target - guard->share;
     --guard->settling;
     guard->share = cgl_is_within(rest, guard->slope) ? guard->target : guard->share + cgl_clamp(rest, guard->slope);
+    guard->learn = guard->phase == CGL_GUARD_LEARN && guard->settling == 0U;
 }
 
 /* Whether an unusual sample counts. An instability saturates the current loop too, but now this way and now the other: what is
