@@ -600,6 +600,7 @@ static cgl_harmonic_config random_harmonic(void)
     config.k_theta = random_below(2) ? CGL_R(0.0) : random_gain(CGL_R(50.0));
     config.b = random_gain(CGL_R(1000.0));
     config.delay = random_below(2) ? CGL_R(0.0) : random_gain(CGL_R(2.0e-3));
+    config.step = random_below(2) ? CGL_R(0.0) : random_gain(CGL_R(1.0e-2));
     config.base = 1U + random_below(random_below(20) ? 40U : CGL_HARMONIC_ORDER_MAX);
     config.bends = random_below(3);
     config.orders = 1U + random_below(random_below(4) ? 8U : CGL_HARMONIC_ORDERS);

@@ -141,6 +141,16 @@ def test_liu_at_60_rpm_is_near_the_encoders_floor():
     assert np.std(speed) < 0.4
 
 
+def test_counts_that_beat_with_the_samples_are_not_taken_for_ripple():
+    """At 61.3 r/min 4.087 counts come in a sample: seen at the samples, they beat with 433 Hz, where order 420 is.
+    From steps alone, without the timed speed, 1.2 r/min would be learned."""
+    speed = {f"scenario.1-rev-s.{key}": "61.3 rpm" for key in SPEEDS}
+    assert learner(study(), "harmonic").step == pytest.approx(math.tau / 20_000)
+    assert error("1-rev-s", 12, "harmonic", **COMPENSATED, **speed)[-8:].max() < 0.12
+    for changed in ({"drive.position_sensor.speed_method": "M"}, {"drive.speed_filter": "1 kHz"}):
+        assert learner(study(**changed), "harmonic").step == 0
+
+
 def test_orders_that_a_soft_shaft_turns_are_held():
     """The shaft of the study has its antiresonance at 59.5 Hz and its resonance at 84 Hz."""
     by_hand = {"law": "harmonic", "tuning": {"rule": "auto"}, "kp": "0.1 A*s/rad", "ki": "0.5 A/rad"}

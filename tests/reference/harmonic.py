@@ -43,6 +43,7 @@ class Harmonic:
     held: tuple[float, ...] = ()
     k_theta: float = 0.0
     bends: int = 2
+    sensor_step: float = 0.0
     c: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=complex))
     learned: float = 0.0
     learning: bool = False
@@ -52,7 +53,8 @@ class Harmonic:
         self.c, self.weight = np.zeros((2, self.orders), dtype=complex)
         self.d, self.gain = self.delay / ts, self.b * ts * ts
         self.told, self.current = [0.0, 0.0, 0.0], 0.0
-        self.theta = 0
+        self.theta = self.shown = 0
+        self.since_edge = 0.0
         self.omega = self.load = self.mean = 0.0
         self.time = self.anchor = self.slowest = self.fastest = self.rate_now = 0.0
         self.round_step = 0.0
@@ -78,6 +80,15 @@ class Harmonic:
             return kept, [1 - kept, 0.0, 0.0]
         m, f = (0, self.d) if self.d < 1 else (1, self.d - 1)
         return 0.0, [0.0] * m + [1 - f, f] + [0.0] * (1 - m)
+
+    def within_step(self, shown: int, omega_m: float) -> int:
+        """Where the rotor is within the step that a sensor shows whose speed is timed from edge to edge."""
+        turned_by = ((shown - self.shown + TURN // 2) % TURN - TURN // 2) / TURN
+        half = min(self.sensor_step / (2 * math.tau), 0.25)
+        way = self.since_edge + omega_m * self.pi.ts / math.tau - turned_by
+        self.since_edge = 0.0 if math.isnan(way) else clip(way, half)
+        self.shown = shown
+        return (shown + parts(self.since_edge)) % TURN
 
     def observe(self, theta_m: int) -> float:
         kept, shares = self.shares()
@@ -171,16 +182,15 @@ class Harmonic:
         self.c[: self.acting] = real + 1j * imag
         return clip(float(np.sum((self.c[: self.acting] * phasor).real)), self.limit)
 
-    def follow(self, omega_m: float, theta_m: float, may: bool, bend: float) -> None:
+    def follow(self, omega_m: float, theta: int | None, may: bool, bend: float) -> None:
         """Observer, gains, amplitudes and the learned current of one step."""
         self.learning = may and self.wait == 0
         self.wait = max(self.wait - 1, 0) if may else SETTLE
         self.learned = 0.0
-        if not is_angle(theta_m):
+        if theta is None:
             self.seated, self.since = False, TURN_OF_BEND - 1
             self.here = self.slope = 0.0
             return
-        theta = parts(math.fmod(theta_m / math.tau, 1)) % TURN
         if not self.seated:
             self.theta, self.load, self.mean = theta, 0.0, 0.0
             self.omega = clip(finite_or_zero(omega_m) * self.pi.ts, math.pi)
@@ -196,33 +206,39 @@ class Harmonic:
         if self.learning:
             self.time = min(self.time + self.pi.ts, 1e6)
 
-    def take_turn(self, theta_m: float) -> float:
+    def angle_of(self, theta_m: float, omega_m: float) -> int | None:
+        if not is_angle(theta_m):
+            return None
+        return self.within_step(parts(math.fmod(theta_m / math.tau, 1)) % TURN, omega_m)
+
+    def take_turn(self, theta: int | None) -> float:
         """The bend at an angle, and once in a while its turn."""
         self.since = (self.since + 1) % TURN_OF_BEND
-        if is_angle(theta_m) and self.since == 0 and len(self.bend):
-            self.turn_bend(parts(math.fmod(theta_m / math.tau, 1)) % TURN)
+        if theta is not None and self.since == 0 and len(self.bend):
+            self.turn_bend(theta)
         return self.here + self.slope * self.omega * self.since
 
     def step(
         self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True, theta_ref: float = 0.0
     ) -> float:
-        bend = self.take_turn(theta_m)
+        theta = self.angle_of(theta_m, omega_m)
+        bend = self.take_turn(theta)
         error = omega_ref - omega_m + self.slope * omega_m
         plausible = math.isfinite(omega_ref - omega_m) and is_angle(theta_m)
         if self.k_theta:
             plausible &= is_angle(theta_ref)
-            if is_angle(theta_m) and is_angle(theta_ref):
-                now, asked = (parts(math.fmod(x / math.tau, 1)) for x in (theta_m, theta_ref))
-                way = ((asked - now + TURN // 2) % TURN - TURN // 2) / TURN * math.tau
+            if theta is not None and is_angle(theta_ref):
+                asked = parts(math.fmod(theta_ref / math.tau, 1))
+                way = ((asked - theta + TURN // 2) % TURN - TURN // 2) / TURN * math.tau
                 error += self.k_theta * (way + bend)
-        self.follow(omega_m, theta_m, learn and plausible and not self.pi.saturated, bend)
+        self.follow(omega_m, theta, learn and plausible and not self.pi.saturated, bend)
         out = self.pi.step(error, self.learned)
         self.told = [out - self.learned, *self.told[:2]]
         return out
 
     def torque(self, current: float, omega_ref: float, omega_m: float, theta_m: float) -> float:
-        bend = self.take_turn(theta_m)
-        self.follow(omega_m, theta_m, False, bend)
+        theta = self.angle_of(theta_m, omega_m)
+        self.follow(omega_m, theta, False, self.take_turn(theta))
         out = self.pi.torque(current, self.learned)
         self.told = [out - self.learned, *self.told[:2]]
         return out

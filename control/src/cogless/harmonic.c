@@ -27,6 +27,7 @@ CGL_SELDOM static bool is_valid(const cgl_harmonic_config *config, cgl_real ts)
     static const cgl_range range[] = {CGL_RANGE(cgl_harmonic_config, k_theta, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_harmonic_config, b, CGL_POSITIVE),
                                       CGL_RANGE(cgl_harmonic_config, delay, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_harmonic_config, step, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_harmonic_config, base, CGL_COUNT),
                                       CGL_RANGE(cgl_harmonic_config, orders, CGL_COUNT),
                                       CGL_RANGE(cgl_harmonic_config, rate, CGL_NOT_NEGATIVE),
@@ -47,6 +48,7 @@ CGL_SELDOM static void take(cgl_harmonic *law, const cgl_harmonic_config *config
 {
     law->config = *config;
     law->gain = config->b * ts * ts;
+    law->half_step = cgl_clamp(config->step * (CGL_R(0.5) / CGL_TWO_PI), CGL_R(0.25));
     law->delay = cgl_clamp(config->delay / ts, LONGEST);
     law->ahead = CGL_R(0.5) + law->delay;
     law->slow = MEAN * (cgl_real)config->base;
@@ -117,10 +119,21 @@ CGL_SELDOM void cgl_harmonic_reset(cgl_harmonic *law)
     law->bend.squares = law->bend.here = law->bend.slope = law->step = CGL_R(0.0);
     law->current = law->omega = law->load = law->mean = CGL_R(0.0);
     law->time = law->anchor = law->slowest = law->fastest = law->rate = CGL_R(0.0);
-    law->theta = law->since = law->due = law->band = law->acting = law->low = 0U;
+    law->since_edge = CGL_R(0.0);
+    law->shown = law->theta = law->since = law->due = law->band = law->acting = law->low = 0U;
     law->wait = CGL_HARMONIC_SETTLE;
     law->seated = law->learning = false;
     law->learned = CGL_R(0.0);
+}
+
+/* Where the rotor is within the step that the sensor shows [turns]. A speed that is timed from edge to edge adds up to exactly the
+ * way from edge to edge: what it is ahead of the steps is the way since the last edge, but for a constant. */
+static uint32_t within_step(cgl_harmonic *law, uint32_t shown, cgl_real omega_m)
+{
+    const cgl_real turned = cgl_steps(law->shown, shown) * (CGL_R(1.0) / CGL_TURN_BITS);
+    law->since_edge = cgl_clamp(law->since_edge + omega_m * law->pi.ts * (CGL_R(1.0) / CGL_TWO_PI) - turned, law->half_step);
+    law->shown = shown;
+    return cgl_turned(shown, law->since_edge);
 }
 
 /* The observer at the measured angle [turns], where it has followed none. */
@@ -382,7 +395,7 @@ static void follow(cgl_harmonic *law, const cgl_law_input *in, uint32_t theta, c
 void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_output *out)
 {
     const bool is_angle = CGL_OFTEN(cgl_is_angle(in->theta_m));
-    const uint32_t theta = is_angle ? cgl_turns(in->theta_m) : 0U;
+    const uint32_t theta = is_angle ? within_step(law, cgl_turns(in->theta_m), in->omega_m) : 0U;
     law->since = (law->since + 1U) % TURN;
     if (law->since == 0U && law->bends > 0U && is_angle) {
         turn_bend(law, theta);

@@ -49,7 +49,8 @@ def _learner(study: Study, name: str) -> Learner:
     base, highest = _orders(study, law)
     orders = max(1, min(ORDERS, highest // base))
     rate = min(MOST, STEP / (orders * loop.period))
-    told = Learner(loop.b, delay_of(loop), base, _bends(study, base), orders, rate, min(rate, LEAST))
+    step, bends = _step(study), _bends(study, base)
+    told = Learner(loop.b, delay_of(loop), step, base, bends, orders, rate, min(rate, LEAST))
     pi = harmonic_gains(study, name)
     speeds = _speeds(study, name, told.base * loop.period)
     if not speeds:
@@ -213,6 +214,13 @@ def _poles_and_slots(study: Study) -> tuple[int, int | None]:
     if isinstance(study.motor, StepMotor):
         return study.motor.teeth, 4 * study.motor.teeth
     return 2 * study.motor.pole_pairs, study.motor.slots
+
+
+def _step(study: Study) -> float:
+    """Step of the sensor's angle, rad, if the speed is timed from edge to edge and not filtered, so that it
+    tells where the rotor is between two; else 0."""
+    sensor, filtered = study.drive.position_sensor, study.drive.speed_filter
+    return sensor.step if isinstance(sensor, Counted) and sensor.timed and not filtered else 0.0
 
 
 def _bends(study: Study, base: int) -> int:
