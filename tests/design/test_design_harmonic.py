@@ -151,6 +151,28 @@ def test_counts_that_beat_with_the_samples_are_not_taken_for_ripple():
         assert learner(study(**changed), "harmonic").step == 0
 
 
+def test_ripple_that_changes_with_a_turning_load_is_followed():
+    """An arm's weight turns with the rotor, at up to 0.4 rad/s, and so does the torque that a step motor's ripple
+    is a share of. Speeds in the paper's electrical rad/s, peak to peak; the paper's learning leaves 0.081."""
+    here = load("verrelli2016", {
+        "controller.harmonic": {**studies.HARMONIC["controller.harmonic"], "position": True},
+        "controller.same": {**studies.HARMONIC["controller.harmonic"], "position": True, "learning_start": "1e6 s"},
+    })  # fmt: skip
+    assert learner(here, "harmonic").rate_min == pytest.approx(10 * 0.4)
+    assert learner(study(), "harmonic").rate_min == 0.5
+    left = []
+    for name in ("harmonic", "same"):
+        trace = simulate(here, "twelve-seconds", name).trace
+        last = 50 * (trace["omega_m"] - trace["omega_ref"])[8000:10_000]
+        left.append(np.ptp(last))
+    assert left[0] < 0.005 and left[1] > 0.06
+    # a load faster than that is not: the mean goes on
+    fast = {"scenario.twelve-seconds.reference": "100 rpm", "scenario.two-minutes.reference": "100 rpm"}
+    assert learner(load("verrelli2016", fast | {
+        "controller.harmonic": {**studies.HARMONIC["controller.harmonic"], "position": True}}
+    ), "harmonic").rate_min == 0.5  # fmt: skip
+
+
 def test_orders_that_a_soft_shaft_turns_are_held():
     """The shaft of the study has its antiresonance at 59.5 Hz and its resonance at 84 Hz."""
     by_hand = {"law": "harmonic", "tuning": {"rule": "auto"}, "kp": "0.1 A*s/rad", "ki": "0.5 A/rad"}
