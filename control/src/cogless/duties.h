@@ -15,16 +15,16 @@ static inline void cgl_duties(cgl_real alpha, cgl_real beta, cgl_real duty[3])
     const cgl_real middle = alpha < lower ? lower : (alpha > upper ? upper : alpha);
     const cgl_real shift = CGL_R(0.5) * middle;
     const cgl_real between = half + shift;
-    duty[0] = CGL_R(0.5) + cgl_clamp(alpha + shift, CGL_R(0.5));
-    duty[1] = CGL_R(0.5) + cgl_clamp(between + side, CGL_R(0.5));
-    duty[2] = CGL_R(0.5) + cgl_clamp(between - side, CGL_R(0.5));
+    duty[0] = CGL_R(0.5) + cgl_clamp_here(alpha + shift, CGL_R(0.5));
+    duty[1] = CGL_R(0.5) + cgl_clamp_here(between + side, CGL_R(0.5));
+    duty[2] = CGL_R(0.5) + cgl_clamp_here(between - side, CGL_R(0.5));
 }
 
 /* Duty cycles of two H-bridges for the voltages a and b, in parts of the bus. */
 static inline void cgl_duties_of_two(cgl_real a, cgl_real b, cgl_real duty[3])
 {
-    duty[0] = CGL_R(0.5) + cgl_clamp(CGL_R(0.5) * a, CGL_R(0.5));
-    duty[1] = CGL_R(0.5) + cgl_clamp(CGL_R(0.5) * b, CGL_R(0.5));
+    duty[0] = CGL_R(0.5) + cgl_clamp_here(CGL_R(0.5) * a, CGL_R(0.5));
+    duty[1] = CGL_R(0.5) + cgl_clamp_here(CGL_R(0.5) * b, CGL_R(0.5));
     duty[2] = CGL_R(0.5);
 }
 
