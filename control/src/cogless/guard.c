@@ -616,16 +616,16 @@ CGL_SELDOM static void compare_reference(cgl_guard *guard, const cgl_guard_input
 
 void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in)
 {
-    const cgl_real half = CGL_R(0.5) * (in->error - guard->last_error), error = in->error - half;
-    guard->last_error = in->error;
-    if (!CGL_OFTEN(in->plausible && !in->saturated && guard->short_of == 0U && guard->settling == 0U)
-        && !counts(guard, in)) {
+    const bool usual = in->plausible && !in->saturated && (guard->short_of | guard->settling) == 0U;
+    if (!CGL_OFTEN(usual) && !counts(guard, in)) {
+        guard->last_error = in->error;
         return;
     }
     if (!CGL_OFTEN(cgl_is_within(in->omega_ref - guard->reference, guard->tolerance))) {
         compare_reference(guard, in);
     }
-    const cgl_real deviation = error - guard->centre;
+    const cgl_real half = CGL_R(0.5) * (in->error - guard->last_error), deviation = in->error - half - guard->centre;
+    guard->last_error = in->error;
     guard->sum += deviation;
     guard->squares += deviation * deviation;
     guard->fast += half * half;
