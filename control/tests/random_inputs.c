@@ -64,6 +64,41 @@ static void check_off(const cgl_law_input *in, const cgl_law_output *out)
     CHECK(!in->off || (within(out->i_q_ref, CGL_R(0.0)) && (out->status & off) == off));
 }
 
+/* ---- a law that is reset does what a new one does, without any random number ---- */
+
+static cgl_law_input ordinary_input(int step)
+{
+    const cgl_real time = CGL_R(1.0e-3) * (cgl_real)step;
+    const cgl_law_input in = {.theta_ref = CGL_R(10.0) * time,
+                              .omega_ref = CGL_R(10.0),
+                              .theta_m = CGL_R(10.0) * time,
+                              .omega_m = CGL_R(10.0) + CGL_R(0.25) * (cgl_real)(step % 5 - 2),
+                              .i_q = CGL_R(0.1),
+                              .learn = true};
+    return in;
+}
+
+static void check_same(const cgl_law_output *one, const cgl_law_output *other)
+{
+    CHECK(memcmp(&one->i_q_ref, &other->i_q_ref, sizeof one->i_q_ref) == 0 && one->status == other->status);
+}
+
+static cgl_real fresh_cells[ROWS_MAX];
+
+#define CHECK_RESET(name, law, ...)                                                                                    \
+    do {                                                                                                               \
+        static cgl_##name fresh;                                                                                       \
+        CHECK(cgl_##name##_init(&fresh, __VA_ARGS__) == CGL_OK);                                                       \
+        cgl_##name##_reset(law);                                                                                       \
+        for (int n = 0; n < 60; ++n) {                                                                                 \
+            const cgl_law_input same = ordinary_input(n);                                                              \
+            cgl_law_output one, other;                                                                                 \
+            cgl_##name##_step((law), &same, &one);                                                                     \
+            cgl_##name##_step(&fresh, &same, &other);                                                                  \
+            check_same(&one, &other);                                                                                  \
+        }                                                                                                              \
+    } while (false)
+
 /* ---- inputs: any, or a rotor that turns so that something is learned ---- */
 
 /* As of a guard: mostly nothing. */
@@ -438,6 +473,7 @@ static void try_pi_ilc(void)
     }
     check_memory(&law.memory);
     hear_all(law.memory.cell, length);
+    CHECK_RESET(pi_ilc, &law, &config, ts, fresh_cells, length);
 }
 
 static void try_robust_ilc(void)
@@ -489,6 +525,7 @@ static void try_robust_ilc(void)
     }
     check_memory(&law.memory);
     hear_all(law.memory.cell, length);
+    CHECK_RESET(robust_ilc, &law, &config, ts, fresh_cells, length);
 }
 
 static void try_anti_cogging(void)
@@ -591,6 +628,7 @@ static void try_pi_afc(void)
         }
     }
     check_fence(length);
+    CHECK_RESET(pi_afc, &law, &config, ts, fresh_cells, length);
 }
 
 static cgl_harmonic_config random_harmonic(void)
@@ -654,6 +692,7 @@ static void try_harmonic(void)
         }
     }
     check_fence(length);
+    CHECK_RESET(harmonic, &law, &config, ts, fresh_cells, length);
 }
 
 /* ---- learning in space ---- */
@@ -710,6 +749,7 @@ static void try_space_position(void)
     }
     check_memory(&law.memory);
     hear_all(law.memory.cell, length);
+    CHECK_RESET(space_position, &law, &config, ts, fresh_cells, length);
 }
 
 static void try_space_speed(void)
@@ -756,6 +796,7 @@ static void try_space_speed(void)
     }
     check_memory(&law.memory);
     hear_all(law.memory.cell, length);
+    CHECK_RESET(space_speed, &law, &config, ts, fresh_cells, length);
 }
 
 /* ---- learning from trial to trial ---- */
@@ -1262,6 +1303,7 @@ static void try_adrc(void)
             config = cgl_adrc_retune(&law, &other) == CGL_OK ? other : config;
         }
     }
+    CHECK_RESET(adrc, &law, &config, ts);
 }
 
 void random_inputs(long configs)
