@@ -114,7 +114,7 @@ def test_it_has_no_map_to_store_or_to_start_from(tmp_path: Path) -> None:
     with pytest.raises(StudyError) as refused:
         own(tmp_path, {"controller.own": OWN["controller.own"] | {"start": {"map": "a.bin"}}})
     expected = "expected none: what is learned from trial to trial belongs to their reference"
-    assert str(refused.value).endswith(f"controller.own.start: {{...}}: {expected}")
+    assert str(refused.value).endswith(f"controller.own.start: {expected}")
 
 
 def test_it_has_no_c_form_and_no_linear_plant(tmp_path: Path) -> None:
