@@ -98,6 +98,7 @@ def drive(d: Draw, K_t: float, b: float, rate: int, divider: int) -> Changes:
         psi = K_t / 1.5 / pole_pairs
         flux = [{"order": 6, "d": q(psi * d.uniform(0, 0.03), "Wb"), "q": q(psi * d.uniform(0, 0.05), "Wb")}]
     return {
+        "drive.guard": False,  # it would end what grows
         "drive.rates.integration_steps": 4,
         "motor.pole_pairs": pole_pairs,
         "motor.R_s": q(R, "ohm"),

@@ -124,6 +124,25 @@ def test_a_study_without_its_numbers_doesnt_run() -> None:
         run_study(load_raw("uomodri", changes), ["1-rev-s/mine"])
 
 
+MOVES = {"moves": [["0.5 s", "0 deg"], ["1.5 s", "200 deg"], ["2.5 s", "0 deg"]]}
+SWING = {"offset": "0 rpm", "amplitude": "60 rpm", "frequency": "0.25 Hz"}
+
+
+@pytest.mark.parametrize(("law", "reference", "top"), [("space-position", MOVES, 6.545), ("space-speed", SWING, 6.283)])
+def test_in_angle_a_reference_that_stops_is_learned_above_half_of_its_speed(
+    law: str, reference: object, top: float
+) -> None:
+    """mu_alpha / |omega| would be unstable on the way to standstill."""
+    only = {"scenario": {"swing": {"duration": "4 s", "reference": reference}}, "metric": []}
+    study = load("uomodri", {**only, "controller": {"mine": {"law": law, "tuning": {"rule": "auto"}}}})
+    assert isinstance(study, Study)
+    found = verdict(study, "mine")
+    assert found is not None
+    assert found.kind == "settles"
+    assert found.passing is None
+    assert study.controller["mine"].omega_min == pytest.approx(top / 2, rel=1e-3)  # type: ignore[union-attr]
+
+
 def test_an_axis_at_rest_has_nothing_to_tune_for() -> None:
     with pytest.raises(StudyError, match="expected a scenario of this controller in which the rotor turns"):
         load(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from cogless import load, run_study
+from cogless import changed, load, run_study
 from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import SETTLED, Worst
 from cogless.design.summary import to_dict
@@ -178,3 +178,25 @@ def test_a_delay_line_halfway_between_two_samples_smooths_what_it_recalls() -> N
     kept, recalled = loop.kept(f), loop.q(f) * np.cos(np.pi * f * T)
     left = (1 - recalled) / (1 - recalled * kept) * (1 if loop.lead else kept)
     np.testing.assert_allclose(loop.residual(f), np.abs(left), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("beta_1", "worse"), [(300.0, False), (10_000.0, True)])
+def test_what_learns_from_the_sign_keeps_an_oscillation_alive_and_is_told(beta_1: float, worse: bool) -> None:
+    """To a small S, beta_1 sgn S is a large gain: with beta_2 alone the same learning settles."""
+    law: dict[str, Any] = {"beta_2": 200.0, "forgetting": 0.8, "lead": 0.0, "g": 0.0, "gamma": 0.0}
+    changes = {f"controller.robust-ilc.{key}": value for key, value in law.items()}
+    clean = {"drive.position_sensor": {"kind": "ideal"}, "drive.current_sensors.noise": "0 A", "metric": []}
+    only = {f"scenario.{name}.controllers": ["pi"] for name in ("slow", "fast")}
+    study = load("uomodri", {**changes, **clean, **only, "drive.guard": False, "scenario.1-rev-s.duration": "8 s"})
+    left = []
+    for more in ({"beta_1": beta_1}, {"beta_1": beta_1, "learning_start": 1e6}):
+        tried = changed(study, {f"controller.robust-ilc.{key}": value for key, value in more.items()})
+        (run,) = run_study(tried, ["1-rev-s/robust-ilc"]).runs
+        left.append(float(np.std(run.trace["omega_error"][-10_000:])))
+    told = known(changed(study, {"controller.robust-ilc.beta_1": beta_1}), "robust-ilc").words()
+    assert (left[0] > 1.25 * left[1]) == worse
+    assert told == (
+        "settles; not sure: beta_1 sgn S keeps 0.33 rev/s rms of ripple or more alive, at 885 Hz"
+        if worse
+        else "settles"
+    )

@@ -231,6 +231,15 @@ def test_verdict_names_the_costs(made):
     assert "None of the" not in details
 
 
+@pytest.mark.parametrize(("second", "told"), [(0.009, False), (0.011, True)])
+def test_an_order_that_is_nothing_beside_the_ripple_is_no_cost(made, second, told):
+    """Thirty times nearly nothing: of the baseline's ripple of 1 rad/s, an order below 0.01 says nothing."""
+    without = {"speed_ripple_rad_s": 1.0, "speed_orders_rad_s": [1.3, second / 30, 0.1]}
+    learned = {"speed_ripple_rad_s": 0.1, "speed_orders_rad_s": [0.1, second, 0.05]}
+    details = " ".join(verdicts(with_metrics(made, pi=without, pi_ilc=learned))[0].details)
+    assert ("30.0 times the speed order" in details) == told
+
+
 def test_verdict_names_where_the_next_is_clearly_better(made):
     torque = {"torque_ripple_N_m": 0.02}
     worse = with_metrics(

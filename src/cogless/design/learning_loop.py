@@ -251,6 +251,11 @@ class LearningLoop(ABC):
         k = int(np.argmax(factors))
         return Worst(float(factors[k]), float(f[k]))
 
+    @property
+    def settled(self) -> bool:
+        """Whether the loop is stable, and no frequency grows from period to period."""
+        return self.oscillation() is None and self.worst().factor <= SETTLED
+
 
 def _with_near(f: Real, loop: SpeedLoop) -> Real:
     """Frequencies f, Hz, and between their ends those around the resonances of the loop's soft shaft."""

@@ -38,6 +38,7 @@ from cogless.study.spoken import speed_text
 FREQUENCIES = 2000
 FEW = 1.0  # counts per speed sample; below this the measured speed comes in pulses, or late
 LARGE = 0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor
+WORSE = 1.25  # ripple with learning / feedback's ripple; above this learning does harm
 ROUNDING = 1e-9
 
 
