@@ -16,7 +16,14 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from cogless import load, run_study
-from cogless.design.angle_functions import AngleFunctions, Bounds, angle_functions
+from cogless.design.angle_functions import (
+    AngleFunctions,
+    Bounds,
+    Series,
+    _product,
+    _reciprocal,
+    angle_functions,
+)
 from cogless.design.closed_loop import Linear
 from cogless.design.space_bounds import (
     Motion,
@@ -207,6 +214,32 @@ def test_flux_and_ripple_make_the_torque_constant_of_an_angle() -> None:
     assert found.orders == {12, 5}
     slope = (found.K.at(theta + 1e-6) - found.K.at(theta - 1e-6)) / 2e-6
     assert found.K.at(theta, 1) == pytest.approx(slope, abs=1e-7)
+
+
+def test_a_series_is_bounded_by_the_sums_of_its_terms() -> None:
+    """Each derivative brings a factor of the order; a table counts with its largest value and slope."""
+    table = shaft_load(0.0, [], ([0.5, 2.0, 2.3], [0.0, 0.3, -0.1])).angle_table
+    plain = Series(-2.0, (3, 5), (0.4j, 0.1 + 0j))
+    assert plain.rises == pytest.approx([2.5, 1.7, 6.1, 3**3 * 0.4 + 5**3 * 0.1])
+    slope = 0.4 / 0.3
+    assert Series(-2.0, (3, 5), (0.4j, 0.1 + 0j), table).rises == pytest.approx(
+        [2.8, 1.7 + slope, 6.1, 3**3 * 0.4 + 5**3 * 0.1]
+    )
+    both = Series(1.0, (), (), table)
+    points = np.array([0.5, 1.25, 2.0, 2.15, 0.5 + TURN])
+    assert both.at(points) == pytest.approx([1.0, 1.15, 1.3, 1.1, 1.0])
+    assert both.at(points, 1) == pytest.approx([0.2, 0.2, -slope, -slope, 0.2])
+    assert both.at(np.array([2.0]), 1, above=False) == pytest.approx([0.2])
+    assert both.at(points, 2) == pytest.approx(np.zeros(5))
+
+
+def test_derivatives_of_products_and_reciprocals_are_those_of_exponentials() -> None:
+    """Of exp(2x) exp(3x) at zero, 5^k; and of 1 / exp(x), whose derivatives are bounded by Leibniz' rule."""
+    two, three = ([float(n**k) for k in range(4)] for n in (2, 3))
+    assert _product(two, three) == [1.0, 5.0, 25.0, 125.0]
+    assert _reciprocal([1.0, 1.0, 1.0, 1.0], 1.0) == [1.0, 1.0, 3.0, 13.0]
+    assert _reciprocal([2.0, 0.0, 0.0, 0.0], 2.0) == [0.5, 0.0, 0.0, 0.0]
+    assert _reciprocal([4.0, 1.0, 0.0, 0.0], 2.0) == [0.5, 0.25, 0.25, 0.375]
 
 
 def test_flux_that_takes_all_torque_at_an_angle_has_no_bounds() -> None:
