@@ -733,6 +733,80 @@ def test_page_data(made):
     assert event["panels"][0]["title"] == "Speed, load to 0.6 N·m at 2 s"
 
 
+def test_page_data_are_the_rows_of_the_runs(made):
+    """At 60 rpm a revolution takes a second; rows are 0.2 ms apart, and 10 s of them are drawn in 20,000."""
+    page = data_of(render(made))
+    assert page["controllers"] == [
+        {"label": "PI as published", "colour": 0}, {"label": "PI re-tuned", "colour": 1},
+        {"label": "PI-ILC", "colour": 2},
+    ]  # fmt: skip
+    low, step = page["scenarios"]
+    assert [(z["name"], z["from"], z["to"]) for z in low["zooms"]] == [
+        ("whole run", 0.0, 9.9998), ("after start-up", pytest.approx(0.156, abs=2e-3), 9.9998),
+        ("last two revolutions", pytest.approx(8.0, abs=1e-3), 9.9998), ("last revolution", 9.0, 9.9998),
+    ]  # fmt: skip
+    assert [(z["from"], z["to"]) for z in step["zooms"]] == [
+        (0.0, 3.9998), (pytest.approx(2.0, abs=1e-3), 3.9998), (3.0, 3.9998), (1.9, 3.0)
+    ]  # fmt: skip
+    assert low["marks"] == low["strip"] == low["criterion"] == low["angle"] == low["waterfall"] == []
+    # five rows in a bucket, whose two values stand at a quarter and three quarters of it
+    waves = low["waveforms"]
+    assert (waves["x"], waves["start"], waves["step"]) == (
+        "time (s)",
+        pytest.approx(1.5e-4),
+        pytest.approx(5e-4),
+    )
+    assert waves["details"] == []
+    speed, current, torque, learned = waves["panels"]
+    assert [(p["title"].split(",")[0], p["quantity"], p["unit"]) for p in waves["panels"]] == [
+        ("Speed", "speed", "rpm"), ("Current reference", "i_q_ref", "A"),
+        ("Torque of the motor", "torque", "N·m"), ("Learned part of the current reference", "current", "A"),
+    ]  # fmt: skip
+    assert [s.get("controller") for s in speed["series"]] == [0, 1, 2, None] and speed["series"][3]["dash"]
+    assert [s["controller"] for s in learned["series"]] == [2]
+    trace = made.runs[0].trace
+    drawn = unpack(speed["series"][0]["values"])
+    rows = (trace["omega_m"] * 30 / np.pi).reshape(-1, 5)
+    assert drawn.reshape(-1, 2).min(axis=1) == pytest.approx(rows.min(axis=1), abs=2e-3)
+    assert drawn.reshape(-1, 2).max(axis=1) == pytest.approx(rows.max(axis=1), abs=2e-3)
+    assert unpack(speed["series"][3]["values"]) == pytest.approx(np.full(20_000, 60.0))
+    assert len(unpack(step["waveforms"]["panels"][0]["series"][0]["values"])) == 20_000  # all rows
+    assert (step["waveforms"]["start"], step["waveforms"]["step"]) == (0.0, pytest.approx(2e-4))
+    assert unpack(torque["series"][0]["values"]).max() == pytest.approx(
+        np.max(trace["tau_e"] + trace["tau_cogging"]), abs=1e-5
+    )
+    assert unpack(current["series"][0]["values"]).max() == pytest.approx(np.max(trace["i_q_ref"]), abs=1e-5)
+    (learned_map,) = low["maps"]
+    assert (learned_map["title"], learned_map["unit"], len(learned_map["angle"])) == (
+        "Learned current",
+        "A",
+        257,
+    )
+    angle = np.array(learned_map["angle"])
+    assert (angle[0], angle[-1]) == (0.0, 360.0)
+    (series,) = learned_map["series"]
+    assert series["controller"] == 2
+    assert series["values"] == pytest.approx(0.02 * np.cos(6 * np.radians(angle)), abs=1e-5)
+    (event,) = step["events"]
+    assert event["x"] == "time since the event (s)" and [p["title"] for p in event["panels"]] == [
+        "Speed, load to 0.6 N·m at 2 s", "Current reference, load to 0.6 N·m at 2 s"
+    ]  # fmt: skip
+    assert (
+        event["step"] == pytest.approx(1.4e-3)
+        and len(unpack(event["panels"][0]["series"][0]["values"])) <= 1200
+    )
+    magnitude, phase = low["bode"]
+    assert (magnitude["unit"], phase["unit"]) == ("dB", "°")
+    assert (
+        magnitude["frequency"][0] == 0.1 and magnitude["frequency"][-1] == 450.0
+    )  # a tenth of 1 rev/s; 0.45 kHz
+    assert len(magnitude["frequency"]) == 400
+    assert [(s["controller"], s["label"], s["fade"]) for s in phase["series"]] == [
+        (0, "", 1.0), (1, "", 1.0), (2, "off", 0.55), (2, "on", 1.0), (2, "between", 0.25)
+    ]  # fmt: skip
+    assert magnitude["series"][0]["values"][0] < -20 and abs(magnitude["series"][0]["values"][-1]) < 1
+
+
 def test_an_event_is_drawn_if_more_than_ten_periods_follow_it(made):
     runs = [run for run in made.runs if run.scenario == "step-on"]
     (event,) = made.study.scenario["step-on"].events

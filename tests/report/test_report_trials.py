@@ -94,6 +94,23 @@ def test_verdict_names_the_quickest_and_where_the_others_are_behind(made):
     )
 
 
+def test_a_first_trial_is_told_only_where_it_is_clearly_worse_and_learned(study):
+    """Half as much again; what doesn't learn has no first trial of its own."""
+
+    def input_with(times):
+        rms = falls(3.0, 0.6)
+        rms[20] *= times
+        return alone(study, {"ilc": falls(3.0), "input": rms, "none": STAYS}).details[0]
+
+    assert input_with(1.4) == "ILC into the input takes 4 from the start, against 3."
+    assert input_with(1.6) == (
+        "ILC into the input takes 4 from the start, against 3; its first trial after the load change "
+        "(trial 21) is 1.60 times worse (4.87 mrad against 3.04 mrad)."
+    )
+    details = alone(study, {"ilc": falls(3.0), "none": 2 * STAYS}).details
+    assert not any("first trial" in line and line.startswith(("No learning", "With no")) for line in details)
+
+
 def test_verdict_when_the_start_takes_longest(study):
     rms = falls(3.0)
     rms[:10] = 4.0
