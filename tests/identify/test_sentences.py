@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,12 +14,14 @@ from identify.commissioned import MOTORS
 
 from cogless.identify import config, diagnosis, findings, plan, speed_alone, write
 from cogless.identify.causes import Cause, Found
-from cogless.identify.command import lines
+from cogless.identify.command import Identified, lines
 from cogless.identify.config import Identification, LogRule
 from cogless.identify.diagnosis import Diagnosis
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value, Wave, wave_of
 from cogless.identify.sessions import Session, sentences
+from cogless.report import diagnosed, identified
+from cogless.results.trace import Trace
 
 TURN = 2 * math.pi
 DT = 1e-3
@@ -468,3 +471,104 @@ def test_the_files_of_an_estimate_have_its_sentences_and_errors(
     angle = TURN / 1024 * np.arange(1024)
     assert table == pytest.approx(-0.05 * np.sin(24 * angle + math.pi / 6), abs=1e-7)
     assert len(write.compensation(replace(made, cogging=(wave(129, 0.1),))).values.ravel()) == 8 * 129
+
+
+# --- pages
+
+
+def rects(page: str) -> list[tuple[float, ...]]:
+    """x, y, width and height of the rectangles in a page's pictures."""
+    found = re.findall(r'<rect x="([\d.]+)" y="([\d.]+)" width="([\d.]+)" height="([\d.]+)"', page)
+    return [tuple(map(float, rect)) for rect in found]
+
+
+def cells(page: str) -> list[list[str]]:
+    """The rows of a page's tables."""
+    rows = re.findall(r"<tr>(.*?)</tr>", page)
+    return [[re.sub(r"<[^>]+>", "", c) for c in re.findall(r"<t[hd]>(.*?)</t[hd]>", row)] for row in rows]
+
+
+def test_bars_of_a_diagnosis_are_as_wide_as_the_shares() -> None:
+    """540 wide, 34 below each other; a cause has its colour in all logs."""
+    slow = order_at(24, TURN, Cause("cogging", 0.75, 0.05), Cause("encoder", 0.25, 0.0), share=0.8)
+    fast = order_at(1, 2 * TURN, Cause("encoder", 1.0, 0.4), share=0.5, load=math.nan)
+    small = order_at(7, TURN, share=0.009)
+    made = Diagnosis("Two <logs>", (slow, small, fast), {slow.log: 0.559, fast.log: 0.7}, ("Said.",))
+    page = diagnosed.render(made)
+    shares = {log: made.causes(log) for log in made.whole}
+    assert page.startswith('<!doctype html><html lang="en">') and "<h1>Two &lt;logs&gt;</h1>" in page
+    bars = rects(page)
+    whole = sum(shares[slow.log].values())
+    assert [bar[2] for bar in bars[:3]] == pytest.approx(
+        [540 * share / whole for share in shares[slow.log].values()], abs=0.06
+    )
+    assert [bar[0] for bar in bars[:3]] == pytest.approx(
+        [170, 170 + bars[0][2], 170 + sum(b[2] for b in bars[:2])], abs=0.2
+    )
+    assert {bar[1] for bar in bars} == {6.0, 40.0} and {bar[3] for bar in bars} == {22.0}
+    assert 'viewBox="0 0 720 68"' in page and '<text x="0" y="54">' in page
+    colours = re.findall(r'--colour:(var\(--c\d\))">([^<]+)<', page)
+    assert [colour for colour, _ in colours] == [f"var(--c{n})" for n in range(len(colours))]
+    assert cells(page) == [
+        ["Log", "order", "speed", "load", "ripple, rms", "of the square", "causes", "confidence"],
+        [
+            slow.log,
+            "24",
+            "1 rev/s",
+            "0.1 A",
+            "0.5 rad/s",
+            "80 %",
+            "cogging 75 +- 5 %, encoder 25 %",
+            "likely",
+        ],
+        [fast.log, "1", "2 rev/s", "", "0.5 rad/s", "50 %", "encoder 100 +- 40 %", "likely"],
+    ]
+    assert "<li>Said.</li>" in page
+    assert "Nothing is left out." in diagnosed.render(replace(made, said=()))
+
+
+def test_bars_of_an_estimate_are_as_high_as_the_waves(known: Identification) -> None:
+    """The largest wave with its error is 160 high; bars stand on a line at 176."""
+    made = estimate(
+        known, values={"offset": Value(0.02, 0.001)}, cogging=(wave(24, 0.05, 0.01), wave(72, 0.03, 0.0)),
+        encoder=(wave(1, math.radians(0.2)),), left_out=("Left.",),
+    )  # fmt: skip
+    page = identified.render(Identified(made, {}))
+    headings = re.findall(r"<h2>(.*?)</h2>", page)
+    assert headings == ["What was found", "What is left out, and what to record next", "Orders"]
+    first, second, once = rects(page)
+    half = (720 - 46) / 2
+    assert first == pytest.approx((46 + half / 2 - 20, 176 - 160 * 5 / 6, 40, 160 * 5 / 6), abs=0.1)
+    assert second == pytest.approx((46 + 1.5 * half - 20, 176 - 160 * 3 / 6, 40, 160 * 3 / 6), abs=0.1)
+    assert once[3] == pytest.approx(160)
+    low, high = 176 - 160 * 4 / 6, 176 - 160
+    assert f'<path d="M{46 + half / 2:.1f} {high:.1f}V{low:.1f}"' in page
+    assert '<text x="0" y="16">18</text>' in page  # mN m: 0.06 A times 0.3 N m/A
+    assert "Cogging (mN m) by mechanical order, with errors" in page and "Ripple of K_t" not in page
+    assert '<text x="0" y="16">0.2</text>' in page  # deg
+    assert cells(page)[0] == ["Value", "with its error"]
+    assert cells(page)[1] == ["offset of i_q, or a load", "0.02 +- 0.001 A"]
+    empty = identified.render(Identified(estimate(known), {}))
+    assert "Nothing could be told." in empty and "<h2>Orders</h2>" not in empty
+
+
+def test_a_replay_is_drawn_over_the_log_for_a_second_of_its_middle() -> None:
+    """Three seconds: from 1 to 2 s, a point in each 700th; the simulated one has ten rows for each."""
+    t = DT * np.arange(3000)
+    measured = log(rows=3000, omega=5 + np.sin(TURN * t))
+    fine = 1e-4 * np.arange(30000)
+    trace = Trace(
+        ("time", "omega_measured"), ("s", "rad/s"), np.column_stack([fine, 5 + 0.5 * np.sin(TURN * fine)])
+    )
+    page = identified._overlay(measured, trace, "omega", "omega_measured")
+    title = "one.csv: omega (rad/s), 1 s; standard deviation simulated over measured 0.50"
+    assert f"<h3>{title}</h3>" in page and f'aria-label="{title}"' in page
+    lines = [
+        np.array([tuple(map(float, point.split(","))) for point in points.split()])
+        for points in re.findall(r'<polyline points="([^"]+)"', page)
+    ]
+    assert [len(line) for line in lines] == [1000, 1000]
+    for line, size in zip(lines, (1.0, 0.5), strict=True):
+        assert line[:, 0] == pytest.approx(46 + 674 * np.arange(1000) / 1000, abs=0.06)
+        assert line[:, 1] == pytest.approx(180 - 160 * (1 + size * np.sin(TURN * t[1000:2000])) / 2, abs=0.06)
+    assert '<text x="0" y="24">6</text><text x="0" y="180">4</text>' in page
