@@ -18,8 +18,10 @@ from cogless.identify.command import Identified, lines
 from cogless.identify.config import Identification, LogRule
 from cogless.identify.diagnosis import Diagnosis
 from cogless.identify.log import Log
+from cogless.identify.regression import fit
 from cogless.identify.result import Estimate, Value, Wave, wave_of
 from cogless.identify.sessions import Session, sentences
+from cogless.identify.weak_form import Rows
 from cogless.report import diagnosed, identified
 from cogless.results.trace import Trace
 
@@ -572,3 +574,46 @@ def test_a_replay_is_drawn_over_the_log_for_a_second_of_its_middle() -> None:
         assert line[:, 0] == pytest.approx(46 + 674 * np.arange(1000) / 1000, abs=0.06)
         assert line[:, 1] == pytest.approx(180 - 160 * (1 + size * np.sin(TURN * t[1000:2000])) / 2, abs=0.06)
     assert '<text x="0" y="24">6</text><text x="0" y="180">4</text>' in page
+
+
+def test_a_log_is_predicted_by_the_others(known: Identification) -> None:
+    """Of a coefficient that is 1 in one log and 1.1 in the other, each misses the other's by 0.1."""
+    x = np.sin(0.1 * np.arange(400))
+    logs = [turning(1.0), replace(turning(1.0), name="two.csv", rule=LogRule(file="*", kind="load"))]
+    rows = tuple(
+        Rows(one, (("c",),), x[:, None], a * x, np.zeros((400, 1)), x, x, np.arange(400))
+        for one, a in zip(logs, (1.0, 1.1), strict=True)
+    )
+    found = fit(rows)
+    assert (
+        found["c",] == pytest.approx(1.05, abs=2e-3) and found.get("c") == found["c",] and found.get("j") == 0
+    )
+    assert found.without["one.csv"] == pytest.approx([1.1]) and found.without["two.csv"] == pytest.approx(
+        [1.0]
+    )
+    assert found.prediction(rows[0], "one.csv") == pytest.approx(1.1 * x)
+    assert found.noise["one.csv"] == pytest.approx(0.05 * np.sqrt(np.mean(x**2)), rel=0.1)
+    assert found.between_logs(("c",)) == 0.0  # of two logs
+    page = identified.render(Identified(estimate(known, logs=tuple(logs), rows=rows, fit=found), {}))
+    head, one, two = cells(page.split("What each log contributed")[1])
+    assert head == ["Log", "kind", "rows", "not explained, rms", "error when predicted by the others"]
+    miss = f"{1e3 * 0.05 * np.std(x):.2g}"
+    assert one[:3] == ["one.csv", "not said", "2000"] and one[3].startswith(miss[:1])
+    assert (one[4], two[4]) == ("10 % of its current", "9.1 % of its current")
+    assert two[:3] == ["two.csv", "load", "2000"]
+
+
+def test_three_logs_tell_how_far_a_value_is_from_log_to_log() -> None:
+    """Student's t of two degrees of freedom over two, times a jackknife of means."""
+    x = np.sin(0.1 * np.arange(400))
+    rows = [
+        Rows(
+            replace(turning(1.0), name=name), (("c",),), x[:, None], a * x + 1e-9, np.zeros((400, 1)), x, x, x
+        )
+        for name, a in (("a", 0.9), ("b", 1.0), ("c", 1.1))
+    ]
+    found = fit(rows)
+    parts = np.array([found.without[name][0] for name in "abc"])
+    error = math.sqrt(2 / 3 * np.sum((parts - parts.mean()) ** 2))
+    assert found.between_logs(("c",)) == pytest.approx(4.3027 / 2 * error, rel=1e-4)
+    assert error > 0.01
