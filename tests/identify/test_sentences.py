@@ -604,16 +604,12 @@ def test_a_log_is_predicted_by_the_others(known: Identification) -> None:
 
 
 def test_three_logs_tell_how_far_a_value_is_from_log_to_log() -> None:
-    """Student's t of two degrees of freedom over two, times a jackknife of means."""
+    """Student's t of two degrees of freedom, half of it, times the error of a mean without each."""
     x = np.sin(0.1 * np.arange(400))
-    rows = [
-        Rows(
-            replace(turning(1.0), name=name), (("c",),), x[:, None], a * x + 1e-9, np.zeros((400, 1)), x, x, x
-        )
-        for name, a in (("a", 0.9), ("b", 1.0), ("c", 1.1))
-    ]
-    found = fit(rows)
-    parts = np.array([found.without[name][0] for name in "abc"])
-    error = math.sqrt(2 / 3 * np.sum((parts - parts.mean()) ** 2))
-    assert found.between_logs(("c",)) == pytest.approx(4.3027 / 2 * error, rel=1e-4)
-    assert error > 0.01
+    found = fit([Rows(turning(1.0), (("c",),), x[:, None], x, np.zeros((400, 1)), x, x, np.arange(400))])
+    without = {"a": np.array([1.0]), "b": np.array([1.2]), "c": np.array([1.1]), "d": np.array([math.nan])}
+    made = replace(found, without=without)
+    assert made.between_logs(("c",)) == pytest.approx(4.30265 / 2 * math.sqrt(2 / 3 * 0.02), rel=1e-4)
+    simulated = replace(found, without={"a": np.array([0.0]), "b": np.array([0.2]), "c": np.array([0.1])})
+    assert made.between_logs(("c",), simulated) == pytest.approx(0.0, abs=1e-12)
+    assert replace(found, without={"a": np.array([1.0]), "b": np.array([1.2])}).between_logs(("c",)) == 0.0
