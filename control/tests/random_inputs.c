@@ -83,6 +83,13 @@ static void check_same(const cgl_law_output *one, const cgl_law_output *other)
     CHECK(memcmp(&one->i_q_ref, &other->i_q_ref, sizeof one->i_q_ref) == 0 && one->status == other->status);
 }
 
+/* What a law says of its output, term by term: they add up to it, as it is limited. */
+static void check_sum(cgl_real output, cgl_real sum, cgl_real limit)
+{
+    const cgl_real wanted = cgl_clamped(sum, limit);
+    CHECK(!(output < wanted) && !(output > wanted));
+}
+
 static cgl_real fresh_cells[ROWS_MAX];
 
 #define CHECK_RESET(name, law, ...)                                                                                    \
@@ -508,6 +515,10 @@ static void try_robust_ilc(void)
         cgl_robust_ilc_step(&law, &in, &out);
         check_off(&in, &out);
         check_learning(&in, &out, &law.memory, &old.memory, before);
+        const cgl_robust_ilc_terms *const terms = &law.terms;
+        if (!in.off && !in.torque) {
+            check_sum(out.i_q_ref, terms->surface + terms->switching + terms->linear + terms->learned + terms->adapted, config.limit);
+        }
         CHECK(within(out.i_q_ref, config.limit));
         CHECK(within(law.error_integral, CGL_R(1.0e9)));
         CHECK(within(law.adapted, config.b * config.limit));
@@ -735,6 +746,10 @@ static void try_space_position(void)
         check_learning(&in, &out, &law.memory, &old.memory, before);
         CHECK(within(out.i_q_ref, config.limit));
         CHECK(within(law.integral, config.limit));
+        const cgl_space_position_terms *const terms = &law.terms;
+        if (!in.off && !in.torque) {
+            check_sum(out.i_q_ref, terms->proportional + terms->alpha + terms->beta + terms->h + terms->integral, config.limit);
+        }
         if (random_below(1000) == 0U) {
             cgl_space_position_reset(&law);
         } else if (random_below(100) == 0U) {
@@ -782,6 +797,10 @@ static void try_space_speed(void)
         check_off(&in, &out);
         check_learning(&in, &out, &law.memory, &old.memory, before);
         CHECK(within(out.i_q_ref, config.limit));
+        const cgl_space_speed_terms *const terms = &law.terms;
+        if (!in.off && !in.torque) {
+            check_sum(out.i_q_ref, terms->proportional + terms->alpha + terms->beta + terms->h, config.limit);
+        }
         if (random_below(1000) == 0U) {
             cgl_space_speed_reset(&law);
         } else if (random_below(100) == 0U) {
@@ -930,6 +949,8 @@ static void check_trial_step(const cgl_trial_config *config, cgl_trial *law, boo
     CHECK(cgl_is_finite(law->terms.feedback) && cgl_is_finite(law->terms.integral));
     CHECK(cgl_is_finite(law->terms.feedforward) && cgl_is_finite(law->terms.learned));
     CHECK(memcmp(v, law->learned, config->samples * sizeof v[0]) == 0);
+    const cgl_trial_terms *const terms = &law->terms;
+    check_sum(out.u, terms->feedback + terms->integral + terms->feedforward + terms->learned, config->limit);
     if ((out.status & (unsigned)CGL_STATUS_FAULT) != 0U || law->y_ref == NULL) {
         CHECK(within(out.u, CGL_R(0.0)));
         CHECK(memcmp(&before.psi, &law->psi, sizeof before.psi) == 0);

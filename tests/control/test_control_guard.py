@@ -82,9 +82,9 @@ def test_learning_that_hurts_is_stopped_cleared_and_tried_more_gently(precision)
     assert guard.state.share == 0
     turned = guard.run(20, hurting, until=lambda s: not s.forget)
     assert 1.5 < turned < 2.1  # every cell has been passed, after those that a Q filter waits for
-    assert guard.state.gentle == 2 and guard.state.learn
-    guard.run(3, 0.5)
-    assert guard.state.share == 1 and guard.acts
+    assert guard.state.gentle == 2 and not guard.state.learn
+    guard.run(3, 0.5)  # learning waits until all of what was learned acts again
+    assert guard.state.share == 1 and guard.state.learn and guard.acts
 
 
 @PRECISIONS
