@@ -129,7 +129,9 @@ MOVES = {"moves": [["0.5 s", "0 deg"], ["1.5 s", "200 deg"], ["2.5 s", "0 deg"]]
 SWING = {"offset": "0 rpm", "amplitude": "60 rpm", "frequency": "0.25 Hz"}
 
 
-@pytest.mark.parametrize(("law", "reference", "top"), [("space-position", MOVES, 6.545), ("space-speed", SWING, 6.283)])
+@pytest.mark.parametrize(
+    ("law", "reference", "top"), [("space-position", MOVES, 6.545), ("space-speed", SWING, 6.283)]
+)
 def test_in_angle_a_reference_that_stops_is_learned_above_half_of_its_speed(
     law: str, reference: object, top: float
 ) -> None:

@@ -229,7 +229,9 @@ def test_a_speed_that_a_load_throws_off_overshoots_on_its_way_back(off):
 
     def swing(t):
         late = np.maximum(t - 1.0, 0.0)
-        return 10.0 - 2.0 * (0.75 ** (late / 0.05)) * np.sin(np.pi * late / 0.05) + np.where(t > 1.0, off, 0.0)
+        return (
+            10.0 - 2.0 * (0.75 ** (late / 0.05)) * np.sin(np.pi * late / 0.05) + np.where(t > 1.0, off, 0.0)
+        )
 
     thrown = trace(omega_m=swing, omega_ref=10.0)
     dip = value("dip", thrown, signal="omega_m", event=1.0)
