@@ -69,12 +69,15 @@ def test_each_phase_of_a_plant_is_sampled_exactly(tmp_path: Path) -> None:
         assert phase["initial_state"] == [0.0, 0.0]
 
 
-def test_a_law_of_trials_is_told_its_limits_and_its_filter(tmp_path: Path) -> None:
-    changes = {"controller.ilc.learned_limit": 6}
+@pytest.mark.parametrize("filtered", ["error", "signal"])
+def test_a_law_of_trials_is_told_its_limits_and_its_filter(tmp_path: Path, filtered: str) -> None:
+    q_filter = {"cutoff": "30 Hz", "acts_on": filtered}
+    changes = {"controller.ilc.learned_limit": 6, "controller.ilc.q_filter": q_filter}
     config = described(tmp_path, "move", "ilc", trial_studies.DRIVE, changes)["controller"]["config"]
     found = control_layout("single").decode("cgl_trial_config", config)
     assert (found["samples"], found["states"]) == (200, 2)
     assert (found["limit"], found["learned_limit"]) == (10.0, 6.0)  # the drive's, and the law's own
+    assert found["filter_signal"] == (filtered == "signal")
     q = found["q_filter"]
     assert q["order"] == 2 and q["b"][3:] == q["a"][3:] == [0.0, 0.0]
     assert sum(q["b"]) == pytest.approx(sum(q["a"]), rel=1e-4)  # a gain of one at rest
