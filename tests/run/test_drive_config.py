@@ -139,10 +139,11 @@ def test_only_what_learns_is_guarded(tmp_path: Path, guard: bool, controller: st
 
 
 def test_a_run_has_its_scenario_s_load_and_a_commissioning_has_not(tmp_path: Path) -> None:
-    study = studies.study(tmp_path, RICH)
+    study = studies.study(tmp_path, {**RICH, "scenario.step.initial_angle": "0.5 rad"})
     run = engine_config(study, "step", "pi")
     learn = engine_config(study, "step", "pi", "learn")
     assert (run["load"]["torque"], learn["load"]["torque"]) == (0.1, 0.0)
+    assert (run["initial_angle"], learn["initial_angle"]) == (0.5, 0.0)
     assert [event["load"] for event in run["events"]] == [0.2, 0.0] and learn["events"] == []
     assert run["initial_speed"] == run["reference"]["speed"] == pytest.approx(tau)
     assert learn["initial_speed"] == learn["reference"]["speed"] == 0.0
