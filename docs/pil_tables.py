@@ -51,7 +51,7 @@ CASES: list[Case] = [
     ("trials with an observer", "mandra2019", None, "observer", {}),
 ]
 LOOP = {"foc", "modulation"}
-AROUND = {"drive", "monitor", "quality", "real"}
+AROUND = {"drive", "monitor", "quality", "guard", "real"}
 
 
 def measured(case: Case) -> Comparison:

@@ -48,3 +48,23 @@ double cogless_plugin_i_q_learned(const void *state)
     const law *s = state;
     return s->i_q_learned;
 }
+
+/* What is learned, for the results folder; map->law is this law's number in stored maps. */
+void cogless_plugin_learned_map(const void *state, cogless_plugin_map *map)
+{
+    const law *s = state;
+    map->law = 130;
+    map->entries = 1;
+    map->order = &s->order;
+    map->cosine = &s->b;
+    map->sine = &s->a;
+}
+
+/* Begins with what this law or any other has learned, in the same form. */
+int cogless_plugin_load_map(void *state, const cogless_plugin_map *map)
+{
+    law *s = state;
+    s->b = map->cosine[0];
+    s->a = map->sine[0];
+    return 0;
+}

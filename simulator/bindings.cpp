@@ -237,8 +237,58 @@ Command command_of(const nb::object& result) {
     return {nb::cast<double>(both[0]), nb::cast<double>(both[1])};
 }
 
+// A whole number that a user's object may have.
+std::uint32_t whole(const nb::object& controller, const char* name, std::uint32_t otherwise) {
+    std::uint32_t value = otherwise;
+    if (nb::hasattr(controller, name) && !nb::try_cast(nb::object(controller.attr(name)), value)) {
+        throw std::runtime_error(std::string(name) + ": expected a whole number");
+    }
+    return value;
+}
+
+// What a user's learned_map() returned: currents over the angle, {order: (cosine, sine)}, or None.
+std::optional<Stored> learned_map(const nb::object& controller, double limit) {
+    const nb::object result = controller.attr("learned_map")();
+    std::vector<double> first, sine, order;
+    cogless_plugin_map map = empty_map();
+    map.law = whole(controller, "map_law", map.law);
+    map.parts = whole(controller, "map_parts", map.parts);
+    bool known = true;
+    if (nb::isinstance<nb::dict>(result)) {
+        for (const auto& [key, value] : nb::cast<nb::dict>(result)) {
+            std::pair<double, double> amplitudes;
+            order.emplace_back();
+            known = known && nb::try_cast(nb::object(nb::borrow(key)), order.back()) && nb::try_cast(nb::object(nb::borrow(value)), amplitudes);
+            first.push_back(amplitudes.first);
+            sine.push_back(amplitudes.second);
+        }
+        map.cosine = first.data();
+        map.sine = sine.data();
+        map.order = order.data();
+    } else if (!result.is_none()) {
+        known = nb::try_cast(result, first);
+        map.current = first.data();
+    }
+    if (!known) throw std::runtime_error("learned_map() returns currents over the angle, {order: (cosine, sine)}, or None");
+    map.entries = first.size();
+    return own_stored(map, limit);
+}
+
+// Calls load_map() of a user's law with channels of entries, in the form that learned_map() returns.
+void call_load_map(const nb::object& load, const std::vector<std::vector<double>>& values) {
+    if (values.size() == 1) {
+        load(values[0]);
+        return;
+    }
+    nb::dict learned;
+    for (std::size_t n = 0; n < values.at(2).size(); ++n) {
+        learned[nb::int_(static_cast<long>(values[2][n]))] = nb::make_tuple(values[0].at(n), values[1].at(n));
+    }
+    load(learned);
+}
+
 // The user's law: an object with step(input), and optionally begin_trial(theta_ref), end_trial(), current_step(input, i_d_ref,
-// i_q_ref) and a number `i_q_learned`. For None, an empty law.
+// i_q_ref), a number `i_q_learned`, learned_map() and load_map(learned). For None, an empty law.
 CallbackLaw callback(const nb::object& controller) {
     if (controller.is_none()) return {};
     CallbackLaw law{[step = nb::object(controller.attr("step"))](const LawInput& in) {
@@ -255,6 +305,18 @@ CallbackLaw callback(const nb::object& controller) {
         law.current_function = [step = nb::object(controller.attr("current_step"))](const LawInput& in, const Command& last) {
             const nb::gil_scoped_acquire gil;
             return command_of(step(in, last.i_d_ref, last.i_q_ref));
+        };
+    }
+    if (nb::hasattr(controller, "learned_map")) {
+        law.map_function = [controller](double limit) {
+            const nb::gil_scoped_acquire gil;
+            return learned_map(controller, limit);
+        };
+    }
+    if (nb::hasattr(controller, "load_map")) {
+        law.load_function = [load = nb::object(controller.attr("load_map"))](const std::vector<std::vector<double>>& values) {
+            const nb::gil_scoped_acquire gil;
+            call_load_map(load, values);
         };
     }
     if (nb::hasattr(controller, "begin_trial")) {

@@ -151,15 +151,17 @@ cogless_plugin_drive plugin_drive(const Section& s) {
             s.number("current_bandwidth"), s.number("current_period"), s.number("delay")};
 }
 
-// period: of the current loop, s.
-Law law(const Section& s, const CallbackLaw& own, double period, int divider, const std::optional<Trials>& trials) {
+// period: of the current loop, s. current_limit: A.
+Law law(const Section& s, CallbackLaw own, double period, int divider, double current_limit,
+        const std::optional<Trials>& trials) {
     const auto name = s.get<std::string>("law");
     if (name == "library") {
         return open_plugin(s.get<std::string>("library"), s.get<std::vector<double>>("params"), plugin_drive(s.section("drive")),
-                           period * divider);
+                           period * divider, current_limit);
     }
     if (name == "python") {
         if (!own.function) s.refuse("law", "expected an object with step(), for \"python\"");
+        own.current_limit = current_limit;
         return own;
     }
     return trials && name == TrialLaw::name ? trial_law(s, 2, *trials) : c_law(name, s, static_cast<cgl_real>(divider) * static_cast<cgl_real>(period));
@@ -304,7 +306,8 @@ DriveConfig read_config(const Value& description, const CallbackLaw& own) {
     result.sensor_on_load =
         drive.section("position_sensor").has("side") &&
         drive.section("position_sensor").choice<bool>("side", {{"motor", false}, {"load", true}});
-    result.law = law(controller_section, own, 1.0 / static_cast<double>(current_rate), result.speed_divider, result.trials);
+    result.law = law(controller_section, own, 1.0 / static_cast<double>(current_rate), result.speed_divider,
+                     static_cast<double>(result.control.foc.current_limit), result.trials);
     result.integration_steps = drive.integer("integration_steps");
     result.holds_position = controller_section.has("holds_position") && controller_section.get<bool>("holds_position");
     result.learning_start = controller_section.has("learning_start") ? controller_section.number("learning_start") : 0.0;

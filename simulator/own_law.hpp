@@ -1,16 +1,74 @@
 // The laws of a user, from a shared library or in Python, as values that the engine can run.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "law.hpp"
 #include "plugin.h"
 
 namespace cogless {
+
+// A learned map with no entries yet, as a user's law gets it to fill in.
+inline cogless_plugin_map empty_map() {
+    cogless_plugin_map map{};
+    map.law = 128U;  // the first of the application's own
+    map.parts = 1U;
+    return map;
+}
+
+// What a user's law has learned as firmware stores it; none if it has no entries. limit: of its currents, A. Throws
+// std::runtime_error for what can't be stored.
+inline std::optional<Stored> own_stored(const cogless_plugin_map& map, double limit) {
+    const auto refuse = [](const std::string& why) { throw std::runtime_error("the learned map: " + why); };
+    if (map.entries == 0U) return {};
+    const bool orders = map.current == nullptr;
+    if (orders && (map.cosine == nullptr || map.sine == nullptr || map.order == nullptr)) {
+        refuse("expected current, or cosine, sine and order");
+    }
+    if (map.law < 128U || map.law > 255U) refuse("law " + std::to_string(map.law) + ": expected 128 to 255");
+    if (map.entries > CGL_MAP_CELLS_MAX) refuse(std::to_string(map.entries) + " entries: expected at most 16777216");
+    if (map.parts < 1U || (orders && map.parts != 1U)) {
+        refuse("parts " + std::to_string(map.parts) + ": expected " + (orders ? "1 with orders" : "1 or more"));
+    }
+    Stored stored{};
+    cgl_map& about = stored.about;
+    about.cells = static_cast<std::uint32_t>(map.entries);
+    about.channels = orders ? 3U : 1U;
+    about.turns = about.ratio = 1U;
+    about.parts = map.parts;
+    about.law = map.law;
+    const double* const channels[] = {orders ? map.cosine : map.current, map.sine, map.order};
+    const std::uint32_t units[] = {orders ? CGL_MAP_UNIT_COSINE_CURRENT : CGL_MAP_UNIT_CURRENT, CGL_MAP_UNIT_SINE_CURRENT,
+                                   CGL_MAP_UNIT_ORDER};
+    for (std::uint32_t c = 0; c < about.channels; ++c) {
+        about.unit[c] = units[c];
+        about.limit[c] = static_cast<cgl_real>(c == 2U ? CGL_HARMONIC_ORDER_MAX : limit);
+        stored.entries.insert(stored.entries.end(), channels[c], channels[c] + map.entries);
+    }
+    for (std::size_t n = 0; n < stored.entries.size(); ++n) {
+        if (!std::isfinite(stored.entries[n])) {
+            refuse("entry " + std::to_string(n % map.entries) + " is not a finite number");
+        }
+    }
+    if (orders) {
+        std::vector<double> sorted(map.order, map.order + map.entries);
+        std::sort(sorted.begin(), sorted.end());
+        const bool whole = std::all_of(sorted.begin(), sorted.end(), [](double h) { return h == std::floor(h); });
+        if (!whole || sorted.front() < 1.0 || sorted.back() > CGL_HARMONIC_ORDER_MAX ||
+            std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end()) {
+            refuse("expected whole orders from 1 to 65535, each once");
+        }
+    }
+    return stored;
+}
 
 // A law from a user's shared library (plugin.h).
 struct PluginLaw {
@@ -26,9 +84,11 @@ struct PluginLaw {
     decltype(&cogless_plugin_design) design_function;
     decltype(&cogless_plugin_i_q_learned) learned_function;
     decltype(&cogless_plugin_current_step) current_function;
+    decltype(&cogless_plugin_learned_map) map_function;
+    decltype(&cogless_plugin_load_map) load_function;
     std::vector<double> params;
     cogless_plugin_drive drive;
-    double ts;
+    double ts, current_limit;
 
     State start() const {
         const std::size_t size = state_size();
@@ -47,6 +107,21 @@ struct PluginLaw {
     Command current_step(State& s, const LawInput& in, const Command& last) const { return call(current_function, s, in, last); }
     bool has_learned() const { return learned_function != nullptr; }
     double learned(const State& s) const { return learned_function(s.data()); }
+    std::optional<Stored> stored(const State& s) const { return own_stored(learned_map(s), current_limit); }
+    void load(State& s, const std::vector<std::vector<double>>& values) const {
+        if (load_function == nullptr) throw std::runtime_error("the library does not export cogless_plugin_load_map");
+        cogless_plugin_map map = empty_map();
+        map.parts = learned_map(s).parts;
+        map.entries = values.at(0).size();
+        if (values.size() == 1) {
+            map.current = values[0].data();
+        } else {
+            map.cosine = values[0].data();
+            map.sine = values.at(1).data();
+            map.order = values.at(2).data();
+        }
+        if (load_function(s.data(), &map) != 0) throw std::runtime_error("the library's cogless_plugin_load_map refuses this map");
+    }
     void begin(State& s, const std::vector<cgl_real>& reference) const {
         const std::vector<double> theta_ref(reference.begin(), reference.end());
         if (begin_function != nullptr) begin_function(s.data(), theta_ref.data(), theta_ref.size());
@@ -56,6 +131,11 @@ struct PluginLaw {
     }
 
 private:
+    cogless_plugin_map learned_map(const State& s) const {
+        cogless_plugin_map map = empty_map();
+        if (map_function != nullptr) map_function(s.data(), &map);
+        return map;
+    }
     static Command call(decltype(&cogless_plugin_step) function, State& s, const LawInput& in, const Command& last) {
         const cogless_plugin_input input{in.time,  in.omega_ref, in.omega_m,       in.theta_m,   in.i_d,       in.i_q,
                                          in.i_limit, in.ts,      in.learn ? 1 : 0, in.theta_ref, in.alpha_ref, in.off ? 1 : 0};
@@ -74,6 +154,9 @@ struct CallbackLaw {
     std::function<void()> end_function = {};
     std::function<double()> learned_function = {};
     std::function<Command(const LawInput&, const Command& last)> current_function = {};
+    std::function<std::optional<Stored>(double current_limit)> map_function = {};
+    std::function<void(const std::vector<std::vector<double>>&)> load_function = {};
+    double current_limit = 0.0;  // A
 
     State start() const { return {}; }
     Command step(State&, const LawInput& in) const { return function(in); }
@@ -81,6 +164,11 @@ struct CallbackLaw {
     Command current_step(State&, const LawInput& in, const Command& last) const { return current_function(in, last); }
     bool has_learned() const { return static_cast<bool>(learned_function); }
     double learned(const State&) const { return learned_function(); }
+    std::optional<Stored> stored(const State&) const { return map_function ? map_function(current_limit) : std::nullopt; }
+    void load(State&, const std::vector<std::vector<double>>& values) const {
+        if (!load_function) throw std::runtime_error("the class has no method load_map(learned)");
+        load_function(values);
+    }
     void begin(State&, const std::vector<cgl_real>& reference) const {
         if (begin_function) begin_function(reference);
     }

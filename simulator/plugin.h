@@ -8,7 +8,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define COGLESS_PLUGIN_VERSION 3U /* loaded too: 1, whose input ends with learn, and 2, whose input ends with alpha_ref */
+/* Loaded too: 1, whose input ends with learn, 2, whose input ends with alpha_ref, and 3, which has no learned map. */
+#define COGLESS_PLUGIN_VERSION 4U
 
 typedef struct {
     double time;      /* since the start [s] */
@@ -41,6 +42,17 @@ typedef struct {
     double delay;                    /* from sampling to the middle of the period in which the voltage acts [s] */
 } cogless_plugin_drive;
 
+/* What is learned: a current over the rotor's angle, or amplitudes of its orders [A]. The pointers are NULL where they are not
+ * used; those of a learned map may point into the state. */
+typedef struct {
+    uint32_t law;                /* whose map it is: 128 (already set) to 255, numbers that are yours */
+    uint32_t parts;              /* current has a period of a mechanical revolution / parts; 1 is already set */
+    size_t entries;              /* cells of the period, or orders; 0: there is nothing to store */
+    const double *current;       /* at evenly spaced angles of the period, from 0 on */
+    const double *cosine, *sine; /* or the current is the sum of cosine cos(order theta_m) + sine sin(order theta_m) */
+    const double *order;         /* of a mechanical revolution, whole, 1 to 65535, each once */
+} cogless_plugin_map;
+
 #if defined(_WIN32)
 #define COGLESS_PLUGIN_EXPORT __declspec(dllexport)
 #else
@@ -69,6 +81,11 @@ COGLESS_PLUGIN_EXPORT double cogless_plugin_i_q_learned(const void *state);
  * out: the references of the last period, which it may change. */
 COGLESS_PLUGIN_EXPORT void cogless_plugin_current_step(void *state, const cogless_plugin_input *in,
                                                        cogless_plugin_output *out);
+/* The learned map, at the end of a run, where cogless stores it, and before the first step, where a study has a start. */
+COGLESS_PLUGIN_EXPORT void cogless_plugin_learned_map(const void *state, cogless_plugin_map *map);
+/* Before the first step, of a study with a start: takes a map with the entries, period and orders that
+ * cogless_plugin_learned_map gives; returns 0, or another number to refuse it. */
+COGLESS_PLUGIN_EXPORT int cogless_plugin_load_map(void *state, const cogless_plugin_map *map);
 
 /* In trials, where they are there: before the first period of a trial, with the angle reference of each [rad], and after its
  * last. In between in->theta_ref is that reference as it is, not within a turn. */

@@ -14,11 +14,12 @@
 namespace cogless {
 
 #ifdef __wasm__
-inline PluginLaw open_plugin(const std::string& path, const std::vector<double>&, const cogless_plugin_drive&, double) {
+inline PluginLaw open_plugin(const std::string& path, const std::vector<double>&, const cogless_plugin_drive&, double, double) {
     throw std::invalid_argument(path + ": a page can't open a library");
 }
 #else
-inline PluginLaw open_plugin(const std::string& path, std::vector<double> params, const cogless_plugin_drive& drive, double ts) {
+inline PluginLaw open_plugin(const std::string& path, std::vector<double> params, const cogless_plugin_drive& drive, double ts,
+                             double current_limit) {
     void* handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
     if (handle == nullptr) throw std::invalid_argument(dlerror());
     PluginLaw law;
@@ -44,9 +45,12 @@ inline PluginLaw open_plugin(const std::string& path, std::vector<double> params
     look_for("cogless_plugin_design", law.design_function);
     look_for("cogless_plugin_i_q_learned", law.learned_function);
     look_for("cogless_plugin_current_step", law.current_function);
+    look_for("cogless_plugin_learned_map", law.map_function);
+    look_for("cogless_plugin_load_map", law.load_function);
     law.params = std::move(params);
     law.drive = drive;
     law.ts = ts;
+    law.current_limit = current_limit;
     return law;
 }
 #endif

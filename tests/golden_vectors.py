@@ -344,8 +344,9 @@ def subjects() -> dict[str, Callable[[], list[list]]]:
         numbers = single([800.0, 0.4e-3])
         rates = single([8.0, 1.0, 1.5])
         held = single([0.1, 0.14, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # the second of them
-        one = Harmonic(Pi(kp, ki, ts, limit), *numbers, 6, 5, *rates, tuple(held))
-        config = [kp, ki, limit, 0.0, *numbers, 6, 2, 5, *rates, *held]
+        step = single(1e-3)
+        one = Harmonic(Pi(kp, ki, ts, limit), *numbers, 6, 5, *rates, tuple(held), sensor_step=step)
+        config = [kp, ki, limit, 0.0, *numbers, step, 6, 2, 5, *rates, *held]
         return [law(rng(), one, config, ts, True, steady_inputs(1500, ts))]
 
     return {

@@ -8,15 +8,18 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import pytest
+import synthetic
 from commands import cogless, forked
 
 import studies
 from cogless.catalogue import catalogue
-from cogless.cli import app
+from cogless.cli import app, logs, tables, terminal
+from cogless.results import Results
 from cogless.study.laws import AnyController
 from cogless.study.trial_controller import AnyTrialController
 
@@ -446,3 +449,78 @@ def test_no_help_text_loses_words_to_markup() -> None:
     """A word in brackets would be taken for markup, and not be shown."""
     for command in app.registered_commands:
         assert "[" not in (inspect.getdoc(command.callback) or ""), command.callback
+
+
+PRINTED = """\
+low-speed
+                                          PI as published        PI re-tuned             PI-ILC
+speed orders: order 1 (electrical) [rpm]            0.900     0.500 (0.556x)   0.100 (0.111x) *
+speed orders: order 2 (electrical) [rpm]            0.400     0.200 (0.500x)  0.0600 (0.150x) *
+speed orders: order 6 (electrical) [rpm]             4.80      1.90 (0.396x)  0.461 (0.0960x) *
+speed ripple [rpm]                                   11.8      5.17 (0.438x)    1.57 (0.133x) *
+torque ripple [mN·m]                                 6.07       6.07 (1.00x)       6.07 (1.00x)
+copper loss [W]                                   0.00497    0.00497 (1.00x)    0.00497 (1.00x)
+chattering [mA]                                      2.95       2.95 (1.00x)       2.95 (1.00x)
+
+step-on
+                 PI as published      PI re-tuned           PI-ILC
+copper loss [W]             48.4     48.4 (1.00x)     48.4 (1.00x)
+chattering [mA]             3.52     3.52 (1.00x)     3.52 (1.00x)
+dip [rpm]                   73.0  48.3 (0.661x) *    56.4 (0.772x)
+settling [s]               never            never           1.36 *
+
+* best; (x) times the value of PI as published
+"""
+
+
+def test_tables_of_results_as_they_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = synthetic.results(synthetic.study(tmp_path), rate=5000)
+
+    def printed(results: Results) -> str:
+        tables.print_tables(results)
+        return "".join(f"{line.rstrip()}\n" for line in capsys.readouterr().out.splitlines())
+
+    assert printed(made) == PRINTED
+    low = [run for run in made.runs if run.scenario == "low-speed"]
+    without_bar = printed(replace(made, runs=low[1:]))
+    assert re.search(r"speed ripple \[rpm\] +5\.17 +1\.57 \*\n", without_bar)
+    assert without_bar.endswith("\n* best\n")
+    alone = printed(replace(made, runs=low[:1]))
+    assert "speed ripple [rpm]                                   11.8\n" in alone
+    assert alone.endswith("[mA]                                      2.95\n\n")  # no marks to explain
+
+
+def test_progress_is_shown_as_shares_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    bars: list[Any] = []
+    new_bar = terminal.new_bar
+    monkeypatch.setattr(terminal, "new_bar", lambda *columns: bars.append(new_bar(*columns)) or bars[-1])
+
+    def told() -> list[tuple[str, float, float | None]]:
+        return [(task.description, task.completed, task.total) for task in bars[-1].tasks]
+
+    with terminal.run_progress(3) as runs:
+        runs("low", "pi", 0.5)
+        runs("low", "ilc", 0.25)
+        assert told() == [("low/ilc", 0.75, 3)]
+        runs("low", "pi", 1.0)
+        assert told() == [("low/pi", 1.25, 3)]
+    with terminal.variant_progress(40) as variants:
+        variants(16)
+        assert told() == [("", 16, 40)]
+    with terminal.tune_progress() as tuned:
+        tuned("pi", 5, 20, 0.98765)
+        tuned("ilc", 1, 20, 1.0)
+        tuned("pi", 6, 20, 0.5)
+        assert told() == [("pi: 50 % of the start", 6, 20), ("ilc: 100 % of the start", 1, 20)]
+    with terminal.share_progress("low/pi") as share:
+        share(0.3)
+        assert told() == [("low/pi", 0.3, 1.0)]
+    assert all(bar.disable and bar.live.transient for bar in bars)  # no terminal
+    assert terminal.new_console().width == 240
+    assert (logs.told(0.0), logs.told(0.256)) == ("", ", 26%")
+
+
+@pytest.mark.parametrize(("command", "default"), [("sweep", "1000"), ("pil", "100000")])
+def test_help_shows_defaults(command: str, default: str, capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = cogless(capsys, command, "--help")
+    assert f"[default: {default}]" in out

@@ -14,6 +14,7 @@ bool law_begin(feed *from)
     config.k_theta = feed_bool(from) ? CGL_R(0.0) : feed_gain(from, CGL_R(50.0));
     config.b = feed_gain(from, CGL_R(1000.0));
     config.delay = feed_bool(from) ? CGL_R(0.0) : feed_gain(from, CGL_R(2.0e-3));
+    config.step = feed_bool(from) ? CGL_R(0.0) : feed_gain(from, CGL_R(1.0e-2));
     config.base = 1U + (feed_bool(from) ? feed_below(from, 40U) : feed_below(from, CGL_HARMONIC_ORDER_MAX));
     config.bends = feed_below(from, 3U);
     config.orders = 1U + feed_below(from, feed_bool(from) ? 8U : CGL_HARMONIC_ORDERS);
@@ -34,6 +35,7 @@ void law_step(const cgl_law_input *in, cgl_law_output *out)
 {
     cgl_harmonic_step(&law, in, out);
     HOLDS(within(law.pi.integral, config.pi.limit) && within(law.learned, config.limit));
+    HOLDS(within(law.since_edge, law.half_step));
     HOLDS(law.bend.share >= CGL_R(0.0) && law.bend.share <= CGL_R(1.0));
     for (uint32_t n = 0; n < 4U; ++n) {
         HOLDS(within(law.bend.part[n], CGL_R(0.05)));

@@ -39,7 +39,7 @@ PARTS = {
     "dead_time": "range dead_time",
     "sensors": "encoder speed_timed angle_observer hall low_pass",
     "monitor": "range angle monitor",
-    "quality": "quality",
+    "quality": "range quality",
     "drive": "range angle foc monitor quality guard drive",
     "pi": "law range pi speed_pi",
     "adrc": "law range adrc",
@@ -122,11 +122,10 @@ RUNS = [  # the longest first
 MUTANTS = [
     ("pi.c", "return cgl_clamped(pi->proportional + pi->integral + ff, config->limit);",
      "return pi->proportional + pi->integral + ff;", Run("pi", LIMITED)),
-    ("duties.h", "duty[2] = CGL_R(0.5) + cgl_clamp(between - side, CGL_R(0.5));",
-     "duty[2] = CGL_R(0.5) + (between - side);", Run("foc", {})),
+    ("duties.h", "duty[2] = CGL_R(0.5) + cgl_clamp_here(part[2], CGL_R(0.5));",
+     "duty[2] = CGL_R(0.5) + part[2];", Run("foc", {})),
     ("foc.c", "cgl_is_angle(in->theta_e) && ", "", Run("foc", {})),  # NaN gets through to a conversion
-    ("pi_afc.c", "sum += a[k] * cosine + b[k] * sine;\n    }\n    return cgl_clamp(sum, config->limit);",
-     "sum += a[k] * cosine + b[k] * sine;\n    }\n    return sum;", Run("pi_afc", ORDERS | LIMITED)),
+    ("pi_afc.c", "    return cgl_clamp(sum, config->limit);", "    return sum;", Run("pi_afc", ORDERS | LIMITED)),
     ("memory.c", "head = head < m ? head + 1U : 0U;", "head = head <= m ? head + 1U : 0U;",
      Run("pi_ilc", MAP)),
 ]  # fmt: skip

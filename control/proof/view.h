@@ -8,6 +8,7 @@
 #define cgl_is_finite cgl_is_finite_as_written
 #define cgl_is_angle cgl_is_angle_as_written
 #define cgl_clamp cgl_clamp_as_written
+#define cgl_clamp_here cgl_clamp_here_as_written
 #define cgl_is_below cgl_is_below_as_written
 #define cgl_rest cgl_rest_as_written
 #define cgl_is_in_turn cgl_is_in_turn_as_written
@@ -21,6 +22,7 @@
 #undef cgl_is_finite
 #undef cgl_is_angle
 #undef cgl_clamp
+#undef cgl_clamp_here
 #undef cgl_is_below
 #undef cgl_rest
 #undef cgl_is_in_turn
@@ -43,6 +45,7 @@ static inline cgl_real cgl_clamp(cgl_real x, cgl_real limit)
     return x == x ? (x >= limit ? limit : (x <= -limit ? -limit : x)) : CGL_R(0.0);
 }
 
+static inline cgl_real cgl_clamp_here(cgl_real x, cgl_real limit) { return cgl_clamp(x, limit); }
 static inline cgl_real cgl_clamped(cgl_real x, cgl_real limit) { return cgl_clamp(x, limit); }
 
 static inline cgl_real cgl_rest(cgl_real x)

@@ -9,6 +9,9 @@
 
 static const cgl_real limits[] = {CGL_R(0.5), CGL_R(3.0), CGL_R(1.0e9), CGL_ANGLE_MAX, CGL_REAL_MAX, CGL_R(1.0e-40)};
 
+/* As real.c has it. */
+cgl_real cgl_clamped_as_written(cgl_real x, cgl_real limit) { return cgl_clamp_here_as_written(x, limit); }
+
 static bool same(cgl_real a, cgl_real b) { return a == b || (a != a && b != b); }
 
 static bool agrees(cgl_real x)
@@ -21,7 +24,8 @@ static bool agrees(cgl_real x)
         const cgl_real limit = limits[n];
         good = good && cgl_is_within(x, limit) == cgl_is_within_as_written(x, limit)
                && cgl_is_below(x, limit) == cgl_is_below_as_written(x, limit)
-               && same(cgl_clamp(x, limit), cgl_clamp_as_written(x, limit));
+               && same(cgl_clamp(x, limit), cgl_clamp_as_written(x, limit))
+               && same(cgl_clamp_here(x, limit), cgl_clamp_here_as_written(x, limit));
     }
     return good;
 }

@@ -59,7 +59,11 @@ static void what_hurts(void)
     CHECK(within(guard.share, CGL_R(0.0)));
     const double cleared = run(20.0, 1.0, 0.6, true);
     CHECK(cleared > 1.5 && cleared < 2.1);
-    CHECK(guard.phase == CGL_GUARD_LEARN && guard.gentle == 2U && guard.learn && !guard.forget);
+    CHECK(guard.phase == CGL_GUARD_LEARN && guard.gentle == 2U && !guard.learn && !guard.forget);
+    (void)run(2.2, 1.0, -0.7, true);
+    CHECK(!guard.learn && within(guard.share - CGL_R(1.0), CGL_R(0.0))); /* what the ramp leaves dies out first: 0.6 s */
+    (void)run(0.5, 1.0, -0.7, true);
+    CHECK(guard.learn);
     const double waited = run(1000.0, 1.0, -0.7, true);
     CHECK(waited >= 1000.0 && guard.gentle == 1U); /* taken back */
 }

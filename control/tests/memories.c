@@ -164,8 +164,31 @@ static void laws(void)
     CHECK(cgl_pi_ilc_init(&law, &config, CGL_R(1.0e-3), cell, length) == CGL_ERROR_CONFIG);
 }
 
+/* What fixes the meaning of what is learned must stay. */
+static void keep_sizes(void)
+{
+    static cgl_real kept[64];
+    const cgl_memory_config config = {.kind = CGL_MEMORY_ANGLE, .channels = 2U, .cells = 8U, .turns = 2U, .parts = 3U, .q_half_width = 1U,
+                                      .forgetting = CGL_R(1.0), .limit = {CGL_R(1.0), CGL_R(1.0), CGL_R(1.0)}};
+    cgl_memory memory;
+    CHECK(cgl_memory_init(&memory, &config, CGL_R(1.0e-3), 1U, kept, 64U) == CGL_OK);
+    cgl_memory_config other[7] = {config, config, config, config, config, config, config};
+    other[0].kind = CGL_MEMORY_TIME;
+    other[1].channels = 1U;
+    other[2].cells = 9U;
+    other[3].turns = 1U;
+    other[4].parts = 2U;
+    other[5].q_half_width = 2U;
+    other[6].lead = 2U;
+    for (int n = 0; n < 7; ++n) {
+        CHECK(cgl_memory_retune(&memory, &other[n]) == (n < 6 ? CGL_ERROR_CONFIG : CGL_OK));
+        CHECK(memory.config.lead == (n < 6 ? 0U : 2U));
+    }
+}
+
 void memories(void)
 {
+    keep_sizes();
     laws();
     speeds();
     sizes();

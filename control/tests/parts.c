@@ -3,12 +3,14 @@
 #include "parts.h"
 
 #include "check.h"
+#include "cogless/adrc.h"
 #include "cogless/angle.h"
 #include "cogless/angle_observer.h"
 #include "cogless/calibration.h"
 #include "cogless/dead_time.h"
 #include "cogless/drive.h"
 #include "cogless/encoder.h"
+#include "cogless/feedforward.h"
 #include "cogless/hall.h"
 #include "cogless/low_pass.h"
 #include "cogless/encoder_table.h"
@@ -269,8 +271,49 @@ static void try_telemetry(void)
     }
 }
 
+/* ---- control loops whose answer is known ---- */
+
+/* A rotor that is nothing but inertia, and a load: the observer finds the load, and the speed has no error left. */
+static void reject_a_load(void)
+{
+    const cgl_real ts = CGL_R(1.0e-3), load = CGL_R(-30.0); /* [rad/s^2] */
+    const cgl_adrc_config config = {.b = CGL_R(100.0), .omega_c = CGL_R(20.0), .omega_o = CGL_R(100.0), .limit = CGL_R(5.0)};
+    cgl_adrc law;
+    cgl_law_input in = {.omega_ref = CGL_R(10.0), .learn = true};
+    cgl_law_output out;
+    CHECK(cgl_adrc_init(&law, &config, ts) == CGL_OK);
+    for (int n = 0; n < 2000; ++n) {
+        cgl_adrc_step(&law, &in, &out);
+        in.omega_m += ts * (config.b * out.i_q_ref + load);
+    }
+    CHECK(within(in.omega_m - in.omega_ref, CGL_R(1.0e-3)) && within(law.omega - in.omega_m, CGL_R(1.0e-3)));
+    CHECK(within(law.f - load, CGL_R(0.05)) && within(out.i_q_ref + load / config.b, CGL_R(1.0e-3)));
+    CHECK(within(law.rejected + law.proportional - out.i_q_ref, CGL_R(1.0e-6)));
+}
+
+/* The filter against its difference equation; it begins at rest. */
+static void feed_forward(void)
+{
+    const cgl_feedforward_config config = {.numerator = 2U, .denominator = 3U, .preview = 1U, .num = {CGL_R(1.0), CGL_R(0.5)},
+                                           .den = {CGL_R(1.0), CGL_R(-0.5), CGL_R(0.25)}};
+    const cgl_real y[4] = {CGL_R(1.0), CGL_R(2.0), CGL_R(-1.0), CGL_R(4.0)}, gain = CGL_R(1.5) / CGL_R(0.75);
+    cgl_real before = gain * y[0], before_that = before;
+    cgl_feedforward feedforward;
+    CHECK(cgl_feedforward_init(&config, &feedforward) == CGL_OK);
+    cgl_feedforward_reset(&config, &feedforward, y[0]);
+    for (uint32_t p = 0; p < 12U; ++p) {
+        const cgl_real now = y[p < 3U ? p : 3U], next = y[p + 1U < 3U ? p + 1U : 3U];
+        const cgl_real f = next + CGL_R(0.5) * now + CGL_R(0.5) * before - CGL_R(0.25) * before_that;
+        CHECK(within(cgl_feedforward_step(&config, &feedforward, y, 4U, p) - f, CGL_R(1.0e-5)));
+        before_that = before;
+        before = f;
+    }
+}
+
 void try_parts(long configs)
 {
+    reject_a_load();
+    feed_forward();
     static const random_subject subjects[] = {
         {"dead_time", try_dead_time, 0xea399657U, 0x7eda2521U},
         {"speed", try_speed, 0x03f512edU, 0xb35c2c60U},

@@ -64,6 +64,48 @@ static void check_off(const cgl_law_input *in, const cgl_law_output *out)
     CHECK(!in->off || (within(out->i_q_ref, CGL_R(0.0)) && (out->status & off) == off));
 }
 
+/* ---- a law that is reset does what a new one does, without any random number ---- */
+
+static cgl_law_input ordinary_input(int step)
+{
+    const cgl_real time = CGL_R(1.0e-3) * (cgl_real)step;
+    const cgl_law_input in = {.theta_ref = CGL_R(10.0) * time,
+                              .omega_ref = CGL_R(10.0),
+                              .theta_m = CGL_R(10.0) * time,
+                              .omega_m = CGL_R(10.0) + CGL_R(0.25) * (cgl_real)(step % 5 - 2),
+                              .i_q = CGL_R(0.1),
+                              .learn = true};
+    return in;
+}
+
+static void check_same(const cgl_law_output *one, const cgl_law_output *other)
+{
+    CHECK(memcmp(&one->i_q_ref, &other->i_q_ref, sizeof one->i_q_ref) == 0 && one->status == other->status);
+}
+
+/* What a law says of its output, term by term: they add up to it, as it is limited. */
+static void check_sum(cgl_real output, cgl_real sum, cgl_real limit)
+{
+    const cgl_real wanted = cgl_clamped(sum, limit);
+    CHECK(!(output < wanted) && !(output > wanted));
+}
+
+static cgl_real fresh_cells[ROWS_MAX];
+
+#define CHECK_RESET(name, law, ...)                                                                                    \
+    do {                                                                                                               \
+        static cgl_##name fresh;                                                                                       \
+        CHECK(cgl_##name##_init(&fresh, __VA_ARGS__) == CGL_OK);                                                       \
+        cgl_##name##_reset(law);                                                                                       \
+        for (int n = 0; n < 60; ++n) {                                                                                 \
+            const cgl_law_input same = ordinary_input(n);                                                              \
+            cgl_law_output one, other;                                                                                 \
+            cgl_##name##_step((law), &same, &one);                                                                     \
+            cgl_##name##_step(&fresh, &same, &other);                                                                  \
+            check_same(&one, &other);                                                                                  \
+        }                                                                                                              \
+    } while (false)
+
 /* ---- inputs: any, or a rotor that turns so that something is learned ---- */
 
 /* As of a guard: mostly nothing. */
@@ -438,6 +480,7 @@ static void try_pi_ilc(void)
     }
     check_memory(&law.memory);
     hear_all(law.memory.cell, length);
+    CHECK_RESET(pi_ilc, &law, &config, ts, fresh_cells, length);
 }
 
 static void try_robust_ilc(void)
@@ -472,6 +515,10 @@ static void try_robust_ilc(void)
         cgl_robust_ilc_step(&law, &in, &out);
         check_off(&in, &out);
         check_learning(&in, &out, &law.memory, &old.memory, before);
+        const cgl_robust_ilc_terms *const terms = &law.terms;
+        if (!in.off && !in.torque) {
+            check_sum(out.i_q_ref, terms->surface + terms->switching + terms->linear + terms->learned + terms->adapted, config.limit);
+        }
         CHECK(within(out.i_q_ref, config.limit));
         CHECK(within(law.error_integral, CGL_R(1.0e9)));
         CHECK(within(law.adapted, config.b * config.limit));
@@ -489,6 +536,7 @@ static void try_robust_ilc(void)
     }
     check_memory(&law.memory);
     hear_all(law.memory.cell, length);
+    CHECK_RESET(robust_ilc, &law, &config, ts, fresh_cells, length);
 }
 
 static void try_anti_cogging(void)
@@ -591,6 +639,7 @@ static void try_pi_afc(void)
         }
     }
     check_fence(length);
+    CHECK_RESET(pi_afc, &law, &config, ts, fresh_cells, length);
 }
 
 static cgl_harmonic_config random_harmonic(void)
@@ -600,6 +649,7 @@ static cgl_harmonic_config random_harmonic(void)
     config.k_theta = random_below(2) ? CGL_R(0.0) : random_gain(CGL_R(50.0));
     config.b = random_gain(CGL_R(1000.0));
     config.delay = random_below(2) ? CGL_R(0.0) : random_gain(CGL_R(2.0e-3));
+    config.step = random_below(2) ? CGL_R(0.0) : random_gain(CGL_R(1.0e-2));
     config.base = 1U + random_below(random_below(20) ? 40U : CGL_HARMONIC_ORDER_MAX);
     config.bends = random_below(3);
     config.orders = 1U + random_below(random_below(4) ? 8U : CGL_HARMONIC_ORDERS);
@@ -653,6 +703,7 @@ static void try_harmonic(void)
         }
     }
     check_fence(length);
+    CHECK_RESET(harmonic, &law, &config, ts, fresh_cells, length);
 }
 
 /* ---- learning in space ---- */
@@ -695,6 +746,10 @@ static void try_space_position(void)
         check_learning(&in, &out, &law.memory, &old.memory, before);
         CHECK(within(out.i_q_ref, config.limit));
         CHECK(within(law.integral, config.limit));
+        const cgl_space_position_terms *const terms = &law.terms;
+        if (!in.off && !in.torque) {
+            check_sum(out.i_q_ref, terms->proportional + terms->alpha + terms->beta + terms->h + terms->integral, config.limit);
+        }
         if (random_below(1000) == 0U) {
             cgl_space_position_reset(&law);
         } else if (random_below(100) == 0U) {
@@ -709,6 +764,7 @@ static void try_space_position(void)
     }
     check_memory(&law.memory);
     hear_all(law.memory.cell, length);
+    CHECK_RESET(space_position, &law, &config, ts, fresh_cells, length);
 }
 
 static void try_space_speed(void)
@@ -741,6 +797,10 @@ static void try_space_speed(void)
         check_off(&in, &out);
         check_learning(&in, &out, &law.memory, &old.memory, before);
         CHECK(within(out.i_q_ref, config.limit));
+        const cgl_space_speed_terms *const terms = &law.terms;
+        if (!in.off && !in.torque) {
+            check_sum(out.i_q_ref, terms->proportional + terms->alpha + terms->beta + terms->h, config.limit);
+        }
         if (random_below(1000) == 0U) {
             cgl_space_speed_reset(&law);
         } else if (random_below(100) == 0U) {
@@ -755,6 +815,7 @@ static void try_space_speed(void)
     }
     check_memory(&law.memory);
     hear_all(law.memory.cell, length);
+    CHECK_RESET(space_speed, &law, &config, ts, fresh_cells, length);
 }
 
 /* ---- learning from trial to trial ---- */
@@ -888,6 +949,8 @@ static void check_trial_step(const cgl_trial_config *config, cgl_trial *law, boo
     CHECK(cgl_is_finite(law->terms.feedback) && cgl_is_finite(law->terms.integral));
     CHECK(cgl_is_finite(law->terms.feedforward) && cgl_is_finite(law->terms.learned));
     CHECK(memcmp(v, law->learned, config->samples * sizeof v[0]) == 0);
+    const cgl_trial_terms *const terms = &law->terms;
+    check_sum(out.u, terms->feedback + terms->integral + terms->feedforward + terms->learned, config->limit);
     if ((out.status & (unsigned)CGL_STATUS_FAULT) != 0U || law->y_ref == NULL) {
         CHECK(within(out.u, CGL_R(0.0)));
         CHECK(memcmp(&before.psi, &law->psi, sizeof before.psi) == 0);
@@ -1261,6 +1324,7 @@ static void try_adrc(void)
             config = cgl_adrc_retune(&law, &other) == CGL_OK ? other : config;
         }
     }
+    CHECK_RESET(adrc, &law, &config, ts);
 }
 
 void random_inputs(long configs)

@@ -592,8 +592,72 @@ void random_flash(long tries)
     }
 }
 
+/* ---- what a law says of its map ---- */
+
+static cgl_real entries[16];
+
+static void check_map(const cgl_map *map, cgl_map_result result, uint32_t law, uint32_t stride, uint32_t channels, const uint32_t period[3],
+                      const uint32_t unit[3], const cgl_real limit[3])
+{
+    CHECK(result == CGL_MAP_OK && map->law == law && map->entry == entries && map->cells == 5U);
+    CHECK(map->stride == stride && map->channels == channels);
+    CHECK(map->turns == period[0] && map->parts == period[1] && map->ratio == period[2]);
+    for (uint32_t c = 0; c < CGL_MAP_CHANNELS; ++c) {
+        CHECK(map->unit[c] == unit[c] && within(map->limit[c] - limit[c], CGL_R(0.0)));
+    }
+}
+
+/* Of `channels` functions of 2/3 of a revolution, in a row of 5 cells and 2 more. */
+static cgl_memory learned(uint32_t channels)
+{
+    const cgl_memory memory = {.config = {.kind = CGL_MEMORY_ANGLE, .channels = channels, .cells = 5U, .turns = 2U, .parts = 3U,
+                                          .q_half_width = 1U, .limit = {CGL_R(1.0), CGL_R(2.0), CGL_R(3.0)}},
+                               .periods = 3U, .cell = entries};
+    return memory;
+}
+
+static void maps_of_laws(void)
+{
+    const cgl_real one[3] = {CGL_R(1.0), CGL_R(0.0), CGL_R(0.0)}, three[3] = {CGL_R(1.0), CGL_R(2.0), CGL_R(3.0)};
+    const uint32_t part[3] = {2U, 3U, 1U}, turn[3] = {1U, 1U, 1U}, trial[3] = {0U, 0U, 1U}, geared[3] = {2U, 3U, 7U};
+    const uint32_t current[3] = {CGL_MAP_UNIT_CURRENT, CGL_MAP_UNIT_NONE, CGL_MAP_UNIT_NONE};
+    const uint32_t acceleration[3] = {CGL_MAP_UNIT_ACCELERATION, CGL_MAP_UNIT_NONE, CGL_MAP_UNIT_NONE};
+    const uint32_t of_trial[3] = {CGL_MAP_UNIT_OF_THE_TRIAL, CGL_MAP_UNIT_NONE, CGL_MAP_UNIT_NONE};
+    const uint32_t space[3] = {CGL_MAP_UNIT_CURRENT, CGL_MAP_UNIT_CURRENT_PER_SPEED, CGL_MAP_UNIT_CURRENT_PER_ACCELERATION};
+    const uint32_t orders[3] = {CGL_MAP_UNIT_COSINE_CURRENT, CGL_MAP_UNIT_SINE_CURRENT, CGL_MAP_UNIT_ORDER};
+    const cgl_real of_afc[3] = {CGL_R(1.0), CGL_R(1.0), (cgl_real)CGL_PI_AFC_ORDER_MAX};
+    const cgl_real of_harmonic[3] = {CGL_R(1.0), CGL_R(1.0), (cgl_real)CGL_HARMONIC_ORDER_MAX};
+    const cgl_pi_ilc pi_ilc = {.memory = learned(1U)};
+    const cgl_robust_ilc robust_ilc = {.memory = learned(1U)};
+    const cgl_space_position position = {.config = {.ratio = 7U}, .memory = learned(3U)};
+    const cgl_space_speed speed = {.memory = learned(3U)};
+    const cgl_anti_cogging table = {.config = {.pi = {.limit = CGL_R(1.0)}, .cells = 5U}, .table = entries};
+    const cgl_trial run = {.config = {.samples = 5U, .learned_limit = CGL_R(1.0)}, .learned = entries};
+    const cgl_pi_afc afc = {.config = {.orders = 5U, .limit = CGL_R(1.0)}, .coefficient = entries};
+    const cgl_harmonic harmonic = {.config = {.orders = 5U, .limit = CGL_R(1.0)}, .cosine = entries};
+    cgl_map map;
+    memset(&map, 0xA5, sizeof map);
+    check_map(&map, cgl_map_of_pi_ilc(&pi_ilc, &map), CGL_MAP_LAW_PI_ILC, 7U, 1U, part, current, one);
+    CHECK(map.learning == &pi_ilc.memory.learning);
+    check_map(&map, cgl_map_of_robust_ilc(&robust_ilc, &map), CGL_MAP_LAW_ROBUST_ILC, 7U, 1U, part, acceleration, one);
+    CHECK(map.learning == &robust_ilc.memory.learning);
+    check_map(&map, cgl_map_of_space_position(&position, &map), CGL_MAP_LAW_SPACE_POSITION, 7U, 3U, geared, space, three);
+    check_map(&map, cgl_map_of_space_speed(&speed, &map), CGL_MAP_LAW_SPACE_SPEED, 7U, 3U, part, space, three);
+    check_map(&map, cgl_map_of_anti_cogging(&table, &map), CGL_MAP_LAW_ANTI_COGGING, 5U, 1U, turn, current, one);
+    CHECK(map.learning == NULL);
+    check_map(&map, cgl_map_of_trial(&run, &map), CGL_MAP_LAW_TRIAL, 5U, 1U, trial, of_trial, one);
+    check_map(&map, cgl_map_of_pi_afc(&afc, &map), CGL_MAP_LAW_PI_AFC, 5U, 3U, turn, orders, of_afc);
+    CHECK(map.learning == &afc.learning);
+    check_map(&map, cgl_map_of_harmonic(&harmonic, &map), CGL_MAP_LAW_HARMONIC, 5U, 3U, turn, orders, of_harmonic);
+    CHECK(map.learning == &harmonic.learning);
+    cgl_pi_ilc by_time = pi_ilc;
+    by_time.memory.config.kind = CGL_MEMORY_TIME;
+    CHECK(cgl_map_of_pi_ilc(&by_time, &map) == CGL_MAP_BY_TIME);
+}
+
 void stored_maps(void)
 {
+    maps_of_laws();
     CHECK(cgl_crc32(0U, (const uint8_t *)"123456789", 9U) == 0xCBF43926U);
     refuse_configs();
     refuse_with_reason();

@@ -312,6 +312,7 @@ static void harmonic(void)
     config.k_theta = real();
     config.b = real();
     config.delay = real();
+    config.step = real();
     config.base = count();
     config.bends = count();
     config.orders = count();

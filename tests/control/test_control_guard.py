@@ -82,9 +82,9 @@ def test_learning_that_hurts_is_stopped_cleared_and_tried_more_gently(precision)
     assert guard.state.share == 0
     turned = guard.run(20, hurting, until=lambda s: not s.forget)
     assert 1.5 < turned < 2.1  # every cell has been passed, after those that a Q filter waits for
-    assert guard.state.gentle == 2 and guard.state.learn
-    guard.run(3, 0.5)
-    assert guard.state.share == 1 and guard.acts
+    assert guard.state.gentle == 2 and not guard.state.learn
+    guard.run(3, 0.5)  # learning waits until all of what was learned acts again
+    assert guard.state.share == 1 and guard.state.learn and guard.acts
 
 
 @PRECISIONS
@@ -415,7 +415,14 @@ def test_at_the_last_step_nothing_is_learned_and_it_is_tried_again_much_later(pr
     bad = lambda s: 1 + 0.5 * s.share  # noqa: E731
     assert guard.run(400, bad, until=lambda s: s.gentle == STEPS) < 120
     assert guard.state.share < 1 and not guard.state.learn
-    assert guard.run(2000, bad, until=lambda s: s.share == 1) > 500
+    lib = control_library(precision).lib
+    assert guard.run(4, bad, until=lambda s: s.phase == lib.CGL_GUARD_MUTE) < 3  # once all is cleared
+    assert guard.state.backoff == 5 and guard.state.wait == 50 << 5  # windows
+    assert guard.run(20, bad, until=lambda s: s.share == 1) == 20 and guard.state.wait == (50 << 5) - 20
+    guard.state.wait = 2
+    assert 1 < guard.run(20, bad, until=lambda s: s.forget) <= 2  # cleared, and tried a step less gently
+    assert guard.run(20, 1.0, until=lambda s: s.learn) < 3
+    assert guard.state.gentle == STEPS - 1 and guard.phase == lib.CGL_GUARD_LEARN
 
 
 @PRECISIONS

@@ -275,6 +275,23 @@ def test_amplitudes_of_other_orders_are_refused(precision: str) -> None:
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
+def test_the_map_of_a_users_law_is_loaded_where_it_fits(precision: str) -> None:
+    """Its number isn't asked for: a current over the angle, or amplitudes of these orders, serve any law."""
+    c = control_library(precision)
+    afc, ilc, flash = pi_afc(c), pi_ilc(c), Flash(c)
+    orders = StoredMap([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [3, 12, 24]], (6, 7, 8), (3, 3, 65535), law=130)
+    flash.slot[0][: len(bytes(orders))] = bytes(orders)
+    assert flash.load(ilc.map) == c.lib.CGL_MAP_OTHER_LAYOUT
+    assert flash.load(afc.map) == c.lib.CGL_MAP_OK
+    assert afc.memory.tolist() == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 3, 12, 24])
+    for entry, expected in ((0.5, c.lib.CGL_MAP_OK), (2.0, c.lib.CGL_MAP_BAD_VALUE)):  # its limit is 1 A
+        current = StoredMap(np.full(60, entry), (1,), (3.0,), law=255, parts=4)
+        flash.slot[0][: len(bytes(current))] = bytes(current)
+        assert flash.load(ilc.map) == expected
+        assert set(ilc.memory[:60].tolist()) == {0.5}
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
 def test_orders_add_up_over_the_angle_as_the_law_adds_them(precision: str) -> None:
     c = control_library(precision)
     law, flash = pi_afc(c), Flash(c)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from cogless import load, run_study
-from cogless.design.auto import CORNERS, filled, missing
+from cogless.design import auto
+from cogless.design.auto import CORNERS, filled, known_orders, missing
 from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import SETTLED
 from cogless.design.pi import speed_loop
@@ -124,6 +125,27 @@ def test_a_study_without_its_numbers_doesnt_run() -> None:
         run_study(load_raw("uomodri", changes), ["1-rev-s/mine"])
 
 
+MOVES = {"moves": [["0.5 s", "0 deg"], ["1.5 s", "200 deg"], ["2.5 s", "0 deg"]]}
+SWING = {"offset": "0 rpm", "amplitude": "60 rpm", "frequency": "0.25 Hz"}
+
+
+@pytest.mark.parametrize(
+    ("law", "reference", "top"), [("space-position", MOVES, 6.545), ("space-speed", SWING, 6.283)]
+)
+def test_in_angle_a_reference_that_stops_is_learned_above_half_of_its_speed(
+    law: str, reference: object, top: float
+) -> None:
+    """mu_alpha / |omega| would be unstable on the way to standstill."""
+    only = {"scenario": {"swing": {"duration": "4 s", "reference": reference}}, "metric": []}
+    study = load("uomodri", {**only, "controller": {"mine": {"law": law, "tuning": {"rule": "auto"}}}})
+    assert isinstance(study, Study)
+    found = verdict(study, "mine")
+    assert found is not None
+    assert found.kind == "settles"
+    assert found.passing is None
+    assert study.controller["mine"].omega_min == pytest.approx(top / 2, rel=1e-3)  # type: ignore[union-attr]
+
+
 def test_an_axis_at_rest_has_nothing_to_tune_for() -> None:
     with pytest.raises(StudyError, match="expected a scenario of this controller in which the rotor turns"):
         load(
@@ -140,3 +162,63 @@ def test_an_axis_at_rest_has_nothing_to_tune_for() -> None:
 def test_phase_margin_must_be_given_for_its_own_rule() -> None:
     with pytest.raises(StudyError, match=r"controller\.pi\.tuning\.phase_margin: missing: expected one"):
         load("uomodri", {"controller.pi.tuning": {"rule": "phase-margin"}})
+
+
+@pytest.mark.parametrize(
+    ("pole_pairs", "order", "cells"),
+    [
+        (1, 12, 256),
+        (1, 25, 256),
+        (1, 26, 512),
+        (12, 12, 1024),
+        (12, 103, 2048),
+        (12, 204, 2048),
+        (12, 900, 8192),
+    ],
+)
+def test_a_map_has_ten_cells_or_more_in_a_wave(pole_pairs: int, order: int, cells: int) -> None:
+    """A power of two from 256 to 8192, for what is known or for the sixth order of the poles."""
+    changes = {
+        "drive.rates.integration_steps": 3,
+        "motor.pole_pairs": pole_pairs,
+        "motor.cogging": [{"order": order, "torque": "4 mN*m"}],
+        "motor.flux_harmonics": [],
+        "controller.mine.law": "pi-ilc",
+        "controller.mine.tuning.rule": "auto",
+    }
+    study = load_raw("uomodri", changes)
+    assert isinstance(study, Study)
+    assert auto._cells(study, "mine") == cells
+
+
+def test_known_orders_go_by_the_current_that_they_need() -> None:
+    """Cogging of 4, 1 and 0.003 mN m: the last is less than a thousandth; the drive's own come behind."""
+    cogging = [{"order": n, "torque": f"{size} mN*m"} for n, size in ((30, 1.0), (12, 4.0), (50, 0.003))]
+    changes = {"motor.cogging": cogging, "motor.flux_harmonics": [], "motor.pole_pairs": 7}
+    study = load_raw("uomodri", changes)
+    assert isinstance(study, Study)
+    assert known_orders(study, "pi") == [12, 30, 7, 14, 42]
+
+
+def test_a_table_is_read_ahead_and_made_slowly() -> None:
+    """Its position loop is a quarter as fast as the crossover, and the highest order stays below that."""
+    study = with_law("anti-cogging")
+    law = study.controller["mine"]
+    crossover = design(study, "mine").margins.crossover  # type: ignore[union-attr]
+    run = law.calibration  # type: ignore[union-attr]
+    assert run is not None and run.position_gain == pytest.approx(crossover / 4)
+    assert run.speed * max(known_orders(study, "mine")) == pytest.approx(run.position_gain)
+    assert run.revolutions == 1
+
+
+def test_linear_parts_of_robust_ilc_are_two_real_roots() -> None:
+    """Its kp b is their sum, and their product as near to ki b as real roots come; b = K_t / J."""
+    study = with_law("robust-ilc")
+    law = study.controller["mine"]
+    kp, ki = auto._phase_margin_pi(study, "mine", law)  # type: ignore[arg-type]
+    b, c, eta = (getattr(law, key) for key in ("b", "c", "eta"))
+    assert b == pytest.approx(study.K_t / study.mechanics.stiff.inertia)
+    assert c + eta == pytest.approx(b * kp)
+    assert c * eta == pytest.approx(min(b * ki, (b * kp / 2) ** 2))
+    assert law.g == pytest.approx(2 * b * study.drive.current_sensors.noise)  # type: ignore[union-attr]
+    assert (law.q, law.beta_1, law.gamma) == (1.0, 0.0, 0.0)  # type: ignore[union-attr]

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from cogless import load, run_study
+from cogless import changed, load, run_study
+from cogless.design.feedback import unstable_feedback
 from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import SETTLED, Worst
-from cogless.design.summary import to_dict
+from cogless.design.summary import to_dict, weakest_margins
 from cogless.design.table import design_table
 from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study
@@ -178,3 +179,50 @@ def test_a_delay_line_halfway_between_two_samples_smooths_what_it_recalls() -> N
     kept, recalled = loop.kept(f), loop.q(f) * np.cos(np.pi * f * T)
     left = (1 - recalled) / (1 - recalled * kept) * (1 if loop.lead else kept)
     np.testing.assert_allclose(loop.residual(f), np.abs(left), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("beta_1", "worse"), [(300.0, False), (10_000.0, True)])
+def test_what_learns_from_the_sign_keeps_an_oscillation_alive_and_is_told(beta_1: float, worse: bool) -> None:
+    """To a small S, beta_1 sgn S is a large gain: with beta_2 alone the same learning settles."""
+    law: dict[str, Any] = {"beta_2": 200.0, "forgetting": 0.8, "lead": 0.0, "g": 0.0, "gamma": 0.0}
+    changes = {f"controller.robust-ilc.{key}": value for key, value in law.items()}
+    clean = {"drive.position_sensor": {"kind": "ideal"}, "drive.current_sensors.noise": "0 A", "metric": []}
+    only = {f"scenario.{name}.controllers": ["pi"] for name in ("slow", "fast")}
+    study = load(
+        "uomodri", {**changes, **clean, **only, "drive.guard": False, "scenario.1-rev-s.duration": "8 s"}
+    )
+    left = []
+    for more in ({"beta_1": beta_1}, {"beta_1": beta_1, "learning_start": 1e6}):
+        tried = changed(study, {f"controller.robust-ilc.{key}": value for key, value in more.items()})
+        (run,) = run_study(tried, ["1-rev-s/robust-ilc"]).runs
+        left.append(float(np.std(run.trace["omega_error"][-10_000:])))
+    told = known(changed(study, {"controller.robust-ilc.beta_1": beta_1}), "robust-ilc").words()
+    assert (left[0] > 1.25 * left[1]) == worse
+    assert told == (
+        "settles; not sure: beta_1 sgn S keeps 0.33 rev/s rms of ripple or more alive, at 885 Hz"
+        if worse
+        else "settles"
+    )
+
+
+@pytest.mark.parametrize(("gamma", "stable"), [(1.0e6, True), (1.4e6, False)])
+def test_what_adapts_to_a_load_is_in_the_margins(gamma: float, stable: bool) -> None:
+    """r_hat integrates S, which has an integral itself: beyond some gamma the feedback oscillates."""
+    law = {"beta_2": 0.0, "lead": 0.0, "g": 0.0, "gamma": gamma}
+    clean = {"drive.position_sensor": {"kind": "ideal"}, "drive.current_sensors.noise": "0 A", "metric": []}
+    plain = {"motor.cogging": [], "drive.inverter.dead_time": "0 s", "mechanics.coulomb_friction": "0 N*m"}
+    only = {f"scenario.{name}.controllers": ["pi"] for name in ("slow", "fast")}
+    run = {
+        "scenario.1-rev-s.duration": "3 s",
+        "scenario.1-rev-s.events": [{"time": "0.5 s", "load": "1 mN*m"}],
+    }
+    changes = {f"controller.robust-ilc.{key}": value for key, value in law.items()}
+    study = load("uomodri", {**changes, **clean, **plain, **only, **run})
+    assert isinstance(study, Study)
+    margins = weakest_margins(study, "robust-ilc")
+    assert margins is not None
+    assert margins.stable == stable
+    unstable = unstable_feedback(study, "robust-ilc")
+    assert (unstable is None) == stable
+    (ran,) = run_study(study, ["1-rev-s/robust-ilc"]).runs
+    assert (float(np.std(ran.trace["omega_error"][-5000:])) < 0.1) == stable

@@ -410,7 +410,7 @@ def test_the_summary_has_every_controller(tmp_path: Path) -> None:
         "eta": "180 1/s",
         "q": 0.1,
     }
-    robust |= {"beta_1": "0.4 rpm/s", "beta_2": "0.3 1/s", "gamma": "3 1/s^2", "cells": 1000}
+    robust |= {"beta_1": "0.4 rpm/s", "beta_2": "0.3 1/s", "gamma": "0 1/s^2", "cells": 1000}
     study = studies.study(tmp_path, {"controller.robust": robust})
     designs = summary(study)
     assert {name: design.rule for name, design in designs.items()} == {

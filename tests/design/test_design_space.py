@@ -16,7 +16,14 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from cogless import load, run_study
-from cogless.design.angle_functions import AngleFunctions, Bounds, angle_functions
+from cogless.design.angle_functions import (
+    AngleFunctions,
+    Bounds,
+    Series,
+    _product,
+    _reciprocal,
+    angle_functions,
+)
 from cogless.design.closed_loop import Linear
 from cogless.design.space_bounds import (
     Motion,
@@ -163,6 +170,76 @@ def test_a_table_of_the_load_counts_with_its_points_and_slopes() -> None:
     assert functions.orders == {1}
     assert bounds.k_alpha1 == pytest.approx(0.302 / K_t, rel=1e-9)
     assert bounds.k_alpha2 == pytest.approx(0.4 / 0.3 / K_t, rel=1e-9)
+
+
+def test_a_load_behind_a_gear_is_seen_from_the_motor() -> None:
+    """At a ratio of 2 its order 6 is 3 of the motor, with half the torque; its order 3 doesn't repeat."""
+    behind = {"inertia": "4e-4 kg*m^2", "stiffness": "10 N*m/rad", "ratio": 2, "coulomb_friction": "4 mN*m",
+              "viscous_friction": "8e-4 N*m*s/rad"}  # fmt: skip
+    geared = Mechanics.model_validate(
+        {"inertia": "1e-4 kg*m^2", "coulomb_friction": "1 mN*m", "load_side": behind}
+    )
+    table = ([0.5, 2.0, 2.3], [0.0, 0.3, -0.1])
+    load = shaft_load(0.02, [(6, 0.01, 0.4), (3, 0.01, 0.0)], table)
+    motor = Motor.model_validate(
+        {"pole_pairs": 2, "R_s": "1 ohm", "L_d": "1 mH", "L_q": "1 mH", "psi_f": "20 mWb"}
+    )
+    found = angle_functions(motor.star(), geared, load)
+    theta = np.linspace(0, TURN, 50)
+    torque = 0.02 / 2 + 0.005 * np.sin(3 * theta + 0.4) + 1e-3 + 4e-3 / 2
+    K_t = 1.5 * 2 * 0.02
+    assert found.orders == {3}
+    assert found.alpha(theta) == pytest.approx(torque / K_t)
+    assert found.h(theta) == pytest.approx(np.full(50, (1e-4 + 4e-4 / 4) / K_t))
+    assert found.beta(theta) == pytest.approx(np.full(50, 8e-4 / 4 / K_t))
+    assert found.current(theta, 5.0) == pytest.approx((torque + 5.0 * 2e-4) / K_t)
+    still = angle_functions(motor.star(), geared, load, constant=0.0)
+    assert still.alpha(theta) == pytest.approx((torque - 0.01) / K_t)
+
+
+def test_flux_and_ripple_make_the_torque_constant_of_an_angle() -> None:
+    """3/2 p times the flux of the d axis and the derivative of the q axis' flux, and the ripple's share."""
+    tables = {"pole_pairs": 2, "R_s": "1 ohm", "L_d": "1 mH", "L_q": "1 mH", "psi_f": "20 mWb",
+              "flux_harmonics": [{"order": 6, "d": "0.3 mWb", "d_phase": "20 deg", "q": "0.1 mWb"}],
+              "torque_ripple": [{"order": 5, "percent": 2.0, "phase": "30 deg"}]}  # fmt: skip
+    motor = Motor.model_validate(tables).star()
+    plain = Mechanics.model_validate({"inertia": "1e-4 kg*m^2"})
+    found = angle_functions(motor, plain, Load())
+    theta = np.linspace(0, TURN, 50)
+    K = 3 * (
+        0.02 + 0.3e-3 * np.cos(12 * theta + np.radians(20)) + 6 * 0.1e-3 * np.cos(12 * theta)
+        + 0.02 * 0.02 * np.sin(5 * theta + np.radians(30))
+    )  # fmt: skip
+    assert found.K.at(theta) == pytest.approx(K)
+    assert found.orders == {12, 5}
+    slope = (found.K.at(theta + 1e-6) - found.K.at(theta - 1e-6)) / 2e-6
+    assert found.K.at(theta, 1) == pytest.approx(slope, abs=1e-7)
+
+
+def test_a_series_is_bounded_by_the_sums_of_its_terms() -> None:
+    """Each derivative brings a factor of the order; a table counts with its largest value and slope."""
+    table = shaft_load(0.0, [], ([0.5, 2.0, 2.3], [0.0, 0.3, -0.1])).angle_table
+    plain = Series(-2.0, (3, 5), (0.4j, 0.1 + 0j))
+    assert plain.rises == pytest.approx([2.5, 1.7, 6.1, 3**3 * 0.4 + 5**3 * 0.1])
+    slope = 0.4 / 0.3
+    assert Series(-2.0, (3, 5), (0.4j, 0.1 + 0j), table).rises == pytest.approx(
+        [2.8, 1.7 + slope, 6.1, 3**3 * 0.4 + 5**3 * 0.1]
+    )
+    both = Series(1.0, (), (), table)
+    points = np.array([0.5, 1.25, 2.0, 2.15, 0.5 + TURN])
+    assert both.at(points) == pytest.approx([1.0, 1.15, 1.3, 1.1, 1.0])
+    assert both.at(points, 1) == pytest.approx([0.2, 0.2, -slope, -slope, 0.2])
+    assert both.at(np.array([2.0]), 1, above=False) == pytest.approx([0.2])
+    assert both.at(points, 2) == pytest.approx(np.zeros(5))
+
+
+def test_derivatives_of_products_and_reciprocals_are_those_of_exponentials() -> None:
+    """Of exp(2x) exp(3x) at zero, 5^k; and of 1 / exp(x), whose derivatives are bounded by Leibniz' rule."""
+    two, three = ([float(n**k) for k in range(4)] for n in (2, 3))
+    assert _product(two, three) == [1.0, 5.0, 25.0, 125.0]
+    assert _reciprocal([1.0, 1.0, 1.0, 1.0], 1.0) == [1.0, 1.0, 3.0, 13.0]
+    assert _reciprocal([2.0, 0.0, 0.0, 0.0], 2.0) == [0.5, 0.0, 0.0, 0.0]
+    assert _reciprocal([4.0, 1.0, 0.0, 0.0], 2.0) == [0.5, 0.25, 0.25, 0.375]
 
 
 def test_flux_that_takes_all_torque_at_an_angle_has_no_bounds() -> None:

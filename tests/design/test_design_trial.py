@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from design_plants import (
 from cogless.design import from_study
 from cogless.design.certificate import Learning
 from cogless.design.error import DesignError
-from cogless.design.from_study import design_study, retuned, same_gains
+from cogless.design.from_study import design_study, retuned, same_gains, settings_of
 from cogless.design.model import Real
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
 from cogless.design.trial import TrialDesign, TrialGains, TrialSettings, design_gains, design_trial
@@ -386,3 +387,36 @@ def test_growth_without_a_filter_is_the_trial_s_not_the_filter_s() -> None:
     )  # fmt: skip
     design = design_trial(plant, settings)
     assert all("filter;" not in note and "ends of the filter" not in note for note in design.notes)
+
+
+@pytest.mark.parametrize(
+    ("law", "expected"),
+    [
+        (
+            {"law": "state-ilc", "K_stab": [-50.0, -0.5], "K_ilc": 0.3},
+            {"kind": "state", "structure": "input", "integral": False, "feedforward": False,
+             "K_s": (-50.0, -0.5), "K_3": 0.3},
+        ),
+        (
+            {"law": "trial-ilc", "acts_on": "input", "K_3": 0.5},
+            {"structure": "input", "K_3": 0.5, "cutoff": None},
+        ),
+        (
+            {"law": "trial-ilc", "q_filter": {"cutoff": "30 Hz", "order": 3, "acts_on": "error"}},
+            {"structure": "input-and-integrator", "cutoff": 30.0, "filter_order": 3, "filtered": "error"},
+        ),
+        ({"law": "norm-optimal", "change_weight": 0.2}, {"kind": "norm-optimal", "change_weight": 0.2}),
+        (
+            {"law": "observer-ilc"},
+            {"kind": "observer", "structure": "input", "integral": False, "filtered": "signal"},
+        ),
+    ],
+)  # fmt: skip
+def test_a_law_s_keys_are_its_design_s_settings(
+    tmp_path: Path, law: dict[str, Any], expected: dict[str, Any]
+) -> None:
+    study = trial_studies.loaded(tmp_path, {"controller.ilc": law})
+    found = settings_of(study, "move", "ilc")
+    assert {key: getattr(found, key) for key in expected} == expected
+    assert found.samples == 200 and np.shape(found.Q) == (3, 3)
+    assert found.f == found.gamma and study.design.initial_change is None

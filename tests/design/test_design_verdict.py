@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from cogless import load, run_study
-from cogless.design.closed_loop import Linear, oscillation
+from cogless.design.closed_loop import Linear, Oscillation, oscillation
+from cogless.design.learning_loop import Worst
 from cogless.design.pi import speed_loop
 from cogless.design.position import position_margins
 from cogless.design.space_learning import SpaceLoop
 from cogless.design.summary import to_dict
-from cogless.design.verdict import Repair, Verdict, verdict, warnings
+from cogless.design.verdict import Mean, Passing, Repair, Verdict, verdict, warnings
 from cogless.results import Run
 from cogless.study import Study
 
@@ -158,6 +159,61 @@ def test_the_mildest_remedy_is_named_or_that_there_is_none() -> None:
         (Repair(), f"no Q filter alone repairs it, {more}"),
     ):
         assert repair.words() == words
+
+
+RISING = Worst(1.23456, 512.4)
+GROWING = Oscillation(87.6, 3.0)
+STOPS = Passing(below=0.512, time=0.3456, frequency=87.6, unstable=False)
+
+
+@pytest.mark.parametrize(
+    ("found", "says"),
+    [
+        (
+            Verdict("rests", frozen=("too few samples", "no cell")),
+            "rests; frozen: too few samples; frozen: no cell",
+        ),
+        (Verdict("settles", RISING, ratio=1.25), "settles"),
+        (
+            Verdict("settles", RISING, 6.2832, "slow", varies=True, ratio=1.3),
+            "settles, but leaves 1.3 times the speed ripple of its feedback at 6.28 rad/s in scenario slow",
+        ),
+        (Verdict("may grow", RISING, 6.2832), "may grow, 1.235x a period at 512 Hz"),
+        (
+            Verdict(
+                "grows",
+                RISING,
+                6.2832,
+                varies=True,
+                mean=Mean(1.0567, 99.6, 200.4, True),
+                repair=Repair(4e-4),
+            ),
+            "grows, up to 1.235x a period at 512 Hz at 6.28 rad/s, in the mean 1.06x from 100 to 200 Hz; "
+            'lead = "0.4 ms" repairs it',
+        ),
+        (
+            Verdict("unstable", None, 6.2832, varies=True, unstable=GROWING, unit="rpm"),
+            "unstable with what learning adds at once, at 88 Hz at 60 rpm; lower its learning gains",
+        ),
+        (
+            Verdict("may be unstable", unstable=GROWING, rests=True),
+            "may be unstable with what learning adds at once, at 88 Hz, where K_t is largest; "
+            "lower its learning gains, or raise omega_min",
+        ),
+        (
+            Verdict("feedback unstable", unstable=GROWING, rests=True),
+            "feedback unstable, at 88 Hz; lower its gains",
+        ),
+        (
+            Verdict("settles", RISING, passing=STOPS, doubts=("few edges", "a gap")),
+            "settles; below 0.51 rad/s, which it passes within 0.35 s, it grows at 88 Hz: "
+            'omega_min = "1 rad/s" rests there; not sure: few edges, a gap',
+        ),
+    ],
+)
+def test_a_verdict_is_one_line(found: Verdict, says: str) -> None:
+    assert found.words() == says
+    assert found.fine == (says == "settles")
 
 
 def test_the_worst_speed_may_lie_between_the_ends() -> None:

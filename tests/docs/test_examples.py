@@ -28,9 +28,17 @@ def test_own_controllers_cancel_the_order_that_they_are_made_for(folder: Path) -
     include = Path(cogless.__file__).parent / "include"
     command = ["cc", "-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC", f"-I{include}"]
     subprocess.run([*command, "my_law.c", "-o", "my_law.so", "-lm"], cwd=folder, check=True)
-    left = ripple(cogless.run_study(cogless.load(folder / "own_controller.toml")), "speed_order_rad_s")
-    assert left["python"] < 0.1 * left["pi"]
-    assert left["c"] < 0.1 * left["pi"]
+    results = cogless.run_study(cogless.load(folder / "own_controller.toml"))
+    left = ripple(results, "speed_order_rad_s")
+    assert left["python"] == left["c"] < 0.1 * left["pi"]
+    for run in results.runs[1:]:
+        assert run.map is not None
+        (folder / f"{run.controller}.bin").write_bytes(bytes(run.map))
+    assert (folder / "python.bin").read_bytes() == (folder / "c.bin").read_bytes()
+    start = {"controller.python.start.map": "c.bin", "controller.c.start.map": "python.bin"}
+    again = cogless.run_study(cogless.load(folder / "own_controller.toml", start))
+    first, then = (ripple(made, "first_order_rad_s") for made in (results, again))
+    assert then["python"] == then["c"] < 0.1 * first["c"]
 
 
 def test_learning_lowers_the_ripple_of_the_smallest_study(folder: Path) -> None:

@@ -276,3 +276,38 @@ def test_a_winner_that_changes_with_the_seed_is_named() -> None:
     ]
     found["runs"] += more
     assert Scores(found).unsteady() == {"copper_loss": {0: ["law"], 1: ["bar"]}}
+
+
+def test_scores_by_hand() -> None:
+    """Over the bar's, and the geometric mean over plants; up to 2 % more is as good as the best."""
+    laws = {"bar": [1.0, 4.0], "law": [0.5, 8.0], "near": [0.51, 8.15], "far": [0.52, 8.1]}
+    scores = Scores(content(laws, "dip_rad_s"))
+    assert scores.value("dip", "b", "law") == 8.0 and scores.ratio("dip", "b", "law") == 2.0
+    assert scores.score("dip", "law") == pytest.approx(1.0)
+    assert scores.score("dip", "near") == pytest.approx(math.sqrt(0.51 * 8.15 / 4))
+    assert scores.winners("dip") == ["bar", "law", "near"]  # far: 1.026
+    assert scores.best(lambda law: {"law": 3.0, "near": 3.06}.get(law)) == ["law", "near"]
+    assert scores.best(lambda law: {"law": 3.0, "near": 3.07, "far": math.inf}.get(law)) == ["law"]
+
+
+def test_amplitudes_of_orders_count_as_their_rms_together() -> None:
+    """3 and 4 make 5, over sqrt 2; one that isn't there is never reached."""
+    scores = Scores(content({"bar": [[3.0, 4.0], [1.0]], "law": [[3.0, None], [1.0]]}, "orders_rad_s"))
+    assert scores.value("orders", "a", "bar") == pytest.approx(5 / math.sqrt(2))
+    assert scores.value("orders", "a", "law") == math.inf
+
+
+def test_a_time_is_no_shorter_than_a_millisecond_in_a_ratio() -> None:
+    scores = Scores(content({"bar": [0.5, 0.0], "law": [0.0, 2e-3]}))
+    assert scores.ratio("time_to_learn", "a", "law") == pytest.approx(1e-3 / 0.5)
+    assert scores.ratio("time_to_learn", "b", "law") == pytest.approx(2.0)
+
+
+def test_seeds_are_a_mean_and_a_seed_may_be_asked_for_alone() -> None:
+    found = content({"bar": [1.0]}, "copper_loss_W")
+    found["seeds"] = [0, 1]
+    (run,) = (r for r in found["runs"] if r["plant"] == "a" and r["case"] == TOLD)
+    found["runs"].append({**run, "seed": 1, "metrics": {"ripple_rad_s": 1.0, "copper_loss_W": 4.0}})
+    scores = Scores(found)
+    assert scores.value("copper_loss", "a", "bar") == 2.5
+    assert scores.value("copper_loss", "a", "bar", [1]) == 4.0

@@ -91,6 +91,22 @@ def test_a_key_without_a_value_needs_limits_and_the_magnet_by_any_of_its_keys(tm
         drawn(tmp_path, 'mechanics.coulomb_friction = { uniform = "10 %" }')
 
 
+def test_the_plant_varies_as_an_override_where_a_scenario_has_none(tmp_path: Path) -> None:
+    """The law's own keys and the seed vary in the study itself, for every scenario."""
+    vary = """[vary]
+seeds = true
+mechanics.inertia = { uniform = "20 %" }
+controller.pi.kp = { list = ["0.01 A/rpm", "0.02 A/rpm"] }"""
+    other = {"duration": "0.3 s", "reference": "300 rpm", "override": {"mechanics.inertia": "1e-3 kg*m^2"}}
+    ensemble = draw(ensembles.study(tmp_path, {"scenario.high": other}, vary), 8)
+    whole, low, high = (ensemble.changes(7, name) for name in (None, "low", "high"))
+    inertia = next(key for key in whole if "inertia" in key)
+    assert whole == low and set(low) - set(high) == {inertia}
+    assert inertia == 'scenario.low.override."mechanics.inertia"'
+    assert set(high) == {"controller.pi.kp", "seed"} and high["seed"] == 5 + 1 + 7
+    assert sorted({*ensemble.si("controller.pi.kp")}) == pytest.approx([0.3 / np.pi, 0.6 / np.pi])
+
+
 def test_seeds_differ_and_fresh_ones_too(tmp_path: Path) -> None:
     study = ensembles.study(tmp_path, vary='[vary]\nmechanics.inertia = { uniform = "20 %" }\nseeds = true')
     first, fresh = draw(study, 100), draw(study, 100, fresh=1)

@@ -229,3 +229,47 @@ def test_a_study_without_tune(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     path = studies.write(tmp_path, ensembles.TEXT)
     code, _, err = cogless(capsys, "tune", path, "-o", tmp_path)
     assert (code, err) == (2, f"{path}: tune: missing: expected a table of keys, minimise, ...\n")
+
+
+def test_a_range_of_a_decade_is_searched_by_ratios() -> None:
+    ratio = tuning.Knob("k", "", 0.01, 0.1, 0.02)
+    assert ratio.by_ratio and ratio.text(0.5) == pytest.approx(0.01 * 10**0.5, rel=1e-4)
+    assert (ratio.text(0.0), ratio.text(1.0), ratio.start_text) == (0.01, 0.1, 0.02)
+    assert ratio.start_share == pytest.approx(np.log10(2))
+    line = tuning.Knob("k", "A/rpm", 0.02, 0.19, 0.1)
+    assert not line.by_ratio and line.text(0.5) == "0.105 A/rpm" and line.start_text == "0.1 A/rpm"
+    assert line.start_share == pytest.approx(0.08 / 0.17)
+    assert not tuning.Knob("k", "", 0.0, 1.0, 0.5).by_ratio
+    for knob in (ratio, line):
+        assert float(str(knob.text(knob.start_share)).split()[0]) == pytest.approx(knob.start)
+
+
+def test_who_misses_a_limit_is_worse_than_all_who_do_not() -> None:
+    good, slow, misses, grows = (
+        tuning.Score(0.0, 0.5), tuning.Score(0.0, 1e9), tuning.Score(0.1, 0.1), tuning.Score(0.0, 0.1, 0.2)
+    )  # fmt: skip
+    ranked = sorted((grows, misses, slow, good), key=lambda score: score.order)
+    assert ranked == [good, slow, misses, grows]
+    found = [tuning._penalised(score) for score in (good, slow, misses, grows, tuning.Score(np.inf, 1.0))]
+    assert found == pytest.approx([0.5, 1e6, 1.1e6, 1.2e6, 1e6 * (1 + 1e6)])
+
+
+def test_the_outcome_is_told_with_what_it_was(tmp_path: Path) -> None:
+    knob = tuning.Knob("controller.pi.kp", "A/rpm", 0.005, 0.06, 0.015)
+    subject = tuning.Subject("pi", [knob], [("low", "pi")])
+    made = tuned(tmp_path)
+
+    def told(before: tuning.Score, after: tuning.Score) -> list[str]:
+        values = {knob.key: "0.02 A/rpm"}
+        sweeps = made.sweep_before, made.sweep_after
+        return tuning.lines(tuning.Tuned(subject, values, before, after, *sweeps))
+
+    first = 'controller.pi.kp = "0.02 A/rpm"  # was "0.015 A/rpm"'
+    worth = "of what it was, over 16 fresh variants"
+    assert told(tuning.Score(0, 1.0), tuning.Score(0, 0.876)) == [first, f"pi: 87.6 % {worth}"]
+    assert told(tuning.Score(0.5, 1.0), tuning.Score(0.25, 0.9))[1] == (
+        f"pi: 90.0 % {worth}; limits missed by 50.0 % before, 25.0 % now"
+    )
+    assert told(tuning.Score(0, 1.0), tuning.Score(0, 1.0))[1] == (
+        f"pi: 100.0 % {worth}; no better, so the values stay as they were"
+    )

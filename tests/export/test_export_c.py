@@ -19,8 +19,10 @@ from kept import kept, version
 
 import studies
 from cogless import load
+from cogless.c_headers import Field
 from cogless.errors import StudyError
 from cogless.export import folder
+from cogless.export.c import figures, literals
 from cogless.export.c.command import export_c, subject_of
 from cogless.export.c.edge_cases import awkward
 from cogless.export.c.literals import real
@@ -369,6 +371,46 @@ def test_numbers_come_back_to_the_same_bits() -> None:
         assert np.float32(text.removesuffix("f")).tobytes() == number.tobytes()
         assert re.fullmatch(r"-?\d+(\.\d+)?(e[+-]\d+)?f", text) and ("." in text or "e" in text)
     assert [real(x, "d") for x in (0.1, 1e-5, 3.0)] == ["0.1", "1e-05", "3.0"]
+
+
+@pytest.mark.parametrize("room", [95, 60])
+def test_comments_stand_behind_the_code_or_above_it(room: int) -> None:
+    """Behind it if the line ends within 120 columns, or if the code is short; each line within them."""
+    text = "word " * 40
+    behind = literals._commented("    .kp = 1.0f,", text.strip())
+    assert behind[0].startswith("    .kp = 1.0f, /* word") and behind[-1].endswith(" */")
+    assert all(line.startswith(" " * 19 + "word") for line in behind[1:]) and len(behind) > 1
+    code = f"    .{'x' * room} = 1.0f,"
+    above = literals._commented(code, text.strip())
+    assert above[-1] == code and above[0].startswith("    /* word") and len(above) > 2
+    assert above[1].startswith("       word") and above[-2].endswith("word */")
+    assert max(map(len, behind + above[:-1])) <= 120
+    assert literals._commented("    .a = 1,", "ohm") == ["    .a = 1, /* ohm */"]
+    assert literals._commented("    .a = 1,", "") == ["    .a = 1,"]
+
+
+def test_arrays_are_written_as_far_as_they_are_used() -> None:
+    field = Field("x", "cgl_real", 5, False, "", 0)
+    assert literals._value([1.0, 0.0, 2.0, 0.0, 0.0], field, "f") == "{1.0f, 0.0f, 2.0f}"
+    assert literals._value([0.0, 0.0], field, "d") == "{0.0}"
+    assert literals._value([True, False], field, "d") == "{true}"
+    assert literals._value("motion", replace(field, pointer=True), "d") == "motion"
+    nine = literals.array(np.arange(9.0), "d").splitlines()
+    assert nine == ["    0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0,", "    8.0,"]
+
+
+def test_figures_are_flat_and_leave_out_what_is_empty() -> None:
+    table = {
+        "a": {"value": 0.12345678, "unit": "A", "note": "2 samples"},
+        "b": {"value": 3, "unit": ""},
+        "c": {"d": {"e": [True, 1.5, "x"]}, "f": None, "g": [], "h": ""},
+        "i": "ends here */ and  goes on",
+        "j": 0.0,
+    }
+    assert list(figures._flat(table)) == [
+        ("a", "0.123457 A (2 samples)"), ("b", "3"), ("c.d.e", "yes, 1.5, x"),
+        ("i", "ends here * / and goes on"), ("j", "0"),
+    ]  # fmt: skip
 
 
 def test_the_memory_sum_is_fnv_1a_by_words() -> None:

@@ -22,25 +22,78 @@ STRICT = [
 ]
 WORD = {"kind": "absolute", "bits": 14}
 OBSERVER = {"speed_method": "observer", "observer_bandwidth": "400 Hz"}
-CASES: list[tuple[dict[str, Any], dict[str, Any], list[str]]] = [
-    ({"kind": "encoder", "lines": 2500}, {}, ["cgl_speed_count_step", "{.counts = 10000U, .window = 1U}"]),
-    ({"kind": "encoder", "lines": 2500, "speed_method": "T"}, {}, ["last_interval = true", "board_timer"]),
-    ({"kind": "encoder", "lines": 2500, "speed_method": "average", "window": 4}, {}, [".window = 4U"]),
-    (WORD, {}, [".counts = 16384U, .range = 16384U, .absolute = true", ".window = 16U", "0 to 16383"]),
+LINES = {"kind": "encoder", "lines": 2500}
+FILTERED = {"drive.speed_filter": "200 Hz"}
+SIMULATED = ", by the code that was simulated: `cogless/"
+CALLS = ", `measure_motion` in the example calls it"
+LOW_PASS = ", then through a low-pass of 200 Hz (`cogless/low_pass.h`)"
+# sensor, other changes, what the example has, what the readme says of the speed
+CASES: list[tuple[dict[str, Any], dict[str, Any], list[str], str]] = [
+    (
+        LINES,
+        {},
+        ["cgl_speed_count_step", "{.counts = 10000U, .window = 1U}", ".counts = 10000U, .range = 65536U}"],
+        f"from an encoder of 2500 lines, 10000 counts{SIMULATED}speed_count.h` says what it measures{CALLS}",
+    ),
+    (
+        {**LINES, "speed_method": "T"},
+        {},
+        [
+            ".last_interval = true",
+            "board_timer()",
+            ".timer = 1e+08f",
+            "cgl_speed_timed_init(&speed, &speed_config)",
+        ],
+        f"from an encoder of 2500 lines, 10000 counts{SIMULATED}speed_timed.h` says what it measures{CALLS}",
+    ),
+    (
+        {**LINES, "speed_method": "average", "window": 4},
+        {},
+        [
+            ".window = 4U",
+            "count_before[4]",
+            "cgl_speed_count_init(&speed, &speed_config, 6.666667e-05f, count_before, 4U)",
+        ],
+        f"from an encoder of 2500 lines, 10000 counts{SIMULATED}speed_count.h` says what it measures{CALLS}",
+    ),
+    (
+        WORD,
+        {},
+        [".counts = 16384U, .range = 16384U, .absolute = true", ".window = 16U", "0 to 16383"],
+        f"from an absolute encoder of 16384 counts{SIMULATED}speed_count.h` says what it measures{CALLS}",
+    ),
     (
         {**WORD, **OBSERVER},
-        {"drive.speed_filter": "200 Hz"},
-        ["cgl_angle_observer_step", "cgl_low_pass_step"],
+        FILTERED,
+        ["cgl_angle_observer_step", "cgl_low_pass_step", ".bandwidth = 2513.2742f", ".bandwidth = 1256.637"],
+        f"from an absolute encoder of 16384 counts{SIMULATED}angle_observer.h` says what it measures"
+        f"{LOW_PASS}{CALLS}",
     ),
-    ({"kind": "resolver", "bits": 32}, {}, [".counts = 4294967295U"]),
-    ({"kind": "hall", "edges": 3}, {}, [".pole_pairs = 4U, .edges = 3U", "board_hall()"]),
-    ({"kind": "ideal"}, {"drive.speed_filter": "200 Hz"}, ["1256.637", "cgl_low_pass_init"]),
+    (
+        {"kind": "resolver", "bits": 32},
+        {},
+        [".counts = 4294967295U", "0 to 4294967294"],
+        f"from a resolver of 4294967296 counts{SIMULATED}speed_count.h` says what it measures{CALLS}",
+    ),
+    (
+        {"kind": "hall", "edges": 3},
+        {},
+        [".pole_pairs = 4U, .edges = 3U", "board_hall()", "cgl_hall_init(&hall, &hall_config)"],
+        f"from Hall sensors{SIMULATED}hall.h` says what it measures{CALLS}",
+    ),
+    (
+        {"kind": "ideal"},
+        FILTERED,
+        ["1256.637", "cgl_low_pass_init(&speed_filter, &filter_config, 6.666667e-05f)"],
+        "measured as in the study, since gains and `.speed_window` assume it. As it is: the study's sensor "
+        f"is ideal{LOW_PASS}. A real one's delay is in none of the gains",
+    ),
 ]
 
 
-@pytest.mark.parametrize(("sensor", "more", "holds"), CASES)
+@pytest.mark.parametrize(("sensor", "more", "holds", "says"), CASES)
 def test_the_example_measures_as_simulated(
-    sensor: dict[str, Any], more: dict[str, Any], holds: list[str], tmp_path: Path
+    sensor: dict[str, Any], more: dict[str, Any], holds: list[str], says: str, tmp_path: Path
 ) -> None:
     study = load(studies.write(tmp_path), {"drive.position_sensor": sensor, **more})
     export_c(study, "pi", tmp_path / "out")
@@ -49,6 +102,8 @@ def test_the_example_measures_as_simulated(
     )
     text = example.read_text()
     assert [part for part in holds if part not in text] == []
+    readme = (tmp_path / "out" / "README.md").read_text()
+    assert f"| `omega_m` | rad/s, {says} |\n" in readme
     subprocess.run(["cc", *STRICT, "-fsyntax-only", example], cwd=tmp_path / "out", check=True)
     for header in ("low_pass.h", "hall.h", "encoder.h"):
         assert (f'"cogless/{header}"' in text) == (tmp_path / "out" / "cogless" / header).is_file()

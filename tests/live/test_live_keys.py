@@ -5,14 +5,18 @@ import random
 import tomllib
 
 import live_studies
+import numpy as np
 import pytest
 from node import NO_NODE, run_node
 
+import studies
 from cogless.design.auto import load
 from cogless.errors import StudyError
 from cogless.live import toml
 from cogless.live.blobs import held
-from cogless.live.keys import adjustable, packed
+from cogless.live.candidates import candidates, quoted, shortest
+from cogless.live.keys import Landing, adjustable, landed, packed
+from cogless.live.packed import Number
 from cogless.live.page import data
 from cogless.study.reading import changed
 
@@ -122,3 +126,88 @@ def test_the_lines_of_the_study_read_back_as_the_study(small):
     )
     assert tomllib.loads(text) == study._source.tables
     assert json.loads(toml.text('a "b" \x7f\n')) == 'a "b" \x7f\n'
+
+
+SLIDERS = {
+    # its slider in the study's unit, and what the field takes
+    "controller.pi.kp": ("A/rpm", 0.0, 0.045, 0.0, 4.5),
+    "controller.pi.gain": ("A/rpm", 0.0, 0.012, 0.0, 1.2),
+    "controller.pi.forgetting": ("", 0.5, 1.0, 0.5, 1.0),
+    "controller.pi.cells": ("", 75.0, 1200.0, 75.0, 1200.0),
+    "controller.pi.q_half_width": ("", 0.0, 12.0, 0.0, 12.0),
+    "controller.pi.learning_start": ("s", 0.0, 0.4, 0.0, 0.4),
+    "controller.fair.tuning.phase_margin": ("deg", 25.0, 75.0, 25.0, 75.0),
+    "scenario.low.duration": ("s", 0.04, 0.8, 4e-4, 80.0),
+    "scenario.low.reference": ("rpm", 6.0, 180.0, 0.06, 18e3),
+    "scenario.low.load": ("mN*m", -610.0, 610.0, -610.0, 610.0),  # half of K_t 3 A
+    'scenario.low.override."mechanics.inertia"': ("kg*m^2", 7.5e-5, 7.5e-4, 7.5e-7, 0.075),
+    'scenario.low.override."mechanics.coulomb_friction"': ("mN*m", 0.0, 6.0, 0.0, 600.0),
+    'scenario.low.override."motor.cogging.0.torque"': ("mN*m", 0.0, 12.0, 0.0, 1200.0),
+    'scenario.low.override."motor.R_s"': ("ohm", 7.71, 30.84, 0.0771, 3084.0),
+    'scenario.low.override."motor.psi_f"': ("mWb", 47.6, 88.4, 0.476, 8840.0),
+    'scenario.low.override."drive.current_sensors.bits"': ("", 8.0, 16.0, 8.0, 16.0),
+    'scenario.low.override."drive.current_sensors.offset.1"': ("mA", -60.0, 60.0, -6000.0, 6000.0),
+    'scenario.low.override."drive.inverter.dead_time"': ("us", 0.0, 4.0, 0.0, 400.0),
+    'scenario.low.override."drive.inverter.bus_voltage"': ("V", 155.0, 465.0, 1.55, 46500.0),
+}
+
+
+def test_sliders_are_about_the_studys_values_and_fields_take_a_hundred_times_more(tmp_path):
+    """A key of zero has no slider, an encoder's lines have stops, a law's own keys belong to no scenario."""
+    ilc = {"law": "pi-ilc", "kp": "0.015 A/rpm", "ki": "0 A/rpm/s", "gain": "0.004 A/rpm", "cells": 300,
+           "forgetting": 0.9, "q_half_width": 3}  # fmt: skip
+    study = studies.study(
+        tmp_path,
+        {
+            "controller.pi": ilc,
+            "scenario.low.load": "10 mN*m",
+            "scenario.step.controllers": ["fair"],
+            "mechanics.coulomb_friction": "2 mN*m",
+            "drive.inverter.dead_time": "1 us",
+            "drive.current_sensors": {"bits": 12, "offset": ["0 A", "-20 mA", "0 A"]},
+            "drive.position_sensor": {"kind": "encoder", "lines": 2500},
+        },
+    )
+    found = {one.key: one for one in candidates(study)}
+    for key, (unit, *ends) in SLIDERS.items():
+        one = found[key]
+        assert one.unit == unit
+        assert [one.low, one.high, one.least, one.most] == pytest.approx(ends), key
+        where, name = key.split(".")[:2]
+        assert (one.scenario or one.controller) == name and bool(one.scenario) == (where == "scenario")
+    of_low = [key for key in found if not key.startswith("scenario.step")]
+    assert [key for key in of_low if key.endswith((".ki", 'viscous_friction"', 'offset.0"'))] == []
+    lines = found['scenario.low.override."drive.position_sensor.lines"']
+    assert (lines.low, lines.high, lines.whole) == (64, 10000, True) and 2500 in lines.stops
+    whole = {key.rpartition(".")[2] for key, one in found.items() if one.whole}
+    assert whole == {"cells", "q_half_width", 'bits"', 'lines"'}
+    gain = found["controller.pi.gain"]
+    assert (gain.text(0.002), gain.text(3.0), found["controller.pi.cells"].text(256.0)) == (
+        "0.002 A/rpm", "3 A/rpm", 256
+    )  # fmt: skip
+    assert gain.si(0.002) == pytest.approx(0.002 * 30 / np.pi)
+    assert [shortest(x) for x in (2.0, 0.1, 1e15, -3.0, 1e-7)] == [
+        "2",
+        "0.1",
+        "1000000000000000.0",
+        "-3",
+        "1e-07",
+    ]
+    pairs = found["controller.fair.tuning.phase_margin"].pairs(study)
+    assert pairs == [("low", "fair"), ("step", "fair")]
+
+
+@pytest.mark.parametrize(
+    ("name", "written"), [("pi", "pi"), ("a.b", '"a.b"'), ("7", '"7"'), ("pi-ilc", "pi-ilc")]
+)
+def test_names_are_quoted_where_a_dotted_key_needs_it(name, written):
+    assert quoted(name) == written
+
+
+def test_a_direct_key_sets_its_value_times_a_constant_rounded_as_the_number_is():
+    def number(kind):
+        return Number("x", 0, kind)
+
+    assert landed(Landing(number("d"), 2.0), 0.3) == 0.6
+    assert landed(Landing(number("f"), 2.0), 0.3) == float(np.float32(0.6)) != 0.6
+    assert landed(Landing(number("I"), 1000.0, True), 0.0126) == 13.0

@@ -78,7 +78,8 @@ def metrics():
         for smooth in ({}, {"smooth": "50 ms"}):
             yield {"name": "d", "kind": "dip", "event": event, **smooth}
             yield {"name": "s", "kind": "settling", "event": event, "band": "1 rad/s", **smooth}
-            yield {"name": "v", "kind": "overshoot", "event": event, "signal": "i_q", **smooth}
+            for signal in ("i_q", "omega_m", "omega_error"):
+                yield {"name": "v", "kind": "overshoot", "event": event, "signal": signal, **smooth}
     for band in ("0.1 rad/s", "1.5 rad/s", "9 rad/s", "90 rad/s"):
         yield {"name": "t", "kind": "time-to-learn", "signal": "omega_error", "smooth": "31 ms", "band": band}
     yield {"name": "x", "kind": "exceeds", "signal": "omega_m", "band": "0.6 rad/s"}

@@ -16,7 +16,7 @@ P = math.exp(-0.5)
 L1, L2, L3 = 1 - P**3, 1.5 * (1 - P) ** 2 * (1 + P), (1 - P) ** 3
 FASTEST, SPLIT, MEAN, QUICK, SETTLE, NEW, FULL = 2.6, 0.5105, 0.25, 1 / 16, 64, 1.25, 6.0
 BENT, SURE, STAYS, DOUBTED = 0.05, 2.5e-7, 1 / 8, 64.0
-TURN_OF_BEND, PARTS, FEW = 8, 4, 8
+TURN_OF_BEND, PARTS, FEW = 8, 2, 8
 
 TURN = 1 << 32  # parts of a turn
 
@@ -43,6 +43,7 @@ class Harmonic:
     held: tuple[float, ...] = ()
     k_theta: float = 0.0
     bends: int = 2
+    sensor_step: float = 0.0
     c: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=complex))
     learned: float = 0.0
     learning: bool = False
@@ -52,7 +53,8 @@ class Harmonic:
         self.c, self.weight = np.zeros((2, self.orders), dtype=complex)
         self.d, self.gain = self.delay / ts, self.b * ts * ts
         self.told, self.current = [0.0, 0.0], 0.0
-        self.theta = 0
+        self.theta = self.shown = 0
+        self.since_edge = 0.0
         self.loads = [0.0] * PARTS
         self.share = QUICK
         self.omega = self.load = self.mean = 0.0
@@ -81,6 +83,15 @@ class Harmonic:
             return kept, [1 - kept, 0.0, 0.0]
         m, f = (0, self.d) if self.d < 1 else (1, self.d - 1)
         return 0.0, [0.0] * m + [1 - f, f] + [0.0] * (1 - m)
+
+    def within_step(self, shown: int, omega_m: float) -> int:
+        """Where the rotor is within the step that a sensor shows whose speed is timed from edge to edge."""
+        turned_by = ((shown - self.shown + TURN // 2) % TURN - TURN // 2) / TURN
+        half = min(self.sensor_step / (2 * math.tau), 0.25)
+        way = self.since_edge + omega_m * self.pi.ts / math.tau - turned_by
+        self.since_edge = 0.0 if math.isnan(way) else clip(way, half)
+        self.shown = shown
+        return (shown + parts(self.since_edge)) % TURN
 
     def tell(self, u: float) -> None:
         """What the feedback commands acts from the next step on."""
@@ -164,7 +175,7 @@ class Harmonic:
         if k < self.low:
             self.power += 0.0 if self.is_held(abs(om)) else (k + 1) * abs(self.c[k]) ** 2
             g = L3 / 2 * (z + 1) * z / (z - P) ** 3 * cmath.exp(0.5j * om)
-            g *= (1 + z**-1 + z**-2 + z**-3) / PARTS
+            g *= (1 + z**-1) / PARTS
             turned *= 1 - 1j * math.copysign(MEAN, self.omega) / (k + 1)
         else:
             g = (z + 1) * (z - 1) / 2 / (z - P) ** 3 * cmath.exp(0.5j * om)
@@ -185,15 +196,14 @@ class Harmonic:
         self.c[: self.acting] = real + 1j * imag
         return clip(float(np.sum((self.c[: self.acting] * phasor).real)), self.limit)
 
-    def follow(self, omega_m: float, theta_m: float, may: bool) -> None:
+    def follow(self, omega_m: float, theta: int | None, may: bool) -> None:
         """Observer, gains, amplitudes and the learned current of one step."""
         self.learning = may and self.wait == 0
         self.wait = max(self.wait - 1, 0) if may else SETTLE
         self.learned = 0.0
-        if not is_angle(theta_m):
+        if theta is None:
             self.seated = False
             return
-        theta = parts(math.fmod(theta_m / math.tau, 1)) % TURN
         if not self.seated:
             self.theta, self.load, self.mean = theta, 0.0, 0.0
             self.loads = [0.0] * PARTS
@@ -209,37 +219,44 @@ class Harmonic:
         seen = (sum(self.loads), e) if self.learning else (0.0, 0.0)
         self.learned = self.sum_of_orders(turned(theta, ahead), *seen)
 
-    def take_turn(self, theta_m: float) -> None:
-        """The bend goes on by its slope, and once in a while it has its turn."""
+    def angle_of(self, theta_m: float, omega_m: float) -> int | None:
         if not is_angle(theta_m):
+            return None
+        return self.within_step(parts(math.fmod(theta_m / math.tau, 1)) % TURN, omega_m)
+
+    def take_turn(self, theta: int | None) -> None:
+        """The bend goes on by its slope, and once in a while it has its turn."""
+        if theta is None:
             self.since = TURN_OF_BEND - 1
             self.here = self.slope = 0.0
             return
         self.since = (self.since + 1) % TURN_OF_BEND
         self.here += self.slope * self.omega
         if self.since == 0 and len(self.bend):
-            self.turn_bend(parts(math.fmod(theta_m / math.tau, 1)) % TURN)
+            self.turn_bend(theta)
 
     def step(
         self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True, theta_ref: float = 0.0
     ) -> float:
-        self.take_turn(theta_m)
+        theta = self.angle_of(theta_m, omega_m)
+        self.take_turn(theta)
         error = omega_ref - omega_m + self.slope * omega_m
         plausible = math.isfinite(omega_ref - omega_m) and is_angle(theta_m)
         if self.k_theta:
             plausible &= is_angle(theta_ref)
-            if is_angle(theta_m) and is_angle(theta_ref):
-                now, asked = (parts(math.fmod(x / math.tau, 1)) for x in (theta_m, theta_ref))
-                way = ((asked - now + TURN // 2) % TURN - TURN // 2) / TURN * math.tau
+            if theta is not None and is_angle(theta_ref):
+                asked = parts(math.fmod(theta_ref / math.tau, 1))
+                way = ((asked - theta + TURN // 2) % TURN - TURN // 2) / TURN * math.tau
                 error += self.k_theta * (way + self.here)
-        self.follow(omega_m, theta_m, learn and plausible and not self.pi.saturated)
+        self.follow(omega_m, theta, learn and plausible and not self.pi.saturated)
         out = self.pi.step(error, self.learned)
         self.tell(out - self.learned)
         return out
 
     def torque(self, current: float, omega_ref: float, omega_m: float, theta_m: float) -> float:
-        self.take_turn(theta_m)
-        self.follow(omega_m, theta_m, False)
+        theta = self.angle_of(theta_m, omega_m)
+        self.take_turn(theta)
+        self.follow(omega_m, theta, False)
         out = self.pi.torque(current, self.learned)
         self.tell(out - self.learned)
         return out

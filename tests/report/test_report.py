@@ -1,6 +1,7 @@
 """The report: verdict and table from the numbers, waveforms that keep peaks, spectra, one offline page."""
 
 import json
+import math
 import re
 import time
 from dataclasses import replace
@@ -12,10 +13,12 @@ import synthetic
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from cogless.report import Line, compare, overtime, render, verdicts, write, write_plots
-from cogless.report.comparison import factor_text, misses
+from cogless.report.comparison import factor_text, held_back, misses, pretty
 from cogless.report.packing import number, pack, thin, unpack
+from cogless.report.settings import assumptions, settings
 from cogless.report.spectra import order_spectrum
 from cogless.report.speed_tracking import missed
+from cogless.report.verdict import listed, over, times, worst
 from cogless.results import Results, Run
 from cogless.results.status import Status
 from cogless.results.trace import Trace
@@ -135,12 +138,82 @@ def test_number(value, text):
 
 
 def test_factor():
-    assert [factor_text(x) for x in (0.0961, 1.03, 250.3, 4e14)] == [
-        "\u00d7\u202f0.096",
-        "\u00d7\u202f1.03",
-        "\u00d7\u202f250",
-        "\u00d7\u202f4.0e+14",
-    ]
+    found = (0.0961, 0.1, 1.03, 99.994, 100, 250.3, 99_999, 1e5, 4e14)
+    assert [factor_text(x).removeprefix("\u00d7\u202f") for x in found] == [
+        "0.096", "0.10", "1.03", "99.99", "100", "250", "99999", "1.0e+05", "4.0e+14",
+    ]  # fmt: skip
+    assert {factor_text(x)[:2] for x in found} == {"\u00d7\u202f"}
+
+
+def test_a_line_has_words_for_a_table_and_for_a_sentence():
+    plain = replace(line(a=1.5), name="speed-ripple_rms")
+    assert (plain.title, plain.quantity) == ("speed ripple rms", "speed ripple rms")
+    electrical = replace(plain, frame="electrical")
+    assert (electrical.title, electrical.quantity) == ("speed ripple rms (electrical)",) * 2
+    sixth = replace(electrical, order=6.0)
+    assert sixth.title == "speed ripple rms: order 6 (electrical)"
+    assert sixth.quantity == "speed order 6 (electrical)"
+    assert replace(sixth, signal="u_q").quantity == "u_q order 6 (electrical)"
+    spans = {None: "", (0.0, 2.5): "0 to 2.5 s", (999.4, 1000.4): "999 to 1000 s"}
+    spans[1234.5, 98765.4] = "1234 to 98765 s"
+    assert {span: replace(plain, span=span).window for span in spans} == spans
+    stalled = replace(plain, missed={"a": "mean 0 of 60 rpm"}, span=(8.0, 10.0))
+    assert stalled.not_held("a") == "speed ripple rms, 8 to 10 s: mean 0 of 60 rpm"
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "number", "text"),
+    [
+        ("mean", 1.5, "1.50", "1.50 rpm"),
+        ("mean", None, "not finite", "not finite"),
+        ("trials-to-floor", 12.0, "12", "12 rpm"),
+        ("trials-to-floor", None, "never", "never"),
+        ("settling", None, "never", "never"),
+    ],
+)
+def test_a_value_is_shown_with_its_unit(kind, value, number, text):
+    one = replace(line(a=value), kind=kind)
+    assert (one.number("a"), one.text("a"), one.number("b")) == (number, text, "")
+    assert replace(one, unit="").text("a") == number
+
+
+def test_a_ratio_is_of_what_has_a_direction_and_one_sign():
+    assert line(a=3.0, b=2.0).ratio("a", "b") == 1.5
+    assert line(a=0.0, b=2.0).ratio("a", "b") == 0.0
+    assert line(a=-1.0, b=2.0).ratio("a", "b") is None
+    assert line("none", a=3.0, b=2.0).ratio("a", "b") is None
+    assert replace(line(a=3.0, b=2.0), missed={"b": "mean 0"}).ratio("a", "b") is None
+    learned = replace(line(a=1.0, b=2.0, c=3.0), unlearned={"a": "too short"})
+    assert learned.best == {"b"} and learned.ratio("a", "b") == 0.5
+
+
+def test_the_guard_is_told_once_for_all_metrics_of_a_controller(made):
+    """The first metric is named, the others are counted; each controller has its own time."""
+    one, two, three = (replace(line(), name=name, guarded={"pi-ilc": when}) for name, when in (
+        ("ripple", "3.5 to 5.1 s"), ("loss", "1 to 2 s"), ("dip", "1 to 2 s")))  # fmt: skip
+    rest = ": what is left there is more than it settles at"
+    start = "the guard held the learning of PI-ILC back, 3.5 to 5.1 s, in the window of ripple"
+    assert held_back(made.study, [one]) == [f"{start}{rest}"]
+    assert held_back(made.study, [one, two, three]) == [f"{start} and 2 more{rest}"]
+    other = replace(two, guarded={"fair-pi": "1 to 2 s"})
+    assert [text.split(" back")[0].split(" of ")[1] for text in held_back(made.study, [one, other])] == [
+        "PI-ILC", "PI re-tuned",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("unit", "shown"), [("N*m", "N·m"), ("kg*m^2/s^2", "kg·m²/s²"), ("mohm", "mΩ"), ("rad/s", "rad/s")]
+)
+def test_a_unit_is_printed_in_its_signs(unit, shown):
+    assert pretty(unit) == shown
+
+
+def test_words_of_a_sentence():
+    assert [listed(parts) for parts in (["a"], ["a", "b"], ["a", "b", "c"])] == ["a", "a and b", "a, b and c"]
+    assert [over(1.0, 2.0), over(0.0, 0.0), over(1.0, 0.0), over(0.0, 2.0)] == [0.5, 1.0, math.inf, 0.0]
+    found = [times(ratio) for ratio in (1.6, 99.94, 100.4, 1234.5, math.inf)]
+    assert found == ["1.60 times", "99.9 times", "100 times", "1234 times", "infinitely"]
+    assert worst("better", "even") == "even" and worst("even", "worse", "better") == "worse"
 
 
 # --- verdict
@@ -229,6 +302,15 @@ def test_verdict_names_the_costs(made):
     assert "PI-ILC costs +3 % copper loss (" in details
     assert "and 4.10 times the chattering (" in details
     assert "None of the" not in details
+
+
+@pytest.mark.parametrize(("second", "told"), [(0.009, False), (0.011, True)])
+def test_an_order_that_is_nothing_beside_the_ripple_is_no_cost(made, second, told):
+    """Thirty times nearly nothing: of the baseline's ripple of 1 rad/s, an order below 0.01 says nothing."""
+    without = {"speed_ripple_rad_s": 1.0, "speed_orders_rad_s": [1.3, second / 30, 0.1]}
+    learned = {"speed_ripple_rad_s": 0.1, "speed_orders_rad_s": [0.1, second, 0.05]}
+    details = " ".join(verdicts(with_metrics(made, pi=without, pi_ilc=learned))[0].details)
+    assert ("30.0 times the speed order" in details) == told
 
 
 def test_verdict_names_where_the_next_is_clearly_better(made):
@@ -614,6 +696,30 @@ def test_page_is_one_offline_file(made):
         assert text in page
 
 
+def test_settings_are_those_of_the_file(made):
+    """A table each for a scenario and a controller; lists of tables in one line; no title, no seed."""
+    page = settings(made.study)
+    groups = dict(re.findall(r"<h3><code>\[(.*?)\]</code></h3>(.*?)</table>", page))
+    assert list(groups) == [
+        "trace", "motor", "mechanics", "drive", "scenario.low-speed", "scenario.step-on",
+        "controller.pi", "controller.fair-pi", "controller.pi-ilc", "metric",
+    ]  # fmt: skip
+    shown = {name: dict(re.findall(r"<th>(.*?)</th><td>(.*?)</td>", rows)) for name, rows in groups.items()}
+    assert shown["trace"] == {"rate": "15 kHz"}
+    assert shown["motor"]["pole_pairs"] == "4"
+    assert shown["motor"]["cogging"] == "order 24, torque 4 mN*m; order 18, torque 2 mN*m, phase 30 deg"
+    assert shown["drive"]["rates.current_loop"] == "15 kHz"
+    assert shown["scenario.step-on"]["events"] == "time 2 s, load 0.6 N*m"
+    assert shown["controller.pi"]["baseline"] == "yes"
+    assert shown["controller.fair-pi"]["tuning.phase_margin"] == "60 deg"
+    assert shown["metric"]["dip"] == "kind dip; event 2 s; unit rpm"
+    assert shown["metric"]["speed_orders"].startswith("kind order; signal omega_m; order 1, 2, 6; frame ")
+    reasons = dict(re.findall(r"<tr><th><code>(.*?)</code></th><td>(.*?)</td></tr>", assumptions(made.study)))
+    assert list(reasons) == ["mechanics.inertia", "drive.current_loop"]
+    assert reasons["drive.current_loop"].startswith("The printed gains are 20 times too slow")
+    assert assumptions(made.study.model_copy(update={"assumption": ()})) == ""
+
+
 def test_page_data(made):
     low, step = data_of(render(made))["scenarios"]
     titles = [panel["title"] for panel in low["waveforms"]["panels"]]
@@ -634,6 +740,80 @@ def test_page_data(made):
     event = step["events"][0]
     assert event["start"] == pytest.approx(-0.1, abs=2e-3)
     assert event["panels"][0]["title"] == "Speed, load to 0.6 N·m at 2 s"
+
+
+def test_page_data_are_the_rows_of_the_runs(made):
+    """At 60 rpm a revolution takes a second; rows are 0.2 ms apart, and 10 s of them are drawn in 20,000."""
+    page = data_of(render(made))
+    assert page["controllers"] == [
+        {"label": "PI as published", "colour": 0}, {"label": "PI re-tuned", "colour": 1},
+        {"label": "PI-ILC", "colour": 2},
+    ]  # fmt: skip
+    low, step = page["scenarios"]
+    assert [(z["name"], z["from"], z["to"]) for z in low["zooms"]] == [
+        ("whole run", 0.0, 9.9998), ("after start-up", pytest.approx(0.156, abs=2e-3), 9.9998),
+        ("last two revolutions", pytest.approx(8.0, abs=1e-3), 9.9998), ("last revolution", 9.0, 9.9998),
+    ]  # fmt: skip
+    assert [(z["from"], z["to"]) for z in step["zooms"]] == [
+        (0.0, 3.9998), (pytest.approx(2.0, abs=1e-3), 3.9998), (3.0, 3.9998), (1.9, 3.0)
+    ]  # fmt: skip
+    assert low["marks"] == low["strip"] == low["criterion"] == low["angle"] == low["waterfall"] == []
+    # five rows in a bucket, whose two values stand at a quarter and three quarters of it
+    waves = low["waveforms"]
+    assert (waves["x"], waves["start"], waves["step"]) == (
+        "time (s)",
+        pytest.approx(1.5e-4),
+        pytest.approx(5e-4),
+    )
+    assert waves["details"] == []
+    speed, current, torque, learned = waves["panels"]
+    assert [(p["title"].split(",")[0], p["quantity"], p["unit"]) for p in waves["panels"]] == [
+        ("Speed", "speed", "rpm"), ("Current reference", "i_q_ref", "A"),
+        ("Torque of the motor", "torque", "N·m"), ("Learned part of the current reference", "current", "A"),
+    ]  # fmt: skip
+    assert [s.get("controller") for s in speed["series"]] == [0, 1, 2, None] and speed["series"][3]["dash"]
+    assert [s["controller"] for s in learned["series"]] == [2]
+    trace = made.runs[0].trace
+    drawn = unpack(speed["series"][0]["values"])
+    rows = (trace["omega_m"] * 30 / np.pi).reshape(-1, 5)
+    assert drawn.reshape(-1, 2).min(axis=1) == pytest.approx(rows.min(axis=1), abs=2e-3)
+    assert drawn.reshape(-1, 2).max(axis=1) == pytest.approx(rows.max(axis=1), abs=2e-3)
+    assert unpack(speed["series"][3]["values"]) == pytest.approx(np.full(20_000, 60.0))
+    assert len(unpack(step["waveforms"]["panels"][0]["series"][0]["values"])) == 20_000  # all rows
+    assert (step["waveforms"]["start"], step["waveforms"]["step"]) == (0.0, pytest.approx(2e-4))
+    assert unpack(torque["series"][0]["values"]).max() == pytest.approx(
+        np.max(trace["tau_e"] + trace["tau_cogging"]), abs=1e-5
+    )
+    assert unpack(current["series"][0]["values"]).max() == pytest.approx(np.max(trace["i_q_ref"]), abs=1e-5)
+    (learned_map,) = low["maps"]
+    assert (learned_map["title"], learned_map["unit"], len(learned_map["angle"])) == (
+        "Learned current",
+        "A",
+        257,
+    )
+    angle = np.array(learned_map["angle"])
+    assert (angle[0], angle[-1]) == (0.0, 360.0)
+    (series,) = learned_map["series"]
+    assert series["controller"] == 2
+    assert series["values"] == pytest.approx(0.02 * np.cos(6 * np.radians(angle)), abs=1e-5)
+    (event,) = step["events"]
+    assert event["x"] == "time since the event (s)" and [p["title"] for p in event["panels"]] == [
+        "Speed, load to 0.6 N·m at 2 s", "Current reference, load to 0.6 N·m at 2 s"
+    ]  # fmt: skip
+    assert (
+        event["step"] == pytest.approx(1.4e-3)
+        and len(unpack(event["panels"][0]["series"][0]["values"])) <= 1200
+    )
+    magnitude, phase = low["bode"]
+    assert (magnitude["unit"], phase["unit"]) == ("dB", "°")
+    assert (
+        magnitude["frequency"][0] == 0.1 and magnitude["frequency"][-1] == 450.0
+    )  # a tenth of 1 rev/s; 0.45 kHz
+    assert len(magnitude["frequency"]) == 400
+    assert [(s["controller"], s["label"], s["fade"]) for s in phase["series"]] == [
+        (0, "", 1.0), (1, "", 1.0), (2, "off", 0.55), (2, "on", 1.0), (2, "between", 0.25)
+    ]  # fmt: skip
+    assert magnitude["series"][0]["values"][0] < -20 and abs(magnitude["series"][0]["values"][-1]) < 1
 
 
 def test_an_event_is_drawn_if_more_than_ten_periods_follow_it(made):

@@ -152,6 +152,29 @@ def test_many_faults(many):
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ({"safe": 0.0995}, "output safe for 0.0995 s"),
+        ({"safe": 0.0994}, "output safe for 99.4 ms"),
+        ({"safe": 999.96}, "output safe for 1e+03 s"),
+        ({"safe": 12345.6}, "output safe for 12346 s"),
+        (
+            {"not_learning": 0.5, "saturated": 0.25},
+            "learning paused for 0.5 s; output at its limit for 0.25 s",
+        ),
+        ({"largest_error": 2 * np.pi}, "speed off by up to 60.0 rpm"),
+        ({"largest_error": np.inf}, "speed off by up to not finite rpm"),
+        ({"noticed_after": None}, "no check trips"),
+        ({"noticed_after": 0.08, "noticed": ("stuck", "speed")}, "check trips after 80 ms (stuck, speed)"),
+        ({"largest_current": 2.5}, "largest current 2.50 A of 3 A."),
+    ],
+)
+def test_the_response_in_words(made, values, says):
+    said = dict(verdict_on(changed(made, **values)).told[0].sentences)["pi"]
+    assert f"; {says}" in f"; {said}".replace("\N{NO-BREAK SPACE}", " ")
+
+
 def test_a_fault_to_the_end_is_not_judged(tmp_path):
     found = verdict_on(made_of(tmp_path, {**DROPOUT, "duration": "1e300 s"}))
     assert found.headline.startswith("0.3 s: position sensor gives no number to the end.")

@@ -15,10 +15,13 @@ from cogless.report.comparison import compare
 from cogless.report.growth import growth, worse_since
 from cogless.report.markup import asset
 from cogless.report.paths import errors, periods
+from cogless.report.periods import over_angle
 from cogless.report.required_current import needed_current
-from cogless.results import Results
+from cogless.results import Results, Run
+from cogless.results.trace import Trace
 from cogless.run import simulate
 from cogless.run.carry_out import measure
+from cogless.study import changed
 
 
 @pytest.fixture(scope="module")
@@ -238,3 +241,109 @@ def test_speeds_and_angles_in_the_units_of_the_study(made):
     assert "2.45 rpm" in " ".join(warnings(study, "printed")) and "rad/s" not in " ".join(
         warnings(study, "printed")
     )
+
+
+RATE = 400  # rows a second
+TURNED = 2 * np.pi / 50  # rad/s of the shaft: one electrical revolution a second
+
+
+def steady(until, controller="printed", **signals):
+    """Results with one run at one electrical revolution a second; learning begins at 5 s."""
+    t = np.arange(round(RATE * until)) / RATE
+    columns = {
+        "time": t,
+        "omega_ref": 0 * t + TURNED,
+        "omega_m": 0 * t + TURNED,
+        "theta_ref": 0.3 + TURNED * t,
+    }
+    columns |= {"theta_m": columns["theta_ref"], "i_q": 0 * t}
+    columns |= {name: value(t) for name, value in signals.items()}
+    trace = Trace(tuple(columns), ("",) * len(columns), np.column_stack(list(columns.values())))
+    study = load("verrelli2016")
+    run = Run("twelve-seconds", controller, trace)
+    return Results(study, [run]), run
+
+
+def learned(**rest):
+    """Learned terms that sum to 3 A and 1 A more every second."""
+    return {"term_alpha": lambda t: 0 * t + 1, "term_beta": lambda t: 0 * t + 2, "term_h": lambda t: t} | rest
+
+
+@pytest.mark.parametrize("until", [21.0025, 21.7])
+def test_periods_over_the_angle(until):
+    """The last one without learning, and then fewer and fewer of the later ones up to the last whole one."""
+    results, run = steady(until, **learned())
+    chart = over_angle(results, [run])[-1]
+    assert chart["title"] == "Learned current over one electrical revolution: printed scheme"
+    assert chart["angle"] == list(range(361)) and (chart["quantity"], chart["unit"]) == ("current", "A")
+    assert [s["label"] for s in chart["series"]] == [f"period {k}" for k in (5, 6, 8, 12, 21)]
+    assert [s["fade"] for s in chart["series"]] == pytest.approx([0.25, 0.4375, 0.625, 0.8125, 1.0])
+    for series, k in zip(chart["series"], (5, 6, 8, 12, 21), strict=True):
+        assert series["values"] == pytest.approx(3 + k - 1 + np.arange(361) / 360, abs=2e-3)
+
+
+def test_one_period_over_the_angle_is_drawn_once():
+    """A run that ends as learning begins has one whole period to show: the fifth."""
+    results, run = steady(5.5, **learned())
+    assert [s["label"] for s in over_angle(results, [run])[-1]["series"]] == ["period 5"]
+    results, run = steady(0.9, **learned())  # no whole period at all
+    assert over_angle(results, [run]) == []
+
+
+def test_a_reference_that_turns_back_has_no_plot_over_the_angle():
+    results, run = steady(12, **learned(theta_ref=lambda t: TURNED * np.minimum(t, 18 - t)))
+    assert over_angle(results, [run]) == []
+
+
+def line(early, later, frequency=40.0, first=40.0):
+    """1 A, and a sine at `first` Hz that becomes one at `frequency` at 14 s.
+
+    Learning is ramped up until 6 s. In each of four windows of 1600 rows from there on the sine falls on a
+    spectral line, and is odd about the middle.
+    """
+
+    def current(t):
+        angle = 2 * np.pi * (t - 6.0025 - 799.5 / RATE)
+        return 1 + np.where(t < 14.001, early * np.sin(first * angle), later * np.sin(frequency * angle))
+
+    return current
+
+
+@pytest.mark.parametrize(
+    ("early", "later", "first", "grew"),
+    [
+        (2e-3, 9.5e-3, 40.0, None),  # 4.75 times as large
+        (2e-3, 10.5e-3, 40.0, 40.0),  # 5.25 times
+        (0.0, 4.5e-3, 40.0, None),  # less than 0.5 % of the current
+        (0.0, 5.5e-3, 40.0, 40.0),
+        (2e-3, 9.5e-3, 22.0, None),  # an octave counts as the same line
+        (2e-3, 9.5e-3, 18.0, 40.0),
+        (2e-3, 9.5e-3, 78.0, None),
+        (2e-3, 9.5e-3, 85.0, 40.0),
+    ],
+)
+def test_a_line_grows_fivefold_and_to_a_share_of_the_current(early, later, first, grew):
+    results, run = steady(22.0025, i_q=line(early, later, first=first))
+    assert growth(results, run) == (grew and pytest.approx(grew, abs=0.01))
+
+
+def test_growth_needs_a_law_that_learns_and_rows():
+    assert growth(*steady(22.0025, "pi", i_q=line(2e-3, 1.0))) is None
+    assert (
+        growth(*steady(5.6, i_q=lambda t: np.sin(2 * np.pi * 40 * t) * (t > 5.2))) is None
+    )  # 60 rows a part
+
+
+def test_the_current_that_a_motion_needs():
+    """K_t·i = J·dω/dt + b·ω + c·sign ω + load less cogging, whatever flows and whatever torque that makes."""
+    given = {"alpha_ref": 7.0, "tau_load": 0.03, "tau_cogging": 0.02, "tau_e": 0.5, "i_q": 1.25}
+    results, run = steady(0.1, **{name: lambda t, v=v: 0 * t + v for name, v in given.items()})
+    study = changed(results.study, {"mechanics.coulomb_friction": "0.01 N*m"})
+    mechanics, K_t = study.mechanics, 50 * 0.005  # pole pairs times the magnet's flux, two phases
+    torque = 7.0 * mechanics.inertia + TURNED * mechanics.viscous_friction + 0.01 + 0.03 - 0.02
+    needed = needed_current(Results(study, [run]), run)
+    assert needed(slice(3, 5)) == pytest.approx([1.25 + (torque - 0.5) / K_t] * 2, rel=1e-12)
+    backwards = replace(run, trace=replace(run.trace, data=run.trace.data * [1, -1, *[1] * 8]))
+    torque -= 2 * (TURNED * mechanics.viscous_friction + 0.01)
+    needed = needed_current(Results(study, [backwards]), backwards)
+    assert needed(slice(0, 1)) == pytest.approx([1.25 + (torque - 0.5) / K_t], rel=1e-12)

@@ -1,5 +1,8 @@
 """States of the controllers without faults: lanes below the waveforms, and the guard in table and verdict."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import synthetic
@@ -7,7 +10,8 @@ from test_report_orders import RATE, with_signals
 
 from cogless.report.comparison import compare, remarks, runs_in
 from cogless.report.speed_verdict import verdict
-from cogless.report.status_lanes import strip
+from cogless.report.status_lanes import active, spans, strip
+from cogless.report.tables import _meters
 from cogless.results.status import Status
 
 WHERE = "low-speed"
@@ -64,3 +68,45 @@ def test_a_guard_before_the_window_or_for_a_moment_changes_nothing(made):
         assert not any(line.guarded for line in compare(other, WHERE) if line.span and line.span[0] > 3.0)
     plain = verdict(made, runs_in(made, WHERE))
     assert not any("guard" in line for line in plain.details)
+
+
+def blinking(made, on, off, count):
+    """A run of which a state is active for `on` rows of each `on + off`, `count` times."""
+    run = runs_in(made, WHERE)[0]
+    rows = np.arange(len(run.trace))
+    status = np.where((rows % (on + off) < on) & (rows < count * (on + off)), float(Status.SATURATED), np.nan)
+    data = run.trace.data.copy()
+    data[:, run.trace.names.index("status")] = status
+    return replace(run, trace=replace(run.trace, data=data))
+
+
+def test_spans_last_from_their_first_row_to_the_end_of_their_last(made):
+    run = blinking(made, 3, 7, 4)
+    period = run.trace.period
+    assert spans(run, Status.SATURATED) == [
+        (pytest.approx(10 * n * period), pytest.approx((10 * n + 3) * period)) for n in range(4)
+    ]
+    assert spans(run, Status.FROZEN) == []
+    inside = spans(run, Status.SATURATED, slice(12, 32))
+    assert inside == [
+        (pytest.approx(a * period), pytest.approx(b * period)) for a, b in ((12, 13), (20, 23), (30, 32))
+    ]
+    assert active(run, Status.SATURATED, slice(1, 5)).tolist() == [True, True, False, False]
+
+
+def test_so_many_spans_are_joined_over_their_short_gaps(made):
+    """Up to 300 stay; of more the gaps of two rows are closed, then of four, and so on."""
+    assert len(spans(blinking(made, 1, 1, 300), Status.SATURATED)) == 300
+    assert len(spans(blinking(made, 1, 1, 301), Status.SATURATED)) == 1
+    run = blinking(made, 1, 3, 400)
+    (whole,) = spans(run, Status.SATURATED)
+    assert whole == (0.0, pytest.approx((4 * 399 + 1) * run.trace.period))
+    wide = blinking(made, 1, 9, 310)
+    assert len(spans(wide, Status.SATURATED)) == 1
+
+
+def test_bars_of_figures_are_shares_of_the_largest():
+    found = _meters([2.0, 1.0, np.inf, 0.0])
+    assert [re.findall(r"width:([\d.]+)%", cell)[0] for cell in found] == ["100.0", "50.0", "0.0", "0.0"]
+    assert found[1].startswith('<td class="figure">1.00 A</td>') and ">inf A<" in found[2]
+    assert "width:0.0%" in _meters([0.0])[0]

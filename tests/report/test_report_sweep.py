@@ -193,3 +193,109 @@ def test_the_verdict_is_no_praise_where_the_limit_is_broken(
     sweep.values[:, 1, 0] = sweep.values[:, 0, 0] * learned / alone
     report.write(sweep, tmp_path / "report.html", lambda settings, pair: "")
     assert f'<li class="{tone}">' in (tmp_path / "report.html").read_text()
+
+
+def linear(folder: Path, **metric: Any) -> Sweep:
+    """A hundred variants whose ripple is 0.04, 0.08, ... 4 rpm with the PI, and half of it with PI-ILC."""
+    sweep = made(folder, 100, lambda x, y: (x + 0.01) * 4 * np.pi / 30)
+    sweep.values[:, 1, 0] = sweep.values[:, 0, 0] / 2
+    if not metric:
+        return sweep
+    ripple, *others = sweep.study.metric
+    study = sweep.study.model_copy(update={"metric": (ripple.model_copy(update=metric), *others)})
+    return replace(sweep, study=study, columns=columns(study))
+
+
+def cells(text: str, kind: str) -> list[list[str]]:
+    """The rows of the tables of a class, as texts."""
+    tables = re.findall(rf'<table class="{kind}".*?</table>', text, re.DOTALL)
+    rows = [row for table in tables for row in re.findall(r"<tr>(.*?)</tr>", table, re.DOTALL)]
+    return [
+        [unescape(re.sub(r"<[^>]+>", "", cell)) for cell in re.findall(r"<t[hd].*?</t[hd]>", row)]
+        for row in rows
+    ]
+
+
+def test_the_answer_is_told_line_by_line(tmp_path: Path) -> None:
+    """The limit is 3 rpm: 75 of the 100 keep it, and all of those halved; Wilson's intervals beside."""
+    sweep = linear(tmp_path)
+    worst = int(np.argmax(sweep.values[:, 0, 0]))
+    all_keep = "low: Ripple keeps its limit, of 100 variants: pi-ilc in 100 % and pi in 75.0 %."
+    of_pi = (
+        "    pi: 75.0 % keep it (95 % sure: 65.7 % to 82.5 %); half at 2.00 rpm or better, 95 % at 3.80 rpm; "
+        f"worst 4.00 rpm (variant {worst})"
+    )
+    rest = f"half at 1.00 rpm or better, 95 % at 1.90 rpm; worst 2.00 rpm (variant {worst})"
+    told = report.write(sweep, tmp_path / "report.html", lambda settings, pair: "")
+    assert told[:3] == [all_keep, "  ripple, at most 3.00 rpm", of_pi] and len(told) == 4
+    assert told[3].startswith("    pi-ilc: 100 % keep it (95 % sure: 96.3 % to ") and told[3].endswith(rest)
+    broken = replace(sweep, errors={(3, 0): "no", (4, 1): "no"})
+    more = report.write(broken, tmp_path / "report.html", lambda settings, pair: "")
+    assert more == [*told, "  2 runs failed; sweep.parquet has their errors."]
+
+
+def test_without_a_limit_the_spread_is_told_and_what_a_limit_would_tell(tmp_path: Path) -> None:
+    sweep = linear(tmp_path, limit=None)
+    first, heading, *_, last = report.write(sweep, tmp_path / "r.html", lambda settings, pair: "")
+    assert first == "low: How 100 variants spread, by controller." and heading == "  ripple"
+    assert last == (
+        "  No metric has a limit; with one (limit = ... in its table) the share that keeps it is told."
+    )
+    assert '<li class="even">' in (tmp_path / "r.html").read_text()
+
+
+def test_where_more_is_better_the_low_end_is_the_worst(tmp_path: Path) -> None:
+    """At least 3 rpm: of 0.04 to 4 rpm 26 of 100; half at 2.04 or better, 95 % at 0.24."""
+    sweep = linear(tmp_path, better="higher")
+    worst = int(np.argmin(sweep.values[:, 0, 0]))
+    told = report.write(sweep, tmp_path / "report.html", lambda settings, pair: "")
+    assert told[0].endswith("of 100 variants: pi in 26.0 % and pi-ilc in 0 %.")
+    assert told[1] == "  ripple, at least 3.00 rpm"
+    assert told[2].endswith(
+        f"half at 2.04 rpm or better, 95 % at 0.240 rpm; worst 0.0400 rpm (variant {worst})"
+    )
+    page = (tmp_path / "report.html").read_text()
+    data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])  # type: ignore[index]
+    (chart,) = data["scenarios"][0]["spreads"]
+    assert chart["series"][0]["values"][0] == pytest.approx(4.0)  # the best first
+    assert chart["series"][0]["values"][-1] == pytest.approx(0.04)
+
+
+def test_tables_of_a_sweep(tmp_path: Path) -> None:
+    sweep = linear(tmp_path)
+    sweep.values[np.argmax(sweep.values[:, 1, 0]), 1, 0] = np.nan  # the worst has no value
+    report.write(sweep, tmp_path / "report.html", lambda settings, pair: f"run {pair[1]} {len(settings)}")
+    text = (tmp_path / "report.html").read_text()
+    numbers = cells(text, "numbers")
+    assert numbers[:7] == [
+        ["", "pi", "pi-ilc"],
+        ["ripple, at most 3.00 rpm", "", ""],
+        ["share that keeps the limit", "75.0 %", "99.0 %"],
+        ["median", "2.00 rpm", "1.00 rpm"],
+        ["95 % of variants", "3.80 rpm", "1.90 rpm"],
+        ["worst", "4.00 rpm", "never"],
+        ["without a value", "0", "1"],
+    ]
+    assert ["ripple", "pi rank", "alone", "pi-ilc rank", "alone"] in numbers
+    ranks = {row[0]: row[1:] for row in numbers if row[0].startswith("mechanics.")}
+    assert ranks["mechanics.inertia"][:2] == ["1.00", "–"]  # noqa: RUF001 (too few variants for shares)
+    assert cells(text, "worst") == [
+        ["Metric", "Controller", "Worst", "Command that repeats it"],
+        ["ripple", "pi", "4.00 rpm", "run pi 2"],
+        ["ripple", "pi-ilc", "never", "run pi-ilc 2"],
+    ]
+    data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])  # type: ignore[index]
+    (spread,) = data["scenarios"][0]["spreads"]
+    assert (spread["title"], spread["unit"], spread["limit"]) == ("ripple: share of variants", "rpm", 3.0)
+    assert spread["xs"][0] == 0 and spread["xs"][-1] == 100 and len(spread["xs"]) == 100
+    pi, ilc = (series["values"] for series in spread["series"])
+    assert pi == pytest.approx(list(0.04 * np.arange(1, 101)), rel=1e-4)
+    assert ilc[-1] is None and ilc[-2] == pytest.approx(1.98)  # what has no value comes last
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [(0.0, "0 %"), (1.0, "100 %"), (1e-4, "0.1 %"), (0.99999, "99.9 %"), (0.123, "12.3 %")],
+)
+def test_a_share_is_all_or_nothing_only_if_it_is(share: float, text: str) -> None:
+    assert report._percent(share) == text

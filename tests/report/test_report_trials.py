@@ -11,11 +11,13 @@ import synthetic
 import trial_studies
 from test_report import Checker, data_of
 
+from cogless.design.certificate import Certificate, Learning, ModelCertificate
 from cogless.design.from_study import design_study
+from cogless.design.trial_summary import _proof, warnings, words
 from cogless.report import lines, page, render, verdicts, write, write_plots
 from cogless.report.packing import unpack
 from cogless.report.trials import overtrials, waveforms
-from cogless.report.trials.certificate import close_to_one
+from cogless.report.trials.certificate import certificate_table, close_to_one
 from cogless.report.trials.gains import gain_table
 from cogless.report.trials.phases import phases, zooms
 from cogless.results import Run, TrialResults
@@ -92,6 +94,23 @@ def test_verdict_names_the_quickest_and_where_the_others_are_behind(made):
         "in the first trial after the change of reference and inertia (trial 41) its error is 1.60 times "
         "that of no learning (8.02 mrad against 5.00 mrad)." in details
     )
+
+
+def test_a_first_trial_is_told_only_where_it_is_clearly_worse_and_learned(study):
+    """Half as much again; what doesn't learn has no first trial of its own."""
+
+    def input_with(times):
+        rms = falls(3.0, 0.6)
+        rms[20] *= times
+        return alone(study, {"ilc": falls(3.0), "input": rms, "none": STAYS}).details[0]
+
+    assert input_with(1.4) == "ILC into the input takes 4 from the start, against 3."
+    assert input_with(1.6) == (
+        "ILC into the input takes 4 from the start, against 3; its first trial after the load change "
+        "(trial 21) is 1.60 times worse (4.87 mrad against 3.04 mrad)."
+    )
+    details = alone(study, {"ilc": falls(3.0), "none": 2 * STAYS}).details
+    assert not any("first trial" in line and line.startswith(("No learning", "With no")) for line in details)
 
 
 def test_verdict_when_the_start_takes_longest(study):
@@ -426,6 +445,95 @@ def test_certificate_on_the_page(made):
     wanted = np.interp(exact["frequency"], *learning.with_filter.curve)
     np.testing.assert_allclose(magnitude, wanted, atol=1e-4)
     assert exact["frequency"][-1] == pytest.approx(200)
+
+
+def learning(norm, frequency, monotone, contracting=False, limit=1.2):
+    curve = np.array([0.0, 100.0]), np.array([norm, 0.5])
+    return Learning(norm, frequency, "vertex 3", 0.9, monotone, contracting, limit, curve)
+
+
+def with_certificates(made, design, exact, discretisation="euler"):
+    """The results with this certificate in "ilc", and none in the others."""
+
+    def one(run):
+        if run.controller != "ilc":
+            return replace(run, design=None)
+        both = Certificate(design, exact, discretisation, 60)
+        return replace(run, design=replace(run.design, certificate=both, K_3=0.694))
+
+    return replace(made, runs=[one(run) for run in made.runs])
+
+
+def texts(row):
+    return [" ".join(re.sub(r"<[^>]+>", " ", cell).split()) for cell in re.findall(r"<td.*?</td>", row)]
+
+
+def test_certificate_table_cell_by_cell(made):
+    plain = ModelCertificate(
+        0.9852, "vertex 1", True, 1.273, False, 0.5, learning(0.976, 62.5, True, True),
+        learning(1.0, 200.0, True, limit=2e-5), 1.2,
+    )  # fmt: skip
+    bad = ModelCertificate(1.02, "vertex 2", False, 0.9, True, None, None, None, None)
+    both = with_certificates(made, plain, bad)
+    page = certificate_table(both, both.runs)
+    first, second = re.findall(r"<tr>(.*?)</tr>", page.split("<tbody>")[1])
+    assert '<th rowspan="2">' in first and "<th" not in second
+    assert texts(first) == [
+        "Euler",
+        "0.985 stable",
+        "1.27 unstable",
+        "0.500",
+        "0.976 contracting at 62.5 Hz",
+        "1 monotone at 200 Hz",
+        "1.20 may grow",
+        "1.2 none with Q filter",
+    ]
+    assert texts(second) == [
+        "exactly sampled", "1.02 unstable", "0.900 stable", *["–"] * 4, "–",  # noqa: RUF001
+    ]  # fmt: skip
+    assert (
+        '<td title="vertex 1"><span class="value">0.985</span> <span class="tag good">stable</span>' in first
+    )
+    assert '<td title="vertex 3">' in first and 'class="tag bad">may grow' in first
+    fine = replace(plain, growth=1.0, with_filter=None)
+    alone = with_certificates(made, fine, None, "exact")
+    shown = certificate_table(alone, alone.runs)
+    (only,) = re.findall(r"<tr>(.*?)</tr>", shown.split("<tbody>")[1])
+    assert texts(only)[6] == "1 doesn't grow" and texts(only)[-1] == "1.2"
+    assert texts(only)[0] == "exactly sampled"
+
+
+def test_a_certificate_in_lines(made):
+    """As `cogless design` prints it, in one line and as rows, and as a warning unless all is well."""
+    good = ModelCertificate(
+        0.9852, "vertex 1", True, 1.273, False, 0.5, learning(0.976367, 62.5, True, True), None, 0.99
+    )
+    grows = replace(good, without_filter=learning(1.00032, 198.8, False, limit=-1e-12), delayed_stable=True)
+    lost = replace(good, stable=False, without_filter=None, growth=None)
+
+    def told(design, exact):
+        run = with_certificates(made, design, exact).runs[1]
+        assert run.controller == "ilc"
+        return words(run.design), warnings(run.design), list(_proof(run.design.certificate))
+
+    line, warned, rows = told(good, grows)
+    assert line == (
+        "from trial to trial, Euler model: 0.976367 at 62.5 Hz, contracting; exact model: "
+        "1.00032 at 198.8 Hz, may grow"
+    )
+    assert warned == [line]
+    assert rows == [
+        ("Euler", "0.9852", "1.273 unstable", "0.976367 at 62.5 Hz, contracting", "-", "0.99", "1.2000"),
+        ("exact", "0.9852", "1.273", "1.00032 at 198.8 Hz, may grow", "-", "0.99", "none"),
+    ]
+    monotone = replace(good, without_filter=learning(1.0, 0.0, True))
+    line, warned, _ = told(good, monotone)
+    assert line.endswith("exact model: 1 at 0 Hz, monotone") and warned == []
+    line, warned, rows = told(lost, None)
+    assert line == "from trial to trial, Euler model: unstable along the trial" and warned == [line]
+    assert rows == [("Euler", "0.9852 unstable", "1.273 unstable", "-", "-", "-", "-")]
+    line, warned, _ = told(replace(good, without_filter=None), None)
+    assert line == "from trial to trial, Euler model: no learning" and warned == []
 
 
 def test_certificates_stay_out_of_the_results_file(made):

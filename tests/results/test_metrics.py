@@ -223,6 +223,30 @@ def test_overshoot_is_beyond_the_end():
         assert found == pytest.approx(expected, abs=1e-5)
 
 
+@pytest.mark.parametrize("off", [1e-6, 0.0, -1e-6])
+def test_a_speed_that_a_load_throws_off_overshoots_on_its_way_back(off):
+    """Whether its mean ends a hair above or below where it was: it swings to 3/4 of each swing before."""
+
+    def swing(t):
+        late = np.maximum(t - 1.0, 0.0)
+        return (
+            10.0 - 2.0 * (0.75 ** (late / 0.05)) * np.sin(np.pi * late / 0.05) + np.where(t > 1.0, off, 0.0)
+        )
+
+    thrown = trace(omega_m=swing, omega_ref=10.0)
+    dip = value("dip", thrown, signal="omega_m", event=1.0)
+    found = value("overshoot", thrown, signal="omega_m", event=1.0)
+    assert found == pytest.approx(0.75 * dip, rel=1e-4)
+    mirrored = trace(omega_m=swing, omega_error=lambda t: 10.0 - swing(t), omega_ref=10.0)
+    assert value("overshoot", mirrored, signal="omega_error", event=1.0) == pytest.approx(found, rel=1e-6)
+
+
+def test_a_speed_that_stays_below_its_reference_does_not_overshoot():
+    """A law without an integral: the load leaves an error, and what was there before is no overshoot."""
+    fallen = trace(omega_m=lambda t: np.where(t < 1.0, 10.0, 9.0 - np.exp(-(t - 1.0) / 0.05)), omega_ref=10.0)
+    assert value("overshoot", fallen, signal="omega_m", event=1.0) == pytest.approx(0.0, abs=1e-9)
+
+
 def test_exceeds_tells_when_the_error_grows_beyond_the_band():
     growing = trace(omega_m=lambda t: 10.0 + 0.1 * np.exp(t), omega_ref=10.0)
     first = value("exceeds", growing, signal="omega_m", band=1.0)

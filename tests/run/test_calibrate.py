@@ -1,5 +1,6 @@
 """Fitting a study to target values."""
 
+from math import sqrt
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import pytest
 import studies
 from cogless.errors import StudyError
 from cogless.run import calibrate as room
-from cogless.run.calibrate import calibrate, residual_rows
+from cogless.run.calibrate import Fit, Residual, calibrate, residual_rows
 from cogless.run.simulate import run_study, simulate
 from cogless.study import Study, changed
 
@@ -158,3 +159,34 @@ def test_an_interrupt_gives_the_best_so_far(
     assert fit.interrupted and not fit.settled
     assert fit.deviation == seen[-1] < seen[0]
     assert abs(fit.residuals[0].got / fit.residuals[0].wanted - 1) == pytest.approx(fit.deviation)
+
+
+def test_rows_of_a_fit_are_in_the_units_of_the_metrics(tmp_path: Path) -> None:
+    """Deviations are shares of what was wanted, with their signs; of a metric with parts each is a row."""
+    study = studies.study(tmp_path)
+    residuals = (
+        Residual("low", "pi", "speed_ripple", None, 0.2, 0.25),
+        Residual("low", "fair", "speed", 6.0, -0.4, -0.3),
+        Residual("step", "pi", "recovery", None, 0.0, 0.0123456),
+    )
+    rows = residual_rows(Fit((), residuals, 0.0, True, study))
+    assert rows == [
+        ("low/pi", "speed_ripple", "1.91 rpm", "2.387 rpm", "+25.0 %"),
+        ("low/fair", "speed 6", "-0.4 rad/s", "-0.3 rad/s", "-25.0 %"),
+        ("step/pi", "recovery", "0 s", "0.01235 s", ""),
+    ]
+
+
+def test_a_list_s_deviations_count_by_its_largest_target_and_a_weight(tmp_path: Path) -> None:
+    """Of 2 and 4 rad/s at 24 and 48 per revolution, both deviations are shares of 4; weighed double here."""
+    orders = {"metric.1.order": [24, 48]}
+    goals = [{**target("speed", ["2 rad/s", "4 rad/s"]), "weight": 2.0}, target("speed_ripple", "5 rad/s")]
+    bounds = {"lower": "3.999 mN*m", "upper": "4.001 mN*m"}
+    calibration = {"parameters": [{"key": "motor.cogging.0.torque", **bounds}], "targets": goals}
+    study = studies.study(
+        tmp_path, {**SHORT, **orders, "scenario.low.duration": 1.1, "calibration": calibration}
+    )
+    fit = calibrate(study)
+    first, second, ripple = (r.got - r.wanted for r in fit.residuals)
+    shares = [2 * first / 4, 2 * second / 4, ripple / 5]
+    assert fit.deviation == pytest.approx(sqrt(sum(x * x for x in shares) / 3), rel=1e-3)

@@ -105,6 +105,18 @@ def test_the_same_law_in_a_library_is_the_same_run(tmp_path: Path) -> None:
     assert np.array_equal(in_python.data, in_c.data)
 
 
+def test_it_has_no_map_to_store_or_to_start_from(tmp_path: Path) -> None:
+    (tmp_path / "maps.py").write_text(LAWS + "\n    def learned_map(self):\n        return [1.0, 2.0]\n")
+    run = simulate(
+        own(tmp_path, {"controller.own": OWN["controller.own"] | {"object": "maps.py:Law"}}), "move", "own"
+    )
+    assert run.map is None and not run.memory
+    with pytest.raises(StudyError) as refused:
+        own(tmp_path, {"controller.own": OWN["controller.own"] | {"start": {"map": "a.bin"}}})
+    expected = "expected none: what is learned from trial to trial belongs to their reference"
+    assert str(refused.value).endswith(f"controller.own.start: {expected}")
+
+
 def test_it_has_no_c_form_and_no_linear_plant(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="has no C form: expected a law of the control library"):
         prepare(own(tmp_path), "move", "own")

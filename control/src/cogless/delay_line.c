@@ -16,29 +16,24 @@ CGL_SELDOM void cgl_delay_reset(cgl_delay_line *line)
     line->tracking = false;
 }
 
-static uint32_t length_of(const cgl_memory *memory)
+CGL_SELDOM static uint32_t newer(const cgl_memory *memory, uint32_t at)
 {
-    return CGL_MEMORY_ROW(memory->config.cells, memory->config.q_half_width);
+    return at + 1U < memory->row ? at + 1U : 0U;
 }
 
-static uint32_t newer(const cgl_memory *memory, uint32_t at)
+CGL_SELDOM static uint32_t older(const cgl_memory *memory, uint32_t at)
 {
-    return at + 1U < length_of(memory) ? at + 1U : 0U;
-}
-
-static uint32_t older(const cgl_memory *memory, uint32_t at)
-{
-    return at > 0U ? at - 1U : length_of(memory) - 1U;
+    return at > 0U ? at - 1U : memory->row - 1U;
 }
 
 /* Samples from one place on to a later one. */
 static uint32_t samples_to(const cgl_memory *memory, uint32_t from, uint32_t to)
 {
-    return to >= from ? to - from : to + length_of(memory) - from;
+    return to >= from ? to - from : to + memory->row - from;
 }
 
 /* The distance between places in a period of length 1, the shorter way round. */
-static cgl_real shorter_way(cgl_real distance)
+CGL_SELDOM static cgl_real shorter_way(cgl_real distance)
 {
     return distance > CGL_R(0.5) ? distance - CGL_R(1.0)
                                  : (distance <= CGL_R(-0.5) ? distance + CGL_R(1.0) : distance);
@@ -62,8 +57,8 @@ CGL_SELDOM static bool find_time(cgl_memory *memory, cgl_real speed)
     uint32_t age = (uint32_t)cgl_clamp(period, (cgl_real)config->cells); /* it may round above the longest period */
     age = age > config->q_half_width ? age : config->q_half_width + 1U;
     line->part = cgl_clamp(period - (cgl_real)age, CGL_R(1.0));
-    const uint32_t place = line->newest + length_of(memory) + 1U - age;
-    line->then = place < length_of(memory) ? place : place - length_of(memory);
+    const uint32_t place = line->newest + memory->row + 1U - age;
+    line->then = place < memory->row ? place : place - memory->row;
     return true;
 }
 
@@ -72,7 +67,7 @@ CGL_SELDOM static bool find_time(cgl_memory *memory, cgl_real speed)
 static bool is_oldest(const cgl_memory *memory)
 {
     const cgl_delay_line *const line = &memory->line;
-    return line->then == (line->known < length_of(memory) ? 0U : newer(memory, line->newest));
+    return line->then == (line->known < memory->row ? 0U : newer(memory, line->newest));
 }
 
 /* Rise of the angle to this sample. */
@@ -179,7 +174,7 @@ CGL_SELDOM static void store_angle(cgl_memory *memory, uint32_t next)
 /* The mean of the 2 m + 1 samples about the one of one period ago, between it and the one before. */
 CGL_SELDOM static cgl_real mean_of(const cgl_memory *memory, const cgl_real *row, uint32_t m)
 {
-    const uint32_t length = length_of(memory);
+    const uint32_t length = memory->row;
     uint32_t n = memory->line.then + m;
     n = n < length ? n : n - length;
     const cgl_real first = row[n];
@@ -196,7 +191,7 @@ CGL_SELDOM bool cgl_delay_step(cgl_memory *memory, uint32_t place, cgl_real spee
 {
     cgl_delay_line *const line = &memory->line;
     const cgl_memory_config *const config = &memory->config;
-    const uint32_t length = length_of(memory), channels = config->channels;
+    const uint32_t length = memory->row, channels = config->channels;
     const bool by_time = config->kind == CGL_MEMORY_TIME;
     if (!(by_time ? find_time(memory, speed) : find_angle(memory, place, speed))) { /* it waits */
         for (uint32_t c = 0; c < channels; ++c) {

@@ -97,66 +97,78 @@ static bool is_busy(const cgl_drive *drive)
 }
 
 #ifndef COGLESS_NO_GUARD
-/* What the guard says of learning, and of what was learned. */
-static bool is_allowed(cgl_drive *drive, cgl_real error, bool learn, bool wanted)
+/* What the guard says of learning, and of what was learned; whether it may go on. */
+static bool is_allowed(cgl_drive *drive, cgl_real error, bool wanted, bool learned)
 {
     cgl_guard *const guard = &drive->guard;
-    if (drive->unguarded || is_busy(drive) || drive->in.torque) {
-        return learn;
-    }
-    const bool learned = drive->in.learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
+    const cgl_monitor *const monitor = &drive->monitor;
     /* it goes on judging where the angle is off by a jump: the speed is right, and what is learned acts at wrong places */
-    const bool shifted = (drive->monitor.status & (unsigned)CGL_STATUS_ANGLE_SHIFTED) != 0U;
-    const bool plausible = !drive->off && (drive->monitor.trusted || shifted);
-    const cgl_guard_input in = {error,  drive->monitor.omega_m, drive->in.omega_ref, plausible, drive->saturated,
+    const bool plausible = monitor->trusted || (monitor->status & (unsigned)CGL_STATUS_ANGLE_SHIFTED) != 0U;
+    const cgl_guard_input in = {error,  monitor->omega_m, drive->in.omega_ref, plausible && !drive->off, drive->saturated,
                                 wanted, learned};
     cgl_guard_step(guard, &in);
     drive->in.muted = CGL_R(1.0) - guard->share;
     drive->in.gentle = guard->gentle;
     drive->in.forget = guard->forget;
     drive->held = cgl_guard_acts(guard) ? (unsigned)CGL_STATUS_GUARDED : 0U;
-    return learn && guard->learn;
+    return guard->learn;
 }
 #endif
 
-/* The law's input; the law has seen what was saturated or safe. */
-static void prepare_law(cgl_drive *drive, const cgl_reference *reference)
+/* Torque mode: the references follow the rotor, and nothing is learned. */
+CGL_SELDOM static void follow_rotor(cgl_law_input *in)
 {
-    const cgl_monitor *monitor = &drive->monitor;
+    in->theta_ref = in->theta_m;
+    in->omega_ref = in->omega_m;
+    in->alpha_ref = CGL_R(0.0);
+    in->learn = false;
+}
+
+/* The law's input; the law has seen what was saturated or safe. */
+CGL_APART static void prepare_law(cgl_drive *drive, const cgl_reference *reference)
+{
+    const cgl_monitor *const monitor = &drive->monitor;
+    cgl_law_input *const in = &drive->in;
     const cgl_real error = reference->omega_ref - monitor->omega_m;
-    const bool torque = reference->torque;
-    const bool learn = reference->learn && !torque && monitor->trusted && !drive->off
-                       && (!drive->saturated || drive->learn_saturated);
-    const bool taught = learn && drive->in.learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
-    const bool outlier =
-        !is_busy(drive) && !torque && cgl_quality_step(&drive->quality, error, monitor->omega_m, taught);
+    const bool learned = in->learn && (drive->command.status & (unsigned)CGL_STATUS_FROZEN) == 0U;
     drive->currents.i_d_ref = cgl_is_finite(reference->i_d_ref) ? reference->i_d_ref : CGL_R(0.0);
-    drive->in.torque = torque;
-    drive->in.i_q_ref = reference->i_q_ref;
-    drive->in.theta_ref = torque ? monitor->theta_m : reference->theta_ref;
-    drive->in.omega_ref = torque ? monitor->omega_m : reference->omega_ref;
-    drive->in.alpha_ref = torque ? CGL_R(0.0) : reference->alpha_ref;
-    drive->in.theta_m = monitor->theta_m;
-    drive->in.omega_m = monitor->omega_m;
-    drive->in.i_q = drive->i_q;
-#ifdef COGLESS_NO_GUARD
-    drive->in.learn = learn && !outlier;
-#else
-    drive->in.learn = is_allowed(drive, error, learn && !outlier, reference->learn);
+    in->torque = reference->torque;
+    in->i_q_ref = reference->i_q_ref;
+    in->theta_ref = reference->theta_ref;
+    in->omega_ref = reference->omega_ref;
+    in->alpha_ref = reference->alpha_ref;
+    in->theta_m = monitor->theta_m;
+    in->omega_m = monitor->omega_m;
+    in->i_q = drive->i_q;
+    in->off = drive->off;
+    in->learn = reference->learn && monitor->trusted && !drive->off && (!drive->saturated || drive->learn_saturated);
+    if (reference->torque) {
+        follow_rotor(in);
+    } else if (!is_busy(drive)) {
+        if (cgl_quality_step(&drive->quality, error, monitor->omega_m, in->learn && learned)) {
+            drive->status |= (unsigned)CGL_STATUS_OUTLIER;
+            in->learn = false;
+        }
+#ifndef COGLESS_NO_GUARD
+        if (!drive->unguarded && !is_allowed(drive, error, reference->learn, learned)) {
+            in->learn = false;
+        }
 #endif
-    drive->in.off = drive->off;
-    drive->status |= outlier ? (unsigned)CGL_STATUS_OUTLIER : 0U;
+    } else { /* nothing to judge: the law follows a speed of its own */
+    }
     drive->saturated = drive->off = false;
-    drive->countdown = drive->divider;
+    drive->countdown = drive->divider - 1U;
 }
 
 bool cgl_drive_measure(cgl_drive *drive, const cgl_measurement *now,
                        const cgl_reference *reference)
 {
-    cgl_monitor *monitor = &drive->monitor;
+    cgl_monitor *const monitor = &drive->monitor;
     cgl_monitor_step(monitor, now, is_busy(drive) || reference->torque ? CGL_R(0.0) : reference->omega_ref);
     drive->status = monitor->status;
-    drive->off = drive->off || monitor->safe;
+    if (monitor->safe) {
+        drive->off = true;
+    }
     if (!drive->foreign) {
         drive->currents.i_abc[0] = now->i_abc[0];
         drive->currents.i_abc[1] = now->i_abc[1];
@@ -165,12 +177,12 @@ bool cgl_drive_measure(cgl_drive *drive, const cgl_measurement *now,
         drive->currents.omega_e = drive->pole_pairs * monitor->omega_m;
         drive->currents.u_dc = now->u_dc;
     }
-    const bool due = drive->countdown == 0U;
-    if (due) {
-        prepare_law(drive, reference);
+    if (drive->countdown > 0U) {
+        --drive->countdown;
+        return false;
     }
-    --drive->countdown;
-    return due;
+    prepare_law(drive, reference);
+    return true;
 }
 
 /* No voltage, no current reference. */
@@ -183,19 +195,19 @@ CGL_SELDOM static void rest(cgl_drive *drive, cgl_drive_output *out)
 
 void cgl_drive_actuate(cgl_drive *drive, cgl_drive_output *out)
 {
-    drive->status |= drive->command.status | drive->held;
+    const unsigned status = drive->status | drive->command.status | drive->held;
     if (drive->monitor.safe) {
         drive->command.i_q_ref = CGL_R(0.0);
         cgl_foc_reset(&drive->foc);
         rest(drive, out);
-        out->status = drive->status | (unsigned)CGL_STATUS_OFF;
+        out->status = status | (unsigned)CGL_STATUS_OFF;
         return;
     }
     if (drive->foreign) {
         rest(drive, out);
         out->i_d_ref = drive->currents.i_d_ref;
         out->i_q_ref = drive->i_q = drive->command.i_q_ref;
-        out->status = drive->status;
+        out->status = status;
         return;
     }
     drive->currents.i_q_ref = drive->command.i_q_ref;
@@ -204,5 +216,5 @@ void cgl_drive_actuate(cgl_drive *drive, cgl_drive_output *out)
     if (out->status != 0U) { /* the current loop could not do what was asked, or would not */
         drive->saturated = true;
     }
-    out->status |= drive->status;
+    out->status |= status;
 }

@@ -76,7 +76,7 @@ typedef struct {
     uint32_t countdown;     /* periods until the law is due */
     bool saturated;         /* the current loop fell short of its reference since the law's last step */
     bool off;               /* the output was safe since then */
-    unsigned status;        /* of this period so far */
+    unsigned status;        /* of this period's measurements */
     unsigned held;          /* CGL_STATUS_GUARDED, or 0 */
 } cgl_drive;
 

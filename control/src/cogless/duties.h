@@ -4,8 +4,8 @@
 
 #include "real.h"
 
-/* Duty cycles in [0, 1] of three half bridges for the voltage (alpha, beta), in parts of the bus; not finite: 0.5. */
-static inline void cgl_duties(cgl_real alpha, cgl_real beta, cgl_real duty[3])
+/* Voltages of three half bridges about the middle of the bus for the voltage (alpha, beta), all in parts of the bus. */
+static inline void cgl_centred(cgl_real alpha, cgl_real beta, cgl_real part[3])
 {
     const cgl_real half = CGL_R(-0.5) * alpha;
     const cgl_real side = CGL_R(0.86602540378443864676) * beta;
@@ -15,17 +15,17 @@ static inline void cgl_duties(cgl_real alpha, cgl_real beta, cgl_real duty[3])
     const cgl_real middle = alpha < lower ? lower : (alpha > upper ? upper : alpha);
     const cgl_real shift = CGL_R(0.5) * middle;
     const cgl_real between = half + shift;
-    duty[0] = CGL_R(0.5) + cgl_clamp(alpha + shift, CGL_R(0.5));
-    duty[1] = CGL_R(0.5) + cgl_clamp(between + side, CGL_R(0.5));
-    duty[2] = CGL_R(0.5) + cgl_clamp(between - side, CGL_R(0.5));
+    part[0] = alpha + shift;
+    part[1] = between + side;
+    part[2] = between - side;
 }
 
-/* Duty cycles of two H-bridges for the voltages a and b, in parts of the bus. */
-static inline void cgl_duties_of_two(cgl_real a, cgl_real b, cgl_real duty[3])
+/* Duty cycles in [0, 1] for these; not finite: 0.5. */
+static inline void cgl_duties(const cgl_real part[3], cgl_real duty[3])
 {
-    duty[0] = CGL_R(0.5) + cgl_clamp(CGL_R(0.5) * a, CGL_R(0.5));
-    duty[1] = CGL_R(0.5) + cgl_clamp(CGL_R(0.5) * b, CGL_R(0.5));
-    duty[2] = CGL_R(0.5);
+    duty[0] = CGL_R(0.5) + cgl_clamp_here(part[0], CGL_R(0.5));
+    duty[1] = CGL_R(0.5) + cgl_clamp_here(part[1], CGL_R(0.5));
+    duty[2] = CGL_R(0.5) + cgl_clamp_here(part[2], CGL_R(0.5));
 }
 
 #endif

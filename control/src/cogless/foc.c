@@ -185,9 +185,9 @@ void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
         cosine = c;
     }
     cgl_park_inverse(part_d, part_q, sine, cosine, &alpha, &beta);
-    if (two_phases) {
-        cgl_duties_of_two(alpha, beta, out->duty);
-    } else {
-        cgl_duties(alpha, beta, out->duty);
+    cgl_real part[3] = {CGL_R(0.5) * alpha, CGL_R(0.5) * beta, CGL_R(0.0)}; /* of two H-bridges */
+    if (!two_phases) {
+        cgl_centred(alpha, beta, part);
     }
+    cgl_duties(part, out->duty);
 }

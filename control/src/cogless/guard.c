@@ -47,6 +47,13 @@ const cgl_gentle cgl_gentle_steps[CGL_GUARD_STEPS + 1U] = {
     {CGL_R(0.5), CGL_R(0.5), CGL_R(0.95)},  {CGL_R(0.5), CGL_R(0.25), CGL_R(0.9)}, {CGL_R(0.5), CGL_R(0.0625), CGL_R(0.8)},
     {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)}};
 
+/* Steps in a time [s], at least one. */
+CGL_SELDOM static uint32_t steps_in(cgl_real time, cgl_real ts)
+{
+    const cgl_real steps = time / ts, most = CGL_R(1.0e8);
+    return 1U + (uint32_t)(steps < most ? steps : most);
+}
+
 CGL_SELDOM cgl_error cgl_guard_init(cgl_guard *guard, cgl_real ts)
 {
     if (!cgl_is_positive(ts)) {
@@ -54,11 +61,9 @@ CGL_SELDOM cgl_error cgl_guard_init(cgl_guard *guard, cgl_real ts)
     }
     guard->ts = ts;
     guard->quarter_turn = CGL_R(0.5) * CGL_PI / ts;
-    const cgl_real most = CGL_R(1.0e8);
-    const cgl_real shortest = SHORTEST / ts, longest = LONGEST / ts, rest = SETTLE / ts;
-    guard->shortest = 1U + (uint32_t)(shortest < most ? shortest : most);
-    guard->longest = 1U + (uint32_t)(longest < most ? longest : most);
-    guard->settle = 1U + (uint32_t)(rest < most ? rest : most);
+    guard->shortest = steps_in(SHORTEST, ts);
+    guard->longest = steps_in(LONGEST, ts);
+    guard->settle = steps_in(SETTLE, ts);
     cgl_guard_reset(guard);
     return CGL_OK;
 }
@@ -89,7 +94,7 @@ CGL_SELDOM static void go_to(cgl_guard *guard, cgl_guard_phase phase)
     guard->target = acts ? CGL_R(1.0) : CGL_R(0.0);
     guard->settling = guard->share < guard->target || guard->share > guard->target ? guard->settle : 0U;
     guard->slope = guard->ts < RAMP ? guard->ts / RAMP : CGL_R(1.0);
-    guard->learn = phase == CGL_GUARD_LEARN;
+    guard->learn = phase == CGL_GUARD_LEARN && guard->settling == 0U; /* what a part of the share leaves is not to be learned */
     guard->forget = phase == CGL_GUARD_CLEAR;
     guard->windows = guard->strikes = 0U;
     guard->way = CGL_R(0.0);
@@ -126,7 +131,7 @@ static cgl_real larger(cgl_real a, cgl_real b)
 }
 
 /* How far apart two speeds are, as a ratio of at least 1. */
-static cgl_real apart(cgl_real a, cgl_real b)
+CGL_SELDOM static cgl_real apart(cgl_real a, cgl_real b)
 {
     return a > b ? (b > CGL_R(0.0) ? a / b : CGL_REAL_MAX) : (b > a ? (a > CGL_R(0.0) ? b / a : CGL_REAL_MAX) : CGL_R(1.0));
 }
@@ -566,6 +571,7 @@ CGL_SELDOM static void settle(cgl_guard *guard)
     const cgl_real rest = guard->target - guard->share;
     --guard->settling;
     guard->share = cgl_is_within(rest, guard->slope) ? guard->target : guard->share + cgl_clamp(rest, guard->slope);
+    guard->learn = guard->phase == CGL_GUARD_LEARN && guard->settling == 0U;
 }
 
 /* Whether an unusual sample counts. An instability saturates the current loop too, but now this way and now the other: what is
@@ -615,16 +621,16 @@ CGL_SELDOM static void compare_reference(cgl_guard *guard, const cgl_guard_input
 
 void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in)
 {
-    const cgl_real half = CGL_R(0.5) * (in->error - guard->last_error), error = in->error - half;
-    guard->last_error = in->error;
-    if (!CGL_OFTEN(in->plausible && !in->saturated && guard->short_of == 0U && guard->settling == 0U)
-        && !counts(guard, in)) {
+    const bool usual = in->plausible && !in->saturated && (guard->short_of | guard->settling) == 0U;
+    if (!CGL_OFTEN(usual) && !counts(guard, in)) {
+        guard->last_error = in->error;
         return;
     }
     if (!CGL_OFTEN(cgl_is_within(in->omega_ref - guard->reference, guard->tolerance))) {
         compare_reference(guard, in);
     }
-    const cgl_real deviation = error - guard->centre;
+    const cgl_real half = CGL_R(0.5) * (in->error - guard->last_error), deviation = in->error - half - guard->centre;
+    guard->last_error = in->error;
     guard->sum += deviation;
     guard->squares += deviation * deviation;
     guard->fast += half * half;

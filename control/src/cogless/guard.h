@@ -129,20 +129,8 @@ static inline cgl_real cgl_gentle_forgetting(uint32_t k)
 }
 #else
 /* Factor, 0 to 1, on a law's correction at step k. gain: of learning in a period, and of the feedback, in one unit; >= 0. */
-static inline cgl_real cgl_gentle_gain(uint32_t k, cgl_real gain, cgl_real feedback)
-{
-    if (CGL_OFTEN(k == 0U)) {
-        return CGL_R(1.0);
-    }
-    const cgl_gentle *const how = cgl_gentle_steps + (k < CGL_GUARD_STEPS ? k : CGL_GUARD_STEPS);
-    const cgl_real most = how->most * feedback;
-    return how->gain * (gain > most ? most / gain : CGL_R(1.0));
-}
-
-static inline cgl_real cgl_gentle_forgetting(uint32_t k)
-{
-    return cgl_gentle_steps[k < CGL_GUARD_STEPS ? k : CGL_GUARD_STEPS].forgetting;
-}
+cgl_real cgl_gentle_gain(uint32_t k, cgl_real gain, cgl_real feedback);
+cgl_real cgl_gentle_forgetting(uint32_t k);
 #endif
 
 /* ts: period of the calls [s], > 0. */

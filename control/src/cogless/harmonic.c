@@ -22,7 +22,7 @@
 #define SURE CGL_R(2.5e-7)  /* rad^2: a variance of the bend beyond which it is not learned, (0.5 mrad)^2 */
 #define STAYS CGL_R(0.125)  /* half of the share of z's noise, between two turns of the bend, that a mean keeps */
 #define DOUBTED CGL_R(64.0) /* a bend of up to so many variances is taken for none */
-#define PARTS 4U            /* of the slow orders: a step teaches one of them */
+#define PARTS 2U            /* of the slow orders: a step teaches one of them */
 #define FEW 8U              /* orders: up to so many, a gain is made anew in one of four steps, else in one of two */
 #define TURN 8U             /* steps: in one the bend has its turn */
 
@@ -31,6 +31,7 @@ CGL_SELDOM static bool is_valid(const cgl_harmonic_config *config, cgl_real ts)
     static const cgl_range range[] = {CGL_RANGE(cgl_harmonic_config, k_theta, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_harmonic_config, b, CGL_POSITIVE),
                                       CGL_RANGE(cgl_harmonic_config, delay, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_harmonic_config, step, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(cgl_harmonic_config, base, CGL_COUNT),
                                       CGL_RANGE(cgl_harmonic_config, orders, CGL_COUNT),
                                       CGL_RANGE(cgl_harmonic_config, rate, CGL_NOT_NEGATIVE),
@@ -51,6 +52,7 @@ CGL_SELDOM static void take(cgl_harmonic *law, const cgl_harmonic_config *config
 {
     law->config = *config;
     law->gain = config->b * ts * ts * (CGL_R(1.0) / CGL_TWO_PI);
+    law->half_step = cgl_clamp(config->step * (CGL_R(0.5) / CGL_TWO_PI), CGL_R(0.25));
     const cgl_real d = cgl_clamp(config->delay / ts, LONGEST);
     law->ahead = CGL_R(0.5) + d;
     const cgl_real part = d < CGL_R(1.0) ? d : d - CGL_R(1.0);
@@ -111,7 +113,7 @@ CGL_SELDOM void cgl_harmonic_reset(cgl_harmonic *law)
     clear(law->cosine, 2U * orders);
     clear(law->cosine + 3U * orders, 2U * orders);
     clear(law->later, 2U);
-    clear(law->last, 3U);
+    law->last = CGL_R(0.0);
     clear(law->base, 2U);
     clear(law->half, 2U);
     clear(law->delayed, 2U);
@@ -122,11 +124,22 @@ CGL_SELDOM void cgl_harmonic_reset(cgl_harmonic *law)
     law->share = QUICK;
     law->current = law->omega = law->load = law->mean = CGL_R(0.0);
     law->time = law->anchor = law->slowest = law->fastest = law->rate = CGL_R(0.0);
-    law->theta = law->due = law->band = law->acting = law->low = 0U;
+    law->since_edge = CGL_R(0.0);
+    law->shown = law->theta = law->due = law->band = law->acting = law->low = 0U;
     law->since = 1U; /* the first step has enough to do without a gain */
     law->wait = CGL_HARMONIC_SETTLE;
     law->seated = law->learning = false;
     law->learned = CGL_R(0.0);
+}
+
+/* Where the rotor is within the step that the sensor shows [turns]. A speed that is timed from edge to edge adds up to exactly the
+ * way from edge to edge: what it is ahead of the steps is the way since the last edge, but for a constant. */
+static uint32_t within_step(cgl_harmonic *law, uint32_t shown, cgl_real omega_m)
+{
+    const cgl_real turned = cgl_steps(law->shown, shown) * (CGL_R(1.0) / CGL_TURN_BITS);
+    law->since_edge = cgl_clamp(law->since_edge + omega_m * law->pi.ts * (CGL_R(1.0) / CGL_TWO_PI) - turned, law->half_step);
+    law->shown = shown;
+    return cgl_turned(shown, law->since_edge);
 }
 
 /* The observer at the measured angle [turns], where it has followed none. */
@@ -135,7 +148,7 @@ CGL_SELDOM static void seat(cgl_harmonic *law, uint32_t theta, cgl_real omega)
     law->theta = theta;
     law->omega = cgl_clamp(omega * law->pi.ts * (CGL_R(1.0) / CGL_TWO_PI), HALF);
     law->load = law->mean = CGL_R(0.0);
-    clear(law->last, 3U);
+    law->last = CGL_R(0.0);
     law->wait = CGL_HARMONIC_SETTLE;
     law->seated = true;
 }
@@ -160,15 +173,13 @@ static void tell(cgl_harmonic *law, cgl_real u)
     law->later[1] = law->weight[2] * u;
 }
 
-/* z of the last four steps, without its mean: their sum [turns]. */
-static cgl_real four_loads(cgl_harmonic *law)
+/* z of the last two steps, without its mean: their sum [turns]. */
+static cgl_real two_loads(cgl_harmonic *law)
 {
     law->mean += law->share * (law->load - law->mean);
-    const cgl_real one = law->load - law->mean, two = one + law->last[0], four = two + law->last[2];
-    law->last[2] = law->last[1];
-    law->last[1] = two;
-    law->last[0] = one;
-    return four;
+    const cgl_real now = law->load - law->mean, sum = now + law->last;
+    law->last = now;
+    return sum;
 }
 
 static void multiply(cgl_real of[2], const cgl_real by[2])
@@ -275,8 +286,7 @@ CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle)
 }
 
 /* The gain of the order that is due. With D = (Z - p) exp(-j Om/2), 1/G is D^3 exp(-j Om/2) / (cos(Om/2) l3) for z, and
- * D^3 / (j sin Om) for e; four z sum to 4 cos(Om/2) cos(Om) exp(-j 3/2 Om) of one. The phasor that it meets is ahead by
- * Om (1/2 + delay). */
+ * D^3 / (j sin Om) for e; two z sum to 2 cos(Om/2) exp(-j Om/2) of one. The phasor that it meets is ahead by Om (1/2 + delay). */
 CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gentle)
 {
     const uint32_t k = law->due, orders = law->config.orders;
@@ -295,7 +305,6 @@ CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gent
     const bool holds = law->band < CGL_HARMONIC_EDGES && frequency >= held[law->band];
     const cgl_real c = law->turned[0], s = law->turned[1];
     const cgl_real d[2] = {(CGL_R(1.0) - POLE) * c, (CGL_R(1.0) + POLE) * s};
-    const cgl_real z[2] = {CGL_R(2.0) * c * c - CGL_R(1.0), CGL_R(2.0) * s * c};
     cgl_real w[2] = {d[0], d[1]};
     multiply(w, d);
     multiply(w, d);
@@ -304,16 +313,15 @@ CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gent
     if (k < law->low) {
         const cgl_real a = law->cosine[k], b = law->cosine[orders + k];
         law->bend.power += holds ? CGL_R(0.0) : (cgl_real)(k + 1U) * (a * a + b * b);
-        scale /= GAIN_3 * c * c * z[0];
+        scale /= GAIN_3 * c * c;
         const cgl_real lost = (law->omega < CGL_R(0.0) ? MEAN : -MEAN) / (cgl_real)(k + 1U); /* what the mean takes away */
         const cgl_real without[2] = {CGL_R(1.0), lost};
         multiply(w, without);
-        multiply(w, z);
     } else {
         const cgl_real real = w[0]; /* times -j */
         w[0] = w[1];
         w[1] = -real;
-        scale /= z[1];
+        scale /= CGL_R(2.0) * s * c;
     }
     cgl_real *const weight = law->cosine + 3U * orders + 2U * k;
     weight[0] = cgl_clamp(scale * w[0], CGL_R(1.0e9));
@@ -418,7 +426,7 @@ static cgl_real follow(cgl_harmonic *law, const cgl_law_input *in, uint32_t thet
     if (!CGL_OFTEN(law->seated)) {
         seat(law, theta, in->omega_m);
     }
-    const cgl_real error = observe(law, theta), loads = four_loads(law);
+    const cgl_real error = observe(law, theta), loads = two_loads(law);
     const uint32_t pause = law->acting > FEW ? 2U : 4U;
     if (law->since % pause == 1U) {
         make_gain(law, pause, in->gentle);
@@ -447,7 +455,7 @@ void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_outpu
         forget(law);
     }
     if (CGL_OFTEN(cgl_is_angle(in->theta_m))) {
-        const uint32_t theta = cgl_turns(in->theta_m);
+        const uint32_t theta = within_step(law, cgl_turns(in->theta_m), in->omega_m);
         law->since = (law->since + 1U) % TURN;
         law->bend.here += law->bend.slope * law->omega;
         if (law->since == 0U && law->bends > 0U) {

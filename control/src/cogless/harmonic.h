@@ -14,7 +14,7 @@
  *
  *   c_k -= rate ts s exp(-j k base theta) / (b ts^2 G)
  *
- * Such slow orders learn in turns, a quarter of them in a step, from the sum of the last four s.
+ * Such slow orders learn in turns, a half of them in a step, from the sum of the last two s.
  *
  * The rate falls like the weight in a mean: it is 1 / (1 / rate + t / 2), with t the time since the speed was last a new one. */
 #ifndef COGLESS_HARMONIC_H
@@ -43,6 +43,7 @@ typedef struct {
     cgl_real k_theta;   /* of the position, of which the short way round counts; 0: speed only [1/s], >= 0 */
     cgl_real b;         /* acceleration per current, K_t / J [rad/s^2/A], > 0; b ts^2 is a number, > 0, too */
     cgl_real delay;     /* from the reference to the current, less the half period that a held value is late [s], 0 to 16 ts */
+    cgl_real step;      /* of the angle, if the speed is timed from edge to edge: it tells where between two; 0: unknown [rad], >= 0 */
     uint32_t base;      /* learned orders of a mechanical revolution are its multiples, 1 to CGL_HARMONIC_ORDER_MAX */
     uint32_t bends;     /* 1: an error of the sensor is learned that comes once a turn, 2: that comes twice, too. A base below
                            3 allows none, below 5 one. 0 where the sensor is true, or a load that varies as often tells the
@@ -78,12 +79,15 @@ typedef struct {
     cgl_real kept;           /* of the lag */
     cgl_real later[2];       /* what past u leave for the steps after the next [A] */
     cgl_real current;        /* u as it acts [A] */
+    uint32_t shown;          /* by the sensor [turns of 2^32] */
+    cgl_real half_step;      /* [turns] */
+    cgl_real since_edge;     /* way from there, but for a constant: within half a step [turns] */
     uint32_t theta;          /* the observer's angle [turns of 2^32], */
     cgl_real omega;          /* speed [turns/ts], */
     cgl_real load;           /* z [turns/ts^2], */
     cgl_real mean;           /* and its mean, */
     cgl_real share;          /* which takes so much of it in a step */
-    cgl_real last[3];        /* z without it, of the last step; sums of two of these, of the last step and before */
+    cgl_real last;           /* z without it, of the last step */
     cgl_real time;           /* of learning since the speed was new [s] */
     cgl_real anchor;         /* that speed, and the span of those since [turns/ts] */
     cgl_real slowest, fastest;

@@ -16,3 +16,25 @@ CGL_SELDOM cgl_real cgl_law_stand_by(const cgl_law_input *in, cgl_real learned, 
                    | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
     return cgl_clamped(current, limit);
 }
+
+#ifndef COGLESS_NO_GUARD
+static const cgl_gentle *gentle_step(uint32_t k)
+{
+    return cgl_gentle_steps + (k < CGL_GUARD_STEPS ? k : CGL_GUARD_STEPS);
+}
+
+CGL_SELDOM cgl_real cgl_gentle_gain(uint32_t k, cgl_real gain, cgl_real feedback)
+{
+    if (k == 0U) {
+        return CGL_R(1.0);
+    }
+    const cgl_gentle *const how = gentle_step(k);
+    const cgl_real most = how->most * feedback;
+    return how->gain * (gain > most ? most / gain : CGL_R(1.0));
+}
+
+CGL_SELDOM cgl_real cgl_gentle_forgetting(uint32_t k)
+{
+    return gentle_step(k)->forgetting;
+}
+#endif

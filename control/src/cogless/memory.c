@@ -342,7 +342,7 @@ CGL_APART static void learn_on(cgl_memory *memory, uint32_t moved, const cgl_rea
     for (cgl_channel *channel = memory->channel; channel < end; ++channel, entry += memory->row) {
         const cgl_real recalled = gain * (channel->sum + part * (entry[ahead] - entry[oldest]));
         const cgl_real wanted = acts ? recalled + *change : recalled;
-        const cgl_real stored = cgl_clamp(wanted, channel->limit);
+        const cgl_real stored = cgl_clamp_here(wanted, channel->limit);
         *value++ = wanted;
         ++change;
         if (count > 0U) {
@@ -350,7 +350,7 @@ CGL_APART static void learn_on(cgl_memory *memory, uint32_t moved, const cgl_rea
             cgl_real on_line = stored - part * slope;
             uint32_t cell = at;
             for (uint32_t left = count;;) {
-                entry[entry_of(memory, cell)] = cgl_clamp(on_line, channel->limit);
+                entry[entry_of(memory, cell)] = cgl_clamp_here(on_line, channel->limit);
                 if (--left == 0U) {
                     break;
                 }

@@ -8,6 +8,8 @@ CGL_SELDOM void cgl_modulate(cgl_real u_alpha, cgl_real u_beta, cgl_real u_dc, c
         duty[0] = duty[1] = duty[2] = CGL_R(0.5);
         return;
     }
+    cgl_real part[3];
     /* beyond this any duty cycle is at its limit */
-    cgl_duties(cgl_clamped(u_alpha / u_dc, CGL_R(1.0e9)), cgl_clamped(u_beta / u_dc, CGL_R(1.0e9)), duty);
+    cgl_centred(cgl_clamped(u_alpha / u_dc, CGL_R(1.0e9)), cgl_clamped(u_beta / u_dc, CGL_R(1.0e9)), part);
+    cgl_duties(part, duty);
 }

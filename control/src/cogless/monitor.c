@@ -9,20 +9,20 @@
 #define PERIODS_MAX CGL_R(1.0e9)
 
 /* The square of a bound, or the largest number where it is not watched. Never infinite: infinity is not plausible. */
-static cgl_real square(cgl_real bound)
+CGL_SELDOM static cgl_real square(cgl_real bound)
 {
-    return bound > CGL_R(0.0) ? cgl_clamp(bound * bound, CGL_REAL_MAX) : CGL_REAL_MAX;
+    return bound > CGL_R(0.0) ? cgl_clamped(bound * bound, CGL_REAL_MAX) : CGL_REAL_MAX;
 }
 
-static bool is_time(cgl_real time, cgl_real ts)
+CGL_SELDOM static bool is_time(cgl_real time, cgl_real ts)
 {
     return cgl_is_not_negative(time) && time / ts <= PERIODS_MAX;
 }
 
 /* Whole periods that are no shorter. */
-static uint32_t periods(cgl_real time, cgl_real ts)
+CGL_SELDOM static uint32_t periods(cgl_real time, cgl_real ts)
 {
-    const cgl_real exact = cgl_clamp(time / ts, PERIODS_MAX);
+    const cgl_real exact = cgl_clamped(time / ts, PERIODS_MAX);
     const uint32_t whole = (uint32_t)exact;
     /* a thousandth less is rounding */
     return (cgl_real)whole < exact * CGL_R(0.999) ? whole + 1U : whole;
@@ -37,19 +37,18 @@ CGL_SELDOM static bool is_valid(const cgl_monitor_config *config, cgl_real ts)
                                       CGL_RANGE(cgl_monitor_config, current_sum, CGL_NOT_NEGATIVE)};
     return CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts)
            && is_time(config->speed_window, ts) && is_time(config->bridge, ts)
-           && is_time(config->hold, ts) && is_time(config->stuck_time, ts)
-           && is_time((cgl_real)TRY_AGAIN * config->stuck_time, ts)
+           && is_time(config->hold, ts) && is_time((cgl_real)TRY_AGAIN * config->stuck_time, ts)
            && (config->phases == 0U || config->phases == 2U || config->phases == 3U);
 }
 
-static void take(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
+CGL_SELDOM static void take(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
 {
     monitor->config = *config;
     monitor->ts = ts;
     cgl_monitor_limits *limits = &monitor->limits;
     /* two angles are at most half a revolution apart */
     limits->reach = config->omega_max > CGL_R(0.0)
-                        ? cgl_clamp(config->omega_max * ts + config->angle_step, CGL_TWO_PI)
+                        ? cgl_clamped(config->omega_max * ts + config->angle_step, CGL_TWO_PI)
                         : CGL_TWO_PI;
     limits->reach_square = limits->reach * limits->reach;
     limits->speed_square = square(config->omega_max);
@@ -58,7 +57,7 @@ static void take(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_rea
     /* three phases: the vector's length is sqrt(2/3) of the root of the squares' sum */
     limits->current_square = square(config->current_max);
     if (config->phases == 3U) {
-        limits->current_square = cgl_clamp(CGL_R(1.5) * limits->current_square, CGL_REAL_MAX);
+        limits->current_square = cgl_clamped(CGL_R(1.5) * limits->current_square, CGL_REAL_MAX);
     }
     limits->sum_square = square(config->current_sum);
     limits->window = periods(config->speed_window, ts);
@@ -107,7 +106,7 @@ bool cgl_monitor_trust(cgl_monitor *monitor)
     return monitor->known;
 }
 
-static cgl_real in_turn(cgl_real theta)
+CGL_SELDOM static cgl_real in_turn(cgl_real theta)
 {
     if (cgl_is_in_turn(theta)) {
         return theta;
@@ -116,7 +115,7 @@ static cgl_real in_turn(cgl_real theta)
 }
 
 /* The short way between two angles within a turn. */
-static cgl_real difference(cgl_real to, cgl_real from)
+CGL_SELDOM static cgl_real difference(cgl_real to, cgl_real from)
 {
     const cgl_real d = to - from;
     return d > CGL_PI ? d - CGL_TWO_PI : (d < -CGL_PI ? d + CGL_TWO_PI : d);
@@ -204,11 +203,11 @@ CGL_SELDOM static bool is_stuck(cgl_monitor *monitor, cgl_real d, cgl_real omega
     const cgl_monitor_config *const config = &monitor->config;
     const cgl_monitor_limits *limits = &monitor->limits;
     const cgl_real turned = omega_ref * monitor->ts;
-    const cgl_real most = cgl_clamp((cgl_real)TRY_AGAIN * config->stuck_angle, CGL_REAL_MAX);
+    const cgl_real most = cgl_clamped((cgl_real)TRY_AGAIN * config->stuck_angle, CGL_REAL_MAX);
     if (d < CGL_R(0.0) || d > CGL_R(0.0)) {
         monitor->still = CGL_R(0.0);
     } else if (cgl_is_finite(turned)) {
-        monitor->still = cgl_clamp(monitor->still + turned, most);
+        monitor->still = cgl_clamped(monitor->still + turned, most);
     }
     const cgl_real far = monitor->still * monitor->still;
     if (far <= limits->doubt_square) {
@@ -282,7 +281,7 @@ CGL_SELDOM static unsigned look_at_rotor(cgl_monitor *monitor, const cgl_measure
            | (monitor->shift < CGL_R(0.0) || monitor->shift > CGL_R(0.0) ? (unsigned)CGL_STATUS_ANGLE_SHIFTED : 0U);
 }
 
-void cgl_monitor_look(cgl_monitor *monitor, const cgl_measurement *now,
+CGL_SELDOM void cgl_monitor_look(cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref)
 {
     const cgl_monitor_config *const config = &monitor->config;

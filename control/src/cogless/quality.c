@@ -1,5 +1,7 @@
 #include "quality.h"
 
+#include "range.h"
+
 #define SQUARE_MAX CGL_R(1.0e28) /* so that the sum of as many as a window may have is finite in float */
 #define SMALLEST CGL_R(1.0e-30)  /* a square below it is nothing */
 #define IN_A_ROW 4U              /* outliers to one side: no noise, and no step of an encoder */
@@ -22,19 +24,21 @@ CGL_SELDOM static void begin_window(cgl_quality *quality)
     quality->learned = quality->unusual = quality->run_above = false;
 }
 
-static cgl_error take(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
+CGL_SELDOM static cgl_error take(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
 {
+    static const cgl_range range[] = {CGL_RANGE(cgl_quality_config, span, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_quality_config, longest, CGL_POSITIVE),
+                                      CGL_RANGE(cgl_quality_config, outlier, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(cgl_quality_config, floor, CGL_NOT_NEGATIVE)};
     const cgl_real longest = config->longest / ts; /* [samples] */
-    if (!(cgl_is_positive(config->span) && cgl_is_positive(ts) && cgl_is_not_negative(config->longest)
-          && config->longest >= ts && cgl_is_within(longest, CGL_R(1.0e9))
-          && cgl_is_not_negative(config->floor) && cgl_is_not_negative(config->outlier)
+    if (!(CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts) && config->longest >= ts && longest <= CGL_R(1.0e9)
           && !(config->outlier > CGL_R(0.0) && config->outlier < CGL_R(1.0)))) {
         return CGL_ERROR_CONFIG;
     }
     quality->config = *config;
     quality->ts = ts;
     const cgl_real turned = config->span / ts;
-    quality->turned_square = cgl_clamp(turned * turned, CGL_REAL_MAX);
+    quality->turned_square = cgl_clamped(turned * turned, CGL_REAL_MAX);
     quality->longest = (uint32_t)(longest + CGL_R(0.5));
     begin_window(quality);
     return CGL_OK;
@@ -66,17 +70,23 @@ void cgl_quality_reset(cgl_quality *quality)
     quality->began = false;
 }
 
-static cgl_real larger(cgl_real a, cgl_real b)
+CGL_SELDOM static cgl_real larger(cgl_real a, cgl_real b)
 {
     return a > b ? a : b;
 }
 
-/* A part of the window is over: its sums go to those before, where small terms add up beside large sums. */
+/* Moves the sum of a part to that of the parts before, where small terms add up beside large sums. */
+CGL_SELDOM static void gather(cgl_real *part, cgl_real *before, cgl_real *lost)
+{
+    *before = cgl_add(*before, *part, CGL_REAL_MAX, lost);
+    *part = CGL_R(0.0);
+}
+
+/* A part of the window is over. */
 CGL_SELDOM static void end_part(cgl_quality *quality)
 {
-    quality->sum_before = cgl_add(quality->sum_before, quality->sum, CGL_REAL_MAX, &quality->sum_lost);
-    quality->squares_before = cgl_add(quality->squares_before, quality->squares, CGL_REAL_MAX, &quality->squares_lost);
-    quality->sum = quality->squares = CGL_R(0.0);
+    gather(&quality->sum, &quality->sum_before, &quality->sum_lost);
+    gather(&quality->squares, &quality->squares_before, &quality->squares_lost);
 }
 
 /* The bounds of the next window. An outlier counts as one that just was none, so that a shock raises the usual little. */
@@ -108,7 +118,7 @@ CGL_SELDOM static void end_window(cgl_quality *quality, cgl_real turned)
         const cgl_real ripple = larger(squares / count - mean * mean, CGL_R(0.0)), last = quality->ripple;
         const cgl_real largest = larger(ripple, last);
         if (quality->windows > 0U && largest > CGL_R(0.0)) {
-            const cgl_real change = cgl_clamp((ripple - last) / largest, TREND_MOST);
+            const cgl_real change = cgl_clamped((ripple - last) / largest, TREND_MOST);
             quality->trend += TREND_SMOOTHING * (change - quality->trend);
         }
         const bool moved = turned * turned >= quality->turned_square * MOVED_SQUARE; /* at rest nothing begins */

@@ -12,5 +12,5 @@ bool cgl_is_not_negative(cgl_real x)
 
 CGL_SELDOM cgl_real cgl_clamped(cgl_real x, cgl_real limit)
 {
-    return cgl_clamp(x, limit);
+    return cgl_clamp_here(x, limit);
 }

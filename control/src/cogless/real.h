@@ -102,8 +102,29 @@ static inline cgl_real cgl_rest(cgl_real x)
     return x - (cgl_real)(int32_t)x;
 }
 
-/* x within [-limit, limit]; 0 for NaN. */
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Ranges that config fields have: finite, and more than 0, or not less. */
+bool cgl_is_positive(cgl_real x);
+bool cgl_is_not_negative(cgl_real x);
+
+/* x within [-limit, limit]; 0 for NaN. A call. */
+cgl_real cgl_clamped(cgl_real x, cgl_real limit);
+
+#ifdef __cplusplus
+}
+#endif
+
+/* The same: a call only for an x that is not within. */
 static inline cgl_real cgl_clamp(cgl_real x, cgl_real limit)
+{
+    return CGL_OFTEN(cgl_is_within(x, limit)) ? x : cgl_clamped(x, limit);
+}
+
+/* The same without any call, for the few places that run so often that they need all registers. */
+static inline cgl_real cgl_clamp_here(cgl_real x, cgl_real limit)
 {
     if (CGL_OFTEN(cgl_is_within(x, limit))) {
         return x;
@@ -118,7 +139,7 @@ static inline cgl_real cgl_add(cgl_real sum, cgl_real x, cgl_real limit, cgl_rea
     const cgl_real term = x + *lost, result = sum + term;
     const bool within = CGL_OFTEN(cgl_is_within(result, limit));
     *lost = within ? term - (result - sum) : CGL_R(0.0);
-    return within ? result : cgl_clamp(result, limit);
+    return within ? result : cgl_clamp_here(result, limit);
 }
 
 /* -1, 0 or 1; 0 for NaN. */
@@ -126,20 +147,5 @@ static inline cgl_real cgl_sign(cgl_real x)
 {
     return x > CGL_R(0.0) ? CGL_R(1.0) : (x < CGL_R(0.0) ? CGL_R(-1.0) : CGL_R(0.0));
 }
-
-#ifdef __cplusplus
-extern "C" {
-#endif
-
-/* Ranges that config fields have: finite, and more than 0, or not less. */
-bool cgl_is_positive(cgl_real x);
-bool cgl_is_not_negative(cgl_real x);
-
-/* cgl_clamp as a call: where size counts more than time. */
-cgl_real cgl_clamped(cgl_real x, cgl_real limit);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

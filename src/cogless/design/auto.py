@@ -2,8 +2,9 @@
 
 The feedback is the PI, or the position feedback, of the rule phase-margin, by default at 45 degrees.
 Learning must settle at the slowest and at the fastest speed of the law's scenarios, as told and in every
-corner. A corner is an inertia that is off by 50 % (K_t / J is then 1 / 1.5 or 2 times what the study tells),
-or one sample of delay that the study doesn't tell. With X of learning_loop.py, per unit of the learning gain:
+corner. Where a reference stops, a law that learns in angle rests below half of its top speed. A corner is an
+inertia that is off by 50 % (K_t / J is then 1 / 1.5 or 2 times what the study tells), or one sample of delay
+that the study doesn't tell. With X of learning_loop.py, per unit of the learning gain:
 
     map         ten cells or more in a wave of the highest order that is known of motor and load
     gain        1 / max |X|: the frequency that answers most is learned in one period
@@ -47,7 +48,7 @@ from cogless.study.error_messages import dotted
 from cogless.study.laws import AnyController
 from cogless.study.pi_afc import ORDERS, PiAfc
 from cogless.study.reading import Changes
-from cogless.study.space_controller import SpacePosition, SpaceSpeed
+from cogless.study.space_controller import SpaceLearning, SpacePosition, SpaceSpeed
 
 # As told, and each corner: true K_t / J over that of the study, and samples of delay that the study
 # doesn't tell.
@@ -59,7 +60,7 @@ HALVINGS = 10
 LEARNED = 10  # periods after which the ripple that is left counts
 FREQUENCIES = 1000
 IN_PHASE = 0.02  # least cos arg X that counts as learning in the right direction
-MARGIN = 2.0  # of the gain on single orders
+MARGIN = 2.0  # of the gain on single orders, and of one in 1 / |omega| over a reference that stops
 SLOWER = 4.0  # the commissioning run's position loop / the speed loop's crossover, inverse
 
 Values = dict[str, Any]
@@ -221,13 +222,25 @@ def _periodic(study: Study, name: str, law: PiIlc | RobustIlc, keys: Callable[[f
 
 
 def _in_angle(study: Study, name: str) -> Values:
-    """Map, gain and Q filter of a law that learns over the angle, and has no lead."""
-    map_ = {"cells": _cells(study, name), "period": {"of": "mechanical"}}
-    unit = list(_loops(SpaceLoop, _with(study, name, {"cells": map_["cells"], "mu_alpha": 1.0}), name))
+    """Map, gain, Q filter and omega_min of a law that learns over the angle, and has no lead."""
+    map_ = {"cells": _cells(study, name)} | _above(study, name)
+    unit = list(_loops(SpaceLoop, _with(study, name, map_ | {"mu_alpha": 1.0}), name))
     f = _grid(unit)
     gain = 1 / max(float(np.max(np.abs(loop.x(f)))) for loop in unit)
-    found = _filtered(study, name, SpaceLoop, gain, lambda gain: {"cells": map_["cells"], "mu_alpha": gain})
-    return found | map_
+    found = _filtered(study, name, SpaceLoop, gain, lambda gain: map_ | {"mu_alpha": gain})
+    return found | map_ | {"period": {"of": "mechanical"}}
+
+
+def _above(study: Study, name: str) -> Values:
+    """omega_min where a reference stops: a gain in 1 / |omega| can't settle at every speed that it passes.
+
+    Learning rests below 1 / `MARGIN` of the top speed: a sine and a move turn 5/6 of their angle above it.
+    """
+    scenarios = [study.scenario[key] for key in _scenarios(study, name)]
+    stop = [s.top_reference / MARGIN for s in scenarios if s.top_reference and not s.slowest]
+    if not stop or "omega_min" in study.source.tables["controller"][name]:
+        return {}
+    return {"omega_min": min([*stop, *(s.slowest for s in scenarios if s.slowest)])}
 
 
 def _filtered(
@@ -287,13 +300,16 @@ def _loops(kind: type[LearningLoop], study: Study, name: str) -> Iterator[Learni
 
     A corner in which the feedback alone is unstable is left out: no learning gain would help there.
     """
-    scenarios = [study.scenario[key] for key in _scenarios(study, name)]
-    speeds = sorted({speed for s in scenarios for speed in (s.slowest, s.top_reference)} - {0.0})
+    scenarios, law = [study.scenario[key] for key in _scenarios(study, name)], study.controller[name]
+    speeds = {speed for s in scenarios for speed in (s.slowest, s.top_reference)}
+    if isinstance(law, SpaceLearning) and 0.0 in speeds:  # it stops or reverses, and learns above omega_min
+        speeds |= {min(law.omega_min, max(speeds))}
+    speeds -= {0.0}
     if not speeds:
         where = f"{study.source.path}: controller.{name}.tuning"
         raise StudyError(f"{where}: expected a scenario of this controller in which the rotor turns")
     T = speed_loop(study).period
-    for speed, corner in product(speeds, CORNERS):
+    for speed, corner in product(sorted(speeds), CORNERS):
         loop = kind(study, name, speed, torque=corner[0], late=corner[1] * T)
         if corner == AS_TOLD or oscillation(loop.plant, loop.feedback) is None:
             yield loop

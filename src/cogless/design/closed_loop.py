@@ -4,8 +4,8 @@ The state is the plant's x of pi.py, x' = A x + B i_ref from one sample of the l
 angles that the sensor remembers, the integral, a filter's states, and a delay's past speeds and angles. The
 feedback is
 
-    i_ref = -(k + k_i T z / (z - 1) + sum R) omega_t - k_v ratio theta,
-    omega_t = ratio (omega + k_theta theta)
+    i_ref = -(C + sum R) omega_t - k_v ratio theta,    omega_t = ratio (omega + k_theta theta)
+    C = k + k_i T z / (z - 1) + k_r T / (z - 1) (1 + c T z / (z - 1))
 
 margins.py tells how far a stable loop is from instability. This module tells at which frequency an unstable
 loop oscillates.
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.margins import Complex, Real
-from cogless.design.pi import SpeedLoop
+from cogless.design.pi import SpeedLoop, pi_response
 
 ALMOST = 1 - 1e-12  # magnitude given to a pole on the unit circle, so that its response is finite
 ROUNDING = 1e-6  # error of the integrators' poles at z = 1: a double pole if nothing is fed back
@@ -35,6 +35,16 @@ class Linear:
     k_theta: float = 0.0  # 1/s
     k_i: float = 0.0  # A/rad
     k_v: float = 0.0  # A/rad
+    k_r: float = 0.0  # A/rad, on the sum of past S = omega_t + c integral(omega_t)
+    c: float = 0.0  # 1/s
+
+    def response(self, w: Real, T: float) -> Complex:
+        """C at w in rad/s with sample period T."""
+        found = pi_response(w, T, self.k, self.k_i)
+        if self.k_r:
+            S = pi_response(w, T, 1.0, self.c)
+            found = found + self.k_r * T / (np.exp(1j * w * T) - 1) * S
+        return found
 
 
 @dataclass(frozen=True)
@@ -79,8 +89,10 @@ def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = (
     delayed, late = filtered + 2 * bool(loop.low_pass), loop.delay / loop.period
     back = int(late + ROUNDING)  # whole samples
     held = back + 1 if loop.delay else 0
-    # x, the integral, past angles, resonators' states in a fixed frame, the filter, past speeds and angles
-    size = delayed + 2 * held
+    summed = delayed + 2 * held
+    # x, the integral, past angles, resonators' states in a fixed frame, the filter, past speeds and angles,
+    # the integral in S and the sum of S
+    size = summed + 2 * bool(feedback.k_r)
 
     def unit(n: int) -> Real:
         return np.asarray(np.eye(size)[n])
@@ -110,6 +122,10 @@ def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = (
     omega_t = feedback.ratio * (omega + feedback.k_theta * theta)
     integral = unit(states) + feedback.k_i * loop.period * omega_t
     wanted = -feedback.k * omega_t - integral - feedback.k_v * feedback.ratio * theta
+    if feedback.k_r:
+        step[summed] = unit(summed) + feedback.c * loop.period * omega_t
+        step[summed + 1] = unit(summed + 1) + loop.period * (omega_t + step[summed])
+        wanted = wanted - feedback.k_r * unit(summed + 1)
 
     for n, each in enumerate(resonators):
         turn, phase, at = each.w * loop.period, each.w * each.lead, first + 2 * n

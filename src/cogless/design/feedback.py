@@ -6,7 +6,7 @@ from cogless.design.closed_loop import Linear, oscillation
 from cogless.design.pi import gains, speed_loop
 from cogless.design.position import feedback_at, harmonic_gains
 from cogless.study import Study
-from cogless.study.controller import Feedback
+from cogless.study.controller import Feedback, RobustIlc
 from cogless.study.harmonic import Harmonic
 from cogless.study.space_controller import SpacePosition
 
@@ -19,6 +19,8 @@ def feedback_of(study: Study, name: str, omega_m: float = 0.0) -> Linear | None:
     if isinstance(law, Harmonic):
         k_theta, kp, ki = harmonic_gains(study, name)
         return Linear(1, kp, k_theta, ki)
+    if isinstance(law, RobustIlc):
+        return Linear(1, law.linear[0], k_i=law.linear[1], k_r=law.gamma / law.b, c=law.c)
     pi = gains(study, name) if isinstance(law, Feedback) else law.linear
     return None if pi is None else Linear(1, pi[0], k_i=pi[1])
 

@@ -31,9 +31,10 @@ from cogless.study.step_motor import StepMotor
 
 FULLEST = 6  # highest learned order, in lowest common multiples of slots and poles
 MIDDLE = 1.3  # rad a sample, where the delay is taken: half of what an order may have
-STEP = 1 / 15  # what the rates of all orders add up to, a sample: slow orders settle up to 0.16
+STEP = 1 / 16  # what the rates of all orders add up to, a sample: slow orders settle up to 0.15
 MOST, LEAST = 20.0, 0.5  # 1/s, of the rate
 SURE = 5e-4  # rad, of the sensor's error: what deviates by more is not learned, as SURE in harmonic.c
+FOLLOWS = 10  # rates in the angular frequency of a load that turns with the rotor: a tenth of what it changes is left
 MARGIN = 2.4  # between the rate and where all orders together oscillate
 BENDS_FROM = (2, 4)  # base orders above which neighbours, one and two away, aren't learned themselves
 
@@ -49,16 +50,18 @@ def _learner(study: Study, name: str) -> Learner:
     base, highest = _orders(study, law)
     orders = max(1, min(ORDERS, highest // base))
     rate = min(MOST, STEP / (orders * loop.period))
-    told = Learner(loop.b, delay_of(loop), base, _bends(study, base), orders, rate, min(rate, LEAST))
+    step, bends = _step(study), _bends(study, base)
+    told = Learner(loop.b, delay_of(loop), step, base, bends, orders, rate, min(rate, LEAST))
     pi = harmonic_gains(study, name)
     speeds = _speeds(study, name, told.base * loop.period)
     if not speeds:
         return told
+    told = replace(told, rate_min=_least_rate(study, told, speeds[-1]))
     told = replace(told, held=held_bands(loop, told, pi, *_halls(study), (speeds[0], speeds[-1])))
     if loop.shaft is None:
         return told
     bound = min(_rate_bound(study, loop, told, pi, omega) for omega in speeds) / MARGIN
-    return replace(told, rate=min(rate, bound), rate_min=min(rate, bound, LEAST))
+    return replace(told, rate=min(rate, bound), rate_min=min(bound, told.rate_min))
 
 
 def _speeds(study: Study, name: str, sampled: float) -> list[float]:
@@ -215,6 +218,13 @@ def _poles_and_slots(study: Study) -> tuple[int, int | None]:
     return 2 * study.motor.pole_pairs, study.motor.slots
 
 
+def _step(study: Study) -> float:
+    """Step of the sensor's angle, rad, if the speed is timed from edge to edge and not filtered, so that it
+    tells where the rotor is between two; else 0."""
+    sensor, filtered = study.drive.position_sensor, study.drive.speed_filter
+    return sensor.step if isinstance(sensor, Counted) and sensor.timed and not filtered else 0.0
+
+
 def _bends(study: Study, base: int) -> int:
     """How much of the sensor's error is learned: none where it is true, or has no angle of its own.
 
@@ -222,11 +232,24 @@ def _bends(study: Study, base: int) -> int:
     or twice a turn bends the phases of ripple that depends on the current, too.
     """
     sensor = study.drive.position_sensor
-    loads = [study.mechanics.load, *(s.load for s in study.scenario.values() if s.load is not None)]
-    varies = any(wave.order <= 2 and wave.torque for load in loads for wave in load.harmonics)
-    if varies or not isinstance(sensor, Counted) or sensor.step > SURE:
+    if min(_load_orders(study), default=math.inf) <= 2 or not isinstance(sensor, Counted) or sensor.step > SURE:
         return 0
     return sum(base > free for free in BENDS_FROM)
+
+
+def _load_orders(study: Study) -> list[float]:
+    """Orders of the load that turns with the rotor."""
+    loads = [study.mechanics.load, *(s.load for s in study.scenario.values() if s.load is not None)]
+    return [wave.order for load in loads for wave in load.harmonics if wave.torque]
+
+
+def _least_rate(study: Study, told: Learner, fastest: float) -> float:
+    """To which the rate falls, 1/s: ripple that depends on the current changes with a load that turns with the rotor.
+
+    It is followed where it is slow enough for that. A load's order that is learned itself needs no following.
+    """
+    turning = [FOLLOWS * order * fastest for order in _load_orders(study) if order < told.base]
+    return min(told.rate, max([LEAST, *(rate for rate in turning if rate <= told.rate)]))
 
 
 def _main_order(study: Study, base: int) -> int:

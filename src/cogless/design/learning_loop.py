@@ -4,7 +4,7 @@ The analysis is for small signals, at a speed that hardly changes within the loo
 from current reference to measured speed and angle (pi.py), C the linear feedback, Gamma the learning gain on
 the error that is fed back, and T the sample period:
 
-    G = ratio (P_omega + k_theta P_theta),    C = k + k_i T z / (z - 1)
+    G = ratio (P_omega + k_theta P_theta),    C = k + k_i T z / (z - 1), and what closed_loop.py adds
     S = 1 / (1 + C G + k_v ratio P_theta),    X = Gamma G S
 
     factor |Q kept|,    kept = 1 / (1 + X), or 1 - X exp(jw n T) with a lead of n samples
@@ -251,6 +251,11 @@ class LearningLoop(ABC):
         k = int(np.argmax(factors))
         return Worst(float(factors[k]), float(f[k]))
 
+    @property
+    def settled(self) -> bool:
+        """Whether the loop is stable, and no frequency grows from period to period."""
+        return self.oscillation() is None and self.worst().factor <= SETTLED
+
 
 def _with_near(f: Real, loop: SpeedLoop) -> Real:
     """Frequencies f, Hz, and between their ends those around the resonances of the loop's soft shaft."""
@@ -267,7 +272,7 @@ def opened(feedback: Linear, P_omega: Complex, P_theta: Complex) -> Complex:
 
 def sensitivity(loop: SpeedLoop, feedback: Linear, w: Real, P_omega: Complex, P_theta: Complex) -> Complex:
     """The sensitivity S at w in rad/s, from both plants at w."""
-    C = pi_response(w, loop.period, feedback.k, feedback.k_i)
+    C = feedback.response(w, loop.period)
     around = C * opened(feedback, P_omega, P_theta) + feedback.k_v * feedback.ratio * P_theta
     return np.asarray(1 / (1 + around))
 

@@ -24,7 +24,7 @@ import numpy as np
 from cogless.design.closed_loop import Linear
 from cogless.design.current_loop import NO_MARGIN, CurrentLoop, tuned
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
-from cogless.design.pi import SpeedLoop, gains, pi_response, speed_loop
+from cogless.design.pi import SpeedLoop, gains, speed_loop
 from cogless.study import Study
 from cogless.study.controller import Tuning
 from cogless.study.harmonic import Harmonic
@@ -69,7 +69,7 @@ def harmonic_gains(study: Study, name: str) -> Gains:
 
 def open_loop(loop: SpeedLoop, feedback: Linear, w: Real) -> Complex:
     """The open loop L, with v and k_v, at w in rad/s."""
-    (speed, angle), C = loop.plant(w), pi_response(w, loop.period, feedback.k, feedback.k_i)
+    (speed, angle), C = loop.plant(w), feedback.response(w, loop.period)
     held = C * (speed + feedback.k_theta * angle)
     return np.asarray(feedback.ratio * (held + feedback.k_v * angle))
 
@@ -80,7 +80,8 @@ def position_margins(loop: SpeedLoop, feedback: Linear) -> Margins:
         return UNSTABLE
     integrators = 0
     if feedback.k or feedback.k_i:
-        integrators = 1 + (feedback.k_theta > 0) + (feedback.k_i > 0)
+        double = feedback.k_r > 0 and feedback.c > 0
+        integrators = 1 + (feedback.k_theta > 0) + max(feedback.k_i > 0, feedback.k_r > 0) + double
     if feedback.k_v:
         integrators = max(integrators, 2)
     return margins_of(lambda w: open_loop(loop, feedback, w), loop.period, integrators, loop.near)

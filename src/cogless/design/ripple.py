@@ -11,6 +11,8 @@ and kept are those of learning_loop.py. Two disturbances make ripple of the true
         with a lead      |P_t S|^2 (|C|^2 + |V|^2 Q^2 R) n^2,          V = Gamma S
         R = (1 - rho^2N) / (1 - rho^2)
 
+C and S without learning are those before it takes over from the integral, if the law hands that over.
+
 R is the accumulation of noise in the memory: each period adds noise to what was learned, and if learning
 hardly decays, it stays there. An angle in counts of q has an error of variance q^2 / 12. A speed that is the
 difference of two angles over the time W contains this error twice. The speed's noise is white if W is shorter
@@ -27,10 +29,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.angle_functions import functions_in
+from cogless.design.closed_loop import Linear
 from cogless.design.learning_loop import LearningLoop, plants, sensitivity
 from cogless.design.margins import Complex, Real
 from cogless.design.observer import counting_window
-from cogless.design.pi import pi_response
 from cogless.study import Study, for_scenario
 from cogless.study.position_sensor import Counted, Hall
 from cogless.study.spoken import speed_text
@@ -38,6 +40,7 @@ from cogless.study.spoken import speed_text
 FREQUENCIES = 2000
 FEW = 1.0  # counts per speed sample; below this the measured speed comes in pulses, or late
 LARGE = 0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor
+WORSE = 1.25  # ripple with learning / feedback's ripple; above this learning does harm
 ROUNDING = 1e-9
 
 
@@ -90,10 +93,11 @@ class Ripple:
 def ripple(loop: LearningLoop, duration: float) -> Ripple:
     """The ripple at a loop's speed, after learning for `duration` seconds."""
     f, d = _orders(loop)
-    P_t, S = _responses(loop, f)
-    passed = np.abs(P_t * S) * d
-    left = passed * loop.residual(f) if len(f) else passed
-    before, after = float(np.sum(passed**2)) / 2, float(np.sum(left**2)) / 2
+    feedbacks = (loop.feedback_before, loop.feedback)  # a law may hand its integral over to learning
+    alone, left = (np.abs(_responses(loop, feedback, f)[0]) * d for feedback in feedbacks)
+    if len(f):
+        left = left * loop.residual(f)
+    before, after = float(np.sum(alone**2)) / 2, float(np.sum(left**2)) / 2
     source = _sensor(loop)
     if source is not None and not source.timed:
         noise = _noise(loop, source, max(1.0, duration * loop.periods_per_second))
@@ -133,12 +137,13 @@ def _orders(loop: LearningLoop) -> tuple[Real, Real]:
     return np.asarray(orders * abs(loop.omega_m) / math.tau), np.asarray(wave[orders], dtype=float)
 
 
-def _responses(loop: LearningLoop, f: Real) -> tuple[Complex, Complex]:
-    """P_t, from current reference to true speed, and the sensitivity S, at frequencies f in Hz."""
+def _responses(loop: LearningLoop, feedback: Linear, f: Real) -> tuple[Complex, Complex]:
+    """P_t S, from a current that disturbs to the true speed, and S, at frequencies f in Hz."""
     grid, P_omega, P_theta = plants(loop.plant)
     w = math.tau * f
     P_omega, P_theta = np.interp(f, grid, P_omega), np.interp(f, grid, P_theta)
-    return 1j * w * P_theta, sensitivity(loop.plant, loop.feedback, w, P_omega, P_theta)
+    S = sensitivity(loop.plant, feedback, w, P_omega, P_theta)
+    return 1j * w * P_theta * S, S
 
 
 def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, float]:
@@ -149,8 +154,8 @@ def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, 
     density = source.count**2 / 12 / source.window**2 / nyquist
     shared = source.window >= T * (1 - ROUNDING)  # two samples share an angle, with opposite signs
     density = density * (np.abs(1 - np.exp(-1j * w * source.window)) ** 2 if shared else 2.0)
-    P_t, S = _responses(loop, f)
-    C = ratio * pi_response(w, T, loop.feedback.k, loop.feedback.k_i)
+    C_alone, C = (ratio * feedback.response(w, T) for feedback in (loop.feedback_before, loop.feedback))
+    (passed_alone, _), (passed, S) = (_responses(loop, of, f) for of in (loop.feedback_before, loop.feedback))
     V, q = ratio * loop.gain(w) * S, loop.q(f) * loop.lines(f, True)
     rho = np.minimum(q * np.abs(loop.kept(f)), 1 - 1e-9) ** 2
     times = (1 - rho**periods) / (1 - rho)
@@ -159,5 +164,6 @@ def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, 
     else:
         V = V * loop.kept(f)
         learned = np.abs(C + V) ** 2 + np.abs(V) ** 2 * rho * times
-    passed = np.abs(P_t * S) ** 2 * density * nyquist / FREQUENCIES
-    return float(np.sum(passed * np.abs(C) ** 2)), float(np.sum(passed * learned))
+    density = density * nyquist / FREQUENCIES
+    alone = float(np.sum(np.abs(passed_alone * C_alone) ** 2 * density))
+    return alone, float(np.sum(np.abs(passed) ** 2 * density * learned))

@@ -28,6 +28,7 @@ from cogless.units import TIME
 
 # Units of what the rule of `harmonic` computes.
 LEARNER = {
+    "step": "rad",
     "b": "rad/s^2/A",
     "delay": "s",
     "base": "",

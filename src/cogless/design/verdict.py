@@ -36,7 +36,7 @@ from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import SETTLED, LearningLoop, Worst
 from cogless.design.margins import Real
 from cogless.design.order_learning import OrderLoop
-from cogless.design.ripple import doubts, ripple
+from cogless.design.ripple import WORSE, doubts, ripple
 from cogless.design.space_bounds import unfit
 from cogless.design.space_learning import SpaceLoop
 from cogless.study import Study, for_scenario
@@ -58,7 +58,6 @@ SLOWEST = 200.0  # speeds below the fastest one divided by this count as rest
 ORDERS = 2000
 ANGLES = 720  # in an electrical revolution
 RIPPLE = 0.01  # relative; a smaller ripple of the torque constant is neglected
-WORSE = 1.25  # ripple with learning / feedback's ripple; above this learning does harm
 MARGIN = 2  # proposed omega_min / unstable speed: a gain margin, since mu is proportional to 1 / |omega|
 TINY = 1e-30  # under a logarithm
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cogless.maps.stored_map import ORDER, StoredMap
 from cogless.study import AnyStudy, TrialStudy, for_scenario
+from cogless.study.controller import OwnLaw
 from cogless.study.motor import StarMotor
 
 POINTS = 8  # per wave of the highest order
@@ -62,7 +63,10 @@ def memory_of(
         return _over_angle(*values)
     law, poles = study.controller[controller], for_scenario(study, scenario).motor.pole_pairs
     period = Fraction(stored["turns"], stored["parts"])  # revolutions
-    ratio = 1 if period == 1 else law.ratio(poles)
+    if isinstance(law, OwnLaw):
+        ratio = poles if period == Fraction(1, poles) else 1
+    else:
+        ratio = 1 if period == 1 else law.ratio(poles)
     unit = float(np.float32(law.unit)) if study.drive.precision == "single" else law.unit  # as the law has it
     cells = values.shape[1]
     angle = 2 * np.pi * float(ratio * period) / cells * np.arange(cells)

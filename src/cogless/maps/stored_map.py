@@ -18,6 +18,7 @@ from cogless.files import reason, replacing
 
 MAGIC, VERSION, HEADER, MARK = b"CGLM", 1, 64, b"DONE"
 FLOAT32 = 1  # the only number type
+OWN = 128  # the first code of a user's own laws
 LONGEST_WRITE = 256  # bytes
 
 LAWS = ("other", *(law.name for law in C_LAWS.values() if law.cells))  # index: code of the law
@@ -85,7 +86,9 @@ class StoredMap:
 
     @property
     def law_name(self) -> str:
-        return _name(LAWS, self.law)
+        if self.law >= OWN:
+            return f"own law {self.law}"
+        return LAWS[self.law] if self.law < len(LAWS) else str(self.law)
 
     @property
     def angle(self) -> NDArray[np.float64] | None:
@@ -250,7 +253,3 @@ def _mark(header_crc: int, write_size: int) -> bytes:
 
 def _write_sizes() -> tuple[int, ...]:
     return tuple(1 << n for n in range(LONGEST_WRITE.bit_length()))
-
-
-def _name(names: tuple[str, ...], code: int) -> str:
-    return names[code] if code < len(names) else str(code)

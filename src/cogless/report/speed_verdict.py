@@ -16,7 +16,7 @@ from cogless.report.sensor import Sensor, sensor
 from cogless.report.verdict import CLEARLY, Contest, ScenarioVerdict, listed, over, times, worst
 from cogless.results import Results, Run
 from cogless.study import Study
-from cogless.units import ANGULAR_SPEED, convert
+from cogless.units import ANGULAR_SPEED, convert, factor
 
 COST = 0.01  # relative; a metric that gets worse by less isn't reported as a cost
 MOST = 3  # largest number of metrics in a sentence about another controller
@@ -213,6 +213,18 @@ def _is_total(line: Line) -> bool:
     return error or (line.kind in TOTALS and line.signal in SPEEDS)
 
 
+def _is_part(case: _Case, line: Line) -> bool:
+    """Whether a line is an order of the speed, a part of the total that the case is judged by."""
+    return _is_total(case.line) and line.kind == "order" and line.signal in SPEEDS
+
+
+def _is_slight(case: _Case, line: Line, controller: str) -> bool:
+    """Whether an order of the speed is below `COST` of the baseline's total."""
+    order, total = line.values[controller] or 0.0, case.line.values[case.baseline] or 0.0
+    size = order * factor(line.unit, ANGULAR_SPEED)
+    return size < COST * total * factor(case.line.unit, ANGULAR_SPEED)
+
+
 def _orders(lines: Sequence[Line], controller: str) -> list[Line]:
     """The lines of the first order metric, sorted by this controller's amplitude, the largest first."""
     first = next((line.name for line in lines if line.kind == "order"), None)
@@ -269,9 +281,7 @@ def _against_the_next(case: _Case) -> str:
 
 def _worse(case: _Case, controller: str, other: str) -> str:
     """A sentence on other metrics in which a controller is clearly worse than another, the worst first."""
-    part = _is_total(case.line)  # then the speed's orders are parts of the line judged already
-    others = [line for line in case.lines if line is not case.line]
-    others = [line for line in others if not (part and line.kind == "order" and line.signal in SPEEDS)]
+    others = [line for line in case.lines if line is not case.line and not _is_part(case, line)]
     ratios = [(line.ratio(controller, other) or 0.0, line) for line in others]
     worst = sorted((pair for pair in ratios if pair[0] >= CLEARLY), key=lambda pair: -pair[0])
     parts = [
@@ -289,7 +299,7 @@ def _costs(case: _Case) -> str:
     costs, compared = [], 0
     for line in case.lines:
         ratio = line.ratio(best, case.baseline)
-        if line is case.line or ratio is None:
+        if line is case.line or ratio is None or (_is_part(case, line) and _is_slight(case, line, best)):
             continue
         compared += 1
         if ratio > 1 + COST:

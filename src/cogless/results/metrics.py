@@ -225,11 +225,15 @@ def overshoot(m: MetricInput) -> float:
     """Distance by which the signal exceeds its final value, in the signal's unit; 0 if it doesn't.
 
     The final value is the mean over the last quarter of the window. The direction is that from the mean
-    before the event to the final value.
+    before the event to the final value. But a signal whose target stays is thrown off and comes back: then it
+    is the direction from the largest deviation to the final value, and what comes before doesn't count.
     """
-    end = float(np.mean(m.x[-max(1, len(m.x) // 4) :]))
-    direction = math.copysign(1.0, end - _mean_before(m))
-    return max(0.0, float(np.max(direction * (m.x - end))))
+    x, start = m.x, _mean_before(m)
+    end = float(np.mean(x[-max(1, len(x) // 4) :]))
+    if _target_stays(m):
+        furthest = int(np.argmax(np.abs(x - start)))
+        x, start = x[furthest:], float(x[furthest])
+    return max(0.0, float(np.max(math.copysign(1.0, end - start) * (x - end))))
 
 
 def exceeds(m: MetricInput) -> float | None:
@@ -415,6 +419,14 @@ def _outside(m: MetricInput, otherwise: Callable[[], float]) -> NDArray[np.intp]
     else:
         target = otherwise()
     return np.flatnonzero(np.abs(m.x - target) > m.metric.band)
+
+
+def _target_stays(m: MetricInput) -> bool:
+    """Whether the signal has a target that stays the same from the row before the window on."""
+    if m.signal not in REFERENCES or REFERENCES[m.signal] not in m.trace:
+        return m.signal in ERRORS
+    rows = slice(max(m.rows.start - 1, 0), m.rows.stop)
+    return float(np.ptp(m.part(REFERENCES[m.signal], rows))) == 0
 
 
 def _mean_before(m: MetricInput) -> float:

@@ -51,7 +51,8 @@ class Plan:
         """The state at time zero, with `learned` loaded into the law's memory."""
         state = self.drive.start()
         if self.learned is not None:
-            self.drive.load_map(state, self.learned)
+            with failures(*self.names):
+                self.drive.load_map(state, self.learned)
         return state
 
     @property
@@ -110,6 +111,8 @@ def _speed(study: Study, scenario: str, controller: str, mode: Mode) -> Plan:
     with _refusals(study, scenario, controller):
         description = engine_config(study, scenario, controller, mode)
         drive = engine.Drive(description, law)
+    with failures(study, scenario, controller):
+        drive.stored(drive.start())  # what a user's law tells may be no map: found before it runs
     return Plan(
         study,
         scenario,

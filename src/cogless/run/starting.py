@@ -9,28 +9,39 @@ import numpy as np
 from cogless.errors import StudyError
 from cogless.maps import start, stored_map
 from cogless.maps.stored_map import CURRENT, MapError, StoredMap
+from cogless.run.own_law import describe, law_file
 from cogless.study import Study
-from cogless.study.controller import Startable
+from cogless.study.controller import OwnLaw, Startable
 from cogless.study.start import Start
 
 
 def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> start.Reals:
     """The entries of a law's map at the start of a run, (channels, cells).
 
-    `drive`: the engine's, with this law. StudyError: the file is no map, or nothing that fits the law.
+    `drive`: the engine's, with this law. StudyError: the file is no map, or nothing that fits the law, or
+    that a user's law takes.
     """
     given = law.start
     assert given is not None
     key, name = ("table", given.table) if given.map is None else ("map", given.map)
     where = f'{study.source.path}: controller.{controller}.start.{key}: "{name}": '
-    own = drive.stored(drive.start())
-    if own is None:
-        raise StudyError(f"{where}expected none, since the memory is over time")
     try:
+        state = drive.start()
+        own = drive.stored(state)
+        if own is None:
+            needs = law.NEEDS if isinstance(law, OwnLaw) else "none, since the memory is over time"
+            raise MapError(f"expected {needs}")
         found = _of_table(study, given) if given.map is None else _newest(study, given.map)
-        return start.entries(found, own, law.unit)
+        entries = start.entries(found, own, law.unit)
+        if isinstance(law, OwnLaw):
+            drive.load_map(state, entries)  # it may refuse it: before the first run
+        return entries
     except MapError as error:
         raise StudyError(f"{where}{error}") from None
+    except Exception as error:
+        if not isinstance(law, OwnLaw):
+            raise
+        raise StudyError(f"{where}{describe(error, law_file(study, controller))}") from error
 
 
 def _newest(study: Study, name: str) -> StoredMap:

@@ -35,8 +35,10 @@ def names(study: StudyBase) -> None:
 
 
 def references(study: StudyBase) -> None:
-    """Check that the controllers which scenarios name exist."""
+    """Check that the controllers which scenarios name exist, and that a scenario has one."""
     for name, scenario in study.scenario.items():
+        if scenario.controllers == ():
+            raise invalid(one_of(study.controller), "scenario", name, "controllers")
         for index, controller in enumerate(scenario.controllers or ()):
             if controller not in study.controller:
                 raise invalid(one_of(study.controller), "scenario", name, "controllers", index)
@@ -152,6 +154,7 @@ BOTH: tuple[Callable[[Any], None], ...] = (
     outer_loop,
     sensor_side,
     numerics.heating,
+    numerics.current_range,
     energy,
     metric_checks.known_signals,
     metric_checks.metrics,

@@ -372,8 +372,10 @@ class AntiCogging(Feedback, Startable):
         return {"pi": self.pi_config(loop), "cells": self.cells, "lead": self.lead, **run}
 
 
-class OwnLaw(Base):
+class OwnLaw(Startable):
     """The keys of every controller that a user has written himself."""
+
+    NEEDS: ClassVar[str]  # what it must have to start from a map
 
     learning: bool = False  # whether it learns, which only the user knows
     learning_start: StartTime = 0.0  # s: until then inputs.learn is false
@@ -382,6 +384,10 @@ class OwnLaw(Base):
     @property
     def learns(self) -> bool:
         return self.learning
+
+    @property
+    def learned(self) -> bool:
+        return self.learning or self.start is not None
 
     @property
     def learns_from(self) -> float:
@@ -394,6 +400,8 @@ class OwnLaw(Base):
 
 class PythonLaw(OwnLaw):
     """A user's class with step(inputs) -> i_q_ref or (i_d_ref, i_q_ref), A."""
+
+    NEEDS: ClassVar[str] = "a class with the methods learned_map() and load_map(learned)"
 
     law: Literal["python"]
     object: Annotated[str, Field(pattern=r"^.+\.py:\w+$")]  # "file.py:Class", relative to the study
@@ -412,6 +420,8 @@ class PythonLaw(OwnLaw):
 
 class LibraryLaw(OwnLaw):
     """A user's shared library with the documented C interface."""
+
+    NEEDS: ClassVar[str] = "a library with cogless_plugin_learned_map and cogless_plugin_load_map"
 
     law: Literal["library"]
     library: str  # relative to the study

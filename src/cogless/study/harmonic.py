@@ -22,6 +22,7 @@ class Learner:
 
     b: float  # rad/s^2/A
     delay: float  # s
+    step: float  # rad, of an angle whose edges are timed; 0: none
     base: int  # mechanical
     bends: int  # 1: a sensor's error once a turn is learned, 2: twice, too
     orders: int

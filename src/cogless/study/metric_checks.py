@@ -32,6 +32,8 @@ def metrics(study: Study | TrialStudy) -> None:
             if result_name(metric) == result_name(other) and metric.meaning != other.meaning:
                 expected = "expected the kind, signal, order and frame of the other metric of this name"
                 raise invalid(expected, "metric", index, "name")
+        if metric.scenarios == ():
+            raise invalid(one_of(study.scenario), "metric", index, "scenarios")
         for scenario in metric.scenarios or ():
             if scenario not in study.scenario:
                 raise invalid(one_of(study.scenario), "metric", index, "scenarios", value=scenario)

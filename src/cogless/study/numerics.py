@@ -135,6 +135,17 @@ def heating(study: Study | TrialStudy) -> None:
         raise invalid(expected, "motor", "temperature", "heating")
 
 
+def current_range(study: Study | TrialStudy) -> None:
+    """Refuse a converter that can't measure the currents that the controller may ask for."""
+    drive = study.drive
+    if drive is None or drive.ideal or not drive.current_sensors.bits:
+        return
+    span, limit = drive.current_sensors.range, drive.current_loop.current_limit
+    if span < limit:
+        expected = f"expected drive.current_loop.current_limit, {limit:g} A, or more"
+        raise invalid(expected, "drive", "current_sensors", "range", value=f"{span:g} A")
+
+
 def dead_time(study: Study) -> None:
     """Check that the dead time leaves time to switch within a current-loop period."""
     check_dead_time(study.drive)

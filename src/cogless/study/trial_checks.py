@@ -169,6 +169,9 @@ def controllers(study: TrialStudy) -> None:
             if study.plant is not None:
                 expected = "expected a law of trials, since a law of your own needs a drive"
                 raise invalid(expected, "controller", name, "law")
+            if controller.start is not None:
+                expected = "expected none: what is learned from trial to trial belongs to their reference"
+                raise invalid(expected, "controller", name, "start")
         elif isinstance(controller, StateIlc):
             if controller.K_stab is not None and len(controller.K_stab) != n:
                 raise invalid(f"expected {n} numbers, one a state", "controller", name, "K_stab")

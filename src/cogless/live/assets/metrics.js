@@ -117,6 +117,13 @@ const liveMetrics = (() => {
     const theta = trace.get("theta_m").subarray(...rows), end = theta[theta.length - 1];
     return mean(part(m.signal, rows).filter((_, i) => Math.abs(theta[i] - end) <= TAU));
   }
+  // Whether the signal has a target that stays the same from the row before the window on.
+  function targetStays({ m, trace, part, first, last }) {
+    const reference = REFERENCES[m.signal];
+    if (!reference || !trace.has(reference)) return ERRORS.includes(m.signal);
+    const target = part(reference, [Math.max(first - 1, 0), last]);
+    return target.every((v) => v === target[0]);
+  }
   function outside(at, otherwise) {
     const { m, trace, part, x, first, last } = at, found = [];
     const reference = REFERENCES[m.signal];
@@ -227,8 +234,14 @@ const liveMetrics = (() => {
     },
     overshoot: (at) => {
       const end = mean(at.x.subarray(at.x.length - Math.max(1, Math.floor(at.x.length / 4))));
-      const direction = end - meanBefore(at) < 0 ? -1 : 1;
-      return Math.max(0, largest(at.x.map((v) => direction * (v - end))));
+      let { x } = at, start = meanBefore(at);
+      if (targetStays(at)) {
+        const off = x.map((v) => Math.abs(v - start));
+        x = x.subarray(off.indexOf(largest(off)));
+        start = x[0];
+      }
+      const direction = end - start < 0 ? -1 : 1;
+      return Math.max(0, largest(x.map((v) => direction * (v - end))));
     },
     exceeds: (at) => {
       const out = outside(at, () => mean(at.x.subarray(0, Math.max(1, Math.floor(at.x.length / 10)))));

@@ -1,0 +1,321 @@
+"""Pieces of the way from a file to an estimate, each by itself: clocks, angles, units, kernels, errors."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from identify.test_files import COLUMNS, ID, logs
+
+from cogless.errors import StudyError
+from cogless.identify import log as logging
+from cogless.identify import plan, regression, steady, weak_form
+from cogless.identify.config import Identification, LogRule, load
+from cogless.identify.log import Log
+from cogless.identify.regression import Block
+
+TURN = 2 * np.pi
+T = np.arange(2000) * 1e-3
+THETA = 8.0 * T + 0.5 * np.sin(3.0 * T)
+OMEGA = 8.0 + 1.5 * np.cos(3.0 * T)
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory: pytest.TempPathFactory) -> Identification:
+    """4 pole pairs, 10,000 counts."""
+    path = tmp_path_factory.mktemp("known") / "id.toml"
+    path.write_text(ID.replace("[motor]", 'omega = "omega"\n[motor]'))
+    return load(path)
+
+
+# --- units
+
+
+@pytest.mark.parametrize(
+    ("factor", "cure"),
+    [
+        (30 / np.pi, 'the speed looks like rpm: unit = "rpm"'),
+        (1.04 * 30 / np.pi, 'the speed looks like rpm: unit = "rpm"'),
+        (1.07 * 30 / np.pi, ""),
+        (180 / np.pi, 'the speed looks like deg/s: unit = "deg/s"'),
+        (np.pi / 180, 'the angle looks like degrees: unit = "deg"'),
+        (1 / TURN, 'the speed looks like revolutions: unit = "rev/s"'),
+        (TURN, 'the angle looks like revolutions: unit = "rev"'),
+        (1e3, 'the time looks like milliseconds: unit = "ms"'),
+        (1e6, 'the time looks like microseconds: unit = "us"'),
+        (-1.0, "one of them counts backwards: sign = -1"),
+        (1 / 4, "the angle looks electrical, and a mechanical one is needed"),
+        (1.55, ""),
+        (1 / 1.55, ""),
+    ],
+)
+def test_a_speed_that_is_no_change_of_the_angle_is_told_what_it_looks_like(
+    known: Identification, factor: float, cure: str
+) -> None:
+    with pytest.raises(StudyError) as error:
+        logging._units_agree("a", T, {"omega": factor * OMEGA, "theta": THETA}, known)
+    end = f"; {cure}" if cure else ""
+    assert str(error.value) == (
+        f"a: omega is {factor:.4g} times the change of counts over ms: expected units that agree{end}"
+    )
+
+
+def test_a_speed_may_lag_lose_counts_and_stop_for_a_gap(known: Identification) -> None:
+    def agree(t: np.ndarray, omega: np.ndarray, theta: np.ndarray = THETA) -> None:
+        logging._units_agree("a", t, {"omega": omega, "theta": theta}, known)
+
+    for factor in (1.45, 1.0, 1 / 1.45):
+        agree(T, factor * OMEGA)
+    agree(np.where(T < 1, T, T + 5.0), OMEGA)  # it stands in between
+    agree(T, 100 * OMEGA, 0.01 * THETA)  # about 0.05 rad: it hardly turns
+    logging._units_agree("a", T, {"theta": THETA}, known)
+
+
+# --- clocks
+
+
+def test_a_clock_that_jitters_is_brought_to_equal_times() -> None:
+    """Below 2 % of a period nothing moves; nor where times are rounded to steps larger than their jitter."""
+    even = np.arange(1000) * 1e-3
+    noise = np.random.default_rng(0).normal(size=1000)
+    kept, jitter = logging._even(even + 1e-5 * noise, {"x": even}, 1e-3)
+    assert kept["x"] is even and jitter == pytest.approx(1e-5, rel=0.1)
+    moved, jitter = logging._even(even + 5e-5 * noise, {"x": even + 5e-5 * noise}, 1e-3)
+    assert jitter == pytest.approx(5e-5, rel=0.1)
+    assert np.diff(moved["x"]) == pytest.approx(1e-3, rel=1e-3)
+    rounded = np.round(np.arange(1000) * 2.4e-3, 3)
+    kept, _ = logging._even(rounded, {"x": even}, 2e-3)
+    assert kept["x"] is even
+
+
+def test_the_period_is_that_between_gaps() -> None:
+    t = np.array([0.0, 1.0, 2.0, 3.2, 10.0, 11.0])
+    assert logging._period(t, 1.0) == pytest.approx((1 + 1 + 1.2 + 1) / 4)
+
+
+def test_jitter_is_told_from_a_twentieth_of_a_period_on(tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).normal(size=1000)
+    noise /= np.std(noise)
+    for share, told in ((0.045, False), (0.06, True)):
+        (log,) = logs(tmp_path, "a.npz", {**COLUMNS, "ms": COLUMNS["ms"] + share * noise})
+        said = [line for line in log.remarks if "jitters" in line]
+        assert said == ["a.npz: the clock jitters by 0.06 ms rms, rows are 1 ms apart."] * told
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        ({**COLUMNS, "ms": np.zeros(1000)}, "ms: never changes: expected a moving t"),
+        ({**COLUMNS, "counts": np.full(1000, 7.0)}, "counts: never changes: expected a moving theta"),
+        ({key: x[:99] for key, x in COLUMNS.items()}, "99 rows: expected 100 or more"),
+        ({key: x for key, x in COLUMNS.items() if key != "ms"}, "ms: missing: expected the time of each row"),
+        (
+            {**COLUMNS, "ms": np.arange(1000) + 10.0 * (np.arange(1000) // 90)},
+            "no 100 rows without a gap: expected a log without so many gaps",
+        ),
+        (
+            {**COLUMNS, "counts": COLUMNS["counts"] + 1500.0 * (np.arange(1000) >= 60)},
+            "counts: row 61: the angle jumps, and only 60 rows are before: expected 100 or more of an "
+            "encoder's angle, not one of Hall sensors",
+        ),
+    ],
+)
+def test_a_log_that_cannot_be_used_says_why(
+    tmp_path: Path, columns: dict[str, np.ndarray], says: str
+) -> None:
+    with pytest.raises(StudyError) as error:
+        logs(tmp_path, "a.npz", columns)
+    assert str(error.value) == f"{tmp_path / 'a.npz'}: {says}"
+
+
+def test_the_same_log_twice_is_refused(tmp_path: Path) -> None:
+    logs(tmp_path, "a.npz")
+    with pytest.raises(StudyError, match=r"^a.npz: given twice: expected each log once$"):
+        logging.load_logs([tmp_path / "a.npz"] * 2, load(tmp_path / "id.toml"))
+
+
+def test_parts_of_a_file_are_logs_of_their_own(tmp_path: Path) -> None:
+    (tmp_path / "id.toml").write_text(ID.replace("[motor]", 'part = "run"\n[motor]'))
+    np.savez(tmp_path / "a.npz", **COLUMNS, run=np.repeat([2.0, 1.0, 7.5], [200, 300, 500]))
+    found = logging.load_logs([tmp_path / "a.npz"], load(tmp_path / "id.toml"))
+    assert [(log.name, len(log)) for log in found] == [("a.npz#1", 300), ("a.npz#2", 200), ("a.npz#7.5", 500)]
+
+
+def test_a_hold_map_needs_the_direction_that_the_rotor_came_from(tmp_path: Path) -> None:
+    text = ID.replace('t = { name = "ms", unit = "ms" }\n', "").replace(
+        "[motor]", 'direction = "from"\n[motor]'
+    )
+    text += '[[log]]\nfile = "a*"\nkind = "hold"\n'
+    (tmp_path / "id.toml").write_text(text)
+    hold = {key: COLUMNS[key] for key in ("counts", "current")}
+    np.savez(tmp_path / "a.npz", **hold, **{"from": np.where(COLUMNS["ms"] < 500, -3.0, 0.5)})
+    (log,) = logging.load_logs([tmp_path / "a.npz"], load(tmp_path / "id.toml"))
+    assert log.dt == 0 and log.stretches == (slice(0, 1000),)
+    assert log["direction"].tolist() == [-1.0] * 500 + [1.0] * 500
+    np.savez(tmp_path / "a.npz", **hold)
+    with pytest.raises(StudyError, match="from: missing: a hold map needs theta, i_q and the direction that"):
+        logging.load_logs([tmp_path / "a.npz"], load(tmp_path / "id.toml"))
+
+
+# --- angles
+
+
+@pytest.mark.parametrize(("jump", "slips"), [(0.015, False), (0.025, True), (-0.025, True)])
+def test_an_angle_slips_where_it_jumps_by_ten_times_the_rows_around(jump: float, slips: bool) -> None:
+    """Rows of 1 mrad and counts of 0.5 mrad: beyond 10 + 10 + 1 mrad it is no rotor."""
+    theta = 1e-3 * np.arange(500) + jump * (np.arange(500) >= 300)
+    remarks: list[str] = []
+    assert logging._slip("a", theta, 5e-4, remarks) == (300 if slips else 500)
+    degrees = math.degrees(jump + 1e-3)
+    assert (
+        remarks
+        == [
+            f"a: row 301: the angle jumps by {degrees:.2g} deg: the index has slipped, or counts are lost; "
+            "what follows is left out; check the encoder's wiring, and record this log again."
+        ]
+        * slips
+    )
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.19, False), (0.21, True)])
+def test_rows_that_repeat_are_told_from_a_fifth_on(share: float, told: bool) -> None:
+    moved = np.ones(1000)
+    moved[: round(1000 * share)] = 0.0
+    theta = np.concatenate(([0.0], np.cumsum(moved)))
+    remarks: list[str] = []
+    logging._repeats("a", {"theta": theta, "i_q": theta}, 0.1, remarks)
+    assert [line.startswith("a: 21 % of the rows repeat the one before") for line in remarks] == [True] * told
+    logging._repeats("a", {"theta": theta, "i_q": theta}, 1.0, slow := [])  # a count lasts longer than a row
+    logging._repeats("a", {"theta": theta, "i_q": np.arange(1001.0)}, 0.1, slow)  # a new current in each row
+    assert slow == []
+
+
+def test_an_angle_that_wraps_is_unwrapped_and_one_of_no_turn_is_refused() -> None:
+    remarks: list[str] = []
+    theta = np.arange(1000) * 0.05
+    assert logging._unwrapped("a", "a: x", theta % TURN, remarks) == pytest.approx(theta)
+    assert remarks == ["a: the angle wraps 7 times, and is unwrapped."]
+    with pytest.raises(StudyError, match=r"a: x: row 201: the angle jumps by 9.95 rad, which is no turn"):
+        logging._unwrapped("a", "a: x", theta % 10.0, remarks)
+
+
+# --- steady parts
+
+
+def test_the_longest_run_of_true() -> None:
+    def longest(text: str) -> list[int]:
+        return steady._longest(np.array([c == "x" for c in text])).tolist()
+
+    assert longest("..xx.xxx.x") == [5, 6, 7]
+    assert longest("xx..xx") == [0, 1] and longest("....") == [] and longest("..x") == [2]
+
+
+def part(speed: float = 6.0, **waves: float) -> steady.Steady:
+    """Five seconds at a speed, with waves of it by order."""
+    t = np.arange(5000) * 1e-3
+    theta = speed * t
+    noise = np.random.default_rng(0).normal(0, 0.01, 5000)
+    omega = speed + noise + sum(size * np.cos(int(n) * theta + 0.7) for n, size in waves.items())
+    signals = {"theta": theta, "omega": omega, "i_q": 0.2 + 0 * t}
+    whole = Log("a", LogRule(file="*"), 1e-3, signals, (slice(0, 5000),))
+    (found,) = steady.steady(whole)
+    return found
+
+
+def test_waves_of_a_steady_part_have_their_size_and_phase() -> None:
+    found = part(**{"6": 0.3, "24": 0.1})
+    assert found.wave(found.omega, [6, 24, 11]) == pytest.approx(
+        np.array([0.3, 0.1, 0.0]) * np.exp(0.7j), abs=2e-3
+    )
+    assert found.orders() == [6, 24]
+    assert (found.speed, found.load, found.current) == pytest.approx((6.0, 0.2, 0.2))
+    assert found.ripple == pytest.approx(math.sqrt((0.09 + 0.01) / 2), rel=0.02)
+    back = part(-6.0, **{"6": 0.3})
+    assert (back.speed, back.load, back.current) == pytest.approx((-6.0, -0.2, 0.2))
+
+
+def test_an_order_is_visible_up_to_a_sixth_of_the_rows_rate() -> None:
+    """1000 rows a second: 166 Hz, at 6 rad/s order 174."""
+    assert part().visible(174) and not part().visible(175)
+
+
+def test_parts_turn_for_a_revolution_at_one_speed() -> None:
+    t = np.arange(3000) * 1e-3
+    for turned, parts in ((1.05, 1), (0.95, 0)):
+        theta = turned * TURN * t / t[-1]
+        log = Log("a", LogRule(file="*"), 1e-3, {"theta": theta}, (slice(0, 3000),))
+        found = list(steady.steady(log))
+        assert len(found) == parts and all(math.isnan(each.load) for each in found)
+    both = Log("a", LogRule(file="*"), 1e-3, {"theta": 10 * np.minimum(t, 3 - t)}, (slice(0, 3000),))
+    assert [round(each.speed) for each in steady.steady(both)] == [10, -10]
+
+
+# --- the weak form
+
+
+def test_a_kernel_smooths_and_derives_a_parabola_exactly() -> None:
+    """Of 2 + 3 x + 4 x^2: itself but for the kernel's width, its slope, and twice 4."""
+    kernel = weak_form.Kernel(6e-3, 1e-3)
+    assert kernel.half == 24 and len(kernel.value) == 49
+    x = np.arange(200) * 1e-3
+    signal = 2 + 3 * x + 4 * x**2
+    middle = x[24:-24]
+    width = float(kernel.value @ ((np.arange(49) - 24) * 1e-3) ** 2)
+    assert width == pytest.approx(6e-3**2, rel=2e-3)
+    assert kernel.of(signal, kernel.value, 1) == pytest.approx(2 + 3 * middle + 4 * (middle**2 + width))
+    assert kernel.of(signal, kernel.first, 1) == pytest.approx(3 + 8 * middle)
+    assert kernel.of(signal, kernel.second, 1) == pytest.approx(8.0 + 0 * middle)
+    for step in (2, 5, 7):
+        assert kernel.of(signal, kernel.first, step) == pytest.approx(
+            kernel.of(signal, kernel.first, 1)[::step]
+        )
+
+
+def test_a_signal_is_moved_by_parts_of_a_row() -> None:
+    x = np.arange(50.0)
+    wave = x**2
+    assert weak_form.shifted(wave, 0.0) is wave
+    assert weak_form.shifted(wave, 3.0)[5:-5] == pytest.approx(((x + 3) ** 2)[5:-5])
+    assert weak_form.shifted(wave, 2.25)[5:-5] == pytest.approx(((x + 2.25) ** 2)[5:-5])
+    assert weak_form.shifted(wave, -1.5)[5:-5] == pytest.approx(((x - 1.5) ** 2)[5:-5])
+    assert weak_form.shifted(wave, 3.0)[-1] == wave[-1] and weak_form.shifted(wave, -3.0)[0] == wave[0]
+
+
+# --- errors
+
+
+def test_leaving_one_out_gives_the_error_of_a_mean() -> None:
+    x = np.random.default_rng(0).normal(size=12)
+    without = (x.sum() - x) / 11
+    error = regression._jackknife(without[:, None])
+    assert error == pytest.approx(np.std(x, ddof=1) / math.sqrt(12))
+
+
+def test_columns_alike_inflate_each_others_variance() -> None:
+    """By 1 / (1 - r^2) with a correlation r; a column of zeros can't be told."""
+    r = 0.8
+    matrix = np.array([[4.0, 2 * 3 * r, 0.0], [2 * 3 * r, 9.0, 0.0], [0.0, 0.0, 0.0]])
+    half = Block("a", matrix / 2, np.array([4.0, 0.0, 0.0]), np.zeros(3), 1.0, 10)
+    found = regression.inflation([half, half])
+    assert found[:2] == pytest.approx(1 / (1 - r**2)) and math.isinf(found[2])
+    values = regression.solved([half, half], 3)
+    assert matrix @ values == pytest.approx([8.0, 0.0, 0.0]) and values[2] == 0.0
+    per = half.per(2.0)
+    assert per.matrix == pytest.approx(half.matrix / 4) and per.vector == pytest.approx(half.vector / 4)
+
+
+@pytest.mark.parametrize(
+    ("loop", "wave", "rate"),
+    [
+        (10e3, 300.0, 1000.0),
+        (10e3, TURN * 299.0, 1000.0),
+        (10e3, TURN * 301.0, 1250.0),
+        (10e3, TURN * 1e4, 10e3),
+        (8e3, TURN * 310.0, 1600.0),
+    ],
+)
+def test_rows_of_a_plan_show_its_fastest_wave(loop: float, wave: float, rate: float) -> None:
+    """A third of the rate shows; nine tenths of that is planned with."""
+    assert plan._rate(loop, wave) == pytest.approx(rate)

@@ -1,0 +1,615 @@
+"""What an estimate and a diagnosis say, word by word, from numbers that are made up."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from identify.commissioned import MOTORS
+
+from cogless.identify import config, diagnosis, findings, plan, speed_alone, write
+from cogless.identify.causes import Cause, Found
+from cogless.identify.command import Identified, lines
+from cogless.identify.config import Identification, LogRule
+from cogless.identify.diagnosis import Diagnosis
+from cogless.identify.log import Log
+from cogless.identify.regression import fit
+from cogless.identify.result import Estimate, Value, Wave, wave_of
+from cogless.identify.sessions import Session, sentences
+from cogless.identify.weak_form import Rows
+from cogless.report import diagnosed, identified
+from cogless.results.trace import Trace
+
+TURN = 2 * math.pi
+DT = 1e-3
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory: pytest.TempPathFactory) -> Identification:
+    """A servo with 4 pole pairs and 10,000 counts, whose K_t is 0.3 N m/A."""
+    path = tmp_path_factory.mktemp("known") / "id.toml"
+    servo = MOTORS["servo"]
+    columns = {name: name for name in ("t", "theta", "omega", "i_q")}
+    path.write_text(plan.text({"columns": columns, "motor": servo["motor"], "drive": servo["drive"]}))
+    return config.load(path)
+
+
+def log(name: str = "one.csv", kind: Any = None, rows: int = 2000, dt: float = DT, **signals: Any) -> Log:
+    made = {key: np.broadcast_to(np.asarray(x, dtype=float), rows) for key, x in signals.items()}
+    return Log(name, LogRule(file="*", kind=kind), dt, made, (slice(0, rows),))
+
+
+def turning(speed: float, rows: int = 2000, **more: Any) -> Log:
+    """A log at a speed, rad/s."""
+    return log(rows=rows, theta=speed * DT * np.arange(rows), **{"i_q": 0.1, **more})
+
+
+def estimate(known: Identification, **values: Any) -> Estimate:
+    logs = values.pop("logs", (turning(0.5),))
+    empty = Estimate(known, tuple(logs), {}, (), (), (), {}, (), ())
+    return replace(empty, **values)
+
+
+def wave(order: int, size: float, error: float = 0.0, phase: float = 0.0) -> Wave:
+    return Wave(order, Value(size, error), Value(phase, error))
+
+
+# --- numbers with their errors
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (0.123456, 0.0, "0.1235 A"),
+        (0.123456, math.inf, "0.1235 A"),
+        (0.123456, 0.01, "0.123 +- 0.01 A"),
+        (0.123456, 0.0123, "0.123 +- 0.012 A"),
+        (0.123456, 0.13, "0.12 +- 0.13 A"),
+        (-0.123456, 0.00012, "-0.12346 +- 0.00012 A"),
+        (0.001, 5.0, "0.001 +- 5 A"),
+    ],
+)
+def test_a_value_has_the_digits_that_its_error_leaves(value: float, error: float, text: str) -> None:
+    assert write.shown(Value(value, error), "A") == text
+    assert write.shown(Value(value, error)) == text.removesuffix(" A")
+
+
+def test_a_wave_of_its_parts() -> None:
+    """3 and 4 make 5; an error along it is one of its size, one across of its phase."""
+    found = wave_of(6, Value(3.0, 0.5), Value(4.0, 0.25))
+    assert found.size.value == 5.0 and found.phase.value == pytest.approx(math.atan2(3, 4))
+    assert found.size.error == pytest.approx(math.hypot(3 * 0.5, 4 * 0.25) / 5)
+    assert found.phase.error == pytest.approx(math.hypot(4 * 0.5, 3 * 0.25) / 25)
+    theta = 0.3
+    assert found.size.value * math.sin(6 * theta + found.phase.value) == pytest.approx(
+        3.0 * math.cos(6 * theta) + 4.0 * math.sin(6 * theta)
+    )
+    assert Value(-2.0, 0.5).times(-3.0) == Value(6.0, 1.5)
+
+
+def test_lines_of_an_estimate(known: Identification) -> None:
+    """Over K_t in A, and times K_t; waves in the units of a datasheet."""
+    made = estimate(
+        known,
+        values={"j": Value(1e-3, 1e-5), "offset": Value(0.02, 0.001), "c_hold": Value(0.1, 0.0)},
+        cogging=(wave(24, 0.05, 0.001, math.pi / 6),),
+        ripple=(wave(24, 0.02, 0.001, -math.pi / 2),),
+        encoder=(wave(1, math.radians(0.1)),),
+    )
+    assert lines(made) == [
+        "inertia over K_t               0.001 +- 1e-05 A*s^2/rad  inertia 0.0003 +- 3e-06 kg*m^2",
+        "friction at rest over K_t      0.1 A",
+        "offset of i_q, or a load       0.02 +- 0.001 A",
+        "cogging, order 24              15 +- 0.3 mN*m, phase 30 +- 0.057 deg",
+        "K_t ripple, order 24           2 +- 0.1 %, phase -90 +- 0.057 deg",
+        "encoder's error, order 1       0.1 deg, phase 0 deg",
+    ]
+
+
+# --- what misleads
+
+
+def test_a_current_that_follows_the_speed_before_is_a_feedback_law() -> None:
+    speed = 6 + np.sin(0.1 * np.arange(2000))
+    lag, correlation, gain = findings.feedback(log(omega=speed, i_q=-0.05 * np.roll(speed, 3))) or (0, 0, 0)
+    assert (lag, correlation, gain) == (3, pytest.approx(1.0, abs=1e-3), pytest.approx(-0.05, rel=1e-2))
+    assert findings.feedback(log(omega=speed, i_q=0.05 * speed)) is None  # it drives itself
+    noise = np.random.default_rng(0).normal(0, 0.12 * np.std(speed), 2000)
+    assert findings.feedback(log(omega=speed, i_q=-speed + noise)) is not None
+    assert findings.feedback(log(omega=speed, i_q=-speed + 2 * noise)) is None
+    assert findings.feedback(log(omega=speed, i_q=1.0)) is None
+    assert findings.feedback(log(omega=speed, i_q=-speed, dt=0.0)) is None
+    assert findings.feedback(log(i_q=-speed)) is None
+
+
+@pytest.mark.parametrize(("fastest", "one"), [(1.0, True), (1.17, True), (1.19, False), (2.0, False)])
+def test_speeds_that_differ_by_less_than_15_percent_are_one(fastest: float, one: bool) -> None:
+    logs = [turning(1.0), turning(fastest)]
+    assert findings.one_speed(logs) == findings.one_speed(logs[::-1]) == one
+
+
+def test_one_speed_says_which_and_what_its_current_is() -> None:
+    """The mean current in the direction of motion: friction and load together."""
+    both = [turning(TURN, i_q=0.2), turning(-TURN, i_q=-0.1)]
+    assert findings.said_of_one_speed(both) == (
+        "One speed only (1 rev/s): inertia, friction and delay cannot be identified (its mean current, "
+        "0.15 A, is friction and load together); add an acceleration log and a second speed."
+    )
+
+
+def test_offsets_are_those_with_the_bridge_off() -> None:
+    """The third phase carries what the others do, where nobody recorded it."""
+    two = log(kind="bridge-off", i_a=0.02, i_b=-0.05)
+    assert findings.offsets_of([turning(1.0), two]) == pytest.approx((0.02, -0.05, 0.03))
+    three = log(kind="bridge-off", i_a=0.04, i_b=-0.05, i_c=0.1)
+    assert findings.offsets_of([three]) == pytest.approx((0.04, -0.05, 0.1))
+    assert findings.offsets_of([two, three]) == pytest.approx((0.03, -0.05, 0.1))
+    assert findings.offsets_of([log(kind="load", i_a=0.1, i_b=0.1), log(kind="bridge-off", i_a=1.0)]) is None
+
+
+def test_a_kernel_lets_order_6p_through_in_the_slowest_log(known: Identification) -> None:
+    """Order 24 within three wavelengths: up to 20.8 rad/s by the usual kernel of 6 ms, else by a narrower."""
+    usual, edge = 6e-3, 3 / (24 * 6e-3)
+    assert findings.kernel_width(known, [turning(0.99 * edge), turning(100.0)]) == usual
+    assert findings.kernel_width(known, [turning(1.01 * edge)]) == pytest.approx(1 / (24 * 1.01 * edge))
+    assert findings.speed(turning(-3.0)) == pytest.approx(3.0)
+
+
+def test_inertia_that_is_not_larger_than_its_error_takes_friction_along(known: Identification) -> None:
+    told = {"b": Value(1.0, 0.1), "c": Value(1.0, 0.1), "delay": Value(1e-3, 1e-5), "offset": Value(0.1, 0.0)}
+    for inertia, kept in ((2.01, True), (1.99, False)):
+        left: list[str] = []
+        made = findings.without_nonsense(estimate(known, values={"j": Value(inertia, 1.0), **told}), left)
+        assert set(made.values) == ({"j", *told} if kept else {"offset"})
+        assert [line.startswith("Inertia is not larger than its error") for line in left] == [True] * (
+            not kept
+        )
+        assert made.left_out == tuple(left)
+
+
+@pytest.mark.parametrize(
+    ("b", "kept", "said"), [(0.1, True, False), (-0.19, False, False), (-0.21, False, True)]
+)
+def test_a_negative_friction_is_left_out_and_told_where_it_stands_out(
+    known: Identification, b: float, kept: bool, said: bool
+) -> None:
+    left: list[str] = []
+    made = findings.without_nonsense(estimate(known, values={"b": Value(b, 0.1)}), left)
+    assert ("b" in made.values) == kept
+    assert any(line.startswith("Viscous friction comes out negative; add a log") for line in left) == said
+
+
+def test_an_order_of_the_pole_pairs_waits_for_the_bridge_to_be_off(known: Identification) -> None:
+    both = (wave(4, 0.1), wave(24, 0.2))
+    off = log(kind="bridge-off", i_a=0.0, i_b=0.0, theta=0.5 * DT * np.arange(2000))
+    for logs, orders in (((turning(0.5),), [24]), ((turning(0.5), off), [4, 24])):
+        left: list[str] = []
+        made = findings.without_nonsense(estimate(known, cogging=both, logs=logs), left)
+        assert [one.order for one in made.cogging] == orders
+        assert [line.partition(":")[0] for line in left] == ["Order 4 is the pole pairs"] * (len(orders) == 1)
+
+
+def test_logs_that_are_too_fast_leave_high_orders_out(known: Identification) -> None:
+    """By a kernel of 6 ms at 80 rad/s orders to 6 come through: below twice the pole pairs."""
+    values = {key: Value(1.0, 0.1) for key in ("j", "b", "c", "delay", "offset")}
+    left: list[str] = []
+    waves = {"cogging": (wave(6, 0.1), wave(24, 0.2)), "encoder": (wave(1, 0.1),)}
+    made = findings.without_nonsense(estimate(known, values=values, logs=(turning(80.0),), **waves), left)
+    assert set(made.values) == {"offset"} and made.encoder == ()
+    assert [one.order for one in made.cogging] == [6]
+    (line,) = left
+    assert line.startswith(
+        "No usable log turns slowly enough to show cogging above order 6, and the poles have"
+    )
+    held = findings.without_nonsense(
+        estimate(known, logs=(turning(80.0), log(dt=0.0, theta=0.0)), **waves), []
+    )
+    assert [one.order for one in held.cogging] == [6, 24] and held.encoder
+
+
+@pytest.mark.parametrize(("size", "order", "beside"), [(0.09, 23, True), (0.11, 23, False), (0.09, 22, True),
+                                                       (0.09, 21, False), (0.09, 26, True)])  # fmt: skip
+def test_a_small_order_beside_a_large_one_may_be_the_encoders(
+    known: Identification, size: float, order: int, beside: bool
+) -> None:
+    """An error of order k and size eps turns n into n -+ k, each of half n eps."""
+    left: list[str] = []
+    made = findings.without_nonsense(estimate(known, cogging=(wave(order, size), wave(24, 0.2))), left)
+    assert [one.order for one in made.cogging] == ([24] if beside else [order, 24])
+    degrees = math.degrees(2 * size / (24 * 0.2))
+    assert (
+        left
+        == [
+            f"Order {order} beside 24: cogging and an encoder's error of order {abs(order - 24)}, "
+            f"{degrees:.2g} deg, cannot be told apart; add a faster log."
+        ]
+        * beside
+    )
+    told = findings.without_nonsense(
+        estimate(known, cogging=(wave(order, size), wave(24, 0.2)), encoder=(wave(1, 0.1), wave(2, 0.1))), []
+    )
+    assert len(told.cogging) == 2  # the error is known
+
+
+def test_held_angles_leave_ripple_of_k_t_open(known: Identification) -> None:
+    """At the one load of 0.5 A, 10 % of K_t would be 0.05 A."""
+    held = log(dt=0.0, theta=0.0, i_q=0.5)
+    left: list[str] = []
+    findings.without_nonsense(estimate(known, logs=(held,), cogging=(wave(24, 0.2),)), left)
+    (line,) = left
+    assert line.startswith("Order 24 is six times the pole pairs: K_t ripple and cogging cannot be told")
+    assert "a ripple of 10 % would be 0 A of it" in line  # no rows
+    left.clear()
+    findings.without_nonsense(estimate(known, logs=(held, turning(0.5)), cogging=(wave(24, 0.2),)), left)
+    assert left == []
+
+
+def test_a_rotor_that_stands_still_without_slipping_should_turn_faster(known: Identification) -> None:
+    """26 % of the windows of 20 ms are at rest in one piece; a quarter is still borne."""
+    for share, said in ((0.24, None), (0.27, "27 %")):
+        rows = np.arange(2000)
+        still = round(share * 1980) + 20
+        theta = DT * TURN * np.minimum(rows, 2000 - still)
+        found = findings.usable(known, [log(theta=theta, i_q=0.1, kind="load")])[1]
+        if said is None:
+            assert found == []
+        else:
+            assert found == [
+                f"one.csv: the rotor stands still {said} of the time, where friction is not known; "
+                "turn faster, or with more feedback."
+            ]
+
+
+def test_sessions_differ_where_their_errors_do_not_reach() -> None:
+    def session(name: str, c: float, error: float = 0.03, **more: Value) -> Session:
+        return Session(name, (name,), {"c": Value(c, error), **more})
+
+    alike = (session("a", 0.10), session("b", 0.14))
+    assert sentences(alike) == []  # 0.04 against hypot(0.03, 0.03)
+    assert sentences((session("a", 0.15), session("b", 0.10), session("c", 0.12))) == [
+        "Sessions differ: friction 0.1 +- 0.03 A in b and 0.15 +- 0.03 A in a; the values are between them; "
+        "identify each session by itself, or warm the motor up first."
+    ]
+    offsets = session("a", 0.1, offset=Value(-0.2, 0.01)), session("b", 0.1, offset=Value(0.2, 0.01))
+    assert sentences(offsets)[0].startswith("Sessions differ: offset of i_q -0.2 +- 0.01 A in a and")
+    assert sentences((offsets[0], session("b", 0.1))) == []
+
+
+# --- where the ripple comes from
+
+
+def order_at(
+    order: int, speed: float, *causes: Cause, ripple: float = 0.5, share: float = 0.9, load: float = 0.1
+) -> Found:
+    return Found(f"{speed:g}.npz", speed, load, order, ripple, share, causes or (Cause("cogging", 1.0, 0.1),))
+
+
+@pytest.mark.parametrize(
+    ("causes", "confidence"),
+    [
+        ((), "open"),
+        ((Cause("not explained", 0.9, 0.0),), "open"),
+        ((Cause("cogging or dead time", 1.0, 0.0),), "cannot be told apart"),
+        ((Cause("cogging", 1.0, 0.19),), "sure"),
+        ((Cause("cogging", 1.0, 0.21),), "likely"),
+        ((Cause("cogging", 1.0, 0.49),), "likely"),
+        ((Cause("cogging", 1.0, 0.51),), "open"),
+        ((Cause("cogging", 1.4, 0.0), Cause("not explained", -0.49, 0.0)), "sure"),
+        ((Cause("cogging", 1.4, 0.0), Cause("not explained", -0.51, 0.0)), "open"),
+    ],
+)
+def test_how_sure_a_cause_is(causes: tuple[Cause, ...], confidence: str) -> None:
+    assert replace(order_at(24, 1.0), causes=causes).confidence == confidence
+
+
+def test_an_order_falls_or_grows_with_speed() -> None:
+    """By an exponent of a half, from a ratio of 1.5 on; what is small is in no sentence."""
+
+    def said(fast: float, ripple: float, share: float = 0.9) -> list[str]:
+        return speed_alone.sentences(
+            [order_at(6, TURN), order_at(6, fast * TURN, ripple=ripple, share=share)]
+        )
+
+    assert said(2.0, 0.5 / 2**0.6) == ["Order 6 falls from 1 to 2 rev/s: a torque makes it, not the encoder."]
+    assert said(2.0, 0.5 * 2**0.6) == [
+        "Order 6 grows from 1 to 2 rev/s: the encoder's error, or a torque that the controller holds down "
+        "where it is slow; record i_q."
+    ]
+    assert said(2.0, 0.5 / 2**0.4) == said(2.0, 0.5 * 2**0.4) == []
+    assert said(1.49, 0.1) == [] and said(1.51, 0.1) != []
+    assert said(2.0, 0.1, share=0.05) == []
+
+
+@pytest.mark.parametrize(("speed", "meets"), [(1.45, False), (1.55, True)])
+@pytest.mark.parametrize(("off", "near"), [(1.02, True), (1.04, False)])
+def test_orders_meet_at_one_frequency_within_3_percent(
+    speed: float, meets: bool, off: float, near: bool
+) -> None:
+    order = 3100
+    other = round(order / speed * off)
+    found = speed_alone.sentences([order_at(order, 1.0), order_at(other, speed)])
+    assert bool(found) == (meets and near)
+
+
+def test_both_directions_of_a_log_are_one() -> None:
+    """Shares of causes by the square of each one's ripple, that of the whole as a mean."""
+    forth = order_at(6, 2.0, Cause("cogging", 1.0, 0.1), ripple=3.0, share=0.8)
+    back = order_at(6, 2.0, Cause("encoder", 0.6, 0.0), Cause("cogging", 0.4, 0.2), ripple=4.0, share=0.6)
+    other = order_at(3, 2.0, ripple=1.0, share=0.9)
+    first, merged = diagnosis._merged([forth, back, other])
+    assert first == other
+    assert merged.ripple == pytest.approx(math.sqrt((9 + 16) / 2)) and merged.share == pytest.approx(0.7)
+    cogging, encoder = merged.causes
+    assert (cogging.name, encoder.name) == ("cogging", "encoder")
+    assert cogging.share == pytest.approx((9 * 1.0 + 16 * 0.4) / 25)
+    assert cogging.error == pytest.approx((9 * 0.1 + 16 * 0.2) / 25)
+    assert encoder.share == pytest.approx(16 * 0.6 / 25)
+
+
+def test_a_diagnosis_is_read_from_the_answer_down() -> None:
+    slow = order_at(24, TURN, Cause("cogging", 0.9, 0.05), Cause("not explained", 0.1, 0.0), share=0.8)
+    small = order_at(7, TURN, share=0.009)
+    fast = order_at(1, 2 * TURN, Cause("encoder or mechanics", 1.0, 0.4), share=0.5, load=math.nan)
+    made = Diagnosis("x", (slow, small, fast), {slow.log: 0.559, fast.log: 0.7}, ("Said.",))
+    assert made.causes(slow.log) == pytest.approx(
+        {"cogging": 0.729, "no order": 0.191, "not explained": 0.08}
+    )
+    heading = "log                  order  rad/s rms  of all  cause (share of the order), confidence"
+    assert diagnosis.lines(made) == [
+        "Most of the ripple is cogging, 73 % of the square of the speed's ripple in 1 of 2 logs.",
+        "",
+        f"{slow.log} (1 rev/s, 0.1 A): 0.559 rad/s rms: cogging 73 %, no order 19 %, not explained 8 %",
+        f"{fast.log} (2 rev/s): 0.7 rad/s rms: encoder or mechanics 50 %, no order 50 %",
+        "",
+        heading,
+        f"{slow.log:<20}    24        0.5    80 %  cogging 90 +- 5 %, not explained 10 %: sure",
+        f"{fast.log:<20}     1        0.5    50 %  encoder or mechanics 100 +- 40 %: cannot be told apart",
+    ]
+    plain = diagnosis.to_dict(made)
+    assert plain["logs"][slow.log] == {"ripple_rad_per_s": 0.559, "shares": made.causes(slow.log)}
+    assert [order["load_A"] for order in plain["orders"]] == [0.1, 0.1, None]
+    assert plain["orders"][0]["causes"][0] == {"name": "cogging", "share": 0.9, "error": 0.05}
+    assert (plain["orders"][0]["speed_rad_per_s"], plain["orders"][0]["ripple_rad_per_s"]) == (TURN, 0.5)
+    assert plain["said"] == ["Said."]
+
+
+def test_the_answer_has_a_span_where_logs_differ() -> None:
+    def told(*found: Found) -> str:
+        return diagnosis.answer(Diagnosis("x", found, {each.log: 1.0 for each in found}, ()))
+
+    told_apart = order_at(6, 1.0, share=0.9), order_at(6, 2.0, share=0.6)
+    assert told(*told_apart) == (
+        "Most of the ripple is cogging, 60 to 90 % of the square of the speed's ripple in 2 of 2 logs."
+    )
+    assert "cogging, 90 % of the square" in told(order_at(6, 1.0, share=0.9), order_at(6, 2.0, share=0.895))
+    assert told(told_apart[0]).endswith("cogging, 90 % of the square of the speed's ripple in 1 log.")
+    unclear = order_at(1, 1.0, Cause("encoder or mechanics", 1.0, 0.4))
+    assert "is encoder or mechanics, which cannot be told apart here, 90 % of" in told(unclear)
+    assert told(order_at(6, 1.0, share=0.1)) == (
+        "Most of the ripple is of no order of the rotor: noise, steps of the speed's measurement, or "
+        "vibration."
+    )
+
+
+@pytest.mark.parametrize(("first", "second", "opposed"), [(1.25, -0.25, True), (1.19, -0.19, False)])
+def test_causes_that_oppose_each_other_are_told_beyond_a_fifth(
+    first: float, second: float, opposed: bool
+) -> None:
+    two = Cause("cogging", first, 0.1), Cause("K_t ripple", second, 0.1)
+    assert bool(diagnosis._opposed([order_at(42, 1.0, *two)])) == opposed
+    assert diagnosis._opposed([order_at(42, 1.0, *two, share=0.009)]) == []
+
+
+# --- files that are written
+
+
+def test_tables_become_toml_with_a_line_for_each_key() -> None:
+    tables: dict[str, Any] = {
+        "motor": {"pole_pairs": 4, "cogging": [{"order": 24, "torque": "1 mN*m"}]},
+        "log": [{"file": "a"}, {"file": "b", "sign": -1}],
+        "scenario": {"slow": {"duration": "1 s"}, "fast": {"duration": "2 s"}},
+        "title": "Two logs",
+        "orders": [1, 2],
+        "none": [],
+    }
+    assert plan.text(tables) == (
+        'title = "Two logs"\norders = [1, 2]\nnone = []\n'
+        '\n[motor]\npole_pairs = 4\ncogging = [{ order = 24, torque = "1 mN*m" }]\n'
+        '\n[[log]]\nfile = "a"\n\n[[log]]\nfile = "b"\nsign = -1\n'
+        '\n[scenario.slow]\nduration = "1 s"\n\n[scenario.fast]\nduration = "2 s"\n'
+    )
+
+
+def test_the_files_of_an_estimate_have_its_sentences_and_errors(
+    known: Identification, tmp_path: Path
+) -> None:
+    made = estimate(
+        known,
+        values={"j": Value(1e-3, 1e-5), "c": Value(0.1, 0.01), "b": Value(-0.1, 0.2)},
+        cogging=(wave(24, 0.05, 0.001, math.pi / 6),),
+        ripple=(wave(24, 0.02, 0.001, math.pi / 2),),
+        encoder=(wave(1, math.radians(0.1)), wave(2, 0.001)),
+        loads={"one.csv": Value(0.5, 0.1)},
+        remarks=("Remark.",),
+        left_out=("Left.",),
+    )
+    found = write.to_dict(made)
+    assert found["K_t_N_m_per_A"] == pytest.approx(0.3)
+    assert found["values"]["j"] == {
+        "about": "inertia over K_t", "unit": "A*s^2/rad", "value": 1e-3, "error": 1e-5
+    }  # fmt: skip
+    (cogging,), (ripple,), (once, _) = (found[k] for k in ("cogging", "torque_constant_ripple", "encoder"))
+    assert cogging["amplitude_N_m"] == pytest.approx(0.015) and cogging["amplitude_error"] == pytest.approx(
+        3e-4
+    )
+    assert (cogging["phase_rad"], cogging["phase_error"]) == (math.pi / 6, 0.001)
+    assert ripple["amplitude"] == 0.02 and once["amplitude_rad"] == math.radians(0.1)
+    assert found["loads_N_m"]["one.csv"] == pytest.approx({"value": 0.15, "error": 0.03})
+    assert (found["logs"], found["sessions"], found["remarks"]) == (["one.csv"], {}, ["Remark."])
+    write.write_all(made, tmp_path)
+    motor = (tmp_path / "motor.toml").read_text()
+    assert motor.startswith("# By cogless identify, from one.csv.\n# +-: error at 95 %.")
+    head = [line for line in motor.splitlines() if line.startswith("#")][2:]
+    assert head == [
+        "# Left.",
+        "# Remark.",
+        "# cogging, order 24: 15 +- 0.3 mN*m, phase 30 +- 0.057 deg",
+        "# K_t ripple, order 24: 2 +- 0.1 %, phase 90 +- 0.057 deg",
+    ]
+    assert 'cogging = [\n  { order = 24, torque = "15 mN*m", phase = "30 deg" },\n]' in motor
+    # 2 % of 0.05 Wb
+    assert 'flux_harmonics = [\n  { order = 6, d = "1000 uWb", d_phase = "0 deg" },\n]' in motor
+    study = (tmp_path / "study.toml").read_text()
+    assert "# inertia over K_t: 0.001 +- 1e-05 A*s^2/rad; inertia 0.0003 +- 3e-06 kg*m^2\n" in study
+    assert "# load of one.csv: 0.15 +- 0.03 N*m\n# encoder's error, order 1: 0.1 deg\n" in study
+    assert 'eccentricity = "0.1 deg"' in study and "viscous_friction = " not in study
+    assert 'coulomb_friction = "0.03 N*m"' in study and 'inertia = "0.0003 kg*m^2"' in study
+    table = np.asarray(write.compensation(made).values).ravel()
+    angle = TURN / 1024 * np.arange(1024)
+    assert table == pytest.approx(-0.05 * np.sin(24 * angle + math.pi / 6), abs=1e-7)
+    assert len(write.compensation(replace(made, cogging=(wave(129, 0.1),))).values.ravel()) == 8 * 129
+
+
+# --- pages
+
+
+def rects(page: str) -> list[tuple[float, ...]]:
+    """x, y, width and height of the rectangles in a page's pictures."""
+    found = re.findall(r'<rect x="([\d.]+)" y="([\d.]+)" width="([\d.]+)" height="([\d.]+)"', page)
+    return [tuple(map(float, rect)) for rect in found]
+
+
+def cells(page: str) -> list[list[str]]:
+    """The rows of a page's tables."""
+    rows = re.findall(r"<tr>(.*?)</tr>", page)
+    return [[re.sub(r"<[^>]+>", "", c) for c in re.findall(r"<t[hd]>(.*?)</t[hd]>", row)] for row in rows]
+
+
+def test_bars_of_a_diagnosis_are_as_wide_as_the_shares() -> None:
+    """540 wide, 34 below each other; a cause has its colour in all logs."""
+    slow = order_at(24, TURN, Cause("cogging", 0.75, 0.05), Cause("encoder", 0.25, 0.0), share=0.8)
+    fast = order_at(1, 2 * TURN, Cause("encoder", 1.0, 0.4), share=0.5, load=math.nan)
+    small = order_at(7, TURN, share=0.009)
+    made = Diagnosis("Two <logs>", (slow, small, fast), {slow.log: 0.559, fast.log: 0.7}, ("Said.",))
+    page = diagnosed.render(made)
+    shares = {log: made.causes(log) for log in made.whole}
+    assert page.startswith('<!doctype html><html lang="en">') and "<h1>Two &lt;logs&gt;</h1>" in page
+    bars = rects(page)
+    whole = sum(shares[slow.log].values())
+    assert [bar[2] for bar in bars[:3]] == pytest.approx(
+        [540 * share / whole for share in shares[slow.log].values()], abs=0.06
+    )
+    assert [bar[0] for bar in bars[:3]] == pytest.approx(
+        [170, 170 + bars[0][2], 170 + sum(b[2] for b in bars[:2])], abs=0.2
+    )
+    assert {bar[1] for bar in bars} == {6.0, 40.0} and {bar[3] for bar in bars} == {22.0}
+    assert 'viewBox="0 0 720 68"' in page and '<text x="0" y="54">' in page
+    colours = re.findall(r'--colour:(var\(--c\d\))">([^<]+)<', page)
+    assert [colour for colour, _ in colours] == [f"var(--c{n})" for n in range(len(colours))]
+    assert cells(page) == [
+        ["Log", "order", "speed", "load", "ripple, rms", "of the square", "causes", "confidence"],
+        [
+            slow.log,
+            "24",
+            "1 rev/s",
+            "0.1 A",
+            "0.5 rad/s",
+            "80 %",
+            "cogging 75 +- 5 %, encoder 25 %",
+            "likely",
+        ],
+        [fast.log, "1", "2 rev/s", "", "0.5 rad/s", "50 %", "encoder 100 +- 40 %", "likely"],
+    ]
+    assert "<li>Said.</li>" in page
+    assert "Nothing is left out." in diagnosed.render(replace(made, said=()))
+
+
+def test_bars_of_an_estimate_are_as_high_as_the_waves(known: Identification) -> None:
+    """The largest wave with its error is 160 high; bars stand on a line at 176."""
+    made = estimate(
+        known, values={"offset": Value(0.02, 0.001)}, cogging=(wave(24, 0.05, 0.01), wave(72, 0.03, 0.0)),
+        encoder=(wave(1, math.radians(0.2)),), left_out=("Left.",),
+    )  # fmt: skip
+    page = identified.render(Identified(made, {}))
+    headings = re.findall(r"<h2>(.*?)</h2>", page)
+    assert headings == ["What was found", "What is left out, and what to record next", "Orders"]
+    first, second, once = rects(page)
+    half = (720 - 46) / 2
+    assert first == pytest.approx((46 + half / 2 - 20, 176 - 160 * 5 / 6, 40, 160 * 5 / 6), abs=0.1)
+    assert second == pytest.approx((46 + 1.5 * half - 20, 176 - 160 * 3 / 6, 40, 160 * 3 / 6), abs=0.1)
+    assert once[3] == pytest.approx(160)
+    low, high = 176 - 160 * 4 / 6, 176 - 160
+    assert f'<path d="M{46 + half / 2:.1f} {high:.1f}V{low:.1f}"' in page
+    assert '<text x="0" y="16">18</text>' in page  # mN m: 0.06 A times 0.3 N m/A
+    assert "Cogging (mN m) by mechanical order, with errors" in page and "Ripple of K_t" not in page
+    assert '<text x="0" y="16">0.2</text>' in page  # deg
+    assert cells(page)[0] == ["Value", "with its error"]
+    assert cells(page)[1] == ["offset of i_q, or a load", "0.02 +- 0.001 A"]
+    empty = identified.render(Identified(estimate(known), {}))
+    assert "Nothing could be told." in empty and "<h2>Orders</h2>" not in empty
+
+
+def test_a_replay_is_drawn_over_the_log_for_a_second_of_its_middle() -> None:
+    """Three seconds: from 1 to 2 s, a point in each 700th; the simulated one has ten rows for each."""
+    t = DT * np.arange(3000)
+    measured = log(rows=3000, omega=5 + np.sin(TURN * t))
+    fine = 1e-4 * np.arange(30000)
+    trace = Trace(
+        ("time", "omega_measured"), ("s", "rad/s"), np.column_stack([fine, 5 + 0.5 * np.sin(TURN * fine)])
+    )
+    page = identified._overlay(measured, trace, "omega", "omega_measured")
+    title = "one.csv: omega (rad/s), 1 s; standard deviation simulated over measured 0.50"
+    assert f"<h3>{title}</h3>" in page and f'aria-label="{title}"' in page
+    lines = [
+        np.array([tuple(map(float, point.split(","))) for point in points.split()])
+        for points in re.findall(r'<polyline points="([^"]+)"', page)
+    ]
+    assert [len(line) for line in lines] == [1000, 1000]
+    for line, size in zip(lines, (1.0, 0.5), strict=True):
+        assert line[:, 0] == pytest.approx(46 + 674 * np.arange(1000) / 1000, abs=0.06)
+        assert line[:, 1] == pytest.approx(180 - 160 * (1 + size * np.sin(TURN * t[1000:2000])) / 2, abs=0.06)
+    assert '<text x="0" y="24">6</text><text x="0" y="180">4</text>' in page
+
+
+def test_a_log_is_predicted_by_the_others(known: Identification) -> None:
+    """Of a coefficient that is 1 in one log and 1.1 in the other, each misses the other's by 0.1."""
+    x = np.sin(0.1 * np.arange(400))
+    logs = [turning(1.0), replace(turning(1.0), name="two.csv", rule=LogRule(file="*", kind="load"))]
+    rows = tuple(
+        Rows(one, (("c",),), x[:, None], a * x, np.zeros((400, 1)), x, x, np.arange(400))
+        for one, a in zip(logs, (1.0, 1.1), strict=True)
+    )
+    found = fit(rows)
+    assert (
+        found["c",] == pytest.approx(1.05, abs=2e-3) and found.get("c") == found["c",] and found.get("j") == 0
+    )
+    assert found.without["one.csv"] == pytest.approx([1.1]) and found.without["two.csv"] == pytest.approx(
+        [1.0]
+    )
+    assert found.prediction(rows[0], "one.csv") == pytest.approx(1.1 * x)
+    assert found.noise["one.csv"] == pytest.approx(0.05 * np.sqrt(np.mean(x**2)), rel=0.1)
+    assert found.between_logs(("c",)) == 0.0  # of two logs
+    page = identified.render(Identified(estimate(known, logs=tuple(logs), rows=rows, fit=found), {}))
+    head, one, two = cells(page.split("What each log contributed")[1])
+    assert head == ["Log", "kind", "rows", "not explained, rms", "error when predicted by the others"]
+    miss = f"{1e3 * 0.05 * np.std(x):.2g}"
+    assert one[:3] == ["one.csv", "not said", "2000"] and one[3].startswith(miss[:1])
+    assert (one[4], two[4]) == ("10 % of its current", "9.1 % of its current")
+    assert two[:3] == ["two.csv", "load", "2000"]
+
+
+def test_three_logs_tell_how_far_a_value_is_from_log_to_log() -> None:
+    """Student's t of two degrees of freedom, half of it, times the error of a mean without each."""
+    x = np.sin(0.1 * np.arange(400))
+    found = fit([Rows(turning(1.0), (("c",),), x[:, None], x, np.zeros((400, 1)), x, x, np.arange(400))])
+    without = {"a": np.array([1.0]), "b": np.array([1.2]), "c": np.array([1.1]), "d": np.array([math.nan])}
+    made = replace(found, without=without)
+    assert made.between_logs(("c",)) == pytest.approx(4.30265 / 2 * math.sqrt(2 / 3 * 0.02), rel=1e-4)
+    simulated = replace(found, without={"a": np.array([0.0]), "b": np.array([0.2]), "c": np.array([0.1])})
+    assert made.between_logs(("c",), simulated) == pytest.approx(0.0, abs=1e-12)
+    assert replace(found, without={"a": np.array([1.0]), "b": np.array([1.2])}).between_logs(("c",)) == 0.0

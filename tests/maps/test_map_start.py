@@ -1,0 +1,162 @@
+"""What a law starts from of another's map, in closed form, and how maps are shown."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cogless.errors import StudyError
+from cogless.maps import map_table
+from cogless.maps.start import entries, of_current, resampled, within
+from cogless.maps.stored_map import COSINE, CURRENT, ORDER, SINE, Found, MapError, StoredMap, Valid
+
+TURN = 2 * np.pi
+
+
+def wave(cells: int, periods: int = 1, size: float = 0.5) -> np.ndarray:
+    """A current over a period: a mean, and orders 3 and 5."""
+    angle = TURN * periods * np.arange(cells) / cells
+    return 0.1 + size * np.sin(3 * angle + 0.4) + 0.2 * np.cos(5 * angle)
+
+
+def law(
+    cells: int = 100, units: tuple[int, ...] = (CURRENT,), turns: int = 1, parts: int = 1, **more: Any
+) -> Any:
+    values = np.zeros((len(units), cells))
+    return {"values": values, "units": units, "limits": [3.0] * len(units), "turns": turns, "parts": parts,
+            "ratio": 1, **more}  # fmt: skip
+
+
+def stored(values: Any, units: tuple[int, ...] = (CURRENT,), **more: Any) -> StoredMap:
+    return StoredMap(np.atleast_2d(values), units, (3.0,) * len(units), **more)
+
+
+def test_another_number_of_cells_keeps_what_both_resolve() -> None:
+    assert resampled(wave(64), 100) == pytest.approx(wave(100))
+    assert resampled(wave(100), 12) == pytest.approx(wave(12))
+    assert resampled(wave(100), 10) == pytest.approx(0.1 + 0.5 * np.sin(3 * TURN * np.arange(10) / 10 + 0.4))
+    same = wave(64)
+    assert resampled(same, 64) is not None and resampled(same, 64).tolist() == same.tolist()
+
+
+def test_a_map_of_a_shorter_period_is_repeated() -> None:
+    """An electrical revolution of four pole pairs is a quarter: four of them in the law's revolution."""
+    quarter = stored(wave(64), parts=4)
+    assert entries(quarter, law(256), 1.0) == pytest.approx(wave(256, 4)[None], abs=1e-6)
+    assert entries(quarter, law(50, turns=1, parts=2), 1.0) == pytest.approx(wave(50, 2)[None], abs=1e-6)
+    with pytest.raises(
+        MapError, match=r"^a map over a revolution: expected one that fits into the law's 1/4 of a"
+    ):
+        entries(stored(wave(64)), law(parts=4), 1.0)
+    with pytest.raises(MapError, match="a trial's signal: expected a map over the angle"):
+        entries(stored(wave(64), turns=0, parts=0), law(), 1.0)
+
+
+def test_a_current_becomes_the_laws_own_unit_in_its_first_channel() -> None:
+    """Unless both are of one kind: a law of two channels takes them as they are, in its own frame."""
+    found = entries(stored(wave(64)), law(64, (2, 3)), 2.5)
+    assert found[0] == pytest.approx(2.5 * wave(64), abs=1e-6) and not found[1].any()
+    both = stored([wave(64), 2 * wave(64)], (2, 3), ratio=4)
+    taken = entries(both, law(64, (2, 3), ratio=4), 2.5)
+    assert taken == pytest.approx(np.array([wave(64), 2 * wave(64)]), abs=1e-6)
+    with pytest.raises(MapError, match=r": expected one of this law's kind, or of a current alone$"):
+        entries(both, law(64, (2, 3), ratio=1), 2.5)
+    alone = entries(stored(wave(64), ratio=4), law(64, ratio=1), 2.5)
+    assert alone == pytest.approx(wave(64)[None], abs=1e-6)  # one channel of its own unit
+
+
+ORDERS = law(
+    2, (COSINE, SINE, ORDER), values=np.array([[0, 0], [0, 0], [3, 5]], float), limits=[3.0, 3.0, 9.0]
+)
+
+
+def test_orders_have_the_amplitudes_of_the_current() -> None:
+    """0.5 sin(3 x + 0.4) + 0.2 cos 5 x, and back."""
+    found = of_current(wave(64), ORDERS, 1.0)
+    assert found[2].tolist() == [3, 5]
+    assert found[0] == pytest.approx([0.5 * np.sin(0.4), 0.2])
+    assert found[1] == pytest.approx([0.5 * np.cos(0.4), 0.0], abs=1e-12)
+    assert of_current(wave(11), ORDERS, 1.0)[0] == pytest.approx([0.5 * np.sin(0.4), 0.2])
+    with pytest.raises(MapError, match=r"^10 entries, orders up to 4: expected the law's 5$"):
+        of_current(wave(10), ORDERS, 1.0)
+    kept = stored(found, (COSINE, SINE, ORDER))
+    assert entries(kept, ORDERS, 1.0) == pytest.approx(found, abs=1e-6)
+    assert entries(kept, law(40), 1.0)[0] == pytest.approx(wave(40) - 0.1, abs=1e-6)  # orders have no mean
+    other = {**ORDERS, "values": np.array([[0, 0], [0, 0], [3, 4]], float)}
+    assert entries(kept, other, 1.0)[0] == pytest.approx([0.5 * np.sin(0.4), 0.0], abs=1e-6)
+
+
+def test_entries_beyond_the_limit_are_refused_and_rounding_is_cut() -> None:
+    assert within(np.array([[3.0 + 1e-6, -3.0 - 1e-6]]), law(2)).tolist() == [[3.0, -3.0]]
+    with pytest.raises(MapError, match=r"^an entry of 3.1: expected at most the law's limit, 3$"):
+        within(np.array([[0.0, -3.1]]), law(2))
+    with pytest.raises(MapError, match="an entry of nan"):
+        within(np.array([[np.nan, 0.0]]), law(2))
+
+
+def test_maps_as_lines() -> None:
+    """The newest with all its fields; of several each with its place."""
+    one = stored([[0.3, -0.4, 0.0, 0.0]], parts=4, motor=0x1F2E3D4C, sequence=5, law=1, motion=0xAB, ratio=7)
+    two = replace(one, turns=2, parts=1, sequence=4, motion=0, ratio=1)
+    rows = dict(map_table.rows(one))
+    assert list(rows) == [
+        "learned by",
+        "motor",
+        "motion",
+        "save",
+        "period",
+        "cells",
+        "rad of the units",
+        "current",
+    ]
+    assert (rows["motor"], rows["motion"], rows["save"]) == ("0x1F2E3D4C", "0x000000AB", "5")
+    assert rows["period"] == "1/4 of a mechanical revolution, 90 deg" and rows["cells"] == "4"
+    assert rows["rad of the units"] == "of 7 theta_m"
+    assert rows["current"] == "rms 0.25, peak 0.4, limit 3 A"
+    plain = dict(map_table.rows(two))
+    assert "motion" not in plain and "rad of the units" not in plain
+    assert plain["period"] == "2 of a mechanical revolution, 720 deg"
+    trial = dict(map_table.rows(replace(one, turns=0, parts=0)))
+    assert trial["period"] == "a trial" and trial["samples"] == "4"
+    of_orders = stored([[0.1, 0.2], [0.0, 0.0], [6, 12]], (COSINE, SINE, ORDER))
+    shown = dict(map_table.rows(of_orders))
+    assert (
+        shown["orders"] == "2" and shown["period"] == "a mechanical revolution" and "6, 12" in shown.values()
+    )
+    alone = map_table.lines([Found(0, one)], Valid(0, one))
+    assert alone[0] == "a valid map" and alone[1] == f"  {'learned by':<26}{rows['learned by']}"
+    several = map_table.lines([Found(0, "no mark"), Found(64, two), Found(128, one)], Valid(128, one))
+    assert several[:3] == [
+        "At byte 0: no mark",
+        "At byte 64: a valid map, save 4",
+        "At byte 128: a valid map, the newest",
+    ]
+    assert several[3:] == alone[1:]
+
+
+def test_maps_as_csv() -> None:
+    quarter = stored([[0.3, -0.4, 0.0, 0.125]], parts=4)
+    head, *rows = map_table.to_csv(quarter).splitlines()
+    assert head.startswith("theta_m_rad,") and len(rows) == 4
+    assert [float(row.split(",")[0]) for row in rows] == pytest.approx(TURN / 16 * np.arange(4), rel=1e-8)
+    assert [float(row.split(",")[1]) for row in rows] == pytest.approx([0.3, -0.4, 0.0, 0.125], rel=1e-6)
+    assert map_table.to_csv(replace(quarter, turns=0, parts=0)).splitlines()[1].startswith("0,0.3")
+    assert map_table.to_csv(replace(quarter, turns=0, parts=0)).startswith("sample,")
+    of_orders = stored([[0.1, 0.2], [0.0, 0.0], [6, 12]], (COSINE, SINE, ORDER))
+    assert map_table.to_csv(of_orders).splitlines()[2] == "1,0.200000003,0,12"
+
+
+def test_a_motors_identity_has_32_bits() -> None:
+    assert [map_table.identity(text) for text in ("0x1F", "0X1f", "31", "0", "0xFFFFFFFF")] == [
+        31,
+        31,
+        31,
+        0,
+        2**32 - 1,
+    ]
+    for wrong in ("0x100000000", "-1", "1F", "x", ""):
+        with pytest.raises(StudyError, match=f'--motor: "{wrong}": expected 32 bits'):
+            map_table.identity(wrong)
