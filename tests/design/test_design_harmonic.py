@@ -98,7 +98,7 @@ def test_an_eccentric_encoder_leaves_little_more_than_a_true_one(degrees, scenar
 def test_the_certificate_is_shown():
     here = study()
     made = summary(here)["harmonic"]
-    assert "settles to 11.1 1/s; at 15 rpm up to 432, Re Gamma 0.66 or more" in made.words()
+    assert "settles to 10.3 1/s; at 15 rpm up to 432, Re Gamma 0.66 or more" in made.words()
     assert certificate(here, "harmonic").fine
     as_json = design_dict(made)
     assert as_json["rule"] == "auto" and as_json["gains"]["orders"]["value"] == 72
@@ -106,9 +106,9 @@ def test_the_certificate_is_shown():
 
 
 def test_the_rate_is_well_below_where_all_orders_together_oscillate():
-    """That is 0.16 / (N T) at low speeds; the rule's 1/15 leaves a gain margin of 2.4, which is 7.6 dB."""
+    """That is 0.15 / (N T) at low speeds; the rule's 1/16 leaves a gain margin of 2.4, which is 7.6 dB."""
     found = certificate(study(), "harmonic")
-    assert found.learner.rate == pytest.approx(1 / (15 * 72 * 0.2e-3))
+    assert found.learner.rate == pytest.approx(1 / (16 * 72 * 0.2e-3))
     assert found.rate_most / found.learner.rate == pytest.approx(2.4, rel=0.03)
 
 

@@ -15,8 +15,8 @@ from .pi import Pi
 P = math.exp(-0.5)
 L1, L2, L3 = 1 - P**3, 1.5 * (1 - P) ** 2 * (1 + P), (1 - P) ** 3
 FASTEST, SPLIT, MEAN, QUICK, SETTLE, NEW, FULL = 2.6, 0.5105, 0.25, 1 / 16, 64, 1.25, 6.0
-BENT, SURE, DOUBTED = 0.05, 2.5e-7, 64.0
-TURN_OF_BEND = 4
+BENT, SURE, STAYS, DOUBTED = 0.05, 2.5e-7, 1 / 8, 64.0
+TURN_OF_BEND, PARTS, FEW = 8, 2, 8
 
 TURN = 1 << 32  # parts of a turn
 
@@ -52,17 +52,20 @@ class Harmonic:
         ts = self.pi.ts
         self.c, self.weight = np.zeros((2, self.orders), dtype=complex)
         self.d, self.gain = self.delay / ts, self.b * ts * ts
-        self.told, self.current = [0.0, 0.0, 0.0], 0.0
+        self.told, self.current = [0.0, 0.0], 0.0
         self.theta = self.shown = 0
         self.since_edge = 0.0
+        self.loads = [0.0] * PARTS
+        self.share = QUICK
         self.omega = self.load = self.mean = 0.0
         self.time = self.anchor = self.slowest = self.fastest = self.rate_now = 0.0
         self.round_step = 0.0
         free = 2 if self.base > 4 else 1 if self.base > 2 else 0
         self.bend = np.zeros(min(self.bends, free), dtype=complex)
-        self.believed = self.bend_rate = self.power = self.doubt = self.moved = self.squares = 0.0
+        self.believed = self.bend_rate = self.power = self.doubt = self.moved = self.before = 0.0
         self.here = self.slope = 0.0
-        self.due = self.acting = self.low = self.since = 0
+        self.due = self.acting = self.low = 0
+        self.since = 1
         self.wait, self.seated = SETTLE, False
 
     @property
@@ -90,10 +93,14 @@ class Harmonic:
         self.shown = shown
         return (shown + parts(self.since_edge)) % TURN
 
-    def observe(self, theta_m: int) -> float:
+    def tell(self, u: float) -> None:
+        """What the feedback commands acts from the next step on."""
         kept, shares = self.shares()
-        now = kept * self.current + sum(x * y for x, y in zip(shares, self.told, strict=True))
+        now = kept * self.current + sum(x * y for x, y in zip(shares, [u, *self.told], strict=True))
         self.current = clip(now, self.pi.limit)
+        self.told = [u, self.told[0]]
+
+    def observe(self, theta_m: int) -> float:
         rise = self.gain * self.current + self.load
         ahead = turned(self.theta, self.omega + rise / 2)
         e = ((theta_m - ahead + TURN // 2) % TURN - TURN // 2) / TURN * math.tau
@@ -138,12 +145,13 @@ class Harmonic:
         """Every few steps: the bend learns how the phases went on since, and is seen anew with its slope."""
         turn = cmath.exp(1j * math.tau * theta / TURN)
         if self.learning:
-            now = self.squares - TURN_OF_BEND * self.doubt
+            now = STAYS * (self.moved - self.before) ** 2 - TURN_OF_BEND * self.doubt
+            self.before = self.moved
             self.doubt += min(self.rate_now * self.pi.ts, 1 / TURN_OF_BEND) * now
             for m, one in enumerate(self.bend):
                 grown = one + self.bend_rate * self.moved * turn ** -(m + 1)
                 self.bend[m] = complex(clip(grown.real, BENT), clip(grown.imag, BENT))
-        self.moved = self.squares = 0.0
+        self.moved = 0.0
         parts_of = [one * turn ** (m + 1) for m, one in enumerate(self.bend)]
         self.here = self.believed * sum(one.real for one in parts_of)
         self.slope = -self.believed * sum((m + 1) * one.imag for m, one in enumerate(parts_of))
@@ -151,7 +159,11 @@ class Harmonic:
     def is_held(self, om: float) -> bool:
         return any(low <= om <= high for low, high in zip(self.held[::2], self.held[1::2], strict=True))
 
-    def make_gain(self) -> None:
+    def make_gain(self, pause: int) -> None:
+        slow = MEAN * self.base * abs(self.omega)
+        self.share = min(slow, QUICK) if self.learning else QUICK
+        if self.learning and self.time < 1e6:
+            self.time += pause * self.pi.ts
         if self.due >= self.acting:
             self.begin_round()
             return
@@ -163,6 +175,7 @@ class Harmonic:
         if k < self.low:
             self.power += 0.0 if self.is_held(abs(om)) else (k + 1) * abs(self.c[k]) ** 2
             g = L3 / 2 * (z + 1) * z / (z - P) ** 3 * cmath.exp(0.5j * om)
+            g *= (1 + z**-1) / PARTS
             turned *= 1 - 1j * math.copysign(MEAN, self.omega) / (k + 1)
         else:
             g = (z + 1) * (z - 1) / 2 / (z - P) ** 3 * cmath.exp(0.5j * om)
@@ -172,57 +185,61 @@ class Harmonic:
     def sum_of_orders(self, angle: int, load: float, e: float) -> float:
         n = np.arange(self.acting)
         phasor = np.exp(1j * math.tau * (self.base * angle % TURN / TURN) * (n + 1))
-        seen = np.where(n < self.low, load, e)
+        part = self.since % PARTS
+        taught = (self.low * part // PARTS <= n) & (n < self.low * (part + 1) // PARTS)
+        seen = np.where(n < self.low, np.where(taught, load, 0.0), e)
         off = seen * self.weight[: self.acting] * np.conj(phasor)
         moved = float(np.sum((np.conj(self.c[: self.acting]) * off).imag[: self.low]))
         self.moved += moved
-        self.squares += moved**2
         c = self.c[: self.acting] - off
         real, imag = (np.clip(part, -self.limit, self.limit) for part in (c.real, c.imag))
         self.c[: self.acting] = real + 1j * imag
         return clip(float(np.sum((self.c[: self.acting] * phasor).real)), self.limit)
 
-    def follow(self, omega_m: float, theta: int | None, may: bool, bend: float) -> None:
+    def follow(self, omega_m: float, theta: int | None, may: bool) -> None:
         """Observer, gains, amplitudes and the learned current of one step."""
         self.learning = may and self.wait == 0
         self.wait = max(self.wait - 1, 0) if may else SETTLE
         self.learned = 0.0
         if theta is None:
-            self.seated, self.since = False, TURN_OF_BEND - 1
-            self.here = self.slope = 0.0
+            self.seated = False
             return
         if not self.seated:
             self.theta, self.load, self.mean = theta, 0.0, 0.0
+            self.loads = [0.0] * PARTS
             self.omega = clip(finite_or_zero(omega_m) * self.pi.ts, math.pi)
             self.wait, self.seated = SETTLE, True
         e = self.observe(theta)
-        slow = MEAN * self.base * abs(self.omega)
-        self.mean += (min(slow, QUICK) if self.learning else QUICK) * (self.load - self.mean)
-        if self.since % 2:
-            self.make_gain()
-        ahead = self.omega * (0.5 + self.d) - bend
-        seen = (self.load - self.mean, e) if self.learning else (0.0, 0.0)
+        self.mean += self.share * (self.load - self.mean)
+        self.loads = [self.load - self.mean, *self.loads[:-1]]
+        pause = 2 if self.acting > FEW else 4
+        if self.since % pause == 1:
+            self.make_gain(pause)
+        ahead = self.omega * (0.5 + self.d) - self.here
+        seen = (sum(self.loads), e) if self.learning else (0.0, 0.0)
         self.learned = self.sum_of_orders(turned(theta, ahead), *seen)
-        if self.learning:
-            self.time = min(self.time + self.pi.ts, 1e6)
 
     def angle_of(self, theta_m: float, omega_m: float) -> int | None:
         if not is_angle(theta_m):
             return None
         return self.within_step(parts(math.fmod(theta_m / math.tau, 1)) % TURN, omega_m)
 
-    def take_turn(self, theta: int | None) -> float:
-        """The bend at an angle, and once in a while its turn."""
+    def take_turn(self, theta: int | None) -> None:
+        """The bend goes on by its slope, and once in a while it has its turn."""
+        if theta is None:
+            self.since = TURN_OF_BEND - 1
+            self.here = self.slope = 0.0
+            return
         self.since = (self.since + 1) % TURN_OF_BEND
-        if theta is not None and self.since == 0 and len(self.bend):
+        self.here += self.slope * self.omega
+        if self.since == 0 and len(self.bend):
             self.turn_bend(theta)
-        return self.here + self.slope * self.omega * self.since
 
     def step(
         self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True, theta_ref: float = 0.0
     ) -> float:
         theta = self.angle_of(theta_m, omega_m)
-        bend = self.take_turn(theta)
+        self.take_turn(theta)
         error = omega_ref - omega_m + self.slope * omega_m
         plausible = math.isfinite(omega_ref - omega_m) and is_angle(theta_m)
         if self.k_theta:
@@ -230,15 +247,16 @@ class Harmonic:
             if theta is not None and is_angle(theta_ref):
                 asked = parts(math.fmod(theta_ref / math.tau, 1))
                 way = ((asked - theta + TURN // 2) % TURN - TURN // 2) / TURN * math.tau
-                error += self.k_theta * (way + bend)
-        self.follow(omega_m, theta, learn and plausible and not self.pi.saturated, bend)
+                error += self.k_theta * (way + self.here)
+        self.follow(omega_m, theta, learn and plausible and not self.pi.saturated)
         out = self.pi.step(error, self.learned)
-        self.told = [out - self.learned, *self.told[:2]]
+        self.tell(out - self.learned)
         return out
 
     def torque(self, current: float, omega_ref: float, omega_m: float, theta_m: float) -> float:
         theta = self.angle_of(theta_m, omega_m)
-        self.follow(omega_m, theta, False, self.take_turn(theta))
+        self.take_turn(theta)
+        self.follow(omega_m, theta, False)
         out = self.pi.torque(current, self.learned)
-        self.told = [out - self.learned, *self.told[:2]]
+        self.tell(out - self.learned)
         return out

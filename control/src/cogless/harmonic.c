@@ -16,11 +16,15 @@
 #define MEAN CGL_R(0.25)    /* of z, in rad of the base order */
 #define QUICK CGL_R(0.0625) /* and a step, while it settles */
 #define FULL CGL_R(6.0)     /* at the full rate, in its own time: exp(-3) of the ripple is left then */
+#define HALF CGL_R(0.5)     /* of a turn */
 #define NEW CGL_R(1.25)     /* ratio of speeds */
 #define BENT CGL_R(0.05)    /* rad, bound of each part of the bend */
 #define SURE CGL_R(2.5e-7)  /* rad^2: a variance of the bend beyond which it is not learned, (0.5 mrad)^2 */
+#define STAYS CGL_R(0.125)  /* half of the share of z's noise, between two turns of the bend, that a mean keeps */
 #define DOUBTED CGL_R(64.0) /* a bend of up to so many variances is taken for none */
-#define TURN 4U             /* steps: in one the bend has its turn, in two others a gain is made anew */
+#define PARTS 2U            /* of the slow orders: a step teaches one of them */
+#define FEW 8U              /* orders: up to so many, a gain is made anew in one of four steps, else in one of two */
+#define TURN 8U             /* steps: in one the bend has its turn */
 
 CGL_SELDOM static bool is_valid(const cgl_harmonic_config *config, cgl_real ts)
 {
@@ -47,12 +51,11 @@ CGL_SELDOM static bool is_valid(const cgl_harmonic_config *config, cgl_real ts)
 CGL_SELDOM static void take(cgl_harmonic *law, const cgl_harmonic_config *config, cgl_real ts)
 {
     law->config = *config;
-    law->gain = config->b * ts * ts;
+    law->gain = config->b * ts * ts * (CGL_R(1.0) / CGL_TWO_PI);
     law->half_step = cgl_clamp(config->step * (CGL_R(0.5) / CGL_TWO_PI), CGL_R(0.25));
-    law->delay = cgl_clamp(config->delay / ts, LONGEST);
-    law->ahead = CGL_R(0.5) + law->delay;
-    law->slow = MEAN * (cgl_real)config->base;
-    const cgl_real d = law->delay, part = d < CGL_R(1.0) ? d : d - CGL_R(1.0);
+    const cgl_real d = cgl_clamp(config->delay / ts, LONGEST);
+    law->ahead = CGL_R(0.5) + d;
+    const cgl_real part = d < CGL_R(1.0) ? d : d - CGL_R(1.0);
     const bool lags = d > LAG;
     law->kept = lags ? d / (CGL_R(1.0) + d) : CGL_R(0.0);
     const uint32_t free = config->base > 4U ? 2U : (config->base > 2U ? 1U : 0U); /* between the orders */
@@ -109,18 +112,21 @@ CGL_SELDOM void cgl_harmonic_reset(cgl_harmonic *law)
     cgl_pi_reset(&law->pi);
     clear(law->cosine, 2U * orders);
     clear(law->cosine + 3U * orders, 2U * orders);
-    clear(law->told, 3U);
+    clear(law->later, 2U);
+    law->last = CGL_R(0.0);
     clear(law->base, 2U);
     clear(law->half, 2U);
     clear(law->delayed, 2U);
     clear(law->turned, 2U);
     clear(law->bend.part, 4U);
-    law->bend.share = law->bend.rate = law->bend.power = law->bend.doubt = law->bend.moved = CGL_R(0.0);
-    law->bend.squares = law->bend.here = law->bend.slope = law->step = CGL_R(0.0);
+    law->bend.share = law->bend.rate = law->bend.power = law->bend.doubt = CGL_R(0.0);
+    law->bend.moved = law->bend.before = law->bend.here = law->bend.slope = law->step = CGL_R(0.0);
+    law->share = QUICK;
     law->current = law->omega = law->load = law->mean = CGL_R(0.0);
     law->time = law->anchor = law->slowest = law->fastest = law->rate = CGL_R(0.0);
     law->since_edge = CGL_R(0.0);
-    law->shown = law->theta = law->since = law->due = law->band = law->acting = law->low = 0U;
+    law->shown = law->theta = law->due = law->band = law->acting = law->low = 0U;
+    law->since = 1U; /* the first step has enough to do without a gain */
     law->wait = CGL_HARMONIC_SETTLE;
     law->seated = law->learning = false;
     law->learned = CGL_R(0.0);
@@ -140,26 +146,40 @@ static uint32_t within_step(cgl_harmonic *law, uint32_t shown, cgl_real omega_m)
 CGL_SELDOM static void seat(cgl_harmonic *law, uint32_t theta, cgl_real omega)
 {
     law->theta = theta;
-    law->omega = cgl_clamp(omega * law->pi.ts, CGL_PI);
+    law->omega = cgl_clamp(omega * law->pi.ts * (CGL_R(1.0) / CGL_TWO_PI), HALF);
     law->load = law->mean = CGL_R(0.0);
+    law->last = CGL_R(0.0);
     law->wait = CGL_HARMONIC_SETTLE;
     law->seated = true;
 }
 
-/* One step of the observer; returns e [rad]. */
+/* One step of the observer; returns e [turns]. */
 static cgl_real observe(cgl_harmonic *law, uint32_t theta)
 {
-    const cgl_real current = law->kept * law->current + law->weight[0] * law->told[0] + law->weight[1] * law->told[1]
-                             + law->weight[2] * law->told[2];
-    law->current = cgl_clamp(current, law->pi.config.limit);
     const cgl_real rise = law->gain * law->current + law->load;
-    const cgl_real way = law->omega + CGL_R(0.5) * rise;
-    const uint32_t ahead = cgl_turned(law->theta, way * (CGL_R(1.0) / CGL_TWO_PI));
-    const cgl_real part = cgl_steps(ahead, theta) * (CGL_R(1.0) / CGL_TURN_BITS), error = part * CGL_TWO_PI;
-    law->theta = cgl_turned(ahead, GAIN_1 * part);
-    law->omega = cgl_clamp(law->omega + rise + GAIN_2 * error, CGL_PI);
-    law->load = cgl_clamp(law->load + GAIN_3 * error, CGL_PI);
+    const uint32_t ahead = cgl_turned(law->theta, law->omega + CGL_R(0.5) * rise);
+    const cgl_real error = cgl_steps(ahead, theta) * (CGL_R(1.0) / CGL_TURN_BITS);
+    law->theta = ahead + (uint32_t)(int32_t)(GAIN_1 * error * CGL_TURN_BITS); /* |error| <= 1/2 */
+    law->omega = cgl_clamp(law->omega + rise + GAIN_2 * error, HALF);
+    law->load = cgl_clamp(law->load + GAIN_3 * error, HALF);
     return error;
+}
+
+/* What the feedback commands, u [A], acts from the next step on. */
+static void tell(cgl_harmonic *law, cgl_real u)
+{
+    law->current = cgl_clamp(law->kept * law->current + law->weight[0] * u + law->later[0], law->pi.config.limit);
+    law->later[0] = law->weight[1] * u + law->later[1];
+    law->later[1] = law->weight[2] * u;
+}
+
+/* z of the last two steps, without its mean: their sum [turns]. */
+static cgl_real two_loads(cgl_harmonic *law)
+{
+    law->mean += law->share * (law->load - law->mean);
+    const cgl_real now = law->load - law->mean, sum = now + law->last;
+    law->last = now;
+    return sum;
 }
 
 static void multiply(cgl_real of[2], const cgl_real by[2])
@@ -212,24 +232,27 @@ CGL_APART static void turn_bend(cgl_harmonic *law, uint32_t theta)
     y[1] = CGL_R(2.0) * x[0] * y[0];
     if (law->learning) {
         const cgl_real moved = cgl_clamp(bend->moved, CGL_R(1.0e9)), step = bend->rate * moved;
-        const cgl_real squares = cgl_clamp(bend->squares, CGL_R(1.0e18));
         const cgl_real rate = law->rate * law->pi.ts, most = CGL_R(1.0) / (cgl_real)TURN; /* beyond it no mean */
-        bend->doubt += (rate < most ? rate : most) * (squares - (cgl_real)TURN * bend->doubt);
+        const cgl_real change = moved - bend->before; /* noise, but not what the bend moves: that is nearly the same in both */
+        bend->doubt += (rate < most ? rate : most) * (STAYS * change * change - (cgl_real)TURN * bend->doubt);
+        bend->before = moved;
         for (uint32_t m = 0; m < law->bends; ++m) {
             part[2U * m] = cgl_clamp(part[2U * m] + step * x[m], BENT);
             part[2U * m + 1U] = cgl_clamp(part[2U * m + 1U] + step * y[m], BENT);
         }
     }
-    bend->moved = bend->squares = CGL_R(0.0);
+    bend->moved = CGL_R(0.0);
     bend->slope = bend->share * (part[1] * x[0] - part[0] * y[0] + CGL_R(2.0) * (part[3] * x[1] - part[2] * y[1]));
-    bend->here = bend->share * (part[0] * x[0] + part[1] * y[0] + part[2] * x[1] + part[3] * y[1]);
+    const cgl_real here = part[0] * x[0] + part[1] * y[0] + part[2] * x[1] + part[3] * y[1];
+    bend->here = bend->share * here * (CGL_R(1.0) / CGL_TWO_PI);
 }
 
 /* Begins to make the gains anew: the speed of now, the orders that it leaves, the rate. */
 CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle)
 {
     const cgl_harmonic_config *const config = &law->config;
-    const cgl_real speed = cgl_abs(law->omega), step = (cgl_real)config->base * law->omega, size = cgl_abs(step);
+    const cgl_real speed = cgl_abs(law->omega), step = CGL_TWO_PI * (cgl_real)config->base * law->omega;
+    const cgl_real size = cgl_abs(step);
     const bool is_new = speed > NEW * law->anchor || NEW * speed < law->anchor;
     if (is_new && !(speed >= law->slowest && speed <= law->fastest)) {
         const bool first = law->anchor <= CGL_R(0.0);
@@ -250,8 +273,9 @@ CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle)
     const cgl_real rate = mean > config->rate_min ? mean : config->rate_min;
     const cgl_real most = size / (CGL_PI * law->pi.ts); /* half of what one period of the base order would be learned with */
     law->rate = cgl_gentle_gain(gentle, config->rate, config->rate) * (rate < most ? rate : most);
-    cgl_sincos_of_angle(CGL_R(0.5) * (size <= CGL_HARMONIC_FASTEST ? step : CGL_R(0.0)), &law->half[1], &law->half[0]);
-    cgl_sincos_of_angle((size <= CGL_HARMONIC_FASTEST ? step : CGL_R(0.0)) * law->delay, &law->base[1], &law->base[0]);
+    const cgl_real turn = size <= CGL_HARMONIC_FASTEST ? step : CGL_R(0.0);
+    cgl_sincos_of_angle(CGL_R(0.5) * turn, &law->half[1], &law->half[0]);
+    cgl_sincos_of_angle(turn * law->ahead, &law->base[1], &law->base[0]);
     judge_bend(law);
     law->turned[0] = law->half[0];
     law->turned[1] = law->half[1];
@@ -262,10 +286,13 @@ CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle)
 }
 
 /* The gain of the order that is due. With D = (Z - p) exp(-j Om/2), 1/G is D^3 exp(-j Om/2) / (cos(Om/2) l3) for z, and
- * D^3 / (j sin Om) for e; the phasor that it meets is ahead by Om (1/2 + delay). */
-CGL_APART static void make_gain(cgl_harmonic *law, uint32_t gentle)
+ * D^3 / (j sin Om) for e; two z sum to 2 cos(Om/2) exp(-j Om/2) of one. The phasor that it meets is ahead by Om (1/2 + delay). */
+CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gentle)
 {
     const uint32_t k = law->due, orders = law->config.orders;
+    const cgl_real slow = (CGL_TWO_PI * MEAN) * (cgl_real)law->config.base * cgl_abs(law->omega);
+    law->share = law->learning && slow < QUICK ? slow : QUICK;
+    law->time += law->learning && law->time < CGL_R(1.0e6) ? (cgl_real)pause * law->pi.ts : CGL_R(0.0);
     if (k >= law->acting) {
         begin_round(law, gentle);
         return;
@@ -276,23 +303,21 @@ CGL_APART static void make_gain(cgl_harmonic *law, uint32_t gentle)
         law->band += 2U;
     }
     const bool holds = law->band < CGL_HARMONIC_EDGES && frequency >= held[law->band];
-    const cgl_real rate = holds ? CGL_R(0.0) : law->rate;
     const cgl_real c = law->turned[0], s = law->turned[1];
     const cgl_real d[2] = {(CGL_R(1.0) - POLE) * c, (CGL_R(1.0) + POLE) * s};
     cgl_real w[2] = {d[0], d[1]};
     multiply(w, d);
     multiply(w, d);
     multiply(w, law->delayed);
-    cgl_real scale = rate / (law->config.b * law->pi.ts);
+    cgl_real scale = (holds ? CGL_R(0.0) : law->rate) * law->pi.ts / law->gain;
     if (k < law->low) {
         const cgl_real a = law->cosine[k], b = law->cosine[orders + k];
         law->bend.power += holds ? CGL_R(0.0) : (cgl_real)(k + 1U) * (a * a + b * b);
-        scale /= GAIN_3 * c;
-        const cgl_real slow = (law->omega < CGL_R(0.0) ? MEAN : -MEAN) / (cgl_real)(k + 1U); /* what the mean takes away */
-        const cgl_real without[2] = {CGL_R(1.0), slow};
+        scale /= GAIN_3 * c * c;
+        const cgl_real lost = (law->omega < CGL_R(0.0) ? MEAN : -MEAN) / (cgl_real)(k + 1U); /* what the mean takes away */
+        const cgl_real without[2] = {CGL_R(1.0), lost};
         multiply(w, without);
     } else {
-        multiply(w, law->turned);
         const cgl_real real = w[0]; /* times -j */
         w[0] = w[1];
         w[1] = -real;
@@ -306,23 +331,33 @@ CGL_APART static void make_gain(cgl_harmonic *law, uint32_t gentle)
     law->due = k + 1U;
 }
 
-/* The orders' sum at an angle [turns] at which it will act, after what z teaches the slow ones and e the others. */
-CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_real load, cgl_real error)
+/* The orders' sum at an angle [turns] at which it will act, after what z teaches a part of the slow ones and e the others. */
+CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_real loads, cgl_real error)
 {
-    const uint32_t orders = law->config.orders;
+    const uint32_t orders = law->config.orders, low = law->low, turn = law->since % PARTS;
     const cgl_real limit = law->config.limit;
     cgl_real *const a = law->cosine, *const b = a + orders;
     const cgl_real *const w = b + 2U * orders;
-    cgl_real x1, y1, sum = CGL_R(0.0), moved = CGL_R(0.0), seen = load;
+    cgl_real x1, y1, sum = CGL_R(0.0), moved = CGL_R(0.0), seen = loads;
     cgl_sincos_of_turns(law->config.base * angle, &y1, &x1);
     cgl_real x = x1, y = y1;
-    uint32_t k = 0U, end = law->low;
+    uint32_t k = 0U, begin = low * turn / PARTS, end = low * (turn + 1U) / PARTS;
     for (uint32_t part = 0U; part < 2U; ++part) {
+        for (; k < begin; ++k) {
+            sum += a[k] * x + b[k] * y;
+            const cgl_real next = x * x1 - y * y1;
+            y = x * y1 + y * x1;
+            x = next;
+        }
         for (; k < end; ++k) {
             const cgl_real p = seen * w[2U * k], q = seen * w[2U * k + 1U];
             const cgl_real less = p * x + q * y, more = q * x - p * y;
             moved += a[k] * more + b[k] * less;
-            const cgl_real cosine = cgl_clamp(a[k] - less, limit), sine = cgl_clamp(b[k] + more, limit);
+            cgl_real cosine = a[k] - less, sine = b[k] + more;
+            if (!CGL_OFTEN(cgl_abs(cosine) + cgl_abs(sine) <= limit)) { /* one comparison for both */
+                cosine = cgl_clamp(cosine, limit);
+                sine = cgl_clamp(sine, limit);
+            }
             a[k] = cosine;
             b[k] = sine;
             sum += cosine * x + sine * y;
@@ -332,17 +367,23 @@ CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_r
         }
         if (part == 0U) {
             law->bend.moved += moved;
-            law->bend.squares += moved * moved;
         }
+        begin = low;
         end = law->acting;
         seen = error;
     }
     return cgl_clamp(sum, limit);
 }
 
+/* Whether the inputs that make this error can be true. */
+static bool is_plausible(const cgl_harmonic *law, const cgl_law_input *in, cgl_real error)
+{
+    const bool placed = !(law->config.k_theta > CGL_R(0.0)) || cgl_is_angle(in->theta_ref);
+    return cgl_is_finite(error) && placed && cgl_is_angle(in->theta_m);
+}
+
 /* A step in which something is at its limit, not plausible, or not learning. */
-CGL_SELDOM static void step_otherwise(cgl_harmonic *law, const cgl_law_input *in, cgl_real error, bool plausible,
-                                      cgl_law_output *out)
+CGL_SELDOM static void step_otherwise(cgl_harmonic *law, const cgl_law_input *in, cgl_real error, cgl_law_output *out)
 {
     if (cgl_law_stands_by(in)) {
         cgl_pi_start(&law->pi, cgl_law_stand_by(in, law->learned, law->pi.config.limit, out));
@@ -350,7 +391,8 @@ CGL_SELDOM static void step_otherwise(cgl_harmonic *law, const cgl_law_input *in
     }
     out->i_q_ref = cgl_pi_step(&law->pi, error, law->learned);
     out->status = (law->pi.saturated ? (unsigned)CGL_STATUS_SATURATED : 0U)
-                  | (law->learning ? 0U : (unsigned)CGL_STATUS_FROZEN) | (plausible ? 0U : (unsigned)CGL_STATUS_FAULT);
+                  | (law->learning ? 0U : (unsigned)CGL_STATUS_FROZEN)
+                  | (is_plausible(law, in, error) ? 0U : (unsigned)CGL_STATUS_FAULT);
 }
 
 /* What is learned is cleared, as the guard says. */
@@ -361,70 +403,80 @@ CGL_SELDOM static void forget(cgl_harmonic *law)
     law->time = CGL_R(0.0);
 }
 
-/* What is fed back of the position, whose angle [turns] is bent [rad]: the short way round [rad/s]; 0 without a reference. */
-CGL_SELDOM static cgl_real lag_of(const cgl_harmonic *law, const cgl_law_input *in, uint32_t theta, cgl_real bend)
+/* What is fed back of the position, whose angle is bent [turns]: the short way round [rad/s]; 0 without a reference. */
+CGL_SELDOM static cgl_real lag_of(const cgl_harmonic *law, const cgl_law_input *in, uint32_t theta)
 {
     if (!cgl_is_angle(in->theta_ref)) {
         return CGL_R(0.0);
     }
-    return law->config.k_theta * (cgl_steps(theta, cgl_turns(in->theta_ref)) * (CGL_TWO_PI / CGL_TURN_BITS) + bend);
+    const cgl_real way = cgl_steps(theta, cgl_turns(in->theta_ref)) * (CGL_R(1.0) / CGL_TURN_BITS) + law->bend.here;
+    return law->config.k_theta * CGL_TWO_PI * way;
 }
 
-/* The learned current where there is an angle [turns], which is bent [rad]. */
-static void follow(cgl_harmonic *law, const cgl_law_input *in, uint32_t theta, cgl_real bend)
+/* Whether this step learns: it waits after what froze it. */
+CGL_SELDOM static void settle(cgl_harmonic *law, bool may)
+{
+    law->learning = may && law->wait == 0U;
+    law->wait = may ? law->wait - (law->wait > 0U ? 1U : 0U) : CGL_HARMONIC_SETTLE;
+}
+
+/* The learned current at an angle [turns]. */
+static cgl_real follow(cgl_harmonic *law, const cgl_law_input *in, uint32_t theta)
 {
     if (!CGL_OFTEN(law->seated)) {
         seat(law, theta, in->omega_m);
     }
-    const cgl_real error = observe(law, theta), slow = law->slow * cgl_abs(law->omega);
-    law->mean += (law->learning && slow < QUICK ? slow : QUICK) * (law->load - law->mean);
-    if (law->since % 2U != 0U) {
-        make_gain(law, in->gentle);
+    const cgl_real error = observe(law, theta), loads = two_loads(law);
+    const uint32_t pause = law->acting > FEW ? 2U : 4U;
+    if (law->since % pause == 1U) {
+        make_gain(law, pause, in->gentle);
     }
-    if (!in->off) {
-        const cgl_real way = law->omega * law->ahead - bend;
-        const uint32_t acts = cgl_turned(theta, way * (CGL_R(1.0) / CGL_TWO_PI));
-        const cgl_real sees = law->learning ? CGL_R(1.0) : CGL_R(0.0);
-        law->learned = cgl_law_share(in) * sum_of_orders(law, acts, sees * (law->load - law->mean), sees * error);
+    if (in->off) {
+        return CGL_R(0.0);
     }
-    if (law->learning) {
-        law->time = cgl_clamp(law->time + law->pi.ts, CGL_R(1.0e6));
-    }
+    const uint32_t acts = cgl_turned(theta, law->omega * law->ahead - law->bend.here);
+    const bool sees = CGL_OFTEN(law->learning);
+    return cgl_law_share(in) * sum_of_orders(law, acts, sees ? loads : CGL_R(0.0), sees ? error : CGL_R(0.0));
+}
+
+/* A step without an angle. */
+CGL_SELDOM static void step_blind(cgl_harmonic *law, const cgl_law_input *in, cgl_law_output *out)
+{
+    settle(law, false);
+    law->seated = false;
+    law->learned = law->bend.here = law->bend.slope = CGL_R(0.0);
+    law->since = TURN - 1U; /* the first angle that comes is the bend's */
+    step_otherwise(law, in, in->omega_ref - in->omega_m, out);
 }
 
 void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_output *out)
 {
-    const bool is_angle = CGL_OFTEN(cgl_is_angle(in->theta_m));
-    const uint32_t theta = is_angle ? within_step(law, cgl_turns(in->theta_m), in->omega_m) : 0U;
-    law->since = (law->since + 1U) % TURN;
-    if (law->since == 0U && law->bends > 0U && is_angle) {
-        turn_bend(law, theta);
-    }
-    const cgl_real bend = law->bend.here + law->bend.slope * law->omega * (cgl_real)law->since;
-    const bool positions = law->config.k_theta > CGL_R(0.0), placed = !positions || cgl_is_angle(in->theta_ref);
-    const cgl_real lag = positions && is_angle ? lag_of(law, in, theta, bend) : CGL_R(0.0);
-    const cgl_real error = in->omega_ref - in->omega_m + law->bend.slope * in->omega_m + lag;
-    const bool plausible = cgl_is_finite(error) && is_angle && placed;
-    const bool may = in->learn && !cgl_law_stands_by(in) && plausible && !law->pi.saturated;
-    law->learning = may && law->wait == 0U;
-    law->wait = may ? law->wait - (law->wait > 0U ? 1U : 0U) : CGL_HARMONIC_SETTLE;
-    law->learned = CGL_R(0.0);
     if (in->forget && !cgl_law_stands_by(in)) {
         forget(law);
     }
-    if (is_angle) {
-        follow(law, in, theta, bend);
+    if (CGL_OFTEN(cgl_is_angle(in->theta_m))) {
+        const uint32_t theta = within_step(law, cgl_turns(in->theta_m), in->omega_m);
+        law->since = (law->since + 1U) % TURN;
+        law->bend.here += law->bend.slope * law->omega;
+        if (law->since == 0U && law->bends > 0U) {
+            turn_bend(law, theta);
+        }
+        cgl_real error = in->omega_ref - in->omega_m + law->bend.slope * in->omega_m;
+        if (law->config.k_theta > CGL_R(0.0)) {
+            error += lag_of(law, in, theta);
+        }
+        const bool may = in->learn && !cgl_law_stands_by(in) && !law->pi.saturated && is_plausible(law, in, error);
+        if (!CGL_OFTEN(may && law->learning)) {
+            settle(law, may);
+        }
+        law->learned = follow(law, in, theta);
+        if (law->learning && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {
+            out->status = 0U;
+        } else {
+            step_otherwise(law, in, error, out);
+        }
     } else {
-        law->seated = false;
-        law->bend.here = law->bend.slope = CGL_R(0.0);
-        law->since = TURN - 1U; /* the first angle that comes is the bend's */
+        step_blind(law, in, out);
     }
-    if (law->learning && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {
-        out->status = 0U;
-    } else {
-        step_otherwise(law, in, error, plausible, out);
-    }
-    law->told[2] = law->told[1];
-    law->told[1] = law->told[0];
-    law->told[0] = in->off ? CGL_R(0.0) : out->i_q_ref - law->learned;
+    tell(law, in->off ? CGL_R(0.0) : out->i_q_ref - law->learned);
 }

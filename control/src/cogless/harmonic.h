@@ -14,6 +14,8 @@
  *
  *   c_k -= rate ts s exp(-j k base theta) / (b ts^2 G)
  *
+ * Such slow orders learn in turns, a half of them in a step, from the sum of the last two s.
+ *
  * The rate falls like the weight in a mean: it is 1 / (1 / rate + t / 2), with t the time since the speed was last a new one. */
 #ifndef COGLESS_HARMONIC_H
 #define COGLESS_HARMONIC_H
@@ -58,40 +60,40 @@ typedef struct {
 typedef struct {
     cgl_real part[4]; /* cosine and sine of it once a turn, and twice [rad] */
     cgl_real share;   /* of it that is believed, 0 to 1 */
-    cgl_real here;    /* that share of it, at the angle of its last turn [rad] */
+    cgl_real here;    /* that share of it, at the angle of now [turns] */
     cgl_real slope;   /* and how fast it grows with the angle */
     cgl_real rate;    /* of learning it [rad/A^2] */
     cgl_real power;   /* sum of k |c_k|^2 of the orders that teach it, in this round [A^2] */
     cgl_real moved;   /* how much they went on in phase, weighted with |c_k|^2, since it was learned last [A^2] */
-    cgl_real squares; /* sum of each step's part of that, squared [A^4] */
-    cgl_real doubt;   /* mean square of that in a step [A^4] */
+    cgl_real before;  /* that, at the last turn */
+    cgl_real doubt;   /* variance of that by noise, of a step [A^4] */
 } cgl_harmonic_bend;
 
 typedef struct {
     cgl_harmonic_config config;
     cgl_pi pi;
     cgl_real *cosine;        /* caller's memory: `orders` cosines [A], sines [A], orders, and pairs of gains [A/rad] */
-    cgl_real delay;          /* [ts] */
     cgl_real ahead;          /* with half a period: so much later acts what is commanded now [ts] */
-    cgl_real slow;           /* share of the mean in z that a step of one radian takes [1/rad] */
-    cgl_real gain;           /* b ts^2 [rad/A] */
-    cgl_real weight[3];      /* shares of `told` in what the current is: a delay between samples, or a lag */
+    cgl_real gain;           /* b ts^2 [turns/A] */
+    cgl_real weight[3];      /* shares of u in the current of the next steps: a delay between samples, or a lag */
     cgl_real kept;           /* of the lag */
-    cgl_real told[3];        /* u of the last steps [A] */
+    cgl_real later[2];       /* what past u leave for the steps after the next [A] */
     cgl_real current;        /* u as it acts [A] */
     uint32_t shown;          /* by the sensor [turns of 2^32] */
     cgl_real half_step;      /* [turns] */
     cgl_real since_edge;     /* way from there, but for a constant: within half a step [turns] */
     uint32_t theta;          /* the observer's angle [turns of 2^32], */
-    cgl_real omega;          /* speed [rad/ts], */
-    cgl_real load;           /* z [rad/ts^2], */
-    cgl_real mean;           /* and its mean */
+    cgl_real omega;          /* speed [turns/ts], */
+    cgl_real load;           /* z [turns/ts^2], */
+    cgl_real mean;           /* and its mean, */
+    cgl_real share;          /* which takes so much of it in a step */
+    cgl_real last;           /* z without it, of the last step */
     cgl_real time;           /* of learning since the speed was new [s] */
-    cgl_real anchor;         /* that speed, and the span of those since [rad/ts] */
+    cgl_real anchor;         /* that speed, and the span of those since [turns/ts] */
     cgl_real slowest, fastest;
     cgl_real rate;           /* of learning at present [1/s] */
     cgl_real step;           /* of the base order, when the gains were begun [rad] */
-    cgl_real base[2], half[2]; /* phasors of the base order: by the delay, by half a period; */
+    cgl_real base[2], half[2]; /* phasors of the base order: as far ahead as it acts, by half a period; */
     cgl_real delayed[2], turned[2]; /* and those of the order `due`, whose gain is made anew next */
     cgl_harmonic_bend bend;
     uint32_t bends;          /* parts of it that are learned, in pairs */

@@ -31,7 +31,7 @@ from cogless.study.step_motor import StepMotor
 
 FULLEST = 6  # highest learned order, in lowest common multiples of slots and poles
 MIDDLE = 1.3  # rad a sample, where the delay is taken: half of what an order may have
-STEP = 1 / 15  # what the rates of all orders add up to, a sample: slow orders settle up to 0.16
+STEP = 1 / 16  # what the rates of all orders add up to, a sample: slow orders settle up to 0.15
 MOST, LEAST = 20.0, 0.5  # 1/s, of the rate
 SURE = 5e-4  # rad, of the sensor's error: what deviates by more is not learned, as SURE in harmonic.c
 FOLLOWS = 10  # rates in the angular frequency of a load that turns with the rotor: a tenth of what it changes is left
