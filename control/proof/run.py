@@ -125,7 +125,8 @@ MUTANTS = [
     ("duties.h", "duty[2] = CGL_R(0.5) + cgl_clamp_here(part[2], CGL_R(0.5));",
      "duty[2] = CGL_R(0.5) + part[2];", Run("foc", {})),
     ("foc.c", "cgl_is_angle(in->theta_e) && ", "", Run("foc", {})),  # NaN gets through to a conversion
-    ("pi_afc.c", "    return cgl_clamp(sum, config->limit);", "    return sum;", Run("pi_afc", ORDERS | LIMITED)),
+    ("pi_afc.c", "    return cgl_clamp(sum, config->limit);", "    return sum;",
+     Run("pi_afc", ORDERS | LIMITED)),
     ("memory.c", "head = head < m ? head + 1U : 0U;", "head = head <= m ? head + 1U : 0U;",
      Run("pi_ilc", MAP)),
 ]  # fmt: skip

@@ -156,7 +156,7 @@ def test_ripple_goes_and_its_orders_are_known(speed, precision):
 
 @pytest.mark.parametrize("speed", [2.0, 9.0, -9.0])
 def test_a_timed_speed_tells_where_the_rotor_is_between_counts(speed):
-    """A speed of counts over the time between their edges. The rotor turns by half a count to five in a sample."""
+    """A speed of counts over the time between edges. The rotor turns by half a count to five in a sample."""
     made = law()
     made.sensor_step = step = math.tau / 3200
     c, error = CHarmonic(control_library("double"), made), []

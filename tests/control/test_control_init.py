@@ -60,8 +60,8 @@ BAD_PI_AFC = {
     "omega_min": POSITIVE,
     "limit": POSITIVE,
 }
-HARMONIC = {"k_theta": 0.0, "b": 800.0, "delay": 1e-4, "step": 0.0, "base": 6, "bends": 2, "orders": 3, "rate": 4.0,
-            "rate_min": 1.0, "limit": 1.0, "held": [0.1, 0.2, *[0.0] * 6]}  # fmt: skip
+HARMONIC = {"k_theta": 0.0, "b": 800.0, "delay": 1e-4, "step": 0.0, "base": 6, "bends": 2, "orders": 3,
+            "rate": 4.0, "rate_min": 1.0, "limit": 1.0, "held": [0.1, 0.2, *[0.0] * 6]}  # fmt: skip
 BAD_HARMONIC = {
     "k_theta": NOT_NEGATIVE,
     "held": [[bad, *[0.0] * 7] for bad in NOT_NEGATIVE] + [[0.0] * 7 + [bad] for bad in NOT_NEGATIVE],

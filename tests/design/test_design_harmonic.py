@@ -142,7 +142,7 @@ def test_liu_at_60_rpm_is_near_the_encoders_floor():
 
 
 def test_counts_that_beat_with_the_samples_are_not_taken_for_ripple():
-    """At 61.3 r/min 4.087 counts come in a sample: seen at the samples, they beat with 433 Hz, where order 420 is.
+    """At 61.3 r/min 4.087 counts come in a sample: seen there, they beat with 433 Hz, where order 420 is.
     From steps alone, without the timed speed, 1.2 r/min would be learned."""
     speed = {f"scenario.1-rev-s.{key}": "61.3 rpm" for key in SPEEDS}
     assert learner(study(), "harmonic").step == pytest.approx(math.tau / 20_000)
@@ -152,25 +152,21 @@ def test_counts_that_beat_with_the_samples_are_not_taken_for_ripple():
 
 
 def test_ripple_that_changes_with_a_turning_load_is_followed():
-    """An arm's weight turns with the rotor, at up to 0.4 rad/s, and so does the torque that a step motor's ripple
-    is a share of. Speeds in the paper's electrical rad/s, peak to peak; the paper's learning leaves 0.081."""
-    here = load("verrelli2016", {
-        "controller.harmonic": {**studies.HARMONIC["controller.harmonic"], "position": True},
-        "controller.same": {**studies.HARMONIC["controller.harmonic"], "position": True, "learning_start": "1e6 s"},
-    })  # fmt: skip
+    """An arm's weight turns with the rotor, at up to 0.4 rad/s, and with it the torque that a step motor's
+    ripple is a share of. The paper's electrical rad/s, peak to peak; its learning leaves 0.081."""
+    law = {**studies.HARMONIC["controller.harmonic"], "position": True}
+    arm = {"controller.harmonic": law, "controller.same": {**law, "learning_start": "1e6 s"}}
+    here = load("verrelli2016", arm)
     assert learner(here, "harmonic").rate_min == pytest.approx(10 * 0.4)
     assert learner(study(), "harmonic").rate_min == 0.5
     left = []
     for name in ("harmonic", "same"):
         trace = simulate(here, "twelve-seconds", name).trace
-        last = 50 * (trace["omega_m"] - trace["omega_ref"])[8000:10_000]
-        left.append(np.ptp(last))
+        left.append(50 * np.ptp((trace["omega_m"] - trace["omega_ref"])[8000:10_000]))
     assert left[0] < 0.005 and left[1] > 0.06
-    # a load faster than that is not: the mean goes on
-    fast = {"scenario.twelve-seconds.reference": "100 rpm", "scenario.two-minutes.reference": "100 rpm"}
-    assert learner(load("verrelli2016", fast | {
-        "controller.harmonic": {**studies.HARMONIC["controller.harmonic"], "position": True}}
-    ), "harmonic").rate_min == 0.5  # fmt: skip
+    # a load that is faster than learning is not followed: the mean goes on
+    fast = {f"scenario.{key}.reference": "100 rpm" for key in here.scenario}
+    assert learner(load("verrelli2016", arm | fast), "harmonic").rate_min == 0.5
 
 
 def test_orders_that_a_soft_shaft_turns_are_held():

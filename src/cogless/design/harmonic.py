@@ -34,7 +34,7 @@ MIDDLE = 1.3  # rad a sample, where the delay is taken: half of what an order ma
 STEP = 1 / 16  # what the rates of all orders add up to, a sample: slow orders settle up to 0.15
 MOST, LEAST = 20.0, 0.5  # 1/s, of the rate
 SURE = 5e-4  # rad, of the sensor's error: what deviates by more is not learned, as SURE in harmonic.c
-FOLLOWS = 10  # rates in the angular frequency of a load that turns with the rotor: a tenth of what it changes is left
+FOLLOWS = 10  # times as fast as a load that turns with the rotor: a tenth of what it changes is left
 MARGIN = 2.4  # between the rate and where all orders together oscillate
 BENDS_FROM = (2, 4)  # base orders above which neighbours, one and two away, aren't learned themselves
 
@@ -219,8 +219,10 @@ def _poles_and_slots(study: Study) -> tuple[int, int | None]:
 
 
 def _step(study: Study) -> float:
-    """Step of the sensor's angle, rad, if the speed is timed from edge to edge and not filtered, so that it
-    tells where the rotor is between two; else 0."""
+    """Step of the sensor's angle, rad, or 0.
+
+    A speed that is timed from edge to edge, and not filtered, tells where the rotor is between two steps.
+    """
     sensor, filtered = study.drive.position_sensor, study.drive.speed_filter
     return sensor.step if isinstance(sensor, Counted) and sensor.timed and not filtered else 0.0
 
@@ -232,7 +234,8 @@ def _bends(study: Study, base: int) -> int:
     or twice a turn bends the phases of ripple that depends on the current, too.
     """
     sensor = study.drive.position_sensor
-    if min(_load_orders(study), default=math.inf) <= 2 or not isinstance(sensor, Counted) or sensor.step > SURE:
+    varies = any(order <= 2 for order in _load_orders(study))
+    if varies or not isinstance(sensor, Counted) or sensor.step > SURE:
         return 0
     return sum(base > free for free in BENDS_FROM)
 
@@ -244,9 +247,10 @@ def _load_orders(study: Study) -> list[float]:
 
 
 def _least_rate(study: Study, told: Learner, fastest: float) -> float:
-    """To which the rate falls, 1/s: ripple that depends on the current changes with a load that turns with the rotor.
+    """To which the rate falls, 1/s.
 
-    It is followed where it is slow enough for that. A load's order that is learned itself needs no following.
+    Ripple that depends on the current changes with a load that turns with the rotor. It is followed where it
+    is slow enough for that. A load's order that is learned itself needs no following.
     """
     turning = [FOLLOWS * order * fastest for order in _load_orders(study) if order < told.base]
     return min(told.rate, max([LEAST, *(rate for rate in turning if rate <= told.rate)]))

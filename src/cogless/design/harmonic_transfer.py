@@ -164,7 +164,7 @@ def all_orders(told: Learner, orders: Real, om: Real, T: float) -> Complex:
 
 
 def seen(z: Complex, order: float) -> Complex:
-    """How a held current shows in the signal that an order learns from, over b T^2: e, or the mean of two z."""
+    """How a held current shows in what an order learns from, over b T^2: e, or the mean of two z."""
     of_e = np.asarray((z + 1) * (z - 1) / (2 * (z - POLE) ** 3))
     mean = (1 + 1 / z) / 2
     return of_e if order > SPLIT else np.asarray((1 - POLE) ** 3 * z / (z - 1) * of_e * mean)
