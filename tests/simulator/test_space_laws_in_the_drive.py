@@ -250,8 +250,8 @@ def test_libraries_of_both_versions_are_loaded(tmp_path: Path) -> None:
     assert first["i_q_ref"] == pytest.approx(first["omega_ref"] + 1.0)
     assert second["i_q_ref"] == pytest.approx(3.0 * t + 2.0 / w * (1.0 - np.cos(w * t)), abs=1e-12)
     assert second["i_d_ref"] == pytest.approx(2.0 * w * np.cos(w * t), abs=1e-12)
-    later = compiled(SECOND_VERSION.replace("return COGLESS_PLUGIN_VERSION", "return 4U"), tmp_path)
-    with pytest.raises(ValueError, match="plugin version is 4, expected 1 to 3"):
+    later = compiled(SECOND_VERSION.replace("return COGLESS_PLUGIN_VERSION", "return 5U"), tmp_path)
+    with pytest.raises(ValueError, match="plugin version is 5, expected 1 to 4"):
         drive_of(_simulator_f64, config({"controller": {"law": "library", "library": later, "params": []}}))
 
 
