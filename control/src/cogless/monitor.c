@@ -37,7 +37,8 @@ CGL_SELDOM static bool is_valid(const cgl_monitor_config *config, cgl_real ts)
                                       CGL_RANGE(cgl_monitor_config, current_sum, CGL_NOT_NEGATIVE)};
     return CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts)
            && is_time(config->speed_window, ts) && is_time(config->bridge, ts)
-           && is_time(config->hold, ts) && is_time((cgl_real)TRY_AGAIN * config->stuck_time, ts)
+           && is_time(config->hold, ts) && is_time(config->stuck_time, ts)
+           && is_time((cgl_real)TRY_AGAIN * config->stuck_time, ts)
            && (config->phases == 0U || config->phases == 2U || config->phases == 3U);
 }
 
