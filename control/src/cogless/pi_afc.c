@@ -100,15 +100,13 @@ static cgl_real sum_of_orders(cgl_pi_afc *law, cgl_real turns, cgl_real turns_be
         if (cgl_abs(h * moved) >= CGL_PI) {
             continue;
         }
-        for (uint32_t now = law->learning ? 0U : 1U; now < 2U; ++now) { /* it learns where it was, then acts where it is */
-            sincos_of_order(h, now == 0U ? turns_before : turns, &sine, &cosine);
-            if (now == 0U) {
-                a[k] = cgl_clamp(kept * a[k] + correction * cosine, config->limit);
-                b[k] = cgl_clamp(kept * b[k] + correction * sine, config->limit);
-            } else {
-                sum += a[k] * cosine + b[k] * sine;
-            }
+        if (law->learning) {
+            sincos_of_order(h, turns_before, &sine, &cosine);
+            a[k] = cgl_clamp(kept * a[k] + correction * cosine, config->limit);
+            b[k] = cgl_clamp(kept * b[k] + correction * sine, config->limit);
         }
+        sincos_of_order(h, turns, &sine, &cosine);
+        sum += a[k] * cosine + b[k] * sine;
     }
     return cgl_clamp(sum, config->limit);
 }
