@@ -353,7 +353,7 @@ CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_r
             const cgl_real p = seen * w[2U * k], q = seen * w[2U * k + 1U];
             const cgl_real less = p * x + q * y, more = q * x - p * y;
             moved += a[k] * more + b[k] * less;
-            const cgl_real cosine = cgl_clamp(a[k] - less, limit), sine = cgl_clamp(b[k] + more, limit);
+            const cgl_real cosine = cgl_clamp_here(a[k] - less, limit), sine = cgl_clamp_here(b[k] + more, limit);
             a[k] = cosine;
             b[k] = sine;
             sum += cosine * x + sine * y;

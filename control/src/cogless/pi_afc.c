@@ -102,8 +102,8 @@ static cgl_real sum_of_orders(cgl_pi_afc *law, cgl_real turns, cgl_real turns_be
         }
         if (law->learning) {
             sincos_of_order(h, turns_before, &sine, &cosine);
-            a[k] = cgl_clamp(kept * a[k] + correction * cosine, config->limit);
-            b[k] = cgl_clamp(kept * b[k] + correction * sine, config->limit);
+            a[k] = cgl_clamp_here(kept * a[k] + correction * cosine, config->limit);
+            b[k] = cgl_clamp_here(kept * b[k] + correction * sine, config->limit);
         }
         sincos_of_order(h, turns, &sine, &cosine);
         sum += a[k] * cosine + b[k] * sine;
