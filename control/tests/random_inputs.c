@@ -1347,7 +1347,7 @@ void random_inputs(long configs)
         {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
         {"drive", try_drive, 0x23d2b8bcU, 0xeaa4b009U},
         {"adrc", try_adrc, 0xc079600cU, 0x27b41b93U},
-        {"harmonic", try_harmonic, 0x6915b337U, 0xa69491acU},
+        {"harmonic", try_harmonic, 0xf04068c6U, 0x1989c0cbU},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);
