@@ -327,6 +327,13 @@ def test_a_line_grows_fivefold_and_to_a_share_of_the_current(early, later, first
     assert growth(results, run) == (grew and pytest.approx(grew, abs=0.01))
 
 
+def test_a_drift_of_the_current_is_no_line_that_grows():
+    def current(t):  # one bow in the four windows of 1600 rows
+        return 1 + np.where(t < 14.001, 0.0, np.sin(np.pi * (t - 14) / 8) ** 2)
+
+    assert growth(*steady(22.0025, i_q=current)) is None
+
+
 def test_growth_needs_a_law_that_learns_and_rows():
     assert growth(*steady(22.0025, "pi", i_q=line(2e-3, 1.0))) is None
     assert (

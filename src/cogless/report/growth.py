@@ -59,12 +59,17 @@ def _about(amplitudes: Array) -> Array:
 
 
 def _spectrum(x: Array) -> Array:
-    """Amplitudes of x's spectral lines, without the trend from first to last value; zero if not finite."""
+    """Amplitudes of x's spectral lines, without the trend from first to last value; zero if not finite.
+
+    The first three lines are zero: over these, Hann's window spreads a drift.
+    """
     if not np.all(np.isfinite(x)):
         return np.zeros(len(x) // 2 + 1)
     window = np.hanning(len(x))
     straight = np.linspace(x[0], x[-1], len(x))
-    return np.asarray(2 * np.abs(np.fft.rfft((x - straight) * window)) / window.sum())
+    amplitudes = np.asarray(2 * np.abs(np.fft.rfft((x - straight) * window)) / window.sum())
+    amplitudes[:3] = 0.0
+    return amplitudes
 
 
 def worsened(results: Results, runs: Sequence[Run]) -> dict[str, float]:
