@@ -124,13 +124,12 @@ void hear_all(const cgl_real *x, uint32_t count)
 
 void try_subjects(const random_subject *subjects, uint32_t count, long configs)
 {
-    const long first = 60L;
     for (uint32_t k = 0; k < count; ++k) {
         seed = 88172645463325252u + ((uint64_t)k << 40);
         heard = 0U;
         for (long n = 0; n < configs; ++n) {
             subjects[k].one();
-            if (n + 1L == first) {
+            if (n + 1L == CHECKED_CONFIGS) {
                 const uint32_t expected = sizeof(cgl_real) == sizeof(float) ? subjects[k].in_float : subjects[k].in_double;
                 CHECK(heard == expected);
                 if (heard != expected) {

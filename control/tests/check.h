@@ -33,6 +33,7 @@ void hear_all(const cgl_real *x, uint32_t count);
 void hear_bits(uint32_t bits);
 
 /* A subject of random inputs, and the checksum of what its first configs say in each build. */
+#define CHECKED_CONFIGS 60L
 typedef struct {
     const char *name;
     void (*one)(void); /* one random config */

@@ -1,6 +1,7 @@
 /* The tests that need no Python: random inputs, the README's example, a calibration that is long for a float, and what
  * the transcriptions in NumPy say of the same inputs.
- * cogless_control_tests [CONFIGS]: so many random configs for each law, 300 steps or more each; default 500. */
+ * cogless_control_tests [CONFIGS]: so many random configs for each law, 300 steps or more each; default 500, and never fewer
+ * than have a checksum. */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -87,7 +88,8 @@ static void long_window(void)
 
 int main(int count, char **arguments)
 {
-    const long configs = count > 1 ? strtol(arguments[1], NULL, 10) : 500L;
+    const long asked = count > 1 ? strtol(arguments[1], NULL, 10) : 500L;
+    const long configs = asked > CHECKED_CONFIGS ? asked : CHECKED_CONFIGS;
     golden_vectors();
     memories();
     guarded();

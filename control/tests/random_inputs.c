@@ -1243,7 +1243,8 @@ static void try_drive(void)
         hear(out.i_d_ref);
         hear(out.u_d);
         hear(out.u_q);
-        hear_bits(out.status);
+        hear_bits(out.status + (drive.in.learn ? 1U << 31 : 0U));
+        hear(drive.quality.ripple);
         check_drive(&config, &drive, &out);
         CHECK(within(out.i_q_ref, law.limit));
         if (random_below(1000) == 0U) {
@@ -1345,7 +1346,7 @@ void random_inputs(long configs)
         {"trial", try_trial, 0xb303eef9U, 0x96375856U},
         {"monitor", try_monitor, 0x67e82230U, 0x23cd28fbU},
         {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
-        {"drive", try_drive, 0x23d2b8bcU, 0xeaa4b009U},
+        {"drive", try_drive, 0x8359c9cbU, 0x4b6a4b2dU},
         {"adrc", try_adrc, 0xc079600cU, 0x27b41b93U},
         {"harmonic", try_harmonic, 0xf04068c6U, 0x1989c0cbU},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},
