@@ -5,15 +5,16 @@
 #include "cogless/guard.h"
 
 #define TS CGL_R(1.0e-3)
-#define OMEGA (CGL_R(4.0) * CGL_TWO_PI) /* a window is a turn, 250 samples */
+#define OMEGA (CGL_R(4.0) * CGL_TWO_PI) /* at first; a window is a turn, 250 samples */
 #define WINDOW 250
 
 static cgl_guard guard;
 static unsigned sample;
+static cgl_real omega;
 
 static void step(double error, bool saturated, bool learned)
 {
-    const cgl_guard_input in = {(cgl_real)error, OMEGA, OMEGA, true, saturated, learned, learned && guard.learn && !saturated};
+    const cgl_guard_input in = {(cgl_real)error, omega, omega, true, saturated, learned, learned && guard.learn && !saturated};
     cgl_guard_step(&guard, &in);
     ++sample;
 }
@@ -39,6 +40,7 @@ static double run(double windows, double without, double more, bool learn)
 static void begin(void)
 {
     sample = 0U;
+    omega = OMEGA;
     CHECK(cgl_guard_init(&guard, TS) == CGL_OK);
     (void)run(4.0, 1.0, 0.0, false);
     CHECK(guard.phase == CGL_GUARD_IDLE && guard.learn && within(guard.share - CGL_R(1.0), CGL_R(0.0)));
@@ -79,6 +81,38 @@ static void what_does_not(void)
     CHECK(run(40.0, 3.0, 0.0, true) >= 40.0);
 }
 
+/* In the end nothing is learned from some speed on, for long; below it is, and after that time more boldly. */
+static void what_always_hurts(void)
+{
+    begin();
+    for (int n = 0; n < 100 && guard.phase != CGL_GUARD_MUTE; ++n) {
+        (void)run(20.0, 1.0, 0.6, true);
+    }
+    CHECK(guard.phase == CGL_GUARD_MUTE && guard.gentle == CGL_GUARD_STEPS && !guard.learn);
+    const unsigned wait = 50U << guard.backoff;
+    (void)run(3.0, 1.0, 0.6, true);
+    omega = CGL_R(0.5) * OMEGA;
+    (void)run(20.0, 1.0, 0.0, true);
+    CHECK(guard.phase == CGL_GUARD_LEARN && guard.gentle < CGL_GUARD_STEPS);
+    (void)run(10.0, 1.0, -0.5, true);
+    CHECK(guard.learn);
+    omega = OMEGA;
+    CHECK(run(20.0, 1.0, -0.5, true) < 4.0 && guard.phase == CGL_GUARD_MUTE && !guard.learn);
+    const double muted = run(2.0 * wait, 1.0, 0.6, true);
+    CHECK(muted > 0.98 * wait && muted < 1.01 * wait && guard.phase == CGL_GUARD_CLEAR && within(guard.share, CGL_R(0.0)));
+    (void)run(20.0, 1.0, 0.0, true);
+    CHECK(guard.phase == CGL_GUARD_LEARN && guard.gentle < CGL_GUARD_STEPS);
+}
+
+/* Learning gains nothing: after a hundred windows the bar is measured anew. */
+static void what_gains_nothing(void)
+{
+    begin();
+    const double learned = run(200.0, 1.0, 0.0, true);
+    CHECK(learned > 97.0 && learned < 101.0 && guard.phase == CGL_GUARD_PROBE);
+    CHECK(run(20.0, 1.0, 0.0, true) < 6.0 && guard.phase == CGL_GUARD_LEARN && guard.gentle == 1U);
+}
+
 static void a_burst(void)
 {
     begin();
@@ -90,12 +124,12 @@ static void a_burst(void)
 /* A quarter takes a sixteenth of a second at least and 1.25 s at most; between these whole quarter turns. */
 static void lengths(void)
 {
-    static const double omega[] = {0.05, 1.0, 3.0, 25.0, 300.0, 5000.0};
-    for (uint32_t k = 0; k < sizeof omega / sizeof omega[0]; ++k) {
+    static const double speed[] = {0.05, 1.0, 3.0, 25.0, 300.0, 5000.0};
+    for (uint32_t k = 0; k < sizeof speed / sizeof speed[0]; ++k) {
         CHECK(cgl_guard_init(&guard, TS) == CGL_OK);
-        const cgl_guard_input in = {CGL_R(0.0), (cgl_real)omega[k], (cgl_real)omega[k], true, false, true, true};
+        const cgl_guard_input in = {CGL_R(0.0), (cgl_real)speed[k], (cgl_real)speed[k], true, false, true, true};
         cgl_guard_step(&guard, &in);
-        const double quarter = 0.5 * (double)CGL_PI / omega[k] / (double)TS, length = (double)guard.length;
+        const double quarter = 0.5 * (double)CGL_PI / speed[k] / (double)TS, length = (double)guard.length;
         const double beyond = length - quarter * (double)(long)(length / quarter + 0.5);
         CHECK(guard.length >= 62U && guard.length <= 1251U);
         CHECK(guard.length == 1251U || (beyond < 0.51 && beyond > -0.51));
@@ -115,11 +149,69 @@ static void a_limit_that_stays(void)
     CHECK(run(20.0, 1.0, 0.0, true) < 6.0 && guard.phase == CGL_GUARD_CLEAR);
 }
 
-void guarded(void)
+/* ---- a drive of numbers, whose law learns well or badly and whose speed, load and limit change ---- */
+
+#define STEPS_PER_CONFIG 40000
+
+/* What is learned, in units of the ripple without it: a good law goes to -depth, a bad one grows. */
+static cgl_real learned_on(cgl_real learned, cgl_real gain, cgl_real depth, bool harms)
+{
+    const cgl_real next = harms ? learned * (CGL_R(1.0) + gain) + gain : learned - gain * (depth + learned);
+    return cgl_clamp(next, CGL_R(50.0));
+}
+
+static void try_guard(void)
+{
+    const bool bad = random_below(2) != 0U, changes = random_below(2) != 0U;
+    const cgl_real speed[3] = {CGL_R(1.0) + (cgl_real)random_below(300), CGL_R(1.0) + (cgl_real)random_below(300), CGL_R(30.0)};
+    const cgl_real rate = CGL_R(0.002) * (cgl_real)(1U + random_below(10)), depth = CGL_R(0.25) * (cgl_real)random_below(5);
+    const cgl_real start = (cgl_real)random_below(8); /* a ripple that dies out by itself */
+    cgl_real learned = CGL_R(0.0), mean = CGL_R(0.0), theta = CGL_R(0.0);
+    cgl_guard_input in = {CGL_R(0.0), speed[0], speed[0], true, false, true, false};
+    bool harms = bad, limited = false, stands = random_below(8) == 0U;
+    CHECK(cgl_guard_init(&guard, TS) == CGL_OK);
+    for (int n = 0; n < STEPS_PER_CONFIG; ++n) {
+        if (random_below(4000) == 0U && changes) {
+            in.omega_ref = speed[random_below(3)];
+            harms = bad && random_below(4) != 0U;
+        }
+        mean = random_below(2000) ? CGL_R(0.99) * mean : CGL_R(5.0);
+        stands = stands && random_below(8000) != 0U;
+        limited = random_below(limited ? 300U : 5000U) ? limited : !limited;
+        theta = cgl_fraction((theta + CGL_R(6.0) * in.omega_ref * TS) / CGL_TWO_PI) * CGL_TWO_PI;
+        cgl_real sine, cosine;
+        cgl_sincos(theta, &sine, &cosine);
+        const cgl_real noise = CGL_R(0.001) * (cgl_real)random_below(100) + (stands ? in.omega_ref : CGL_R(0.0));
+        const cgl_real ripple = CGL_R(1.0) + start / (CGL_R(1.0) + CGL_R(0.01) * (cgl_real)n) + learned * guard.share;
+        in.error = random_below(5000) ? mean + noise + ripple * sine : random_real(CGL_R(10.0));
+        in.omega_m = in.omega_ref - (cgl_is_within(in.error, CGL_R(100.0)) ? in.error : CGL_R(0.0));
+        in.plausible = cgl_is_within(in.error, CGL_R(1.0e10));
+        in.saturated = limited;
+        in.learn = random_below(1000) != 0U;
+        in.learned = in.learn && guard.learn && in.plausible && !limited;
+        cgl_guard_step(&guard, &in);
+        learned = in.learned ? learned_on(learned, cgl_gentle_gain(guard.gentle, rate, rate), depth, harms) : learned;
+        learned = guard.forget ? CGL_R(0.99) * learned : learned;
+        CHECK(guard.share >= CGL_R(0.0) && guard.share <= CGL_R(1.0) && guard.gentle <= CGL_GUARD_STEPS);
+        CHECK(!guard.learn || guard.phase <= (uint8_t)CGL_GUARD_LEARN);
+        CHECK(guard.forget == (guard.phase == CGL_GUARD_CLEAR));
+        if (n % 25 == 0) {
+            hear(guard.share);
+            hear_bits(guard.phase | guard.gentle << 8 | (guard.learn ? 1U << 16 : 0U) | (guard.forget ? 1U << 17 : 0U)
+                      | (cgl_guard_acts(&guard) ? 1U << 18 : 0U));
+        }
+    }
+}
+
+void guarded(long configs)
 {
     what_hurts();
     what_does_not();
+    what_always_hurts();
+    what_gains_nothing();
     a_burst();
     lengths();
     a_limit_that_stays();
+    static const random_subject subject = {"guard", try_guard, 0x96f1b1f2U, 0xacfc5238U};
+    try_subjects(&subject, 1U, configs);
 }

@@ -2,6 +2,6 @@
 #ifndef GUARDED_H
 #define GUARDED_H
 
-void guarded(void);
+void guarded(long configs);
 
 #endif

@@ -92,7 +92,7 @@ int main(int count, char **arguments)
     const long configs = asked > CHECKED_CONFIGS ? asked : CHECKED_CONFIGS;
     golden_vectors();
     memories();
-    guarded();
+    guarded(configs);
     random_inputs(configs);
     try_parts(configs);
     random_flash(10L * configs);

@@ -469,6 +469,7 @@ static void try_pi_ilc(void)
         CHECK(within(law.pi.integral, config.pi.limit));
         if (random_below(1000) == 0U) {
             cgl_pi_ilc_reset(&law);
+            CHECK(within(law.learned, CGL_R(0.0)));
         } else if (random_below(100) == 0U) {
             cgl_pi_ilc_config other = config;
             other.pi = random_pi();
@@ -562,6 +563,7 @@ static void try_anti_cogging(void)
             other.lead = random_gain(CGL_R(1.0e-3));
             other.cells += random_below(8) ? 0U : 1U;
             config = cgl_anti_cogging_retune(&law, &other) == CGL_OK ? other : config;
+            check_cells(config.cells, config.pi.limit);
         } else if (random_below(2000) == 0U) {
             cgl_anti_cogging_reset(&law);
         }
@@ -629,6 +631,7 @@ static void try_pi_afc(void)
         check_cells(2U * config.orders, config.limit);
         if (random_below(1000) == 0U) {
             cgl_pi_afc_reset(&law);
+            CHECK(within(law.learned, CGL_R(0.0)));
         } else if (random_below(100) == 0U) {
             cgl_pi_afc_config other = config;
             other.pi = random_pi();
@@ -695,6 +698,7 @@ static void try_harmonic(void)
         check_cells(2U * config.orders, config.limit);
         if (random_below(1000) == 0U) {
             cgl_harmonic_reset(&law);
+            CHECK(within(law.learned, CGL_R(0.0)));
         } else if (random_below(100) == 0U) {
             cgl_harmonic_config other = random_harmonic();
             other.base = config.base;
@@ -756,6 +760,7 @@ static void try_space_position(void)
             cgl_space_position_config other = config;
             other.k_omega = random_gain(CGL_R(5.0));
             other.mu_alpha = random_gain(CGL_R(250.0));
+            other.ramp = random_below(2) ? config.ramp : random_gain(CGL_R(0.1));
             other.limit = random_gain(CGL_R(500.0));
             other.memory = another_memory(&config.memory);
             config = cgl_space_position_retune(&law, &other) == CGL_OK ? other : config;
@@ -1018,6 +1023,15 @@ static void try_trial(void)
             cgl_trial_reset(&law);
         }
         check_trial_end(&config, &law, law.y_ref != NULL && law.sample >= config.samples && !law.spoilt);
+        if (random_below(4) == 0U) {
+            cgl_trial_config other = random_trial(matrix);
+            other.samples = config.samples + (random_below(8) == 0U ? 1U : 0U);
+            other.states = config.states;
+            other.q_filter = config.q_filter;
+            config = cgl_trial_retune(&law, &other) == CGL_OK ? other : config;
+            check_cells(config.samples, config.learned_limit);
+            CHECK(within(law.v, config.learned_limit));
+        }
         check_fence(length);
     }
 }
@@ -1087,6 +1101,12 @@ static void check_monitor(const cgl_monitor_config *config, const cgl_monitor *m
     CHECK(monitor->safe == ((monitor->status & (unsigned)CGL_STATUS_FAULT) != 0U));
 }
 
+/* Whether other bounds hold at once: else counts and speed stay beyond them for a while. */
+static bool hold_at_once(const cgl_monitor *monitor, const cgl_monitor_config *other)
+{
+    return monitor->trusted && (!(other->omega_max > CGL_R(0.0)) || cgl_abs(monitor->omega_m) < other->omega_max);
+}
+
 static void try_monitor(void)
 {
     cgl_monitor_config config;
@@ -1115,9 +1135,7 @@ static void try_monitor(void)
             cgl_monitor_trust(&monitor);
         } else if (random_below(500) == 0U) {
             const cgl_monitor_config other = random_monitor(ts, random_below(4));
-            const bool at_once = monitor.trusted /* else counts and speed stay beyond its limits for a while */
-                                 && (!(other.omega_max > CGL_R(0.0)) || cgl_abs(monitor.omega_m) < other.omega_max);
-            config = at_once && cgl_monitor_retune(&monitor, &other) == CGL_OK ? other : config;
+            config = hold_at_once(&monitor, &other) && cgl_monitor_retune(&monitor, &other) == CGL_OK ? other : config;
         } else if (random_below(1000) == 0U) {
             cgl_monitor_reset(&monitor);
         } else if (random_below(500) == 0U) { /* as after years */
@@ -1250,6 +1268,19 @@ static void try_drive(void)
         if (random_below(1000) == 0U) {
             cgl_drive_reset(&drive);
             since = config.divider;
+        } else if (random_below(200) == 0U) {
+            cgl_drive_config other = random_drive(ts);
+            other.pole_pairs = config.pole_pairs;
+            other.divider = config.divider + (random_below(10) == 0U ? 1U : 0U);
+            other.foreign = config.foreign;
+            const cgl_drive before = drive;
+            const bool taken = hold_at_once(&drive.monitor, &other.monitor) && cgl_drive_retune(&drive, &other) == CGL_OK;
+            const cgl_drive_config *const now_in = taken ? &other : &config;
+            CHECK(memcmp(&drive.monitor.config.hold, &now_in->monitor.hold, sizeof now_in->monitor.hold) == 0);
+            CHECK(config.foreign || memcmp(&drive.foc.config.kp_q, &now_in->foc.kp_q, sizeof now_in->foc.kp_q) == 0);
+            CHECK(drive.divider == config.divider && drive.learn_saturated == now_in->learn_saturated);
+            CHECK(taken || memcmp(&before.quality.left, &drive.quality.left, sizeof drive.quality.left) == 0);
+            config = taken ? other : config;
         }
     }
 }
@@ -1267,6 +1298,13 @@ static void try_any_config(void)
         CHECK(memory_length(&memory) <= length);
     }
     check_fence(length);
+    cgl_foc_config currents = random_foc();
+    currents.phases = random_below(5);
+    currents.kp_q = random_real(CGL_R(1.0));
+    cgl_foc foc;
+    const bool valid = (currents.phases == 0U || currents.phases == 2U || currents.phases == 3U) && currents.kp_q >= CGL_R(0.0)
+                       && cgl_is_finite(currents.kp_q) && ts > CGL_R(0.0);
+    CHECK(cgl_foc_init(&foc, &currents, ts) != CGL_OK || valid);
     const cgl_anti_cogging_config table = {random_pi(), random_word(), random_real(CGL_R(1.0)),
                                            random_word(), random_real(CGL_R(1.0)),
                                            random_real(CGL_R(1.0))};
@@ -1338,15 +1376,15 @@ void random_inputs(long configs)
         {"memory", try_memory, 0x7243c2aaU, 0xf8852981U},
         {"pi_ilc", try_pi_ilc, 0xe06c918eU, 0xcf38f8c7U},
         {"robust_ilc", try_robust_ilc, 0xc82e7d8cU, 0x0ab36c5fU},
-        {"space_position", try_space_position, 0x388a834fU, 0x756baf98U},
+        {"space_position", try_space_position, 0x3f372636U, 0xef3f8a81U},
         {"space_speed", try_space_speed, 0x74c5bed3U, 0x7dde4ec7U},
         {"anti_cogging", try_anti_cogging, 0x71e4af4fU, 0xe5dae956U},
         {"pi_afc", try_pi_afc, 0x96f736bbU, 0x03e628a4U},
         {"zero_phase", try_zero_phase, 0x428ca5d0U, 0x74f1ea8fU},
-        {"trial", try_trial, 0xb303eef9U, 0x96375856U},
+        {"trial", try_trial, 0x476fc9fdU, 0x8d7bd7f8U},
         {"monitor", try_monitor, 0x67e82230U, 0x23cd28fbU},
         {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
-        {"drive", try_drive, 0x8359c9cbU, 0x4b6a4b2dU},
+        {"drive", try_drive, 0xf52cfd5eU, 0xf57c209aU},
         {"adrc", try_adrc, 0xc079600cU, 0x27b41b93U},
         {"harmonic", try_harmonic, 0xf04068c6U, 0x1989c0cbU},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},

@@ -516,6 +516,57 @@ static void notice_locked_flash(void)
     }
 }
 
+/* The newer slot loses a bit between two saves: the next one goes there, and spares the map that is left. */
+static void look_again(void)
+{
+    static flash all, before;
+    owner o, found;
+    flash_clear(&all, 8U);
+    const cgl_map_store_config config = flash_config(&all, MOTOR);
+    make(&o, 1U, 12U);
+    cgl_map_store store = started(&config);
+    for (uint32_t which = 1; which < 5U; ++which) {
+        learn(&o, which);
+        CHECK(save(&store, &o) == CGL_MAP_OK);
+        const uint32_t slot = (which + 1U) % 2U;
+        CHECK(load(&config, &o, &found) == CGL_MAP_OK && knows(&found, which));
+        before = all;
+        all.byte[slot][CGL_MAP_HEADER] ^= 1U;
+        learn(&o, 10U + which);
+        CHECK(save(&store, &o) == CGL_MAP_OK);
+        CHECK(memcmp(all.byte[1U - slot], before.byte[1U - slot], FLASH_SLOT) == 0);
+        CHECK(load(&config, &o, &found) == CGL_MAP_OK && knows(&found, 10U + which));
+    }
+}
+
+/* Flash that fades while a map is loaded: whatever read it is, there is the whole map, none, or the older one. */
+static void fade(void)
+{
+    static flash all;
+    owner o, found;
+    flash_clear(&all, 8U);
+    const cgl_map_store_config config = flash_config(&all, MOTOR);
+    make(&o, 2U, 40U);
+    save_and_expect(&config, &o, 1U);
+    save_and_expect(&config, &o, 2U);
+    uint32_t whole = 0U, older = 0U, cleared = 0U, untouched = 0U;
+    for (uint32_t reads = 1; reads < 100U; ++reads) {
+        all.reads = reads;
+        const cgl_map_result result = load(&config, &o, &found);
+        all.reads = 0U;
+        bool zero = true;
+        for (uint32_t n = 0; n < o.map.channels * o.map.cells; ++n) {
+            zero = zero && within(*at(&found, n), CGL_R(0.0));
+        }
+        CHECK(result == CGL_MAP_OK ? knows(&found, 1U) || knows(&found, 2U) : zero || is_untouched(&found));
+        whole += result == CGL_MAP_OK && knows(&found, 2U);
+        older += result == CGL_MAP_OK && knows(&found, 1U);
+        cleared += result != CGL_MAP_OK && zero;
+        untouched += result != CGL_MAP_OK && is_untouched(&found);
+    }
+    CHECK(whole > 20U && older > 20U && cleared > 3U && untouched > 10U); /* the header is read word by word, thrice */
+}
+
 /* A law that learns while its map is saved: the old map stays, whenever the entry changed. */
 static void change_meanwhile(void)
 {
@@ -668,6 +719,8 @@ void stored_maps(void)
     spare_the_own();
     spare_the_flash();
     notice_locked_flash();
+    look_again();
+    fade();
     change_meanwhile();
     fall_back();
     flip_every_bit(1U, 4U, 1U);
