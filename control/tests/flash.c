@@ -67,10 +67,13 @@ static cgl_flash_result read(void *context, uint32_t slot, uint32_t offset, uint
     flash *all = context;
     CHECK(slot < 2U && offset <= all->size && count <= all->size - offset);
     memcpy(bytes, &all->byte[slot][offset], count);
-    if (all->reads > 0U && --all->reads == 0U) {
+    const bool last = all->reads == 1U, fails = all->broken && all->reads <= 1U;
+    all->reads -= all->reads > 0U ? 1U : 0U;
+    all->broken = all->broken && !last;
+    if (last && !fails) {
         bytes[0] ^= 1U;
     }
-    return all->broken ? CGL_FLASH_FAILED : CGL_FLASH_DONE;
+    return fails ? CGL_FLASH_FAILED : CGL_FLASH_DONE;
 }
 
 cgl_map_store_config flash_config(flash *all, uint32_t motor)

@@ -364,6 +364,8 @@ static void try_pi(void)
         const cgl_real error = random_real(CGL_R(10.0)), feedforward = random_real(CGL_R(1.0));
         const cgl_real output = cgl_pi_step(&pi, error, feedforward);
         hear(output);
+        hear(pi.proportional);
+        hear(pi.integral);
         CHECK(within(output, config.limit));
         CHECK(within(pi.integral, config.limit));
         cgl_law_input in;
@@ -375,6 +377,7 @@ static void try_pi(void)
         if (random_below(100) == 0U) {
             const cgl_pi_config other = random_pi();
             config = cgl_pi_retune(&pi, &other) == CGL_OK ? other : config;
+            hear(pi.proportional);
         }
     }
 }
@@ -465,6 +468,7 @@ static void try_pi_ilc(void)
         check_off(&in, &out);
         check_learning(&in, &out, &law.memory, &old.memory, before);
         CHECK(within(out.i_q_ref, config.pi.limit));
+        hear(law.learned);
         CHECK(within(law.learned, config.memory.limit[0]));
         CHECK(within(law.pi.integral, config.pi.limit));
         if (random_below(1000) == 0U) {
@@ -573,6 +577,8 @@ static void try_anti_cogging(void)
         cgl_anti_cogging_step(&law, &in, &out);
         check_off(&in, &out);
         CHECK(within(out.i_q_ref, config.pi.limit));
+        hear(law.looked_up);
+        hear(law.friction);
         CHECK(within(law.looked_up, config.pi.limit));
         CHECK(within(law.friction, config.pi.limit));
     }
@@ -626,6 +632,7 @@ static void try_pi_afc(void)
         CHECK(memcmp(before + 2U * config.orders, law.coefficient + 2U * config.orders,
                      config.orders * sizeof before[0]) == 0);
         CHECK(within(out.i_q_ref, config.pi.limit));
+        hear(law.learned);
         CHECK(within(law.learned, config.limit));
         CHECK(within(law.pi.integral, config.pi.limit));
         check_cells(2U * config.orders, config.limit);
@@ -693,6 +700,7 @@ static void try_harmonic(void)
             CHECK((uint32_t)law.cosine[2U * config.orders + k] == config.base * (k + 1U));
         }
         CHECK(within(out.i_q_ref, config.pi.limit));
+        hear(law.learned);
         CHECK(within(law.learned, config.limit));
         CHECK(within(law.pi.integral, config.pi.limit));
         check_cells(2U * config.orders, config.limit);
@@ -1125,7 +1133,8 @@ static void try_monitor(void)
         cgl_monitor_look(&long_way, &now, omega_ref);
         hear(monitor.theta_m);
         hear(monitor.omega_m);
-        hear_bits(monitor.status);
+        hear(monitor.shift);
+        hear_bits(monitor.status + (monitor.trusted ? 1U << 31 : 0U));
         check_monitor(&config, &monitor);
         check_monitor(&config, &long_way);
         CHECK(monitor.status == long_way.status && monitor.trusted == long_way.trusted);
@@ -1355,6 +1364,8 @@ static void try_adrc(void)
         next_input(&in, step);
         cgl_adrc_step(&law, &in, &out);
         hear(out.i_q_ref);
+        hear(law.f);
+        hear(law.proportional);
         check_off(&in, &out);
         CHECK(within(out.i_q_ref, config.limit));
         CHECK(within(law.f, config.b * config.limit) && cgl_is_finite(law.omega) && cgl_is_finite(law.proportional));
@@ -1372,21 +1383,21 @@ void random_inputs(long configs)
         {"angle", try_angle, 0x24552c34U, 0x32ee43c6U},
         {"modulation", try_modulation, 0x3f9fb973U, 0x03e77d72U},
         {"foc", try_foc, 0x58016a27U, 0xefbfbb2dU},
-        {"pi", try_pi, 0x4dd3cd2bU, 0x218e35a3U},
+        {"pi", try_pi, 0x005798c6U, 0x2bd3a628U},
         {"memory", try_memory, 0x7243c2aaU, 0xf8852981U},
-        {"pi_ilc", try_pi_ilc, 0xe06c918eU, 0xcf38f8c7U},
+        {"pi_ilc", try_pi_ilc, 0x3008c695U, 0x34d1dcc1U},
         {"robust_ilc", try_robust_ilc, 0xc82e7d8cU, 0x0ab36c5fU},
         {"space_position", try_space_position, 0x3f372636U, 0xef3f8a81U},
         {"space_speed", try_space_speed, 0x74c5bed3U, 0x7dde4ec7U},
-        {"anti_cogging", try_anti_cogging, 0x71e4af4fU, 0xe5dae956U},
-        {"pi_afc", try_pi_afc, 0x96f736bbU, 0x03e628a4U},
+        {"anti_cogging", try_anti_cogging, 0xc3479a8fU, 0xc6907642U},
+        {"pi_afc", try_pi_afc, 0x97ceb776U, 0xa3138fa0U},
         {"zero_phase", try_zero_phase, 0x428ca5d0U, 0x74f1ea8fU},
         {"trial", try_trial, 0x476fc9fdU, 0x8d7bd7f8U},
-        {"monitor", try_monitor, 0x67e82230U, 0x23cd28fbU},
+        {"monitor", try_monitor, 0xb6462ec9U, 0xb21e67f2U},
         {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
         {"drive", try_drive, 0xf52cfd5eU, 0xf57c209aU},
-        {"adrc", try_adrc, 0xc079600cU, 0x27b41b93U},
-        {"harmonic", try_harmonic, 0xf04068c6U, 0x1989c0cbU},
+        {"adrc", try_adrc, 0x98c0b61eU, 0x3b543a2dU},
+        {"harmonic", try_harmonic, 0x6e80c84fU, 0x99a763d8U},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);

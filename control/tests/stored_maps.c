@@ -539,8 +539,8 @@ static void look_again(void)
     }
 }
 
-/* Flash that fades while a map is loaded: whatever read it is, there is the whole map, none, or the older one. */
-static void fade(void)
+/* Flash that fades, or fails once, while a map is loaded: whatever read it is, there is the whole map, none, or the older one. */
+static void fade(bool broken)
 {
     static flash all;
     owner o, found;
@@ -552,8 +552,10 @@ static void fade(void)
     uint32_t whole = 0U, older = 0U, cleared = 0U, untouched = 0U;
     for (uint32_t reads = 1; reads < 100U; ++reads) {
         all.reads = reads;
+        all.broken = broken;
         const cgl_map_result result = load(&config, &o, &found);
         all.reads = 0U;
+        all.broken = false;
         bool zero = true;
         for (uint32_t n = 0; n < o.map.channels * o.map.cells; ++n) {
             zero = zero && within(*at(&found, n), CGL_R(0.0));
@@ -720,7 +722,8 @@ void stored_maps(void)
     spare_the_flash();
     notice_locked_flash();
     look_again();
-    fade();
+    fade(false);
+    fade(true);
     change_meanwhile();
     fall_back();
     flip_every_bit(1U, 4U, 1U);
