@@ -29,10 +29,13 @@ def law(memory: dict[str, Any] | None = None, **change: Any) -> dict[str, Any]:
 
 
 def section_5(
-    seconds: float, change: dict[str, Any] | None = None, module: ModuleType = _simulator_f64
+    seconds: float,
+    change: dict[str, Any] | None = None,
+    module: ModuleType = _simulator_f64,
+    decimation: int = 1,
 ) -> dict[str, np.ndarray]:
     engine = drive_of(module, merged(SECTION_5, change or {}))
-    return signals(engine, module, round(seconds * 10000))
+    return signals(engine, module, round(seconds * 10000), decimation)
 
 
 def peak_to_peak(x: dict[str, np.ndarray], start: float, end: float) -> tuple[float, float]:
@@ -75,7 +78,7 @@ def test_the_printed_scheme_does_not_last() -> None:
 
 @pytest.mark.parametrize("memory", [MAP, {"q_half_width": 20}])
 def test_a_q_filter_makes_it_last(memory: dict[str, Any]) -> None:
-    x = section_5(120.0, {"controller": law(memory)})
+    x = section_5(120.0, {"controller": law(memory)}, decimation=10)
     found = [peak_to_peak(x, t, t + 2.0)[0] for t in (20.0, 30.0, 58.0, 118.0)]
     assert found == pytest.approx([0.054, 0.041, 0.033, 0.024], rel=0.05)
     # it depends on where the arm is: over its revolution of 21 s the error stays level
