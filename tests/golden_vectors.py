@@ -281,25 +281,29 @@ def subjects() -> dict[str, Callable[[], list[list]]]:
     robust = single([400.0, 4.0, 10.0, 120.0, 0.3, 2.0, 1.0, 30.0, 1.0, 8.0])
     speed = single([0.3, *mu, 3.0, 1.0, 3.0])
     position = single([5.0, 0.1, 0.05, 0.01, 1e-5, 2.0, *mu])
-    maps = [
-        (
-            map_of(2, cells=50, parts=3, q_half_width=3, forgetting=single(0.9)),
-            [30.0, 55.0, -20.0, 0.0, 25.0],
-        ),
-        (map_of(1, cells=41, turns=3, parts=2, lead=2, q_half_width=1), [60.0, 40.0, -50.0, 60.0]),
-        (map_of(3, cells=33, ratio=7, parts=1), [3.0, 5.0, -4.0, 4.0]),
-        (map_of(1, cells=65535, q_half_width=2, parts=655), [0.05, -0.05]),
-        (map_of(1, cells=24, lead=5), [20.0, 12.0, 35.0]),
-    ]
-    lines = [
-        (
-            line_of("time", 2, ts, cells=120, q_half_width=2, forgetting=single(0.8)),
-            [18.0, 25.0, 16.0, 5.0, 20.0],
-        ),
-        (line_of("time", 1, ts, cells=90, parts=2, lead=3), [12.0, 14.0, 11.0]),
-        (line_of("ode", 2, ts, cells=150, q_half_width=1), [20.0, 24.0, 18.0]),
-        (line_of("inversion", 1, ts, cells=150, turns=2, lead=4), [40.0, 44.0, 38.0]),
-    ]
+
+    def maps() -> list:
+        return [
+            (
+                map_of(2, cells=50, parts=3, q_half_width=3, forgetting=single(0.9)),
+                [30.0, 55.0, -20.0, 0.0, 25.0],
+            ),
+            (map_of(1, cells=41, turns=3, parts=2, lead=2, q_half_width=1), [60.0, 40.0, -50.0, 60.0]),
+            (map_of(3, cells=33, ratio=7, parts=1), [3.0, 5.0, -4.0, 4.0]),
+            (map_of(1, cells=65535, q_half_width=2, parts=655), [0.05, -0.05]),
+            (map_of(1, cells=24, lead=5), [20.0, 12.0, 35.0]),
+        ]
+
+    def lines() -> list:
+        return [
+            (
+                line_of("time", 2, ts, cells=120, q_half_width=2, forgetting=single(0.8)),
+                [18.0, 25.0, 16.0, 5.0, 20.0],
+            ),
+            (line_of("time", 1, ts, cells=90, parts=2, lead=3), [12.0, 14.0, 11.0]),
+            (line_of("ode", 2, ts, cells=150, q_half_width=1), [20.0, 24.0, 18.0]),
+            (line_of("inversion", 1, ts, cells=150, turns=2, lead=4), [40.0, 44.0, 38.0]),
+        ]
 
     def memories(which: list) -> list[list]:
         return [memory(rng(), m, speeds, ts) for m, speeds in which]
@@ -352,8 +356,8 @@ def subjects() -> dict[str, Callable[[], list[list]]]:
     return {
         "pi": lambda: [pi(rng())],
         "foc": lambda: [foc(rng(), 3), foc(rng(), 2)],
-        "memory": lambda: memories(maps),
-        "delay_line": lambda: memories(lines),
+        "memory": lambda: memories(maps()),
+        "delay_line": lambda: memories(lines()),
         "pi_ilc": ilc, "robust_ilc": sliding, "space_speed": space_speed, "space_position": space_position,
         "pi_afc": afc, "harmonic": harmonics,
         "anti_cogging": lambda: [anti_cogging(rng())],

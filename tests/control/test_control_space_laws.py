@@ -11,7 +11,7 @@ from reference.motion import rounded
 from reference.space_laws import PositionInput, SpacePosition, SpaceSpeed, theta_tg
 from test_control_memory import TS, cells_needed, memory_config, varying
 
-STEPS, RATIO = 3000, 4
+STEPS, RATIO = 2100, 4
 TERMS = ("proportional", "integral", "alpha", "beta", "h")
 PERIODS = [
     (1, 1),

@@ -13,7 +13,7 @@ from reference.pi_ilc import PiIlc
 from reference.robust_ilc import RobustIlc
 from test_control_memory import TS, cells_needed, memory_config
 
-STEPS = 3000
+STEPS = 2000
 TERMS = ("surface", "switching", "linear", "learned", "adapted")
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered")
 

@@ -13,6 +13,8 @@ def test_vectors_are_not_stale(name):
     fresh = golden_vectors.text(golden_vectors.subjects()[name]()).split("\n")
     assert len(stored) == len(fresh)
     for line, (old, new) in enumerate(zip(stored, fresh, strict=True), 1):
+        if old == new:
+            continue
         read = [np.array(text.split(), dtype=float) for text in (old, new)]
         np.testing.assert_allclose(*read, rtol=1e-9, atol=1e-11, err_msg=f"{name}.txt:{line}")
 

@@ -77,7 +77,7 @@ def test_the_verdict_agrees_with_runs_over_a_grid() -> None:
     """It settles where that is said, and doesn't where the opposite is; what "may" says neither."""
     seen: dict[str, int] = {}
     for changes in GRID:
-        study = section_5(changes)
+        study = section_5(changes, 12.0)
         found = known(study)
         run = run_of(section_5(changes, 40.0) if found.kind == "grows" else study)
         end = float(run.trace.time[-1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 import shutil
 import subprocess
 import sys
@@ -64,16 +65,25 @@ RECORDS = ("static_holding_current.csv", "speed_test1_500Hz.csv.gz")
         (["co_simulation.py", ".", "--seconds=nan"], "--seconds: nan: expected a time above zero"),
     ],
 )
-def test_a_wrong_input_is_told(folder: Path, arguments: list[str], line: str) -> None:
+def test_a_wrong_input_is_told(
+    folder: Path,
+    arguments: list[str],
+    line: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     rows = "\n".join(f"{n / 100},0.1,{n % 2}" for n in range(200))
     records = {"other": "a,b\n1,2\n", "empty": "", "words": "theta_rad,iq_A,dir\n1,x,1\n"}
     for name, text in {**records, "unpacked": f"theta_rad,iq_A,dir\n{rows}\n"}.items():
         (folder / name).mkdir()
         (folder / name / RECORDS[0]).write_text(text)
         (folder / name / RECORDS[1]).write_text(text)
-    run = subprocess.run([sys.executable, *arguments], cwd=folder, capture_output=True, text=True)
-    assert run.returncode == 2
-    assert line in run.stderr.splitlines()[-1] and "Traceback" not in run.stderr
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "argv", arguments)
+    with pytest.raises(SystemExit) as end:
+        runpy.run_path(arguments[0], run_name="__main__")
+    assert end.value.code == 2
+    assert line in capsys.readouterr().err.splitlines()[-1]
 
 
 @pytest.mark.parametrize("script", ["batch.py", "rollout.py", "copied_state.py"])

@@ -34,7 +34,7 @@ STEPPER = {
         ],
     },
     "mechanics": {
-        "inertia": "8e-6 kg*m^2",
+        "inertia": "1.2e-5 kg*m^2",
         "coulomb_friction": "10 mN*m",
         "viscous_friction": "2e-4 N*m*s/rad",
     },
@@ -76,7 +76,7 @@ def test_a_rotor_that_cogging_would_stop_has_twice_the_energy_of_its_hills(logs)
     played, rate = plan.scenarios(load(logs / "motor.toml"), "pi")
     speeds = {name: one["reference"]["profile"][0][1] for name, one in played.items()}
     slow = float(speeds["slow"].split()[0])
-    assert 8e-6 * slow**2 / 2 == pytest.approx(2 * HILLS, rel=1e-3)
+    assert 1.2e-5 * slow**2 / 2 == pytest.approx(2 * HILLS, rel=1e-3)
     assert rate > 3 * 300 * float(speeds["fast"].split()[0]) / (2 * math.pi)  # order 6 p is in sight
     assert 10_000 % rate == 0
 
@@ -89,7 +89,7 @@ def test_no_planned_log_of_a_stepper_sticks(logs):
 
 def test_a_stepper_comes_out_of_its_planned_logs(logs):
     made = identified([logs / "traces.nc"], logs / "id.toml", lambda what, share: None).estimate
-    for key, value, share in (("j", 8e-6, 0.01), ("c", 10e-3, 0.01), ("b", 2e-4, 0.05)):
+    for key, value, share in (("j", 1.2e-5, 0.01), ("c", 10e-3, 0.01), ("b", 2e-4, 0.05)):
         assert made.values[key].value * made.K_t == pytest.approx(value, rel=share), key
     assert made.values["delay"].value == pytest.approx(0, abs=5e-5)
     cogging = {wave.order: wave.size.value * made.K_t for wave in made.cogging}

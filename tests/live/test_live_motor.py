@@ -217,7 +217,14 @@ def test_a_motor_in_other_words_is_told_what_is_missing(small_study):
 
 def test_orders_that_slots_and_poles_tell_follow_the_pole_pairs(own):
     """Without a base of its own the law learns the multiples of gcd(slots, poles)."""
-    found = adjustable(load(own[0].source.path), told=True)
-    (base,) = [one for one in found.products["slow", "harmonic", "run"] if one.number.path.endswith(".base")]
+    study = load(own[0].source.path)
+    keys = [key.candidate for key in own[1].keys if key.candidate.key in motor.TOGETHER]
+
+    def made(values):
+        other = changed(study, {key.key: key.text(x) for key, x in values})
+        return packed(other, held(other), study)
+
+    found = motor.products(packed(study, held(study)), made, keys)["slow", "harmonic", "run"]
+    (base,) = [one for one in found if one.number.path.endswith(".base")]
     assert base.start == 1.0 and not base.powers
     assert base.factors == tuple(float(math.gcd(12, 2 * n)) for n in range(1, 41))

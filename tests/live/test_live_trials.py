@@ -2,6 +2,7 @@
 
 import base64
 import time
+from functools import cache
 
 import pytest
 import trial_studies
@@ -36,8 +37,15 @@ def study(request, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def drive(tmp_path_factory):
-    return trial_studies.loaded(tmp_path_factory.mktemp("drive"))
+def adjusted(tmp_path_factory):
+    """Of each kind a study, and the keys that a page of it can change, found once."""
+
+    @cache
+    def made(kind):
+        study = trial_studies.loaded(tmp_path_factory.mktemp(kind), text=STUDIES[kind])
+        return study, adjustable(study)
+
+    return made
 
 
 def same_rows(folder, study, trials):
@@ -73,12 +81,13 @@ def test_the_shipped_study_has_the_native_bits(tmp_path, name, trials):
 
 
 @pytest.mark.skipif(bool(NO_NODE), reason=NO_NODE)
-def test_changed_values_give_the_bytes_of_set(tmp_path, study):
-    same_bytes(tmp_path, study, adjustable(study), seed=3, count=4)
+@pytest.mark.parametrize("kind", STUDIES)
+def test_changed_values_give_the_bytes_of_set(tmp_path, adjusted, kind):
+    same_bytes(tmp_path, *adjusted(kind), seed=3, count=4)
 
 
-def test_the_gain_the_filter_the_loads_and_the_plant_can_be_changed(drive):
-    names = {key.candidate.key: key for key in adjustable(drive).keys}
+def test_the_gain_the_filter_the_loads_and_the_plant_can_be_changed(adjusted):
+    names = {key.candidate.key: key for key in adjusted("drive")[1].keys}
     assert names["controller.ilc.K_3"].stops == ()
     assert len(names["controller.ilc.q_filter.cutoff"].stops) > 15
     assert names["scenario.move.trials"].candidate.low == 9  # the last change

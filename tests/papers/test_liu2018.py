@@ -69,7 +69,7 @@ def test_a_fair_pi_dips_no_deeper_than_robust_ilc_by_much(speed: str) -> None:
 def test_the_terms_sum_to_the_command_and_learning_adds_little_of_it() -> None:
     trace = steady()["60-rpm/robust-ilc"].trace
     terms = {name: trace[name] for name in trace.names if name.startswith("term_")}
-    assert sum(terms.values()) == pytest.approx(trace["i_q_ref"], abs=1e-5)
+    assert np.abs(sum(terms.values()) - trace["i_q_ref"]).max() <= 1e-5
     rms = {name: float(np.sqrt(np.mean(term[len(term) // 2 :] ** 2))) for name, term in terms.items()}
     assert rms["term_f_hat"] + rms["term_r_hat"] < 0.02 * (rms["term_linear"] + rms["term_switching"])
 

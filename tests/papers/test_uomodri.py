@@ -43,10 +43,10 @@ def test_inertia_is_the_identified_one() -> None:
 
 
 def test_learning_leaves_less_ripple_than_the_feedback_and_the_table_at_every_speed() -> None:
-    study = load("uomodri")
+    study, compared = load("uomodri"), [f"*/{name}" for name in ("pi", "table", "robust-ilc")]
     ripple = {
         (run.scenario, run.controller): float(run.metrics["speed_ripple_rad_s"])
-        for run in run_study(study, jobs=2).runs
+        for run in run_study(study, compared, jobs=2).runs
     }
     for scenario in study.scenario:
         pi = ripple[scenario, "pi"]

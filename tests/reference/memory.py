@@ -4,11 +4,10 @@ samples in a row (liu2018 (29), verrelli2016 (4), (6) and Section 5)."""
 import math
 from bisect import bisect_right
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 
-from .limits import clip, is_angle
+from .limits import is_angle
 
 WHOLE = 1 << 32  # a revolution, or a period
 QUARTER = 1 << 30
@@ -18,7 +17,7 @@ MOVES = 8  # samples by which the place of one period ago moves in a step, at mo
 def mean_between(rows: list[list[float]], part: float) -> list[float]:
     """By channel, the mean of the points that lie `part` of the way from each row to the next."""
     return [
-        sum((1 - part) * a + part * b for a, b in pairwise(column)) / (len(rows) - 1)
+        (sum(column) - (1 - part) * column[-1] - part * column[0]) / (len(rows) - 1)
         for column in zip(*rows, strict=True)
     ]
 
@@ -64,7 +63,10 @@ class Memory:
         return 4 * max(1, self.lead)
 
     def clipped(self, values: list[float]) -> list[float]:
-        return [clip(0.0 if math.isnan(v) else v, k) for v, k in zip(values, self.limit, strict=True)]
+        return [
+            k if v > k else -k if v < -k else 0.0 if v != v else v  # here most of the time is spent
+            for v, k in zip(values, self.limit, strict=True)
+        ]
 
 
 @dataclass(kw_only=True)
@@ -95,8 +97,10 @@ class AngleMemory(Memory):
     def cell(self, n: int) -> list[float]:
         return self.map[(self.cells - 1 - n if self.back else n) % self.cells]
 
-    def ago(self, n: int) -> list[float]:
-        return self.behind[n] if n <= self.at else self.cell(n)
+    def ago(self, m: int) -> list[list[float]]:
+        """From m cells before the last to m + 1 after it."""
+        behind = [self.behind[n] for n in range(self.at - m, self.at + 1)]
+        return [*behind, *(self.cell(n) for n in range(self.at + 1, self.at + m + 2))]
 
     def follow(self, place: int) -> int:
         """How far the rotor moved [2^-32 periods]; 0 where it stands, or starts anew, but after a leap."""
@@ -159,7 +163,7 @@ class AngleMemory(Memory):
             values = [a + part * (b - a) for a, b in zip(here, there, strict=True)]
             self.value = self.clipped(values)
             return values, False
-        mean = mean_between([self.ago(n) for n in range(self.at - m, self.at + m + 2)], part)
+        mean = mean_between(self.ago(m), part)
         values = [self.forgetting * v for v in mean]
         if self.lead == 0:
             values = [v + c for v, c in zip(values, correction, strict=True)]

@@ -61,7 +61,7 @@ def pages(tmp_path_factory, five, trials):
 @pytest.mark.parametrize("kind", ["speed", "trials"])
 def test_every_table_of_figures_scrolls_by_keys_under_its_name(pages, kind):
     page = pages[kind].read_text(encoding="utf-8")
-    tables = re.findall(r'(.{1,120})<table class="(\w+)"', page)
+    tables = [(page[: at.start()][-120:], at[1]) for at in re.finditer(r'<table class="(\w+)"', page)]
     assert {name for _, name in tables} == {
         "speed": {"numbers", "terms"},
         "trials": {"numbers", "proof", "gains"},

@@ -136,7 +136,7 @@ def test_in_single_precision_it_is_the_same_to_rounding() -> None:
     for name, signal in wanted.items():
         share = {"i_q": 1.0, "tau_e": K_T, "learned": 1 / 99.4}
         tolerance = share[name] * rounding if name in share else 2e-4 * np.abs(signal).max()
-        assert x[name] == pytest.approx(signal, abs=tolerance), name
+        assert np.abs(x[name] - signal).max() <= tolerance, name
     assert not np.array_equal(x["i_q"], wanted["i_q"])
 
 
@@ -237,7 +237,7 @@ def test_resolver_and_moving_average_are_the_papers(speed: float) -> None:
         return step * np.floor((0.1 + speed * at / 8000) / step)
 
     velocity = np.mean([seen(tick - n) - seen(tick - n - 1) for n in range(16)], axis=0) * 8000
-    assert x["omega_measured"] == pytest.approx(np.tile(velocity, 2), abs=1e-9)
+    assert np.abs(x["omega_measured"] - np.tile(velocity, 2)).max() <= 1e-9
     at_sample = seen(tick)[::20]
     assert x["theta_measured"][::20] == pytest.approx(np.tile(at_sample, 2), abs=1e-9)
     assert np.ptp(velocity) == pytest.approx(step * 500)

@@ -28,9 +28,8 @@ def test_coasting_stops_after_the_energy_is_used_up(speed: float, coulomb: float
     stop = speed * 5e-4 / coulomb
     x = run(change, min(stop * 1.2 + 0.01, 2.0))
     moved = np.abs(x["theta_m"])
-    assert np.abs(x["omega_m"]) == pytest.approx(
-        np.maximum(speed - coulomb / 5e-4 * x["time"], 0.0), abs=1e-9
-    )
+    slower = np.maximum(speed - coulomb / 5e-4 * x["time"], 0.0)
+    assert np.abs(np.abs(x["omega_m"]) - slower).max() <= 1e-9
     if x["time"][-1] > stop:
         assert moved[-1] == pytest.approx(0.5 * 5e-4 * speed**2 / coulomb, rel=1e-9)
         assert x["omega_m"][-1] == 0.0

@@ -29,10 +29,13 @@ def law(memory: dict[str, Any] | None = None, **change: Any) -> dict[str, Any]:
 
 
 def section_5(
-    seconds: float, change: dict[str, Any] | None = None, module: ModuleType = _simulator_f64
+    seconds: float,
+    change: dict[str, Any] | None = None,
+    module: ModuleType = _simulator_f64,
+    decimation: int = 1,
 ) -> dict[str, np.ndarray]:
     engine = drive_of(module, merged(SECTION_5, change or {}))
-    return signals(engine, module, round(seconds * 10000))
+    return signals(engine, module, round(seconds * 10000), decimation)
 
 
 def peak_to_peak(x: dict[str, np.ndarray], start: float, end: float) -> tuple[float, float]:
@@ -64,7 +67,8 @@ def test_delay_satisfies_its_equation(method: str) -> None:
     x = section_5(10.0, {"controller": law({"method": method})})
     t, theta = x["time"], N_R * x["theta_ref"]
     late = t > 2.0
-    assert np.interp(t[late] - x["P_t"][late], t, theta) == pytest.approx(theta[late] - TURN, abs=2e-3)
+    before = np.interp(t[late] - x["P_t"][late], t, theta)
+    assert np.abs(before - (theta[late] - TURN)).max() <= 2e-3
 
 
 def test_the_printed_scheme_does_not_last() -> None:
@@ -75,7 +79,7 @@ def test_the_printed_scheme_does_not_last() -> None:
 
 @pytest.mark.parametrize("memory", [MAP, {"q_half_width": 20}])
 def test_a_q_filter_makes_it_last(memory: dict[str, Any]) -> None:
-    x = section_5(120.0, {"controller": law(memory)})
+    x = section_5(120.0, {"controller": law(memory)}, decimation=10)
     found = [peak_to_peak(x, t, t + 2.0)[0] for t in (20.0, 30.0, 58.0, 118.0)]
     assert found == pytest.approx([0.054, 0.041, 0.033, 0.024], rel=0.05)
     # it depends on where the arm is: over its revolution of 21 s the error stays level
@@ -94,7 +98,7 @@ def test_a_map_of_the_reference_by_the_rotor_serves_too() -> None:
 def test_terms_add_up_to_the_current() -> None:
     x = section_5(8.0)
     names = ["proportional", "integral", "alpha", "beta", "h"]
-    assert sum(x[f"term_{name}"] for name in names) == pytest.approx(x["i_q_ref"], abs=1e-12)
+    assert np.abs(sum(x[f"term_{name}"] for name in names) - x["i_q_ref"]).max() <= 1e-12
     # integral action hands over within the ramp of 1 s
     before, after = x["time"] < 5.0, x["time"] > 6.01
     assert np.all(x["term_alpha"][before] == 0.0)
@@ -173,7 +177,7 @@ def test_speed_law_learns_on_the_rotors_angle() -> None:
     first, last = (np.sqrt(np.mean(error[(x["time"] > a) & (x["time"] < a + 7)] ** 2)) for a in (0.0, 52.0))
     assert last < 0.2 * first
     parts = x["term_proportional"] + x["term_alpha"]
-    assert parts == pytest.approx(x["i_q_ref"], abs=1e-12)
+    assert np.abs(parts - x["i_q_ref"]).max() <= 1e-12
     assert "term_integral" not in x
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import Any
 
@@ -44,16 +45,22 @@ def printed(_: float, y: np.ndarray, u_d: float, u_q: float) -> list[float]:
 
 def by_energy(_: float, y: np.ndarray, u_a: float, u_b: float) -> list[float]:
     """The same machine with L_1, in the stationary frame, from its flux linkages and its coenergy."""
-    i_a, i_b, omega, theta = y
+    i_a, i_b, omega, theta = y.tolist()
     a = N_R * theta
-    i = np.array([i_a, i_b])
-    L = L_0 * np.eye(2) + L_1 * np.array([[np.cos(2 * a), np.sin(2 * a)], [np.sin(2 * a), -np.cos(2 * a)]])
-    dL = 2 * N_R * L_1 * np.array([[-np.sin(2 * a), np.cos(2 * a)], [np.cos(2 * a), np.sin(2 * a)]])
+    c, s = L_1 * math.cos(2 * a), L_1 * math.sin(2 * a)  # L = [L_0 + c, s; s, L_0 - c], in plain numbers
+    L_a, L_b = 2 * N_R * (c * i_b - s * i_a), 2 * N_R * (c * i_a + s * i_b)  # dL/dtheta i
     # the rotor's flux is L_mj cos(j a) in phase a, L_mj cos(j a - pi/2) in b
-    flux = I_F * N_R * sum(j * Lm * np.array([-np.sin(j * a), np.cos(j * a)]) for j, Lm in enumerate(L_M, 1))
-    di = np.linalg.solve(L, np.array([u_a, u_b]) - R * i - omega * (dL @ i + flux))
-    torque = 0.5 * i @ dL @ i + i @ flux + cogging(theta) - N_T * np.sin(theta)
-    return [di[0], di[1], (torque - D * omega) / J, omega]
+    flux_a = -I_F * N_R * sum(j * Lm * math.sin(j * a) for j, Lm in enumerate(L_M, 1))
+    flux_b = I_F * N_R * sum(j * Lm * math.cos(j * a) for j, Lm in enumerate(L_M, 1))
+    v_a, v_b = u_a - R * i_a - omega * (L_a + flux_a), u_b - R * i_b - omega * (L_b + flux_b)
+    det = L_0**2 - c**2 - s**2
+    torque = i_a * (0.5 * L_a + flux_a) + i_b * (0.5 * L_b + flux_b) + cogging(theta) - N_T * math.sin(theta)
+    return [
+        ((L_0 - c) * v_a - s * v_b) / det,
+        ((L_0 + c) * v_b - s * v_a) / det,
+        (torque - D * omega) / J,
+        omega,
+    ]
 
 
 @pytest.mark.parametrize("equations", [printed, by_energy])

@@ -110,9 +110,9 @@ def test_the_loss_is_what_the_bodies_hold_and_give_away(kind: str) -> None:
     given = np.concatenate([[0.0], np.cumsum(0.5 * (away[1:] + away[:-1]) * np.diff(x["time"]))])
     loss = x["energy_copper"]
     # copper loss is integrated within a period, temperatures see its ends
-    assert held + given == pytest.approx(loss, abs=2e-3 * loss[-1])
+    assert np.abs(held + given - loss).max() <= 2e-3 * loss[-1]
     balance = loss + x["energy_friction"] + x["energy_load"] + x["energy_stored"] - x["energy_stored"][0]
-    assert balance == pytest.approx(x["energy_electrical"], abs=1e-6 * loss[-1])
+    assert np.abs(balance - x["energy_electrical"]).max() <= 1e-6 * loss[-1]
 
 
 def test_given_temperatures_are_another_motor() -> None:
@@ -125,7 +125,7 @@ def test_given_temperatures_are_another_motor() -> None:
     same = {"R_s": R * 0.8, "psi_f": psi * 0.05, "flux_harmonics": flux, "cogging": cogging}
     y = run({"motor": same, **HELD}, 0.2)
     for name, values in y.items():
-        assert x[name] == pytest.approx(values, abs=1e-5 * max(np.abs(values).max(), 1e-9)), name
+        assert np.abs(x[name] - values).max() <= 1e-5 * max(np.abs(values).max(), 1e-9), name
     assert (x["temperature_winding"] == 80.0).all() and (x["temperature_magnet"] == 60.0).all()
 
 

@@ -87,16 +87,16 @@ def test_angle_is_the_integral_and_acceleration_the_derivative(kind: str) -> Non
     reference, omega = KINDS[kind]
     x = follow(reference, 100.0, 100, initial_angle=0.7)
     t = x["time"]
-    assert x["omega_ref"] == pytest.approx(omega(t), abs=1e-12)
+    assert np.abs(x["omega_ref"] - omega(t)).max() <= 1e-12
     # Gauss's rule of eight points on each sample; kinks fall on samples
     nodes, weights = np.polynomial.legendre.leggauss(8)
     middles = 0.5 * (t[1:] + t[:-1])
     steps = omega(middles[:, None] + 0.005 * nodes) @ weights * 0.005
-    assert x["theta_ref"] == pytest.approx(0.7 + np.concatenate([[0.0], np.cumsum(steps)]), abs=1e-9)
+    assert np.abs(x["theta_ref"] - 0.7 - np.concatenate([[0.0], np.cumsum(steps)])).max() <= 1e-9
     smooth = np.all([np.abs(middles - at) > 0.011 for at in BREAKS.get(kind, [-1.0])], axis=0)
     h = 1e-3
     slope = (8 * (omega(t + h) - omega(t - h)) - (omega(t + 2 * h) - omega(t - 2 * h))) / (12 * h)
-    assert x["alpha_ref"][:-1][smooth] == pytest.approx(slope[:-1][smooth], abs=1e-7)
+    assert np.abs(x["alpha_ref"] - slope)[:-1][smooth].max() <= 1e-7
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_smoothed_angle_is_the_integral_of_the_smoothed_speed(kind: str) -> None
     omega, alpha, h = x["omega_ref"], x["alpha_ref"], 1e-3
     # trapezia with their correction by the slopes
     steps = 0.5 * h * (omega[1:] + omega[:-1]) + h * h / 12 * (alpha[:-1] - alpha[1:])
-    assert x["theta_ref"] == pytest.approx(-0.4 + np.concatenate([[0.0], np.cumsum(steps)]), abs=1e-8)
+    assert np.abs(x["theta_ref"] + 0.4 - np.concatenate([[0.0], np.cumsum(steps)])).max() <= 1e-8
     assert np.abs(np.diff(alpha)).max() < 0.2  # no jump: the speed is differentiable
 
 
@@ -176,7 +176,7 @@ def test_a_row_between_samples_of_the_law_has_the_reference_of_its_time(smoothin
     slow = {"ideal_current": True, "current_rate": 1000, "speed_divider": 10}
     x, fine = follow(reference, 5.0, drive=slow), follow(reference, 5.0)
     bound = 1e-9 if smoothing == 0.0 else 2e-5  # straight on from the sample, and smooth
-    assert x["theta_ref"] == pytest.approx(fine["theta_ref"], abs=bound)
+    assert np.abs(x["theta_ref"] - fine["theta_ref"]).max() <= bound
     begun = x["time"] > 0.5  # when the filter follows
     assert x["omega_ref"][begun] == pytest.approx(
         fine["omega_ref"][begun], abs=1e-9 if smoothing == 0.0 else 1e-3

@@ -57,10 +57,9 @@ def bandwidths(loop: SpeedLoop, b: float, phase_margin: float) -> tuple[float, f
         return found.phase_margin if found.stable else -1.0
 
     tried = np.geomspace(1e-3, 1, TRIED) * FASTEST / RATIO / loop.period
-    enough = [k for k, omega_c in enumerate(tried) if margin(float(omega_c)) >= phase_margin]
-    if not enough:
+    last = next((k for k in range(TRIED)[::-1] if margin(float(tried[k])) >= phase_margin), None)
+    if last is None:
         raise ValueError(NO_MARGIN)
-    last = enough[-1]
     if last + 1 == TRIED:
         omega_c = float(tried[-1])
     else:

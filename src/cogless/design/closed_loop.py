@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -70,6 +71,7 @@ class Oscillation:
     rate: float  # 1/s, rate of its exponential growth
 
 
+@lru_cache(maxsize=1024)  # a verdict asks several times, and for a feedback that is the same at all speeds
 def oscillation(loop: SpeedLoop, feedback: Linear) -> Oscillation | None:
     """The fastest growing oscillation of a loop with linear feedback; None if the loop is stable."""
     found = poles(loop, feedback)

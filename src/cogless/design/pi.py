@@ -93,6 +93,9 @@ class SpeedLoop:
 
     def plant(self, w: Real) -> tuple[Complex, Complex]:
         """P(jw), from current reference to measured speed, and the response to the sampled angle, rad/A."""
+        return self._plant(w) if len(w) == 1 else _on_grid(self, w.tobytes())
+
+    def _plant(self, w: Real) -> tuple[Complex, Complex]:
         speed, theta = self._sampled(w)
         if self.low_pass:
             speed = speed * self._filter(w)
@@ -151,6 +154,14 @@ def interpolated(w: Real, T_e: float, edges: int) -> tuple[Complex, Complex]:
     speed = (1 - np.exp(-s * edges * T_e)) / (edges * T_e)
     ramp = (held - np.exp(-s * T_e)) / s
     return np.asarray(speed * held), np.asarray(held + speed * ramp)
+
+
+@lru_cache(maxsize=16)  # the same for all gains that are tried
+def _on_grid(loop: SpeedLoop, frequencies: bytes) -> tuple[Complex, Complex]:
+    """The plant at frequencies in rad/s, as bytes of an array so that they can be a cache key."""
+    speed, theta = loop._plant(np.frombuffer(frequencies))
+    speed.flags.writeable = theta.flags.writeable = False
+    return speed, theta
 
 
 @lru_cache(maxsize=16)  # the same for all speeds and accelerations of a reference

@@ -112,7 +112,8 @@ def doubts(loops: Sequence[LearningLoop]) -> tuple[str, ...]:
     source = _sensor(slowest)
     if source is not None and source.counts(slowest.omega_m) < FEW * (1 - ROUNDING):
         found.append(f"at {speed_text(slowest.study, slowest.omega_m)} {source.told(slowest.omega_m)}")
-    swings = [(ripple(loop, 0.0).without / loop.omega_m, loop) for loop in loops]
+    at_speeds = {(loop.scenario, loop.omega_m): loop for loop in loops}  # no acceleration changes `without`
+    swings = [(ripple(loop, 0.0).without / loop.omega_m, loop) for loop in at_speeds.values()]
     swing, where = max(swings, key=lambda pair: pair[0])
     if swing > LARGE:
         speed = speed_text(where.study, where.omega_m)

@@ -179,16 +179,18 @@ def feedback(log: Log) -> tuple[int, float, float] | None:
     if "omega" not in log or "i_q" not in log or not log.dt:
         return None
     omega, current = log["omega"], log["i_q"]
-    best = (0, 0.0, 0.0)
+    best = (0, 0.0)
     for lag in range(LAGS):
         x, y = omega[: len(omega) - lag], current[lag:]
         if np.std(x) == 0 or np.std(y) == 0:
             return None
         correlation = float(np.corrcoef(x, y)[0, 1])
         if abs(correlation) > abs(best[1]):
-            best = (lag, correlation, float(np.polyfit(x, y, 1)[0]))
-    lag, correlation, gain = best
-    return (lag, abs(correlation), gain) if correlation < -FED_BACK else None
+            best = (lag, correlation)
+    lag, correlation = best
+    if not correlation < -FED_BACK:
+        return None
+    return lag, -correlation, float(np.polyfit(omega[: len(omega) - lag], current[lag:], 1)[0])
 
 
 def between_logs(rows: Sequence[Rows], found: Fit, model: Model, left: list[str]) -> list[str]:
