@@ -142,6 +142,8 @@ static void try_hall(void)
         config.edges = random_below(8);
         config.timer = random_gain(CGL_R(1.0e8));
     } while (cgl_hall_init(&hall, &config) != CGL_OK);
+    CHECK(config.pole_pairs >= 1U && config.pole_pairs <= 10000U && config.edges >= 1U && config.edges <= CGL_HALL_EDGES);
+    CHECK(config.timer > CGL_R(0.0));
     uint32_t now = random_bits();
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         const uint32_t edge = random_below(8) ? now + random_below(100) : random_bits();
@@ -425,6 +427,11 @@ static void learn_orders(void)
     CHECK(law.bend.share > CGL_R(0.95) && within(law.time - CGL_R(8.94), CGL_R(0.05)));
     CHECK(ripple_of(&law, rotor, CGL_R(45.0), 2) < CGL_R(0.25) * early);
     CHECK(within(law.time - CGL_R(2.0), CGL_R(0.05)) && law.rate > CGL_R(1.2) && law.rate < CGL_R(1.5)); /* it learns anew there */
+    (void)ripple_of(&law, rotor, CGL_R(12.0), 2);
+    CHECK(within(law.time - CGL_R(2.0), CGL_R(0.1))); /* and there; but not between the speeds that it has had */
+    (void)ripple_of(&law, rotor, CGL_R(30.0), 1);
+    (void)ripple_of(&law, rotor, CGL_R(15.0), 1);
+    CHECK(within(law.time - CGL_R(4.0), CGL_R(0.2)));
 }
 
 /* The filter against its difference equation; it begins at rest. */
