@@ -432,6 +432,9 @@ static void learn_orders(void)
     (void)ripple_of(&law, rotor, CGL_R(30.0), 1);
     (void)ripple_of(&law, rotor, CGL_R(15.0), 1);
     CHECK(within(law.time - CGL_R(4.0), CGL_R(0.2)));
+    cgl_harmonic_config lower = config;
+    lower.limit = CGL_R(0.02);
+    CHECK(cgl_harmonic_retune(&law, &lower) == CGL_OK && within(cell[0] + lower.limit, CGL_R(1.0e-6)));
 }
 
 /* The filter against its difference equation; it begins at rest. */
