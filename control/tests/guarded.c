@@ -160,6 +160,23 @@ static cgl_real learned_on(cgl_real learned, cgl_real gain, cgl_real depth, bool
     return cgl_clamp(next, CGL_R(50.0));
 }
 
+/* A guard that is reset decides as a new one, of a ripple that grows from the first sample on. */
+static void check_reset(cgl_real speed)
+{
+    static cgl_guard fresh;
+    CHECK(cgl_guard_init(&fresh, TS) == CGL_OK);
+    cgl_guard_reset(&guard);
+    for (int n = 0; n < 8000; ++n) {
+        cgl_real sine, cosine;
+        cgl_sincos(cgl_fraction(speed * TS * (cgl_real)n / CGL_TWO_PI * CGL_R(6.0)) * CGL_TWO_PI, &sine, &cosine);
+        const cgl_real error = CGL_R(0.001) * speed * (CGL_R(1.0) + CGL_R(0.0005) * (cgl_real)n) * sine;
+        const cgl_guard_input in = {error, speed - error, speed, true, false, true, fresh.learn};
+        cgl_guard_step(&guard, &in);
+        cgl_guard_step(&fresh, &in);
+        CHECK(guard.phase == fresh.phase && guard.learn == fresh.learn && within(guard.share - fresh.share, CGL_R(0.0)));
+    }
+}
+
 static void try_guard(void)
 {
     const bool bad = random_below(2) != 0U, changes = random_below(2) != 0U;
@@ -201,6 +218,7 @@ static void try_guard(void)
                       | (cgl_guard_acts(&guard) ? 1U << 18 : 0U));
         }
     }
+    check_reset(speed[0]);
 }
 
 void guarded(long configs)
