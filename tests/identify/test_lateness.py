@@ -11,8 +11,9 @@ import pytest
 from identify.commissioned import METRIC, MOTORS, PI
 
 from cogless.identify.config import LogRule
-from cogless.identify.lateness import lateness
+from cogless.identify.lateness import NOTHING, Profile, _part, lateness
 from cogless.identify.log import Log
+from cogless.identify.result import Value
 from cogless.results.trace import Trace
 from cogless.run.simulate import rollout
 from cogless.study import Study
@@ -116,3 +117,22 @@ def test_another_law_tells_no_delay_and_is_told():
     )
     assert made.delay is None
     assert made.said.startswith("one: i_q does not follow the angle as under the described controller")
+
+
+def of_parts(*told: tuple[list[float], float]) -> Value:
+    """Of logs that tell a part at delays of 0 and 1 ms, and its information, where 0.4 ± 0.1 ms is likely."""
+    delays = np.array([0.0, 1e-3])
+    profiles = [Profile(delays, 0 * delays, np.array(p), np.full(2, info), 0.0) for p, info in told]
+    return _part(profiles, Value(4e-4, 1e-4))
+
+
+def test_a_part_of_the_dead_time_is_known_to_two_standard_errors():
+    """Which the spread of logs widens, if it is larger than their own errors, and an unsure delay, too."""
+    alone, alike = of_parts(([0.5, 0.5], 100)), of_parts(([0.45, 0.45], 100), ([0.55, 0.55], 300))
+    assert (alone.value, alone.error) == pytest.approx((0.5, 2 / 10))
+    assert (alike.value, alike.error) == pytest.approx((0.525, 2 / 20))
+    spread = of_parts(*(([part, part], 100) for part in (0.2, 0.5, 0.8)))  # its own standard deviation is 0.3
+    assert (spread.value, spread.error) == pytest.approx((0.5, 2 * 0.3 / np.sqrt(3)))
+    delayed = of_parts(([0.0, 1.0], 100))
+    assert (delayed.value, delayed.error) == pytest.approx((0.4, np.hypot(0.2, 0.1)))
+    assert of_parts(([0.0, 1.0], 0)) == NOTHING
