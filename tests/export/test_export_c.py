@@ -26,7 +26,7 @@ from cogless.errors import StudyError
 from cogless.export import folder
 from cogless.export.c import figures, literals
 from cogless.export.c.command import export_c, subject_of
-from cogless.export.c.edge_cases import COUNTS, awkward
+from cogless.export.c.edge_cases import COUNTS, MOST, _plan, awkward
 from cogless.export.c.literals import real
 from cogless.export.c.names import identifier
 from cogless.export.c.self_test import memory_sum
@@ -282,6 +282,36 @@ def test_the_stretches_of_a_self_test_by_hand(tmp_path: Path) -> None:
     assert [each.step for each in stretches] == [step] * 18 + [0, step] * 2 + [step] * 3
     jumps = [(b.counts - a.counts - a.periods * a.step) % COUNTS for a, b in pairwise(stretches)]
     assert jumps == [0] * 12 + [COUNTS // 2] * 2 + [0] * 10  # else the angle goes on turning
+
+
+@pytest.mark.parametrize(
+    ("omega_max", "turn"), [("0 rad/s", 0.01), ("1200 rad/s", 0.04), ("1e6 rad/s", 0.05)]
+)
+def test_a_self_test_without_bounds_and_of_times_without_end(
+    tmp_path: Path, omega_max: str, turn: float
+) -> None:
+    bounds = {"omega_max": omega_max, "stuck_angle": "0 rad", "current_max": "0 A", "current_sum": "0 A"}
+    changes = {f"drive.monitor.{key}": value for key, value in bounds.items()}
+    changes |= {
+        "drive.monitor.hold": "1000 s",
+        "drive.monitor.bridge": "1000 s",
+        "drive.quality.span": "1e6 rad",
+    }
+    subject = subject_of(prepare(studies.study(tmp_path, changes), "low", "pi"))
+    plan = _plan(subject)
+    assert {step for *_, step, _ in plan} == {round(turn / tau * COUNTS)}
+    assert [about for about, *_ in plan if "bound" in about] == [
+        "the speed just within its bound",
+        "the speed beyond its bound",
+    ][: 2 * (omega_max != "0 rad/s")]
+    periods = {about: periods for about, periods, *_ in plan}
+    assert periods["a small error"] + periods["and one the other way"] == MOST + 30
+    assert periods["all is well again"] == MOST + 34
+    assert periods["the angle is missing, for as long as is bridged"] == MOST
+    assert plan[0][4].i_abc == pytest.approx((0.0, 0.9 * sqrt(3) / 2, -0.9 * sqrt(3) / 2))  # 0.3 of the limit
+    monitor = {**subject.drive_config["monitor"], "phases": 2}
+    of_two = _plan(replace(subject, drive_config={**subject.drive_config, "monitor": monitor}))
+    assert of_two[0][4].i_abc == pytest.approx((0.0, 0.9, 0.0))  # of two phases, b is the beta axis
 
 
 def test_a_self_test_of_extreme_bounds(tmp_path: Path) -> None:
