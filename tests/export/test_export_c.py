@@ -354,6 +354,35 @@ def test_only_what_the_law_needs_and_unchanged(tmp_path: Path) -> None:
         assert (exported / "cogless" / name).read_bytes() == (LIBRARY / name).read_bytes()
 
 
+def test_what_a_header_says_of_its_step_and_its_memory(once: tuple[Subject, Path]) -> None:
+    subject, exported = once
+    name, divider, entries = subject.name, subject.divider, subject.memory_length
+    header = next(exported.glob("*_controller.h")).read_text()
+    readme = (exported / "README.md").read_text()
+    law_rate = f"{subject.rate / divider:g}"
+    assert (
+        f"_step is called {subject.rate} times a second, the law runs {law_rate} times a second\n" in header
+    )
+    period = re.search(rf"#define {name.upper()}_PERIOD (\S+?)f? /\* between two steps \[s\] \*/\n", header)
+    assert period and float(period[1]) == pytest.approx(1 / subject.rate)
+    assert f"#define {name.upper()}_DIVIDER {divider}U /*" in header
+    after = ": forgets what was learned, too" if entries else ""
+    after = ", but the table stays" if name == "table" else after
+    assert f"/* As after init{after}. */\nvoid {name}_reset(" in header
+    assert (f"[{name.upper()}_MEMORY_LENGTH]; /* what is learned */" in header) == (entries > 0)
+    memory = f"{entries} numbers, within `{name}_controller`" if entries else "none"
+    learning = (
+        "frozen while `reference.learn` is false, and whenever the controller finds a reason"
+        if entries
+        else "none"
+    )
+    assert f"| memory | {memory} |\n| learning | {learning} |\n" in readme
+    double = subject.precision == "d"
+    precision = "double: define COGLESS_DOUBLE for every file" if double else "single"
+    assert f" * precision        {precision}\n" in header
+    assert f"#{'ifndef' if double else 'ifdef'} COGLESS_DOUBLE\n#error" in header
+
+
 FLASH = """
 #include <stdio.h>
 #include <string.h>
