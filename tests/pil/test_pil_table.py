@@ -77,7 +77,7 @@ FUNCTIONS = (
 )
 IMAGE = Image(
     {0x2000: bytes(0x40), 0x5000: bytes(1)},
-    {"pil_controller": Symbol(0x20000FFC, 8), "end": Symbol(0x70000000, 0)},
+    {"pil_controller": Symbol(0x20000FFC, 8), "end": Symbol(0x70000010, 0)},
     FUNCTIONS,
     {".text": 64, ".rodata": 8, ".data": 4, ".bss": 1000},
 )
@@ -144,7 +144,7 @@ def test_instructions_by_source_are_means_of_the_periods_with_the_law_and_of_the
         _subject=SimpleNamespace(name="pi", divider=3),
         _processor=SimpleNamespace(by_function=dict),
         counts=[0] * 7,  # the law runs in the first, the fourth and the last
-        _with_law={foc: 30, step: 45, clamp: 3, double: 6},
+        _with_law={foc: 30, step: 36, Function(0x2040, "pil_law", None): 9, clamp: 3, double: 6},
         _without_law={foc: 40},
     )
     own._by_source = lambda tally, ticks: Target._by_source(own, tally, ticks)
