@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+import struct
 from collections import Counter
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from cogless.pil.compare import Comparison, Difference, Instructions, _instructions
+from cogless.c_layout import control_layout
+from cogless.export.prepared import Recording
+from cogless.pil.compare import (
+    Comparison,
+    Difference,
+    Instructions,
+    _comparison,
+    _instructions,
+    _memory_difference,
+    _Watched,
+)
 from cogless.pil.image import Function, Image, Symbol
 from cogless.pil.processor import PAGE, PAINT, STACK_SIZE, STACK_TOP, Processor, _pages
 from cogless.pil.table import lines
 from cogless.pil.target import COMPILERS, Target
+from cogless.pil.toolchain import Toolchain
 
 FOUND = Comparison(
     study="liu2018",
@@ -151,3 +163,78 @@ def test_instructions_by_source_are_means_of_the_periods_with_the_law_and_of_the
     with_law, without = Target.by_source(own)
     assert list(with_law.items()) == [("pi_controller", 15.0), ("foc", 11.0), (COMPILERS, 2.0)]
     assert without == {"foc": 10.0}
+
+
+@pytest.mark.parametrize("divider", [3, 1])
+def test_a_comparison_tells_periods_with_the_law_from_the_others(divider: int) -> None:
+    named = {"pi_drive_config": 100, "pi_law_config": 20, "pil_controller": 300, "pi_controller": 7}
+    image = replace(IMAGE, symbols={name: Symbol(0, size) for name, size in named.items()})
+    ends = [5, 7, 6] if divider > 1 else []
+    found = _comparison(
+        cast(Any, SimpleNamespace(study=SimpleNamespace(name="s"), scenario="low", controller="my-pi")),
+        cast(Any, SimpleNamespace(name="pi", divider=divider, law=SimpleNamespace(name="pi"), memory_length=7,
+                                  layout=SimpleNamespace(size={"cgl_real": 4}.get))),
+        image,
+        cast(Any, SimpleNamespace(counts=[9, 1, 2, 8, 3, 4, 10], ends=ends, stack=120,
+                                  by_source=lambda: ({"foc": 1.0}, {"pi": 2.0}))),
+        None,
+        Toolchain(("cc",), "gcc 12", ("-O2", "-g"), ()),
+    )  # fmt: skip
+    assert (found.study, found.scenario, found.controller, found.law) == ("s", "low", "my-pi", "pi")
+    assert (found.ticks, found.all) == (7, Instructions(1, pytest.approx(37 / 7), 10))  # type: ignore[arg-type]
+    if divider == 3:
+        assert (found.with_law, found.without_law) == (Instructions(8, 9.0, 10), Instructions(1, 2.5, 4))
+        assert found.end_of_trial == 7
+    else:
+        assert (found.with_law, found.without_law, found.end_of_trial) == (found.all, None, None)
+    assert (found.by_source_with_law, found.by_source_without_law) == ({"foc": 1.0}, {"pi": 2.0})
+    assert (found.stack, found.flash, found.constants, found.ram, found.memory) == (120, 76, 120, 300, 28)
+    assert (found.compiler, found.flags) == ("gcc 12", "-O2 -g")
+
+
+def test_the_first_number_that_differs_is_told_and_padding_does_not_count() -> None:
+    layout = control_layout("single")
+    place = {leaf.path: leaf.offset for leaf in layout.leaves("cgl_drive_output")}
+    now = bytes(layout.size("cgl_measurement"))
+    same, outputs = bytes(layout.size("cgl_drive_output")), list[bytes]()
+
+    def with_numbers(**numbers: float) -> bytes:
+        made = bytearray(same)
+        for name, number in numbers.items():
+            struct.pack_into("f", made, place[name], number)
+        return bytes(made)
+
+    told: list[float] = []
+    wanted = Recording([now] * 1002, outputs=[with_numbers(i_q=0.5)] * 1002)
+    target = cast(Any, SimpleNamespace(step=lambda measurement, reference: outputs.pop()))
+    watched = _Watched(target, layout, wanted, 2004, told.append)
+
+    def step(out: bytes, measurement: bytes = now) -> Difference | None:
+        outputs.append(out)
+        assert watched.step(measurement, b"") == out
+        return watched.difference
+
+    for _ in range(1001):
+        assert step(wanted.outputs[0]) is None
+    assert told == [0.0, 1000 / 2004]
+    first = Difference(1001, "i_q", 0.5, 0.25)
+    other = struct.pack("f", 1.0) + now[4:]
+    assert step(with_numbers(i_q=0.25, u_d=1.0), other) == first
+    again = _Watched(target, layout, wanted, 2, told.append)
+    outputs.append(wanted.outputs[0])
+    again.step(other, b"")
+    assert again.difference == Difference(0, layout.leaves("cgl_measurement")[0].path, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_memories_are_compared_by_their_bits(kind: Any) -> None:
+    learned = np.array([1.0, 0.0, np.nan], kind)
+
+    def told(*numbers: float) -> Difference | None:
+        target = cast(Any, SimpleNamespace(memory=np.array(numbers, kind)))
+        return _memory_difference(target, Recording(memory=learned), 9)
+
+    assert told(1.0, 0.0, np.nan) is None
+    found = told(1.0, -0.0, np.nan)
+    assert found is not None and (found.tick, found.field) == (9, "memory[1]")
+    assert (found.simulation, str(found.processor)) == (0.0, "-0.0")
