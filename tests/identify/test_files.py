@@ -154,3 +154,61 @@ def test_a_current_in_rms_beside_peaks_of_the_phases_is_refused(tmp_path, share,
         f"{path}: current is 0.707 of the amplitude that a and b have, as rms is: expected peak amperes; "
         "multiply it by sqrt(2)"
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "columns", "said"),
+    [
+        ("a.npz", {"x": np.zeros(3), "y": np.zeros(4)}, "columns of 3 and 4 rows: expected one clock"),
+        ("a.npz", {"z": np.zeros(3)}, "no rows: expected a log"),
+        ("a.npz", {"x": np.zeros(0)}, "no rows: expected a log"),
+        (
+            "a.npz",
+            {"x": np.array([1.0, np.nan, np.inf])},
+            "x: row 2: nan: expected a finite number (2 rows lack one)",
+        ),
+        ("a.npz", {"x": np.array(["a", "b"])}, "x: expected numbers"),
+        (
+            "a.npz",
+            {"x": np.array([None])},
+            "no NPZ file, or one with objects in it: expected arrays of numbers",
+        ),
+        ("a.mat", {"x": np.array(["a", "b"])}, "x: expected numbers"),
+    ],
+)
+def test_columns_that_are_no_log_are_refused(tmp_path, name, columns, said):
+    path = tmp_path / name
+    if name == "a.mat":
+        from scipy.io import savemat
+
+        savemat(path, columns)
+    else:
+        np.savez(path, **columns)
+    with pytest.raises(StudyError) as caught:
+        list(read(path, ["x", "y"]))
+    assert str(caught.value) == f"{path}: {said}"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.npz", b"PK\x03\x04 cut", ": File is not a zip file: expected a readable .npz file"),
+        ("a.npz", b"not at all", ": no NPZ file, or one with objects in it: expected arrays of numbers"),
+        ("a.csv.gz", gzip.compress(b"x\n1\n")[:-9], ": expected a readable .csv file"),
+        ("A.CSV.GZ", b"x\n1\n", ": expected a readable .csv file"),
+        ("a.mat", b"text" * 40, ": expected a MAT file"),
+        ("a.parquet", b"text" * 40, ": expected a Parquet file"),
+        ("a.mf4", b"text" * 40, ": expected an MDF file"),
+        ("a.nc", b"text" * 40, ": expected a readable .nc file"),
+    ],
+)
+def test_a_file_that_is_not_what_its_name_says_is_refused_in_a_line(tmp_path, name, content, said):
+    for kind, module in ((".parquet", "pyarrow"), (".mf4", "asammdf")):
+        if name.endswith(kind):
+            pytest.importorskip(module)
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(StudyError) as caught:
+        list(read(path, ["x"]))
+    line = str(caught.value)
+    assert line.startswith(f"{path}: ") and line.endswith(said) and "\n" not in line
