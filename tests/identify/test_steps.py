@@ -137,7 +137,7 @@ def test_a_log_s_noise_is_what_its_fit_leaves(rows: Rows) -> None:
 
 
 def test_a_session_s_own_friction_is_what_its_rows_have_beyond_the_fit() -> None:
-    """Of two hundred rows; its error is twice that of their mean."""
+    """Of two hundred rows; its error is twice that of their mean, by leaving a twelfth of them out."""
     log: Any = SimpleNamespace(name="a")
     noise = np.random.default_rng(2).normal(0, 0.1, 200)
     ones = np.ones((200, 1))
@@ -145,7 +145,8 @@ def test_a_session_s_own_friction_is_what_its_rows_have_beyond_the_fit() -> None
     made: Any = SimpleNamespace(fit=fit_of({("c",): 0.5, ("offset",): 0.1}))
     own = _own(made, [rows])
     assert list(own) == ["c"] and own["c"].value == pytest.approx(0.7 + noise.mean())
-    assert own["c"].error == pytest.approx(2 * 0.1 / math.sqrt(200), rel=0.5)
+    means = [np.delete(noise, rows).mean() for rows in np.array_split(np.arange(200), 12)]
+    assert own["c"].error == pytest.approx(2 * math.sqrt(11) * np.std(means))
     assert _own(made, [replace(rows, columns=0 * ones)]) == {} == _own(made, [])
 
 
