@@ -16,6 +16,7 @@ from cogless.identify.causes import DEAD_TIME, ENCODER, GAIN, RIPPLE
 from cogless.identify.config import LogRule
 from cogless.identify.estimate import _taken_out, _without, whole
 from cogless.identify.log import Log
+from cogless.identify.orders import found_orders, gains
 from cogless.identify.regression import Fit, _blocks, _noise, solved
 from cogless.identify.sessions import _own
 from cogless.identify.steady import Steady
@@ -273,3 +274,46 @@ def test_k_t_and_r_come_out_of_the_voltage_of_steady_parts() -> None:
     assert r.value == pytest.approx(0.9) and r.error == pytest.approx(0.009)
     assert voltage.told(known, logs[:3]) is None  # too few for three unknowns
     assert voltage.told(known, [logs[0]] * 2 + [logs[1]] * 2) is None  # at one speed
+
+
+# --- orders that a fit leaves
+
+
+def left_over(turns: int, *waves: tuple[int, float], noise: float = 0.0, name: str = "a") -> Rows:
+    """A thousand rows of a kernel 6 ms wide, as far apart: what it leaves of waves in so many revolutions."""
+    theta = 2 * math.pi * turns / 1000 * np.arange(1000)
+    speed = theta[1] / 6e-3
+    y = noise * np.random.default_rng(7).normal(size=1000)
+    for order, size in waves:
+        y = y + size * math.exp(-0.5 * (order * speed * 6e-3) ** 2) * np.cos(order * theta + 0.3)
+    log: Any = SimpleNamespace(name=name, dt=1e-3)
+    none = np.zeros((1000, 0))
+    return Rows(log, (), none, y, none, theta, np.full(1000, speed), np.arange(1000.0))
+
+
+def empty(**noise: float) -> Fit:
+    return replace(fit_of({}), noise=noise)
+
+
+def test_an_order_explains_its_wave_as_the_kernel_leaves_it_at_each_speed() -> None:
+    """All of what is of it, none of what it is not; nothing where the kernel leaves a thirtieth at most."""
+    both = [left_over(2, (7, 0.3)), left_over(10, (7, 0.3), name="b")]
+    share, counts = gains(both, empty(a=0.1, b=0.02), 6e-3)
+    assert share[6] == pytest.approx(1.0, rel=1e-6) and share[[5, 7, 13]] == pytest.approx(0.0, abs=1e-6)
+    assert counts == pytest.approx(np.full(400, 2 * 1000 / (2 * math.sqrt(math.pi))))
+    two, _ = gains([left_over(2, (7, 0.3), (11, 0.1))], empty(a=1.0), 6e-3, 100)
+    sizes = np.array([0.3, 0.1]) * np.exp(-0.5 * (np.array([7, 11]) * 2 * math.pi * 2 / 1000) ** 2)
+    assert len(two) == 100 and two[[6, 10]] == pytest.approx(sizes**2 / np.sum(sizes**2), rel=1e-5)
+    fast, _ = gains([left_over(10, (40, 0.1), (44, 10.0))], empty(a=1.0), 6e-3)
+    assert fast[39] > 0 and not fast[43:].any()
+
+
+def test_orders_are_found_the_strongest_first_from_a_tenth_of_it_on() -> None:
+    fit = empty(a=1.0)
+    rows = [left_over(2, (7, 0.3), (11, 0.4), noise=0.1)]
+    assert found_orders(rows, fit, 6e-3, ()) == [11, 7]
+    assert found_orders(rows, fit, 6e-3, (11,)) == [7] and found_orders(rows, fit, 6e-3, (), 1) == [11]
+    assert found_orders([left_over(2, (11, 0.4), (7, 0.14))], fit, 6e-3, ()) == [11, 7]
+    assert found_orders([left_over(2, (11, 0.4), (7, 0.12))], fit, 6e-3, ()) == [11]
+    assert found_orders([left_over(2, (20, 0.09), noise=0.1)], fit, 6e-3, ()) == [20]
+    assert found_orders([left_over(2, noise=0.1)], fit, 6e-3, ()) == []
