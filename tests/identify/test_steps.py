@@ -317,3 +317,16 @@ def test_orders_are_found_the_strongest_first_from_a_tenth_of_it_on() -> None:
     assert found_orders([left_over(2, (11, 0.4), (7, 0.12))], fit, 6e-3, ()) == [11]
     assert found_orders([left_over(2, (20, 0.09), noise=0.1)], fit, 6e-3, ()) == [20]
     assert found_orders([left_over(2, noise=0.1)], fit, 6e-3, ()) == []
+
+
+@pytest.mark.parametrize(("beyond", "found"), [(1.001, [7]), (0.999, [])])
+def test_an_order_is_found_where_chance_would_find_one_of_400_in_a_hundred_logs(
+    beyond: float, found: list[int]
+) -> None:
+    """Two of v + 2 independent values explain a share s of all by chance with (1 - s)^(v / 2)."""
+    v = 1000 / (2 * math.sqrt(math.pi)) - 2
+    share = beyond * (1 - (0.01 / 400) ** (2 / v))
+    widths = np.exp(-0.5 * (np.array([7, 11]) * 2 * math.pi * 2 / 1000) ** 2)
+    small, large = np.sqrt([share, 1 - share]) / widths
+    rows = [left_over(2, (7, small), (11, large))]
+    assert found_orders(rows, empty(a=1.0), 6e-3, (11,)) == found
