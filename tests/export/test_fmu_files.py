@@ -7,6 +7,8 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 from xml.etree.ElementTree import Element, fromstring
 
 import numpy as np
@@ -15,6 +17,7 @@ import pytest
 from cogless import units
 from cogless.errors import StudyError
 from cogless.export.fmu import build, cpp, xml
+from cogless.export.fmu.controller import _trials
 from cogless.export.fmu.unit import DOUBLE, Unit, in_precision
 from cogless.export.fmu.variables import TIME, Variable, duties, first, measurements, place_of, real, signal
 
@@ -194,3 +197,27 @@ def test_names_and_precision_of_a_unit() -> None:
     sources = {"cogless/real.h": "real", "a.c": "a"}
     assert in_precision(sources, 32) == sources
     assert in_precision(sources, 64) == {"cogless/real.h": f"{DOUBLE}real", "a.c": "a"}
+
+
+def test_each_trial_of_a_controller_s_fmu_has_the_motion_of_its_phase() -> None:
+    """The last phase that has begun; a trial begins with its first tick, and ends before the next."""
+    subject: Any = SimpleNamespace(precision="d", divider=3, name="ilc", law=SimpleNamespace(name="trial"))
+    phases = [{"from": first, "reference": [0.0, 0.5 + first]} for first in (0, 2, 4)]
+    run: Any = SimpleNamespace(description={"trials": {"samples": 2, "phases": phases}})
+    lines = [line.strip() for line in _trials(run, subject).splitlines()]
+    assert lines[0] == "enum { TRIAL_SAMPLES = 2, TRIAL_TICKS = 6 };"
+    assert [lines[lines.index(f"static const cgl_real motion_{n}[] = {{") + 1] for n in range(3)] == [
+        "0.0, 0.5,", "0.0, 2.5,", "0.0, 4.5,"
+    ]  # fmt: skip
+    at = lines.index("(void)trial;")
+    assert lines[at + 1 : at + 4] == [
+        "if (trial >= 4U) return motion_2;",
+        "if (trial >= 2U) return motion_1;",
+        "return motion_0;",
+    ]
+    due = "if (tick % TRIAL_TICKS == 0)"
+    assert f"{due} ilc_begin_trial(controller, motion_of(tick));" in lines
+    assert f"{due} (void)ilc_end_trial(controller);" in lines
+    none: Any = SimpleNamespace(law=SimpleNamespace(name="pi"))
+    assert _trials(run, none).count("    (void)controller;\n    (void)tick;\n") == 2
+    assert "TRIAL" not in _trials(run, none)

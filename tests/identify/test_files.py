@@ -212,3 +212,64 @@ def test_a_file_that_is_not_what_its_name_says_is_refused_in_a_line(tmp_path, na
         list(read(path, ["x"]))
     line = str(caught.value)
     assert line.startswith(f"{path}: ") and line.endswith(said) and "\n" not in line
+
+
+def known(folder, was="", now="", more=""):
+    """The file of columns with a change, and more at its end."""
+    assert was in ID
+    (folder / "id.toml").write_text(ID.replace(was, now) + more)
+    return config.load(folder / "id.toml")
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "said"),
+    [
+        (
+            f'"encoder", lines = {COUNTS // 4}',
+            '"ideal"',
+            'columns.theta.unit: "count": expected a drive.position_sensor with counts',
+        ),
+        (
+            '{ name = "current", unit = "mA"',
+            '{ name = "current", unit = "count"',
+            'columns.i_q.unit: "count": expected a current',
+        ),
+    ],
+)
+def test_a_count_is_of_a_sensor_that_has_counts_and_of_the_angle(tmp_path, was, now, said):
+    with pytest.raises(StudyError) as caught:
+        known(tmp_path, was, now)
+    assert str(caught.value).startswith(f"{tmp_path / 'id.toml'}: {said}")
+
+
+def test_headings_name_a_time_or_an_angle(tmp_path):
+    lines = ID.splitlines(keepends=True)
+    named = [line for line in lines if not line.startswith(("t =", "theta ="))]
+    (tmp_path / "id.toml").write_text("".join(named))
+    with pytest.raises(
+        StudyError, match=r'columns: expected the headings of the columns, such as t = "time_s"'
+    ):
+        config.load(tmp_path / "id.toml")
+    for needed in ("t =", "theta ="):
+        (tmp_path / "id.toml").write_text(
+            "".join(line for line in lines if line in named or line.startswith(needed))
+        )
+        assert len(config.load(tmp_path / "id.toml").columns) == 2
+
+
+def test_numbers_of_a_column_become_si_with_its_sign(tmp_path):
+    loaded = known(tmp_path, '"counts", unit = "count"', '"counts", unit = "count", sign = -1')
+    step = 2 * np.pi / COUNTS
+    assert (loaded.counts, loaded.step) == (COUNTS, pytest.approx(step))
+    assert [loaded.factor(name) for name in ("t", "theta", "i_q")] == pytest.approx([1e-3, -step, -1e-3])
+    plain = known(tmp_path, '{ name = "ms", unit = "ms" }', '"ms"')
+    assert plain.factor("t") == 1.0
+
+
+def test_the_first_rule_that_a_file_s_name_matches_counts(tmp_path):
+    rules = "".join(
+        f'[[log]]\nfile = "{file}"\nsession = "{name}"\n' for name, file in (("a", "slow*"), ("b", "s*.csv"))
+    )
+    loaded = known(tmp_path, more=rules)
+    found = [loaded.rule(file).session for file in ("slow.csv", "sweep.csv", "sweep.npz", "aslow")]
+    assert found == ["a", "b", None, None]
