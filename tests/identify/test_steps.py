@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 from identify.commissioned import MOTORS
 
-from cogless.identify import causes, findings, voltage
+from cogless.identify import causes, estimate, findings, voltage
 from cogless.identify.causes import DEAD_TIME, ENCODER, GAIN, RIPPLE
 from cogless.identify.config import LogRule
-from cogless.identify.estimate import _taken_out, _without, whole
+from cogless.identify.estimate import _taken_out, _without, whole, with_values
 from cogless.identify.log import Log
 from cogless.identify.orders import found_orders, gains
 from cogless.identify.regression import Fit, _blocks, _noise, solved
+from cogless.identify.result import Estimate, Value, wave_of
 from cogless.identify.sessions import _own
 from cogless.identify.steady import Steady
 from cogless.identify.weak_form import Model, Name, Rows
@@ -390,3 +391,64 @@ def test_cogging_that_is_turned_between_logs_has_no_place(turn: float, turned: b
     )
     hidden = rows_with("bb", 0.5, 1e-3 * complex(math.cos(turn), math.sin(turn)))  # within its noise
     assert told(hidden, first) == ([], [])
+
+
+# --- values with their errors
+
+
+def test_a_value_s_error_is_of_its_fit_its_logs_its_kernels_and_its_phase() -> None:
+    """Twice the larger of fit and logs, and of what other widths of the kernel move it by; then the phase.
+
+    The sensor's error is in the fit by inertia.
+    """
+    waves = [(kind, n, p) for kind, n in (("cogging", 6), ("encoder", 1)) for p in "cs"]
+    names: list[Name] = [("j",), ("load", "x"), *waves]
+    here = {name: 0.1 * (n + 1) for n, name in enumerate(names)}
+    fit = fit_of(here, 0.01)
+    without = {log: fit.values + shift for log, shift in (("a", 0.0), ("b", 0.1), ("c", -0.1))}
+    known: Any = None
+    model = Model(cogging=(6,), encoder=(1,))
+    made = Estimate(known, (), {}, (), (), (), {}, (), (), model, (), fit)
+    others = [{("j",): 0.1 + 0.03}, {("j",): 0.1 - 0.04}]
+    told = with_values(made, here, others, phase={("j",): 0.07})
+    spread = math.sqrt((0.03**2 + 0.04**2) / 2)
+    assert list(told.values) == ["j"] and told.values["j"].value == 0.1
+    assert told.values["j"].error == pytest.approx(math.hypot(2 * math.hypot(0.01, spread), 0.07))
+    assert told.loads == {"x": Value(0.2, 0.02)}
+    assert told.cogging == (wave_of(6, *(Value(here["cogging", 6, part], 0.02) for part in "cs")),)
+    (once,) = told.encoder
+    assert once.size.error == pytest.approx(0.02 / 0.1)  # of both of its parts
+    between = with_values(replace(made, fit=replace(fit, without=without)), here, others)
+    assert between.loads["x"].error == pytest.approx(4.30265 * math.sqrt(2 / 3 * 0.02), rel=1e-4)
+    untold = replace(made.model, untold=frozenset({("j", 0), ("cogging", 6)}))
+    fewer = with_values(replace(made, model=untold), here, others)
+    assert (fewer.values, fewer.cogging, fewer.encoder) == ({}, (), told.encoder)
+
+
+@pytest.mark.parametrize(
+    ("delay", "error", "said"),
+    [
+        (3.9e-3, 1e-3, ""),
+        (4.1e-3, 1e-3, "5.1 +- 2 ms"),
+        (-2.9e-3, 1e-3, ""),
+        (-3.1e-3, 1e-3, "-2.1 +- 2 ms"),
+        (0.0, 2.6e-3, "1 +- 5.2 ms"),
+    ],
+)
+def test_a_delay_that_no_drive_has_is_left_out(
+    monkeypatch: pytest.MonkeyPatch, delay: float, error: float, said: str
+) -> None:
+    """Of 1 ms that is out already, and what is found beyond it."""
+    monkeypatch.setattr(estimate, "_settled", lambda known, logs, model: ([], fit_of({}), model))
+    left: list[str] = []
+    known: Any = None
+    _, _, model = estimate._likely_delay(known, [], [], fit_of({("delay",): delay}, error), MODEL, left)
+    assert (model == MODEL) == (said == "")
+    if said:
+        assert left == [
+            f"The delay of the log comes out as {said}, which no drive has; it is left out; add an "
+            "acceleration log that turns around sharply."
+        ]
+        assert (model.delay, model.columns) == (0.0, MODEL.columns - {"delay"})
+    without = estimate._likely_delay(known, [], [], fit_of({}), MODEL, left)
+    assert without[2] == MODEL
