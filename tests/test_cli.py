@@ -427,6 +427,69 @@ targets = [ {scenario = "low", controller = "pi", metric = "speed_ripple", value
     assert 'motor.cogging.0.torque = "' in out
 
 
+@pytest.mark.parametrize("settled", [True, False])
+def test_calibrate_says_how_far_the_fit_is_off_and_what_it_changed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, settled: bool
+) -> None:
+    from cogless import load
+    from cogless.run import calibrate as room
+
+    path = studies.write(tmp_path)
+    fitted = room.Fitted("mechanics.inertia", '"1 g*m^2"', '"2 g*m^2"')
+    residual = room.Residual("low", "pi", "speed_ripple", None, 0.2, 0.25)
+    fit = room.Fit((fitted,), (residual,), 0.012345, settled, load(path))
+    monkeypatch.setattr(room, "calibrate", lambda study, progress, jobs: fit)
+    code, out, err = cogless(capsys, "calibrate", path)
+    said = f"{path}: calibration: not settled: expected parameters that move the targets\n"
+    assert (code, err) == ((0, "") if settled else (2, said))
+    row, blank, *lines = out.splitlines()[1:]
+    assert row.split() == ["low/pi", "speed_ripple", "1.91", "rpm", "2.387", "rpm", "+25.0", "%"]
+    assert blank == "" and lines == [
+        "# fitted to 1.23 % (rms of the deviations)",
+        'mechanics.inertia = "2 g*m^2"  # was "1 g*m^2"',
+    ]
+
+
+@pytest.mark.parametrize("lowered", ["The plan's speeds end at 100 rpm.", ""])
+def test_a_plan_says_what_is_to_be_expected_and_where_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, lowered: str
+) -> None:
+    from cogless.identify import plan, rehearsal
+
+    monkeypatch.setattr(plan, "write", lambda study, stage: None)
+    monkeypatch.setattr(plan, "lowered", lambda study: lowered)
+    monkeypatch.setattr(rehearsal, "expected", lambda stage, progress: ["J  2e-4 kg*m^2", "! no friction"])
+    study, folder = studies.write(tmp_path), tmp_path / "plan"
+    code, out, err = cogless(capsys, "identify", "--plan", study, "-o", folder)
+    assert (code, err) == (0, "")
+    assert out.splitlines() == [
+        "To be expected, from simulated logs of this motor:",
+        "J  2e-4 kg*m^2",
+        "! no friction",
+        *([f"! {lowered}"] if lowered else []),
+        f"Study: {folder / 'study.toml'}",
+        f"Columns: {folder / 'id.toml'}",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("beside", "got"), [(["a.csv", "b.csv"], "a.csv"), (["--config", "id.toml"], "--config")]
+)
+def test_a_plan_takes_no_logs(capsys: pytest.CaptureFixture[str], beside: list[str], got: str) -> None:
+    code, out, err = cogless(capsys, "identify", *beside, "--plan", "motor.toml")
+    assert (code, out) == (2, "")
+    assert err == (
+        f"identify: --plan motor.toml: expected no logs and no --config beside it, got {got}: "
+        "a plan says what to record; identify the logs afterwards\n"
+    )
+
+
+@pytest.mark.parametrize("given", [[], ["a.csv"], ["--config", "id.toml"]])
+def test_identify_takes_logs_and_what_is_known(capsys: pytest.CaptureFixture[str], given: list[str]) -> None:
+    code, out, err = cogless(capsys, "identify", *given)
+    assert (code, out, err) == (2, "", "identify: expected logs and --config FILE, or --plan STUDY\n")
+
+
 def test_an_interrupt_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,6 +8,8 @@ import re
 import shlex
 import subprocess
 from dataclasses import replace
+from itertools import pairwise
+from math import ceil, nan, sqrt, tau
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +26,7 @@ from cogless.errors import StudyError
 from cogless.export import folder
 from cogless.export.c import figures, literals
 from cogless.export.c.command import export_c, subject_of
-from cogless.export.c.edge_cases import awkward
+from cogless.export.c.edge_cases import COUNTS, MOST, _plan, awkward
 from cogless.export.c.literals import real
 from cogless.export.c.names import identifier
 from cogless.export.c.self_test import memory_sum
@@ -207,6 +209,111 @@ def test_what_the_self_test_meets() -> None:
     assert met[0] == 0 and met[-31] & ~5 == 0  # all is well again; the currents that are fed still saturate
 
 
+def test_the_stretches_of_a_self_test_by_hand(tmp_path: Path) -> None:
+    """A law at 1 kHz in a drive at 15 kHz, whose bounds are round numbers."""
+    bounds = {"omega_max": "300 rad/s", "stuck_angle": "1 rad", "current_max": "2 A", "current_sum": "1 A"}
+    times = {"hold": "10 ms", "bridge": "5 ms", "speed_window": "2 ms", "stuck_time": "20 ms"}
+    changes = {f"drive.monitor.{key}": value for key, value in {**bounds, **times}.items()}
+    prepared = prepare(studies.study(tmp_path, changes), "low", "pi")
+    subject = subject_of(prepared)
+    layout, met = subject.layout, list[tuple[bytes, bytes]]()
+
+    class Watched:
+        def start(self) -> None: ...
+
+        def step_controller(self, state: Any, now: bytes, reference: bytes) -> bytes:
+            met.append((now, reference))
+            return bytes(layout.size("cgl_drive_output"))
+
+    def inputs(period: int) -> dict[str, Any]:
+        now, reference = met[period]
+        return layout.decode("cgl_measurement", now) | layout.decode("cgl_reference", reference)
+
+    stretches = awkward(subject, replace(prepared, drive=Watched()), None)
+    step = round(0.01 / tau * COUNTS)  # half of the largest speed, in a period
+    speed = step * tau / COUNTS * 15e3
+    turn = ceil(15e3 * tau / speed) + 30  # periods of a revolution, and of two steps of the law
+    back = 150 + 75 + 30 + 30 + 4  # hold, bridge, the speed's window, and two steps of the law
+
+    def vector(length: float) -> dict[str, Any]:
+        return {"i_abc": pytest.approx([0.0, length * sqrt(3) / 2, -length * sqrt(3) / 2])}
+
+    plain = {**dict.fromkeys(inputs(0), 0.0), **vector(0.3 * 2), "omega_m": speed, "omega_ref": 1.01 * speed}
+    plain |= {"u_dc": 310.0, "learn": True, "torque": False}
+    wanted: list[tuple[int, dict[str, Any]]] = [
+        (turn // 2, {}),
+        (turn - turn // 2, {"omega_ref": 0.99 * speed}),
+        (30, {"omega_ref": 1e6, "omega_m": -speed}),
+        (30, {"omega_ref": -1e6}),
+        (2, vector(0.97 * 2)),
+        (2, {"i_abc": pytest.approx([0.97, 0.0, 0.0])}),
+        (2, {"omega_m": 0.97 * 300}),
+        (2, vector(1.03 * 2)),
+        (2, {"i_abc": pytest.approx([1.03, 0.0, 0.0])}),
+        (2, {"omega_m": 1.03 * 300}),
+        (1, {"i_abc": pytest.approx([nan, 0.0, 0.0], nan_ok=True)}),
+        (1, {"u_dc": nan}),
+        (back, {}),
+        (60, {"omega_m": 0.9 * speed}),
+        (60, {}),
+        (75, {"theta_m": nan}),
+        (3, {"theta_m": nan}),
+        (back, {}),
+        (315, {"omega_ref": 15e3 / 10.5}),
+        (back, {}),
+        (613, {"omega_ref": 15e3 / 610.5}),
+        (back, {}),
+        (30, {"learn": False}),
+        (30, {"torque": True, "i_q_ref": 0.2 * 3}),
+        (30, {}),
+    ]
+    assert [each.periods for each in stretches] == [periods for periods, _ in wanted]
+    first = 0
+    for each, (periods, changed) in zip(stretches, wanted, strict=True):
+        moves = {"theta_m": each.counts * tau / COUNTS, **changed}
+        found = inputs(first)
+        for key, value in {**plain, **moves}.items():
+            assert found[key] == (value if key == "i_abc" else pytest.approx(value, nan_ok=True)), (
+                each.about,
+                key,
+            )
+        first += periods
+    assert first == len(met) and inputs(1)["theta_m"] == pytest.approx(step * tau / COUNTS)
+    assert [each.step for each in stretches] == [step] * 18 + [0, step] * 2 + [step] * 3
+    jumps = [(b.counts - a.counts - a.periods * a.step) % COUNTS for a, b in pairwise(stretches)]
+    assert jumps == [0] * 12 + [COUNTS // 2] * 2 + [0] * 10  # else the angle goes on turning
+
+
+@pytest.mark.parametrize(
+    ("omega_max", "turn"), [("0 rad/s", 0.01), ("1200 rad/s", 0.04), ("1e6 rad/s", 0.05)]
+)
+def test_a_self_test_without_bounds_and_of_times_without_end(
+    tmp_path: Path, omega_max: str, turn: float
+) -> None:
+    bounds = {"omega_max": omega_max, "stuck_angle": "0 rad", "current_max": "0 A", "current_sum": "0 A"}
+    changes = {f"drive.monitor.{key}": value for key, value in bounds.items()}
+    changes |= {
+        "drive.monitor.hold": "1000 s",
+        "drive.monitor.bridge": "1000 s",
+        "drive.quality.span": "1e6 rad",
+    }
+    subject = subject_of(prepare(studies.study(tmp_path, changes), "low", "pi"))
+    plan = _plan(subject)
+    assert {step for *_, step, _ in plan} == {round(turn / tau * COUNTS)}
+    assert [about for about, *_ in plan if "bound" in about] == [
+        "the speed just within its bound",
+        "the speed beyond its bound",
+    ][: 2 * (omega_max != "0 rad/s")]
+    periods = {about: periods for about, periods, *_ in plan}
+    assert periods["a small error"] + periods["and one the other way"] == MOST + 30
+    assert periods["all is well again"] == MOST + 34
+    assert periods["the angle is missing, for as long as is bridged"] == MOST
+    assert plan[0][4].i_abc == pytest.approx((0.0, 0.9 * sqrt(3) / 2, -0.9 * sqrt(3) / 2))  # 0.3 of the limit
+    monitor = {**subject.drive_config["monitor"], "phases": 2}
+    of_two = _plan(replace(subject, drive_config={**subject.drive_config, "monitor": monitor}))
+    assert of_two[0][4].i_abc == pytest.approx((0.0, 0.9, 0.0))  # of two phases, b is the beta axis
+
+
 def test_a_self_test_of_extreme_bounds(tmp_path: Path) -> None:
     """What is beyond them is no longer a float; hold and bridge are longer than any test."""
     extreme = {"omega_max": "3.3e38 rad/s", "stuck_angle": "3e38 rad", "current_max": "3.3e38 A"}
@@ -245,6 +352,35 @@ def test_only_what_the_law_needs_and_unchanged(tmp_path: Path) -> None:
     assert not {"trial.c", "robust_ilc.c", "space_speed.c", "anti_cogging.c"} & taken
     for name in taken - {"LICENSE"}:
         assert (exported / "cogless" / name).read_bytes() == (LIBRARY / name).read_bytes()
+
+
+def test_what_a_header_says_of_its_step_and_its_memory(once: tuple[Subject, Path]) -> None:
+    subject, exported = once
+    name, divider, entries = subject.name, subject.divider, subject.memory_length
+    header = next(exported.glob("*_controller.h")).read_text()
+    readme = (exported / "README.md").read_text()
+    law_rate = f"{subject.rate / divider:g}"
+    assert (
+        f"_step is called {subject.rate} times a second, the law runs {law_rate} times a second\n" in header
+    )
+    period = re.search(rf"#define {name.upper()}_PERIOD (\S+?)f? /\* between two steps \[s\] \*/\n", header)
+    assert period and float(period[1]) == pytest.approx(1 / subject.rate)
+    assert f"#define {name.upper()}_DIVIDER {divider}U /*" in header
+    after = ": forgets what was learned, too" if entries else ""
+    after = ", but the table stays" if name == "table" else after
+    assert f"/* As after init{after}. */\nvoid {name}_reset(" in header
+    assert (f"[{name.upper()}_MEMORY_LENGTH]; /* what is learned */" in header) == (entries > 0)
+    memory = f"{entries} numbers, within `{name}_controller`" if entries else "none"
+    learning = (
+        "frozen while `reference.learn` is false, and whenever the controller finds a reason"
+        if entries
+        else "none"
+    )
+    assert f"| memory | {memory} |\n| learning | {learning} |\n" in readme
+    double = subject.precision == "d"
+    precision = "double: define COGLESS_DOUBLE for every file" if double else "single"
+    assert f" * precision        {precision}\n" in header
+    assert f"#{'ifndef' if double else 'ifdef'} COGLESS_DOUBLE\n#error" in header
 
 
 FLASH = """

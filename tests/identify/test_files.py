@@ -154,3 +154,122 @@ def test_a_current_in_rms_beside_peaks_of_the_phases_is_refused(tmp_path, share,
         f"{path}: current is 0.707 of the amplitude that a and b have, as rms is: expected peak amperes; "
         "multiply it by sqrt(2)"
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "columns", "said"),
+    [
+        ("a.npz", {"x": np.zeros(3), "y": np.zeros(4)}, "columns of 3 and 4 rows: expected one clock"),
+        ("a.npz", {"z": np.zeros(3)}, "no rows: expected a log"),
+        ("a.npz", {"x": np.zeros(0)}, "no rows: expected a log"),
+        (
+            "a.npz",
+            {"x": np.array([1.0, np.nan, np.inf])},
+            "x: row 2: nan: expected a finite number (2 rows lack one)",
+        ),
+        ("a.npz", {"x": np.array(["a", "b"])}, "x: expected numbers"),
+        (
+            "a.npz",
+            {"x": np.array([None])},
+            "no NPZ file, or one with objects in it: expected arrays of numbers",
+        ),
+        ("a.mat", {"x": np.array(["a", "b"])}, "x: expected numbers"),
+    ],
+)
+def test_columns_that_are_no_log_are_refused(tmp_path, name, columns, said):
+    path = tmp_path / name
+    if name == "a.mat":
+        from scipy.io import savemat
+
+        savemat(path, columns)
+    else:
+        np.savez(path, **columns)
+    with pytest.raises(StudyError) as caught:
+        list(read(path, ["x", "y"]))
+    assert str(caught.value) == f"{path}: {said}"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.npz", b"PK\x03\x04 cut", ": File is not a zip file: expected a readable .npz file"),
+        ("a.npz", b"not at all", ": no NPZ file, or one with objects in it: expected arrays of numbers"),
+        ("a.csv.gz", gzip.compress(b"x\n1\n")[:-9], ": expected a readable .csv file"),
+        ("A.CSV.GZ", b"x\n1\n", ": expected a readable .csv file"),
+        ("a.mat", b"text" * 40, ": expected a MAT file"),
+        ("a.parquet", b"text" * 40, ": expected a Parquet file"),
+        ("a.mf4", b"text" * 40, ": expected an MDF file"),
+        ("a.nc", b"text" * 40, ": expected a readable .nc file"),
+    ],
+)
+def test_a_file_that_is_not_what_its_name_says_is_refused_in_a_line(tmp_path, name, content, said):
+    for kind, module in ((".parquet", "pyarrow"), (".mf4", "asammdf")):
+        if name.endswith(kind):
+            pytest.importorskip(module)
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(StudyError) as caught:
+        list(read(path, ["x"]))
+    line = str(caught.value)
+    assert line.startswith(f"{path}: ") and line.endswith(said) and "\n" not in line
+
+
+def known(folder, was="", now="", more=""):
+    """The file of columns with a change, and more at its end."""
+    assert was in ID
+    (folder / "id.toml").write_text(ID.replace(was, now) + more)
+    return config.load(folder / "id.toml")
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "said"),
+    [
+        (
+            f'"encoder", lines = {COUNTS // 4}',
+            '"ideal"',
+            'columns.theta.unit: "count": expected a drive.position_sensor with counts',
+        ),
+        (
+            '{ name = "current", unit = "mA"',
+            '{ name = "current", unit = "count"',
+            'columns.i_q.unit: "count": expected a current',
+        ),
+    ],
+)
+def test_a_count_is_of_a_sensor_that_has_counts_and_of_the_angle(tmp_path, was, now, said):
+    with pytest.raises(StudyError) as caught:
+        known(tmp_path, was, now)
+    assert str(caught.value).startswith(f"{tmp_path / 'id.toml'}: {said}")
+
+
+def test_headings_name_a_time_or_an_angle(tmp_path):
+    lines = ID.splitlines(keepends=True)
+    named = [line for line in lines if not line.startswith(("t =", "theta ="))]
+    (tmp_path / "id.toml").write_text("".join(named))
+    with pytest.raises(
+        StudyError, match=r'columns: expected the headings of the columns, such as t = "time_s"'
+    ):
+        config.load(tmp_path / "id.toml")
+    for needed in ("t =", "theta ="):
+        (tmp_path / "id.toml").write_text(
+            "".join(line for line in lines if line in named or line.startswith(needed))
+        )
+        assert len(config.load(tmp_path / "id.toml").columns) == 2
+
+
+def test_numbers_of_a_column_become_si_with_its_sign(tmp_path):
+    loaded = known(tmp_path, '"counts", unit = "count"', '"counts", unit = "count", sign = -1')
+    step = 2 * np.pi / COUNTS
+    assert (loaded.counts, loaded.step) == (COUNTS, pytest.approx(step))
+    assert [loaded.factor(name) for name in ("t", "theta", "i_q")] == pytest.approx([1e-3, -step, -1e-3])
+    plain = known(tmp_path, '{ name = "ms", unit = "ms" }', '"ms"')
+    assert plain.factor("t") == 1.0
+
+
+def test_the_first_rule_that_a_file_s_name_matches_counts(tmp_path):
+    rules = "".join(
+        f'[[log]]\nfile = "{file}"\nsession = "{name}"\n' for name, file in (("a", "slow*"), ("b", "s*.csv"))
+    )
+    loaded = known(tmp_path, more=rules)
+    found = [loaded.rule(file).session for file in ("slow.csv", "sweep.csv", "sweep.npz", "aslow")]
+    assert found == ["a", "b", None, None]

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from identify.commissioned import METRIC, MOTORS, PI
 
+from cogless.identify import lateness as room
 from cogless.identify.config import LogRule
-from cogless.identify.lateness import lateness
+from cogless.identify.lateness import NOTHING, Profile, _filters, _moves, _part, _profile, lateness
 from cogless.identify.log import Log
+from cogless.identify.result import Value
 from cogless.results.trace import Trace
 from cogless.run.simulate import rollout
 from cogless.study import Study
@@ -116,3 +118,151 @@ def test_another_law_tells_no_delay_and_is_told():
     )
     assert made.delay is None
     assert made.said.startswith("one: i_q does not follow the angle as under the described controller")
+
+
+def of_parts(*told: tuple[list[float], float]) -> Value:
+    """Of logs that tell a part at delays of 0 and 1 ms, and its information, where 0.4 ± 0.1 ms is likely."""
+    delays = np.array([0.0, 1e-3])
+    profiles = [Profile(delays, 0 * delays, np.array(p), np.full(2, info), 0.0) for p, info in told]
+    return _part(profiles, Value(4e-4, 1e-4))
+
+
+def test_a_part_of_the_dead_time_is_known_to_two_standard_errors():
+    """Which the spread of logs widens, if it is larger than their own errors, and an unsure delay, too."""
+    alone, alike = of_parts(([0.5, 0.5], 100)), of_parts(([0.45, 0.45], 100), ([0.55, 0.55], 300))
+    assert (alone.value, alone.error) == pytest.approx((0.5, 2 / 10))
+    assert (alike.value, alike.error) == pytest.approx((0.525, 2 / 20))
+    spread = of_parts(*(([part, part], 100) for part in (0.2, 0.5, 0.8)))  # its own standard deviation is 0.3
+    assert (spread.value, spread.error) == pytest.approx((0.5, 2 * 0.3 / np.sqrt(3)))
+    delayed = of_parts(([0.0, 1.0], 100))
+    assert (delayed.value, delayed.error) == pytest.approx((0.4, np.hypot(0.2, 0.1)))
+    assert of_parts(([0.0, 1.0], 0)) == NOTHING
+
+
+# Delays that are likely, from profiles by hand: parabolas around a delay, 0.1 ms wide
+
+
+class Rows(dict[str, np.ndarray]):
+    """As much of a trace as a filter is fitted to, with rows of 0.1 ms."""
+
+    period = 1e-4
+
+
+def told(monkeypatch, *profiles, dt=1e-3, period=1e-3, rows=300):
+    """What logs with these profiles tell, and after how many rows the law has its samples."""
+    canned, every = list(profiles), []
+
+    def next_one(log, step, trace, with_dead_time):
+        every.append(step)
+        return canned.pop(0)
+
+    monkeypatch.setattr(room, "_profile", next_one)
+    signals = {"theta": np.zeros(rows), "i_q": np.zeros(rows)}
+    names = [f"log {n}" for n in range(len(profiles))]
+    logs = [Log(name, LogRule(file="*"), dt, signals, (slice(0, rows),)) for name in names]
+    return lateness(logs, {name: Rows() for name in names}, BANDWIDTH, period), every
+
+
+def around(delay, step=1e-5, misfit=0.0):
+    delays = step * np.arange(round(1e-3 / step))
+    return Profile(delays, ((delays - delay) / 1e-4) ** 2, 0 * delays, 0 * delays, misfit)
+
+
+BETWEEN = 1e-4**2 * BANDWIDTH / 8  # what the current moves between two rows of the trace, in time
+
+
+def test_delays_within_two_standard_errors_are_likely(monkeypatch):
+    found = told(monkeypatch, around(4.05e-4))[0].delay
+    assert found.value == pytest.approx(4.05e-4)  # 0.21 to 0.60 ms, and half a step on each side
+    assert found.error == pytest.approx((3.9e-4 + 1e-5) / 2 + BETWEEN)
+    alike = told(monkeypatch, around(4.05e-4), around(4.05e-4, 5e-6))[0].delay  # by the finer steps
+    assert alike.error == pytest.approx((2.8e-4 + 5e-6) / 2 + BETWEEN) and alike.value == pytest.approx(
+        4.05e-4
+    )
+
+
+def test_logs_whose_delays_differ_weigh_by_how_far_they_do(monkeypatch):
+    """Two that are one standard error off their mean double what is likely, above the least."""
+    found = told(monkeypatch, around(3.05e-4), around(5.05e-4))[0].delay
+    assert found.value == pytest.approx(4.05e-4)
+    assert found.error == pytest.approx((3.9e-4 + 1e-5) / 2 + BETWEEN)
+
+
+def test_a_log_of_another_law_is_left_out_and_told_where_no_other_is(monkeypatch):
+    like, unlike, worse = around(4.05e-4, misfit=0.1), around(0.0, misfit=0.114), around(0.0, misfit=0.5)
+    assert told(monkeypatch, worse, like, unlike)[0] == told(monkeypatch, like)[0]
+    none = told(monkeypatch, worse, unlike)[0]
+    assert none.delay is None and none.said == (
+        "log 1: i_q does not follow the angle as under the described controller (11 % differs), so the delay "
+        "is only told within half a period of the law; check its gains, and the drive's rates, filter and "
+        "bandwidth in the file of columns."
+    )
+    flat = replace(like, away=np.ones(100))  # it tells nothing
+    assert told(monkeypatch, flat)[0] == told(monkeypatch)[0] == room.Lateness(None)
+
+
+def test_which_rows_of_a_log_are_the_law_s_samples(monkeypatch):
+    assert told(monkeypatch, around(0.0), dt=1e-4, period=1.06e-3)[1] == [11]
+    assert told(monkeypatch, around(0.0), dt=1e-3, period=1e-4)[1] == [1]
+    assert told(monkeypatch, around(0.0), rows=299)[1] == []  # too few to tell
+
+
+def test_a_filter_is_of_the_speed_s_changes_before_a_row_and_of_the_speed():
+    rng = np.random.default_rng(1)
+    theta = np.cumsum(rng.normal(size=40))
+    columns, changes = _moves(theta, np.arange(40.0) ** 2, 0.5)
+    speed = np.diff(theta) / 0.5
+    assert columns.shape == (34, 6)  # of 38 changes the first four are before a whole filter
+    for tap in range(5):
+        assert columns[:, tap] == pytest.approx(np.diff(speed)[4 - tap : 38 - tap])
+    assert columns[:, 5] == pytest.approx(speed[3:37])
+    assert changes == pytest.approx(2 * np.arange(5, 39) + 1)
+
+
+def follows(*taps: float) -> Rows:
+    """A white change of speed in each row, and a current that follows it by these taps."""
+    changes = np.random.default_rng(2).normal(size=4000)
+    theta = np.cumsum(np.cumsum(changes)) * Rows.period
+    current = np.cumsum(np.convolve(changes, taps)[: len(changes)])
+    return Rows({"theta_measured": theta, "i_q": current})
+
+
+def test_a_current_that_is_later_has_a_filter_that_is_later():
+    """By whole rows of the trace, and straight between them."""
+    filters = _filters(follows(1.0, 0.5), 1)
+    assert filters.shape == (6, 5 * 20 + 1)
+    for place, taps in ((0, [1, 0.5, 0, 0, 0]), (20, [0, 1, 0.5, 0, 0]), (60, [0, 0, 0, 1, 0.5])):
+        assert filters[:5, place] == pytest.approx(np.array(taps), abs=0.02)
+    assert filters[:5, 25] == pytest.approx(np.array([0, 0.75, 0.625, 0.125, 0]), abs=0.02)
+    assert filters[5] == pytest.approx(0, abs=1e-3)
+
+
+def logged(of: Rows, noise: float = 0.0) -> Log:
+    """All rows, with so much noise in each change of the current."""
+    current = of["i_q"] + np.cumsum(np.random.default_rng(3).normal(0, noise, 4000))
+    signals = {"theta": of["theta_measured"], "i_q": current}
+    return Log("one", LogRule(file="*"), 1e-4, signals, (slice(0, 4000),))
+
+
+def test_what_no_delay_explains_is_a_share_of_the_filter():
+    """Half the gain leaves a quarter of its square."""
+    made = _profile(logged(follows(1.0)), 1, follows(0.5), None)
+    assert made.misfit == pytest.approx(0.25, abs=0.01)
+    assert made.delays == pytest.approx(5e-6 * np.arange(101)) and np.argmin(made.away) < 3
+
+
+def test_how_far_a_delay_is_from_a_log_counts_by_the_noise_of_both():
+    """Rows times the square of the filters' difference, over twice the noise's variance; but along the filter
+    itself the gain is only known to a hundredth, which here counts for less by 1 + 4000 / 100^2 / 2."""
+    made = _profile(logged(follows(1.0), noise=1.0), 1, follows(1.0), None)
+    assert made.away[20] == pytest.approx(4000 * (1 + 1 / 1.2) / 2, rel=0.05)
+    assert made.away[0] < 10
+
+
+def test_a_part_of_an_added_dead_time_is_told_by_what_it_does_to_the_filter():
+    """Half of it, to as many parts as its square has of the noise."""
+    made = _profile(logged(follows(1.0, 0.1), noise=1.0), 1, follows(1.0), follows(1.0, 0.2))
+    assert made.part[0] == pytest.approx(0.5, abs=2 / np.sqrt(80))
+    assert made.information[0] == pytest.approx(4000 * 0.2**2 / 2, rel=0.05)
+    sure = _profile(logged(follows(1.0, 0.1), noise=0.01), 1, follows(1.0), follows(1.0, 0.2))
+    assert sure.part[0] == pytest.approx(0.5, abs=0.02)

@@ -119,6 +119,44 @@ def tops(folder: Path) -> dict[str, float]:
     return {name: one.top_reference for name, one in load(folder / "study.toml").scenario.items()}
 
 
+@pytest.mark.parametrize(
+    ("v", "slow", "loaded", "fast"),
+    [
+        (6.0, 1.5, 6.0, 36.0),  # a quarter of it, itself, six times it
+        (15.0, 0.5 / (24 * 6e-3), 1 / (24 * 6e-3), 0.3 * 1000 * 2 * math.pi / 24),  # as order 24 is seen
+        (30.0, 0.5 / (24 * 6e-3), 1 / (24 * 6e-3), 90.0),  # three times it, though that is not seen
+    ],
+)
+def test_a_plan_by_hand(tmp_path, v, slow, loaded, fast):
+    """Of a servo with four pole pairs, by the speed of its scenario; its kernel has a width of 6 ms."""
+    one = {"duration": "1 s", "reference": f"{v} rad/s"}
+    (tmp_path / "motor.toml").write_text(plan.text({**servo(), "scenario": {"one": one}}))
+    played, rate = plan.scenarios(load(tmp_path / "motor.toml"), "pi")
+    assert rate == 1000
+    found = {
+        name: np.array([[float(x.split()[0]) for x in row] for row in each["reference"]["profile"]])
+        for name, each in played.items()
+    }
+    for name, speed, turns in (
+        ("slow", slow, 2),
+        ("one-speed", v, 4),
+        ("fast", fast, 12),
+        ("load-forwards", loaded, 3),
+        ("load-backwards", loaded, 3),
+    ):
+        time = max(2.0, turns * 2 * math.pi / speed)
+        there_and_back = [[0, speed], [time, speed], [time + 0.4, -speed], [2 * time + 0.4, -speed]]
+        assert found[name] == pytest.approx(np.array(there_and_back), rel=1e-5), name
+        assert played[name]["initial_speed"] == f"{speed:.6g} rad/s"
+    turns = [[0.5 + 0.8 * n, (-1) ** n * 5 / 6 * fast] for n in range(9)]
+    assert found["acceleration"] == pytest.approx(np.array([[0, 0], *turns]), rel=1e-5)
+    assert {name: float(each["duration"].split()[0]) for name, each in played.items()} == {
+        name: rows[-1, 0] for name, rows in found.items()
+    }
+    loads = [played[f"load-{way}"]["load"] for way in ("forwards", "backwards")]
+    assert loads == ["0.6 N*m", "-0.6 N*m"]  # a fifth of the largest torque
+
+
 def test_a_plan_within_the_voltage_is_not_lowered(tmp_path):
     high = tops(planned(tmp_path, servo(), 48))
     assert high["one-speed"] == pytest.approx(300 * math.pi / 30, rel=1e-5)

@@ -469,6 +469,12 @@ def test_the_files_of_an_estimate_have_its_sentences_and_errors(
     assert "# load of one.csv: 0.15 +- 0.03 N*m\n# encoder's error, order 1: 0.1 deg\n" in study
     assert 'eccentricity = "0.1 deg"' in study and "viscous_friction = " not in study
     assert 'coulomb_friction = "0.03 N*m"' in study and 'inertia = "0.0003 kg*m^2"' in study
+    assert (
+        '[scenario.steady]\nduration = "10 s"\nreference = "0.5 rad/s"\ninitial_speed = "0.5 rad/s"\n'
+        in study
+    )
+    pi = 'law = "pi"\nbaseline = true\ntuning = { rule = "phase-margin", phase_margin = "60 deg" }\n'
+    assert f"[controller.pi]\n{pi}" in study
     table = np.asarray(write.compensation(made).values).ravel()
     angle = TURN / 1024 * np.arange(1024)
     assert table == pytest.approx(-0.05 * np.sin(24 * angle + math.pi / 6), abs=1e-7)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -90,3 +92,63 @@ def test_a_signal_is_shifted_by_parts_of_a_row(rows):
     made = shifted(x, rows)
     assert made[10:-10] == pytest.approx(np.sin(0.05 * (n + rows))[10:-10], abs=1e-5)
     assert made[end] == pytest.approx(x[end], abs=0.02)
+
+
+def turning(speed: float, rows: int = 1000) -> Log:
+    theta = speed * DT * np.arange(rows)
+    return Log("log", LogRule(file="log"), DT, {"theta": theta, "i_q": 0 * theta}, (slice(0, rows),))
+
+
+@pytest.mark.parametrize(("speed", "share"), [(0.05, 0.25), (0.2, 1.0), (-3.0, 1.0)])
+def test_steps_of_the_angle_make_the_noise_of_inertia_and_friction(speed, share):
+    """A twelfth of their square through the kernel, where it turns a step a row; else less."""
+    (rows,) = rows_of(turning(speed), replace(MODEL, error={}), weak_form.WIDTH, SENSOR)
+    kernel, variance = Kernel(weak_form.WIDTH, DT), share * SENSOR.step**2 / 12
+    noise = {name: rows.noise[:, n] for n, name in enumerate(rows.names)}
+    assert noise.pop(("j",)) == pytest.approx(variance * np.sum(kernel.second**2))
+    assert noise.pop(("b",)) == pytest.approx(variance * np.sum(kernel.first**2))
+    assert not any(each.any() for each in noise.values())
+
+
+@pytest.mark.parametrize(("counts", "turns"), [(4.1, True), (3.9, False)])
+def test_a_rotor_surely_turns_from_four_counts_within_the_kernel_s_reach_on(counts, turns):
+    speed = counts * SENSOR.step / (4 * weak_form.WIDTH)
+    found = rows_of(turning(speed), replace(MODEL, error={}), weak_form.WIDTH, SENSOR)
+    assert bool(found) == turns
+    assert rows_of(turning(speed), replace(MODEL, error={}), weak_form.WIDTH, replace(SENSOR, step=0.0))
+
+
+def test_rows_around_a_reversal_are_left_out(log):
+    """Where the sign of the speed changes within the kernel, friction is not known."""
+    for rows in rows_of(log, MODEL, weak_form.WIDTH, SENSOR):
+        half = Kernel(weak_form.WIDTH, DT).half
+        for at in rows.at.astype(int):
+            speed = np.gradient(log["theta"][at - half : at + half + 1])[6:-6]
+            assert np.ptp(np.sign(speed)) == 0
+        kept = np.diff(rows.at)
+        assert kept.max() > 2 * half - 12 > kept.min()  # there are reversals, and all else stays
+
+
+def test_rows_of_a_hold_map_are_its_angles():
+    """The rotor came from one direction or the other; K_t ripple acts by the current that holds it."""
+    theta = np.linspace(0, 6, 50)
+    current, direction = 0.3 * np.sin(6 * theta), np.where(np.arange(50) % 2, 1.0, -1.0)
+    signals = {"theta": theta, "i_q": current, "direction": direction}
+    held = Log("held", LogRule(file="held", kind="hold"), 0.0, signals, (slice(0, 50),))
+    model = Model(cogging=(6,), ripple=(24,), columns=frozenset({"offset"}), error={1: (0.01, -0.02)})
+    (rows,) = rows_of(held, model, weak_form.WIDTH, SENSOR)
+    true = weak_form.corrected(theta, model)
+    assert true == pytest.approx(theta - 0.01 * np.cos(true) + 0.02 * np.sin(true), abs=2e-5)
+    names = (
+        ("c_hold",),
+        ("offset",),
+        *((kind, n, part) for kind, n in (("cogging", 6), ("ripple", 24)) for part in "cs"),
+    )
+    assert rows.names == names
+    wanted = [direction, np.ones(50), -np.cos(6 * true), -np.sin(6 * true),
+              -current * np.cos(24 * true), -current * np.sin(24 * true)]  # fmt: skip
+    assert rows.columns == pytest.approx(np.column_stack(wanted))
+    assert np.array_equal(rows.y, current) and not rows.noise.any() and not rows.omega.any()
+    assert np.array_equal(rows.theta, true) and np.array_equal(rows.at, np.arange(50))
+    (alone,) = rows_of(held, replace(model, columns=frozenset()), weak_form.WIDTH, SENSOR)
+    assert alone.names == tuple(name for name in names if name != ("offset",))

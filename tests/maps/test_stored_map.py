@@ -2,6 +2,7 @@
 
 import struct
 from dataclasses import replace
+from math import radians
 from pathlib import Path
 from zlib import crc32
 
@@ -114,7 +115,58 @@ def test_reasons() -> None:
 
 
 @pytest.mark.parametrize(
-    ("one", "other", "wanted"), [(1, 2, 2), (2, 1, 2), (2**32 - 1, 0, 0), (0, 2**32 - 1, 0), (7, 7, 7)]
+    ("place", "kind", "value"),
+    [
+        (6, "H", 65),  # the header's length
+        (21, "B", 2),  # type of its numbers
+        (22, "H", 0),  # write size
+        (22, "H", 3),
+        (22, "H", 512),
+        (24, "I", 0),  # cells
+        (24, "I", (1 << 24) + 1),
+        (28, "I", 0),  # turns, without parts
+        (32, "I", 0),
+        (36, "H", 0),  # ratio
+        (38, "B", 0),  # channels
+        (38, "B", 4),
+        (42, "H", 1),  # zero
+    ],
+)
+def test_a_header_that_no_firmware_writes(place: int, kind: str, value: int) -> None:
+    image = bytearray(bytes(EXAMPLE))
+    struct.pack_into(f"<{kind}", image, place, value)
+    image[60:64] = struct.pack("<I", crc32(image[:60]))
+    assert refusal(bytes(image)) == "a header that is none of version 1, with a CRC that is right"
+
+
+def test_a_map_s_entries_are_no_map() -> None:
+    """They may read as its first bytes do; and of a place that is none the next byte may begin one."""
+    values = np.frombuffer(b"CGLM" * 3, "<f4")
+    image = bytes(replace(EXAMPLE, values=values, limits=(3e8,)))
+    found = stored_map.find(b"CGLM" + image + bytes(EXAMPLE))
+    assert [place.offset for place in found] == [0, 4, 4 + len(image)]
+
+
+def test_codes_that_are_not_known_are_shown() -> None:
+    names = [replace(EXAMPLE, law=law).law_name for law in (0, len(stored_map.LAWS), 127, 128, 255)]
+    assert names == ["other", str(len(stored_map.LAWS)), "127", "own law 128", "own law 255"]
+    last = len(stored_map.UNITS)
+    assert replace(EXAMPLE, units=(last - 1,)).unit(0) == ("order", "", "order")
+    assert replace(EXAMPLE, units=(last,)).unit(0) == (f"unit {last}", "", f"unit_{last}")
+
+
+# halfway round neither of two is newer
+@pytest.mark.parametrize(
+    ("one", "other", "wanted"),
+    [
+        (1, 2, 2),
+        (2, 1, 2),
+        (2**32 - 1, 0, 0),
+        (0, 2**32 - 1, 0),
+        (7, 7, 7),
+        (0, 2**31 - 1, 2**31 - 1),
+        (0, 2**31, 0),
+    ],
 )
 def test_the_newest_of_a_dump(one: int, other: int, wanted: int) -> None:
     slots = [bytes(replace(EXAMPLE, sequence=n)).ljust(512, b"\xff") for n in (one, other)]
@@ -348,11 +400,28 @@ def test_a_trial_leaves_its_signal(tmp_path: Path) -> None:
     assert decode(bytes(stored)).cells == stored.cells
 
 
+FLUX = {"d": ["0 Wb", "30 mWb", "85 mWb"], "q": ["0 Wb", "30 mWb", "80 mWb"]}
+
+
 def test_motors_differ_in_their_identity(tmp_path: Path) -> None:
     study = studies.study(tmp_path)
     identity = learned_map.motor_identity(study.motor.star())
     data = struct.pack("<II4d", 4, 3, 15.42, 0.03, 0.03, study.motor.star().psi_f)
     assert identity == crc32(data + struct.pack("<I2d", 24, 4e-3, 0.0))
+    waves = {"order": 6, "d": "1 mWb", "q": "2 mWb", "d_phase": "10 deg", "q_phase": "20 deg"}
+    saturation = {axis: {"current": ["0 A", "1 A", "3 A"], "flux": flux} for axis, flux in FLUX.items()}
+    more = {
+        "motor.flux_harmonics": [waves],
+        "motor.saturation": saturation,
+        "motor.torque_ripple": [{"order": 12, "percent": 1.5, "phase": "30 deg"}],
+    }
+    rich = learned_map.motor_identity(studies.study(tmp_path, more).motor.star())
+    data += struct.pack("<I4d", 6, 1e-3, 2e-3, radians(10), radians(20))
+    currents = -3.0, -1.0, 0.0, 1.0, 3.0
+    data += struct.pack("<10d", *currents, -0.085, -0.03, 0.0, 0.03, 0.085)
+    data += struct.pack("<10d", *currents, -0.08, -0.03, 0.0, 0.03, 0.08)
+    data += struct.pack("<I2d", 12, 0.015, radians(30))
+    assert rich == crc32(data + struct.pack("<I2d", 24, 4e-3, 0.0))
     for change in ({"motor.R_s": "15 ohm"}, {"motor.cogging": []}, {"motor.pole_pairs": 3}):
         other = studies.study(tmp_path, change)
         assert learned_map.motor_identity(other.motor.star()) != identity
@@ -361,5 +430,8 @@ def test_motors_differ_in_their_identity(tmp_path: Path) -> None:
 def test_a_map_that_is_none(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="stored map"):
         StoredMap(np.zeros((4, 5)), (1, 1, 1, 1), (1.0,) * 4)
+    for values, units, limits in ((np.zeros((1, 0)), 1, 1), (np.ones(4), 2, 1), (np.ones(4), 1, 2)):
+        with pytest.raises(ValueError, match="stored map"):
+            StoredMap(values, (1,) * units, (1.0,) * limits)
     with pytest.raises(StudyError):
         stored_map.read(tmp_path)

@@ -1,6 +1,6 @@
 """Fitting a study to target values."""
 
-from math import sqrt
+from math import inf, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +99,36 @@ def test_a_parameter_that_cannot_be_fitted(tmp_path: Path, parameter: dict[str, 
     with pytest.raises(StudyError) as error:
         calibrate(problem(tmp_path, [parameter], [target("speed_ripple", "5 rpm")]))
     assert f"study.toml: calibration.parameters.0.{line}" in str(error.value)
+
+
+def test_the_solver_sees_a_parameter_in_units_of_where_it_starts(tmp_path: Path) -> None:
+    """Or of the width between its bounds where that is zero, and of 1 without both."""
+    inertia, torque = {"key": "mechanics.inertia"}, {"key": "motor.cogging.0.torque"}
+    zero = {**torque, "initial": 0}
+    given: list[dict[str, Any]] = [
+        inertia,
+        {**inertia, "scenario": "step"},
+        {**inertia, "scenario": "low"},
+        {**torque, "initial": "-0.003 N*m", "upper": 2},
+        {**zero, "lower": "-2 mN*m", "upper": "4 mN*m"},
+        {**zero, "lower": "-2 mN*m"},
+        {**zero, "upper": 0},
+        {**zero, "lower": 0, "upper": 0},
+    ]
+    study = problem(tmp_path, given, [target("speed_ripple", "5 rpm")])
+    study = changed(study, {"scenario.step.override": {inertia["key"]: "5e-4 kg*m^2"}})
+    assert study.calibration is not None
+    *parameters, nothing = study.calibration.parameters
+    knobs = [room._knob(study, n, parameter) for n, parameter in enumerate(parameters)]
+    own = [f'scenario.{name}.override."mechanics.inertia"' for name in ("step", "low")]
+    assert [knob.key for knob in knobs] == [inertia["key"], *own, *[torque["key"]] * 4]
+    assert [knob.unit for knob in knobs] == ["kg*m^2"] * 3 + ["mN*m"] * 4
+    assert [knob.start for knob in knobs] == pytest.approx([2.5e-4, 5e-4, 2.5e-4, -3.0, 0.0, 0.0, 0.0])
+    assert [knob.scale for knob in knobs] == pytest.approx([2.5e-4, 5e-4, 2.5e-4, 3.0, 6.0, 1.0, 1.0])
+    assert [knob.lower for knob in knobs] == [-inf] * 4 + [-2.0] * 2 + [-inf]
+    assert [knob.upper for knob in knobs] == [inf] * 3 + [2.0, 4.0, inf, 0.0]
+    with pytest.raises(StudyError, match=r"parameters\.7\.initial: 0\.0: expected a value between lower and"):
+        room._knob(study, 7, nothing)
 
 
 def test_a_study_without_calibration(tmp_path: Path) -> None:

@@ -64,6 +64,39 @@ def test_the_monitor_is_told_the_speed_and_the_currents_of_the_belief(tmp_path: 
     assert monitor["speed_window"] == pytest.approx(10 / (tau * 200))  # ten time constants of the filter
 
 
+ENCODER = {"kind": "encoder", "lines": 2500}
+OBSERVER = {**ENCODER, "speed_method": "observer", "observer_bandwidth": "400 Hz"}
+COUNT, SECTOR = tau / 10_000, tau / 24  # of the encoder; of Hall sensors with four pole pairs
+
+
+@pytest.mark.parametrize(
+    ("sensor", "step", "window"),
+    [
+        (ENCODER, COUNT, 2e-3),  # counted in one period of the law, used in the next
+        ({**ENCODER, "speed_method": "average", "window": 6}, COUNT, 6 / 15e3),
+        (OBSERVER, COUNT, 10 / (tau * 400)),
+        ({"kind": "hall"}, 1.5 * SECTOR, 2e-3),  # an edge may be half a sector late
+        ({"kind": "ideal"}, 0.0, 0.0),
+    ],
+)
+def test_the_monitor_waits_for_what_the_sensor_needs_to_forget_a_jump(
+    tmp_path: Path, sensor: dict[str, Any], step: float, window: float
+) -> None:
+    changes = {"drive.position_sensor": sensor, "drive.encoder_table": None}
+    for more, filtered in ((None, 0.0), ("200 Hz", 10 / (tau * 200))):
+        monitor = drive(tmp_path, {**changes, "drive.speed_filter": more})["control"]["monitor"]
+        assert (monitor["angle_step"], monitor["stuck_angle"]) == pytest.approx((step, 0.5 + 2 * step))
+        assert monitor["speed_window"] == pytest.approx(window + filtered)
+
+
+def test_what_two_sensors_of_current_cannot_tell_and_how_far_a_window_of_quality_is(tmp_path: Path) -> None:
+    control = drive(tmp_path, {"drive.current_sensors.sensors": 2})["control"]
+    assert (control["monitor"]["current_sum"], control["monitor"]["current_max"]) == (0.0, 6.0)
+    assert control["quality"]["span"] == pytest.approx(tau)
+    given = drive(tmp_path, {"drive.quality.span": "1 rad", "drive.quality.floor": "2 rad/s"})["control"]
+    assert (given["quality"]["span"], given["quality"]["floor"]) == (1.0, 2.0)
+
+
 def test_the_encoder_table_s_observer(tmp_path: Path) -> None:
     """The torque constant believed, over the study's inertia; a quarter of the lowest order's speed."""
     assert drive(tmp_path, {})["encoder_table"] == pytest.approx(

@@ -171,7 +171,7 @@ def _number(text: str) -> bool:
 
 def _npz(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             yield "", {name: _numbers(path, name, file[name]) for name in wanted if name in file}
     except ValueError:
         raise StudyError(

@@ -10,7 +10,7 @@ from scipy.stats import f as fisher
 
 from cogless.identify.files import Array
 from cogless.identify.regression import Fit
-from cogless.identify.weak_form import VISIBLE, Rows, width_of
+from cogless.identify.weak_form import Rows, width_of
 
 FALSE_ALARM = 0.01  # chance that a search finds any order where there is none
 HIGHEST = 400
@@ -40,7 +40,7 @@ def gains(rows: Sequence[Rows], fit: Fit, width: float, highest: int = HIGHEST) 
         rotation = np.exp(1j * each.theta[slowest]).astype(np.complex64)
         wave = np.ones_like(rotation)
         kernel = width_of(each.log, width) if each.log.dt else 0.0
-        top = min(HIDDEN / kernel, 2 * np.pi * VISIBLE / each.log.dt) if each.log.dt else np.inf
+        top = HIDDEN / kernel if kernel else np.inf
         for n in range(1, highest + 1):
             seen = slice(0, int(np.searchsorted(n * speed, top)))
             if not seen.stop:
