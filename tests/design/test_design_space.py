@@ -27,6 +27,7 @@ from cogless.design.angle_functions import (
 from cogless.design.closed_loop import Linear
 from cogless.design.space_bounds import (
     Motion,
+    _in_scenario,
     error_terms,
     learned_limits,
     position_conditions,
@@ -381,57 +382,99 @@ def test_gains_that_meet_everything_are_covered() -> None:
     assert position.conditions[0].asks == math.inf  # footnote 6 itself wants k_v
 
 
+FORGETS = "its Q filter forgets a part of what was learned"
+FOREIGN = "its period, 1/50 of a revolution, isn't one of order 1"
+FROM_REST = {"offset": "1 rad/s", "amplitude": "1 rad/s", "frequency": "0.3 Hz"}
+RISING = {"time_table": {"time": ["0 s", "1 s"], "torque": ["0 N*m", "1 N*m"]}}
+
+
+def in_the_way(name: str, controller: str, changes: dict[str, Any]) -> list[str]:
+    """`law.` for the controller's keys. The verdict ends with the reasons."""
+    long = {key.replace("law.", f"controller.{controller}."): value for key, value in changes.items()}
+    found = theorem(load(name, long), controller)
+    assert found is not None
+    assert not found.holds
+    assert found.verdict().endswith("".join(f"; {reason}" for reason in found.obstacles))
+    return list(found.obstacles)
+
+
 @pytest.mark.parametrize(
-    ("name", "controller", "changes", "why"),
+    ("controller", "changes", "reasons"),
     [
+        ("wrong-period", {}, ["its period, 4/5 of a revolution, isn't one of order 1"]),
         (
-            "verrelli2016-position",
-            "wrong-period",
-            {},
-            "its period, 4/5 of a revolution, isn't one of order 1",
-        ),
-        (
-            "verrelli2016-position",
             "true-period",
-            {"controller.true-period.h_limit": 0.1},
-            "h_limit 0.1 is below",
+            {"law.h_limit": 0.1, "law.beta_limit": 1e-4},
+            ["beta_limit 0.0001 is below the bound 0.00942", "h_limit 0.1 is below the bound 0.345"],
         ),
+        ("true-period", {"law.k_omega": 60.0, "law.q_half_width": 400}, [FORGETS]),
+        ("true-period", {"law.k_omega": 60.0, "law.mu_alpha": 0.0}, ["it learns no alpha"]),
+        ("true-period", {"law.mu_h": 0.0}, ["the speed varies without mu_h"]),
         (
-            "verrelli2016-position",
             "true-period",
-            {"controller.true-period.k_omega": 60.0, "controller.true-period.q_half_width": 400},
-            "its Q filter forgets a part of what was learned",
+            {"law.mu_h": 0.0, "law.mu_beta": 0.0},
+            ["the speed varies without mu_beta and mu_h"],
         ),
+        ("true-period", {"law.mu_beta": 0.0, "mechanics.viscous_friction": 0.0}, []),
+        ("true-period", {"law.index": "rotor"}, ["it learns over the rotor's angle"]),
         (
-            "verrelli2016-position",
             "true-period",
-            {"controller.true-period.k_omega": 60.0, "controller.true-period.mu_alpha": 0.0},
-            "it learns no alpha",
-        ),
-        ("verrelli2016", "filtered", {}, "the current loop isn't ideal"),
-        ("verrelli2016-position", "true-period", {"controller.true-period.mu_h": 0.0}, "without mu_h"),
-        ("verrelli2016", "filtered-fair", {}, "its integral action stays on"),
-        (
-            "verrelli2016-speed",
-            "learning",
-            {"controller.learning.eta_bar": "2.5 rad/s"},
-            "eta_bar isn't below",
-        ),
-        (
-            "verrelli2016-speed",
-            "learning",
-            {"scenario.varying.events": [{"time": "1 s", "load": "0.1 N*m"}]},
-            "the load changes with time in scenario varying",
+            {"scenario.forty-periods.reference": FROM_REST},
+            ["the reference comes down to 0 rad/s, not above zero"],
         ),
     ],
 )
-def test_what_is_in_the_way_of_a_proof_is_said(
-    name: str, controller: str, changes: dict[str, Any], why: str
+def test_what_is_in_the_way_of_the_proof_of_law_6_is_said(
+    controller: str, changes: dict[str, Any], reasons: list[str]
 ) -> None:
-    found = theorem(load(name, changes), controller)
-    assert found is not None
-    assert not found.holds
-    assert why in found.verdict()
+    said = in_the_way("verrelli2016-position", controller, changes)
+    assert said == reasons
+
+
+def test_all_that_is_in_the_way_is_said() -> None:
+    both = [FOREIGN, FORGETS, "the current loop isn't ideal"]
+    assert in_the_way("verrelli2016", "filtered", {}) == both
+    more = ["its integral action stays on", "the speed varies without mu_beta and mu_h"]
+    assert in_the_way("verrelli2016", "filtered-fair", {}) == [*both, *more]
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"law.eta_bar": "2 rad/s"}, "eta_bar isn't below the slowest reference, 2 rad/s"),
+        (
+            {"scenario.varying.events": [{"time": "1 s", "load": "0.1 N*m"}]},
+            "the load changes with time in scenario varying",
+        ),
+        (
+            {"scenario.from-standstill.load": RISING},
+            "the load changes with time in scenario from-standstill",
+        ),
+    ],
+)
+def test_what_is_in_the_way_of_the_proof_of_law_4_is_said(changes: dict[str, Any], reason: str) -> None:
+    assert in_the_way("verrelli2016-speed", "learning", changes) == [FORGETS, reason]
+    assert in_the_way("verrelli2016-speed", "learning", {"law.eta_bar": "1.9 rad/s"}) == [FORGETS]
+
+
+def test_flux_that_takes_all_torque_is_in_the_way_of_every_proof() -> None:
+    """There is nothing to compare with the gain then."""
+    study = load("verrelli2016-speed", {"motor.L_m": ["5 mH", "3 mH"]})
+    found = theorem(study, "proven")
+    assert found is not None and found.bounds is None
+    reason = "the torque per current comes down to zero"
+    assert found.verdict() == f"law (4), section 3: k = 700: not covered by the proof; {reason}"
+
+
+def test_a_load_counts_with_its_least_and_its_largest_torque() -> None:
+    """0.2 N m, steps to 0.5 and -0.3, and a table from -0.1 to 0.4 N m beside it."""
+    events = [{"time": f"{n} s", "load": f"{torque} N*m"} for n, torque in ((1, 0.5), (2, -0.3))]
+    load_torque = {"torque": "0.2 N*m", "time_table": {"time": ["0 s", "1 s", "2 s"], "torque": [
+        "-0.1 N*m", "0.4 N*m", "0 N*m"]}}  # fmt: skip
+    changes = {"scenario.varying.events": events, "mechanics.load": load_torque}
+    found = _in_scenario(load("verrelli2016-speed", changes), "varying")
+    assert sorted(each.torque.constant for each in found) == pytest.approx([-0.4, 0.9])
+    assert len(_in_scenario(load("verrelli2016-speed"), "varying")) == 1
 
 
 def test_limits_that_are_left_out_are_those_of_the_current_limit() -> None:
