@@ -1,0 +1,154 @@
+"""What every learning loop is made of, in closed form: memory, filter, images of a coarse map, the rest."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cogless import load
+from cogless.design.closed_loop import Linear
+from cogless.design.learning import PeriodicLoop
+from cogless.design.learning_loop import LearningLoop
+from cogless.design.margins import Complex, Real
+from cogless.design.ripple import Ripple, Sampled, doubts, sampled
+
+T, GAIN = 1e-3, 0.4
+TURNS = 6.0  # learning periods a second
+CELLS = 50
+
+
+class Loop(LearningLoop):
+    """G S = 1 / (1 + j f / 100 Hz) at 1 kHz, and a learning gain of its own."""
+
+    @property
+    def law(self) -> Any:
+        return self.study.law  # type: ignore[attr-defined]
+
+    @property
+    def gamma(self) -> tuple[float, float]:
+        return GAIN, 0.0
+
+    @property
+    def lead(self) -> int:
+        return self.law.lead  # type: ignore[no-any-return]
+
+    @property
+    def feedback_before(self) -> Linear:
+        return Linear(1, 0.5, k_i=2.0)
+
+    @property
+    def plant(self) -> Any:  # type: ignore[override]
+        return SimpleNamespace(period=T, near=None)
+
+    def closed(self, f: Real) -> Complex:
+        assert np.all(f >= 0)
+        return np.asarray(1 / (1 + 0.01j * f))
+
+
+def loop(over_angle: bool = True, cells: int = CELLS, lead: int = 0, wide: int = 0) -> Loop:
+    """At three revolutions a second backwards, with a period of half a revolution."""
+    law = SimpleNamespace(over_angle=over_angle, cells=cells, lead=lead, q_half_width=wide)
+    law.revolutions = lambda pole_pairs: Fraction(2, pole_pairs)
+    study = SimpleNamespace(law=law, motor=SimpleNamespace(pole_pairs=4))
+    return Loop(study, "mine", -2 * np.pi * 3.0)  # type: ignore[arg-type]
+
+
+def x(f: float, lead: int = 0) -> complex:
+    return complex(GAIN / (1 + 0.01j * f) * np.exp(2j * np.pi * f * lead * T))
+
+
+def test_a_map_has_cells_and_a_delay_line_samples() -> None:
+    in_map, line = loop(), loop(over_angle=False, cells=2000)
+    assert in_map.periods_per_second == pytest.approx(TURNS)
+    assert in_map.cells_per_second == pytest.approx(CELLS * TURNS) and line.cells_per_second == 1 / T
+    assert in_map.highest == pytest.approx(0.499 * CELLS * TURNS) and line.highest == 0.499 / T
+    assert (in_map.widest_filter, line.widest_filter) == (24, 82)  # of 50 cells, of 166.7 samples
+
+
+def test_the_filter_is_a_mean_over_neighbours() -> None:
+    f = np.array([0.0, 40.0, 110.0])
+    neighbours = np.cos(2 * np.pi * f / (CELLS * TURNS))
+    assert loop(wide=1).q(f) == pytest.approx(np.abs(1 + 2 * neighbours) / 3)
+    assert loop(wide=1).q(f, 0) == pytest.approx(np.ones(3))
+
+
+def test_a_lead_is_a_later_error_s_and_what_acts_at_once_a_feedback() -> None:
+    for lead in (0, 2):
+        assert loop(lead=lead).x(70.0) == pytest.approx(x(70.0, lead))
+        assert loop(lead=lead).x(-70.0) == pytest.approx(np.conj(x(70.0, lead)))
+    assert loop().kept(70.0) == pytest.approx(1 / (1 + x(70.0)))
+    assert loop().kept(70.0, 2) == loop(lead=2).kept(70.0) == pytest.approx(1 - x(70.0, 2))
+    assert loop().at_once == Linear(1, 0.5 + GAIN, k_i=2.0)
+    assert loop(lead=2).at_once == loop().feedback == Linear(1, 0.5, k_i=2.0)
+
+
+def test_a_coarse_map_mixes_the_images_that_samples_hold() -> None:
+    """70 Hz in 300 cells a second has images at -230 and 370 Hz; -530 and 670 Hz are beyond 500 Hz."""
+    images = np.array([-230.0, 70.0, 370.0])
+    weights = np.sinc(images / 300) ** 2
+    kept = np.array([1 / (1 + (x(f) if f > 0 else np.conj(x(-f)))) for f in images])
+    assert loop().unfiltered(70.0) == pytest.approx(abs(np.sum(weights * kept) / np.sum(weights)))
+    assert loop(wide=1).factor(70.0) == pytest.approx(loop(wide=1).q(70.0) * loop().unfiltered(70.0))
+    assert loop().unfiltered(0.0) == pytest.approx(1 / (1 + GAIN))
+    for fine in (loop(cells=200), loop(over_angle=False)):
+        assert fine.unfiltered(70.0) == pytest.approx(abs(1 / (1 + x(70.0))))
+
+
+def test_straight_lines_between_samples_smooth() -> None:
+    """A delay line at a steady 166.7 samples reads a third before a sample, else anywhere: exp(pi/4 - 1)."""
+    f, fine = 250.0, loop(cells=300)
+    assert loop().lines(f, True) == pytest.approx(np.sinc(f * T) ** 4)
+    assert fine.lines(f, True) == pytest.approx(np.sinc(f * T) ** 2 * np.sinc(f / 1800) ** 2)
+    line = loop(over_angle=False)
+    assert line.lines(f, True) == pytest.approx(abs(1 / 3 + 2 / 3 * np.exp(-2j * np.pi * f * T)))
+    assert line.lines(f, False) == pytest.approx(np.exp(np.pi / 4 - 1), rel=1e-3)
+    assert line.recalled(f, True) == pytest.approx(line.lines(f, True))
+
+
+@pytest.mark.parametrize("lead", [0, 2])
+def test_what_comes_again_is_learned_and_what_does_not_may_double(lead: int) -> None:
+    """Whole waves in a period: only what filter and lines lose is left. Half a wave more: -1."""
+    here = loop(lead=lead, wide=1)
+    for f, sign in ((4 * TURNS, 1.0), (4.5 * TURNS, -1.0)):
+        q = sign * float(here.recalled(f, True))
+        kept = 1 - x(f, lead) if lead else 1 / (1 + x(f))
+        left = (1 - q) / (1 - q * kept) * (1 if lead else kept)
+        assert here.left(f) == pytest.approx(left)
+        assert here.residual(f) == pytest.approx(abs(left))
+
+
+def test_the_worst_frequency_is_the_one_that_keeps_most() -> None:
+    """The loop answers ever less to higher frequencies: the highest keeps most."""
+    found = loop(over_angle=False).worst()
+    assert found.frequency == pytest.approx(0.499 / T)
+    assert found.factor == pytest.approx(abs(1 / (1 + x(0.499 / T))))
+
+
+# Ripple
+
+
+def test_no_ripple_is_as_much_as_before() -> None:
+    assert (Ripple(2.0, 1.0).ratio, Ripple(0.0, 0.0).ratio) == (0.5, 1.0)
+
+
+def test_counts_come_by_speed_and_window() -> None:
+    sensor = Sampled(count=0.01, window=1e-3, timed=False)
+    assert sensor.counts(-20.0) == pytest.approx(2.0)
+    assert sensor.told(-20.0) == "2 counts come in a speed sample"
+
+
+@pytest.mark.parametrize(("counts", "told"), [(1.5, False), (1.0, False), (0.9, True)])
+def test_less_than_a_count_in_a_sample_is_a_doubt(counts: float, told: bool) -> None:
+    """Between pulses the measured speed says nothing; the slowest speed decides."""
+    study = load("uomodri", {"drive.position_sensor.speed_method": "M"})
+    key = next(iter(study.scenario))
+    source = sampled(study, key)
+    assert source is not None
+    speeds = [each * source.count / source.window for each in (counts, 5.0)]
+    found = doubts([PeriodicLoop(study, "pi-ilc", speed, scenario=key) for speed in speeds])
+    lines = [line for line in found if line.endswith(f" {counts:.2g} counts come in a speed sample")]
+    assert len(lines) == told
