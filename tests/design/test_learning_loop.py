@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+import studies
 from cogless import load
 from cogless.design.closed_loop import Linear
 from cogless.design.learning import PeriodicLoop
-from cogless.design.learning_loop import LearningLoop
+from cogless.design.learning_loop import LearningLoop, _with_near, opened, sensitivity
 from cogless.design.margins import Complex, Real
+from cogless.design.observer import counting_window
 from cogless.design.ripple import Ripple, Sampled, doubts, sampled
 
 T, GAIN = 1e-3, 0.4
@@ -66,6 +69,7 @@ def test_a_map_has_cells_and_a_delay_line_samples() -> None:
     assert in_map.periods_per_second == pytest.approx(TURNS)
     assert in_map.cells_per_second == pytest.approx(CELLS * TURNS) and line.cells_per_second == 1 / T
     assert in_map.highest == pytest.approx(0.499 * CELLS * TURNS) and line.highest == 0.499 / T
+    assert loop(cells=200).highest == 0.499 / T  # more cells than samples
     assert (in_map.widest_filter, line.widest_filter) == (24, 82)  # of 50 cells, of 166.7 samples
 
 
@@ -86,12 +90,16 @@ def test_a_lead_is_a_later_error_s_and_what_acts_at_once_a_feedback() -> None:
     assert loop(lead=2).at_once == loop().feedback == Linear(1, 0.5, k_i=2.0)
 
 
-def test_a_coarse_map_mixes_the_images_that_samples_hold() -> None:
-    """70 Hz in 300 cells a second has images at -230 and 370 Hz; -530 and 670 Hz are beyond 500 Hz."""
-    images = np.array([-230.0, 70.0, 370.0])
-    weights = np.sinc(images / 300) ** 2
+@pytest.mark.parametrize("images", [[-230.0, 70.0, 370.0], [-400.0, -100.0, 200.0, 500.0]])
+def test_a_coarse_map_mixes_the_images_that_samples_hold(images: list[float]) -> None:
+    """Of 300 cells a second, up to half of the rate: 70 Hz has images at -530 and 670 Hz, too."""
+    weights = np.sinc(np.array(images) / 300) ** 2
     kept = np.array([1 / (1 + (x(f) if f > 0 else np.conj(x(-f)))) for f in images])
-    assert loop().unfiltered(70.0) == pytest.approx(abs(np.sum(weights * kept) / np.sum(weights)))
+    mixed = abs(np.sum(weights * kept) / np.sum(weights))
+    assert loop().unfiltered(images[-2]) == pytest.approx(mixed)
+
+
+def test_without_images_a_frequency_keeps_its_own_share() -> None:
     assert loop(wide=1).factor(70.0) == pytest.approx(loop(wide=1).q(70.0) * loop().unfiltered(70.0))
     assert loop().unfiltered(0.0) == pytest.approx(1 / (1 + GAIN))
     for fine in (loop(cells=200), loop(over_angle=False)):
@@ -113,8 +121,8 @@ def test_straight_lines_between_samples_smooth() -> None:
 def test_what_comes_again_is_learned_and_what_does_not_may_double(lead: int) -> None:
     """Whole waves in a period: only what filter and lines lose is left. Half a wave more: -1."""
     here = loop(lead=lead, wide=1)
-    for f, sign in ((4 * TURNS, 1.0), (4.5 * TURNS, -1.0)):
-        q = sign * float(here.recalled(f, True))
+    for f, turned in ((4 * TURNS, 1.0), (4.5 * TURNS, -1.0), (4.25 * TURNS, -1j)):
+        q = turned * float(here.recalled(f, True))
         kept = 1 - x(f, lead) if lead else 1 / (1 + x(f))
         left = (1 - q) / (1 - q * kept) * (1 if lead else kept)
         assert here.left(f) == pytest.approx(left)
@@ -128,17 +136,67 @@ def test_the_worst_frequency_is_the_one_that_keeps_most() -> None:
     assert found.factor == pytest.approx(abs(1 / (1 + x(0.499 / T))))
 
 
+def test_the_sensitivity_is_that_of_all_that_feeds_back() -> None:
+    """In a frame of 50: the PI acts on speed and k_theta times the angle, k_v on the angle alone."""
+    feedback = Linear(50, 0.2, 7.0, k_i=3.0, k_v=0.6)
+    w, speed, angle = np.array([40.0]), np.array([0.3 - 0.1j]), np.array([-0.02j])
+    pi = 0.2 + 3.0 * T / (1 - np.exp(-1j * w * T))
+    assert opened(feedback, speed, angle) == pytest.approx(50 * (speed + 7.0 * angle))
+    plant: Any = SimpleNamespace(period=T)
+    around = pi * 50 * (speed + 7.0 * angle) + 0.6 * 50 * angle
+    assert 1 / sensitivity(plant, feedback, w, speed, angle) == pytest.approx(1 + around)
+
+
+def test_frequencies_around_a_resonance_come_in_between() -> None:
+    near = 2 * np.pi * np.array([0.5, 1.5, 2.5, 3.5])
+    told: Any = SimpleNamespace(near=near)
+    f = np.array([1.0, 2.0, 3.0])
+    assert _with_near(f, told) == pytest.approx([1.0, 1.5, 2.0, 2.5, 3.0])
+    told.near = None
+    assert _with_near(f, told) is f
+
+
 # Ripple
 
 
 def test_no_ripple_is_as_much_as_before() -> None:
-    assert (Ripple(2.0, 1.0).ratio, Ripple(0.0, 0.0).ratio) == (0.5, 1.0)
+    assert [each.ratio for each in (Ripple(2.0, 1.0), Ripple(0.5, 1.0), Ripple(0.0, 0.0))] == [0.5, 2.0, 1.0]
 
 
 def test_counts_come_by_speed_and_window() -> None:
     sensor = Sampled(count=0.01, window=1e-3, timed=False)
     assert sensor.counts(-20.0) == pytest.approx(2.0)
     assert sensor.told(-20.0) == "2 counts come in a speed sample"
+
+
+TURN, ENCODER = 2 * np.pi, {"kind": "encoder", "lines": 2500}
+OBSERVER = {"speed_method": "observer", "observer_bandwidth": "100 Hz"}
+
+
+@pytest.mark.parametrize(
+    ("sensor", "expected"),
+    [
+        ({"kind": "ideal"}, None),
+        ({**ENCODER, "speed_method": "M"}, Sampled(TURN / 10_000, 1e-3, False)),
+        ({**ENCODER, "speed_method": "MT"}, Sampled(TURN / 10_000, 1e-3, True)),
+        ({"kind": "absolute", "bits": 12, "window": 3}, Sampled(TURN / 4096, 3 / 15e3, False)),
+        (
+            {**ENCODER, **OBSERVER},
+            Sampled(TURN / 10_000, counting_window(TURN * 100, 1 / 15e3), False),
+        ),
+        # a mean over four intervals is as late as one edge of two and a half
+        ({"kind": "hall", "edges": 4}, Sampled(TURN / 24 * 2.5, 1e-3, True)),
+    ],
+)
+def test_how_a_sensor_measures_speed(
+    tmp_path: Path, sensor: dict[str, Any], expected: Sampled | None
+) -> None:
+    """Current loop at 15 kHz, speed loop at 1 kHz, four pole pairs."""
+    found = sampled(studies.study(tmp_path, {"drive.position_sensor": sensor}), "low")
+    assert (found is None) == (expected is None)
+    if found is not None and expected is not None:
+        assert (found.count, found.window) == pytest.approx((expected.count, expected.window))
+        assert found.timed == expected.timed
 
 
 @pytest.mark.parametrize(("counts", "told"), [(1.5, False), (1.0, False), (0.9, True)])
