@@ -33,7 +33,7 @@ class Loop(LearningLoop):
 
     @property
     def gamma(self) -> tuple[float, float]:
-        return GAIN, 0.0
+        return GAIN, self.law.k_i
 
     @property
     def lead(self) -> int:
@@ -52,9 +52,9 @@ class Loop(LearningLoop):
         return np.asarray(1 / (1 + 0.01j * f))
 
 
-def loop(over_angle: bool = True, cells: int = CELLS, lead: int = 0, wide: int = 0) -> Loop:
+def loop(over_angle: bool = True, cells: int = CELLS, lead: int = 0, wide: int = 0, k_i: float = 0.0) -> Loop:
     """At three revolutions a second backwards, with a period of half a revolution."""
-    law = SimpleNamespace(over_angle=over_angle, cells=cells, lead=lead, q_half_width=wide)
+    law = SimpleNamespace(over_angle=over_angle, cells=cells, lead=lead, q_half_width=wide, k_i=k_i)
     law.revolutions = lambda pole_pairs: Fraction(2, pole_pairs)
     study = SimpleNamespace(law=law, motor=SimpleNamespace(pole_pairs=4))
     return Loop(study, "mine", -2 * np.pi * 3.0)  # type: ignore[arg-type]
@@ -86,6 +86,9 @@ def test_a_lead_is_a_later_error_s_and_what_acts_at_once_a_feedback() -> None:
         assert loop(lead=lead).x(-70.0) == pytest.approx(np.conj(x(70.0, lead)))
     assert loop().kept(70.0) == pytest.approx(1 / (1 + x(70.0)))
     assert loop().kept(70.0, 2) == loop(lead=2).kept(70.0) == pytest.approx(1 - x(70.0, 2))
+    integral = 30.0 * T / (1 - np.exp(-2j * np.pi * 70.0 * T))
+    assert loop(k_i=30.0).x(70.0) == pytest.approx(x(70.0) * (1 + integral / GAIN))
+    assert loop(k_i=30.0).at_once == Linear(1, 0.5 + GAIN, k_i=32.0)
     assert loop().at_once == Linear(1, 0.5 + GAIN, k_i=2.0)
     assert loop(lead=2).at_once == loop().feedback == Linear(1, 0.5, k_i=2.0)
 
