@@ -53,12 +53,16 @@ def test_the_last_part_of_a_run_is_all_of_a_shorter_one() -> None:
     assert metric(last="0.5 s").span(0.4) == (0.0, 0.4)
     assert metric(window=["0.1 s", "0.3 s"]).span(2.0) == (0.1, 0.3)
     assert metric().span(2.0) is None
+    with pytest.raises(ValueError, match="expected a window that ends after it begins"):
+        metric(window=["0.1 s", "0.1 s"])
 
 
 def test_an_event_s_window_ends_at_the_next_one(tmp_path: Path) -> None:
-    """Events at 0.1 and 0.2 s of 0.3 s; a time that differs by rounding is the same event."""
-    step = studies.study(tmp_path, {"scenario.step.duration": "0.35 s"}).scenario["step"]
-    for event, lasts in ((0.1, 0.1), (0.2, 0.15), (0.1 - 1e-12, 0.1)):
+    """Events at 0.1, 0.2 and 0.26 s of 0.35 s; a time that differs by rounding is the same event."""
+    events = [{"time": f"{time} s", "load": "0.2 N*m"} for time in (0.1, 0.2, 0.26)]
+    changes = {"scenario.step.duration": "0.35 s", "scenario.step.events": events}
+    step = studies.study(tmp_path, changes).scenario["step"]
+    for event, lasts in ((0.1, 0.1), (0.2, 0.06), (0.26, 0.09), (0.1 - 1e-12, 0.1)):
         key, span = _span(settling(event), step)
         assert (key, span) == ("event", pytest.approx(lasts))
     assert _span(metric(), step) == ("window", 0.35)
