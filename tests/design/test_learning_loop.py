@@ -12,7 +12,7 @@ import pytest
 
 import studies
 from cogless import load
-from cogless.design.closed_loop import Linear
+from cogless.design.closed_loop import Linear, Oscillation
 from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import LearningLoop, _with_near, opened, sensitivity
 from cogless.design.margins import Complex, Real
@@ -22,6 +22,7 @@ from cogless.design.ripple import Ripple, Sampled, doubts, sampled
 T, GAIN = 1e-3, 0.4
 TURNS = 6.0  # learning periods a second
 CELLS = 50
+CELLS_OF_ONE = TURNS  # a second, of a map of a single cell
 
 
 class Loop(LearningLoop):
@@ -47,6 +48,9 @@ class Loop(LearningLoop):
     def plant(self) -> Any:  # type: ignore[override]
         return SimpleNamespace(period=T, near=None)
 
+    def oscillation(self) -> Oscillation | None:
+        return self.law.oscillation  # type: ignore[no-any-return]
+
     def closed(self, f: Real) -> Complex:
         assert np.all(f >= 0)
         return np.asarray(1 / (1 + 0.01j * f))
@@ -55,6 +59,7 @@ class Loop(LearningLoop):
 def loop(over_angle: bool = True, cells: int = CELLS, lead: int = 0, wide: int = 0, k_i: float = 0.0) -> Loop:
     """At three revolutions a second backwards, with a period of half a revolution."""
     law = SimpleNamespace(over_angle=over_angle, cells=cells, lead=lead, q_half_width=wide, k_i=k_i)
+    law.oscillation = None
     law.revolutions = lambda pole_pairs: Fraction(2, pole_pairs)
     study = SimpleNamespace(law=law, motor=SimpleNamespace(pole_pairs=4))
     return Loop(study, "mine", -2 * np.pi * 3.0)  # type: ignore[arg-type]
@@ -107,6 +112,28 @@ def test_without_images_a_frequency_keeps_its_own_share() -> None:
     assert loop().unfiltered(0.0) == pytest.approx(1 / (1 + GAIN))
     for fine in (loop(cells=200), loop(over_angle=False)):
         assert fine.unfiltered(70.0) == pytest.approx(abs(1 / (1 + x(70.0))))
+
+
+def test_of_a_very_coarse_map_fifty_images_on_each_side_are_enough() -> None:
+    """Six cells a second: 83 images on each side are below half of the rate."""
+
+    def mixed(most: int) -> float:
+        images = 2.5 + CELLS_OF_ONE * np.arange(-most, most + 1)
+        weights = np.sinc(images / CELLS_OF_ONE) ** 2
+        kept = [1 / (1 + (x(f) if f > 0 else np.conj(x(-f)))) for f in images]
+        return float(abs(np.sum(weights * kept) / np.sum(weights)))
+
+    found = loop(cells=1).unfiltered(2.5)
+    assert found == pytest.approx(mixed(50), rel=1e-9)
+    assert found == pytest.approx(mixed(82), rel=0.01)
+
+
+def test_a_loop_settles_if_it_neither_oscillates_nor_grows() -> None:
+    """Five samples of lead turn 100 Hz by half a turn."""
+    assert loop().settled and not loop(lead=5).settled
+    shaking = loop()
+    shaking.law.oscillation = Oscillation(87.6, 3.0)
+    assert not shaking.settled
 
 
 def test_straight_lines_between_samples_smooth() -> None:
