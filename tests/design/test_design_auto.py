@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -209,6 +212,58 @@ def test_a_table_is_read_ahead_and_made_slowly() -> None:
     assert run is not None and run.position_gain == pytest.approx(crossover / 4)
     assert run.speed * max(known_orders(study, "mine")) == pytest.approx(run.position_gain)
     assert run.revolutions == 1
+
+
+def test_a_lead_reaches_up_to_the_first_frequency_that_grows() -> None:
+    """|1 - X| is 0.5, 1, 1.2 and 0.4."""
+    f = np.array([1.0, 2.0, 3.0, 4.0])
+    x = np.array([0.5, 1 + 1j, 2.2, 0.6])
+    assert auto._reach(x, f) == 3.0
+    assert auto._reach(x[:2], f[:2]) == 2.0
+
+
+def loop_of(delay: float, periods: float = 2.0) -> Any:
+    """A loop that is late by `delay`, whose size plays no part."""
+    return SimpleNamespace(
+        plant=SimpleNamespace(period=1e-3),
+        periods_per_second=periods,
+        closed=lambda f: 0.01 * np.exp(-2j * np.pi * f * delay),
+    )
+
+
+def test_a_lead_takes_away_its_samples_of_delay() -> None:
+    f = np.array([10.0, 40.0])
+    for lead in (0, 3):
+        late = 2 * np.pi * f * (5e-3 - lead * 1e-3)
+        assert auto._cosine(loop_of(5e-3), f, lead) == pytest.approx(np.cos(late))
+    assert auto._cosine(loop_of(5e-3), f, 5) == pytest.approx(np.ones(2))
+
+
+def test_frequencies_reach_from_the_slowest_period_to_half_the_rate() -> None:
+    found = auto._grid([loop_of(0.0, 7.0), loop_of(0.0, 2.0)])
+    assert (found[0], found[-1], len(found)) == (pytest.approx(2.0), pytest.approx(499.0), 1000)
+
+
+def narrow(grows: float, widest: int = 9, oscillates: object = None) -> Any:
+    """A loop in which 5 Hz grows by a factor, and a filter of half width n keeps 1 / (1 + n) of that."""
+    return SimpleNamespace(
+        frequencies=np.array([1.0, 5.0]),
+        unfiltered=lambda f: np.array([1.0, grows]),
+        q=lambda f, n: np.ones(len(f)) / (1 + n),
+        widest_filter=widest,
+        oscillation=lambda: oscillates,
+    )
+
+
+def test_the_narrowest_filter_lets_every_loop_settle() -> None:
+    assert auto._narrowest([narrow(1.0), narrow(0.9)], {}) == 0
+    assert auto._narrowest([narrow(1.0), narrow(2.5), narrow(1.5)], {}) == 2
+    assert auto._narrowest([narrow(4.0)], {}) == 3
+    assert auto._narrowest([narrow(4.0, widest=2)], {}) is None
+    assert auto._narrowest([narrow(4.0), narrow(1.0, widest=2)], {}) is None
+    assert auto._narrowest([narrow(4.0)], {"q_half_width": 5}) == 5
+    assert auto._narrowest([narrow(4.0)], {"q_half_width": 2}) is None
+    assert auto._narrowest([narrow(1.0), narrow(1.0, oscillates=9.0)], {}) is None
 
 
 def test_linear_parts_of_robust_ilc_are_two_real_roots() -> None:

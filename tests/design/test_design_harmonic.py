@@ -12,7 +12,7 @@ from cogless.design.harmonic import certificate, learner
 from cogless.design.harmonic_transfer import gamma
 from cogless.design.pi import interpolated, speed_loop
 from cogless.design.position import harmonic_gains
-from cogless.design.summary import design_dict, summary
+from cogless.design.summary import design, design_dict, summary
 from cogless.errors import StudyError
 from cogless.run.simulate import simulate
 
@@ -102,6 +102,7 @@ def test_the_certificate_is_shown():
     assert certificate(here, "harmonic").fine
     as_json = design_dict(made)
     assert as_json["rule"] == "auto" and as_json["gains"]["orders"]["value"] == 72
+    assert list(as_json["gains"])[:2] == ["kp", "ki"] and "k_theta" not in as_json["gains"]
     assert as_json["certificate"]["speeds"][1]["late"] < 432
 
 
@@ -211,7 +212,10 @@ def test_a_position_is_held_with_less_ripple():
     law = {"law": "harmonic", "position": True, "tuning": {"rule": "auto"}, "learning_start": "2 s"}
     own = {"controller.harmonic": law, "scenario.twelve-seconds.duration": "7 s", "metric": []}
     here = load("verrelli2016", own)
-    assert learner(here, "harmonic").base == 50 and harmonic_gains(here, "harmonic")[0] > 0
+    assert learner(here, "harmonic").base == 50
+    gains = design(here, "harmonic").gains
+    assert [gains[key].value for key in ("k_theta", "kp", "ki")] == list(harmonic_gains(here, "harmonic"))
+    assert gains["k_theta"].value > 0
     runs = [
         simulate(here, "twelve-seconds", name).trace["omega_error"][-2000:] for name in ("harmonic", "fair")
     ]

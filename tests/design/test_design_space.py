@@ -27,6 +27,8 @@ from cogless.design.angle_functions import (
 from cogless.design.closed_loop import Linear
 from cogless.design.space_bounds import (
     Motion,
+    _in_scenario,
+    _tight_limits,
     error_terms,
     learned_limits,
     position_conditions,
@@ -321,10 +323,27 @@ def test_no_k_is_enough_where_eta_bar_reaches_the_slowest_reference() -> None:
     assert asked[1].ratio(20.0) == 0.0
 
 
-@pytest.mark.parametrize("k_v", [0.0, 0.5, 3.0, 40.0])
-def test_what_law_6_needs_is_where_its_proof_begins_to_hold(k_v: float) -> None:
-    bounds, motion = Bounds(0.2, 0.35, 5.0, 8.0, 30.0, 0.01, 0.15), Motion(0.2, 0.4, 1.0)
-    k_theta = 5.0
+LAW_6 = Bounds(0.2, 0.35, 5.0, 8.0, 30.0, 0.01, 0.15), Motion(0.2, 0.4, 1.5)
+
+
+def test_error_terms_are_those_of_footnote_6() -> None:
+    """h_M k_theta^2, k_h times the acceleration, k_beta1 k_theta, k_beta2 times the speed, and k_alpha2."""
+    squares, s_1, g_2 = error_terms(*LAW_6, 5.0)
+    parts = [0.35 * 5.0**2, 5.0 * 1.5, 0.01 * 5.0, 0.15 * 0.4, 30.0]
+    assert s_1 == pytest.approx(sum(parts))
+    assert squares == pytest.approx(sum(part**2 for part in parts))
+    assert g_2 == pytest.approx(0.01 + 0.35 * 5.0)
+
+
+def test_without_k_theta_no_gain_of_law_6_is_enough() -> None:
+    (only,) = position_conditions(*LAW_6, Linear(1, 5.0, 0.0))
+    assert only.needed and only.asks == math.inf
+
+
+@pytest.mark.parametrize("k_theta", [0.5, 5.0])
+@pytest.mark.parametrize("k_v", [0.0, 0.5, 3.0, 15.0, 40.0])
+def test_what_law_6_needs_is_where_its_proof_begins_to_hold(k_v: float, k_theta: float) -> None:
+    bounds, motion = LAW_6
     footnote, needs = position_conditions(bounds, motion, Linear(1, 0.0, k_theta, k_v=k_v))
     squares, s_1, g_2 = error_terms(bounds, motion, k_theta)
     drift = bounds.k_h * motion.top_speed / 2
@@ -374,64 +393,120 @@ def test_gains_that_meet_everything_are_covered() -> None:
     found = theorem(load("verrelli2016-speed"), "proven")
     assert found is not None
     assert found.holds
-    assert found.verdict().endswith("the proof holds")
+    assert found.verdict().endswith(" of g_d (eta_bar + omega+) / 2 (13.6): the proof holds")
     position = theorem(load("verrelli2016-position", {"controller.true-period.k_omega": 40.0}), "true-period")
     assert position is not None
     assert position.holds
     assert position.conditions[0].asks == math.inf  # footnote 6 itself wants k_v
+    assert position.verdict() == (
+        "law (6), section 4: k_omega + v = 40 is 1.2 of what the proof needs (34.3), no k_omega + v is "
+        "enough for what footnote 6 asks, which wants k_v: the proof holds"
+    )
+
+
+FORGETS = "its Q filter forgets a part of what was learned"
+FOREIGN = "its period, 1/50 of a revolution, isn't one of order 1"
+FROM_REST = {"offset": "1 rad/s", "amplitude": "1 rad/s", "frequency": "0.3 Hz"}
+STEADY = {f"scenario.forty-periods.{key}": "1 rad/s" for key in ("reference", "initial_speed")}
+RISING = {"time_table": {"time": ["0 s", "1 s"], "torque": ["0 N*m", "1 N*m"]}}
+
+
+def in_the_way(name: str, controller: str, changes: dict[str, Any]) -> list[str]:
+    """`law.` for the controller's keys. The verdict ends with the reasons."""
+    long = {key.replace("law.", f"controller.{controller}."): value for key, value in changes.items()}
+    found = theorem(load(name, long), controller)
+    assert found is not None
+    assert not found.holds
+    assert found.verdict().endswith("".join(f"; {reason}" for reason in found.obstacles))
+    return list(found.obstacles)
 
 
 @pytest.mark.parametrize(
-    ("name", "controller", "changes", "why"),
+    ("controller", "changes", "reasons"),
     [
+        ("wrong-period", {}, ["its period, 4/5 of a revolution, isn't one of order 1"]),
         (
-            "verrelli2016-position",
-            "wrong-period",
-            {},
-            "its period, 4/5 of a revolution, isn't one of order 1",
-        ),
-        (
-            "verrelli2016-position",
             "true-period",
-            {"controller.true-period.h_limit": 0.1},
-            "h_limit 0.1 is below",
+            {"law.h_limit": 0.1, "law.beta_limit": 1e-4},
+            ["beta_limit 0.0001 is below the bound 0.00942", "h_limit 0.1 is below the bound 0.345"],
         ),
+        ("true-period", {"law.k_omega": 60.0, "law.q_half_width": 400}, [FORGETS]),
+        ("true-period", {"law.k_omega": 60.0, "law.mu_alpha": 0.0}, ["it learns no alpha"]),
+        ("true-period", {"law.mu_h": 0.0}, ["the speed varies without mu_h"]),
         (
-            "verrelli2016-position",
             "true-period",
-            {"controller.true-period.k_omega": 60.0, "controller.true-period.q_half_width": 400},
-            "its Q filter forgets a part of what was learned",
+            {"law.mu_h": 0.0, "law.mu_beta": 0.0},
+            ["the speed varies without mu_beta and mu_h"],
         ),
+        ("true-period", {"law.mu_beta": 0.0, "mechanics.viscous_friction": 0.0}, []),
+        ("true-period", {"law.mu_h": 0.0, **STEADY}, []),
+        ("true-period", {"law.index": "rotor"}, ["it learns over the rotor's angle"]),
         (
-            "verrelli2016-position",
             "true-period",
-            {"controller.true-period.k_omega": 60.0, "controller.true-period.mu_alpha": 0.0},
-            "it learns no alpha",
-        ),
-        ("verrelli2016", "filtered", {}, "the current loop isn't ideal"),
-        ("verrelli2016-position", "true-period", {"controller.true-period.mu_h": 0.0}, "without mu_h"),
-        ("verrelli2016", "filtered-fair", {}, "its integral action stays on"),
-        (
-            "verrelli2016-speed",
-            "learning",
-            {"controller.learning.eta_bar": "2.5 rad/s"},
-            "eta_bar isn't below",
-        ),
-        (
-            "verrelli2016-speed",
-            "learning",
-            {"scenario.varying.events": [{"time": "1 s", "load": "0.1 N*m"}]},
-            "the load changes with time in scenario varying",
+            {"scenario.forty-periods.reference": FROM_REST},
+            ["the reference comes down to 0 rad/s, not above zero"],
         ),
     ],
 )
-def test_what_is_in_the_way_of_a_proof_is_said(
-    name: str, controller: str, changes: dict[str, Any], why: str
+def test_what_is_in_the_way_of_the_proof_of_law_6_is_said(
+    controller: str, changes: dict[str, Any], reasons: list[str]
 ) -> None:
-    found = theorem(load(name, changes), controller)
+    said = in_the_way("verrelli2016-position", controller, changes)
+    assert said == reasons
+
+
+def test_all_that_is_in_the_way_is_said() -> None:
+    both = [FOREIGN, FORGETS, "the current loop isn't ideal"]
+    assert in_the_way("verrelli2016", "filtered", {}) == both
+    more = ["its integral action stays on", "the speed varies without mu_beta and mu_h"]
+    assert in_the_way("verrelli2016", "filtered-fair", {}) == [*both, *more]
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"law.eta_bar": "2 rad/s"}, "eta_bar isn't below the slowest reference, 2 rad/s"),
+        (
+            {"scenario.varying.events": [{"time": "1 s", "load": "0.1 N*m"}]},
+            "the load changes with time in scenario varying",
+        ),
+        (
+            {"scenario.from-standstill.load": RISING},
+            "the load changes with time in scenario from-standstill",
+        ),
+    ],
+)
+def test_what_is_in_the_way_of_the_proof_of_law_4_is_said(changes: dict[str, Any], reason: str) -> None:
+    assert in_the_way("verrelli2016-speed", "learning", changes) == [FORGETS, reason]
+    assert in_the_way("verrelli2016-speed", "learning", {"law.eta_bar": "1.9 rad/s"}) == [FORGETS]
+
+
+def test_several_conditions_that_no_gain_meets_are_a_list() -> None:
+    found = theorem(load("verrelli2016-speed", {"controller.learning.eta_bar": "2 rad/s"}), "learning")
     assert found is not None
-    assert not found.holds
-    assert why in found.verdict()
+    assert found.verdict().startswith(
+        "law (4), section 3: k = 20 is 1.2 of g_d (eta_bar + omega+) / 2 (16.4), no k is enough for the "
+        "printed bound, the corrected one or that with its own limits: not covered by the proof; "
+    )
+
+
+def test_flux_that_takes_all_torque_is_in_the_way_of_every_proof() -> None:
+    """There is nothing to compare with the gain then."""
+    found = theorem(load("verrelli2016-speed", {"motor.L_m": ["5 mH", "3 mH"]}), "learning")
+    assert found is not None and found.bounds is None
+    reasons = f"the torque per current comes down to zero; {FORGETS}"
+    assert found.verdict() == f"law (4), section 3: k = 20: not covered by the proof; {reasons}"
+
+
+def test_a_load_counts_with_its_least_and_its_largest_torque() -> None:
+    """0.2 N m, steps to 0.5 and -0.3, and a table from -0.1 to 0.4 N m beside it."""
+    events = [{"time": f"{n} s", "load": f"{torque} N*m"} for n, torque in ((1, 0.5), (2, -0.3))]
+    load_torque = {"torque": "0.2 N*m", "time_table": {"time": ["0 s", "1 s", "2 s"], "torque": [
+        "-0.1 N*m", "0.4 N*m", "0 N*m"]}}  # fmt: skip
+    changes = {"scenario.varying.events": events, "mechanics.load": load_torque}
+    found = _in_scenario(load("verrelli2016-speed", changes), "varying")
+    assert sorted(each.torque.constant for each in found) == pytest.approx([-0.4, 0.9])
+    assert len(_in_scenario(load("verrelli2016-speed"), "varying")) == 1
 
 
 def test_limits_that_are_left_out_are_those_of_the_current_limit() -> None:
@@ -440,6 +515,18 @@ def test_limits_that_are_left_out_are_those_of_the_current_limit() -> None:
     assert isinstance(law, SpaceLearning)
     limits = learned_limits(study, law, study.scenario.values())
     assert limits[:2] == pytest.approx((15.0, 15.0 / 20.0))
+    alone = study.controller["fair"]
+    assert isinstance(alone, SpaceLearning) and not alone.mu_h
+    assert learned_limits(study, alone, study.scenario.values()) == (15.0, 0.0, 0.0)
+
+
+def test_a_limit_at_its_bound_is_not_tight() -> None:
+    study = load("verrelli2016-speed")
+    law = study.controller["learning"]
+    assert isinstance(law, SpaceSpeed)
+    alpha, beta, h = learned_limits(study, law, study.scenario.values())
+    assert _tight_limits(study, law, Bounds(h, h, 0.0, alpha, 0.0, beta, 0.0)) == []
+    assert len(_tight_limits(study, law, Bounds(h, 1.01 * h, 0.0, alpha, 0.0, 1.01 * beta, 0.0))) == 2
 
 
 # The criterion against simulation

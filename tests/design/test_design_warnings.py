@@ -1,11 +1,12 @@
 """What `design` and `run` say beforehand of a motor and its drive that don't go together."""
 
+import math
 from pathlib import Path
 
 import pytest
 
 from cogless.design.table import design_table
-from cogless.design.warnings import beyond_drive, notes
+from cogless.design.warnings import beyond_drive, notes, shaft_notes
 from cogless.errors import StudyError
 from cogless.run.plan import plan
 from cogless.study import load
@@ -104,3 +105,27 @@ def test_too_many_orders_are_told_with_their_keys_and_the_limit():
     told = r"too many different orders in motor\.cogging, torque_ripple and .*: expected 128 at most"
     with pytest.raises(StudyError, match=told):
         plan(my_motor(**{"motor.cogging": cogging}), "slow", "pi")
+
+
+def test_the_highest_order_of_a_memory_is_learned():
+    """256 of base 2; of base 21 its 128th multiple."""
+    highest = {"motor.cogging": [{"order": 256, "torque": "0.1 mN*m"}]}
+    assert notes(my_motor(**highest), "harmonic") == []
+    others = {"motor.cogging": [{"order": n, "torque": "0.1 mN*m"} for n in (21, 21 * 128)]}
+    (line,) = notes(my_motor(**others, **{"drive.rates.integration_steps": 30}), "harmonic")
+    assert line.endswith("but the cogging has orders 21, 2688: base = 21 would")
+
+
+def test_a_soft_shaft_is_told_with_where_it_swings():
+    """The load on a held rotor, and both masses against each other."""
+    side = {"inertia": "4e-5 kg*m^2", "stiffness": "10 N*m/rad", "backlash": "0.1 deg"}
+    soft = my_motor(**{"mechanics.load_side": side}, **FINER)
+    own = soft.mechanics.inertia
+    low, high = (math.sqrt(10 * each) / math.tau for each in (1 / 4e-5, 1 / 4e-5 + 1 / own))
+    told = (
+        f"mechanics.load_side: antiresonance {low:.4g} Hz, resonance {high:.4g} Hz; rules tune for "
+        "both masses as one, margins are with the shaft"
+    )
+    assert shaft_notes(soft) == [f"{told}, its gap closed"]
+    assert shaft_notes(changed(soft, {"mechanics.load_side.backlash": "0 deg"})) == [told]
+    assert shaft_notes(my_motor()) == []

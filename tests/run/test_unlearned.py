@@ -3,14 +3,17 @@
 import math
 import sys
 from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import studies
 from cogless.__main__ import main
-from cogless.design.unlearned import foreseen
+from cogless.design.unlearned import foreseen, too_short
 from cogless.report import compare, render, verdicts
 from cogless.report.unlearned import unlearned
 from cogless.results import Results
@@ -214,3 +217,39 @@ def test_run_says_so_before_it_runs(tmp_path, monkeypatch, capsys):
 def test_without_traces_nothing_is_said(made):
     bare = [replace(r, trace=replace(r.trace, data=np.zeros((0, len(r.trace.names))))) for r in made.runs]
     assert compare(Results(made.study, bare), "short")[0].unlearned == {}
+
+
+def said(*turned, over_angle=True, omega=(1.0,)):
+    """Of a rotor that turns to these shares of a period of half a revolution, one after the other, in 5 s.
+
+    `omega`: reference, relative to one that would turn once through the period.
+    """
+    law = SimpleNamespace(over_angle=over_angle, cells=100)
+    theta = np.pi * np.concatenate([np.linspace(*ends, 101) for ends in pairwise((0.0, *turned))])
+    return too_short(law, Fraction(1, 2), theta, 5.0, np.pi / 5 * np.array(omega))
+
+
+def test_nearly_a_period_is_one():
+    assert said(0.996) is said(-0.996) is said(0.996, over_angle=False) is None
+    for turned in (0.99, -0.99):
+        assert said(turned) == said(turned, over_angle=False) == "5 s are 0.99 of its period of 5 s"
+
+
+def test_a_speed_that_varies_has_no_length_of_a_period():
+    assert said(0.7, omega=(1.0, 1.01)) == "5 s are 0.7 of its period"
+    assert said(0.7, omega=(-1.0, -1.0)) == said(0.7) == "5 s are 0.7 of its period of 5 s"
+    assert said(0.7, omega=(0.0, 0.0)) == said(0.7, omega=()) == "5 s are 0.7 of its period"
+
+
+def test_a_rotor_that_turns_less_than_half_of_its_way_is_said_not_to_follow():
+    assert said(0.49) == "the rotor turned by 0.49 of its period in 5 s"
+    assert said(0.51) == "5 s are 0.51 of its period of 5 s"
+    assert said(0.49, omega=(1.0, 1.01)) == "5 s are 0.49 of its period"
+
+
+def test_turning_back_by_more_than_a_cell_passes_angles_twice():
+    """A delay line adds up both ways."""
+    assert said(0.6, 0.585) is said(-0.6, -0.585) is None
+    assert said(0.6, 0.595) == said(-0.6, -0.595) == "5 s are 0.6 of its period of 5 s"
+    assert said(0.6, 0.3, over_angle=False) == "5 s are 0.9 of its period of 5 s"
+    assert said(0.6, 0.2, over_angle=False) is None

@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+import studies
 from cogless.study.datasheet_words import PER_BACK_EMF, mixed_up, replaced_by, torque_constant
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import CoggingTorque, FluxHarmonic, StarMotor, TorqueRipple
-from cogless.study.numerics import natural_rates, no_load_speed, steps_needed
+from cogless.study.numerics import (
+    LARGEST_STEP,
+    check_dead_time,
+    check_step,
+    natural_rates,
+    no_load_speed,
+    steps_needed,
+    voltage_reach,
+)
 from cogless.study.temperature import Heating, MotorTemperature
 
 MOTOR = StarMotor(
@@ -111,6 +122,38 @@ def test_half_a_time_constant_is_the_longest_step() -> None:
         (10 * fastest, 1),
     ):
         assert steps_needed(still, slow, TOP, rate) == steps
+
+
+@pytest.mark.parametrize(
+    ("needed", "steps", "told"),
+    [(1.5, 1, "2"), (6.0, 4, "6"), (1e6, 1, "1000000"), (1.5e6, 1, "1.5e+06")],
+)  # fmt: skip
+def test_a_step_that_is_too_long_tells_how_many_are_needed(needed: float, steps: int, told: str) -> None:
+    """Half a time constant is short enough; more than a million are told in three digits."""
+    check_step(LARGEST_STEP, steps, [(0.1, "the other"), (1.0, "the speed")])
+    with pytest.raises(ValueError, match=f"expected {re.escape(told)} or more, since the speed changes"):
+        check_step(LARGEST_STEP * needed / steps, steps, [(1.0, "the speed"), (0.1, "the other")])
+
+
+@pytest.mark.parametrize(("part", "key"), [("inverter", "dead_time"), ("dead_time_compensation", "time")])
+def test_a_dead_time_is_shorter_than_half_a_period(tmp_path: Path, part: str, key: str) -> None:
+    drive = studies.study(tmp_path, {"drive.dead_time_compensation.band": "0.1 A"}).drive
+    half = 0.5 / drive.rates.current_loop
+    for time in (0.999 * half, half):
+        other = getattr(drive, part).model_copy(update={key: time})
+        told = drive.model_copy(update={part: other})
+        if time < half:
+            check_dead_time(told)
+        else:
+            with pytest.raises(ValueError, match="expected less than half a period"):
+                check_dead_time(told)
+
+
+def test_an_ideal_drive_has_all_the_voltage_that_there_is(tmp_path: Path) -> None:
+    real = studies.study(tmp_path)
+    assert voltage_reach(real) == pytest.approx(310 / math.sqrt(3) / (4 * 0.068))
+    without = real.model_copy(update={"drive": real.drive.model_copy(update={"inverter": None})})
+    assert voltage_reach(without) == math.inf
 
 
 @pytest.mark.parametrize(("phases", "volts"), [(3, 24 / math.sqrt(3)), (2, 24.0)])

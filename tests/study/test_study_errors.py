@@ -290,6 +290,35 @@ def test_what_the_simulation_cannot_do(tmp_path: Path, changes: dict[str, object
     assert line_of(tmp_path, changes) == f"study.toml: {line}"
 
 
+WITH_ILC = {f"scenario.{key}.controllers": ["pi", "ilc"] for key in ("low", "step")}
+BY_TIME = {**PI, "law": "pi-ilc", "gain": 0.01, "memory": "time"}
+BY_ANGLE = {**PI, "law": "pi-ilc", "gain": 0.01, "period": "mechanical"}
+ADRC = {"law": "adrc", "b": 1e3, "omega_c": 100.0}
+RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 rpm"}
+
+
+@pytest.mark.parametrize(
+    ("common", "key", "most", "beyond"),
+    [
+        # the fastest scenario has 500 samples in a period, the slowest 1000
+        ({**WITH_ILC, "scenario.step.reference": "120 rpm"}, "controller.ilc",
+            {**BY_TIME, "cells": 500}, {**BY_TIME, "cells": 499}),
+        ({**WITH_ILC, "scenario.step.reference": "120 rpm"}, "controller.ilc",
+            {**BY_ANGLE, "lead": "249 ms"}, {**BY_ANGLE, "lead": "251 ms"}),
+        ({**WITH_ILC, **RESTS}, "controller.ilc",
+            {**BY_ANGLE, "lead": "249 ms"}, {**BY_ANGLE, "lead": "251 ms"}),
+        ({"trace.rate": "1 kHz"}, "scenario.low.duration", "20000 s", "20001 s"),
+        ({}, "controller.adrc", {**ADRC, "omega_o": 1999.9}, {**ADRC, "omega_o": 2000.0}),
+        ({"drive.current_sensors.bits": 12}, "drive.current_sensors.range", "3 A", "2.999 A"),
+    ],
+)  # fmt: skip
+def test_what_the_simulation_can_just_do(
+    tmp_path: Path, common: dict[str, object], key: str, most: object, beyond: object
+) -> None:
+    studies.study(tmp_path, {**common, key: most})
+    assert key in line_of(tmp_path, {**common, key: beyond})
+
+
 @pytest.mark.parametrize(
     ("changes", "line"),
     [

@@ -280,8 +280,7 @@ def unfit(study: Study, name: str) -> str | None:
 def _unfit(study: Study, law: SpaceLearning, functions: list[AngleFunctions]) -> str | None:
     revolutions = law.period.revolutions(study.motor.pole_pairs)
     others = sorted({n for each in functions for n in each.orders if (n * revolutions).denominator != 1})
-    share = "a revolution" if revolutions == 1 else f"{revolutions} of a revolution"
-    return f"its period, {share}, isn't one of order {others[0]}" if others else None
+    return f"its period, {revolutions} of a revolution, isn't one of order {others[0]}" if others else None
 
 
 def _tight_limits(study: Study, law: SpacePosition | SpaceSpeed, bounds: Bounds) -> list[str]:

@@ -1,0 +1,242 @@
+"""What every learning loop is made of, in closed form: memory, filter, images of a coarse map, the rest."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import studies
+from cogless import load
+from cogless.design.closed_loop import Linear, Oscillation
+from cogless.design.learning import PeriodicLoop
+from cogless.design.learning_loop import LearningLoop, _with_near, opened, sensitivity
+from cogless.design.margins import Complex, Real
+from cogless.design.observer import counting_window
+from cogless.design.ripple import Ripple, Sampled, doubts, sampled
+
+T, GAIN = 1e-3, 0.4
+TURNS = 6.0  # learning periods a second
+CELLS = 50
+CELLS_OF_ONE = TURNS  # a second, of a map of a single cell
+
+
+class Loop(LearningLoop):
+    """G S = 1 / (1 + j f / 100 Hz) at 1 kHz, and a learning gain of its own."""
+
+    @property
+    def law(self) -> Any:
+        return self.study.law  # type: ignore[attr-defined]
+
+    @property
+    def gamma(self) -> tuple[float, float]:
+        return GAIN, self.law.k_i
+
+    @property
+    def lead(self) -> int:
+        return self.law.lead  # type: ignore[no-any-return]
+
+    @property
+    def feedback_before(self) -> Linear:
+        return Linear(1, 0.5, k_i=2.0)
+
+    @property
+    def plant(self) -> Any:  # type: ignore[override]
+        return SimpleNamespace(period=T, near=None)
+
+    def oscillation(self) -> Oscillation | None:
+        return self.law.oscillation  # type: ignore[no-any-return]
+
+    def closed(self, f: Real) -> Complex:
+        assert np.all(f >= 0)
+        return np.asarray(1 / (1 + 0.01j * f))
+
+
+def loop(over_angle: bool = True, cells: int = CELLS, lead: int = 0, wide: int = 0, k_i: float = 0.0) -> Loop:
+    """At three revolutions a second backwards, with a period of half a revolution."""
+    law = SimpleNamespace(over_angle=over_angle, cells=cells, lead=lead, q_half_width=wide, k_i=k_i)
+    law.oscillation = None
+    law.revolutions = lambda pole_pairs: Fraction(2, pole_pairs)
+    study = SimpleNamespace(law=law, motor=SimpleNamespace(pole_pairs=4))
+    return Loop(study, "mine", -2 * np.pi * 3.0)  # type: ignore[arg-type]
+
+
+def x(f: float, lead: int = 0) -> complex:
+    return complex(GAIN / (1 + 0.01j * f) * np.exp(2j * np.pi * f * lead * T))
+
+
+def test_a_map_has_cells_and_a_delay_line_samples() -> None:
+    in_map, line = loop(), loop(over_angle=False, cells=2000)
+    assert in_map.periods_per_second == pytest.approx(TURNS)
+    assert in_map.cells_per_second == pytest.approx(CELLS * TURNS) and line.cells_per_second == 1 / T
+    assert in_map.highest == pytest.approx(0.499 * CELLS * TURNS) and line.highest == 0.499 / T
+    assert loop(cells=200).highest == 0.499 / T  # more cells than samples
+    assert (in_map.widest_filter, line.widest_filter) == (24, 82)  # of 50 cells, of 166.7 samples
+
+
+def test_the_filter_is_a_mean_over_neighbours() -> None:
+    f = np.array([0.0, 40.0, 110.0])
+    neighbours = np.cos(2 * np.pi * f / (CELLS * TURNS))
+    assert loop(wide=1).q(f) == pytest.approx(np.abs(1 + 2 * neighbours) / 3)
+    assert loop(wide=1).q(f, 0) == pytest.approx(np.ones(3))
+
+
+def test_a_lead_is_a_later_error_s_and_what_acts_at_once_a_feedback() -> None:
+    for lead in (0, 2):
+        assert loop(lead=lead).x(70.0) == pytest.approx(x(70.0, lead))
+        assert loop(lead=lead).x(-70.0) == pytest.approx(np.conj(x(70.0, lead)))
+    assert loop().kept(70.0) == pytest.approx(1 / (1 + x(70.0)))
+    assert loop().kept(70.0, 2) == loop(lead=2).kept(70.0) == pytest.approx(1 - x(70.0, 2))
+    integral = 30.0 * T / (1 - np.exp(-2j * np.pi * 70.0 * T))
+    assert loop(k_i=30.0).x(70.0) == pytest.approx(x(70.0) * (1 + integral / GAIN))
+    assert loop(k_i=30.0).at_once == Linear(1, 0.5 + GAIN, k_i=32.0)
+    assert loop().at_once == Linear(1, 0.5 + GAIN, k_i=2.0)
+    assert loop(lead=2).at_once == loop().feedback == Linear(1, 0.5, k_i=2.0)
+
+
+@pytest.mark.parametrize("images", [[-230.0, 70.0, 370.0], [-400.0, -100.0, 200.0, 500.0]])
+def test_a_coarse_map_mixes_the_images_that_samples_hold(images: list[float]) -> None:
+    """Of 300 cells a second, up to half of the rate: 70 Hz has images at -530 and 670 Hz, too."""
+    weights = np.sinc(np.array(images) / 300) ** 2
+    kept = np.array([1 / (1 + (x(f) if f > 0 else np.conj(x(-f)))) for f in images])
+    mixed = abs(np.sum(weights * kept) / np.sum(weights))
+    assert loop().unfiltered(images[-2]) == pytest.approx(mixed)
+
+
+def test_without_images_a_frequency_keeps_its_own_share() -> None:
+    assert loop(wide=1).factor(70.0) == pytest.approx(loop(wide=1).q(70.0) * loop().unfiltered(70.0))
+    assert loop().unfiltered(0.0) == pytest.approx(1 / (1 + GAIN))
+    for fine in (loop(cells=200), loop(over_angle=False)):
+        assert fine.unfiltered(70.0) == pytest.approx(abs(1 / (1 + x(70.0))))
+
+
+def test_of_a_very_coarse_map_fifty_images_on_each_side_are_enough() -> None:
+    """Six cells a second: 83 images on each side are below half of the rate."""
+
+    def mixed(most: int) -> float:
+        images = 2.5 + CELLS_OF_ONE * np.arange(-most, most + 1)
+        weights = np.sinc(images / CELLS_OF_ONE) ** 2
+        kept = [1 / (1 + (x(f) if f > 0 else np.conj(x(-f)))) for f in images]
+        return float(abs(np.sum(weights * kept) / np.sum(weights)))
+
+    found = loop(cells=1).unfiltered(2.5)
+    assert found == pytest.approx(mixed(50), rel=1e-9)
+    assert found == pytest.approx(mixed(82), rel=0.01)
+
+
+def test_a_loop_settles_if_it_neither_oscillates_nor_grows() -> None:
+    """Five samples of lead turn 100 Hz by half a turn."""
+    assert loop().settled and not loop(lead=5).settled
+    shaking = loop()
+    shaking.law.oscillation = Oscillation(87.6, 3.0)
+    assert not shaking.settled
+
+
+def test_straight_lines_between_samples_smooth() -> None:
+    """A delay line at a steady 166.7 samples reads a third before a sample, else anywhere: exp(pi/4 - 1)."""
+    f, fine = 250.0, loop(cells=300)
+    assert loop().lines(f, True) == pytest.approx(np.sinc(f * T) ** 4)
+    assert fine.lines(f, True) == pytest.approx(np.sinc(f * T) ** 2 * np.sinc(f / 1800) ** 2)
+    line = loop(over_angle=False)
+    assert line.lines(f, True) == pytest.approx(abs(1 / 3 + 2 / 3 * np.exp(-2j * np.pi * f * T)))
+    assert line.lines(f, False) == pytest.approx(np.exp(np.pi / 4 - 1), rel=1e-3)
+    assert line.recalled(f, True) == pytest.approx(line.lines(f, True))
+
+
+@pytest.mark.parametrize("lead", [0, 2])
+def test_what_comes_again_is_learned_and_what_does_not_may_double(lead: int) -> None:
+    """Whole waves in a period: only what filter and lines lose is left. Half a wave more: -1."""
+    here = loop(lead=lead, wide=1)
+    for f, turned in ((4 * TURNS, 1.0), (4.5 * TURNS, -1.0), (4.25 * TURNS, -1j)):
+        q = turned * float(here.recalled(f, True))
+        kept = 1 - x(f, lead) if lead else 1 / (1 + x(f))
+        left = (1 - q) / (1 - q * kept) * (1 if lead else kept)
+        assert here.left(f) == pytest.approx(left)
+        assert here.residual(f) == pytest.approx(abs(left))
+
+
+def test_the_worst_frequency_is_the_one_that_keeps_most() -> None:
+    """The loop answers ever less to higher frequencies: the highest keeps most."""
+    found = loop(over_angle=False).worst()
+    assert found.frequency == pytest.approx(0.499 / T)
+    assert found.factor == pytest.approx(abs(1 / (1 + x(0.499 / T))))
+
+
+def test_the_sensitivity_is_that_of_all_that_feeds_back() -> None:
+    """In a frame of 50: the PI acts on speed and k_theta times the angle, k_v on the angle alone."""
+    feedback = Linear(50, 0.2, 7.0, k_i=3.0, k_v=0.6)
+    w, speed, angle = np.array([40.0]), np.array([0.3 - 0.1j]), np.array([-0.02j])
+    pi = 0.2 + 3.0 * T / (1 - np.exp(-1j * w * T))
+    assert opened(feedback, speed, angle) == pytest.approx(50 * (speed + 7.0 * angle))
+    plant: Any = SimpleNamespace(period=T)
+    around = pi * 50 * (speed + 7.0 * angle) + 0.6 * 50 * angle
+    assert 1 / sensitivity(plant, feedback, w, speed, angle) == pytest.approx(1 + around)
+
+
+def test_frequencies_around_a_resonance_come_in_between() -> None:
+    near = 2 * np.pi * np.array([0.5, 1.5, 2.5, 3.5])
+    told: Any = SimpleNamespace(near=near)
+    f = np.array([1.0, 2.0, 3.0])
+    assert _with_near(f, told) == pytest.approx([1.0, 1.5, 2.0, 2.5, 3.0])
+    told.near = None
+    assert _with_near(f, told) is f
+
+
+# Ripple
+
+
+def test_no_ripple_is_as_much_as_before() -> None:
+    assert [each.ratio for each in (Ripple(2.0, 1.0), Ripple(0.5, 1.0), Ripple(0.0, 0.0))] == [0.5, 2.0, 1.0]
+
+
+def test_counts_come_by_speed_and_window() -> None:
+    sensor = Sampled(count=0.01, window=1e-3, timed=False)
+    assert sensor.counts(-20.0) == pytest.approx(2.0)
+    assert sensor.told(-20.0) == "2 counts come in a speed sample"
+
+
+TURN, ENCODER = 2 * np.pi, {"kind": "encoder", "lines": 2500}
+OBSERVER = {"speed_method": "observer", "observer_bandwidth": "100 Hz"}
+
+
+@pytest.mark.parametrize(
+    ("sensor", "expected"),
+    [
+        ({"kind": "ideal"}, None),
+        ({**ENCODER, "speed_method": "M"}, Sampled(TURN / 10_000, 1e-3, False)),
+        ({**ENCODER, "speed_method": "MT"}, Sampled(TURN / 10_000, 1e-3, True)),
+        ({"kind": "absolute", "bits": 12, "window": 3}, Sampled(TURN / 4096, 3 / 15e3, False)),
+        (
+            {**ENCODER, **OBSERVER},
+            Sampled(TURN / 10_000, counting_window(TURN * 100, 1 / 15e3), False),
+        ),
+        # a mean over four intervals is as late as one edge of two and a half
+        ({"kind": "hall", "edges": 4}, Sampled(TURN / 24 * 2.5, 1e-3, True)),
+    ],
+)
+def test_how_a_sensor_measures_speed(
+    tmp_path: Path, sensor: dict[str, Any], expected: Sampled | None
+) -> None:
+    """Current loop at 15 kHz, speed loop at 1 kHz, four pole pairs."""
+    found = sampled(studies.study(tmp_path, {"drive.position_sensor": sensor}), "low")
+    assert (found is None) == (expected is None)
+    if found is not None and expected is not None:
+        assert (found.count, found.window) == pytest.approx((expected.count, expected.window))
+        assert found.timed == expected.timed
+
+
+@pytest.mark.parametrize(("counts", "told"), [(1.5, False), (1.0, False), (0.9, True)])
+def test_less_than_a_count_in_a_sample_is_a_doubt(counts: float, told: bool) -> None:
+    """Between pulses the measured speed says nothing; the slowest speed decides."""
+    study = load("uomodri", {"drive.position_sensor.speed_method": "M"})
+    key = next(iter(study.scenario))
+    source = sampled(study, key)
+    assert source is not None
+    speeds = [each * source.count / source.window for each in (counts, 5.0)]
+    found = doubts([PeriodicLoop(study, "pi-ilc", speed, scenario=key) for speed in speeds])
+    lines = [line for line in found if line.endswith(f" {counts:.2g} counts come in a speed sample")]
+    assert len(lines) == told
