@@ -295,6 +295,13 @@ def test_a_reference_that_turns_back_has_no_plot_over_the_angle():
     assert over_angle(results, [run]) == []
 
 
+def test_a_reference_that_pauses_has_its_plot_over_the_angle():
+    """For two seconds, after eight turns."""
+    results, run = steady(12.01, **learned(theta_ref=lambda t: TURNED * np.maximum(np.minimum(t, 8), t - 2)))
+    labels = [s["label"] for s in over_angle(results, [run])[-1]["series"]]
+    assert labels == [f"period {k}" for k in (5, 6, 8, 10)]
+
+
 def line(early, later, frequency=40.0, first=40.0):
     """1 A, and a sine at `first` Hz that becomes one at `frequency` at 14 s.
 

@@ -254,11 +254,13 @@ def test_where_more_is_better_the_low_end_is_the_worst(tmp_path: Path) -> None:
     assert told[2].endswith(
         f"half at 2.04 rpm or better, 95 % at 0.240 rpm; worst 0.0400 rpm (variant {worst})"
     )
-    page = (tmp_path / "report.html").read_text()
-    data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])  # type: ignore[index]
+    sweep.values[np.argsort(sweep.values[:, 0, 0])[1], 0, 0] = np.nan  # of 0.08 rpm
+    text = page(sweep, tmp_path)
+    data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])  # type: ignore[index]
     (chart,) = data["scenarios"][0]["spreads"]
-    assert chart["series"][0]["values"][0] == pytest.approx(4.0)  # the best first
-    assert chart["series"][0]["values"][-1] == pytest.approx(0.04)
+    drawn = chart["series"][0]["values"]
+    assert drawn[:-1] == pytest.approx([*(0.04 * np.arange(100, 2, -1)), 0.04], rel=1e-4)  # the best first
+    assert drawn[-1] is None  # what has no value comes last
 
 
 def test_tables_of_a_sweep(tmp_path: Path) -> None:
