@@ -978,3 +978,18 @@ def test_plots(made, tmp_path, monkeypatch):
     shown = {text: line.get_color() for text, line in zip(texts, legend.get_lines(), strict=True)}
     assert shown == {text: colours[text] for text in texts}
     assert len({shown[label] for label in labels}) == len(labels)
+    # each panel over two spans of time; what is the same below or at the left is said once
+    assert [axes.get_xlabel() for axes in figure.axes] == ["", ""] * 3 + [
+        "time (s), after start-up", "time (s), last revolution"
+    ]  # fmt: skip
+    assert [bool(axes.get_ylabel()) for axes in figure.axes] == [True, False] * 4
+    assert figure.axes[1].get_lines()[0].get_xdata()[[0, -1]] == pytest.approx([9.0, 9.9998], abs=1e-3)
+    # bars of an order side by side about its place, which has no line of the grid
+    electrical, _ = next(figure for name, figure in figures.items() if "low-speed-spectra" in name).axes
+    assert [text.get_text() for text in electrical.get_xticklabels()] == [f"{n}" for n in range(1, 13)]
+    sixth = [bars[5] for bars in electrical.containers]
+    assert [bar.get_x() + bar.get_width() / 2 for bar in sixth] == pytest.approx([4.74, 5.0, 5.26])
+    assert [bar.get_width() for bar in sixth] == pytest.approx([0.92 * 0.26] * 3)
+    assert sixth[0].get_height() == pytest.approx(4.8, rel=1e-3)
+    assert not any(line.get_visible() for line in electrical.get_xgridlines())
+    assert all(line.get_visible() for line in electrical.get_ygridlines())
