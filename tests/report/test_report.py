@@ -991,5 +991,7 @@ def test_plots(made, tmp_path, monkeypatch):
     assert [bar.get_x() + bar.get_width() / 2 for bar in sixth] == pytest.approx([4.74, 5.0, 5.26])
     assert [bar.get_width() for bar in sixth] == pytest.approx([0.92 * 0.26] * 3)
     assert sixth[0].get_height() == pytest.approx(4.8, rel=1e-3)
+    (left, right), whole = electrical.get_xlim(), 11 + 2 * (0.26 + 0.13 * 0.92)
+    assert (left, right) == pytest.approx((5.5 - 0.55 * whole, 5.5 + 0.55 * whole))
     assert not any(line.get_visible() for line in electrical.get_xgridlines())
     assert all(line.get_visible() for line in electrical.get_ygridlines())
