@@ -17,9 +17,10 @@ from cogless.design.trial_summary import _proof, warnings, words
 from cogless.report import lines, page, render, verdicts, write, write_plots
 from cogless.report.packing import unpack
 from cogless.report.trials import overtrials, waveforms
+from cogless.report.trials.case import case
 from cogless.report.trials.certificate import certificate_table, close_to_one
 from cogless.report.trials.gains import gain_table
-from cogless.report.trials.phases import phases, zooms
+from cogless.report.trials.phases import Phase, phases, zooms
 from cogless.results import Run, TrialResults
 from cogless.results.results_json import to_dict
 from cogless.results.trace import Trace
@@ -177,6 +178,17 @@ def test_noise_and_growth_below_the_floor_are_no_divergence(study):
     assert not any("diverges" in d for d in alone(study, {"ilc": noisy}).details)
 
 
+def test_growth_is_half_as_much_again_in_eight_trials_or_more(made):
+    """By the medians of its quarters; without a floor not of what is next to nothing."""
+    found = case(made, made.runs)
+    assert found._grown(np.array([2.0] * 6 + [3.02] * 2)) == (2.0, pytest.approx(3.02))
+    assert found._grown(np.array([2.0] * 6 + [2.98] * 2)) is None
+    assert found._grown(np.array([2.0] * 5 + [9.0] * 2)) is None
+    found = replace(found, about=replace(found.about, floor=None))
+    assert found._grown(np.array([1.0, 1.0] + [1e-8] * 4 + [1e-7] * 2)) == (1e-8, 1e-7)
+    assert found._grown(np.array([1.0, 1.0] + [1e-11] * 4 + [1e-10] * 2)) is None
+
+
 def test_verdict_when_the_baseline_is_the_best(study):
     verdict = alone(study, {"none": falls(3.0), "ilc": falls(3.0, 0.8), "input": STAYS})
     assert verdict.tone == "worse"
@@ -329,6 +341,16 @@ def test_phases_say_what_changed(study):
     assert [p.name for p in found] == ["start", "trial 21: load", "trial 41: reference, mechanics.inertia"]
     assert [p.chosen for p in found] == [[1, 2, 5, 20], [21, 22, 25, 40], [41, 42, 45, 60]]
     assert [(z["from"], z["to"]) for z in zooms(found)] == [(1, 60), (1, 30), (19, 50), (39, 60)]
+
+
+def test_a_zoom_is_on_less_than_four_fifths_of_the_trials():
+    for start, all_changes in ((50, True), (51, False)):  # up to trial 79 and 80 of 100
+        names = [zoom["name"] for zoom in zooms([Phase(1, start, ()), Phase(start, 101, ("load",))])]
+        assert ("all changes" in names) == all_changes
+    assert (
+        len(zooms([Phase(1, 36, ())])) == 1 and len(zooms([Phase(1, 41, ())])) == 2
+    )  # 29 of 34, of 39 steps
+    assert zooms([Phase(1, 2, ())]) == [{"name": "all trials", "from": 1, "to": 1}]
 
 
 # --- page
