@@ -12,7 +12,7 @@ import pytest
 from cogless import load
 from cogless.ensemble import arena_cases, arena_files
 from cogless.ensemble.arena import ArenaResults, prepared, run_arena
-from cogless.ensemble.arena_cases import HOUR, LATE, TOLD
+from cogless.ensemble.arena_cases import HOUR, LATE, TOLD, UNTOLD
 from cogless.ensemble.arena_scores import COLUMNS, Scores
 from cogless.errors import StudyError
 from cogless.files import shipped
@@ -220,6 +220,11 @@ def test_a_plant_without_the_bar_is_named() -> None:
     found = content({"bar": [], "law": [2.0, 3.0]})
     assert Scores(found).barless == ["a", "b"] and Scores(found).unscored(column, "law") == "no bar"
     assert Scores(found).score("time_to_learn", "law") is None
+    nowhere = Scores(content({"bar": [1.0], "law": [2.0]}))  # none was on b
+    assert (
+        nowhere.barless == []
+        and Scores(content({"bar": [], "law": [2.0]})).unscored(column, "law") == "no bar"
+    )
 
 
 def test_without_the_bar_the_table_says_so(tmp_path: Path) -> None:
@@ -252,6 +257,7 @@ def test_the_run_that_fills_a_table_before_counts_as_learning() -> None:
     found = content({"bar": [4.0, 4.0], "table": [0.0, 0.0]})
     found["before"] = [{"plant": "a", "law": "table", "s": 3.0}]
     assert Scores(found).value("time_to_learn", "a", "table") == 3.0
+    assert Scores(found).value("ripple", "a", "table") == 1.0
 
 
 def test_a_law_that_stays_away_from_a_plant_wins_no_column() -> None:
@@ -288,6 +294,24 @@ def test_scores_by_hand() -> None:
     assert scores.winners("dip") == ["bar", "law", "near"]  # far: 1.026
     assert scores.best(lambda law: {"law": 3.0, "near": 3.06}.get(law)) == ["law", "near"]
     assert scores.best(lambda law: {"law": 3.0, "near": 3.07, "far": math.inf}.get(law)) == ["law"]
+    assert scores.best(lambda law: math.inf) == []
+
+
+def test_a_law_without_any_is_as_good_as_a_thousand_millionth_of_the_bar() -> None:
+    scores = Scores(content({"bar": [1.0, 1.0], "law": [0.0, 4.0]}, "chattering_A"))
+    assert scores.ratio("chattering", "a", "law") == 0.0
+    assert scores.score("chattering", "law") == pytest.approx(math.sqrt(1e-9 * 4.0))
+    none = Scores(content({"bar": [0.0, 1.0], "law": [1.0, 4.0]}, "chattering_A"))
+    assert none.ratio("chattering", "a", "law") is None and none.score("chattering", "law") == 4.0
+
+
+def test_the_worst_of_the_untold_cases_counts_and_none_may_be_missing() -> None:
+    found = content({"bar": [1.0]})
+    (run,) = found["runs"]
+    worse = [{**run, "case": case, "metrics": {"ripple_rad_s": 2.0 + n}} for n, case in enumerate(UNTOLD)]
+    for runs in (worse, worse[::-1]):
+        assert Scores({**found, "runs": runs}).value("wrong_model", "a", "bar") == 1.0 + len(UNTOLD)
+    assert Scores({**found, "runs": worse[:-1]}).value("wrong_model", "a", "bar") is None
 
 
 def test_amplitudes_of_orders_count_as_their_rms_together() -> None:
@@ -311,3 +335,5 @@ def test_seeds_are_a_mean_and_a_seed_may_be_asked_for_alone() -> None:
     scores = Scores(found)
     assert scores.value("copper_loss", "a", "bar") == 2.5
     assert scores.value("copper_loss", "a", "bar", [1]) == 4.0
+    del found["runs"][-1]["metrics"]["copper_loss_W"]  # a seed without it
+    assert Scores(found).value("copper_loss", "a", "bar") is None

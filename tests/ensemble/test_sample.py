@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from cogless.ensemble.sample import draw
+from cogless.ensemble.axes import axes, together
+from cogless.ensemble.sample import draw, seeds
 from cogless.errors import StudyError
 
 COUNT = 1024
@@ -58,6 +59,50 @@ def test_corners_come_in_all_combinations(tmp_path: Path) -> None:
     assert set(found["motor.R_s"]) == {0.9, 1.1}
     combinations = np.column_stack([found[key] > np.median(found[key]) for key in keys])
     assert len(np.unique(combinations, axis=0)) == 16
+
+
+def test_from_the_least_share_to_the_largest(tmp_path: Path) -> None:
+    """Three deviations about a mean, halves of corners, and never beyond the last choice of a list."""
+    vary = """[vary]
+mechanics.inertia = { normal = "10 %" }
+motor.R_s = { corners = "10 %" }
+motor.pole_pairs = { list = [2, 4] }"""
+    normal, corners, pairs = axes(ensembles.study(tmp_path, vary=vary))
+    assert normal.spread is not None and corners.spread is not None
+    ends = normal.spread(np.array([0.0, 0.5, 1.0]))
+    assert ends == pytest.approx([1.75e-4, 2.5e-4, 3.25e-4])
+    assert list(corners.spread(np.array([0.0, 0.49, 0.5, 1.0]))) == pytest.approx([0.9, 0.9, 1.1, 1.1])
+    assert pairs.values(np.array([0.0, 0.49, 0.5, 1.0])) == [2, 2, 4, 4]
+
+
+def test_a_percentage_is_of_a_values_magnitude(tmp_path: Path) -> None:
+    (axis,) = axes(
+        ensembles.study(
+            tmp_path,
+            {"scenario.low.reference": "-300 rpm"},
+            '[vary]\nscenario.low.reference = { uniform = "10 %" }',
+        )
+    )
+    assert axis.spread is not None and axis.unit == "rpm"
+    assert axis.spread(np.array([0.0, 1.0])) == pytest.approx([-330, -270])
+
+
+def test_a_percentage_of_a_plain_number_is_a_plain_number(tmp_path: Path) -> None:
+    vary = '[vary]\ncontroller.pi-ilc.forgetting = { uniform = "5 %" }'
+    (axis,) = axes(ensembles.study(tmp_path, {"controller.pi-ilc.forgetting": 0.8}, vary))
+    assert axis.unit == "" and axis.values(np.array([0.0, 1.0])) == pytest.approx([0.76, 0.84])
+
+
+def test_correlations_at_the_ends_and_of_one(tmp_path: Path) -> None:
+    """Shares of none and of all stay numbers; keys that go together are the same mix of all."""
+    keys = ("mechanics.inertia", "motor.R_s", "motor.psi_f")
+    vary = "[vary]\n" + "\n".join(f'{key} = {{ uniform = "10 %" }}' for key in keys)
+    study = ensembles.study(
+        tmp_path, vary=f"{vary}\ntogether = [{{ keys = {list(keys)}, correlation = 1.0 }}]"
+    )
+    found = together(np.array([[0.0, 1.0, 1.0], [0.5, 0.5, 0.5], [0.1, 0.2, 0.3]]), axes(study), study)
+    assert np.all((found >= 0) & (found <= 1)) and found[1] == pytest.approx([0.5] * 3)
+    assert found == pytest.approx(np.repeat(found[:, :1], 3, axis=1))
 
 
 def test_a_list_is_drawn_evenly(tmp_path: Path) -> None:
@@ -112,6 +157,7 @@ def test_seeds_differ_and_fresh_ones_too(tmp_path: Path) -> None:
     first, fresh = draw(study, 100), draw(study, 100, fresh=1)
     assert first.drawn["seed"] == list(range(6, 106))
     assert not set(first.drawn["seed"]) & set(fresh.drawn["seed"])
+    assert seeds(study.model_copy(update={"seed": 2**64 - 2}), 3) == [2**64 - 1, 0, 1]
     assert not set(first.drawn["mechanics.inertia"]) & set(fresh.drawn["mechanics.inertia"])
 
 
@@ -131,6 +177,10 @@ MISTAKES = {
         'vary.mechanics.inertia.uniform: ["3e-4 kg*m^2", "2e-4 kg*m^2"]: '
         "expected a range whose second limit is above its first"
     ),
+    'mechanics.inertia = { uniform = ["3e-4 kg*m^2", "3e-4 kg*m^2"] }': (
+        "expected a range whose second limit is above its first"
+    ),
+    'controller.pi.baseline = { uniform = "10 %" }': "expected the key of a number, or a list of values",
     'mechanics.inertia = { uniform = "0 %" }': (
         'vary.mechanics.inertia.uniform: "0 %": expected a deviation above zero'
     ),
@@ -153,7 +203,7 @@ MISTAKES = {
 @pytest.mark.parametrize("vary", MISTAKES)
 def test_mistakes_are_one_line_each(tmp_path: Path, vary: str) -> None:
     with pytest.raises(StudyError) as error:
-        draw(ensembles.study(tmp_path, vary=f"[vary]\n{vary}"), 4)
+        draw(ensembles.study(tmp_path, {"controller.pi.baseline": True}, f"[vary]\n{vary}"), 4)
     assert str(error.value).startswith(f"{tmp_path / 'study.toml'}: vary")
     assert MISTAKES[vary] in str(error.value) and len(str(error.value).splitlines()) == 1
 

@@ -16,14 +16,14 @@ from cogless.report import Line, compare, overtime, render, verdicts, write, wri
 from cogless.report.comparison import factor_text, held_back, misses, pretty
 from cogless.report.packing import number, pack, thin, unpack
 from cogless.report.settings import assumptions, settings
-from cogless.report.spectra import order_spectrum
-from cogless.report.speed_tracking import missed
+from cogless.report.spectra import order_spectrum, turned_back
+from cogless.report.speed_tracking import late, missed, span_of
 from cogless.report.verdict import listed, over, times, worst
 from cogless.results import Results, Run
 from cogless.results.status import Status
 from cogless.results.trace import Trace
 from cogless.run.carry_out import measure
-from cogless.study import load
+from cogless.study import changed, load
 
 
 @pytest.fixture(scope="module")
@@ -531,6 +531,14 @@ def test_a_speed_missed_at_the_limit_says_so():
     assert told == "mean 0 of 6 rad/s, at the limit of current or voltage"
     told = missed_of(np.full(1000, 6.0), np.zeros(1000), np.where(t < 600, Status.SATURATED, Status.FROZEN))
     assert told == "mean 0 of 6 rad/s"
+    for first, at_limit in ((725, True), (775, False)):  # 55 and 45 % of the second half
+        told = missed_of(np.full(1000, 6.0), np.zeros(1000), np.where(t >= first, Status.SATURATED, 0))
+        assert told.endswith("of current or voltage") == at_limit
+
+
+def test_what_a_speed_missed_is_rounded_to_nothing_below_a_thousandth():
+    assert missed_of(np.full(1000, 6.0), np.full(1000, 0.03)) == "mean 0.03 of 6 rad/s"
+    assert missed_of(np.full(1000, 6.0), np.full(1000, 0.003)) == "mean 0 of 6 rad/s"
 
 
 def test_a_reference_that_averages_to_zero():
@@ -540,13 +548,38 @@ def test_a_reference_that_averages_to_zero():
     assert missed_of(sine, 0 * sine) == "error 0.707 rad/s rms, reference 0.707 rad/s rms"
     assert missed_of(0 * sine, 0.01 * sine) is None
     assert missed_of(0 * sine, 5 + sine) is not None
+    # half of the reference, or without one 0.1 rad/s
+    assert missed_of(sine, 0.51 * sine) is None and missed_of(sine, 0.49 * sine) is not None
+    assert missed_of(0 * sine, 0 * sine + 0.09) is None and missed_of(0 * sine, 0 * sine + 0.11) is not None
+    # a mean below a tenth of its magnitude counts as none
+    for ahead, told in ((23, "mean 0 of 0.15 rad/s"), (21, "error 1.00 rad/s rms, reference 1.00 rad/s rms")):
+        reference = np.tile(np.where(np.arange(40) < ahead, 1.0, -1.0), 25)
+        assert missed_of(reference, 0 * reference) == told
 
 
 def test_a_start_up_or_a_slow_ripple_in_the_window_is_no_stall():
     reference = np.full(1000, 6.0)
     assert missed_of(reference, np.minimum(6.0, np.arange(1000) * 0.02)) is None
+    assert missed_of(reference, np.where(np.arange(1000) < 500, 0.0, 6.0)) is None
     assert missed_of(reference, 6.0 + 3 * np.sin(np.linspace(0, 2 * np.pi, 1000))) is None
     assert missed_of(reference, 3.0 + 3 * np.sin(np.linspace(0, 2 * np.pi, 1000))) is not None
+
+
+def test_the_last_part_of_a_run_is_a_quarter_or_begins_half_way_after_an_event(made):
+    """Of four seconds; without a metric of orders. A metric's window ends at the next event."""
+
+    def span(*events):
+        tables = [{"time": f"{t} s", "load": f"{0.1 * (n + 1):.1f} N*m"} for n, t in enumerate(events)]
+        study = changed(made.study, {"metric": [], "scenario.step-on.events": tables})
+        results, run = replace(made, study=study), made.runs[3]
+        return run.trace.time[late(results, run)][[0, -1]], results, run
+
+    for events, begin in (((1.0,), 3.0), ((3.0,), 3.5), ((1.0, 3.6), 3.8)):
+        assert span(*events)[0] == pytest.approx([begin, 3.9998], abs=3e-4)
+    settling = next(metric for metric in made.study.metrics_in("step-on") if metric.event is not None)
+    for events, end in (((2.0,), 3.9998), ((2.0, 3.0), 3.0)):
+        _, results, run = span(*events)
+        assert span_of(results, settling, run) == pytest.approx((2.0, end))
 
 
 # --- waveforms
@@ -601,6 +634,19 @@ def test_spectrum_of_less_than_a_revolution():
     assert amplitudes[24] == pytest.approx(1, rel=1e-3)
     assert np.isnan(amplitudes[23]) and np.isnan(amplitudes[1])
     assert order_spectrum(theta[:100], theta[:100], 48, pole_pairs=4) is None
+
+
+def test_spectrum_of_a_revolution_without_its_last_row():
+    theta = 2 * np.pi * np.arange(1000) / 1000
+    assert order_spectrum(theta, np.cos(3 * theta), 12, pole_pairs=4)[3] == pytest.approx(1, rel=1e-2)
+
+
+def test_turning_back_by_less_than_a_hundredth_is_not_told(made):
+    for back, told in ((0.0075, False), (0.0225, True)):  # of 1.5 revolutions
+        other = with_angle(
+            made, fair_pi=lambda t, back=back: 2 * np.pi * np.interp(t, [0, 9.5, 10], [0, 9.5, 9.5 - back])
+        )
+        assert bool(turned_back(other, other.runs[:3])) == told
 
 
 def test_spectrum_of_a_rotor_that_turns_back_is_of_its_longest_way():
@@ -979,3 +1025,20 @@ def test_plots(made, tmp_path, monkeypatch):
     shown = {text: line.get_color() for text, line in zip(texts, legend.get_lines(), strict=True)}
     assert shown == {text: colours[text] for text in texts}
     assert len({shown[label] for label in labels}) == len(labels)
+    # each panel over two spans of time; what is the same below or at the left is said once
+    assert [axes.get_xlabel() for axes in figure.axes] == ["", ""] * 3 + [
+        "time (s), after start-up", "time (s), last revolution"
+    ]  # fmt: skip
+    assert [bool(axes.get_ylabel()) for axes in figure.axes] == [True, False] * 4
+    assert figure.axes[1].get_lines()[0].get_xdata()[[0, -1]] == pytest.approx([9.0, 9.9998], abs=1e-3)
+    # bars of an order side by side about its place, which has no line of the grid
+    electrical, _ = next(figure for name, figure in figures.items() if "low-speed-spectra" in name).axes
+    assert [text.get_text() for text in electrical.get_xticklabels()] == [f"{n}" for n in range(1, 13)]
+    sixth = [bars[5] for bars in electrical.containers]
+    assert [bar.get_x() + bar.get_width() / 2 for bar in sixth] == pytest.approx([4.74, 5.0, 5.26])
+    assert [bar.get_width() for bar in sixth] == pytest.approx([0.92 * 0.26] * 3)
+    assert sixth[0].get_height() == pytest.approx(4.8, rel=1e-3)
+    (left, right), whole = electrical.get_xlim(), 11 + 2 * (0.26 + 0.13 * 0.92)
+    assert (left, right) == pytest.approx((5.5 - 0.55 * whole, 5.5 + 0.55 * whole))
+    assert not any(line.get_visible() for line in electrical.get_xgridlines())
+    assert all(line.get_visible() for line in electrical.get_ygridlines())

@@ -295,6 +295,13 @@ def test_a_reference_that_turns_back_has_no_plot_over_the_angle():
     assert over_angle(results, [run]) == []
 
 
+def test_a_reference_that_pauses_has_its_plot_over_the_angle():
+    """For two seconds, after eight turns."""
+    results, run = steady(12.01, **learned(theta_ref=lambda t: TURNED * np.maximum(np.minimum(t, 8), t - 2)))
+    labels = [s["label"] for s in over_angle(results, [run])[-1]["series"]]
+    assert labels == [f"period {k}" for k in (5, 6, 8, 10)]
+
+
 def line(early, later, frequency=40.0, first=40.0):
     """1 A, and a sine at `first` Hz that becomes one at `frequency` at 14 s.
 
@@ -332,6 +339,62 @@ def test_a_drift_of_the_current_is_no_line_that_grows():
         return 1 + np.where(t < 14.001, 0.0, np.sin(np.pi * (t - 14) / 8) ** 2)
 
     assert growth(*steady(22.0025, i_q=current)) is None
+
+
+def test_a_line_grows_in_the_last_of_the_windows_too():
+    def current(t):
+        return 1 + np.where(t < 18.001, 0.0, 0.1 * np.sin(2 * np.pi * 40 * t))
+
+    assert growth(*steady(22.0025, i_q=current)) == pytest.approx(40.0, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("before", "early", "late", "grew"),
+    [(10.0, 0.0, 0.04, False), (10.0, 0.0, 0.06, True), (0.0, 1.0, 4e-3, False), (0.0, 1.0, 5e-3, True)],
+)
+def test_the_current_is_that_before_learning_and_the_lines_that_were_there_when_it_began(
+    before, early, late, grew
+):
+    """A line of 1 A is spread by Hann's window over three, of 1.5 A² together: 0.87 A rms."""
+
+    def current(t):
+        steady = np.where(t < 6.001, before, early * np.sin(2 * np.pi * 40 * t))
+        return steady + np.where(t < 14.001, 0.0, late * np.sin(2 * np.pi * 150 * t))
+
+    found = growth(*steady(22.0025, i_q=current))
+    assert found == (pytest.approx(150.0, abs=0.01) if grew else None)
+
+
+def test_a_baseline_that_learns_is_not_compared_with_itself():
+    results, run = steady(22.0025, i_q=line(0.0, 0.1))
+    swapped = changed(results.study, {"controller.pi.baseline": False, "controller.printed.baseline": True})
+    assert swapped.baseline == run.controller
+    assert growth(replace(results, study=swapped), run) == pytest.approx(40.0, abs=0.01)
+
+
+def test_64_rows_are_enough_for_a_window():
+    def current(t):
+        return 1 + np.where(t < 6.1601, 0.0, 0.1 * np.sin(2 * np.pi * 50 * t))
+
+    assert growth(*steady(6.6425, i_q=current)) == pytest.approx(50.0)
+    assert growth(*steady(6.64, i_q=current)) is None
+    assert growth(*steady(0.0, i_q=current)) is None
+
+
+def test_three_windows_are_enough_to_tell_since_when_it_is_worse():
+    def run(*sizes):
+        """Peak to peak, in windows of two seconds."""
+        t = np.arange(2000 * len(sizes)) / 1000
+        x = np.repeat(sizes, 2000) / 2 * np.sign(np.sin(2 * np.pi * 5 * (t + 1e-6)))
+        return Run("low", "any", Trace(("time", "x"), ("s", ""), np.column_stack([t, x])))
+
+    assert worse_since(run(1, 1, 3), run(1, 1, 1), "x") == 4.0
+    assert (
+        worse_since(run(1, 3), run(1, 1), "x") is None
+        and worse_since(run(3, 3, 3), run(1, 1, 1), "x") is None
+    )
+    assert worse_since(run(1, 3, np.nan), run(1, 1, 1, 1), "x") == 2.0
+    assert worse_since(run(1, 1, 1.05), run(1, 1, 1), "x") is None
 
 
 def test_growth_needs_a_law_that_learns_and_rows():

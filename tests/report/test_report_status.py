@@ -39,6 +39,8 @@ def test_a_state_that_lasts_has_a_lane_without_faults(made):
     assert lanes(made) == {}
     found = lanes(with_status(made, Status.GUARDED | Status.FROZEN))
     assert set(found) == {"not learning", "learning held back by the guard"}
+    assert [run["controller"] for run in found["not learning"]] == [2]  # the others never do
+    assert [run["controller"] for run in found["learning held back by the guard"]] == [0, 1, 2]
     for run in found["learning held back by the guard"]:
         assert run["spans"] == pytest.approx([SINCE, UNTIL], abs=1e-3)
     assert lanes(with_status(made, Status.FROZEN, 1.0, 1.05)) == {}  # a moment
@@ -87,6 +89,7 @@ def test_spans_last_from_their_first_row_to_the_end_of_their_last(made):
         (pytest.approx(10 * n * period), pytest.approx((10 * n + 3) * period)) for n in range(4)
     ]
     assert spans(run, Status.FROZEN) == []
+    assert spans(replace(run, trace=replace(run.trace, data=run.trace.data[:0])), Status.SATURATED) == []
     inside = spans(run, Status.SATURATED, slice(12, 32))
     assert inside == [
         (pytest.approx(a * period), pytest.approx(b * period)) for a, b in ((12, 13), (20, 23), (30, 32))

@@ -1,6 +1,7 @@
 """The report of a sweep: its answer is that of the table, and its commands repeat what they say they do."""
 
 import json
+import math
 import re
 import shlex
 from dataclasses import replace
@@ -18,7 +19,7 @@ from cogless.ensemble import judge
 from cogless.ensemble import sweep as sweeping
 from cogless.ensemble.columns import columns
 from cogless.ensemble.sample import draw
-from cogless.ensemble.sensitivity import influences
+from cogless.ensemble.sensitivity import influences, positions
 from cogless.ensemble.table import Sweep
 from cogless.report import sweep as report
 
@@ -74,6 +75,47 @@ def test_spreads_by_hand(tmp_path: Path) -> None:
 )
 def test_the_interval_of_a_share_is_wilsons(share: float, count: int, low: float, high: float) -> None:
     assert judge.likely(share, count) == pytest.approx((low, high), abs=2e-4)
+
+
+def test_the_interval_of_none_and_all_is_within_none_and_all() -> None:
+    for count in range(1, 200):
+        assert judge.likely(0.0, count)[0] >= 0.0 and judge.likely(1.0, count)[1] <= 1.0
+
+
+def test_a_quantile_is_of_the_values() -> None:
+    """Seven of a hundred, although 0.07 times 100 is a hair more."""
+    values = np.arange(100.0, 0.0, -1.0)
+    assert [judge.quantile(values, share) for share in (0.0, 0.07, 0.0701, 1.0)] == [1, 7, 8, 100]
+
+
+def test_influence_needs_enough_numbers_that_differ(tmp_path: Path) -> None:
+    """Ten for a rank, 200 for a share of the variance; the seed is no key, what stays explains nothing."""
+    vary = """[vary]
+seeds = true
+mechanics.inertia = { uniform = "20 %" }
+motor.pole_pairs = { list = [4] }
+motor.winding = { list = ["star", "delta"] }
+controller.pi-ilc.cells = { list = [32, 128] }"""
+    sweeps = {n: made(tmp_path, n, lambda x, *others: x, vary) for n in (9, 10, 199, 200)}
+    found = {n: influences(sweep, 0, 0) for n, sweep in sweeps.items()}
+    assert [one.key for one in found[9]] == [
+        "mechanics.inertia", "motor.pole_pairs", "motor.winding", "controller.pi-ilc.cells"
+    ]  # fmt: skip
+    assert found[9][0].rank is None and found[10][0].rank == pytest.approx(1.0)
+    assert found[199][0].first is None and found[200][0].first == pytest.approx(1.0, abs=0.05)
+    assert [(n[1].rank, n[1].first) for n in found.values()] == [(None, None)] * 4
+    assert set(positions(sweeps[9], "motor.winding")) == {0.0, 1.0}
+    assert set(positions(sweeps[9], "controller.pi-ilc.cells")) == {32.0, 128.0}
+    sweeps[10].values[3, 0, 0] = np.inf
+    assert influences(sweeps[10], 0, 0)[0].rank is None
+
+
+def test_a_list_without_the_number_has_none(tmp_path: Path) -> None:
+    (first, second) = (c for c in columns(ensembles.study(tmp_path)) if c.metric.kind == "order")
+    assert (first.name, second.spoken) == ("speed_rad_s.24", "speed.48")
+    assert first.of({"speed_rad_s": [0.5]}) == 0.5
+    assert second.of({"speed_rad_s": [0.5]}) is None and second.of({}) is None
+    assert first.of({"speed_rad_s": [math.inf, 1.0]}) is None
 
 
 def test_values_as_toml() -> None:
@@ -254,11 +296,13 @@ def test_where_more_is_better_the_low_end_is_the_worst(tmp_path: Path) -> None:
     assert told[2].endswith(
         f"half at 2.04 rpm or better, 95 % at 0.240 rpm; worst 0.0400 rpm (variant {worst})"
     )
-    page = (tmp_path / "report.html").read_text()
-    data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])  # type: ignore[index]
+    sweep.values[np.argsort(sweep.values[:, 0, 0])[1], 0, 0] = np.nan  # of 0.08 rpm
+    text = page(sweep, tmp_path)
+    data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])  # type: ignore[index]
     (chart,) = data["scenarios"][0]["spreads"]
-    assert chart["series"][0]["values"][0] == pytest.approx(4.0)  # the best first
-    assert chart["series"][0]["values"][-1] == pytest.approx(0.04)
+    drawn = chart["series"][0]["values"]
+    assert drawn[:-1] == pytest.approx([*(0.04 * np.arange(100, 2, -1)), 0.04], rel=1e-4)  # the best first
+    assert drawn[-1] is None  # what has no value comes last
 
 
 def test_tables_of_a_sweep(tmp_path: Path) -> None:

@@ -17,9 +17,10 @@ from cogless.design.trial_summary import _proof, warnings, words
 from cogless.report import lines, page, render, verdicts, write, write_plots
 from cogless.report.packing import unpack
 from cogless.report.trials import overtrials, waveforms
+from cogless.report.trials.case import case
 from cogless.report.trials.certificate import certificate_table, close_to_one
 from cogless.report.trials.gains import gain_table
-from cogless.report.trials.phases import phases, zooms
+from cogless.report.trials.phases import Phase, phases, zooms
 from cogless.results import Run, TrialResults
 from cogless.results.results_json import to_dict
 from cogless.results.trace import Trace
@@ -177,6 +178,17 @@ def test_noise_and_growth_below_the_floor_are_no_divergence(study):
     assert not any("diverges" in d for d in alone(study, {"ilc": noisy}).details)
 
 
+def test_growth_is_half_as_much_again_in_eight_trials_or_more(made):
+    """By the medians of its quarters; without a floor not of what is next to nothing."""
+    found = case(made, made.runs)
+    assert found._grown(np.array([2.0] * 6 + [3.02] * 2)) == (2.0, pytest.approx(3.02))
+    assert found._grown(np.array([2.0] * 6 + [2.98] * 2)) is None
+    assert found._grown(np.array([2.0] * 5 + [9.0] * 2)) is None
+    found = replace(found, about=replace(found.about, floor=None))
+    assert found._grown(np.array([1.0, 1.0] + [1e-8] * 4 + [1e-7] * 2)) == (1e-8, 1e-7)
+    assert found._grown(np.array([1.0, 1.0] + [1e-11] * 4 + [1e-10] * 2)) is None
+
+
 def test_verdict_when_the_baseline_is_the_best(study):
     verdict = alone(study, {"none": falls(3.0), "ilc": falls(3.0, 0.8), "input": STAYS})
     assert verdict.tone == "worse"
@@ -331,6 +343,16 @@ def test_phases_say_what_changed(study):
     assert [(z["from"], z["to"]) for z in zooms(found)] == [(1, 60), (1, 30), (19, 50), (39, 60)]
 
 
+def test_a_zoom_is_on_less_than_four_fifths_of_the_trials():
+    for start, all_changes in ((50, True), (51, False)):  # up to trial 79 and 80 of 100
+        names = [zoom["name"] for zoom in zooms([Phase(1, start, ()), Phase(start, 101, ("load",))])]
+        assert ("all changes" in names) == all_changes
+    assert (
+        len(zooms([Phase(1, 36, ())])) == 1 and len(zooms([Phase(1, 41, ())])) == 2
+    )  # 29 of 34, of 39 steps
+    assert zooms([Phase(1, 2, ())]) == [{"name": "all trials", "from": 1, "to": 1}]
+
+
 # --- page
 
 
@@ -411,6 +433,14 @@ def test_long_trials_are_thinned(made, monkeypatch):
     assert waves["start"] + waves["step"] * (len(values) - 1) == pytest.approx(0.25, abs=0.02)
 
 
+def test_points_are_shared_by_panels_runs_and_chosen_trials(made, monkeypatch):
+    """Four panels, three runs, twelve trials: 144 waveforms."""
+    monkeypatch.setattr(waveforms, "FEWEST", 1)
+    monkeypatch.setattr(waveforms, "POINTS", 144 * 20 + 143)
+    waves = waveforms.waveforms(made, made.runs)
+    assert len(unpack(waves["panels"][1]["series"][0]["trials"]["1"])) == 20
+
+
 def test_trials_stay_readable_however_many_runs_share_the_page(made):
     waves = waveforms.waveforms(replace(made, runs=made.runs * 500), made.runs)
     assert len(unpack(waves["panels"][1]["series"][0]["trials"]["1"])) == len(made.runs[0].trace) / 60
@@ -471,7 +501,7 @@ def texts(row):
 def test_certificate_table_cell_by_cell(made):
     plain = ModelCertificate(
         0.9852, "vertex 1", True, 1.273, False, 0.5, learning(0.976, 62.5, True, True),
-        learning(1.0, 200.0, True, limit=2e-5), 1.2,
+        learning(1.0, 200.0, True, limit=1e-4 * 0.694), 1.2,
     )  # fmt: skip
     bad = ModelCertificate(1.02, "vertex 2", False, 0.9, True, None, None, None, None)
     both = with_certificates(made, plain, bad)
@@ -543,6 +573,9 @@ def test_certificates_stay_out_of_the_results_file(made):
 def test_page_without_designs_or_runs(study):
     page = render(synthetic.trial_results(study, designed=False))
     assert 'class="proof"' not in page and 'class="gains"' not in page
+    both = synthetic.trial_results(study)
+    one = render(replace(both, runs=both.runs[:1]))
+    assert "Numbers of move" in one
     empty = render(TrialResults(study, [], interrupted=True))
     assert "Interrupted" in empty and "Nothing to judge by" in empty
     assert data_of(empty)["scenarios"] == []

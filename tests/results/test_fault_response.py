@@ -24,9 +24,9 @@ def angle(time: str, duration: str, kind: str = "angle-missing") -> dict[str, st
     return {"kind": kind, "time": time, "duration": duration}
 
 
-def trace(status=lambda t: 0 * t, error=lambda t: 0 * t, current=lambda t: 0 * t, until=10.0):
-    """At one turn a second, 1000 rows a second."""
-    t = np.arange(round(1000 * until)) / 1000
+def trace(status=lambda t: 0 * t, error=lambda t: 0 * t, current=lambda t: 0 * t, until=10.0, rate=1000):
+    """At one turn a second, `rate` rows a second."""
+    t = np.arange(round(rate * until)) / rate
     columns = (t, np.full_like(t, TURN), TURN - error(t), status(t), current(t), 0 * t)
     names = ("time", "omega_ref", "omega_m", "status", "i_q", "i_d")
     return Trace(names, ("s", "rad/s", "rad/s", "", "A", "A"), np.column_stack(columns))
@@ -45,10 +45,25 @@ def test_faults_that_overlap_are_one_and_end_with_the_scenario(tmp_path):
     assert (last.time, last.end, last.lasting) == (0.3, 0.4, True)
 
 
+def test_a_fault_within_another_adds_its_words_only(tmp_path):
+    within = [angle("0.1 s", "0.2 s"), angle("0.15 s", "0.1 s", "angle-stuck")]
+    (one,) = faults_in(studies.study(tmp_path, {"scenario.low.faults": within}), "low")
+    assert (one.time, one.end, one.lasting) == (0.1, pytest.approx(0.3), False)
+    up_to_the_end = [within[0], angle("0.2 s", "0.2 s", "angle-stuck")]
+    (one,) = faults_in(studies.study(tmp_path, {"scenario.low.faults": up_to_the_end}), "low")
+    assert (one.time, one.end, one.lasting) == (0.1, 0.4, True)
+
+
+def test_a_fault_that_begins_as_another_ends_is_the_same_fault(tmp_path):
+    faults = [angle("0.125 s", "0.125 s"), angle("0.25 s", "62.5 ms", "angle-stuck")]
+    (one,) = faults_in(studies.study(tmp_path, {"scenario.low.faults": faults}), "low")
+    assert (one.time, one.end) == (0.125, 0.3125)
+
+
 def test_a_load_that_comes_and_goes_is_a_fault_in_a_study_with_faults(tmp_path):
     assert faults_in(studies.study(tmp_path), "step") == []
     (load,) = faults_in(studies.study(tmp_path, {"scenario.low.faults": [angle("0.1 s", "1 ms")]}), "step")
-    assert (load.time, load.end, load.words) == (0.1, 0.2, ("load of 200 mN·m",))
+    assert (load.time, load.end, load.words, load.lasting) == (0.1, 0.2, ("load of 200 mN·m",), False)
     stays = {"scenario.step.events": [{"time": "0.1 s", "load": "0.2 N*m"}], "metric": []}
     stays["scenario.low.faults"] = [angle("0.1 s", "1 ms")]
     assert faults_in(studies.study(tmp_path, stays), "step") == []
@@ -67,12 +82,31 @@ def test_times_are_counted_from_the_fault_to_the_next():
         return safe + (t < 5) * int(Status.FROZEN) + (t >= 8) * int(Status.SATURATED)
 
     first, second = one(trace(status), Fault(4.0, 4.5, ("x",)), Fault(7.0, 7.5, ("y",)))
-    assert first.safe == pytest.approx(0.5, abs=2e-3)
-    assert first.not_learning == pytest.approx(1.0, abs=2e-3)
-    assert first.saturated == 0 and second.saturated == pytest.approx(2.0, abs=2e-3)
-    assert first.noticed == ("angle stuck",) and first.noticed_after == pytest.approx(0.1, abs=2e-3)
+    assert first.safe == pytest.approx(0.5)
+    assert first.not_learning == pytest.approx(1.0)
+    assert first.saturated == 0 and second.saturated == pytest.approx(2.0)
+    assert first.noticed == ("angle stuck",) and first.noticed_after == pytest.approx(0.1)
     assert second.noticed == () and second.noticed_after is None and second.safe == 0
     assert one(trace(status), learns=False)[0].not_learning is None
+
+
+def test_what_is_noticed_first_is_told_first():
+    def status(t):
+        stuck = (t >= 4.1) * int(Status.ANGLE_STUCK)
+        return stuck + ((t >= 4.2) & (t < 4.3)) * int(Status.ANGLE_LOST)
+
+    (found,) = one(trace(status))
+    assert found.noticed == ("angle stuck", "angle missing")
+    assert found.noticed_after == pytest.approx(0.1)
+    assert one(trace(status), Fault(4.1, 4.5, ("x",)))[0].noticed_after == 0.0
+
+
+def test_ten_rows_are_enough_for_a_ripple():
+    assert one(trace(until=0.9, rate=10), Fault(0.5, 0.6, ("x",))) == []
+    (found,) = one(trace(until=1.0, rate=10), Fault(0.5, 0.6, ("x",)))
+    assert found.before is None
+    (found,) = one(trace(until=1.1, rate=10), Fault(1.0, 1.0, ("x",)))
+    assert found.before == pytest.approx((0.0, 1.0)) and found.after is None
 
 
 def test_ripple_is_of_the_last_turn_before_and_after():
@@ -80,20 +114,20 @@ def test_ripple_is_of_the_last_turn_before_and_after():
         return np.where(t < 4, 1.0, np.where(t < 8, 50.0, 3.0)) * np.sin(20 * np.pi * t)
 
     (found,) = one(trace(error, error=error))
-    assert found.before == pytest.approx((3.0, 4.0), abs=2e-3)
-    assert found.after == pytest.approx((9.0, 10.0), abs=2e-3)
-    assert found.ripple_before == pytest.approx(1 / np.sqrt(2), rel=1e-3)
-    assert found.ripple_after == pytest.approx(3 / np.sqrt(2), rel=1e-3)
-    assert found.largest_error == pytest.approx(50, rel=1e-3)
+    assert found.before == pytest.approx((3.0, 4.0))
+    assert found.after == pytest.approx((9.0, 10.0))
+    assert found.ripple_before == pytest.approx(1 / np.sqrt(2))
+    assert found.ripple_after == pytest.approx(3 / np.sqrt(2))
+    assert found.largest_error == pytest.approx(50)
     assert ripple(trace(), None) is None
 
 
 def test_ripple_before_a_second_fault_is_without_the_first():
     faults = (Fault(2.0, 4.8, ("x",)), Fault(6.0, 6.5, ("y",)))
-    assert one(trace(), *faults)[1].before == pytest.approx((5.0, 6.0), abs=2e-3)
+    assert one(trace(), *faults)[1].before == pytest.approx((5.0, 6.0))
     late = (Fault(2.0, 5.2, ("x",)), Fault(6.0, 6.5, ("y",)))
     first, second = one(trace(), *late)
-    assert first.before == pytest.approx((1.0, 2.0), abs=2e-3)
+    assert first.before == pytest.approx((1.0, 2.0))
     assert second.before is None and second.ripple_before is None  # 0.8 turns
 
 
@@ -106,6 +140,13 @@ def test_less_than_a_turn_has_no_ripple():
 def test_largest_current_is_since_the_fault():
     (found,) = one(trace(current=lambda t: np.where(t < 4, 9.0, np.where(t < 4.2, -5.0, 0.1))))
     assert found.largest_current == 5.0 and found.current_limit == 4.0
+
+
+def test_nothing_is_made_up_without_currents_or_faults():
+    made = trace()
+    without = Trace(made.names[:-2], made.units[:-2], made.data[:, :-2])
+    assert one(without)[0].largest_current is None
+    assert responses([], made, 4.0, learns=True) == []
 
 
 def test_results_json_has_them(tmp_path):

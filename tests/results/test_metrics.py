@@ -188,10 +188,32 @@ def test_ripple_before_the_event_does_not_move_the_mean():
     assert value("dip", t, event=3.0, window=(3.0, 4.0)) == pytest.approx(8, abs=2e-3)
 
 
+def test_the_mean_before_the_event_is_over_one_revolution_only():
+    """At two a second it is the half second from 2.5 s on."""
+    t = trace(
+        theta_m=lambda time: 4 * np.pi * time,
+        x=lambda time: np.select([time < 2.499, time < 3.0], [0.0, 1.0], 3.0),
+    )
+    assert value("dip", t, event=3.0) == pytest.approx(2.0)
+
+
 def test_never_settled_is_none_and_always_inside_is_zero():
     t = trace(x=lambda time: np.sin(2 * np.pi * 7 * time))
     assert value("settling", t, event=1.0, band=0.9) is None
     assert value("settling", t, event=1.0, band=2.1) == 0
+
+
+def test_settled_is_within_the_band_in_the_last_twentieth_of_the_window():
+    """Of 101 rows, the last that may be outside is that with the index 94."""
+    for last, settled in ((94, 0.94), (95, None)):
+        t = trace(x=lambda time, last=last: ((time >= 1) & (time < 1.005 + 0.01 * last)) * 1.0, rate=100)
+        found = value("settling", t, event=1.0, band=0.5, window=(1.0, 2.0))
+        assert found == (None if settled is None else pytest.approx(settled))
+
+
+def test_a_signal_that_settled_before_the_event_takes_no_time():
+    t = trace(x=lambda time: np.where(time < 0.2, 1.0, 0.0))
+    assert value("settling", t, event=1.0, band=0.5, window=(0.0, 4.0)) == 0.0
 
 
 def test_event_at_the_start():
@@ -209,6 +231,21 @@ def test_smoothing_takes_the_ripple_out_of_a_dip():
     assert with_ripple > 2.2
     # over the 40 ms after the step, the mean of the decay is 0.2 (1 - exp(-0.2)) / 0.04 of its start
     assert without == pytest.approx(2.0 * 5.0 * (1.0 - math.exp(-0.2)), rel=1e-2)
+
+
+def test_smoothing_is_a_mean_of_rows_on_both_sides_but_none_after_the_window():
+    """0.06 s at 100 rows a second: three rows on each side. A row of 7 is then seven rows of 1."""
+    t = trace(x=lambda time: np.where(np.abs(time - 2.0) < 1e-6, 7.0, 0.0), rate=100)
+
+    def smoothed(kind, first, last):
+        return value(kind, t, smooth=0.06, window=(first, last))
+
+    assert smoothed("mean", 1.97, 2.06) == pytest.approx(0.7) and smoothed("maximum", 1.97, 2.06) == 1.0
+    assert smoothed("maximum", 1.0, 1.96) == smoothed("maximum", 2.04, 4.0) == pytest.approx(0.0, abs=1e-12)
+    assert smoothed("maximum", 1.0, 1.99) == pytest.approx(0.0, abs=1e-12)
+    assert smoothed("maximum", 1.0, 2.0) == pytest.approx(7 / 4)
+    start = trace(x=lambda time: np.where(time == 0, 4.0, 0.0), rate=100)
+    assert value("maximum", start, smooth=0.06) == pytest.approx(1.0)
 
 
 def test_overshoot_is_beyond_the_end():
@@ -241,6 +278,14 @@ def test_a_speed_that_a_load_throws_off_overshoots_on_its_way_back(off):
     assert value("overshoot", mirrored, signal="omega_error", event=1.0) == pytest.approx(found, rel=1e-6)
 
 
+def test_a_speed_whose_reference_steps_at_the_event_overshoots_beyond_its_new_end():
+    step = trace(
+        omega_m=lambda t: np.where(t < 1.0, 10.0, 12.0 + 0.5 * np.exp(-(t - 1.0) / 0.05)),
+        omega_ref=lambda t: np.where(t < 1.0, 10.0, 12.0),
+    )
+    assert value("overshoot", step, signal="omega_m", event=1.0) == pytest.approx(0.5, abs=1e-6)
+
+
 def test_a_speed_that_stays_below_its_reference_does_not_overshoot():
     """A law without an integral: the load leaves an error, and what was there before is no overshoot."""
     fallen = trace(omega_m=lambda t: np.where(t < 1.0, 10.0, 9.0 - np.exp(-(t - 1.0) / 0.05)), omega_ref=10.0)
@@ -252,6 +297,13 @@ def test_exceeds_tells_when_the_error_grows_beyond_the_band():
     first = value("exceeds", growing, signal="omega_m", band=1.0)
     assert first == pytest.approx(math.log(10.0), abs=1e-3)
     assert value("exceeds", growing, signal="omega_m", band=10.0) is None
+    at_the_band = trace(omega_m=11.0, omega_ref=10.0)
+    assert value("exceeds", at_the_band, signal="omega_m", band=1.0) is None
+
+
+def test_exceeds_is_from_the_mean_over_the_first_tenth_of_the_window():
+    t = trace(x=lambda time: np.floor(time * 2.5 * (1 + 1e-9)), rate=100)  # a step in each tenth
+    assert value("exceeds", t, band=0.6) == pytest.approx(0.4)
 
 
 def test_the_last_part_of_a_run():
@@ -350,6 +402,12 @@ def test_a_revolution_may_be_short_by_a_hair():
             assert told and amplitude == pytest.approx(3.0, rel=2e-3)
 
 
+def test_a_revolution_may_be_short_by_its_last_row():
+    """As a window of 100 rows that would begin again with the next one."""
+    theta = 2 * np.pi * np.arange(100) / 100
+    assert order_amplitudes(theta, np.sin(3 * theta), [3], 4, False) == pytest.approx([1.0], rel=0.03)
+
+
 def test_kinds_are_those_of_the_study():
     assert KINDS.keys() == set(get_args(declared.Metric.model_fields["kind"].annotation))
     assert all(function.__doc__ for function in KINDS.values())
@@ -379,3 +437,21 @@ def test_time_to_learn_is_when_the_last_piece_above_the_band_ends():
     assert learned(1.0) == pytest.approx(1.0)
     assert learned(5.0) == 0
     assert learned(0.3) is None
+
+
+def test_an_rms_at_the_band_is_within_it_and_pieces_have_a_row_at_least():
+    assert value("time-to-learn", trace(x=1.0), band=1.0, smooth=0.5) == 0.0
+    peak = trace(x=lambda time: np.where(np.abs(time - 2.0) < 1e-6, 2.0, 0.0), rate=100)
+    assert value("time-to-learn", peak, band=1.0, smooth=1e-3) == pytest.approx(2.01)
+
+
+def test_windows_of_a_few_rows():
+    after = trace(x=lambda time: np.interp(time, [1.0, 1.01, 1.02], [0.0, 3.0, 2.0]), rate=100)
+    assert value("overshoot", after, event=1.0, window=(1.0, 1.02)) == pytest.approx(1.0)  # beyond the last
+    two = trace(i_q_ref=lambda time: time, rate=1000)
+    assert value("chattering", two, signal=None, window=(1.0, 1.001)) == pytest.approx(1e-3)
+    with pytest.raises(StudyError, match="fewer than two speed-loop samples"):
+        value("chattering", two, signal=None, window=(1.0, 1.0))
+    none = Trace(("time", "x"), ("s", "rad/s"), np.empty((0, 2)))
+    with pytest.raises(StudyError, match="window 0 s to 0 s holds no row"):
+        value("mean", none)

@@ -1,6 +1,7 @@
 """results.json: its shape, "never", whole or not at all; the check of the output directory."""
 
 import json
+from dataclasses import replace
 
 import pytest
 from synthetic import STUDY, results, study
@@ -67,6 +68,14 @@ def test_not_a_number_is_null(made):
         run.scenario, run.controller, run.trace, {}, {"a": float("nan"), "b": [1.0, float("inf")]}
     )
     assert to_dict(Results(made.study, [broken]))["runs"][0]["metrics"] == {"a": None, "b": [1.0, None]}
+
+
+def test_a_quality_of_learning_that_is_not_known_is_null(made):
+    quality = {"known": True, "residual": 0.5, "progress": 0.25}
+    for known, told in ((True, [0.5, 0.25]), (False, [None, None])):
+        run = replace(made.runs[2], quality={**quality, "known": known})
+        written = to_dict(Results(made.study, [run]))["runs"][0]["quality"]
+        assert list(written.items()) == list(zip(("residual_rad_per_s", "progress"), told, strict=True))
 
 
 def test_memory_in_short(made):

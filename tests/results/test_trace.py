@@ -52,12 +52,33 @@ def test_window_includes_both_ends():
     assert trace.window(0.2, 0.5) == slice(20, 51)
     assert trace.window(0.195, 0.205) == slice(20, 21)
     assert trace.window(-1, 9) == slice(0, 101)
-    assert trace.window(3, 2) == slice(101, 101)
+    assert trace.window(3, 2) == slice(101, 101) and trace.window(0.5, 0.2) == slice(50, 50)
+    assert trace.window(0.2 + 1e-9, 0.5 - 1e-9) == slice(20, 51)  # up to rounding
+
+
+def test_the_period_is_the_mean_time_between_rows():
+    assert make(1).period == 0.0 == make(0).period and make(2).period == 0.01
+    assert make(101).period == 0.01
+
+
+def test_blocks_are_all_of_the_rows_in_order():
+    assert list(make().blocks(slice(10, 35), 10)) == [slice(10, 20), slice(20, 30), slice(30, 35)]
+    assert list(make(20).blocks(size=10)) == [slice(0, 10), slice(10, 20)] and list(make(0).blocks()) == []
+
+
+def test_what_is_as_large_as_the_largest_reads_as_not_a_number():
+    for worst in (10.0, -10.0, np.inf, -np.inf, np.nan):
+        data = np.column_stack([np.arange(3.0), [9.9, worst, -9.9]])
+        assert np.array_equal(
+            Trace(("time", "x"), ("s", ""), data, largest=10.0)["x"], [9.9, np.nan, -9.9], equal_nan=True
+        )
 
 
 def test_shape_must_fit():
     with pytest.raises(ValueError, match="for 1 names"):
         Trace(("time",), ("s",), np.zeros((3, 2)))
+    with pytest.raises(ValueError, match="for 2 names, 1 units"):
+        Trace(("time", "x"), ("s",), np.zeros((3, 2)))
 
 
 def test_to_xarray():
@@ -82,6 +103,14 @@ def test_netcdf_has_one_group_for_each_run(tmp_path):
         assert data.sizes == {"time": 101}
     assert xarray.open_dataset(path).attrs["seed"] == 3
     assert [file.name for file in tmp_path.iterdir()] == ["traces.nc"]
+
+
+@pytest.mark.parametrize(("rate", "every"), [(100.0, 1), (99.0, 2), (50 * (1 - 1e-9), 2), (1e9, 1)])
+def test_netcdf_has_rows_at_no_more_than_the_rate(tmp_path, rate, every):
+    write_netcdf(tmp_path / "traces.nc", [Run("low", "pi", make())], rate=rate)
+    with xarray.open_dataset(tmp_path / "traces.nc", group="low/pi") as data:
+        assert data.attrs["every"] == every
+        np.testing.assert_allclose(data.time, make()["time"][::every])
 
 
 def test_netcdf_is_whole_or_absent(tmp_path):

@@ -30,7 +30,7 @@ def growth(results: Results, run: Run) -> float | None:
     """
     law = in_angle(results, run)
     trace = run.trace
-    if law is None or len(trace) < 64 or not trace.period:
+    if law is None:
         return None
     begun = trace.window(0.0, law.learning_start + float(getattr(law, "ramp", 0.0))).stop
     rows = min(SEGMENT, (len(trace) - begun) // 4)

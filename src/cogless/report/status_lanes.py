@@ -60,8 +60,6 @@ def active(run: Run, bits: int, rows: slice = ALL) -> NDArray[np.bool_]:
 
 def spans(run: Run, bits: int, rows: slice = ALL) -> list[tuple[float, float]]:
     """Start and end times, s, of the spans in which a state was active; at most MOST."""
-    if not len(run.trace):
-        return []
     held, time, period = active(run, bits, rows), run.trace.time[rows], run.trace.period
     edges = np.flatnonzero(np.diff(held, prepend=False, append=False))
     from_, to = time[edges[::2]], time[edges[1::2] - 1] + period

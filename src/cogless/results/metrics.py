@@ -85,7 +85,7 @@ class MetricInput:
             return self.part(self.signal, whole).reshape(self.conditions.trials, -1)
         if self.metric.smooth is None:
             return self.part(self.signal, self.rows)
-        return self._smooth(self.part(self.signal, whole), self.metric.smooth)[self.rows]
+        return self._smooth(self.part(self.signal, whole), self.metric.smooth)
 
     def part(self, signal: str, rows: slice) -> Array:
         """Some rows of a signal; angles and speeds in the metric's frame, electrical or mechanical."""
@@ -94,13 +94,12 @@ class MetricInput:
         return self.conditions.pole_pairs * x if turned and self.metric.frame == "electrical" else x
 
     def _smooth(self, x: Array, span: float) -> Array:
-        """Centred moving average over `span` s. Rows in the metric's window use none that come after the
-        window."""
+        """Centred moving average over `span` s of the rows in the metric's window, from none that come after
+        the window."""
         half = round(span / self.trace.period / 2)
         total = np.concatenate(([0.0], np.cumsum(x)))
-        row = np.arange(len(x))
-        end = np.where(row < self.rows.stop, self.rows.stop, len(x))
-        first, last = np.maximum(row - half, 0), np.minimum(row + half + 1, end)
+        row = np.arange(self.rows.start, self.rows.stop)
+        first, last = np.maximum(row - half, 0), np.minimum(row + half + 1, self.rows.stop)
         return np.asarray((total[last] - total[first]) / (last - first))
 
     @property

@@ -59,7 +59,7 @@ def zooms(found: Sequence[Phase]) -> list[dict[str, object]]:
         buttons.append({"name": "all changes", "from": 1, "to": changes})
     for phase in found:
         first, last = max(1, phase.start - BEFORE), min(count, phase.start + ZOOM - 1)
-        if last > first and last - first < SHARE * (count - 1):
+        if last - first < SHARE * (count - 1):
             buttons.append({"name": phase.name, "from": first, "to": last})
     return buttons
 
