@@ -18,6 +18,7 @@ from mutants.draw import drawn, sources
 from mutants.order import files_for, function_at
 from mutants.seen import Seen
 from mutants.switched import PAGE, culprits, switched
+from mutants.tree import Tree, Verdict
 
 ROOT = Path(__file__).parents[1]
 
@@ -214,6 +215,26 @@ def test_first_those_that_execute_a_mutant_then_the_others_of_their_files() -> N
     assert turns("poles = 1 if") == [anything, []]
     seen.tests = {"tests/c.py::other": (0, 0.1)}
     assert turns("poles = 1 if") == [["tests/c.py::other"], []]
+
+
+BROKEN_IMPORT = """collecting ... collected 0 items / 2 errors
+
+=========================== short test summary info ============================
+ERROR tests/live/test_engine.py - cogless.errors.StudyError: ...
+ERROR  - _pytest.main.Failed: stopping after 1 failures
+ERROR: found no collectors for tests/live/test_engine.py::test_it
+"""
+
+
+def test_a_mutant_that_breaks_an_import_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """pytest calls it a wrong use; a test that isn't there is one."""
+    tree = object.__new__(Tree)
+    tree.avoided = []
+    monkeypatch.setattr(Tree, "_tested", lambda self, *tests: (4, BROKEN_IMPORT))
+    assert tree.judge("src/x.py", [["a"]]) == Verdict("killed", "tests/live/test_engine.py")
+    monkeypatch.setattr(Tree, "_tested", lambda self, *tests: (4, "ERROR: not found: tests/a.py::test_gone"))
+    with pytest.raises(RuntimeError, match="test_gone"):
+        tree.judge("src/x.py", [["a"]])
 
 
 SHAPES = """struct Shape {
