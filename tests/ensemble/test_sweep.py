@@ -270,6 +270,18 @@ def test_one_writer_at_a_time(tmp_path: Path) -> None:
     )
 
 
+def test_a_line_that_a_kill_cut_off_is_written_anew(tmp_path: Path) -> None:
+    path, about = tmp_path / "journal.jsonl", {"study": "x"}
+    with journal.opened(path, about) as first:
+        first.add(0, [1.5])
+    with path.open("ab") as file:
+        file.write(b"[1,[2.")
+    with journal.opened(path, about) as second:
+        assert second.finished == {0: [1.5]}
+        second.add(1, [2.5])
+    assert journal.read(path, about) == {0: [1.5], 1: [2.5]}
+
+
 def test_a_file_that_is_no_journal(tmp_path: Path) -> None:
     (tmp_path / "journal.jsonl").write_text("hello\n")
     with pytest.raises(StudyError, match="not readable: expected a file that cogless sweep has written"):
